@@ -1,0 +1,48 @@
+#!/usr/bin/env bash
+# Fills the cache folder (first argument): wheels checked by SHA-256, then
+# unpacked beside each other. A second run finds everything there and
+# downloads nothing. Each part appears under its final name only when whole.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+cache=${1:?usage: fetch_packages.sh CACHE}
+mkdir -p "$cache/wheels"
+scratch=$(mktemp -d "$cache/.unpack.XXXXXX")
+trap 'rm -rf "$scratch"' EXIT
+
+fail() { echo "error: $1" >&2; exit 4; }
+
+# download REQUIREMENTS [pip options]: leaves the wheels in $cache/wheels.
+download() {
+  local requirements=$1
+  shift
+  if ! /usr/bin/python3 -m pip download -q --no-deps --only-binary :all: --require-hashes \
+      --disable-pip-version-check -d "$cache/wheels" -r "$requirements" "$@" >"$scratch/pip.log" 2>&1; then
+    tail -n 5 "$scratch/pip.log" >&2
+    fail "pip could not get the packages of $(basename "$requirements") or their SHA-256 differs; pip's last lines are above. Check the network and try again."
+  fi
+}
+
+if [ ! -d "$cache/mujoco-2.2.2" ] || [ ! -d "$cache/myosuite-2.8.4" ]; then
+  echo "Getting MuJoCo 2.2.2 and the challenge models (90 MB) ..."
+  download "$here/wheels.txt" --python-version 3.10 --platform manylinux2014_x86_64
+  (cd "$scratch" && mkdir mujoco myosuite &&
+    unzip -q "$cache"/wheels/mujoco-2.2.2-*.whl -d mujoco &&
+    unzip -q "$cache"/wheels/[mM]yo[sS]uite-2.8.4-*.whl -d myosuite) || fail "a wheel in $cache/wheels is damaged; delete it and try again."
+  mkdir -p "$scratch/engine/lib"
+  mv "$scratch/mujoco/mujoco/include" "$scratch/engine/include"
+  mv "$scratch/mujoco/mujoco/libmujoco.so.2.2.2" "$scratch/engine/lib/"
+  # Policy files and training logs of the package are not needed.
+  rm -rf "$scratch/myosuite/myosuite/agents" "$cache/mujoco-2.2.2" "$cache/myosuite-2.8.4"
+  chmod -R a+rX "$scratch/engine" "$scratch/myosuite"
+  mv "$scratch/engine" "$cache/mujoco-2.2.2"
+  mv "$scratch/myosuite" "$cache/myosuite-2.8.4"
+fi
+
+if [ ! -d "$cache/runtimes/python" ]; then
+  echo "Getting the Python runtime for policies (3 MB) ..."
+  download "$here/runtime-python.txt"
+  mkdir -p "$scratch/python" "$cache/runtimes"
+  unzip -q "$cache"/wheels/lcm-1.5.3-*.whl -d "$scratch/python" || fail "a wheel in $cache/wheels is damaged; delete it and try again."
+  chmod -R a+rX "$scratch/python"
+  mv "$scratch/python" "$cache/runtimes/python"
+fi

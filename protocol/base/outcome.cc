@@ -1,0 +1,81 @@
+#include "protocol/base/outcome.h"
+
+#include <array>
+#include <utility>
+
+namespace myograde {
+namespace {
+
+constexpr std::array<std::pair<Outcome, std::string_view>, 15> kOutcomes = {{
+    {Outcome::kSuccess, "success"},
+    {Outcome::kFailure, "failure"},
+    {Outcome::kUnstable, "unstable"},
+    {Outcome::kInitTimeout, "init_timeout"},
+    {Outcome::kStepTimeout, "step_timeout"},
+    {Outcome::kWallTimeout, "wall_timeout"},
+    {Outcome::kCpuLimit, "cpu_limit"},
+    {Outcome::kMemoryLimit, "memory_limit"},
+    {Outcome::kProcessLimit, "process_limit"},
+    {Outcome::kDiskLimit, "disk_limit"},
+    {Outcome::kOutputLimit, "output_limit"},
+    {Outcome::kProtocol, "protocol"},
+    {Outcome::kCrash, "crash"},
+    {Outcome::kCancelled, "cancelled"},
+    {Outcome::kGraderError, "grader_error"},
+}};
+
+constexpr std::array<std::pair<FailureReason, std::string_view>, 8> kReasons = {{
+    {FailureReason::kNone, ""},
+    {FailureReason::kDropped, "dropped"},
+    {FailureReason::kTime, "time"},
+    {FailureReason::kForce, "force"},
+    {FailureReason::kHandover, "handover"},
+    {FailureReason::kContact, "contact"},
+    {FailureReason::kFell, "fell"},
+    {FailureReason::kOffTrack, "off-track"},
+}};
+
+}  // namespace
+
+std::string_view OutcomeName(Outcome outcome) {
+  for (const auto& [value, name] : kOutcomes) {
+    if (value == outcome) return name;
+  }
+  return "grader_error";
+}
+
+std::optional<Outcome> ParseOutcome(std::string_view name) {
+  for (const auto& [value, known] : kOutcomes) {
+    if (known == name) return value;
+  }
+  return std::nullopt;
+}
+
+std::string_view FailureReasonName(FailureReason reason) {
+  for (const auto& [value, name] : kReasons) {
+    if (value == reason) return name;
+  }
+  return "";
+}
+
+std::optional<FailureReason> ParseFailureReason(std::string_view name) {
+  for (const auto& [value, known] : kReasons) {
+    if (known == name) return value;
+  }
+  return std::nullopt;
+}
+
+Fault FaultOf(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::kSuccess:
+    case Outcome::kFailure:
+    case Outcome::kCancelled:
+      return Fault::kNobody;
+    case Outcome::kGraderError:
+      return Fault::kGrader;
+    default:
+      return Fault::kParticipant;
+  }
+}
+
+}  // namespace myograde

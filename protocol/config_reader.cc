@@ -1,0 +1,229 @@
+#include "protocol/config_reader.h"
+
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
+namespace myograde {
+namespace {
+
+absl::string_view View(std::string_view s) { return {s.data(), s.size()}; }
+
+const nlohmann::json& EmptyObject() {
+  static const nlohmann::json empty = nlohmann::json::object();
+  return empty;
+}
+
+const nlohmann::json& EmptyArray() {
+  static const nlohmann::json empty = nlohmann::json::array();
+  return empty;
+}
+
+}  // namespace
+
+ConfigReader::ConfigReader(const nlohmann::json& object, std::string where)
+    : object_(object), where_(std::move(where)) {
+  if (!object_.is_object()) {
+    first_mistake_ = absl::InvalidArgumentError(
+        absl::StrCat(where_, ": must be an object, is ", object_.type_name()));
+  }
+}
+
+const nlohmann::json* ConfigReader::Find(std::string_view key) {
+  asked_.emplace(key);
+  if (!object_.is_object()) return nullptr;
+  const auto it = object_.find(std::string(key));
+  if (it == object_.end()) {
+    Fail(key, "is missing");
+    return nullptr;
+  }
+  return &*it;
+}
+
+void ConfigReader::Fail(std::string_view key, std::string_view problem) {
+  if (!first_mistake_.ok()) return;
+  first_mistake_ = absl::InvalidArgumentError(
+      absl::StrCat(where_, ": \"", View(key), "\" ", View(problem)));
+}
+
+double ConfigReader::Number(std::string_view key, NumberRange range) {
+  const nlohmann::json* value = Find(key);
+  if (value == nullptr) return range.min;
+  if (!value->is_number()) {
+    Fail(key, absl::StrCat("must be a number, is ", value->type_name()));
+    return range.min;
+  }
+  const double number = value->get<double>();
+  if (!std::isfinite(number) || number < range.min || number > range.max) {
+    Fail(key, absl::StrCat("is ", value->dump(), ", must be from ", range.min, " to ", range.max));
+    return range.min;
+  }
+  return number;
+}
+
+int64_t ConfigReader::Integer(std::string_view key, int64_t min, int64_t max) {
+  const nlohmann::json* value = Find(key);
+  if (value == nullptr) return min;
+  if (!value->is_number_integer()) {
+    Fail(key, absl::StrCat("must be a whole number, is ", value->dump().substr(0, 40)));
+    return min;
+  }
+  const bool too_big = value->is_number_unsigned() && value->get<uint64_t>() > INT64_MAX;
+  const int64_t number = too_big ? INT64_MAX : value->get<int64_t>();
+  if (too_big || number < min || number > max) {
+    Fail(key, absl::StrCat("is ", value->dump(), ", must be from ", min, " to ", max));
+    return min;
+  }
+  return number;
+}
+
+bool ConfigReader::Boolean(std::string_view key) {
+  const nlohmann::json* value = Find(key);
+  if (value == nullptr) return false;
+  if (!value->is_boolean()) {
+    Fail(key, absl::StrCat("must be true or false, is ", value->dump().substr(0, 40)));
+    return false;
+  }
+  return value->get<bool>();
+}
+
+std::string ConfigReader::String(std::string_view key) {
+  const nlohmann::json* value = Find(key);
+  if (value == nullptr) return "";
+  if (!value->is_string()) {
+    Fail(key, absl::StrCat("must be a string, is ", value->type_name()));
+    return "";
+  }
+  return value->get<std::string>();
+}
+
+std::string ConfigReader::Choice(std::string_view key, const std::vector<std::string>& choices) {
+  const std::string text = String(key);
+  if (!first_mistake_.ok()) return choices.front();
+  for (const std::string& choice : choices) {
+    if (choice == text) return text;
+  }
+  Fail(key, absl::StrCat("is \"", text, "\", must be one of: ", absl::StrJoin(choices, ", ")));
+  return choices.front();
+}
+
+std::vector<double> ConfigReader::Numbers(std::string_view key, int size, NumberRange range) {
+  const nlohmann::json& array = Array(key);
+  std::vector<double> numbers;
+  if (first_mistake_.ok() && size >= 0 && static_cast<int>(array.size()) != size) {
+    Fail(key, absl::StrCat("has ", array.size(), " entries, must have ", size));
+  }
+  for (const nlohmann::json& entry : array) {
+    const double number = entry.is_number() ? entry.get<double>() : NAN;
+    if (!std::isfinite(number) || number < range.min || number > range.max) {
+      Fail(key, absl::StrCat("holds ", entry.dump().substr(0, 40), ", each must be a number from ",
+                             range.min, " to ", range.max));
+    }
+    numbers.push_back(number);
+  }
+  if (size >= 0) numbers.resize(static_cast<size_t>(size), range.min);
+  return numbers;
+}
+
+std::vector<std::string> ConfigReader::Strings(std::string_view key) {
+  std::vector<std::string> strings;
+  for (const nlohmann::json& entry : Array(key)) {
+    if (!entry.is_string()) {
+      Fail(key, absl::StrCat("holds ", entry.dump().substr(0, 40), ", each must be a string"));
+      continue;
+    }
+    strings.push_back(entry.get<std::string>());
+  }
+  return strings;
+}
+
+const nlohmann::json& ConfigReader::Object(std::string_view key) {
+  const nlohmann::json* value = Find(key);
+  if (value == nullptr) return EmptyObject();
+  if (!value->is_object()) {
+    Fail(key, absl::StrCat("must be an object, is ", value->type_name()));
+    return EmptyObject();
+  }
+  return *value;
+}
+
+const nlohmann::json& ConfigReader::Array(std::string_view key) {
+  const nlohmann::json* value = Find(key);
+  if (value == nullptr) return EmptyArray();
+  if (!value->is_array()) {
+    Fail(key, absl::StrCat("must be an array, is ", value->type_name()));
+    return EmptyArray();
+  }
+  return *value;
+}
+
+bool ConfigReader::Has(std::string_view key) const {
+  return object_.is_object() && object_.contains(std::string(key));
+}
+
+void ConfigReader::Ignore(std::string_view key) { asked_.emplace(key); }
+
+absl::Status ConfigReader::Finish() {
+  if (first_mistake_.ok()) {
+    for (const auto& [key, value] : object_.items()) {
+      if (key.starts_with("//") || asked_.contains(key)) continue;
+      Fail(key, absl::StrCat("is not a known key; known here: ", absl::StrJoin(asked_, ", ")));
+      break;
+    }
+  }
+  return first_mistake_;
+}
+
+absl::StatusOr<nlohmann::json> ParseJson(std::string_view text, std::string_view where) {
+  // nlohmann-json keeps the last of two equal keys; a config with two is a
+  // mistake that nobody would see, so it is refused here.
+  std::vector<std::set<std::string>> open_objects;
+  std::string duplicate;
+  const auto watch = [&](int, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
+    if (event == nlohmann::json::parse_event_t::object_start) open_objects.emplace_back();
+    if (event == nlohmann::json::parse_event_t::object_end) open_objects.pop_back();
+    if (event == nlohmann::json::parse_event_t::key && duplicate.empty() &&
+        !open_objects.back().insert(parsed.get<std::string>()).second) {
+      duplicate = parsed.get<std::string>();
+    }
+    return true;
+  };
+  try {
+    nlohmann::json value = nlohmann::json::parse(text.begin(), text.end(), watch);
+    if (!duplicate.empty()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(View(where), ": the key \"", duplicate, "\" is there twice"));
+    }
+    return value;
+  } catch (const nlohmann::json::exception& error) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(View(where), ": is not valid JSON: ", error.what()));
+  }
+}
+
+absl::StatusOr<nlohmann::json> ReadJsonFile(const std::string& path, size_t max_bytes) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) {
+    return absl::NotFoundError(absl::StrCat(path, ": can't be opened; check the path"));
+  }
+  std::string text;
+  text.resize(max_bytes + 1);
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  if (file.bad()) return absl::UnavailableError(absl::StrCat(path, ": reading failed"));
+  text.resize(static_cast<size_t>(file.gcount()));
+  if (text.size() > max_bytes) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": is larger than ", max_bytes, " bytes"));
+  }
+  return ParseJson(text, path);
+}
+
+std::string CanonicalJson(const nlohmann::json& value) {
+  return value.dump(-1, ' ', /*ensure_ascii=*/false, nlohmann::json::error_handler_t::replace);
+}
+
+}  // namespace myograde

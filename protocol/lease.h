@@ -1,0 +1,74 @@
+// The order for one lease and what comes back of it. The daemon (or `myograde
+// local`, or a Slurm job) writes a LeaseOrder as a JSON file and starts
+// `myograde-runner FILE`; the runner prints one LeaseRecord a line on stdout.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/episode_facts.h"
+#include "protocol/track_config.h"
+
+namespace myograde {
+
+struct EpisodeOrder {
+  int64_t index = 0;         // in the evaluation, from 0
+  uint64_t seed = 0;         // of the environment; never shown to the policy
+  uint64_t policy_seed = 0;  // for the policy's own randomness
+};
+
+struct LeaseOrder {
+  std::string lease;               // id, for messages and names of temporary things
+  std::string artefact_dir;        // unpacked submission, mounted read-only at /policy
+  std::vector<std::string> command;  // run in /policy; command[0] relative to it or absolute
+  std::vector<std::string> runtimes;  // host folders mounted read-only at their own path
+  TrackConfig track;
+  std::vector<EpisodeOrder> episodes;  // consecutive indices
+  int64_t uid = -1;                // unprivileged uid and gid of the slot; -1: the caller's own
+  int64_t slot = 0;
+  std::string work_dir;            // empty folder of the lease, owned by the caller
+  std::string cache_dir;           // models (MYOGRADE_CACHE)
+  // Hidden from the runner's caller where not needed: "" means no log kept.
+  std::string log_dir;
+};
+
+nlohmann::json LeaseOrderToJson(const LeaseOrder& order);
+absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
+                                              const std::string& where);
+
+// The runner is alive; at least one every second. Doubles as the heartbeat.
+struct ProgressRecord {
+  int64_t episode = 0;  // index in the evaluation
+  int64_t step = 0;
+};
+
+// The last record of a lease, always.
+struct LeaseEndRecord {
+  bool ok = false;          // all episodes were recorded
+  std::string detail;       // if not ok: the grader's fault in one sentence
+  std::string stdout_tail;  // last 4 KiB of the policy's output, made valid UTF-8
+  std::string stderr_tail;
+  bool stdout_truncated = false;  // more than Budgets::output_bytes came
+  bool stderr_truncated = false;
+  double policy_cpu_s = 0;
+  double wall_s = 0;
+  int64_t peak_memory_bytes = 0;  // 0: not measured on this host
+};
+
+using LeaseRecord = std::variant<ProgressRecord, EpisodeFacts, LeaseEndRecord>;
+
+// One line of JSON without the newline, and back. Non-finite numbers never
+// occur. `type` is "progress", "episode" or "lease_end".
+std::string LeaseRecordToLine(const LeaseRecord& record);
+absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line);
+
+nlohmann::json EpisodeFactsToJson(const EpisodeFacts& facts);
+absl::StatusOr<EpisodeFacts> EpisodeFactsFromJson(const nlohmann::json& json);
+
+}  // namespace myograde

@@ -1,0 +1,59 @@
+// What the runner and the simulator say to each other over a SOCK_SEQPACKET
+// socket pair: one JSON object per packet, sometimes with a file descriptor.
+// Both are the grader's own; the participant never sees this channel.
+//
+//   sim -> runner   {"type":"need_policy"}            start a fresh sandbox
+//                   {"type":"policy_fault", ...}      FaultEvidence as the sim saw it
+//                   a LeaseRecord line                 progress or episode
+//                   {"type":"done"}                   every episode was recorded
+//   runner -> sim   {"type":"policy"} + descriptor     the bridge's socket
+//                   {"type":"no_policy", ...}         FaultEvidence: it could not be started
+//                   {"type":"ruling", ...}            FaultEvidence after looking at the
+//                                                      control group, limits and exit status
+//
+// The policy's CPU time so far, in ns, is kept by the runner in a page of
+// shared memory (CpuPage) that the simulator reads without a system call.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <string>
+
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/episode_facts.h"
+#include "protocol/base/fd.h"
+
+namespace myograde {
+
+// Descriptors that the simulator inherits.
+inline constexpr int kSimChannelFd = 3;
+inline constexpr int kSimOrderFd = 4;    // the lease order, JSON, read to its end
+inline constexpr int kSimCpuPageFd = 5;  // one CpuPage
+
+// The bridge inherits its socket to the simulator as this descriptor.
+inline constexpr int kBridgeSocketFd = 3;
+
+struct CpuPage {
+  std::atomic<uint64_t> cpu_ns;   // CPU time of everything in the policy's sandbox
+  std::atomic<uint64_t> updates;  // counts refreshes; 0: never measured
+};
+
+struct SimMessage {
+  nlohmann::json json;
+  Fd fd;  // invalid if none came
+};
+
+// Sends one packet. Fails with UnavailableError when the peer is gone.
+absl::Status SendSimMessage(int socket, const nlohmann::json& json, int fd = -1);
+
+// Waits for one packet until `timeout`: DeadlineExceededError then,
+// UnavailableError when the peer is gone, InvalidArgumentError for nonsense.
+absl::StatusOr<SimMessage> ReceiveSimMessage(int socket, absl::Duration timeout);
+
+nlohmann::json FaultEvidenceToJson(const FaultEvidence& evidence);
+absl::StatusOr<FaultEvidence> FaultEvidenceFromJson(const nlohmann::json& json);
+
+}  // namespace myograde

@@ -1,0 +1,73 @@
+// A track config: everything that a result of a track is a function of, apart
+// from the submission and the grader build. Loaded from configs/tracks/*.json,
+// where "extends" names a config to start from and "profiles" holds the rules
+// profiles; what is kept here is the effective config of one profile.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <nlohmann/json.hpp>
+
+namespace myograde {
+
+enum class TrackKind { kManipulation, kLocomotion };
+
+std::string TrackKindName(TrackKind kind);  // "manipulation", "locomotion"
+
+// What a participant's processes may use. Every number is a limit that is
+// enforced; none can be zero, absent or "unlimited". RULES: 'Budgets'.
+struct Budgets {
+  double startup_s;          // s of wall time until the policy has said hello and is ready
+  double step_s;             // s of the policy's CPU time for a step without overtime
+  double overtime_s;         // s of CPU time: the bank of overtime of an episode
+  double wall_factor;        // wall caps of step and bank: this many times their CPU budgets
+  double lease_cpu_s;        // s of CPU time of the whole lease
+  double lease_wall_s;       // s of wall time of the whole lease
+  int64_t memory_bytes;
+  double cpus;               // processors
+  int64_t tasks;             // processes and threads
+  int64_t scratch_bytes;     // private /tmp and /dev/shm together
+  int64_t scratch_files;     // inodes there
+  int64_t output_bytes;      // kept of each of stdout and stderr
+  int64_t open_files;
+  int64_t stray_messages;    // messages on the bus that answer nothing, per episode
+  int64_t wrong_answers;     // answers to a step that was not asked, per episode
+  int64_t restarts;          // fresh sandboxes after a participant's fault, per lease
+  int64_t submission_bytes;  // unpacked size of a submission
+  int64_t submission_files;
+};
+
+// How an evaluation of the track is ranked; parsed by the server into
+// scoring's own values. See scoring/ for the meaning.
+struct TrackConfig {
+  std::string id;            // the name of the config ("manipulation", "demo-locomotion")
+  TrackKind kind;
+  std::string profile;       // "paper", "myosuite", "as-graded"
+  int64_t episodes_per_lease;
+  std::vector<uint64_t> seeds;  // one per episode; its length is the full evaluation
+  Budgets budgets;
+  nlohmann::json rules;      // the environment's numbers and switches: ManipulationRules
+                             // or LocomotionRules parse them
+  nlohmann::json scoring;    // judging and boards
+  nlohmann::json effective;  // the whole effective config as canonical JSON value
+  std::string hash;          // SHA-256 (hex) of CanonicalJson(effective)
+};
+
+// Parses an effective config (as kept in TrackConfig::effective and handed on
+// in lease orders). Unknown keys and values out of range are errors.
+absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
+                                             const std::string& where);
+
+// Loads `track` (a name, looked up as DIR/NAME.json) in `profile` ("" = the
+// config's default_profile), resolves "extends" and the profile, and parses.
+absl::StatusOr<TrackConfig> LoadTrackConfig(const std::string& tracks_dir,
+                                            const std::string& track,
+                                            const std::string& profile);
+
+// The names of the configs in a folder, sorted.
+absl::StatusOr<std::vector<std::string>> ListTracks(const std::string& tracks_dir);
+
+}  // namespace myograde

@@ -1,0 +1,59 @@
+// One track's environment: what the episode loop steps. Implementations own
+// their model and data; nothing here is thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include <absl/status/status.h>
+
+#include "protocol/base/episode_facts.h"
+#include "protocol/frames.h"
+
+namespace myograde::sim {
+
+// What a policy's action does before it reaches the controls.
+struct StepResult {
+  bool ended = false;     // facts().end says how
+  bool unstable = false;  // MuJoCo warned of bad numbers: Outcome::kUnstable
+  bool overflow = false;  // a contact or constraint buffer was too small: our fault
+};
+
+class Environment {
+ public:
+  virtual ~Environment() = default;
+
+  // Begins the episode of `seed`. In profiles that carry state over, the order
+  // of calls matters and the seed is used by the first only. Leg parameter sets
+  // and their selection go back to the defaults.
+  virtual void Reset(uint64_t seed) = 0;
+
+  // Locomotion: stores sets uploaded by the policy, after Reset. An error names
+  // the set, the state and the number that is out of range; nothing is stored then.
+  // Manipulation: an error if any set is present.
+  virtual absl::Status SetLegParameters(const LegParameterSets& sets) = 0;
+
+  virtual void SetConvention(ActionConvention convention) = 0;
+
+  // Sizes of observation and action vectors: 222 and 80, 365 and 55.
+  virtual int observation_size() const = 0;
+  virtual int action_size() const = 0;
+
+  // Writes the observation of the current state; `out` has observation_size()
+  // entries, in the order of protocol/layout.h.
+  virtual void Observe(std::span<double> out) const = 0;
+
+  // Plays one control step. REQUIRES: action.size() == action_size(), finite.
+  virtual StepResult Step(std::span<const double> action) = 0;
+
+  // Facts of the episode so far (index, seed, digest, wall and CPU times are
+  // the episode loop's to fill).
+  virtual EpisodeFacts facts() const = 0;
+
+  // The full physics state after the last step (time, qpos, qvel, act), for
+  // digests. Valid until the next call of a non-const method.
+  virtual std::span<const double> state() const = 0;
+};
+
+}  // namespace myograde::sim

@@ -1,0 +1,38 @@
+// The challenge's models as MuJoCo 2.2.2 needs them: the files of the
+// registry's MyoSuite package, patched at load so that this MuJoCo follows the
+// official 3.1.2 (see sim/README.md), compiled once and cached.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <mujoco/mujoco.h>
+
+#include "protocol/track_config.h"
+
+namespace myograde::sim {
+
+struct ModelDeleter {
+  void operator()(mjModel* model) const { mj_deleteModel(model); }
+};
+struct DataDeleter {
+  void operator()(mjData* data) const { mj_deleteData(data); }
+};
+using ModelPtr = std::unique_ptr<mjModel, ModelDeleter>;
+using DataPtr = std::unique_ptr<mjData, DataDeleter>;
+
+// Loads the model of a track from `cache_dir` (which holds the unpacked
+// package under myosuite-2.8.4/ and compiled models under models/). A compiled
+// model is used only if its name's hash of sources, patches and MuJoCo version
+// fits; else it is compiled and, where the folder can be written, kept.
+// Installs the muscle gain callback (once per process).
+// Errors: NotFoundError names the missing file and `./dev setup`;
+// DataLossError names an altered file (every source file has a pinned SHA-256).
+absl::StatusOr<ModelPtr> LoadModel(TrackKind kind, const std::string& cache_dir);
+
+// Compiles and stores both models (`myograde-sim --compile-models`).
+absl::Status CompileModels(const std::string& cache_dir);
+
+}  // namespace myograde::sim
