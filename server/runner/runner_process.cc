@@ -1,0 +1,219 @@
+#include "server/runner/runner_process.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <climits>
+#include <cstdlib>
+#include <cstring>
+#include <thread>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
+
+namespace myograde::server {
+namespace {
+
+// A record holds two tails of output; one that is longer than this is none.
+constexpr size_t kMaxRecordBytes = 256 << 10;
+constexpr absl::Duration kCleanUpGrace = absl::Milliseconds(700);
+
+absl::Status Errno(std::string_view what) {
+  const int error = errno;
+  return absl::InternalError(
+      absl::StrCat(absl::string_view(what.data(), what.size()), ": ", std::strerror(error)));
+}
+
+struct Pipe {
+  Fd read;
+  Fd write;
+};
+
+absl::StatusOr<Pipe> MakePipe() {
+  int ends[2];
+  if (::pipe2(ends, O_CLOEXEC) != 0) return Errno("can't make a pipe");
+  return Pipe{Fd(ends[0]), Fd(ends[1])};
+}
+
+absl::Status WriteOrder(const LeaseOrder& order, const std::string& path) {
+  const std::string text = LeaseOrderToJson(order).dump();
+  ::unlink(path.c_str());
+  Fd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
+  if (!file.valid()) {
+    return absl::NotFoundError(
+        absl::StrCat("can't write the lease order ", path, ": ", std::strerror(errno)));
+  }
+  size_t written = 0;
+  while (written < text.size()) {
+    const ssize_t n = ::write(file.get(), text.data() + written, text.size() - written);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return Errno(absl::StrCat("can't write the lease order ", path));
+    written += static_cast<size_t>(n);
+  }
+  return absl::OkStatus();
+}
+
+// Runs in the child of a possibly threaded program: system calls only.
+[[noreturn]] void ExecRunner(const char* program, const char* order_path, int in, int out,
+                             int err) {
+  ::setpgid(0, 0);
+  sigset_t none;
+  sigemptyset(&none);
+  ::sigprocmask(SIG_SETMASK, &none, nullptr);
+  for (int signal : {SIGINT, SIGTERM, SIGPIPE, SIGHUP, SIGCHLD}) ::signal(signal, SIG_DFL);
+  // Lifted above 2 first, so that no dup2 closes one that is still to be moved.
+  in = ::fcntl(in, F_DUPFD, 10);
+  out = ::fcntl(out, F_DUPFD, 10);
+  err = ::fcntl(err, F_DUPFD, 10);
+  if (::dup2(in, 0) < 0 || ::dup2(out, 1) < 0 || ::dup2(err, 2) < 0) ::_exit(126);
+  ::syscall(SYS_close_range, 3U, ~0U, 0U);
+  ::execl(program, program, "--lifeline", order_path, static_cast<char*>(nullptr));
+  ::_exit(127);
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> BinDir() {
+  if (const char* dir = std::getenv("MYOGRADE_BIN_DIR"); dir != nullptr && *dir != '\0') {
+    return std::string(dir);
+  }
+  char path[PATH_MAX];
+  const ssize_t length = ::readlink("/proc/self/exe", path, sizeof(path));
+  if (length <= 0 || length >= static_cast<ssize_t>(sizeof(path))) {
+    return Errno("can't tell where the running program lies");
+  }
+  const std::string program(path, static_cast<size_t>(length));
+  return program.substr(0, program.rfind('/'));
+}
+
+absl::StatusOr<std::unique_ptr<RunnerProcess>> RunnerProcess::Start(const LeaseOrder& order) {
+  absl::StatusOr<std::string> bin_dir = BinDir();
+  if (!bin_dir.ok()) return bin_dir.status();
+  const std::string program = *bin_dir + "/myograde-runner";
+  if (::access(program.c_str(), X_OK) != 0) {
+    return absl::NotFoundError(absl::StrCat("no program ", program, " (", std::strerror(errno),
+                                            "); build it or set MYOGRADE_BIN_DIR"));
+  }
+  const std::string order_path = order.work_dir + "/order.json";
+  if (absl::Status status = WriteOrder(order, order_path); !status.ok()) return status;
+
+  absl::StatusOr<Pipe> in = MakePipe();
+  if (!in.ok()) return in.status();
+  absl::StatusOr<Pipe> out = MakePipe();
+  if (!out.ok()) return out.status();
+  absl::StatusOr<Pipe> err = MakePipe();
+  if (!err.ok()) return err.status();
+
+  std::unique_ptr<RunnerProcess> runner(new RunnerProcess());
+  runner->lease_ = order.lease;
+  runner->pid_ = ::fork();
+  if (runner->pid_ < 0) return Errno("can't start the runner");
+  if (runner->pid_ == 0) {
+    ExecRunner(program.c_str(), order_path.c_str(), in->read.get(), out->write.get(),
+               err->write.get());
+  }
+  ::setpgid(runner->pid_, runner->pid_);
+  runner->lifeline_ = std::move(in->write);
+  runner->stdout_ = std::move(out->read);
+  runner->stderr_ = std::move(err->read);
+  for (int fd : {runner->stdout_.get(), runner->stderr_.get()}) {
+    ::fcntl(fd, F_SETFL, ::fcntl(fd, F_GETFL) | O_NONBLOCK);
+  }
+  return runner;
+}
+
+RunnerProcess::~RunnerProcess() { Kill(); }
+
+absl::StatusOr<std::vector<LeaseRecord>> RunnerProcess::Read() {
+  DrainStderr();
+  std::vector<LeaseRecord> records;
+  if (absl::Status status = DrainStdout(records); !status.ok()) return status;
+  return records;
+}
+
+absl::Status RunnerProcess::DrainStdout(std::vector<LeaseRecord>& records) {
+  char buffer[16 << 10];
+  while (stdout_.valid()) {
+    const ssize_t n = ::read(stdout_.get(), buffer, sizeof(buffer));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0 && errno == EAGAIN) return absl::OkStatus();
+    if (n <= 0) {
+      stdout_.reset();
+      if (line_.empty()) return absl::OkStatus();
+      return absl::DataLossError(
+          absl::StrCat("the runner of lease ", lease_, " ended in the middle of a record"));
+    }
+    line_.append(buffer, static_cast<size_t>(n));
+    size_t start = 0;
+    for (size_t end; (end = line_.find('\n', start)) != std::string::npos; start = end + 1) {
+      absl::StatusOr<LeaseRecord> record =
+          LeaseRecordFromLine(std::string_view(line_).substr(start, end - start));
+      if (!record.ok() || saw_end_) {
+        return absl::DataLossError(absl::StrCat(
+            "the runner of lease ", lease_, " printed ",
+            saw_end_ ? "a record after its last one"
+                     : absl::StrCat("what is no record: ", record.status().message())));
+      }
+      saw_end_ = std::holds_alternative<LeaseEndRecord>(*record);
+      records.push_back(*std::move(record));
+    }
+    line_.erase(0, start);
+    if (line_.size() > kMaxRecordBytes) {
+      return absl::DataLossError(
+          absl::StrCat("the runner of lease ", lease_, " printed a line without an end"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+void RunnerProcess::DrainStderr() {
+  char buffer[16 << 10];
+  while (stderr_.valid()) {
+    const ssize_t n = ::read(stderr_.get(), buffer, sizeof(buffer));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0 && errno == EAGAIN) return;
+    if (n <= 0) {
+      stderr_.reset();
+      return;
+    }
+    stderr_output_.Append(std::string_view(buffer, static_cast<size_t>(n)));
+  }
+}
+
+bool RunnerProcess::Reap() {
+  if (!reaped_ && pid_ > 0 && ::waitpid(pid_, &wait_status_, WNOHANG) == pid_) reaped_ = true;
+  return reaped_;
+}
+
+bool RunnerProcess::finished() { return Reap() && !stdout_.valid(); }
+
+absl::StatusOr<int> RunnerProcess::Wait(absl::Duration timeout) {
+  const absl::Time deadline = absl::Now() + timeout;
+  while (!Reap()) {
+    if (absl::Now() >= deadline) {
+      return absl::DeadlineExceededError(
+          absl::StrCat("the runner of lease ", lease_, " still runs"));
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  return wait_status_;
+}
+
+void RunnerProcess::Kill() {
+  if (pid_ <= 0 || Reap()) return;
+  lifeline_.reset();
+  ::kill(pid_, SIGTERM);
+  if (Wait(kCleanUpGrace).ok()) return;
+  // Its children ask the kernel to be killed with it, each of them with its own.
+  ::kill(-pid_, SIGKILL);
+  (void)Wait(absl::Milliseconds(250));
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,100 @@
+// A lease as its caller sees it: one `myograde-runner` process whose records
+// arrive on a pipe. Used by the daemon's poll loop and by `myograde local`.
+//
+//   absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(order);
+//   while (!(*runner)->finished()) {
+//     poll(stdout_fd and stderr_fd of all runners, timeout);
+//     auto records = (*runner)->Read();             // never blocks
+//     if (!records.ok()) (*runner)->Kill();         // the grader's fault, see status
+//     ...
+//   }
+//
+// The runner ends, and with it everything that it started, when Kill() is
+// called, when this object is destroyed and when the calling process dies.
+#pragma once
+
+#include <sys/types.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+
+#include "protocol/base/fd.h"
+#include "protocol/lease.h"
+#include "server/runner/output_tail.h"
+
+namespace myograde::server {
+
+// The folder of the project's programs: MYOGRADE_BIN_DIR where that is set,
+// else the folder of the running program.
+absl::StatusOr<std::string> BinDir();
+
+class RunnerProcess {
+ public:
+  // Writes the order to `order.work_dir`/order.json (0600; the folder must be
+  // there) and starts the runner on it, in a process group of its own.
+  // Errors: NotFoundError if the program or the folder is missing,
+  // InternalError if the process can't be started. Not for use in a process
+  // that ignores SIGCHLD.
+  static absl::StatusOr<std::unique_ptr<RunnerProcess>> Start(const LeaseOrder& order);
+
+  // Kills what is still running.
+  ~RunnerProcess();
+  RunnerProcess(const RunnerProcess&) = delete;
+  RunnerProcess& operator=(const RunnerProcess&) = delete;
+
+  // Descriptors to wait on for POLLIN; -1 once that stream came to its end.
+  int stdout_fd() const { return stdout_.get(); }
+  int stderr_fd() const { return stderr_.get(); }
+
+  // The records that arrived since the last call, in order; empty if none.
+  // Drains stderr too. Never blocks. DataLossError: the runner printed
+  // something that is no record, or records after its last one; records
+  // parsed before it in the same call are dropped, so treat the lease as
+  // lost and Kill().
+  absl::StatusOr<std::vector<LeaseRecord>> Read();
+
+  // True once the process was reaped and Read() came to the end of its records.
+  // Reaps without blocking, so it may be polled.
+  bool finished();
+
+  // Waits for the end of the process until `timeout`, draining nothing:
+  // DeadlineExceededError then. The value is the wait status of waitpid(2).
+  absl::StatusOr<int> Wait(absl::Duration timeout);
+
+  // Ends the lease: asks the runner to clean up, and takes it down with all
+  // that it started if it has not within 0.7 s. Returns within 1 s, when the
+  // process is reaped. Safe to call at any time and more than once.
+  void Kill();
+
+  pid_t pid() const { return pid_; }
+
+  // Wait status of the runner; valid once finished().
+  int wait_status() const { return wait_status_; }
+
+  // The last 4 KiB that the runner wrote to stderr, valid UTF-8.
+  std::string stderr_tail() const { return stderr_output_.tail(); }
+
+ private:
+  RunnerProcess() : stderr_output_(64 << 10) {}
+  void DrainStderr();
+  absl::Status DrainStdout(std::vector<LeaseRecord>& records);
+  bool Reap();
+
+  std::string lease_;
+  pid_t pid_ = -1;
+  bool reaped_ = false;
+  bool saw_end_ = false;
+  int wait_status_ = 0;
+  Fd lifeline_;  // the runner's stdin: its end tells the runner that we are gone
+  Fd stdout_;
+  Fd stderr_;
+  std::string line_;    // an unfinished record
+  OutputTail stderr_output_;
+};
+
+}  // namespace myograde::server
