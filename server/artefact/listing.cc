@@ -1,0 +1,160 @@
+#include "server/artefact/listing.h"
+
+#include <cerrno>
+#include <cstring>
+
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/config_reader.h"
+#include "protocol/sha256.h"
+
+namespace myograde::server {
+namespace {
+
+absl::Status Broken(std::string_view path, std::string_view rule) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("the entry ", Quoted(path), " ", absl::string_view(rule.data(), rule.size())));
+}
+
+bool IsUtf8(std::string_view text) {
+  try {
+    // The strict error handler throws at the first byte that is not UTF-8.
+    (void)nlohmann::json(std::string(text)).dump();
+    return true;
+  } catch (const nlohmann::json::exception&) {
+    return false;
+  }
+}
+
+bool HasControlCharacter(std::string_view text) {
+  for (const char c : text) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+std::string Quoted(std::string_view path) {
+  constexpr size_t kShown = 120;
+  std::string shown(path.substr(0, kShown));
+  for (char& c : shown) {
+    if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) >= 0x7f) c = '?';
+  }
+  return absl::StrCat("\"", shown, path.size() > kShown ? "..." : "", "\"");
+}
+
+absl::Status HostError(std::string_view what) {
+  const int error = errno;
+  const std::string message =
+      absl::StrCat(absl::string_view(what.data(), what.size()), ": ", std::strerror(error));
+  if (error == ENOSPC || error == EDQUOT) return absl::ResourceExhaustedError(message);
+  return absl::UnavailableError(message);
+}
+
+absl::StatusOr<std::string> Listing::CleanPath(std::string_view path) const {
+  if (path.starts_with('/')) return Broken(path, "has an absolute path; paths must be relative");
+  if (HasControlCharacter(path)) return Broken(path, "has a control character in its name");
+  if (!IsUtf8(path)) return Broken(path, "has a name that is not UTF-8");
+  std::string clean;
+  int64_t depth = 0;
+  while (!path.empty()) {
+    const size_t slash = path.find('/');
+    const std::string_view name = path.substr(0, slash);
+    path = slash == std::string_view::npos ? "" : path.substr(slash + 1);
+    if (name.empty() || name == ".") continue;
+    if (name == "..") return Broken(clean + "/..", "has \"..\" in its path, which is not allowed");
+    if (static_cast<int64_t>(name.size()) > limits_.name_bytes) {
+      return Broken(name, absl::StrCat("has a name of ", name.size(), " bytes; at most ",
+                                       limits_.name_bytes, " are allowed"));
+    }
+    if (++depth > limits_.depth) {
+      return Broken(clean, absl::StrCat("lies deeper than ", limits_.depth, " folders"));
+    }
+    if (!clean.empty()) clean += '/';
+    clean += name;
+  }
+  return clean;
+}
+
+absl::StatusOr<Entry*> Listing::Add(const std::string& path, EntryType type) {
+  for (size_t slash = path.find('/'); slash != std::string::npos;
+       slash = path.find('/', slash + 1)) {
+    const std::string above = path.substr(0, slash);
+    const auto [it, added] = entries_.try_emplace(above, Entry{.type = EntryType::kFolder});
+    if (it->second.type != EntryType::kFolder) {
+      return Broken(path, absl::StrCat("lies below ", Quoted(above), ", which is no folder"));
+    }
+  }
+  const auto [it, added] = entries_.try_emplace(path, Entry{.type = type});
+  Entry& entry = it->second;
+  const bool implied_folder = entry.type == EntryType::kFolder && type == EntryType::kFolder;
+  if (!added && (entry.stated || !implied_folder)) return Broken(path, "is there twice");
+  entry.stated = true;
+  if (static_cast<int64_t>(entries_.size()) > limits_.files) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("there are more than ", limits_.files, " files, folders and links (at ",
+                     Quoted(path), "); leave out what the policy does not need"));
+  }
+  return &entry;
+}
+
+absl::Status Listing::AddBytes(const std::string& path, int64_t bytes) {
+  if (bytes < 0 || bytes > limits_.bytes - bytes_) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the files together are larger than ", limits_.bytes, " bytes unpacked (at ",
+                     Quoted(path), "); leave out what the policy does not need"));
+  }
+  bytes_ += bytes;
+  return absl::OkStatus();
+}
+
+std::string Listing::Digest() const {
+  Sha256 hash;
+  hash.Update(std::string_view("myograde artefact 1\n"));
+  for (const auto& [path, entry] : entries_) {
+    nlohmann::json line = {{"path", path}};
+    switch (entry.type) {
+      case EntryType::kFile:
+        line["type"] = "file";
+        line["executable"] = entry.executable;
+        line["size"] = entry.size;
+        line["sha256"] = entry.sha256;
+        break;
+      case EntryType::kFolder:
+        line["type"] = "folder";
+        break;
+      case EntryType::kLink:
+        line["type"] = "link";
+        line["target"] = entry.target;
+        break;
+    }
+    hash.Update(CanonicalJson(line) + "\n");
+  }
+  return hash.FinishHex();
+}
+
+absl::Status CheckLinkTarget(std::string_view path, std::string_view target) {
+  if (target.empty()) return Broken(path, "is a symbolic link without a target");
+  if (HasControlCharacter(target) || !IsUtf8(target)) {
+    return Broken(path, "is a symbolic link whose target is not plain UTF-8 text");
+  }
+  if (target == ".." || target.starts_with("../") || target.ends_with("/..") ||
+      target.find("/../") != std::string_view::npos) {
+    return Broken(path, absl::StrCat("is a symbolic link to ", Quoted(target),
+                                     "; targets with \"..\" are not allowed, put a copy there"));
+  }
+  return absl::OkStatus();
+}
+
+Utf8Names::Utf8Names() : utf8_(::newlocale(LC_CTYPE_MASK, "C.UTF-8", nullptr)) {
+  before_ = ::uselocale(utf8_);  // a null locale changes nothing
+}
+
+Utf8Names::~Utf8Names() {
+  ::uselocale(before_);
+  if (utf8_ != nullptr) ::freelocale(utf8_);
+}
+
+}  // namespace myograde::server

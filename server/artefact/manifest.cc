@@ -1,0 +1,180 @@
+#include <dirent.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <climits>
+#include <filesystem>
+#include <set>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/fd.h"
+#include "protocol/config_reader.h"
+#include "server/artefact/artefact.h"
+#include "server/artefact/beneath.h"
+#include "server/artefact/listing.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr size_t kMaxManifestBytes = 64 << 10;
+constexpr size_t kMaxNameBytes = 64;
+constexpr size_t kMaxArguments = 256;
+constexpr size_t kMaxArgumentBytes = 4096;
+constexpr size_t kMaxRuntimes = 8;
+constexpr int kMaxLinkHops = 16;
+
+// "policy.json is missing", with the folder where it is if somebody packed the
+// folder instead of its content.
+absl::Status MissingManifest(int root) {
+  std::string hint;
+  const int copy = ::openat(root, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (DIR* names = copy >= 0 ? ::fdopendir(copy) : nullptr; names != nullptr) {
+    while (const dirent* name = ::readdir(names)) {
+      const std::string inner = std::string(name->d_name) + "/policy.json";
+      if (inner.starts_with('.') || !OpenBeneath(root, inner, O_PATH).valid()) continue;
+      hint = absl::StrCat("; it is at ", Quoted(inner), ", so submit that folder itself");
+    }
+    ::closedir(names);
+  }
+  return absl::InvalidArgumentError(absl::StrCat(
+      "there is no policy.json at the top of the submission",
+      hint.empty() ? "; add one: {\"name\": \"my policy\", \"command\": [\"./policy\"]}" : hint));
+}
+
+absl::StatusOr<std::string> ReadManifestText(int root) {
+  const Fd fd = OpenBeneath(root, "policy.json", O_RDONLY | O_NONBLOCK);
+  if (!fd.valid() && errno == ENOENT) return MissingManifest(root);
+  struct stat info = {};
+  if (!fd.valid() || ::fstat(fd.get(), &info) != 0 || !S_ISREG(info.st_mode)) {
+    return absl::InvalidArgumentError("policy.json must be a file that can be read, not a link");
+  }
+  std::string text(kMaxManifestBytes + 1, '\0');
+  size_t size = 0;
+  while (size < text.size()) {
+    const ssize_t got = ::read(fd.get(), text.data() + size, text.size() - size);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return HostError("can't read policy.json");
+    if (got == 0) break;
+    size += static_cast<size_t>(got);
+  }
+  if (size > kMaxManifestBytes) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("policy.json is larger than ", kMaxManifestBytes, " bytes"));
+  }
+  text.resize(size);
+  return text;
+}
+
+absl::Status BadCommand(std::string_view command, std::string_view rule) {
+  return absl::InvalidArgumentError(absl::StrCat("policy.json: \"command\" starts with ",
+                                                 Quoted(command), ", which ",
+                                                 absl::string_view(rule.data(), rule.size())));
+}
+
+// Follows the links of a relative command by hand: an absolute target belongs
+// to the sandbox, whose files are not known here, and ends the search.
+absl::Status CheckProgram(int root, const std::string& command) {
+  std::string path = std::filesystem::path(command).lexically_normal().string();
+  for (int hop = 0; hop < kMaxLinkHops; ++hop) {
+    if (path.empty() || path == "." || path == ".." || path.starts_with("../")) {
+      return BadCommand(command, "is not a file inside the submission");
+    }
+    const Fd fd = OpenBeneath(root, path, O_PATH);
+    struct stat info = {};
+    if (!fd.valid() || ::fstat(fd.get(), &info) != 0) {
+      return BadCommand(command, errno == ELOOP ? "goes through a symbolic link to a folder; "
+                                                  "name the program's real place"
+                                                : "is not there; give a file of the submission, "
+                                                  "or an absolute path as /usr/bin/python3");
+    }
+    if (S_ISREG(info.st_mode)) {
+      if ((info.st_mode & 0111) != 0) return absl::OkStatus();
+      return BadCommand(command, "is not executable; set its bit with chmod +x");
+    }
+    if (!S_ISLNK(info.st_mode)) return BadCommand(command, "is a folder, not a program");
+    std::string target(PATH_MAX, '\0');
+    const ssize_t size = ::readlinkat(fd.get(), "", target.data(), target.size());
+    if (size <= 0) return BadCommand(command, "is a symbolic link that can't be read");
+    target.resize(static_cast<size_t>(size));
+    if (target.starts_with('/')) return absl::OkStatus();
+    path = (std::filesystem::path(path).parent_path() / target).lexically_normal().string();
+  }
+  return BadCommand(command, "is a loop of symbolic links");
+}
+
+void CheckName(ConfigReader& reader, const std::string& name) {
+  if (name.empty() || name.size() > kMaxNameBytes) {
+    reader.Fail("name", absl::StrCat("must have 1 to ", kMaxNameBytes, " bytes"));
+  }
+  for (const char c : name) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
+      reader.Fail("name", "must have no control characters");
+    }
+  }
+}
+
+void CheckCommand(ConfigReader& reader, std::vector<std::string>& command) {
+  if (command.empty() || command.size() > kMaxArguments) {
+    reader.Fail("command", absl::StrCat("must hold the program and its arguments: 1 to ",
+                                        kMaxArguments, " strings"));
+    return;
+  }
+  for (const std::string& argument : command) {
+    if (argument.size() > kMaxArgumentBytes || argument.find('\0') != std::string::npos) {
+      reader.Fail("command", absl::StrCat("holds a string with a zero byte or of more than ",
+                                          kMaxArgumentBytes, " bytes"));
+    }
+  }
+  if (command[0].empty()) reader.Fail("command", "starts with an empty string");
+  // A bare name would be looked up in the PATH by execvp; it means the file.
+  if (command[0].find('/') == std::string::npos) command[0] = "./" + command[0];
+}
+
+void CheckRuntimes(ConfigReader& reader, const std::vector<std::string>& runtimes) {
+  std::set<std::string> seen;
+  for (const std::string& runtime : runtimes) {
+    const bool good = !runtime.empty() && runtime.size() <= 64 &&
+                      runtime.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789._-") ==
+                          std::string::npos;
+    if (!good) {
+      reader.Fail("runtimes", absl::StrCat("holds ", Quoted(runtime),
+                                           "; names are of a-z, 0-9, '.', '_', '-'"));
+    } else if (!seen.insert(runtime).second) {
+      reader.Fail("runtimes", absl::StrCat("names ", Quoted(runtime), " twice"));
+    }
+  }
+  if (runtimes.size() > kMaxRuntimes) {
+    reader.Fail("runtimes", absl::StrCat("names more than ", kMaxRuntimes));
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<ArtefactManifest> ReadManifest(const std::string& folder) {
+  const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!root.valid()) return HostError(absl::StrCat("can't open the folder ", folder));
+  const absl::StatusOr<std::string> text = ReadManifestText(root.get());
+  if (!text.ok()) return text.status();
+  const absl::StatusOr<nlohmann::json> json = ParseJson(*text, "policy.json");
+  if (!json.ok()) return json.status();
+  ConfigReader reader(*json, "policy.json");
+  ArtefactManifest manifest;
+  manifest.name = reader.String("name");
+  manifest.command = reader.Strings("command");
+  if (reader.Has("runtimes")) manifest.runtimes = reader.Strings("runtimes");
+  CheckName(reader, manifest.name);
+  CheckCommand(reader, manifest.command);
+  CheckRuntimes(reader, manifest.runtimes);
+  const absl::Status read = reader.Finish();
+  if (!read.ok()) return read;
+  if (!manifest.command[0].starts_with('/')) {
+    const absl::Status program = CheckProgram(root.get(), manifest.command[0]);
+    if (!program.ok()) return program;
+  }
+  return manifest;
+}
+
+}  // namespace myograde::server

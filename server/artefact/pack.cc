@@ -1,0 +1,284 @@
+#include <archive.h>
+#include <archive_entry.h>
+#include <dirent.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <climits>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/fd.h"
+#include "server/artefact/artefact.h"
+#include "server/artefact/beneath.h"
+#include "server/artefact/listing.h"
+
+namespace myograde::server {
+namespace {
+
+absl::Status Unreadable(const std::string& path) {
+  return absl::InvalidArgumentError(
+      absl::StrCat(Quoted(path), " can't be read: ", std::strerror(errno)));
+}
+
+struct CloseFolder {
+  void operator()(DIR* folder) const { ::closedir(folder); }
+};
+
+// Lists everything below a folder and holds it against the rules.
+class FolderLister {
+ public:
+  FolderLister(int root, Listing& listing) : root_(root), listing_(listing) {}
+
+  // `folder` is "" for the top. Depth is bounded by the listing's limit.
+  absl::Status List(const std::string& folder) {
+    Fd fd = OpenBeneath(root_, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
+    if (!fd.valid()) return Unreadable(folder.empty() ? "the folder" : folder);
+    const std::unique_ptr<DIR, CloseFolder> names(::fdopendir(fd.get()));
+    if (names == nullptr) return Unreadable(folder);
+    const int at = fd.release();  // closed with `names`
+    for (;;) {
+      errno = 0;
+      const dirent* name = ::readdir(names.get());
+      if (name == nullptr) return errno == 0 ? absl::OkStatus() : Unreadable(folder);
+      const std::string base = name->d_name;
+      if (base == "." || base == "..") continue;
+      const absl::Status taken = Take(at, base, folder.empty() ? base : folder + "/" + base);
+      if (!taken.ok()) return taken;
+    }
+  }
+
+ private:
+  absl::Status Take(int at, const std::string& base, const std::string& raw_path) {
+    const absl::StatusOr<std::string> path = listing_.CleanPath(raw_path);
+    if (!path.ok()) return path.status();
+    struct stat info = {};
+    if (::fstatat(at, base.c_str(), &info, AT_SYMLINK_NOFOLLOW) != 0) return Unreadable(*path);
+    if (S_ISDIR(info.st_mode)) {
+      const absl::StatusOr<Entry*> entry = listing_.Add(*path, EntryType::kFolder);
+      return entry.ok() ? List(*path) : entry.status();
+    }
+    if (S_ISLNK(info.st_mode)) return TakeLink(at, base, *path);
+    if (!S_ISREG(info.st_mode)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(Quoted(*path), " is no file, folder or symbolic link; remove it"));
+    }
+    if ((info.st_mode & (S_ISUID | S_ISGID)) != 0) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          Quoted(*path), " has the setuid or setgid bit; remove it with chmod a-s"));
+    }
+    const absl::StatusOr<Entry*> entry = listing_.Add(*path, EntryType::kFile);
+    if (!entry.ok()) return entry.status();
+    (*entry)->size = info.st_size;
+    (*entry)->executable = (info.st_mode & 0111) != 0;
+    return listing_.AddBytes(*path, info.st_size);
+  }
+
+  absl::Status TakeLink(int at, const std::string& base, const std::string& path) {
+    std::array<char, PATH_MAX> target;
+    const ssize_t size = ::readlinkat(at, base.c_str(), target.data(), target.size());
+    if (size < 0) return Unreadable(path);
+    const std::string text(target.data(), static_cast<size_t>(size));
+    const absl::Status good = CheckLinkTarget(path, text);
+    if (!good.ok()) return good;
+    const absl::StatusOr<Entry*> entry = listing_.Add(path, EntryType::kLink);
+    if (!entry.ok()) return entry.status();
+    (*entry)->target = text;
+    return absl::OkStatus();
+  }
+
+  int root_;
+  Listing& listing_;
+};
+
+// A tar without anything that differs between two packings of equal content.
+class TarWriter {
+ public:
+  static absl::StatusOr<TarWriter> Create(const std::string& path) {
+    TarWriter tar;
+    tar.file_ = Fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+    if (!tar.file_.valid()) return HostError(absl::StrCat("can't write the archive ", path));
+    archive_write_set_format_pax_restricted(tar.writer_.get());
+    archive_write_add_filter_none(tar.writer_.get());
+    if (archive_write_open_fd(tar.writer_.get(), tar.file_.get()) != ARCHIVE_OK) {
+      return tar.Failed();
+    }
+    return tar;
+  }
+
+  absl::Status Begin(const std::string& path, const Entry& entry) {
+    const std::unique_ptr<archive_entry, void (*)(archive_entry*)> header(archive_entry_new(),
+                                                                          archive_entry_free);
+    archive_entry_set_pathname(header.get(), path.c_str());
+    archive_entry_set_mtime(header.get(), 0, 0);
+    archive_entry_set_uid(header.get(), 0);
+    archive_entry_set_gid(header.get(), 0);
+    const bool open_to_all = entry.executable || entry.type == EntryType::kFolder;
+    archive_entry_set_perm(header.get(), open_to_all ? 0755 : 0644);
+    switch (entry.type) {
+      case EntryType::kFile:
+        archive_entry_set_filetype(header.get(), AE_IFREG);
+        archive_entry_set_size(header.get(), entry.size);
+        break;
+      case EntryType::kFolder:
+        archive_entry_set_filetype(header.get(), AE_IFDIR);
+        break;
+      case EntryType::kLink:
+        archive_entry_set_filetype(header.get(), AE_IFLNK);
+        archive_entry_set_symlink(header.get(), entry.target.c_str());
+        break;
+    }
+    return archive_write_header(writer_.get(), header.get()) == ARCHIVE_OK ? absl::OkStatus()
+                                                                          : Failed();
+  }
+
+  absl::Status Write(const char* data, size_t size) {
+    const la_ssize_t put = archive_write_data(writer_.get(), data, size);
+    return put == static_cast<la_ssize_t>(size) ? absl::OkStatus() : Failed();
+  }
+
+  absl::Status Close() {
+    return archive_write_close(writer_.get()) == ARCHIVE_OK ? absl::OkStatus() : Failed();
+  }
+
+ private:
+  absl::Status Failed() const {
+    const char* why = archive_error_string(writer_.get());
+    return absl::UnavailableError(
+        absl::StrCat("writing the archive failed: ", why != nullptr ? why : "no reason given"));
+  }
+
+  Fd file_;
+  std::unique_ptr<archive, ArchiveWriter> writer_{archive_write_new()};
+};
+
+absl::Status CopyFile(int fd, const std::string& path, int64_t size, TarWriter& tar) {
+  std::string buffer(64 << 10, '\0');
+  const auto changed = [&] {
+    return absl::InvalidArgumentError(
+        absl::StrCat(Quoted(path), " changed while it was packed; try again"));
+  };
+  struct stat info = {};
+  if (::fstat(fd, &info) != 0) return Unreadable(path);
+  if (!S_ISREG(info.st_mode) || info.st_size != size) return changed();
+  for (int64_t left = size; left > 0;) {
+    const size_t want = static_cast<size_t>(std::min<int64_t>(left, std::ssize(buffer)));
+    const ssize_t got = ::read(fd, buffer.data(), want);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return Unreadable(path);
+    if (got == 0) return changed();
+    const absl::Status written = tar.Write(buffer.data(), static_cast<size_t>(got));
+    if (!written.ok()) return written;
+    left -= got;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status PackFolder(const std::string& folder, const std::string& archive,
+                        const ArtefactLimits& limits) {
+  const absl::StatusOr<ArtefactManifest> manifest = ReadManifest(folder);
+  if (!manifest.ok()) return manifest.status();
+  const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!root.valid()) return Unreadable(folder);
+  Listing listing(limits);
+  const absl::Status listed = FolderLister(root.get(), listing).List("");
+  if (!listed.ok()) return listed;
+  absl::StatusOr<TarWriter> tar = TarWriter::Create(archive);
+  if (!tar.ok()) return tar.status();
+  for (const auto& [path, entry] : listing.entries()) {
+    absl::Status status = tar->Begin(path, entry);
+    if (status.ok() && entry.type == EntryType::kFile) {
+      const Fd fd = OpenBeneath(root.get(), path, O_RDONLY | O_NONBLOCK);
+      status = fd.valid() ? CopyFile(fd.get(), path, entry.size, *tar) : Unreadable(path);
+    }
+    if (!status.ok()) return status;
+  }
+  return tar->Close();
+}
+
+absl::Status PackProgram(const std::string& program, const std::string& archive,
+                         const ArtefactLimits& limits) {
+  Listing listing(limits);
+  const std::string base = std::filesystem::path(program).filename().string();
+  const absl::StatusOr<std::string> name = listing.CleanPath(base);
+  if (!name.ok()) return name.status();
+  const std::string manifest =
+      nlohmann::json{{"name", base.substr(0, 64)}, {"command", {"./" + base}}}.dump(
+          2, ' ', false, nlohmann::json::error_handler_t::ignore) +
+      "\n";
+  const Fd fd(::open(program.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+  struct stat info = {};
+  if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return Unreadable(program);
+  const absl::StatusOr<Entry*> file = listing.Add(base, EntryType::kFile);
+  const absl::StatusOr<Entry*> about = listing.Add("policy.json", EntryType::kFile);
+  absl::Status status = listing.AddBytes(base, info.st_size);
+  for (const absl::Status& added : {file.status(), about.status()}) {
+    if (status.ok()) status = added;
+  }
+  if (!status.ok()) return status;
+  (*file)->size = info.st_size;
+  (*file)->executable = true;
+  (*about)->size = static_cast<int64_t>(manifest.size());
+  absl::StatusOr<TarWriter> tar = TarWriter::Create(archive);
+  if (!tar.ok()) return tar.status();
+  for (const auto& [path, entry] : listing.entries()) {
+    status = tar->Begin(path, entry);
+    if (!status.ok()) return status;
+    status = path == base ? CopyFile(fd.get(), path, entry.size, *tar)
+                          : tar->Write(manifest.data(), manifest.size());
+    if (!status.ok()) return status;
+  }
+  return tar->Close();
+}
+
+// An archive is unpacked and packed again: it meets every rule here, before it
+// is sent, and what is sent is canonical.
+absl::Status Repack(const std::string& source, const std::string& archive,
+                    const ArtefactLimits& limits) {
+  const std::string folder = archive + ".unpacked";
+  const absl::StatusOr<Artefact> artefact = UnpackArtefact(source, folder, limits);
+  if (!artefact.ok()) return artefact.status();
+  const absl::Status packed = PackFolder(folder, archive, limits);
+  std::error_code ignored;
+  std::filesystem::remove_all(folder, ignored);
+  return packed;
+}
+
+bool HasArchiveName(const std::string& path) {
+  for (const std::string_view ending : {".tar", ".tar.gz", ".tgz", ".tar.zst", ".zip"}) {
+    if (path.ends_with(ending)) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+absl::Status PackArtefact(const std::string& path, const std::string& archive,
+                          const ArtefactLimits& limits) {
+  const Utf8Names utf8_names;
+  struct stat info = {};
+  if (::stat(path.c_str(), &info) != 0) {
+    return absl::NotFoundError(absl::StrCat("can't be opened: ", std::strerror(errno)));
+  }
+  if (S_ISDIR(info.st_mode)) return PackFolder(path, archive, limits);
+  if (!S_ISREG(info.st_mode)) {
+    return absl::InvalidArgumentError("is neither a file nor a folder");
+  }
+  if (HasArchiveName(path)) return Repack(path, archive, limits);
+  if ((info.st_mode & 0111) == 0) {
+    return absl::InvalidArgumentError(
+        "is not executable; set its bit with chmod +x, or give a folder with a policy.json or an "
+        "archive of one (.tar, .tar.gz, .tar.zst, .zip)");
+  }
+  if (info.st_size == 0) return absl::InvalidArgumentError("is an empty file, not a program");
+  return PackProgram(path, archive, limits);
+}
+
+}  // namespace myograde::server
