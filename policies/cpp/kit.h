@@ -1,0 +1,65 @@
+// The C++ kit: a policy is a class with Reset and Act, and a main that hands
+// it to RunPolicy. The kit speaks the protocol (protocol/README.md): it says
+// hello until it is welcomed, answers what is asked, and gives the same answer
+// again when the same step is asked again.
+//
+//   class Still : public myograde::Policy {
+//     void Act(std::span<const double>, std::span<double> action) override {
+//       std::ranges::fill(action, -1.0);
+//     }
+//   };
+//   int main() {
+//     Still policy;
+//     return myograde::RunPolicy(policy);
+//   }
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "myograde/leg_parameter_set_t.hpp"
+#include "myograde/welcome_t.hpp"
+
+namespace myograde {
+
+// One episode as the policy may know it.
+struct EpisodeInfo {
+  int64_t episode = 0;       // place in this process's run, from 0
+  uint64_t policy_seed = 0;  // for the policy's own random numbers
+};
+
+class Policy {
+ public:
+  virtual ~Policy() = default;
+
+  // For logs; at most 64 bytes.
+  virtual std::string Name() const { return "policy"; }
+
+  // True: actions are direct (muscles in [0, 1], prosthesis targets in rad);
+  // false: every entry is normalized to [-1, 1].
+  virtual bool Direct() const { return false; }
+
+  // Locomotion: parameter sets of the leg to use instead of the defaults, sent
+  // with the hello. Each index 0 to 4 at most once.
+  virtual std::vector<leg_parameter_set_t> LegSets() const { return {}; }
+
+  // Called once, with the track, the layout of the vectors and their bounds.
+  virtual void Start(const welcome_t& /*welcome*/) {}
+
+  // Called at the beginning of each episode.
+  virtual void Reset(const EpisodeInfo& /*episode*/) {}
+
+  // Fills `action` (welcome.action_size entries, all 0 before the call) for
+  // `observation` (welcome.observation_size entries). All entries must be
+  // finite: anything else ends the episode as the policy's fault.
+  virtual void Act(std::span<const double> observation, std::span<double> action) = 0;
+};
+
+// Plays until the grader ends the process. The bus is the environment variable
+// MYOGRADE_LCM_URL. Returns an exit status: 1 if there is no bus or no grader
+// on it for a minute, or if the grader refused the policy; stderr says why.
+int RunPolicy(Policy& policy);
+
+}  // namespace myograde

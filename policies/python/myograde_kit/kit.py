@@ -1,0 +1,145 @@
+"""The policy's side of the protocol: see protocol/README.md."""
+
+import dataclasses
+import math
+import os
+import sys
+import time
+
+import lcm
+
+from myograde.action_t import action_t
+from myograde.episode_ready_t import episode_ready_t
+from myograde.episode_start_t import episode_start_t
+from myograde.hello_t import hello_t
+from myograde.observation_t import observation_t
+from myograde.welcome_t import welcome_t
+
+PROTOCOL_VERSION = 1
+HELLO_PERIOD_MS = 100
+WELCOME_DEADLINE_S = 60.0
+# The grader asks every 250 ms at the latest while it waits for this policy,
+# and resets and steps in far less than this.
+SILENCE_DEADLINE_S = 600.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Episode:
+    """One episode as the policy may know it."""
+
+    episode: int  # place in this process's run, from 0
+    policy_seed: int  # for the policy's own random numbers
+
+
+class Policy:
+    """What a participant writes. `welcome` is there before the first reset."""
+
+    name = "policy"  # for logs; at most 64 bytes
+    direct = False  # True: muscles in [0, 1], prosthesis targets in rad
+    welcome = None  # the grader's welcome_t: track, layout, bounds, budgets
+
+    def leg_sets(self):
+        """Locomotion: leg_parameter_set_t values to use instead of the defaults."""
+        return []
+
+    def start(self):
+        """Called once, when self.welcome is there."""
+
+    def reset(self, episode):
+        """Called with an Episode at the beginning of each episode."""
+
+    def act(self, observation):
+        """Takes welcome.observation_size floats, returns welcome.action_size finite floats."""
+        raise NotImplementedError("a policy needs act(self, observation)")
+
+
+class _Conversation:
+    def __init__(self, bus, policy):
+        self.bus = bus
+        self.policy = policy
+        self.heard = time.monotonic()
+        self.ready = episode_ready_t()
+        self.ready.episode = -1
+        self.answered_step = -1
+        self.answer = b""  # the last answer, for a step that is asked again
+        for channel, handler in (
+            ("MYOGRADE_WELCOME", self.on_welcome),
+            ("MYOGRADE_EPISODE_START", self.on_episode_start),
+            ("MYOGRADE_OBSERVATION", self.on_observation),
+        ):
+            bus.subscribe(channel, handler)
+
+    def greet(self):
+        hello = hello_t()
+        hello.protocol_version = PROTOCOL_VERSION
+        hello.name = self.policy.name
+        hello.direct = int(self.policy.direct)
+        hello.leg_sets = list(self.policy.leg_sets())
+        hello.num_leg_sets = len(hello.leg_sets)
+        encoded = hello.encode()
+        deadline = time.monotonic() + WELCOME_DEADLINE_S
+        while self.policy.welcome is None:
+            if time.monotonic() > deadline:
+                sys.exit("error: no grader answered on the bus for 60 s; check MYOGRADE_LCM_URL")
+            self.bus.publish("MYOGRADE_HELLO", encoded)
+            self.bus.handle_timeout(HELLO_PERIOD_MS)
+        if not self.policy.welcome.accepted:
+            sys.exit(f"error: the grader refused this policy: {self.policy.welcome.reason}")
+        self.policy.start()
+
+    def play(self):
+        self.heard = time.monotonic()
+        while time.monotonic() - self.heard < SILENCE_DEADLINE_S:
+            self.bus.handle_timeout(1000)
+        sys.exit("error: nothing was heard from the grader for 600 s")
+
+    def on_welcome(self, _channel, data):
+        if self.policy.welcome is None:
+            self.policy.welcome = welcome_t.decode(data)
+
+    def on_episode_start(self, _channel, data):
+        self.heard = time.monotonic()
+        start = episode_start_t.decode(data)
+        if self.policy.welcome is None or start.episode < self.ready.episode:
+            return
+        if start.episode > self.ready.episode:
+            self.policy.reset(Episode(start.episode, start.policy_seed))
+            self.ready.episode = start.episode
+            self.answered_step = -1
+        self.bus.publish("MYOGRADE_EPISODE_READY", self.ready.encode())
+
+    def on_observation(self, _channel, data):
+        self.heard = time.monotonic()
+        observation = observation_t.decode(data)
+        if observation.episode != self.ready.episode or observation.step < self.answered_step:
+            return
+        if observation.step > self.answered_step:
+            self.answer = self.encode_answer(observation)
+            self.answered_step = observation.step
+        self.bus.publish("MYOGRADE_ACTION", self.answer)
+
+    def encode_answer(self, observation):
+        values = [float(value) for value in self.policy.act(observation.values)]
+        wanted = self.policy.welcome.action_size
+        if len(values) != wanted:
+            sys.exit(f"error: act returned {len(values)} numbers, must return {wanted}")
+        if not all(map(math.isfinite, values)):
+            sys.exit(f"error: act returned a number that is not finite at step {observation.step}")
+        action = action_t()
+        action.episode = observation.episode
+        action.step = observation.step
+        action.size = wanted
+        action.values = values
+        return action.encode()
+
+
+def run(policy):
+    """Plays `policy` until the grader ends the process; exits with 1 and a sentence on trouble."""
+    url = os.environ.get("MYOGRADE_LCM_URL", "")
+    try:
+        bus = lcm.LCM(url)
+    except RuntimeError as error:
+        sys.exit(f'error: no LCM bus at "{url}" ({error}); set MYOGRADE_LCM_URL')
+    conversation = _Conversation(bus, policy)
+    conversation.greet()
+    conversation.play()
