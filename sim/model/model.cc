@@ -1,0 +1,149 @@
+#include "sim/model/model.h"
+
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <mutex>
+#include <system_error>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/sha256.h"
+#include "sim/model/compile.h"
+#include "sim/model/file.h"
+
+namespace myograde::sim {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kDigestDigits = 64;
+
+// The gain of a muscle, from its normalised length. MuJoCo 2.2.2 carries the
+// curve on below its lower end, where it turns positive and the muscle pushes;
+// later versions, and muscles, give nothing there.
+mjtNum MuscleGain(const mjModel* model, const mjData* data, int id) {
+  enum { kRangeLow, kRangeHigh, kForce, kScale, kLengthMin };
+  const mjtNum* parameters = model->actuator_gainprm + mjNGAIN * id;
+  const mjtNum* length_range = model->actuator_lengthrange + 2 * id;
+  const mjtNum length = data->actuator_length[id];
+  const mjtNum rest = (length_range[1] - length_range[0]) /
+                      (parameters[kRangeHigh] - parameters[kRangeLow]);
+  const mjtNum normalised = parameters[kRangeLow] + (length - length_range[0]) / rest;
+  if (normalised < parameters[kLengthMin]) return 0;
+  return mju_muscleGain(length, data->actuator_velocity[id], length_range,
+                        model->actuator_acc0[id], parameters);
+}
+
+// An error inside MuJoCo can't be returned from; the default would write a log
+// file into the working folder and exit.
+void OnMujocoError(const char* message) {
+  std::fprintf(stderr, "MuJoCo: %s\n", message);
+  std::fflush(stderr);
+  _exit(70);
+}
+
+// Warnings are counted in mjData::warning, where the environments look.
+void OnMujocoWarning(const char*) {}
+
+void InstallCallbacks() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    mjcb_act_gain = MuscleGain;
+    mju_user_error = OnMujocoError;
+    mju_user_warning = OnMujocoWarning;
+  });
+}
+
+std::string PackageDir(const std::string& cache_dir) {
+  return absl::StrCat(cache_dir, "/myosuite-2.8.4/myosuite");
+}
+
+fs::path CompiledPath(TrackKind kind, const std::string& cache_dir) {
+  return fs::path(cache_dir) / "models" /
+         absl::StrCat(TrackKindName(kind), "-", ModelKey(kind).substr(0, 16), ".mjb");
+}
+
+// A compiled model's file: the SHA-256 of the rest in hexadecimal digits, a
+// newline, and MuJoCo's binary model.
+std::string Seal(const mjModel* model) {
+  std::string body(static_cast<size_t>(mj_sizeModel(model)), '\0');
+  mj_saveModel(model, nullptr, body.data(), static_cast<int>(body.size()));
+  return absl::StrCat(Sha256Hex(body), "\n", body);
+}
+
+absl::StatusOr<ModelPtr> Unseal(std::string_view sealed, const fs::path& path) {
+  if (sealed.size() <= kDigestDigits + 1 ||
+      sealed.substr(0, kDigestDigits) != Sha256Hex(sealed.substr(kDigestDigits + 1))) {
+    return absl::DataLossError(absl::StrCat("compiled model ", path.string(),
+                                            " is damaged (its SHA-256 does not fit): delete it "
+                                            "and run ./dev setup"));
+  }
+  const std::string_view body = sealed.substr(kDigestDigits + 1);
+  auto files = std::make_unique<mjVFS>();
+  mj_defaultVFS(files.get());
+  ModelPtr model;
+  if (mj_makeEmptyFileVFS(files.get(), "model.mjb", static_cast<int>(body.size())) == 0) {
+    std::memcpy(files->filedata[0], body.data(), body.size());
+    model.reset(mj_loadModel("model.mjb", files.get()));
+  }
+  mj_deleteVFS(files.get());
+  if (model == nullptr) {
+    return absl::DataLossError(
+        absl::StrCat("MuJoCo can't load the compiled model ", path.string(), ": delete it"));
+  }
+  return model;
+}
+
+// Writes under another name first, so that no reader ever sees half a model.
+absl::Status Store(std::string_view sealed, const fs::path& path) {
+  std::error_code error;
+  fs::create_directories(path.parent_path(), error);
+  const std::string draft = absl::StrCat(path.string(), ".", getpid());
+  std::ofstream file(draft, std::ios::binary);
+  file.write(sealed.data(), static_cast<std::streamsize>(sealed.size()));
+  file.close();
+  if (file) fs::rename(draft, path, error);
+  if (!file || error) {
+    std::error_code ignored;
+    fs::remove(draft, ignored);
+    return absl::UnavailableError(absl::StrCat("can't write the compiled model ", path.string()));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<ModelPtr> LoadModel(TrackKind kind, const std::string& cache_dir) {
+  InstallCallbacks();
+  const std::string package = PackageDir(cache_dir);
+  const fs::path path = CompiledPath(kind, cache_dir);
+  if (auto sealed = ReadFile(path.string()); sealed.ok()) {
+    if (auto status = CheckSources(kind, package); !status.ok()) return status;
+    return Unseal(*sealed, path);
+  }
+  auto model = CompileFromSources(kind, package);
+  if (!model.ok()) return model.status();
+  // The compiled file only saves time: a cache that can't be written is fine.
+  const std::string sealed = Seal(model->get());
+  Store(sealed, path).IgnoreError();
+  // What was loaded and what was compiled must be the same thing, so both go
+  // through the same file.
+  return Unseal(sealed, path);
+}
+
+absl::Status CompileModels(const std::string& cache_dir) {
+  InstallCallbacks();
+  for (const TrackKind kind : {TrackKind::kManipulation, TrackKind::kLocomotion}) {
+    auto model = CompileFromSources(kind, PackageDir(cache_dir));
+    if (!model.ok()) return model.status();
+    auto status = Store(Seal(model->get()), CompiledPath(kind, cache_dir));
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace myograde::sim

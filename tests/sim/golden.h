@@ -1,0 +1,73 @@
+// What the golden tests of both tracks share: finding and reading the golden
+// files, and a table of the largest differences seen.
+//
+//   for (const GoldenFile& file : GoldenFiles()) {
+//     if (file.json.contains("resets")) CheckResets(file, table);
+//   }
+//   table.Print();
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+namespace myograde::sim {
+
+struct GoldenFile {
+  std::string name;  // without folder and without .json or .json.zst
+  nlohmann::json json;
+};
+
+// Every *.json and *.json.zst of the folder MYOGRADE_GOLDEN (default:
+// tests/golden of the source tree), sorted by name. Throws std::runtime_error
+// with a sentence if the folder or a file can't be read.
+std::vector<GoldenFile> GoldenFiles();
+std::vector<GoldenFile> GoldenFilesIn(const std::string& folder);
+
+// The unpacked packages: MYOGRADE_CACHE, else what the build was made with.
+std::string CacheDir();
+
+// The recorded episodes outside the project: MYOGRADE_TAPES, "" if not set.
+std::string TapesDir();
+
+std::vector<double> Doubles(const nlohmann::json& array);  // flat; booleans count as 0 and 1
+
+// Largest differences by quantity. A quantity is compared within `tolerance`;
+// each comparison that exceeds it fails the running test with its place.
+class GoldenTable {
+ public:
+  // |got - want| per entry. `where` names file and step in a failure.
+  void Compare(std::string_view quantity, std::span<const double> got,
+               std::span<const double> want, double tolerance, std::string_view where);
+  void Compare(std::string_view quantity, double got, double want, double tolerance,
+               std::string_view where);
+  // |got - want| / max(1, |want|) per entry: for quantities of any size.
+  void CompareRelative(std::string_view quantity, std::span<const double> got,
+                       std::span<const double> want, double tolerance, std::string_view where);
+  // Equality, for labels, counts and flags.
+  void CompareExact(std::string_view quantity, double got, double want, std::string_view where);
+  void CompareExact(std::string_view quantity, std::span<const double> got,
+                    std::span<const double> want, std::string_view where);
+
+  // Prints one line per quantity: how many numbers, tolerance, largest difference and where.
+  void Print(std::string_view title) const;
+  bool empty() const { return rows_.empty(); }
+
+ private:
+  struct Row {
+    std::string quantity;
+    size_t numbers = 0;
+    double tolerance = 0;
+    double largest = 0;
+    std::string where;  // of the largest difference
+  };
+  void Add(std::string_view quantity, std::span<const double> got, std::span<const double> want,
+           double tolerance, bool relative, std::string_view where);
+
+  std::vector<Row> rows_;
+};
+
+}  // namespace myograde::sim

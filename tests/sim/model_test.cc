@@ -1,0 +1,162 @@
+// The models as loaded: sizes, patches, the cache and its errors.
+#include "sim/model/model.h"
+
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/sim/golden.h"
+
+namespace myograde::sim {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+constexpr char kPackage[] = "myosuite-2.8.4/myosuite";
+
+// A cache folder of its own, with copies that a test may spoil.
+class CacheCopy : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "myograde-model-test-XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    dir_ = name;
+  }
+  void TearDown() override { fs::remove_all(dir_); }
+
+  void CopyPackage() {
+    fs::create_directories(dir_ / kPackage);
+    fs::copy(fs::path(CacheDir()) / kPackage / "simhive", dir_ / kPackage / "simhive",
+             fs::copy_options::recursive);
+    fs::copy(fs::path(CacheDir()) / kPackage / "envs/myo/assets",
+             dir_ / kPackage / "envs/myo/assets", fs::copy_options::recursive);
+  }
+
+  void Append(const fs::path& path) {
+    fs::permissions(path, fs::perms::owner_write, fs::perm_options::add);
+    std::ofstream(path, std::ios::app) << " ";
+  }
+
+  absl::StatusOr<ModelPtr> Load(TrackKind kind) { return LoadModel(kind, dir_.string()); }
+
+  fs::path dir_;
+};
+
+TEST(Model, ManipulationHasTheDocumentedSizes) {
+  const auto loaded = LoadModel(TrackKind::kManipulation, CacheDir());
+  ASSERT_TRUE(loaded.ok()) << loaded.status();
+  const mjModel& m = **loaded;
+  EXPECT_EQ(m.nq, 71);
+  EXPECT_EQ(m.nv, 70);
+  EXPECT_EQ(m.nu, 80);
+  EXPECT_EQ(m.na, 63);
+  EXPECT_EQ(m.nbody, 73);
+  EXPECT_EQ(m.ngeom, 196);
+  EXPECT_EQ(m.nsite, 532);
+  EXPECT_EQ(m.ntendon, 75);
+  EXPECT_EQ(m.nwrap, 480);
+  EXPECT_EQ(m.neq, 20);
+  EXPECT_EQ(m.nM, 809);
+  EXPECT_EQ(m.nkey, 4);
+  EXPECT_EQ(m.opt.timestep, 0.002);
+  EXPECT_EQ(m.opt.enableflags, 32);
+  EXPECT_EQ(m.ntexdata, 0) << "textures only cost memory here";
+  EXPECT_STREQ(mj_id2name(&m, mjOBJ_ACTUATOR, 0), "prosthesis/Lshoulder_fe");
+  EXPECT_STREQ(mj_id2name(&m, mjOBJ_ACTUATOR, 17), "DELT1");
+  EXPECT_EQ(m.body_mass[70], 0.27006089218076124);
+}
+
+TEST(Model, LocomotionHasTheDocumentedSizes) {
+  const auto loaded = LoadModel(TrackKind::kLocomotion, CacheDir());
+  ASSERT_TRUE(loaded.ok()) << loaded.status();
+  const mjModel& m = **loaded;
+  EXPECT_EQ(m.nq, 30);
+  EXPECT_EQ(m.nv, 29);
+  EXPECT_EQ(m.nu, 56);
+  EXPECT_EQ(m.na, 54);
+  EXPECT_EQ(m.nbody, 19);
+  EXPECT_EQ(m.ngeom, 82);
+  EXPECT_EQ(m.nsite, 290);
+  EXPECT_EQ(m.nhfielddata, 12000);
+  EXPECT_EQ(m.opt.timestep, 0.001);
+  EXPECT_STREQ(mj_id2name(&m, mjOBJ_ACTUATOR, 0), "osl_knee_torque_actuator");
+  EXPECT_STREQ(mj_id2name(&m, mjOBJ_ACTUATOR, 2), "addbrev_r");
+  double mass = 0;
+  for (int i = 0; i < m.nbody; ++i) mass += m.body_mass[i];
+  EXPECT_NEAR(mass, 78.66887849930261, 1e-12);
+}
+
+TEST(Model, AMuscleBelowItsShortestLengthDoesNotPush) {
+  const auto loaded = LoadModel(TrackKind::kManipulation, CacheDir());
+  ASSERT_TRUE(loaded.ok()) << loaded.status();
+  mjModel* m = loaded->get();
+  DataPtr d(mj_makeData(m));
+  mj_resetDataKeyframe(m, d.get(), 2);
+  for (int i = 0; i < m->na; ++i) d->act[i] = 1;
+  mj_forward(m, d.get());
+  const int lat1 = mj_name2id(m, mjOBJ_ACTUATOR, "LAT1");
+  ASSERT_GE(lat1, 0);
+  // Active force apart from the passive bias: none below the curve's end.
+  EXPECT_EQ(d->actuator_force[lat1],
+            mju_muscleBias(d->actuator_length[lat1], m->actuator_lengthrange + 2 * lat1,
+                           m->actuator_acc0[lat1], m->actuator_biasprm + mjNBIAS * lat1));
+  const int biceps = mj_name2id(m, mjOBJ_ACTUATOR, "BIClong");
+  EXPECT_LT(d->actuator_force[biceps], -10) << "other muscles pull";
+}
+
+TEST_F(CacheCopy, CompilesOnceAndLoadsTheSameModel) {
+  CopyPackage();
+  const auto compiled = Load(TrackKind::kLocomotion);
+  ASSERT_TRUE(compiled.ok()) << compiled.status();
+  const auto models = fs::directory_iterator(dir_ / "models");
+  const fs::path file = models->path();
+  const auto written = fs::last_write_time(file);
+  const auto loaded = Load(TrackKind::kLocomotion);
+  ASSERT_TRUE(loaded.ok()) << loaded.status();
+  EXPECT_EQ(fs::last_write_time(file), written);
+  std::string one(static_cast<size_t>(mj_sizeModel(compiled->get())), '\0');
+  std::string two(static_cast<size_t>(mj_sizeModel(loaded->get())), '\0');
+  mj_saveModel(compiled->get(), nullptr, one.data(), static_cast<int>(one.size()));
+  mj_saveModel(loaded->get(), nullptr, two.data(), static_cast<int>(two.size()));
+  EXPECT_TRUE(one == two);
+}
+
+TEST_F(CacheCopy, NamesAMissingFile) {
+  const auto loaded = Load(TrackKind::kManipulation);
+  EXPECT_EQ(loaded.status().code(), absl::StatusCode::kNotFound);
+  EXPECT_THAT(std::string(loaded.status().message()), HasSubstr("is missing"));
+  EXPECT_THAT(std::string(loaded.status().message()), HasSubstr("./dev setup"));
+}
+
+TEST_F(CacheCopy, NamesAnAlteredFileEvenWhenACompiledModelIsThere) {
+  CopyPackage();
+  ASSERT_TRUE(Load(TrackKind::kLocomotion).ok());
+  const fs::path mesh = dir_ / kPackage / "simhive/myo_sim/meshes/toes_l.stl";
+  const fs::path any = fs::exists(mesh) ? mesh : dir_ / kPackage / "envs/myo/assets/leg/myoosl_runtrack.xml";
+  Append(any);
+  const auto loaded = Load(TrackKind::kLocomotion);
+  EXPECT_EQ(loaded.status().code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(std::string(loaded.status().message()), HasSubstr(any.filename().string()));
+  EXPECT_THAT(std::string(loaded.status().message()), HasSubstr("was altered"));
+}
+
+TEST_F(CacheCopy, NamesADamagedCompiledModel) {
+  CopyPackage();
+  ASSERT_TRUE(Load(TrackKind::kLocomotion).ok());
+  const fs::path file = fs::directory_iterator(dir_ / "models")->path();
+  Append(file);
+  const auto loaded = Load(TrackKind::kLocomotion);
+  EXPECT_EQ(loaded.status().code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(std::string(loaded.status().message()), HasSubstr(file.filename().string()));
+  fs::resize_file(file, 10);
+  EXPECT_EQ(Load(TrackKind::kLocomotion).status().code(), absl::StatusCode::kDataLoss);
+}
+
+}  // namespace
+}  // namespace myograde::sim
