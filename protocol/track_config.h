@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <absl/status/statusor.h>
@@ -66,6 +67,24 @@ absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
 absl::StatusOr<TrackConfig> LoadTrackConfig(const std::string& tracks_dir,
                                             const std::string& track,
                                             const std::string& profile);
+
+// The seeds of a config or of a participant's seed file: {"first": N, "count": K} or a list of
+// whole numbers from 0 to 2^63 - 1 without repetition; 1 to kMaxEpisodes of them.
+inline constexpr int64_t kMaxEpisodes = 10000;
+absl::StatusOr<std::vector<uint64_t>> ParseSeeds(const nlohmann::json& json,
+                                                 const std::string& where);
+
+// The same config over other seeds (a practice run): effective config and hash follow.
+// Errors as ParseSeeds.
+absl::StatusOr<TrackConfig> WithSeeds(const TrackConfig& config,
+                                      const std::vector<uint64_t>& seeds);
+
+// The rules profiles that `track` has, sorted; errors as LoadTrackConfig.
+absl::StatusOr<std::vector<std::string>> ListProfiles(const std::string& tracks_dir,
+                                                      const std::string& track);
+
+// Names of configs and profiles: 1 to 64 of a-z, 0-9 and "-", so that they are safe in paths.
+bool IsTrackName(std::string_view name);
 
 // The names of the configs in a folder, sorted.
 absl::StatusOr<std::vector<std::string>> ListTracks(const std::string& tracks_dir);

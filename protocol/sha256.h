@@ -1,0 +1,49 @@
+// SHA-256 digests: of bytes at hand, of a file, and of data that comes in pieces.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include <absl/status/statusor.h>
+
+namespace myograde {
+
+using Sha256Digest = std::array<uint8_t, 32>;
+
+// Takes data piece by piece. Movable; usable from one thread at a time.
+class Sha256 {
+ public:
+  Sha256();
+  Sha256(Sha256&&) noexcept;
+  Sha256& operator=(Sha256&&) noexcept;
+  ~Sha256();
+
+  void Update(std::span<const std::byte> data);
+  void Update(std::string_view data);
+
+  // The digest of everything since construction or the last Finish; starts afresh.
+  Sha256Digest Finish();
+  // The same as 64 lower-case hexadecimal digits.
+  std::string FinishHex();
+
+ private:
+  struct Context;
+  std::unique_ptr<Context> context_;
+};
+
+// 64 lower-case hexadecimal digits.
+std::string HexOf(std::span<const uint8_t> bytes);
+
+Sha256Digest Sha256Of(std::string_view data);
+std::string Sha256Hex(std::string_view data);
+
+// The digest of a regular file's content as hexadecimal digits. NotFoundError if it can't be
+// opened, InvalidArgumentError if it is not a regular file, UnavailableError if reading fails.
+absl::StatusOr<std::string> Sha256File(const std::string& path);
+
+}  // namespace myograde
