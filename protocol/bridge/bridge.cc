@@ -1,0 +1,264 @@
+#include "protocol/bridge/bridge.h"
+
+#include <poll.h>
+#include <sys/signalfd.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstddef>
+#include <cstring>
+#include <memory>
+#include <optional>
+
+#include <absl/strings/str_cat.h>
+#include <absl/time/time.h>
+
+#include "protocol/base/clock.h"
+#include "protocol/bridge/bus.h"
+#include "protocol/bridge/child.h"
+#include "protocol/channels.h"
+
+namespace myograde::bridge {
+namespace {
+
+constexpr absl::Duration kFirstResend = absl::Milliseconds(50);
+constexpr absl::Duration kLongestResend = absl::Milliseconds(250);
+// Datagrams looked at before the simulator is heard again, so that a flood on
+// the bus can't keep it waiting.
+constexpr int kDatagramsPerTurn = 64;
+// After the policy's exit: what it had sent before is still judged first.
+constexpr int kDatagramsAfterExit = 4096;
+
+std::string_view ChannelName(Channel channel) {
+  switch (channel) {
+    case Channel::kWelcome:
+      return kWelcomeChannel;
+    case Channel::kEpisodeStart:
+      return kStartChannel;
+    case Channel::kObservation:
+      return kObservationChannel;
+    case Channel::kEpisodeEnd:
+      return kEndChannel;
+  }
+  return {};
+}
+
+class Bridge {
+ public:
+  Bridge(Fd simulator, Bus bus, Fd children, InboxLimits limits)
+      : simulator_(std::move(simulator)),
+        bus_(std::move(bus)),
+        children_(std::move(children)),
+        inbox_(limits) {}
+
+  absl::Status Run(Child policy);
+
+ private:
+  absl::Status Turn();
+  int PollTimeout() const;
+  absl::Status HearSimulator();
+  absl::Status HearBus(int most);
+  absl::Status ReapChildren();
+  absl::Status HearStart();
+  absl::Status Tell(std::span<const std::byte> frame);
+  absl::Status TellFault(const FaultFrame& frame);
+  void Publish();
+  void SayAgainIfDue();
+  std::span<const std::byte> payload() const {
+    return {outbound_.payload, outbound_.payload_size};
+  }
+
+  Fd simulator_;
+  Bus bus_;
+  Fd children_;
+  Child policy_;
+  Inbox inbox_;
+  bool done_ = false;     // the simulator hung up
+  bool faulted_ = false;  // the simulator was told; only its hanging up is waited for
+  PublishFrame outbound_;
+  std::vector<std::byte> welcome_;  // for a policy that missed it; set once
+  absl::Duration resend_wait_ = kFirstResend;
+  absl::Duration resend_at_;
+};
+
+absl::Status Bridge::Run(Child policy) {
+  policy_ = std::move(policy);
+  while (!done_) {
+    if (absl::Status status = Turn(); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+int Bridge::PollTimeout() const {
+  if (!inbox_.waiting() || outbound_.header.size == 0) return -1;  // the simulator's EOF wakes us
+  const absl::Duration left = resend_at_ - SystemClock().Monotonic();
+  return static_cast<int>(absl::ToInt64Milliseconds(std::max(left, absl::ZeroDuration()))) + 1;
+}
+
+absl::Status Bridge::Turn() {
+  // A negative descriptor is left out of the poll.
+  std::array<pollfd, 4> entries = {{{simulator_.get(), POLLIN, 0},
+                                    {faulted_ ? -1 : bus_.fd(), POLLIN, 0},
+                                    {children_.get(), POLLIN, 0},
+                                    {policy_.start_error.get(), POLLIN, 0}}};
+  if (poll(entries.data(), entries.size(), PollTimeout()) < 0 && errno != EINTR) {
+    return absl::InternalError(absl::StrCat("poll: ", strerror(errno)));
+  }
+  absl::Status status;
+  if (entries[0].revents != 0) status.Update(HearSimulator());
+  if (entries[1].revents != 0) status.Update(HearBus(kDatagramsPerTurn));
+  if (entries[3].revents != 0) status.Update(HearStart());
+  if (entries[2].revents != 0) status.Update(ReapChildren());
+  if (!faulted_) SayAgainIfDue();
+  return status;
+}
+
+absl::Status Bridge::HearSimulator() {
+  const ssize_t size = recv(simulator_.get(), &outbound_, sizeof(outbound_), MSG_DONTWAIT);
+  if (size == 0 || (size < 0 && errno == ECONNRESET)) {
+    done_ = true;
+    return absl::OkStatus();
+  }
+  if (size < 0) {
+    if (errno == EAGAIN || errno == EINTR) return absl::OkStatus();
+    return absl::InternalError(absl::StrCat("reading the simulator's socket: ", strerror(errno)));
+  }
+  constexpr size_t kHead = offsetof(PublishFrame, payload);
+  const auto bytes = static_cast<size_t>(size);
+  if (bytes < kHead || outbound_.header.magic != kFrameMagic ||
+      outbound_.header.version != kFrameVersion ||
+      outbound_.header.type != FrameType::kPublish || outbound_.header.size != bytes ||
+      outbound_.payload_size != bytes - kHead || ChannelName(outbound_.channel).empty()) {
+    return absl::InternalError("the simulator sent a broken frame");
+  }
+  if (faulted_) return absl::OkStatus();
+  inbox_.Ask(outbound_);
+  Publish();
+  if (outbound_.channel == Channel::kWelcome) {
+    welcome_.assign(payload().begin(), payload().end());
+  }
+  return absl::OkStatus();
+}
+
+void Bridge::Publish() {
+  bus_.Send(ChannelName(outbound_.channel), payload());
+  resend_wait_ = kFirstResend;
+  resend_at_ = SystemClock().Monotonic() + resend_wait_;
+}
+
+void Bridge::SayAgainIfDue() {
+  if (!inbox_.waiting() || outbound_.header.size == 0) return;
+  const absl::Duration now = SystemClock().Monotonic();
+  if (now < resend_at_) return;
+  bus_.Send(ChannelName(outbound_.channel), payload());
+  inbox_.AskedAgain();
+  resend_wait_ = std::min(2 * resend_wait_, kLongestResend);
+  resend_at_ = now + resend_wait_;
+}
+
+absl::Status Bridge::HearBus(int most) {
+  for (int i = 0; i < most && !faulted_; ++i) {
+    const std::span<const std::byte> datagram = bus_.Receive();
+    if (datagram.empty()) break;
+    switch (inbox_.Take(datagram)) {
+      case Verdict::kDropped:
+        break;
+      case Verdict::kSayAgain:
+        if (!welcome_.empty()) bus_.Send(kWelcomeChannel, welcome_);
+        break;
+      case Verdict::kFault:
+        faulted_ = true;
+        return Tell(inbox_.frame());
+      case Verdict::kFrame:
+        if (absl::Status status = Tell(inbox_.frame()); !status.ok()) return status;
+        break;
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Bridge::HearStart() {
+  int error = 0;
+  const ssize_t size = read(policy_.start_error.get(), &error, sizeof(error));
+  policy_.start_error.reset();
+  if (size != static_cast<ssize_t>(sizeof(error))) return absl::OkStatus();
+  return TellFault(MakeFault(BridgeFault::kStartFailed, error,
+                             absl::StrCat("the policy's command could not be started: ",
+                                          strerror(error))));
+}
+
+absl::Status Bridge::ReapChildren() {
+  signalfd_siginfo information;
+  [[maybe_unused]] const ssize_t drained =
+      read(children_.get(), &information, sizeof(information));
+  int wait_status = 0;
+  bool exited = false;
+  int policy_status = 0;
+  // As process 1 the bridge also inherits whatever the policy left behind.
+  for (pid_t pid; (pid = waitpid(-1, &wait_status, WNOHANG)) > 0;) {
+    if (pid != policy_.pid) continue;
+    exited = true;
+    policy_status = wait_status;
+  }
+  if (!exited || faulted_) return absl::OkStatus();
+  if (policy_.start_error.valid()) {
+    if (absl::Status status = HearStart(); !status.ok() || faulted_) return status;
+  }
+  if (absl::Status status = HearBus(kDatagramsAfterExit); !status.ok() || faulted_) {
+    return status;
+  }
+  const std::string how = WIFSIGNALED(policy_status)
+                              ? absl::StrCat("was ended by signal ", WTERMSIG(policy_status))
+                              : absl::StrCat("exited with status ", WEXITSTATUS(policy_status));
+  return TellFault(MakeFault(BridgeFault::kPolicyExit, policy_status,
+                             absl::StrCat("the policy's process ", how)));
+}
+
+absl::Status Bridge::TellFault(const FaultFrame& frame) {
+  if (faulted_) return absl::OkStatus();
+  faulted_ = true;
+  return Tell(std::as_bytes(std::span<const FaultFrame, 1>(&frame, 1)));
+}
+
+absl::Status Bridge::Tell(std::span<const std::byte> frame) {
+  const ssize_t sent =
+      send(simulator_.get(), frame.data(), frame.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+  if (sent == static_cast<ssize_t>(frame.size())) return absl::OkStatus();
+  if (errno == EPIPE || errno == ECONNRESET) {
+    done_ = true;
+    return absl::OkStatus();
+  }
+  return absl::UnavailableError(absl::StrCat("telling the simulator failed: ", strerror(errno)));
+}
+
+absl::StatusOr<Fd> WatchChildren() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGCHLD);
+  if (sigprocmask(SIG_BLOCK, &signals, nullptr) != 0) {
+    return absl::InternalError(absl::StrCat("sigprocmask: ", strerror(errno)));
+  }
+  Fd fd(signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK));
+  if (!fd.valid()) return absl::InternalError(absl::StrCat("signalfd: ", strerror(errno)));
+  return fd;
+}
+
+}  // namespace
+
+absl::Status RunBridge(Fd simulator, InboxLimits limits, const std::vector<std::string>& command) {
+  absl::StatusOr<Bus> bus = Bus::Open();
+  if (!bus.ok()) return bus.status();
+  absl::StatusOr<Fd> children = WatchChildren();
+  if (!children.ok()) return children.status();
+  absl::StatusOr<Child> policy = StartPolicy(command);
+  if (!policy.ok()) return policy.status();
+  // On the heap: its buffers are larger than a careful stack wants.
+  auto bridge = std::make_unique<Bridge>(std::move(simulator), *std::move(bus),
+                                         *std::move(children), limits);
+  return bridge->Run(*std::move(policy));
+}
+
+}  // namespace myograde::bridge

@@ -1,0 +1,84 @@
+#include "protocol/bridge/child.h"
+
+#include <fcntl.h>
+#include <linux/close_range.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/channels.h"
+
+namespace myograde::bridge {
+namespace {
+
+std::vector<std::string> PolicyEnvironment() {
+  const char* path = std::getenv("PATH");
+  std::vector<std::string> environment = {
+      absl::StrCat(kBusUrlVariable, "=", kBusUrl),
+      absl::StrCat("MYOGRADE_PROTOCOL=", kProtocolVersion),
+      "HOME=/tmp",
+      "LANG=C.UTF-8",
+      absl::StrCat("PATH=", path != nullptr ? path : "/usr/local/bin:/usr/bin:/bin"),
+  };
+  if (const char* python_path = std::getenv("PYTHONPATH"); python_path != nullptr) {
+    environment.push_back(absl::StrCat("PYTHONPATH=", python_path));
+  }
+  return environment;
+}
+
+std::vector<char*> Pointers(std::vector<std::string>& strings) {
+  std::vector<char*> pointers;
+  for (std::string& text : strings) pointers.push_back(text.data());
+  pointers.push_back(nullptr);
+  return pointers;
+}
+
+// Between fork and exec: only calls that are safe there.
+[[noreturn]] void BecomePolicy(char* const* arguments, char* const* environment, int errors) {
+  setsid();
+  sigset_t none;
+  sigemptyset(&none);
+  sigprocmask(SIG_SETMASK, &none, nullptr);
+  struct sigaction standard = {};
+  standard.sa_handler = SIG_DFL;
+  sigaction(SIGPIPE, &standard, nullptr);
+  const int nothing = open("/dev/null", O_RDONLY | O_CLOEXEC);
+  if (nothing >= 0 && dup2(nothing, STDIN_FILENO) == STDIN_FILENO) {
+    // Every descriptor of the bridge closes itself on exec; this is for those
+    // that it may have inherited without knowing.
+    if (close_range(STDERR_FILENO + 1, ~0u, CLOSE_RANGE_CLOEXEC) == 0) {
+      execvpe(arguments[0], arguments, environment);
+    }
+  }
+  const int error = errno;
+  [[maybe_unused]] const ssize_t written = write(errors, &error, sizeof(error));
+  _exit(127);
+}
+
+}  // namespace
+
+absl::StatusOr<Child> StartPolicy(const std::vector<std::string>& command) {
+  std::array<int, 2> ends;
+  if (pipe2(ends.data(), O_CLOEXEC | O_NONBLOCK) != 0) {
+    return absl::UnavailableError(absl::StrCat("pipe: ", strerror(errno)));
+  }
+  Child child;
+  child.start_error = Fd(ends[0]);
+  const Fd write_end(ends[1]);
+  std::vector<std::string> words = command;
+  std::vector<std::string> environment = PolicyEnvironment();
+  const std::vector<char*> arguments = Pointers(words);
+  const std::vector<char*> variables = Pointers(environment);
+  child.pid = fork();
+  if (child.pid < 0) return absl::UnavailableError(absl::StrCat("fork: ", strerror(errno)));
+  if (child.pid == 0) BecomePolicy(arguments.data(), variables.data(), write_end.get());
+  return child;
+}
+
+}  // namespace myograde::bridge

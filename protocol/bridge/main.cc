@@ -1,0 +1,93 @@
+// myograde-bridge: process 1 of a participant's sandbox. See bridge.h.
+//
+//   myograde-bridge --stray N --wrong N -- COMMAND ARGUMENTS...
+//
+// Exit status: 0 the simulator hung up, 2 wrong use, 70 the sandbox can't be
+// used (no bus, no process).
+#include <fcntl.h>
+#include <sys/prctl.h>
+
+#include <cerrno>
+#include <charconv>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/fd.h"
+#include "protocol/bridge/bridge.h"
+#include "protocol/sim_channel.h"
+
+namespace myograde::bridge {
+namespace {
+
+constexpr int kWrongUse = 2;
+constexpr int kBrokenSandbox = 70;
+
+struct Arguments {
+  InboxLimits limits = {0, 0};
+  std::vector<std::string> command;
+};
+
+std::optional<int64_t> PositiveNumber(std::string_view text) {
+  int64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || value <= 0) return std::nullopt;
+  return value;
+}
+
+std::optional<Arguments> Parse(const std::vector<std::string>& words) {
+  Arguments arguments;
+  size_t i = 0;
+  for (; i < words.size() && words[i] != "--"; i += 2) {
+    const bool stray = words[i] == "--stray";
+    if ((!stray && words[i] != "--wrong") || i + 1 == words.size()) return std::nullopt;
+    const std::optional<int64_t> number = PositiveNumber(words[i + 1]);
+    if (!number.has_value()) return std::nullopt;
+    (stray ? arguments.limits.stray_messages : arguments.limits.wrong_answers) = *number;
+  }
+  if (i + 1 >= words.size() || arguments.limits.stray_messages == 0 ||
+      arguments.limits.wrong_answers == 0) {
+    return std::nullopt;
+  }
+  arguments.command.assign(words.begin() + static_cast<std::ptrdiff_t>(i) + 1, words.end());
+  return arguments;
+}
+
+int Main(int argc, char** argv) {
+  // The policy has this process' uid. Not dumpable: it can't trace it, write to
+  // its memory or take its descriptors.
+  if (prctl(PR_SET_DUMPABLE, 0) != 0) {
+    std::fprintf(stderr, "myograde-bridge: can't protect itself: %s\n", strerror(errno));
+    return kBrokenSandbox;
+  }
+  const std::optional<Arguments> arguments = Parse({argv + 1, argv + argc});
+  if (!arguments.has_value()) {
+    std::fprintf(stderr,
+                 "usage: myograde-bridge --stray N --wrong N -- COMMAND ARGUMENTS...\n"
+                 "N: a number from 1; the simulator's socket is descriptor %d\n",
+                 kBridgeSocketFd);
+    return kWrongUse;
+  }
+  Fd simulator(kBridgeSocketFd);
+  if (fcntl(simulator.get(), F_SETFD, FD_CLOEXEC) != 0) {
+    std::fprintf(stderr, "myograde-bridge: descriptor %d is not open: start it from the runner\n",
+                 kBridgeSocketFd);
+    simulator.release();
+    return kWrongUse;
+  }
+  signal(SIGPIPE, SIG_IGN);
+  const absl::Status status =
+      RunBridge(std::move(simulator), arguments->limits, arguments->command);
+  if (status.ok()) return 0;
+  std::fprintf(stderr, "myograde-bridge: %s\n", std::string(status.message()).c_str());
+  return kBrokenSandbox;
+}
+
+}  // namespace
+}  // namespace myograde::bridge
+
+int main(int argc, char** argv) { return myograde::bridge::Main(argc, argv); }
