@@ -24,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // Raise it with any change of a patch that ModelKey does not see by itself.
-constexpr int kPatchRevision = 1;
+constexpr int kPatchRevision = 2;
 
 struct Pin {
   std::string_view digest;
@@ -134,8 +134,15 @@ absl::Status PatchManipulation(std::string& main, std::string& assets) {
   return InsertBefore(main, "</mujoco>", *actuators);
 }
 
-// The leg's two motors stand behind the muscles in the same block.
-absl::Status PatchLocomotion(std::string& assets) {
+// The leg's two motors stand behind the muscles in the same block. The height
+// field gets room for the widest course; the environment sets how much of it
+// is used, and where.
+absl::Status PatchLocomotion(std::string& main, std::string& assets) {
+  auto field = Cut(main, "<hfield name=\"terrain\"", "/>");
+  if (!field.ok()) return field.status();
+  constexpr const char* kWideField =
+      "<asset><hfield name=\"terrain\" size=\"1.5 60 1 0.001\" nrow=\"600\" ncol=\"30\"/></asset>\n";
+  if (auto status = InsertBefore(main, "<worldbody>", kWideField); !status.ok()) return status;
   auto block = Cut(assets, "<actuator>", "</actuator>");
   if (!block.ok()) return block.status();
   std::string motors;
@@ -208,7 +215,7 @@ absl::Status FillScratch(TrackKind kind, const std::string& package_dir, const f
     }
   }
   const auto patched = kind == TrackKind::kManipulation ? PatchManipulation(main, assets)
-                                                        : PatchLocomotion(assets);
+                                                        : PatchLocomotion(main, assets);
   if (!patched.ok()) return patched;
   if (auto status = WriteText(scratch / source.main_file, main); !status.ok()) return status;
   return WriteText(scratch / source.actuator_file, assets);

@@ -1,0 +1,383 @@
+#include "sim/locomotion/locomotion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "sim/locomotion/height_map.h"
+
+namespace myograde::sim {
+namespace {
+
+constexpr int kSubsteps = 5;
+constexpr double kControlPeriod = 0.005;  // s
+constexpr int kKeyframes = 3;             // standing, leg behind, leg ahead
+constexpr int kKeyframeInSwing = 1;
+
+constexpr double Radians(double degrees) { return degrees * (std::numbers::pi / 180.0); }
+
+// A normalised action entry as a muscle's control.
+double MuscleSigmoid(double action) { return 1.0 / (1.0 + std::exp(-5.0 * (action - 0.5))); }
+
+// Replaces the yaw of a root quaternion, keeping its roll and pitch.
+void TurnTo(double yaw, double* q) {
+  const double w = q[0], x = q[1], y = q[2], z = q[3];
+  const double roll = std::atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y));
+  const double sine = 2 * (w * y - z * x);
+  const double pitch =
+      std::abs(sine) >= 1 ? std::copysign(std::numbers::pi / 2, sine) : std::asin(sine);
+  const double cr = std::cos(roll * 0.5), sr = std::sin(roll * 0.5);
+  const double cp = std::cos(pitch * 0.5), sp = std::sin(pitch * 0.5);
+  const double cy = std::cos(yaw * 0.5), sy = std::sin(yaw * 0.5);
+  q[0] = cr * cp * cy + sr * sp * sy;
+  q[1] = sr * cp * cy - cr * sp * sy;
+  q[2] = cr * sp * cy + sr * cp * sy;
+  q[3] = cr * cp * sy - sr * sp * cy;
+}
+
+bool Warned(const mjData& data, std::initializer_list<mjtWarning> kinds) {
+  return std::any_of(kinds.begin(), kinds.end(),
+                     [&](mjtWarning kind) { return data.warning[kind].number > 0; });
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Environment>> MakeLocomotion(const TrackConfig& config,
+                                                            const std::string& cache_dir) {
+  auto rules = ParseLocomotionRules(config.rules, absl::StrCat(config.id, ": rules"));
+  if (!rules.ok()) return rules.status();
+  auto model = LoadModel(TrackKind::kLocomotion, cache_dir);
+  if (!model.ok()) return model.status();
+  auto environment = Locomotion::Make(*rules, *std::move(model));
+  if (!environment.ok()) return environment.status();
+  return std::unique_ptr<Environment>(*std::move(environment));
+}
+
+absl::StatusOr<std::unique_ptr<Locomotion>> Locomotion::Make(const LocomotionRules& rules,
+                                                             ModelPtr model) {
+  auto indices = FindLocomotionIndices(*model);
+  if (!indices.ok()) return indices.status();
+  if (rules.field.rows * rules.field.columns > model->nhfielddata) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("rules.field: ", rules.field.rows, " rows of ", rules.field.columns,
+                     " columns are more than the model's ", model->nhfielddata, " heights"));
+  }
+  DataPtr data(mj_makeData(model.get()));
+  if (data == nullptr) return absl::ResourceExhaustedError("no memory for the leg's simulation");
+  std::unique_ptr<Locomotion> out(
+      new Locomotion(rules, std::move(model), std::move(data), *indices));
+  return out;
+}
+
+Locomotion::Locomotion(const LocomotionRules& rules, ModelPtr model, DataPtr data,
+                       const LocomotionIndices& indices)
+    : rules_(rules),
+      model_(std::move(model)),
+      data_(std::move(data)),
+      at_(indices),
+      terrain_(rules.field, rules.course, rules.end.distance_from_y_m) {
+  // The grid's size is part of the rules: the model only reserves room for it.
+  model_->hfield_nrow[at_.field] = rules_.field.rows;
+  model_->hfield_ncol[at_.field] = rules_.field.columns;
+  mjtNum* size = model_->hfield_size + 4 * at_.field;
+  size[0] = rules_.field.half_width_m;
+  size[1] = rules_.field.half_length_m;
+  size[2] = rules_.field.ceiling_m;
+  mju_copy3(model_->geom_pos + 3 * at_.field_geom,
+            std::array<mjtNum, 3>{0, 0, rules_.field.offset_m}.data());
+  state_.resize(1 + model_->nq + model_->nv + model_->na);
+  Reset(0);
+}
+
+void Locomotion::Seed(uint64_t seed) {
+  random_.emplace(seed);
+  legacy_.emplace(static_cast<uint32_t>(seed));
+}
+
+void Locomotion::Reset(uint64_t seed) {
+  Seed(seed);
+  ResetEpisode();
+}
+
+void Locomotion::LayTerrain() {
+  terrain_.Build(*random_, *legacy_);
+  // MuJoCo multiplies its samples by the ceiling. With the official ceiling of
+  // 1 m, and any power of two, this is exact.
+  const auto ceiling = static_cast<float>(rules_.field.ceiling_m);
+  float* samples = model_->hfield_data + model_->hfield_adr[at_.field];
+  for (const float height : terrain_.heights()) *samples++ = height / ceiling;
+}
+
+void Locomotion::DrawPose(std::span<double> qpos, std::span<double> qvel) {
+  const int key = static_cast<int>(random_->Integers(kKeyframes));
+  std::copy_n(model_->key_qpos + key * model_->nq, model_->nq, qpos.begin());
+  std::copy_n(model_->key_qvel + key * model_->nv, model_->nv, qvel.begin());
+  leg_.Reset();
+  leg_.set_state(key == kKeyframeInSwing ? LegState::kEarlySwing : LegState::kEarlyStance);
+  qpos[0] = random_->Uniform(rules_.start.x_low_m, rules_.start.x_high_m);
+  qpos[1] = rules_.start.y_m;
+  const double yaw = random_->Uniform(Radians(rules_.start.heading_low_deg),
+                                      Radians(rules_.start.heading_high_deg));
+  TurnTo(yaw, &qpos[3]);
+  const double speed = std::sqrt(qvel[0] * qvel[0] + qvel[1] * qvel[1]);
+  qvel[0] = std::cos(yaw) * speed;
+  qvel[1] = std::sin(yaw) * speed;
+}
+
+void Locomotion::HardReset(std::span<const double> qpos, std::span<const double> qvel) {
+  mj_resetData(model_.get(), data_.get());
+  const int flags = model_->opt.disableflags;
+  model_->opt.disableflags |= mjDSBL_ACTUATION;
+  mj_forward(model_.get(), data_.get());
+  model_->opt.disableflags = flags;
+  std::copy(qpos.begin(), qpos.end(), data_->qpos);
+  std::copy(qvel.begin(), qvel.end(), data_->qvel);
+  // Three times, as the official code: each solution is the next one's start,
+  // so that the last bits depend on it.
+  for (int i = 0; i < 3; ++i) mj_forward(model_.get(), data_.get());
+}
+
+void Locomotion::ResetEpisode() {
+  LayTerrain();
+  std::vector<double> qpos(model_->nq), qvel(model_->nv);
+  DrawPose(qpos, qvel);
+  HardReset(qpos, qvel);
+  // The lowest foot marker comes to its clearance above the ground plane; the
+  // course is level where people start.
+  double lowest = data_->site_xpos[3 * at_.foot_sites[0] + 2];
+  for (const int site : at_.foot_sites) lowest = std::min(lowest, data_->site_xpos[3 * site + 2]);
+  data_->qpos[2] += rules_.start.clearance_m - lowest;
+  mj_forward(model_.get(), data_.get());
+  // Read back: MuJoCo normalised the quaternion in place.
+  std::copy_n(data_->qpos, model_->nq, qpos.begin());
+  std::copy_n(data_->qvel, model_->nv, qvel.begin());
+  HardReset(qpos, qvel);
+  mj_forward(model_.get(), data_.get());
+
+  facts_ = EpisodeFacts{};
+  progress_ = LocomotionFacts{};
+  progress_.course = static_cast<int>(terrain_.kind());
+  progress_.start_y = rules_.end.distance_from_y_m;
+  progress_.min_y = progress_.final_y = data_->qpos[1];
+  KeepState();
+}
+
+absl::Status Locomotion::SetLegParameters(const LegParameterSets& sets) {
+  const absl::Status status = leg_.Upload(sets, rules_.leg);
+  if (status.ok()) leg_.Select(leg_.selected());
+  return status;
+}
+
+void Locomotion::SetState(const State& state) {
+  mj_resetData(model_.get(), data_.get());
+  data_->time = state.time;
+  std::copy(state.qpos.begin(), state.qpos.end(), data_->qpos);
+  std::copy(state.qvel.begin(), state.qvel.end(), data_->qvel);
+  std::copy(state.act.begin(), state.act.end(), data_->act);
+  std::copy(state.warmstart.begin(), state.warmstart.end(), data_->qacc_warmstart);
+  mj_forward(model_.get(), data_.get());
+  KeepState();
+}
+
+double Locomotion::MuscleControl(double action) {
+  const bool normalized = convention_ == ActionConvention::kNormalized;
+  if (rules_.clip_actions) {
+    const double clipped = std::clamp(action, normalized ? -1.0 : 0.0, 1.0);
+    if (clipped != action) ++facts_.clipped;
+    action = clipped;
+  }
+  return normalized ? MuscleSigmoid(action) : action;
+}
+
+void Locomotion::SelectLegSet(double action) {
+  const double last = rules_.leg.sets - 1;
+  const double clipped = std::clamp(action, 0.0, last);
+  if (clipped != action && rules_.clip_actions) ++facts_.clipped;
+  leg_.Select(static_cast<int>(std::nearbyint(clipped)));
+}
+
+LegSensors Locomotion::SenseLeg() const {
+  return {.load = -data_->sensordata[at_.leg_load + 1],
+          .knee_angle = data_->qpos[at_.knee_qpos],
+          .knee_velocity = data_->qvel[at_.knee_dof],
+          .ankle_angle = data_->qpos[at_.ankle_qpos],
+          .ankle_velocity = data_->qvel[at_.ankle_dof]};
+}
+
+void Locomotion::WriteLegControls(const LegTorques& torques) {
+  const double knee = std::clamp(torques.knee / kLegKneeGear, -kLegMotorLimit, kLegMotorLimit);
+  const double ankle = std::clamp(torques.ankle / kLegAnkleGear, -kLegMotorLimit, kLegMotorLimit);
+  // The official code scales the motors' controls to [-1, 1] when actions are
+  // normalised and never back.
+  const bool scaled = !rules_.leg.full_torque && convention_ == ActionConvention::kNormalized;
+  data_->ctrl[at_.knee_motor] = scaled ? knee / kLegMotorLimit : knee;
+  data_->ctrl[at_.ankle_motor] = scaled ? ankle / kLegMotorLimit : ankle;
+}
+
+StepResult Locomotion::Step(std::span<const double> action) {
+  SelectLegSet(action[kLegMuscles]);
+  WriteLegControls(leg_.Update(SenseLeg()));
+  for (int i = 0; i < kLegMuscles; ++i) data_->ctrl[at_.muscle[i]] = MuscleControl(action[i]);
+
+  // Positions, velocities and what follows from them are there already from
+  // the last evaluation, so the first integration only needs its second half.
+  mj_step2(model_.get(), data_.get());
+  for (int i = 1; i < kSubsteps; ++i) mj_step(model_.get(), data_.get());
+  mj_checkPos(model_.get(), data_.get());
+  mj_checkVel(model_.get(), data_.get());
+  mj_forward(model_.get(), data_.get());
+  mj_checkAcc(model_.get(), data_.get());
+  ++facts_.steps;
+  KeepState();
+
+  StepResult result;
+  result.overflow = Warned(*data_, {mjWARN_CONTACTFULL, mjWARN_CNSTRFULL});
+  result.unstable = Warned(*data_, {mjWARN_INERTIA, mjWARN_BADQPOS, mjWARN_BADQVEL,
+                                    mjWARN_BADQACC, mjWARN_BADCTRL});
+  result.ended = result.overflow || result.unstable;
+  if (result.ended) return result;  // facts().end stays kFault
+  result.ended = JudgeStep();
+  return result;
+}
+
+void Locomotion::KeepState() {
+  auto out = state_.begin();
+  *out++ = data_->time;
+  out = std::copy_n(data_->qpos, model_->nq, out);
+  out = std::copy_n(data_->qvel, model_->nv, out);
+  std::copy_n(data_->act, model_->na, out);
+}
+
+bool Locomotion::OffTrack() const {
+  return std::abs(data_->qpos[0]) > rules_.end.half_width_m ||
+         data_->qpos[1] > rules_.start.y_m + rules_.end.behind_m;
+}
+
+bool Locomotion::Fallen() const {
+  const double head = data_->site_xpos[3 * at_.head_site + 2];
+  const double feet =
+      (data_->xpos[3 * at_.talus_body + 2] + data_->xpos[3 * at_.leg_foot_body + 2]) / 2;
+  const double ground = rules_.end.head_reference == HeadReference::kGround
+                            ? terrain_.GroundAt(data_->qpos[0], data_->qpos[1])
+                            : 0;
+  return head - feet < rules_.end.head_above_feet_m || head - ground < rules_.end.head_height_m;
+}
+
+double Locomotion::Pain() const {
+  // Torque of the joint limits alone: their rows of the constraint Jacobian
+  // (dense for this model) times their forces.
+  std::array<double, kPainJoints> torque{};
+  for (int row = 0; row < data_->nefc; ++row) {
+    if (data_->efc_type[row] != mjCNSTR_LIMIT_JOINT) continue;
+    const mjtNum* jacobian = data_->efc_J + row * model_->nv;
+    for (int i = 0; i < kPainJoints; ++i) {
+      torque[i] += jacobian[at_.pain_dof[i]] * data_->efc_force[row];
+    }
+  }
+  double sum = 0;
+  for (const double value : torque) sum += std::min(std::abs(value), rules_.pain_clip_nm) / 1000;
+  return sum / kPainJoints;
+}
+
+LocomotionTerms Locomotion::terms() const {
+  LocomotionTerms out;
+  for (int i = 0; i < model_->na; ++i) out.effort += data_->act[i] * data_->act[i];
+  out.effort /= kLegMuscles;
+  out.pain = Pain();
+  out.sparse = -data_->qvel[1];
+  out.solved = data_->qpos[1] < rules_.end.finish_y_m;
+  out.lost = OffTrack() || Fallen();
+  return out;
+}
+
+int64_t Locomotion::MaxSteps() const {
+  return std::llround(rules_.end.time_limit_s / kControlPeriod);
+}
+
+bool Locomotion::JudgeStep() {
+  const LocomotionTerms now = terms();
+  const EndRules& end = rules_.end;
+  const double y = data_->qpos[1];
+  progress_.effort_sum += now.effort;
+  progress_.pain_sum += now.pain;
+  progress_.min_y = std::min(progress_.min_y, y);
+  progress_.final_y = y;
+  progress_.distance =
+      std::clamp(100 * (end.distance_from_y_m - progress_.min_y) /
+                     (end.distance_from_y_m - end.finish_y_m),
+                 0.0, 100.0);
+  progress_.solved = now.solved;
+  progress_.reported_time =
+      now.lost && end.lost_reports_time_limit ? end.time_limit_s : data_->time;
+  facts_.sim_time = data_->time;
+  if (now.solved) {
+    facts_.end = EpisodeEnd::kFinished;
+  } else if (now.lost) {
+    facts_.end = Fallen() ? EpisodeEnd::kFell : EpisodeEnd::kOffTrack;
+  } else if (facts_.steps >= MaxSteps()) {
+    facts_.end = EpisodeEnd::kTime;
+  } else {
+    return false;
+  }
+  return true;
+}
+
+EpisodeFacts Locomotion::facts() const {
+  EpisodeFacts out = facts_;
+  out.track = progress_;
+  return out;
+}
+
+void Locomotion::WriteMuscles(double* length, double* velocity, double* force) const {
+  for (const int actuator : at_.sorted_muscle) {
+    *length++ = data_->actuator_length[actuator];
+    *velocity++ = std::clamp(data_->actuator_velocity[actuator], -100.0, 100.0);
+    *force++ = std::clamp(data_->actuator_force[actuator] / 1000, -100.0, 100.0);
+  }
+}
+
+void Locomotion::Observe(std::span<double> out) const {
+  double* next = out.data();
+  const auto put = [&](const mjtNum* values, int n) { next = std::copy_n(values, n, next); };
+  put(&data_->time, 1);
+  *next++ = static_cast<double>(terrain_.kind());
+  for (const int address : at_.joint_qpos) *next++ = data_->qpos[address];
+  const double scale = rules_.observation.velocities_times_step ? kControlPeriod : 1;
+  for (const int dof : at_.joint_dof) *next++ = data_->qvel[dof] * scale;
+  put(data_->sensordata + at_.left_foot_touch, 1);
+  put(data_->sensordata + at_.left_toes_touch, 1);
+  put(data_->sensordata + at_.socket_load, 3);
+  put(data_->xquat + 4 * at_.pelvis_body, 4);
+  put(data_->act, kLegMuscles);
+  WriteMuscles(next, next + kLegMuscles, next + 2 * kLegMuscles);
+  next += 3 * kLegMuscles;
+  put(data_->qpos, 2);
+  put(data_->qvel, 2);
+  const Pose pose{data_->qpos[0], data_->qpos[1], data_->qpos + 3};
+  const std::span<double> map(next, kHeightMapSize * kHeightMapSize);
+  if (rules_.observation.height_map == HeightMapKind::kOfficial) {
+    OfficialHeightMap(terrain_, pose, map);
+  } else {
+    HeadingHeightMap(terrain_, pose, rules_.observation.height_map_pitch_m, map);
+  }
+}
+
+void Locomotion::ObserveOfficial(std::span<double> out) const {
+  double* next = out.data();
+  const auto put = [&](const mjtNum* values, int n) { next = std::copy_n(values, n, next); };
+  for (const int address : at_.joint_qpos) *next++ = data_->qpos[address];
+  for (const int dof : at_.joint_dof) *next++ = data_->qvel[dof] * kControlPeriod;
+  put(data_->sensordata + at_.left_foot_touch, 1);
+  put(data_->sensordata + at_.left_toes_touch, 1);
+  put(data_->xquat + 4 * at_.pelvis_body, 4);
+  put(data_->qpos, 2);
+  put(data_->qvel, 2);
+  WriteMuscles(next, next + kLegMuscles, next + 2 * kLegMuscles);
+  next += 3 * kLegMuscles;
+  put(data_->act, kLegMuscles);
+}
+
+}  // namespace myograde::sim

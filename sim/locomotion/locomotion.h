@@ -1,0 +1,125 @@
+// The locomotion track: a person with the Open-Source Leg walks a course of
+// 100 m. See README.md beside this file for course, controller and profiles.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+#include <mujoco/mujoco.h>
+
+#include "protocol/rules_locomotion.h"
+#include "protocol/track_config.h"
+#include "sim/environment.h"
+#include "sim/locomotion/indices.h"
+#include "sim/locomotion/leg.h"
+#include "sim/locomotion/terrain.h"
+#include "sim/model/model.h"
+#include "sim/random/numpy.h"
+
+namespace myograde::sim {
+
+// The environment of a locomotion track config. Errors: those of the rules
+// and of LoadModel.
+absl::StatusOr<std::unique_ptr<Environment>> MakeLocomotion(const TrackConfig& config,
+                                                            const std::string& cache_dir);
+
+// The official environment's terms of reward for the current state.
+struct LocomotionTerms {
+  double effort = 0;  // act_reg: mean over the muscles of squared activation
+  double pain = 0;    // mean over 12 joints of clipped limit torque, over 1000
+  double sparse = 0;  // speed along the course, m/s
+  bool solved = false;
+  bool lost = false;  // fallen or off track
+  bool done() const { return solved || lost; }
+  double dense() const { return sparse + (solved ? 10 : 0); }  // the reward
+};
+
+class Locomotion final : public Environment {
+ public:
+  static constexpr int kObservationSize = 365;
+  static constexpr int kOfficialObservationSize = 260;
+  static constexpr int kActionSize = kLegMuscles + 1;
+
+  static absl::StatusOr<std::unique_ptr<Locomotion>> Make(const LocomotionRules& rules,
+                                                          ModelPtr model);
+
+  void Reset(uint64_t seed) override;
+  absl::Status SetLegParameters(const LegParameterSets& sets) override;
+  void SetConvention(ActionConvention convention) override { convention_ = convention; }
+  int observation_size() const override { return kObservationSize; }
+  int action_size() const override { return kActionSize; }
+  void Observe(std::span<double> out) const override;
+  StepResult Step(std::span<const double> action) override;
+  EpisodeFacts facts() const override;
+  std::span<const double> state() const override { return state_; }
+
+  // What follows is for tests that compare with the official environment,
+  // and for the renderer.
+
+  // Seeds both generators; the next ResetEpisode draws from where they are.
+  void Seed(uint64_t seed);
+  void ResetEpisode();
+
+  // A physics state in the model's own order; ctrl is not part of it because
+  // each step writes it. An empty warm start leaves that of the last solution.
+  struct State {
+    double time = 0;
+    std::span<const double> qpos, qvel, act, warmstart;
+  };
+  // Sets the physics state and computes everything that follows from it.
+  void SetState(const State& state);
+
+  // The official default observation, 260 entries, before its rounding to
+  // single precision.
+  void ObserveOfficial(std::span<double> out) const;
+  LocomotionTerms terms() const;
+  const Terrain& terrain() const { return terrain_; }
+  LegController& leg() { return leg_; }
+  LegSensors SenseLeg() const;
+  const NumpyGenerator& random() const { return *random_; }
+  const LocomotionIndices& indices() const { return at_; }
+  const mjModel& model() const { return *model_; }
+  mjData& data() { return *data_; }
+
+ private:
+  Locomotion(const LocomotionRules& rules, ModelPtr model, DataPtr data,
+             const LocomotionIndices& indices);
+
+  void LayTerrain();
+  void HardReset(std::span<const double> qpos, std::span<const double> qvel);
+  void DrawPose(std::span<double> qpos, std::span<double> qvel);
+  // A muscle's control for its action entry, clipped and counted if the rules say so.
+  double MuscleControl(double action);
+  void SelectLegSet(double action);
+  void WriteLegControls(const LegTorques& torques);
+  void KeepState();
+  // Adds the step to the facts; true if it was the last.
+  bool JudgeStep();
+  bool Fallen() const;
+  bool OffTrack() const;
+  double Pain() const;
+  // Muscle blocks and other pieces that both observation vectors share.
+  void WriteMuscles(double* length, double* velocity, double* force) const;
+  int64_t MaxSteps() const;
+
+  LocomotionRules rules_;
+  ModelPtr model_;
+  DataPtr data_;
+  LocomotionIndices at_;
+  Terrain terrain_;
+  LegController leg_;
+  ActionConvention convention_ = ActionConvention::kNormalized;
+  std::optional<NumpyGenerator> random_;
+  std::optional<LegacyNumpyGenerator> legacy_;
+  std::vector<double> state_;
+  EpisodeFacts facts_;
+  LocomotionFacts progress_;
+};
+
+}  // namespace myograde::sim
