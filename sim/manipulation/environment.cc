@@ -1,0 +1,347 @@
+#include "sim/manipulation/environment.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "sim/manipulation/manipulation.h"
+
+namespace myograde::sim {
+namespace {
+
+ManipulationFacts& TrackFacts(EpisodeFacts& facts) {
+  return std::get<ManipulationFacts>(facts.track);
+}
+
+// The official map of a normalised muscle action: half at 0.5, never quite 0 or 1.
+double Excitation(double action) { return 1 / (1 + std::exp(-5 * (action - 0.5))); }
+
+bool AnyWarning(const mjData& data) {
+  return std::any_of(std::begin(data.warning), std::end(data.warning),
+                     [](const mjWarningStat& warning) { return warning.number > 0; });
+}
+
+bool Unstable(const mjData& data) {
+  return data.warning[mjWARN_BADQPOS].number > 0 || data.warning[mjWARN_BADQVEL].number > 0 ||
+         data.warning[mjWARN_BADQACC].number > 0;
+}
+
+bool Overflown(const mjData& data) {
+  return data.warning[mjWARN_CONTACTFULL].number > 0 || data.warning[mjWARN_CNSTRFULL].number > 0;
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Environment>> MakeManipulation(const TrackConfig& config,
+                                                              const std::string& cache_dir) {
+  const std::string where = absl::StrCat(config.id, ", profile ", config.profile, ": rules");
+  auto rules = ParseManipulationRules(config.rules, where);
+  if (!rules.ok()) return rules.status();
+  if (rules->one_environment &&
+      config.episodes_per_lease < static_cast<int64_t>(config.seeds.size())) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(where, ": one_environment plays every episode in one lease, so "
+                     "episodes_per_lease must be at least ", config.seeds.size()));
+  }
+  auto model = LoadModel(TrackKind::kManipulation, cache_dir);
+  if (!model.ok()) return model.status();
+  return ManipulationEnvironment::Make(*rules, *std::move(model));
+}
+
+absl::StatusOr<std::unique_ptr<ManipulationEnvironment>> ManipulationEnvironment::Make(
+    const ManipulationRules& rules, ModelPtr model) {
+  auto scene = FindScene(*model);
+  if (!scene.ok()) return scene.status();
+  DataPtr data(mj_makeData(model.get()));
+  if (data == nullptr) return absl::ResourceExhaustedError("no memory for MuJoCo's data");
+  return std::unique_ptr<ManipulationEnvironment>(
+      new ManipulationEnvironment(rules, std::move(model), std::move(data), *scene));
+}
+
+ManipulationEnvironment::ManipulationEnvironment(const ManipulationRules& rules, ModelPtr model,
+                                                 DataPtr data, const Scene& scene)
+    : rules_(rules),
+      model_(std::move(model)),
+      data_(std::move(data)),
+      scene_(scene),
+      history_(rules.hold_frames),
+      state_(1 + model_->nq + model_->nv + model_->na) {
+  facts_.track = ManipulationFacts{};
+}
+
+absl::Status ManipulationEnvironment::SetLegParameters(const LegParameterSets& sets) {
+  if (sets.present == 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      "the policy uploaded leg parameter sets, but the manipulation track has no leg: send none");
+}
+
+// ---- Reset ----
+
+void ManipulationEnvironment::Reset(uint64_t seed) {
+  const bool carry = rules_.one_environment && played_before_;
+  if (!carry) generator_ = NumpyGenerator(seed);
+  const bool draw_size = carry || !rules_.size_fixed_on_first_reset;
+  variation_ = DrawVariation(rules_, draw_size, generator_);
+  ApplyVariation(variation_, rules_, scene_, *model_, *data_);
+  if (!carry || !rules_.phantom_trials) solved_flag_ = false;
+  played_before_ = true;
+
+  // The official order of evaluation. The passive forward step leaves nothing
+  // but the solver's warm start behind, which the next one begins from.
+  mj_resetData(model_.get(), data_.get());
+  const int flags = std::exchange(model_->opt.disableflags,
+                                  model_->opt.disableflags | mjDSBL_ACTUATION);
+  mj_forward(model_.get(), data_.get());
+  model_->opt.disableflags = flags;
+  PlaceAtKeyframe();
+  if (!rules_.stale_first_observation) PlaceObjectAtStart();
+  mj_forward(model_.get(), data_.get());
+  mj_forward(model_.get(), data_.get());
+  StartFacts();
+  // The official code moves the object only after the observation, so the first
+  // physics step uses the keyframe's positions and contacts.
+  if (rules_.stale_first_observation) PlaceObjectAtStart();
+  derived_are_stale_ = rules_.stale_first_observation;
+  start_height_ = ObjectHeight();
+  SaveState();
+}
+
+void ManipulationEnvironment::PlaceAtKeyframe() {
+  mju_copy(data_->qpos, model_->key_qpos + kStartKeyframe * model_->nq, model_->nq);
+  mju_zero(data_->qvel, model_->nv);
+}
+
+void ManipulationEnvironment::PlaceObjectAtStart() {
+  mjtNum* position = data_->qpos + scene_.object_qpos;
+  std::ranges::copy(variation_.start, position);
+  position[2] += rules_.release_height_m;
+}
+
+void ManipulationEnvironment::StartFacts() {
+  const double peak_before = TrackFacts(facts_).max_touch;
+  const bool keep_peak = rules_.one_environment && rules_.peak_touch_survives_reset;
+  facts_ = EpisodeFacts{};
+  facts_.track = ManipulationFacts{};
+  ManipulationFacts& facts = TrackFacts(facts_);
+  if (keep_peak) facts.max_touch = peak_before;  // 0 before the first episode
+  history_.Clear();
+  goal_touch_ = 0;
+  placed_run_ = 0;
+  reference_.goal = {variation_.goal[0], variation_.goal[1], rules_.goal_face_m};
+  reference_.object_height = data_->site_xpos[3 * scene_.touch_site + 2];
+  reference_.palm_height = data_->site_xpos[3 * scene_.palm_site + 2];
+  RefreshFrame();
+  facts.max_touch = std::max(facts.max_touch, data_->sensordata[scene_.touch_sensor]);
+  if (rules_.count_reset_frame) history_.Add(touch_);
+  history_.Report(facts);
+  const OfficialView view = ComputeOfficialView(*data_, scene_);
+  facts.final_goal_distance =
+      ComputeOfficialReward(*model_, *data_, scene_, view, reference_).goal_dist;
+  facts.final_hand_distance = mju_norm3(view.reach_error.data());
+}
+
+// ---- Step ----
+
+StepResult ManipulationEnvironment::Step(std::span<const double> action) {
+  assert(static_cast<int>(action.size()) == action_size());
+  SetControls(action);
+  StepResult result = Simulate();
+  ++facts_.steps;
+  facts_.sim_time = data_->time;
+  if (!result.unstable && !result.overflow) {
+    CountFrame();
+    UpdatePlacement();
+    Judge(result);
+  }
+  SaveState();
+  return result;
+}
+
+void ManipulationEnvironment::SetControls(std::span<const double> action) {
+  const bool normalized = convention_ == ActionConvention::kNormalized;
+  const auto control = [&](int i, int actuator, bool muscle) {
+    const mjtNum* range = model_->actuator_ctrlrange + 2 * actuator;
+    double value = action[i];
+    if (!rules_.actions_unclipped) {
+      value = std::clamp(value, normalized ? -1 : range[0], normalized ? 1 : range[1]);
+      facts_.clipped += value != action[i];
+    }
+    if (normalized) {
+      value = muscle ? Excitation(value)
+                     : (range[0] + range[1]) / 2 + value * ((range[1] - range[0]) / 2);
+    }
+    data_->ctrl[actuator] = value;
+  };
+  for (int i = 0; i < kMuscles; ++i) control(i, scene_.first_muscle + i, true);
+  for (int i = 0; i < kServos; ++i) control(kMuscles + i, scene_.first_servo + i, false);
+}
+
+StepResult ManipulationEnvironment::Simulate() {
+  for (int i = 0; i < kPhysicsSteps; ++i) {
+    if (std::exchange(derived_are_stale_, false)) {
+      mj_step2(model_.get(), data_.get());
+    } else {
+      mj_step(model_.get(), data_.get());
+    }
+    MeasureForce();
+  }
+  StepResult result;
+  result.overflow = Overflown(*data_);
+  if (rules_.warnings_reset_simulation && !result.overflow && AnyWarning(*data_)) {
+    mj_resetData(model_.get(), data_.get());
+  }
+  mj_forward(model_.get(), data_.get());
+  MeasureForce();
+  result.overflow = result.overflow || Overflown(*data_);
+  result.unstable = Unstable(*data_);
+  return result;
+}
+
+void ManipulationEnvironment::MeasureForce() {
+  ManipulationFacts& facts = TrackFacts(facts_);
+  facts.peak_force = std::max(facts.peak_force, ObjectForce(*model_, *data_, scene_));
+}
+
+void ManipulationEnvironment::RefreshFrame() {
+  touch_ = ObjectTouch(*model_, *data_, scene_, rules_.world_contact);
+}
+
+void ManipulationEnvironment::CountFrame() {
+  ManipulationFacts& facts = TrackFacts(facts_);
+  RefreshFrame();
+  history_.Add(touch_);
+  history_.Report(facts);
+  goal_touch_ += touch_[kTouchGoal];
+  facts.max_touch = std::max(facts.max_touch, data_->sensordata[scene_.touch_sensor]);
+  const OfficialView view = ComputeOfficialView(*data_, scene_);
+  const OfficialReward reward =
+      ComputeOfficialReward(*model_, *data_, scene_, view, reference_);
+  facts.effort_sum += reward.act;
+  facts.goal_distance_sum += reward.goal_dist;
+  facts.final_goal_distance = reward.goal_dist;
+  facts.final_hand_distance = mju_norm3(view.reach_error.data());
+  facts.max_height = std::max(facts.max_height, ObjectHeight() - start_height_);
+}
+
+std::array<double, 3> ManipulationEnvironment::ObjectPlace() const {
+  const bool centre = rules_.object_point == ManipulationRules::ObjectPoint::kBoxCentre;
+  const mjtNum* place = centre ? data_->geom_xpos + 3 * scene_.object_box
+                               : data_->site_xpos + 3 * scene_.touch_site;
+  return {place[0], place[1], place[2]};
+}
+
+// Of the box's centre, from the coordinates alone: valid before any forward step.
+double ManipulationEnvironment::ObjectHeight() const {
+  return ObjectPoint(*data_, scene_, model_->geom_pos + 3 * scene_.object_box)[2];
+}
+
+void ManipulationEnvironment::UpdatePlacement() {
+  const std::array<double, 3> place = ObjectPlace();
+  bool inside = true;
+  for (int axis = 0; axis < 3; ++axis) {
+    inside = inside && std::abs(place[axis] - reference_.goal[axis]) <= rules_.placed_axis_m;
+  }
+  placed_run_ = inside && TouchesGoalOnly(touch_) ? placed_run_ + 1 : 0;
+  TrackFacts(facts_).placed = placed_run_ >= rules_.hold_frames;
+}
+
+bool ManipulationEnvironment::EndsSolved(bool solved_before) const {
+  switch (rules_.end_rule) {
+    case ManipulationRules::EndRule::kPlaced:
+      return std::get<ManipulationFacts>(facts_.track).placed;
+    case ManipulationRules::EndRule::kSolved:
+      return rules_.end_lags_solved ? solved_before : solved_flag_;
+  }
+  return false;
+}
+
+// Official order: time, drop, solved; the limit of steps comes last.
+void ManipulationEnvironment::Judge(StepResult& result) {
+  ManipulationFacts& facts = TrackFacts(facts_);
+  const bool solved_before = std::exchange(
+      solved_flag_, facts.final_goal_distance < rules_.solved_distance_m &&
+                        goal_touch_ >= rules_.solved_goal_frames);
+  facts.solved = solved_flag_;
+  facts.solved_steps += solved_flag_;
+  facts.reported_time = data_->time;
+  result.ended = true;
+  if (data_->time > rules_.max_time_s) {
+    facts_.end = EpisodeEnd::kTime;
+  } else if (ObjectPlace()[2] < rules_.drop_height_m) {
+    facts_.end = EpisodeEnd::kDropped;
+    facts.reported_time = rules_.max_time_s;
+  } else if (EndsSolved(solved_before)) {
+    // A flag that is older than the episode: left over from the one before.
+    const bool phantom = rules_.end_rule == ManipulationRules::EndRule::kSolved &&
+                         solved_before && facts_.steps == 1;
+    facts_.end = phantom ? EpisodeEnd::kPhantom : EpisodeEnd::kPlaced;
+  } else if (facts_.steps >= rules_.max_steps) {
+    facts_.end = EpisodeEnd::kTime;
+  } else {
+    result.ended = false;
+  }
+}
+
+void ManipulationEnvironment::SynchroniseState() {
+  mj_forward(model_.get(), data_.get());
+  derived_are_stale_ = false;
+  RefreshFrame();
+  SaveState();
+}
+
+void ManipulationEnvironment::SaveState() {
+  auto at = state_.begin();
+  *at++ = data_->time;
+  at = std::copy_n(data_->qpos, model_->nq, at);
+  at = std::copy_n(data_->qvel, model_->nv, at);
+  std::copy_n(data_->act, model_->na, at);
+}
+
+// ---- Observation ----
+
+// Order and sizes: protocol/layout.h.
+void ManipulationEnvironment::Observe(std::span<double> out) const {
+  assert(static_cast<int>(out.size()) == observation_size());
+  const mjData& d = *data_;
+  const OfficialView view = ComputeOfficialView(d, scene_);
+  auto at = out.begin();
+  const auto add = [&at](const auto* from, int count) { at = std::copy_n(from, count, at); };
+  // With a stale first observation, derived quantities are the keyframe's while
+  // qpos has the object at its start; the official vector shows the keyframe.
+  const bool stale = derived_are_stale_;
+  const mjtNum* object = stale ? model_->key_qpos + kStartKeyframe * model_->nq + scene_.object_qpos
+                               : d.qpos + scene_.object_qpos;
+  add(&d.time, 1);
+  add(d.qpos, kArmJoints);
+  add(d.qvel, kArmJoints);
+  add(d.qpos + kArmJoints, kProsthesisJoints);
+  add(d.qvel + kArmJoints, kProsthesisJoints);
+  add(object, 7);
+  add(d.qvel + scene_.object_qvel, 6);
+  add(d.mocap_pos + 3 * kStartMocap, 3);
+  add(d.mocap_pos + 3 * kGoalMocap, 3);
+  add(touch_.data(), kContactLabels);
+  add(d.act, kMuscles);
+  add(view.reach_error.data(), 3);
+  add(view.pass_error.data(), 3);
+}
+
+ManipulationEnvironment::Official ManipulationEnvironment::official() const {
+  const ManipulationFacts& facts = std::get<ManipulationFacts>(facts_.track);
+  Official official;
+  official.view = ComputeOfficialView(*data_, scene_);
+  official.reward =
+      ComputeOfficialReward(*model_, *data_, scene_, official.view, reference_);
+  official.solved = facts.solved;
+  official.done = facts_.end != EpisodeEnd::kFault &&
+                  !(facts_.end == EpisodeEnd::kTime && data_->time <= rules_.max_time_s);
+  official.goal_touch = goal_touch_;
+  official.max_force = facts.max_touch;
+  official.reported_time = facts.reported_time;
+  return official;
+}
+
+}  // namespace myograde::sim

@@ -1,0 +1,20 @@
+// The manipulation track's environment: the muscle arm hands an object over to
+// the prosthesis, which places it on the goal pillar.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include <absl/status/statusor.h>
+
+#include "protocol/track_config.h"
+#include "sim/environment.h"
+
+namespace myograde::sim {
+
+// Errors: the config's rules are wrong (InvalidArgumentError), the model can't
+// be loaded (see LoadModel).
+absl::StatusOr<std::unique_ptr<Environment>> MakeManipulation(const TrackConfig& config,
+                                                              const std::string& cache_dir);
+
+}  // namespace myograde::sim
