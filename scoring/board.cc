@@ -1,0 +1,180 @@
+#include "scoring/board.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <set>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+namespace myograde::scoring {
+namespace {
+
+using Ranked = std::vector<RankedEntry>;
+
+double OrWorst(const std::optional<double>& value) {
+  return value.value_or(std::numeric_limits<double>::infinity());
+}
+
+// k/n >= k'/n' without rounding.
+bool RateAtLeast(const BoardEntry& a, int64_t successes, int64_t episodes) {
+  return a.successes * episodes >= successes * a.episodes;
+}
+
+bool RateLess(const BoardEntry& a, const BoardEntry& b) {
+  return a.successes * b.episodes < b.successes * a.episodes;
+}
+
+double Rate(const BoardEntry& entry) {
+  return static_cast<double>(entry.successes) / static_cast<double>(entry.episodes);
+}
+
+// Sorts by `less`, and where it says neither by acceptance. `less` must be a strict weak order.
+template <typename Less>
+void SortBy(Ranked::iterator begin, Ranked::iterator end, Less less) {
+  std::sort(begin, end, [&](const RankedEntry& a, const RankedEntry& b) {
+    if (less(a.entry, b.entry)) return true;
+    if (less(b.entry, a.entry)) return false;
+    return a.entry.acceptance < b.entry.acceptance;
+  });
+}
+
+bool LessEffort(const BoardEntry& a, const BoardEntry& b) {
+  return OrWorst(a.effort) < OrWorst(b.effort);
+}
+
+// Cuts [begin, end), sorted by what the bands are made of, into bands and sorts each by effort.
+void SortIntoBands(Ranked::iterator begin, Ranked::iterator end, const TieredBoard& rules) {
+  int64_t band = 0;
+  while (begin != end) {
+    const BoardEntry& opener = begin->entry;
+    const double value = rules.bands == BandsOver::kTime ? opener.time : Rate(opener);
+    const auto belongs = [&](const RankedEntry& ranked) {
+      return rules.bands == BandsOver::kTime ? ranked.entry.time <= rules.band_factor * value
+                                             : rules.band_factor * Rate(ranked.entry) >= value;
+    };
+    // The opener belongs to its band whatever the factor's rounding does.
+    auto band_end = std::next(begin);
+    while (band_end != end && belongs(*band_end)) ++band_end;
+    for (auto it = begin; it != band_end; ++it) {
+      it->band = band;
+      it->band_opener = value;
+    }
+    SortBy(begin, band_end, LessEffort);
+    begin = band_end;
+    ++band;
+  }
+}
+
+void Order(Ranked& board, const TieredBoard& rules) {
+  const auto line = std::partition(board.begin(), board.end(), [&](const RankedEntry& ranked) {
+    return RateAtLeast(ranked.entry, rules.line_successes, rules.line_episodes);
+  });
+  const auto higher_rate = [](const BoardEntry& a, const BoardEntry& b) { return RateLess(b, a); };
+  const auto faster = [](const BoardEntry& a, const BoardEntry& b) { return a.time < b.time; };
+  if (rules.bands == BandsOver::kTime) {
+    SortBy(board.begin(), line, faster);
+  } else {
+    SortBy(board.begin(), line, higher_rate);
+  }
+  SortIntoBands(board.begin(), line, rules);
+  SortBy(line, board.end(), higher_rate);
+}
+
+void Order(Ranked& board, const DistanceBoard& rules) {
+  SortBy(board.begin(), board.end(), [&](const BoardEntry& a, const BoardEntry& b) {
+    if (a.distance != b.distance) return a.distance > b.distance;
+    return a.distance >= rules.time_from_m && a.time < b.time;
+  });
+}
+
+void Order(Ranked& board, const PhysiologicalBoard& rules) {
+  std::erase_if(board,
+                [&](const RankedEntry& ranked) { return !(ranked.entry.distance >= rules.qualify_m); });
+  SortBy(board.begin(), board.end(), [](const BoardEntry& a, const BoardEntry& b) {
+    return std::pair(OrWorst(a.pain), OrWorst(a.effort)) <
+           std::pair(OrWorst(b.pain), OrWorst(b.effort));
+  });
+}
+
+Ranked Ordered(Ranked board, const BoardRules& rules) {
+  std::visit([&](const auto& kind) { Order(board, kind); }, rules);
+  for (size_t i = 0; i < board.size(); ++i) board[i].rank = static_cast<int64_t>(i) + 1;
+  return board;
+}
+
+// The submission that a team stands with, out of all of its own.
+std::optional<RankedEntry> Standing(const Ranked& own, const BoardRules& rules, TeamRule rule) {
+  if (rule == TeamRule::kBest) {
+    const Ranked ordered = Ordered(own, rules);
+    if (ordered.empty()) return std::nullopt;
+    return RankedEntry{ordered.front().entry};
+  }
+  std::optional<RankedEntry> standing;
+  for (const RankedEntry& candidate : own) {
+    if (rule == TeamRule::kChosen && !candidate.entry.chosen) continue;
+    if (!standing || standing->entry.acceptance < candidate.entry.acceptance) {
+      standing = candidate;
+    }
+  }
+  return standing;
+}
+
+absl::Status Check(const BoardEntry& entry) {
+  const auto finite = [](const std::optional<double>& value) {
+    return !value.has_value() || std::isfinite(*value);
+  };
+  if (!finite(entry.time) || !finite(entry.effort) || !finite(entry.pain) ||
+      !finite(entry.distance)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("submission ", entry.submission, ": a mean is not a finite number"));
+  }
+  if (entry.episodes < 1 || entry.successes < 0 || entry.successes > entry.episodes) {
+    return absl::InvalidArgumentError(absl::StrCat("submission ", entry.submission, ": ",
+                                                   entry.successes, " successes in ",
+                                                   entry.episodes, " episodes can't be"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+BoardEntry MakeEntry(const Aggregate& aggregate) {
+  const auto value_of = [](const Mean& mean) {
+    return mean.count == 0 ? std::nullopt : std::optional<double>(mean.value);
+  };
+  BoardEntry entry;
+  entry.failed = aggregate.failed;
+  entry.successes = aggregate.successes;
+  entry.episodes = aggregate.episodes;
+  entry.time = aggregate.time.value;
+  entry.effort = value_of(aggregate.effort);
+  entry.pain = value_of(aggregate.pain);
+  entry.distance = aggregate.distance.value;
+  return entry;
+}
+
+absl::StatusOr<std::vector<RankedEntry>> Rank(const std::vector<BoardEntry>& entries,
+                                              const BoardRules& rules, TeamRule team_rule) {
+  std::map<std::string, Ranked> teams;
+  std::set<int64_t> acceptances;
+  for (const BoardEntry& entry : entries) {
+    if (!acceptances.insert(entry.acceptance).second) {
+      return absl::InvalidArgumentError(absl::StrCat("submission ", entry.submission,
+                                                     ": its acceptance number ", entry.acceptance,
+                                                     " is another's too"));
+    }
+    if (entry.failed) continue;
+    if (absl::Status status = Check(entry); !status.ok()) return status;
+    teams[entry.team].push_back(RankedEntry{entry});
+  }
+  Ranked board;
+  for (const auto& [team, own] : teams) {
+    if (auto standing = Standing(own, rules, team_rule)) board.push_back(*std::move(standing));
+  }
+  return Ordered(std::move(board), rules);
+}
+
+}  // namespace myograde::scoring

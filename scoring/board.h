@@ -1,0 +1,86 @@
+// The leaderboards: which submission stands above which, and why.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include <absl/status/statusor.h>
+
+#include "scoring/aggregate.h"
+
+namespace myograde::scoring {
+
+// One submission's full evaluation, as far as ranking looks at it.
+struct BoardEntry {
+  std::string submission;  // id
+  std::string team;
+  int64_t acceptance = 0;  // number of its acceptance: unique, the last tie-break
+  bool chosen = false;     // by its team, for TeamRule::kChosen
+  bool failed = false;     // Aggregate::failed: not on the board
+  int64_t successes = 0;
+  int64_t episodes = 0;
+  double time = 0;               // s, mean
+  std::optional<double> effort;  // mean; none ranks behind every number
+  std::optional<double> pain;    // mean; none ranks behind every number
+  double distance = 0;           // m, mean
+};
+
+// An entry with the ranked numbers of `aggregate`; the caller names submission, team,
+// acceptance and choice.
+BoardEntry MakeEntry(const Aggregate& aggregate);
+
+enum class BandsOver { kTime, kSuccess };
+
+// (1) all with successes/episodes >= line_successes/line_episodes above all others; (2) below
+// that line the success rate; (3) above it bands, then effort, less is better. Bands over
+// time: in order of time the fastest not yet placed opens a band of all whose time is at most
+// band_factor times its own. Bands over success: in order of success rate the best not yet
+// placed opens a band of all whose rate times band_factor is at least its own.
+struct TieredBoard {
+  int64_t line_successes = 90;
+  int64_t line_episodes = 100;
+  BandsOver bands = BandsOver::kTime;
+  double band_factor = 1.1;
+};
+
+// (1) mean distance, more is better; (2) where it is exactly equal and at least time_from_m:
+// mean time, less is better.
+struct DistanceBoard {
+  double time_from_m = 20;
+};
+
+// Only those with mean distance >= qualify_m: (1) pain, (2) effort, less is better.
+struct PhysiologicalBoard {
+  double qualify_m = 20;
+};
+
+using BoardRules = std::variant<TieredBoard, DistanceBoard, PhysiologicalBoard>;
+
+// Which of its submissions a team stands with. kBest: the first on a board of the team's own
+// submissions, so that it depends on nobody else. kLast: the one accepted last. kChosen: the
+// chosen one (of several the last accepted); a team that chose none is not on the board.
+enum class TeamRule { kBest, kLast, kChosen };
+
+struct RankedEntry {
+  BoardEntry entry;
+  int64_t rank = 0;   // from 1, without gaps
+  // Tiered boards: number of the band above the line, from 0 (-1: below the line), and what
+  // opened it: the fastest mean time (s) or the best success rate in it.
+  int64_t band = -1;
+  double band_opener = 0;
+};
+
+// The board: every team's standing submission, first place first. A function of the set of
+// entries alone: their order does not matter. Numbers must be finite and acceptance numbers
+// unique (InvalidArgumentError names the submission).
+absl::StatusOr<std::vector<RankedEntry>> Rank(const std::vector<BoardEntry>& entries,
+                                              const BoardRules& rules, TeamRule team_rule);
+
+// Why `above` stands above `below`, two entries of one board as Rank made it: one sentence
+// with unrounded numbers.
+std::string Explain(const RankedEntry& above, const RankedEntry& below, const BoardRules& rules);
+
+}  // namespace myograde::scoring

@@ -1,0 +1,134 @@
+#include <charconv>
+
+#include <absl/strings/str_cat.h>
+
+#include "scoring/board.h"
+
+namespace myograde::scoring {
+namespace {
+
+// The shortest text that reads back as the same number.
+std::string Exact(double value) {
+  char buffer[32];
+  const auto [end, error] = std::to_chars(buffer, buffer + sizeof(buffer), value);
+  return std::string(buffer, end);
+}
+
+std::string Exact(const std::optional<double>& value) {
+  return value.has_value() ? Exact(*value) : "none";
+}
+
+std::string Name(const RankedEntry& ranked) {
+  return absl::StrCat(ranked.entry.submission, " (", ranked.entry.team, ")");
+}
+
+std::string Successes(const BoardEntry& entry) {
+  return absl::StrCat(entry.successes, " of ", entry.episodes);
+}
+
+bool SameRate(const BoardEntry& a, const BoardEntry& b) {
+  return a.successes * b.episodes == b.successes * a.episodes;
+}
+
+// "X stands above Y" and the rest of the sentence.
+std::string Sentence(const RankedEntry& above, const RankedEntry& below, const std::string& why) {
+  return absl::StrCat(Name(above), " stands above ", Name(below), ": ", why, ".");
+}
+
+std::string AcceptedFirst(const std::string& equal, const BoardEntry& above,
+                          const BoardEntry& below) {
+  return absl::StrCat(equal, ", and it was accepted first, as number ", above.acceptance,
+                      " against ", below.acceptance);
+}
+
+std::string WhyInBands(const RankedEntry& above, const RankedEntry& below,
+                       const TieredBoard& rules) {
+  const bool over_time = rules.bands == BandsOver::kTime;
+  const std::string factor = Exact(rules.band_factor);
+  const std::string opener = Exact(above.band_opener);
+  const BoardEntry& a = above.entry;
+  const BoardEntry& b = below.entry;
+  if (above.band != below.band) {
+    const std::string numbers =
+        over_time ? absl::StrCat("its mean time is ", Exact(a.time), " s against ", Exact(b.time),
+                                 " s, which is more than ", factor, " times the ", opener,
+                                 " s that opened its band")
+                  : absl::StrCat("it succeeded in ", Successes(a), " episodes against ",
+                                 Successes(b), ", whose rate times ", factor, " is less than the ",
+                                 opener, " that opened its band");
+    return absl::StrCat(numbers, " (band ", above.band + 1, " against ", below.band + 1, ")");
+  }
+  const std::string band =
+      over_time ? absl::StrCat("both mean times, ", Exact(a.time), " s and ", Exact(b.time),
+                               " s, are at most ", factor, " times the ", opener,
+                               " s that opened band ", above.band + 1)
+                : absl::StrCat("both success rates, ", Successes(a), " and ", Successes(b),
+                               ", times ", factor, " are at least the ", opener,
+                               " that opened band ", above.band + 1);
+  if (a.effort != b.effort) {
+    return absl::StrCat(band, ", and its effort is less, ", Exact(a.effort), " against ",
+                        Exact(b.effort));
+  }
+  return AcceptedFirst(absl::StrCat(band, ", both efforts are ", Exact(a.effort)), a, b);
+}
+
+std::string Why(const RankedEntry& above, const RankedEntry& below, const TieredBoard& rules) {
+  const BoardEntry& a = above.entry;
+  const BoardEntry& b = below.entry;
+  if (below.band >= 0) return WhyInBands(above, below, rules);
+  if (above.band >= 0) {
+    return absl::StrCat("it succeeded in ", Successes(a), " episodes, which reaches the line of ",
+                        rules.line_successes, " of ", rules.line_episodes, ", against ",
+                        Successes(b), ", which does not");
+  }
+  if (!SameRate(a, b)) {
+    return absl::StrCat("it succeeded in ", Successes(a), " episodes against ", Successes(b));
+  }
+  return AcceptedFirst(
+      absl::StrCat("both succeeded at the same rate, ", Successes(a), " and ", Successes(b),
+                   " episodes"),
+      a, b);
+}
+
+std::string Why(const RankedEntry& above, const RankedEntry& below, const DistanceBoard& rules) {
+  const BoardEntry& a = above.entry;
+  const BoardEntry& b = below.entry;
+  if (a.distance != b.distance) {
+    return absl::StrCat("its mean distance is ", Exact(a.distance), " m against ",
+                        Exact(b.distance), " m");
+  }
+  const std::string equal = absl::StrCat("both mean distances are ", Exact(a.distance), " m");
+  if (a.distance < rules.time_from_m) {
+    return AcceptedFirst(absl::StrCat(equal, ", less than the ", Exact(rules.time_from_m),
+                                      " m from which time decides"),
+                         a, b);
+  }
+  if (a.time != b.time) {
+    return absl::StrCat(equal, ", and its mean time is ", Exact(a.time), " s against ",
+                        Exact(b.time), " s");
+  }
+  return AcceptedFirst(absl::StrCat(equal, ", both mean times are ", Exact(a.time), " s"), a, b);
+}
+
+std::string Why(const RankedEntry& above, const RankedEntry& below, const PhysiologicalBoard&) {
+  const BoardEntry& a = above.entry;
+  const BoardEntry& b = below.entry;
+  if (a.pain != b.pain) {
+    return absl::StrCat("its mean pain is less, ", Exact(a.pain), " against ", Exact(b.pain));
+  }
+  const std::string equal = absl::StrCat("both mean pains are ", Exact(a.pain));
+  if (a.effort != b.effort) {
+    return absl::StrCat(equal, ", and its mean effort is less, ", Exact(a.effort), " against ",
+                        Exact(b.effort));
+  }
+  return AcceptedFirst(absl::StrCat(equal, ", both mean efforts are ", Exact(a.effort)), a, b);
+}
+
+}  // namespace
+
+std::string Explain(const RankedEntry& above, const RankedEntry& below, const BoardRules& rules) {
+  return std::visit(
+      [&](const auto& kind) { return Sentence(above, below, Why(above, below, kind)); }, rules);
+}
+
+}  // namespace myograde::scoring
