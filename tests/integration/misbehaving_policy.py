@@ -1,0 +1,71 @@
+"""A policy that does what its first argument says, for the whole-system tests.
+
+Everything but "well" is wrong in one way; each has an expected outcome in
+whole_system_test.py. At step 3 of the run's second episode it misbehaves, so
+that the episode before shows that nothing else was wrong.
+"""
+
+import os
+import sys
+import time
+
+import lcm
+
+import myograde_kit
+from myograde.action_t import action_t
+
+MODE = sys.argv[1]
+FATAL_EPISODE = 1
+FATAL_STEP = 3
+
+
+class Misbehaving(myograde_kit.Policy):
+    name = "misbehaving"
+
+    def reset(self, episode):
+        self.episode = episode.episode
+        self.step = -1
+
+    def act(self, observation):
+        self.step += 1
+        size = self.welcome.action_size
+        if self.episode == FATAL_EPISODE and self.step == FATAL_STEP:
+            if MODE == "exits":
+                sys.stderr.write("the policy lost its weights\n")
+                sys.exit(7)
+            if MODE == "aborts":
+                os.abort()
+            if MODE == "sleeps":
+                time.sleep(3600)
+            if MODE == "spins":
+                while True:
+                    pass
+            if MODE in ("short", "nan", "infinite", "wrong-step"):
+                self.answer_wrongly(size)
+        return [0.0] * size
+
+    def answer_wrongly(self, size):
+        """Sends a wrong answer past the kit, which would refuse to."""
+        bus = lcm.LCM(os.environ["MYOGRADE_LCM_URL"])
+        action = action_t()
+        action.episode = self.episode
+        action.step = self.step
+        action.size = size
+        action.values = [0.0] * size
+        if MODE == "short":
+            action.size = size - 1
+            action.values = action.values[1:]
+        elif MODE == "nan":
+            action.values[5] = float("nan")
+        elif MODE == "infinite":
+            action.values[5] = float("inf")
+        elif MODE == "wrong-step":
+            action.step += 2
+        while True:
+            bus.publish("MYOGRADE_ACTION", action.encode())
+            time.sleep(0.05)
+
+
+if MODE == "silent":
+    time.sleep(3600)
+myograde_kit.run(Misbehaving())

@@ -1,0 +1,98 @@
+"""What the whole-system tests share: the programs, temporary configs, a daemon."""
+
+import json
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+
+BIN = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"])
+POLICIES = pathlib.Path(os.environ["MYOGRADE_TEST_POLICIES"])
+SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
+DEADLINE_S = 240
+
+
+def track_config(base, **changes):
+    """A config that extends `base`: three episodes in one lease, short budgets."""
+    config = {
+        "extends": base,
+        "seeds": {"first": 7000, "count": 3},
+        "episodes_per_lease": 3,
+        "budgets": {"startup_s": 20, "step_s": 0.2, "overtime_s": 0.5, "wall_factor": 4},
+    }
+    config.update(changes)
+    return config
+
+
+class SystemTest(unittest.TestCase):
+    """A temporary data folder and config folder for each class."""
+
+    tracks = {}
+
+    @classmethod
+    def setUpClass(cls):
+        cls.root = pathlib.Path(tempfile.mkdtemp(prefix="myograde-system-"))
+        cls.data = cls.root / "data"
+        shutil.copytree(SOURCE / "configs", cls.root / "configs")
+        for name, config in cls.tracks.items():
+            path = cls.root / "configs" / "tracks" / f"{name}.json"
+            path.write_text(json.dumps(config))
+        cls.environment = dict(os.environ, MYOGRADE_DATA=str(cls.data),
+                               MYOGRADE_CONFIGS=str(cls.root / "configs"))
+        cls.daemon = None
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.stop_daemon()
+        shutil.rmtree(cls.root, ignore_errors=True)
+
+    @classmethod
+    def start_daemon(cls):
+        log = open(cls.root / "daemon.log", "ab")
+        cls.daemon = subprocess.Popen([BIN / "myograde", "serve"], env=cls.environment,
+                                      stdout=log, stderr=log, stdin=subprocess.DEVNULL)
+        deadline = time.monotonic() + 30
+        while cls.run_cli("status", check=False).returncode != 0:
+            if cls.daemon.poll() is not None or time.monotonic() > deadline:
+                raise AssertionError((cls.root / "daemon.log").read_text())
+            time.sleep(0.1)
+
+    @classmethod
+    def stop_daemon(cls, number=signal.SIGTERM):
+        if cls.daemon is None:
+            return None
+        cls.daemon.send_signal(number)
+        status = cls.daemon.wait(timeout=30)
+        cls.daemon = None
+        return status
+
+    @classmethod
+    def run_cli(cls, *words, check=True):
+        result = subprocess.run([BIN / "myograde", *map(str, words)], env=cls.environment,
+                                capture_output=True, text=True, timeout=DEADLINE_S,
+                                stdin=subprocess.DEVNULL)
+        if check and result.returncode != 0:
+            raise AssertionError(f"{words}: exit {result.returncode}\n{result.stdout}{result.stderr}")
+        return result
+
+    @classmethod
+    def ask(cls, *words, check=True):
+        """The JSON that a verb prints."""
+        return json.loads(cls.run_cli(*words, "--json", check=check).stdout)
+
+    def misbehaving(self, mode):
+        """A submission folder of misbehaving_policy.py in a mode."""
+        folder = self.root / f"misbehaving-{mode}"
+        if not folder.exists():
+            shutil.copytree(POLICIES / "kit-python", folder)
+            shutil.copy(SOURCE / "tests/integration/misbehaving_policy.py", folder)
+            (folder / "policy.json").write_text(json.dumps({
+                "name": f"misbehaving-{mode}",
+                "command": ["/usr/bin/python3", "misbehaving_policy.py", mode],
+                "runtimes": ["python"],
+            }))
+        return folder

@@ -1,0 +1,150 @@
+"""The whole system as its users meet it: real daemon, sandboxes, models, policies."""
+
+import signal
+import time
+import unittest
+
+from system import POLICIES, SystemTest, track_config
+
+TRACKS = ("manipulation", "locomotion")
+
+
+def identities(rows):
+    """What a result is, without what the host's clock decides."""
+    return [(row["index"], row["outcome"], row["digest"], row["steps"]) for row in rows]
+
+
+class GradeAndRank(SystemTest):
+    tracks = {f"short-{track}": track_config(track) for track in TRACKS}
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.start_daemon()
+
+    def submit(self, policy, track, team):
+        return self.ask("submit", POLICIES / policy, "--track", track, "--team", team, "--wait")
+
+    def rows(self, submission):
+        return self.ask("show", submission, "--episodes")["episode_rows"]
+
+    def test_policies_are_graded_ranked_and_repeated(self):
+        for track in TRACKS:
+            with self.subTest(track=track):
+                config = f"short-{track}"
+                random = self.submit("random", config, "Random")["submission"]
+                scripted = self.submit(f"scripted-{track}", config, "Scripted")["submission"]
+                rows = self.rows(random)
+                self.assertEqual([row["index"] for row in rows], [0, 1, 2])
+                self.assertEqual(len({row["digest"] for row in rows}), 3, "episodes must differ")
+                self.assertNotEqual(identities(rows), identities(self.rows(scripted)))
+                board = self.ask("leaderboard", "--track", config)
+                self.assertEqual([row["rank"] for row in board["rows"]], [1, 2])
+                again = self.ask("rerun", random, "--episodes", "1..1", "--wait")
+                self.assertEqual(again["comparison"]["equal"], 3, "a lease is run again whole")
+
+    def test_a_python_policy_is_graded(self):
+        result = self.submit("python-example", "short-locomotion", "Python")
+        self.assertEqual(result["state"], "done")
+
+    def test_local_gives_the_same_episodes_as_the_daemon(self):
+        submission = self.submit("zero", "short-manipulation", "Zero")["submission"]
+        local = self.ask("local", POLICIES / "zero", "--track", "short-manipulation")
+        self.assertEqual(identities(local["episodes"]), identities(self.rows(submission)))
+
+    def test_fewer_episodes_are_practice(self):
+        result = self.ask("submit", POLICIES / "zero", "--track", "short-locomotion",
+                          "--team", "Practice", "--episodes", "1", "--wait")
+        self.assertFalse(result["ranked"])
+        board = self.ask("leaderboard", "--track", "short-locomotion")
+        self.assertNotIn("Practice", [row["team"] for row in board["rows"]])
+
+
+class Misbehave(SystemTest):
+    """Each way of going wrong costs its own episode and says why in one sentence."""
+
+    tracks = {"short": track_config("locomotion"),
+              "impatient": track_config("locomotion", budgets={"startup_s": 1})}
+
+    EXPECTED = {
+        "exits": ("crash", "status 7"),
+        "aborts": ("crash", "SIGABRT"),
+        "sleeps": ("step_timeout", ""),
+        "spins": ("step_timeout", ""),
+        "short": ("protocol", "54"),
+        "nan": ("protocol", "finite"),
+        "infinite": ("protocol", "finite"),
+        "wrong-step": ("protocol", "step"),
+    }
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.start_daemon()
+
+    def test_every_mistake_has_its_outcome(self):
+        for mode, (outcome, words) in self.EXPECTED.items():
+            with self.subTest(mode=mode):
+                result = self.ask("submit", self.misbehaving(mode), "--track", "short",
+                                  "--team", mode, "--wait")
+                self.assertEqual(result["state"], "done")
+                rows = self.ask("show", result["submission"], "--episodes")["episode_rows"]
+                self.assertEqual([row["outcome"] for row in rows], ["failure", outcome, "failure"])
+                self.assertEqual(rows[1]["fault"]["step"], 3)
+                self.assertIn(words, rows[1]["fault"]["detail"])
+
+    def test_a_policy_that_never_shows_up_has_no_score(self):
+        result = self.run_cli("submit", self.misbehaving("silent"), "--track", "impatient",
+                              "--team", "silent", "--wait", "--json", check=False)
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("init_timeout", result.stdout)
+
+    def test_others_are_not_touched(self):
+        alone = self.ask("local", POLICIES / "zero", "--track", "short")
+        self.ask("submit", self.misbehaving("spins"), "--track", "short", "--team", "noise")
+        beside = self.ask("submit", POLICIES / "zero", "--track", "short", "--team", "honest",
+                          "--wait")
+        rows = self.ask("show", beside["submission"], "--episodes")["episode_rows"]
+        self.assertEqual(identities(rows), identities(alone["episodes"]))
+
+
+class Survive(SystemTest):
+    """Stopping and killing the daemon loses nothing and counts nothing twice."""
+
+    tracks = {"long": track_config("locomotion", seeds={"first": 1, "count": 12},
+                                   episodes_per_lease=3)}
+
+    def wait_done(self, submission):
+        deadline = time.monotonic() + 240
+        while True:
+            status = self.ask("status", submission)
+            if status["state"] not in ("queued", "running"):
+                return status
+            self.assertLess(time.monotonic(), deadline, status)
+            time.sleep(0.2)
+
+    def test_a_killed_daemon_carries_on(self):
+        undisturbed = self.ask("local", POLICIES / "zero", "--track", "long")
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            with self.subTest(signal=number.name):
+                self.start_daemon()
+                submission = self.ask("submit", POLICIES / "zero", "--track", "long",
+                                      "--team", number.name)["submission"]
+                deadline = time.monotonic() + 120
+                while self.ask("status", submission)["episodes"]["done"] < 2:
+                    self.assertLess(time.monotonic(), deadline)
+                    time.sleep(0.05)
+                status = self.stop_daemon(number)
+                if number == signal.SIGTERM:
+                    self.assertEqual(status, 0)
+                self.start_daemon()
+                self.assertEqual(self.wait_done(submission)["state"], "done")
+                result = self.ask("show", submission, "--episodes")
+                self.assertEqual(identities(result["episode_rows"]),
+                                 identities(undisturbed["episodes"]))
+                self.assertEqual(result["not_repeatable"], [])
+                self.stop_daemon()
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
