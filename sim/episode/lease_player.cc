@@ -1,0 +1,299 @@
+#include "sim/episode/lease_player.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/channels.h"
+
+namespace myograde::sim {
+namespace {
+
+// The runner promises to hear from us every second.
+constexpr absl::Duration kProgressPeriod = absl::Milliseconds(500);
+// For building a sandbox or taking one down; the runner has deadlines of its
+// own for both, far below these.
+constexpr absl::Duration kSandboxDeadline = absl::Minutes(5);
+constexpr absl::Duration kRulingDeadline = absl::Minutes(2);
+
+// Sets of `first` overlaid by those of `second`.
+LegParameterSets Overlay(const LegParameterSets& first, const LegParameterSets& second) {
+  LegParameterSets sets = first;
+  sets.present |= second.present;
+  for (uint32_t i = 0; i < kLegSets; ++i) {
+    if ((second.present >> i & 1u) == 0) continue;
+    std::copy(std::begin(second.set[i]), std::end(second.set[i]), std::begin(sets.set[i]));
+  }
+  return sets;
+}
+
+FaultEvidence ProtocolFault(std::string detail, int64_t step) {
+  FaultEvidence evidence;
+  evidence.outcome = Outcome::kProtocol;
+  evidence.step = step;
+  evidence.detail = std::move(detail);
+  return evidence;
+}
+
+// True if a number had to be replaced by 0 because it was not finite.
+bool MakeFinite(EpisodeFacts& facts) {
+  bool changed = false;
+  const auto fix = [&changed](double& value) {
+    if (std::isfinite(value)) return;
+    value = 0;
+    changed = true;
+  };
+  fix(facts.sim_time);
+  if (auto* arm = std::get_if<ManipulationFacts>(&facts.track)) {
+    for (double* value : {&arm->peak_force, &arm->max_touch, &arm->goal_distance_sum,
+                          &arm->final_goal_distance, &arm->final_hand_distance, &arm->max_height,
+                          &arm->effort_sum, &arm->reported_time}) {
+      fix(*value);
+    }
+  } else {
+    auto& leg = std::get<LocomotionFacts>(facts.track);
+    for (double* value : {&leg.distance, &leg.start_y, &leg.min_y, &leg.final_y, &leg.effort_sum,
+                          &leg.pain_sum, &leg.reported_time}) {
+      fix(*value);
+    }
+  }
+  return changed;
+}
+
+// Facts of an episode that was never begun.
+EpisodeFacts NothingPlayed(TrackKind kind) {
+  EpisodeFacts facts;
+  if (kind == TrackKind::kLocomotion) facts.track.emplace<LocomotionFacts>();
+  return facts;
+}
+
+}  // namespace
+
+LeasePlayer::LeasePlayer(const LeaseOrder& order, Environment& environment, int64_t max_steps,
+                         int runner, const CpuPage* cpu, const Clock& clock)
+    : order_(order),
+      environment_(environment),
+      max_steps_(max_steps),
+      runner_(runner),
+      cpu_(cpu),
+      clock_(clock),
+      restarts_left_(order.track.budgets.restarts),
+      use_{absl::ZeroDuration(), clock.Monotonic()},
+      last_progress_(clock.Monotonic()) {}
+
+absl::Status LeasePlayer::Play() {
+  for (const EpisodeOrder& episode : order_.episodes) {
+    if (absl::Status status = PlayEpisode(episode); !status.ok()) return status;
+  }
+  EndSession();
+  return SendSimMessage(runner_, {{"type", "done"}});
+}
+
+absl::Status LeasePlayer::PlayEpisode(const EpisodeOrder& episode) {
+  index_ = episode.index;
+  step_ = 0;
+  reset_ = false;
+  episode_wall_start_ = clock_.Monotonic();
+  episode_cpu_start_ = session_.has_value() ? session_->cpu_used() : absl::ZeroDuration();
+  if (last_fault_.has_value()) return Record(episode, last_fault_);
+
+  Result result = Run(episode);
+  if (!result.ok()) return result.status();
+  if (!result->has_value() || (*result)->outcome == Outcome::kUnstable) {
+    // Bad numbers are the policy's doing, but its process did nothing wrong.
+    return Record(episode, *result);
+  }
+  absl::StatusOr<FaultEvidence> ruling = Rule(**result);
+  if (!ruling.ok()) return ruling.status();
+  absl::Status status = Record(episode, *ruling);
+  EndSession();
+  const bool lease_spent =
+      ruling->outcome == Outcome::kCpuLimit || ruling->outcome == Outcome::kWallTimeout;
+  if (restarts_left_-- == 0 || lease_spent) {
+    last_fault_ = *std::move(ruling);
+    last_fault_->step = -1;
+  }
+  return status;
+}
+
+LeasePlayer::Result LeasePlayer::Run(const EpisodeOrder& episode) {
+  // Before the policy is there: an environment that carries state over is
+  // reset once for each episode, whatever the policy does.
+  environment_.Reset(episode.seed);
+  reset_ = true;
+  if (!session_.has_value()) {
+    if (Result result = EnsurePolicy(); !result.ok() || result->has_value()) return result;
+    if (Result result = Greet(); !result.ok() || result->has_value()) return result;
+  }
+  if (auto fault = StartEpisode(episode.policy_seed); fault.has_value()) return fault;
+  Result result = RunSteps();
+  if (!result.ok()) return result;
+  if (result->has_value() && (*result)->outcome != Outcome::kUnstable) return result;
+  // The episode was played to its end. If the sandbox is gone by now, the next
+  // episode will find out.
+  [[maybe_unused]] const auto unheard =
+      session_->Tell(messages_.EpisodeEnd(wire_episode_, step_));
+  ++wire_episode_;
+  return result;
+}
+
+LeasePlayer::Result LeasePlayer::EnsurePolicy() {
+  if (absl::Status status = SendSimMessage(runner_, {{"type", "need_policy"}}); !status.ok()) {
+    return status;
+  }
+  absl::StatusOr<SimMessage> message = AwaitRunner(kSandboxDeadline);
+  if (!message.ok()) return message.status();
+  const std::string type = message->json["type"].get<std::string>();
+  if (type == "no_policy") {
+    absl::StatusOr<FaultEvidence> evidence = FaultEvidenceFromJson(message->json);
+    if (!evidence.ok()) return evidence.status();
+    return std::optional(*std::move(evidence));
+  }
+  if (type != "policy" || !message->fd.valid()) {
+    return absl::InternalError(absl::StrCat("the runner answered need_policy with \"", type,
+                                            "\" and no sandbox"));
+  }
+  use_.cpu = lease_cpu_;
+  session_.emplace(std::move(message->fd), order_.track.budgets, cpu_, clock_, use_,
+                   [this] { Progress(); });
+  wire_episode_ = 0;
+  episode_cpu_start_ = absl::ZeroDuration();
+  return std::optional<FaultEvidence>();
+}
+
+LeasePlayer::Result LeasePlayer::Greet() {
+  OrFault<HelloFrame> answer = session_->AwaitHello();
+  if (auto* fault = std::get_if<FaultEvidence>(&answer)) return std::optional(std::move(*fault));
+  const auto& hello = std::get<HelloFrame>(answer);
+  WelcomeInfo info;
+  info.convention = hello.convention;
+  info.max_steps = max_steps_;
+  if (hello.protocol_version != static_cast<uint32_t>(kProtocolVersion)) {
+    info.reason = absl::StrCat("the policy speaks protocol version ",
+                               static_cast<int32_t>(hello.protocol_version),
+                               ", this grader speaks version ", kProtocolVersion);
+  } else if (absl::Status status = environment_.SetLegParameters(hello.sets); !status.ok()) {
+    info.reason = std::string(status.message());
+  }
+  info.accepted = info.reason.empty();
+  std::optional<FaultEvidence> fault = session_->Tell(messages_.Welcome(order_.track, info));
+  if (fault.has_value()) return fault;
+  if (!info.accepted) return std::optional(ProtocolFault("refused: " + info.reason, -1));
+  hello_sets_ = hello.sets;
+  environment_.SetConvention(hello.convention);
+  return std::optional<FaultEvidence>();
+}
+
+std::optional<FaultEvidence> LeasePlayer::StartEpisode(uint64_t policy_seed) {
+  OrFault<ReadyFrame> answer =
+      session_->Start(messages_.EpisodeStart(wire_episode_, policy_seed));
+  if (auto* fault = std::get_if<FaultEvidence>(&answer)) return std::move(*fault);
+  const LegParameterSets sets = Overlay(hello_sets_, std::get<ReadyFrame>(answer).sets);
+  if (sets.present == 0) return std::nullopt;
+  if (absl::Status status = environment_.SetLegParameters(sets); !status.ok()) {
+    return ProtocolFault(absl::StrCat("refused: ", status.message()), -1);
+  }
+  return std::nullopt;
+}
+
+LeasePlayer::Result LeasePlayer::RunSteps() {
+  const auto action_size = static_cast<uint32_t>(environment_.action_size());
+  while (true) {
+    environment_.Observe(messages_.ObservationValues(environment_.observation_size()));
+    OrFault<ActionFrame> answer =
+        session_->Ask(messages_.Observation(wire_episode_, step_, action_size));
+    if (auto* fault = std::get_if<FaultEvidence>(&answer)) return std::optional(std::move(*fault));
+    const auto& action = std::get<ActionFrame>(answer);
+    const StepResult result = environment_.Step({action.values, action.size});
+    digest_.Update(std::as_bytes(environment_.state()));
+    ++step_;
+    if (result.overflow) {
+      return absl::InternalError(absl::StrCat("a contact or constraint buffer was too small in step ",
+                                              step_ - 1, " of episode ", index_));
+    }
+    if (result.unstable) {
+      FaultEvidence evidence;
+      evidence.outcome = Outcome::kUnstable;
+      evidence.step = step_ - 1;
+      evidence.detail = absl::StrCat("the physics became unstable in step ", step_ - 1,
+                                     "; gentler actions avoid that");
+      return std::optional(std::move(evidence));
+    }
+    if (result.ended) return std::optional<FaultEvidence>();
+    if ((step_ & 15) == 0) Progress();
+    if (!progress_status_.ok()) return progress_status_;
+  }
+}
+
+absl::StatusOr<FaultEvidence> LeasePlayer::Rule(const FaultEvidence& seen) {
+  nlohmann::json message = FaultEvidenceToJson(seen);
+  message["type"] = "policy_fault";
+  if (absl::Status status = SendSimMessage(runner_, message); !status.ok()) return status;
+  absl::StatusOr<SimMessage> answer = AwaitRunner(kRulingDeadline);
+  if (!answer.ok()) return answer.status();
+  if (answer->json["type"] != "ruling") {
+    return absl::InternalError("the runner answered policy_fault with something else");
+  }
+  absl::StatusOr<FaultEvidence> ruling = FaultEvidenceFromJson(answer->json);
+  if (ruling.ok() && FaultOf(ruling->outcome) != Fault::kParticipant) {
+    return absl::InternalError(absl::StrCat("episode ", index_, ": ", ruling->detail));
+  }
+  return ruling;
+}
+
+void LeasePlayer::EndSession() {
+  if (!session_.has_value()) return;
+  lease_cpu_ += session_->cpu_used();
+  session_.reset();
+}
+
+absl::Status LeasePlayer::Record(const EpisodeOrder& episode,
+                                 const std::optional<FaultEvidence>& fault) {
+  EpisodeFacts facts = reset_ ? environment_.facts() : NothingPlayed(order_.track.kind);
+  facts.index = episode.index;
+  facts.seed = episode.seed;
+  facts.digest = digest_.FinishHex();
+  if (fault.has_value()) {
+    facts.end = EpisodeEnd::kFault;
+    facts.fault = *fault;
+  }
+  // Only a state that MuJoCo called unstable may hold numbers that are none.
+  if (MakeFinite(facts) && !(fault.has_value() && fault->outcome == Outcome::kUnstable)) {
+    return absl::InternalError(
+        absl::StrCat("episode ", index_, " was measured with a number that is not finite"));
+  }
+  facts.wall_s = absl::ToDoubleSeconds(clock_.Monotonic() - episode_wall_start_);
+  if (session_.has_value()) {
+    facts.policy_cpu_s = absl::ToDoubleSeconds(
+        std::max(session_->cpu_used() - episode_cpu_start_, absl::ZeroDuration()));
+  }
+  nlohmann::json record = EpisodeFactsToJson(facts);
+  record["type"] = "episode";
+  return SendSimMessage(runner_, record);
+}
+
+absl::StatusOr<SimMessage> LeasePlayer::AwaitRunner(absl::Duration limit) {
+  const absl::Duration deadline = clock_.Monotonic() + limit;
+  while (true) {
+    absl::StatusOr<SimMessage> message = ReceiveSimMessage(runner_, kProgressPeriod);
+    if (!absl::IsDeadlineExceeded(message.status())) return message;
+    if (clock_.Monotonic() > deadline) {
+      return absl::DeadlineExceededError(
+          absl::StrCat("the runner was silent for ", absl::FormatDuration(limit)));
+    }
+    Progress();
+    if (!progress_status_.ok()) return progress_status_;
+  }
+}
+
+void LeasePlayer::Progress() {
+  const absl::Duration now = clock_.Monotonic();
+  if (now - last_progress_ < kProgressPeriod || !progress_status_.ok()) return;
+  last_progress_ = now;
+  progress_status_ = SendSimMessage(
+      runner_, {{"type", "progress"}, {"episode", index_}, {"step", step_}});
+}
+
+}  // namespace myograde::sim

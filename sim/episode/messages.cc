@@ -1,0 +1,110 @@
+#include "sim/episode/messages.h"
+
+#include <cstddef>
+#include <cstdlib>
+#include <vector>
+
+#include "myograde/episode_end_t.hpp"
+#include "myograde/episode_start_t.hpp"
+#include "myograde/welcome_t.hpp"
+#include "protocol/channels.h"
+#include "protocol/layout.h"
+
+namespace myograde::sim {
+namespace {
+
+constexpr size_t kHead = offsetof(PublishFrame, payload);
+
+std::vector<part_t> Parts(std::span<const Part> layout) {
+  std::vector<part_t> parts;
+  for (const Part& part : layout) {
+    parts.push_back({});
+    parts.back().name = part.name;
+    parts.back().offset = part.offset;
+    parts.back().size = part.size;
+    parts.back().unit = part.unit;
+  }
+  return parts;
+}
+
+void Split(const std::vector<Bounds>& bounds, std::vector<double>& low,
+           std::vector<double>& high) {
+  for (const Bounds& bound : bounds) {
+    low.push_back(bound.low);
+    high.push_back(bound.high);
+  }
+}
+
+}  // namespace
+
+Messages::Messages() : frame_(std::make_unique<PublishFrame>()) {}
+
+template <typename Message>
+const PublishFrame& Messages::Fill(Channel channel, Expect expect, int64_t episode, int64_t step,
+                                   uint32_t action_size, const Message& message) {
+  const int size = message.encode(frame_->payload, 0, static_cast<int>(kMaxPublishBytes));
+  if (size < 0) std::abort();  // the layouts are fixed, and the largest fits
+  frame_->channel = channel;
+  frame_->expect = expect;
+  frame_->episode = episode;
+  frame_->step = step;
+  frame_->action_size = action_size;
+  frame_->payload_size = static_cast<uint32_t>(size);
+  frame_->header = MakeHeader<PublishFrame>(FrameType::kPublish, kHead + frame_->payload_size);
+  return *frame_;
+}
+
+const PublishFrame& Messages::Welcome(const TrackConfig& track, const WelcomeInfo& info) {
+  welcome_t message;
+  message.protocol_version = kProtocolVersion;
+  message.accepted = info.accepted ? 1 : 0;
+  message.reason = info.reason;
+  message.track = TrackKindName(track.kind);
+  message.profile = track.profile;
+  message.direct = info.convention == ActionConvention::kDirect ? 1 : 0;
+  message.control_period_s = ControlPeriod(track.kind);
+  message.max_steps = static_cast<int32_t>(info.max_steps);
+  message.step_budget_s = track.budgets.step_s;
+  message.overtime_s = track.budgets.overtime_s;
+  message.observation_parts = Parts(ObservationLayout(track.kind));
+  message.num_observation_parts = static_cast<int32_t>(message.observation_parts.size());
+  message.action_parts = Parts(ActionLayout(track.kind));
+  message.num_action_parts = static_cast<int32_t>(message.action_parts.size());
+  message.observation_size = ObservationSize(track.kind);
+  message.action_size = ActionSize(track.kind);
+  Split(ObservationBounds(track.kind), message.observation_low, message.observation_high);
+  Split(ActionBounds(track.kind, info.convention), message.action_low, message.action_high);
+  return Fill(Channel::kWelcome, Expect::kNothing, -1, -1, 0, message);
+}
+
+const PublishFrame& Messages::EpisodeStart(int64_t episode, uint64_t policy_seed) {
+  episode_start_t message;
+  message.episode = episode;
+  message.policy_seed = static_cast<int64_t>(policy_seed);
+  return Fill(Channel::kEpisodeStart, Expect::kReady, episode, -1, 0, message);
+}
+
+std::span<double> Messages::ObservationValues(int size) {
+  observation_.size = size;
+  observation_.values.resize(static_cast<size_t>(size));
+  return observation_.values;
+}
+
+const PublishFrame& Messages::Observation(int64_t episode, int64_t step, uint32_t action_size) {
+  observation_.episode = episode;
+  observation_.step = step;
+  return Fill(Channel::kObservation, Expect::kAction, episode, step, action_size, observation_);
+}
+
+const PublishFrame& Messages::EpisodeEnd(int64_t episode, int64_t steps) {
+  episode_end_t message;
+  message.episode = episode;
+  message.steps = steps;
+  return Fill(Channel::kEpisodeEnd, Expect::kNothing, episode, -1, 0, message);
+}
+
+std::span<const std::byte> FrameBytes(const PublishFrame& frame) {
+  return {reinterpret_cast<const std::byte*>(&frame), kHead + frame.payload_size};
+}
+
+}  // namespace myograde::sim

@@ -1,0 +1,81 @@
+// The simulator's side of one policy process: sends frames to its bridge and
+// waits for answers, always with a deadline, and turns whatever goes wrong on
+// the participant's side into evidence. It never fails: all that a sandbox can
+// do is answer or be at fault.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <variant>
+
+#include <absl/time/time.h>
+
+#include "protocol/base/clock.h"
+#include "protocol/base/episode_facts.h"
+#include "protocol/base/fd.h"
+#include "protocol/frames.h"
+#include "protocol/sim_channel.h"
+#include "protocol/track_config.h"
+
+namespace myograde::sim {
+
+template <typename T>
+using OrFault = std::variant<T, FaultEvidence>;
+
+// What the whole lease has used of its caps before this session.
+struct LeaseUse {
+  absl::Duration cpu;
+  absl::Duration started;  // Clock::Monotonic at the lease's start
+};
+
+class PolicySession {
+ public:
+  // `socket`: SOCK_SEQPACKET to the bridge. `cpu` may be null where CPU time
+  // is not measured; then the wall caps alone hold. `on_wait` is called many
+  // times a second while an answer is waited for. All references must outlive
+  // the session. The start-up budget begins to run now.
+  PolicySession(Fd socket, const Budgets& budgets, const CpuPage* cpu, const Clock& clock,
+                LeaseUse use, std::function<void()> on_wait);
+
+  // Waits for the policy's hello, within the start-up budget.
+  OrFault<HelloFrame> AwaitHello();
+
+  // Sends a message that needs no answer.
+  std::optional<FaultEvidence> Tell(const PublishFrame& frame);
+
+  // Starts an episode: a new bank of overtime. The first is part of the
+  // start-up budget, later ones have a step's.
+  OrFault<ReadyFrame> Start(const PublishFrame& start);
+
+  // Asks for one action and waits for it. The answer has frame.action_size
+  // finite values.
+  OrFault<ActionFrame> Ask(const PublishFrame& observation);
+
+  // CPU time of this session so far, as last measured.
+  absl::Duration cpu_used() const;
+
+ private:
+  struct Waiting;
+  OrFault<BridgeFrame> Await(const Waiting& waiting);
+  OrFault<BridgeFrame> Receive(const Waiting& waiting, bool& again);
+  std::optional<FaultEvidence> OverBudget(const Waiting& waiting) const;
+  std::optional<FaultEvidence> OverLease(int64_t step) const;
+  void Charge(const Waiting& waiting);
+  Waiting BeginStep(int64_t step) const;
+  FaultEvidence FromBridge(const FaultFrame& frame, int64_t step) const;
+
+  Fd socket_;
+  const Budgets& budgets_;
+  const CpuPage* cpu_;
+  const Clock& clock_;
+  const LeaseUse use_;
+  const std::function<void()> on_wait_;
+  const absl::Duration began_;
+  const uint64_t cpu_at_start_ns_;
+  absl::Duration overtime_cpu_;   // left in the episode's bank
+  absl::Duration overtime_wall_;
+  bool first_episode_ = true;
+};
+
+}  // namespace myograde::sim

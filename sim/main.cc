@@ -1,0 +1,110 @@
+// myograde-sim: plays one lease. Started by the runner, which hands it the
+// descriptors of protocol/sim_channel.h.
+//
+//   myograde-sim                          plays the lease whose order it inherits
+//   myograde-sim --compile-models CACHE   compiles and keeps the models of both tracks
+//
+// Exit status: 0 done, 1 the grader is in trouble (one sentence on stderr),
+// 2 wrong use.
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include <absl/status/statusor.h>
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/clock.h"
+#include "protocol/config_reader.h"
+#include "protocol/layout.h"
+#include "protocol/lease.h"
+#include "protocol/rules_locomotion.h"
+#include "protocol/rules_manipulation.h"
+#include "protocol/sim_channel.h"
+#include "sim/episode/lease_player.h"
+#include "sim/factory.h"
+#include "sim/model/model.h"
+
+namespace myograde::sim {
+namespace {
+
+constexpr size_t kMaxOrderBytes = 16u << 20;
+
+absl::StatusOr<LeaseOrder> ReadOrder(int fd) {
+  std::string text;
+  char buffer[65536];
+  while (true) {
+    const ssize_t size = read(fd, buffer, sizeof(buffer));
+    if (size < 0 && errno == EINTR) continue;
+    if (size < 0) {
+      return absl::InvalidArgumentError(absl::StrCat("the lease order on descriptor ", fd,
+                                                     " can't be read: ", strerror(errno)));
+    }
+    if (size == 0) break;
+    text.append(buffer, static_cast<size_t>(size));
+    if (text.size() > kMaxOrderBytes) {
+      return absl::InvalidArgumentError("the lease order is larger than 16 MiB");
+    }
+  }
+  absl::StatusOr<nlohmann::json> json = ParseJson(text, "lease order");
+  if (!json.ok()) return json.status();
+  return LeaseOrderFromJson(*json, "lease order");
+}
+
+// Null if the runner shares no page; then CPU time is not measured.
+const CpuPage* MapCpuPage(int fd) {
+  void* page = mmap(nullptr, sizeof(CpuPage), PROT_READ, MAP_SHARED, fd, 0);
+  return page == MAP_FAILED ? nullptr : static_cast<const CpuPage*>(page);
+}
+
+absl::StatusOr<int64_t> MaxSteps(const TrackConfig& track) {
+  if (track.kind == TrackKind::kManipulation) {
+    const auto rules = ParseManipulationRules(track.rules, "rules");
+    if (!rules.ok()) return rules.status();
+    return rules->max_steps;
+  }
+  const auto rules = ParseLocomotionRules(track.rules, "rules");
+  if (!rules.ok()) return rules.status();
+  return std::llround(rules->end.time_limit_s / ControlPeriod(track.kind));
+}
+
+absl::Status PlayLease() {
+  absl::StatusOr<LeaseOrder> order = ReadOrder(kSimOrderFd);
+  if (!order.ok()) return order.status();
+  absl::StatusOr<int64_t> max_steps = MaxSteps(order->track);
+  if (!max_steps.ok()) return max_steps.status();
+  absl::StatusOr<std::unique_ptr<Environment>> environment =
+      MakeEnvironment(order->track, order->cache_dir);
+  if (!environment.ok()) return environment.status();
+  LeasePlayer player(*order, **environment, *max_steps, kSimChannelFd, MapCpuPage(kSimCpuPageFd),
+                     SystemClock());
+  return player.Play();
+}
+
+int Main(int argc, char** argv) {
+  absl::Status status;
+  if (argc == 1) {
+    status = PlayLease();
+  } else if (argc == 3 && std::string_view(argv[1]) == "--compile-models") {
+    status = CompileModels(argv[2]);
+  } else {
+    std::fprintf(stderr,
+                 "usage: myograde-sim                          (started by myograde-runner)\n"
+                 "       myograde-sim --compile-models CACHE   (compiles both tracks' models)\n");
+    return 2;
+  }
+  if (status.ok()) return 0;
+  std::fprintf(stderr, "myograde-sim: %s\n", std::string(status.message()).c_str());
+  return 1;
+}
+
+}  // namespace
+}  // namespace myograde::sim
+
+int main(int argc, char** argv) { return myograde::sim::Main(argc, argv); }
