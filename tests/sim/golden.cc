@@ -71,6 +71,10 @@ std::string CacheDir() { return Variable("MYOGRADE_CACHE", MYOGRADE_DEFAULT_CACH
 
 std::string TapesDir() { return Variable("MYOGRADE_TAPES", ""); }
 
+double Number(const nlohmann::json& value) {
+  return value.is_boolean() ? value.get<bool>() : value.get<double>();
+}
+
 std::vector<double> Doubles(const nlohmann::json& array) {
   std::vector<double> numbers;
   for (const auto& entry : array) {
@@ -78,7 +82,7 @@ std::vector<double> Doubles(const nlohmann::json& array) {
       const auto inner = Doubles(entry);
       numbers.insert(numbers.end(), inner.begin(), inner.end());
     } else {
-      numbers.push_back(entry.is_boolean() ? entry.get<bool>() : entry.get<double>());
+      numbers.push_back(Number(entry));
     }
   }
   return numbers;
@@ -131,6 +135,11 @@ void GoldenTable::CompareRelative(std::string_view quantity, std::span<const dou
                                   std::span<const double> want, double tolerance,
                                   std::string_view where) {
   Add(quantity, got, want, tolerance, true, where);
+}
+
+void GoldenTable::CompareRelative(std::string_view quantity, double got, double want,
+                                  double tolerance, std::string_view where) {
+  Add(quantity, {&got, 1}, {&want, 1}, tolerance, true, where);
 }
 
 void GoldenTable::CompareExact(std::string_view quantity, double got, double want,

@@ -33,7 +33,9 @@ std::string CacheDir();
 // The recorded episodes outside the project: MYOGRADE_TAPES, "" if not set.
 std::string TapesDir();
 
-std::vector<double> Doubles(const nlohmann::json& array);  // flat; booleans count as 0 and 1
+// Numbers of a recording; false and true count as 0 and 1, nested arrays are flattened.
+double Number(const nlohmann::json& value);
+std::vector<double> Doubles(const nlohmann::json& array);
 
 // Largest differences by quantity. A quantity is compared within `tolerance`;
 // each comparison that exceeds it fails the running test with its place.
@@ -47,6 +49,8 @@ class GoldenTable {
   // |got - want| / max(1, |want|) per entry: for quantities of any size.
   void CompareRelative(std::string_view quantity, std::span<const double> got,
                        std::span<const double> want, double tolerance, std::string_view where);
+  void CompareRelative(std::string_view quantity, double got, double want, double tolerance,
+                       std::string_view where);
   // Equality, for labels, counts and flags.
   void CompareExact(std::string_view quantity, double got, double want, std::string_view where);
   void CompareExact(std::string_view quantity, std::span<const double> got,

@@ -1,0 +1,94 @@
+#include "tests/sim/manipulation/helpers.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "protocol/track_config.h"
+#include "tests/sim/golden.h"
+
+namespace myograde::sim {
+namespace {
+
+template <typename T>
+T OrThrow(absl::StatusOr<T> value) {
+  if (!value.ok()) throw std::runtime_error(value.status().ToString());
+  return *std::move(value);
+}
+
+}  // namespace
+
+ManipulationRules RulesOf(const std::string& profile) {
+  const TrackConfig config = OrThrow(
+      LoadTrackConfig(MYOGRADE_SOURCE_DIR "/configs/tracks", "manipulation", profile));
+  return OrThrow(ParseManipulationRules(config.rules, profile));
+}
+
+std::unique_ptr<ManipulationEnvironment> MakeEnvironmentWith(const ManipulationRules& rules) {
+  return OrThrow(ManipulationEnvironment::Make(
+      rules, OrThrow(LoadModel(TrackKind::kManipulation, CacheDir()))));
+}
+
+std::unique_ptr<ManipulationEnvironment> MakeProfile(const std::string& profile) {
+  return MakeEnvironmentWith(RulesOf(profile));
+}
+
+std::vector<double> OfficialControls(ManipulationEnvironment& env) {
+  const mjtNum* ctrl = env.data().ctrl;
+  std::vector<double> controls(ctrl + env.scene().first_muscle,
+                               ctrl + env.scene().first_muscle + kMuscles);
+  controls.insert(controls.end(), ctrl + env.scene().first_servo,
+                  ctrl + env.scene().first_servo + kServos);
+  return controls;
+}
+
+void LoadRecordedState(ManipulationEnvironment& env, const nlohmann::json& state) {
+  mjData& d = env.data();
+  d.time = state.at("time").get<double>();
+  std::ranges::copy(Doubles(state.at("qpos")), d.qpos);
+  std::ranges::copy(Doubles(state.at("qvel")), d.qvel);
+  std::ranges::copy(Doubles(state.at("act")), d.act);
+  const auto ctrl = Doubles(state.at("ctrl"));
+  std::copy_n(ctrl.begin(), kMuscles, d.ctrl + env.scene().first_muscle);
+  std::copy_n(ctrl.begin() + kMuscles, kServos, d.ctrl + env.scene().first_servo);
+  const char* const warm = state.contains("qacc_warmstart") ? "qacc_warmstart" : "qacc";
+  std::ranges::copy(Doubles(state.at(warm)), d.qacc_warmstart);
+  env.SynchroniseState();
+}
+
+std::vector<double> OfficialObservation(const ManipulationEnvironment& env) {
+  std::vector<double> all(env.observation_size());
+  env.Observe(all);
+  all.erase(all.begin() + 216, all.end());        // errors of reach and pass
+  all.erase(all.begin() + 142, all.begin() + 148);  // start and goal
+  return all;
+}
+
+bool ProsthesisMeshTouchesBox(ManipulationEnvironment& env) {
+  const mjModel& m = env.model();
+  for (int i = 0; i < env.data().ncon; ++i) {
+    const mjContact& contact = env.data().contact[i];
+    if (contact.geom1 != env.scene().object_box && contact.geom2 != env.scene().object_box) {
+      continue;
+    }
+    const int other =
+        contact.geom1 == env.scene().object_box ? contact.geom2 : contact.geom1;
+    const int body = m.geom_bodyid[other];
+    if (m.geom_type[other] == mjGEOM_MESH && body >= env.scene().first_prosthesis_body &&
+        body <= env.scene().last_prosthesis_body) {
+      return true;
+    }
+  }
+  return false;
+}
+
+bool AnythingTouchesObject(const ManipulationEnvironment& env) {
+  return std::ranges::any_of(env.touch(), [](bool touched) { return touched; });
+}
+
+void PutObject(ManipulationEnvironment& env, const std::array<double, 3>& place) {
+  std::ranges::copy(place, env.data().qpos + env.scene().object_qpos);
+  mju_zero(env.data().qvel, env.model().nv);
+  env.SynchroniseState();
+}
+
+}  // namespace myograde::sim
