@@ -13,7 +13,7 @@ import unittest
 BIN = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"])
 POLICIES = pathlib.Path(os.environ["MYOGRADE_TEST_POLICIES"])
 SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
-DEADLINE_S = 240
+DEADLINE_S = 1800
 
 
 def track_config(base, **changes):
