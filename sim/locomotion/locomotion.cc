@@ -177,6 +177,7 @@ void Locomotion::SetState(const State& state) {
   std::copy(state.qpos.begin(), state.qpos.end(), data_->qpos);
   std::copy(state.qvel.begin(), state.qvel.end(), data_->qvel);
   std::copy(state.act.begin(), state.act.end(), data_->act);
+  std::copy(state.ctrl.begin(), state.ctrl.end(), data_->ctrl);
   std::copy(state.warmstart.begin(), state.warmstart.end(), data_->qacc_warmstart);
   mj_forward(model_.get(), data_.get());
   KeepState();

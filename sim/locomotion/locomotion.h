@@ -66,11 +66,12 @@ class Locomotion final : public Environment {
   void Seed(uint64_t seed);
   void ResetEpisode();
 
-  // A physics state in the model's own order; ctrl is not part of it because
-  // each step writes it. An empty warm start leaves that of the last solution.
+  // A physics state in the model's own order. What is empty is zero.
   struct State {
     double time = 0;
-    std::span<const double> qpos, qvel, act, warmstart;
+    std::span<const double> qpos, qvel, act;
+    std::span<const double> ctrl;  // what the forces of the leg's sensors were computed with
+    std::span<const double> warmstart;
   };
   // Sets the physics state and computes everything that follows from it.
   void SetState(const State& state);

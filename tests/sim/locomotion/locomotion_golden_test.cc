@@ -36,7 +36,7 @@ constexpr double kSingle = 1e-6;   // relative: the official vector is single pr
 constexpr double kPain = 1e-9;
 
 // How far a single step from the official state may be off.
-constexpr double kStepQpos = 1e-13;
+constexpr double kStepQpos = 1e-12;
 
 // Free-running steps with the bounds above, and those with kLonger times them.
 constexpr int kFreeSteps = 20;
@@ -108,24 +108,31 @@ class EpisodeFile {
     }
   }
 
-  // Takes over a recorded state. The solver's warm start is the acceleration.
+  // Takes over a recorded state. The solver's warm start is the acceleration,
+  // the official controls have the two motors behind the muscles.
   void SetGolden(const nlohmann::json& state) {
+    const std::vector<double> official = Doubles(state.at("ctrl"));
+    const LocomotionIndices& at = environment_->indices();
+    std::vector<double> ctrl(official.size());
+    for (int i = 0; i < kLegMuscles; ++i) ctrl[at.muscle[i]] = official[i];
+    ctrl[at.knee_motor] = official[kLegMuscles];
+    ctrl[at.ankle_motor] = official[kLegMuscles + 1];
     environment_->SetState({state.at("time"), Doubles(state.at("qpos")),
-                            Doubles(state.at("qvel")), Doubles(state.at("act")),
+                            Doubles(state.at("qvel")), Doubles(state.at("act")), ctrl,
                             Doubles(state.at("qacc"))});
   }
 
   // Files that put the person elsewhere on the course after the reset.
   void Teleport(const nlohmann::json& reset) {
-    const std::vector<double> act(environment_->model().na, 0.0);
-    std::vector<double> qpos(data().qpos, data().qpos + environment_->model().nq);
-    const std::vector<double> qvel(data().qvel, data().qvel + environment_->model().nv);
+    const mjModel& m = environment_->model();
+    const std::vector<double> act(m.na, 0.0);
+    std::vector<double> qpos(data().qpos, data().qpos + m.nq);
+    const std::vector<double> qvel(data().qvel, data().qvel + m.nv);
     qpos[0] = json_.at("x0");
     qpos[1] = json_.at("y0");
     qpos[2] += reset.at("lift").get<double>();
-    const std::vector<double> warm(data().qacc_warmstart,
-                                   data().qacc_warmstart + environment_->model().nv);
-    environment_->SetState({0, qpos, qvel, act, warm});
+    const std::vector<double> warm(data().qacc_warmstart, data().qacc_warmstart + m.nv);
+    environment_->SetState({0, qpos, qvel, act, {}, warm});
   }
 
   // `growth` widens the bounds of what contacts amplify.
@@ -232,7 +239,7 @@ class EpisodeFile {
 
   void PlayFree(const nlohmann::json& steps) {
     const std::string reset = where_;
-    for (int t = 0; t < std::min<int>(steps.size(), kLongSteps); ++t) {
+    for (int t = 0; t < std::min(static_cast<int>(steps.size()), kLongSteps); ++t) {
       where_ = absl::StrCat(reset, " step ", t);
       environment_->Step(ActionOf(steps[t], t));
       const bool longer = t >= kFreeSteps;

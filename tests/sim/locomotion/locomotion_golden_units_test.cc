@@ -15,6 +15,10 @@
 namespace myograde::sim {
 namespace {
 
+bool IsLocomotion(const GoldenFile& file) {
+  return file.json.value("env", "").find("OslRun") != std::string::npos;
+}
+
 LegState StateNamed(const std::string& name) {
   for (int i = 0; i < kLegStates; ++i) {
     if (name == LegStateName(static_cast<LegState>(i))) return static_cast<LegState>(i);
@@ -142,14 +146,15 @@ TEST(LocomotionGoldenUnits, HeightMaps) {
 TEST(LocomotionGoldenUnits, Ends) {
   GoldenTable table;
   for (const GoldenFile& file : GoldenFiles()) {
-    if (!file.json.contains("probes") || !file.json.contains("base_qpos")) continue;
+    if (!file.json.contains("probes") || !IsLocomotion(file)) continue;
     const LocomotionRules rules = OfficialRules(file.json.at("env"));
     auto environment = MakeEnvironment(rules);
     environment->Reset(file.json.at("seed"));
     const std::vector<double> act(environment->model().na, 0.0);
     for (const auto& probe : file.json["probes"]) {
       const std::string where = absl::StrCat(file.name, " ", probe.at("name").get<std::string>());
-      environment->SetState({1.25, Doubles(probe.at("qpos")), Doubles(probe.at("qvel")), act, {}});
+      environment->SetState(
+          {1.25, Doubles(probe.at("qpos")), Doubles(probe.at("qvel")), act, {}, {}});
       const LocomotionTerms terms = environment->terms();
       const auto& want = probe.at("rwd_dict");
       table.CompareExact("done", terms.done(), want.at("done"), where);
@@ -195,10 +200,7 @@ void PlayEpisode(Locomotion& environment, const nlohmann::json& want, const std:
 TEST(LocomotionGoldenUnits, WholeEpisodes) {
   GoldenTable table;
   for (const GoldenFile& file : GoldenFiles()) {
-    if (!file.json.contains("episodes") ||
-        file.json.value("env", "").find("OslRun") == std::string::npos) {
-      continue;
-    }
+    if (!file.json.contains("episodes") || !IsLocomotion(file)) continue;
     auto environment = MakeEnvironment(OfficialRules(file.json["env"]));
     environment->Seed(file.json.at("seed"));
     for (const auto& episode : file.json["episodes"]) {
