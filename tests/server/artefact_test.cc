@@ -1,0 +1,348 @@
+// Packing and unpacking of submissions: equal content gives an equal digest,
+// and every rule of submissions is enforced with a sentence that names the entry.
+#include "server/artefact/artefact.h"
+
+#include <archive.h>
+#include <archive_entry.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+constexpr char kManifest[] = R"({"name": "walker", "command": ["./policy"]})";
+
+class TempFolder {
+ public:
+  TempFolder() {
+    std::string name = (fs::temp_directory_path() / "myograde-artefact.XXXXXX").string();
+    path_ = ::mkdtemp(name.data());
+  }
+  ~TempFolder() { fs::remove_all(path_); }
+  std::string operator/(const std::string& name) const { return (path_ / name).string(); }
+
+ private:
+  fs::path path_;
+};
+
+// One raw entry of an archive, honest or not.
+struct Raw {
+  std::string path;
+  std::string content = {};
+  mode_t mode = AE_IFREG | 0644;
+  std::string link = {};  // target of a symbolic link
+  std::string hard_link = {};
+};
+
+enum class Kind { kTar, kTarGz, kTarZst, kZip };
+
+void WriteArchive(const std::string& path, const std::vector<Raw>& entries,
+                  Kind kind = Kind::kTar) {
+  archive* a = archive_write_new();
+  if (kind == Kind::kZip) {
+    archive_write_set_format_zip(a);
+  } else {
+    archive_write_set_format_pax_restricted(a);
+  }
+  if (kind == Kind::kTarGz) archive_write_add_filter_gzip(a);
+  if (kind == Kind::kTarZst) archive_write_add_filter_zstd(a);
+  ASSERT_EQ(archive_write_open_filename(a, path.c_str()), ARCHIVE_OK);
+  for (const Raw& raw : entries) {
+    archive_entry* entry = archive_entry_new();
+    archive_entry_set_pathname(entry, raw.path.c_str());
+    archive_entry_set_mode(entry, raw.mode);
+    archive_entry_set_mtime(entry, 1'700'000'000, 0);
+    if (!raw.link.empty()) archive_entry_set_symlink(entry, raw.link.c_str());
+    if (!raw.hard_link.empty()) archive_entry_set_hardlink(entry, raw.hard_link.c_str());
+    const bool has_content = (raw.mode & AE_IFMT) == AE_IFREG && raw.hard_link.empty();
+    archive_entry_set_size(entry, has_content ? static_cast<int64_t>(raw.content.size()) : 0);
+    ASSERT_EQ(archive_write_header(a, entry), ARCHIVE_OK) << archive_error_string(a);
+    if (has_content) archive_write_data(a, raw.content.data(), raw.content.size());
+    archive_entry_free(entry);
+  }
+  ASSERT_EQ(archive_write_close(a), ARCHIVE_OK);
+  archive_write_free(a);
+}
+
+Raw Manifest(const std::string& text = kManifest) { return {.path = "policy.json", .content = text}; }
+Raw Program() { return {.path = "policy", .content = "#!/bin/sh\n", .mode = AE_IFREG | 0755}; }
+
+absl::StatusOr<Artefact> Unpack(const std::vector<Raw>& entries, Kind kind = Kind::kTar,
+                                const ArtefactLimits& limits = {}) {
+  const TempFolder temp;
+  WriteArchive(temp / "a", entries, kind);
+  absl::StatusOr<Artefact> artefact = UnpackArtefact(temp / "a", temp / "out", limits);
+  // What failed leaves nothing behind.
+  EXPECT_EQ(fs::exists(temp / "out"), artefact.ok());
+  return artefact;
+}
+
+// Unpacks an honest submission with `extra` in it; the error's sentence, or "".
+std::string Complaint(const std::vector<Raw>& extra, const ArtefactLimits& limits = {}) {
+  std::vector<Raw> entries = {Manifest(), Program()};
+  entries.insert(entries.end(), extra.begin(), extra.end());
+  const absl::StatusOr<Artefact> artefact = Unpack(entries, Kind::kTar, limits);
+  if (artefact.ok()) return "";
+  EXPECT_EQ(artefact.status().code(), absl::StatusCode::kInvalidArgument);
+  return std::string(artefact.status().message());
+}
+
+std::string ManifestComplaint(const std::string& manifest, const std::vector<Raw>& extra = {}) {
+  std::vector<Raw> entries = {Manifest(manifest), Program()};
+  entries.insert(entries.end(), extra.begin(), extra.end());
+  const absl::StatusOr<Artefact> artefact = Unpack(entries);
+  return artefact.ok() ? "" : std::string(artefact.status().message());
+}
+
+void WriteFile(const std::string& path, const std::string& content, mode_t mode) {
+  fs::create_directories(fs::path(path).parent_path());
+  std::ofstream(path, std::ios::binary) << content;
+  ASSERT_EQ(::chmod(path.c_str(), mode), 0);
+}
+
+TEST(UnpackArtefact, EveryKindOfArchiveGivesTheSameDigest) {
+  const std::vector<Raw> entries = {Manifest(), Program(), {.path = "data/weights", .content = "w"}};
+  const auto tar = Unpack(entries);
+  ASSERT_TRUE(tar.ok()) << tar.status();
+  EXPECT_EQ(tar->manifest.name, "walker");
+  EXPECT_EQ(tar->manifest.command, std::vector<std::string>{"./policy"});
+  EXPECT_EQ(tar->files, 4);  // the folder too
+  EXPECT_EQ(tar->bytes, static_cast<int64_t>(sizeof kManifest - 1 + 10 + 1));
+  for (const Kind kind : {Kind::kTarGz, Kind::kTarZst, Kind::kZip}) {
+    const auto other = Unpack(entries, kind);
+    ASSERT_TRUE(other.ok()) << other.status();
+    EXPECT_EQ(other->digest, tar->digest);
+  }
+}
+
+TEST(UnpackArtefact, DigestLooksAtContentNotAtTheArchive) {
+  const Raw folder = {.path = "data/", .mode = AE_IFDIR | 0700};
+  const Raw file = {.path = "data/w", .content = "1"};
+  const auto plain = Unpack({Manifest(), Program(), folder, file});
+  ASSERT_TRUE(plain.ok()) << plain.status();
+  const auto digest = [](const std::vector<Raw>& entries) {
+    const auto artefact = Unpack(entries);
+    return artefact.ok() ? artefact->digest : std::string(artefact.status().message());
+  };
+  EXPECT_EQ(digest({file, Program(), Manifest()}), plain->digest);            // order, no folder
+  EXPECT_EQ(digest({{.path = "./", .mode = AE_IFDIR | 0755},
+                    {.path = "./data//w", .content = "1", .mode = AE_IFREG | 0600},
+                    Program(), Manifest()}), plain->digest);                  // spelling, modes
+  EXPECT_NE(digest({Manifest(), Program(), {.path = "data/w", .content = "2"}}), plain->digest);
+  EXPECT_NE(digest({Manifest(), Program(), {.path = "data/v", .content = "1"}}), plain->digest);
+  EXPECT_NE(digest({Manifest(), Program(), {.path = "data/w", .content = "1",
+                                            .mode = AE_IFREG | 0755}}), plain->digest);
+  EXPECT_NE(digest({Manifest(), Program(), {.path = "data/w", .mode = AE_IFLNK | 0777,
+                                            .link = "1"}}), plain->digest);
+}
+
+TEST(UnpackArtefact, KeepsLinksAsLinksAndFollowsNone) {
+  const TempFolder temp;
+  WriteFile(temp / "victim/secret", "untouched", 0644);
+  WriteArchive(temp / "a", {Manifest(), Program(),
+                            {.path = "lib64", .mode = AE_IFLNK | 0777, .link = "lib"},
+                            {.path = "python3", .mode = AE_IFLNK | 0777, .link = "/usr/bin/python3"}});
+  const auto artefact = UnpackArtefact(temp / "a", temp / "out", {});
+  ASSERT_TRUE(artefact.ok()) << artefact.status();
+  EXPECT_EQ(fs::read_symlink(temp / "out/lib64"), "lib");
+  EXPECT_EQ(fs::read_symlink(temp / "out/python3"), "/usr/bin/python3");
+
+  WriteArchive(temp / "b", {Manifest(), Program(),
+                            {.path = "d", .mode = AE_IFLNK | 0777, .link = temp / "victim"},
+                            {.path = "d/secret", .content = "overwritten"}});
+  const auto through = UnpackArtefact(temp / "b", temp / "out2", {});
+  EXPECT_THAT(through.status().message(), HasSubstr("\"d/secret\" lies below \"d\""));
+  std::string secret;
+  std::ifstream(temp / "victim/secret") >> secret;
+  EXPECT_EQ(secret, "untouched");
+}
+
+TEST(UnpackArtefact, RefusesWhatCouldReachOutside) {
+  EXPECT_THAT(Complaint({{.path = "../evil"}}), HasSubstr("has \"..\" in its path"));
+  EXPECT_THAT(Complaint({{.path = "a/../../evil"}}), HasSubstr("has \"..\" in its path"));
+  EXPECT_THAT(Complaint({{.path = "/etc/evil"}}), HasSubstr("has an absolute path"));
+  EXPECT_THAT(Complaint({{.path = "hard", .hard_link = "policy"}}), HasSubstr("is a hard link"));
+  for (const char* target : {"..", "../x", "a/../../x", "/usr/../etc/shadow", "a/.."}) {
+    EXPECT_THAT(Complaint({{.path = "l", .mode = AE_IFLNK | 0777, .link = target}}),
+                HasSubstr("targets with \"..\" are not allowed"));
+  }
+  EXPECT_EQ(Complaint({{.path = "l", .mode = AE_IFLNK | 0777, .link = "..data/x.."}}), "");
+}
+
+TEST(UnpackArtefact, RefusesKindsAndBitsThatNoPolicyNeeds) {
+  EXPECT_THAT(Complaint({{.path = "dev", .mode = AE_IFCHR | 0644}}), HasSubstr("a device node"));
+  EXPECT_THAT(Complaint({{.path = "pipe", .mode = AE_IFIFO | 0644}}), HasSubstr("a named pipe"));
+  EXPECT_THAT(Complaint({{.path = "su", .mode = AE_IFREG | 04755}}), HasSubstr("setuid or setgid"));
+  EXPECT_THAT(Complaint({{.path = "sg", .mode = AE_IFREG | 02755}}), HasSubstr("setuid or setgid"));
+  EXPECT_THAT(Complaint({{.path = "bell\a"}}), HasSubstr("control character"));
+  EXPECT_THAT(Complaint({{.path = "policy", .content = "again"}}), HasSubstr("is there twice"));
+  EXPECT_THAT(Complaint({{.path = "./policy", .content = "again"}}), HasSubstr("is there twice"));
+  EXPECT_THAT(Complaint({{.path = "policy/below"}}), HasSubstr("which is no folder"));
+}
+
+TEST(UnpackArtefact, CountsWhatItUnpacks) {
+  // 8 MiB of zeros are a few kilobytes in the archive.
+  const std::vector<Raw> bomb = {Manifest(), Program(),
+                                 {.path = "bomb", .content = std::string(8 << 20, '\0')}};
+  EXPECT_THAT(Unpack(bomb, Kind::kTarGz, {.bytes = 1 << 20}).status().message(),
+              HasSubstr("larger than 1048576 bytes unpacked (at \"bomb\")"));
+  std::vector<Raw> many;
+  for (int i = 0; i < 20; ++i) many.push_back({.path = "f" + std::to_string(i)});
+  EXPECT_THAT(Complaint(many, {.files = 10}), HasSubstr("more than 10 files"));
+  EXPECT_THAT(Complaint({{.path = "a/b/c/d"}}, {.depth = 3}), HasSubstr("deeper than 3"));
+  EXPECT_EQ(Complaint({{.path = "a/b/c"}}, {.depth = 3}), "");
+  EXPECT_THAT(Complaint({{.path = std::string(300, 'n')}}), HasSubstr("a name of 300 bytes"));
+  EXPECT_FALSE(Unpack({Manifest(), Program()}, Kind::kTar, {.bytes = 0}).ok());
+  EXPECT_FALSE(Unpack({Manifest(), Program()}, Kind::kTar, {.files = -1}).ok());
+}
+
+TEST(UnpackArtefact, RefusesWhatIsNoArchive) {
+  const TempFolder temp;
+  WriteFile(temp / "text", "just words", 0644);
+  EXPECT_THAT(UnpackArtefact(temp / "text", temp / "out", {}).status().message(),
+              HasSubstr("tar, tar.gz, tar.zst, zip"));
+  WriteFile(temp / "empty", "", 0644);
+  EXPECT_FALSE(UnpackArtefact(temp / "empty", temp / "out", {}).ok());
+  EXPECT_FALSE(UnpackArtefact(temp / "missing", temp / "out", {}).ok());
+  EXPECT_FALSE(fs::exists(temp / "out"));
+}
+
+TEST(UnpackArtefact, SurvivesEveryTruncationAndRandomDamage) {
+  const TempFolder temp;
+  WriteArchive(temp / "a", {Manifest(), Program(), {.path = "w", .content = std::string(5000, 'w')}},
+               Kind::kTarGz);
+  std::ifstream file(temp / "a", std::ios::binary);
+  const std::string good((std::istreambuf_iterator<char>(file)), {});
+  const auto unpacks = [&](const std::string& bytes) {
+    WriteFile(temp / "damaged", bytes, 0644);
+    const bool ok = UnpackArtefact(temp / "damaged", temp / "out", {}).ok();
+    fs::remove_all(temp / "out");
+    return ok;
+  };
+  ASSERT_TRUE(unpacks(good));
+  for (size_t size = 0; size < good.size() / 2; ++size) EXPECT_FALSE(unpacks(good.substr(0, size)));
+  EXPECT_TRUE(rc::check("damaged archives are refused or unpacked, never fatal", [&] {
+    std::string bytes = good;
+    bytes[*rc::gen::inRange<size_t>(0, bytes.size())] = *rc::gen::arbitrary<char>();
+    unpacks(bytes);
+  }));
+}
+
+TEST(ReadManifest, IsStrict) {
+  EXPECT_EQ(ManifestComplaint(R"({"name": "a", "command": ["policy", "x"], "runtimes": ["python"]})"),
+            "");
+  EXPECT_THAT(ManifestComplaint("{"), HasSubstr("policy.json: is not valid JSON"));
+  EXPECT_THAT(ManifestComplaint("[]"), HasSubstr("must be an object"));
+  EXPECT_THAT(ManifestComplaint(R"({"name": "a"})"), HasSubstr("\"command\" is missing"));
+  EXPECT_THAT(ManifestComplaint(R"({"command": ["./policy"]})"), HasSubstr("\"name\" is missing"));
+  EXPECT_THAT(ManifestComplaint(R"({"name": "", "command": ["./policy"]})"), HasSubstr("\"name\""));
+  EXPECT_THAT(ManifestComplaint(R"({"name": "a", "command": []})"), HasSubstr("\"command\" must"));
+  EXPECT_THAT(ManifestComplaint(R"({"name": "a", "command": "./policy"})"), HasSubstr("an array"));
+  EXPECT_THAT(ManifestComplaint(R"({"name": "a", "command": ["./policy"], "gpu": true})"),
+              HasSubstr("\"gpu\" is not a known key"));
+  EXPECT_THAT(ManifestComplaint(R"({"name": "a", "command": ["./policy"], "runtimes": ["../x"]})"),
+              HasSubstr("\"runtimes\" holds"));
+}
+
+TEST(ReadManifest, WantsAProgramThatCanBeRun) {
+  const auto command = [](const std::string& program, const std::vector<Raw>& extra = {}) {
+    return ManifestComplaint(R"({"name": "a", "command": [")" + program + R"("]})", extra);
+  };
+  const Raw link = {.path = "link", .mode = AE_IFLNK | 0777, .link = "policy"};
+  EXPECT_EQ(command("/usr/bin/python3"), "");
+  EXPECT_EQ(command("./link", {link}), "");
+  EXPECT_EQ(command("venv/bin/python", {{.path = "venv/bin/python", .mode = AE_IFLNK | 0777,
+                                         .link = "/usr/bin/python3"}}), "");
+  EXPECT_THAT(command("./missing"), HasSubstr("is not there"));
+  EXPECT_THAT(command("python3"), HasSubstr("/usr/bin/python3"));
+  EXPECT_THAT(command("./policy.json"), HasSubstr("is not executable; set its bit"));
+  EXPECT_THAT(command("d", {{.path = "d/x"}}), HasSubstr("is a folder"));
+  EXPECT_THAT(command("../policy"), HasSubstr("is not a file inside the submission"));
+  EXPECT_THAT(command("a", {{.path = "a", .mode = AE_IFLNK | 0777, .link = "b"},
+                            {.path = "b", .mode = AE_IFLNK | 0777, .link = "a"}}),
+              HasSubstr("loop"));
+}
+
+TEST(ReadManifest, SaysWhereTheManifestIsWhenTheFolderWasPacked) {
+  const auto nested = Unpack({{.path = "mine/policy.json", .content = kManifest},
+                              {.path = "mine/policy", .mode = AE_IFREG | 0755}});
+  EXPECT_THAT(nested.status().message(), HasSubstr("it is at \"mine/policy.json\""));
+  EXPECT_THAT(Unpack({Program()}).status().message(), HasSubstr("no policy.json"));
+  EXPECT_THAT(Unpack({Program(), {.path = "policy.json", .mode = AE_IFLNK | 0777,
+                                  .link = "/etc/passwd"}}).status().message(),
+              HasSubstr("not a link"));
+}
+
+TEST(PackArtefact, FolderArchiveAndProgramComeBackTheSame) {
+  const TempFolder temp;
+  WriteFile(temp / "p/policy.json", kManifest, 0600);
+  WriteFile(temp / "p/policy", "#!/bin/sh\n", 0700);
+  WriteFile(temp / "p/\xc3\xbc/" + std::string(150, 'x') + "/w", std::string(200'000, 'w'), 0644);
+  fs::create_symlink("/usr/bin/python3", temp / "p/python3");
+  const absl::Status packed = PackArtefact(temp / "p", temp / "a.tar", {});
+  ASSERT_TRUE(packed.ok()) << packed;
+  const auto first = UnpackArtefact(temp / "a.tar", temp / "out", {});
+  ASSERT_TRUE(first.ok()) << first.status();
+  EXPECT_TRUE(fs::exists(temp / "out/\xc3\xbc/" + std::string(150, 'x') + "/w"));
+  EXPECT_EQ(fs::status(temp / "out/policy").permissions(), fs::perms(0755));
+  EXPECT_EQ(fs::status(temp / "out/policy.json").permissions(), fs::perms(0644));
+
+  // Packed again, from the archive and from the unpacked folder: the same bytes.
+  ASSERT_TRUE(PackArtefact(temp / "a.tar", temp / "b", {}).ok());
+  ASSERT_TRUE(PackArtefact(temp / "out", temp / "c", {}).ok());
+  const auto bytes = [](const std::string& path) {
+    std::ifstream file(path, std::ios::binary);
+    return std::string((std::istreambuf_iterator<char>(file)), {});
+  };
+  EXPECT_EQ(bytes(temp / "a.tar"), bytes(temp / "b"));
+  EXPECT_EQ(bytes(temp / "a.tar"), bytes(temp / "c"));
+  EXPECT_FALSE(fs::exists(temp / "b.unpacked"));
+
+  const absl::Status program = PackArtefact(temp / "p/policy", temp / "d", {});
+  ASSERT_TRUE(program.ok()) << program;
+  const auto single = UnpackArtefact(temp / "d", temp / "out2", {});
+  ASSERT_TRUE(single.ok()) << single.status();
+  EXPECT_EQ(single->manifest.name, "policy");
+  EXPECT_EQ(single->manifest.command, std::vector<std::string>{"./policy"});
+}
+
+TEST(PackArtefact, TellsMistakesBeforeAnythingIsSent) {
+  const TempFolder temp;
+  const auto complaint = [&](const std::string& path) {
+    return std::string(PackArtefact(path, temp / "a", {}).message());
+  };
+  WriteFile(temp / "data.txt", "hello", 0644);
+  WriteFile(temp / "empty", "", 0755);
+  WriteFile(temp / "fake.tar.gz", "hello", 0644);
+  EXPECT_THAT(complaint(temp / "missing"), HasSubstr("No such file"));
+  EXPECT_THAT(complaint(temp / "data.txt"), HasSubstr("is not executable; set its bit"));
+  EXPECT_THAT(complaint(temp / "empty"), HasSubstr("empty file"));
+  EXPECT_THAT(complaint(temp / "fake.tar.gz"), HasSubstr("archive"));
+  EXPECT_THAT(complaint("/dev/null"), HasSubstr("neither a file nor a folder"));
+  fs::create_directory(temp / "p");
+  EXPECT_THAT(complaint(temp / "p"), HasSubstr("no policy.json"));
+  WriteFile(temp / "p/policy.json", kManifest, 0644);
+  WriteFile(temp / "p/policy", "#!/bin/sh\n", 0755);
+  ASSERT_EQ(complaint(temp / "p"), "");
+  ASSERT_EQ(::mkfifo((temp / "p/pipe").c_str(), 0600), 0);
+  EXPECT_THAT(complaint(temp / "p"), HasSubstr("\"pipe\" is no file"));
+  fs::remove(temp / "p/pipe");
+  fs::create_symlink("../data.txt", temp / "p/out");
+  EXPECT_THAT(complaint(temp / "p"), HasSubstr("targets with \"..\""));
+}
+
+}  // namespace
+}  // namespace myograde::server
