@@ -89,7 +89,7 @@ std::vector<double> Doubles(const nlohmann::json& array) {
 }
 
 void GoldenTable::Add(std::string_view quantity, std::span<const double> got,
-                      std::span<const double> want, double tolerance, bool relative,
+                      std::span<const double> want, double tolerance, Scale scale,
                       std::string_view where) {
   auto row = std::find_if(rows_.begin(), rows_.end(),
                           [&](const Row& r) { return r.quantity == quantity; });
@@ -104,9 +104,12 @@ void GoldenTable::Add(std::string_view quantity, std::span<const double> got,
                   << want.size();
     return;
   }
+  double largest_want = 1;
+  for (const double x : want) largest_want = std::max(largest_want, std::abs(x));
   for (size_t i = 0; i < want.size(); ++i) {
     double difference = std::abs(got[i] - want[i]);
-    if (relative) difference /= std::max(1.0, std::abs(want[i]));
+    if (scale == Scale::kEntry) difference /= std::max(1.0, std::abs(want[i]));
+    if (scale == Scale::kVector) difference /= largest_want;
     if (!(difference <= row->largest)) {
       row->largest = difference;
       row->where = std::string(where) + " [" + std::to_string(i) + "]";
@@ -123,33 +126,39 @@ void GoldenTable::Add(std::string_view quantity, std::span<const double> got,
 void GoldenTable::Compare(std::string_view quantity, std::span<const double> got,
                           std::span<const double> want, double tolerance,
                           std::string_view where) {
-  Add(quantity, got, want, tolerance, false, where);
+  Add(quantity, got, want, tolerance, Scale::kAbsolute, where);
 }
 
 void GoldenTable::Compare(std::string_view quantity, double got, double want, double tolerance,
                           std::string_view where) {
-  Add(quantity, {&got, 1}, {&want, 1}, tolerance, false, where);
+  Add(quantity, {&got, 1}, {&want, 1}, tolerance, Scale::kAbsolute, where);
 }
 
 void GoldenTable::CompareRelative(std::string_view quantity, std::span<const double> got,
                                   std::span<const double> want, double tolerance,
                                   std::string_view where) {
-  Add(quantity, got, want, tolerance, true, where);
+  Add(quantity, got, want, tolerance, Scale::kEntry, where);
 }
 
 void GoldenTable::CompareRelative(std::string_view quantity, double got, double want,
                                   double tolerance, std::string_view where) {
-  Add(quantity, {&got, 1}, {&want, 1}, tolerance, true, where);
+  Add(quantity, {&got, 1}, {&want, 1}, tolerance, Scale::kEntry, where);
+}
+
+void GoldenTable::CompareScaled(std::string_view quantity, std::span<const double> got,
+                                std::span<const double> want, double tolerance,
+                                std::string_view where) {
+  Add(quantity, got, want, tolerance, Scale::kVector, where);
 }
 
 void GoldenTable::CompareExact(std::string_view quantity, double got, double want,
                                std::string_view where) {
-  Add(quantity, {&got, 1}, {&want, 1}, 0, false, where);
+  Add(quantity, {&got, 1}, {&want, 1}, 0, Scale::kAbsolute, where);
 }
 
 void GoldenTable::CompareExact(std::string_view quantity, std::span<const double> got,
                                std::span<const double> want, std::string_view where) {
-  Add(quantity, got, want, 0, false, where);
+  Add(quantity, got, want, 0, Scale::kAbsolute, where);
 }
 
 void GoldenTable::Print(std::string_view title) const {

@@ -51,6 +51,10 @@ class GoldenTable {
                        std::span<const double> want, double tolerance, std::string_view where);
   void CompareRelative(std::string_view quantity, double got, double want, double tolerance,
                        std::string_view where);
+  // |got - want| / max(1, largest |want| of the vector): for results of a solver,
+  // whose error is one of the whole vector.
+  void CompareScaled(std::string_view quantity, std::span<const double> got,
+                     std::span<const double> want, double tolerance, std::string_view where);
   // Equality, for labels, counts and flags.
   void CompareExact(std::string_view quantity, double got, double want, std::string_view where);
   void CompareExact(std::string_view quantity, std::span<const double> got,
@@ -68,8 +72,9 @@ class GoldenTable {
     double largest = 0;
     std::string where;  // of the largest difference
   };
+  enum class Scale { kAbsolute, kEntry, kVector };
   void Add(std::string_view quantity, std::span<const double> got, std::span<const double> want,
-           double tolerance, bool relative, std::string_view where);
+           double tolerance, Scale scale, std::string_view where);
 
   std::vector<Row> rows_;
 };
