@@ -3,31 +3,15 @@
 #include "sim/locomotion/locomotion.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <cstdlib>
-#include <limits>
-#include <new>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "tests/sim/golden.h"
+#include "tests/sim/locomotion/allocations.h"
 #include "tests/sim/locomotion/fixture.h"
-
-namespace {
-std::atomic<int64_t> allocations{0};
-}  // namespace
-
-// Counts what this program allocates with new, to show that a step does not.
-void* operator new(size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size)) return memory;
-  throw std::bad_alloc();
-}
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, size_t) noexcept { std::free(memory); }
 
 namespace myograde::sim {
 namespace {
@@ -234,12 +218,12 @@ TEST(LocomotionSpeed, AStepAllocatesNothing) {
   const std::vector<double> action = SineAction(3);
   std::vector<double> observation(Locomotion::kObservationSize);
   environment->Step(action);
-  const int64_t before = allocations;
+  const int64_t before = Allocations();
   for (int t = 0; t < 20; ++t) {
     environment->Step(action);
     environment->Observe(observation);
   }
-  EXPECT_EQ(allocations, before);
+  EXPECT_EQ(Allocations(), before);
 }
 
 }  // namespace

@@ -8,7 +8,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "protocol/layout.h"
 #include "tests/sim/manipulation/helpers.h"
 
 namespace myograde::sim {
@@ -136,9 +135,11 @@ TEST(ManipulationEnvironment, PaperClipsAndCountsWhatIsOutOfRange) {
   EXPECT_EQ(OfficialControls(*env)[5], 0);
   EXPECT_EQ(OfficialControls(*env)[66], 2.356);
   int64_t out_of_range = 0;
-  const auto bounds = ActionBounds(TrackKind::kManipulation, ActionConvention::kDirect);
   for (int i = 0; i < 80; ++i) {
-    out_of_range += action[i] < bounds[i].low || action[i] > bounds[i].high;
+    const int actuator = i < kMuscles ? env->scene().first_muscle + i
+                                      : env->scene().first_servo + i - kMuscles;
+    const mjtNum* range = env->model().actuator_ctrlrange + 2 * actuator;
+    out_of_range += action[i] < range[0] || action[i] > range[1];
   }
   EXPECT_GE(out_of_range, 2);
   EXPECT_EQ(env->facts().clipped, 2 + out_of_range);
