@@ -147,9 +147,9 @@ absl::StatusOr<nlohmann::json> ProfilesOf(const nlohmann::json& merged, const st
     }
     for (const auto& [key, unused] : patch.items()) {
       if (kMayChange.contains(key)) continue;
-      return absl::InvalidArgumentError(absl::StrCat(place, ": \"", key,
-                                                     "\" can't be changed by a profile; it can be: ",
-                                                     absl::StrJoin(kMayChange, ", ")));
+      return absl::InvalidArgumentError(
+          absl::StrCat(place, ": \"", key, "\" can't be changed by a profile; it can be: ",
+                       absl::StrJoin(kMayChange, ", ")));
     }
   }
   return profiles;

@@ -91,8 +91,9 @@ void Order(Ranked& board, const DistanceBoard& rules) {
 }
 
 void Order(Ranked& board, const PhysiologicalBoard& rules) {
-  std::erase_if(board,
-                [&](const RankedEntry& ranked) { return !(ranked.entry.distance >= rules.qualify_m); });
+  std::erase_if(board, [&](const RankedEntry& ranked) {
+    return ranked.entry.distance < rules.qualify_m;
+  });
   SortBy(board.begin(), board.end(), [](const BoardEntry& a, const BoardEntry& b) {
     return std::pair(OrWorst(a.pain), OrWorst(a.effort)) <
            std::pair(OrWorst(b.pain), OrWorst(b.effort));
