@@ -1,0 +1,53 @@
+// How the HTTP threads ask the daemon's loop to do something: bounded, and with
+// a deadline for the answer.
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <future>
+#include <mutex>
+
+#include <absl/status/status.h>
+#include <absl/time/time.h>
+
+#include "protocol/base/fd.h"
+
+namespace myograde::server {
+
+class CommandQueue {
+ public:
+  // REQUIRES: capacity > 0.
+  explicit CommandQueue(size_t capacity);
+
+  // Readable while there is something to do.
+  int wake_fd() const { return wake_.get(); }
+
+  // Runs `command` on the loop's thread and waits for its status.
+  // ResourceExhaustedError: too many wait already. CancelledError: the daemon
+  // stops. DeadlineExceededError: no answer in time; the command may still run,
+  // so it must own everything that it touches.
+  absl::Status Call(std::function<absl::Status()> command, absl::Duration timeout);
+
+  // Loop only: runs what waits. Returns how many it ran.
+  int RunAll();
+
+  // Makes the loop's poll return; safe to call from a signal handler.
+  void Wake();
+
+  // Answers all that waits, and all that comes, with CancelledError.
+  void Close();
+
+ private:
+  struct Entry {
+    std::function<absl::Status()> command;
+    std::promise<absl::Status> answer;
+  };
+
+  const size_t capacity_;
+  Fd wake_;  // an eventfd
+  std::mutex mutex_;
+  std::deque<Entry> entries_;  // guarded by mutex_
+  bool closed_ = false;        // guarded by mutex_
+};
+
+}  // namespace myograde::server

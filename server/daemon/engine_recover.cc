@@ -1,0 +1,147 @@
+// Taking evaluations up from the store: new ones, and after a start those that
+// an earlier daemon left unfinished. One way for both.
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+#include <nlohmann/json.hpp>
+#include <spdlog/spdlog.h>
+
+#include "protocol/config_reader.h"
+#include "server/daemon/engine.h"
+#include "server/daemon/results.h"
+
+namespace myograde::server {
+
+absl::StatusOr<TrackPtr> Engine::TrackOf(Reader& reader, const std::string& config_hash) {
+  if (const auto it = tracks_.find(config_hash); it != tracks_.end()) return it->second;
+  absl::StatusOr<std::string> text = reader.ConfigJson(config_hash);
+  if (!text.ok()) return text.status();
+  const std::string where = absl::StrCat("the store's config ", config_hash);
+  absl::StatusOr<nlohmann::json> json = ParseJson(*text, where);
+  if (!json.ok()) return json.status();
+  absl::StatusOr<TrackConfig> config = ParseTrackConfig(*json, where);
+  if (!config.ok()) return config.status();
+  absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
+  if (track.ok()) tracks_[config_hash] = *track;
+  return track;
+}
+
+absl::StatusOr<std::shared_ptr<const Engine::Context>> Engine::ContextOf(int64_t id) {
+  const auto context = std::make_shared<Context>();
+  const absl::Status status = readers_.Read([&](Reader& reader) -> absl::Status {
+    absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
+    if (!evaluation.ok()) return evaluation.status();
+    absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation->submission);
+    if (!submission.ok()) return submission.status();
+    absl::StatusOr<ArtefactRow> artefact = reader.Artefact(submission->artefact);
+    if (!artefact.ok()) return artefact.status();
+    absl::StatusOr<TrackPtr> track = TrackOf(reader, submission->config);
+    if (!track.ok()) return track.status();
+    absl::StatusOr<std::string> text = reader.SeedsJson(submission->seeds);
+    if (!text.ok()) return text.status();
+    absl::StatusOr<nlohmann::json> seeds = ParseJson(*text, "the store's seed list");
+    if (!seeds.ok()) return seeds.status();
+    context->evaluation = id;
+    context->submission = submission->id;
+    context->team = submission->team;
+    context->rerun = evaluation->rerun;
+    context->artefact = artefact->hash;
+    context->command = artefact->command;
+    context->track = *track;
+    context->seeds =
+        std::make_shared<const std::vector<uint64_t>>(seeds->get<std::vector<uint64_t>>());
+    for (const std::string& runtime : artefact->runtimes) {
+      const auto it = options_.config.runtimes.find(runtime);
+      // A runtime that was taken out of the settings is the grader's fault, told by the runner.
+      context->runtimes.push_back(it == options_.config.runtimes.end() ? "/nonexistent/" + runtime
+                                                                       : it->second);
+    }
+    for (const LeaseRow& lease : reader.Leases(id)) {
+      context->leases[lease.id] = {lease.first, lease.last};
+      if (!IsFinal(lease.state)) context->open.push_back(lease);
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  return context;
+}
+
+absl::Status Engine::AddEvaluation(int64_t id) {
+  absl::StatusOr<std::shared_ptr<const Context>> found = ContextOf(id);
+  if (!found.ok()) return found.status();
+  const std::shared_ptr<const Context> context = *std::move(found);
+  contexts_[id] = context;
+  if (context->open.empty()) {
+    to_settle_.insert(id);
+    return absl::OkStatus();
+  }
+  EvaluationSpec spec;
+  spec.id = id;
+  spec.team = context->team;
+  spec.priority = context->rerun ? Priority::kRerun : Priority::kOriginal;
+  spec.lease_wall =
+      absl::Seconds(context->track->config.budgets.lease_wall_s) + options_.config.lease_grace;
+  for (const LeaseRow& lease : context->open) {
+    spec.leases.push_back({lease.id, lease.attempt, lease.faults});
+  }
+  const std::lock_guard lock(mutex_);
+  scheduler_.Add(spec);
+  return absl::OkStatus();
+}
+
+absl::Status Engine::Recover() {
+  std::vector<EvaluationRow> unfinished;
+  std::vector<LeaseRow> interrupted;
+  absl::Status status = readers_.Read([&](Reader& reader) {
+    unfinished = reader.Unfinished();
+    for (const EvaluationRow& evaluation : unfinished) {
+      for (const LeaseRow& lease : reader.Leases(evaluation.id)) {
+        if (lease.state == LeaseState::kRunning) interrupted.push_back(lease);
+      }
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  status = store_.Write([&](Writer& writer) {
+    absl::Status written;
+    for (const LeaseRow& lease : interrupted) {
+      written.Update(writer.ReturnLease(lease.id, lease.attempt, /*fault=*/false, owner_,
+                                        "an earlier daemon ended while it ran"));
+    }
+    return written;
+  });
+  for (const EvaluationRow& evaluation : unfinished) {
+    if (status.ok()) status = AddEvaluation(evaluation.id);
+  }
+  if (status.ok() && !unfinished.empty()) {
+    spdlog::info("{} unfinished evaluations taken up, {} leases of them were running",
+                 unfinished.size(), interrupted.size());
+  }
+  return status;
+}
+
+// The evaluation's leases are all done: its rows make it done or failed.
+absl::Status Engine::Settle(int64_t evaluation) {
+  std::vector<EpisodeRow> rows;
+  absl::Status status = readers_.Read([&](Reader& reader) {
+    rows = reader.Episodes(evaluation);
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(rows);
+  if (!aggregate.ok()) return aggregate.status();
+  const EvaluationState state =
+      aggregate->failed ? EvaluationState::kFailed : EvaluationState::kDone;
+  const std::string reason =
+      aggregate->failed ? "every episode ended by a fault of the participant's program" : "";
+  status = store_.Write([&](Writer& writer) {
+    return writer.EndEvaluation(evaluation, state, reason, ResultsHash(rows), owner_);
+  });
+  if (status.ok()) {
+    spdlog::info("evaluation {}: {}, {} of {} episodes are successes", evaluation,
+                 std::string(EvaluationStateName(state)), aggregate->successes,
+                 aggregate->episodes);
+  }
+  return status;
+}
+
+}  // namespace myograde::server

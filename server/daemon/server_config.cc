@@ -1,0 +1,100 @@
+#include "server/daemon/server_config.h"
+
+#include <algorithm>
+#include <thread>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_replace.h>
+
+#include "protocol/config_reader.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr int64_t kTiB = int64_t{1} << 40;
+
+int ReadSlots(ConfigReader& reader, const nlohmann::json& json) {
+  const bool cores = json.is_object() && json.contains("slots") && json["slots"].is_string();
+  if (!cores) return static_cast<int>(reader.Integer("slots", 1, 1024));
+  reader.Choice("slots", {"cores"});
+  return static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1u, 1024u));
+}
+
+absl::Status ReadRuntimes(const nlohmann::json& json, const std::string& where,
+                          const std::string& cache_dir, ServerConfig& config) {
+  for (const auto& [name, entry] : json.items()) {
+    if (name.starts_with("//")) continue;
+    ConfigReader reader(entry, absl::StrCat(where, ": ", name));
+    const std::string path =
+        absl::StrReplaceAll(reader.String("path"), {{"${cache}", cache_dir}});
+    if (!path.starts_with('/')) reader.Fail("path", "must be absolute, or begin with ${cache}");
+    if (absl::Status status = reader.Finish(); !status.ok()) return status;
+    config.runtimes[name] = path;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ReadScheduler(const nlohmann::json& json, const std::string& where,
+                           ServerConfig& config) {
+  ConfigReader reader(json, where);
+  config.scheduler.max_replays = static_cast<int>(reader.Integer("max_replays", 1, 100));
+  config.scheduler.replay_delay = absl::Seconds(reader.Number("replay_delay_s", {0.001, 3600}));
+  config.scheduler.heartbeat = absl::Seconds(reader.Number("heartbeat_s", {2, 3600}));
+  config.lease_grace = absl::Seconds(reader.Number("lease_grace_s", {1, 86400}));
+  return reader.Finish();
+}
+
+absl::Status ReadArtefacts(const nlohmann::json& json, const std::string& where,
+                           ServerConfig& config) {
+  ConfigReader reader(json, where);
+  config.artefacts.archive_bytes = reader.Integer("archive_bytes", 4096, kTiB);
+  config.artefacts.bytes = reader.Integer("bytes", 4096, kTiB);
+  config.artefacts.files = reader.Integer("files", 1, 10'000'000);
+  config.artefacts.uploads = static_cast<int>(reader.Integer("uploads", 1, 1000));
+  return reader.Finish();
+}
+
+absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, ServerConfig& config) {
+  ConfigReader reader(json, where);
+  // Two at least, so that an upload does not keep everybody else waiting.
+  config.http.workers = static_cast<int>(reader.Integer("workers", 2, 1000));
+  config.http.clients = static_cast<int>(reader.Integer("clients", 1, 100'000));
+  config.http.request = absl::Seconds(reader.Number("request_s", {0.1, 3600}));
+  config.http.upload = absl::Seconds(reader.Number("upload_s", {1, 86400}));
+  config.http.idle = absl::Seconds(reader.Number("idle_s", {1, 86400}));
+  config.http.body_bytes = reader.Integer("body_bytes", 1024, int64_t{1} << 30);
+  const std::string mode = reader.String("socket_mode");
+  if (mode.size() != 4 || mode[0] != '0' ||
+      mode.find_first_not_of("01234567") != std::string::npos) {
+    reader.Fail("socket_mode", "must be four octal digits that begin with 0, as in \"0660\"");
+  } else {
+    config.http.socket_mode = static_cast<unsigned>(std::stoul(mode, nullptr, 8));
+  }
+  return reader.Finish();
+}
+
+}  // namespace
+
+absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
+                                              const std::string& cache_dir) {
+  absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
+  if (!json.ok()) return json.status();
+  ConfigReader reader(*json, path);
+  ServerConfig config;
+  config.scheduler.slots = ReadSlots(reader, *json);
+  config.uid_base = reader.Integer("uid_base", 1000, 2'000'000'000);
+  config.log_level = reader.Choice("log_level", {"debug", "info", "warn", "error"});
+  const nlohmann::json& runtimes = reader.Object("runtimes");
+  const nlohmann::json& scheduler = reader.Object("scheduler");
+  const nlohmann::json& artefacts = reader.Object("artefacts");
+  const nlohmann::json& http = reader.Object("http");
+  absl::Status status = reader.Finish();
+  if (status.ok()) status = ReadRuntimes(runtimes, path + ": runtimes", cache_dir, config);
+  if (status.ok()) status = ReadScheduler(scheduler, path + ": scheduler", config);
+  if (status.ok()) status = ReadArtefacts(artefacts, path + ": artefacts", config);
+  if (status.ok()) status = ReadHttp(http, path + ": http", config);
+  if (!status.ok()) return status;
+  return config;
+}
+
+}  // namespace myograde::server

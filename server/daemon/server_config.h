@@ -1,0 +1,48 @@
+// The daemon's settings: configs/server.json. None of them changes a result.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+
+#include "server/scheduler/scheduler.h"
+
+namespace myograde::server {
+
+struct HttpLimits {
+  int workers = 0;
+  int clients = 0;
+  absl::Duration request;
+  absl::Duration upload;
+  absl::Duration idle;
+  int64_t body_bytes = 0;
+  unsigned socket_mode = 0600;
+};
+
+struct UploadLimits {
+  int64_t archive_bytes = 0;
+  int64_t bytes = 0;
+  int64_t files = 0;
+  int uploads = 0;  // at once
+};
+
+struct ServerConfig {
+  SchedulerLimits scheduler;
+  absl::Duration lease_grace;
+  int64_t uid_base = 0;
+  std::map<std::string, std::string> runtimes;  // name to host folder
+  UploadLimits artefacts;
+  HttpLimits http;
+  std::string log_level;
+};
+
+// Reads `path`; `cache_dir` stands for ${cache} in it. Every key must be there;
+// the error names the file and the key. A runtime's folder is not looked for
+// here: a missing one matters only to the submissions that ask for it.
+absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
+                                              const std::string& cache_dir);
+
+}  // namespace myograde::server

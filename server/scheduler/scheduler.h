@@ -1,0 +1,164 @@
+// Which lease runs next, where, until when, and what follows from how it ended.
+// State and decisions only: no clock, no process, no disk. The caller tells what
+// happened and when; the answers say what to start, kill and write down. Time
+// is monotonic, as a duration since an arbitrary start.
+//
+// Turns: a free slot goes to the team that has the fewest running leases, of
+// those to the one whose last start is longest ago, of those to the one that came
+// first. Within a team: originals before re-runs, then the older evaluation, then
+// the earlier lease. So a team with a thousand submissions delays another
+// team's first lease by one lease at most.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/time/time.h>
+
+namespace myograde::server {
+
+struct SchedulerLimits {
+  int slots = 1;                                       // leases at once
+  int max_replays = 3;                                 // after faults of the grader, per lease
+  absl::Duration replay_delay = absl::Seconds(2);      // doubled after each further fault
+  absl::Duration heartbeat = absl::Seconds(30);        // longest silence of a runner
+};
+
+// Lower runs first within a team.
+enum class Priority { kOriginal = 0, kRerun = 1 };
+
+struct LeaseSpec {
+  int64_t id = 0;
+  int64_t attempt = 0;  // starts so far
+  int64_t faults = 0;   // the grader's so far
+};
+
+struct EvaluationSpec {
+  int64_t id = 0;
+  std::string team;
+  Priority priority = Priority::kOriginal;
+  absl::Duration lease_wall;      // after this a lease is taken back
+  std::vector<LeaseSpec> leases;  // those that have not ended, in order of play
+};
+
+// A lease to start now.
+struct Start {
+  int64_t evaluation = 0;
+  int64_t lease = 0;
+  int64_t attempt = 0;
+  int slot = 0;
+  absl::Duration lease_wall;
+};
+
+// A running lease that must be killed, and told back by Faulted().
+struct Overdue {
+  int64_t lease = 0;
+  int64_t attempt = 0;
+  std::string why;
+};
+
+// What a lease's end means.
+struct Verdict {
+  enum class Kind {
+    kStale,            // of an attempt that does not run (any more): to be ignored
+    kEvaluationRuns,   // other leases of the evaluation are still to be done
+    kEvaluationEnds,   // this was the last one
+    kReplay,           // the lease waits to be played again
+    kGiveUp,           // too many faults: end the evaluation as grader_error
+  };
+  Kind kind = Kind::kStale;
+  int64_t evaluation = 0;
+  // kGiveUp: the other leases of the evaluation; those that run are to be killed.
+  std::vector<int64_t> pending = {};
+  std::vector<int64_t> running = {};
+};
+
+// Where an evaluation stands in the line.
+struct QueuePlace {
+  int64_t position = 0;      // 1: the next free slot is for it
+  int64_t leases_ahead = 0;  // of evaluations that come before it
+};
+
+class Scheduler {
+ public:
+  explicit Scheduler(SchedulerLimits limits);
+
+  // REQUIRES: the id is new; there is at least one lease; lease ids are new.
+  void Add(const EvaluationSpec& evaluation);
+
+  // The next lease to start, already counted as running on its slot; nullopt if
+  // no slot is free or nothing may start yet. Call until it says so.
+  std::optional<Start> Next(absl::Duration now);
+
+  // The runner of this attempt is alive.
+  void Heartbeat(int64_t lease, int64_t attempt, absl::Duration now);
+
+  // True while this attempt runs: only then its records count.
+  bool IsCurrent(int64_t lease, int64_t attempt) const;
+
+  // The attempt ended with all of its episodes.
+  Verdict Finished(int64_t lease, int64_t attempt);
+  // The attempt ended by a fault of the grader.
+  Verdict Faulted(int64_t lease, int64_t attempt, absl::Duration now);
+  // The evaluation ends now, whatever it does; both lists of the answer name what was open.
+  // kStale if it has ended or never was.
+  Verdict Cancel(int64_t evaluation);
+
+  // Running leases whose runner is silent for too long or which are over their time.
+  std::vector<Overdue> OverdueAt(absl::Duration now) const;
+
+  // When to look again, though nothing happened: the earliest of deadlines and delays.
+  std::optional<absl::Duration> NextDeadline(absl::Duration now) const;
+
+  std::optional<QueuePlace> PlaceOf(int64_t evaluation) const;
+  int running() const { return static_cast<int>(running_slots_.size()); }
+  int64_t pending() const;
+  const SchedulerLimits& limits() const { return limits_; }
+  // In words, why a pending lease does not run.
+  std::string WhyWaiting(int64_t evaluation, absl::Duration now) const;
+
+ private:
+  struct Lease {
+    int64_t id = 0;
+    int64_t evaluation = 0;
+    int64_t attempt = 0;
+    int64_t faults = 0;
+    bool running = false;
+    int slot = -1;
+    absl::Duration not_before = -absl::InfiniteDuration();
+    absl::Duration silent_after = absl::InfiniteDuration();
+    absl::Duration over_at = absl::InfiniteDuration();
+  };
+  struct Evaluation {
+    EvaluationSpec spec;
+    std::set<int64_t> open;  // leases that have not ended
+  };
+  struct Team {
+    std::set<std::pair<int, int64_t>> evaluations;  // (priority, id) of the unfinished
+    int running = 0;
+    int64_t last_start = 0;  // number of the start, 0 before the first
+    int64_t joined = 0;
+  };
+
+  Lease* Current(int64_t lease, int64_t attempt);
+  void Release(Lease& lease);
+  void Remove(int64_t evaluation);
+  Lease* FirstPending(const Evaluation& evaluation, absl::Duration now);
+  Lease* FirstPending(const Team& team, absl::Duration now);
+  std::vector<int64_t> EvaluationsInLine() const;
+
+  SchedulerLimits limits_;
+  std::map<int64_t, Lease> leases_;
+  std::map<int64_t, Evaluation> evaluations_;
+  std::map<std::string, Team> teams_;
+  std::set<int> running_slots_;
+  int64_t starts_ = 0;
+  int64_t joins_ = 0;
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,115 @@
+#include "server/store/connection.h"
+
+#include <sqlite3.h>
+#include <sys/stat.h>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/store/schema.h"
+
+namespace myograde::server {
+namespace {
+
+// How long a statement waits for a lock. Nobody but the daemon writes, so a wait means that a
+// person has the store open; longer waits would stop the daemon's loop.
+constexpr int kBusyMs = 500;
+
+absl::Status ToStatus(const std::string& path, const SQLite::Exception& error) {
+  const std::string cause = absl::StrCat(" (SQLite: ", error.what(), ")");
+  switch (error.getErrorCode()) {
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+      return absl::UnavailableError(
+          absl::StrCat(path, ": is locked by another process; close what has it open", cause));
+    case SQLITE_READONLY:
+    case SQLITE_PERM:
+    case SQLITE_AUTH:
+    case SQLITE_CANTOPEN:
+      return absl::PermissionDeniedError(absl::StrCat(
+          path, ": can't be opened or written; check the rights of the file and its folder, and "
+          "that its disk is not mounted read-only", cause));
+    case SQLITE_FULL:
+      return absl::ResourceExhaustedError(
+          absl::StrCat(path, ": the disk is full; make room", cause));
+    case SQLITE_CORRUPT:
+    case SQLITE_NOTADB:
+      return absl::DataLossError(
+          absl::StrCat(path, ": is damaged or no store; restore it from a backup", cause));
+    case SQLITE_CONSTRAINT:
+      return absl::FailedPreconditionError(absl::StrCat(path, ": refused", cause));
+    default:
+      return absl::UnavailableError(absl::StrCat(path, ": reading or writing failed", cause));
+  }
+}
+
+void Migrate(SQLite::Database& db, int from) {
+  const auto migrations = SchemaMigrations();
+  for (size_t i = static_cast<size_t>(from); i < migrations.size(); ++i) {
+    SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);
+    db.exec(migrations[i]);
+    db.exec(absl::StrCat("PRAGMA user_version = ", i + 1));
+    transaction.commit();
+  }
+}
+
+absl::Status Prepare(SQLite::Database& db, const std::string& path) {
+  const int version = db.execAndGet("PRAGMA user_version").getInt();
+  const int known = static_cast<int>(SchemaMigrations().size());
+  if (version > known) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(path, ": has schema ", version, ", this program knows up to ", known,
+                     "; use the newer program that wrote it"));
+  }
+  if (version == 0 && db.execAndGet("SELECT count(*) FROM sqlite_master").getInt() != 0) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(path, ": is an SQLite database of something else; move it away"));
+  }
+  db.exec("PRAGMA journal_mode = WAL");
+  db.exec("PRAGMA synchronous = FULL");
+  db.exec("PRAGMA foreign_keys = ON");
+  Migrate(db, version);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status GuardSqlite(const std::string& path, const std::function<absl::Status()>& body) {
+  try {
+    return body();
+  } catch (const SQLite::Exception& error) {
+    return ToStatus(path, error);
+  } catch (const std::exception& error) {
+    return absl::InternalError(absl::StrCat(path, ": ", error.what()));
+  }
+}
+
+absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForWriting(const std::string& path) {
+  std::unique_ptr<SQLite::Database> db;
+  const absl::Status status = GuardSqlite(path, [&] {
+    const mode_t mask = umask(0077);
+    try {
+      db = std::make_unique<SQLite::Database>(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE,
+                                              kBusyMs);
+    } catch (...) {
+      umask(mask);
+      throw;
+    }
+    umask(mask);
+    return Prepare(*db, path);
+  });
+  if (!status.ok()) return status;
+  return db;
+}
+
+absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForReading(const std::string& path) {
+  std::unique_ptr<SQLite::Database> db;
+  const absl::Status status = GuardSqlite(path, [&] {
+    db = std::make_unique<SQLite::Database>(path, SQLite::OPEN_READWRITE, kBusyMs);
+    db->exec("PRAGMA query_only = ON");
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  return db;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,30 @@
+// SQLite's connections and its errors as status values. Internal to the store.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <SQLiteCpp/VariadicBind.h>
+#include <absl/status/statusor.h>
+
+namespace myograde::server {
+
+// Runs `body` and turns what SQLite throws into one sentence about `path`:
+//   UnavailableError         busy or locked by another process, or an I/O error
+//   PermissionDeniedError    read-only
+//   ResourceExhaustedError   the disk is full
+//   DataLossError            damaged, or no database at all
+//   FailedPreconditionError  a constraint or trigger of the schema refused it
+absl::Status GuardSqlite(const std::string& path, const std::function<absl::Status()>& body);
+
+// Opens the store at `path` for writing: creates it (0600) if it is not there,
+// sets WAL, synchronous=FULL and foreign keys, and migrates it to this
+// program's schema. FailedPreconditionError if a newer program wrote it.
+absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForWriting(const std::string& path);
+
+// Opens an existing store for reading.
+absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForReading(const std::string& path);
+
+}  // namespace myograde::server

@@ -1,0 +1,70 @@
+#include "server/store/replay.h"
+
+#include <initializer_list>
+
+#include <nlohmann/json.hpp>
+
+#include "protocol/config_reader.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+// Facts without the clocks. What is not JSON stands as its own text, so that
+// damaged rows differ instead of stopping the daemon.
+Json Parse(const std::string& text) {
+  Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  return json.is_discarded() ? Json(text) : json;
+}
+
+// Takes a key's canonical text out of an object: equal bytes, equal value.
+std::string Take(Json& object, const char* key) {
+  if (!object.is_object() || !object.contains(key)) return "";
+  const std::string text = CanonicalJson(object[key]);
+  object.erase(key);
+  return text;
+}
+
+}  // namespace
+
+std::vector<std::string> DifferencesBetween(const EpisodeRow& a, const EpisodeRow& b) {
+  std::vector<std::string> differs;
+  if (a.seed != b.seed) differs.push_back("seed");
+  if (a.outcome != b.outcome) differs.push_back("outcome");
+  if (a.reason != b.reason) differs.push_back("reason");
+  if (a.metrics_json != b.metrics_json) differs.push_back("metrics");
+  Json facts_a = Parse(a.facts_json);
+  Json facts_b = Parse(b.facts_json);
+  for (const char* clock : {"wall_s", "policy_cpu_s"}) {
+    Take(facts_a, clock);
+    Take(facts_b, clock);
+  }
+  for (const char* key : {"steps", "sim_time", "clipped"}) {
+    if (Take(facts_a, key) != Take(facts_b, key)) differs.push_back(key);
+  }
+  const bool digest_differs = Take(facts_a, "digest") != Take(facts_b, "digest");
+  // A fault's evidence may hold a measured time; its outcome is compared above.
+  for (Json* facts : {&facts_a, &facts_b}) {
+    Take(*facts, "fault");
+    Take(*facts, "seed");
+  }
+  if (CanonicalJson(facts_a) != CanonicalJson(facts_b)) differs.push_back("facts");
+  if (digest_differs) differs.push_back("digest");
+  return differs;
+}
+
+std::string CanonicalResult(const EpisodeRow& row) {
+  Json facts = Parse(row.facts_json);
+  const Json steps = facts.is_object() && facts.contains("steps") ? facts["steps"] : Json();
+  const Json digest = facts.is_object() && facts.contains("digest") ? facts["digest"] : Json();
+  return CanonicalJson({{"index", row.index},
+                        {"seed", row.seed},
+                        {"outcome", OutcomeName(row.outcome)},
+                        {"reason", FailureReasonName(row.reason)},
+                        {"metrics", Parse(row.metrics_json)},
+                        {"steps", steps},
+                        {"digest", digest}});
+}
+
+}  // namespace myograde::server

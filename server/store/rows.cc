@@ -1,0 +1,66 @@
+#include "server/store/rows.h"
+
+#include <array>
+#include <utility>
+
+namespace myograde::server {
+namespace {
+
+constexpr std::array<std::pair<LeaseState, std::string_view>, 5> kLeaseStates = {{
+    {LeaseState::kPending, "pending"},
+    {LeaseState::kRunning, "running"},
+    {LeaseState::kDone, "done"},
+    {LeaseState::kFailed, "failed"},
+    {LeaseState::kCancelled, "cancelled"},
+}};
+
+constexpr std::array<std::pair<EvaluationState, std::string_view>, 6> kEvaluationStates = {{
+    {EvaluationState::kQueued, "queued"},
+    {EvaluationState::kRunning, "running"},
+    {EvaluationState::kDone, "done"},
+    {EvaluationState::kFailed, "failed"},
+    {EvaluationState::kCancelled, "cancelled"},
+    {EvaluationState::kGraderError, "grader_error"},
+}};
+
+template <typename Table, typename State>
+std::string_view NameIn(const Table& table, State state) {
+  for (const auto& [value, name] : table) {
+    if (value == state) return name;
+  }
+  return "";
+}
+
+template <typename State, typename Table>
+std::optional<State> ParseIn(const Table& table, std::string_view name) {
+  for (const auto& [value, known] : table) {
+    if (known == name) return value;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::string_view LeaseStateName(LeaseState state) { return NameIn(kLeaseStates, state); }
+
+std::optional<LeaseState> ParseLeaseState(std::string_view name) {
+  return ParseIn<LeaseState>(kLeaseStates, name);
+}
+
+std::string_view EvaluationStateName(EvaluationState state) {
+  return NameIn(kEvaluationStates, state);
+}
+
+std::optional<EvaluationState> ParseEvaluationState(std::string_view name) {
+  return ParseIn<EvaluationState>(kEvaluationStates, name);
+}
+
+bool IsFinal(LeaseState state) {
+  return state != LeaseState::kPending && state != LeaseState::kRunning;
+}
+
+bool IsFinal(EvaluationState state) {
+  return state != EvaluationState::kQueued && state != EvaluationState::kRunning;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,114 @@
+// What the store keeps, as values. Times are milliseconds since 1970-01-01 UTC;
+// 0 stands for "not yet".
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/outcome.h"
+
+namespace myograde::server {
+
+// Stored by name (schema_v1.sql draws the steps between them).
+enum class LeaseState { kPending, kRunning, kDone, kFailed, kCancelled };
+enum class EvaluationState { kQueued, kRunning, kDone, kFailed, kCancelled, kGraderError };
+
+std::string_view LeaseStateName(LeaseState state);
+std::optional<LeaseState> ParseLeaseState(std::string_view name);
+std::string_view EvaluationStateName(EvaluationState state);
+std::optional<EvaluationState> ParseEvaluationState(std::string_view name);
+bool IsFinal(LeaseState state);
+bool IsFinal(EvaluationState state);
+
+struct ArtefactRow {
+  std::string hash;
+  std::string name;
+  std::vector<std::string> command;
+  std::vector<std::string> runtimes;
+  int64_t bytes = 0;
+  int64_t files = 0;
+};
+
+struct SubmissionRow {
+  int64_t id = 0;  // the acceptance number
+  std::string team;
+  std::string artefact;
+  std::string artefact_name;
+  std::string track;
+  std::string profile;
+  std::string config;  // hashes
+  std::string seeds;
+  bool ranked = false;
+  int64_t accepted_at = 0;
+};
+
+struct EvaluationRow {
+  int64_t id = 0;
+  int64_t submission = 0;
+  bool rerun = false;
+  int64_t first = 0;
+  int64_t last = 0;
+  EvaluationState state = EvaluationState::kQueued;
+  std::string reason;
+  std::string grader_json;
+  std::string results_hash;
+  int64_t created_at = 0;
+  int64_t started_at = 0;
+  int64_t finished_at = 0;
+};
+
+struct LeaseRow {
+  int64_t id = 0;
+  int64_t evaluation = 0;
+  int64_t first = 0;
+  int64_t last = 0;
+  LeaseState state = LeaseState::kPending;
+  int64_t attempt = 0;
+  int64_t faults = 0;
+  std::string detail;
+  int64_t slot = -1;  // -1: has none
+  int64_t started_at = 0;
+  int64_t deadline_at = 0;
+  int64_t finished_at = 0;
+  std::string output_json;  // "" until an attempt reached its end
+};
+
+struct EpisodeRow {
+  int64_t evaluation = 0;
+  int64_t index = 0;
+  int64_t lease = 0;
+  int64_t attempt = 0;
+  uint64_t seed = 0;
+  Outcome outcome = Outcome::kFailure;
+  FailureReason reason = FailureReason::kNone;
+  std::string facts_json;
+  std::string metrics_json;
+};
+
+struct ReplayRow {
+  int64_t index = 0;
+  int64_t attempt = 0;
+  std::vector<std::string> differs;
+};
+
+struct EpisodeCounts {
+  int64_t done = 0;
+  int64_t success = 0;
+  int64_t failure = 0;
+  int64_t fault = 0;  // the participant's
+};
+
+struct TransitionRow {
+  int64_t at = 0;
+  std::string entity;  // "submission", "evaluation", "lease"
+  int64_t entity_id = 0;
+  std::string from;
+  std::string to;
+  std::string who;
+  std::string why;
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,57 @@
+#include "server/store/store.h"
+
+#include <openssl/rand.h>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/store/connection.h"
+
+namespace myograde::server {
+
+Store::Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock& clock)
+    : path_(std::move(path)), db_(std::move(db)), clock_(clock) {}
+
+Store::~Store() = default;
+
+absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, const Clock& clock) {
+  absl::StatusOr<std::unique_ptr<SQLite::Database>> db = OpenForWriting(path);
+  if (!db.ok()) return db.status();
+  std::unique_ptr<Store> store(new Store(path, *std::move(db), clock));
+  if (absl::Status status = store->LoadSecret(); !status.ok()) return status;
+  return store;
+}
+
+absl::Status Store::LoadSecret() {
+  return GuardSqlite(path_, [&]() -> absl::Status {
+    std::string fresh(32, '\0');
+    if (RAND_bytes(reinterpret_cast<unsigned char*>(fresh.data()),
+                   static_cast<int>(fresh.size())) != 1) {
+      return absl::InternalError("the host has no random numbers for the store's secret");
+    }
+    SQLite::Statement insert(*db_, "INSERT INTO meta VALUES ('policy_secret', ?) "
+                                   "ON CONFLICT DO NOTHING");
+    insert.bind(1, fresh.data(), static_cast<int>(fresh.size()));
+    insert.exec();
+    SQLite::Statement select(*db_, "SELECT value FROM meta WHERE key = 'policy_secret'");
+    select.executeStep();
+    policy_secret_ = select.getColumn(0).getString();
+    if (policy_secret_.size() != 32) {
+      return absl::DataLossError(
+          absl::StrCat(path_, ": its policy secret has ", policy_secret_.size(),
+                       " bytes and must have 32; restore the store from a backup"));
+    }
+    return absl::OkStatus();
+  });
+}
+
+absl::Status Store::Write(const std::function<absl::Status(Writer&)>& change) {
+  return GuardSqlite(path_, [&]() -> absl::Status {
+    SQLite::Transaction transaction(*db_, SQLite::TransactionBehavior::IMMEDIATE);
+    Writer writer(*db_, absl::ToUnixMillis(clock_.Now()));
+    if (absl::Status status = change(writer); !status.ok()) return status;  // rolls back
+    transaction.commit();
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace myograde::server

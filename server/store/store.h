@@ -1,0 +1,134 @@
+// The daemon's memory: the one writer of the store. A change is made of
+// operations inside one transaction, so that it is there as a whole or not at
+// all:
+//
+//   absl::Status status = store->Write([&](Writer& writer) -> absl::Status {
+//     if (auto s = writer.FinishLease(lease, attempt, output, "daemon"); !s.ok()) return s;
+//     return writer.EndEvaluation(evaluation, EvaluationState::kDone, "", hash, "daemon");
+//   });
+//
+// After a failure nothing of it is in the store, and the same change may be
+// tried again later: an operation that finds its work done already is content.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "protocol/base/clock.h"
+#include "server/store/rows.h"
+
+namespace SQLite {
+class Database;
+}
+
+namespace myograde::server {
+
+// A submission to accept. Content that the store has already is shared.
+struct NewSubmission {
+  std::string team;
+  std::string artefact;  // must be in the store
+  std::string track;
+  std::string profile;
+  std::string config;          // hash of `config_json`
+  std::string config_json;     // the effective track config, canonical
+  std::string seeds;           // hash of `seeds_json`
+  std::string seeds_json;      // array of numbers, canonical
+  int64_t seed_count = 0;
+  bool ranked = false;
+  std::string grader_json;
+  std::vector<std::pair<int64_t, int64_t>> blocks;  // first and last episode of each lease
+};
+
+struct NewRerun {
+  int64_t submission = 0;
+  std::string grader_json;
+  std::vector<std::pair<int64_t, int64_t>> blocks;
+};
+
+struct Accepted {
+  int64_t submission = 0;
+  int64_t evaluation = 0;
+  std::vector<int64_t> leases;  // in the order of the blocks
+};
+
+// What became of an episode's row.
+struct Recorded {
+  bool counted = false;              // false: a row was there already, and stays
+  std::vector<std::string> differs;  // if not counted: what is not as in that row
+};
+
+// The operations; only inside Store::Write. `who` and `why` go into the audit
+// rows. A step that the states do not allow is a FailedPreconditionError.
+class Writer {
+ public:
+  Writer(SQLite::Database& db, int64_t now_ms) : db_(db), now_ms_(now_ms) {}
+
+  // True if it was not there.
+  absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact);
+  // NotFoundError if the artefact is not in the store.
+  absl::StatusOr<Accepted> Accept(const NewSubmission& submission, const std::string& who);
+  absl::StatusOr<Accepted> AddRerun(const NewRerun& rerun, const std::string& who);
+
+  // pending -> running, as the attempt given (one more than before). Its
+  // evaluation, if queued, runs as well.
+  absl::Status StartLease(int64_t lease, int64_t attempt, int64_t slot, int64_t deadline_ms,
+                          const std::string& who);
+  // Keeps the row that is there; if the new one differs, remembers in what.
+  absl::StatusOr<Recorded> RecordEpisode(const EpisodeRow& row);
+  // running -> done. FailedPreconditionError unless every episode has its row.
+  absl::Status FinishLease(int64_t lease, int64_t attempt, const std::string& output_json,
+                           const std::string& who);
+  // running -> pending: to be played again. `fault`: the grader's, and counted.
+  absl::Status ReturnLease(int64_t lease, int64_t attempt, bool fault, const std::string& who,
+                           const std::string& why);
+  // pending or running -> failed or cancelled. `fault` as above.
+  absl::Status EndLease(int64_t lease, LeaseState state, bool fault, const std::string& who,
+                        const std::string& why);
+  // queued or running -> a final state. FailedPreconditionError while it has
+  // leases that have not ended.
+  absl::Status EndEvaluation(int64_t evaluation, EvaluationState state, const std::string& reason,
+                             const std::string& results_hash, const std::string& who);
+
+ private:
+  absl::StatusOr<LeaseRow> Lease(int64_t lease);
+  absl::Status Audit(const char* entity, int64_t id, std::string_view from, std::string_view to,
+                     const std::string& who, const std::string& why);
+  absl::StatusOr<Accepted> AddEvaluation(
+      int64_t submission, bool rerun, const std::string& grader_json,
+      const std::vector<std::pair<int64_t, int64_t>>& blocks, const std::string& who);
+  absl::Status RunEvaluation(int64_t evaluation, const std::string& who);
+
+  SQLite::Database& db_;
+  int64_t now_ms_;
+};
+
+class Store {
+ public:
+  // Opens or makes the store at `path`; see connection.h for the errors.
+  // `clock` must outlive it. For one thread at a time.
+  static absl::StatusOr<std::unique_ptr<Store>> Open(const std::string& path, const Clock& clock);
+  ~Store();
+
+  // Runs `change` in one transaction; commits if it returns OkStatus().
+  absl::Status Write(const std::function<absl::Status(Writer&)>& change);
+
+  // 32 bytes, made at random with the store: the key of policy seeds.
+  const std::string& policy_secret() const { return policy_secret_; }
+
+ private:
+  Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock& clock);
+  absl::Status LoadSecret();
+
+  std::string path_;
+  std::unique_ptr<SQLite::Database> db_;
+  const Clock& clock_;
+  std::string policy_secret_;
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,270 @@
+// The operations of a change. SQLite's exceptions pass through to Store::Write.
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/config_reader.h"
+#include "server/store/connection.h"
+#include "server/store/replay.h"
+#include "server/store/store.h"
+
+namespace myograde::server {
+namespace {
+
+std::string Text(std::string_view view) { return std::string(view); }
+
+absl::Status Refuse(const char* what, const LeaseRow& lease, std::string_view step) {
+  return absl::FailedPreconditionError(
+      absl::StrCat("lease ", lease.id, " can't be ", what, ": it is ",
+                   Text(LeaseStateName(lease.state)), ", attempt ", lease.attempt, Text(step)));
+}
+
+}  // namespace
+
+absl::Status Writer::Audit(const char* entity, int64_t id, std::string_view from,
+                           std::string_view to, const std::string& who, const std::string& why) {
+  SQLite::Statement insert(db_,
+                           "INSERT INTO transition (at, entity, entity_id, from_state, to_state, "
+                           "who, why) VALUES (?, ?, ?, ?, ?, ?, ?)");
+  SQLite::bind(insert, now_ms_, entity, id, Text(from), Text(to), who, why);
+  insert.exec();
+  return absl::OkStatus();
+}
+
+absl::StatusOr<LeaseRow> Writer::Lease(int64_t lease) {
+  SQLite::Statement select(
+      db_, "SELECT evaluation, first, last, state, attempt, faults FROM lease WHERE id = ?");
+  select.bind(1, lease);
+  if (!select.executeStep()) return absl::NotFoundError(absl::StrCat("there is no lease ", lease));
+  LeaseRow row;
+  row.id = lease;
+  row.evaluation = select.getColumn(0).getInt64();
+  row.first = select.getColumn(1).getInt64();
+  row.last = select.getColumn(2).getInt64();
+  row.state = *ParseLeaseState(select.getColumn(3).getString());
+  row.attempt = select.getColumn(4).getInt64();
+  row.faults = select.getColumn(5).getInt64();
+  return row;
+}
+
+absl::StatusOr<bool> Writer::AddArtefact(const ArtefactRow& artefact) {
+  SQLite::Statement insert(db_,
+                           "INSERT INTO artefact VALUES (?, ?, ?, ?, ?, ?, ?) "
+                           "ON CONFLICT DO NOTHING");
+  SQLite::bind(insert, artefact.hash, artefact.name,
+               CanonicalJson(nlohmann::json(artefact.command)),
+               CanonicalJson(nlohmann::json(artefact.runtimes)), artefact.bytes, artefact.files,
+               now_ms_);
+  return insert.exec() == 1;
+}
+
+absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& submission, const std::string& who) {
+  SQLite::Statement artefact(db_, "SELECT 1 FROM artefact WHERE hash = ?");
+  artefact.bind(1, submission.artefact);
+  if (!artefact.executeStep()) {
+    return absl::NotFoundError(
+        absl::StrCat("there is no artefact ", submission.artefact, "; upload it first"));
+  }
+  SQLite::Statement team(db_, "INSERT INTO team (name, created_at) VALUES (?, ?) "
+                              "ON CONFLICT DO NOTHING");
+  SQLite::bind(team, submission.team, now_ms_);
+  team.exec();
+  SQLite::Statement config(db_, "INSERT INTO config VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING");
+  SQLite::bind(config, submission.config, submission.track, submission.profile,
+               submission.config_json, now_ms_);
+  config.exec();
+  SQLite::Statement seeds(db_, "INSERT INTO seed_list VALUES (?, ?, ?) ON CONFLICT DO NOTHING");
+  SQLite::bind(seeds, submission.seeds, submission.seed_count, submission.seeds_json);
+  seeds.exec();
+  SQLite::Statement insert(
+      db_,
+      "INSERT INTO submission (team_id, artefact, track, profile, config, seeds, ranked, "
+      "accepted_by, accepted_at) VALUES ((SELECT id FROM team WHERE name = ?), "
+      "?, ?, ?, ?, ?, ?, ?, ?)");
+  SQLite::bind(insert, submission.team, submission.artefact, submission.track, submission.profile,
+               submission.config, submission.seeds, submission.ranked ? 1 : 0, who, now_ms_);
+  insert.exec();
+  const int64_t id = db_.getLastInsertRowid();
+  if (absl::Status status = Audit("submission", id, "", "accepted", who, ""); !status.ok()) {
+    return status;
+  }
+  return AddEvaluation(id, /*rerun=*/false, submission.grader_json, submission.blocks, who);
+}
+
+absl::StatusOr<Accepted> Writer::AddRerun(const NewRerun& rerun, const std::string& who) {
+  return AddEvaluation(rerun.submission, /*rerun=*/true, rerun.grader_json, rerun.blocks, who);
+}
+
+absl::StatusOr<Accepted> Writer::AddEvaluation(
+    int64_t submission, bool rerun, const std::string& grader_json,
+    const std::vector<std::pair<int64_t, int64_t>>& blocks, const std::string& who) {
+  if (blocks.empty()) return absl::InvalidArgumentError("an evaluation needs at least one lease");
+  SQLite::Statement insert(db_,
+                           "INSERT INTO evaluation (submission, kind, first, last, state, "
+                           "grader_json, created_at) VALUES (?, ?, ?, ?, 'queued', ?, ?)");
+  SQLite::bind(insert, submission, rerun ? "rerun" : "original", blocks.front().first,
+               blocks.back().second, grader_json, now_ms_);
+  insert.exec();
+  Accepted accepted{submission, db_.getLastInsertRowid(), {}};
+  absl::Status status = Audit("evaluation", accepted.evaluation, "", "queued", who, "");
+  int64_t next = blocks.front().first;
+  for (const auto& [first, last] : blocks) {
+    if (first != next || last < first) {
+      return absl::InvalidArgumentError("leases must follow one another without gap or overlap");
+    }
+    next = last + 1;
+    SQLite::Statement lease(db_, "INSERT INTO lease (evaluation, first, last, state) "
+                                 "VALUES (?, ?, ?, 'pending')");
+    SQLite::bind(lease, accepted.evaluation, first, last);
+    lease.exec();
+    accepted.leases.push_back(db_.getLastInsertRowid());
+    status.Update(Audit("lease", accepted.leases.back(), "", "pending", who, ""));
+  }
+  if (!status.ok()) return status;
+  return accepted;
+}
+
+absl::Status Writer::RunEvaluation(int64_t evaluation, const std::string& who) {
+  SQLite::Statement update(db_, "UPDATE evaluation SET state = 'running', started_at = ? "
+                                "WHERE id = ? AND state = 'queued'");
+  SQLite::bind(update, now_ms_, evaluation);
+  if (update.exec() == 0) return absl::OkStatus();  // it runs already
+  return Audit("evaluation", evaluation, "queued", "running", who, "its first lease started");
+}
+
+absl::Status Writer::StartLease(int64_t lease, int64_t attempt, int64_t slot, int64_t deadline_ms,
+                                const std::string& who) {
+  absl::StatusOr<LeaseRow> row = Lease(lease);
+  if (!row.ok()) return row.status();
+  if (row->state == LeaseState::kRunning && row->attempt == attempt) return absl::OkStatus();
+  if (row->state != LeaseState::kPending || attempt != row->attempt + 1) {
+    return Refuse("started", *row, absl::StrCat(", not before attempt ", attempt));
+  }
+  SQLite::Statement update(db_,
+                           "UPDATE lease SET state = 'running', attempt = ?, slot = ?, owner = ?, "
+                           "started_at = ?, deadline_at = ? WHERE id = ?");
+  SQLite::bind(update, attempt, slot, who, now_ms_, deadline_ms, lease);
+  update.exec();
+  absl::Status status = Audit("lease", lease, "pending", "running", who,
+                              absl::StrCat("attempt ", attempt, " on slot ", slot));
+  status.Update(RunEvaluation(row->evaluation, who));
+  return status;
+}
+
+absl::StatusOr<Recorded> Writer::RecordEpisode(const EpisodeRow& row) {
+  absl::StatusOr<LeaseRow> lease = Lease(row.lease);
+  if (!lease.ok()) return lease.status();
+  if (lease->state != LeaseState::kRunning || lease->attempt != row.attempt) {
+    return Refuse("given an episode", *lease, absl::StrCat(", the episode is of ", row.attempt));
+  }
+  SQLite::Statement insert(db_,
+                           "INSERT INTO episode VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
+                           "ON CONFLICT (evaluation, idx) DO NOTHING");
+  SQLite::bind(insert, row.evaluation, row.index, row.lease, row.attempt,
+               static_cast<int64_t>(row.seed), Text(OutcomeName(row.outcome)),
+               Text(FailureReasonName(row.reason)), row.facts_json, row.metrics_json, now_ms_);
+  if (insert.exec() == 1) return Recorded{.counted = true, .differs = {}};
+
+  SQLite::Statement select(db_, "SELECT outcome, reason, facts_json, metrics_json FROM episode "
+                                "WHERE evaluation = ? AND idx = ?");
+  SQLite::bind(select, row.evaluation, row.index);
+  select.executeStep();
+  EpisodeRow kept = row;
+  kept.outcome = *ParseOutcome(select.getColumn(0).getString());
+  kept.reason = *ParseFailureReason(select.getColumn(1).getString());
+  kept.facts_json = select.getColumn(2).getString();
+  kept.metrics_json = select.getColumn(3).getString();
+  Recorded recorded{.counted = false, .differs = DifferencesBetween(kept, row)};
+  if (recorded.differs.empty()) return recorded;
+  SQLite::Statement replay(db_,
+                           "INSERT INTO replay (evaluation, idx, attempt, differs_json, "
+                           "facts_json, recorded_at) VALUES (?, ?, ?, ?, ?, ?) "
+                           "ON CONFLICT (evaluation, idx, attempt) DO NOTHING");
+  SQLite::bind(replay, row.evaluation, row.index, row.attempt,
+               CanonicalJson(nlohmann::json(recorded.differs)), row.facts_json, now_ms_);
+  replay.exec();
+  return recorded;
+}
+
+absl::Status Writer::FinishLease(int64_t lease, int64_t attempt, const std::string& output_json,
+                                 const std::string& who) {
+  absl::StatusOr<LeaseRow> row = Lease(lease);
+  if (!row.ok()) return row.status();
+  if (row->state == LeaseState::kDone && row->attempt == attempt) return absl::OkStatus();
+  if (row->state != LeaseState::kRunning || row->attempt != attempt) {
+    return Refuse("finished", *row, absl::StrCat(", not ", attempt));
+  }
+  SQLite::Statement count(db_, "SELECT count(*) FROM episode WHERE lease = ? AND evaluation = ? "
+                               "AND idx BETWEEN ? AND ?");
+  SQLite::bind(count, lease, row->evaluation, row->first, row->last);
+  count.executeStep();
+  if (count.getColumn(0).getInt64() != row->last - row->first + 1) {
+    return Refuse("finished", *row, ", and episodes are missing");
+  }
+  SQLite::Statement update(db_,
+                           "UPDATE lease SET state = 'done', slot = NULL, owner = NULL, "
+                           "started_at = NULL, deadline_at = NULL, finished_at = ?, "
+                           "output_json = ? WHERE id = ?");
+  SQLite::bind(update, now_ms_, output_json, lease);
+  update.exec();
+  return Audit("lease", lease, "running", "done", who, absl::StrCat("attempt ", attempt));
+}
+
+absl::Status Writer::ReturnLease(int64_t lease, int64_t attempt, bool fault,
+                                 const std::string& who, const std::string& why) {
+  absl::StatusOr<LeaseRow> row = Lease(lease);
+  if (!row.ok()) return row.status();
+  if (row->state == LeaseState::kPending && row->attempt == attempt) return absl::OkStatus();
+  if (row->state != LeaseState::kRunning || row->attempt != attempt) {
+    return Refuse("returned", *row, absl::StrCat(", not ", attempt));
+  }
+  SQLite::Statement update(db_,
+                           "UPDATE lease SET state = 'pending', slot = NULL, owner = NULL, "
+                           "started_at = NULL, deadline_at = NULL, faults = faults + ?, "
+                           "detail = ? WHERE id = ?");
+  SQLite::bind(update, fault ? 1 : 0, why, lease);
+  update.exec();
+  return Audit("lease", lease, "running", "pending", who, why);
+}
+
+absl::Status Writer::EndLease(int64_t lease, LeaseState state, bool fault, const std::string& who,
+                              const std::string& why) {
+  absl::StatusOr<LeaseRow> row = Lease(lease);
+  if (!row.ok()) return row.status();
+  if (row->state == state) return absl::OkStatus();
+  if (IsFinal(row->state) || (state != LeaseState::kFailed && state != LeaseState::kCancelled)) {
+    return Refuse("ended", *row, "");
+  }
+  SQLite::Statement update(db_,
+                           "UPDATE lease SET state = ?, slot = NULL, owner = NULL, "
+                           "started_at = NULL, deadline_at = NULL, finished_at = ?, "
+                           "faults = faults + ?, detail = ? WHERE id = ?");
+  SQLite::bind(update, Text(LeaseStateName(state)), now_ms_, fault ? 1 : 0, why, lease);
+  update.exec();
+  return Audit("lease", lease, LeaseStateName(row->state), LeaseStateName(state), who, why);
+}
+
+absl::Status Writer::EndEvaluation(int64_t evaluation, EvaluationState state,
+                                   const std::string& reason, const std::string& results_hash,
+                                   const std::string& who) {
+  SQLite::Statement select(db_, "SELECT state, (SELECT count(*) FROM lease WHERE evaluation = e.id "
+                                "AND finished_at IS NULL) FROM evaluation AS e WHERE id = ?");
+  select.bind(1, evaluation);
+  if (!select.executeStep()) {
+    return absl::NotFoundError(absl::StrCat("there is no evaluation ", evaluation));
+  }
+  const std::string before = select.getColumn(0).getString();
+  if (before == EvaluationStateName(state)) return absl::OkStatus();
+  if (!IsFinal(state) || IsFinal(*ParseEvaluationState(before)) ||
+      select.getColumn(1).getInt64() != 0) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("evaluation ", evaluation, " can't end as ", Text(EvaluationStateName(state)),
+                     ": it is ", before, ", ", select.getColumn(1).getInt64(), " leases are open"));
+  }
+  SQLite::Statement update(db_, "UPDATE evaluation SET state = ?, reason = ?, results_hash = ?, "
+                                "finished_at = ? WHERE id = ?");
+  SQLite::bind(update, Text(EvaluationStateName(state)), reason, results_hash, now_ms_, evaluation);
+  update.exec();
+  return Audit("evaluation", evaluation, before, EvaluationStateName(state), who, reason);
+}
+
+}  // namespace myograde::server
