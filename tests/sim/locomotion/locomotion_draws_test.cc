@@ -105,9 +105,7 @@ TEST(LocomotionDraws, PaperHasItsDistributions) { CheckProfile("paper", 55, -120
 
 TEST(LocomotionDraws, MyosuiteHasItsDistributions) { CheckProfile("myosuite", 59, -125, 3, 13.8); }
 
-TEST(LocomotionDraws, LegacyStreamTakesTheLowHalfOfTheSeed) {
-  // Rough heights come from a generator with a 32-bit seed; all else from the
-  // other one, which takes all 64 bits.
+TEST(LocomotionDraws, TheUpperHalfOfTheSeedCounts) {
   const LocomotionRules rules = OfficialRules("Random");
   auto environment = MakeEnvironment(rules);
   const uint64_t high = uint64_t{7} << 32;
