@@ -62,8 +62,8 @@ struct ManipulationFacts {
 struct LocomotionFacts {
   int course = 0;            // 0 flat, 1 hilly, 2 rough, 3 stairs, 4 mixed
   double distance = 0;       // m, largest progress along the course, in [0, 100]
-  double start_y = 0;        // m
-  double min_y = 0;          // m, smallest root y over the steps
+  double start_y = 0;        // m, where the profile counts distance from
+  double min_y = 0;          // m, smallest root y over the steps (before the first: at the start)
   double final_y = 0;        // m
   double effort_sum = 0;     // sum over steps of mean(activation^2)
   double pain_sum = 0;       // sum over steps of mean(clipped limit torque)/1000
