@@ -10,6 +10,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -190,10 +191,13 @@ class LeasePlayerTest : public ::testing::Test {
   // Plays the order; the n-th sandbox follows scripts[n], later ones the last.
   LeaseResult Play(std::vector<Script> scripts) {
     auto [here, there] = Pair();
-    LeasePlayer player(order_, environment_, 1000, here.get(), &cpu_, SystemClock());
+    std::optional<LeasePlayer> player;
+    player.emplace(order_, environment_, 1000, here.get(), &cpu_, SystemClock());
     LeaseResult result;
     std::thread runner([&, socket = there.get()] { PlayRunner(socket, scripts, result); });
-    result.status = player.Play();
+    result.status = player->Play();
+    // As at the process' end: every socket closes.
+    player.reset();
     here.reset();
     runner.join();
     return result;

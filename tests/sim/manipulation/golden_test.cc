@@ -3,6 +3,7 @@
 // and actions can be added.
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <tuple>
 
 #include <gtest/gtest.h>
@@ -23,13 +24,21 @@ constexpr double kFormula = 1e-12;
 constexpr double kSolver = 1e-9;
 // The recorded vector is rounded to single precision.
 constexpr double kSinglePrecision = 1.2e-7;
-// Stepping: the two versions of MuJoCo order a few sums differently. 7e-15 is
-// what positions were seen to differ by after 20 control steps; contacts
-// amplify it, and a bound of 1e-12 is far below any real difference (wrong
-// inertials: 6e-3, wrong muscle gain: 2e-2). Velocities change a thousand
-// times faster than positions.
-constexpr double kPosition = 1e-12;
-constexpr double kVelocity = 1e-10;
+// Stepping: the two versions of MuJoCo order a few sums differently. With the
+// recordings of tests/golden positions differ by 6e-15 after 20 control steps,
+// with wild random actions by 2e-13; the bounds are far below any real
+// difference (wrong inertials: 6e-3, wrong muscle gain: 2e-2). A box that
+// tumbles between contacts lets differences grow without limit, so what comes
+// after 20 steps is followed up to a difference of 1e-9 and then left to the
+// single steps. Velocities change a thousand times faster than positions.
+struct Bounds {
+  double position;
+  double velocity;
+};
+constexpr int kStrictSteps = 20;
+constexpr Bounds kStrict = {1e-12, 1e-9};
+constexpr Bounds kSingleStep = {1e-11, 1e-8};
+constexpr Bounds kLong = {1e-9, 1e-6};
 constexpr double kForce = 1e-9;  // relative
 
 constexpr char kKnownFormula[] = "a_t[i] = sin(0.1*t + i), t=0..N-1";
@@ -117,7 +126,7 @@ void CompareReward(GoldenTable& table, ManipulationEnvironment& env, const json&
 
 // Geoms and distances of all contacts, in an order of their own.
 void CompareContacts(GoldenTable& table, ManipulationEnvironment& env, const json& want,
-                     const std::string& prefix, const std::string& where) {
+                     double tolerance, const std::string& prefix, const std::string& where) {
   std::vector<std::tuple<double, double, double>> got;
   std::vector<std::tuple<double, double, double>> golden;
   for (int i = 0; i < env.data().ncon; ++i) {
@@ -139,19 +148,19 @@ void CompareContacts(GoldenTable& table, ManipulationEnvironment& env, const jso
                        std::vector{std::get<0>(got[i]), std::get<1>(got[i])},
                        std::vector{std::get<0>(golden[i]), std::get<1>(golden[i])}, where);
     table.Compare(prefix + "contacts: distance", std::get<2>(got[i]), std::get<2>(golden[i]),
-                  kPosition, where);
+                  tolerance, where);
   }
 }
 
 void CompareState(GoldenTable& table, ManipulationEnvironment& env, const json& want,
-                  const std::string& prefix, const std::string& where) {
+                  Bounds bounds, const std::string& prefix, const std::string& where) {
   const mjModel& m = env.model();
   const mjData& d = env.data();
   table.CompareExact(prefix + "time", d.time, want.at("time"), where);
   table.Compare(prefix + "qpos", {d.qpos, static_cast<size_t>(m.nq)}, Doubles(want.at("qpos")),
-                kPosition, where);
+                bounds.position, where);
   table.Compare(prefix + "qvel", {d.qvel, static_cast<size_t>(m.nv)}, Doubles(want.at("qvel")),
-                kVelocity, where);
+                bounds.velocity, where);
   table.Compare(prefix + "act", {d.act, static_cast<size_t>(m.na)}, Doubles(want.at("act")),
                 kFormula, where);
   table.Compare(prefix + "ctrl", OfficialControls(env), Doubles(want.at("ctrl")), kFormula,
@@ -207,7 +216,7 @@ void CompareLoadedState(GoldenTable& table, ManipulationEnvironment& env, const 
                         const std::string& where) {
   CompareDictionary(table, env, step.at("obs_extra"), kFormula, "state: ", where);
   CompareReward(table, env, step.at("rwd_dict"), kFormula * 100, "state: ", where);
-  CompareContacts(table, env, step.at("contacts"), "state: ", where);
+  CompareContacts(table, env, step.at("contacts"), kFormula, "state: ", where);
   table.CompareRelative("state: observation (single precision)", OfficialObservation(env),
                         Doubles(step.at("obs")), kSinglePrecision, where);
   table.CompareScaled("state: qacc (relative)",
@@ -226,63 +235,90 @@ void CompareReset(GoldenTable& table, ManipulationEnvironment& env, const json& 
   table.CompareRelative("reset: observation (single precision)", OfficialObservation(env),
                         Doubles(reset.at("obs_at_reset")), kSinglePrecision, where);
   CompareDictionary(table, env, reset.at("obs_extra"), kFormula, "reset: ", where);
-  CompareState(table, env, reset.at("state_after_reset"), "reset: ", where);
-  CompareContacts(table, env, reset.at("state_after_reset").at("contacts"), "reset: ", where);
+  CompareState(table, env, reset.at("state_after_reset"), kStrict, "reset: ", where);
+  CompareContacts(table, env, reset.at("state_after_reset").at("contacts"), kFormula, "reset: ",
+                  where);
   table.CompareRelative("reset: max_force (relative)", env.official().max_force,
                         reset.at("state_after_reset").at("max_force"), kForce, where);
 }
 
 void CompareFreeStep(GoldenTable& table, ManipulationEnvironment& env, const StepResult& result,
-                     const json& step, const std::string& where) {
-  CompareState(table, env, step, "free: ", where);
-  CompareContacts(table, env, step.at("contacts"), "free: ", where);
-  CompareDictionary(table, env, step.at("obs_extra"), kPosition, "free: ", where);
-  CompareReward(table, env, step.at("rwd_dict"), kVelocity, "free: ", where);
+                     const json& step, Bounds bounds, const std::string& prefix,
+                     const std::string& where) {
+  CompareState(table, env, step, bounds, prefix, where);
+  CompareContacts(table, env, step.at("contacts"), bounds.position, prefix, where);
+  CompareDictionary(table, env, step.at("obs_extra"), bounds.position, prefix, where);
+  CompareReward(table, env, step.at("rwd_dict"), bounds.velocity, prefix, where);
   const auto official = env.official();
-  table.CompareExact("free: goal_touch", static_cast<double>(official.goal_touch),
+  table.CompareExact(prefix + "goal_touch", static_cast<double>(official.goal_touch),
                      step.at("goal_touch"), where);
-  table.CompareRelative("free: max_force (relative)", official.max_force, step.at("max_force"),
+  table.CompareRelative(prefix + "max_force (relative)", official.max_force, step.at("max_force"),
                         kForce, where);
-  table.CompareExact("free: solved", official.solved, Number(step.at("rwd_dict").at("solved")), where);
-  table.CompareExact("free: terminated", result.ended && official.done,
+  table.CompareExact(prefix + "solved", official.solved, Number(step.at("rwd_dict").at("solved")), where);
+  table.CompareExact(prefix + "terminated", result.ended && official.done,
                      Number(step.at("terminated")), where);
+}
+
+double LargestDifference(ManipulationEnvironment& env, const json& want) {
+  const auto golden = Doubles(want.at("qpos"));
+  double largest = 0;
+  for (size_t i = 0; i < golden.size(); ++i) {
+    largest = std::max(largest, std::abs(env.data().qpos[i] - golden[i]));
+  }
+  return largest;
+}
+
+// Plays a recorded reset's steps freely for as long as they can be compared.
+void CheckFreeRun(GoldenTable& table, ManipulationEnvironment& env, const json& file,
+                  const json& steps, const std::string& here) {
+  Comparable comparable(env);
+  int followed = 0;
+  for (const json& step : steps) {
+    const std::string where = here + " step " + std::to_string(followed);
+    const StepResult result = PlayRecorded(env, file, step, followed);
+    if (!comparable(env)) break;
+    const bool strict = followed < kStrictSteps;
+    if (!strict && LargestDifference(env, step) > kLong.position) break;
+    CompareFreeStep(table, env, result, step, strict ? kStrict : kLong,
+                    strict ? "free: " : "long: ", where);
+    ++followed;
+  }
+  std::printf("%s: followed for %d of %zu steps%s\n", here.c_str(), followed, steps.size(),
+              comparable.value() ? "" : ", up to a contact that the versions differ in");
+}
+
+// Each recorded state on its own, and one step from each to the next, wherever
+// no contact is in sight that the versions differ in.
+void CheckSingleSteps(GoldenTable& table, ManipulationEnvironment& env, const json& file,
+                      const json& steps, const std::string& here) {
+  for (size_t t = 0; t < steps.size(); ++t) {
+    const std::string where = here + " step " + std::to_string(t);
+    if (t > 0) {
+      LoadRecordedState(env, steps[t - 1]);
+      Comparable comparable(env);
+      if (comparable(env)) {
+        PlayRecorded(env, file, steps[t], static_cast<int>(t));
+        if (comparable(env)) CompareState(table, env, steps[t], kSingleStep, "step: ", where);
+      }
+    }
+    LoadRecordedState(env, steps[t]);
+    if (Comparable(env)(env)) CompareLoadedState(table, env, steps[t], where);
+  }
 }
 
 // A file of resets, each followed by steps, of one environment.
 void CheckResets(GoldenTable& table, const GoldenFile& file) {
   const auto free = MakeProfile("as-graded");
   const auto single = MakeProfile("as-graded");
-  for (size_t r = 0; r < file.json.at("resets").size(); ++r) {
-    const json& reset = file.json.at("resets")[r];
-    const uint64_t seed = file.json.at("seed");
-    const std::string here = file.name + " reset " + std::to_string(r);
+  const uint64_t seed = file.json.at("seed");
+  int index = 0;
+  for (const json& reset : file.json.at("resets")) {
+    const std::string here = file.name + " reset " + std::to_string(index++);
     free->Reset(seed);
     single->Reset(seed);
     CompareReset(table, *free, reset, here);
-    Comparable comparable(*free);
-    const json* before = nullptr;
-    const json& steps = reset.at("steps");
-    for (size_t t = 0; t < steps.size(); ++t) {
-      const json& step = steps[t];
-      const std::string where = here + " step " + std::to_string(t);
-      const StepResult result = PlayRecorded(*free, file.json, step, static_cast<int>(t));
-      if (comparable.value() && comparable(*free)) {
-        CompareFreeStep(table, *free, result, step, where);
-      }
-      if (before != nullptr) {
-        // One step from the recorded state before it. Without a contact of an
-        // enlarged box in sight it must arrive at the recorded state after it.
-        LoadRecordedState(*single, *before);
-        Comparable now(*single);
-        if (now(*single)) {
-          PlayRecorded(*single, file.json, step, static_cast<int>(t));
-          if (now(*single)) CompareState(table, *single, step, "step: ", where);
-        }
-      }
-      LoadRecordedState(*single, step);
-      if (Comparable now(*single); now(*single)) CompareLoadedState(table, *single, step, where);
-      before = &step;
-    }
+    CheckSingleSteps(table, *single, file.json, reset.at("steps"), here);
+    CheckFreeRun(table, *free, file.json, reset.at("steps"), here);
   }
 }
 
@@ -326,11 +362,11 @@ std::unique_ptr<ManipulationEnvironment> CheckGoalRest(GoldenTable& table, const
     table.CompareExact("rest: solved", official.solved, Number(step.at("rwd_dict").at("solved")), where);
     table.CompareExact("rest: terminated", result.ended, Number(step.at("terminated")), where);
     table.Compare("rest: object", {env->data().qpos + env->scene().object_qpos, 7},
-                  Doubles(step.at("qpos_obj")), kPosition, where);
+                  Doubles(step.at("qpos_obj")), kStrict.position, where);
     table.CompareRelative("rest: touch sensor (relative)", {env->data().sensordata, 1},
                           Doubles(json::array({step.at("sensordata0")})), kForce, where);
     table.CompareRelative("rest: max_force (relative)", official.max_force, step.at("obs_extra").at("max_force"), kForce, where);
-    CompareReward(table, *env, step.at("rwd_dict"), kVelocity, "rest: ", where);
+    CompareReward(table, *env, step.at("rwd_dict"), kStrict.velocity, "rest: ", where);
   }
   return env;
 }
@@ -355,7 +391,7 @@ void CheckDrop(GoldenTable& table, const json& golden, const std::string& name,
     table.CompareExact("drop: reported time",
                        std::get<ManipulationFacts>(env->facts().track).reported_time,
                        step.at("info_time"), name);
-    table.Compare("drop: height", env->official().view.object[2], step.at("obj_z"), kPosition,
+    table.Compare("drop: height", env->official().view.object[2], step.at("obj_z"), kStrict.position,
                   name);
   }
   EXPECT_EQ(env->facts().end, phantom ? EpisodeEnd::kPhantom : EpisodeEnd::kDropped);
