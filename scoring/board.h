@@ -23,8 +23,8 @@ struct BoardEntry {
   int64_t successes = 0;
   int64_t episodes = 0;
   double time = 0;               // s, mean
-  std::optional<double> effort;  // mean; none ranks behind every number
-  std::optional<double> pain;    // mean; none ranks behind every number
+  std::optional<double> effort = std::nullopt;  // mean; none ranks behind every number
+  std::optional<double> pain = std::nullopt;    // mean; none ranks behind every number
   double distance = 0;           // m, mean
 };
 

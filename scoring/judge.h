@@ -45,8 +45,8 @@ struct LocomotionJudging {
 // One episode's numbers, each in the unit of its name's comment.
 struct Metrics {
   double time = 0;               // s
-  std::optional<double> effort;  // mean over the steps; none without a step
-  std::optional<double> pain;    // mean over the steps; locomotion only
+  std::optional<double> effort = std::nullopt;  // mean over the steps; none without a step
+  std::optional<double> pain = std::nullopt;    // mean over the steps; locomotion only
   double distance = 0;           // m; locomotion only
   // Shown beside the ranked numbers, never ranked.
   double effort_sum = 0;         // the official code's sums over the steps

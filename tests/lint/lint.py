@@ -1,0 +1,101 @@
+#!/usr/bin/env python3
+"""Checks what the compiler does not: who may include and link whom, the length of files, marks
+of unfinished work, and that every test is built. Prints one line per mistake; exit status 1 if
+there is one. Use: lint.py ROOT"""
+
+import pathlib
+import re
+import sys
+
+MAX_LINES = 450
+PARTS = {"protocol", "scoring", "sim", "server", "policies", "tests"}
+
+# Folder -> (folders of the project it may include, patterns of foreign headers it must not).
+# The longest matching folder counts.
+RULES = {
+    "protocol/base": ({"protocol/base"},
+                      r"lcm/|nlohmann/|mujoco/|openssl/|SQLiteCpp/|httplib|CLI/|spdlog/|sqlite3"),
+    "protocol": ({"protocol"}, r"mujoco/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|archive"),
+    "sim": ({"protocol", "sim"}, r"SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|archive|lcm/"),
+    "scoring": ({"protocol/base", "scoring"},
+                r"lcm/|nlohmann/|mujoco/|openssl/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|"
+                r"absl/time|absl/random|chrono$|random$|fstream$|filesystem$|ctime$|unistd"),
+    "server": ({"protocol", "scoring", "server"}, r"mujoco/|lcm/"),
+    "policies": ({"protocol", "policies"}, r"mujoco/|SQLiteCpp/|sqlite3|httplib|spdlog/"),
+    "tests": (PARTS, r"$^"),
+}
+# Targets of the project that a folder must not link.
+FORBIDDEN_LINKS = {
+    "protocol": r"myograde_(sim|scoring|server|mujoco)\b",
+    "sim": r"myograde_(server|scoring)\b|SQLiteCpp|SQLite",
+    "scoring": r"myograde_(sim|server|protocol|mujoco)\b|LCM|SQLite|nlohmann",
+    "server": r"myograde_(sim|mujoco)\b|PkgConfig::LCM",
+    "policies": r"myograde_(sim|server|scoring|mujoco)\b",
+}
+INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
+UNFINISHED = re.compile(r"\b(TO" r"DO|FIX" r"ME|XX" r"X)\b")
+
+
+def folder_rule(path):
+    fits = [folder for folder in RULES if path.startswith(folder + "/")]
+    return max(fits, key=len) if fits else None
+
+
+def check_includes(path, text):
+    folder = folder_rule(path)
+    if folder is None:
+        return
+    allowed, foreign = RULES[folder]
+    for header in INCLUDE.findall(text):
+        own = header.split("/")[0] in PARTS and "/" in header
+        if own and not any(header.startswith(part + "/") for part in allowed):
+            yield f"includes {header}, which {folder}/ must not"
+        elif not own and re.match(foreign, header):
+            yield f"includes <{header}>, which {folder}/ must not"
+
+
+def check_links(path, text):
+    folder = path.split("/")[0]
+    if folder in FORBIDDEN_LINKS:
+        text = re.sub(r"#.*", "", text)
+        for match in re.finditer(r"target_link_libraries\(([^)]*)\)", text):
+            for name in re.finditer(FORBIDDEN_LINKS[folder], match.group(1)):
+                yield f"links {name.group(0)}, which {folder}/ must not"
+
+
+def check_file(root, file):
+    path = file.relative_to(root).as_posix()
+    text = file.read_text(encoding="utf-8", errors="replace")
+    problems = []
+    if file.suffix in (".h", ".cc", ".c", ".py", ".lcm"):
+        lines = text.count("\n")
+        if lines > MAX_LINES:
+            problems.append(f"has {lines} lines; split it, {MAX_LINES} are the most")
+    if UNFINISHED.search(text):
+        problems.append("has a mark of unfinished work")
+    if file.suffix in (".h", ".cc"):
+        problems += check_includes(path, text)
+    if file.name == "CMakeLists.txt":
+        problems += check_links(path, text)
+    if file.suffix == ".cc" and path.startswith("tests/"):
+        near = [p / "CMakeLists.txt" for p in file.parents if root in (p, *p.parents)]
+        lists = "".join(p.read_text() for p in near if p.exists())
+        if not re.search(rf"\b{re.escape(file.name)}\b", lists):
+            problems.append("is in no CMakeLists.txt, so it never runs")
+    return [f"{path}: {problem}" for problem in problems]
+
+
+def main():
+    root = pathlib.Path(sys.argv[1]).resolve()
+    suffixes = {".h", ".cc", ".c", ".py", ".lcm", ".txt", ".cmake"}
+    files = sorted(f for part in PARTS for f in (root / part).rglob("*")
+                   if f.is_file() and f.suffix in suffixes)
+    if not files:
+        sys.exit(f"{root}: no sources found; give the project's root folder")
+    problems = [problem for file in files for problem in check_file(root, file)]
+    print("\n".join(problems) or f"{len(files)} files, no mistakes")
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

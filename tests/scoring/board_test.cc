@@ -1,0 +1,171 @@
+#include "scoring/board.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <set>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include "protocol/config_reader.h"
+
+namespace myograde::scoring {
+namespace {
+
+using nlohmann::json;
+
+BoardEntry EntryOf(const json& row) {
+  BoardEntry entry;
+  entry.submission = row.at("submission");
+  entry.team = row.at("team");
+  entry.acceptance = row.at("acceptance");
+  entry.chosen = row.value("chosen", false);
+  entry.failed = row.value("failed", false);
+  entry.successes = row.value("successes", 0);
+  entry.episodes = 100;
+  entry.time = row.value("time", 0.0);
+  entry.distance = row.value("distance", 0.0);
+  if (row.contains("effort")) entry.effort = row["effort"].get<double>();
+  if (row.contains("pain")) entry.pain = row["pain"].get<double>();
+  return entry;
+}
+
+BoardRules RulesOf(const json& board) {
+  const std::string kind = board.at("kind");
+  if (kind == "distance") return DistanceBoard{};
+  if (kind == "physiological") return PhysiologicalBoard{};
+  TieredBoard tiered;
+  if (board.value("bands", "time") == "success") tiered.bands = BandsOver::kSuccess;
+  return tiered;
+}
+
+TeamRule TeamRuleOf(const std::string& name) {
+  if (name == "last") return TeamRule::kLast;
+  return name == "chosen" ? TeamRule::kChosen : TeamRule::kBest;
+}
+
+std::vector<std::string> Names(const std::vector<RankedEntry>& board) {
+  std::vector<std::string> names;
+  for (const RankedEntry& ranked : board) names.push_back(ranked.entry.submission);
+  return names;
+}
+
+const RankedEntry& Find(const std::vector<RankedEntry>& board, const std::string& name) {
+  return *std::find_if(board.begin(), board.end(),
+                       [&](const auto& ranked) { return ranked.entry.submission == name; });
+}
+
+// Every file in boards/: rows in, order out. A new case needs no change here.
+TEST(Board, AgreesWithTheTables) {
+  int files = 0;
+  for (const auto& file :
+       std::filesystem::directory_iterator(MYOGRADE_SOURCE_DIR "/tests/scoring/boards")) {
+    SCOPED_TRACE(file.path().filename().string());
+    const auto table = ReadJsonFile(file.path().string());
+    ASSERT_TRUE(table.ok()) << table.status();
+    std::vector<BoardEntry> entries;
+    for (const json& row : table->at("rows")) entries.push_back(EntryOf(row));
+    const BoardRules rules = RulesOf(table->at("board"));
+    const auto board = Rank(entries, rules, TeamRuleOf(table->at("team")));
+    ASSERT_TRUE(board.ok()) << board.status();
+    ASSERT_EQ(Names(*board), table->at("order").get<std::vector<std::string>>());
+    for (const json& why : table->at("why")) {
+      EXPECT_THAT(Explain(Find(*board, why[0]), Find(*board, why[1]), rules),
+                  testing::HasSubstr(why[2].get<std::string>()));
+    }
+    ++files;
+  }
+  EXPECT_GE(files, 9);
+}
+
+TEST(Board, RefusesNumbersThatAreNone) {
+  BoardEntry entry{.submission = "s", .team = "t", .episodes = 100};
+  entry.time = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(Rank({entry}, TieredBoard{}, TeamRule::kBest).ok());
+  entry.time = 1;
+  EXPECT_FALSE(Rank({entry, entry}, TieredBoard{}, TeamRule::kBest).ok()) << "same acceptance";
+  entry.successes = 101;
+  EXPECT_FALSE(Rank({entry}, TieredBoard{}, TeamRule::kBest).ok());
+}
+
+// Few different values, so that ties, zeros of both signs and the smallest doubles are common.
+rc::Gen<double> Values() {
+  return rc::gen::element(-0.0, 0.0, 5e-324, 1.0, 1.1, 10.0, 11.0, 12.1, 20.0, 100.0);
+}
+
+std::vector<BoardEntry> SomeEntries() {
+  const int count = *rc::gen::inRange(0, 12);
+  std::vector<BoardEntry> entries;
+  for (int i = 0; i < count; ++i) {
+    BoardEntry entry;
+    entry.submission = "s" + std::to_string(i);
+    entry.team = "t" + std::to_string(*rc::gen::inRange(0, 8));
+    entry.acceptance = i;
+    entry.chosen = *rc::gen::arbitrary<bool>();
+    entry.episodes = 100;
+    entry.successes = *rc::gen::inRange(85, 96);
+    entry.time = *Values();
+    if (*rc::gen::inRange(0, 9) > 0) entry.effort = *Values();
+    if (*rc::gen::inRange(0, 9) > 0) entry.pain = *Values();
+    entry.distance = *Values();
+    entries.push_back(entry);
+  }
+  return entries;
+}
+
+BoardRules SomeRules() {
+  return *rc::gen::element<BoardRules>(TieredBoard{}, TieredBoard{.bands = BandsOver::kSuccess},
+                                       DistanceBoard{}, PhysiologicalBoard{});
+}
+
+RC_GTEST_PROP(Board, DoesNotDependOnTheOrderOfItsInput, ()) {
+  std::vector<BoardEntry> entries = SomeEntries();
+  const BoardRules rules = SomeRules();
+  const TeamRule team = *rc::gen::element(TeamRule::kBest, TeamRule::kLast, TeamRule::kChosen);
+  const auto expected = Names(*Rank(entries, rules, team));
+  for (size_t i = entries.size(); i > 1; --i) {
+    std::swap(entries[i - 1], entries[*rc::gen::inRange<size_t>(0, i)]);
+  }
+  RC_ASSERT(Names(*Rank(entries, rules, team)) == expected);
+}
+
+RC_GTEST_PROP(Board, HasEveryTeamOnceAndRanksWithoutGaps, ()) {
+  const std::vector<BoardEntry> entries = SomeEntries();
+  const auto board = *Rank(entries, TieredBoard{}, TeamRule::kBest);
+  std::set<std::string> expected, got;
+  for (const BoardEntry& entry : entries) expected.insert(entry.team);
+  for (size_t i = 0; i < board.size(); ++i) {
+    RC_ASSERT(board[i].rank == static_cast<int64_t>(i) + 1);
+    RC_ASSERT(got.insert(board[i].entry.team).second);
+  }
+  RC_ASSERT(got == expected);
+}
+
+// Bands depend on who opens them, so a tiered board promises this for an entry that is worse
+// than all others in everything; the other boards compare two entries at a time and promise it
+// for every entry.
+RC_GTEST_PROP(Board, ANewTeamLeavesTheOrderOfTheOthers, ()) {
+  std::vector<BoardEntry> entries = SomeEntries();
+  const BoardRules rules = SomeRules();
+  const auto before = Names(*Rank(entries, rules, TeamRule::kBest));
+  BoardEntry added{.submission = "new", .team = "new", .acceptance = 99, .episodes = 100};
+  added.time = 1000;
+  added.effort = 1000;
+  if (std::holds_alternative<TieredBoard>(rules)) {
+    added.successes = *rc::gen::element(0, 85);
+  } else {
+    added.time = *Values();
+    added.pain = *Values();
+    added.distance = *Values();
+  }
+  entries.push_back(added);
+  auto after = Names(*Rank(entries, rules, TeamRule::kBest));
+  std::erase(after, "new");
+  RC_ASSERT(after == before);
+}
+
+}  // namespace
+}  // namespace myograde::scoring
