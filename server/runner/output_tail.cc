@@ -61,9 +61,9 @@ std::string PrintableUtf8(std::string_view bytes) {
 }
 
 void OutputTail::Append(std::string_view bytes) {
-  const int64_t room = std::max<int64_t>(limit_ - total_, 0);
   total_ += static_cast<int64_t>(bytes.size());
-  kept_ += bytes.substr(0, static_cast<size_t>(std::min<int64_t>(room, bytes.size())));
+  if (bytes.size() > kTailBytes) bytes.remove_prefix(bytes.size() - kTailBytes);
+  kept_ += bytes;
   if (kept_.size() > kTailBytes) kept_.erase(0, kept_.size() - kTailBytes);
 }
 

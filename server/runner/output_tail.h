@@ -23,8 +23,7 @@ class OutputTail {
 
   void Append(std::string_view bytes);
 
-  // At most kTailBytes of the last kept output (the first `limit` bytes of the
-  // stream are what is kept), printable.
+  // The end of all that came, printable, at most kTailBytes.
   std::string tail() const;
   bool truncated() const { return total_ > limit_; }
   int64_t total() const { return total_; }

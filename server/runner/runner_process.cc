@@ -9,8 +9,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <climits>
-#include <cstdlib>
 #include <cstring>
 #include <thread>
 #include <utility>
@@ -79,19 +77,6 @@ absl::Status WriteOrder(const LeaseOrder& order, const std::string& path) {
 }
 
 }  // namespace
-
-absl::StatusOr<std::string> BinDir() {
-  if (const char* dir = std::getenv("MYOGRADE_BIN_DIR"); dir != nullptr && *dir != '\0') {
-    return std::string(dir);
-  }
-  char path[PATH_MAX];
-  const ssize_t length = ::readlink("/proc/self/exe", path, sizeof(path));
-  if (length <= 0 || length >= static_cast<ssize_t>(sizeof(path))) {
-    return Errno("can't tell where the running program lies");
-  }
-  const std::string program(path, static_cast<size_t>(length));
-  return program.substr(0, program.rfind('/'));
-}
 
 absl::StatusOr<std::unique_ptr<RunnerProcess>> RunnerProcess::Start(const LeaseOrder& order) {
   absl::StatusOr<std::string> bin_dir = BinDir();

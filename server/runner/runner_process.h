@@ -25,13 +25,10 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/lease.h"
+#include "server/paths.h"
 #include "server/runner/output_tail.h"
 
 namespace myograde::server {
-
-// The folder of the project's programs: MYOGRADE_BIN_DIR where that is set,
-// else the folder of the running program.
-absl::StatusOr<std::string> BinDir();
 
 class RunnerProcess {
  public:

@@ -1,0 +1,317 @@
+#include "server/runner/lease_runner.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <new>
+#include <utility>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
+
+#include "protocol/base/outcome.h"
+#include "server/sandbox/seccomp_filter.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr absl::Duration kBeatPeriod = absl::Milliseconds(700);
+constexpr absl::Duration kIdleTurn = absl::Milliseconds(200);
+constexpr absl::Duration kPrintDeadline = absl::Seconds(30);
+constexpr absl::Duration kSimFarewell = absl::Seconds(5);
+
+absl::Status Errno(const char* what) {
+  return absl::InternalError(absl::StrCat(what, ": ", std::strerror(errno)));
+}
+
+absl::StatusOr<std::pair<Fd, Fd>> SocketPair() {
+  int ends[2];
+  if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0) {
+    return Errno("can't make a socket pair");
+  }
+  return std::pair(Fd(ends[0]), Fd(ends[1]));
+}
+
+absl::StatusOr<Fd> MemoryFile(const char* name, const std::string& text) {
+  Fd file(memfd_create(name, MFD_CLOEXEC));
+  if (!file.valid()) return Errno("can't make a memory file");
+  size_t written = 0;
+  while (written < text.size()) {
+    const ssize_t n = write(file.get(), text.data() + written, text.size() - written);
+    if (n <= 0) return Errno("can't write a memory file");
+    written += static_cast<size_t>(n);
+  }
+  if (lseek(file.get(), 0, SEEK_SET) != 0) return Errno("can't rewind a memory file");
+  return file;
+}
+
+}  // namespace
+
+LeaseRunner::LeaseRunner(const LeaseContext& context, int records, int stop, int signals)
+    : context_(context),
+      records_(records),
+      stop_(stop),
+      signals_(signals),
+      sim_errors_(context.order.track.budgets.output_bytes),
+      stdout_(context.order.track.budgets.output_bytes),
+      stderr_(context.order.track.budgets.output_bytes),
+      start_(absl::Now()),
+      last_heard_(start_),
+      last_printed_(start_),
+      last_refresh_(start_) {
+  progress_.episode = context.order.episodes.front().index;
+}
+
+LeaseRunner::~LeaseRunner() {
+  if (cpu_page_ != nullptr) munmap(cpu_page_, sizeof(CpuPage));
+}
+
+bool LeaseRunner::Run() {
+  const absl::Status status = Play();
+  EndPolicy();
+  if (sim_ != nullptr) sim_->Kill(absl::Seconds(5));
+  LeaseEndRecord end;
+  end.ok = status.ok();
+  end.detail = PrintableUtf8(std::string(status.message()));
+  end.stdout_tail = stdout_.tail();
+  end.stderr_tail = stderr_.tail();
+  end.stdout_truncated = stdout_.truncated();
+  end.stderr_truncated = stderr_.truncated();
+  end.policy_cpu_s = static_cast<double>(finished_cpu_ns_) * 1e-9;
+  end.wall_s = absl::ToDoubleSeconds(absl::Now() - start_);
+  end.peak_memory_bytes = peak_memory_;
+  return Print(end).ok() && status.ok();
+}
+
+absl::Status LeaseRunner::Play() {
+  if (absl::Status status = StartSim(); !status.ok()) return status;
+  while (!done_) {
+    if (absl::Status status = Turn(); !status.ok()) return status;
+  }
+  sim_->Wait(kSimFarewell);
+  return absl::OkStatus();
+}
+
+absl::Status LeaseRunner::StartSim() {
+  absl::StatusOr<std::pair<Fd, Fd>> channel = SocketPair();
+  if (!channel.ok()) return channel.status();
+  absl::StatusOr<Fd> order = MemoryFile("myograde-order", LeaseOrderToJson(context_.order).dump());
+  if (!order.ok()) return order.status();
+  absl::StatusOr<Fd> page = MemoryFile("myograde-cpu", std::string(sizeof(CpuPage), '\0'));
+  if (!page.ok()) return page.status();
+  void* memory =
+      mmap(nullptr, sizeof(CpuPage), PROT_READ | PROT_WRITE, MAP_SHARED, page->get(), 0);
+  if (memory == MAP_FAILED) return Errno("can't share a page with the simulator");
+  cpu_page_ = new (memory) CpuPage{};
+  int errors[2];
+  if (pipe2(errors, O_CLOEXEC) != 0) return Errno("can't make a pipe");
+  sim_stderr_ = Fd(errors[0]);
+  Fd errors_write(errors[1]);
+  fcntl(sim_stderr_.get(), F_SETFL, O_NONBLOCK);
+  Fd nothing(open("/dev/null", O_RDWR | O_CLOEXEC));
+  const SandboxSpec spec = MakeSimSandbox(context_.order, context_.config.sim, context_.bin_dir,
+                                          context_.stage, context_.etc);
+  absl::StatusOr<Fd> filter = MakeSeccompFilter(context_.config.policy);
+  if (!filter.ok()) return filter.status();
+  absl::StatusOr<std::unique_ptr<Sandbox>> sim =
+      Sandbox::Start(spec,
+                     {{nothing.get(), 0},
+                      {nothing.get(), 1},
+                      {errors_write.get(), 2},
+                      {channel->second.get(), kSimChannelFd},
+                      {order->get(), kSimOrderFd},
+                      {page->get(), kSimCpuPageFd}},
+                     {}, *filter);
+  if (!sim.ok()) return sim.status();
+  sim_ = *std::move(sim);
+  channel_ = std::move(channel->first);
+  cpu_page_fd_ = *std::move(page);
+  last_heard_ = absl::Now();
+  return absl::OkStatus();
+}
+
+absl::Status LeaseRunner::Turn() {
+  const int policy_out = policy_ != nullptr ? policy_->stdout_fd() : -1;
+  const int policy_err = policy_ != nullptr ? policy_->stderr_fd() : -1;
+  pollfd entries[] = {{channel_.get(), POLLIN, 0},     {stop_, POLLIN, 0},
+                      {signals_, POLLIN, 0},           {policy_out, POLLIN, 0},
+                      {policy_err, POLLIN, 0},         {sim_stderr_.get(), POLLIN, 0}};
+  const absl::Duration refresh = absl::Seconds(context_.config.policy.cpu_refresh_s);
+  const absl::Duration turn = policy_ != nullptr ? refresh : kIdleTurn;
+  poll(entries, std::size(entries), static_cast<int>(absl::ToInt64Milliseconds(turn)));
+  if (entries[1].revents != 0 || entries[2].revents != 0) {
+    return absl::CancelledError("the lease was ended by its caller");
+  }
+  if (entries[5].revents != 0) {
+    char buffer[4096];
+    const ssize_t n = read(sim_stderr_.get(), buffer, sizeof(buffer));
+    if (n > 0) sim_errors_.Append(std::string_view(buffer, static_cast<size_t>(n)));
+    if (n == 0) sim_stderr_.reset();
+  }
+  if (policy_ != nullptr) {
+    if (entries[3].revents != 0 || entries[4].revents != 0) policy_->DrainOutput();
+    if (absl::Now() - last_refresh_ >= refresh) RefreshCpu();
+  }
+  if (entries[0].revents != 0) {
+    if (absl::Status status = HandleSimMessage(); !status.ok() || done_) return status;
+  }
+  if (absl::Status status = CheckDeadlines(); !status.ok()) return status;
+  return Beat();
+}
+
+absl::Status LeaseRunner::HandleSimMessage() {
+  absl::StatusOr<SimMessage> message = ReceiveSimMessage(channel_.get(), absl::ZeroDuration());
+  if (absl::IsUnavailable(message.status())) return SimEnded();
+  if (absl::IsDeadlineExceeded(message.status())) return absl::OkStatus();
+  if (!message.ok()) {
+    return absl::InternalError(
+        absl::StrCat("the simulator sent nonsense: ", message.status().message()));
+  }
+  last_heard_ = absl::Now();
+  const std::string type = message->json["type"].get<std::string>();
+  if (type == "need_policy") return GivePolicy();
+  if (type == "policy_fault") return RuleOn(message->json);
+  if (type == "done") {
+    done_ = true;
+    if (next_episode_ == context_.order.episodes.size()) return absl::OkStatus();
+    return absl::InternalError(absl::StrCat("the simulator says done after ", next_episode_,
+                                            " of ", context_.order.episodes.size(), " episodes"));
+  }
+  return HandleRecord(message->json);
+}
+
+absl::Status LeaseRunner::HandleRecord(const nlohmann::json& json) {
+  absl::StatusOr<LeaseRecord> record = LeaseRecordFromLine(json.dump());
+  if (!record.ok()) {
+    return absl::InternalError(
+        absl::StrCat("the simulator sent a broken record: ", record.status().message()));
+  }
+  if (auto* progress = std::get_if<ProgressRecord>(&*record)) {
+    progress_ = *progress;
+    return Print(*record);
+  }
+  const auto* facts = std::get_if<EpisodeFacts>(&*record);
+  const std::vector<EpisodeOrder>& episodes = context_.order.episodes;
+  if (facts == nullptr || next_episode_ >= episodes.size() ||
+      facts->index != episodes[next_episode_].index ||
+      facts->seed != episodes[next_episode_].seed) {
+    return absl::InternalError("the simulator recorded an episode that was not its next");
+  }
+  ++next_episode_;
+  return Print(*record);
+}
+
+absl::Status LeaseRunner::GivePolicy() {
+  EndPolicy();
+  if (runs_ > context_.order.track.budgets.restarts) {
+    return absl::InternalError("the simulator wants more policies than the budget allows");
+  }
+  absl::StatusOr<std::pair<Fd, Fd>> pair = SocketPair();
+  if (!pair.ok()) return pair.status();
+  absl::StatusOr<std::unique_ptr<PolicyRun>> run =
+      PolicyRun::Start(context_, runs_++, std::move(pair->second), stdout_, stderr_);
+  if (!run.ok()) return run.status();
+  policy_ = *std::move(run);
+  return SendSimMessage(channel_.get(), {{"type", "policy"}}, pair->first.get());
+}
+
+absl::Status LeaseRunner::RuleOn(const nlohmann::json& json) {
+  nlohmann::json evidence = json;
+  evidence.erase("type");
+  absl::StatusOr<FaultEvidence> seen = FaultEvidenceFromJson(evidence);
+  if (!seen.ok()) {
+    return absl::InternalError(
+        absl::StrCat("the simulator sent broken evidence: ", seen.status().message()));
+  }
+  if (policy_ == nullptr) return absl::InternalError("the simulator blames a policy that it has not");
+  const FaultEvidence ruled = policy_->Rule(*std::move(seen));
+  EndPolicy();
+  if (FaultOf(ruled.outcome) == Fault::kGrader) return absl::InternalError(ruled.detail);
+  nlohmann::json answer = FaultEvidenceToJson(ruled);
+  answer["type"] = "ruling";
+  return SendSimMessage(channel_.get(), answer);
+}
+
+void LeaseRunner::EndPolicy() {
+  if (policy_ == nullptr) return;
+  (void)policy_->End();
+  policy_->DrainOutput();
+  peak_memory_ = std::max(peak_memory_, policy_->peak_memory_bytes());
+  finished_cpu_ns_ += policy_->CpuNs();
+  policy_.reset();
+  RefreshCpu();
+}
+
+void LeaseRunner::RefreshCpu() {
+  last_refresh_ = absl::Now();
+  const int64_t now = finished_cpu_ns_ + (policy_ != nullptr ? policy_->CpuNs() : 0);
+  cpu_page_->cpu_ns.store(static_cast<uint64_t>(now), std::memory_order_relaxed);
+  cpu_page_->updates.fetch_add(1, std::memory_order_relaxed);
+}
+
+absl::Status LeaseRunner::SimEnded() {
+  sim_->Wait(kSimFarewell);
+  char buffer[4096];
+  for (ssize_t n; sim_stderr_.valid() && (n = read(sim_stderr_.get(), buffer, sizeof(buffer))) > 0;) {
+    sim_errors_.Append(std::string_view(buffer, static_cast<size_t>(n)));
+  }
+  const SandboxEnd end = sim_->end();
+  std::string words = sim_errors_.tail();
+  while (!words.empty() && words.back() == '\n') words.pop_back();
+  if (words.empty()) words = "it printed no reason";
+  if (!end.started) {
+    return absl::InternalError(
+        absl::StrCat("the simulator's sandbox could not be built: ", words));
+  }
+  return absl::InternalError(absl::StrCat(
+      "the simulator ended with ",
+      end.exit_code > 128 ? absl::StrCat("signal ", end.exit_code - 128)
+                          : absl::StrCat("exit status ", end.exit_code),
+      " before the lease was done: ", words));
+}
+
+absl::Status LeaseRunner::CheckDeadlines() const {
+  const SimSandboxConfig& config = context_.config.sim;
+  const absl::Time now = absl::Now();
+  if (now - last_heard_ > absl::Seconds(config.silence_s)) {
+    return absl::DeadlineExceededError(
+        absl::StrCat("the simulator said nothing for ", config.silence_s, " s (silence_s)"));
+  }
+  const double most = context_.order.track.budgets.lease_wall_s + config.lease_slack_s;
+  if (now - start_ > absl::Seconds(most)) {
+    return absl::DeadlineExceededError(absl::StrCat("the lease was not over after ", most, " s"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status LeaseRunner::Beat() {
+  return absl::Now() - last_printed_ < kBeatPeriod ? absl::OkStatus() : Print(progress_);
+}
+
+absl::Status LeaseRunner::Print(const LeaseRecord& record) {
+  const std::string line = LeaseRecordToLine(record) + "\n";
+  const absl::Time deadline = absl::Now() + kPrintDeadline;
+  size_t written = 0;
+  while (written < line.size()) {
+    pollfd entry = {records_, POLLOUT, 0};
+    poll(&entry, 1, 1000);
+    const ssize_t n = write(records_, line.data() + written, line.size() - written);
+    if (n > 0) {
+      written += static_cast<size_t>(n);
+    } else if (errno != EINTR && errno != EAGAIN) {
+      return absl::CancelledError("nobody reads the lease's records any more");
+    }
+    if (absl::Now() > deadline) return absl::CancelledError("the lease's records are not read");
+  }
+  last_printed_ = absl::Now();
+  return absl::OkStatus();
+}
+
+}  // namespace myograde::server

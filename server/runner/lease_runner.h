@@ -1,0 +1,74 @@
+// Plays one lease: the simulator in one sandbox, the policy in another, and the
+// runner between them and the caller. Single-threaded.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include <absl/status/status.h>
+#include <absl/time/time.h>
+
+#include "protocol/base/fd.h"
+#include "protocol/lease.h"
+#include "protocol/sim_channel.h"
+#include "server/runner/policy_run.h"
+
+namespace myograde::server {
+
+class LeaseRunner {
+ public:
+  // `records`: where the records go, a line each. `stop`: a descriptor that
+  // gets readable (or its other end closed) when the caller wants the lease to
+  // end; -1 if there is none. `signals`: a signalfd with the same meaning.
+  LeaseRunner(const LeaseContext& context, int records, int stop, int signals);
+  ~LeaseRunner();
+
+  // Plays the lease and prints its records, the last one included. True: all
+  // episodes were recorded.
+  bool Run();
+
+ private:
+  absl::Status Play();
+  absl::Status StartSim();
+  // Waits for something to happen and sees to it. Sets done_.
+  absl::Status Turn();
+  absl::Status HandleSimMessage();
+  absl::Status HandleRecord(const nlohmann::json& json);
+  absl::Status GivePolicy();
+  absl::Status RuleOn(const nlohmann::json& json);
+  absl::Status CheckDeadlines() const;
+  absl::Status SimEnded();
+  void EndPolicy();
+  void RefreshCpu();
+  absl::Status Beat();
+  absl::Status Print(const LeaseRecord& record);
+
+  const LeaseContext& context_;
+  const int records_;
+  const int stop_;
+  const int signals_;
+
+  std::unique_ptr<Sandbox> sim_;
+  Fd channel_;
+  Fd sim_stderr_;
+  OutputTail sim_errors_;
+  CpuPage* cpu_page_ = nullptr;
+  Fd cpu_page_fd_;
+
+  std::unique_ptr<PolicyRun> policy_;
+  int runs_ = 0;
+  OutputTail stdout_;
+  OutputTail stderr_;
+  int64_t finished_cpu_ns_ = 0;  // of runs that ended
+  int64_t peak_memory_ = 0;
+
+  size_t next_episode_ = 0;  // place in the order of the next to be recorded
+  bool done_ = false;
+  ProgressRecord progress_;
+  absl::Time start_;
+  absl::Time last_heard_;
+  absl::Time last_printed_;
+  absl::Time last_refresh_;
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,99 @@
+// myograde-runner: plays one lease and prints its records.
+//
+//   myograde-runner [--lifeline] ORDER.json
+//
+// ORDER.json is a LeaseOrder (protocol/lease.h). One record a line on stdout,
+// the last one always a lease_end. With --lifeline the lease ends when stdin
+// does. SIGTERM and SIGINT end it too. Exit status: 0 all episodes were
+// recorded, 2 wrong use, 4 the grader or its host is in trouble.
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <string>
+#include <string_view>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/config_reader.h"
+#include "protocol/lease.h"
+#include "server/paths.h"
+#include "server/runner/lease_runner.h"
+#include "server/sandbox/control_group.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr int kDone = 0;
+constexpr int kWrongUse = 2;
+constexpr int kGraderTrouble = 4;
+
+absl::StatusOr<LeaseOrder> ReadOrder(const std::string& path) {
+  absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
+  if (!json.ok()) return json.status();
+  absl::StatusOr<LeaseOrder> order = LeaseOrderFromJson(*json, path);
+  if (!order.ok()) return order.status();
+  if (absl::Status status = CheckOrderPaths(*order); !status.ok()) return status;
+  if (order->uid == 0 || (order->uid < 0 && geteuid() == 0)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        path, ": \"uid\" is ", order->uid,
+        "; as root a lease needs an unprivileged uid of its own, above 0"));
+  }
+  if (order->uid > 0 && geteuid() != 0 && static_cast<uid_t>(order->uid) != geteuid()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": \"uid\" is ", order->uid, "; only root can take another uid"));
+  }
+  if (geteuid() != 0) order->uid = -1;
+  return order;
+}
+
+// The last record of a lease that could not even begin.
+int EndAtOnce(const absl::Status& status) {
+  LeaseEndRecord end;
+  end.detail = std::string(status.message());
+  std::printf("%s\n", LeaseRecordToLine(end).c_str());
+  std::fprintf(stderr, "myograde-runner: %s\n", end.detail.c_str());
+  return kGraderTrouble;
+}
+
+Fd StopSignals() {
+  sigset_t stop;
+  sigemptyset(&stop);
+  for (int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&stop, signal);
+  sigprocmask(SIG_BLOCK, &stop, nullptr);
+  ::signal(SIGPIPE, SIG_IGN);
+  return Fd(signalfd(-1, &stop, SFD_CLOEXEC | SFD_NONBLOCK));
+}
+
+int Main(int argc, char** argv) {
+  const bool lifeline = argc == 3 && std::string_view(argv[1]) == "--lifeline";
+  if (argc != 2 && !lifeline) {
+    std::fprintf(stderr, "usage: myograde-runner [--lifeline] ORDER.json\n");
+    return kWrongUse;
+  }
+  const Fd signals = StopSignals();
+  // Whatever loses its parent below this process comes to it, and dies with it.
+  prctl(PR_SET_CHILD_SUBREAPER, 1);
+  absl::StatusOr<LeaseOrder> order = ReadOrder(argv[argc - 1]);
+  if (!order.ok()) return EndAtOnce(order.status());
+  absl::StatusOr<std::string> bin_dir = BinDir();
+  if (!bin_dir.ok()) return EndAtOnce(bin_dir.status());
+  absl::StatusOr<SandboxConfig> config = LoadSandboxConfig(ConfigDir());
+  if (!config.ok()) return EndAtOnce(config.status());
+  ControlGroup::RemoveStale();
+  absl::StatusOr<Stage> stage = Stage::Enter(StagedSources(*order, *bin_dir));
+  if (!stage.ok()) return EndAtOnce(stage.status());
+  absl::StatusOr<EtcFiles> etc = StageEtcFiles(*stage);
+  if (!etc.ok()) return EndAtOnce(etc.status());
+  const LeaseContext context = {*order, *config, *bin_dir, *stage, *etc};
+  LeaseRunner runner(context, STDOUT_FILENO, lifeline ? STDIN_FILENO : -1, signals.get());
+  return runner.Run() ? kDone : kGraderTrouble;
+}
+
+}  // namespace
+}  // namespace myograde::server
+
+int main(int argc, char** argv) { return myograde::server::Main(argc, argv); }

@@ -1,0 +1,188 @@
+#include "server/runner/policy_run.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/sim_channel.h"
+#include "server/sandbox/seccomp_filter.h"
+
+namespace myograde::server {
+namespace {
+
+// A flood is read in turns with everything else.
+constexpr int kReadsPerDrain = 16;
+constexpr size_t kQuotedBytes = 300;
+// For the sandbox to end by itself, where its end says more than our kill.
+constexpr absl::Duration kLastMoments = absl::Milliseconds(300);
+
+void Drain(Fd& fd, OutputTail& tail) {
+  char buffer[16 << 10];
+  for (int i = 0; fd.valid() && i < kReadsPerDrain; ++i) {
+    const ssize_t n = read(fd.get(), buffer, sizeof(buffer));
+    if (n < 0 && (errno == EINTR || errno == EAGAIN)) return;
+    if (n <= 0) return fd.reset();
+    tail.Append(std::string_view(buffer, static_cast<size_t>(n)));
+  }
+}
+
+// The last line of what was printed, at most kQuotedBytes of it.
+std::string LastLine(const OutputTail& tail) {
+  std::string text = tail.tail();
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  if (const size_t line = text.rfind('\n'); line != std::string::npos) text.erase(0, line + 1);
+  if (text.size() > kQuotedBytes) {
+    size_t start = text.size() - kQuotedBytes;
+    while (start < text.size() && (static_cast<unsigned char>(text[start]) & 0xC0) == 0x80) ++start;
+    text.erase(0, start);
+  }
+  return text;
+}
+
+bool MayHideACause(Outcome outcome) {
+  return outcome == Outcome::kCrash || outcome == Outcome::kInitTimeout ||
+         outcome == Outcome::kStepTimeout || outcome == Outcome::kWallTimeout;
+}
+
+absl::StatusOr<std::pair<Fd, Fd>> OutputPipe() {
+  int ends[2];
+  if (pipe2(ends, O_CLOEXEC) != 0) {
+    return absl::InternalError(absl::StrCat("can't make a pipe: ", std::strerror(errno)));
+  }
+  fcntl(ends[0], F_SETFL, O_NONBLOCK);
+  return std::pair(Fd(ends[0]), Fd(ends[1]));
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<PolicyRun>> PolicyRun::Start(const LeaseContext& context,
+                                                            int number, Fd bridge_socket,
+                                                            OutputTail& out, OutputTail& err) {
+  const LeaseOrder& order = context.order;
+  const Budgets& budgets = order.track.budgets;
+  std::unique_ptr<PolicyRun> run(new PolicyRun(context, out, err));
+  absl::StatusOr<std::string> scratch =
+      context.stage.MountScratch(number, budgets.scratch_bytes, budgets.scratch_files);
+  if (!scratch.ok()) return scratch.status();
+  run->scratch_ = *std::move(scratch);
+  run->group_ = ControlGroup::Create(GroupName(number), PolicyGroupLimits(budgets));
+  absl::StatusOr<Fd> filter = MakeSeccompFilter(context.config.policy);
+  if (!filter.ok()) return filter.status();
+  auto stdout_pipe = OutputPipe();
+  if (!stdout_pipe.ok()) return stdout_pipe.status();
+  auto stderr_pipe = OutputPipe();
+  if (!stderr_pipe.ok()) return stderr_pipe.status();
+  Fd nothing(open("/dev/null", O_RDONLY | O_CLOEXEC));
+  const SandboxSpec spec = MakePolicySandbox(order, context.bin_dir, context.stage, context.etc,
+                                             run->scratch_, run->group_->controllers());
+  absl::StatusOr<std::unique_ptr<Sandbox>> sandbox =
+      Sandbox::Start(spec,
+                     {{nothing.get(), 0},
+                      {stdout_pipe->second.get(), 1},
+                      {stderr_pipe->second.get(), 2},
+                      {bridge_socket.get(), kBridgeSocketFd}},
+                     run->group_->join_fds(), *filter);
+  if (!sandbox.ok()) return sandbox.status();
+  run->sandbox_ = *std::move(sandbox);
+  run->stdout_ = std::move(stdout_pipe->first);
+  run->stderr_ = std::move(stderr_pipe->first);
+  return run;
+}
+
+PolicyRun::~PolicyRun() {
+  (void)End();
+  sandbox_.reset();
+  group_.reset();
+  context_.stage.UnmountScratch(scratch_);
+}
+
+void PolicyRun::DrainOutput() {
+  Drain(stdout_, out_);
+  Drain(stderr_, err_);
+}
+
+int64_t PolicyRun::CpuNs() {
+  if (!ended_) {
+    const int64_t now =
+        group_->controllers().cpu_account ? group_->cpu_ns() : ProcessTreeCpuNs(sandbox_->pid());
+    cpu_ns_ = std::max(cpu_ns_, now);
+  }
+  return cpu_ns_;
+}
+
+bool PolicyRun::KernelCause(FaultEvidence& evidence) const {
+  const Budgets& budgets = context_.order.track.budgets;
+  const std::string seen = evidence.detail;
+  if (group_->oom_kills() > 0) {
+    evidence.outcome = Outcome::kMemoryLimit;
+    evidence.limit = "memory_bytes";
+    evidence.limit_value = static_cast<double>(budgets.memory_bytes);
+    evidence.value = static_cast<double>(group_->peak_memory_bytes());
+    evidence.detail = absl::StrCat("the policy used all of its ", budgets.memory_bytes,
+                                   " bytes of memory and was stopped; ", seen);
+  } else if (group_->refused_tasks() > 0) {
+    evidence.outcome = Outcome::kProcessLimit;
+    evidence.limit = "tasks";
+    evidence.limit_value = static_cast<double>(budgets.tasks);
+    evidence.value = static_cast<double>(budgets.tasks + 1);
+    evidence.detail = absl::StrCat("the policy wanted more than ", budgets.tasks,
+                                   " processes and threads; ", seen);
+  } else if (Stage::IsFull(scratch_) && evidence.outcome == Outcome::kCrash) {
+    evidence.outcome = Outcome::kDiskLimit;
+    evidence.limit = "scratch_bytes";
+    evidence.limit_value = static_cast<double>(budgets.scratch_bytes);
+    evidence.value = evidence.limit_value;
+    evidence.detail = absl::StrCat("the policy filled its /tmp and /dev/shm (",
+                                   budgets.scratch_bytes, " bytes, ", budgets.scratch_files,
+                                   " files) and ended; ", seen);
+  } else {
+    return false;
+  }
+  return true;
+}
+
+FaultEvidence PolicyRun::Rule(FaultEvidence seen) {
+  if (seen.outcome == Outcome::kCrash) sandbox_->Wait(kLastMoments);
+  DrainOutput();
+  const bool by_itself = sandbox_->Ended();
+  const SandboxEnd end = sandbox_->end();
+  const bool caused = MayHideACause(seen.outcome) && KernelCause(seen);
+  if (absl::Status status = End(); !status.ok()) {
+    seen.outcome = Outcome::kGraderError;
+    seen.detail = std::string(status.message());
+    return seen;
+  }
+  DrainOutput();
+  const std::string words = LastLine(err_);
+  if (!caused && by_itself && !end.started) {
+    seen.outcome = Outcome::kGraderError;
+    seen.detail = absl::StrCat("the participant's sandbox could not be built: ",
+                               words.empty() ? "bubblewrap gave no reason" : words);
+  } else if (seen.outcome == Outcome::kCrash && !words.empty()) {
+    absl::StrAppend(&seen.detail, "; the last line of its stderr: ", words);
+  }
+  return seen;
+}
+
+absl::Status PolicyRun::End() {
+  if (ended_) return absl::OkStatus();
+  CpuNs();
+  const absl::Duration limit = absl::Seconds(context_.config.policy.kill_s);
+  bool gone = sandbox_ == nullptr || sandbox_->Kill(limit);
+  gone = group_->KillAll(limit) && gone;
+  if (group_->controllers().cpu_account) CpuNs();
+  ended_ = true;
+  if (gone) return absl::OkStatus();
+  return absl::InternalError(
+      absl::StrCat("processes of the policy could not be killed in ",
+                   context_.config.policy.kill_s, " s"));
+}
+
+}  // namespace myograde::server

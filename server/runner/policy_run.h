@@ -1,0 +1,72 @@
+// One run of a policy: its sandbox from start to end, what it used, and the
+// ruling on its fault.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include <absl/status/statusor.h>
+
+#include "protocol/base/episode_facts.h"
+#include "protocol/base/fd.h"
+#include "protocol/lease.h"
+#include "server/runner/output_tail.h"
+#include "server/sandbox/policy_sandbox.h"
+
+namespace myograde::server {
+
+// What all runs of a lease share.
+struct LeaseContext {
+  const LeaseOrder& order;
+  const SandboxConfig& config;
+  const std::string bin_dir;
+  const Stage& stage;
+  const EtcFiles& etc;
+};
+
+class PolicyRun {
+ public:
+  // Starts run `number` of the lease. `bridge_socket` becomes the bridge's.
+  // The tails outlive the run. An error is the grader's.
+  static absl::StatusOr<std::unique_ptr<PolicyRun>> Start(const LeaseContext& context, int number,
+                                                          Fd bridge_socket, OutputTail& out,
+                                                          OutputTail& err);
+  ~PolicyRun();
+
+  // Descriptors to wait on for POLLIN, -1 once they ended.
+  int stdout_fd() const { return stdout_.get(); }
+  int stderr_fd() const { return stderr_.get(); }
+
+  // Takes what the policy printed. Bounded work for each call.
+  void DrainOutput();
+
+  // CPU time of everything in the sandbox until now, never less than before.
+  int64_t CpuNs();
+  int64_t peak_memory_bytes() const { return group_->peak_memory_bytes(); }
+
+  // Ends the run and judges the fault that the simulator saw: what the kernel
+  // counted may be the cause of it.
+  FaultEvidence Rule(FaultEvidence seen);
+
+  // Kills all of it. An error: something could not be killed.
+  absl::Status End();
+
+ private:
+  PolicyRun(const LeaseContext& context, OutputTail& out, OutputTail& err)
+      : context_(context), out_(out), err_(err) {}
+  bool KernelCause(FaultEvidence& evidence) const;
+
+  const LeaseContext& context_;
+  OutputTail& out_;
+  OutputTail& err_;
+  // In this order: the sandbox goes before its group, both before the mount.
+  std::string scratch_;
+  std::unique_ptr<ControlGroup> group_;
+  std::unique_ptr<Sandbox> sandbox_;
+  Fd stdout_;
+  Fd stderr_;
+  int64_t cpu_ns_ = 0;
+  bool ended_ = false;
+};
+
+}  // namespace myograde::server

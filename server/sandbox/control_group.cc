@@ -1,0 +1,286 @@
+#include "server/sandbox/control_group.h"
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cstdlib>
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <thread>
+
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_split.h>
+#include <absl/time/clock.h>
+
+namespace myograde::server {
+namespace {
+
+constexpr char kPrefix[] = "myograde.";
+constexpr int kCpuPeriodUs = 100000;
+
+// The folder in which this process may make groups of one hierarchy.
+struct Hierarchy {
+  int version = 0;
+  std::set<std::string> controllers;  // version 1
+  std::string folder;                 // of this process' own group
+  std::string top;                    // where the hierarchy is mounted
+};
+
+std::string ReadAll(const std::string& path) {
+  std::ifstream file(path);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+bool Write(const std::string& path, const std::string& text) {
+  Fd file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
+  return file.valid() &&
+         write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size());
+}
+
+int64_t ReadNumber(const std::string& path, int64_t otherwise) {
+  const std::string text = ReadAll(path);
+  int64_t value = otherwise;
+  return absl::SimpleAtoi(text, &value) ? value : otherwise;
+}
+
+// The number behind `key` in a file of "key number" lines.
+int64_t ReadKey(const std::string& path, const std::string& key) {
+  std::istringstream lines(ReadAll(path));
+  std::string name;
+  int64_t value = 0;
+  while (lines >> name >> value) {
+    if (name == key) return value;
+  }
+  return 0;
+}
+
+// This process' group in each hierarchy: "0::/path" or "3:cpu,cpuacct:/path".
+std::vector<std::pair<std::set<std::string>, std::string>> OwnGroups() {
+  std::vector<std::pair<std::set<std::string>, std::string>> groups;
+  std::istringstream lines(ReadAll("/proc/self/cgroup"));
+  for (std::string line; std::getline(lines, line);) {
+    const std::vector<std::string> parts = absl::StrSplit(line, absl::MaxSplits(':', 2));
+    if (parts.size() != 3) continue;
+    std::set<std::string> names = absl::StrSplit(parts[1], ',', absl::SkipEmpty());
+    groups.emplace_back(std::move(names), parts[2]);
+  }
+  return groups;
+}
+
+// Mounted hierarchies with this process' place in them. A mount may show only
+// a part of its hierarchy (in a container): field 4 says which.
+std::vector<Hierarchy> Hierarchies() {
+  const auto own = OwnGroups();
+  std::vector<Hierarchy> found;
+  std::istringstream lines(ReadAll("/proc/self/mountinfo"));
+  for (std::string line; std::getline(lines, line);) {
+    const std::vector<std::string> halves = absl::StrSplit(line, absl::MaxSplits(" - ", 1));
+    if (halves.size() != 2) continue;
+    const std::vector<std::string> left = absl::StrSplit(halves[0], ' ');
+    const std::vector<std::string> right = absl::StrSplit(halves[1], ' ');
+    if (left.size() < 5 || right.size() < 3) continue;
+    const bool v2 = right[0] == "cgroup2";
+    if (!v2 && right[0] != "cgroup") continue;
+    const std::set<std::string> options = absl::StrSplit(right[2], ',');
+    for (const auto& [names, path] : own) {
+      const bool mine = v2 ? names.empty()
+                           : !names.empty() && std::includes(options.begin(), options.end(),
+                                                             names.begin(), names.end());
+      if (!mine) continue;
+      std::string below = path;
+      if (left[3] != "/" && below.rfind(left[3], 0) == 0) below = below.substr(left[3].size());
+      if (below == "/") below.clear();
+      found.push_back({v2 ? 2 : 1, names, left[4] + below, left[4]});
+    }
+  }
+  return found;
+}
+
+// Where version 2 lets this process put groups: beside its own group (which
+// may hold processes only if it has no children with controllers), or, for
+// root, at the top.
+std::vector<std::string> Version2Parents(const Hierarchy& hierarchy) {
+  std::vector<std::string> parents;
+  if (hierarchy.folder.size() > hierarchy.top.size()) {
+    parents.push_back(hierarchy.folder.substr(0, hierarchy.folder.rfind('/')));
+  }
+  parents.push_back(hierarchy.top);
+  return parents;
+}
+
+std::string CpuQuota(double cpus) {
+  return std::to_string(std::max<int64_t>(1000, static_cast<int64_t>(cpus * kCpuPeriodUs)));
+}
+
+}  // namespace
+
+std::string GroupName(int number) { return absl::StrCat(kPrefix, getpid(), ".", number); }
+
+std::unique_ptr<ControlGroup> ControlGroup::Create(const std::string& name,
+                                                   const GroupLimits& limits) {
+  std::unique_ptr<ControlGroup> group(new ControlGroup());
+  if (!group->TryVersion2(name, limits)) group->TryVersion1(name, limits);
+  for (const std::string& folder : group->folders_) {
+    Fd list(open((folder + "/cgroup.procs").c_str(), O_WRONLY | O_CLOEXEC));
+    if (list.valid()) group->join_.push_back(std::move(list));
+  }
+  return group;
+}
+
+bool ControlGroup::TryVersion2(const std::string& name, const GroupLimits& limits) {
+  for (const Hierarchy& hierarchy : Hierarchies()) {
+    if (hierarchy.version != 2) continue;
+    for (const std::string& parent : Version2Parents(hierarchy)) {
+      const std::set<std::string> offered = absl::StrSplit(
+          ReadAll(parent + "/cgroup.subtree_control"), absl::ByAnyChar(" \n"), absl::SkipEmpty());
+      if (!offered.contains("memory") || !offered.contains("pids")) continue;
+      // Joining asks for the right to move processes out of the common parent.
+      if (access((parent + "/cgroup.procs").c_str(), W_OK) != 0) continue;
+      const std::string folder = parent + "/" + name;
+      if (mkdir(folder.c_str(), 0755) != 0) continue;
+      folders_.push_back(folder);
+      controllers_.version = 2;
+      controllers_.memory = Write(folder + "/memory.max", std::to_string(limits.memory_bytes));
+      Write(folder + "/memory.swap.max", "0");
+      controllers_.pids = Write(folder + "/pids.max", std::to_string(limits.tasks));
+      controllers_.cpu =
+          Write(folder + "/cpu.max", absl::StrCat(CpuQuota(limits.cpus), " ", kCpuPeriodUs));
+      controllers_.cpu_account = true;
+      memory_ = controllers_.memory ? folder : "";
+      pids_ = controllers_.pids ? folder : "";
+      cpu_account_ = folder;
+      return true;
+    }
+  }
+  return false;
+}
+
+void ControlGroup::TryVersion1(const std::string& name, const GroupLimits& limits) {
+  for (const Hierarchy& hierarchy : Hierarchies()) {
+    const auto has = [&](const char* controller) {
+      return hierarchy.version == 1 && hierarchy.controllers.contains(controller);
+    };
+    if (!has("memory") && !has("pids") && !has("cpu") && !has("cpuacct")) continue;
+    const std::string folder = hierarchy.folder + "/" + name;
+    if (mkdir(folder.c_str(), 0755) != 0) continue;
+    folders_.push_back(folder);
+    controllers_.version = 1;
+    if (has("memory") &&
+        Write(folder + "/memory.limit_in_bytes", std::to_string(limits.memory_bytes))) {
+      controllers_.memory = true;
+      memory_ = folder;
+      Write(folder + "/memory.memsw.limit_in_bytes", std::to_string(limits.memory_bytes));
+      Write(folder + "/memory.swappiness", "0");
+    }
+    if (has("pids") && Write(folder + "/pids.max", std::to_string(limits.tasks))) {
+      controllers_.pids = true;
+      pids_ = folder;
+    }
+    if (has("cpu")) {
+      controllers_.cpu = Write(folder + "/cpu.cfs_period_us", std::to_string(kCpuPeriodUs)) &&
+                         Write(folder + "/cpu.cfs_quota_us", CpuQuota(limits.cpus));
+    }
+    if (has("cpuacct")) {
+      controllers_.cpu_account = true;
+      cpu_account_ = folder;
+    }
+  }
+}
+
+ControlGroup::~ControlGroup() {
+  join_.clear();
+  KillAll(absl::Seconds(2));
+  for (const std::string& folder : folders_) {
+    // A group of dead processes can stay busy for a moment.
+    for (int tries = 0; rmdir(folder.c_str()) != 0 && errno == EBUSY && tries < 200; ++tries) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  }
+}
+
+std::vector<int> ControlGroup::join_fds() const {
+  std::vector<int> fds;
+  for (const Fd& fd : join_) fds.push_back(fd.get());
+  return fds;
+}
+
+int64_t ControlGroup::cpu_ns() const {
+  if (cpu_account_.empty()) return -1;
+  if (controllers_.version == 2) return ReadKey(cpu_account_ + "/cpu.stat", "usage_usec") * 1000;
+  return ReadNumber(cpu_account_ + "/cpuacct.usage", -1);
+}
+
+int64_t ControlGroup::peak_memory_bytes() const {
+  if (memory_.empty()) return 0;
+  return ReadNumber(memory_ + (controllers_.version == 2 ? "/memory.peak"
+                                                         : "/memory.max_usage_in_bytes"), 0);
+}
+
+int64_t ControlGroup::oom_kills() const {
+  if (memory_.empty()) return 0;
+  return ReadKey(memory_ + (controllers_.version == 2 ? "/memory.events" : "/memory.oom_control"),
+                 "oom_kill");
+}
+
+int64_t ControlGroup::refused_tasks() const {
+  return pids_.empty() ? 0 : ReadKey(pids_ + "/pids.events", "max");
+}
+
+std::vector<pid_t> ControlGroup::Members() const {
+  std::vector<pid_t> members;
+  for (const std::string& folder : folders_) {
+    std::istringstream list(ReadAll(folder + "/cgroup.procs"));
+    for (pid_t pid = 0; list >> pid;) {
+      if (pid > 0) members.push_back(pid);
+    }
+  }
+  return members;
+}
+
+bool ControlGroup::KillAll(absl::Duration timeout) {
+  const absl::Time deadline = absl::Now() + timeout;
+  while (true) {
+    const std::vector<pid_t> members = Members();
+    if (members.empty()) return true;
+    for (pid_t pid : members) kill(pid, SIGKILL);
+    if (absl::Now() > deadline) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+}
+
+void ControlGroup::RemoveStale() {
+  std::set<std::string> parents;
+  for (const Hierarchy& hierarchy : Hierarchies()) {
+    parents.insert(hierarchy.folder);
+    if (hierarchy.version == 2) {
+      for (std::string& parent : Version2Parents(hierarchy)) parents.insert(std::move(parent));
+    }
+  }
+  for (const std::string& parent : parents) {
+    DIR* folder = opendir(parent.c_str());
+    if (folder == nullptr) continue;
+    while (const dirent* entry = readdir(folder)) {
+      const std::string name = entry->d_name;
+      if (name.rfind(kPrefix, 0) != 0) continue;
+      pid_t owner = 0;
+      const char* digits = name.c_str() + sizeof(kPrefix) - 1;
+      std::from_chars(digits, name.c_str() + name.size(), owner);
+      if (owner <= 0 || kill(owner, 0) == 0 || errno != ESRCH) continue;
+      ControlGroup stale;
+      stale.folders_.push_back(parent + "/" + name);
+    }
+    closedir(folder);
+  }
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,83 @@
+// A control group for one sandbox: limits, measures and a way to kill all that
+// is in it. Version 2 of the kernel's interface or version 1, whichever holds
+// the controllers here; without either the sandbox falls back to rlimits and to
+// adding up the CPU time of its process tree.
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+
+#include "protocol/base/fd.h"
+
+namespace myograde::server {
+
+struct GroupLimits {
+  int64_t memory_bytes = 0;
+  int64_t tasks = 0;  // processes and threads
+  double cpus = 0;    // processors
+};
+
+// Which controllers a group could be made with.
+struct GroupControllers {
+  int version = 0;  // 0: none
+  bool memory = false;
+  bool pids = false;
+  bool cpu = false;          // the limit on processors
+  bool cpu_account = false;  // measured CPU time
+};
+
+class ControlGroup {
+ public:
+  // Makes a group `name` (no slashes) with the limits, with as many controllers
+  // as this process may use; controllers() says which. Never fails: a group
+  // without any controller does nothing.
+  static std::unique_ptr<ControlGroup> Create(const std::string& name, const GroupLimits& limits);
+
+  // Kills what is left in it and removes it.
+  ~ControlGroup();
+  ControlGroup(const ControlGroup&) = delete;
+  ControlGroup& operator=(const ControlGroup&) = delete;
+
+  const GroupControllers& controllers() const { return controllers_; }
+
+  // Descriptors of the groups' process lists: a child that writes "0" to each
+  // joins them (before it gives up its uid).
+  std::vector<int> join_fds() const;
+
+  int64_t cpu_ns() const;           // -1: not measured
+  int64_t peak_memory_bytes() const;  // 0: not measured
+  int64_t oom_kills() const;        // processes killed for want of memory
+  int64_t refused_tasks() const;    // forks that failed at the limit of tasks
+
+  // Kills all processes in it and waits until it is empty. False: some are
+  // still there at `timeout`.
+  bool KillAll(absl::Duration timeout);
+
+  // Removes groups that runners left which are no more. For a start.
+  static void RemoveStale();
+
+ private:
+  ControlGroup() = default;
+  bool TryVersion2(const std::string& name, const GroupLimits& limits);
+  void TryVersion1(const std::string& name, const GroupLimits& limits);
+  std::vector<pid_t> Members() const;
+
+  GroupControllers controllers_;
+  std::vector<std::string> folders_;  // all that were made
+  std::string memory_;                // the folder of each controller, "" if none
+  std::string pids_;
+  std::string cpu_account_;
+  std::vector<Fd> join_;
+};
+
+// A name for the group `number` of this process, that RemoveStale() knows.
+std::string GroupName(int number);
+
+}  // namespace myograde::server

@@ -1,0 +1,200 @@
+#include "server/sandbox/policy_sandbox.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include <absl/strings/match.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
+#include "protocol/channels.h"
+
+namespace myograde::server {
+namespace {
+
+using Kind = SandboxMount::Kind;
+
+constexpr char kPrograms[] = "/myograde";
+// bubblewrap's two processes and the bridge, which are not the participant's.
+constexpr int64_t kOwnTasks = 3;
+
+#if defined(__SANITIZE_ADDRESS__)
+constexpr bool kSanitized = true;
+#else
+constexpr bool kSanitized = false;
+#endif
+
+// What every sandbox sees of the host.
+void AddSystem(const EtcFiles& etc, SandboxSpec& spec) {
+  const auto add = [&](Kind kind, std::string source, std::string target) {
+    spec.mounts.push_back({kind, std::move(source), std::move(target)});
+  };
+  add(Kind::kReadOnly, "/usr", "/usr");
+  for (const char* link : {"bin", "sbin", "lib", "lib32", "lib64", "libx32"}) {
+    if (access(absl::StrCat("/usr/", link).c_str(), F_OK) == 0) {
+      add(Kind::kSymlink, absl::StrCat("usr/", link), absl::StrCat("/", link));
+    }
+  }
+  add(Kind::kReadOnly, etc.passwd, "/etc/passwd");
+  add(Kind::kReadOnly, etc.group, "/etc/group");
+  add(Kind::kReadOnly, etc.hosts, "/etc/hosts");
+  // Linear algebra and others are found through Debian's alternatives.
+  for (const char* path : {"/etc/ld.so.cache", "/etc/alternatives", "/etc/localtime"}) {
+    if (access(path, R_OK) == 0) add(Kind::kReadOnly, path, path);
+  }
+  add(Kind::kProc, "", "/proc");
+  add(Kind::kDev, "", "/dev");
+}
+
+// Last of all: what bubblewrap made itself lies on a tmpfs of the sandbox' uid.
+void Seal(SandboxSpec& spec) {
+  spec.mounts.push_back({Kind::kSealed, "", "/dev"});
+  spec.mounts.push_back({Kind::kSealed, "", "/"});
+}
+
+void AddSanitizerOptions(SandboxSpec& spec) {
+  // The leak check traces the process, which no sandbox allows.
+  if (kSanitized) spec.environment.emplace_back("ASAN_OPTIONS", "detect_leaks=0");
+}
+
+}  // namespace
+
+absl::StatusOr<EtcFiles> StageEtcFiles(const Stage& stage) {
+  EtcFiles files;
+  const struct {
+    std::string* path;
+    const char* name;
+    const char* text;
+  } entries[] = {{&files.passwd, "passwd",
+                  "root:x:0:0:root:/:/usr/sbin/nologin\npolicy:x:1000:1000::/tmp:/bin/sh\n"},
+                 {&files.group, "group", "root:x:0:\npolicy:x:1000:\n"},
+                 {&files.hosts, "hosts", "127.0.0.1 localhost myograde\n::1 localhost\n"}};
+  for (const auto& entry : entries) {
+    absl::StatusOr<std::string> path = stage.AddFile(entry.name, entry.text);
+    if (!path.ok()) return path.status();
+    *entry.path = *std::move(path);
+  }
+  return files;
+}
+
+std::vector<std::string> StagedSources(const LeaseOrder& order, const std::string& bin_dir) {
+  std::vector<std::string> sources = {bin_dir, order.artefact_dir, order.cache_dir};
+  sources.insert(sources.end(), order.runtimes.begin(), order.runtimes.end());
+  return sources;
+}
+
+absl::Status CheckOrderPaths(const LeaseOrder& order) {
+  const auto absolute = [](const std::string& path) {
+    return !path.empty() && path[0] == '/' && path.find("/../") == std::string::npos;
+  };
+  for (const std::string& path : StagedSources(order, "/")) {
+    if (!absolute(path)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("the lease order names the folder \"", path, "\"; paths must be absolute"));
+    }
+  }
+  std::vector<std::string> own = order.runtimes;
+  own.push_back(order.cache_dir);
+  for (const std::string& path : own) {
+    for (const std::string taken : {"/", "/usr", "/etc", "/proc", "/dev", "/tmp", "/policy",
+                                    kPrograms}) {
+      const bool hides = path == taken || path == taken + "/" ||
+                         (taken != "/" && taken != "/usr" && taken != "/tmp" &&
+                          absl::StartsWith(path, taken + "/"));
+      if (hides) {
+        return absl::InvalidArgumentError(absl::StrCat(
+            "the folder ", path, " can't be shown in a sandbox at its own path, as ", taken,
+            " has a meaning there; move it"));
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
+GroupLimits PolicyGroupLimits(const Budgets& budgets) {
+  return {budgets.memory_bytes, budgets.tasks + kOwnTasks, budgets.cpus};
+}
+
+SandboxSpec MakePolicySandbox(const LeaseOrder& order, const std::string& bin_dir,
+                              const Stage& stage, const EtcFiles& etc, const std::string& scratch,
+                              const GroupControllers& group) {
+  const Budgets& budgets = order.track.budgets;
+  SandboxSpec spec;
+  AddSystem(etc, spec);
+  const std::string bridge = absl::StrCat(kPrograms, "/myograde-bridge");
+  spec.mounts.push_back(
+      {Kind::kReadOnly, stage.PathOf(bin_dir) + "/myograde-bridge", bridge});
+  spec.mounts.push_back({Kind::kWritable, scratch + "/tmp", "/tmp"});
+  spec.mounts.push_back({Kind::kWritable, scratch + "/shm", "/dev/shm"});
+  for (const std::string& runtime : order.runtimes) {
+    spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(runtime), runtime});
+  }
+  spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(order.artefact_dir), "/policy"});
+  Seal(spec);
+
+  const std::string processors =
+      std::to_string(std::max<int64_t>(1, static_cast<int64_t>(std::ceil(budgets.cpus))));
+  spec.environment = {{"PATH", "/usr/local/bin:/usr/bin:/bin"},
+                      {"HOME", "/tmp"},
+                      {"LANG", "C.UTF-8"},
+                      {kBusUrlVariable, kBusUrl},
+                      {"OMP_NUM_THREADS", processors},
+                      {"PYTHONDONTWRITEBYTECODE", "1"}};
+  if (!order.runtimes.empty()) {
+    spec.environment.emplace_back("PYTHONPATH", absl::StrJoin(order.runtimes, ":"));
+  }
+  AddSanitizerOptions(spec);
+
+  spec.command = {bridge, "--stray", std::to_string(budgets.stray_messages), "--wrong",
+                  std::to_string(budgets.wrong_answers), "--"};
+  spec.command.insert(spec.command.end(), order.command.begin(), order.command.end());
+  spec.working_dir = "/policy";
+  spec.bus = true;
+  spec.as_first = true;
+  spec.uid = order.uid;
+  // Where a control group counts tasks, its count is the limit, as it also
+  // tells that it was reached.
+  spec.tasks = group.pids ? budgets.tasks + 64 : budgets.tasks + 1;
+  spec.limits = {{RLIMIT_NOFILE, "open_files", budgets.open_files},
+                 {RLIMIT_CORE, "core_bytes", 0},
+                 {RLIMIT_FSIZE, "file_bytes", budgets.scratch_bytes}};
+  // AddressSanitizer reserves more addresses than any budget.
+  if (!group.memory && !kSanitized) {
+    spec.limits.push_back({RLIMIT_AS, "address_space_bytes", budgets.memory_bytes});
+  }
+  return spec;
+}
+
+SandboxSpec MakeSimSandbox(const LeaseOrder& order, const SimSandboxConfig& config,
+                           const std::string& bin_dir, const Stage& stage, const EtcFiles& etc) {
+  SandboxSpec spec;
+  AddSystem(etc, spec);
+  const std::string sim = absl::StrCat(kPrograms, "/myograde-sim");
+  spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(bin_dir) + "/myograde-sim", sim});
+  spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(order.cache_dir), order.cache_dir});
+  Seal(spec);
+  spec.environment = {
+      {"PATH", "/usr/bin:/bin"},
+      {"LANG", "C.UTF-8"},
+      {"LD_LIBRARY_PATH", order.cache_dir + "/mujoco-2.2.2/lib"},
+      // The C library picks its maths by the processor's features; without these
+      // all hosts compute the same.
+      {"GLIBC_TUNABLES", "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL,-AVX"}};
+  AddSanitizerOptions(spec);
+  spec.command = {sim};
+  spec.working_dir = "/";
+  spec.uid = order.uid;
+  spec.limits = {{RLIMIT_NOFILE, "open_files", config.open_files},
+                 {RLIMIT_CORE, "core_bytes", 0},
+                 {RLIMIT_FSIZE, "file_bytes", 0}};
+  if (!kSanitized) {
+    spec.limits.push_back({RLIMIT_AS, "address_space_bytes", config.memory_bytes});
+  }
+  return spec;
+}
+
+}  // namespace myograde::server

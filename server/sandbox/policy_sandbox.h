@@ -1,0 +1,43 @@
+// The two kinds of sandboxes of a lease, each built here and nowhere else.
+#pragma once
+
+#include <string>
+
+#include "protocol/lease.h"
+#include "server/sandbox/control_group.h"
+#include "server/sandbox/sandbox.h"
+#include "server/sandbox/sandbox_config.h"
+#include "server/sandbox/stage.h"
+
+namespace myograde::server {
+
+// Small files that a C library expects, staged once for a lease.
+struct EtcFiles {
+  std::string passwd;
+  std::string group;
+  std::string hosts;
+};
+absl::StatusOr<EtcFiles> StageEtcFiles(const Stage& stage);
+
+// What a lease's sandboxes need to be staged: programs, artefact, runtimes, cache.
+std::vector<std::string> StagedSources(const LeaseOrder& order, const std::string& bin_dir);
+
+// The order's folders that no sandbox could be built with: relative paths, or
+// runtimes that would hide a part of the sandbox itself.
+absl::Status CheckOrderPaths(const LeaseOrder& order);
+
+// The participant's: bridge as process 1, the artefact at /policy. `scratch`: of
+// Stage::MountScratch. `group` tells which limits the kernel already enforces;
+// for the others there are rlimits.
+SandboxSpec MakePolicySandbox(const LeaseOrder& order, const std::string& bin_dir,
+                              const Stage& stage, const EtcFiles& etc, const std::string& scratch,
+                              const GroupControllers& group);
+
+// The limits of the participant's control group.
+GroupLimits PolicyGroupLimits(const Budgets& budgets);
+
+// The simulator's: no network, all read-only.
+SandboxSpec MakeSimSandbox(const LeaseOrder& order, const SimSandboxConfig& config,
+                           const std::string& bin_dir, const Stage& stage, const EtcFiles& etc);
+
+}  // namespace myograde::server

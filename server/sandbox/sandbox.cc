@@ -1,0 +1,283 @@
+#include "server/sandbox/sandbox.h"
+
+#include <fcntl.h>
+#include <grp.h>
+#include <poll.h>
+#include <sched.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <climits>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <thread>
+
+#include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
+
+#include "server/sandbox/network.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr char kBubblewrap[] = "/usr/bin/bwrap";
+constexpr char kPrlimit[] = "/usr/bin/prlimit";
+// Above those that a command is given.
+constexpr int kStatusFd = 20;
+constexpr int kFilterFd = 21;
+
+std::string_view KindName(SandboxMount::Kind kind) {
+  switch (kind) {
+    case SandboxMount::Kind::kReadOnly: return "read-only";
+    case SandboxMount::Kind::kWritable: return "writable";
+    case SandboxMount::Kind::kSymlink: return "symlink";
+    case SandboxMount::Kind::kProc: return "proc";
+    case SandboxMount::Kind::kDev: return "dev";
+    case SandboxMount::Kind::kTmpfs: return "tmpfs";
+    case SandboxMount::Kind::kSealed: return "sealed";
+  }
+  return "";
+}
+
+void AppendMount(const SandboxMount& mount, std::vector<std::string>& arguments) {
+  switch (mount.kind) {
+    case SandboxMount::Kind::kReadOnly:
+      arguments.insert(arguments.end(), {"--ro-bind", mount.source, mount.target});
+      break;
+    case SandboxMount::Kind::kWritable:
+      arguments.insert(arguments.end(), {"--bind", mount.source, mount.target});
+      break;
+    case SandboxMount::Kind::kSymlink:
+      arguments.insert(arguments.end(), {"--symlink", mount.source, mount.target});
+      break;
+    case SandboxMount::Kind::kProc:
+      arguments.insert(arguments.end(), {"--proc", mount.target});
+      break;
+    case SandboxMount::Kind::kDev:
+      arguments.insert(arguments.end(), {"--dev", mount.target});
+      break;
+    case SandboxMount::Kind::kTmpfs:
+      arguments.insert(arguments.end(), {"--tmpfs", mount.target});
+      break;
+    case SandboxMount::Kind::kSealed:
+      arguments.insert(arguments.end(), {"--remount-ro", mount.target});
+      break;
+  }
+}
+
+std::vector<std::string> Arguments(const SandboxSpec& spec, bool filter) {
+  std::vector<std::string> arguments = {
+      kBubblewrap,      "--unshare-user", "--unshare-pid", "--unshare-ipc", "--unshare-uts",
+      "--unshare-cgroup-try", "--uid",    "1000",          "--gid",         "1000",
+      "--hostname",     "myograde",       "--new-session", "--die-with-parent",
+      "--cap-drop",     "ALL",            "--json-status-fd", std::to_string(kStatusFd)};
+  if (spec.as_first) arguments.push_back("--as-pid-1");
+  // A sandbox with the bus is started in a network namespace that has it.
+  if (!spec.bus) arguments.push_back("--unshare-net");
+  if (filter) arguments.insert(arguments.end(), {"--seccomp", std::to_string(kFilterFd)});
+  for (const SandboxMount& mount : spec.mounts) AppendMount(mount, arguments);
+  arguments.insert(arguments.end(), {"--chdir", spec.working_dir, "--clearenv"});
+  for (const auto& [name, value] : spec.environment) {
+    arguments.insert(arguments.end(), {"--setenv", name, value});
+  }
+  arguments.push_back("--");
+  // The kernel counts a user's processes for each user namespace, so a limit
+  // that is set inside counts the sandbox' own only.
+  if (spec.tasks > 0) {
+    arguments.insert(arguments.end(),
+                     {kPrlimit, absl::StrCat("--nproc=", spec.tasks, ":", spec.tasks), "--"});
+  }
+  arguments.insert(arguments.end(), spec.command.begin(), spec.command.end());
+  return arguments;
+}
+
+// What the child between fork and exec needs, made before the fork.
+struct ChildPlan {
+  std::vector<char*> arguments;
+  std::vector<SandboxFd> fds;
+  std::vector<int> join;
+  const SandboxSpec* spec;
+  pid_t parent;
+};
+
+[[noreturn]] void Fail(const char* what, int error) {
+  dprintf(2, "sandbox: %s: %s\n", what, std::strerror(error));
+  _exit(126);
+}
+
+// Puts each descriptor where it is wanted. All are lifted first, so that none
+// is overwritten before it was moved.
+void PlaceDescriptors(const std::vector<SandboxFd>& fds) {
+  int lifted[16];
+  for (size_t i = 0; i < fds.size(); ++i) {
+    lifted[i] = fcntl(fds[i].fd, F_DUPFD, 64);
+    if (lifted[i] < 0) Fail("descriptors", errno);
+  }
+  unsigned int highest = 0;
+  bool wanted[32] = {};
+  for (size_t i = 0; i < fds.size(); ++i) {
+    if (dup2(lifted[i], fds[i].target) < 0) Fail("descriptors", errno);
+    wanted[fds[i].target] = true;
+    highest = std::max(highest, static_cast<unsigned int>(fds[i].target));
+  }
+  for (unsigned int fd = 0; fd <= highest; ++fd) {
+    if (!wanted[fd]) close(static_cast<int>(fd));
+  }
+  syscall(SYS_close_range, highest + 1, ~0U, 0U);
+}
+
+[[noreturn]] void BecomeSandbox(const ChildPlan& plan) {
+  for (int fd : plan.join) {
+    if (write(fd, "0", 1) != 1) Fail("control group", errno);
+  }
+  PlaceDescriptors(plan.fds);
+  sigset_t none;
+  sigemptyset(&none);
+  sigprocmask(SIG_SETMASK, &none, nullptr);
+  signal(SIGPIPE, SIG_DFL);
+  if (plan.spec->bus) {
+    if (unshare(CLONE_NEWNET) != 0) Fail("network namespace", errno);
+    if (const int error = SetUpLoopback(); error != 0) Fail("loopback", error);
+  }
+  if (plan.spec->uid >= 0) {
+    const auto id = static_cast<uid_t>(plan.spec->uid);
+    if (setgroups(0, nullptr) != 0 || setresgid(id, id, id) != 0 || setresuid(id, id, id) != 0) {
+      Fail("taking the slot's uid", errno);
+    }
+  }
+  // After the change of uid, which clears it. The new session of bubblewrap's
+  // child is its own matter; this is for bubblewrap itself.
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (getppid() != plan.parent) _exit(126);
+  for (const SandboxLimit& limit : plan.spec->limits) {
+    const rlimit both = {static_cast<rlim_t>(limit.value), static_cast<rlim_t>(limit.value)};
+    if (setrlimit(static_cast<__rlimit_resource>(limit.resource), &both) != 0) {
+      Fail("setting a limit", errno);
+    }
+  }
+  if (chdir("/") != 0) Fail("/", errno);
+  char* const environment[] = {nullptr};
+  execve(kBubblewrap, plan.arguments.data(), environment);
+  Fail("bubblewrap can't be started (package bubblewrap)", errno);
+}
+
+}  // namespace
+
+nlohmann::json SandboxSpecToJson(const SandboxSpec& spec) {
+  nlohmann::json json = {{"command", spec.command},
+                         {"working_dir", spec.working_dir},
+                         {"network", spec.bus ? "loopback with LCM's multicast" : "none"},
+                         {"process_1", spec.as_first ? spec.command.front() : "bwrap"},
+                         {"uid", spec.uid},
+                         {"tasks", spec.tasks},
+                         {"namespaces", {"user", "pid", "ipc", "uts", "mount", "net", "cgroup"}},
+                         {"capabilities", nlohmann::json::array()},
+                         {"mounts", nlohmann::json::array()},
+                         {"environment", nlohmann::json::object()},
+                         {"limits", nlohmann::json::object()}};
+  for (const SandboxMount& mount : spec.mounts) {
+    json["mounts"].push_back({{"kind", std::string(KindName(mount.kind))},
+                              {"source", mount.source},
+                              {"target", mount.target}});
+  }
+  for (const auto& [name, value] : spec.environment) json["environment"][name] = value;
+  for (const SandboxLimit& limit : spec.limits) json["limits"][limit.name] = limit.value;
+  return json;
+}
+
+absl::StatusOr<std::unique_ptr<Sandbox>> Sandbox::Start(const SandboxSpec& spec,
+                                                        const std::vector<SandboxFd>& fds,
+                                                        const std::vector<int>& join,
+                                                        const Fd& filter) {
+  int status[2];
+  if (pipe2(status, O_CLOEXEC | O_NONBLOCK) != 0) {
+    return absl::InternalError(absl::StrCat("can't make a pipe: ", std::strerror(errno)));
+  }
+  Fd status_read(status[0]);
+  Fd status_write(status[1]);
+  std::vector<std::string> arguments = Arguments(spec, filter.valid());
+  ChildPlan plan = {{}, fds, join, &spec, getpid()};
+  for (std::string& argument : arguments) plan.arguments.push_back(argument.data());
+  plan.arguments.push_back(nullptr);
+  plan.fds.push_back({status_write.get(), kStatusFd});
+  if (filter.valid()) {
+    lseek(filter.get(), 0, SEEK_SET);
+    plan.fds.push_back({filter.get(), kFilterFd});
+  }
+  std::unique_ptr<Sandbox> sandbox(new Sandbox());
+  sandbox->pid_ = fork();
+  if (sandbox->pid_ < 0) {
+    return absl::InternalError(absl::StrCat("can't start a process: ", std::strerror(errno)));
+  }
+  if (sandbox->pid_ == 0) BecomeSandbox(plan);
+  sandbox->status_ = std::move(status_read);
+  return sandbox;
+}
+
+void Sandbox::ReadStatus() {
+  char buffer[1024];
+  for (ssize_t n; status_.valid() && (n = read(status_.get(), buffer, sizeof(buffer))) > 0;) {
+    report_.append(buffer, static_cast<size_t>(n));
+  }
+  // One JSON object a line: first {"child-pid": N, ...}, then, only if the
+  // command was executed, {"exit-code": N}.
+  size_t end;
+  while ((end = report_.find('\n')) != std::string::npos) {
+    const auto json = nlohmann::json::parse(report_.substr(0, end), nullptr, false);
+    report_.erase(0, end + 1);
+    if (!json.is_object()) continue;
+    if (json.contains("child-pid") && json["child-pid"].is_number_integer() && !first_.valid()) {
+      first_ = Fd(static_cast<int>(syscall(SYS_pidfd_open, json["child-pid"].get<pid_t>(), 0)));
+    }
+    if (json.contains("exit-code") && json["exit-code"].is_number_integer()) {
+      end_ = {true, json["exit-code"].get<int>()};
+    }
+  }
+}
+
+bool Sandbox::Ended() {
+  if (reaped_) return true;
+  ReadStatus();
+  int status = 0;
+  if (waitpid(pid_, &status, WNOHANG) != pid_) return false;
+  reaped_ = true;
+  ReadStatus();
+  return true;
+}
+
+bool Sandbox::Wait(absl::Duration timeout) {
+  const absl::Time deadline = absl::Now() + timeout;
+  while (!Ended()) {
+    if (absl::Now() >= deadline) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return true;
+}
+
+bool Sandbox::Kill(absl::Duration timeout) {
+  const absl::Time deadline = absl::Now() + timeout;
+  if (!Ended()) {
+    // With process 1 of its pid namespace everything in it dies; bubblewrap
+    // then ends by itself.
+    if (first_.valid()) syscall(SYS_pidfd_send_signal, first_.get(), SIGKILL, nullptr, 0);
+    if (!first_.valid() || !Wait(absl::Milliseconds(300))) {
+      kill(pid_, SIGKILL);
+      if (!Wait(deadline - absl::Now())) return false;
+    }
+  }
+  if (!first_.valid()) return true;
+  pollfd entry = {first_.get(), POLLIN, 0};
+  const auto left = absl::ToInt64Milliseconds(std::max(deadline - absl::Now(), absl::Seconds(0)));
+  return poll(&entry, 1, static_cast<int>(left)) == 1;
+}
+
+Sandbox::~Sandbox() { Kill(absl::Seconds(5)); }
+
+}  // namespace myograde::server

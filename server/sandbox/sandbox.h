@@ -1,0 +1,106 @@
+// A sandbox as a value, and the process that lives in it. The value says all
+// that a sandbox is; policy_sandbox.h and sim_sandbox.h make the two kinds.
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/fd.h"
+
+namespace myograde::server {
+
+struct SandboxMount {
+  enum class Kind { kReadOnly, kWritable, kSymlink, kProc, kDev, kTmpfs, kSealed };
+  Kind kind;
+  std::string source;  // kReadOnly, kWritable: host path; kSymlink: what it says; else ""
+  std::string target;  // kSealed: a mount that takes no more changes
+};
+
+struct SandboxLimit {
+  int resource;  // RLIMIT_*
+  std::string name;
+  int64_t value;
+};
+
+struct SandboxSpec {
+  std::vector<SandboxMount> mounts;  // in this order
+  std::vector<std::pair<std::string, std::string>> environment;  // nothing else is set
+  std::vector<std::string> command;
+  std::string working_dir;
+  bool bus = false;         // a loopback that carries LCM; else no network at all
+  bool as_first = false;    // the command itself is process 1
+  int64_t uid = -1;         // taken before any namespace; -1: the caller's own
+  int64_t tasks = 0;        // RLIMIT_NPROC, set inside the sandbox' own user namespace; 0: none
+  std::vector<SandboxLimit> limits;
+};
+
+nlohmann::json SandboxSpecToJson(const SandboxSpec& spec);
+
+// Descriptors for the first process: `target` is what it finds them as.
+struct SandboxFd {
+  int fd;
+  int target;  // 0 or above
+};
+
+// How a sandbox ended.
+struct SandboxEnd {
+  bool started = false;  // the command was executed
+  int exit_code = -1;    // of the command; 128 + signal if one killed it
+};
+
+class Sandbox {
+ public:
+  // Starts the command. `join`: process lists of control groups, see
+  // ControlGroup::join_fds(). `filter`: a BPF program, or invalid. Whatever of
+  // this goes wrong later, in bubblewrap, ends the sandbox with !started and a
+  // sentence on its stderr. Dies with the calling thread.
+  static absl::StatusOr<std::unique_ptr<Sandbox>> Start(const SandboxSpec& spec,
+                                                        const std::vector<SandboxFd>& fds,
+                                                        const std::vector<int>& join,
+                                                        const Fd& filter);
+  ~Sandbox();
+  Sandbox(const Sandbox&) = delete;
+  Sandbox& operator=(const Sandbox&) = delete;
+
+  // True once it ended; never blocks.
+  bool Ended();
+
+  // Kills everything in it and waits for its end. False: something is left.
+  bool Kill(absl::Duration timeout);
+
+  // Waits for it to end by itself.
+  bool Wait(absl::Duration timeout);
+
+  // Valid once Ended().
+  SandboxEnd end() const { return end_; }
+
+  // The outermost process, of which all others descend.
+  pid_t pid() const { return pid_; }
+
+ private:
+  Sandbox() = default;
+  void ReadStatus();
+
+  pid_t pid_ = -1;
+  bool reaped_ = false;
+  Fd status_;  // bubblewrap's own reports
+  std::string report_;
+  Fd first_;   // a pidfd of process 1
+  SandboxEnd end_;
+};
+
+// CPU time in ns of a process and all that descend of it, those included that
+// ended and were waited for.
+int64_t ProcessTreeCpuNs(pid_t root);
+
+}  // namespace myograde::server

@@ -1,0 +1,58 @@
+#include "server/sandbox/sandbox_config.h"
+
+#include <sys/socket.h>
+
+#include <map>
+
+#include "protocol/config_reader.h"
+
+namespace myograde::server {
+namespace {
+
+absl::StatusOr<PolicySandboxConfig> LoadPolicy(const std::string& path) {
+  absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
+  if (!json.ok()) return json.status();
+  ConfigReader reader(*json, path);
+  PolicySandboxConfig config;
+  config.denied_system_calls = reader.Strings("denied_system_calls");
+  config.unimplemented_system_calls = reader.Strings("unimplemented_system_calls");
+  static const std::map<std::string, int> kFamilies = {
+      {"unix", AF_UNIX}, {"inet", AF_INET}, {"inet6", AF_INET6}};
+  for (const std::string& name : reader.Strings("socket_families")) {
+    const auto family = kFamilies.find(name);
+    if (family == kFamilies.end()) {
+      reader.Fail("socket_families", "must hold only \"unix\", \"inet\" and \"inet6\"");
+      break;
+    }
+    config.socket_families.push_back(family->second);
+  }
+  config.cpu_refresh_s = reader.Number("cpu_refresh_s", {0.001, 1});
+  config.kill_s = reader.Number("kill_s", {1, 60});
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return config;
+}
+
+absl::StatusOr<SimSandboxConfig> LoadSim(const std::string& path) {
+  absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
+  if (!json.ok()) return json.status();
+  ConfigReader reader(*json, path);
+  SimSandboxConfig config;
+  config.memory_bytes = reader.Integer("memory_bytes", 256 << 20, int64_t{1} << 40);
+  config.open_files = reader.Integer("open_files", 32, 65536);
+  config.silence_s = reader.Number("silence_s", {2, 3600});
+  config.lease_slack_s = reader.Number("lease_slack_s", {1, 86400});
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return config;
+}
+
+}  // namespace
+
+absl::StatusOr<SandboxConfig> LoadSandboxConfig(const std::string& config_dir) {
+  absl::StatusOr<PolicySandboxConfig> policy = LoadPolicy(config_dir + "/sandbox/policy.json");
+  if (!policy.ok()) return policy.status();
+  absl::StatusOr<SimSandboxConfig> sim = LoadSim(config_dir + "/sandbox/sim.json");
+  if (!sim.ok()) return sim.status();
+  return SandboxConfig{*std::move(policy), *std::move(sim)};
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,37 @@
+// configs/sandbox/*.json: what the two kinds of sandboxes are like, apart from
+// the budgets of a track.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+
+namespace myograde::server {
+
+struct PolicySandboxConfig {
+  std::vector<std::string> denied_system_calls;         // fail with EPERM
+  std::vector<std::string> unimplemented_system_calls;  // fail with ENOSYS
+  std::vector<int> socket_families;                     // AF_* that are allowed
+  double cpu_refresh_s = 0;  // s between readings of the CPU time
+  double kill_s = 0;         // s for a killed sandbox to be gone
+};
+
+struct SimSandboxConfig {
+  int64_t memory_bytes = 0;
+  int64_t open_files = 0;
+  double silence_s = 0;      // s without a message: the simulator hangs
+  double lease_slack_s = 0;  // s above the lease's wall time
+};
+
+struct SandboxConfig {
+  PolicySandboxConfig policy;
+  SimSandboxConfig sim;
+};
+
+// Reads policy.json and sim.json in `config_dir`/sandbox. An error names the
+// file, the key and what is wrong with it.
+absl::StatusOr<SandboxConfig> LoadSandboxConfig(const std::string& config_dir);
+
+}  // namespace myograde::server

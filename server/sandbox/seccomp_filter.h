@@ -1,0 +1,17 @@
+// The system call filter of a sandbox, as a program for bubblewrap's --seccomp.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include "protocol/base/fd.h"
+#include "server/sandbox/sandbox_config.h"
+
+namespace myograde::server {
+
+// A memory file with the BPF program, at its start. Allows what the config does
+// not deny; denies new namespaces through clone, terminal injection, and all
+// calls of other architectures (32-bit, x32). InvalidArgumentError names a
+// system call that does not exist.
+absl::StatusOr<Fd> MakeSeccompFilter(const PolicySandboxConfig& config);
+
+}  // namespace myograde::server

@@ -1,0 +1,127 @@
+#include "server/sandbox/stage.h"
+
+#include <fcntl.h>
+#include <sched.h>
+#include <sys/mount.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/fd.h"
+
+namespace myograde::server {
+namespace {
+
+// Hidden under our tmpfs in our namespace only. Whatever of it a sandbox needs
+// was opened before.
+constexpr char kStage[] = "/run";
+
+absl::Status Errno(std::string_view what) {
+  return absl::FailedPreconditionError(
+      absl::StrCat(std::string(what), ": ", std::strerror(errno)));
+}
+
+bool WriteFile(const char* path, const std::string& text) {
+  Fd file(open(path, O_WRONLY | O_CLOEXEC));
+  return file.valid() &&
+         write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size());
+}
+
+absl::Status EnterNamespaces() {
+  const uid_t uid = geteuid();
+  const gid_t gid = getegid();
+  if (uid != 0) {
+    if (unshare(CLONE_NEWUSER) != 0) {
+      return Errno("this host lets ordinary users make no user namespace (`myograde doctor` says more)");
+    }
+    if (!WriteFile("/proc/self/setgroups", "deny") ||
+        !WriteFile("/proc/self/uid_map", absl::StrCat(uid, " ", uid, " 1")) ||
+        !WriteFile("/proc/self/gid_map", absl::StrCat(gid, " ", gid, " 1"))) {
+      return Errno("can't map the user into a user namespace");
+    }
+  }
+  if (unshare(CLONE_NEWNS) != 0) return Errno("can't make a mount namespace");
+  if (mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0) {
+    return Errno("can't make the mounts private");
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<Stage> Stage::Enter(const std::vector<std::string>& sources) {
+  if (absl::Status status = EnterNamespaces(); !status.ok()) return status;
+  std::map<std::string, Fd> trees;
+  for (const std::string& source : sources) {
+    Fd tree(open_tree(AT_FDCWD, source.c_str(), OPEN_TREE_CLONE | OPEN_TREE_CLOEXEC | AT_RECURSIVE));
+    if (!tree.valid()) return Errno(absl::StrCat("can't mount ", source));
+    trees[source] = std::move(tree);
+  }
+  if (mount("myograde", kStage, "tmpfs", MS_NOSUID | MS_NODEV, "mode=0755,size=16m") != 0) {
+    return Errno(absl::StrCat("can't mount a tmpfs on ", kStage));
+  }
+  Stage stage;
+  for (const auto& [source, tree] : trees) {
+    const std::string path = absl::StrCat(kStage, "/source", stage.paths_.size());
+    if (mkdir(path.c_str(), 0755) != 0 ||
+        move_mount(tree.get(), "", AT_FDCWD, path.c_str(), MOVE_MOUNT_F_EMPTY_PATH) != 0) {
+      return Errno(absl::StrCat("can't mount ", source, " for the sandbox"));
+    }
+    stage.paths_[source] = path;
+  }
+  return stage;
+}
+
+absl::StatusOr<std::string> Stage::AddFile(const std::string& name,
+                                           const std::string& text) const {
+  const std::string path = absl::StrCat(kStage, "/", name);
+  Fd file(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644));
+  if (!file.valid() ||
+      write(file.get(), text.data(), text.size()) != static_cast<ssize_t>(text.size()) ||
+      fchmod(file.get(), 0644) != 0) {
+    return Errno(absl::StrCat("can't write ", path));
+  }
+  return path;
+}
+
+absl::StatusOr<std::string> Stage::MountScratch(int number, int64_t bytes, int64_t files) const {
+  const std::string path = absl::StrCat(kStage, "/scratch", number);
+  // Its three folders count as files too.
+  const std::string options = absl::StrCat("mode=0755,size=", bytes, ",nr_inodes=", files + 3);
+  if (mkdir(path.c_str(), 0755) != 0 ||
+      mount("scratch", path.c_str(), "tmpfs", MS_NOSUID | MS_NODEV, options.c_str()) != 0) {
+    return Errno("can't mount a scratch tmpfs");
+  }
+  for (const char* folder : {"/tmp", "/shm"}) {
+    const std::string below = path + folder;
+    if (mkdir(below.c_str(), 0777) != 0 || chmod(below.c_str(), 01777) != 0) {
+      return Errno("can't make the scratch folders");
+    }
+  }
+  return path;
+}
+
+void Stage::UnmountScratch(const std::string& path) const {
+  umount2(path.c_str(), MNT_DETACH);
+  rmdir(path.c_str());
+}
+
+bool Stage::IsFull(const std::string& path) {
+  struct statvfs usage;
+  return statvfs(path.c_str(), &usage) == 0 && (usage.f_bavail == 0 || usage.f_favail == 0);
+}
+
+bool CanMakeUserNamespace() {
+  const pid_t child = fork();
+  if (child == 0) _exit(unshare(CLONE_NEWUSER | CLONE_NEWNS) == 0 ? 0 : 1);
+  int status = 1;
+  return child > 0 && waitpid(child, &status, 0) == child && status == 0;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,48 @@
+// A private place in which a lease's mounts are put together.
+//
+// What a sandbox must see may lie below folders that its uid can't enter, and a
+// tmpfs with a limit on its number of files can only be mounted by who has the
+// right to mount. So the runner moves into a mount namespace of its own (as an
+// ordinary user: into a user namespace too, where it has that right), and
+// lays bind mounts and tmpfs on a folder that only this namespace shows. With
+// the runner's end all of it is gone.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+
+namespace myograde::server {
+
+class Stage {
+ public:
+  // Moves the calling process into its own mount namespace and stages each
+  // folder of `sources`. REQUIRES: a single thread. An error names what is
+  // missing: the right to make namespaces, or one of the folders.
+  static absl::StatusOr<Stage> Enter(const std::vector<std::string>& sources);
+
+  // Where a staged source is seen now.
+  const std::string& PathOf(const std::string& source) const { return paths_.at(source); }
+
+  // A small file with `text`, readable by all.
+  absl::StatusOr<std::string> AddFile(const std::string& name, const std::string& text) const;
+
+  // Mounts a fresh tmpfs with folders tmp/ and shm/ that everyone may write to,
+  // at most `bytes` and `files` together. `number` tells it from others.
+  absl::StatusOr<std::string> MountScratch(int number, int64_t bytes, int64_t files) const;
+  void UnmountScratch(const std::string& path) const;
+
+  // True if the tmpfs at `path` is out of space or of files.
+  static bool IsFull(const std::string& path);
+
+ private:
+  std::map<std::string, std::string> paths_;
+};
+
+// True once an ordinary user may make user namespaces here; tried in a child.
+bool CanMakeUserNamespace();
+
+}  // namespace myograde::server
