@@ -134,8 +134,8 @@ absl::Status LegController::Upload(const LegParameterSets& sets, const LegRules&
     if ((sets.present >> i & 1u) == 0) continue;
     if (i >= rules.sets) {
       return absl::InvalidArgumentError(
-          absl::StrCat("leg parameter set ", i, " does not exist in this profile: it has sets 0 to ",
-                       rules.sets - 1));
+          absl::StrCat("leg parameter set ", i, " does not exist in this profile, ",
+                       "which has sets 0 to ", rules.sets - 1));
     }
     for (int state = 0; state < kLegStates; ++state) {
       const absl::Status status = CheckState(sets.set[i][state], rules, i, state);
