@@ -25,6 +25,15 @@ void RemoveFolder(const std::string& path) {
   if (error) spdlog::warn("{}: can't be removed: {}", path, error.message());
 }
 
+// Reasons are one sentence; the whole output is in the log.
+std::string LastLineOf(const std::string& text) {
+  const size_t end = text.find_last_not_of(" \n");
+  if (end == std::string::npos) return "nothing";
+  const size_t begin = text.rfind('\n', end);
+  const size_t first = begin == std::string::npos ? 0 : begin + 1;
+  return text.substr(first, end - first + 1);
+}
+
 nlohmann::json OutputJson(const LeaseEndRecord& end) {
   return {{"stdout_tail", end.stdout_tail},
           {"stderr_tail", end.stderr_tail},
@@ -198,8 +207,10 @@ void Engine::Reap() {
 
 void Engine::EndOf(LeaseRun& run) {
   if (run.fault.empty() && !run.end.has_value()) {
+    spdlog::error("lease {}: the runner wrote: {}", run.lease, run.runner->stderr_tail());
     run.fault = absl::StrCat("the runner ended (wait status ", run.runner->wait_status(),
-                             ") without its last record; it wrote: ", run.runner->stderr_tail());
+                             ") without its last record; its last words: ",
+                             LastLineOf(run.runner->stderr_tail()));
   } else if (run.fault.empty() && !run.end->ok) {
     run.fault = run.end->detail;
   } else if (run.fault.empty() &&
@@ -244,7 +255,8 @@ void Engine::GiveUp(const Verdict& verdict, int64_t failed, const std::string& w
   Later([=, evaluation = verdict.evaluation, who = owner_](Writer& writer) {
     absl::Status status = writer.EndLease(failed, LeaseState::kFailed, /*fault=*/true, who, why);
     for (const int64_t lease : others) {
-      status.Update(writer.EndLease(lease, LeaseState::kCancelled, /*fault=*/false, who, reason));
+      status.Update(writer.EndLease(lease, LeaseState::kCancelled, /*fault=*/false, who,
+                                    absl::StrCat("lease ", failed, " could not be played")));
     }
     status.Update(
         writer.EndEvaluation(evaluation, EvaluationState::kGraderError, reason, "", who));

@@ -1,0 +1,252 @@
+// Addresses, errors, and the requests that change something. What is only read:
+// api_views.cc; uploads: api_uploads.cc.
+#include "server/api/api.h"
+
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
+
+#include "protocol/config_reader.h"
+#include "protocol/sha256.h"
+#include "server/api/requests.h"
+#include "server/api/views.h"
+#include "server/daemon/results.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr char kJson[] = "application/json";
+
+std::string Who() { return absl::StrCat("uid ", UnixHttpServer::PeerUid()); }
+
+void Send(httplib::Response& response, int http, const nlohmann::json& body) {
+  response.status = http;
+  response.set_content(CanonicalJson(body) + "\n", kJson);
+}
+
+void SendError(httplib::Response& response, const ApiError& error) {
+  if (error.http == 429 || error.http == 503) response.set_header("Retry-After", "1");
+  if (error.http >= 500) spdlog::warn("answered {}: {}", error.http, error.message);
+  Send(response, error.http, {{"error", {{"code", error.code}, {"message", error.message}}}});
+}
+
+}  // namespace
+
+ApiError ErrorOf(const absl::Status& status) {
+  const std::string message(status.message());
+  switch (status.code()) {
+    case absl::StatusCode::kInvalidArgument:
+      return {400, "bad_request", message};
+    case absl::StatusCode::kNotFound:
+      return {404, "not_found", message};
+    case absl::StatusCode::kFailedPrecondition:
+      return {409, "conflict", message};
+    case absl::StatusCode::kCancelled:
+      return {503, "stopping", message};
+    case absl::StatusCode::kDeadlineExceeded:
+      return {504, "deadline", message};
+    case absl::StatusCode::kUnavailable:
+    case absl::StatusCode::kPermissionDenied:
+    case absl::StatusCode::kResourceExhausted:
+    case absl::StatusCode::kDataLoss:
+      return {503, "store", message};
+    default:
+      return {500, "internal", message};
+  }
+}
+
+Api::Api(Options options, const Tracks& tracks, Engine& engine, ReaderPool& readers,
+         const Clock& clock)
+    : options_(std::move(options)),
+      tracks_(tracks),
+      engine_(engine),
+      readers_(readers),
+      clock_(clock) {}
+
+void Api::Get(UnixHttpServer& server, const std::string& pattern,
+              Result (Api::*handler)(const Request&)) {
+  server.Get(pattern, [this, handler](const Request& request, httplib::Response& response) {
+    const Result result = (this->*handler)(request);
+    if (const auto* error = std::get_if<ApiError>(&result)) return SendError(response, *error);
+    Send(response, std::get<Answer>(result).http, std::get<Answer>(result).body);
+  });
+}
+
+// The body is read here, and no further than it may be long: cpp-httplib would keep all of it.
+void Api::Post(UnixHttpServer& server, const std::string& pattern,
+               Result (Api::*handler)(const Request&, const Json&)) {
+  server.Post(pattern, [this, handler](const Request& request, httplib::Response& response,
+                                       const httplib::ContentReader& content) {
+    std::string body;
+    const auto limit = static_cast<size_t>(options_.config.http.body_bytes);
+    const bool whole = content([&](const char* data, size_t size) {
+      if (body.size() + size > limit) return false;
+      body.append(data, size);
+      return true;
+    });
+    if (!whole) {
+      return SendError(response, {413, "too_large", absl::StrCat(
+          "the body is incomplete or larger than ", limit, " bytes")});
+    }
+    const absl::StatusOr<Json> json = ParseJson(body, "request");
+    if (!json.ok()) return SendError(response, ErrorOf(json.status()));
+    const Result result = (this->*handler)(request, *json);
+    if (const auto* error = std::get_if<ApiError>(&result)) return SendError(response, *error);
+    Send(response, std::get<Answer>(result).http, std::get<Answer>(result).body);
+  });
+}
+
+void Api::Install(UnixHttpServer& server) {
+  Get(server, "/v1/health", &Api::Health);
+  Get(server, "/v1/tracks", &Api::ListTracks);
+  Get(server, "/v1/submissions", &Api::ListSubmissions);
+  Get(server, R"(/v1/submissions/(\d{1,18}))", &Api::GetSubmission);
+  Get(server, R"(/v1/submissions/(\d{1,18})/result)", &Api::GetResult);
+  Get(server, R"(/v1/evaluations/(\d{1,18}))", &Api::GetEvaluation);
+  Get(server, "/v1/leaderboard", &Api::GetLeaderboard);
+  Post(server, "/v1/submissions", &Api::Submit);
+  Post(server, R"(/v1/submissions/(\d{1,18})/cancel)", &Api::Cancel);
+  Post(server, R"(/v1/submissions/(\d{1,18})/rerun)", &Api::Rerun);
+  server.Post("/v1/artefacts", [this](const Request& request, httplib::Response& response,
+                                      const httplib::ContentReader& content) {
+    const Result result = Upload(request, content);
+    if (const auto* error = std::get_if<ApiError>(&result)) return SendError(response, *error);
+    Send(response, std::get<Answer>(result).http, std::get<Answer>(result).body);
+  });
+  server.set_payload_max_length(static_cast<size_t>(options_.config.artefacts.archive_bytes));
+  server.set_error_handler([](const Request& request, httplib::Response& response) {
+    if (!response.body.empty()) return;  // ours
+    const char* code = response.status == 413 ? "too_large"
+                       : response.status == 404 ? "not_found" : "bad_request";
+    SendError(response, {response.status, code,
+                         absl::StrCat("there is no ", request.method, " ", request.path,
+                                      ", or the request is malformed; see the API's description")});
+  });
+  server.set_exception_handler([](const Request& request, httplib::Response& response,
+                                  std::exception_ptr thrown) {
+    std::string what = "unknown";
+    try {
+      std::rethrow_exception(thrown);
+    } catch (const std::exception& error) {
+      what = error.what();
+    } catch (...) {
+    }
+    SendError(response, {500, "internal", absl::StrCat(request.method, " ", request.path,
+                                                       " failed in the server: ", what)});
+  });
+}
+
+Api::Result Api::Submit(const Request&, const Json& body) {
+  absl::StatusOr<SubmitRequest> request = ParseSubmit(body);
+  if (!request.ok()) return ErrorOf(request.status());
+  absl::StatusOr<TrackPtr> track = tracks_.Find(request->track, request->profile);
+  if (!track.ok()) {
+    const bool known = tracks_.offers().contains(request->track);
+    return ApiError{400, known ? "unknown_profile" : "unknown_track",
+                    std::string(track.status().message())};
+  }
+  const TrackConfig& config = (*track)->config;
+  std::vector<uint64_t> seeds = request->seeds.value_or(config.seeds);
+  const auto count = static_cast<int64_t>(seeds.size());
+  if (request->episodes.value_or(1) > count) {
+    return ApiError{400, "bad_request",
+                    absl::StrCat("request: \"episodes\" is ", *request->episodes,
+                                 ", the seed list has ", count)};
+  }
+  seeds.resize(static_cast<size_t>(request->episodes.value_or(count)));
+
+  absl::StatusOr<ArtefactRow> artefact = absl::InternalError("");
+  absl::Status status = readers_.Read([&](Reader& reader) {
+    artefact = reader.Artefact(request->artefact);
+    return artefact.status();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  if (artefact->bytes > config.budgets.submission_bytes ||
+      artefact->files > config.budgets.submission_files) {
+    return ApiError{400, "bad_artefact",
+                    absl::StrCat("the artefact has ", artefact->bytes, " bytes in ",
+                                 artefact->files, " files; track \"", config.id, "\" allows ",
+                                 config.budgets.submission_bytes, " bytes and ",
+                                 config.budgets.submission_files, " files")};
+  }
+  for (const std::string& runtime : artefact->runtimes) {
+    if (options_.config.runtimes.contains(runtime)) continue;
+    return ApiError{400, "unknown_runtime",
+                    absl::StrCat("this server has no runtime \"", runtime,
+                                 "\", which the artefact's policy.json asks for")};
+  }
+  NewSubmission submission;
+  submission.team = request->team;
+  submission.artefact = request->artefact;
+  submission.track = config.id;
+  submission.profile = config.profile;
+  submission.config = config.hash;
+  submission.config_json = CanonicalJson(config.effective);
+  submission.seeds_json = CanonicalJson(Json(seeds));
+  submission.seeds = Sha256Hex(submission.seeds_json);
+  submission.seed_count = static_cast<int64_t>(seeds.size());
+  submission.ranked = seeds == config.seeds;
+  submission.grader_json = CanonicalJson(GraderBuild());
+  submission.blocks = BlocksOf(submission.seed_count, config.episodes_per_lease);
+  absl::StatusOr<Accepted> accepted =
+      engine_.Submit(submission, Who(), options_.config.http.request);
+  if (!accepted.ok()) return ErrorOf(accepted.status());
+  Answer answer{201, {}};
+  status = readers_.Read([&](Reader& reader) -> absl::Status {
+    absl::StatusOr<Json> view = Status(reader, accepted->submission);
+    if (view.ok()) answer.body = *std::move(view);
+    return view.status();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+Api::Result Api::Cancel(const Request& request, const Json& body) {
+  absl::StatusOr<std::string> reason = ParseCancel(body);
+  if (!reason.ok()) return ErrorOf(reason.status());
+  const int64_t id = std::stoll(request.matches[1]);
+  const auto exists = [&](Reader& reader) { return reader.Submission(id).status(); };
+  absl::Status status = readers_.Read(exists);
+  if (status.ok()) status = engine_.Cancel(id, *reason, Who(), options_.config.http.request);
+  if (!status.ok()) return ErrorOf(status);
+  return GetSubmission(request);
+}
+
+Api::Result Api::Rerun(const Request& request, const Json& body) {
+  absl::StatusOr<RerunRequest> wanted = ParseRerun(body);
+  if (!wanted.ok()) return ErrorOf(wanted.status());
+  const int64_t id = std::stoll(request.matches[1]);
+  NewRerun rerun{id, CanonicalJson(GraderBuild()), {}};
+  absl::Status status = readers_.Read([&](Reader& reader) -> absl::Status {
+    absl::StatusOr<SubmissionRow> submission = reader.Submission(id);
+    if (!submission.ok()) return submission.status();
+    const EvaluationRow original = reader.Evaluations(id).front();
+    if (!IsFinal(original.state)) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          "submission ", id, " has not ended; wait for it, or cancel it, before it is run again"));
+    }
+    if (wanted->last.value_or(0) > original.last) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("request: \"last\" is ", *wanted->last, ", the last episode of submission ",
+                       id, " is ", original.last));
+    }
+    for (const LeaseRow& lease : reader.Leases(original.id)) {
+      const bool wants = lease.last >= wanted->first.value_or(0) &&
+                         lease.first <= wanted->last.value_or(original.last);
+      if (wants) rerun.blocks.emplace_back(lease.first, lease.last);
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  absl::StatusOr<Accepted> accepted = engine_.Rerun(rerun, Who(), options_.config.http.request);
+  if (!accepted.ok()) return ErrorOf(accepted.status());
+  return Answer{201,
+                {{"evaluation", accepted->evaluation},
+                 {"submission", id},
+                 {"kind", "rerun"},
+                 {"state", "queued"},
+                 {"first", rerun.blocks.front().first},
+                 {"last", rerun.blocks.back().second}}};
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,126 @@
+// Uploads: spooled to a file, unpacked, and put in their place by their hash.
+#include <fcntl.h>
+#include <sys/stat.h>
+
+#include <filesystem>
+
+#include <absl/cleanup/cleanup.h>
+#include <absl/strings/str_cat.h>
+
+#include "server/api/api.h"
+#include "server/artefact/artefact.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+absl::Status WriteAll(int fd, const char* data, size_t size) {
+  while (size > 0) {
+    const ssize_t n = write(fd, data, size);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return absl::ErrnoToStatus(errno, "the upload can't be kept on the server's disk");
+    data += n;
+    size -= static_cast<size_t>(n);
+  }
+  return absl::OkStatus();
+}
+
+// Makes a whole folder durable before the store names it.
+absl::Status Sync(const std::string& path) {
+  const Fd fd(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_DIRECTORY));
+  if (!fd.valid() || syncfs(fd.get()) != 0) {
+    return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be synced to disk"));
+  }
+  return absl::OkStatus();
+}
+
+// Moves a fresh folder to its place; one that is there already has the same content.
+absl::Status Settle(const std::string& fresh, const std::string& place) {
+  std::error_code error;
+  if (fs::exists(place, error)) {
+    fs::remove_all(fresh, error);
+    return absl::OkStatus();
+  }
+  if (rename(fresh.c_str(), place.c_str()) == 0 || errno == EEXIST || errno == ENOTEMPTY) {
+    return Sync(fs::path(place).parent_path());
+  }
+  return absl::ErrnoToStatus(errno, absl::StrCat(place, ": can't be put in its place"));
+}
+
+}  // namespace
+
+absl::StatusOr<ArtefactRow> Api::Receive(const httplib::ContentReader& content, bool& is_new) {
+  const std::string name = absl::StrCat(options_.data_dir, "/spool/", ++upload_names_);
+  const std::string archive = name + ".archive";
+  const std::string folder = name + ".folder";
+  const absl::Cleanup remove = [&] {
+    std::error_code error;
+    fs::remove(archive, error);
+    fs::remove_all(folder, error);
+  };
+  {
+    const Fd fd(open(archive.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+    if (!fd.valid()) {
+      return absl::ErrnoToStatus(errno, absl::StrCat(archive, ": can't be made"));
+    }
+    int64_t size = 0;
+    absl::Status status;
+    const bool whole = content([&](const char* data, size_t n) {
+      size += static_cast<int64_t>(n);
+      if (size > options_.config.artefacts.archive_bytes) {
+        status = absl::OutOfRangeError(absl::StrCat(
+            "the archive is larger than ", options_.config.artefacts.archive_bytes, " bytes"));
+      } else {
+        status = WriteAll(fd.get(), data, n);
+      }
+      return status.ok();
+    });
+    if (!status.ok()) return status;
+    if (!whole || size == 0) {
+      return absl::InvalidArgumentError("the archive did not arrive whole; send it again");
+    }
+  }
+  const ArtefactLimits limits{.bytes = options_.config.artefacts.bytes,
+                              .files = options_.config.artefacts.files};
+  absl::StatusOr<Artefact> artefact = UnpackArtefact(archive, folder, limits);
+  if (!artefact.ok()) return artefact.status();
+  const ArtefactRow row{artefact->digest,            artefact->manifest.name,
+                        artefact->manifest.command,  artefact->manifest.runtimes,
+                        artefact->bytes,             artefact->files};
+  absl::Status status =
+      Settle(folder, absl::StrCat(options_.data_dir, "/artefacts/", artefact->digest));
+  if (!status.ok()) return status;
+  absl::StatusOr<bool> added = engine_.AddArtefact(row, options_.config.http.request);
+  if (!added.ok()) return added.status();
+  is_new = *added;
+  return row;
+}
+
+Api::Result Api::Upload(const Request&, const httplib::ContentReader& content) {
+  const absl::Cleanup leave = [&] { --uploads_; };
+  if (++uploads_ > options_.config.artefacts.uploads) {
+    return ApiError{429, "too_many",
+                    absl::StrCat(options_.config.artefacts.uploads,
+                                 " uploads run already; try again in a second")};
+  }
+  UnixHttpServer::AllowUploadTime();
+  bool is_new = false;
+  absl::StatusOr<ArtefactRow> row = Receive(content, is_new);
+  if (!row.ok()) {
+    ApiError error = ErrorOf(row.status());
+    if (absl::IsInvalidArgument(row.status())) error.code = "bad_artefact";
+    if (absl::IsOutOfRange(row.status())) error = {413, "too_large", error.message};
+    return error;
+  }
+  return Answer{is_new ? 201 : 200,
+                {{"artefact", row->hash},
+                 {"name", row->name},
+                 {"command", row->command},
+                 {"runtimes", row->runtimes},
+                 {"bytes", row->bytes},
+                 {"files", row->files},
+                 {"new", is_new}}};
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,358 @@
+// The addresses that only read.
+#include <unistd.h>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/config_reader.h"
+#include "server/api/api.h"
+#include "server/api/requests.h"
+#include "server/api/views.h"
+#include "server/daemon/results.h"
+#include "server/store/schema.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+absl::StatusOr<TrackConfig> ConfigOf(Reader& reader, const std::string& hash) {
+  absl::StatusOr<std::string> text = reader.ConfigJson(hash);
+  if (!text.ok()) return text.status();
+  absl::StatusOr<Json> json = ParseJson(*text, "the store's config");
+  if (!json.ok()) return json.status();
+  return ParseTrackConfig(*json, "the store's config");
+}
+
+Json LeaseToJson(const LeaseRow& lease, const LiveLease* live) {
+  const bool running = lease.state == LeaseState::kRunning;
+  return {{"lease", lease.id},
+          {"first", lease.first},
+          {"last", lease.last},
+          {"state", LeaseStateName(lease.state)},
+          {"slot", running ? Json(lease.slot) : Json()},
+          {"attempt", lease.attempt},
+          {"faults", lease.faults},
+          {"episode", running && live ? Json(live->episode) : Json()},
+          {"step", running && live ? Json(live->step) : Json()},
+          {"started_at", TimeToJson(lease.started_at)},
+          {"deadline_at", TimeToJson(lease.deadline_at)},
+          {"running_wall_s",
+           running && live ? Json(absl::ToDoubleSeconds(live->running)) : Json()},
+          {"detail", TextOrNull(lease.detail)}};
+}
+
+// The rest at the pace so far; null without a pace.
+Json Remaining(const EvaluationRow& evaluation, const EpisodeCounts& counts, int64_t now_ms) {
+  if (evaluation.state != EvaluationState::kRunning || counts.done == 0) return nullptr;
+  const double elapsed = static_cast<double>(now_ms - evaluation.started_at) / 1000;
+  const auto left = static_cast<double>(evaluation.last - evaluation.first + 1 - counts.done);
+  return std::max(elapsed, 0.0) * left / static_cast<double>(counts.done);
+}
+
+Json SubmissionToJson(const SubmissionRow& row, const EvaluationRow& original,
+                      const EpisodeCounts& counts) {
+  return {{"submission", row.id},
+          {"team", row.team},
+          {"track", row.track},
+          {"profile", row.profile},
+          {"artefact", row.artefact},
+          {"name", row.artefact_name},
+          {"ranked", row.ranked},
+          {"state", EvaluationStateName(original.state)},
+          {"evaluation", original.id},
+          {"episodes", CountsToJson(original.last - original.first + 1, counts)},
+          {"accepted_at", TimeToJson(row.accepted_at)},
+          {"finished_at", TimeToJson(original.finished_at)}};
+}
+
+}  // namespace
+
+absl::StatusOr<Json> Api::Status(Reader& reader, int64_t id) {
+  absl::StatusOr<SubmissionRow> row = reader.Submission(id);
+  if (!row.ok()) return row.status();
+  const std::vector<EvaluationRow> evaluations = reader.Evaluations(id);
+  const EvaluationRow& original = evaluations.front();
+  const EpisodeCounts counts = reader.Counts(original.id);
+  const int64_t now = absl::ToUnixMillis(clock_.Now());
+  Json json = SubmissionToJson(*row, original, counts);
+  json["queue"] = nullptr;
+  const std::optional<QueuePlace> place = engine_.PlaceOf(original.id);
+  if (place && original.state == EvaluationState::kQueued) {
+    json["queue"] = {{"position", place->position}, {"leases_ahead", place->leases_ahead}};
+  }
+  json["waiting"] = TextOrNull(engine_.WhyWaiting(original.id));
+  json["reason"] = TextOrNull(original.reason);
+  json["started_at"] = TimeToJson(original.started_at);
+  const int64_t end = original.finished_at == 0 ? now : original.finished_at;
+  json["running_wall_s"] = original.started_at == 0
+                               ? Json()
+                               : Json(static_cast<double>(end - original.started_at) / 1000);
+  json["remaining_wall_s"] = Remaining(original, counts, now);
+  const std::map<int64_t, LiveLease> running = engine_.Running();
+  json["leases"] = Json::array();
+  for (const LeaseRow& lease : reader.Leases(original.id)) {
+    const auto live = running.find(lease.id);
+    json["leases"].push_back(LeaseToJson(lease, live == running.end() ? nullptr : &live->second));
+  }
+  json["evaluations"] = Json::array();
+  for (const EvaluationRow& evaluation : evaluations) {
+    json["evaluations"].push_back({{"evaluation", evaluation.id},
+                                   {"kind", evaluation.rerun ? "rerun" : "original"},
+                                   {"state", EvaluationStateName(evaluation.state)},
+                                   {"first", evaluation.first},
+                                   {"last", evaluation.last}});
+  }
+  return json;
+}
+
+absl::StatusOr<Json> Api::Breakdown(Reader& reader, int64_t id, bool episodes) {
+  absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
+  if (!evaluation.ok()) return evaluation.status();
+  absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation->submission);
+  if (!submission.ok()) return submission.status();
+  absl::StatusOr<TrackConfig> config = ConfigOf(reader, submission->config);
+  if (!config.ok()) return config.status();
+  const std::vector<EpisodeRow> rows = reader.Episodes(id);
+  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(rows);
+  if (!aggregate.ok()) return aggregate.status();
+
+  Json json = SubmissionToJson(*submission, *evaluation, reader.Counts(id));
+  json["kind"] = evaluation->rerun ? "rerun" : "original";
+  json["ranked"] = submission->ranked && !evaluation->rerun;
+  json["track_kind"] = TrackKindName(config->kind);
+  json["reason"] = TextOrNull(evaluation->reason);
+  json["first"] = evaluation->first;
+  json["last"] = evaluation->last;
+  json["started_at"] = TimeToJson(evaluation->started_at);
+  json["outcomes"] = Json::object();
+  json["reasons"] = Json::object();
+  for (const EpisodeRow& row : rows) {
+    const auto count = [](Json& counts, std::string_view key) {
+      Json& entry = counts[std::string(key)];
+      entry = entry.is_null() ? 1 : entry.get<int64_t>() + 1;
+    };
+    count(json["outcomes"], OutcomeName(row.outcome));
+    if (row.reason != FailureReason::kNone) count(json["reasons"], FailureReasonName(row.reason));
+  }
+  json["aggregate"] = AggregateToJson(config->kind, *aggregate);
+  json["hashes"] = {{"artefact", submission->artefact},
+                    {"config", submission->config},
+                    {"seeds", submission->seeds},
+                    {"results", ResultsHash(rows)}};
+  json["grader"] = Json::parse(evaluation->grader_json, nullptr, false);
+  json["limits"] = LimitsToJson(*config);
+  json["output"] = Json::array();
+  for (const LeaseRow& lease : reader.Leases(id)) {
+    if (lease.output_json.empty()) continue;
+    Json output = Json::parse(lease.output_json, nullptr, false);
+    output["lease"] = lease.id;
+    output["first"] = lease.first;
+    output["last"] = lease.last;
+    json["output"].push_back(std::move(output));
+  }
+  json["not_repeatable"] = Json::array();
+  for (const ReplayRow& replay : reader.Replays(id)) {
+    json["not_repeatable"].push_back({{"index", replay.index}, {"differs", replay.differs}});
+  }
+  json["comparison"] = nullptr;
+  if (evaluation->rerun) {
+    const int64_t original = reader.Evaluations(submission->id).front().id;
+    json["comparison"] = CompareRows(original, reader.Episodes(original), *evaluation, rows);
+  }
+  if (episodes) {
+    json["episode_rows"] = Json::array();
+    for (const EpisodeRow& row : rows) json["episode_rows"].push_back(EpisodeToJson(row));
+  }
+  return json;
+}
+
+Api::Result Api::EvaluationAnswer(int64_t id, bool of_submission, const Request& request) {
+  absl::Status status = CheckParameters(request, {"episodes"});
+  const std::string episodes = request.get_param_value("episodes");
+  if (!episodes.empty() && episodes != "0" && episodes != "1") {
+    status.Update(absl::InvalidArgumentError("\"episodes\" must be 0 or 1"));
+  }
+  Answer answer;
+  if (status.ok()) {
+    status = readers_.Read([&](Reader& reader) -> absl::Status {
+      if (of_submission) {
+        if (absl::Status found = reader.Submission(id).status(); !found.ok()) return found;
+      }
+      const int64_t evaluation = of_submission ? reader.Evaluations(id).front().id : id;
+      absl::StatusOr<Json> json = Breakdown(reader, evaluation, episodes == "1");
+      if (json.ok()) answer.body = *std::move(json);
+      return json.status();
+    });
+  }
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+Api::Result Api::GetResult(const Request& request) {
+  return EvaluationAnswer(std::stoll(request.matches[1]), /*of_submission=*/true, request);
+}
+
+Api::Result Api::GetEvaluation(const Request& request) {
+  return EvaluationAnswer(std::stoll(request.matches[1]), /*of_submission=*/false, request);
+}
+
+Api::Result Api::GetSubmission(const Request& request) {
+  Answer answer;
+  const absl::Status status = readers_.Read([&](Reader& reader) -> absl::Status {
+    absl::StatusOr<Json> json = Status(reader, std::stoll(request.matches[1]));
+    if (json.ok()) answer.body = *std::move(json);
+    return json.status();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+Api::Result Api::ListSubmissions(const Request& request) {
+  absl::StatusOr<SubmissionFilter> filter = ParseFilter(request);
+  if (!filter.ok()) return ErrorOf(filter.status());
+  Json list = Json::array();
+  const absl::Status status = readers_.Read([&](Reader& reader) {
+    for (const SubmissionRow& row : reader.Submissions(*filter)) {
+      const EvaluationRow original = reader.Evaluations(row.id).front();
+      list.push_back(SubmissionToJson(row, original, reader.Counts(original.id)));
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  const bool more = static_cast<int64_t>(list.size()) == filter->limit;
+  const Json next = more ? list.back()["submission"] : Json();
+  return Answer{200, {{"submissions", std::move(list)}, {"next_before", next}}};
+}
+
+absl::StatusOr<scoring::Aggregate> Api::FinalAggregate(Reader& reader, int64_t evaluation) {
+  {
+    const std::lock_guard lock(mutex_);
+    const auto it = aggregates_.find(evaluation);
+    if (it != aggregates_.end()) return it->second;
+  }
+  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(reader.Episodes(evaluation));
+  if (aggregate.ok()) {
+    const std::lock_guard lock(mutex_);
+    aggregates_[evaluation] = *aggregate;
+  }
+  return aggregate;
+}
+
+namespace {
+
+// At or above the board's line.
+bool IsQualified(const scoring::BoardEntry& entry, const scoring::BoardRules& rules) {
+  if (const auto* tiered = std::get_if<scoring::TieredBoard>(&rules)) {
+    return entry.successes * tiered->line_episodes >= tiered->line_successes * entry.episodes;
+  }
+  if (const auto* distance = std::get_if<scoring::DistanceBoard>(&rules)) {
+    return entry.distance >= distance->time_from_m;
+  }
+  return entry.distance >= std::get<scoring::PhysiologicalBoard>(rules).qualify_m;
+}
+
+}  // namespace
+
+Api::Result Api::GetLeaderboard(const Request& request) {
+  absl::Status status = CheckParameters(request, {"track", "profile", "board"});
+  if (!status.ok()) return ErrorOf(status);
+  if (!request.has_param("track")) {
+    return ApiError{400, "bad_request", "\"track\" is missing: a board is of one track"};
+  }
+  const std::string name = request.get_param_value("track");
+  absl::StatusOr<TrackPtr> found = tracks_.Find(name, request.get_param_value("profile"));
+  if (!found.ok()) {
+    return ApiError{400, tracks_.offers().contains(name) ? "unknown_profile" : "unknown_track",
+                    std::string(found.status().message())};
+  }
+  const Track& track = **found;
+  const std::string board = request.has_param("board") ? request.get_param_value("board") : "main";
+  const auto rules = track.scoring.boards.find(board);
+  if (rules == track.scoring.boards.end()) {
+    return ApiError{400, "bad_request",
+                    absl::StrCat("track \"", name, "\" has no board \"", board, "\"")};
+  }
+  Json rows = Json::array();
+  int64_t elsewhere = 0;
+  status = readers_.Read([&](Reader& reader) -> absl::Status {
+    std::vector<scoring::BoardEntry> entries;
+    std::map<std::string, std::pair<EvaluationRow, scoring::Aggregate>> sources;
+    for (const EvaluationRow& evaluation : reader.Ranked(track.config.hash)) {
+      absl::StatusOr<scoring::Aggregate> aggregate = FinalAggregate(reader, evaluation.id);
+      if (!aggregate.ok()) return aggregate.status();
+      scoring::BoardEntry entry = scoring::MakeEntry(*aggregate);
+      entry.submission = absl::StrCat(evaluation.submission);
+      entry.acceptance = evaluation.submission;
+      absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation.submission);
+      if (!submission.ok()) return submission.status();
+      entry.team = submission->team;
+      sources[entry.submission] = {evaluation, *aggregate};
+      entries.push_back(std::move(entry));
+    }
+    absl::StatusOr<std::vector<scoring::RankedEntry>> ranked =
+        scoring::Rank(entries, rules->second, track.scoring.team);
+    if (!ranked.ok()) return ranked.status();
+    for (const scoring::RankedEntry& place : *ranked) {
+      const auto& [evaluation, aggregate] = sources.at(place.entry.submission);
+      absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation.submission);
+      if (!submission.ok()) return submission.status();
+      rows.push_back({{"rank", place.rank},
+                      {"team", place.entry.team},
+                      {"submission", evaluation.submission},
+                      {"evaluation", evaluation.id},
+                      {"name", submission->artefact_name},
+                      {"qualified", IsQualified(place.entry, rules->second)},
+                      {"aggregate", AggregateToJson(track.config.kind, aggregate)}});
+    }
+    elsewhere = reader.RankedElsewhere(name, track.config.profile, track.config.hash);
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return Answer{200,
+                {{"track", name},
+                 {"track_kind", TrackKindName(track.config.kind)},
+                 {"profile", track.config.profile},
+                 {"board", board},
+                 {"config", track.config.hash},
+                 {"episodes", track.config.seeds.size()},
+                 {"rows", std::move(rows)},
+                 {"other_config", elsewhere}}};
+}
+
+Api::Result Api::ListTracks(const Request&) {
+  Json list = Json::array();
+  for (const auto& [name, offer] : tracks_.offers()) {
+    Json profiles = Json::array();
+    for (const auto& [profile, track] : offer.profiles) {
+      profiles.push_back({{"profile", profile},
+                          {"config", track->config.hash},
+                          {"episodes", track->config.seeds.size()},
+                          {"episodes_per_lease", track->config.episodes_per_lease}});
+    }
+    list.push_back({{"track", name},
+                    {"kind", TrackKindName(offer.profiles.begin()->second->config.kind)},
+                    {"default_profile", offer.default_profile},
+                    {"profiles", std::move(profiles)}});
+  }
+  return Answer{200, {{"tracks", std::move(list)}}};
+}
+
+Api::Result Api::Health(const Request&) {
+  const LiveHealth health = engine_.Health();
+  return Answer{
+      200,
+      {{"status", health.store_trouble.empty() ? "ok" : "store"},
+       {"message", TextOrNull(health.store_trouble)},
+       {"version", GraderBuild()["version"]},
+       {"api", 1},
+       {"schema", SchemaMigrations().size()},
+       {"pid", getpid()},
+       {"slots", options_.config.scheduler.slots},
+       {"running", health.running},
+       {"pending_leases", health.pending},
+       {"data", options_.data_dir},
+       {"started_at", TimeToJson(absl::ToUnixMillis(options_.started_at))},
+       {"uptime_wall_s", absl::ToDoubleSeconds(clock_.Now() - options_.started_at)}}};
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,168 @@
+#include "server/api/requests.h"
+
+#include <algorithm>
+#include <set>
+
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
+#include "protocol/config_reader.h"
+#include "protocol/track_config.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr char kWhere[] = "request";
+constexpr size_t kMaxTeamBytes = 64;
+constexpr size_t kMaxReasonBytes = 200;
+
+bool IsHash(const std::string& text) {
+  return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string::npos;
+}
+
+std::vector<uint64_t> ReadSeeds(ConfigReader& reader) {
+  std::vector<uint64_t> seeds;
+  std::set<uint64_t> seen;
+  for (const nlohmann::json& entry : reader.Array("seeds")) {
+    const bool whole = entry.is_number_unsigned() && entry.get<uint64_t>() <= INT64_MAX;
+    if (!whole) {
+      reader.Fail("seeds", absl::StrCat("holds ", entry.dump().substr(0, 40),
+                                        ", each must be a whole number from 0 to 2^63 - 1"));
+      continue;
+    }
+    if (!seen.insert(entry.get<uint64_t>()).second) {
+      reader.Fail("seeds", absl::StrCat("holds ", entry.dump(), " twice"));
+    }
+    seeds.push_back(entry.get<uint64_t>());
+  }
+  if (seeds.empty() || static_cast<int64_t>(seeds.size()) > kMaxEpisodes) {
+    reader.Fail("seeds", absl::StrCat("must hold 1 to ", kMaxEpisodes, " numbers"));
+  }
+  return seeds;
+}
+
+// Code points that would change how a board or a terminal shows what surrounds them.
+bool IsHarmful(uint32_t c) {
+  return c < 0x20 || (c >= 0x7f && c < 0xa0) || c == 0x2028 || c == 0x2029 ||
+         (c >= 0x200b && c <= 0x200f) || (c >= 0x202a && c <= 0x202e) ||
+         (c >= 0x2060 && c <= 0x206f) || c == 0xfeff;
+}
+
+}  // namespace
+
+bool IsPlainText(const std::string& text, size_t max) {
+  if (text.empty() || text.size() > max || text.front() == ' ' || text.back() == ' ') return false;
+  for (size_t i = 0; i < text.size();) {
+    const auto byte = static_cast<unsigned char>(text[i]);
+    const size_t more = byte < 0x80 ? 0 : byte >= 0xf0 ? 3 : byte >= 0xe0 ? 2 : 1;
+    if (i + more >= text.size()) return false;
+    uint32_t c = more == 0 ? byte : byte & (0x3fu >> more);
+    for (size_t k = 1; k <= more; ++k) {
+      c = c << 6 | (static_cast<unsigned char>(text[i + k]) & 0x3fu);
+    }
+    if (IsHarmful(c)) return false;
+    i += more + 1;
+  }
+  return true;  // nlohmann-json has refused what is not UTF-8 at all
+}
+
+absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body) {
+  ConfigReader reader(body, kWhere);
+  SubmitRequest request;
+  request.artefact = reader.String("artefact");
+  request.team = reader.String("team");
+  request.track = reader.String("track");
+  if (reader.Has("profile")) request.profile = reader.String("profile");
+  if (reader.Has("seeds")) request.seeds = ReadSeeds(reader);
+  if (reader.Has("episodes")) request.episodes = reader.Integer("episodes", 1, kMaxEpisodes);
+  if (!IsHash(request.artefact)) {
+    reader.Fail("artefact", "must be the id of an artefact: 64 lower-case hexadecimal digits");
+  }
+  if (!IsPlainText(request.team, kMaxTeamBytes)) {
+    reader.Fail("team", absl::StrCat("must be 1 to ", kMaxTeamBytes, " bytes of text without "
+                                     "control characters, without a space at its ends"));
+  }
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return request;
+}
+
+absl::StatusOr<RerunRequest> ParseRerun(const nlohmann::json& body) {
+  ConfigReader reader(body, kWhere);
+  RerunRequest request;
+  if (reader.Has("first")) request.first = reader.Integer("first", 0, kMaxEpisodes - 1);
+  if (reader.Has("last")) request.last = reader.Integer("last", 0, kMaxEpisodes - 1);
+  if (request.first.has_value() != request.last.has_value()) {
+    reader.Fail(request.first ? "last" : "first", "is missing: both or none must be given");
+  } else if (request.first && *request.last < *request.first) {
+    reader.Fail("last", absl::StrCat("is ", *request.last, ", which is before first"));
+  }
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return request;
+}
+
+absl::StatusOr<std::string> ParseCancel(const nlohmann::json& body) {
+  ConfigReader reader(body, kWhere);
+  std::string reason = "cancelled by request";
+  if (reader.Has("reason")) {
+    reason = reader.String("reason");
+    if (!IsPlainText(reason, kMaxReasonBytes)) {
+      reader.Fail("reason", absl::StrCat("must be 1 to ", kMaxReasonBytes,
+                                         " bytes of text without control characters"));
+    }
+  }
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return reason;
+}
+
+absl::Status CheckParameters(const httplib::Request& request,
+                             const std::vector<std::string>& known) {
+  for (const auto& [key, value] : request.params) {
+    if (std::find(known.begin(), known.end(), key) == known.end()) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "\"", key, "\" is not a parameter of this address; known: ",
+          known.empty() ? "none" : absl::StrJoin(known, ", ")));
+    }
+    if (request.get_param_value_count(key) > 1) {
+      return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" is there twice"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request) {
+  absl::Status status = CheckParameters(
+      request, {"team", "track", "profile", "state", "before", "limit"});
+  SubmissionFilter filter;
+  filter.team = request.get_param_value("team");
+  filter.track = request.get_param_value("track");
+  filter.profile = request.get_param_value("profile");
+  if (const std::string state = request.get_param_value("state"); !state.empty()) {
+    filter.state = ParseEvaluationState(state);
+    if (!filter.state) {
+      status.Update(absl::InvalidArgumentError(
+          "\"state\" must be queued, running, done, failed, cancelled or grader_error"));
+    }
+  }
+  const auto number = [&](const char* key, int64_t max, int64_t& value) {
+    if (!request.has_param(key)) return;
+    if (!absl::SimpleAtoi(request.get_param_value(key), &value) || value < 1 || value > max) {
+      status.Update(absl::InvalidArgumentError(
+          absl::StrCat("\"", key, "\" must be a whole number from 1 to ", max)));
+    }
+  };
+  number("before", INT64_MAX, filter.before);
+  number("limit", 1000, filter.limit);
+  if (!status.ok()) return status;
+  return filter;
+}
+
+std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease) {
+  std::vector<std::pair<int64_t, int64_t>> blocks;
+  for (int64_t first = 0; first < count; first += per_lease) {
+    blocks.emplace_back(first, std::min(first + per_lease, count) - 1);
+  }
+  return blocks;
+}
+
+}  // namespace myograde::server

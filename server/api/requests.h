@@ -1,0 +1,50 @@
+// Checks of what clients send. Every mistake is an InvalidArgumentError that
+// names the key and says what is allowed.
+#pragma once
+
+#include <httplib.h>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <nlohmann/json.hpp>
+
+#include "server/store/reader.h"
+
+namespace myograde::server {
+
+struct SubmitRequest {
+  std::string artefact;
+  std::string team;
+  std::string track;
+  std::string profile;  // "": the track's default
+  std::optional<std::vector<uint64_t>> seeds;
+  std::optional<int64_t> episodes;
+};
+absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body);
+
+struct RerunRequest {
+  std::optional<int64_t> first;
+  std::optional<int64_t> last;
+};
+absl::StatusOr<RerunRequest> ParseRerun(const nlohmann::json& body);
+
+// The reason given, or the usual one.
+absl::StatusOr<std::string> ParseCancel(const nlohmann::json& body);
+
+absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request);
+
+// `known` are all of the parameters that an address has.
+absl::Status CheckParameters(const httplib::Request& request,
+                             const std::vector<std::string>& known);
+
+// Text that people chose: UTF-8 of 1 to `max` bytes without control characters
+// or invisible direction marks, and no space at its ends.
+bool IsPlainText(const std::string& text, size_t max);
+
+// A submission's leases: [0, count) cut at multiples of `per_lease`.
+std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease);
+
+}  // namespace myograde::server

@@ -1,0 +1,100 @@
+#include "server/api/views.h"
+
+#include <map>
+
+#include <absl/time/time.h>
+
+#include "server/store/replay.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+Json Parse(const std::string& text) {
+  Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  return json.is_discarded() ? Json() : json;
+}
+
+Json KeyOrNull(const Json& object, const char* key) {
+  return object.is_object() && object.contains(key) ? object[key] : Json();
+}
+
+Json SideToJson(const EpisodeRow& row) {
+  const Json facts = Parse(row.facts_json);
+  return {{"outcome", OutcomeName(row.outcome)},
+          {"reason", FailureReasonName(row.reason)},
+          {"steps", KeyOrNull(facts, "steps")},
+          {"digest", KeyOrNull(facts, "digest")},
+          {"metrics", Parse(row.metrics_json)}};
+}
+
+}  // namespace
+
+nlohmann::json TimeToJson(int64_t ms) {
+  if (ms == 0) return nullptr;
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(ms), absl::UTCTimeZone());
+}
+
+nlohmann::json TextOrNull(const std::string& text) { return text.empty() ? Json() : Json(text); }
+
+nlohmann::json CountsToJson(int64_t total, const EpisodeCounts& counts) {
+  return {{"total", total},
+          {"done", counts.done},
+          {"success", counts.success},
+          {"failure", counts.failure},
+          {"fault", counts.fault}};
+}
+
+nlohmann::json EpisodeToJson(const EpisodeRow& row) {
+  const Json facts = Parse(row.facts_json);
+  return {{"index", row.index},
+          {"seed", row.seed},
+          {"outcome", OutcomeName(row.outcome)},
+          {"reason", FailureReasonName(row.reason)},
+          {"metrics", Parse(row.metrics_json)},
+          {"steps", KeyOrNull(facts, "steps")},
+          {"sim_time_s", KeyOrNull(facts, "sim_time")},
+          {"clipped", KeyOrNull(facts, "clipped")},
+          {"digest", KeyOrNull(facts, "digest")},
+          {"end", KeyOrNull(facts, "end")},
+          {"fault", KeyOrNull(facts, "fault")},
+          {"facts", KeyOrNull(facts, KeyOrNull(facts, "manipulation").is_null() ? "locomotion"
+                                                                                : "manipulation")},
+          {"wall_s", KeyOrNull(facts, "wall_s")},
+          {"policy_cpu_s", KeyOrNull(facts, "policy_cpu_s")},
+          {"attempt", row.attempt}};
+}
+
+nlohmann::json LimitsToJson(const TrackConfig& config) {
+  return KeyOrNull(config.effective, "budgets");
+}
+
+nlohmann::json CompareRows(int64_t original, const std::vector<EpisodeRow>& original_rows,
+                           const EvaluationRow& rerun, const std::vector<EpisodeRow>& rerun_rows) {
+  std::map<int64_t, const EpisodeRow*> theirs;
+  for (const EpisodeRow& row : original_rows) theirs[row.index] = &row;
+  Json episodes = Json::array();
+  int64_t compared = 0;
+  int64_t equal = 0;
+  for (const EpisodeRow& row : rerun_rows) {
+    const auto it = theirs.find(row.index);
+    if (it == theirs.end()) continue;
+    const std::vector<std::string> differs = DifferencesBetween(*it->second, row);
+    Json entry = {{"index", row.index}, {"equal", differs.empty()}, {"differs", differs}};
+    if (!differs.empty()) {
+      entry["original"] = SideToJson(*it->second);
+      entry["rerun"] = SideToJson(row);
+    }
+    ++compared;
+    equal += differs.empty() ? 1 : 0;
+    episodes.push_back(std::move(entry));
+  }
+  return {{"with", original},
+          {"compared", compared},
+          {"equal", equal},
+          {"missing", rerun.last - rerun.first + 1 - compared},
+          {"episodes", std::move(episodes)}};
+}
+
+}  // namespace myograde::server

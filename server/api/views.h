@@ -1,0 +1,27 @@
+// The parts of the API's answers that more than one address tells.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "server/daemon/tracks.h"
+#include "server/store/rows.h"
+
+namespace myograde::server {
+
+// UTC with milliseconds; null for 0 ("not yet").
+nlohmann::json TimeToJson(int64_t ms);
+// Null for "".
+nlohmann::json TextOrNull(const std::string& text);
+nlohmann::json CountsToJson(int64_t total, const EpisodeCounts& counts);
+// One row of `episode_rows`.
+nlohmann::json EpisodeToJson(const EpisodeRow& row);
+// What a participant may use, as in the track's config.
+nlohmann::json LimitsToJson(const TrackConfig& config);
+// A re-run against its original; both sorted by index.
+nlohmann::json CompareRows(int64_t original, const std::vector<EpisodeRow>& original_rows,
+                           const EvaluationRow& rerun, const std::vector<EpisodeRow>& rerun_rows);
+
+}  // namespace myograde::server

@@ -1,0 +1,166 @@
+#include "server/daemon/daemon.h"
+
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+
+#include <absl/strings/str_cat.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include "server/api/api.h"
+#include "server/daemon/engine.h"
+#include "server/store/lock.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string FromEnvironment(const char* name) {
+  const char* value = getenv(name);
+  return value == nullptr ? "" : value;
+}
+
+// A folder for everybody's use: root's place, or one in the user's home.
+absl::StatusOr<std::string> UsualFolder(const char* root, const char* xdg, const char* in_home) {
+  if (geteuid() == 0) return std::string(root);
+  // The XDG rules: a relative path there is to be ignored.
+  if (const std::string base = FromEnvironment(xdg); base.starts_with('/')) {
+    return base + "/myograde";
+  }
+  const std::string home = FromEnvironment("HOME");
+  if (!home.starts_with('/')) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("neither ", xdg, " nor HOME says where to keep things; set one, or give "
+                     "--data and --cache"));
+  }
+  return absl::StrCat(home, "/", in_home, "/myograde");
+}
+
+absl::Status Fill(std::string& option, const char* variable,
+                  const std::function<absl::StatusOr<std::string>()>& usual) {
+  if (option.empty()) option = FromEnvironment(variable);
+  if (option.empty()) {
+    absl::StatusOr<std::string> path = usual();
+    if (!path.ok()) return path.status();
+    option = *std::move(path);
+  }
+  option = fs::absolute(option).lexically_normal();
+  if (option.size() > 1 && option.ends_with('/')) option.pop_back();
+  return absl::OkStatus();
+}
+
+// The data folder is the daemon's alone: its secret and everybody's submissions lie in it.
+absl::Status MakeFolders(const std::string& data) {
+  std::error_code error;
+  fs::create_directories(data, error);
+  for (const char* part : {"", "/artefacts", "/work", "/spool"}) {
+    const std::string path = data + part;
+    if (!error) fs::create_directory(path, error);
+    if (!error) fs::permissions(path, fs::perms::owner_all, error);
+    if (error) {
+      return absl::PermissionDeniedError(absl::StrCat(
+          path, ": can't be made or given its rights (", error.message(),
+          "); choose another data folder with --data"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+// What an earlier daemon had in work when it died is of no use.
+void Empty(const std::string& folder) {
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+    fs::remove_all(entry.path(), error);
+    if (error) spdlog::warn("{}: can't be removed: {}", entry.path().string(), error.message());
+  }
+}
+
+void StartLog(const std::string& level) {
+  auto log = spdlog::stderr_logger_mt("myograded");
+  log->set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %v");
+  log->set_level(spdlog::level::from_str(level));
+  spdlog::set_default_logger(std::move(log));
+}
+
+std::atomic<Engine*> engine_to_stop = nullptr;
+
+void OnSignal(int) {
+  if (Engine* engine = engine_to_stop.load()) engine->Stop();
+}
+
+// Signals stop this engine while the object lives.
+class SignalGuard {
+ public:
+  explicit SignalGuard(Engine& engine) {
+    engine_to_stop = &engine;
+    struct sigaction action = {};
+    action.sa_handler = OnSignal;
+    for (const int signal : {SIGTERM, SIGINT}) sigaction(signal, &action, nullptr);
+    std::signal(SIGPIPE, SIG_IGN);
+    // Inherited as ignored, it would make the children's ends invisible.
+    std::signal(SIGCHLD, SIG_DFL);
+  }
+  ~SignalGuard() { engine_to_stop = nullptr; }
+};
+
+}  // namespace
+
+absl::StatusOr<DaemonOptions> WithDefaults(DaemonOptions options) {
+  absl::Status status = Fill(options.data_dir, "MYOGRADE_DATA", [] {
+    return UsualFolder("/var/lib/myograde", "XDG_DATA_HOME", ".local/share");
+  });
+  if (status.ok()) {
+    status = Fill(options.cache_dir, "MYOGRADE_CACHE", [] {
+      return UsualFolder("/var/cache/myograde", "XDG_CACHE_HOME", ".cache");
+    });
+  }
+  if (status.ok()) {
+    status = Fill(options.configs_dir, "MYOGRADE_CONFIGS",
+                  [] { return std::string(MYOGRADE_CONFIGS_DIR); });
+  }
+  if (!status.ok()) return status;
+  if (options.socket.empty()) options.socket = options.data_dir + "/myograde.sock";
+  options.socket = fs::absolute(options.socket).lexically_normal();
+  return options;
+}
+
+absl::Status RunDaemon(const DaemonOptions& options) {
+  const Clock& clock = SystemClock();
+  absl::StatusOr<ServerConfig> config =
+      LoadServerConfig(options.configs_dir + "/server.json", options.cache_dir);
+  if (!config.ok()) return config.status();
+  absl::StatusOr<Tracks> tracks = Tracks::Load(options.configs_dir + "/tracks");
+  if (!tracks.ok()) return tracks.status();
+  if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
+  absl::StatusOr<DataLock> lock = DataLock::Take(options.data_dir);
+  if (!lock.ok()) return lock.status();
+  StartLog(config->log_level);
+  Empty(options.data_dir + "/work");
+  Empty(options.data_dir + "/spool");
+
+  const std::string path = options.data_dir + "/store.db";
+  absl::StatusOr<std::unique_ptr<Store>> store = Store::Open(path, clock);
+  if (!store.ok()) return store.status();
+  ReaderPool readers(path);
+  Engine engine({*config, options.data_dir, options.cache_dir, geteuid() == 0}, **store, readers,
+                clock);
+  const SignalGuard signals(engine);
+  if (absl::Status status = engine.Recover(); !status.ok()) return status;
+
+  Api api({*config, options.data_dir, clock.Now()}, *tracks, engine, readers, clock);
+  UnixHttpServer server(config->http);
+  api.Install(server);
+  if (absl::Status status = server.Start(options.socket); !status.ok()) return status;
+  spdlog::info("listening on {}, {} slots, {} tracks", options.socket,
+               config->scheduler.slots, tracks->offers().size());
+  const absl::Status status = engine.Run();
+  server.Shutdown();
+  spdlog::info("stopped");
+  return status;
+}
+
+}  // namespace myograde::server

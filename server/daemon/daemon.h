@@ -1,0 +1,28 @@
+// The program myograded, from its options to its end.
+#pragma once
+
+#include <string>
+
+#include <absl/status/statusor.h>
+
+namespace myograde::server {
+
+struct DaemonOptions {
+  std::string data_dir;
+  std::string socket;       // "" is DATA/myograde.sock
+  std::string configs_dir;
+  std::string cache_dir;
+};
+
+// Fills what is empty: --data from MYOGRADE_DATA, else /var/lib/myograde for
+// root and the XDG data folder for others; --configs from MYOGRADE_CONFIGS, else
+// the folder that the program was built with; --cache from MYOGRADE_CACHE, else
+// /var/cache/myograde for root and the XDG cache folder for others. Paths are
+// made absolute. InvalidArgumentError if the home folder is not known.
+absl::StatusOr<DaemonOptions> WithDefaults(DaemonOptions options);
+
+// Serves until SIGTERM or SIGINT. OkStatus() after an orderly stop; an error
+// says why it could not start, or why it could not go on.
+absl::Status RunDaemon(const DaemonOptions& options);
+
+}  // namespace myograde::server

@@ -1,0 +1,38 @@
+#include <iostream>
+
+#include <CLI/CLI.hpp>
+
+#include "server/daemon/daemon.h"
+
+int main(int argc, char** argv) {
+  // Exit status as everywhere in the project: 2 wrong use, 4 the grader or its host is in trouble.
+  constexpr int kWrongUse = 2;
+  constexpr int kTrouble = 4;
+  myograde::server::DaemonOptions options;
+  CLI::App app{"The MyoGrade daemon: takes submissions over a Unix socket, plays and ranks them.\n"
+               "Example: myograded --data ~/myograde-data"};
+  app.add_option("--data", options.data_dir,
+                 "Folder of the store and the submissions (default: MYOGRADE_DATA, else "
+                 "/var/lib/myograde for root, the XDG data folder for others)");
+  app.add_option("--socket", options.socket, "Socket to listen on (default: DATA/myograde.sock)");
+  app.add_option("--configs", options.configs_dir,
+                 "Folder with server.json and tracks/ (default: MYOGRADE_CONFIGS, else as built)");
+  app.add_option("--cache", options.cache_dir,
+                 "Folder of the models and the physics library (default: MYOGRADE_CACHE, else "
+                 "/var/cache/myograde for root, the XDG cache folder for others)");
+  app.set_version_flag("--version", MYOGRADE_VERSION);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kWrongUse;
+  }
+  const auto filled = myograde::server::WithDefaults(options);
+  if (!filled.ok()) {
+    std::cerr << "myograded: " << filled.status().message() << "\n";
+    return kWrongUse;
+  }
+  const absl::Status status = myograde::server::RunDaemon(*filled);
+  if (status.ok()) return 0;
+  std::cerr << "myograded: " << status.message() << "\n";
+  return kTrouble;
+}

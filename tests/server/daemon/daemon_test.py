@@ -1,0 +1,372 @@
+"""The real daemon on its real socket, with runners that play without physics."""
+
+import concurrent.futures
+import http.client
+import io
+import json
+import os
+import pathlib
+import shutil
+import signal
+import socket
+import subprocess
+import tarfile
+import tempfile
+import time
+import unittest
+
+BIN = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"])
+SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
+FINAL = ("done", "failed", "cancelled", "grader_error")
+
+
+class Connection(http.client.HTTPConnection):
+    def __init__(self, path):
+        super().__init__("myograde", timeout=30)
+        self.path = path
+
+    def connect(self):
+        self.sock = socket.socket(socket.AF_UNIX)
+        self.sock.settimeout(30)
+        self.sock.connect(self.path)
+
+
+def archive(mode, name="fake"):
+    """A submission whose command tells the fake runner how to play."""
+    files = {"policy.json": json.dumps(
+        {"name": name, "command": ["./policy", mode], "runtimes": []}).encode(),
+             "policy": b"#!/bin/sh\n"}
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode="w") as tar:
+        for path, content in files.items():
+            info = tarfile.TarInfo(path)
+            info.size = len(content)
+            info.mode = 0o755
+            tar.addfile(info, io.BytesIO(content))
+    return out.getvalue()
+
+
+class DaemonCase(unittest.TestCase):
+    slots = 2
+
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="myograde-daemon-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+        runner = self.folder / "bin" / "myograde-runner"
+        runner.parent.mkdir()
+        shutil.copy(pathlib.Path(__file__).parent / "fake_runner.py", runner)
+        runner.chmod(0o755)
+        self.configs = self.folder / "configs"
+        shutil.copytree(SOURCE / "configs", self.configs)
+        track = self.configs / "tracks" / "demo-manipulation.json"
+        config = json.loads(track.read_text())
+        config.update(episodes_per_lease=2, seeds={"first": 0, "count": 6})
+        track.write_text(json.dumps(config))
+        self.configure(slots=self.slots)
+        self.data = self.folder / "data"
+        self.daemon = None
+        self.start()
+
+    def tearDown(self):
+        if self.daemon.poll() is None:
+            self.daemon.kill()
+            self.daemon.wait()
+
+    def configure(self, **changes):
+        path = self.configs / "server.json"
+        config = json.loads(path.read_text())
+        for key, value in changes.items():
+            config[key] = {**config[key], **value} if isinstance(value, dict) else value
+        config["scheduler"]["replay_delay_s"] = 0.01
+        path.write_text(json.dumps(config))
+
+    def launch(self):
+        environment = dict(os.environ, MYOGRADE_BIN_DIR=str(self.folder / "bin"))
+        log = open(self.folder / "log", "ab")
+        self.addCleanup(log.close)
+        return subprocess.Popen(
+            [BIN / "myograded", "--data", self.data, "--configs", self.configs,
+             "--cache", self.folder / "cache"], stderr=log, env=environment)
+
+    def start(self):
+        self.daemon = self.launch()
+        for _ in range(300):
+            try:
+                return self.get("/v1/health")
+            except OSError:
+                self.assertIsNone(self.daemon.poll(), (self.folder / "log").read_text())
+                time.sleep(0.05)
+        return self.fail("the daemon does not answer")
+
+    def stop(self, how):
+        self.daemon.send_signal(how)
+        return self.daemon.wait(timeout=20)
+
+    def call(self, method, path, body=None):
+        connection = Connection(str(self.data / "myograde.sock"))
+        try:
+            if isinstance(body, (dict, list)):
+                body = json.dumps(body)
+            connection.request(method, path, body)
+            answer = connection.getresponse()
+            return answer.status, json.loads(answer.read())
+        finally:
+            connection.close()
+
+    def get(self, path):
+        status, body = self.call("GET", path)
+        self.assertEqual(status, 200, body)
+        return body
+
+    def upload(self, mode):
+        status, body = self.call("POST", "/v1/artefacts", archive(mode))
+        self.assertIn(status, (200, 201), body)
+        return body["artefact"]
+
+    def submit(self, mode, team="alpha", **more):
+        status, body = self.call("POST", "/v1/submissions", {
+            "artefact": self.upload(mode), "team": team, "track": "demo-manipulation", **more})
+        self.assertEqual(status, 201, body)
+        return body["submission"]
+
+    def wait(self, path, condition):
+        for _ in range(600):
+            body = self.get(path)
+            if condition(body):
+                return body
+            time.sleep(0.05)
+        return self.fail(f"{path} stays {str(body)[:600]}")
+
+    def ended(self, submission):
+        return self.wait(f"/v1/submissions/{submission}", lambda b: b["state"] in FINAL)
+
+    def result(self, submission):
+        return self.get(f"/v1/submissions/{submission}/result?episodes=1")
+
+
+class Grading(DaemonCase):
+    def test_a_submission_is_graded_and_ranked(self):
+        submission = self.submit("ok")
+        status = self.ended(submission)
+        self.assertEqual(status["state"], "done")
+        self.assertEqual([(l["first"], l["last"]) for l in status["leases"]],
+                         [(0, 1), (2, 3), (4, 5)])
+        result = self.result(submission)
+        self.assertEqual(result["aggregate"]["successes"], 3)
+        self.assertEqual(result["aggregate"]["success_rate"], 0.5)
+        self.assertEqual(result["outcomes"], {"failure": 3, "success": 3})
+        self.assertEqual([row["index"] for row in result["episode_rows"]], list(range(6)))
+        self.assertEqual(result["output"][0]["stderr_tail"], "hello from the policy")
+        self.submit("ok", team="alpha", episodes=4)
+        self.submit("crash", team="faulty")
+        for other in (2, 3):
+            self.ended(other)
+        self.assertEqual(self.get("/v1/submissions/3")["state"], "failed")
+        board = self.get("/v1/leaderboard?track=demo-manipulation")
+        self.assertEqual([(r["rank"], r["team"], r["submission"]) for r in board["rows"]],
+                         [(1, "alpha", 1)])
+        listed = self.get("/v1/submissions?state=done&limit=1")
+        self.assertEqual((listed["submissions"][0]["submission"], listed["next_before"]), (2, 2))
+        self.assertFalse(listed["submissions"][0]["ranked"])
+
+    def test_a_rerun_plays_whole_leases_and_is_compared(self):
+        submission = self.submit("ok")
+        self.ended(submission)
+        status, rerun = self.call("POST", f"/v1/submissions/{submission}/rerun",
+                                  {"first": 3, "last": 3})
+        self.assertEqual((status, rerun["first"], rerun["last"]), (201, 2, 3))
+        path = f"/v1/evaluations/{rerun['evaluation']}"
+        comparison = self.wait(path, lambda b: b["state"] in FINAL)["comparison"]
+        self.assertEqual((comparison["compared"], comparison["equal"], comparison["missing"]),
+                         (2, 2, 0))
+        other = self.submit("unrepeatable")
+        self.ended(other)
+        _, rerun = self.call("POST", f"/v1/submissions/{other}/rerun", {})
+        comparison = self.wait(f"/v1/evaluations/{rerun['evaluation']}",
+                               lambda b: b["state"] in FINAL)["comparison"]
+        self.assertEqual((comparison["compared"], comparison["equal"]), (6, 0))
+        self.assertEqual(comparison["episodes"][0]["differs"], ["digest"])
+        self.assertEqual(len(self.get("/v1/leaderboard?track=demo-manipulation")["rows"]), 1)
+
+    def test_the_graders_faults_are_played_again_and_then_given_up(self):
+        once, never, garbage, dies = (self.submit(mode) for mode in (
+            "once", "grader", "garbage", "dies"))
+        status = self.ended(once)
+        self.assertEqual(status["state"], "done")
+        self.assertEqual([(l["attempt"], l["faults"]) for l in status["leases"]], [(2, 1)] * 3)
+        self.assertEqual(self.result(once)["not_repeatable"], [])
+        for submission, why in ((never, "vanished"), (garbage, "record"), (dies, "out of luck")):
+            status = self.ended(submission)
+            self.assertEqual(status["state"], "grader_error")
+            self.assertIn(why, status["reason"])
+        board = self.get("/v1/leaderboard?track=demo-manipulation")
+        self.assertEqual([r["submission"] for r in board["rows"]], [once])
+
+    def test_cancel_kills_within_a_second_and_keeps_what_is_there(self):
+        submission = self.submit("slow", seeds=list(range(100)))
+        self.wait(f"/v1/submissions/{submission}", lambda b: b["episodes"]["done"] >= 2)
+        begin = time.monotonic()
+        status, body = self.call("POST", f"/v1/submissions/{submission}/cancel",
+                                 {"reason": "wrong file"})
+        self.assertLess(time.monotonic() - begin, 2)
+        self.assertEqual((status, body["state"], body["reason"]), (200, "cancelled", "wrong file"))
+        self.assertGreaterEqual(body["episodes"]["done"], 2)
+        self.assertEqual(self.get("/v1/health")["running"], 0)
+        status, body = self.call("POST", f"/v1/submissions/{submission}/cancel", {})
+        self.assertEqual((status, body["error"]["code"]), (409, "conflict"))
+        self.assertEqual(os.listdir(self.data / "work"), [])
+
+
+class Stopping(DaemonCase):
+    def rows(self, submission):
+        rows = self.result(submission)["episode_rows"]
+        return [{k: v for k, v in row.items() if k not in ("wall_s", "attempt")} for row in rows]
+
+    def test_kills_at_any_time_lose_nothing(self):
+        undisturbed = self.submit("ok", team="calm")
+        self.ended(undisturbed)
+        submission = self.submit("slow", team="shaken")
+        for how in (signal.SIGTERM, signal.SIGKILL, signal.SIGKILL, signal.SIGTERM):
+            time.sleep(0.25)
+            code = self.stop(how)
+            self.assertEqual(code, 0 if how == signal.SIGTERM else -signal.SIGKILL)
+            self.start()
+        status = self.ended(submission)
+        self.assertEqual(status["state"], "done")
+        self.assertEqual([l["faults"] for l in status["leases"]], [0, 0, 0])
+        # The same policy in another artefact: other policy seeds, so other digests.
+        strip = lambda rows: [{k: v for k, v in r.items() if k != "digest"} for r in rows]
+        self.assertEqual(strip(self.rows(submission)), strip(self.rows(undisturbed)))
+        self.assertEqual(self.result(submission)["not_repeatable"], [])
+        self.call("POST", f"/v1/submissions/{submission}/rerun", {})
+        comparison = self.wait("/v1/evaluations/3", lambda b: b["state"] in FINAL)["comparison"]
+        self.assertEqual(comparison["equal"], 6)
+
+    def test_an_unrepeatable_policy_is_told_from_a_disturbance(self):
+        self.configure(slots=1)
+        self.stop(signal.SIGTERM)
+        self.start()
+        submission = self.submit("unrepeatable")
+        self.wait(f"/v1/submissions/{submission}", lambda b: b["episodes"]["done"] == 1)
+        self.stop(signal.SIGKILL)
+        self.start()
+        self.ended(submission)
+        self.assertEqual(self.result(submission)["not_repeatable"],
+                         [{"index": 0, "differs": ["digest"]}])
+
+    def test_a_second_daemon_refuses(self):
+        second = self.launch()
+        self.assertEqual(second.wait(timeout=20), 4)
+        log = (self.folder / "log").read_text()
+        self.assertIn(f"another daemon (process {self.daemon.pid}) works on", log)
+        self.get("/v1/health")
+
+    def test_a_broken_config_is_told_at_the_start(self):
+        self.stop(signal.SIGTERM)
+        self.configure(slots=0)
+        self.assertEqual(self.launch().wait(timeout=20), 4)
+        self.configure(slots=1, http={"colour": "red"})
+        self.assertEqual(self.launch().wait(timeout=20), 4)
+        log = (self.folder / "log").read_text()
+        self.assertIn('"slots" is 0, must be from 1 to 1024', log)
+        self.assertIn('"colour" is not a known key', log)
+
+
+class BadRequests(DaemonCase):
+    def test_each_gets_a_sentence_and_changes_nothing(self):
+        known = self.upload("ok")
+        good = {"artefact": known, "team": "a", "track": "demo-manipulation"}
+        posts = [
+            ({**good, "track": "runing"}, 400, "unknown_track"),
+            ({**good, "profile": "none"}, 400, "unknown_profile"),
+            ({**good, "artefact": "f" * 64}, 404, "not_found"),
+            ({**good, "artefact": "../../etc"}, 400, "bad_request"),
+            ({**good, "team": ""}, 400, "bad_request"),
+            ({**good, "team": "a\u001b[31m"}, 400, "bad_request"),
+            ({**good, "team": "a\u202eb"}, 400, "bad_request"),
+            ({**good, "team": 7}, 400, "bad_request"),
+            ({**good, "episodes": 0}, 400, "bad_request"),
+            ({**good, "episodes": -3}, 400, "bad_request"),
+            ({**good, "episodes": 7}, 400, "bad_request"),
+            ({**good, "episodes": 10**9}, 400, "bad_request"),
+            ({**good, "episodes": 1.5}, 400, "bad_request"),
+            ({**good, "seeds": []}, 400, "bad_request"),
+            ({**good, "seeds": [1, 1]}, 400, "bad_request"),
+            ({**good, "seeds": [-1]}, 400, "bad_request"),
+            ({**good, "seeds": [2**63]}, 400, "bad_request"),
+            ({**good, "color": "red"}, 400, "bad_request"),
+            ({"team": "a"}, 400, "bad_request"),
+            ([], 400, "bad_request"),
+            ("{", 400, "bad_request"),
+            ('{"team": "a", "team": "b"}', 400, "bad_request"),
+            (b'{"team": "\xff"}', 400, "bad_request"),
+            ("", 400, "bad_request"),
+            ("[" * 2000, 400, "bad_request"),
+            (" " * (1 << 21), 413, "too_large"),
+        ]
+        for body, status, code in posts:
+            answer = self.call("POST", "/v1/submissions", body)
+            self.assertEqual((answer[0], answer[1]["error"]["code"]), (status, code),
+                             (str(body)[:80], answer))
+            self.assertTrue(answer[1]["error"]["message"])
+        gets = [("/v1/submissions/1", 404), ("/v1/submissions/x", 404), ("/nothing", 404),
+                ("/v1/submissions/99999999999999999999", 404), ("/v1/evaluations/1", 404),
+                ("/v1/submissions?limit=0", 400), ("/v1/submissions?colour=red", 400),
+                ("/v1/submissions?state=odd", 400), ("/v1/leaderboard", 400),
+                ("/v1/leaderboard?track=demo-manipulation&board=physiological", 400)]
+        for path, status in gets:
+            answer = self.call("GET", path)
+            self.assertEqual(answer[0], status, (path, answer))
+            self.assertIn("message", answer[1]["error"])
+        self.assertEqual(self.get("/v1/submissions")["submissions"], [])
+
+    def test_bad_archives(self):
+        for body in (b"", b"junk" * 1000, archive("ok")[:700]):
+            status, answer = self.call("POST", "/v1/artefacts", body)
+            self.assertEqual((status, answer["error"]["code"]), (400, "bad_artefact"), answer)
+        self.assertEqual(os.listdir(self.data / "spool"), [])
+        self.assertEqual(os.listdir(self.data / "artefacts"), [])
+        self.assertNotEqual(self.upload("ok"), self.upload("slow"))
+        status, answer = self.call("POST", "/v1/artefacts", archive("ok"))
+        self.assertEqual((status, answer["new"]), (200, False))
+
+    def test_rerun_needs_an_end_and_a_range(self):
+        submission = self.submit("slow")
+        path = f"/v1/submissions/{submission}/rerun"
+        self.assertEqual(self.call("POST", path, {})[0], 409)
+        self.ended(submission)
+        for body in ({"first": 3}, {"first": 3, "last": 2}, {"first": 0, "last": 6},
+                     {"first": -1, "last": 2}):
+            self.assertEqual(self.call("POST", path, body)[0], 400, body)
+
+
+class ManyClients(DaemonCase):
+    def test_silent_and_slow_clients_do_not_keep_others_waiting(self):
+        path = str(self.data / "myograde.sock")
+        silent = [socket.socket(socket.AF_UNIX) for _ in range(100)]
+        for index, client in enumerate(silent):
+            client.connect(path)
+            if index < 8:
+                client.send(b"GET /v1/hea")  # and no more
+        try:
+            begin = time.monotonic()
+            with concurrent.futures.ThreadPoolExecutor(64) as pool:
+                answers = list(pool.map(lambda _: self.get("/v1/health"), range(256)))
+            self.assertTrue(all(answer["status"] == "ok" for answer in answers))
+            self.assertLess(time.monotonic() - begin, 20)
+        finally:
+            for client in silent:
+                client.close()
+
+    def test_one_connection_carries_many_requests(self):
+        connection = Connection(str(self.data / "myograde.sock"))
+        for _ in range(20):
+            connection.request("GET", "/v1/tracks")
+            answer = connection.getresponse()
+            self.assertEqual(answer.status, 200)
+            answer.read()
+        connection.close()
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

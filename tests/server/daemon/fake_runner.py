@@ -1,0 +1,74 @@
+#!/usr/bin/python3
+"""Stands in for myograde-runner: plays a lease without physics.
+
+The second word of the policy's command says how: "ok", "slow" (0.2 s an
+episode), "crash" (every episode by the participant's fault), "grader" (the
+grader's fault always), "once" (the grader's fault at the first attempt, after
+one episode), "garbage", "dies" and "unrepeatable".
+"""
+
+import hashlib
+import json
+import os
+import sys
+import time
+
+
+def say(record):
+    print(json.dumps(record), flush=True)
+
+
+def manipulation(success):
+    facts = {name: 0 for name in (
+        "frames", "frames_start", "frames_goal", "frames_other", "solved_steps")}
+    facts.update({name: 0.0 for name in (
+        "max_touch", "goal_distance_sum", "final_goal_distance", "final_hand_distance",
+        "max_height", "reported_time")})
+    facts.update(frames_arm=100, frames_prosthesis=100, goal_only_at_end=success, placed=success,
+                 solved=success, peak_force=10.0, effort_sum=1.5)
+    return facts
+
+
+def episode(order, mode):
+    index, seed = order["index"], order["seed"]
+    digest = hashlib.sha256(f"{seed}/{order['policy_seed']}".encode())
+    if mode == "unrepeatable":
+        digest.update(os.urandom(8))
+    success = seed % 2 == 0
+    record = {
+        "type": "episode", "index": index, "seed": seed, "end": "placed" if success else "time",
+        "steps": 100 + seed, "sim_time": 1.0 + seed / 100, "clipped": 0,
+        "digest": digest.hexdigest(), "wall_s": time.monotonic() % 1, "policy_cpu_s": 0.01,
+        "track": "manipulation", "manipulation": manipulation(success)}
+    if mode == "crash":
+        record.update(end="fault", fault={
+            "outcome": "crash", "limit": "", "limit_value": 0.0, "value": 139.0, "step": 7,
+            "detail": "the policy died of signal 11"})
+    return record
+
+
+def main():
+    with open(sys.argv[-1], encoding="utf-8") as file:
+        order = json.load(file)
+    mode = order["command"][1]
+    attempt = int(order["lease"].split("-")[1])
+    detail = ""
+    if mode == "dies":
+        sys.exit("out of luck")
+    if mode == "garbage":
+        print("{not a record", flush=True)
+        time.sleep(60)
+    for place, entry in enumerate(order["episodes"]):
+        if mode == "grader" or (mode == "once" and attempt == 1 and place == 1):
+            detail = "the simulator vanished"
+            break
+        say({"type": "progress", "episode": entry["index"], "step": 1})
+        if mode in ("slow", "unrepeatable"):
+            time.sleep(0.2)
+        say(episode(entry, mode))
+    say({"type": "lease_end", "ok": not detail, "detail": detail, "stdout_tail": "",
+         "stderr_tail": "hello from the policy", "stdout_truncated": False,
+         "stderr_truncated": False, "policy_cpu_s": 0.1, "wall_s": 0.2, "peak_memory_bytes": 0})
+
+
+main()

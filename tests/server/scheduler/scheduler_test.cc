@@ -1,0 +1,215 @@
+// The scheduler against random histories: submissions, ends, faults, silences,
+// cancels and late news in any order.
+#include "server/scheduler/scheduler.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+namespace myograde::server {
+namespace {
+
+using Kind = Verdict::Kind;
+
+EvaluationSpec Spec(int64_t id, const std::string& team, int leases,
+                    Priority priority = Priority::kOriginal) {
+  EvaluationSpec spec{id, team, priority, absl::Seconds(100), {}};
+  for (int i = 0; i < leases; ++i) spec.leases.push_back({id * 1000 + i, 0, 0});
+  return spec;
+}
+
+TEST(SchedulerTest, FillsSlotsInTheOrderOfPlay) {
+  Scheduler scheduler({.slots = 2});
+  scheduler.Add(Spec(1, "a", 3));
+  const auto first = scheduler.Next(absl::ZeroDuration());
+  const auto second = scheduler.Next(absl::ZeroDuration());
+  ASSERT_TRUE(first && second);
+  EXPECT_EQ(first->lease, 1000);
+  EXPECT_EQ(second->lease, 1001);
+  EXPECT_NE(first->slot, second->slot);
+  EXPECT_FALSE(scheduler.Next(absl::ZeroDuration()));
+  EXPECT_EQ(scheduler.Finished(1000, 1).kind, Kind::kEvaluationRuns);
+  const auto third = scheduler.Next(absl::ZeroDuration());
+  ASSERT_TRUE(third);
+  EXPECT_EQ(third->slot, first->slot);
+}
+
+TEST(SchedulerTest, TeamsTakeTurnsWhateverTheirNumberOfSubmissions) {
+  Scheduler scheduler({.slots = 1});
+  for (int64_t id = 1; id <= 20; ++id) scheduler.Add(Spec(id, "many", 2));
+  ASSERT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 1);
+  scheduler.Add(Spec(21, "one", 1));
+  scheduler.Finished(1000, 1);
+  EXPECT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 21);
+}
+
+TEST(SchedulerTest, ATeamsRerunsWaitForItsOriginals) {
+  Scheduler scheduler({.slots = 1});
+  scheduler.Add(Spec(1, "a", 1, Priority::kRerun));
+  scheduler.Add(Spec(2, "a", 1));
+  EXPECT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 2);
+}
+
+TEST(SchedulerTest, PlaysAgainThreeTimesWithGrowingDelaysAndThenGivesUp) {
+  Scheduler scheduler({.slots = 1, .max_replays = 3, .replay_delay = absl::Seconds(2)});
+  scheduler.Add(Spec(1, "a", 2));
+  absl::Duration now = absl::ZeroDuration();
+  for (int64_t attempt = 1; attempt <= 3; ++attempt) {
+    // The other lease has its turn while this one waits; it is not started here, as there is
+    // one slot and it is the earlier lease that is due.
+    const auto start = scheduler.Next(now);
+    ASSERT_TRUE(start);
+    ASSERT_EQ(start->lease, 1000);
+    EXPECT_EQ(start->attempt, attempt);
+    EXPECT_EQ(scheduler.Faulted(1000, attempt, now).kind, Kind::kReplay);
+    now += absl::Seconds(2) * (1 << (attempt - 1));
+  }
+  ASSERT_EQ(scheduler.Next(now)->attempt, 4);
+  const Verdict verdict = scheduler.Faulted(1000, 4, now);
+  EXPECT_EQ(verdict.kind, Kind::kGiveUp);
+  EXPECT_EQ(verdict.pending, std::vector<int64_t>{1001});
+  EXPECT_EQ(scheduler.pending(), 0);
+  EXPECT_FALSE(scheduler.Next(now + absl::Hours(1)));
+}
+
+TEST(SchedulerTest, ALateEndOfAnExpiredAttemptCountsNothing) {
+  Scheduler scheduler({.slots = 1, .heartbeat = absl::Seconds(30)});
+  scheduler.Add(Spec(1, "a", 1));
+  scheduler.Next(absl::ZeroDuration());
+  scheduler.Heartbeat(1000, 1, absl::Seconds(20));
+  EXPECT_TRUE(scheduler.OverdueAt(absl::Seconds(49)).empty());
+  ASSERT_EQ(scheduler.OverdueAt(absl::Seconds(50)).size(), 1u);
+  scheduler.Faulted(1000, 1, absl::Seconds(50));
+  EXPECT_EQ(scheduler.Finished(1000, 1).kind, Kind::kStale);
+  ASSERT_TRUE(scheduler.Next(absl::Seconds(60)));
+  EXPECT_EQ(scheduler.Finished(1000, 1).kind, Kind::kStale);
+  EXPECT_FALSE(scheduler.IsCurrent(1000, 1));
+  EXPECT_EQ(scheduler.Finished(1000, 2).kind, Kind::kEvaluationEnds);
+}
+
+TEST(SchedulerTest, ALeaseThatKeepsBeatingStillEndsAtItsCap) {
+  Scheduler scheduler({.slots = 1});
+  scheduler.Add(Spec(1, "a", 1));
+  scheduler.Next(absl::ZeroDuration());
+  scheduler.Heartbeat(1000, 1, absl::Seconds(99));
+  EXPECT_TRUE(scheduler.OverdueAt(absl::Seconds(99)).empty());
+  EXPECT_EQ(scheduler.OverdueAt(absl::Seconds(100)).size(), 1u);
+  EXPECT_EQ(scheduler.NextDeadline(absl::Seconds(99)), absl::Seconds(100));
+}
+
+TEST(SchedulerTest, TellsThePlaceInTheLine) {
+  Scheduler scheduler({.slots = 1});
+  scheduler.Add(Spec(1, "a", 3));
+  scheduler.Add(Spec(2, "a", 1));
+  scheduler.Add(Spec(3, "b", 1));
+  scheduler.Next(absl::ZeroDuration());
+  // Team b has had no turn, then the rest of 1, then 2.
+  EXPECT_EQ(scheduler.PlaceOf(3)->position, 1);
+  EXPECT_EQ(scheduler.PlaceOf(2)->position, 3);
+  EXPECT_EQ(scheduler.PlaceOf(2)->leases_ahead, 3);
+  EXPECT_FALSE(scheduler.PlaceOf(9));
+  EXPECT_NE(scheduler.WhyWaiting(2, absl::ZeroDuration()).find("1 of 1"), std::string::npos);
+}
+
+// What the history should have led to, kept apart from the scheduler.
+struct Model {
+  std::map<int64_t, std::pair<int64_t, int>> running;  // lease to attempt and slot
+  std::map<int64_t, int> faults;
+  std::map<int64_t, std::set<int64_t>> open;           // evaluation to leases
+  std::set<int64_t> done;
+  std::set<int64_t> ended;
+};
+
+void CheckVerdict(Model& model, int64_t lease, const Verdict& verdict) {
+  const int64_t evaluation = lease / 1000;
+  switch (verdict.kind) {
+    case Kind::kEvaluationEnds:
+    case Kind::kGiveUp:
+      RC_ASSERT(model.ended.insert(evaluation).second);  // once only
+      for (const int64_t other : verdict.running) RC_ASSERT(model.running.erase(other) == 1u);
+      model.open.erase(evaluation);
+      break;
+    case Kind::kStale:
+      RC_FAIL("a current attempt was called stale");
+    default:
+      break;
+  }
+}
+
+RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
+  const int slots = *rc::gen::inRange(1, 5);
+  Scheduler scheduler({.slots = slots, .max_replays = 3, .replay_delay = absl::Seconds(1),
+                       .heartbeat = absl::Seconds(10)});
+  Model model;
+  absl::Duration now = absl::ZeroDuration();
+  int64_t next_id = 1;
+  const auto start_all = [&] {
+    while (const auto start = scheduler.Next(now)) {
+      RC_ASSERT(!model.running.contains(start->lease));
+      RC_ASSERT(!model.done.contains(start->lease));
+      RC_ASSERT(start->slot < slots);
+      for (const auto& [lease, at] : model.running) RC_ASSERT(at.second != start->slot);
+      model.running[start->lease] = {start->attempt, start->slot};
+    }
+    RC_ASSERT(static_cast<int>(model.running.size()) == scheduler.running());
+  };
+  const auto end = [&](int64_t lease, bool fault) {
+    const int64_t attempt = model.running.at(lease).first;
+    model.running.erase(lease);
+    if (fault) {
+      RC_ASSERT(++model.faults[lease] <= 4);
+      CheckVerdict(model, lease, scheduler.Faulted(lease, attempt, now));
+    } else {
+      RC_ASSERT(model.done.insert(lease).second);
+      model.open.at(lease / 1000).erase(lease);
+      CheckVerdict(model, lease, scheduler.Finished(lease, attempt));
+    }
+    RC_ASSERT(scheduler.Finished(lease, attempt).kind == Kind::kStale);
+  };
+  const auto some_running = [&] {
+    auto it = model.running.begin();
+    std::advance(it, *rc::gen::inRange<size_t>(0, model.running.size()));
+    return it->first;
+  };
+  const int steps = *rc::gen::inRange(1, 80);
+  for (int i = 0; i < steps; ++i) {
+    start_all();
+    now += absl::Milliseconds(*rc::gen::inRange(0, 3000));
+    const int what = *rc::gen::inRange(0, 6);
+    if (what == 0 || model.running.empty()) {
+      const int leases = *rc::gen::inRange(1, 5);
+      const std::string team(1, static_cast<char>('a' + *rc::gen::inRange(0, 4)));
+      const EvaluationSpec spec = Spec(next_id++, team, leases);
+      for (const LeaseSpec& lease : spec.leases) model.open[spec.id].insert(lease.id);
+      scheduler.Add(spec);
+    } else if (what <= 2) {
+      end(some_running(), /*fault=*/false);
+    } else if (what == 3) {
+      end(some_running(), /*fault=*/true);
+    } else if (what == 4) {
+      const int64_t id = *rc::gen::inRange<int64_t>(1, next_id);
+      const Verdict verdict = scheduler.Cancel(id);
+      RC_ASSERT((verdict.kind == Kind::kStale) == model.ended.contains(id));
+      if (verdict.kind != Kind::kStale) {
+        RC_ASSERT(verdict.running.size() + verdict.pending.size() == model.open.at(id).size());
+        CheckVerdict(model, id * 1000, verdict);
+      }
+    } else {
+      now += absl::Seconds(11);  // all runners were silent
+      for (const Overdue& late : scheduler.OverdueAt(now)) {
+        if (model.running.contains(late.lease)) end(late.lease, /*fault=*/true);
+      }
+    }
+  }
+  // From here on everything goes well: all must come to its end.
+  for (int rounds = 0; rounds < 1000 && !model.open.empty(); ++rounds) {
+    now += absl::Seconds(10);
+    start_all();
+    while (!model.running.empty()) end(model.running.begin()->first, /*fault=*/false);
+  }
+  RC_ASSERT(model.open.empty());
+  RC_ASSERT(static_cast<int64_t>(model.ended.size()) == next_id - 1);
+  RC_ASSERT(scheduler.pending() == 0);
+}
+
+}  // namespace
+}  // namespace myograde::server

@@ -1,0 +1,308 @@
+// The store: steps between states, keys that count once, audit rows that stay,
+// and clear errors when the file can't be used.
+#include "server/store/store.h"
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <csignal>
+#include <filesystem>
+
+#include "server/store/lock.h"
+#include "server/store/reader.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+constexpr char kFacts[] =
+    R"({"clipped":0,"digest":"aa","sim_time":10.0,"steps":1000,"wall_s":1.5,"policy_cpu_s":1})";
+
+class StoreTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "store-test-XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    dir_ = name;
+    path_ = dir_ + "/store.db";
+    Open();
+  }
+  void TearDown() override {
+    store_.reset();
+    fs::remove_all(dir_);
+  }
+
+  void Open() {
+    store_.reset();
+    auto store = Store::Open(path_, clock_);
+    ASSERT_TRUE(store.ok()) << store.status();
+    store_ = *std::move(store);
+  }
+
+  // A submission of 4 episodes in leases of 2.
+  Accepted Submit(const std::string& team = "alpha") {
+    const std::string hash(64, 'a');
+    Accepted accepted;
+    const absl::Status status = store_->Write([&](Writer& writer) -> absl::Status {
+      auto added = writer.AddArtefact({hash, "walker", {"./policy"}, {"python"}, 10, 2});
+      if (!added.ok()) return added.status();
+      NewSubmission submission{team,
+                               hash,
+                               "manipulation",
+                               "paper",
+                               std::string(64, 'c'),
+                               "{}",
+                               std::string(64, 'd'),
+                               "[1,2,3,4]",
+                               4,
+                               true,
+                               "{}",
+                               {{0, 1}, {2, 3}}};
+      auto result = writer.Accept(submission, "uid 0");
+      if (result.ok()) accepted = *result;
+      return result.status();
+    });
+    EXPECT_TRUE(status.ok()) << status;
+    return accepted;
+  }
+
+  absl::Status Start(int64_t lease, int64_t attempt) {
+    return store_->Write(
+        [&](Writer& writer) { return writer.StartLease(lease, attempt, 0, 99, "daemon"); });
+  }
+
+  absl::StatusOr<Recorded> Record(const Accepted& accepted, int64_t index, int64_t attempt,
+                                  const std::string& facts = kFacts) {
+    Recorded recorded;
+    const int64_t lease = accepted.leases[static_cast<size_t>(index / 2)];
+    const absl::Status status = store_->Write([&](Writer& writer) -> absl::Status {
+      auto result = writer.RecordEpisode({accepted.evaluation, index, lease, attempt,
+                                          static_cast<uint64_t>(index + 1), Outcome::kFailure,
+                                          FailureReason::kTime, facts, R"({"time_s":10.0})"});
+      if (result.ok()) recorded = *result;
+      return result.status();
+    });
+    if (!status.ok()) return status;
+    return recorded;
+  }
+
+  std::string SqlError(const std::string& sql) {
+    SQLite::Database db(path_, SQLite::OPEN_READWRITE);
+    try {
+      db.exec(sql);
+      return "";
+    } catch (const SQLite::Exception& error) {
+      return error.what();
+    }
+  }
+
+  template <typename Body>
+  void Read(Body body) {
+    ReaderPool pool(path_);
+    const absl::Status status = pool.Read([&](Reader& reader) {
+      body(reader);
+      return absl::OkStatus();
+    });
+    EXPECT_TRUE(status.ok()) << status;
+  }
+
+  ManualClock clock_{absl::FromUnixSeconds(1700000000)};
+  std::string dir_;
+  std::string path_;
+  std::unique_ptr<Store> store_;
+};
+
+TEST_F(StoreTest, KeepsItsSecretForEver) {
+  const std::string secret = store_->policy_secret();
+  EXPECT_EQ(secret.size(), 32u);
+  Open();
+  EXPECT_EQ(store_->policy_secret(), secret);
+}
+
+TEST_F(StoreTest, AcceptanceNumbersRiseAndTheQueueIsThereAfterOpeningAgain) {
+  const Accepted first = Submit("alpha");
+  const Accepted second = Submit("beta");
+  EXPECT_EQ(second.submission, first.submission + 1);
+  Open();
+  Read([&](Reader& reader) {
+    EXPECT_EQ(reader.Unfinished().size(), 2u);
+    EXPECT_EQ(reader.Submission(second.submission)->team, "beta");
+    const std::vector<LeaseRow> leases = reader.Leases(first.evaluation);
+    ASSERT_EQ(leases.size(), 2u);
+    EXPECT_EQ(leases[1].first, 2);
+    EXPECT_EQ(leases[1].state, LeaseState::kPending);
+    EXPECT_EQ(reader.Artefact(std::string(64, 'a'))->runtimes,
+              std::vector<std::string>{"python"});
+    EXPECT_EQ(reader.Submissions({.team = "beta"}).size(), 1u);
+    EXPECT_EQ(reader.Submissions({.before = second.submission}).front().id, first.submission);
+  });
+}
+
+TEST_F(StoreTest, AnUnknownArtefactLeavesNothingBehind) {
+  const absl::Status status = store_->Write([&](Writer& writer) {
+    NewSubmission submission;
+    submission.artefact = std::string(64, 'f');
+    submission.team = "ghost";
+    return writer.Accept(submission, "uid 0").status();
+  });
+  EXPECT_TRUE(absl::IsNotFound(status)) << status;
+  SQLite::Database db(path_);
+  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM team").getInt(), 0);
+}
+
+TEST_F(StoreTest, AnEpisodeCountsOnceAndADifferenceIsRemembered) {
+  const Accepted accepted = Submit();
+  ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
+  EXPECT_TRUE(Record(accepted, 0, 1)->counted);
+  ASSERT_TRUE(store_->Write([&](Writer& writer) {
+    return writer.ReturnLease(accepted.leases[0], 1, true, "daemon", "the runner died");
+  }).ok());
+  // The old attempt is over: what it says now is refused.
+  EXPECT_TRUE(absl::IsFailedPrecondition(Record(accepted, 1, 1).status()));
+  ASSERT_TRUE(Start(accepted.leases[0], 2).ok());
+  std::string slower = kFacts;
+  slower.replace(slower.find("1.5"), 3, "9.5");
+  const auto same = Record(accepted, 0, 2, slower);
+  EXPECT_FALSE(same->counted);
+  EXPECT_TRUE(same->differs.empty()) << "the clock is no part of a result";
+  std::string other = kFacts;
+  other.replace(other.find("aa"), 2, "bb");
+  EXPECT_THAT(Record(accepted, 0, 2, other)->differs, ElementsAre("digest"));
+  Read([&](Reader& reader) {
+    const std::vector<EpisodeRow> rows = reader.Episodes(accepted.evaluation);
+    ASSERT_EQ(rows.size(), 1u);
+    EXPECT_EQ(rows[0].facts_json, kFacts);
+    EXPECT_EQ(rows[0].attempt, 1);
+    ASSERT_EQ(reader.Replays(accepted.evaluation).size(), 1u);
+    EXPECT_EQ(reader.Leases(accepted.evaluation)[0].faults, 1);
+  });
+}
+
+TEST_F(StoreTest, OnlyAllowedStepsAreTaken) {
+  const Accepted accepted = Submit();
+  const int64_t lease = accepted.leases[0];
+  const auto step = [&](const std::function<absl::Status(Writer&)>& change) {
+    return store_->Write(change).code();
+  };
+  const auto finish = [&](Writer& writer) { return writer.FinishLease(lease, 1, "{}", "daemon"); };
+  const auto end = [&](Writer& writer) {
+    return writer.EndEvaluation(accepted.evaluation, EvaluationState::kDone, "", "", "daemon");
+  };
+  EXPECT_EQ(step(finish), absl::StatusCode::kFailedPrecondition) << "it does not run";
+  EXPECT_EQ(Start(lease, 2).code(), absl::StatusCode::kFailedPrecondition) << "attempt 1 is next";
+  EXPECT_EQ(Start(lease, 1).code(), absl::StatusCode::kOk);
+  EXPECT_EQ(Start(lease, 1).code(), absl::StatusCode::kOk) << "told twice";
+  EXPECT_EQ(step(finish), absl::StatusCode::kFailedPrecondition) << "episodes are missing";
+  ASSERT_TRUE(Record(accepted, 0, 1).ok() && Record(accepted, 1, 1).ok());
+  EXPECT_EQ(step(end), absl::StatusCode::kFailedPrecondition) << "leases are open";
+  EXPECT_EQ(step(finish), absl::StatusCode::kOk);
+  EXPECT_EQ(step([&](Writer& writer) {
+    return writer.EndLease(accepted.leases[1], LeaseState::kCancelled, false, "uid 0", "enough");
+  }), absl::StatusCode::kOk);
+  EXPECT_EQ(step([&](Writer& writer) {
+    return writer.EndEvaluation(accepted.evaluation, EvaluationState::kCancelled, "enough", "",
+                                "uid 0");
+  }), absl::StatusCode::kOk);
+  EXPECT_EQ(step(end), absl::StatusCode::kFailedPrecondition) << "what ended stays ended";
+  Read([&](Reader& reader) {
+    std::vector<std::string> steps;
+    for (const TransitionRow& row : reader.Transitions("lease", lease)) {
+      steps.push_back(row.from + ">" + row.to);
+    }
+    EXPECT_THAT(steps, ElementsAre(">pending", "pending>running", "running>done"));
+    EXPECT_TRUE(reader.Unfinished().empty());
+  });
+}
+
+TEST_F(StoreTest, TheSchemaRefusesToRewriteThePast) {
+  const Accepted accepted = Submit();
+  ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
+  ASSERT_TRUE(Record(accepted, 0, 1).ok());
+  const std::pair<const char*, const char*> attempts[] = {
+      {"UPDATE transition SET why = 'x'", "never changed"},
+      {"DELETE FROM transition", "never deleted"},
+      {"UPDATE episode SET facts_json = '{}'", "never changed"},
+      {"DELETE FROM episode", "never deleted"},
+      {"UPDATE config SET effective_json = ''", "never changed"},
+      {"UPDATE evaluation SET state = 'finished'", "CHECK"},
+      {"UPDATE lease SET state = 'running' WHERE state = 'pending'", "CHECK"},
+      {"UPDATE lease SET slot = NULL WHERE state = 'running'", "CHECK"},
+      {"UPDATE submission SET ranked = 2", "CHECK"},
+      {"UPDATE submission SET ranked = 'yes'", "cannot store TEXT"},
+      {"INSERT INTO episode SELECT evaluation, 3, lease, attempt, seed, outcome, reason, "
+       "facts_json, metrics_json, recorded_at FROM episode", "lease of its evaluation"},
+      {"INSERT INTO evaluation (submission, kind, first, last, state, grader_json, created_at) "
+       "VALUES (1, 'original', 0, 1, 'queued', '{}', 0)", "UNIQUE"},
+  };
+  for (const auto& [sql, error] : attempts) EXPECT_THAT(SqlError(sql), HasSubstr(error)) << sql;
+}
+
+TEST_F(StoreTest, ALockedStoreIsToldAndTheSameChangeSucceedsLater) {
+  const Accepted accepted = Submit();
+  {
+    SQLite::Database other(path_, SQLite::OPEN_READWRITE);
+    SQLite::Transaction holds(other, SQLite::TransactionBehavior::IMMEDIATE);
+    const absl::Status status = Start(accepted.leases[0], 1);
+    EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+    EXPECT_THAT(std::string(status.message()), HasSubstr("locked by another process"));
+  }
+  EXPECT_TRUE(Start(accepted.leases[0], 1).ok());
+}
+
+TEST_F(StoreTest, AFullDiskIsToldAndLosesNothing) {
+  const Accepted accepted = Submit();
+  ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
+  // A limit on the size of files stands for the full disk: writes beyond it fail.
+  std::signal(SIGXFSZ, SIG_IGN);
+  rlimit before;
+  getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit tight = {fs::file_size(path_ + "-wal"), before.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &tight);
+  const absl::Status status = Record(accepted, 0, 1).status();
+  setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_FALSE(status.ok());
+  EXPECT_THAT(std::string(status.message()), HasSubstr(path_));
+  EXPECT_TRUE(Record(accepted, 0, 1)->counted);
+  Open();
+  Read([&](Reader& reader) { EXPECT_EQ(reader.Counts(accepted.evaluation).done, 1); });
+}
+
+TEST_F(StoreTest, StrangeFilesAreRefusedWithASentence) {
+  store_.reset();
+  const std::string junk = dir_ + "/junk.db";
+  FILE* file = fopen(junk.c_str(), "w");
+  for (int i = 0; i < 1000; ++i) fputs("this is no database\n", file);
+  fclose(file);
+  const absl::Status damaged = Store::Open(junk, clock_).status();
+  EXPECT_TRUE(absl::IsDataLoss(damaged)) << damaged;
+
+  const std::string foreign = dir_ + "/foreign.db";
+  SQLite::Database(foreign, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE)
+      .exec("CREATE TABLE recipe (name TEXT)");
+  EXPECT_THAT(std::string(Store::Open(foreign, clock_).status().message()),
+              HasSubstr("something else"));
+
+  SQLite::Database(path_, SQLite::OPEN_READWRITE).exec("PRAGMA user_version = 99");
+  EXPECT_THAT(std::string(Store::Open(path_, clock_).status().message()),
+              HasSubstr("has schema 99"));
+  EXPECT_TRUE(absl::IsPermissionDenied(Store::Open(dir_ + "/no/store.db", clock_).status()));
+}
+
+TEST_F(StoreTest, OneDaemonAtATime) {
+  {
+    const auto first = DataLock::Take(dir_);
+    ASSERT_TRUE(first.ok()) << first.status();
+    const absl::Status second = DataLock::Take(dir_).status();
+    EXPECT_TRUE(absl::IsFailedPrecondition(second));
+    EXPECT_THAT(std::string(second.message()), HasSubstr(std::to_string(getpid())));
+  }
+  EXPECT_TRUE(DataLock::Take(dir_).ok());
+}
+
+}  // namespace
+}  // namespace myograde::server
