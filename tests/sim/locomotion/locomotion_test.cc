@@ -9,6 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "protocol/layout.h"
 #include "tests/sim/golden.h"
 #include "tests/sim/locomotion/allocations.h"
 #include "tests/sim/locomotion/fixture.h"
@@ -139,6 +140,38 @@ TEST(LocomotionObservation, ShowsJointVelocitiesPerSecondOrPerStep) {
     EXPECT_EQ(seen[261], environment->data().qpos[0]);
     EXPECT_EQ(seen[264], environment->data().qvel[1]);
     for (const double number : seen) EXPECT_TRUE(std::isfinite(number));
+  }
+}
+
+// What follows the dot in an entry's name, the model's name of it.
+std::string ModelName(std::string_view entry) {
+  return std::string(entry.substr(entry.find('.') + 1));
+}
+
+TEST(LocomotionObservation, IsOrderedAsTheLayoutSays) {
+  auto environment = Profile("paper");
+  const mjModel& m = environment->model();
+  const LocomotionIndices& at = environment->indices();
+  ASSERT_EQ(ObservationSize(TrackKind::kLocomotion), Locomotion::kObservationSize);
+  ASSERT_EQ(ActionSize(TrackKind::kLocomotion), Locomotion::kActionSize);
+  const auto names = ObservationNames(TrackKind::kLocomotion);
+  for (const Part& part : ObservationLayout(TrackKind::kLocomotion)) {
+    for (int i = 0; i < part.size; ++i) {
+      const std::string name = ModelName(names[part.offset + i]);
+      if (part.name == "internal_qpos") {
+        EXPECT_EQ(m.jnt_qposadr[mj_name2id(&m, mjOBJ_JOINT, name.c_str())], at.joint_qpos[i]);
+      } else if (part.name == "internal_qvel") {
+        EXPECT_EQ(m.jnt_dofadr[mj_name2id(&m, mjOBJ_JOINT, name.c_str())], at.joint_dof[i]);
+      } else if (part.name == "act") {
+        EXPECT_EQ(mj_name2id(&m, mjOBJ_ACTUATOR, name.c_str()), at.muscle[i]) << name;
+      } else if (part.name.starts_with("muscle_")) {
+        EXPECT_EQ(mj_name2id(&m, mjOBJ_ACTUATOR, name.c_str()), at.sorted_muscle[i]) << name;
+      }
+    }
+  }
+  for (int i = 0; i < kLegMuscles; ++i) {
+    const std::string name = ModelName(ActionNames(TrackKind::kLocomotion)[i]);
+    EXPECT_EQ(mj_name2id(&m, mjOBJ_ACTUATOR, name.c_str()), at.muscle[i]) << name;
   }
 }
 
