@@ -90,7 +90,8 @@ absl::StatusOr<std::string> ReadPinned(const Pin& pin, const std::string& packag
 }
 
 // Cuts the one `begin`...`end` piece out of `text` and returns it.
-absl::StatusOr<std::string> Cut(std::string& text, const std::string& begin, const std::string& end) {
+absl::StatusOr<std::string> Cut(std::string& text, const std::string& begin,
+                                const std::string& end) {
   const size_t from = text.find(begin);
   const size_t to = from == std::string::npos ? from : text.find(end, from);
   if (to == std::string::npos || text.find(begin, to) != std::string::npos) {

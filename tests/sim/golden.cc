@@ -29,7 +29,9 @@ std::string Decompress(const std::string& packed, const std::string& path) {
   if (size > kMaxSize) throw std::runtime_error(path + " is not a zstd file of known size");
   std::string text(size, '\0');
   const size_t got = ZSTD_decompress(text.data(), text.size(), packed.data(), packed.size());
-  if (ZSTD_isError(got) || got != size) throw std::runtime_error(path + ": " + ZSTD_getErrorName(got));
+  if (ZSTD_isError(got) || got != size) {
+    throw std::runtime_error(path + ": " + ZSTD_getErrorName(got));
+  }
   return text;
 }
 

@@ -90,8 +90,8 @@ TEST(ContactHistory, CountsEachLabel) {
 }
 
 RC_GTEST_PROP(ContactHistory, GoalOnlyMeansTheLastFramesInARow, ()) {
-  const auto goal_only =
-      *rc::gen::container<std::vector<bool>>(rc::gen::weightedElement<bool>({{6, true}, {1, false}}));
+  const auto goal_only = *rc::gen::container<std::vector<bool>>(
+      rc::gen::weightedElement<bool>({{6, true}, {1, false}}));
   const int hold = *rc::gen::inRange(1, 10);
   ContactHistory history(hold);
   int run = 0;
