@@ -58,6 +58,7 @@ absl::Status Engine::Iterate() {
   if (journal_.empty()) {
     if (absl::Status status = SettleAll(); !status.ok()) return status;
     if (!stop_) StartLeases();
+    if (absl::Status status = Flush(); !status.ok()) return status;
   }
   absl::Duration timeout = kLongestPoll;
   for (const auto& [id, run] : running_) {
@@ -139,12 +140,14 @@ absl::StatusOr<bool> Engine::AddArtefact(const ArtefactRow& artefact, absl::Dura
 
 absl::StatusOr<Accepted> Engine::Admit(
     const std::function<absl::StatusOr<Accepted>(Writer&)>& add) {
+  absl::Status status = Flush();
+  if (!status.ok()) return status;
   if (!journal_.empty()) {
     const std::lock_guard lock(mutex_);
     return absl::UnavailableError(absl::StrCat("the store can't be written: ", store_trouble_));
   }
   Accepted accepted;
-  absl::Status status = store_.Write([&](Writer& writer) -> absl::Status {
+  status = store_.Write([&](Writer& writer) -> absl::Status {
     absl::StatusOr<Accepted> added = add(writer);
     if (added.ok()) accepted = *added;
     return added.status();

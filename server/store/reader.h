@@ -23,10 +23,10 @@ namespace myograde::server {
 
 // Which submissions to list, newest first. Empty text: any.
 struct SubmissionFilter {
-  std::string team;
-  std::string track;
-  std::string profile;
-  std::optional<EvaluationState> state;  // of the original evaluation
+  std::string team = "";
+  std::string track = "";
+  std::string profile = "";
+  std::optional<EvaluationState> state = std::nullopt;  // of the original evaluation
   int64_t before = INT64_MAX;            // only ids below
   int64_t limit = 100;
 };
