@@ -1,0 +1,194 @@
+// The kits and the bundled policies against a grader that plays by a script,
+// over the real bridge and a real bus.
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "protocol/channels.h"
+#include "protocol/layout.h"
+#include "sim/episode/messages.h"
+#include "tests/protocol/bridge_world.h"
+
+namespace myograde {
+namespace {
+
+using ::testing::Each;
+using Values = std::vector<double>;
+
+std::string PoliciesDir() { return MYOGRADE_POLICIES_DIR; }
+
+// The grader's side, one question at a time.
+class Grader {
+ public:
+  // Starts the policy in the folder that it would be submitted as.
+  Grader(const std::string& folder, const std::vector<std::string>& command, TrackKind track) {
+    const std::filesystem::path before = std::filesystem::current_path();
+    std::filesystem::current_path(PoliciesDir() + "/" + folder);
+    world_.emplace(command);
+    std::filesystem::current_path(before);
+    config_.kind = track;
+    config_.profile = "paper";
+    config_.budgets = {};
+    config_.budgets.step_s = 1;
+    config_.budgets.overtime_s = 60;
+  }
+
+  absl::StatusOr<HelloFrame> AwaitHello() { return As<HelloFrame>(world_->Hear(kPatience)); }
+  void Welcome(bool accepted = true) {
+    sim::WelcomeInfo info;
+    info.accepted = accepted;
+    info.reason = accepted ? "" : "for a test";
+    info.max_steps = 1000;
+    Send(messages_.Welcome(config_, info));
+  }
+  absl::StatusOr<ReadyFrame> Start(int64_t episode, uint64_t seed) {
+    Send(messages_.EpisodeStart(episode, seed));
+    return As<ReadyFrame>(world_->Hear(kPatience));
+  }
+  // The policy's answer to an observation whose entries are all `value`.
+  Values Ask(int64_t episode, int64_t step, double value) {
+    const int size = ObservationSize(config_.kind);
+    for (double& entry : messages_.ObservationValues(size)) entry = value;
+    const auto action_size = static_cast<uint32_t>(ActionSize(config_.kind));
+    Send(messages_.Observation(episode, step, action_size));
+    const absl::StatusOr<ActionFrame> frame = As<ActionFrame>(world_->Hear(kPatience));
+    if (!frame.ok()) {
+      ADD_FAILURE() << frame.status();
+      return {};
+    }
+    EXPECT_EQ(frame->episode, episode);
+    EXPECT_EQ(frame->step, step);
+    return Values(frame->values, frame->values + frame->size);
+  }
+  std::string AwaitFault() {
+    const absl::StatusOr<FaultFrame> fault = As<FaultFrame>(world_->Hear(kPatience));
+    return fault.ok() ? fault->detail : std::string(fault.status().message());
+  }
+  // Hello, welcome and the start of episode 0.
+  void Begin(uint64_t seed) {
+    ASSERT_TRUE(AwaitHello().ok());
+    Welcome();
+    const absl::StatusOr<ReadyFrame> ready = Start(0, seed);
+    ASSERT_TRUE(ready.ok()) << ready.status();
+    EXPECT_EQ(ready->episode, 0);
+  }
+
+ private:
+  static constexpr absl::Duration kPatience = absl::Seconds(20);
+
+  void Send(const PublishFrame& frame) {
+    const std::byte* payload = frame.payload;
+    world_->Say(frame.channel, frame.expect, frame.episode, frame.step, frame.action_size,
+                {payload, payload + frame.payload_size});
+  }
+  template <typename F>
+  static absl::StatusOr<F> As(absl::StatusOr<BridgeFrame> frame) {
+    if (!frame.ok()) return frame.status();
+    if (const F* wanted = std::get_if<F>(&*frame)) return *wanted;
+    const auto* fault = std::get_if<FaultFrame>(&*frame);
+    return absl::InternalError(fault != nullptr ? fault->detail : "another frame");
+  }
+
+  std::optional<BridgeWorld> world_;
+  sim::Messages messages_;
+  TrackConfig config_;
+};
+
+class KitsTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    static const absl::Status entered = EnterPrivateBus();
+    if (!entered.ok()) GTEST_SKIP() << "not on this host: " << entered.message();
+    const char* cache = std::getenv("MYOGRADE_CACHE");
+    const std::string runtime =
+        absl::StrCat(cache != nullptr ? cache : MYOGRADE_DEFAULT_CACHE, "/runtimes/python");
+    setenv("PYTHONPATH", runtime.c_str(), 1);
+  }
+};
+
+struct Bundled {
+  std::string folder;
+  std::vector<std::string> command;
+};
+
+class EveryPolicyTest : public KitsTest, public ::testing::WithParamInterface<Bundled> {};
+
+// Same step asked again: same answer, and the policy has not moved on.
+TEST_P(EveryPolicyTest, AnswersTheSameStepTwiceAlikeAndTheNextOnesAsIfNothingWas) {
+  for (const TrackKind track : {TrackKind::kManipulation, TrackKind::kLocomotion}) {
+    if (GetParam().folder == "scripted-manipulation" && track == TrackKind::kLocomotion) continue;
+    if (GetParam().folder == "scripted-locomotion" && track == TrackKind::kManipulation) continue;
+    std::vector<Values> once;
+    {
+      Grader grader(GetParam().folder, GetParam().command, track);
+      grader.Begin(42);
+      for (int step = 0; step < 4; ++step) once.push_back(grader.Ask(0, step, 0.1 * step));
+    }
+    Grader grader(GetParam().folder, GetParam().command, track);
+    grader.Begin(42);
+    ASSERT_TRUE(grader.Start(0, 42).ok());
+    for (int step = 0; step < 4; ++step) {
+      const Values first = grader.Ask(0, step, 0.1 * step);
+      EXPECT_EQ(first.size(), static_cast<size_t>(ActionSize(track)));
+      EXPECT_EQ(grader.Ask(0, step, 0.1 * step), first);
+      EXPECT_EQ(first, once[static_cast<size_t>(step)]) << step;
+    }
+    // The next episode begins afresh.
+    ASSERT_TRUE(grader.Start(1, 42).ok());
+    EXPECT_EQ(grader.Ask(1, 0, 0), once[0]);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Policies, EveryPolicyTest,
+    ::testing::Values(Bundled{"zero", {"./zero"}}, Bundled{"random", {"./random"}},
+                      Bundled{"scripted-manipulation", {"./scripted-manipulation"}},
+                      Bundled{"scripted-locomotion", {"./scripted-locomotion"}},
+                      Bundled{"python-example", {MYOGRADE_PYTHON, "policy.py"}}),
+    [](const auto& test) {
+      std::string name = test.param.folder;
+      std::replace(name.begin(), name.end(), '-', '_');
+      return name;
+    });
+
+TEST_F(KitsTest, ZeroIsZero) {
+  Grader grader("zero", {"./zero"}, TrackKind::kManipulation);
+  grader.Begin(1);
+  EXPECT_THAT(grader.Ask(0, 0, 0.5), Each(0.0));
+}
+
+TEST_F(KitsTest, RandomFollowsItsSeedAndNothingElse) {
+  const auto first_action = [](uint64_t seed) {
+    Grader grader("random", {"./random"}, TrackKind::kLocomotion);
+    grader.Begin(seed);
+    return grader.Ask(0, 0, 0);
+  };
+  const Values one = first_action(1);
+  EXPECT_EQ(first_action(1), one);
+  EXPECT_NE(first_action(2), one);
+  for (size_t i = 0; i < 54; ++i) {
+    EXPECT_GE(one[i], -1);
+    EXPECT_LE(one[i], 1);
+  }
+}
+
+TEST_F(KitsTest, ARefusedPolicyEndsWithAnError) {
+  for (const Bundled& policy : {Bundled{"zero", {"./zero"}},
+                                Bundled{"python-example", {MYOGRADE_PYTHON, "policy.py"}}}) {
+    Grader grader(policy.folder, policy.command, TrackKind::kManipulation);
+    ASSERT_TRUE(grader.AwaitHello().ok());
+    grader.Welcome(false);
+    EXPECT_EQ(grader.AwaitFault(), "the policy's process exited with status 1");
+  }
+}
+
+}  // namespace
+}  // namespace myograde
