@@ -1,0 +1,128 @@
+#include "server/cli/client.h"
+
+#include <httplib.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+// The daemon answers a request in 30 s and an upload in 900 s (server.json); a
+// little more here, so that its own sentence arrives.
+constexpr time_t kConnectSeconds = 10;
+constexpr time_t kAnswerSeconds = 60;
+constexpr time_t kUploadSeconds = 960;
+
+void Prepare(httplib::ClientImpl& http, time_t answer_seconds) {
+  http.set_address_family(AF_UNIX);
+  http.set_default_headers({{"Host", "myograde"}});
+  http.set_connection_timeout(kConnectSeconds);
+  http.set_read_timeout(answer_seconds);
+  http.set_write_timeout(kAnswerSeconds);
+}
+
+absl::StatusOr<Json> AnswerOf(const httplib::Result& result, const std::string& socket) {
+  if (!result) {
+    if (result.error() == httplib::Error::Connection) {
+      return absl::UnavailableError(
+          absl::StrCat("no daemon listens on ", socket, "; start one with \"myograde serve\""));
+    }
+    return absl::UnavailableError(absl::StrCat("the daemon on ", socket, " did not answer (",
+                                               httplib::to_string(result.error()),
+                                               "); look at its log, or try again"));
+  }
+  Json json = Json::parse(result->body, nullptr, /*allow_exceptions=*/false);
+  const bool good = result->status >= 200 && result->status < 300;
+  if (good && json.is_object()) return json;
+  std::string message = absl::StrCat("the daemon answered with HTTP status ", result->status,
+                                     " and nothing that can be read");
+  if (json.is_object() && json.contains("error") && json["error"].is_object() &&
+      json["error"].contains("message") && json["error"]["message"].is_string()) {
+    message = json["error"]["message"].get<std::string>();
+  }
+  const bool refused = result->status >= 400 && result->status < 500 && result->status != 429;
+  return refused ? absl::InvalidArgumentError(message) : absl::InternalError(message);
+}
+
+}  // namespace
+
+absl::Status Client::CheckSocket() const {
+  if (socket_.size() >= sizeof(sockaddr_un::sun_path)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the socket's path ", socket_, " is longer than ", sizeof(sockaddr_un::sun_path) - 1,
+        " bytes, the most that a Unix socket can have; give a shorter one with --socket"));
+  }
+  if (::access(socket_.c_str(), R_OK | W_OK) == 0) return absl::OkStatus();
+  if (errno == EACCES) {
+    return absl::UnavailableError(
+        absl::StrCat("this user may not talk to the daemon on ", socket_));
+  }
+  return absl::UnavailableError(absl::StrCat(
+      "no daemon can be reached: there is no socket ", socket_,
+      "; start one with \"myograde serve\", or say where it is with --data or --socket"));
+}
+
+absl::StatusOr<Json> Client::Get(const std::string& path) const {
+  if (absl::Status status = CheckSocket(); !status.ok()) return status;
+  httplib::ClientImpl http(socket_);
+  Prepare(http, kAnswerSeconds);
+  return AnswerOf(http.Get(path), socket_);
+}
+
+absl::StatusOr<Json> Client::Post(const std::string& path, const Json& body) const {
+  if (absl::Status status = CheckSocket(); !status.ok()) return status;
+  httplib::ClientImpl http(socket_);
+  Prepare(http, kAnswerSeconds);
+  // Invalid UTF-8 from the command line is sent as U+FFFD, not thrown over.
+  const std::string text = body.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return AnswerOf(http.Post(path, text, "application/json"), socket_);
+}
+
+absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& file,
+                                    const std::function<void(int64_t)>& progress) const {
+  if (absl::Status status = CheckSocket(); !status.ok()) return status;
+  std::ifstream input(file, std::ios::binary);
+  std::error_code error;
+  const uintmax_t size = std::filesystem::file_size(file, error);
+  if (!input || error) return absl::InternalError(absl::StrCat(file, ": can't be read"));
+  httplib::ClientImpl http(socket_);
+  Prepare(http, kUploadSeconds);
+  std::vector<char> buffer(256 << 10);
+  const auto provide = [&](size_t offset, size_t length, httplib::DataSink& sink) {
+    const size_t want = std::min(length, buffer.size());
+    input.seekg(static_cast<std::streamoff>(offset));
+    if (!input.read(buffer.data(), static_cast<std::streamsize>(want))) return false;
+    progress(static_cast<int64_t>(offset + want));
+    return sink.write(buffer.data(), want);
+  };
+  return AnswerOf(http.Post(path, static_cast<size_t>(size), provide, "application/x-tar"),
+                  socket_);
+}
+
+std::string QueryValue(const std::string& value) {
+  static constexpr char kDigits[] = "0123456789ABCDEF";
+  std::string query;
+  for (const char c : value) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (std::isalnum(byte) != 0 || c == '-' || c == '_' || c == '.') {
+      query += c;
+    } else {
+      query += {'%', kDigits[byte >> 4], kDigits[byte & 15]};
+    }
+  }
+  return query;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,37 @@
+// The daemon's HTTP API over its Unix socket (server/api/README.md).
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+#include <nlohmann/json.hpp>
+
+namespace myograde::server {
+
+// One connection for each request. Errors: UnavailableError if no daemon
+// answers in time, InvalidArgumentError with the daemon's sentence if it
+// refuses the request, InternalError if the daemon is in trouble.
+class Client {
+ public:
+  explicit Client(std::string socket) : socket_(std::move(socket)) {}
+
+  absl::StatusOr<nlohmann::json> Get(const std::string& path) const;
+  absl::StatusOr<nlohmann::json> Post(const std::string& path, const nlohmann::json& body) const;
+
+  // Sends the tar archive in `file`; `progress` hears the bytes sent so far.
+  absl::StatusOr<nlohmann::json> Upload(const std::string& path, const std::string& file,
+                                        const std::function<void(int64_t)>& progress) const;
+
+ private:
+  absl::Status CheckSocket() const;
+
+  std::string socket_;
+};
+
+// A value as it may stand in a query.
+std::string QueryValue(const std::string& value);
+
+}  // namespace myograde::server

@@ -1,0 +1,204 @@
+#include "server/cli/common.h"
+
+#include <unistd.h>
+
+#include <cerrno>
+#include <charconv>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <set>
+#include <sstream>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/config_reader.h"
+#include "server/paths.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr size_t kMaxSeeds = 10'000;
+constexpr size_t kMaxSeedFileBytes = 1 << 20;
+
+std::string Environment(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? "" : value;
+}
+
+// The user's folder by the XDG rules: `variable`, or `below_home` in the home.
+std::string UserFolder(const char* variable, const char* below_home) {
+  const std::string folder = Environment(variable);
+  if (folder.starts_with('/')) return folder + "/myograde";
+  return Environment("HOME") + "/" + below_home + "/myograde";
+}
+
+absl::StatusOr<std::vector<uint64_t>> SeedsOfJson(const nlohmann::json& json,
+                                                  const std::string& path) {
+  if (!json.is_array()) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": must hold an array of seeds"));
+  }
+  std::vector<uint64_t> seeds;
+  for (const nlohmann::json& seed : json) {
+    if (!seed.is_number_unsigned()) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          path, ": ", seed.dump().substr(0, 40), " is no seed; seeds are whole numbers from 0 up"));
+    }
+    seeds.push_back(seed.get<uint64_t>());
+  }
+  return seeds;
+}
+
+absl::StatusOr<std::vector<uint64_t>> SeedsOfLines(const std::string& text,
+                                                   const std::string& path) {
+  std::vector<uint64_t> seeds;
+  std::istringstream lines(text);
+  std::string line;
+  for (int number = 1; std::getline(lines, line); ++number) {
+    line = line.substr(0, line.find('#'));
+    const size_t begin = line.find_first_not_of(" \t\r");
+    if (begin == std::string::npos) continue;
+    line = line.substr(begin, line.find_last_not_of(" \t\r") + 1 - begin);
+    uint64_t seed = 0;
+    const auto [end, error] = std::from_chars(line.data(), line.data() + line.size(), seed);
+    if (error != std::errc() || end != line.data() + line.size()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path, ": line ", number,
+                       " is no seed; write one whole number from 0 to 2^63-1 on each line"));
+    }
+    seeds.push_back(seed);
+  }
+  return seeds;
+}
+
+}  // namespace
+
+int ExitOf(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kOk:
+      return kDone;
+    case absl::StatusCode::kUnavailable:
+      return kUnreachable;
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kNotFound:
+    case absl::StatusCode::kFailedPrecondition:
+    case absl::StatusCode::kOutOfRange:
+      return kWrongUse;
+    default:
+      return kTrouble;
+  }
+}
+
+int Complain(const absl::Status& status) {
+  std::cerr << "myograde: error: " << status.message() << std::endl;
+  return ExitOf(status);
+}
+
+absl::Status HostStatus(std::string_view what, const absl::Status& status) {
+  if (status.ok()) return status;
+  const int exit = ExitOf(status);
+  const absl::StatusCode code =
+      exit == kWrongUse ? status.code() : absl::StatusCode::kInternal;
+  return absl::Status(code, absl::StrCat(absl::string_view(what.data(), what.size()),
+                                         what.empty() ? "" : ": ", status.message()));
+}
+
+void PrintJson(const nlohmann::json& json) {
+  std::cout << json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
+}
+
+std::string DataDir(const std::string& option) {
+  if (!option.empty()) return option;
+  if (const std::string folder = Environment("MYOGRADE_DATA"); !folder.empty()) return folder;
+  return ::geteuid() == 0 ? "/var/lib/myograde" : UserFolder("XDG_DATA_HOME", ".local/share");
+}
+
+std::string CacheDir(const std::string& option) {
+  if (!option.empty()) return std::filesystem::absolute(option).string();
+  if (const std::string folder = Environment("MYOGRADE_CACHE"); !folder.empty()) {
+    return std::filesystem::absolute(folder).string();
+  }
+  return ::geteuid() == 0 ? "/var/cache/myograde" : UserFolder("XDG_CACHE_HOME", ".cache");
+}
+
+std::string SocketPath(const std::string& socket_option, const std::string& data_option) {
+  return socket_option.empty() ? DataDir(data_option) + "/myograde.sock" : socket_option;
+}
+
+void AddDaemonOptions(CLI::App& verb, DaemonOptions& options) {
+  verb.add_option("--data", options.data,
+                  "Data folder of the daemon (default: MYOGRADE_DATA, else /var/lib/myograde for "
+                  "root and ~/.local/share/myograde for others)");
+  verb.add_option("--socket", options.socket, "The daemon's socket (default: DATA/myograde.sock)");
+}
+
+std::string HostOptions::configs_dir() const { return configs.empty() ? ConfigDir() : configs; }
+
+void AddHostOptions(CLI::App& verb, HostOptions& options) {
+  verb.add_option("--configs", options.configs,
+                  "Folder with tracks/ and server.json (default: MYOGRADE_CONFIG_DIR, else the "
+                  "configs that MyoGrade came with)");
+  verb.add_option("--cache", options.cache,
+                  "Folder with MuJoCo and the models (default: MYOGRADE_CACHE, else "
+                  "/var/cache/myograde for root and ~/.cache/myograde for others)");
+}
+
+absl::StatusOr<std::vector<uint64_t>> ReadSeeds(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string text(kMaxSeedFileBytes + 1, '\0');
+  if (!file || !(file.read(text.data(), std::ssize(text)) || file.eof())) {
+    return absl::NotFoundError(
+        absl::StrCat(path, ": the seed file can't be read: ", std::strerror(errno)));
+  }
+  text.resize(static_cast<size_t>(file.gcount()));
+  if (text.size() > kMaxSeedFileBytes) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": is too large for a seed file"));
+  }
+  absl::StatusOr<std::vector<uint64_t>> seeds = std::vector<uint64_t>();
+  const size_t begin = text.find_first_not_of(" \t\r\n");
+  if (begin != std::string::npos && text[begin] == '[') {
+    const absl::StatusOr<nlohmann::json> json = ParseJson(text, path);
+    if (!json.ok()) return json.status();
+    seeds = SeedsOfJson(*json, path);
+  } else {
+    seeds = SeedsOfLines(text, path);
+  }
+  if (!seeds.ok()) return seeds;
+  if (seeds->empty() || seeds->size() > kMaxSeeds) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": holds ", seeds->size(),
+                                                   " seeds; 1 to ", kMaxSeeds, " are allowed"));
+  }
+  std::set<uint64_t> seen;
+  for (const uint64_t seed : *seeds) {
+    if (seed > INT64_MAX) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path, ": the seed ", seed, " is above 2^63-1"));
+    }
+    if (!seen.insert(seed).second) {
+      return absl::InvalidArgumentError(absl::StrCat(path, ": the seed ", seed, " is there twice"));
+    }
+  }
+  return seeds;
+}
+
+absl::StatusOr<TempFolder> TempFolder::Make(const std::string& purpose) {
+  std::error_code error;
+  const std::filesystem::path base = std::filesystem::temp_directory_path(error);
+  std::string name = (base / absl::StrCat("myograde-", purpose, ".XXXXXX")).string();
+  if (error || ::mkdtemp(name.data()) == nullptr) {
+    return absl::InternalError(absl::StrCat(
+        "can't make a temporary folder in ", base.string(), ": ",
+        error ? error.message() : std::strerror(errno), "; set TMPDIR to a folder with space"));
+  }
+  return TempFolder(name);
+}
+
+TempFolder::~TempFolder() {
+  if (path_.empty()) return;
+  std::error_code ignored;  // nobody is left to tell
+  std::filesystem::remove_all(path_, ignored);
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,50 @@
+#include "server/cli/follow.h"
+
+#include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
+
+#include "server/cli/common.h"
+#include "server/cli/terminal.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr absl::Duration kPoll = absl::Milliseconds(250);
+constexpr absl::Duration kPatience = absl::Seconds(30);
+
+std::string NoteOf(const nlohmann::json& status) {
+  const nlohmann::json waiting = status.value("waiting", nlohmann::json());
+  if (status.value("state", "") != "queued") return status.value("state", "");
+  return waiting.is_string() ? "queued: " + waiting.get<std::string>() : "queued";
+}
+
+}  // namespace
+
+bool IsFinalState(const std::string& state) { return state != "queued" && state != "running"; }
+
+int ExitOfState(const std::string& state) {
+  if (state == "done") return kDone;
+  return state == "grader_error" ? kTrouble : kNoScore;
+}
+
+absl::StatusOr<nlohmann::json> Follow(const Client& client, const std::string& path,
+                                      const std::string& what) {
+  Progress progress(what);
+  absl::Time heard = absl::Now();
+  for (;;) {
+    absl::StatusOr<nlohmann::json> status = client.Get(path);
+    if (status.ok()) {
+      heard = absl::Now();
+      const nlohmann::json counts = status->value("episodes", nlohmann::json::object());
+      progress.Show(counts.value("done", int64_t{0}), counts.value("total", int64_t{0}),
+                    NoteOf(*status));
+      if (IsFinalState(status->value("state", ""))) return status;
+    } else if (status.status().code() == absl::StatusCode::kInvalidArgument ||
+               absl::Now() - heard > kPatience) {
+      return status;
+    }
+    absl::SleepFor(kPoll);
+  }
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,125 @@
+// myograde leaderboard
+#include <iostream>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/cli/client.h"
+#include "server/cli/common.h"
+#include "server/cli/terminal.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+struct BoardOptions {
+  DaemonOptions daemon;
+  std::string track;
+  std::string profile;
+  std::string board = "main";
+  bool json = false;
+};
+
+void PrintBoard(const Json& board) {
+  std::cout << Bold(absl::StrCat("Leaderboard of ", Cell(board, "track"), ", profile ",
+                                 Cell(board, "profile"), ", board ", Cell(board, "board"), ", ",
+                                 Cell(board, "episodes"), " episodes"))
+            << '\n';
+  const Json rows = board.value("rows", Json::array());
+  const auto aggregate_of = [](const Json& row) { return row.value("aggregate", Json::object()); };
+  bool locomotion = false;
+  for (const Json& row : rows) locomotion |= !aggregate_of(row).value("distance_m", Json()).is_null();
+  if (rows.empty()) {
+    std::cout << "  Nobody is on it yet: only whole evaluations rank.\n";
+  } else {
+    std::vector<std::string> head = {"rank", "team", "policy", "submission", "successes"};
+    if (locomotion) head.push_back("distance m");
+    head.insert(head.end(), {"time s", "effort"});
+    if (locomotion) head.push_back("pain");
+    Table table(std::move(head));
+    for (const Json& row : rows) {
+      const Json aggregate = aggregate_of(row);
+      std::vector<std::string> cells = {Cell(row, "rank"), Cell(row, "team"), Cell(row, "name"),
+                                        Cell(row, "submission"), Cell(aggregate, "successes")};
+      if (locomotion) cells.push_back(Cell(aggregate, "distance_m"));
+      cells.push_back(Cell(aggregate, "time_s"));
+      cells.push_back(Cell(aggregate, "effort", 6));
+      if (locomotion) cells.push_back(Cell(aggregate, "pain", 6));
+      table.Add(std::move(cells));
+    }
+    table.Print();
+  }
+  if (board.value("other_config", 0) > 0) {
+    std::cout << "  " << Cell(board, "other_config")
+              << " evaluations under an earlier config of this track are not on it.\n";
+  }
+  std::cout.flush();
+}
+
+absl::StatusOr<Json> BoardOf(const Client& client, const BoardOptions& options,
+                             const std::string& track) {
+  std::string path = absl::StrCat("/v1/leaderboard?track=", QueryValue(track), "&board=",
+                                  QueryValue(options.board));
+  if (!options.profile.empty()) absl::StrAppend(&path, "&profile=", QueryValue(options.profile));
+  return client.Get(path);
+}
+
+int AllBoards(const Client& client, const BoardOptions& options) {
+  const absl::StatusOr<Json> tracks = client.Get("/v1/tracks");
+  if (!tracks.ok()) return Complain(tracks.status());
+  Json boards = Json::array();
+  for (const Json& track : tracks->value("tracks", Json::array())) {
+    // Asked for by name, a profile or board that a track lacks is a mistake; here it is skipped.
+    if (options.board != "main" && track.value("kind", "") != "locomotion") continue;
+    bool has_profile = options.profile.empty();
+    for (const Json& profile : track.value("profiles", Json::array())) {
+      has_profile |= profile.value("profile", "") == options.profile;
+    }
+    if (!has_profile) continue;
+    absl::StatusOr<Json> board = BoardOf(client, options, track.value("track", ""));
+    if (!board.ok()) return Complain(board.status());
+    boards.push_back(*std::move(board));
+  }
+  if (boards.empty()) {
+    return Complain(absl::InvalidArgumentError(absl::StrCat(
+        "no track has a board \"", options.board, "\" in the profile \"", options.profile, "\"")));
+  }
+  if (options.json) {
+    PrintJson({{"leaderboards", boards}});
+    return kDone;
+  }
+  for (const Json& board : boards) {
+    if (&board != &boards.front()) std::cout << '\n';
+    PrintBoard(board);
+  }
+  return kDone;
+}
+
+int Leaderboard(const BoardOptions& options) {
+  const Client client(options.daemon.path());
+  if (options.track.empty()) return AllBoards(client, options);
+  const absl::StatusOr<Json> board = BoardOf(client, options, options.track);
+  if (!board.ok()) return Complain(board.status());
+  if (options.json) {
+    PrintJson(*board);
+  } else {
+    PrintBoard(*board);
+  }
+  return kDone;
+}
+
+}  // namespace
+
+Action AddLeaderboard(CLI::App& verb) {
+  auto options = std::make_shared<BoardOptions>();
+  verb.add_option("--track", options->track, "Name of the track (default: all)");
+  verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
+  verb.add_option("--board", options->board, "main, or for locomotion physiological")
+      ->check(CLI::IsMember({"main", "physiological"}));
+  verb.add_flag("--json", options->json, "Print JSON (configs/schema/leaderboard.json)");
+  AddDaemonOptions(verb, options->daemon);
+  return [options] { return Leaderboard(*options); };
+}
+
+}  // namespace myograde::server

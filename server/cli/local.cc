@@ -1,0 +1,228 @@
+// myograde local
+#include <signal.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <thread>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+#include <absl/time/clock.h>
+
+#include "protocol/base/outcome.h"
+#include "protocol/config_reader.h"
+#include "protocol/sha256.h"
+#include "server/cli/common.h"
+#include "server/cli/local_run.h"
+#include "server/cli/report.h"
+#include "server/cli/terminal.h"
+#include "server/daemon/results.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+struct LocalOptions {
+  HostOptions host;
+  std::string path;
+  std::string track;
+  std::string profile;
+  std::string seeds;
+  int64_t episodes = 0;  // 0: not given
+  int slots = 0;         // 0: as server.json says
+  bool json = false;
+};
+
+volatile sig_atomic_t g_stopped = 0;
+
+void OnSignal(int) { g_stopped = 1; }
+
+void CatchSignals() {
+  struct sigaction action = {};
+  action.sa_handler = OnSignal;  // no SA_RESTART: poll shall return
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &action, nullptr);
+}
+
+absl::StatusOr<std::vector<uint64_t>> SeedsOf(const LocalOptions& options,
+                                              const TrackConfig& config) {
+  absl::StatusOr<std::vector<uint64_t>> seeds = config.seeds;
+  if (!options.seeds.empty()) seeds = ReadSeeds(options.seeds);
+  if (!seeds.ok()) return seeds;
+  if (options.episodes > std::ssize(*seeds)) {
+    return absl::InvalidArgumentError(absl::StrCat("--episodes: ", options.episodes,
+                                                   " are asked for, but the seed list has only ",
+                                                   seeds->size()));
+  }
+  if (options.episodes > 0) seeds->resize(static_cast<size_t>(options.episodes));
+  return seeds;
+}
+
+absl::StatusOr<std::vector<std::string>> RuntimesOf(const ArtefactManifest& manifest,
+                                                    const ServerConfig& config) {
+  std::vector<std::string> folders;
+  for (const std::string& name : manifest.runtimes) {
+    const auto found = config.runtimes.find(name);
+    if (found == config.runtimes.end()) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "policy.json asks for the runtime \"", name, "\"; known: ",
+          absl::StrJoin(config.runtimes, ", ", [](std::string* out, const auto& entry) {
+            out->append(entry.first);
+          })));
+    }
+    if (!std::filesystem::is_directory(found->second)) {
+      return absl::InternalError(absl::StrCat("the runtime \"", name, "\" has no folder ",
+                                              found->second, "; run ./dev setup"));
+    }
+    folders.push_back(found->second);
+  }
+  return folders;
+}
+
+// Everything that can be wrong with what the user gave is found here, before
+// anything runs. `temp` keeps the unpacked submission.
+absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::string& temp) {
+  LocalOrder order;
+  const std::string configs = options.host.configs_dir();
+  absl::StatusOr<TrackConfig> config =
+      LoadTrackConfig(configs + "/tracks", options.track, options.profile);
+  if (!config.ok()) return HostStatus("", config.status());
+  absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOf(options, *config);
+  if (!seeds.ok()) return seeds.status();
+  order.seeds = *std::move(seeds);
+  const ArtefactLimits limits = {.bytes = config->budgets.submission_bytes,
+                                 .files = config->budgets.submission_files};
+  absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
+  if (!track.ok()) return HostStatus("", track.status());
+  order.track = *std::move(track);
+  order.cache_dir = options.host.cache_dir();
+  absl::StatusOr<ServerConfig> server = LoadServerConfig(configs + "/server.json", order.cache_dir);
+  if (!server.ok()) return HostStatus("", server.status());
+  order.config = *std::move(server);
+  order.slots = options.slots > 0 ? options.slots : order.config.scheduler.slots;
+  const std::string archive = temp + "/artefact.tar";
+  const absl::Status packed = HostStatus(options.path, PackArtefact(options.path, archive, limits));
+  if (!packed.ok()) return packed;
+  order.artefact_dir = temp + "/artefact";
+  absl::StatusOr<Artefact> artefact = UnpackArtefact(archive, order.artefact_dir, limits);
+  if (!artefact.ok()) return HostStatus(options.path, artefact.status());
+  order.artefact = *std::move(artefact);
+  std::filesystem::remove(archive);
+  absl::StatusOr<std::vector<std::string>> runtimes =
+      RuntimesOf(order.artefact.manifest, order.config);
+  if (!runtimes.ok()) return runtimes.status();
+  order.runtimes = *std::move(runtimes);
+  order.work_dir = temp;
+  return order;
+}
+
+Json RowJson(const EpisodeRow& row) {
+  const Json facts = Json::parse(row.facts_json);
+  Json json = {{"index", row.index},
+               {"seed", row.seed},
+               {"outcome", OutcomeName(row.outcome)},
+               {"reason", FailureReasonName(row.reason)},
+               {"metrics", Json::parse(row.metrics_json)},
+               {"facts", facts}};
+  const std::pair<const char*, const char*> copied[] = {
+      {"steps", "steps"}, {"sim_time", "sim_time_s"}, {"clipped", "clipped"}, {"digest", "digest"},
+      {"end", "end"},     {"fault", "fault"},         {"wall_s", "wall_s"},
+      {"policy_cpu_s", "policy_cpu_s"}};
+  for (const auto& [from, to] : copied) json[to] = facts.value(from, Json());
+  return json;
+}
+
+absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& result,
+                                absl::Duration wall) {
+  const absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(result.rows);
+  if (!aggregate.ok()) return aggregate.status();
+  const TrackConfig& config = order.track->config;
+  std::map<std::string, int64_t> outcomes;
+  std::map<std::string, int64_t> reasons;
+  Json rows = Json::array();
+  for (const EpisodeRow& row : result.rows) {
+    ++outcomes[std::string(OutcomeName(row.outcome))];
+    if (row.reason != FailureReason::kNone) ++reasons[std::string(FailureReasonName(row.reason))];
+    rows.push_back(RowJson(row));
+  }
+  const char* state = result.interrupted ? "cancelled" : aggregate->failed ? "failed" : "done";
+  return Json{{"track", config.id},
+              {"track_kind", TrackKindName(config.kind)},
+              {"profile", config.profile},
+              {"state", state},
+              {"name", order.artefact.manifest.name},
+              {"planned", order.seeds.size()},
+              {"aggregate", AggregateToJson(config.kind, *aggregate)},
+              {"outcomes", outcomes},
+              {"reasons", reasons},
+              {"hashes",
+               {{"artefact", order.artefact.digest},
+                {"config", config.hash},
+                {"seeds", Sha256Hex(CanonicalJson(order.seeds))},
+                {"results", ResultsHash(result.rows)}}},
+              {"grader", GraderBuild()},
+              {"episodes", rows},
+              {"output", result.outputs},
+              {"wall", {{"slots", order.slots}, {"wall_s", absl::ToDoubleSeconds(wall)}}}};
+}
+
+int Local(const LocalOptions& options) {
+  CatchSignals();
+  absl::StatusOr<TempFolder> temp = TempFolder::Make("local");
+  if (!temp.ok()) return Complain(temp.status());
+  absl::StatusOr<LocalOrder> order = Prepare(options, temp->path());
+  if (!order.ok()) return Complain(order.status());
+  const absl::Time start = absl::Now();
+  absl::StatusOr<LocalResult> result;
+  {
+    Progress progress(options.track);
+    LocalRun run(*order, {.progress = [&](int64_t done, int64_t total) {
+                            progress.Show(done, total, "");
+                          },
+                          .stopped = [] { return g_stopped != 0; }});
+    result = run.Run();
+  }
+  if (!result.ok()) return Complain(result.status());
+  const absl::StatusOr<Json> json = ResultJson(*order, *result, absl::Now() - start);
+  if (!json.ok()) return Complain(json.status());
+  const std::string state = (*json)["state"];
+  if (options.json) {
+    PrintJson(*json);
+  } else {
+    std::cout << Bold(absl::StrCat(Cell(*json, "name"), " on ", Cell(*json, "track"),
+                                   ", profile ", Cell(*json, "profile"), ": ", state))
+              << '\n';
+    PrintResult(*json);
+    PrintEpisodes((*json)["episodes"]);
+    std::cout << "took " << Span((*json)["wall"]["wall_s"].get<double>()) << std::endl;
+  }
+  if (result->interrupted) std::cerr << "myograde: interrupted" << std::endl;
+  return state == "done" ? kDone : kNoScore;
+}
+
+}  // namespace
+
+Action AddLocal(CLI::App& verb) {
+  auto options = std::make_shared<LocalOptions>();
+  verb.add_option("PATH", options->path,
+                  "An executable file, a folder with a policy.json, or an archive of such a folder")
+      ->required();
+  verb.add_option("--track", options->track, "Name of the track, as \"myograde spec\" lists them")
+      ->required();
+  verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
+  verb.add_option("--seeds", options->seeds,
+                  "File of seeds in place of the track's list: a JSON array, or one on each line");
+  verb.add_option("--episodes", options->episodes, "Play only the first N seeds")
+      ->check(CLI::Range(1, 10'000));
+  verb.add_option("--slots", options->slots,
+                  "Leases at once (default: as server.json says, one for each processor)")
+      ->check(CLI::Range(1, 1024));
+  verb.add_flag("--json", options->json, "Print JSON (configs/schema/local.json)");
+  AddHostOptions(verb, options->host);
+  return [options] { return Local(*options); };
+}
+
+}  // namespace myograde::server

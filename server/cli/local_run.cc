@@ -1,0 +1,220 @@
+#include "server/cli/local_run.h"
+
+#include <poll.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+#include <thread>
+
+#include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
+
+#include "server/daemon/engine.h"
+#include "server/daemon/results.h"
+
+namespace myograde::server {
+namespace {
+
+// The daemon's slots use uid_base and up, at most 1024 of them; these lie above.
+constexpr int64_t kLocalUidOffset = 1024;
+constexpr int kPollMilliseconds = 100;
+
+nlohmann::json OutputJson(int64_t first, int64_t last, const LeaseEndRecord& end) {
+  return {{"first", first},
+          {"last", last},
+          {"stdout_tail", end.stdout_tail},
+          {"stderr_tail", end.stderr_tail},
+          {"stdout_truncated", end.stdout_truncated},
+          {"stderr_truncated", end.stderr_truncated},
+          {"usage_wall_cpu",
+           {{"policy_cpu_s", end.policy_cpu_s},
+            {"wall_s", end.wall_s},
+            {"peak_memory_bytes", end.peak_memory_bytes}}}};
+}
+
+}  // namespace
+
+absl::StatusOr<LocalResult> LocalRun::Run() {
+  const int64_t total = std::ssize(order_.seeds);
+  const int64_t block = order_.track->config.episodes_per_lease;
+  for (int64_t first = 0; first < total; first += block) {
+    Lease& lease = leases_.emplace_back();
+    lease.first = first;
+    lease.last = std::min(first + block, total) - 1;
+  }
+  for (;;) {
+    if (hooks_.stopped()) {
+      KillAll();
+      return Collect(/*interrupted=*/true);
+    }
+    absl::Status status = StartWaiting();
+    WaitForRecords();
+    int64_t done = 0;
+    bool all_done = true;
+    for (Lease& lease : leases_) {
+      if (lease.runner != nullptr) Listen(lease);
+      if (status.ok() && lease.runner != nullptr && lease.runner->finished()) {
+        Listen(lease);
+        status = Finish(lease);
+      }
+      done += std::ssize(lease.rows);
+      all_done = all_done && lease.done;
+    }
+    hooks_.progress(done, total);
+    if (!status.ok()) {
+      KillAll();
+      return status;
+    }
+    if (all_done) return Collect(/*interrupted=*/false);
+  }
+}
+
+LeaseOrder LocalRun::OrderFor(const Lease& lease) const {
+  LeaseOrder order;
+  order.lease = absl::StrCat("local-", lease.first, "-", lease.faults);
+  order.artefact_dir = order_.artefact_dir;
+  order.command = order_.artefact.manifest.command;
+  order.runtimes = order_.runtimes;
+  order.track = order_.track->config;
+  for (int64_t index = lease.first; index <= lease.last; ++index) {
+    order.episodes.push_back({index, order_.seeds[static_cast<size_t>(index)],
+                              PolicySeed(kLocalPolicyKey, order_.artefact.digest, index)});
+  }
+  order.uid = ::geteuid() == 0 ? order_.config.uid_base + kLocalUidOffset + lease.slot : -1;
+  order.slot = lease.slot;
+  order.work_dir = lease.work_dir;
+  order.cache_dir = order_.cache_dir;
+  return order;
+}
+
+absl::Status LocalRun::StartWaiting() {
+  std::set<int> free;
+  for (int slot = 0; slot < order_.slots; ++slot) free.insert(slot);
+  for (const Lease& lease : leases_) free.erase(lease.slot);
+  for (Lease& lease : leases_) {
+    if (free.empty()) break;
+    if (lease.done || lease.runner != nullptr) continue;
+    const absl::Status started = Start(lease, free.extract(free.begin()).value());
+    if (!started.ok()) return started;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status LocalRun::Start(Lease& lease, int slot) {
+  lease.slot = slot;
+  lease.work_dir = absl::StrCat(order_.work_dir, "/lease-", lease.first, "-", lease.faults);
+  std::error_code error;
+  if (!std::filesystem::create_directory(lease.work_dir, error)) {
+    return absl::InternalError(absl::StrCat(lease.work_dir, ": can't be made: ", error.message()));
+  }
+  absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(OrderFor(lease));
+  if (!runner.ok()) return absl::InternalError(runner.status().message());
+  lease.runner = *std::move(runner);
+  lease.heard = absl::Now();
+  lease.deadline = lease.heard + absl::Seconds(order_.track->config.budgets.lease_wall_s) +
+                   order_.config.lease_grace;
+  return absl::OkStatus();
+}
+
+void LocalRun::WaitForRecords() {
+  std::vector<pollfd> fds;
+  for (const Lease& lease : leases_) {
+    if (lease.runner == nullptr) continue;
+    for (const int fd : {lease.runner->stdout_fd(), lease.runner->stderr_fd()}) {
+      if (fd >= 0) fds.push_back({fd, POLLIN, 0});
+    }
+  }
+  // An interrupt or an error only ends the wait early; the loop looks again.
+  ::poll(fds.data(), fds.size(), kPollMilliseconds);
+}
+
+void LocalRun::Listen(Lease& lease) {
+  const absl::Time now = absl::Now();
+  absl::StatusOr<std::vector<LeaseRecord>> records = lease.runner->Read();
+  if (!records.ok()) {
+    lease.fault = std::string(records.status().message());
+  } else {
+    if (!records->empty()) lease.heard = now;
+    for (const LeaseRecord& record : *records) TakeRecord(lease, record);
+  }
+  if (lease.fault.empty() && now > lease.deadline) {
+    lease.fault = "the runner did not end in its time";
+  }
+  if (lease.fault.empty() && now - lease.heard > order_.config.scheduler.heartbeat) {
+    lease.fault = absl::StrCat("the runner was silent for ",
+                               absl::FormatDuration(order_.config.scheduler.heartbeat));
+  }
+  if (!lease.fault.empty()) lease.runner->Kill();
+}
+
+void LocalRun::TakeRecord(Lease& lease, const LeaseRecord& record) {
+  if (const auto* end = std::get_if<LeaseEndRecord>(&record)) {
+    lease.end = std::make_unique<LeaseEndRecord>(*end);
+  }
+  const auto* facts = std::get_if<EpisodeFacts>(&record);
+  if (facts == nullptr || !lease.fault.empty()) return;
+  if (facts->index < lease.first || facts->index > lease.last ||
+      facts->seed != order_.seeds[static_cast<size_t>(facts->index)]) {
+    lease.fault = absl::StrCat("the runner told of episode ", facts->index,
+                               ", which the lease did not ask for");
+    return;
+  }
+  absl::StatusOr<EpisodeRow> row = JudgedRow(*order_.track, *facts);
+  if (!row.ok()) {
+    lease.fault = std::string(row.status().message());
+  } else {
+    lease.rows.try_emplace(facts->index, *std::move(row));
+  }
+}
+
+absl::Status LocalRun::Finish(Lease& lease) {
+  if (lease.fault.empty() && lease.end == nullptr) {
+    lease.fault = absl::StrCat("the runner ended without a last record: ",
+                               lease.runner->stderr_tail());
+  }
+  if (lease.fault.empty() && !lease.end->ok) lease.fault = lease.end->detail;
+  if (lease.fault.empty() && std::ssize(lease.rows) != lease.last - lease.first + 1) {
+    lease.fault = "the runner left out episodes";
+  }
+  lease.runner.reset();
+  lease.slot = -1;
+  std::error_code ignored;  // the whole folder is removed at the end again
+  std::filesystem::remove_all(lease.work_dir, ignored);
+  if (lease.fault.empty()) {
+    lease.done = true;
+    return absl::OkStatus();
+  }
+  if (++lease.faults > order_.config.scheduler.max_replays) {
+    return absl::InternalError(absl::StrCat("episodes ", lease.first, " to ", lease.last,
+                                            " failed by a fault of the grader: ", lease.fault));
+  }
+  lease.fault.clear();
+  lease.end.reset();
+  lease.rows.clear();
+  return absl::OkStatus();
+}
+
+void LocalRun::KillAll() {
+  std::vector<std::thread> killers;  // a Kill takes up to a second; all together too
+  for (Lease& lease : leases_) {
+    if (lease.runner != nullptr) killers.emplace_back([&lease] { lease.runner->Kill(); });
+  }
+  for (std::thread& killer : killers) killer.join();
+}
+
+LocalResult LocalRun::Collect(bool interrupted) const {
+  LocalResult result;
+  result.interrupted = interrupted;
+  result.outputs = nlohmann::json::array();
+  for (const Lease& lease : leases_) {
+    for (const auto& [index, row] : lease.rows) result.rows.push_back(row);
+    if (lease.end != nullptr) {
+      result.outputs.push_back(OutputJson(lease.first, lease.last, *lease.end));
+    }
+  }
+  return result;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,82 @@
+// myograde: the command line tool. Verbs live in files of their own; this is
+// the table of them.
+#include <signal.h>
+
+#include <exception>
+#include <iostream>
+
+#include "server/cli/common.h"
+
+namespace myograde::server {
+namespace {
+
+struct Verb {
+  const char* name;
+  const char* does;
+  const char* example;
+  Action (*add)(CLI::App& verb);
+};
+
+constexpr Verb kVerbs[] = {
+    {"serve", "Run the daemon, in the foreground; SIGTERM stops it and loses nothing",
+     "myograde serve --data /srv/myograde", AddServe},
+    {"submit", "Hand in a policy to be graded",
+     "myograde submit ./my_policy --track manipulation --team \"Team Blue\" --wait", AddSubmit},
+    {"status", "Show the daemon and its submissions, or how far one is",
+     "myograde status 7", AddStatus},
+    {"cancel", "End a submission that waits or runs", "myograde cancel 7", AddCancel},
+    {"leaderboard", "Show the ranking of the submissions",
+     "myograde leaderboard --track locomotion --board physiological", AddLeaderboard},
+    {"show", "Show the result of a submission", "myograde show 7 --episodes", AddShow},
+    {"rerun", "Play a submission's episodes again and print what differs",
+     "myograde rerun 7 --episodes 10..19", AddRerun},
+    {"local", "Grade a policy here and now, without a daemon",
+     "myograde local ./my_policy --track locomotion --episodes 5", AddLocal},
+    {"spec", "Print what a track observes, wants, allows and counts",
+     "myograde spec --track manipulation --json", AddSpec},
+};
+
+constexpr char kStatuses[] =
+    "Exit status: 0 done, 1 ended without a score or a difference was found, 2 wrong use,\n"
+    "3 the daemon can't be reached, 4 the grader or its host is in trouble.";
+
+int Run(int argc, char** argv) {
+  // A daemon that hangs up shall be an error to tell, not the end.
+  ::signal(SIGPIPE, SIG_IGN);
+  CLI::App app("MyoGrade grades policies of the MyoChallenge 2024 tracks and ranks them.",
+               "myograde");
+  app.set_version_flag("--version", MYOGRADE_VERSION);
+  app.footer(std::string("\"myograde VERB --help\" tells more of each, with an example.\n") +
+             kStatuses);
+  app.require_subcommand(1);
+  Action chosen;
+  for (const Verb& verb : kVerbs) {
+    CLI::App* sub = app.add_subcommand(verb.name, verb.does);
+    sub->footer(std::string("Example:\n  ") + verb.example + "\n\n" + kStatuses);
+    sub->callback([&chosen, action = verb.add(*sub)] { chosen = action; });
+  }
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& asked) {  // --help, --version
+    return app.exit(asked);
+  } catch (const CLI::ParseError& mistake) {
+    std::cerr << "myograde: error: " << mistake.what() << "; see \"myograde"
+              << (app.get_subcommands().empty() ? "" : " " + app.get_subcommands()[0]->get_name())
+              << " --help\"" << std::endl;
+    return kWrongUse;
+  }
+  return chosen();
+}
+
+}  // namespace
+}  // namespace myograde::server
+
+int main(int argc, char** argv) {
+  try {
+    return myograde::server::Run(argc, argv);
+  } catch (const std::exception& error) {
+    // Out of memory, or an answer of the daemon with values of other types than documented.
+    std::cerr << "myograde: error: " << error.what() << std::endl;
+    return myograde::server::kTrouble;
+  }
+}

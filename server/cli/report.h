@@ -1,0 +1,23 @@
+// Results as text, from the JSON of the API or of a local run.
+#pragma once
+
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+namespace myograde::server {
+
+// Aggregate, outcomes, what the policy printed last, and hashes. `result` has
+// the keys of an evaluation in server/api/README.md.
+void PrintResult(const nlohmann::json& result);
+
+// One line for each episode of the array `rows`, then the faults in words.
+void PrintEpisodes(const nlohmann::json& rows);
+
+// What a re-run found, episode by episode.
+void PrintComparison(const nlohmann::json& comparison);
+
+// "31/100 episodes, 4 successes" of the counts of a submission.
+std::string CountsText(const nlohmann::json& episodes);
+
+}  // namespace myograde::server

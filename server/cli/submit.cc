@@ -1,0 +1,131 @@
+// myograde submit
+#include <iostream>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/artefact/artefact.h"
+#include "server/cli/client.h"
+#include "server/cli/common.h"
+#include "server/cli/follow.h"
+#include "server/cli/report.h"
+#include "server/cli/terminal.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+struct SubmitOptions {
+  DaemonOptions daemon;
+  std::string path;
+  std::string track;
+  std::string team;
+  std::string profile;
+  std::string seeds;
+  int64_t episodes = 0;  // 0: not given
+  bool wait = false;
+  bool json = false;
+};
+
+absl::StatusOr<Json> RequestOf(const SubmitOptions& options) {
+  Json request = {{"team", options.team}, {"track", options.track}};
+  if (!options.profile.empty()) request["profile"] = options.profile;
+  if (options.episodes != 0) request["episodes"] = options.episodes;
+  if (!options.seeds.empty()) {
+    absl::StatusOr<std::vector<uint64_t>> seeds = ReadSeeds(options.seeds);
+    if (!seeds.ok()) return seeds.status();
+    request["seeds"] = *std::move(seeds);
+  }
+  return request;
+}
+
+// Packs the submission and sends it; the artefact's id.
+absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Client& client) {
+  absl::StatusOr<TempFolder> temp = TempFolder::Make("submit");
+  if (!temp.ok()) return temp.status();
+  const std::string archive = temp->path() + "/artefact.tar";
+  const absl::Status packed =
+      HostStatus(options.path, PackArtefact(options.path, archive, ArtefactLimits()));
+  if (!packed.ok()) return packed;
+  const absl::StatusOr<Json> answer = client.Upload("/v1/artefacts", archive, [](int64_t) {});
+  if (!answer.ok()) return answer.status();
+  const std::string artefact = answer->value("artefact", "");
+  if (artefact.empty()) return absl::InternalError("the daemon did not say the artefact's id");
+  return artefact;
+}
+
+int ReportWaited(const SubmitOptions& options, const Client& client, int64_t id) {
+  const std::string path = absl::StrCat("/v1/submissions/", id);
+  const absl::StatusOr<Json> status = Follow(client, path, absl::StrCat("submission ", id));
+  if (!status.ok()) return Complain(status.status());
+  const absl::StatusOr<Json> result = client.Get(path + "/result");
+  if (!result.ok()) return Complain(result.status());
+  const std::string state = status->value("state", "");
+  if (options.json) {
+    Json both = *status;
+    both["result"] = *result;
+    PrintJson(both);
+  } else {
+    std::cout << Bold(absl::StrCat("Submission ", id, " is ", Harmless(state))) << '\n';
+    if ((*status)["reason"].is_string()) {
+      std::cout << "  " << Harmless((*status)["reason"].get<std::string>()) << '\n';
+    }
+    PrintResult(*result);
+  }
+  return ExitOfState(state);
+}
+
+int Submit(const SubmitOptions& options) {
+  // What can be wrong here is told before the daemon is bothered.
+  absl::StatusOr<Json> request = RequestOf(options);
+  if (!request.ok()) return Complain(request.status());
+  const Client client(options.daemon.path());
+  const absl::StatusOr<std::string> artefact = SendArtefact(options, client);
+  if (!artefact.ok()) return Complain(artefact.status());
+  (*request)["artefact"] = *artefact;
+  const absl::StatusOr<Json> submission = client.Post("/v1/submissions", *request);
+  if (!submission.ok()) return Complain(submission.status());
+  const int64_t id = submission->value("submission", int64_t{0});
+  if (options.json && !options.wait) {
+    PrintJson(*submission);
+    return kDone;
+  }
+  if (!options.json) {
+    std::cout << "Submission " << id << " is accepted: " << Cell(*submission, "name") << " of "
+              << Cell(*submission, "team") << ", " << Cell((*submission)["episodes"], "total")
+              << " episodes of " << Cell(*submission, "track") << " in the profile "
+              << Cell(*submission, "profile")
+              << (submission->value("ranked", false) ? "" : " (practice: it does not rank)")
+              << std::endl;
+  }
+  if (options.wait) return ReportWaited(options, client, id);
+  std::cout << "See how it goes with: myograde status " << id << std::endl;
+  return kDone;
+}
+
+}  // namespace
+
+Action AddSubmit(CLI::App& verb) {
+  auto options = std::make_shared<SubmitOptions>();
+  verb.add_option("PATH", options->path,
+                  "An executable file, a folder with a policy.json, or an archive of such a folder "
+                  "(.tar, .tar.gz, .tar.zst, .zip)")
+      ->required();
+  verb.add_option("--track", options->track, "Name of the track, as \"myograde spec\" lists them")
+      ->required();
+  verb.add_option("--team", options->team, "Name of the team; 1 to 64 bytes")->required();
+  verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
+  verb.add_option("--seeds", options->seeds,
+                  "File of seeds in place of the track's list: a JSON array, or one on each line; "
+                  "the submission is practice then");
+  verb.add_option("--episodes", options->episodes,
+                  "Play only the first N seeds; fewer than all is practice and does not rank")
+      ->check(CLI::Range(1, 10'000));
+  verb.add_flag("--wait", options->wait, "Wait for the end, show progress and print the result");
+  verb.add_flag("--json", options->json, "Print JSON (configs/schema/submit.json)");
+  AddDaemonOptions(verb, options->daemon);
+  return [options] { return Submit(*options); };
+}
+
+}  // namespace myograde::server
