@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <string>
@@ -178,6 +180,29 @@ TEST_F(KitsTest, RandomFollowsItsSeedAndNothingElse) {
     EXPECT_GE(one[i], -1);
     EXPECT_LE(one[i], 1);
   }
+}
+
+// The protocol page's complete policy, as a reader would copy it.
+TEST_F(KitsTest, TheProtocolPagesExampleCanBeGraded) {
+  std::ifstream page(std::string(MYOGRADE_SOURCE_DIR) + "/protocol/README.md");
+  const std::string text((std::istreambuf_iterator<char>(page)), {});
+  const std::string opening = "```python\n";
+  const size_t begin = text.find(opening);
+  ASSERT_NE(begin, std::string::npos);
+  const size_t code = begin + opening.size();
+  const std::string file = ::testing::TempDir() + "/protocol_page_policy.py";
+  std::ofstream(file) << text.substr(code, text.find("```\n", code) - code);
+  // `import myograde` finds what lcm-gen made, in the kit's folder.
+  const std::string path = absl::StrCat(PoliciesDir(), "/kit-python:", std::getenv("PYTHONPATH"));
+  setenv("PYTHONPATH", path.c_str(), 1);
+  Grader grader("zero", {MYOGRADE_PYTHON, file}, TrackKind::kLocomotion);
+  grader.Begin(1);
+  const Values first = grader.Ask(0, 0, 0.5);
+  EXPECT_EQ(first, Values(55, 0.0));
+  EXPECT_EQ(grader.Ask(0, 0, 0.5), first);
+  EXPECT_EQ(grader.Ask(0, 1, 0.5), first);
+  ASSERT_TRUE(grader.Start(1, 2).ok());
+  EXPECT_EQ(grader.Ask(1, 0, 0.5), first);
 }
 
 TEST_F(KitsTest, ARefusedPolicyEndsWithAnError) {
