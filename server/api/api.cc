@@ -79,12 +79,15 @@ void Api::Post(UnixHttpServer& server, const std::string& pattern,
                                        const httplib::ContentReader& content) {
     std::string body;
     const auto limit = static_cast<size_t>(options_.config.http.body_bytes);
+    size_t received = 0;
     const bool whole = content([&](const char* data, size_t size) {
-      if (body.size() + size > limit) return false;
-      body.append(data, size);
-      return true;
+      received += size;
+      if (received <= limit) body.append(data, size);
+      // Beyond the limit it is read and dropped for a while, so that the client hears why.
+      return received <= limit + static_cast<size_t>(UnixHttpServer::kDrainBytes);
     });
-    if (!whole) {
+    if (!whole || received > limit) {
+      UnixHttpServer::HangUpAfter();
       return SendError(response, {413, "too_large", absl::StrCat(
           "the body is incomplete or larger than ", limit, " bytes")});
     }

@@ -100,6 +100,7 @@ absl::StatusOr<ArtefactRow> Api::Receive(const httplib::ContentReader& content, 
 Api::Result Api::Upload(const Request&, const httplib::ContentReader& content) {
   const absl::Cleanup leave = [&] { --uploads_; };
   if (++uploads_ > options_.config.artefacts.uploads) {
+    UnixHttpServer::Drain(content);
     return ApiError{429, "too_many",
                     absl::StrCat(options_.config.artefacts.uploads,
                                  " uploads run already; try again in a second")};
@@ -108,6 +109,7 @@ Api::Result Api::Upload(const Request&, const httplib::ContentReader& content) {
   bool is_new = false;
   absl::StatusOr<ArtefactRow> row = Receive(content, is_new);
   if (!row.ok()) {
+    UnixHttpServer::HangUpAfter();  // the rest of the body may be unread
     ApiError error = ErrorOf(row.status());
     if (absl::IsInvalidArgument(row.status())) error.code = "bad_artefact";
     if (absl::IsOutOfRange(row.status())) error = {413, "too_large", error.message};

@@ -25,6 +25,7 @@ struct CurrentRequest {
   uid_t uid = 0;
   absl::Duration deadline;
   absl::Duration upload;
+  bool hang_up = false;
 };
 thread_local CurrentRequest current;
 
@@ -132,6 +133,14 @@ UnixHttpServer::~UnixHttpServer() { Shutdown(); }
 
 void UnixHttpServer::AllowUploadTime() { current.deadline = Now() + current.upload; }
 
+void UnixHttpServer::HangUpAfter() { current.hang_up = true; }
+
+void UnixHttpServer::Drain(const httplib::ContentReader& content) {
+  HangUpAfter();
+  int64_t left = kDrainBytes;
+  content([&](const char*, size_t size) { return (left -= static_cast<int64_t>(size)) > 0; });
+}
+
 uid_t UnixHttpServer::PeerUid() { return current.uid; }
 
 absl::Status UnixHttpServer::Bind(const std::string& path) {
@@ -238,11 +247,11 @@ bool UnixHttpServer::ServeOne(int fd) {
   ucred peer = {};
   socklen_t size = sizeof(peer);
   if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0) return false;
-  current = {peer.uid, Now() + limits_.request, limits_.upload};
+  current = {peer.uid, Now() + limits_.request, limits_.upload, false};
   UnixStream stream(fd);
   bool closed = false;
   const bool served = process_request(stream, /*close_connection=*/false, closed, nullptr);
-  return served && !closed && !stream.has_leftover();
+  return served && !closed && !current.hang_up && !stream.has_leftover();
 }
 
 void UnixHttpServer::Shutdown() {
