@@ -89,7 +89,8 @@ void PrintResult(const Json& result) {
   if (result.contains("reasons") && !result["reasons"].empty()) {
     PrintPair("failures by reason", CountsOf(result["reasons"]));
   }
-  for (const auto& [name, hash] : result.value("hashes", Json::object()).items()) {
+  const Json hashes = result.value("hashes", Json::object());
+  for (const auto& [name, hash] : hashes.items()) {
     PrintPair(name + " hash", hash.is_string() ? Harmless(hash.get<std::string>()) : "-");
   }
   PrintOutput(result.value("output", Json::array()));
