@@ -127,7 +127,7 @@ std::string SocketPath(const std::string& socket_option, const std::string& data
   return socket_option.empty() ? DataDir(data_option) + "/myograde.sock" : socket_option;
 }
 
-void AddDaemonOptions(CLI::App& verb, DaemonOptions& options) {
+void AddDaemonOptions(CLI::App& verb, ApiOptions& options) {
   verb.add_option("--data", options.data,
                   "Data folder of the daemon (default: MYOGRADE_DATA, else /var/lib/myograde for "
                   "root and ~/.local/share/myograde for others)");

@@ -48,12 +48,12 @@ std::string CacheDir(const std::string& option);   // --cache, MYOGRADE_CACHE, o
 std::string SocketPath(const std::string& socket_option, const std::string& data_option);
 
 // Adds --data and --socket.
-struct DaemonOptions {
+struct ApiOptions {
   std::string data;
   std::string socket;
   std::string path() const { return SocketPath(socket, data); }
 };
-void AddDaemonOptions(CLI::App& verb, DaemonOptions& options);
+void AddDaemonOptions(CLI::App& verb, ApiOptions& options);
 
 // Adds --configs and --cache.
 struct HostOptions {

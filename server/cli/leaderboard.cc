@@ -14,7 +14,7 @@ namespace {
 using Json = nlohmann::json;
 
 struct BoardOptions {
-  DaemonOptions daemon;
+  ApiOptions daemon;
   std::string track;
   std::string profile;
   std::string board = "main";

@@ -17,7 +17,7 @@ namespace {
 using Json = nlohmann::json;
 
 struct ShowOptions {
-  DaemonOptions daemon;
+  ApiOptions daemon;
   int64_t id = 0;
   bool episodes = false;
   bool json = false;
@@ -48,7 +48,7 @@ int Show(const ShowOptions& options) {
 }
 
 struct RerunOptions {
-  DaemonOptions daemon;
+  ApiOptions daemon;
   int64_t id = 0;
   std::string episodes;
   bool wait = true;

@@ -15,7 +15,7 @@ namespace {
 using Json = nlohmann::json;
 
 struct StatusOptions {
-  DaemonOptions daemon;
+  ApiOptions daemon;
   int64_t id = 0;  // 0: all
   std::string reason;
   bool json = false;

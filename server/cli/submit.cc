@@ -17,7 +17,7 @@ namespace {
 using Json = nlohmann::json;
 
 struct SubmitOptions {
-  DaemonOptions daemon;
+  ApiOptions daemon;
   std::string path;
   std::string track;
   std::string team;
