@@ -92,8 +92,8 @@ absl::StatusOr<SubmissionRow> Reader::Submission(int64_t id) {
 std::vector<SubmissionRow> Reader::Submissions(const SubmissionFilter& filter) {
   SQLite::Statement select(
       db_, absl::StrCat(kSubmissionColumns,
-                        "WHERE s.id < ?1 AND (?2 = '' OR t.name = ?2) AND (?3 = '' OR s.track = ?3) "
-                        "AND (?4 = '' OR s.profile = ?4) AND (?5 = '' OR EXISTS (SELECT 1 FROM "
+                        "WHERE s.id < ?1 AND (?2 = '' OR t.name = ?2) AND (?3 = '' OR s.track = ?3)"
+                        " AND (?4 = '' OR s.profile = ?4) AND (?5 = '' OR EXISTS (SELECT 1 FROM "
                         "evaluation AS e WHERE e.submission = s.id AND e.kind = 'original' AND "
                         "e.state = ?5)) ORDER BY s.id DESC LIMIT ?6"));
   SQLite::bind(select, filter.before, filter.team, filter.track, filter.profile,
@@ -114,8 +114,8 @@ absl::StatusOr<EvaluationRow> Reader::Evaluation(int64_t id) {
 }
 
 std::vector<EvaluationRow> Reader::Evaluations(int64_t submission) {
-  SQLite::Statement select(db_,
-                           absl::StrCat(kEvaluationColumns, "WHERE e.submission = ? ORDER BY e.id"));
+  SQLite::Statement select(
+      db_, absl::StrCat(kEvaluationColumns, "WHERE e.submission = ? ORDER BY e.id"));
   select.bind(1, submission);
   return AllEvaluations(select);
 }

@@ -22,12 +22,12 @@
 --                   +--------------------EndLease------------------> cancelled
 --
 --   evaluation   queued --StartLease (first)--> running --EndEvaluation--> done | failed |
---                   |                                                      cancelled | grader_error
+--                   |                                                    cancelled | grader_error
 --                   +---------EndEvaluation---> cancelled | grader_error
 --
 -- Invariants:
---   1. (evaluation, idx) is the key of an episode: it counts once, however often its lease was played.
---   2. An episode's identity and facts, an audit row, and content rows are never changed or deleted.
+--   1. (evaluation, idx) is the key of an episode: it counts once, however often played.
+--   2. An episode's identity and facts, audit rows and content rows are never changed or deleted.
 --   3. A running lease has a slot, an owner, a start and a deadline; a lease that does not run has
 --      no slot and no deadline.
 --   4. A submission has exactly one original evaluation (inserted in the same transaction).
@@ -178,7 +178,8 @@ CREATE TRIGGER transition_fixed BEFORE UPDATE ON transition
   BEGIN SELECT RAISE(ABORT, 'audit rows are never changed'); END;
 CREATE TRIGGER transition_kept BEFORE DELETE ON transition
   BEGIN SELECT RAISE(ABORT, 'audit rows are never deleted'); END;
-CREATE TRIGGER episode_fixed BEFORE UPDATE OF evaluation, idx, lease, attempt, seed, facts_json ON episode
+CREATE TRIGGER episode_fixed
+  BEFORE UPDATE OF evaluation, idx, lease, attempt, seed, facts_json ON episode
   BEGIN SELECT RAISE(ABORT, 'the facts of an episode are never changed'); END;
 CREATE TRIGGER episode_kept BEFORE DELETE ON episode
   BEGIN SELECT RAISE(ABORT, 'episodes are never deleted'); END;
