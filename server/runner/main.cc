@@ -10,6 +10,7 @@
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/signalfd.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -89,8 +90,14 @@ int Main(int argc, char** argv) {
   absl::StatusOr<EtcFiles> etc = StageEtcFiles(*stage);
   if (!etc.ok()) return EndAtOnce(etc.status());
   const LeaseContext context = {*order, *config, *bin_dir, *stage, *etc};
-  LeaseRunner runner(context, STDOUT_FILENO, lifeline ? STDIN_FILENO : -1, signals.get());
-  return runner.Run() ? kDone : kGraderTrouble;
+  bool recorded = false;
+  {
+    LeaseRunner runner(context, STDOUT_FILENO, lifeline ? STDIN_FILENO : -1, signals.get());
+    recorded = runner.Run();
+  }
+  // Dead processes whose parents died before them.
+  while (waitpid(-1, nullptr, WNOHANG) > 0) continue;
+  return recorded ? kDone : kGraderTrouble;
 }
 
 }  // namespace
