@@ -42,7 +42,7 @@ class SystemTest(unittest.TestCase):
             path = cls.root / "configs" / "tracks" / f"{name}.json"
             path.write_text(json.dumps(config))
         cls.environment = dict(os.environ, MYOGRADE_DATA=str(cls.data),
-                               MYOGRADE_CONFIGS=str(cls.root / "configs"))
+                               MYOGRADE_CONFIG_DIR=str(cls.root / "configs"))
         cls.daemon = None
 
     @classmethod
