@@ -26,8 +26,10 @@ std::vector<std::string> PolicyEnvironment() {
       "LANG=C.UTF-8",
       absl::StrCat("PATH=", path != nullptr ? path : "/usr/local/bin:/usr/bin:/bin"),
   };
-  if (const char* python_path = std::getenv("PYTHONPATH"); python_path != nullptr) {
-    environment.push_back(absl::StrCat("PYTHONPATH=", python_path));
+  for (const char* name : {"PYTHONPATH", "PYTHONDONTWRITEBYTECODE", "OMP_NUM_THREADS"}) {
+    if (const char* value = std::getenv(name); value != nullptr) {
+      environment.push_back(absl::StrCat(name, "=", value));
+    }
   }
   return environment;
 }

@@ -20,7 +20,7 @@ struct Child {
 // Starts `command` in a session of its own, in the current folder, with stdin
 // from /dev/null, stdout and stderr inherited, no other descriptor, and an
 // environment that holds MYOGRADE_LCM_URL, MYOGRADE_PROTOCOL, HOME and, from
-// the bridge's own, PATH and PYTHONPATH. REQUIRES: command is not empty.
+// the bridge's own, PATH, PYTHONPATH, PYTHONDONTWRITEBYTECODE and OMP_NUM_THREADS. REQUIRES: command is not empty.
 absl::StatusOr<Child> StartPolicy(const std::vector<std::string>& command);
 
 }  // namespace myograde::bridge

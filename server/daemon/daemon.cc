@@ -12,6 +12,7 @@
 
 #include "server/api/api.h"
 #include "server/daemon/engine.h"
+#include "server/paths.h"
 #include "server/store/lock.h"
 
 namespace myograde::server {
@@ -119,12 +120,13 @@ absl::StatusOr<DaemonOptions> WithDefaults(DaemonOptions options) {
     });
   }
   if (status.ok()) {
-    status = Fill(options.configs_dir, "MYOGRADE_CONFIGS",
-                  [] { return std::string(MYOGRADE_CONFIGS_DIR); });
+    status = Fill(options.configs_dir, "MYOGRADE_CONFIG_DIR", ConfigDir);
   }
   if (!status.ok()) return status;
   if (options.socket.empty()) options.socket = options.data_dir + "/myograde.sock";
   options.socket = fs::absolute(options.socket).lexically_normal();
+  // The runners that this process starts read the sandboxes' configs there too.
+  setenv("MYOGRADE_CONFIG_DIR", options.configs_dir.c_str(), /*overwrite=*/1);
   return options;
 }
 

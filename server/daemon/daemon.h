@@ -15,7 +15,7 @@ struct DaemonOptions {
 };
 
 // Fills what is empty: --data from MYOGRADE_DATA, else /var/lib/myograde for
-// root and the XDG data folder for others; --configs from MYOGRADE_CONFIGS, else
+// root and the XDG data folder for others; --configs from MYOGRADE_CONFIG_DIR, else
 // the folder that the program was built with; --cache from MYOGRADE_CACHE, else
 // /var/cache/myograde for root and the XDG cache folder for others. Paths are
 // made absolute. InvalidArgumentError if the home folder is not known.
