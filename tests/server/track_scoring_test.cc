@@ -1,0 +1,143 @@
+#include "server/track_scoring.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace myograde::server {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+const char kTracks[] = MYOGRADE_SOURCE_DIR "/configs/tracks";
+
+TrackConfig Load(const std::string& track, const std::string& profile = "") {
+  return LoadTrackConfig(kTracks, track, profile).value();
+}
+
+// The mistake in `track`'s scoring once `patch` (RFC 7386) is merged over it.
+std::string MistakeOf(const std::string& track, const json& patch) {
+  TrackConfig config = Load(track);
+  config.scoring.merge_patch(patch);
+  return std::string(ParseTrackScoring(config).status().message());
+}
+
+TEST(TrackScoring, ReadsEveryShippedConfigInEveryProfile) {
+  int parsed = 0;
+  const auto tracks = ListTracks(kTracks);
+  for (const std::string& track : *tracks) {
+    const auto profiles = ListProfiles(kTracks, track);
+    for (const std::string& profile : *profiles) {
+      const TrackConfig config = Load(track, profile);
+      const auto scoring = ParseTrackScoring(config);
+      ASSERT_TRUE(scoring.ok()) << scoring.status();
+      EXPECT_TRUE(scoring->boards.contains(kMainBoard));
+      EXPECT_EQ(scoring->boards.contains("physiological"), config.kind == TrackKind::kLocomotion);
+      ++parsed;
+    }
+  }
+  EXPECT_GE(parsed, 10);
+}
+
+TEST(TrackScoring, GivesTheNumbersOfTheProfile) {
+  const auto paper = ParseTrackScoring(Load("manipulation", "paper")).value();
+  const auto& rules = std::get<scoring::ManipulationJudging>(paper.judging);
+  EXPECT_EQ(rules.success, scoring::SuccessRule::kPlaced);
+  EXPECT_EQ(rules.contact_frames, 100);
+  EXPECT_TRUE(rules.force_enforced);
+  EXPECT_EQ(rules.force_limit_n, 1500);
+  EXPECT_EQ(rules.time, scoring::TimeSource::kPlayed);
+  EXPECT_EQ(rules.full_time_s, 10);
+  EXPECT_EQ(paper.team, scoring::TeamRule::kBest);
+  const auto& tiers = std::get<scoring::TieredBoard>(paper.boards.at(kMainBoard));
+  EXPECT_EQ(tiers.line_successes, 90);
+  EXPECT_EQ(tiers.line_episodes, 100);
+  EXPECT_EQ(tiers.bands, scoring::BandsOver::kTime);
+  EXPECT_EQ(tiers.band_factor, 1.1);
+
+  const auto code = ParseTrackScoring(Load("manipulation", "myosuite")).value();
+  const auto& code_rules = std::get<scoring::ManipulationJudging>(code.judging);
+  EXPECT_EQ(code_rules.success, scoring::SuccessRule::kSolvedAndContact);
+  EXPECT_FALSE(code_rules.force_enforced);
+  EXPECT_EQ(code_rules.time, scoring::TimeSource::kReported);
+  const auto graded = ParseTrackScoring(Load("manipulation", "as-graded")).value();
+  EXPECT_EQ(std::get<scoring::ManipulationJudging>(graded.judging).success,
+            scoring::SuccessRule::kSolved);
+
+  TrackConfig walk = Load("locomotion");
+  walk.scoring["team"] = "chosen";
+  const auto walking = ParseTrackScoring(walk).value();
+  EXPECT_EQ(walking.team, scoring::TeamRule::kChosen);
+  EXPECT_EQ(std::get<scoring::LocomotionJudging>(walking.judging).full_time_s, 300);
+  EXPECT_EQ(std::get<scoring::LocomotionJudging>(walking.judging).course_m, 100);
+  EXPECT_EQ(std::get<scoring::DistanceBoard>(walking.boards.at(kMainBoard)).time_from_m, 20);
+  EXPECT_EQ(std::get<scoring::PhysiologicalBoard>(walking.boards.at("physiological")).qualify_m,
+            20);
+}
+
+TEST(TrackScoring, TellsMistakesOfManipulation) {
+  EXPECT_THAT(MistakeOf("manipulation", {{"success", "won"}}),
+              testing::AllOf(HasSubstr("manipulation (profile paper): scoring: \"success\""),
+                             HasSubstr("placed, solved-and-contact, solved")));
+  for (const char* limit : {"contact_frames", "force_limit_n", "full_time_s"}) {
+    for (const json& bad : {json(0), json(-1), json("1")}) {
+      EXPECT_THAT(MistakeOf("manipulation", {{limit, bad}}), HasSubstr(limit)) << bad;
+    }
+    EXPECT_THAT(MistakeOf("manipulation", {{limit, nullptr}}), HasSubstr("is missing"));
+  }
+  EXPECT_THAT(MistakeOf("manipulation", {{"course_m", 100}}), HasSubstr("not a known key"));
+  EXPECT_THAT(MistakeOf("manipulation", {{"force_enforced", 1}}), HasSubstr("true or false"));
+  EXPECT_THAT(MistakeOf("manipulation", {{"boards", {{"main", {{"line_successes", 101}}}}}}),
+              HasSubstr("boards: main: \"line_successes\" is 101, must be from 1 to 100"));
+  EXPECT_THAT(MistakeOf("manipulation", {{"boards", {{"main", {{"band_factor", 0.9}}}}}}),
+              HasSubstr("band_factor"));
+  EXPECT_THAT(MistakeOf("manipulation", {{"boards", {{"second", json::object()}}}}),
+              HasSubstr("boards: \"second\" is not a known key"));
+  EXPECT_THAT(MistakeOf("manipulation", {{"boards", 1}}), HasSubstr("must be an object"));
+}
+
+TEST(TrackScoring, TellsMistakesOfLocomotion) {
+  EXPECT_THAT(MistakeOf("locomotion", {{"team", "any"}}), HasSubstr("best, last, chosen"));
+  EXPECT_THAT(MistakeOf("locomotion", {{"time", "wall"}}), HasSubstr("played, reported"));
+  EXPECT_THAT(MistakeOf("locomotion", {{"course_m", 0}}), HasSubstr("course_m"));
+  EXPECT_THAT(MistakeOf("locomotion", {{"success", "placed"}}), HasSubstr("not a known key"));
+  EXPECT_THAT(MistakeOf("locomotion", {{"boards", {{"main", {{"time_from_m", 101}}}}}}),
+              HasSubstr("must be from 0 to 100"));
+  EXPECT_THAT(MistakeOf("locomotion", {{"boards", {{"physiological", nullptr}}}}),
+              HasSubstr("\"physiological\" is missing"));
+}
+
+TEST(JudgeEpisode, JudgesByTheRulesOfItsTrackAndProfile) {
+  ManipulationFacts arm;
+  arm.frames = 500;
+  arm.frames_arm = arm.frames_prosthesis = 99;
+  arm.solved = arm.goal_only_at_end = true;
+  arm.peak_force = 1600;
+  arm.reported_time = 4.5;
+  EpisodeFacts facts;
+  facts.end = EpisodeEnd::kPlaced;
+  facts.steps = 500;
+  facts.sim_time = 5;
+  facts.track = arm;
+  const auto judge = [&](const char* profile) {
+    return JudgeEpisode(ParseTrackScoring(Load("manipulation", profile)).value(), facts);
+  };
+  EXPECT_EQ(judge("paper").reason, FailureReason::kForce);
+  EXPECT_EQ(judge("paper").metrics.time, 10);
+  EXPECT_EQ(judge("myosuite").reason, FailureReason::kHandover);
+  EXPECT_EQ(judge("as-graded").outcome, Outcome::kSuccess);
+  EXPECT_EQ(judge("as-graded").metrics.time, 4.5);
+
+  LocomotionFacts walk;
+  walk.distance = 99.9;
+  facts.track = walk;
+  facts.end = EpisodeEnd::kFinished;
+  const auto walking = ParseTrackScoring(Load("locomotion")).value();
+  EXPECT_EQ(JudgeEpisode(walking, facts).outcome, Outcome::kSuccess);
+  EXPECT_EQ(JudgeEpisode(walking, facts).metrics.distance, 100);
+  facts.track = arm;  // facts of another track are the grader's mistake
+  EXPECT_EQ(JudgeEpisode(walking, facts).outcome, Outcome::kGraderError);
+}
+
+}  // namespace
+}  // namespace myograde::server
