@@ -46,6 +46,12 @@ std::string_view ChannelName(Channel channel) {
   return {};
 }
 
+// "SEGV"; the number for signals without a name.
+std::string SignalName(int number) {
+  const char* name = sigabbrev_np(number);
+  return name != nullptr ? name : absl::StrCat(number);
+}
+
 class Bridge {
  public:
   Bridge(Fd simulator, Bus bus, Fd children, InboxLimits limits)
@@ -211,7 +217,7 @@ absl::Status Bridge::ReapChildren() {
     return status;
   }
   const std::string how = WIFSIGNALED(policy_status)
-                              ? absl::StrCat("was ended by signal ", WTERMSIG(policy_status))
+                              ? absl::StrCat("was ended by SIG", SignalName(WTERMSIG(policy_status)))
                               : absl::StrCat("exited with status ", WEXITSTATUS(policy_status));
   return TellFault(MakeFault(BridgeFault::kPolicyExit, policy_status,
                              absl::StrCat("the policy's process ", how)));

@@ -52,9 +52,9 @@ class SystemTest(unittest.TestCase):
 
     @classmethod
     def start_daemon(cls):
-        log = open(cls.root / "daemon.log", "ab")
-        cls.daemon = subprocess.Popen([BIN / "myograde", "serve"], env=cls.environment,
-                                      stdout=log, stderr=log, stdin=subprocess.DEVNULL)
+        with open(cls.root / "daemon.log", "ab") as log:
+            cls.daemon = subprocess.Popen([BIN / "myograde", "serve"], env=cls.environment,
+                                          stdout=log, stderr=log, stdin=subprocess.DEVNULL)
         deadline = time.monotonic() + 30
         while cls.run_cli("status", check=False).returncode != 0:
             if cls.daemon.poll() is not None or time.monotonic() > deadline:

@@ -140,7 +140,7 @@ TEST_F(BridgeProcessTest, TellsHowThePolicyEnded) {
   world_.emplace(std::vector<std::string>{"/bin/sh", "-c", "exit 7"});
   EXPECT_EQ(FaultText(BridgeFault::kPolicyExit), "the policy's process exited with status 7");
   world_.emplace(std::vector<std::string>{"/bin/sh", "-c", "kill -SEGV $$"});
-  EXPECT_EQ(FaultText(BridgeFault::kPolicyExit), "the policy's process was ended by signal 11");
+  EXPECT_EQ(FaultText(BridgeFault::kPolicyExit), "the policy's process was ended by SIGSEGV");
 }
 
 TEST_F(BridgeProcessTest, TellsThatACommandCanNotStart) {
