@@ -167,5 +167,49 @@ RC_GTEST_PROP(Board, ANewTeamLeavesTheOrderOfTheOthers, ()) {
   RC_ASSERT(after == before);
 }
 
+// "Stands above" of the boards that compare two entries at a time is transitive, also for the
+// board of each pair alone: three entries that follow each other on boards of two do so on one
+// of three. With bands this holds below the line and inside a band only, where the success rate
+// or effort alone decides; the entries of a tiered board are drawn so.
+RC_GTEST_PROP(Board, PairsThatFollowEachOtherMakeTheWholeBoard, ()) {
+  const BoardRules rules = SomeRules();
+  std::vector<BoardEntry> entries;
+  for (int i = 0; i < 3; ++i) {
+    BoardEntry entry;
+    entry.submission = entry.team = std::string(1, static_cast<char>('a' + i));
+    entry.episodes = 100;
+    entry.acceptance = i;
+    entry.effort = *Values();
+    entry.pain = *Values();
+    entry.distance = *rc::gen::element(20.0, 100.0);  // all qualify for the physiological board
+    entry.time = *Values();
+    entries.push_back(entry);
+  }
+  if (std::holds_alternative<TieredBoard>(rules)) {
+    const bool below = *rc::gen::arbitrary<bool>();
+    for (BoardEntry& entry : entries) {
+      entry.successes = below ? *rc::gen::inRange(80, 90) : 95;
+      if (!below) entry.time = *rc::gen::element(10.0, 10.5, 11.0);
+    }
+  }
+  const auto above = [&](const BoardEntry& x, const BoardEntry& y) {
+    return Names(*Rank({x, y}, rules, TeamRule::kBest)).front() == x.submission;
+  };
+  std::sort(entries.begin(), entries.end(), [](const auto& x, const auto& y) {
+    return x.submission < y.submission;
+  });
+  do {
+    if (!above(entries[0], entries[1]) || !above(entries[1], entries[2])) continue;
+    RC_ASSERT(above(entries[0], entries[2]));
+    const std::vector<std::string> whole = {entries[0].submission, entries[1].submission,
+                                            entries[2].submission};
+    RC_ASSERT(Names(*Rank(entries, rules, TeamRule::kBest)) == whole);
+    return;
+  } while (std::next_permutation(entries.begin(), entries.end(), [](const auto& x, const auto& y) {
+    return x.submission < y.submission;
+  }));
+  RC_FAIL("no order of three in which each stands above the next");
+}
+
 }  // namespace
 }  // namespace myograde::scoring
