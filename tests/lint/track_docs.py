@@ -2,7 +2,8 @@
 """Holds the track configs, their JSON Schema and their documentation together: every file
 fits the schema, the schema has exactly the keys that the files have, configs/README.md has a
 row for each key with its default, and its tables of differences between the profiles say what
-the files say. Prints one line per mistake; exit status 1 if there is one. Use: track_docs.py ROOT"""
+the files say. Prints one line per mistake; exit status 1 if there is one.
+Use: track_docs.py ROOT"""
 
 import copy
 import json
