@@ -93,5 +93,6 @@ Action AddShow(CLI::App& verb);
 Action AddRerun(CLI::App& verb);
 Action AddLocal(CLI::App& verb);
 Action AddSpec(CLI::App& verb);
+Action AddDoctor(CLI::App& verb);
 
 }  // namespace myograde::server

@@ -34,6 +34,8 @@ constexpr Verb kVerbs[] = {
      "myograde local ./my_policy --track locomotion --episodes 5", AddLocal},
     {"spec", "Print what a track observes, wants, allows and counts",
      "myograde spec --track manipulation --json", AddSpec},
+    {"doctor", "Tell what this host has, what it lacks and what that costs", "myograde doctor",
+     AddDoctor},
 };
 
 constexpr char kStatuses[] =

@@ -1,0 +1,150 @@
+// myograde doctor
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/cli/common.h"
+#include "server/cli/terminal.h"
+#include "server/daemon/server_config.h"
+#include "server/daemon/tracks.h"
+#include "server/paths.h"
+#include "server/sandbox/doctor.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+struct DoctorVerb {
+  HostOptions host;
+  std::string data;
+  bool sandbox = false;
+  bool json = false;
+  bool probe_bus = false;
+};
+
+// What the configs say, as far as they can be read; what can't is a check that
+// found something missing.
+DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks) {
+  const auto absolute = [](const std::string& path) {
+    return std::filesystem::absolute(path).lexically_normal().string();
+  };
+  DoctorOptions options;
+  const absl::StatusOr<std::string> bin_dir = BinDir();
+  options.bin_dir = bin_dir.ok() ? absolute(*bin_dir) : "";
+  options.config_dir = absolute(verb.host.configs_dir());
+  options.cache_dir = verb.host.cache_dir();
+  options.data_dir = absolute(DataDir(verb.data));
+
+  std::string mistake;
+  const absl::StatusOr<ServerConfig> config =
+      LoadServerConfig(options.config_dir + "/server.json", options.cache_dir);
+  if (config.ok()) {
+    options.runtimes = config->runtimes;
+    options.uid_base = config->uid_base;
+    options.slots = config->scheduler.slots;
+    options.submission_bytes = config->artefacts.bytes;
+  } else {
+    mistake = std::string(config.status().message());
+    options.uid_base = 62000;  // any that is free will do for a trial
+  }
+  const absl::StatusOr<Tracks> tracks = Tracks::Load(options.config_dir + "/tracks");
+  if (!tracks.ok()) {
+    mistake = std::string(tracks.status().message());
+  } else if (tracks->offers().empty()) {
+    mistake = options.config_dir + "/tracks holds no track";
+  } else {
+    // The largest budget of memory is the one that a host must be able to give.
+    for (const auto& [name, offer] : tracks->offers()) {
+      const TrackConfig& track = offer.profiles.at(offer.default_profile)->config;
+      if (!options.track || track.budgets.memory_bytes > options.track->budgets.memory_bytes) {
+        options.track = track;
+      }
+    }
+  }
+  if (mistake.empty()) {
+    checks.push_back({"configs", CheckState::kOk,
+                      absl::StrCat(tracks->offers().size(), " tracks in ", options.config_dir), "",
+                      ""});
+  } else {
+    checks.push_back({"configs", CheckState::kMissing, mistake, "no daemon and no local run starts",
+                      "mend the file, or name another folder with --configs"});
+  }
+  return options;
+}
+
+Json ChecksJson(const std::vector<Check>& checks, CheckState worst) {
+  Json list = Json::array();
+  for (const Check& check : checks) {
+    list.push_back({{"name", check.name},
+                    {"state", CheckStateName(check.state)},
+                    {"found", check.found},
+                    {"costs", check.costs},
+                    {"todo", check.todo}});
+  }
+  return {{"version", MYOGRADE_VERSION}, {"state", CheckStateName(worst)}, {"checks", list}};
+}
+
+void PrintChecks(const std::vector<Check>& checks) {
+  Table table({"check", "state", "found"});
+  for (const Check& check : checks) {
+    table.Add({check.name, std::string(CheckStateName(check.state)), Harmless(check.found)});
+  }
+  table.Print();
+  for (const CheckState state : {CheckState::kMissing, CheckState::kDegraded}) {
+    for (const Check& check : checks) {
+      if (check.state != state) continue;
+      std::cout << '\n'
+                << Bold(absl::StrCat(check.name, ": ", std::string(CheckStateName(state)))) << '\n'
+                << "  costs: " << Harmless(check.costs) << '\n'
+                << "  to do: " << Harmless(check.todo) << '\n';
+    }
+  }
+}
+
+int Doctor(const DoctorVerb& verb) {
+  if (verb.probe_bus) return ProbeBus();
+  std::vector<Check> checks;
+  const DoctorOptions options = Gather(verb, checks);
+  if (verb.sandbox) {
+    const absl::StatusOr<Json> sandboxes = DescribeSandboxes(options);
+    if (!sandboxes.ok()) return Complain(sandboxes.status());
+    PrintJson(*sandboxes);
+    return kDone;
+  }
+  std::vector<Check> found = ExamineHost(options);
+  checks.insert(checks.end(), found.begin(), found.end());
+  CheckState worst = CheckState::kOk;
+  for (const Check& check : checks) worst = std::max(worst, check.state);
+  if (verb.json) {
+    PrintJson(ChecksJson(checks, worst));
+  } else {
+    PrintChecks(checks);
+    std::cout << '\n'
+              << (worst == CheckState::kOk         ? "This host has all that MyoGrade needs."
+                  : worst == CheckState::kDegraded ? "This host can grade, at the cost named above."
+                                                   : "This host can't grade yet: see above.")
+              << std::endl;
+  }
+  return worst == CheckState::kMissing ? kTrouble : kDone;
+}
+
+}  // namespace
+
+Action AddDoctor(CLI::App& verb) {
+  auto options = std::make_shared<DoctorVerb>();
+  verb.add_flag("--sandbox", options->sandbox,
+                "Print the two sandboxes of a lease on this host, as JSON, and nothing else");
+  verb.add_flag("--json", options->json, "Print JSON (configs/schema/doctor.json)");
+  verb.add_option("--data", options->data,
+                  "Data folder that a daemon would use (default: as for serve)");
+  // What the doctor itself starts inside a sandbox.
+  verb.add_flag("--probe-bus", options->probe_bus)->group("");
+  AddHostOptions(verb, options->host);
+  return [options] { return Doctor(*options); };
+}
+
+}  // namespace myograde::server

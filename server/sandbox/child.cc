@@ -1,0 +1,116 @@
+#include "server/sandbox/child.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+
+#include <absl/time/clock.h>
+
+#include "protocol/base/fd.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr size_t kMaxOutputBytes = 1 << 20;
+constexpr int kPollMs = 10;
+
+[[noreturn]] void BecomeChild(const std::function<int()>& work, int output) {
+  setpgid(0, 0);
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  const int nothing = open("/dev/null", O_RDONLY);
+  dup2(nothing, STDIN_FILENO);
+  dup2(output, STDOUT_FILENO);
+  dup2(output, STDERR_FILENO);
+  // Without the handlers and buffers of this process' exit, which are the parent's.
+  _exit(work());
+}
+
+// Takes what is there; false at the end of the stream.
+bool Drain(int fd, std::string& output) {
+  char buffer[16 << 10];
+  while (true) {
+    const ssize_t n = read(fd, buffer, sizeof(buffer));
+    if (n < 0) return errno == EAGAIN || errno == EINTR;
+    if (n == 0) return false;
+    const size_t room = kMaxOutputBytes - output.size();
+    output.append(buffer, std::min(room, static_cast<size_t>(n)));
+  }
+}
+
+}  // namespace
+
+ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout) {
+  ChildEnd end;
+  int ends[2];
+  if (pipe2(ends, O_CLOEXEC) != 0) {
+    end.output = std::string("can't make a pipe: ") + std::strerror(errno);
+    return end;
+  }
+  const Fd output(ends[0]);
+  Fd write_end(ends[1]);
+  fcntl(output.get(), F_SETFL, O_NONBLOCK);
+  const pid_t child = fork();
+  if (child < 0) {
+    end.output = std::string("can't start a process: ") + std::strerror(errno);
+    return end;
+  }
+  if (child == 0) BecomeChild(work, write_end.get());
+  setpgid(child, child);  // whoever of the two comes first
+  write_end.reset();
+
+  const absl::Time deadline = absl::Now() + timeout;
+  int status = 0;
+  bool open = true;
+  while (!end.in_time && absl::Now() < deadline) {
+    pollfd entry = {open ? output.get() : -1, POLLIN, 0};
+    poll(&entry, 1, kPollMs);
+    end.in_time = waitpid(child, &status, WNOHANG) == child;
+    if (open) open = Drain(output.get(), end.output);
+  }
+  kill(-child, SIGKILL);  // it, or what it left behind
+  if (end.in_time) {
+    end.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  } else {
+    waitpid(child, &status, 0);
+  }
+  return end;
+}
+
+ChildEnd RunProgram(std::vector<std::string> arguments, std::vector<std::string> environment,
+                    absl::Duration timeout) {
+  std::vector<char*> argv;
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  argv.push_back(nullptr);
+  std::vector<char*> envp;
+  for (std::string& variable : environment) envp.push_back(variable.data());
+  envp.push_back(nullptr);
+  return RunInChild(
+      [&] {
+        execve(argv[0], argv.data(), envp.data());
+        dprintf(STDERR_FILENO, "%s: %s\n", argv[0], std::strerror(errno));
+        return 127;
+      },
+      timeout);
+}
+
+std::string LastWords(const std::string& output) {
+  const size_t end = output.find_last_not_of(" \r\n");
+  if (end == std::string::npos) return "";
+  const size_t begin = output.rfind('\n', end);
+  std::string line = output.substr(begin == std::string::npos ? 0 : begin + 1);
+  line.erase(line.find_last_not_of(" \r\n") + 1);
+  for (char& c : line) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+  }
+  return line;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,379 @@
+#include "server/sandbox/doctor.h"
+
+#include <fcntl.h>
+#include <grp.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <pwd.h>
+#include <sys/prctl.h>
+#include <sys/ptrace.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <climits>
+#include <cstdio>
+#include <cstring>
+#include <functional>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/sandbox/child.h"
+#include "server/sandbox/control_group.h"
+#include "server/sandbox/doctor_host.h"
+#include "server/sandbox/policy_sandbox.h"
+#include "server/sandbox/sandbox.h"
+#include "server/sandbox/seccomp_filter.h"
+#include "server/sandbox/stage.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr absl::Duration kQuick = absl::Seconds(10);
+constexpr absl::Duration kSandboxTime = absl::Seconds(30);
+constexpr char kBubblewrap[] = "/usr/bin/bwrap";
+// Above the users of a daemon's slots and of local runs.
+constexpr int64_t kUidOffset = 2048;
+
+// How a child of ExamineHost ended, in words.
+std::string Trouble(const ChildEnd& end) {
+  if (!end.in_time && end.exit_code < 0 && end.output.empty()) return "no answer in time";
+  const std::string words = LastWords(end.output);
+  if (!end.in_time) return absl::StrCat("no answer in time; last words: ", words);
+  return words.empty() ? absl::StrCat("exit status ", end.exit_code) : words;
+}
+
+int64_t SandboxUid(const DoctorOptions& options) {
+  return geteuid() == 0 ? options.uid_base + kUidOffset : -1;
+}
+
+// Bubblewrap makes its user namespace as the slot's user, so that is who must try.
+void CheckUserNamespaces(const DoctorOptions& options, std::vector<Check>& checks) {
+  const int64_t uid = SandboxUid(options);
+  const ChildEnd end = RunInChild(
+      [uid] {
+        const auto id = static_cast<uid_t>(uid);
+        if (uid >= 0 && (setgroups(0, nullptr) != 0 || setresgid(id, id, id) != 0 ||
+                         setresuid(id, id, id) != 0)) {
+          dprintf(STDERR_FILENO, "can't become uid %u: %s\n", id, std::strerror(errno));
+          return 2;
+        }
+        return CanMakeUserNamespace() ? 0 : 1;
+      },
+      kQuick);
+  const std::string who = uid >= 0 ? absl::StrCat("uid ", uid) : "this user";
+  if (end.exit_code == 0) {
+    checks.push_back(Fine("user_namespaces", absl::StrCat("work for ", who)));
+    return;
+  }
+  checks.push_back(Missing(
+      "user_namespaces",
+      end.exit_code == 1 ? absl::StrCat(who, " may make none") : Trouble(end),
+      "no sandbox can be built, so nothing can be graded",
+      "allow them with sysctl: user.max_user_namespaces above 0, and where they exist "
+      "kernel.unprivileged_userns_clone=1 and kernel.apparmor_restrict_unprivileged_userns=0; "
+      "in a container, start it privileged"));
+}
+
+void CheckBubblewrap(std::vector<Check>& checks) {
+  const ChildEnd end = RunProgram({kBubblewrap, "--version"}, {}, kQuick);
+  if (end.exit_code == 0) {
+    checks.push_back(Fine("bubblewrap", LastWords(end.output)));
+  } else {
+    checks.push_back(Missing("bubblewrap", Trouble(end),
+                             "no sandbox can be built, so nothing can be graded",
+                             "install the package bubblewrap"));
+  }
+}
+
+void CheckSlotUsers(const DoctorOptions& options, std::vector<Check>& checks) {
+  const char name[] = "slot_users";
+  if (geteuid() != 0) {
+    checks.push_back(Poorer(
+        name, absl::StrCat("runs as the ordinary user with uid ", geteuid()),
+        "all sandboxes have this user's own uid, so only namespaces keep leases apart from each "
+        "other and from the user's files; policies' limits rest on rlimits where control groups "
+        "are not delegated",
+        "start the daemon as root: each slot then gets an unprivileged uid of its own"));
+    return;
+  }
+  for (int slot = 0; slot < options.slots; ++slot) {
+    const auto uid = static_cast<uid_t>(options.uid_base + slot);
+    const passwd* user = getpwuid(uid);
+    if (user == nullptr) continue;
+    checks.push_back(Poorer(
+        name, absl::StrCat("uid ", uid, " of slot ", slot, " belongs to ", user->pw_name),
+        "a policy that got out of its namespaces would own that user's files",
+        "set uid_base in server.json to a range that nobody has"));
+    return;
+  }
+  checks.push_back(Fine(name, absl::StrCat("uid ", options.uid_base, " to ",
+                                           options.uid_base + options.slots - 1,
+                                           ", one for each slot")));
+}
+
+void CheckControlGroups(const DoctorOptions& options, std::vector<Check>& checks) {
+  const GroupLimits limits = options.track.has_value() ? PolicyGroupLimits(options.track->budgets)
+                                                       : GroupLimits{1 << 30, 64, 1};
+  const GroupControllers got =
+      ControlGroup::Create(GroupName(0), limits)->controllers();
+  const struct {
+    const char* name;
+    bool there;
+    const char* costs;
+  } controllers[] = {
+      {"cgroup_memory", got.memory,
+       "each process has the memory limit by itself instead of all together; running out shows as "
+       "crash, and peak memory is not reported"},
+      {"cgroup_pids", got.pids,
+       "processes are limited by RLIMIT_NPROC; reaching the limit shows as crash"},
+      {"cgroup_cpu", got.cpu, "a policy may use all processors, at the expense of other leases"},
+      {"cgroup_cpuacct", got.cpu_account,
+       "CPU time is added up over the processes of a sandbox, which misses some of those that "
+       "ended unseen"}};
+  for (const auto& controller : controllers) {
+    if (controller.there) {
+      checks.push_back(Fine(controller.name, absl::StrCat("control groups version ", got.version)));
+    } else {
+      checks.push_back(Poorer(
+          controller.name,
+          got.version == 0 ? "no control group can be made"
+                           : absl::StrCat("not with control groups version ", got.version),
+          controller.costs,
+          "run as root, or give this user a control group: systemd-run --user --scope -p "
+          "Delegate=yes"));
+    }
+  }
+}
+
+// Loads the filter into this process for good. 0: it denies what it should.
+int TryFilter(const PolicySandboxConfig& config) {
+  const absl::StatusOr<Fd> filter = MakeSeccompFilter(config);
+  if (!filter.ok()) {
+    dprintf(STDERR_FILENO, "%s\n", std::string(filter.status().message()).c_str());
+    return 1;
+  }
+  struct stat facts;
+  if (fstat(filter->get(), &facts) != 0) return 1;
+  std::vector<sock_filter> program(static_cast<size_t>(facts.st_size) / sizeof(sock_filter));
+  if (pread(filter->get(), program.data(), program.size() * sizeof(sock_filter), 0) !=
+      facts.st_size) {
+    return 1;
+  }
+  const sock_fprog loaded = {static_cast<uint16_t>(program.size()), program.data()};
+  if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 ||
+      syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, 0, &loaded) != 0) {
+    dprintf(STDERR_FILENO, "the kernel refuses the filter: %s\n", std::strerror(errno));
+    return 1;
+  }
+  if (ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) == 0 || errno != EPERM) {
+    dprintf(STDERR_FILENO, "the filter is loaded but lets ptrace through\n");
+    return 1;
+  }
+  return 0;
+}
+
+void CheckSeccomp(const DoctorOptions& options, std::vector<Check>& checks) {
+  const ChildEnd end = RunInChild(
+      [&options] {
+        const absl::StatusOr<SandboxConfig> config = LoadSandboxConfig(options.config_dir);
+        if (config.ok()) return TryFilter(config->policy);
+        dprintf(STDERR_FILENO, "%s\n", std::string(config.status().message()).c_str());
+        return 1;
+      },
+      kQuick);
+  if (end.exit_code == 0) {
+    checks.push_back(Fine("seccomp", "the policy's filter loads and denies"));
+  } else {
+    checks.push_back(Missing("seccomp", Trouble(end), "no sandbox can be built",
+                             "use a kernel with CONFIG_SECCOMP_FILTER and the sandbox/policy.json "
+                             "that MyoGrade came with"));
+  }
+}
+
+// Both sandboxes of a lease, as values.
+struct Sandboxes {
+  SandboxSpec policy;
+  SandboxSpec simulator;
+  PolicySandboxConfig config;
+};
+
+std::string OwnProgram() {
+  char path[PATH_MAX];
+  const ssize_t length = readlink("/proc/self/exe", path, sizeof(path));
+  return length > 0 ? std::string(path, static_cast<size_t>(length)) : "";
+}
+
+// A lease whose artefact is the folder of this program. A folder that is not
+// there is another check's matter.
+LeaseOrder TrialOrder(const DoctorOptions& options) {
+  const std::string own = OwnProgram();
+  LeaseOrder order;
+  order.lease = "doctor";
+  order.artefact_dir = own.substr(0, own.rfind('/'));
+  order.command = {"/policy" + own.substr(own.rfind('/')), "doctor", "--probe-bus"};
+  order.track = *options.track;
+  order.uid = SandboxUid(options);
+  order.cache_dir =
+      access(options.cache_dir.c_str(), R_OK | X_OK) == 0 ? options.cache_dir : options.bin_dir;
+  for (const auto& [name, folder] : options.runtimes) {
+    if (access(folder.c_str(), R_OK | X_OK) == 0) order.runtimes.push_back(folder);
+  }
+  return order;
+}
+
+// Moves this process into the runner's kind of mount namespace, builds both
+// values there and hands them to `use` while that namespace lasts.
+absl::Status WithSandboxes(const DoctorOptions& options,
+                           const std::function<absl::Status(const Sandboxes&)>& use) {
+  const LeaseOrder order = TrialOrder(options);
+  if (absl::Status status = CheckOrderPaths(order); !status.ok()) return status;
+  absl::StatusOr<SandboxConfig> config = LoadSandboxConfig(options.config_dir);
+  if (!config.ok()) return config.status();
+  absl::StatusOr<Stage> stage = Stage::Enter(StagedSources(order, options.bin_dir));
+  if (!stage.ok()) return stage.status();
+  absl::StatusOr<EtcFiles> etc = StageEtcFiles(*stage);
+  if (!etc.ok()) return etc.status();
+  const Budgets& budgets = order.track.budgets;
+  absl::StatusOr<std::string> scratch =
+      stage->MountScratch(0, budgets.scratch_bytes, budgets.scratch_files);
+  if (!scratch.ok()) return scratch.status();
+  const GroupControllers group =
+      ControlGroup::Create(GroupName(0), PolicyGroupLimits(budgets))->controllers();
+  return use({MakePolicySandbox(order, options.bin_dir, *stage, *etc, *scratch, group),
+              MakeSimSandbox(order, config->sim, options.bin_dir, *stage, *etc), config->policy});
+}
+
+// Runs WithSandboxes in a child, which may leave this process' namespaces.
+ChildEnd InSandboxChild(const DoctorOptions& options,
+                        const std::function<absl::Status(const Sandboxes&)>& use) {
+  ChildEnd end = RunInChild(
+      [&] {
+        const absl::Status status = WithSandboxes(options, use);
+        if (status.ok()) return 0;
+        dprintf(STDERR_FILENO, "%s\n", std::string(status.message()).c_str());
+        return 1;
+      },
+      kSandboxTime);
+  // A child that was stopped at its deadline could not remove its own.
+  if (!end.in_time) ControlGroup::RemoveStale();
+  return end;
+}
+
+// Plays `spec` with this process' stdout and stderr and expects `exit_code`.
+absl::Status Play(const SandboxSpec& spec, const std::vector<int>& join, const Fd& filter,
+                  int exit_code) {
+  const Fd nothing(open("/dev/null", O_RDONLY | O_CLOEXEC));
+  absl::StatusOr<std::unique_ptr<Sandbox>> sandbox = Sandbox::Start(
+      spec, {{nothing.get(), 0}, {STDOUT_FILENO, 1}, {STDERR_FILENO, 2}}, join, filter);
+  if (!sandbox.ok()) return sandbox.status();
+  if (!(*sandbox)->Wait(kSandboxTime - absl::Seconds(5))) {
+    return absl::DeadlineExceededError("its command did not end");
+  }
+  const SandboxEnd end = (*sandbox)->end();
+  if (end.started && end.exit_code == exit_code) return absl::OkStatus();
+  // What it printed itself says more; status values end up behind it.
+  return absl::InternalError(end.started ? absl::StrCat("its command ended with ", end.exit_code)
+                                         : "bubblewrap could not start its command");
+}
+
+void CheckPolicySandbox(const DoctorOptions& options, std::vector<Check>& checks) {
+  const ChildEnd end = InSandboxChild(options, [](const Sandboxes& sandboxes) {
+    SandboxSpec spec = sandboxes.policy;
+    // Without the bridge, which waits for a simulator.
+    const auto separator = std::find(spec.command.begin(), spec.command.end(), "--");
+    spec.command.erase(spec.command.begin(), separator + 1);
+    const absl::StatusOr<Fd> filter = MakeSeccompFilter(sandboxes.config);
+    if (!filter.ok()) return filter.status();
+    const auto group = ControlGroup::Create(GroupName(1), {1 << 30, 64, 1});
+    return Play(spec, group->join_fds(), *filter, 0);
+  });
+  if (end.exit_code == 0) {
+    checks.push_back(Fine("policy_sandbox", "starts, and LCM's multicast works in its own network"));
+  } else {
+    checks.push_back(Missing(
+        "policy_sandbox", Trouble(end), "no policy can be started, so nothing can be graded",
+        "mend what is missing above first; in a plain chroot or an unprivileged container no "
+        "sandbox can start"));
+  }
+}
+
+void CheckSimulatorSandbox(const DoctorOptions& options, std::vector<Check>& checks) {
+  const ChildEnd end = InSandboxChild(options, [](const Sandboxes& sandboxes) {
+    SandboxSpec spec = sandboxes.simulator;
+    // With an argument that it does not know it loads its libraries, says how
+    // it is used and ends with 2.
+    spec.command.push_back("--help");
+    return Play(spec, {}, Fd(), 2);
+  });
+  if (end.exit_code == 0) {
+    checks.push_back(Fine("simulator_sandbox", "starts, and the simulator finds its libraries"));
+  } else {
+    checks.push_back(Missing("simulator_sandbox", Trouble(end),
+                             "no episode can be simulated, so nothing can be graded",
+                             "mend what is missing elsewhere in this list first"));
+  }
+}
+
+void CheckSandboxes(const DoctorOptions& options, std::vector<Check>& checks) {
+  if (options.track.has_value()) {
+    CheckPolicySandbox(options, checks);
+    CheckSimulatorSandbox(options, checks);
+    return;
+  }
+  for (const char* name : {"policy_sandbox", "simulator_sandbox"}) {
+    checks.push_back(Missing(name, "can't be tried without a track's budgets",
+                             "nothing can be graded", "mend the configs first"));
+  }
+}
+
+nlohmann::json Describe(const Sandboxes& sandboxes) {
+  nlohmann::json policy = SandboxSpecToJson(sandboxes.policy);
+  policy["system_calls"] = {{"denied", sandboxes.config.denied_system_calls},
+                            {"unimplemented", sandboxes.config.unimplemented_system_calls}};
+  return {{"policy", policy}, {"simulator", SandboxSpecToJson(sandboxes.simulator)}};
+}
+
+}  // namespace
+
+std::string_view CheckStateName(CheckState state) {
+  switch (state) {
+    case CheckState::kOk: return "ok";
+    case CheckState::kDegraded: return "degraded";
+    case CheckState::kMissing: return "missing";
+  }
+  return "";
+}
+
+std::vector<Check> ExamineHost(const DoctorOptions& options) {
+  std::vector<Check> checks;
+  CheckSystem(options, checks);
+  CheckMachine(options, checks);
+  CheckPrograms(options, checks);
+  CheckBubblewrap(checks);
+  CheckUserNamespaces(options, checks);
+  CheckSlotUsers(options, checks);
+  CheckControlGroups(options, checks);
+  CheckSeccomp(options, checks);
+  CheckSandboxes(options, checks);
+  CheckMujocoAndModels(options, checks);
+  return checks;
+}
+
+absl::StatusOr<nlohmann::json> DescribeSandboxes(const DoctorOptions& options) {
+  if (!options.track.has_value()) {
+    return absl::InternalError("a sandbox needs a track's budgets, and no track can be read");
+  }
+  const ChildEnd end = InSandboxChild(options, [](const Sandboxes& sandboxes) {
+    const std::string text = Describe(sandboxes).dump();
+    if (write(STDOUT_FILENO, text.data(), text.size()) == std::ssize(text)) return absl::OkStatus();
+    return absl::InternalError("the description is too long for a pipe");
+  });
+  nlohmann::json json = nlohmann::json::parse(end.output, nullptr, false);
+  if (end.exit_code == 0 && json.is_object()) return json;
+  return absl::InternalError(absl::StrCat("no sandbox can be made here: ", Trouble(end)));
+}
+
+}  // namespace myograde::server

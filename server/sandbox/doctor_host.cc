@@ -1,0 +1,344 @@
+#include "server/sandbox/doctor_host.h"
+
+#include <stdlib.h>
+#include <sys/statvfs.h>
+#include <sys/utsname.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include <absl/strings/match.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+#include <absl/strings/str_replace.h>
+
+#include "server/sandbox/child.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kGiB = 1024.0 * 1024.0 * 1024.0;
+constexpr absl::Duration kQuick = absl::Seconds(10);
+// Compiling both models takes seconds; a host that is busy takes longer.
+constexpr absl::Duration kCompileTime = absl::Seconds(300);
+constexpr char kSetUp[] = "run ./dev setup, or name the folder that it filled with --cache";
+
+std::string FirstLine(const std::string& path) {
+  std::ifstream file(path);
+  std::string line;
+  std::getline(file, line);
+  return line;
+}
+
+// The value behind `key` in a file of "key<separator>value" lines; "" if none.
+std::string ValueOf(const std::string& path, const std::string& key, char separator) {
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);) {
+    const size_t at = line.find(separator);
+    if (at == std::string::npos) continue;
+    std::string name = line.substr(0, at);
+    name.erase(name.find_last_not_of(" \t") + 1);
+    if (name != key) continue;
+    const size_t begin = line.find_first_not_of(" \t\"", at + 1);
+    if (begin == std::string::npos) return "";
+    return line.substr(begin, line.find_last_not_of(" \t\"") + 1 - begin);
+  }
+  return "";
+}
+
+int64_t MemoryBytes(const char* key) {
+  std::istringstream value(ValueOf("/proc/meminfo", key, ':'));
+  int64_t kib = 0;
+  value >> kib;
+  return kib * 1024;
+}
+
+std::string GiB(double bytes) { return absl::StrFormat("%.1f GiB", bytes / kGiB); }
+
+// A copy of the models' sources to compile from, so that the cache stays as it
+// is: a folder with a link, removed at the end.
+class ScratchCache {
+ public:
+  explicit ScratchCache(const std::string& cache_dir) {
+    std::error_code error;
+    const fs::path base = fs::temp_directory_path(error);
+    std::string name = ((error ? fs::path("/tmp") : base) / "myograde-doctor.XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr) return;
+    path_ = name;
+    fs::create_directory_symlink(cache_dir + "/myosuite-2.8.4", path_ + "/myosuite-2.8.4", error);
+  }
+  ~ScratchCache() {
+    std::error_code ignored;  // nobody is left to tell
+    if (!path_.empty()) fs::remove_all(path_, ignored);
+  }
+  ScratchCache(const ScratchCache&) = delete;
+  ScratchCache& operator=(const ScratchCache&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+size_t CompiledModels(const std::string& cache_dir) {
+  std::error_code error;
+  size_t count = 0;
+  for (const auto& entry : fs::directory_iterator(cache_dir + "/models", error)) {
+    if (entry.path().extension() == ".mjb") ++count;
+  }
+  return count;
+}
+
+void CheckModels(const DoctorOptions& options, std::vector<Check>& checks) {
+  const char name[] = "models";
+  const char costs[] = "no episode can be simulated, so nothing can be graded";
+  const ScratchCache scratch(options.cache_dir);
+  if (scratch.path().empty()) {
+    checks.push_back(Missing(name, absl::StrCat("can't be tried: no temporary folder: ",
+                                                std::strerror(errno)),
+                             costs, "set TMPDIR to a folder with 1 GiB of space"));
+    return;
+  }
+  const ChildEnd end = RunProgram(
+      {options.bin_dir + "/myograde-sim", "--compile-models", scratch.path()},
+      {"PATH=/usr/bin:/bin", "LD_LIBRARY_PATH=" + options.cache_dir + "/mujoco-2.2.2/lib"},
+      kCompileTime);
+  if (end.exit_code != 0) {
+    const std::string words = end.in_time ? LastWords(end.output) : "no answer in time";
+    checks.push_back(Missing(name, absl::StrReplaceAll(words, {{scratch.path(), options.cache_dir}}),
+                             costs, kSetUp));
+    return;
+  }
+  const std::string found = "every source file has its SHA-256, and both tracks' models compile";
+  if (CompiledModels(options.cache_dir) >= 2) {
+    checks.push_back(Fine(name, found));
+  } else {
+    checks.push_back(Poorer(name, absl::StrCat(found, "; none is kept compiled in ",
+                                               options.cache_dir),
+                            "each lease compiles its model anew, about a second each",
+                            absl::StrCat("myograde-sim --compile-models ", options.cache_dir)));
+  }
+}
+
+// Processors that are no second thread of another one's core; 0: unknown.
+int Cores() {
+  std::set<std::string> cores;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator("/sys/devices/system/cpu", error)) {
+    const std::string siblings =
+        FirstLine((entry.path() / "topology/thread_siblings_list").string());
+    if (!siblings.empty()) cores.insert(siblings);
+  }
+  return static_cast<int>(cores.size());
+}
+
+void CheckProcessor(const DoctorOptions& options, std::vector<Check>& checks) {
+  const auto processors = static_cast<int>(sysconf(_SC_NPROCESSORS_ONLN));
+  const std::string flags = " " + ValueOf("/proc/cpuinfo", "flags", ':') + " ";
+  const std::string found =
+      absl::StrCat(ValueOf("/proc/cpuinfo", "model name", ':'), ", ", processors, " processors");
+  if (absl::StrContains(flags, " avx ")) {
+    checks.push_back(Fine("processor", found));
+  } else {
+    checks.push_back(Missing("processor", found + ", without AVX",
+                             "the upstream build of MuJoCo can't run",
+                             "take an x86-64 processor with AVX, or build with "
+                             "-DMYOGRADE_MUJOCO=system"));
+  }
+  const int cores = Cores();
+  const bool smt = FirstLine("/sys/devices/system/cpu/smt/active") == "1";
+  const std::string threads = absl::StrCat("simultaneous multithreading ", smt ? "on" : "off",
+                                           cores > 0 ? absl::StrCat(", ", cores, " cores") : "");
+  if (smt && cores > 0 && options.slots > cores) {
+    checks.push_back(Poorer(
+        "cores", threads,
+        absl::StrCat(options.slots, " slots share ", cores,
+                     " cores: each lease runs slower; results stay the same"),
+        absl::StrCat("set slots in server.json to ", cores)));
+  } else if (options.slots > processors) {
+    checks.push_back(Poorer("cores", threads,
+                            absl::StrCat(options.slots, " slots on ", processors,
+                                         " processors make whole evaluations slower"),
+                            "set slots in server.json to \"cores\""));
+  } else {
+    checks.push_back(Fine("cores", threads));
+  }
+}
+
+void CheckFrequency(std::vector<Check>& checks) {
+  const std::string folder = "/sys/devices/system/cpu/";
+  const std::string governor = FirstLine(folder + "cpu0/cpufreq/scaling_governor");
+  const std::string no_turbo = FirstLine(folder + "intel_pstate/no_turbo");
+  const std::string boost = FirstLine(folder + "cpufreq/boost");
+  const std::string turbo = no_turbo == "0" || boost == "1"   ? "on"
+                            : no_turbo == "1" || boost == "0" ? "off"
+                                                              : "not told by this host";
+  const std::string found = absl::StrCat(
+      "governor ", governor.empty() ? "not told by this host" : governor, ", turbo ", turbo);
+  if (governor == "powersave" && no_turbo.empty()) {
+    checks.push_back(Poorer("frequency", found, "evaluations take longer; results stay the same",
+                            "cpupower frequency-set -g performance"));
+  } else {
+    checks.push_back(Fine("frequency", found));
+  }
+}
+
+void CheckMemory(const DoctorOptions& options, std::vector<Check>& checks) {
+  const auto total = static_cast<double>(MemoryBytes("MemTotal"));
+  const auto available = static_cast<double>(MemoryBytes("MemAvailable"));
+  const std::string found = absl::StrCat(GiB(total), ", ", GiB(available), " available");
+  const auto policy = static_cast<double>(
+      options.track.has_value() ? options.track->budgets.memory_bytes : 0);
+  // A simulator stays far below a quarter of a GiB.
+  const double wanted = options.slots * (policy + 0.25 * kGiB);
+  if (total >= wanted) {
+    checks.push_back(Fine("memory", found));
+    return;
+  }
+  checks.push_back(Poorer(
+      "memory", found,
+      absl::StrCat(options.slots, " policies that use their whole budget of ", GiB(policy),
+                   " at once don't fit; the kernel may then stop one below its limit, and the "
+                   "participant hears of a crash"),
+      "lower slots in server.json, or memory_bytes in the tracks' budgets"));
+}
+
+// The folder itself, or what of its path is there.
+fs::path Existing(const std::string& folder) {
+  fs::path path = folder;
+  std::error_code error;
+  while (!fs::exists(path, error) && path.has_relative_path()) path = path.parent_path();
+  return path;
+}
+
+void CheckDisk(const char* name, const std::string& folder, double wanted, bool written,
+               std::vector<Check>& checks) {
+  const fs::path path = Existing(folder);
+  struct statvfs space;
+  if (statvfs(path.c_str(), &space) != 0 || (written && access(path.c_str(), W_OK | X_OK) != 0)) {
+    checks.push_back(Missing(name, absl::StrCat(folder, ": ", std::strerror(errno)),
+                             written ? "no daemon can be started by this user"
+                                     : "nothing can be installed there",
+                             "choose a folder that this user may write to"));
+    return;
+  }
+  const double free = static_cast<double>(space.f_bavail) * static_cast<double>(space.f_frsize);
+  const std::string found = absl::StrCat(GiB(free), " free in ", path.string(),
+                                         path == folder ? "" : absl::StrCat(" (for ", folder, ")"));
+  if (free >= wanted) {
+    checks.push_back(Fine(name, found));
+  } else {
+    checks.push_back(Poorer(name, found,
+                            written ? "large submissions, or many, will be refused"
+                                    : "a fresh set-up may not fit",
+                            absl::StrCat("make ", GiB(wanted), " free, or choose another folder")));
+  }
+}
+
+void CheckPython(const DoctorOptions& options, std::vector<Check>& checks) {
+  const ChildEnd python =
+      RunProgram({"/usr/bin/python3", "--version"}, {"PATH=/usr/bin:/bin"}, kQuick);
+  if (python.exit_code == 0) {
+    checks.push_back(Fine("python", "/usr/bin/python3: " + LastWords(python.output)));
+  } else {
+    checks.push_back(Poorer("python", "/usr/bin/python3: " + LastWords(python.output),
+                            "policies in Python can't run", "install the package python3"));
+  }
+  for (const auto& [name, folder] : options.runtimes) {
+    const std::string check = "runtime_" + name;
+    if (access(folder.c_str(), R_OK | X_OK) == 0) {
+      checks.push_back(Fine(check, folder));
+    } else {
+      checks.push_back(Poorer(check, absl::StrCat(folder, ": ", std::strerror(errno)),
+                              "submissions that ask for this runtime are refused",
+                              "run ./dev setup, or mend runtimes in server.json"));
+    }
+  }
+}
+
+}  // namespace
+
+Check Fine(std::string name, std::string found) {
+  return {std::move(name), CheckState::kOk, std::move(found), "", ""};
+}
+
+Check Poorer(std::string name, std::string found, std::string costs, std::string todo) {
+  return {std::move(name), CheckState::kDegraded, std::move(found), std::move(costs),
+          std::move(todo)};
+}
+
+Check Missing(std::string name, std::string found, std::string costs, std::string todo) {
+  return {std::move(name), CheckState::kMissing, std::move(found), std::move(costs),
+          std::move(todo)};
+}
+
+void CheckPrograms(const DoctorOptions& options, std::vector<Check>& checks) {
+  std::string absent;
+  for (const char* program : {"myograded", "myograde-runner", "myograde-sim", "myograde-bridge"}) {
+    if (access(absl::StrCat(options.bin_dir, "/", program).c_str(), X_OK) != 0) {
+      absl::StrAppend(&absent, absent.empty() ? "" : ", ", program);
+    }
+  }
+  if (absent.empty()) {
+    checks.push_back(Fine("programs", "all beside each other in " + options.bin_dir));
+  } else {
+    checks.push_back(Missing("programs", absl::StrCat("not in ", options.bin_dir, ": ", absent),
+                             "nothing can be graded",
+                             "run ./dev build, or set MYOGRADE_BIN_DIR to their folder"));
+  }
+}
+
+void CheckMujocoAndModels(const DoctorOptions& options, std::vector<Check>& checks) {
+  const std::string library = options.cache_dir + "/mujoco-2.2.2/lib/libmujoco.so.2.2.2";
+  if (access(library.c_str(), R_OK) == 0) {
+    checks.push_back(Fine("mujoco", library));
+  } else {
+    checks.push_back(Missing("mujoco", absl::StrCat(library, ": ", std::strerror(errno)),
+                             "no episode can be simulated, so nothing can be graded", kSetUp));
+  }
+  CheckModels(options, checks);
+}
+
+void CheckMachine(const DoctorOptions& options, std::vector<Check>& checks) {
+  CheckProcessor(options, checks);
+  CheckFrequency(checks);
+  CheckMemory(options, checks);
+  CheckDisk("disk_data", options.data_dir, 2.0 * static_cast<double>(options.submission_bytes),
+            true, checks);
+  CheckDisk("disk_cache", options.cache_dir, kGiB, false, checks);
+}
+
+void CheckSystem(const DoctorOptions& options, std::vector<Check>& checks) {
+  const std::string system = ValueOf("/etc/os-release", "PRETTY_NAME", '=');
+  const bool tested = ValueOf("/etc/os-release", "ID", '=') == "debian" &&
+                      ValueOf("/etc/os-release", "VERSION_ID", '=') == "12";
+  if (tested) {
+    checks.push_back(Fine("system", absl::StrCat(system, " ", FirstLine("/etc/debian_version"))));
+  } else {
+    checks.push_back(Poorer("system", system.empty() ? "unknown" : system,
+                            "MyoGrade is tested on Debian 12 only", "use Debian 12"));
+  }
+  utsname kernel;
+  uname(&kernel);
+  int major = 0;
+  int minor = 0;
+  std::sscanf(kernel.release, "%d.%d", &major, &minor);
+  if (major > 5 || (major == 5 && minor >= 9)) {
+    checks.push_back(Fine("kernel", kernel.release));
+  } else {
+    checks.push_back(Missing("kernel", kernel.release,
+                             "the sandboxes use system calls that it lacks",
+                             "use Linux 5.9 or newer"));
+  }
+  CheckPython(options, checks);
+}
+
+}  // namespace myograde::server

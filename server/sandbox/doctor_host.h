@@ -1,0 +1,21 @@
+// The checks of a host that need no sandbox: programs, models, machine, system.
+#pragma once
+
+#include <vector>
+
+#include "server/sandbox/doctor.h"
+
+namespace myograde::server {
+
+// Each appends one check or several.
+void CheckPrograms(const DoctorOptions& options, std::vector<Check>& checks);
+void CheckMujocoAndModels(const DoctorOptions& options, std::vector<Check>& checks);
+void CheckMachine(const DoctorOptions& options, std::vector<Check>& checks);
+void CheckSystem(const DoctorOptions& options, std::vector<Check>& checks);
+
+// A check in the state kOk, kDegraded or kMissing.
+Check Fine(std::string name, std::string found);
+Check Poorer(std::string name, std::string found, std::string costs, std::string todo);
+Check Missing(std::string name, std::string found, std::string costs, std::string todo);
+
+}  // namespace myograde::server
