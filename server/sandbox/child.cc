@@ -101,16 +101,23 @@ ChildEnd RunProgram(std::vector<std::string> arguments, std::vector<std::string>
       timeout);
 }
 
-std::string LastWords(const std::string& output) {
-  const size_t end = output.find_last_not_of(" \r\n");
-  if (end == std::string::npos) return "";
-  const size_t begin = output.rfind('\n', end);
-  std::string line = output.substr(begin == std::string::npos ? 0 : begin + 1);
-  line.erase(line.find_last_not_of(" \r\n") + 1);
-  for (char& c : line) {
+std::string LastWords(const std::string& output, int lines) {
+  std::string words;
+  size_t end = output.size();
+  while (lines > 0 && end > 0) {
+    const size_t newline = output.rfind('\n', end - 1);
+    const size_t begin = newline == std::string::npos ? 0 : newline + 1;
+    std::string line = output.substr(begin, end - begin);
+    line.erase(line.find_last_not_of(" \r\n") + 1);
+    end = newline == std::string::npos ? 0 : newline;
+    if (line.empty()) continue;
+    words = words.empty() ? line : line + "; " + words;
+    --lines;
+  }
+  for (char& c : words) {
     if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
   }
-  return line;
+  return words;
 }
 
 }  // namespace myograde::server

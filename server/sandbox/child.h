@@ -26,7 +26,8 @@ ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout);
 ChildEnd RunProgram(std::vector<std::string> arguments, std::vector<std::string> environment,
                     absl::Duration timeout);
 
-// The last line that is not empty, without control characters.
-std::string LastWords(const std::string& output);
+// The last `lines` lines that are not empty, joined by "; ", without control
+// characters.
+std::string LastWords(const std::string& output, int lines = 1);
 
 }  // namespace myograde::server

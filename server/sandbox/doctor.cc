@@ -40,7 +40,8 @@ constexpr int64_t kUidOffset = 2048;
 // How a child of ExamineHost ended, in words.
 std::string Trouble(const ChildEnd& end) {
   if (!end.in_time && end.exit_code < 0 && end.output.empty()) return "no answer in time";
-  const std::string words = LastWords(end.output);
+  // The cause, and what it led to.
+  const std::string words = LastWords(end.output, 2);
   if (!end.in_time) return absl::StrCat("no answer in time; last words: ", words);
   return words.empty() ? absl::StrCat("exit status ", end.exit_code) : words;
 }
@@ -198,6 +199,7 @@ struct Sandboxes {
   SandboxSpec policy;
   SandboxSpec simulator;
   PolicySandboxConfig config;
+  std::map<std::string, std::string> staged;  // where a host folder is seen by now, to that folder
 };
 
 std::string OwnProgram() {
@@ -242,8 +244,13 @@ absl::Status WithSandboxes(const DoctorOptions& options,
   if (!scratch.ok()) return scratch.status();
   const GroupControllers group =
       ControlGroup::Create(GroupName(0), PolicyGroupLimits(budgets))->controllers();
+  std::map<std::string, std::string> staged;
+  for (const std::string& source : StagedSources(order, options.bin_dir)) {
+    staged[stage->PathOf(source)] = source;
+  }
   return use({MakePolicySandbox(order, options.bin_dir, *stage, *etc, *scratch, group),
-              MakeSimSandbox(order, config->sim, options.bin_dir, *stage, *etc), config->policy});
+              MakeSimSandbox(order, config->sim, options.bin_dir, *stage, *etc), config->policy,
+              staged});
 }
 
 // Runs WithSandboxes in a child, which may leave this process' namespaces.
@@ -333,7 +340,14 @@ nlohmann::json Describe(const Sandboxes& sandboxes) {
   nlohmann::json policy = SandboxSpecToJson(sandboxes.policy);
   policy["system_calls"] = {{"denied", sandboxes.config.denied_system_calls},
                             {"unimplemented", sandboxes.config.unimplemented_system_calls}};
-  return {{"policy", policy}, {"simulator", SandboxSpecToJson(sandboxes.simulator)}};
+  // The doctor's own probe stands where a submission's command would.
+  std::vector<std::string> command = sandboxes.policy.command;
+  command.erase(std::find(command.begin(), command.end(), "--") + 1, command.end());
+  command.push_back("COMMAND");
+  policy["command"] = command;
+  return {{"policy", policy},
+          {"simulator", SandboxSpecToJson(sandboxes.simulator)},
+          {"staged", sandboxes.staged}};
 }
 
 }  // namespace

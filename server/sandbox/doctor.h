@@ -43,13 +43,14 @@ struct DoctorOptions {
 
 // Makes every check, in a fixed order; none stops another and each has a
 // deadline. Starts child processes and real sandboxes; changes neither the
-// cache nor the data folder. Takes about a minute, nearly all of it for
-// compiling the models. REQUIRES: a single thread.
+// cache nor the data folder. Takes seconds. REQUIRES: a single thread.
 std::vector<Check> ExamineHost(const DoctorOptions& options);
 
-// {"policy": ..., "simulator": ...}: the sandboxes that a lease of
-// `options.track` would get on this host, with the system calls that the
-// policy's may not make. InternalError says why none can be made.
+// {"policy": ..., "simulator": ..., "staged": ...}: the sandboxes that a lease
+// of `options.track` would get on this host, with the system calls that the
+// policy's may not make; "staged" gives the host's folder for each source that
+// the runner moves first. COMMAND stands for the submission's command.
+// InternalError says why none can be made.
 absl::StatusOr<nlohmann::json> DescribeSandboxes(const DoctorOptions& options);
 
 // Sends a datagram to LCM's multicast group and waits until it comes back, 2 s

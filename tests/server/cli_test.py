@@ -147,7 +147,7 @@ class CliTest(unittest.TestCase):
 
     def test_every_verb_has_help_with_an_example(self):
         for verb in ("serve", "submit", "status", "cancel", "leaderboard", "show", "rerun", "local",
-                     "spec"):
+                     "spec", "doctor"):
             done = myograde(verb, "--help")
             self.assertEqual(done.returncode, 0)
             self.assertIn(f"myograde {verb}", done.stdout)
