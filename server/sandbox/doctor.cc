@@ -143,8 +143,7 @@ void CheckControlGroups(const DoctorOptions& options, std::vector<Check>& checks
           got.version == 0 ? "no control group can be made"
                            : absl::StrCat("not with control groups version ", got.version),
           controller.costs,
-          "run as root, or give this user a control group: systemd-run --user --scope -p "
-          "Delegate=yes"));
+          "run as root, or in a session whose control groups systemd delegates to this user"));
     }
   }
 }
@@ -298,7 +297,8 @@ void CheckPolicySandbox(const DoctorOptions& options, std::vector<Check>& checks
     return Play(spec, group->join_fds(), *filter, 0);
   });
   if (end.exit_code == 0) {
-    checks.push_back(Fine("policy_sandbox", "starts, and LCM's multicast works in its own network"));
+    checks.push_back(
+        Fine("policy_sandbox", "starts, and LCM's multicast works in its own network"));
   } else {
     checks.push_back(Missing(
         "policy_sandbox", Trouble(end), "no policy can be started, so nothing can be graded",

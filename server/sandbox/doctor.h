@@ -34,7 +34,8 @@ struct DoctorOptions {
   std::string config_dir;
   std::string cache_dir;
   std::string data_dir;
-  std::optional<TrackConfig> track;             // whose budgets a sandbox gets; empty: none can be read
+  // Whose budgets a sandbox gets; empty: no track can be read.
+  std::optional<TrackConfig> track;
   std::map<std::string, std::string> runtimes;  // name to host folder
   int64_t uid_base = 0;   // of the slots, where root runs them
   int slots = 1;

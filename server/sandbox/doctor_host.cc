@@ -113,8 +113,8 @@ void CheckModels(const DoctorOptions& options, std::vector<Check>& checks) {
       kCompileTime);
   if (end.exit_code != 0) {
     const std::string words = end.in_time ? LastWords(end.output) : "no answer in time";
-    checks.push_back(Missing(name, absl::StrReplaceAll(words, {{scratch.path(), options.cache_dir}}),
-                             costs, kSetUp));
+    checks.push_back(Missing(
+        name, absl::StrReplaceAll(words, {{scratch.path(), options.cache_dir}}), costs, kSetUp));
     return;
   }
   const std::string found = "every source file has its SHA-256, and both tracks' models compile";

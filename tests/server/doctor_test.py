@@ -22,8 +22,8 @@ class DoctorTest(unittest.TestCase):
         self.addCleanup(shutil.rmtree, self.temp)
 
     def doctor(self, *args, prefix=(), **env):
-        return subprocess.run([*prefix, f"{BIN_DIR}/myograde", "doctor", *args, "--data", self.temp],
-                              capture_output=True, text=True, timeout=400, check=False,
+        command = [*prefix, f"{BIN_DIR}/myograde", "doctor", *args, "--data", self.temp]
+        return subprocess.run(command, capture_output=True, text=True, timeout=400, check=False,
                               stdin=subprocess.DEVNULL,
                               env={**os.environ, "MYOGRADE_CONFIG_DIR": f"{SOURCE_DIR}/configs",
                                    "TMPDIR": self.temp, **env})
@@ -79,11 +79,12 @@ class DoctorTest(unittest.TestCase):
                 os.symlink(f"{os.environ['MYOGRADE_CACHE']}/{name}", f"{cache}/{name}")
         shutil.copytree(f"{os.environ['MYOGRADE_CACHE']}/myosuite-2.8.4/myosuite",
                         f"{cache}/myosuite-2.8.4/myosuite")
-        with open(f"{cache}/{assets}/arm/myoarm_bionic_bimanual.xml", "a", encoding="utf-8") as file:
+        changed = f"{cache}/{assets}/arm/myoarm_bionic_bimanual.xml"
+        with open(changed, "a", encoding="utf-8") as file:
             file.write(" ")
         checks = self.checks(4, MYOGRADE_CACHE=cache)
         self.assertEqual(checks["models"]["state"], "missing")
-        self.assertIn(f"{cache}/{assets}/arm/myoarm_bionic_bimanual.xml", checks["models"]["found"])
+        self.assertIn(changed, checks["models"]["found"])
 
     def test_the_path_does_not_matter(self):
         self.assertEqual(self.states(self.checks(0, PATH=""), "bubblewrap", "python"), ["ok", "ok"])
