@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# The differential test: records the official Python environments on seeds and
+# actions that nobody has seen, and lets the golden tests compare ours.
+#
+# usage: run.sh BUILD_DIR [record.py options]      (BUILD_DIR has the golden tests)
+# Exit status: 0 equal, 1 different, 77 the official packages can't be had here.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+build=${1:?usage: run.sh BUILD_DIR [record.py options]}
+shift
+cache=${MYOGRADE_CACHE:?MYOGRADE_CACHE is not set: the folder that ./dev setup filled}
+official=$cache/official-2.8.4
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/myograde-differential.XXXXXX")
+trap 'rm -rf "$scratch"' EXIT
+
+if [ ! -e "$official/complete" ]; then
+  echo "Getting the official environments (230 MB of packages) ..."
+  rm -rf "$official"
+  if ! { /usr/bin/python3 -m venv "$official" &&
+    "$official/bin/pip" install -q --disable-pip-version-check --no-deps --only-binary :all: \
+      --require-hashes -r "$here/requirements.txt" && touch "$official/complete"; } >"$scratch/pip.log" 2>&1; then
+    tail -n 3 "$scratch/pip.log"
+    echo "skipped: the official packages can't be installed here; pip's last lines are above."
+    exit 77
+  fi
+fi
+
+"$official/bin/python" -B -W ignore "$here/record.py" --out "$scratch/golden" "$@"
+status=0
+for test in manipulation_golden_test sim_locomotion_golden_test; do
+  MYOGRADE_GOLDEN=$scratch/golden "$build/tests/$test" --gtest_brief=1 || status=1
+done
+if [ "$status" != 0 ]; then
+  kept=${TMPDIR:-/tmp}/myograde-differential-$$
+  mv "$scratch/golden" "$kept"
+  echo "The recordings that differ are kept in $kept; ./dev golden $kept compares them again."
+fi
+exit "$status"
