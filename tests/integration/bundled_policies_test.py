@@ -16,7 +16,8 @@ class BundledPolicies(SystemTest):
     def test_reaching_brings_the_hand_near(self):
         def distance(policy):
             rows = self.play(policy, "manipulation", EPISODES)
-            return statistics.mean(row["facts"]["final_hand_distance"] for row in rows)
+            return statistics.mean(
+                row["facts"]["manipulation"]["final_hand_distance"] for row in rows)
 
         self.assertLessEqual(distance("scripted-manipulation"), 0.5 * distance("zero"))
 
@@ -39,8 +40,8 @@ class HundredEpisodes(SystemTest):
     def test_full_evaluations_differ_within_and_repeat_without(self):
         for track in ("manipulation", "locomotion"):
             with self.subTest(track=track):
-                first = self.ask("submit", POLICIES / "random", "--track", track, "--team", "Random",
-                                 "--wait")
+                first = self.ask("submit", POLICIES / "random", "--track", track,
+                                 "--team", "Random", "--wait")
                 rows = self.ask("show", first["submission"], "--episodes")["episode_rows"]
                 self.assertEqual(len(rows), 100)
                 self.assertEqual(len({row["digest"] for row in rows}), 100)

@@ -76,7 +76,8 @@ class SystemTest(unittest.TestCase):
                                 capture_output=True, text=True, timeout=DEADLINE_S,
                                 stdin=subprocess.DEVNULL)
         if check and result.returncode != 0:
-            raise AssertionError(f"{words}: exit {result.returncode}\n{result.stdout}{result.stderr}")
+            said = result.stdout + result.stderr
+            raise AssertionError(f"{words}: exit {result.returncode}\n{said}")
         return result
 
     @classmethod
