@@ -10,13 +10,13 @@
 #include "myograde/episode_start_t.hpp"
 #include "myograde/hello_t.hpp"
 #include "myograde/observation_t.hpp"
+#include "protocol/channels.h"
 
 namespace myograde {
 namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kProtocolVersion = 1;
 constexpr int kHelloPeriodMs = 100;
 constexpr auto kWelcomeDeadline = std::chrono::seconds(60);
 // The grader asks every 250 ms at the latest while it waits for this policy,
@@ -27,9 +27,9 @@ constexpr auto kSilenceDeadline = std::chrono::seconds(600);
 class Conversation {
  public:
   Conversation(lcm::LCM& bus, Policy& policy) : bus_(bus), policy_(policy) {
-    Listen<welcome_t, &Conversation::OnWelcome>("MYOGRADE_WELCOME");
-    Listen<episode_start_t, &Conversation::OnEpisodeStart>("MYOGRADE_EPISODE_START");
-    Listen<observation_t, &Conversation::OnObservation>("MYOGRADE_OBSERVATION");
+    Listen<welcome_t, &Conversation::OnWelcome>(kWelcomeChannel);
+    Listen<episode_start_t, &Conversation::OnEpisodeStart>(kStartChannel);
+    Listen<observation_t, &Conversation::OnObservation>(kObservationChannel);
   }
 
   // Says hello until welcomed. False: refused or no answer; stderr says why.
@@ -43,10 +43,11 @@ class Conversation {
     const auto deadline = Clock::now() + kWelcomeDeadline;
     while (!welcomed_) {
       if (Clock::now() > deadline) {
-        std::fprintf(stderr, "error: no grader answered on the bus for 60 s; check MYOGRADE_LCM_URL\n");
+        std::fprintf(stderr,
+                     "error: no grader answered on the bus for 60 s; check MYOGRADE_LCM_URL\n");
         return false;
       }
-      if (bus_.publish("MYOGRADE_HELLO", &hello) != 0) {
+      if (bus_.publish(std::string(kHelloChannel), &hello) != 0) {
         std::fprintf(stderr, "error: the bus takes no messages; check MYOGRADE_LCM_URL\n");
         return false;
       }
@@ -75,9 +76,9 @@ class Conversation {
  private:
   // LCM's own subscription of methods trips GCC's sanitizer, so functions it is.
   template <typename Message, void (Conversation::*kMethod)(const Message&)>
-  void Listen(const char* channel) {
+  void Listen(std::string_view channel) {
     bus_.subscribeFunction<Message, Conversation*>(
-        channel,
+        std::string(channel),
         [](const lcm::ReceiveBuffer*, const std::string&, const Message* message,
            Conversation* self) { (self->*kMethod)(*message); },
         this);
@@ -97,7 +98,7 @@ class Conversation {
       ready_.episode = start.episode;
       answer_.step = -1;
     }
-    bus_.publish("MYOGRADE_EPISODE_READY", &ready_);
+    bus_.publish(std::string(kReadyChannel), &ready_);
   }
 
   void OnObservation(const observation_t& observation) {
@@ -110,7 +111,7 @@ class Conversation {
       answer_.values.assign(static_cast<size_t>(welcome_.action_size), 0.0);
       policy_.Act(observation.values, answer_.values);
     }
-    bus_.publish("MYOGRADE_ACTION", &answer_);
+    bus_.publish(std::string(kActionChannel), &answer_);
   }
 
   lcm::LCM& bus_;
@@ -137,7 +138,7 @@ class Conversation {
 }  // namespace
 
 int RunPolicy(Policy& policy) {
-  const char* url = std::getenv("MYOGRADE_LCM_URL");
+  const char* url = std::getenv(kBusUrlVariable);
   lcm::LCM bus(url == nullptr ? "" : url);
   if (!bus.good()) {
     std::fprintf(stderr, "error: no LCM bus at \"%s\"; set MYOGRADE_LCM_URL\n",
