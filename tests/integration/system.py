@@ -38,12 +38,22 @@ class SystemTest(unittest.TestCase):
         cls.root = pathlib.Path(tempfile.mkdtemp(prefix="myograde-system-"))
         cls.data = cls.root / "data"
         shutil.copytree(SOURCE / "configs", cls.root / "configs")
+        cls.own_users()
         for name, config in cls.tracks.items():
             path = cls.root / "configs" / "tracks" / f"{name}.json"
             path.write_text(json.dumps(config))
         cls.environment = dict(os.environ, MYOGRADE_DATA=str(cls.data),
                                MYOGRADE_CONFIG_DIR=str(cls.root / "configs"))
         cls.daemon = None
+
+    @classmethod
+    def own_users(cls):
+        """Users of its own for the slots: limits on processes count by user, and other daemons may
+        be at work on this host."""
+        path = cls.root / "configs" / "server.json"
+        config = json.loads(path.read_text())
+        config["uid_base"] = 100000 + os.getpid() % 100000 * 2048
+        path.write_text(json.dumps(config))
 
     @classmethod
     def tearDownClass(cls):
