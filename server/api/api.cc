@@ -210,9 +210,17 @@ Api::Result Api::Cancel(const Request& request, const Json& body) {
   const int64_t id = std::stoll(request.matches[1]);
   const auto exists = [&](Reader& reader) { return reader.Submission(id).status(); };
   absl::Status status = readers_.Read(exists);
-  if (status.ok()) status = engine_.Cancel(id, *reason, Who(), options_.config.http.request);
   if (!status.ok()) return ErrorOf(status);
-  return GetSubmission(request);
+  const absl::StatusOr<CancelReport> report =
+      engine_.Cancel(id, *reason, Who(), options_.config.http.request);
+  if (!report.ok()) return ErrorOf(report.status());
+  Result result = GetSubmission(request);
+  if (Answer* answer = std::get_if<Answer>(&result)) {
+    answer->body["cancel"] = {{"killed", report->killed},
+                              {"still_ending", report->still_ending},
+                              {"took_wall_s", absl::ToDoubleSeconds(report->took)}};
+  }
+  return result;
 }
 
 Api::Result Api::Rerun(const Request& request, const Json& body) {

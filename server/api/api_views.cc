@@ -23,6 +23,38 @@ absl::StatusOr<TrackConfig> ConfigOf(Reader& reader, const std::string& hash) {
   return ParseTrackConfig(*json, "the store's config");
 }
 
+std::string HostName() {
+  char name[256] = {};
+  return gethostname(name, sizeof(name) - 1) == 0 ? name : "unknown";
+}
+
+Json SecondsOrNull(const std::optional<absl::Duration>& duration) {
+  return duration ? Json(absl::ToDoubleSeconds(*duration)) : Json();
+}
+
+// A time that lies so far ahead; null if it is not known.
+Json Ahead(const std::optional<absl::Duration>& duration, absl::Time now) {
+  if (!duration || *duration == absl::InfiniteDuration()) return nullptr;
+  return TimeToJson(absl::ToUnixMillis(now + *duration));
+}
+
+Json HistoryToJson(Reader& reader, int64_t submission, int64_t evaluation) {
+  std::vector<TransitionRow> rows = reader.Transitions("submission", submission);
+  for (TransitionRow& row : reader.Transitions("evaluation", evaluation)) {
+    rows.push_back(std::move(row));
+  }
+  Json history = Json::array();
+  for (const TransitionRow& row : rows) {
+    history.push_back({{"at", TimeToJson(row.at)},
+                       {"of", row.entity},
+                       {"from", TextOrNull(row.from)},
+                       {"to", row.to},
+                       {"who", row.who},
+                       {"why", TextOrNull(row.why)}});
+  }
+  return history;
+}
+
 Json LeaseToJson(const LeaseRow& lease, const LiveLease* live) {
   const bool running = lease.state == LeaseState::kRunning;
   return {{"lease", lease.id},
@@ -34,10 +66,14 @@ Json LeaseToJson(const LeaseRow& lease, const LiveLease* live) {
           {"faults", lease.faults},
           {"episode", running && live ? Json(live->episode) : Json()},
           {"step", running && live ? Json(live->step) : Json()},
+          {"host", running ? Json(HostName()) : Json()},
+          {"process", running && live ? Json(live->process) : Json()},
           {"started_at", TimeToJson(lease.started_at)},
           {"deadline_at", TimeToJson(lease.deadline_at)},
           {"running_wall_s",
            running && live ? Json(absl::ToDoubleSeconds(live->running)) : Json()},
+          {"silent_wall_s",
+           running && live ? Json(absl::ToDoubleSeconds(live->silent)) : Json()},
           {"detail", TextOrNull(lease.detail)}};
 }
 
@@ -75,12 +111,13 @@ absl::StatusOr<Json> Api::Status(Reader& reader, int64_t id) {
   const EpisodeCounts counts = reader.Counts(original.id);
   const int64_t now = absl::ToUnixMillis(clock_.Now());
   Json json = SubmissionToJson(*row, original, counts);
+  const Prospect prospect = engine_.ProspectOf(original.id);
   json["queue"] = nullptr;
-  const std::optional<QueuePlace> place = engine_.PlaceOf(original.id);
-  if (place && original.state == EvaluationState::kQueued) {
-    json["queue"] = {{"position", place->position}, {"leases_ahead", place->leases_ahead}};
+  if (prospect.place && original.state == EvaluationState::kQueued) {
+    json["queue"] = {{"position", prospect.place->position},
+                     {"leases_ahead", prospect.place->leases_ahead}};
   }
-  json["waiting"] = TextOrNull(engine_.WhyWaiting(original.id));
+  json["waiting"] = TextOrNull(prospect.waiting);
   json["reason"] = TextOrNull(original.reason);
   json["started_at"] = TimeToJson(original.started_at);
   const int64_t end = original.finished_at == 0 ? now : original.finished_at;
@@ -88,6 +125,14 @@ absl::StatusOr<Json> Api::Status(Reader& reader, int64_t id) {
                                ? Json()
                                : Json(static_cast<double>(end - original.started_at) / 1000);
   json["remaining_wall_s"] = Remaining(original, counts, now);
+  if (json["remaining_wall_s"].is_null()) json["remaining_wall_s"] = SecondsOrNull(prospect.end);
+  json["estimated_end_at"] =
+      json["remaining_wall_s"].is_null()
+          ? Json()
+          : Ahead(absl::Seconds(json["remaining_wall_s"].get<double>()), clock_.Now());
+  json["owner"] = TextOrNull(prospect.owner);
+  json["deadline_at"] = Ahead(prospect.deadline, clock_.Now());
+  json["history"] = HistoryToJson(reader, id, original.id);
   const std::map<int64_t, LiveLease> running = engine_.Running();
   json["leases"] = Json::array();
   for (const LeaseRow& lease : reader.Leases(original.id)) {
@@ -339,10 +384,32 @@ Api::Result Api::ListTracks(const Request&) {
 
 Api::Result Api::Health(const Request&) {
   const LiveHealth health = engine_.Health();
+  Json running = Json::array();
+  for (const auto& [lease, live] : engine_.Running()) {
+    running.push_back({{"lease", lease},
+                       {"evaluation", live.evaluation},
+                       {"submission", live.submission},
+                       {"slot", live.slot},
+                       {"process", live.process},
+                       {"episode", live.episode},
+                       {"step", live.step},
+                       {"running_wall_s", absl::ToDoubleSeconds(live.running)},
+                       {"silent_wall_s", absl::ToDoubleSeconds(live.silent)}});
+  }
+  const bool paused = !health.host_trouble.empty();
   return Answer{
       200,
-      {{"status", health.store_trouble.empty() ? "ok" : "store"},
-       {"message", TextOrNull(health.store_trouble)},
+      {{"status", !health.store_trouble.empty() ? "store" : paused ? "paused" : "ok"},
+       {"message", TextOrNull(health.store_trouble.empty() ? health.host_trouble
+                                                           : health.store_trouble)},
+       {"host",
+        {{"name", HostName()},
+         {"state", HostStateName(health.host)},
+         {"reason", TextOrNull(health.host_trouble)},
+         {"paused_wall_s", SecondsOrNull(health.paused_for)},
+         {"next_test_wall_s", SecondsOrNull(health.next_test)}}},
+       {"leases", std::move(running)},
+       {"ending", health.ending},
        {"version", GraderBuild()["version"]},
        {"api", 1},
        {"schema", SchemaMigrations().size()},

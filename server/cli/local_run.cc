@@ -11,7 +11,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/time/clock.h>
 
-#include "server/daemon/engine.h"
+#include "server/daemon/engine_core.h"
 #include "server/daemon/results.h"
 
 namespace myograde::server {

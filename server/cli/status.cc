@@ -3,6 +3,7 @@
 #include <memory>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
 
 #include "server/cli/client.h"
 #include "server/cli/common.h"
@@ -21,11 +22,18 @@ struct StatusOptions {
   bool json = false;
 };
 
+std::string RunningFor(const Json& lease) {
+  const Json time = lease.value("running_wall_s", Json());
+  return time.is_number() ? Span(time.get<double>()) : "-";
+}
+
 void PrintLeases(const Json& leases) {
-  Table table({"lease", "episodes", "state", "slot", "attempt", "at episode", "step"});
+  Table table({"lease", "episodes", "state", "host", "slot", "attempt", "running", "at episode",
+               "step"});
   for (const Json& lease : leases) {
     table.Add({Cell(lease, "lease"), Cell(lease, "first") + ".." + Cell(lease, "last"),
-               Cell(lease, "state"), Cell(lease, "slot"), Cell(lease, "attempt"),
+               Cell(lease, "state"), Cell(lease, "host"), Cell(lease, "slot"),
+               Cell(lease, "attempt"), RunningFor(lease),
                Cell(lease, "episode"), Cell(lease, "step")});
   }
   table.Print();
@@ -49,14 +57,32 @@ void PrintStatus(const Json& status) {
       std::cout << "  " << Cell(status, key) << '\n';
     }
   }
-  if (status.contains("running_wall_s") && status["running_wall_s"].is_number()) {
-    std::cout << "  running for " << Span(status["running_wall_s"].get<double>());
-    if (status.contains("remaining_wall_s") && status["remaining_wall_s"].is_number()) {
-      std::cout << ", about " << Span(status["remaining_wall_s"].get<double>()) << " left";
-    }
-    std::cout << '\n';
+  const bool running = status.contains("running_wall_s") && status["running_wall_s"].is_number();
+  const bool known = status.contains("remaining_wall_s") && status["remaining_wall_s"].is_number();
+  if (running) {
+    std::cout << "  " << (Cell(status, "finished_at") == "-" ? "running" : "ran") << " for "
+              << Span(status["running_wall_s"].get<double>()) << '\n';
+  }
+  if (known) {
+    std::cout << "  about " << Span(status["remaining_wall_s"].get<double>())
+              << " left, estimated end " << Cell(status, "estimated_end_at") << '\n';
+  }
+  if (status.contains("deadline_at") && status["deadline_at"].is_string()) {
+    std::cout << "  in the hands of " << Cell(status, "owner") << ", which acts by itself at "
+              << Cell(status, "deadline_at") << " if nothing happens before\n";
   }
   PrintLeases(status.value("leases", Json::array()));
+}
+
+void PrintSlots(const Json& health) {
+  const Json leases = health.value("leases", Json::array());
+  if (leases.empty()) return;
+  Table table({"slot", "submission", "lease", "running", "at episode", "step"});
+  for (const Json& lease : leases) {
+    table.Add({Cell(lease, "slot"), Cell(lease, "submission"), Cell(lease, "lease"),
+               RunningFor(lease), Cell(lease, "episode"), Cell(lease, "step")});
+  }
+  table.Print();
 }
 
 int StatusOfAll(const Client& client, bool json) {
@@ -73,6 +99,10 @@ int StatusOfAll(const Client& client, bool json) {
             << ") is " << Cell(*health, "status") << ": " << Cell(*health, "running") << " of "
             << Cell(*health, "slots") << " slots at work, " << Cell(*health, "pending_leases")
             << " leases waiting\n";
+  if (health->contains("message") && (*health)["message"].is_string()) {
+    std::cout << Bold(Cell(*health, "message")) << '\n';
+  }
+  PrintSlots(*health);
   if (submissions.empty()) {
     std::cout << "There are no submissions yet." << std::endl;
     return kDone;
@@ -101,6 +131,20 @@ int Status(const StatusOptions& options) {
   return kDone;
 }
 
+// What the kill did, in words.
+std::string KillText(const Json& kill) {
+  const int64_t killed = kill.value("killed", int64_t{0});
+  if (killed == 0) return "nothing of it was running";
+  const std::string took = absl::StrFormat("%.2f s", kill.value("took_wall_s", 0.0));
+  std::string text =
+      absl::StrCat("its ", killed, killed == 1 ? " running lease was" : " running leases were",
+                   " killed within ", took);
+  if (const int64_t left = kill.value("still_ending", int64_t{0}); left > 0) {
+    absl::StrAppend(&text, " (", left, " not dead yet; the slot stays taken until then)");
+  }
+  return text;
+}
+
 int Cancel(const StatusOptions& options) {
   const Client client(options.daemon.path());
   Json body = Json::object();
@@ -112,7 +156,8 @@ int Cancel(const StatusOptions& options) {
     PrintJson(*status);
   } else {
     std::cout << "Submission " << options.id << " is " << Cell(*status, "state") << "; "
-              << CountsText(status->value("episodes", Json::object())) << " are kept." << std::endl;
+              << KillText(status->value("cancel", Json::object())) << "; " << CountsText(status->value("episodes", Json::object())) << " are kept."
+              << std::endl;
   }
   return kDone;
 }

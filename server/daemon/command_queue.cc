@@ -22,6 +22,11 @@ void CommandQueue::Wake() {
 }
 
 absl::Status CommandQueue::Call(std::function<absl::Status()> command, absl::Duration timeout) {
+  return CallLater([command = std::move(command)](const Answer& answer) { answer(command()); },
+                   timeout);
+}
+
+absl::Status CommandQueue::CallLater(std::function<void(Answer)> command, absl::Duration timeout) {
   std::future<absl::Status> answer;
   {
     const std::lock_guard lock(mutex_);
@@ -29,8 +34,8 @@ absl::Status CommandQueue::Call(std::function<absl::Status()> command, absl::Dur
     if (entries_.size() >= capacity_) {
       return absl::ResourceExhaustedError("too many commands wait already; try again in a second");
     }
-    entries_.push_back({std::move(command), {}});
-    answer = entries_.back().answer.get_future();
+    entries_.push_back({std::move(command), std::make_shared<std::promise<absl::Status>>()});
+    answer = entries_.back().answer->get_future();
   }
   Wake();
   if (answer.wait_for(absl::ToChronoNanoseconds(timeout)) != std::future_status::ready) {
@@ -48,14 +53,16 @@ int CommandQueue::RunAll() {
     const std::lock_guard lock(mutex_);
     entries.swap(entries_);
   }
-  for (Entry& entry : entries) entry.answer.set_value(entry.command());
+  for (Entry& entry : entries) {
+    entry.command([answer = entry.answer](absl::Status status) { answer->set_value(status); });
+  }
   return static_cast<int>(entries.size());
 }
 
 void CommandQueue::Close() {
   const std::lock_guard lock(mutex_);
   closed_ = true;
-  for (Entry& entry : entries_) entry.answer.set_value(Stopping());
+  for (Entry& entry : entries_) entry.answer->set_value(Stopping());
   entries_.clear();
 }
 

@@ -5,6 +5,7 @@
 #include <deque>
 #include <functional>
 #include <future>
+#include <memory>
 #include <mutex>
 
 #include <absl/status/status.h>
@@ -28,6 +29,12 @@ class CommandQueue {
   // so it must own everything that it touches.
   absl::Status Call(std::function<absl::Status()> command, absl::Duration timeout);
 
+  // Says how a command went; to be called once, at any later time, on the loop's thread.
+  using Answer = std::function<void(absl::Status)>;
+  // Like Call, for a command that is not through when it returns: the caller
+  // waits until its Answer is called.
+  absl::Status CallLater(std::function<void(Answer)> command, absl::Duration timeout);
+
   // Loop only: runs what waits. Returns how many it ran.
   int RunAll();
 
@@ -39,8 +46,8 @@ class CommandQueue {
 
  private:
   struct Entry {
-    std::function<absl::Status()> command;
-    std::promise<absl::Status> answer;
+    std::function<void(Answer)> command;
+    std::shared_ptr<std::promise<absl::Status>> answer;
   };
 
   const size_t capacity_;

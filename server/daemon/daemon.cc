@@ -58,7 +58,7 @@ absl::Status Fill(std::string& option, const char* variable,
 absl::Status MakeFolders(const std::string& data) {
   std::error_code error;
   fs::create_directories(data, error);
-  for (const char* part : {"", "/artefacts", "/work", "/spool"}) {
+  for (const char* part : {"", "/artefacts", "/selftest", "/spool", "/work"}) {
     const std::string path = data + part;
     if (!error) fs::create_directory(path, error);
     if (!error) fs::permissions(path, fs::perms::owner_all, error);
@@ -148,8 +148,10 @@ absl::Status RunDaemon(const DaemonOptions& options) {
   absl::StatusOr<std::unique_ptr<Store>> store = Store::Open(path, clock);
   if (!store.ok()) return store.status();
   ReaderPool readers(path);
-  Engine engine({*config, options.data_dir, options.cache_dir, geteuid() == 0}, **store, readers,
-                clock);
+  StoreDisk disk(**store);
+  SystemProcesses processes;
+  Engine engine({*config, options.data_dir, options.cache_dir, geteuid() == 0}, disk, readers,
+                processes, clock);
   const SignalGuard signals(engine);
   if (absl::Status status = engine.Recover(); !status.ok()) return status;
 

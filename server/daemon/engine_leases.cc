@@ -1,50 +1,14 @@
-// Starting leases, hearing their runners, and what follows from how they end.
+// Starting leases and hearing their runners.
 #include <openssl/evp.h>
 #include <openssl/hmac.h>
 
-#include <filesystem>
-#include <thread>
-
 #include <absl/strings/str_cat.h>
-#include <nlohmann/json.hpp>
 #include <spdlog/spdlog.h>
 
-#include "protocol/config_reader.h"
-#include "server/daemon/engine.h"
+#include "server/daemon/engine_core.h"
 #include "server/daemon/results.h"
 
 namespace myograde::server {
-namespace {
-
-namespace fs = std::filesystem;
-
-// A lease's folder goes away with the lease; what can't be removed is told and left.
-void RemoveFolder(const std::string& path) {
-  std::error_code error;
-  fs::remove_all(path, error);
-  if (error) spdlog::warn("{}: can't be removed: {}", path, error.message());
-}
-
-// Reasons are one sentence; the whole output is in the log.
-std::string LastLineOf(const std::string& text) {
-  const size_t end = text.find_last_not_of(" \n");
-  if (end == std::string::npos) return "nothing";
-  const size_t begin = text.rfind('\n', end);
-  const size_t first = begin == std::string::npos ? 0 : begin + 1;
-  return text.substr(first, end - first + 1);
-}
-
-nlohmann::json OutputJson(const LeaseEndRecord& end) {
-  return {{"stdout_tail", end.stdout_tail},
-          {"stderr_tail", end.stderr_tail},
-          {"stdout_truncated", end.stdout_truncated},
-          {"stderr_truncated", end.stderr_truncated},
-          {"policy_cpu_s", end.policy_cpu_s},
-          {"wall_s", end.wall_s},
-          {"peak_memory_bytes", end.peak_memory_bytes}};
-}
-
-}  // namespace
 
 uint64_t PolicySeed(const std::string& secret, const std::string& artefact, int64_t episode) {
   const std::string message = absl::StrCat(artefact, "/", episode);
@@ -57,7 +21,11 @@ uint64_t PolicySeed(const std::string& secret, const std::string& artefact, int6
   return seed & (~uint64_t{0} >> 1);
 }
 
-LeaseOrder Engine::OrderFor(const LeaseRun& run, const Start& start) const {
+int64_t EngineCore::UidOf(int slot) const {
+  return options_.slot_uids ? options_.config.uid_base + slot : -1;
+}
+
+LeaseOrder EngineCore::OrderFor(const LeaseRun& run) const {
   LeaseOrder order;
   order.lease = absl::StrCat(run.lease, "-", run.attempt);
   order.artefact_dir = absl::StrCat(options_.data_dir, "/artefacts/", run.context->artefact);
@@ -65,72 +33,61 @@ LeaseOrder Engine::OrderFor(const LeaseRun& run, const Start& start) const {
   order.runtimes = run.context->runtimes;
   order.track = run.context->track->config;
   for (int64_t index = run.first; index <= run.last; ++index) {
-    order.episodes.push_back(
-        {index, (*run.context->seeds)[static_cast<size_t>(index)],
-         PolicySeed(store_.policy_secret(), run.context->artefact, index)});
+    order.episodes.push_back({index, (*run.context->seeds)[static_cast<size_t>(index)],
+                              PolicySeed(disk_.policy_secret(), run.context->artefact, index)});
   }
-  order.uid = options_.slot_uids ? options_.config.uid_base + start.slot : -1;
-  order.slot = start.slot;
+  order.uid = UidOf(run.slot);
+  order.slot = run.slot;
   order.work_dir = run.work_dir;
   order.cache_dir = options_.cache_dir;
   return order;
 }
 
-absl::Status Engine::Launch(LeaseRun& run, const Start& start) {
-  run.work_dir = absl::StrCat(options_.data_dir, "/work/", run.lease, "-", run.attempt);
-  std::error_code error;
-  fs::remove_all(run.work_dir, error);
-  if (!fs::create_directory(run.work_dir, error)) {
-    return absl::UnavailableError(absl::StrCat(run.work_dir, ": can't be made: ", error.message()));
-  }
-  fs::permissions(run.work_dir, fs::perms::owner_all, error);
-  absl::StatusOr<std::unique_ptr<RunnerProcess>> runner =
-      RunnerProcess::Start(OrderFor(run, start));
-  if (!runner.ok()) return runner.status();
-  run.runner = *std::move(runner);
-  return absl::OkStatus();
-}
-
-void Engine::StartLeases() {
+void EngineCore::StartLeases() {
   for (;;) {
     std::optional<Start> start;
     {
       const std::lock_guard lock(mutex_);
-      start = scheduler_.Next(clock_.Monotonic());
+      if (host_.may_start()) start = scheduler_.Next(clock_.Monotonic());
     }
     if (!start.has_value()) return;
     StartLease(*start);
   }
 }
 
-void Engine::StartLease(const Start& start) {
+void EngineCore::StartLease(const Start& start) {
   LeaseRun run;
   run.context = contexts_.at(start.evaluation);
   run.lease = start.lease;
   run.attempt = start.attempt;
+  run.slot = start.slot;
+  run.work_dir = absl::StrCat(options_.data_dir, "/work/", run.lease, "-", run.attempt);
   std::tie(run.first, run.last) = run.context->leases.at(start.lease);
   const int64_t deadline = absl::ToUnixMillis(clock_.Now() + start.lease_wall);
   Later([start, deadline, who = owner_](Writer& writer) {
     return writer.StartLease(start.lease, start.attempt, start.slot, deadline, who);
   });
-  if (absl::Status status = Launch(run, start); !status.ok()) {
-    RemoveFolder(run.work_dir);
-    Fault(run, absl::StrCat("the runner did not start: ", status.message()));
+  absl::StatusOr<std::unique_ptr<Runner>> runner = processes_.Start(OrderFor(run));
+  if (!runner.ok()) {
+    FreeSlot(run.slot);
+    Fault(run, absl::StrCat("the runner did not start: ", runner.status().message()));
     return;
   }
+  run.runner = *std::move(runner);
   spdlog::info("lease {} (evaluation {}, episodes {} to {}): attempt {} on slot {}, process {}",
                run.lease, start.evaluation, run.first, run.last, run.attempt, start.slot,
                run.runner->pid());
   const std::lock_guard lock(mutex_);
-  live_[run.lease] = {run.first, 0, clock_.Monotonic()};
+  const absl::Duration now = clock_.Monotonic();
+  live_[run.lease] = {start.evaluation, run.context->submission, run.slot, run.runner->pid(),
+                      run.first, 0, now, now};
   running_[run.lease] = std::move(run);
 }
 
-void Engine::Listen(LeaseRun& run) {
+void EngineCore::Listen(LeaseRun& run) {
   absl::StatusOr<std::vector<LeaseRecord>> records = run.runner->Read();
   if (!records.ok()) {
     if (run.fault.empty()) run.fault = std::string(records.status().message());
-    run.runner->Kill();
     return;
   }
   for (const LeaseRecord& record : *records) {
@@ -139,19 +96,20 @@ void Engine::Listen(LeaseRun& run) {
     if (const auto* facts = std::get_if<EpisodeFacts>(&record)) OnEpisode(run, *facts);
     if (const auto* end = std::get_if<LeaseEndRecord>(&record)) run.end = *end;
     const std::lock_guard lock(mutex_);
-    scheduler_.Heartbeat(run.lease, run.attempt, clock_.Monotonic());
+    const absl::Duration now = clock_.Monotonic();
+    scheduler_.Heartbeat(run.lease, run.attempt, now);
+    live_.at(run.lease).heard = now;
   }
-  if (!run.fault.empty()) run.runner->Kill();
 }
 
-void Engine::OnProgress(LeaseRun& run, const ProgressRecord& record) {
+void EngineCore::OnProgress(LeaseRun& run, const ProgressRecord& record) {
   const std::lock_guard lock(mutex_);
   Live& live = live_.at(run.lease);
   live.episode = record.episode;
   live.step = record.step;
 }
 
-void Engine::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
+void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
   if (facts.index < run.first || facts.index > run.last || run.recorded.contains(facts.index) ||
       facts.seed != (*run.context->seeds)[static_cast<size_t>(facts.index)]) {
     run.fault = absl::StrCat("the runner told of episode ", facts.index, " with seed ", facts.seed,
@@ -176,124 +134,6 @@ void Engine::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
     }
     return absl::OkStatus();
   });
-}
-
-void Engine::CheckDeadlines() {
-  std::vector<Overdue> overdue;
-  {
-    const std::lock_guard lock(mutex_);
-    overdue = scheduler_.OverdueAt(clock_.Monotonic());
-  }
-  for (const Overdue& late : overdue) {
-    LeaseRun& run = running_.at(late.lease);
-    if (run.fault.empty()) run.fault = late.why;
-    run.runner->Kill();
-  }
-}
-
-void Engine::Reap() {
-  for (auto it = running_.begin(); it != running_.end();) {
-    LeaseRun& run = it->second;
-    if (!run.runner->finished()) {
-      ++it;
-      continue;
-    }
-    Listen(run);  // what came between the last reading and the end
-    EndOf(run);
-    RemoveFolder(run.work_dir);
-    it = running_.erase(it);
-  }
-}
-
-void Engine::EndOf(LeaseRun& run) {
-  if (run.fault.empty() && !run.end.has_value()) {
-    spdlog::error("lease {}: the runner wrote: {}", run.lease, run.runner->stderr_tail());
-    run.fault = absl::StrCat("the runner ended (wait status ", run.runner->wait_status(),
-                             ") without its last record; its last words: ",
-                             LastLineOf(run.runner->stderr_tail()));
-  } else if (run.fault.empty() && !run.end->ok) {
-    run.fault = run.end->detail;
-  } else if (run.fault.empty() &&
-             static_cast<int64_t>(run.recorded.size()) != run.last - run.first + 1) {
-    run.fault = absl::StrCat("the runner said done after ", run.recorded.size(), " of ",
-                             run.last - run.first + 1, " episodes");
-  }
-  if (!run.fault.empty()) return Fault(run, run.fault);
-  Later([lease = run.lease, attempt = run.attempt,
-         output = CanonicalJson(OutputJson(*run.end)), who = owner_](Writer& writer) {
-    return writer.FinishLease(lease, attempt, output, who);
-  });
-  const std::lock_guard lock(mutex_);
-  live_.erase(run.lease);
-  const Verdict verdict = scheduler_.Finished(run.lease, run.attempt);
-  if (verdict.kind == Verdict::Kind::kEvaluationEnds) to_settle_.insert(verdict.evaluation);
-}
-
-void Engine::Fault(const LeaseRun& run, const std::string& why) {
-  spdlog::error("lease {}, attempt {}: fault of the grader: {}", run.lease, run.attempt, why);
-  Verdict verdict;
-  {
-    const std::lock_guard lock(mutex_);
-    live_.erase(run.lease);
-    verdict = scheduler_.Faulted(run.lease, run.attempt, clock_.Monotonic());
-  }
-  if (verdict.kind == Verdict::Kind::kReplay) {
-    Later([lease = run.lease, attempt = run.attempt, why, who = owner_](Writer& writer) {
-      return writer.ReturnLease(lease, attempt, /*fault=*/true, who, why);
-    });
-  } else if (verdict.kind == Verdict::Kind::kGiveUp) {
-    GiveUp(verdict, run.lease, why);
-  }
-}
-
-void Engine::GiveUp(const Verdict& verdict, int64_t failed, const std::string& why) {
-  const std::string reason =
-      absl::StrCat("lease ", failed, " failed ", options_.config.scheduler.max_replays + 1,
-                   " times by the grader's fault, the last time: ", why);
-  std::vector<int64_t> others = verdict.pending;
-  others.insert(others.end(), verdict.running.begin(), verdict.running.end());
-  Later([=, evaluation = verdict.evaluation, who = owner_](Writer& writer) {
-    absl::Status status = writer.EndLease(failed, LeaseState::kFailed, /*fault=*/true, who, why);
-    for (const int64_t lease : others) {
-      status.Update(writer.EndLease(lease, LeaseState::kCancelled, /*fault=*/false, who,
-                                    absl::StrCat("lease ", failed, " could not be played")));
-    }
-    status.Update(
-        writer.EndEvaluation(evaluation, EvaluationState::kGraderError, reason, "", who));
-    return status;
-  });
-  KillLeases(verdict.running);
-  contexts_.erase(verdict.evaluation);
-}
-
-// Several at once, as each may take its runner up to a second. Their slots are free in the
-// scheduler already, but nothing starts before this returns, as the loop is here.
-void Engine::KillLeases(const std::vector<int64_t>& leases) {
-  {
-    std::vector<std::jthread> killers;
-    for (const int64_t lease : leases) {
-      killers.emplace_back([runner = running_.at(lease).runner.get()] { runner->Kill(); });
-    }
-  }
-  for (const int64_t lease : leases) {
-    RemoveFolder(running_.at(lease).work_dir);
-    running_.erase(lease);
-    const std::lock_guard lock(mutex_);
-    live_.erase(lease);
-  }
-}
-
-absl::Status Engine::Shutdown() {
-  std::vector<int64_t> leases;
-  for (const auto& [lease, run] : running_) {
-    leases.push_back(lease);
-    Later([id = lease, attempt = run.attempt, who = owner_](Writer& writer) {
-      return writer.ReturnLease(id, attempt, /*fault=*/false, who, "the daemon stopped");
-    });
-  }
-  KillLeases(leases);
-  flush_after_ = absl::ZeroDuration();
-  return Flush();
 }
 
 }  // namespace myograde::server

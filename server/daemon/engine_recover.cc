@@ -6,12 +6,12 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/config_reader.h"
-#include "server/daemon/engine.h"
+#include "server/daemon/engine_core.h"
 #include "server/daemon/results.h"
 
 namespace myograde::server {
 
-absl::StatusOr<TrackPtr> Engine::TrackOf(Reader& reader, const std::string& config_hash) {
+absl::StatusOr<TrackPtr> EngineCore::TrackOf(Reader& reader, const std::string& config_hash) {
   if (const auto it = tracks_.find(config_hash); it != tracks_.end()) return it->second;
   absl::StatusOr<std::string> text = reader.ConfigJson(config_hash);
   if (!text.ok()) return text.status();
@@ -25,7 +25,8 @@ absl::StatusOr<TrackPtr> Engine::TrackOf(Reader& reader, const std::string& conf
   return track;
 }
 
-absl::StatusOr<std::shared_ptr<const Engine::Context>> Engine::ContextOf(int64_t id) {
+absl::StatusOr<EngineCore::Loaded> EngineCore::Load(int64_t id) {
+  Loaded loaded;
   const auto context = std::make_shared<Context>();
   const absl::Status status = readers_.Read([&](Reader& reader) -> absl::Status {
     absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
@@ -43,7 +44,9 @@ absl::StatusOr<std::shared_ptr<const Engine::Context>> Engine::ContextOf(int64_t
     context->evaluation = id;
     context->submission = submission->id;
     context->team = submission->team;
-    context->rerun = evaluation->rerun;
+    context->priority = evaluation->rerun    ? Priority::kRerun
+                        : submission->ranked ? Priority::kOfficial
+                                             : Priority::kPractice;
     context->artefact = artefact->hash;
     context->command = artefact->command;
     context->track = *track;
@@ -57,38 +60,52 @@ absl::StatusOr<std::shared_ptr<const Engine::Context>> Engine::ContextOf(int64_t
     }
     for (const LeaseRow& lease : reader.Leases(id)) {
       context->leases[lease.id] = {lease.first, lease.last};
-      if (!IsFinal(lease.state)) context->open.push_back(lease);
+      if (!IsFinal(lease.state)) loaded.open.push_back(lease);
     }
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
-  return context;
+  loaded.context = context;
+  return loaded;
 }
 
-absl::Status Engine::AddEvaluation(int64_t id) {
-  absl::StatusOr<std::shared_ptr<const Context>> found = ContextOf(id);
-  if (!found.ok()) return found.status();
-  const std::shared_ptr<const Context> context = *std::move(found);
-  contexts_[id] = context;
-  if (context->open.empty()) {
+absl::Status EngineCore::TakeUp(int64_t id) {
+  absl::StatusOr<Loaded> loaded = Load(id);
+  if (MayPass(loaded.status())) {
+    spdlog::warn("evaluation {} is taken up later: {}", id,
+                 std::string(loaded.status().message()));
+    to_take_up_.insert(id);
+    return absl::OkStatus();
+  }
+  if (!loaded.ok()) return loaded.status();
+  const Context& context = *loaded->context;
+  contexts_[id] = loaded->context;
+  if (loaded->open.empty()) {
     to_settle_.insert(id);
     return absl::OkStatus();
   }
   EvaluationSpec spec;
   spec.id = id;
-  spec.team = context->team;
-  spec.priority = context->rerun ? Priority::kRerun : Priority::kOriginal;
+  spec.team = context.team;
+  spec.priority = context.priority;
   spec.lease_wall =
-      absl::Seconds(context->track->config.budgets.lease_wall_s) + options_.config.lease_grace;
-  for (const LeaseRow& lease : context->open) {
+      absl::Seconds(context.track->config.budgets.lease_wall_s) + options_.config.lease_grace;
+  for (const LeaseRow& lease : loaded->open) {
     spec.leases.push_back({lease.id, lease.attempt, lease.faults});
   }
   const std::lock_guard lock(mutex_);
-  scheduler_.Add(spec);
+  scheduler_.Add(spec, clock_.Monotonic());
   return absl::OkStatus();
 }
 
-absl::Status Engine::Recover() {
+absl::Status EngineCore::TakeUpLate() {
+  for (const int64_t id : std::exchange(to_take_up_, {})) {
+    if (absl::Status status = TakeUp(id); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status EngineCore::Recover() {
   std::vector<EvaluationRow> unfinished;
   std::vector<LeaseRow> interrupted;
   absl::Status status = readers_.Read([&](Reader& reader) {
@@ -101,7 +118,7 @@ absl::Status Engine::Recover() {
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
-  status = store_.Write([&](Writer& writer) {
+  status = disk_.Write([&](Writer& writer) {
     absl::Status written;
     for (const LeaseRow& lease : interrupted) {
       written.Update(writer.ReturnLease(lease.id, lease.attempt, /*fault=*/false, owner_,
@@ -110,7 +127,7 @@ absl::Status Engine::Recover() {
     return written;
   });
   for (const EvaluationRow& evaluation : unfinished) {
-    if (status.ok()) status = AddEvaluation(evaluation.id);
+    if (status.ok()) status = TakeUp(evaluation.id);
   }
   if (status.ok() && !unfinished.empty()) {
     spdlog::info("{} unfinished evaluations taken up, {} leases of them were running",
@@ -120,7 +137,7 @@ absl::Status Engine::Recover() {
 }
 
 // The evaluation's leases are all done: its rows make it done or failed.
-absl::Status Engine::Settle(int64_t evaluation) {
+absl::Status EngineCore::Settle(int64_t evaluation) {
   std::vector<EpisodeRow> rows;
   absl::Status status = readers_.Read([&](Reader& reader) {
     rows = reader.Episodes(evaluation);
@@ -133,7 +150,7 @@ absl::Status Engine::Settle(int64_t evaluation) {
       aggregate->failed ? EvaluationState::kFailed : EvaluationState::kDone;
   const std::string reason =
       aggregate->failed ? "every episode ended by a fault of the participant's program" : "";
-  status = store_.Write([&](Writer& writer) {
+  status = WriteNow([&](Writer& writer) {
     return writer.EndEvaluation(evaluation, state, reason, ResultsHash(rows), owner_);
   });
   if (status.ok()) {

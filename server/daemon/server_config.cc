@@ -40,6 +40,11 @@ absl::Status ReadScheduler(const nlohmann::json& json, const std::string& where,
   config.scheduler.max_replays = static_cast<int>(reader.Integer("max_replays", 1, 100));
   config.scheduler.replay_delay = absl::Seconds(reader.Number("replay_delay_s", {0.001, 3600}));
   config.scheduler.heartbeat = absl::Seconds(reader.Number("heartbeat_s", {2, 3600}));
+  config.scheduler.team_running = static_cast<int>(reader.Integer("team_running", 1, 1024));
+  config.scheduler.queue_wait = absl::Seconds(reader.Number("queue_wait_s", {1, 30.0 * 86400}));
+  config.host.suspect_after = static_cast<int>(reader.Integer("suspect_after", 1, 100));
+  config.self_test_deadline = absl::Seconds(reader.Number("self_test_s", {1, 3600}));
+  config.host.test_every = absl::Seconds(reader.Number("self_test_every_s", {1, 86400}));
   config.lease_grace = absl::Seconds(reader.Number("lease_grace_s", {1, 86400}));
   return reader.Finish();
 }

@@ -8,6 +8,7 @@
 #include <absl/status/statusor.h>
 #include <absl/time/time.h>
 
+#include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
 
 namespace myograde::server {
@@ -31,6 +32,8 @@ struct UploadLimits {
 
 struct ServerConfig {
   SchedulerLimits scheduler;
+  HostLimits host;
+  absl::Duration self_test_deadline;
   absl::Duration lease_grace;
   int64_t uid_base = 0;
   std::map<std::string, std::string> runtimes;  // name to host folder

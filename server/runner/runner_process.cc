@@ -21,7 +21,6 @@ namespace {
 
 // A record holds two tails of output; one that is longer than this is none.
 constexpr size_t kMaxRecordBytes = 256 << 10;
-constexpr absl::Duration kCleanUpGrace = absl::Milliseconds(700);
 
 absl::Status Errno(std::string_view what) {
   const int error = errno;
@@ -172,16 +171,14 @@ void RunnerProcess::DrainStderr() {
   }
 }
 
-bool RunnerProcess::Reap() {
+bool RunnerProcess::dead() {
   if (!reaped_ && pid_ > 0 && ::waitpid(pid_, &wait_status_, WNOHANG) == pid_) reaped_ = true;
   return reaped_;
 }
 
-bool RunnerProcess::finished() { return Reap() && !stdout_.valid(); }
-
 absl::StatusOr<int> RunnerProcess::Wait(absl::Duration timeout) {
   const absl::Time deadline = absl::Now() + timeout;
-  while (!Reap()) {
+  while (!dead()) {
     if (absl::Now() >= deadline) {
       return absl::DeadlineExceededError(
           absl::StrCat("the runner of lease ", lease_, " still runs"));
@@ -191,13 +188,23 @@ absl::StatusOr<int> RunnerProcess::Wait(absl::Duration timeout) {
   return wait_status_;
 }
 
-void RunnerProcess::Kill() {
-  if (pid_ <= 0 || Reap()) return;
+void RunnerProcess::AskToEnd() {
+  if (pid_ <= 0 || dead()) return;
   lifeline_.reset();
   ::kill(pid_, SIGTERM);
-  if (Wait(kCleanUpGrace).ok()) return;
+}
+
+void RunnerProcess::KillNow() {
+  if (pid_ <= 0 || dead()) return;
   // Its children ask the kernel to be killed with it, each of them with its own.
   ::kill(-pid_, SIGKILL);
+}
+
+void RunnerProcess::Kill() {
+  if (pid_ <= 0 || dead()) return;
+  AskToEnd();
+  if (Wait(kCleanUpGrace).ok()) return;
+  KillNow();
   (void)Wait(absl::Milliseconds(250));
 }
 

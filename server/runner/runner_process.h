@@ -27,10 +27,11 @@
 #include "protocol/lease.h"
 #include "server/paths.h"
 #include "server/runner/output_tail.h"
+#include "server/runner/runner.h"
 
 namespace myograde::server {
 
-class RunnerProcess {
+class RunnerProcess : public Runner {
  public:
   // Writes the order to `order.work_dir`/order.json (0600; the folder must be
   // there) and starts the runner on it, in a process group of its own.
@@ -40,47 +41,34 @@ class RunnerProcess {
   static absl::StatusOr<std::unique_ptr<RunnerProcess>> Start(const LeaseOrder& order);
 
   // Kills what is still running.
-  ~RunnerProcess();
+  ~RunnerProcess() override;
   RunnerProcess(const RunnerProcess&) = delete;
   RunnerProcess& operator=(const RunnerProcess&) = delete;
 
-  // Descriptors to wait on for POLLIN; -1 once that stream came to its end.
-  int stdout_fd() const { return stdout_.get(); }
-  int stderr_fd() const { return stderr_.get(); }
-
-  // The records that arrived since the last call, in order; empty if none.
-  // Drains stderr too. Never blocks. DataLossError: the runner printed
-  // something that is no record, or records after its last one; records
-  // parsed before it in the same call are dropped, so treat the lease as
-  // lost and Kill().
-  absl::StatusOr<std::vector<LeaseRecord>> Read();
-
-  // True once the process was reaped and Read() came to the end of its records.
-  // Reaps without blocking, so it may be polled.
-  bool finished();
+  int stdout_fd() const override { return stdout_.get(); }
+  int stderr_fd() const override { return stderr_.get(); }
+  absl::StatusOr<std::vector<LeaseRecord>> Read() override;
+  bool finished() override { return dead() && !stdout_.valid(); }
+  bool dead() override;
+  void AskToEnd() override;
+  void KillNow() override;
+  pid_t pid() const override { return pid_; }
+  int wait_status() const override { return wait_status_; }
+  std::string stderr_tail() const override { return stderr_output_.tail(); }
 
   // Waits for the end of the process until `timeout`, draining nothing:
   // DeadlineExceededError then. The value is the wait status of waitpid(2).
   absl::StatusOr<int> Wait(absl::Duration timeout);
 
   // Ends the lease: asks the runner to clean up, and takes it down with all
-  // that it started if it has not within 0.7 s. Returns within 1 s, when the
+  // that it started if it has not within kCleanUpGrace. Returns within 1 s, when the
   // process is reaped. Safe to call at any time and more than once.
   void Kill();
-
-  pid_t pid() const { return pid_; }
-
-  // Wait status of the runner; valid once finished().
-  int wait_status() const { return wait_status_; }
-
-  // The last 4 KiB that the runner wrote to stderr, valid UTF-8.
-  std::string stderr_tail() const { return stderr_output_.tail(); }
 
  private:
   RunnerProcess() : stderr_output_(64 << 10) {}
   void DrainStderr();
   absl::Status DrainStdout(std::vector<LeaseRecord>& records);
-  bool Reap();
 
   std::string lease_;
   pid_t pid_ = -1;

@@ -6,67 +6,105 @@
 #include <absl/strings/str_cat.h>
 
 namespace myograde::server {
+namespace {
+
+std::string Counted(int64_t count, const char* what) {
+  return absl::StrCat(count, " ", what, count == 1 ? "" : "s");
+}
+
+}  // namespace
 
 Scheduler::Scheduler(SchedulerLimits limits) : limits_(limits) {}
 
-void Scheduler::Add(const EvaluationSpec& spec) {
+void Scheduler::Add(const EvaluationSpec& spec, absl::Duration now) {
   Evaluation& evaluation = evaluations_[spec.id];
   evaluation.spec = spec;
+  evaluation.spec.leases.clear();
+  evaluation.priority = spec.priority;
   for (const LeaseSpec& entry : spec.leases) {
     Lease& lease = leases_[entry.id];
     lease.id = entry.id;
     lease.evaluation = spec.id;
     lease.attempt = entry.attempt;
     lease.faults = entry.faults;
-    evaluation.open.insert(entry.id);
+    evaluation.waiting.insert(entry.id);
   }
   auto [team, is_new] = teams_.try_emplace(spec.team);
   if (is_new) team->second.joined = ++joins_;
-  team->second.evaluations.emplace(static_cast<int>(spec.priority), spec.id);
+  UpdateLine(evaluation);
+  Wait(evaluation, now + limits_.queue_wait);
 }
 
-Scheduler::Lease* Scheduler::FirstPending(const Evaluation& evaluation, absl::Duration now) {
-  for (const LeaseSpec& entry : evaluation.spec.leases) {
-    const auto it = leases_.find(entry.id);
-    if (it == leases_.end() || it->second.running || it->second.not_before > now) continue;
-    return &it->second;
+void Scheduler::UpdateLine(Evaluation& evaluation) {
+  teams_.at(evaluation.spec.team)
+      .line.Set(evaluation.priority, evaluation.spec.id,
+                static_cast<int64_t>(evaluation.waiting.size()));
+}
+
+void Scheduler::Wait(Evaluation& evaluation, absl::Duration until) {
+  waits_.erase({evaluation.wait_over, evaluation.spec.id});
+  evaluation.wait_over = evaluation.waiting.empty() ? absl::InfiniteDuration() : until;
+  if (!evaluation.waiting.empty()) waits_.emplace(until, evaluation.spec.id);
+}
+
+Scheduler::Lease* Scheduler::FirstReady(const Team& team, Priority priority, absl::Duration now) {
+  for (const auto& [id, waiting] : team.line.In(priority)) {
+    for (const int64_t lease : evaluations_.at(id).waiting) {
+      Lease& found = leases_.at(lease);
+      if (found.not_before <= now) return &found;
+    }
   }
   return nullptr;
 }
 
-Scheduler::Lease* Scheduler::FirstPending(const Team& team, absl::Duration now) {
-  for (const auto& [priority, id] : team.evaluations) {
-    if (Lease* lease = FirstPending(evaluations_.at(id), now); lease != nullptr) return lease;
-  }
-  return nullptr;
+int Scheduler::FreeSlot() const {
+  int slot = 0;
+  while (taken_slots_.contains(slot)) ++slot;
+  return slot < limits_.slots ? slot : -1;
+}
+
+std::optional<int> Scheduler::TakeSlot() {
+  const int slot = FreeSlot();
+  if (slot < 0) return std::nullopt;
+  taken_slots_.insert(slot);
+  return slot;
 }
 
 std::optional<Start> Scheduler::Next(absl::Duration now) {
-  if (running() >= limits_.slots) return std::nullopt;
+  const int slot = FreeSlot();
+  if (slot < 0) return std::nullopt;
   Team* best_team = nullptr;
   Lease* best = nullptr;
   const auto turn = [](const Team& team) {
     return std::tuple(team.running, team.last_start, team.joined);
   };
-  for (auto& [name, team] : teams_) {
-    if (best_team != nullptr && turn(*best_team) <= turn(team)) continue;
-    if (Lease* lease = FirstPending(team, now); lease != nullptr) {
-      best_team = &team;
-      best = lease;
+  for (int priority = 0; priority < kPriorities && best == nullptr; ++priority) {
+    for (auto& [name, team] : teams_) {
+      if (team.running >= limits_.team_running) continue;
+      if (best_team != nullptr && turn(*best_team) <= turn(team)) continue;
+      if (Lease* lease = FirstReady(team, Priority(priority), now); lease != nullptr) {
+        best_team = &team;
+        best = lease;
+      }
     }
   }
   if (best == nullptr) return std::nullopt;
-  const Evaluation& evaluation = evaluations_.at(best->evaluation);
+  Evaluation& evaluation = evaluations_.at(best->evaluation);
+  delayed_.erase({best->not_before, best->id});
+  evaluation.waiting.erase(best->id);
+  evaluation.running.insert(best->id);
+  UpdateLine(evaluation);
+  Wait(evaluation, now + limits_.queue_wait);
   best->running = true;
   best->attempt += 1;
-  best->slot = 0;
-  while (running_slots_.contains(best->slot)) ++best->slot;
-  running_slots_.insert(best->slot);
+  best->slot = slot;
   best->silent_after = now + limits_.heartbeat;
   best->over_at = now + evaluation.spec.lease_wall;
+  running_.insert(best->id);
+  taken_slots_.insert(slot);
   best_team->running += 1;
   best_team->last_start = ++starts_;
-  return Start{best->evaluation, best->id, best->attempt, best->slot, evaluation.spec.lease_wall};
+  return Start{best->evaluation, best->id, best->attempt, slot, evaluation.spec.lease_wall};
 }
 
 Scheduler::Lease* Scheduler::Current(int64_t lease, int64_t attempt) {
@@ -84,32 +122,37 @@ void Scheduler::Heartbeat(int64_t lease, int64_t attempt, absl::Duration now) {
   if (Lease* current = Current(lease, attempt)) current->silent_after = now + limits_.heartbeat;
 }
 
-void Scheduler::Release(Lease& lease) {
-  if (!lease.running) return;
+// The slot stays taken.
+void Scheduler::StopRunning(Lease& lease) {
+  Evaluation& evaluation = evaluations_.at(lease.evaluation);
   lease.running = false;
-  running_slots_.erase(lease.slot);
   lease.slot = -1;
-  teams_.at(evaluations_.at(lease.evaluation).spec.team).running -= 1;
+  running_.erase(lease.id);
+  evaluation.running.erase(lease.id);
+  teams_.at(evaluation.spec.team).running -= 1;
 }
 
 void Scheduler::Remove(int64_t id) {
   const auto it = evaluations_.find(id);
-  Team& team = teams_.at(it->second.spec.team);
-  team.evaluations.erase({static_cast<int>(it->second.spec.priority), id});
+  Evaluation& evaluation = it->second;
+  evaluation.waiting.clear();
+  UpdateLine(evaluation);
+  Wait(evaluation, absl::InfiniteDuration());
   evaluations_.erase(it);
 }
 
-Verdict Scheduler::Finished(int64_t id, int64_t attempt) {
+Verdict Scheduler::Finished(int64_t id, int64_t attempt, absl::Duration now) {
   Lease* lease = Current(id, attempt);
   if (lease == nullptr) return {};
   Verdict verdict{.kind = Verdict::Kind::kEvaluationRuns, .evaluation = lease->evaluation};
-  Release(*lease);
-  Evaluation& evaluation = evaluations_.at(verdict.evaluation);
-  evaluation.open.erase(id);
+  StopRunning(*lease);
   leases_.erase(id);
-  if (evaluation.open.empty()) {
+  Evaluation& evaluation = evaluations_.at(verdict.evaluation);
+  if (evaluation.waiting.empty() && evaluation.running.empty()) {
     Remove(verdict.evaluation);
     verdict.kind = Verdict::Kind::kEvaluationEnds;
+  } else {
+    Wait(evaluation, now + limits_.queue_wait);
   }
   return verdict;
 }
@@ -117,18 +160,21 @@ Verdict Scheduler::Finished(int64_t id, int64_t attempt) {
 Verdict Scheduler::Faulted(int64_t id, int64_t attempt, absl::Duration now) {
   Lease* lease = Current(id, attempt);
   if (lease == nullptr) return {};
+  const int64_t owner = lease->evaluation;
+  Evaluation& evaluation = evaluations_.at(owner);
   lease->faults += 1;
+  StopRunning(*lease);
   if (lease->faults <= limits_.max_replays) {
-    Release(*lease);
     const int64_t doublings = std::min<int64_t>(lease->faults - 1, 20);
     lease->not_before = now + limits_.replay_delay * static_cast<double>(int64_t{1} << doublings);
-    return {.kind = Verdict::Kind::kReplay, .evaluation = lease->evaluation};
+    delayed_.emplace(lease->not_before, id);
+    evaluation.waiting.insert(id);
+    UpdateLine(evaluation);
+    Wait(evaluation, now + limits_.queue_wait);
+    return {.kind = Verdict::Kind::kReplay, .evaluation = owner};
   }
-  const int64_t evaluation = lease->evaluation;
-  Release(*lease);
-  evaluations_.at(evaluation).open.erase(id);
   leases_.erase(id);
-  Verdict verdict = Cancel(evaluation);
+  Verdict verdict = Cancel(owner);
   verdict.kind = Verdict::Kind::kGiveUp;
   return verdict;
 }
@@ -136,12 +182,15 @@ Verdict Scheduler::Faulted(int64_t id, int64_t attempt, absl::Duration now) {
 Verdict Scheduler::Cancel(int64_t id) {
   const auto it = evaluations_.find(id);
   if (it == evaluations_.end()) return {};
+  const Evaluation& evaluation = it->second;
   Verdict verdict{.kind = Verdict::Kind::kEvaluationEnds, .evaluation = id};
-  for (const int64_t open : it->second.open) {
-    Lease& lease = leases_.at(open);
-    (lease.running ? verdict.running : verdict.pending).push_back(open);
-    Release(lease);
-    leases_.erase(open);
+  verdict.pending.assign(evaluation.waiting.begin(), evaluation.waiting.end());
+  verdict.running.assign(evaluation.running.begin(), evaluation.running.end());
+  for (const int64_t lease : verdict.running) StopRunning(leases_.at(lease));
+  for (const int64_t lease : verdict.running) leases_.erase(lease);
+  for (const int64_t lease : verdict.pending) {
+    delayed_.erase({leases_.at(lease).not_before, lease});
+    leases_.erase(lease);
   }
   Remove(id);
   return verdict;
@@ -149,86 +198,126 @@ Verdict Scheduler::Cancel(int64_t id) {
 
 std::vector<Overdue> Scheduler::OverdueAt(absl::Duration now) const {
   std::vector<Overdue> overdue;
-  for (const auto& [id, lease] : leases_) {
-    if (!lease.running) continue;
+  for (const int64_t id : running_) {
+    const Lease& lease = leases_.at(id);
     if (lease.over_at <= now) {
       overdue.push_back({id, lease.attempt, "the runner kept the lease beyond its wall-clock cap"});
     } else if (lease.silent_after <= now) {
       overdue.push_back({id, lease.attempt,
-                         absl::StrCat("the runner was silent for ",
+                         absl::StrCat("the lease was not renewed: its runner was silent for ",
                                       absl::FormatDuration(limits_.heartbeat))});
     }
   }
   return overdue;
 }
 
+std::vector<int64_t> Scheduler::Escalate(absl::Duration now) {
+  std::vector<int64_t> late;
+  while (!waits_.empty() && waits_.begin()->first <= now) {
+    const int64_t id = waits_.begin()->second;
+    Evaluation& evaluation = evaluations_.at(id);
+    teams_.at(evaluation.spec.team).line.Set(evaluation.priority, id, 0);
+    evaluation.priority = Priority::kOverdue;
+    UpdateLine(evaluation);
+    Wait(evaluation, now + limits_.queue_wait);
+    late.push_back(id);
+  }
+  return late;
+}
+
 std::optional<absl::Duration> Scheduler::NextDeadline(absl::Duration now) const {
   absl::Duration next = absl::InfiniteDuration();
-  for (const auto& [id, lease] : leases_) {
-    if (lease.running) {
-      next = std::min({next, lease.silent_after, lease.over_at});
-    } else if (lease.not_before > now) {
-      next = std::min(next, lease.not_before);
-    }
+  for (const int64_t id : running_) {
+    const Lease& lease = leases_.at(id);
+    next = std::min({next, lease.silent_after, lease.over_at});
   }
+  const auto delayed = delayed_.upper_bound({now, INT64_MAX});
+  if (delayed != delayed_.end()) next = std::min(next, delayed->first);
+  if (!waits_.empty()) next = std::min(next, waits_.begin()->first);
   if (next == absl::InfiniteDuration()) return std::nullopt;
   return next;
 }
 
-int64_t Scheduler::pending() const { return static_cast<int64_t>(leases_.size()) - running(); }
-
-// The order in which evaluations that have not begun would get their first slot, were each
-// turn one evaluation long: teams by turn, each with its next evaluation, round after round.
-std::vector<int64_t> Scheduler::EvaluationsInLine() const {
-  std::vector<std::tuple<int64_t, int, int64_t, int64_t, int64_t>> keys;
-  for (const auto& [name, team] : teams_) {
-    int64_t round = 0;
-    for (const auto& [priority, id] : team.evaluations) {
-      keys.emplace_back(round++, team.running, team.last_start, team.joined, id);
-    }
-  }
-  std::sort(keys.begin(), keys.end());
-  std::vector<int64_t> line;
-  for (const auto& key : keys) line.push_back(std::get<4>(key));
-  return line;
+int64_t Scheduler::WaitingLeasesOf(int64_t id) const {
+  const auto it = evaluations_.find(id);
+  return it == evaluations_.end() ? 0 : static_cast<int64_t>(it->second.waiting.size());
 }
 
+int64_t Scheduler::WaitingOf(const std::string& team) const {
+  const auto it = teams_.find(team);
+  if (it == teams_.end()) return 0;
+  int64_t waiting = 0;
+  for (int i = 0; i < kPriorities; ++i) waiting += it->second.line.size(Priority(i));
+  return waiting;
+}
+
+// The order in which what waits would get its first slot, were each turn one evaluation
+// long: class by class, in it round after round, in a round each team with its next
+// evaluation. Of a team that comes before this one in a round, one more is ahead.
 std::optional<QueuePlace> Scheduler::PlaceOf(int64_t id) const {
-  if (!evaluations_.contains(id)) return std::nullopt;
+  const auto it = evaluations_.find(id);
+  if (it == evaluations_.end() || it->second.waiting.empty()) return std::nullopt;
+  const Evaluation& evaluation = it->second;
+  const Team& own = teams_.at(evaluation.spec.team);
+  const int64_t rank = own.line.RankOf(evaluation.priority, id);
+  const auto turn = [](const Team& team) {
+    return std::tuple(team.running, team.last_start, team.joined);
+  };
   QueuePlace place{.position = 1};
-  for (const int64_t other : EvaluationsInLine()) {
-    if (other == id) break;
-    int64_t waiting = 0;
-    for (const int64_t lease : evaluations_.at(other).open) {
-      if (!leases_.at(lease).running) ++waiting;
+  for (const auto& [name, team] : teams_) {
+    for (int i = 0; i < static_cast<int>(evaluation.priority); ++i) {
+      const int64_t all = team.line.size(Priority(i));
+      place.position += all;
+      place.leases_ahead += team.line.LeasesOfFirst(Priority(i), all);
     }
-    if (waiting == 0) continue;
-    place.position += 1;
-    place.leases_ahead += waiting;
+    const int64_t before = rank + (&team != &own && turn(team) < turn(own) ? 1 : 0);
+    place.position += std::min(before, team.line.size(evaluation.priority));
+    place.leases_ahead += team.line.LeasesOfFirst(evaluation.priority, before);
   }
   return place;
 }
 
 std::string Scheduler::WhyWaiting(int64_t id, absl::Duration now) const {
   const auto it = evaluations_.find(id);
-  if (it == evaluations_.end()) return "";
-  int64_t waiting = 0;
+  if (it == evaluations_.end() || it->second.waiting.empty()) return "";
+  const Evaluation& evaluation = it->second;
   absl::Duration delay = absl::InfiniteDuration();
-  for (const int64_t open : it->second.open) {
-    const Lease& lease = leases_.at(open);
-    if (lease.running) continue;
-    ++waiting;
-    delay = std::min(delay, lease.not_before - now);
+  for (const int64_t lease : evaluation.waiting) {
+    delay = std::min(delay, leases_.at(lease).not_before - now);
   }
-  if (waiting == 0) return "";
-  const std::string leases = waiting == 1 ? "1 lease waits" : absl::StrCat(waiting, " leases wait");
+  const auto count = static_cast<int64_t>(evaluation.waiting.size());
+  const std::string leases = absl::StrCat(Counted(count, "lease"), count == 1 ? " waits" : " wait");
   if (delay > absl::ZeroDuration()) {
     return absl::StrCat(leases, " to be played again after a fault of the grader, in ",
                         absl::FormatDuration(absl::Ceil(delay, absl::Seconds(1))));
   }
-  const QueuePlace place = *PlaceOf(id);
-  return absl::StrCat(leases, " for a slot: ", running(), " of ", limits_.slots, " are taken, ",
-                      place.leases_ahead, " leases of others are ahead");
+  const Team& team = teams_.at(evaluation.spec.team);
+  if (team.running >= limits_.team_running) {
+    return absl::StrCat(leases, " until another lease of the team ends: ", team.running,
+                        " run, which is as many as one team may have");
+  }
+  const int64_t taken = static_cast<int64_t>(taken_slots_.size());
+  if (taken < limits_.slots) return absl::StrCat(leases, " for the next start, which is now");
+  std::string why = absl::StrCat(leases, " for a slot: ", taken, " of ", limits_.slots,
+                                 " are taken, ", Counted(PlaceOf(id)->leases_ahead, "lease"),
+                                 " of others or of earlier submissions are ahead");
+  if (evaluation.priority == Priority::kOverdue) {
+    absl::StrAppend(&why, "; it has waited for more than ",
+                    absl::FormatDuration(limits_.queue_wait),
+                    " and goes ahead of all that has not");
+  }
+  return why;
+}
+
+std::optional<absl::Duration> Scheduler::DeadlineOf(int64_t id) const {
+  const auto it = evaluations_.find(id);
+  if (it == evaluations_.end()) return std::nullopt;
+  absl::Duration deadline = it->second.wait_over;
+  for (const int64_t running : it->second.running) {
+    const Lease& lease = leases_.at(running);
+    deadline = std::min({deadline, lease.silent_after, lease.over_at});
+  }
+  return deadline;
 }
 
 }  // namespace myograde::server

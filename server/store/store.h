@@ -90,6 +90,8 @@ class Writer {
   // pending or running -> failed or cancelled. `fault` as above.
   absl::Status EndLease(int64_t lease, LeaseState state, bool fault, const std::string& who,
                         const std::string& why);
+  // A row about an evaluation that stays in its state.
+  absl::Status NoteEvaluation(int64_t evaluation, const std::string& who, const std::string& why);
   // queued or running -> a final state. FailedPreconditionError while it has
   // leases that have not ended.
   absl::Status EndEvaluation(int64_t evaluation, EvaluationState state, const std::string& reason,

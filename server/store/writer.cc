@@ -243,6 +243,17 @@ absl::Status Writer::EndLease(int64_t lease, LeaseState state, bool fault, const
   return Audit("lease", lease, LeaseStateName(row->state), LeaseStateName(state), who, why);
 }
 
+absl::Status Writer::NoteEvaluation(int64_t evaluation, const std::string& who,
+                                    const std::string& why) {
+  SQLite::Statement select(db_, "SELECT state FROM evaluation WHERE id = ?");
+  select.bind(1, evaluation);
+  if (!select.executeStep()) {
+    return absl::NotFoundError(absl::StrCat("there is no evaluation ", evaluation));
+  }
+  const std::string state = select.getColumn(0).getString();
+  return Audit("evaluation", evaluation, state, state, who, why);
+}
+
 absl::Status Writer::EndEvaluation(int64_t evaluation, EvaluationState state,
                                    const std::string& reason, const std::string& results_hash,
                                    const std::string& who) {

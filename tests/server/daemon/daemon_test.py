@@ -77,7 +77,8 @@ class DaemonCase(unittest.TestCase):
         config = json.loads(path.read_text())
         for key, value in changes.items():
             config[key] = {**config[key], **value} if isinstance(value, dict) else value
-        config["scheduler"]["replay_delay_s"] = 0.01
+        if "replay_delay_s" not in changes.get("scheduler", {}):
+            config["scheduler"]["replay_delay_s"] = 0.01
         path.write_text(json.dumps(config))
 
     def launch(self):

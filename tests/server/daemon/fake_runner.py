@@ -4,12 +4,16 @@
 The second word of the policy's command says how: "ok", "slow" (0.2 s an
 episode), "crash" (every episode by the participant's fault), "grader" (the
 grader's fault always), "once" (the grader's fault at the first attempt, after
-one episode), "garbage", "dies" and "unrepeatable".
+one episode), "garbage", "dies", "unrepeatable", "stubborn" (slow, and ends only
+when it is killed) and "mute" (says nothing until it is killed). The daemon's
+self-test ("-c") passes; with a file "broken" beside this program nothing does.
 """
 
 import hashlib
 import json
 import os
+import pathlib
+import signal
 import sys
 import time
 
@@ -40,9 +44,10 @@ def episode(order, mode):
         "steps": 100 + seed, "sim_time": 1.0 + seed / 100, "clipped": 0,
         "digest": digest.hexdigest(), "wall_s": time.monotonic() % 1, "policy_cpu_s": 0.01,
         "track": "manipulation", "manipulation": manipulation(success)}
-    if mode == "crash":
+    if mode in ("crash", "-c"):
         record.update(end="fault", fault={
-            "outcome": "crash", "limit": "", "limit_value": 0.0, "value": 139.0, "step": 7,
+            "outcome": "crash", "limit": "", "limit_value": 0.0,
+            "value": 7.0 if mode == "-c" else 139.0, "step": 7,
             "detail": "the policy died of signal 11"})
     return record
 
@@ -53,6 +58,14 @@ def main():
     mode = order["command"][1]
     attempt = int(order["lease"].split("-")[1])
     detail = ""
+    broken = pathlib.Path(__file__).with_name("broken")
+    if broken.exists():
+        detail = broken.read_text(encoding="utf-8")
+        order["episodes"] = []
+    if mode == "stubborn":
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    if mode == "mute":
+        time.sleep(600)
     if mode == "dies":
         sys.exit("out of luck")
     if mode == "garbage":
@@ -63,7 +76,7 @@ def main():
             detail = "the simulator vanished"
             break
         say({"type": "progress", "episode": entry["index"], "step": 1})
-        if mode in ("slow", "unrepeatable"):
+        if mode in ("slow", "unrepeatable", "stubborn"):
             time.sleep(0.2)
         say(episode(entry, mode))
     say({"type": "lease_end", "ok": not detail, "detail": detail, "stdout_tail": "",

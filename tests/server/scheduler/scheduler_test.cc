@@ -2,6 +2,8 @@
 // cancels and late news in any order.
 #include "server/scheduler/scheduler.h"
 
+#include <set>
+
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -11,7 +13,7 @@ namespace {
 using Kind = Verdict::Kind;
 
 EvaluationSpec Spec(int64_t id, const std::string& team, int leases,
-                    Priority priority = Priority::kOriginal) {
+                    Priority priority = Priority::kOfficial) {
   EvaluationSpec spec{id, team, priority, absl::Seconds(100), {}};
   for (int i = 0; i < leases; ++i) spec.leases.push_back({id * 1000 + i, 0, 0});
   return spec;
@@ -19,7 +21,7 @@ EvaluationSpec Spec(int64_t id, const std::string& team, int leases,
 
 TEST(SchedulerTest, FillsSlotsInTheOrderOfPlay) {
   Scheduler scheduler({.slots = 2});
-  scheduler.Add(Spec(1, "a", 3));
+  scheduler.Add(Spec(1, "a", 3), absl::ZeroDuration());
   const auto first = scheduler.Next(absl::ZeroDuration());
   const auto second = scheduler.Next(absl::ZeroDuration());
   ASSERT_TRUE(first && second);
@@ -27,7 +29,9 @@ TEST(SchedulerTest, FillsSlotsInTheOrderOfPlay) {
   EXPECT_EQ(second->lease, 1001);
   EXPECT_NE(first->slot, second->slot);
   EXPECT_FALSE(scheduler.Next(absl::ZeroDuration()));
-  EXPECT_EQ(scheduler.Finished(1000, 1).kind, Kind::kEvaluationRuns);
+  EXPECT_EQ(scheduler.Finished(1000, 1, absl::ZeroDuration()).kind, Kind::kEvaluationRuns);
+  EXPECT_FALSE(scheduler.Next(absl::ZeroDuration())) << "its process may still be there";
+  scheduler.Free(first->slot);
   const auto third = scheduler.Next(absl::ZeroDuration());
   ASSERT_TRUE(third);
   EXPECT_EQ(third->slot, first->slot);
@@ -35,23 +39,24 @@ TEST(SchedulerTest, FillsSlotsInTheOrderOfPlay) {
 
 TEST(SchedulerTest, TeamsTakeTurnsWhateverTheirNumberOfSubmissions) {
   Scheduler scheduler({.slots = 1});
-  for (int64_t id = 1; id <= 20; ++id) scheduler.Add(Spec(id, "many", 2));
+  for (int64_t id = 1; id <= 20; ++id) scheduler.Add(Spec(id, "many", 2), absl::ZeroDuration());
   ASSERT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 1);
-  scheduler.Add(Spec(21, "one", 1));
-  scheduler.Finished(1000, 1);
+  scheduler.Add(Spec(21, "one", 1), absl::ZeroDuration());
+  scheduler.Finished(1000, 1, absl::ZeroDuration());
+  scheduler.Free(0);
   EXPECT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 21);
 }
 
 TEST(SchedulerTest, ATeamsRerunsWaitForItsOriginals) {
   Scheduler scheduler({.slots = 1});
-  scheduler.Add(Spec(1, "a", 1, Priority::kRerun));
-  scheduler.Add(Spec(2, "a", 1));
+  scheduler.Add(Spec(1, "a", 1, Priority::kRerun), absl::ZeroDuration());
+  scheduler.Add(Spec(2, "a", 1), absl::ZeroDuration());
   EXPECT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 2);
 }
 
 TEST(SchedulerTest, PlaysAgainThreeTimesWithGrowingDelaysAndThenGivesUp) {
   Scheduler scheduler({.slots = 1, .max_replays = 3, .replay_delay = absl::Seconds(2)});
-  scheduler.Add(Spec(1, "a", 2));
+  scheduler.Add(Spec(1, "a", 2), absl::ZeroDuration());
   absl::Duration now = absl::ZeroDuration();
   for (int64_t attempt = 1; attempt <= 3; ++attempt) {
     // The other lease has its turn while this one waits; it is not started here, as there is
@@ -61,6 +66,7 @@ TEST(SchedulerTest, PlaysAgainThreeTimesWithGrowingDelaysAndThenGivesUp) {
     ASSERT_EQ(start->lease, 1000);
     EXPECT_EQ(start->attempt, attempt);
     EXPECT_EQ(scheduler.Faulted(1000, attempt, now).kind, Kind::kReplay);
+    scheduler.Free(start->slot);
     now += absl::Seconds(2) * (1 << (attempt - 1));
   }
   ASSERT_EQ(scheduler.Next(now)->attempt, 4);
@@ -73,22 +79,23 @@ TEST(SchedulerTest, PlaysAgainThreeTimesWithGrowingDelaysAndThenGivesUp) {
 
 TEST(SchedulerTest, ALateEndOfAnExpiredAttemptCountsNothing) {
   Scheduler scheduler({.slots = 1, .heartbeat = absl::Seconds(30)});
-  scheduler.Add(Spec(1, "a", 1));
+  scheduler.Add(Spec(1, "a", 1), absl::ZeroDuration());
   scheduler.Next(absl::ZeroDuration());
   scheduler.Heartbeat(1000, 1, absl::Seconds(20));
   EXPECT_TRUE(scheduler.OverdueAt(absl::Seconds(49)).empty());
   ASSERT_EQ(scheduler.OverdueAt(absl::Seconds(50)).size(), 1u);
   scheduler.Faulted(1000, 1, absl::Seconds(50));
-  EXPECT_EQ(scheduler.Finished(1000, 1).kind, Kind::kStale);
+  scheduler.Free(0);
+  EXPECT_EQ(scheduler.Finished(1000, 1, absl::ZeroDuration()).kind, Kind::kStale);
   ASSERT_TRUE(scheduler.Next(absl::Seconds(60)));
-  EXPECT_EQ(scheduler.Finished(1000, 1).kind, Kind::kStale);
+  EXPECT_EQ(scheduler.Finished(1000, 1, absl::ZeroDuration()).kind, Kind::kStale);
   EXPECT_FALSE(scheduler.IsCurrent(1000, 1));
-  EXPECT_EQ(scheduler.Finished(1000, 2).kind, Kind::kEvaluationEnds);
+  EXPECT_EQ(scheduler.Finished(1000, 2, absl::ZeroDuration()).kind, Kind::kEvaluationEnds);
 }
 
 TEST(SchedulerTest, ALeaseThatKeepsBeatingStillEndsAtItsCap) {
   Scheduler scheduler({.slots = 1});
-  scheduler.Add(Spec(1, "a", 1));
+  scheduler.Add(Spec(1, "a", 1), absl::ZeroDuration());
   scheduler.Next(absl::ZeroDuration());
   scheduler.Heartbeat(1000, 1, absl::Seconds(99));
   EXPECT_TRUE(scheduler.OverdueAt(absl::Seconds(99)).empty());
@@ -98,16 +105,87 @@ TEST(SchedulerTest, ALeaseThatKeepsBeatingStillEndsAtItsCap) {
 
 TEST(SchedulerTest, TellsThePlaceInTheLine) {
   Scheduler scheduler({.slots = 1});
-  scheduler.Add(Spec(1, "a", 3));
-  scheduler.Add(Spec(2, "a", 1));
-  scheduler.Add(Spec(3, "b", 1));
+  scheduler.Add(Spec(1, "a", 3), absl::ZeroDuration());
+  scheduler.Add(Spec(2, "a", 1), absl::ZeroDuration());
+  scheduler.Add(Spec(3, "b", 1), absl::ZeroDuration());
   scheduler.Next(absl::ZeroDuration());
   // Team b has had no turn, then the rest of 1, then 2.
   EXPECT_EQ(scheduler.PlaceOf(3)->position, 1);
   EXPECT_EQ(scheduler.PlaceOf(2)->position, 3);
   EXPECT_EQ(scheduler.PlaceOf(2)->leases_ahead, 3);
   EXPECT_FALSE(scheduler.PlaceOf(9));
+  EXPECT_EQ(scheduler.WaitingOf("a"), 2);
   EXPECT_NE(scheduler.WhyWaiting(2, absl::ZeroDuration()).find("1 of 1"), std::string::npos);
+}
+
+TEST(SchedulerTest, OfficialGoesBeforePracticeBeforeRerun) {
+  Scheduler scheduler({.slots = 1});
+  scheduler.Add(Spec(1, "a", 1, Priority::kRerun), absl::ZeroDuration());
+  scheduler.Add(Spec(2, "b", 1, Priority::kPractice), absl::ZeroDuration());
+  scheduler.Add(Spec(3, "c", 1), absl::ZeroDuration());
+  scheduler.Add(Spec(4, "c", 1), absl::ZeroDuration());
+  EXPECT_EQ(scheduler.PlaceOf(4)->position, 2);
+  EXPECT_EQ(scheduler.PlaceOf(1)->position, 4);
+  for (const int64_t expected : {3, 4, 2, 1}) {
+    const auto start = scheduler.Next(absl::ZeroDuration());
+    ASSERT_TRUE(start);
+    EXPECT_EQ(start->evaluation, expected);
+    scheduler.Finished(start->lease, 1, absl::ZeroDuration());
+    scheduler.Free(start->slot);
+  }
+}
+
+TEST(SchedulerTest, ATeamHasNoMoreRunningThanItMay) {
+  Scheduler scheduler({.slots = 3, .team_running = 2});
+  scheduler.Add(Spec(1, "a", 3), absl::ZeroDuration());
+  scheduler.Next(absl::ZeroDuration());
+  const auto second = scheduler.Next(absl::ZeroDuration());
+  EXPECT_FALSE(scheduler.Next(absl::ZeroDuration()));
+  EXPECT_NE(scheduler.WhyWaiting(1, absl::ZeroDuration()).find("as one team may have"),
+            std::string::npos);
+  scheduler.Add(Spec(2, "b", 1), absl::ZeroDuration());
+  EXPECT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 2);
+  scheduler.Finished(second->lease, 1, absl::ZeroDuration());
+  scheduler.Free(second->slot);
+  EXPECT_EQ(scheduler.Next(absl::ZeroDuration())->lease, 1002);
+}
+
+TEST(SchedulerTest, WhatWaitsForTooLongGoesAheadOfAll) {
+  Scheduler scheduler({.slots = 1, .queue_wait = absl::Seconds(60)});
+  scheduler.Add(Spec(1, "a", 1, Priority::kRerun), absl::ZeroDuration());
+  scheduler.Add(Spec(2, "b", 1), absl::Seconds(10));
+  EXPECT_TRUE(scheduler.Escalate(absl::Seconds(59)).empty());
+  EXPECT_EQ(scheduler.NextDeadline(absl::Seconds(59)), absl::Seconds(60));
+  EXPECT_EQ(scheduler.PlaceOf(1)->position, 2);
+  EXPECT_EQ(scheduler.Escalate(absl::Seconds(60)), std::vector<int64_t>{1});
+  EXPECT_EQ(scheduler.PlaceOf(1)->position, 1);
+  EXPECT_EQ(scheduler.DeadlineOf(1), absl::Seconds(120)) << "every wait has a next deadline";
+  EXPECT_EQ(scheduler.Next(absl::Seconds(60))->evaluation, 1);
+}
+
+TEST(SchedulerTest, ThePlaceIsTheOrderInWhichEvaluationsStart) {
+  Scheduler scheduler({.slots = 1});
+  for (int64_t id = 1; id <= 12; ++id) {
+    const std::string team(1, static_cast<char>('a' + id * id % 5));
+    scheduler.Add(Spec(id, team, 1, id % 4 == 0 ? Priority::kPractice : Priority::kOfficial),
+                  absl::ZeroDuration());
+  }
+  for (int left = 12; left > 0; --left) {
+    std::set<int64_t> positions;
+    int64_t first = 0;
+    for (int64_t id = 1; id <= 12; ++id) {
+      const auto place = scheduler.PlaceOf(id);
+      if (!place) continue;
+      EXPECT_TRUE(positions.insert(place->position).second) << "two at one place";
+      EXPECT_EQ(place->leases_ahead, place->position - 1) << "one lease each";
+      if (place->position == 1) first = id;
+    }
+    EXPECT_EQ(*positions.rbegin(), left);
+    const auto start = scheduler.Next(absl::ZeroDuration());
+    EXPECT_EQ(start->evaluation, first);
+    scheduler.Finished(start->lease, 1, absl::ZeroDuration());
+    scheduler.Free(start->slot);
+  }
 }
 
 // What the history should have led to, kept apart from the scheduler.
@@ -117,6 +195,7 @@ struct Model {
   std::map<int64_t, std::set<int64_t>> open;           // evaluation to leases
   std::set<int64_t> done;
   std::set<int64_t> ended;
+  std::vector<int> to_free;                            // slots whose lease is over
 };
 
 void CheckVerdict(Model& model, int64_t lease, const Verdict& verdict) {
@@ -125,7 +204,10 @@ void CheckVerdict(Model& model, int64_t lease, const Verdict& verdict) {
     case Kind::kEvaluationEnds:
     case Kind::kGiveUp:
       RC_ASSERT(model.ended.insert(evaluation).second);  // once only
-      for (const int64_t other : verdict.running) RC_ASSERT(model.running.erase(other) == 1u);
+      for (const int64_t other : verdict.running) {
+        model.to_free.push_back(model.running.at(other).second);
+        model.running.erase(other);
+      }
       model.open.erase(evaluation);
       break;
     case Kind::kStale:
@@ -138,11 +220,14 @@ void CheckVerdict(Model& model, int64_t lease, const Verdict& verdict) {
 RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
   const int slots = *rc::gen::inRange(1, 5);
   Scheduler scheduler({.slots = slots, .max_replays = 3, .replay_delay = absl::Seconds(1),
-                       .heartbeat = absl::Seconds(10)});
+                       .heartbeat = absl::Seconds(10),
+                       .queue_wait = absl::Seconds(20)});
   Model model;
   absl::Duration now = absl::ZeroDuration();
   int64_t next_id = 1;
   const auto start_all = [&] {
+    for (const int slot : model.to_free) scheduler.Free(slot);
+    model.to_free.clear();
     while (const auto start = scheduler.Next(now)) {
       RC_ASSERT(!model.running.contains(start->lease));
       RC_ASSERT(!model.done.contains(start->lease));
@@ -154,6 +239,7 @@ RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
   };
   const auto end = [&](int64_t lease, bool fault) {
     const int64_t attempt = model.running.at(lease).first;
+    model.to_free.push_back(model.running.at(lease).second);
     model.running.erase(lease);
     if (fault) {
       RC_ASSERT(++model.faults[lease] <= 4);
@@ -161,9 +247,9 @@ RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
     } else {
       RC_ASSERT(model.done.insert(lease).second);
       model.open.at(lease / 1000).erase(lease);
-      CheckVerdict(model, lease, scheduler.Finished(lease, attempt));
+      CheckVerdict(model, lease, scheduler.Finished(lease, attempt, now));
     }
-    RC_ASSERT(scheduler.Finished(lease, attempt).kind == Kind::kStale);
+    RC_ASSERT(scheduler.Finished(lease, attempt, now).kind == Kind::kStale);
   };
   const auto some_running = [&] {
     auto it = model.running.begin();
@@ -172,15 +258,17 @@ RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
   };
   const int steps = *rc::gen::inRange(1, 80);
   for (int i = 0; i < steps; ++i) {
+    for (const int64_t late : scheduler.Escalate(now)) RC_ASSERT(model.open.contains(late));
     start_all();
     now += absl::Milliseconds(*rc::gen::inRange(0, 3000));
     const int what = *rc::gen::inRange(0, 6);
     if (what == 0 || model.running.empty()) {
       const int leases = *rc::gen::inRange(1, 5);
       const std::string team(1, static_cast<char>('a' + *rc::gen::inRange(0, 4)));
-      const EvaluationSpec spec = Spec(next_id++, team, leases);
+      const EvaluationSpec spec = Spec(next_id++, team, leases, *rc::gen::element(
+          Priority::kOfficial, Priority::kPractice, Priority::kRerun));
       for (const LeaseSpec& lease : spec.leases) model.open[spec.id].insert(lease.id);
-      scheduler.Add(spec);
+      scheduler.Add(spec, now);
     } else if (what <= 2) {
       end(some_running(), /*fault=*/false);
     } else if (what == 3) {

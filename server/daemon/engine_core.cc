@@ -1,0 +1,213 @@
+// The turn, the journal and the requests. Leases: engine_leases.cc; how they end:
+// engine_ends.cc; what is taken up from the store: engine_recover.cc; what others see of it
+// and the host's health: engine_views.cc and engine_host.cc.
+#include "server/daemon/engine_core.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+
+#include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
+
+namespace myograde::server {
+namespace {
+
+constexpr absl::Duration kRetry = absl::Seconds(1);
+constexpr absl::Duration kLongestWait = absl::Seconds(1);
+constexpr absl::Duration kReapWait = absl::Milliseconds(10);
+
+}  // namespace
+
+bool EngineCore::MayPass(const absl::Status& status) {
+  return absl::IsUnavailable(status) || absl::IsResourceExhausted(status) ||
+         absl::IsPermissionDenied(status);
+}
+
+EngineCore::EngineCore(EngineOptions options, Disk& disk, ReaderPool& readers,
+                       Processes& processes, const Clock& clock)
+    : options_(std::move(options)),
+      disk_(disk),
+      readers_(readers),
+      processes_(processes),
+      clock_(clock),
+      owner_(absl::StrCat("daemon ", getpid())),
+      scheduler_(options_.config.scheduler),
+      host_(options_.config.host) {}
+
+EngineCore::~EngineCore() = default;
+
+absl::StatusOr<absl::Duration> EngineCore::Turn() {
+  if (absl::Status status = WriteRequests(); !status.ok()) return status;
+  for (auto& [id, run] : running_) Listen(run);
+  SeeEnds();
+  TakeBackOverdue();
+  SeeEnding();
+  AnswerCancels();
+  Escalate();
+  if (absl::Status status = Flush(); !status.ok()) return status;
+  if (journal_.empty()) {
+    ProbeStore();
+    if (absl::Status status = TakeUpLate(); !status.ok()) return status;
+    if (absl::Status status = SettleAll(); !status.ok()) return status;
+    SeeSelfTest();
+    if (!stopping_) StartLeases();
+    if (absl::Status status = Flush(); !status.ok()) return status;
+  }
+  return TimeToNext(clock_.Monotonic());
+}
+
+absl::Duration EngineCore::TimeToNext(absl::Duration now) const {
+  absl::Duration wait = kLongestWait;
+  for (const auto& [id, run] : running_) {
+    // Both streams are at their end: only the process itself is waited for.
+    if (run.runner->stdout_fd() < 0 && run.runner->stderr_fd() < 0) wait = kReapWait;
+  }
+  if (!ending_.empty() || !cancels_.empty()) wait = kReapWait;
+  if (test_ != nullptr) {
+    const bool quiet = test_->runner() == nullptr || test_->runner()->stdout_fd() < 0;
+    wait = quiet ? kReapWait : std::min(wait, test_->deadline() - now);
+  }
+  const std::lock_guard lock(mutex_);
+  if (const auto next = scheduler_.NextDeadline(now)) wait = std::min(wait, *next - now);
+  return std::max(wait, absl::ZeroDuration());
+}
+
+void EngineCore::AddDescriptors(std::vector<pollfd>& fds) const {
+  const auto add = [&fds](const Runner& runner) {
+    for (const int fd : {runner.stdout_fd(), runner.stderr_fd()}) {
+      if (fd >= 0) fds.push_back({fd, POLLIN, 0});
+    }
+  };
+  for (const auto& [id, run] : running_) add(*run.runner);
+  if (test_ != nullptr && test_->runner() != nullptr) add(*test_->runner());
+}
+
+// After a failure that may pass, further ones are not tried for a second: each may take as
+// long as the store waits for a lock, and the loop waits with it.
+absl::Status EngineCore::WriteNow(const StoreChange& change) {
+  const absl::Duration now = clock_.Monotonic();
+  absl::Status status;
+  if (now >= write_after_) {
+    status = disk_.Write(change);
+    if (!MayPass(status)) {
+      const std::lock_guard lock(mutex_);
+      if (!store_trouble_.empty()) spdlog::info("the store can be written again");
+      store_trouble_.clear();
+      return status;
+    }
+    write_after_ = clock_.Monotonic() + kRetry;
+    const std::lock_guard lock(mutex_);
+    if (store_trouble_ != status.message()) spdlog::error("{}", std::string(status.message()));
+    store_trouble_ = std::string(status.message());
+  }
+  const std::lock_guard lock(mutex_);
+  return absl::UnavailableError(
+      absl::StrCat("the store can't be written, nothing was changed: ", store_trouble_));
+}
+
+absl::Status EngineCore::Flush() {
+  while (!journal_.empty()) {
+    const absl::Status status = WriteNow(journal_.front());
+    if (MayPass(status)) return absl::OkStatus();
+    if (!status.ok()) {
+      return absl::Status(status.code(), absl::StrCat("a change of state can't be written: ",
+                                                      status.message()));
+    }
+    journal_.pop_front();
+  }
+  return absl::OkStatus();
+}
+
+// What is in the journal happened before a request that comes now, and is written first.
+absl::Status EngineCore::RequireWritable() {
+  if (absl::Status status = Flush(); !status.ok()) return status;
+  if (journal_.empty()) return absl::OkStatus();
+  const std::lock_guard lock(mutex_);
+  return absl::UnavailableError(
+      absl::StrCat("the store can't be written, nothing was changed: ", store_trouble_));
+}
+
+// Nothing is to be written, and the trouble may be over: looks.
+void EngineCore::ProbeStore() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (store_trouble_.empty()) return;
+  }
+  if (clock_.Monotonic() < write_after_) return;
+  (void)WriteNow([](Writer&) { return absl::OkStatus(); });
+}
+
+absl::Status EngineCore::SettleAll() {
+  while (!to_settle_.empty()) {
+    const int64_t evaluation = *to_settle_.begin();
+    const absl::Status status = Settle(evaluation);
+    if (!status.ok()) {
+      if (!MayPass(status)) return status;
+      return absl::OkStatus();  // it stays in the set, for the next round
+    }
+    to_settle_.erase(evaluation);
+    contexts_.erase(evaluation);
+  }
+  return absl::OkStatus();
+}
+
+void EngineCore::Escalate() {
+  std::vector<int64_t> late;
+  {
+    const std::lock_guard lock(mutex_);
+    late = scheduler_.Escalate(clock_.Monotonic());
+  }
+  const std::string waited =
+      absl::FormatDuration(options_.config.scheduler.queue_wait);
+  for (const int64_t id : late) {
+    spdlog::warn("evaluation {} has waited for {}: it goes ahead of all that has not", id, waited);
+    Later([id, waited, who = owner_](Writer& writer) {
+      return writer.NoteEvaluation(
+          id, who, absl::StrCat("waited for ", waited, " and goes ahead of all that has not"));
+    });
+  }
+}
+
+absl::Status EngineCore::WriteRequests() {
+  if (requests_.empty()) return absl::OkStatus();
+  const std::vector<Request> requests = std::exchange(requests_, {});
+  absl::Status ready = stopping_ ? absl::CancelledError("the daemon is stopping; try again when "
+                                                        "it is back")
+                                 : RequireWritable();
+  for (const Request& request : requests) {
+    absl::Status status = ready.ok() ? WriteNow(request.change) : ready;
+    if (status.ok() && request.effect) status = request.effect();
+    request.answer(status);
+  }
+  return absl::OkStatus();
+}
+
+void EngineCore::BeginShutdown() {
+  stopping_ = true;
+  std::vector<int64_t> leases;
+  for (const auto& [lease, run] : running_) {
+    leases.push_back(lease);
+    Later([id = lease, attempt = run.attempt, who = owner_](Writer& writer) {
+      return writer.ReturnLease(id, attempt, /*fault=*/false, who, "the daemon stopped");
+    });
+  }
+  for (const int64_t lease : leases) TakeBack(lease);
+  if (test_ != nullptr) EndSelfTest("the daemon stopped");
+  write_after_ = absl::ZeroDuration();
+}
+
+absl::Status EngineCore::FinishShutdown() {
+  stopping_ = true;
+  (void)WriteRequests();  // answers them
+  for (Ending& ending : ending_) {
+    ending.runner->KillNow();
+    processes_.CleanUp(ending.work_dir);
+  }
+  ending_.clear();
+  AnswerCancels();
+  write_after_ = absl::ZeroDuration();
+  return Flush();
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,70 @@
+// Requests that change the store: those that come together are written together.
+#include <absl/strings/str_cat.h>
+
+#include "server/daemon/engine.h"
+
+namespace myograde::server {
+
+absl::Status Engine::Ask(StoreChange change, std::function<absl::Status()> effect,
+                         absl::Duration timeout) {
+  return commands_.CallLater(
+      [this, change = std::move(change), effect = std::move(effect)](CommandQueue::Answer answer) {
+        core_.Ask({change, effect, std::move(answer)});
+      },
+      timeout);
+}
+
+absl::StatusOr<bool> Engine::AddArtefact(const ArtefactRow& artefact, absl::Duration timeout) {
+  const auto is_new = std::make_shared<bool>(false);
+  const absl::Status status = Ask(
+      [artefact, is_new](Writer& writer) {
+        absl::StatusOr<bool> added = writer.AddArtefact(artefact);
+        if (added.ok()) *is_new = *added;
+        return added.status();
+      },
+      nullptr, timeout);
+  if (!status.ok()) return status;
+  return *is_new;
+}
+
+absl::StatusOr<Accepted> Engine::Admit(std::function<absl::StatusOr<Accepted>(Writer&)> add,
+                                       absl::Duration timeout) {
+  const auto accepted = std::make_shared<Accepted>();
+  const absl::Status status = Ask(
+      [add = std::move(add), accepted](Writer& writer) {
+        absl::StatusOr<Accepted> added = add(writer);
+        if (added.ok()) *accepted = *std::move(added);
+        return added.status();
+      },
+      [this, accepted] { return core_.TakeUp(accepted->evaluation); }, timeout);
+  if (!status.ok()) return status;
+  return *accepted;
+}
+
+absl::StatusOr<Accepted> Engine::Submit(const NewSubmission& submission, const std::string& who,
+                                        absl::Duration timeout) {
+  return Admit([submission, who](Writer& writer) { return writer.Accept(submission, who); },
+               timeout);
+}
+
+absl::StatusOr<Accepted> Engine::Rerun(const NewRerun& rerun, const std::string& who,
+                                       absl::Duration timeout) {
+  return Admit([rerun, who](Writer& writer) { return writer.AddRerun(rerun, who); }, timeout);
+}
+
+absl::StatusOr<CancelReport> Engine::Cancel(int64_t submission, const std::string& why,
+                                            const std::string& who, absl::Duration timeout) {
+  const auto report = std::make_shared<CancelReport>();
+  const absl::Status status = commands_.CallLater(
+      [this, submission, why, who, report](CommandQueue::Answer answer) {
+        core_.Cancel(submission, why, who, [report, answer](absl::StatusOr<CancelReport> done) {
+          if (done.ok()) *report = *done;
+          answer(done.status());
+        });
+      },
+      timeout);
+  if (!status.ok()) return status;
+  return *report;
+}
+
+}  // namespace myograde::server

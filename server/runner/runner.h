@@ -1,0 +1,56 @@
+// A lease's runner as its caller hears and ends it. RunnerProcess is the real one;
+// tests play others.
+#pragma once
+
+#include <sys/types.h>
+
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+
+#include "protocol/lease.h"
+
+namespace myograde::server {
+
+class Runner {
+ public:
+  // How long a runner that was asked to end may clean up before it is killed.
+  static constexpr absl::Duration kCleanUpGrace = absl::Milliseconds(700);
+
+  virtual ~Runner() = default;
+
+  // Descriptors to wait on for POLLIN; -1 once that stream came to its end.
+  virtual int stdout_fd() const = 0;
+  virtual int stderr_fd() const = 0;
+
+  // The records that arrived since the last call, in order; empty if none.
+  // Drains stderr too. Never blocks. DataLossError: the runner printed
+  // something that is no record, or records after its last one; records
+  // parsed before it in the same call are dropped, so treat the lease as
+  // lost and end it.
+  virtual absl::StatusOr<std::vector<LeaseRecord>> Read() = 0;
+
+  // True once the process is dead and Read() came to the end of its records.
+  virtual bool finished() = 0;
+
+  // True once the process is reaped. Never blocks.
+  virtual bool dead() = 0;
+
+  // Asks the runner to end its lease and clean up. Never blocks; safe at any time.
+  virtual void AskToEnd() = 0;
+
+  // Takes the runner down with all that it started. Never blocks; safe at any time.
+  virtual void KillNow() = 0;
+
+  virtual pid_t pid() const = 0;
+
+  // Wait status of the runner, as of waitpid(2); valid once dead().
+  virtual int wait_status() const = 0;
+
+  // The last 4 KiB that the runner wrote to stderr, valid UTF-8.
+  virtual std::string stderr_tail() const = 0;
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,63 @@
+// Whether this host may play leases. Faults of the grader that follow each other
+// here, with no lease played well in between, put it under suspicion: a self-test runs
+// while nothing is started. If it passes, the leases were at fault and play goes on; if it
+// fails, the host is paused and tested again after each `test_every` until it passes.
+// State and decisions only, as in scheduler.h.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include <absl/time/time.h>
+
+namespace myograde::server {
+
+struct HostLimits {
+  int suspect_after = 2;                             // faults in a row
+  absl::Duration test_every = absl::Minutes(3);      // from the end of a test to the next one
+};
+
+class HostHealth {
+ public:
+  // kWell: leases start. kSuspected: a test is due or runs, and nothing starts. kPaused: the
+  // last test failed.
+  enum class State { kWell, kSuspected, kPaused };
+
+  explicit HostHealth(HostLimits limits) : limits_(limits) {}
+
+  // A lease was played to its end.
+  void LeaseDone() { faults_ = 0; }
+  // A lease ended by a fault of the grader.
+  void LeaseFaulted(absl::Duration now, const std::string& why);
+
+  // A test should begin now.
+  bool TestDue(absl::Duration now) const;
+  void TestBegins() { testing_ = true; }
+  // `fault` is empty if it passed, else one sentence.
+  void TestEnded(absl::Duration now, const std::string& fault);
+
+  bool may_start() const { return state_ == State::kWell; }
+  State state() const { return state_; }
+  bool testing() const { return testing_; }
+  // When to look again, though nothing happens.
+  std::optional<absl::Duration> NextTest() const;
+  // Why nothing starts, in words; "" if kWell.
+  std::string WhyNot(absl::Duration now) const;
+  // When the host was paused; only if kPaused.
+  absl::Duration paused_since() const { return paused_since_; }
+
+ private:
+  HostLimits limits_;
+  State state_ = State::kWell;
+  int faults_ = 0;                 // in a row
+  std::string last_fault_;         // of a lease
+  std::string test_fault_;         // of the last test
+  bool testing_ = false;
+  absl::Duration next_test_ = -absl::InfiniteDuration();
+  absl::Duration paused_since_;
+};
+
+std::string_view HostStateName(HostHealth::State state);  // "well", "suspected", "paused"
+
+}  // namespace myograde::server
