@@ -4,8 +4,8 @@
 The second word of the policy's command says how: "ok", "slow" (0.2 s an
 episode), "crash" (every episode by the participant's fault), "grader" (the
 grader's fault always), "once" (the grader's fault at the first attempt, after
-one episode), "garbage", "dies", "unrepeatable", "stubborn" (slow, and ends only
-when it is killed) and "mute" (says nothing until it is killed). The daemon's
+one episode), "garbage", "dies", "unrepeatable", "stubborn" (10 s an episode, and
+ends only when it is killed) and "mute" (says nothing until it is killed). The daemon's
 self-test ("-c") passes; with a file "broken" beside this program nothing does.
 """
 
@@ -76,8 +76,10 @@ def main():
             detail = "the simulator vanished"
             break
         say({"type": "progress", "episode": entry["index"], "step": 1})
-        if mode in ("slow", "unrepeatable", "stubborn"):
+        if mode in ("slow", "unrepeatable"):
             time.sleep(0.2)
+        if mode == "stubborn":
+            time.sleep(10)
         say(episode(entry, mode))
     say({"type": "lease_end", "ok": not detail, "detail": detail, "stdout_tail": "",
          "stderr_tail": "hello from the policy", "stdout_truncated": False,
