@@ -155,7 +155,9 @@ absl::Status DecodeHello(std::span<const std::byte> payload, HelloFrame& frame) 
   if (cursor.ok() && (name < 1 || name > kMaxName + 1)) {
     return Malformed(absl::StrCat("the policy's name must have at most ", kMaxName, " bytes"));
   }
-  cursor.Skip(static_cast<size_t>(name) + 1);  // the name and `direct`
+  cursor.Skip(static_cast<size_t>(name - 1));
+  if (cursor.Unsigned(1) != 0) return Malformed("the policy's name has no ending zero byte");
+  cursor.Skip(1);  // `direct`
   if (absl::Status status = WalkLegSets(cursor); !status.ok()) return status;
   if (absl::Status status = WalkEnd(cursor); !status.ok()) return status;
   hello_t message;

@@ -145,6 +145,16 @@ TEST_F(InboxTest, HelloCarriesConventionAndLegSets) {
   EXPECT_EQ(greeting.sets.set[2][3].threshold_kind[0], 1);
 }
 
+TEST_F(InboxTest, ANameWithoutItsEndingZeroIsABreach) {
+  Packet payload = Encode(GoodHello());
+  // Fingerprint, version and length come first; the length counts the zero.
+  const size_t zero = 8 + 4 + 4 + std::string_view("test").size();
+  ASSERT_EQ(payload[zero], std::byte{0});
+  payload[zero] = std::byte{'x'};
+  EXPECT_EQ(inbox_.Take(Wrap(kHelloChannel, payload)), Verdict::kFault);
+  EXPECT_THAT(Fault(), HasSubstr("no ending zero byte"));
+}
+
 TEST_F(InboxTest, ALaterHelloAsksForTheWelcomeAgainUntilItIsAFlood) {
   ASSERT_EQ(Take(kHelloChannel, GoodHello()), Verdict::kFrame);
   for (int i = 0; i < 20; ++i) {

@@ -1,0 +1,284 @@
+"""The host's side of the suite: a daemon of its own in a temporary folder, and a look at what of
+it is left on the host."""
+
+import http.client
+import json
+import os
+import pathlib
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+
+SLOTS = 3
+# Users of the slots: a range of its own for each run of the suite, as limits count by user.
+UID_RANGE = 2048
+START_S = 30
+STOP_S = 30
+# Large and unlike anything that would turn up by chance, so that they can be looked for.
+SEEDS = [914207635518432 + i for i in range(20)]
+
+BUDGETS = {
+    "startup_s": 20, "step_s": 0.2, "overtime_s": 0.8, "wall_factor": 6, "lease_cpu_s": 40,
+    "lease_wall_s": 90, "memory_bytes": 256 << 20, "cpus": 1, "tasks": 128,
+    "scratch_bytes": 32 << 20, "scratch_files": 2000, "output_bytes": 65536, "open_files": 256,
+    "stray_messages": 1000, "wrong_answers": 16, "restarts": 1,
+}
+
+
+def _track(base="locomotion", **budgets):
+    return {"extends": base, "seeds": SEEDS, "episodes_per_lease": 20,
+            "budgets": {**BUDGETS, **budgets}}
+
+
+TRACKS = {
+    "rt": _track(),
+    "rt-start": _track(startup_s=4),
+    "rt-patient": _track(overtime_s=10),
+    "rt-lease": _track(lease_wall_s=8),
+    "rt-cpu": _track(lease_cpu_s=3, overtime_s=10),
+    "rt-memory": _track(memory_bytes=96 << 20, scratch_bytes=512 << 20, startup_s=15),
+    "rt-arm": _track(base="manipulation"),
+    "rt-often": _track(restarts=20, overtime_s=0.2, wall_factor=30),
+    "rt-honest": {"extends": "locomotion", "seeds": {"first": 4100, "count": 2},
+                  "episodes_per_lease": 2},
+}
+
+
+class ApiError(Exception):
+    """An answer of the daemon that is no success."""
+
+    def __init__(self, status, answer):
+        super().__init__(f"HTTP {status}: {answer}")
+        self.status = status
+        self.answer = answer
+
+
+class _UnixConnection(http.client.HTTPConnection):
+    def __init__(self, path):
+        super().__init__("myograde", timeout=30)
+        self.path = path
+
+    def connect(self):
+        self.sock = socket.socket(socket.AF_UNIX)
+        self.sock.settimeout(self.timeout)
+        self.sock.connect(self.path)
+
+
+class Host:
+    """A daemon with the suite's tracks. `user`: an ordinary user's id to run it as, or None."""
+
+    CANARY = "a file of the host that everybody may write to\n"
+
+
+    def __init__(self, programs, source, user=None):
+        self.bin = programs
+        self.user = user
+        self.root = pathlib.Path(tempfile.mkdtemp(prefix="myograde-redteam-"))
+        self.data = self.root / "data"
+        self.data.mkdir()
+        self.configs = self.root / "configs"
+        shutil.copytree(source / "configs", self.configs)
+        self.uid_base = 100000 + os.getpid() % 100000 * UID_RANGE
+        self._write_configs()
+        self.environment = dict(os.environ, MYOGRADE_DATA=str(self.data),
+                                MYOGRADE_CONFIG_DIR=str(self.configs), NO_COLOR="1")
+        self.daemon = None
+        self.runners = set()
+        if user is not None:
+            for path in (self.root, self.data):
+                os.chown(path, user, user)
+
+    def _write_configs(self):
+        path = self.configs / "server.json"
+        config = json.loads(path.read_text())
+        config.update(slots=SLOTS, uid_base=self.uid_base)
+        config["artefacts"].update(bytes=64 << 20, files=1000)
+        path.write_text(json.dumps(config))
+        for name, track in TRACKS.items():
+            (self.configs / "tracks" / f"{name}.json").write_text(json.dumps(track))
+
+    def _as_user(self):
+        return {} if self.user is None else {"user": self.user, "group": self.user,
+                                             "extra_groups": []}
+
+    def start(self):
+        log = open(self.root / "daemon.log", "ab")
+        with log:
+            self.daemon = subprocess.Popen([self.bin / "myograde", "serve"], stdout=log, stderr=log,
+                                           stdin=subprocess.DEVNULL, env=self.environment,
+                                           cwd="/", **self._as_user())
+        deadline = time.monotonic() + START_S
+        while True:
+            try:
+                return self.get("/v1/health")
+            except OSError:
+                if self.daemon.poll() is not None or time.monotonic() > deadline:
+                    raise RuntimeError("the daemon did not start:\n" + self.log()) from None
+                time.sleep(0.05)
+
+    def log(self):
+        return (self.root / "daemon.log").read_text(errors="replace")[-4000:]
+
+    def close(self):
+        if self.daemon is not None and self.daemon.poll() is None:
+            self.daemon.send_signal(signal.SIGTERM)
+            try:
+                self.daemon.wait(timeout=STOP_S)
+            except subprocess.TimeoutExpired:
+                self.daemon.kill()
+                self.daemon.wait()
+        shutil.rmtree(self.root, ignore_errors=True)
+
+    # --- asking the daemon ---
+
+    def get(self, path, method="GET", body=None, kind="application/json"):
+        connection = _UnixConnection(str(self.data / "myograde.sock"))
+        try:
+            connection.request(method, path, body, {"Content-Type": kind} if body else {})
+            answer = connection.getresponse()
+            value = json.loads(answer.read().decode("utf-8"))
+        finally:
+            connection.close()
+        if answer.status >= 400:
+            raise ApiError(answer.status, value)
+        return value
+
+    def cli(self, *words):
+        return subprocess.run([self.bin / "myograde", *map(str, words)], env=self.environment,
+                              capture_output=True, timeout=120, stdin=subprocess.DEVNULL,
+                              cwd="/", check=False, **self._as_user())
+
+    def submit(self, folder, track, team, episodes=None, profile=None):
+        """The submission's id."""
+        words = ["submit", folder, "--track", track, "--team", team, "--json"]
+        if episodes is not None:
+            words += ["--episodes", episodes]
+        if profile is not None:
+            words += ["--profile", profile]
+        done = self.cli(*words)
+        if done.returncode != 0:
+            raise RuntimeError(f"submit: {done.stderr.decode(errors='replace').strip()}")
+        return json.loads(done.stdout)["submission"]
+
+    def wait(self, submission, timeout):
+        """Its status once it has ended; None if it has not in `timeout` s."""
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            self.note_runners()
+            status = self.get(f"/v1/submissions/{submission}")
+            if status["state"] not in ("queued", "running"):
+                return status
+            time.sleep(0.03)
+        return None
+
+    def result(self, submission):
+        return self.get(f"/v1/submissions/{submission}/result?episodes=1")
+
+    # --- what is there, and what is left ---
+
+    def note_runners(self):
+        """Remembers the runners' process numbers: control groups are named after them."""
+        for path in pathlib.Path(f"/proc/{self.daemon.pid}/task").glob("*/children"):
+            try:
+                self.runners.update(path.read_text().split())
+            except OSError:
+                pass
+
+    def _own_uids(self):
+        return range(self.uid_base, self.uid_base + UID_RANGE)
+
+    def _processes(self):
+        """Processes of the slots' users, or below the daemon."""
+        parents, suspects = {}, {}
+        for name in os.listdir("/proc"):
+            if not name.isdigit():
+                continue
+            try:
+                fields = pathlib.Path(f"/proc/{name}/status").read_text(errors="replace")
+            except OSError:
+                continue
+            entries = dict(line.split(":", 1) for line in fields.splitlines() if ":" in line)
+            parents[name] = entries["PPid"].strip()
+            uid = int(entries["Uid"].split()[0])
+            inside = len(entries.get("NSpid", "").split()) > 1
+            own_user = self.user if self.user is not None else os.getuid()
+            if uid in self._own_uids() or (own_user != 0 and uid == own_user and inside):
+                suspects[name] = entries["Name"].strip()
+        below = {str(self.daemon.pid)}
+        while True:
+            more = {pid for pid, parent in parents.items() if parent in below} - below
+            if not more:
+                break
+            below |= more
+        for pid in below - {str(self.daemon.pid)}:
+            suspects.setdefault(pid, "child of the daemon")
+        return [f"process {pid} ({name})" for pid, name in suspects.items()]
+
+    def _mounts(self):
+        found = []
+        for pid in ("self", self.daemon.pid):
+            lines = pathlib.Path(f"/proc/{pid}/mountinfo").read_text().splitlines()
+            found += [f"mount {line.split()[4]}" for line in lines
+                      if str(self.root) in line or " scratch " in line or "newroot" in line]
+        return found
+
+    def _groups(self):
+        found = []
+        for folder, folders, _ in os.walk("/sys/fs/cgroup"):
+            for name in list(folders):
+                if name.startswith("myograde."):
+                    folders.remove(name)
+                    if name.split(".")[1] in self.runners:
+                        found.append(f"control group {folder}/{name}")
+        return found
+
+    def _objects(self):
+        """System V objects, and files of the slots' users where everybody may write."""
+        found = []
+        for kind, column in (("shm", 7), ("msg", 7), ("sem", 4)):
+            path = pathlib.Path(f"/proc/sysvipc/{kind}")
+            for line in path.read_text().splitlines()[1:] if path.exists() else []:
+                if int(line.split()[column]) in self._own_uids():
+                    found.append(f"System V {kind} {line.split()[1]}")
+        for folder in ("/dev/shm", "/tmp", "/var/tmp", "/dev/mqueue"):
+            if os.path.isdir(folder):
+                found += [f"file {entry.path}" for entry in os.scandir(folder)
+                          if entry.stat(follow_symlinks=False).st_uid in self._own_uids()]
+        for kind in ("tcp", "tcp6", "udp", "udp6", "raw"):
+            path = pathlib.Path(f"/proc/net/{kind}")
+            for line in path.read_text().splitlines()[1:] if path.exists() else []:
+                if int(line.split()[7]) in self._own_uids():
+                    found.append(f"socket {kind} {line.split()[1]}")
+        return found
+
+    def _scratch(self):
+        found = []
+        for name in ("work", "spool"):
+            if (self.data / name).is_dir():
+                found += [f"file {path}" for path in (self.data / name).iterdir()]
+        return found
+
+    def leftovers(self):
+        return (self._processes() + self._mounts() + self._groups() + self._objects()
+                + self._scratch())
+
+    def wait_clean(self, timeout):
+        """What is still there after `timeout` s of waiting, and how long it took to be gone."""
+        begin = time.monotonic()
+        while True:
+            left = self.leftovers()
+            spent = time.monotonic() - begin
+            if not left or spent > timeout:
+                return left, spent
+            time.sleep(0.02)
+
+    def daemon_use(self):
+        """Resident memory in MiB, open descriptors and threads of the daemon."""
+        status = pathlib.Path(f"/proc/{self.daemon.pid}/status").read_text()
+        entries = dict(line.split(":", 1) for line in status.splitlines() if ":" in line)
+        return {"memory_mib": int(entries["VmRSS"].split()[0]) / 1024,
+                "descriptors": len(os.listdir(f"/proc/{self.daemon.pid}/fd")),
+                "threads": int(entries["Threads"])}

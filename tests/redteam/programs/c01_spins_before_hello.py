@@ -1,0 +1,3 @@
+"""Never says hello and keeps a processor busy."""
+while True:
+    pass

@@ -1,0 +1,10 @@
+"""Answers three steps and thinks for ever about the fourth."""
+import hostile
+
+
+def spin(_player):
+    while True:
+        pass
+
+
+hostile.play(spin)

@@ -1,0 +1,21 @@
+// Has the host write its disks again and again.
+#include <fcntl.h>
+#include <time.h>
+
+#include "report.h"
+
+int main(void) {
+  for (int i = 0; i < 4; ++i) {
+    if (fork() == 0) {
+      const time_t end = time(NULL) + 3;
+      while (time(NULL) < end) {
+        sync();
+        const int fd = open("/tmp/synced", O_CREAT | O_WRONLY, 0600);
+        if (write(fd, "x", 1) == 1) fsync(fd);
+        close(fd);
+      }
+      _exit(0);
+    }
+  }
+  BecomeHonest();
+}

@@ -1,0 +1,185 @@
+"""Cases 47 and 48: what must be refused when it is handed in, with a reason, before anything
+of it runs."""
+
+import dataclasses
+import json
+import os
+import pathlib
+import shutil
+from typing import Callable
+
+import archives
+from host import ApiError
+
+WRONG_USE = 2
+NUMBERS = {"zero": "0", "negative": "-1", "large": "1e18", "nan": "NaN", "infinite": "Infinity",
+           "text": '"many"', "none": "null", "list": "[1]"}
+
+
+@dataclasses.dataclass(frozen=True)
+class SubmissionCase:
+    """A case whose `run`, given the suite, returns its mistakes."""
+
+    number: int
+    title: str
+    run: Callable
+    summary: str = ""
+    quick: bool = True
+
+
+def _refused(name, done):
+    """Mistakes of a verb that should have refused."""
+    words = done.stderr.decode(errors="replace").strip()
+    if done.returncode != WRONG_USE:
+        yield f"{name}: exit status {done.returncode}: {words[:200]}"
+    if not words or done.stdout.strip():
+        yield f"{name}: no reason was given"
+    if any(ord(c) < 32 and c not in "\n\t" for c in words):
+        yield f"{name}: control characters in the reason"
+
+
+def _api_refuses(name, host, path, body, kind="application/json"):
+    try:
+        answer = host.get(path, "POST", body, kind)
+    except ApiError as error:
+        if not 400 <= error.status < 500 or not error.answer["error"]["message"]:
+            yield f"{name}: {error}"
+    else:
+        yield f"{name}: accepted as {answer}"
+
+
+def _count(host):
+    return (len(host.get("/v1/submissions?limit=1000")["submissions"]),
+            len(os.listdir(host.data / "artefacts")))
+
+
+def _escaped(host):
+    places = [pathlib.Path("/tmp"), pathlib.Path("/"), host.root, host.data,
+              host.data / "artefacts", host.data / "spool", host.root.parent]
+    return [f"{place / archives.ESCAPED} was written" for place in places
+            if (place / archives.ESCAPED).exists()]
+
+
+def _accepts_good(host, folder):
+    """Nothing is proved by refusals of a daemon that refuses everything."""
+    for name, content in archives.good().items():
+        (folder / name).write_bytes(content)
+        try:
+            submission = host.submit(folder / name, "rt", "Archives", 1)
+        except RuntimeError as error:
+            yield f"{name}, which is fine, was refused: {error}"
+        else:
+            if host.wait(submission, 60) is None:
+                yield f"{name} did not end"
+
+
+def run_archives(suite):
+    host = suite.host
+    folder = host.root / "archives"
+    folder.mkdir(exist_ok=True)
+    mistakes = list(_accepts_good(host, folder))
+    before = _count(host)
+    for name, content in archives.bad().items():
+        (folder / name).write_bytes(content)
+        done = host.cli("submit", folder / name, "--track", "rt", "--team", "Archives")
+        mistakes += _refused(name, done)
+        if ".tar" in name:
+            mistakes += _api_refuses(f"{name} by HTTP", host, "/v1/artefacts", content,
+                                     "application/x-tar")
+        (folder / name).unlink()
+    # The honest submission beside this adds rows, but no new artefact.
+    if _count(host)[1] != before[1]:
+        mistakes.append("a refused archive left something among the artefacts")
+    shutil.rmtree(folder)
+    return mistakes + _escaped(host)
+
+
+def _manifests():
+    """Texts of policy.json that ask for what nobody may ask for."""
+    start = '{"name": "m", "command": ["./run"], '
+    texts = {f"limit {name}": f'{start}"memory_bytes": {value}}}' for name, value in NUMBERS.items()}
+    texts |= {f"limits {name}": f'{start}"limits": {{"cpu_s": {value}}}}}'
+              for name, value in NUMBERS.items()}
+    texts |= {
+        "unknown key": start + '"colour": "red"}',
+        "key twice": start + '"name": "other"}',
+        "empty": "", "no object": "[]", "cut": start, "deep": "[" * 20000,
+        "large": start + '"x": "' + "y" * 100000 + '"}',
+        "no command": '{"name": "m"}', "empty command": '{"name": "m", "command": []}',
+        "number for command": '{"name": "m", "command": 7}',
+        "command outside": '{"name": "m", "command": ["../../bin/sh"]}',
+        "NUL in command": '{"name": "m", "command": ["./run\\u0000x"]}',
+        "many words": '{"name": "m", "command": ["./run"' + ', "x"' * 1000 + "]}",
+        "long name": '{"name": "' + "n" * 100 + '", "command": ["./run"]}',
+        "odd name": '{"name": "\\u001b[2J", "command": ["./run"]}',
+        "unknown runtime": start + '"runtimes": ["../../etc"]}',
+        "runtime that is a number": start + '"runtimes": [1e18]}',
+    }
+    return texts
+
+
+def _bad_manifests(host, folder):
+    run = folder / "run"
+    run.write_text("#!/bin/sh\n")
+    run.chmod(0o755)
+    for name, text in _manifests().items():
+        (folder / "policy.json").write_text(text)
+        yield from _refused(f"manifest with {name}",
+                            host.cli("submit", folder, "--track", "rt", "--team", "Manifests"))
+
+
+def _bad_requests(host, policy):
+    for name, value in {**NUMBERS, "huge": "99999999999999999999"}.items():
+        words = value.strip('"')
+        yield from _refused(f"--episodes {name}",
+                            host.cli("submit", policy, "--track", "rt", "--team", "Requests",
+                                     f"--episodes={words}"))
+        body = ('{"artefact": "%s", "team": "Requests", "track": "rt", "episodes": %s}'
+                % ("0" * 64, value))
+        yield from _api_refuses(f"episodes {name} by HTTP", host, "/v1/submissions", body)
+        seeds = host.root / "seeds.json"
+        seeds.write_text(f"[1, {value if name != 'zero' else '1'}]")
+        if name not in ("large",):  # a whole number that a seed may be, but written as a fraction
+            yield from _refused(f"seed {name}",
+                                host.cli("submit", policy, "--track", "rt", "--team", "Requests",
+                                         "--seeds", seeds))
+
+
+def _bad_tracks(host):
+    """A track whose limit is none: no verb takes it, and no daemon starts with it."""
+    configs = host.root / "bad-configs"
+    for key in ("memory_bytes", "tasks", "step_s", "lease_wall_s", "scratch_files", "no_such_limit"):
+        for name, value in NUMBERS.items():
+            shutil.copytree(host.configs, configs)
+            (configs / "tracks" / "bad.json").write_text(
+                '{"extends": "locomotion", "budgets": {"%s": %s}}' % (key, value))
+            yield from _refused(f"{key} {name}", host.cli("spec", "--track", "bad", "--configs",
+                                                          configs))
+            if name == "zero":
+                yield from _refused(f"serve with {key} {name}",
+                                    host.cli("serve", "--data", host.root / "bad-data",
+                                             "--configs", configs))
+            shutil.rmtree(configs)
+
+
+def run_manifests(suite):
+    host = suite.host
+    folder = host.root / "manifest"
+    folder.mkdir(exist_ok=True)
+    if host.user is not None:
+        os.chown(folder, host.user, host.user)
+    policy = suite.build / "policies" / "zero"
+    before = _count(host)[1]
+    mistakes = [*_bad_manifests(host, folder), *_bad_requests(host, policy), *_bad_tracks(host)]
+    if _count(host)[1] > before + 1:
+        mistakes.append("a refused manifest left something among the artefacts")
+    if json.loads(host.cli("status", "--json").stdout)["daemon"]["status"] != "ok":
+        mistakes.append("the daemon is not well")
+    shutil.rmtree(folder)
+    return mistakes
+
+
+CASES = (
+    SubmissionCase(47, "archives that bomb, climb and lie", run_archives),
+    SubmissionCase(48, "manifests and limits that are none", run_manifests),
+)
