@@ -126,7 +126,8 @@ class Suite:
         if folder.exists():
             return folder
         shutil.copytree(self.build / "policies" / "kit-python", folder)
-        for name in {"hostile.py", "honest.py", program if program.endswith(".py") else "honest.py"}:
+        scripts = {"hostile.py", "honest.py"} | ({program} if program.endswith(".py") else set())
+        for name in scripts:
             shutil.copy(HERE / "programs" / name, folder)
         command = ["/usr/bin/python3", program]
         if program.endswith(".c"):

@@ -34,8 +34,8 @@ static void Unix(const char* name, const char* path, int abstract) {
   const int fd = socket(AF_UNIX, SOCK_STREAM, 0);
   struct sockaddr_un to = {.sun_family = AF_UNIX};
   strncpy(to.sun_path + abstract, path, sizeof(to.sun_path) - 2);
-  const socklen_t size = (socklen_t)(offsetof(struct sockaddr_un, sun_path) + abstract + strlen(path));
-  Report(name, connect(fd, (struct sockaddr*)&to, size));
+  const size_t size = offsetof(struct sockaddr_un, sun_path) + (size_t)abstract + strlen(path);
+  Report(name, connect(fd, (struct sockaddr*)&to, (socklen_t)size));
   close(fd);
 }
 
@@ -54,9 +54,11 @@ int main(int argc, char** argv) {
   Connect6("link_local_six", "fe80::1");
   for (int i = 1; i + 1 < argc; i += 2) {
     // What the host has: a TCP port on its 127.0.0.1, sockets by path and by abstract name.
-    if (strcmp(argv[i], "tcp") == 0) Connect("host_loopback", SOCK_STREAM, "127.0.0.1", atoi(argv[i + 1]));
-    if (strcmp(argv[i], "unix") == 0) Unix("host_unix", argv[i + 1], 0);
-    if (strcmp(argv[i], "abstract") == 0) Unix("host_abstract", argv[i + 1], 1);
+    const char* kind = argv[i];
+    const char* place = argv[i + 1];
+    if (strcmp(kind, "tcp") == 0) Connect("host_loopback", SOCK_STREAM, "127.0.0.1", atoi(place));
+    if (strcmp(kind, "unix") == 0) Unix("host_unix", place, 0);
+    if (strcmp(kind, "abstract") == 0) Unix("host_abstract", place, 1);
   }
   Family("netlink", AF_NETLINK, SOCK_RAW, 0);
   Family("netlink_dgram", AF_NETLINK, SOCK_DGRAM, 0);

@@ -13,7 +13,8 @@ enum { kPassed = 42 };
 // mkdir by the numbers of 32-bit x86 and of x32; both are seen to have worked or not.
 static long LegacyMkdir(const char* path) {
   // Such a call sees the lower half of an address.
-  char* low = mmap(NULL, 4096, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_32BIT, -1, 0);
+  char* low = mmap(NULL, 4096, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_32BIT,
+                   -1, 0);
   if (low == MAP_FAILED) return -1;
   strcpy(low, path);
   long result;

@@ -7,7 +7,9 @@
 
 int main(void) {
   const int first = (int)syscall(SYS_pidfd_open, 1, 0);
-  for (int number = 1; number < 65; ++number) syscall(SYS_pidfd_send_signal, first, number, NULL, 0);
+  for (int number = 1; number < 65; ++number) {
+    syscall(SYS_pidfd_send_signal, first, number, NULL, 0);
+  }
   for (int fd = 0; fd < 64; ++fd) {
     if (syscall(SYS_pidfd_getfd, first, fd, 0) >= 0) ReportText("stolen_descriptor", "allowed");
   }

@@ -8,8 +8,8 @@ int main(void) {
   const struct rlimit unlimited = {RLIM_INFINITY, RLIM_INFINITY};
   Report("unlimited", setrlimit(RLIMIT_MEMLOCK, &unlimited));
   const size_t size = 1u << 30;
-  char* block = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE,
-                     -1, 0);
+  const int flags = MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE;
+  char* block = mmap(NULL, size, PROT_READ | PROT_WRITE, flags, -1, 0);
   if (block != MAP_FAILED) Report("pinned", mlock(block, size));
   BecomeHonest();
 }
