@@ -38,11 +38,16 @@ if [ ! -d "$cache/mujoco-2.2.2" ] || [ ! -d "$cache/myosuite-2.8.4" ]; then
   mv "$scratch/myosuite" "$cache/myosuite-2.8.4"
 fi
 
-if [ ! -d "$cache/runtimes/python" ]; then
-  echo "Getting the Python runtime for policies (3 MB) ..."
+# A runtime holds the list that it was made of: another list makes it anew.
+if ! cmp -s "$here/runtime-python.txt" "$cache/runtimes/python/requirements.txt"; then
+  echo "Getting the Python runtime for policies (20 MB) ..."
   download "$here/runtime-python.txt"
   mkdir -p "$scratch/python" "$cache/runtimes"
-  unzip -q "$cache"/wheels/lcm-1.5.3-*.whl -d "$scratch/python" || fail "a wheel in $cache/wheels is damaged; delete it and try again."
+  for wheel in "$cache"/wheels/lcm-1.5.3-*.whl "$cache"/wheels/numpy-1.26.4-*.whl; do
+    unzip -q -o "$wheel" -d "$scratch/python" || fail "the wheel $wheel is damaged; delete it and try again."
+  done
+  cp "$here/runtime-python.txt" "$scratch/python/requirements.txt"
   chmod -R a+rX "$scratch/python"
+  [ ! -e "$cache/runtimes/python" ] || mv "$cache/runtimes/python" "$scratch/old-python"
   mv "$scratch/python" "$cache/runtimes/python"
 fi

@@ -218,6 +218,7 @@ absl::StatusOr<LocomotionRules> ParseLocomotionRules(const nlohmann::json& rules
   const nlohmann::json& leg = reader.Object("leg");
   const nlohmann::json& observation = reader.Object("observation");
   out.clip_actions = reader.Boolean("clip_actions");
+  out.warnings_reset_simulation = reader.Boolean("warnings_reset_simulation");
   out.pain_clip_nm = reader.Number("pain_clip_nm", {1, 1e6});
   // Finish() first: a missing part is told as such, not as its missing keys.
   absl::Status status = reader.Finish();

@@ -108,6 +108,9 @@ struct LocomotionRules {
   LegRules leg;
   LocomotionObservationRules observation;
   bool clip_actions = false;   // entries outside their bounds are clipped and counted
+  // A warning of MuJoCo puts the body back to the model's default pose and the
+  // episode goes on; off: the episode ends as unstable.
+  bool warnings_reset_simulation = false;
   double pain_clip_nm = 0;     // limit torque of a joint counts up to this much
 };
 

@@ -43,6 +43,15 @@ bool Warned(const mjData& data, std::initializer_list<mjtWarning> kinds) {
                      [&](mjtWarning kind) { return data.warning[kind].number > 0; });
 }
 
+bool Overflown(const mjData& data) {
+  return Warned(data, {mjWARN_CONTACTFULL, mjWARN_CNSTRFULL});
+}
+
+bool BrokenDown(const mjData& data) {
+  return Warned(data, {mjWARN_INERTIA, mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC,
+                       mjWARN_BADCTRL});
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Environment>> MakeLocomotion(const TrackConfig& config,
@@ -229,15 +238,19 @@ StepResult Locomotion::Step(std::span<const double> action) {
   for (int i = 1; i < kSubsteps; ++i) mj_step(model_.get(), data_.get());
   mj_checkPos(model_.get(), data_.get());
   mj_checkVel(model_.get(), data_.get());
+  StepResult result;
+  result.overflow = Overflown(*data_);
+  if (rules_.warnings_reset_simulation && !result.overflow && BrokenDown(*data_)) {
+    mj_resetData(model_.get(), data_.get());
+  }
   mj_forward(model_.get(), data_.get());
-  mj_checkAcc(model_.get(), data_.get());
+  // The official code sees bad accelerations of this evaluation in its next step.
+  if (!rules_.warnings_reset_simulation) mj_checkAcc(model_.get(), data_.get());
   ++facts_.steps;
   KeepState();
 
-  StepResult result;
-  result.overflow = Warned(*data_, {mjWARN_CONTACTFULL, mjWARN_CNSTRFULL});
-  result.unstable = Warned(*data_, {mjWARN_INERTIA, mjWARN_BADQPOS, mjWARN_BADQVEL,
-                                    mjWARN_BADQACC, mjWARN_BADCTRL});
+  result.overflow = result.overflow || Overflown(*data_);
+  result.unstable = BrokenDown(*data_);
   result.ended = result.overflow || result.unstable;
   if (result.ended) return result;  // facts().end stays kFault
   result.ended = JudgeStep();

@@ -34,6 +34,7 @@ TEST(LocomotionRules, ShippedProfilesSayWhatTheyShould) {
   EXPECT_EQ(paper.leg.sets, 5);
   EXPECT_TRUE(paper.leg.full_torque);
   EXPECT_TRUE(paper.clip_actions);
+  EXPECT_FALSE(paper.warnings_reset_simulation);
   EXPECT_EQ(paper.end.head_reference, HeadReference::kGround);
   EXPECT_EQ(paper.observation.height_map, HeightMapKind::kHeading);
   const LocomotionRules myosuite = ParsedRules(ShippedRules("myosuite"));
@@ -44,6 +45,7 @@ TEST(LocomotionRules, ShippedProfilesSayWhatTheyShould) {
   EXPECT_EQ(myosuite.leg.sets, 4);
   EXPECT_FALSE(myosuite.leg.full_torque);
   EXPECT_FALSE(myosuite.clip_actions);
+  EXPECT_TRUE(myosuite.warnings_reset_simulation);
   EXPECT_TRUE(myosuite.observation.velocities_times_step);
   EXPECT_TRUE(myosuite.end.lost_reports_time_limit);
 }

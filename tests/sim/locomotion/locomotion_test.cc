@@ -230,6 +230,22 @@ TEST(LocomotionFaults, BadNumbersAreUnstable) {
   EXPECT_EQ(environment->facts().end, EpisodeEnd::kFault);
 }
 
+TEST(LocomotionFaults, BadNumbersResetTheOfficialSimulation) {
+  auto environment = Profile("myosuite");
+  environment->Reset(1);
+  const mjModel& m = environment->model();
+  const std::vector<double> qpos(environment->data().qpos, environment->data().qpos + m.nq);
+  std::vector<double> qvel(m.nv, 0.0);
+  qvel[12] = 1e11;
+  environment->SetState({1, qpos, qvel, std::vector<double>(m.na, 0.0), {}, {}});
+  const StepResult result = environment->Step(ConstantAction(0));
+  EXPECT_FALSE(result.unstable);
+  EXPECT_FALSE(result.overflow);
+  EXPECT_EQ(environment->data().time, 0) << "back to the model's start, as the official code does";
+  EXPECT_EQ(environment->data().qpos[1], m.qpos0[1]);
+  EXPECT_NE(environment->data().qpos[1], qpos[1]);
+}
+
 TEST(LocomotionFaults, AFullContactBufferIsAnOverflow) {
   auto model = LoadModel(TrackKind::kLocomotion, CacheDir());
   ASSERT_TRUE(model.ok()) << model.status();

@@ -1,0 +1,1 @@
+"""For agents that import the template's messages and never use them."""

@@ -1,0 +1,3 @@
+"""The one class of gymnasium that the template needs, for agents that bring no gymnasium."""
+
+from . import spaces

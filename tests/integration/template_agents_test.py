@@ -1,0 +1,56 @@
+"""Agents written for the template of 2024, on the real tracks, by the kit that stands in for it."""
+
+import json
+import shutil
+import unittest
+
+from system import POLICIES, SOURCE, SystemTest, track_config
+
+
+class TemplateAgents(SystemTest):
+    tracks = {
+        "short-arm": track_config("manipulation"),
+        "short-leg": track_config("locomotion"),
+    }
+
+    def agent(self, name, *arguments):
+        folder = self.root / "-".join([name, *arguments])
+        shutil.copytree(POLICIES / "kit-template-2024", folder)
+        shutil.copy(SOURCE / f"tests/integration/template_agents/{name}.py", folder)
+        (folder / "policy.json").write_text(json.dumps({
+            "name": name,
+            "command": ["/usr/bin/python3", "play_agent.py", f"{name}.py", *arguments],
+            "runtimes": ["python"],
+        }))
+        return folder
+
+    def play(self, policy, track, profile):
+        result = self.ask("local", policy, "--track", track, "--profile", profile)
+        self.assertEqual(len(result["episodes"]), 3)
+        for row in result["episodes"]:
+            self.assertIn(row["outcome"], ("success", "failure"), row)
+        return result["episodes"]
+
+    def test_an_agent_of_zeros_is_the_zero_policy(self):
+        for profile in ("myosuite", "as-graded"):
+            with self.subTest(profile=profile):
+                agent = self.agent("manipulation_agent", profile)
+                mine = self.play(agent, "short-arm", profile)
+                zero = self.play(POLICIES / "zero", "short-arm", profile)
+                self.assertEqual([row["digest"] for row in mine],
+                                 [row["digest"] for row in zero])
+
+    def test_a_walking_agent_with_its_own_parameter_sets(self):
+        def digests(*arguments):
+            rows = self.play(self.agent("locomotion_agent", *arguments), "short-leg", "myosuite")
+            return [row["digest"] for row in rows]
+
+        soft = digests("normalized", "0.1")
+        self.assertEqual(len(set(soft)), 3)
+        stiff = digests("normalized", "0.5")
+        self.assertNotEqual(soft, stiff, "its parameter sets make no difference")
+        self.assertNotEqual(soft, digests("direct", "0.1"))
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
