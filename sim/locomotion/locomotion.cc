@@ -238,6 +238,9 @@ StepResult Locomotion::Step(std::span<const double> action) {
   for (int i = 1; i < kSubsteps; ++i) mj_step(model_.get(), data_.get());
   mj_checkPos(model_.get(), data_.get());
   mj_checkVel(model_.get(), data_.get());
+  // The official code evaluates positions twice here, and each time normalises
+  // the quaternions in place; the last digit depends on it.
+  mj_normalizeQuat(model_.get(), data_->qpos);
   StepResult result;
   result.overflow = Overflown(*data_);
   if (rules_.warnings_reset_simulation && !result.overflow && BrokenDown(*data_)) {

@@ -180,14 +180,21 @@ void ManipulationEnvironment::SetControls(std::span<const double> action) {
 }
 
 StepResult ManipulationEnvironment::Simulate() {
-  for (int i = 0; i < kPhysicsSteps; ++i) {
-    if (std::exchange(derived_are_stale_, false)) {
-      mj_step2(model_.get(), data_.get());
-    } else {
-      mj_step(model_.get(), data_.get());
-    }
+  // Positions, velocities and what follows from them are there from the last
+  // evaluation (with a stale first observation: from the keyframe's), so the
+  // first integration only needs its second half.
+  mj_step2(model_.get(), data_.get());
+  derived_are_stale_ = false;
+  MeasureForce();
+  for (int i = 1; i < kPhysicsSteps; ++i) {
+    mj_step(model_.get(), data_.get());
     MeasureForce();
   }
+  mj_checkPos(model_.get(), data_.get());
+  mj_checkVel(model_.get(), data_.get());
+  // The official code evaluates positions twice here, and each time normalises
+  // the quaternions in place; the last digit depends on it.
+  mj_normalizeQuat(model_.get(), data_->qpos);
   StepResult result;
   result.overflow = Overflown(*data_);
   if (rules_.warnings_reset_simulation && !result.overflow && AnyWarning(*data_)) {

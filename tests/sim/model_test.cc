@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -10,6 +11,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "protocol/layout.h"
 #include "tests/sim/golden.h"
 
 namespace myograde::sim {
@@ -156,6 +158,60 @@ TEST_F(CacheCopy, NamesADamagedCompiledModel) {
   EXPECT_THAT(std::string(loaded.status().message()), HasSubstr(file.filename().string()));
   fs::resize_file(file, 10);
   EXPECT_EQ(Load(TrackKind::kLocomotion).status().code(), absl::StatusCode::kDataLoss);
+}
+
+// The part of an entry's name that names an actuator or a joint of the model.
+std::string ModelName(std::string_view entry, std::string_view prefix) {
+  const size_t dot = entry.rfind('.');
+  return std::string(prefix) + std::string(dot == entry.npos ? entry : entry.substr(dot + 1));
+}
+
+TEST(Layout, DirectBoundsOfActionsAreTheModelsControlRanges) {
+  for (const TrackKind kind : {TrackKind::kManipulation, TrackKind::kLocomotion}) {
+    const auto model = LoadModel(kind, CacheDir());
+    ASSERT_TRUE(model.ok()) << model.status();
+    const std::vector<Bounds> bounds = ActionBounds(kind, ActionConvention::kDirect);
+    int found = 0;
+    for (int i = 0; i < ActionSize(kind); ++i) {
+      int actuator = -1;
+      for (const char* prefix : {"", "prosthesis/"}) {
+        const std::string name = ModelName(ActionNames(kind)[i], prefix);
+        if (actuator < 0) actuator = mj_name2id(model->get(), mjOBJ_ACTUATOR, name.c_str());
+      }
+      if (actuator < 0) continue;
+      ++found;
+      EXPECT_EQ(bounds[i].low, (*model)->actuator_ctrlrange[2 * actuator]) << ActionNames(kind)[i];
+      EXPECT_EQ(bounds[i].high, (*model)->actuator_ctrlrange[2 * actuator + 1])
+          << ActionNames(kind)[i];
+    }
+    // All but the choice of the leg's set; the leg's two motors are the controller's.
+    EXPECT_EQ(found, ActionSize(kind) - (kind == TrackKind::kLocomotion ? 1 : 0));
+  }
+}
+
+TEST(Layout, BoundsOfJointPositionsAreTheModelsRanges) {
+  const struct {
+    TrackKind kind;
+    std::string_view part;
+    std::string_view prefix;
+  } parts[] = {{TrackKind::kManipulation, "myohand_qpos", ""},
+               {TrackKind::kManipulation, "pros_hand_qpos", "prosthesis/"},
+               {TrackKind::kLocomotion, "internal_qpos", ""}};
+  for (const auto& [kind, part_name, prefix] : parts) {
+    const auto model = LoadModel(kind, CacheDir());
+    ASSERT_TRUE(model.ok()) << model.status();
+    const auto layout = ObservationLayout(kind);
+    const auto part = std::find_if(layout.begin(), layout.end(),
+                                   [&](const Part& p) { return p.name == part_name; });
+    ASSERT_NE(part, layout.end()) << part_name;
+    for (int i = part->offset; i < part->offset + part->size; ++i) {
+      const std::string name = ModelName(ObservationNames(kind)[i], prefix);
+      const int joint = mj_name2id(model->get(), mjOBJ_JOINT, name.c_str());
+      ASSERT_GE(joint, 0) << name;
+      EXPECT_EQ(ObservationBounds(kind)[i].low, (*model)->jnt_range[2 * joint]) << name;
+      EXPECT_EQ(ObservationBounds(kind)[i].high, (*model)->jnt_range[2 * joint + 1]) << name;
+    }
+  }
 }
 
 }  // namespace
