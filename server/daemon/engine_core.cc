@@ -44,13 +44,13 @@ absl::StatusOr<absl::Duration> EngineCore::Turn() {
   TakeBackOverdue();
   SeeEnding();
   AnswerCancels();
+  SeeSelfTest();
   Escalate();
   if (absl::Status status = Flush(); !status.ok()) return status;
   if (journal_.empty()) {
     ProbeStore();
     if (absl::Status status = TakeUpLate(); !status.ok()) return status;
     if (absl::Status status = SettleAll(); !status.ok()) return status;
-    SeeSelfTest();
     if (!stopping_) StartLeases();
     if (absl::Status status = Flush(); !status.ok()) return status;
   }

@@ -1,0 +1,146 @@
+// The engine's core in a world that tests turn by hand: single cases, and thousands of random
+// histories of crashes, delays, doubled and lost messages, full disks and jumping clocks.
+#include <unistd.h>
+
+#include <filesystem>
+#include <random>
+
+#include <absl/strings/str_cat.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include "history_world.h"
+
+namespace myograde::server {
+namespace {
+
+std::string Folder() {
+  static int number = 0;
+  // In memory where there is such a place: thousands of stores are made and removed.
+  const bool memory = access("/dev/shm", W_OK) == 0;
+  const std::string root = memory ? "/dev/shm" : std::filesystem::temp_directory_path().string();
+  return absl::StrCat(root, "/myograde-history-", getpid(), "-", ++number);
+}
+
+class EngineCoreTest : public ::testing::Test {
+ protected:
+  static void RunFor(World& world, absl::Duration time) {
+    const absl::Duration until = world.clock.Monotonic() + time;
+    while (world.clock.Monotonic() < until) world.Turn();
+  }
+  static EvaluationState StateOf(World& world, int64_t evaluation) {
+    EvaluationState state = EvaluationState::kQueued;
+    EXPECT_TRUE(world.readers->Read([&](Reader& reader) {
+      state = reader.Evaluation(evaluation)->state;
+      return absl::OkStatus();
+    }).ok());
+    return state;
+  }
+};
+
+TEST_F(EngineCoreTest, PlaysWhatItIsGiven) {
+  World world(Folder(), {}, 2);
+  const int64_t id = world.Submit("a", 6);
+  EXPECT_EQ(StateOf(world, id), EvaluationState::kRunning);
+  RunFor(world, absl::Minutes(2));
+  EXPECT_EQ(StateOf(world, id), EvaluationState::kDone);
+  EXPECT_TRUE(world.core->idle());
+  world.CheckStore();
+  EXPECT_EQ(world.broken, "");
+}
+
+TEST_F(EngineCoreTest, DeadlinesDoNotHearOfTheCalendar) {
+  World world(Folder(), {}, 1);
+  const int64_t id = world.Submit("a", 6);
+  RunFor(world, absl::Seconds(3));
+  for (const absl::Duration jump : {absl::Hours(1000), -absl::Hours(5000)}) {
+    world.JumpClock(jump);
+    RunFor(world, absl::Seconds(3));
+    EXPECT_EQ(world.core->Running().size(), 1u) << "the lease went on";
+  }
+  RunFor(world, absl::Minutes(5));
+  EXPECT_EQ(StateOf(world, id), EvaluationState::kDone);
+  ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
+    for (const LeaseRow& lease : reader.Leases(id)) EXPECT_EQ(lease.attempt, 1);
+    return absl::OkStatus();
+  }).ok());
+}
+
+TEST_F(EngineCoreTest, ACancelCountsAtOnceAndIsAnsweredWhenTheRunnerIsDead) {
+  World world(Folder(), {}, 1);
+  const int64_t id = world.Submit("a", 6);
+  RunFor(world, absl::Seconds(3));
+  std::optional<CancelReport> report;
+  world.core->Cancel(1, "why", "who", [&](absl::StatusOr<CancelReport> answer) {
+    ASSERT_TRUE(answer.ok()) << answer.status();
+    report = *answer;
+  });
+  EXPECT_EQ(StateOf(world, id), EvaluationState::kCancelled) << "before anything is dead";
+  EXPECT_EQ(world.core->Health().ending, 1);
+  RunFor(world, absl::Seconds(1));
+  ASSERT_TRUE(report.has_value());
+  EXPECT_EQ(report->killed, 1);
+  EXPECT_EQ(report->still_ending, 0);
+  EXPECT_LE(report->took, absl::Seconds(1));
+  EXPECT_EQ(world.core->Health().ending, 0);
+  std::optional<absl::Status> again;
+  world.core->Cancel(1, "why", "who",
+                     [&](absl::StatusOr<CancelReport> answer) { again = answer.status(); });
+  ASSERT_TRUE(again.has_value());
+  EXPECT_TRUE(absl::IsFailedPrecondition(*again));
+}
+
+TEST_F(EngineCoreTest, AStopPutsLeasesBackAndAnswersWhoeverWaits) {
+  World world(Folder(), {}, 2);
+  const int64_t id = world.Submit("a", 4);
+  RunFor(world, absl::Seconds(3));
+  world.core->BeginShutdown();
+  std::optional<absl::Status> refused;
+  world.core->Ask({[](Writer&) { return absl::OkStatus(); }, nullptr,
+                   [&](absl::Status status) { refused = status; }});
+  RunFor(world, absl::Seconds(1));
+  EXPECT_TRUE(world.core->idle());
+  ASSERT_TRUE(refused.has_value());
+  EXPECT_TRUE(absl::IsCancelled(*refused));
+  EXPECT_TRUE(world.core->FinishShutdown().ok());
+  world.Boot();
+  RunFor(world, absl::Minutes(5));
+  EXPECT_EQ(StateOf(world, id), EvaluationState::kDone);
+  world.CheckStore();
+  EXPECT_EQ(world.broken, "");
+}
+
+RC_GTEST_FIXTURE_PROP(EngineCoreTest, WhateverHappensEveryEpisodeCountsOnceAndAllEnds, ()) {
+  // Even bytes whatever RapidCheck's size is; a failing tape shrinks from its end.
+  std::mt19937_64 random(*rc::gen::resize(100, rc::gen::arbitrary<uint64_t>()));
+  std::vector<uint8_t> bytes(*rc::gen::resize(100, rc::gen::inRange<size_t>(0, 4000)));
+  for (uint8_t& byte : bytes) byte = static_cast<uint8_t>(random());
+  World world(Folder(), bytes, *rc::gen::resize(100, rc::gen::inRange(1, 4)));
+  // Fresh calls follow each other while things go wrong.
+  for (int i = 0; i < 400 && !world.tape.over() && world.broken.empty(); ++i) {
+    if (world.tape.Happens(24)) {
+      world.Submit(std::string(1, static_cast<char>('a' + world.tape.Below(3))),
+                   1 + world.tape.Below(7));
+    }
+    if (world.tape.Happens(4) && !world.evaluations.empty()) {
+      world.Cancel(1 + world.tape.Below(static_cast<int>(world.evaluations.size())));
+    }
+    if (world.tape.Happens(8)) world.JumpClock(absl::Hours(world.tape.Below(200) - 100));
+    world.Turn();
+  }
+  // From here on all goes well, and all must come to its end.
+  world.tape.Stop();
+  for (int i = 0; i < 1000 && world.broken.empty() && !world.AllEnded(); ++i) {
+    for (int turns = 0; turns < 20; ++turns) world.Turn();
+  }
+  world.CheckStore();
+  RC_ASSERT(world.broken == "");
+  if (!world.AllEnded()) RC_FAIL(world.WhatIsOpen());
+  RC_ASSERT(world.cancels_open == 0);
+  RC_CLASSIFY(world.power_cuts > 0, "with power cuts");
+  RC_CLASSIFY(world.evaluations.size() > 3, "with more than three evaluations");
+}
+
+}  // namespace
+}  // namespace myograde::server
