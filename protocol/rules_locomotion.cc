@@ -152,6 +152,7 @@ absl::StatusOr<EndRules> ReadEnd(const nlohmann::json& json, const std::string& 
                            ? HeadReference::kGround
                            : HeadReference::kWorld;
   end.head_above_feet_m = reader.Number("head_above_feet_m", {0.01, 1.8});
+  end.fall_ends = reader.Boolean("fall_ends");
   end.lost_reports_time_limit = reader.Boolean("lost_reports_time_limit");
   if (end.finish_y_m >= start.y_m) {
     reader.Fail("finish_y_m", "must be below start.y_m: the person walks towards smaller y");

@@ -79,6 +79,7 @@ struct EndRules {
   double head_height_m = 0;      // the head marker below it: fallen
   HeadReference head_reference = HeadReference::kWorld;
   double head_above_feet_m = 0;  // the head marker less than this above the feet: fallen
+  bool fall_ends = true;         // off (for measuring speed): the fallen person stays in play
   bool lost_reports_time_limit = false;  // time of a lost episode is given as time_limit_s
 };
 

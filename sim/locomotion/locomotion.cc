@@ -274,6 +274,7 @@ bool Locomotion::OffTrack() const {
 }
 
 bool Locomotion::Fallen() const {
+  if (!rules_.end.fall_ends) return false;
   const double head = data_->site_xpos[3 * at_.head_site + 2];
   const double feet =
       (data_->xpos[3 * at_.talus_body + 2] + data_->xpos[3 * at_.leg_foot_body + 2]) / 2;

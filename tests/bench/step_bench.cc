@@ -1,0 +1,248 @@
+// Speed of a control step against the physics engine alone: one JSON object on standard output.
+//
+//   step_bench TRACKS_DIR TRACK [--threads N] [--episodes N] [--steps N] [--repetitions N]
+//
+// Three ways of playing the same episodes (same seeds, same controls, so the same contacts):
+//   env     Environment::Step and Observe
+//   engine  the engine calls that a control step is defined by: five integrations and the one
+//           evaluation of forces that the observation needs, positions and velocities computed once
+//   mjstep  five plain mj_step
+// Each repetition times all three, one after the other, so that a ratio compares neighbours in
+// time. With several threads each plays its own environment, and all start each part together.
+#include <algorithm>
+#include <barrier>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <absl/strings/numbers.h>
+#include <mujoco/mujoco.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/track_config.h"
+#include "sim/factory.h"
+#include "sim/locomotion/locomotion.h"
+#include "sim/manipulation/environment.h"
+
+namespace myograde::sim {
+namespace {
+
+constexpr int kSubsteps = 5;
+using Seconds = std::chrono::duration<double>;
+using Clock = std::chrono::steady_clock;
+
+struct Options {
+  std::string tracks_dir, track;
+  int threads = 1;
+  int episodes = 3;
+  int steps = 500;
+  int repetitions = 5;
+};
+
+[[noreturn]] void Fail(const std::string& sentence) {
+  std::fprintf(stderr, "error: %s\n", sentence.c_str());
+  std::exit(2);
+}
+
+Options Parse(int argc, char** argv) {
+  if (argc < 3) Fail("usage: step_bench TRACKS_DIR TRACK [--threads N] [--episodes N] ...");
+  Options options;
+  options.tracks_dir = argv[1];
+  options.track = argv[2];
+  const std::pair<const char*, int*> flags[] = {{"--threads", &options.threads},
+                                                {"--episodes", &options.episodes},
+                                                {"--steps", &options.steps},
+                                                {"--repetitions", &options.repetitions}};
+  for (int i = 3; i < argc; i += 2) {
+    const auto flag = std::find_if(std::begin(flags), std::end(flags),
+                                   [&](const auto& known) { return argv[i] == std::string(known.first); });
+    if (flag == std::end(flags) || i + 1 == argc ||
+        !absl::SimpleAtoi(argv[i + 1], flag->second) || *flag->second < 1) {
+      Fail(std::string("wrong option ") + argv[i] + ": each takes a number from 1 on");
+    }
+  }
+  return options;
+}
+
+// An environment with its engine, and the controls of every step of an episode.
+struct Player {
+  std::unique_ptr<Environment> environment;
+  const mjModel* model = nullptr;
+  mjData* data = nullptr;
+  std::vector<double> controls;  // steps x nu, as the environment set them
+  std::vector<double> latency;   // s, of each step of the environment
+};
+
+Player MakePlayer(const TrackConfig& config, const std::string& cache) {
+  auto environment = MakeEnvironment(config, cache);
+  if (!environment.ok()) Fail(std::string(environment.status().message()));
+  Player player;
+  player.environment = *std::move(environment);
+  if (auto* arm = dynamic_cast<ManipulationEnvironment*>(player.environment.get())) {
+    player.model = &arm->model();
+    player.data = &arm->data();
+  } else if (auto* leg = dynamic_cast<Locomotion*>(player.environment.get())) {
+    player.model = &leg->model();
+    player.data = &leg->data();
+  }
+  return player;
+}
+
+// Each plays one episode and returns its seconds, the reset left out.
+
+double PlayEnvironment(Player& player, uint64_t seed, int steps) {
+  Environment& environment = *player.environment;
+  const std::vector<double> action(environment.action_size(), 0.0);
+  std::vector<double> observation(environment.observation_size());
+  environment.Reset(seed);
+  player.controls.clear();
+  player.controls.reserve(static_cast<size_t>(steps) * player.model->nu);
+  const auto start = Clock::now();
+  auto before = start;
+  for (int t = 0; t < steps; ++t) {
+    if (environment.Step(action).ended && t + 1 < steps) Fail("an episode ended early");
+    environment.Observe(observation);
+    player.controls.insert(player.controls.end(), player.data->ctrl,
+                           player.data->ctrl + player.model->nu);
+    const auto now = Clock::now();
+    player.latency.push_back(Seconds(now - before).count());
+    before = now;
+  }
+  return Seconds(Clock::now() - start).count();
+}
+
+double Replay(Player& player, uint64_t seed, int steps,
+              const std::function<void(const mjModel*, mjData*)>& step) {
+  player.environment->Reset(seed);
+  const double* control = player.controls.data();
+  const auto start = Clock::now();
+  for (int t = 0; t < steps; ++t, control += player.model->nu) {
+    std::copy_n(control, player.model->nu, player.data->ctrl);
+    step(player.model, player.data);
+  }
+  return Seconds(Clock::now() - start).count();
+}
+
+void EngineStep(const mjModel* model, mjData* data) {
+  mj_step2(model, data);
+  for (int i = 1; i < kSubsteps; ++i) mj_step(model, data);
+  mj_forward(model, data);
+}
+
+void PlainStep(const mjModel* model, mjData* data) {
+  for (int i = 0; i < kSubsteps; ++i) mj_step(model, data);
+}
+
+double Quantile(std::vector<double> values, double q) {
+  std::sort(values.begin(), values.end());
+  return values[static_cast<size_t>(q * static_cast<double>(values.size() - 1))];
+}
+
+nlohmann::json Summary(const std::vector<double>& values) {
+  return {{"median", Quantile(values, 0.5)},
+          {"min", Quantile(values, 0)},
+          {"max", Quantile(values, 1)},
+          {"values", values}};
+}
+
+// Rates in control steps per second of all threads together, one for each repetition.
+struct Rates {
+  std::vector<double> env, engine, mjstep;
+};
+
+Rates Measure(std::vector<Player>& players, const Options& options, const TrackConfig& config) {
+  Rates rates;
+  const auto part = [&](const std::function<double(Player&, uint64_t)>& play) {
+    // Of the slowest thread: all cores are busy until then.
+    std::vector<double> seconds(players.size(), 0.0);
+    std::barrier together(static_cast<std::ptrdiff_t>(players.size()));
+    std::vector<std::jthread> threads;
+    for (size_t i = 0; i < players.size(); ++i) {
+      threads.emplace_back([&, i] {
+        for (int episode = 0; episode < options.episodes; ++episode) {
+          const size_t which = (i + static_cast<size_t>(episode)) % config.seeds.size();
+          together.arrive_and_wait();
+          seconds[i] += play(players[i], config.seeds[which]);
+        }
+      });
+    }
+    threads.clear();
+    const double steps = static_cast<double>(options.steps) * options.episodes;
+    double rate = 0;
+    for (const double s : seconds) rate += steps / s;
+    return rate;
+  };
+  // The environment's part of an episode leaves the controls for the other two, so an episode's
+  // three parts follow each other; with more than one episode each is replayed by itself.
+  for (int repetition = -1; repetition < options.repetitions; ++repetition) {
+    std::vector<std::vector<std::vector<double>>> controls(players.size());
+    const auto number = [&](const Player& player) { return &player - players.data(); };
+    const double env = part([&](Player& player, uint64_t seed) {
+      const double seconds = PlayEnvironment(player, seed, options.steps);
+      controls[number(player)].push_back(player.controls);
+      return seconds;
+    });
+    const auto replay = [&](auto step) {
+      std::vector<size_t> next(players.size(), 0);
+      return part([&, step](Player& player, uint64_t seed) {
+        player.controls = controls[number(player)][next[number(player)]++];
+        return Replay(player, seed, options.steps, step);
+      });
+    };
+    const double engine = replay(EngineStep);
+    const double mjstep = replay(PlainStep);
+    if (repetition < 0) {  // warm-up
+      for (Player& player : players) player.latency.clear();
+      continue;
+    }
+    rates.env.push_back(env);
+    rates.engine.push_back(engine);
+    rates.mjstep.push_back(mjstep);
+  }
+  return rates;
+}
+
+std::vector<double> Ratios(const std::vector<double>& over, const std::vector<double>& under) {
+  std::vector<double> ratios;
+  for (size_t i = 0; i < over.size(); ++i) ratios.push_back(over[i] / under[i]);
+  return ratios;
+}
+
+int Main(int argc, char** argv) {
+  const Options options = Parse(argc, argv);
+  const char* cache = std::getenv("MYOGRADE_CACHE");
+  if (cache == nullptr) Fail("MYOGRADE_CACHE must name the cache folder; run ./dev setup");
+  const auto config = LoadTrackConfig(options.tracks_dir, options.track, "");
+  if (!config.ok()) Fail(std::string(config.status().message()));
+  std::vector<Player> players;
+  for (int i = 0; i < options.threads; ++i) players.push_back(MakePlayer(*config, cache));
+  const Rates rates = Measure(players, options, *config);
+  std::vector<double> latency;
+  for (const Player& player : players) {
+    latency.insert(latency.end(), player.latency.begin(), player.latency.end());
+  }
+  const nlohmann::json result = {
+      {"track", TrackKindName(config->kind)},
+      {"threads", options.threads},
+      {"episodes", options.episodes},
+      {"steps", options.steps},
+      {"env", Summary(rates.env)},
+      {"engine", Summary(rates.engine)},
+      {"mjstep", Summary(rates.mjstep)},
+      {"env_over_engine", Summary(Ratios(rates.env, rates.engine))},
+      {"env_over_mjstep", Summary(Ratios(rates.env, rates.mjstep))},
+      {"env_step_s",
+       {{"p50", Quantile(latency, 0.5)}, {"p99", Quantile(latency, 0.99)}, {"max", Quantile(latency, 1)}}}};
+  std::printf("%s\n", result.dump(2).c_str());
+  return 0;
+}
+
+}  // namespace
+}  // namespace myograde::sim
+
+int main(int argc, char** argv) { return myograde::sim::Main(argc, argv); }
