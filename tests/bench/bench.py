@@ -1,0 +1,228 @@
+#!/usr/bin/env python3
+"""Measures the speed of grading against the physics alone, and writes JSON and a table.
+
+    bench.py --build BUILD_DIR --source SOURCE_DIR [--json FILE] [--quick] [--track KIND ...]
+
+tests/bench/README.md says what each figure is and how it is measured."""
+
+import argparse
+import datetime
+import json
+import os
+import pathlib
+import platform
+import statistics
+import subprocess
+import sys
+import time
+
+import processes
+import storage
+from grader import Grader
+
+TRACKS = ("manipulation", "locomotion")
+EPISODE_STEPS = {"manipulation": 1000, "locomotion": 2000}
+
+
+class Bench:
+    def __init__(self, options):
+        self.quick = options.quick
+        self.build = pathlib.Path(options.build)
+        self.source = pathlib.Path(options.source)
+        self.cores = len(os.sched_getaffinity(0))
+        self.policies = {"cpp": self.build / "tests/bench/latency",
+                         "python": self.build / "tests/bench/zero-python"}
+
+    def say(self, text):
+        print(f"  {text}", file=sys.stderr, flush=True)
+
+    # --- physics and environment, in one process ---
+
+    def steps(self, kind, threads):
+        """Control steps per second of environment, engine and mj_step in the same run."""
+        repetitions, episodes, steps = (3, 1, 300) if self.quick else (7, 2, 500)
+        command = [self.build / "tests/myograde_step_bench", self.source / "tests/bench/tracks",
+                   f"bench-{kind}", "--threads", threads, "--episodes", episodes,
+                   "--steps", steps, "--repetitions", repetitions]
+        with Grader(self.build / "bin", self.source) as grader:
+            command[1] = grader.configs / "tracks"
+            done = subprocess.run([str(word) for word in command], capture_output=True, text=True,
+                                  timeout=3600)
+        if done.returncode != 0:
+            raise RuntimeError(done.stderr)
+        return json.loads(done.stdout)
+
+    # --- one lease at a time, and whole evaluations ---
+
+    def run_track(self, grader, kind, leases, episodes):
+        name = f"run-{kind}-{leases}-{episodes}"
+        grader.add_track(name, {"extends": f"bench-{kind}", "episodes_per_lease": episodes,
+                                "seeds": {"first": 0, "count": leases * episodes}})
+        return name
+
+    def evaluate(self, grader, kind, policy, slots, leases, episodes, watch=None):
+        """A whole evaluation through a new daemon. Returns its result and its seconds."""
+        track = self.run_track(grader, kind, leases, episodes)
+        grader.choose_data(f"data-{time.monotonic_ns()}")
+        with grader.running(slots=slots):
+            if watch is not None:
+                watch.start(grader.daemon.pid)
+            result = grader.ask("submit", self.policies[policy], "--track", track, "--team",
+                                "Bench", "--wait")
+            if watch is not None:
+                watch.stop()
+            shown = grader.ask("show", result["submission"], "--episodes")
+            status = grader.ask("status", result["submission"])
+        expected = EPISODE_STEPS[kind]
+        short = [row["index"] for row in shown["episode_rows"] if row["steps"] != expected]
+        if short:
+            raise RuntimeError(f"{kind}: episodes {short} were not played to step {expected}")
+        return shown, seconds_between(status["started_at"], status["finished_at"])
+
+    def one_lease(self, grader, kind, policy):
+        """Rate within the episodes of a lease that has the machine to itself."""
+        shown, _ = self.evaluate(grader, kind, policy, 1, 1, 2 if self.quick else 4)
+        rows = shown["episode_rows"]
+        return sum(row["steps"] for row in rows) / sum(row["wall_s"] for row in rows), shown
+
+    def whole(self, grader, kind, policy):
+        """Rates of whole evaluations, and the largest memory that a simulator had."""
+        leases, episodes = (4, 2) if self.quick else (10, 5)
+        rates, memory = [], processes.MemoryWatch("myograde-sim")
+        for _ in range(1 if self.quick else 3):
+            shown, seconds = self.evaluate(grader, kind, policy, self.cores, leases, episodes,
+                                           memory)
+            rates.append(sum(row["steps"] for row in shown["episode_rows"]) / seconds)
+        return rates, memory.largest
+
+    def lease_start(self, grader, kind):
+        """Seconds from a lease's start to the policy's main(), with warm and cold file caches."""
+        def once():
+            shown, _ = self.evaluate(grader, kind, "cpp", 1, 1, 1)
+            said = processes.last_json(shown["output"][0]["stderr_tail"])
+            return said["started_at"] - epoch(shown["started_at"])
+        once()
+        warm = [once() for _ in range(2 if self.quick else 7)]
+        cold = []
+        for _ in range(0 if self.quick else 3):
+            if processes.drop_file_caches():
+                cold.append(once())
+        return {"warm_s": summary(warm), "cold_s": summary(cold) if cold else None}
+
+    def track(self, kind):
+        figures = {}
+        self.say(f"{kind}: environment and engine on one core")
+        one = self.steps(kind, 1)
+        self.say(f"{kind}: environment and engine on {self.cores} cores")
+        many = self.steps(kind, self.cores)
+        for name in ("mjstep", "engine", "env"):
+            figures[f"{name}_1core"] = one[name]["median"]
+            figures[f"{name}_all"] = many[name]["median"]
+        figures["env_over_engine"] = one["env_over_engine"]["median"]
+        figures["env_over_mjstep"] = one["env_over_mjstep"]["median"]
+        spread = {"one_core": one, "all_cores": many}
+        with Grader(self.build / "bin", self.source) as grader:
+            self.say(f"{kind}: one lease, C++ policy")
+            figures["episode_cpp"], shown = self.one_lease(grader, kind, "cpp")
+            seen = processes.last_json(shown["output"][0]["stderr_tail"])
+            self.say(f"{kind}: one lease, Python policy")
+            figures["episode_python"], _ = self.one_lease(grader, kind, "python")
+            self.say(f"{kind}: whole evaluations, C++ policy")
+            rates, memory = self.whole(grader, kind, "cpp")
+            figures["evaluation_all"] = statistics.median(rates)
+            self.say(f"{kind}: whole evaluations, Python policy")
+            python_rates, _ = self.whole(grader, kind, "python")
+            figures["evaluation_python_all"] = statistics.median(python_rates)
+            self.say(f"{kind}: start of a lease")
+            figures["lease_start"] = self.lease_start(grader, kind)
+        figures["evaluation_over_env"] = figures["evaluation_all"] / figures["env_all"]
+        figures["python_over_env"] = figures["evaluation_python_all"] / figures["env_all"]
+        figures["step_latency_s"] = {
+            part: {"environment": one["env_step_s"][part], "whole": seen[part],
+                   "transport_and_policy": max(0.0, seen[part] - one["env_step_s"][part])}
+            for part in ("p50", "p99", "max")}
+        figures["sim_pss_bytes"] = memory
+        figures["log_bytes_per_episode"] = log_bytes(shown)
+        spread["evaluation_all"] = summary(rates)
+        spread["evaluation_python_all"] = summary(python_rates)
+        figures["spread"] = spread
+        return figures
+
+    def store(self):
+        counts = (1000, 10000) if self.quick else (1000, 100000, 1000000)
+        self.say("store: submit and leaderboard at " + ", ".join(map(str, counts)) + " rows")
+        with Grader(self.build / "bin", self.source) as grader:
+            return storage.measure(grader, self.build / "policies/zero", counts)
+
+
+def epoch(text):
+    return datetime.datetime.fromisoformat(text.replace("Z", "+00:00")).timestamp()
+
+
+def seconds_between(first, last):
+    return epoch(last) - epoch(first)
+
+
+def summary(values):
+    return {"median": statistics.median(values), "min": min(values), "max": max(values),
+            "values": values}
+
+
+def log_bytes(shown):
+    sizes = [row["log_bytes"] for row in shown["episode_rows"] if row.get("log_bytes")]
+    return statistics.mean(sizes) if sizes else None
+
+
+def table(result):
+    lines = [f"{'control steps per second':34}" + "".join(f"{kind:>14}" for kind in result["tracks"])]
+    names = {
+        "mjstep_1core": "five plain mj_step, one core", "engine_1core": "engine calls, one core",
+        "env_1core": "environment, one core", "mjstep_all": "five plain mj_step, all cores",
+        "engine_all": "engine calls, all cores", "env_all": "environment, all cores",
+        "episode_cpp": "one lease, C++ policy", "episode_python": "one lease, Python policy",
+        "evaluation_all": "whole evaluation, C++ policy",
+        "evaluation_python_all": "whole evaluation, Python policy"}
+    ratios = {
+        "env_over_engine": "environment / engine calls", "env_over_mjstep": "environment / mj_step",
+        "evaluation_over_env": "whole evaluation / environment",
+        "python_over_env": "the same with Python"}
+    for key, text in names.items():
+        lines.append(f"{text:34}" + "".join(f"{t[key]:14.0f}" for t in result["tracks"].values()))
+    for key, text in ratios.items():
+        lines.append(f"{text:34}" + "".join(f"{t[key]:14.3f}" for t in result["tracks"].values()))
+    for part in ("p50", "p99", "max"):
+        lines.append(f"{'step as a policy sees it, ' + part + ', us':34}" + "".join(
+            f"{1e6 * t['step_latency_s'][part]['whole']:14.0f}" for t in result["tracks"].values()))
+    lines.append(f"{'start of a lease, warm, ms':34}" + "".join(
+        f"{1e3 * t['lease_start']['warm_s']['median']:14.0f}" for t in result["tracks"].values()))
+    lines.append(f"{'memory of a simulator (PSS), MB':34}" + "".join(
+        f"{t['sim_pss_bytes'] / 1e6:14.1f}" for t in result["tracks"].values()))
+    for row in (result["store"] or {}).get("sizes", []):
+        lines.append(f"{row['episode_rows']:>9} rows: submit {1e3 * row['submit_s']['median']:.1f} ms, "
+                     f"leaderboard {1e3 * row['leaderboard_s']['median']:.1f} ms, "
+                     f"{row['bytes_per_row']:.0f} bytes a row")
+    return "\n".join(lines)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--build", required=True, help="build folder with bin/ and tests/")
+    parser.add_argument("--source", required=True, help="the checkout")
+    parser.add_argument("--json", metavar="FILE", help="write the JSON to FILE")
+    parser.add_argument("--quick", action="store_true", help="fewer repetitions, smaller stores")
+    parser.add_argument("--track", action="append", choices=TRACKS, help="only this track")
+    options = parser.parse_args()
+    if options.json and not pathlib.Path(options.json).absolute().parent.is_dir():
+        parser.error(f"--json: there is no folder for {options.json}")
+    bench = Bench(options)
+    result = {"cores": bench.cores, "machine": platform.machine(), "quick": bench.quick,
+              "load_before": os.getloadavg()[0],
+              "tracks": {kind: bench.track(kind) for kind in options.track or TRACKS},
+              "store": None if options.track else bench.store()}
+    if options.json:
+        pathlib.Path(options.json).write_text(json.dumps(result, indent=2, sort_keys=True) + "\n")
+    print(table(result))
+
+
+if __name__ == "__main__":
+    main()
