@@ -23,10 +23,10 @@ def _entry(name, mode=0o644, kind=tarfile.REGTYPE, target=""):
     return info
 
 
-def _tar(*further, good=GOOD):
+def _tar(*further, good=GOOD, kind=tarfile.PAX_FORMAT):
     """An archive of an honest submission and what else: (info, bytes)."""
     packed = io.BytesIO()
-    with tarfile.open(fileobj=packed, mode="w", format=tarfile.PAX_FORMAT) as archive:
+    with tarfile.open(fileobj=packed, mode="w", format=kind) as archive:
         for name, content, mode in good:
             info = _entry(name, mode)
             info.size = len(content)
@@ -88,7 +88,8 @@ def _tars():
         "twice-as-folder.tar": _tar((_entry("run", 0o755, tarfile.DIRTYPE), b"")),
         "newline.tar": _tar((_entry("new\nline"), b"x")),
         "escape-codes.tar": _tar((_entry("\x1b[2Jname"), b"x")),
-        "no-utf8.tar": _tar((_entry("AAAA"), b"x")).replace(b"AAAA\0", b"A\xff\xfeA\0"),
+        "no-utf8.tar": _tar((_entry("A\udcff\udcfeA"), b"x"), kind=tarfile.GNU_FORMAT),
+        "damaged.tar": _tar((_entry("AAAA"), b"x")).replace(b"AAAA\0", b"BAAA\0"),
         "long-name.tar": _tar((_entry("n" * 300), b"x")),
         "deep.tar": _tar((_entry("d/" * 100 + "x"), b"x")),
         "manifest-is-link.tar": _tar(
@@ -96,7 +97,7 @@ def _tars():
         "program-is-loop.tar": _tar((_entry("run", target="run", **link), b""), good=GOOD[:1]),
         "no-manifest.tar": _tar(good=GOOD[1:]),
         "no-program.tar": _tar(good=GOOD[:1]),
-        "cut.tar": _tar((_entry("data"), b"x" * 5000))[:-14000],
+        "cut.tar": _tar((_entry("data"), b"x" * 5000))[:5000],
         "garbage.tar": b"this is no archive" * 100,
         "empty.tar": b"",
     }

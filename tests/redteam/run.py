@@ -13,6 +13,7 @@ import time
 import mix
 import suite as suites
 
+HOST_TROUBLE = 4
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 
 
@@ -85,4 +86,8 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except RuntimeError as trouble:
+        print(f"error: {trouble}", file=sys.stderr)
+        sys.exit(HOST_TROUBLE)

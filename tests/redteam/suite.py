@@ -102,10 +102,14 @@ class Suite:
         }
 
     def __enter__(self):
-        self.host.start()
-        self.missing = self._lacking()
-        self.honest.warm_up()
-        self.use = self.host.daemon_use()
+        try:
+            self.host.start()
+            self.missing = self._lacking()
+            self.honest.warm_up()
+            self.use = self.host.daemon_use()
+        except BaseException:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_error):
