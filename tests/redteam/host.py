@@ -187,8 +187,12 @@ class Host:
             except OSError:
                 pass
 
+    def _slot_uids(self):
+        return range(self.uid_base, self.uid_base + SLOTS)
+
     def _own_uids(self):
-        return range(self.uid_base, self.uid_base + UID_RANGE)
+        """Users whose things are this daemon's alone."""
+        return {*self._slot_uids(), *([] if self.user is None else [self.user])}
 
     def _processes(self):
         """Processes of the slots' users, or below the daemon."""
@@ -205,7 +209,7 @@ class Host:
             uid = int(entries["Uid"].split()[0])
             inside = len(entries.get("NSpid", "").split()) > 1
             own_user = self.user if self.user is not None else os.getuid()
-            if uid in self._own_uids() or (own_user != 0 and uid == own_user and inside):
+            if uid in self._slot_uids() or (own_user != 0 and uid == own_user and inside):
                 suspects[name] = entries["Name"].strip()
         below = {str(self.daemon.pid)}
         while True:
@@ -246,7 +250,8 @@ class Host:
         for folder in ("/dev/shm", "/tmp", "/var/tmp", "/dev/mqueue"):
             if os.path.isdir(folder):
                 found += [f"file {entry.path}" for entry in os.scandir(folder)
-                          if entry.stat(follow_symlinks=False).st_uid in self._own_uids()]
+                          if entry.stat(follow_symlinks=False).st_uid in self._own_uids()
+                          and entry.path != str(self.root)]
         for kind in ("tcp", "tcp6", "udp", "udp6", "raw"):
             path = pathlib.Path(f"/proc/net/{kind}")
             for line in path.read_text().splitlines()[1:] if path.exists() else []:

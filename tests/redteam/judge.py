@@ -23,6 +23,11 @@ def findings(outputs):
     return found
 
 
+def relaxed(variant, missing):
+    """Whether the host lacks something that the variant's verdict needs."""
+    return any(check in missing for check in variant.lacking)
+
+
 def outcomes(variant, missing):
     """Allowed outcomes on a host that lacks the doctor's checks `missing`."""
     for check, expected in variant.lacking.items():
@@ -43,7 +48,7 @@ def _outcome(variant, rows, missing):
 
 def _evidence(variant, rows, missing):
     """A participant's fault says which limit, its value, the step, and a sentence."""
-    as_planned = outcomes(variant, missing) == variant.expect
+    as_planned = not relaxed(variant, missing)
     for row in rows:
         fault = row["fault"]
         if row["outcome"] in SCORED:
@@ -70,7 +75,7 @@ def _evidence(variant, rows, missing):
 
 
 def _findings(variant, found, missing):
-    if outcomes(variant, missing) != variant.expect:
+    if relaxed(variant, missing):
         return
     for name in variant.denied:
         if name not in found:

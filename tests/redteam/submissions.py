@@ -1,11 +1,14 @@
-"""Cases 47 and 48: what must be refused when it is handed in, with a reason, before anything
+"""Cases 47, 48 and 73: what must be refused when it is handed in, with a reason, before anything
 of it runs."""
 
+import contextlib
 import dataclasses
 import json
 import os
 import pathlib
+import random
 import shutil
+import threading
 from typing import Callable
 
 import archives
@@ -24,7 +27,6 @@ class SubmissionCase:
     number: int
     title: str
     run: Callable
-    summary: str = ""
     quick: bool = True
 
 
@@ -183,7 +185,55 @@ def run_manifests(suite):
     return mistakes
 
 
+def _change(folder, stop):
+    """Changes a submission without pause: its files' sizes, names and kinds."""
+    while not stop.is_set():
+        for i in range(20):
+            file, link = folder / f"data{i}", folder / "link"
+            with contextlib.suppress(OSError):
+                file.write_bytes(b"x" * random.randrange(200000))
+            with contextlib.suppress(OSError):
+                os.replace(file, folder / f"data{(i + 1) % 20}")
+            with contextlib.suppress(OSError):
+                link.symlink_to("/etc/passwd")
+                os.replace(link, file)
+            with contextlib.suppress(OSError):
+                os.replace(folder / "sub", folder / "other")
+                (folder / "sub").mkdir(exist_ok=True)
+
+
+def run_changing(suite):
+    """A folder that changes while it is packed: taken as it was at some moment, or refused."""
+    host = suite.host
+    folder = host.root / "changing"
+    (folder / "sub").mkdir(parents=True, exist_ok=True)
+    for name, content, mode in archives.GOOD:
+        (folder / name).write_bytes(content)
+        (folder / name).chmod(mode)
+    stop, mistakes = threading.Event(), []
+    changer = threading.Thread(target=_change, args=(folder, stop))
+    changer.start()
+    try:
+        for i in range(12):
+            done = host.cli("submit", folder, "--track", "rt-start", "--team", "Changing",
+                            "--episodes", 1, "--json")
+            if done.returncode != 0:
+                mistakes += _refused(f"submission {i}", done)
+                continue
+            submission = json.loads(done.stdout)["submission"]
+            status = host.wait(submission, 60)
+            rows = host.result(submission)["episode_rows"]
+            if status is None or [row["outcome"] for row in rows] != ["crash"]:
+                mistakes.append(f"submission {i} ended as {status and status['state']}")
+    finally:
+        stop.set()
+        changer.join()
+    shutil.rmtree(folder)
+    return mistakes
+
+
 CASES = (
     SubmissionCase(47, "archives that bomb, climb and lie", run_archives),
-    SubmissionCase(48, "manifests and limits that are none", run_manifests),
+    SubmissionCase(48, "manifests and limits that are none", run_manifests, quick=False),
+    SubmissionCase(73, "a folder that changes while it is handed in", run_changing, quick=False),
 )
