@@ -248,10 +248,13 @@ class Host:
                 if int(line.split()[column]) in self._own_uids():
                     found.append(f"System V {kind} {line.split()[1]}")
         for folder in ("/dev/shm", "/tmp", "/var/tmp", "/dev/mqueue"):
-            if os.path.isdir(folder):
-                found += [f"file {entry.path}" for entry in os.scandir(folder)
-                          if entry.stat(follow_symlinks=False).st_uid in self._own_uids()
-                          and entry.path != str(self.root)]
+            for entry in os.scandir(folder) if os.path.isdir(folder) else ():
+                try:
+                    uid = entry.stat(follow_symlinks=False).st_uid
+                except OSError:
+                    continue  # somebody else's, gone since it was listed
+                if uid in self._own_uids() and entry.path != str(self.root):
+                    found.append(f"file {entry.path}")
         for kind in ("tcp", "tcp6", "udp", "udp6", "raw"):
             path = pathlib.Path(f"/proc/net/{kind}")
             for line in path.read_text().splitlines()[1:] if path.exists() else []:
