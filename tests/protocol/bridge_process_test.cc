@@ -12,33 +12,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "myograde/action_t.hpp"
 #include "myograde/episode_start_t.hpp"
-#include "myograde/hello_t.hpp"
 #include "myograde/observation_t.hpp"
 #include "protocol/channels.h"
 #include "tests/protocol/bridge_world.h"
+#include "tests/protocol/messages.h"
 
 namespace myograde {
 namespace {
 
 using ::testing::HasSubstr;
-
-template <typename Message>
-std::vector<std::byte> Encode(const Message& message) {
-  std::vector<std::byte> bytes(static_cast<size_t>(message.getEncodedSize()));
-  message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
-  return bytes;
-}
-
-hello_t Hello() {
-  hello_t hello;
-  hello.protocol_version = 1;
-  hello.name = "test";
-  hello.direct = 0;
-  hello.num_leg_sets = 0;
-  return hello;
-}
 
 class BridgeProcessTest : public ::testing::Test {
  protected:
@@ -55,7 +38,7 @@ class BridgeProcessTest : public ::testing::Test {
   // Says hello until the bridge's socket has joined the bus.
   absl::StatusOr<HelloFrame> Greet() {
     for (int i = 0; i < 100; ++i) {
-      const hello_t hello = Hello();
+      const hello_t hello = GoodHello();
       bus_->publish(std::string(kHelloChannel), &hello);
       const auto frame = world_->Hear(absl::Milliseconds(100));
       if (frame.ok()) return std::get<HelloFrame>(*frame);
@@ -129,7 +112,7 @@ TEST_F(BridgeProcessTest, SaysWelcomeAgainToALateHello) {
   world_->Say(Channel::kWelcome, Expect::kNothing, -1, -1, 0, {std::byte{1}});
   while (welcomes < 1 && bus_->handleTimeout(2000) > 0) {
   }
-  const hello_t hello = Hello();
+  const hello_t hello = GoodHello();
   bus_->publish(std::string(kHelloChannel), &hello);
   while (welcomes < 2 && bus_->handleTimeout(2000) > 0) {
   }

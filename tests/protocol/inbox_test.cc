@@ -12,40 +12,13 @@
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
 
-#include "myograde/action_t.hpp"
-#include "myograde/episode_ready_t.hpp"
-#include "myograde/hello_t.hpp"
 #include "protocol/channels.h"
+#include "tests/protocol/messages.h"
 
 namespace myograde::bridge {
 namespace {
 
 using ::testing::HasSubstr;
-using Packet = std::vector<std::byte>;
-
-Packet Wrap(std::string_view channel, const Packet& payload) {
-  std::array<std::byte, kDatagramHeader + kMaxChannelLength + 1> head;
-  const size_t size = WriteDatagramHead(1, channel, head);
-  Packet packet(head.begin(), head.begin() + static_cast<std::ptrdiff_t>(size));
-  packet.insert(packet.end(), payload.begin(), payload.end());
-  return packet;
-}
-
-template <typename Message>
-Packet Encode(const Message& message) {
-  Packet bytes(static_cast<size_t>(message.getEncodedSize()));
-  message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
-  return bytes;
-}
-
-hello_t GoodHello() {
-  hello_t hello;
-  hello.protocol_version = 1;
-  hello.name = "test";
-  hello.direct = 0;
-  hello.num_leg_sets = 0;
-  return hello;
-}
 
 leg_parameter_set_t LegSet(int8_t index) {
   leg_parameter_set_t set;
@@ -55,26 +28,6 @@ leg_parameter_set_t LegSet(int8_t index) {
     state.thresholds.push_back({0, 1, 30.0});
   }
   return set;
-}
-
-action_t Action(int64_t episode, int64_t step, int size = 55) {
-  action_t action;
-  action.episode = episode;
-  action.step = step;
-  action.size = size;
-  action.values.assign(static_cast<size_t>(size), 0.25);
-  return action;
-}
-
-PublishFrame Question(Channel channel, Expect expect, int64_t episode, int64_t step) {
-  PublishFrame frame;
-  std::memset(&frame, 0, offsetof(PublishFrame, payload));
-  frame.channel = channel;
-  frame.expect = expect;
-  frame.episode = episode;
-  frame.step = step;
-  frame.action_size = channel == Channel::kObservation ? 55 : 0;
-  return frame;
 }
 
 class InboxTest : public ::testing::Test {
@@ -87,10 +40,7 @@ class InboxTest : public ::testing::Test {
   }
   void Start(int64_t episode) {
     inbox_.Ask(Question(Channel::kEpisodeStart, Expect::kReady, episode, -1));
-    episode_ready_t ready;
-    ready.episode = episode;
-    ready.num_leg_sets = 0;
-    EXPECT_EQ(Take(kReadyChannel, ready), Verdict::kFrame);
+    EXPECT_EQ(Take(kReadyChannel, GoodReady(episode)), Verdict::kFrame);
   }
   void AskStep(int64_t episode, int64_t step) {
     inbox_.Ask(Question(Channel::kObservation, Expect::kAction, episode, step));
@@ -113,7 +63,7 @@ TEST_F(InboxTest, AnswersBecomeFramesThatTheSimulatorTakes) {
   Begin();
   AskStep(0, 0);
   EXPECT_TRUE(inbox_.waiting());
-  ASSERT_EQ(Take(kActionChannel, Action(0, 0)), Verdict::kFrame);
+  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kFrame);
   EXPECT_FALSE(inbox_.waiting());
   const auto frame = ParseBridgeFrame(inbox_.frame());
   ASSERT_TRUE(frame.ok()) << frame.status();
@@ -125,8 +75,8 @@ TEST_F(InboxTest, AnswersBecomeFramesThatTheSimulatorTakes) {
 TEST_F(InboxTest, TheFirstValidAnswerWins) {
   Begin();
   AskStep(0, 0);
-  ASSERT_EQ(Take(kActionChannel, Action(0, 0)), Verdict::kFrame);
-  EXPECT_EQ(Take(kActionChannel, Action(0, 0)), Verdict::kDropped);
+  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kFrame);
+  EXPECT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kDropped);
 }
 
 TEST_F(InboxTest, HelloCarriesConventionAndLegSets) {
@@ -167,45 +117,45 @@ TEST_F(InboxTest, LateCopiesAreFreeAsOftenAsWasAsked) {
   Begin();
   AskStep(0, 0);
   for (int i = 0; i < 30; ++i) inbox_.AskedAgain();
-  ASSERT_EQ(Take(kActionChannel, Action(0, 0)), Verdict::kFrame);
+  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kFrame);
   for (int i = 0; i < 30; ++i) {
-    ASSERT_EQ(Take(kActionChannel, Action(0, 0)), Verdict::kDropped) << i;
+    ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kDropped) << i;
   }
   // From here on they count as strays: 20 are allowed.
   for (int i = 0; i < 20; ++i) {
-    ASSERT_EQ(Take(kActionChannel, Action(0, 0)), Verdict::kDropped) << i;
+    ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kDropped) << i;
   }
-  EXPECT_EQ(Take(kActionChannel, Action(0, 0)), Verdict::kFault);
+  EXPECT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kFault);
 }
 
 TEST_F(InboxTest, AnswersToStepsNeverAskedAreCounted) {
   Begin();
   AskStep(0, 8);
   for (int i = 0; i < 15; ++i) {
-    ASSERT_EQ(Take(kActionChannel, Action(0, 9)), Verdict::kDropped) << i;
+    ASSERT_EQ(Take(kActionChannel, GoodAction(0, 9)), Verdict::kDropped) << i;
   }
-  ASSERT_EQ(Take(kActionChannel, Action(0, 9)), Verdict::kFault);
+  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 9)), Verdict::kFault);
   EXPECT_EQ(Fault(), "answered step 9 of episode 0 while step 8 of episode 0 was asked, 16 times");
 }
 
 TEST_F(InboxTest, ANewEpisodeCountsAfresh) {
   Begin();
   AskStep(0, 0);
-  for (int i = 0; i < 15; ++i) ASSERT_EQ(Take(kActionChannel, Action(7, 0)), Verdict::kDropped);
+  for (int i = 0; i < 15; ++i) ASSERT_EQ(Take(kActionChannel, GoodAction(7, 0)), Verdict::kDropped);
   for (int i = 0; i < 20; ++i) {
     ASSERT_EQ(inbox_.Take(Wrap("SOMETHING_ELSE", {})), Verdict::kDropped);
   }
   Start(1);
   AskStep(1, 0);
-  EXPECT_EQ(Take(kActionChannel, Action(7, 0)), Verdict::kDropped);
+  EXPECT_EQ(Take(kActionChannel, GoodAction(7, 0)), Verdict::kDropped);
   EXPECT_EQ(inbox_.Take(Wrap("SOMETHING_ELSE", {})), Verdict::kDropped);
-  EXPECT_EQ(Take(kActionChannel, Action(1, 0)), Verdict::kFrame);
+  EXPECT_EQ(Take(kActionChannel, GoodAction(1, 0)), Verdict::kFrame);
 }
 
 TEST_F(InboxTest, AnAnswerBeforeAnyStepIsWrong) {
   Begin();
-  for (int i = 0; i < 15; ++i) ASSERT_EQ(Take(kActionChannel, Action(0, 0)), Verdict::kDropped);
-  ASSERT_EQ(Take(kActionChannel, Action(0, 0)), Verdict::kFault);
+  for (int i = 0; i < 15; ++i) ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kDropped);
+  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kFault);
   EXPECT_THAT(Fault(), HasSubstr("while no step was asked"));
 }
 
@@ -214,7 +164,7 @@ class ActionSizeTest : public InboxTest, public ::testing::WithParamInterface<in
 TEST_P(ActionSizeTest, AnActionOfAnotherSizeIsABreach) {
   Begin();
   AskStep(0, 0);
-  ASSERT_EQ(Take(kActionChannel, Action(0, 0, GetParam())), Verdict::kFault);
+  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0, GetParam())), Verdict::kFault);
   EXPECT_THAT(Fault(), HasSubstr(absl::StrCat("has ", GetParam(), " entries, must have 55")));
 }
 
@@ -223,7 +173,7 @@ INSTANTIATE_TEST_SUITE_P(Sizes, ActionSizeTest, ::testing::Values(0, 54, 56, 79,
 TEST_F(InboxTest, NumbersThatAreNoneAreABreach) {
   Begin();
   AskStep(0, 0);
-  action_t action = Action(0, 0);
+  action_t action = GoodAction(0, 0);
   action.values[3] = std::numeric_limits<double>::quiet_NaN();
   ASSERT_EQ(Take(kActionChannel, action), Verdict::kFault);
   EXPECT_EQ(Fault(),
@@ -233,7 +183,7 @@ TEST_F(InboxTest, NumbersThatAreNoneAreABreach) {
 TEST_F(InboxTest, InfinityIsABreachToo) {
   Begin();
   AskStep(0, 0);
-  action_t action = Action(0, 0);
+  action_t action = GoodAction(0, 0);
   action.values[54] = -std::numeric_limits<double>::infinity();
   EXPECT_EQ(Take(kActionChannel, action), Verdict::kFault);
 }
@@ -295,7 +245,7 @@ TEST_F(InboxTest, MutilatedMessagesAreHarmless) {
   hello.leg_sets = {LegSet(0), LegSet(4)};
   hello.num_leg_sets = 2;
   Mutilate(kHelloChannel, hello);
-  Mutilate(kActionChannel, Action(0, 0));
+  Mutilate(kActionChannel, GoodAction(0, 0));
   episode_ready_t ready;
   ready.episode = 0;
   ready.leg_sets = {LegSet(1)};
