@@ -93,21 +93,30 @@ absl::StatusOr<Entry*> Listing::Add(const std::string& path, EntryType type) {
   if (!added && (entry.stated || !implied_folder)) return Broken(path, "is there twice");
   entry.stated = true;
   if (static_cast<int64_t>(entries_.size()) > limits_.files) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("there are more than ", limits_.files, " files, folders and links (at ",
-                     Quoted(path), "); leave out what the policy does not need"));
+    return TooManyEntries(path);
   }
   return &entry;
 }
 
-absl::Status Listing::AddBytes(const std::string& path, int64_t bytes) {
+absl::Status Listing::TooManyEntries(std::string_view where) const {
+  return absl::InvalidArgumentError(
+      absl::StrCat("there are more than ", limits_.files, " files, folders and links (at ",
+                   Quoted(where), "); leave out what the policy does not need"));
+}
+
+absl::Status Listing::CheckRoom(const std::string& path, int64_t bytes) const {
   if (bytes < 0 || bytes > limits_.bytes - bytes_) {
     return absl::InvalidArgumentError(
         absl::StrCat("the files together are larger than ", limits_.bytes, " bytes unpacked (at ",
                      Quoted(path), "); leave out what the policy does not need"));
   }
-  bytes_ += bytes;
   return absl::OkStatus();
+}
+
+absl::Status Listing::AddBytes(const std::string& path, int64_t bytes) {
+  const absl::Status fits = CheckRoom(path, bytes);
+  if (fits.ok()) bytes_ += bytes;
+  return fits;
 }
 
 std::string Listing::Digest() const {

@@ -42,8 +42,12 @@ class Listing {
   // there already, lies below something that is no folder, or breaks a limit.
   absl::StatusOr<Entry*> Add(const std::string& path, EntryType type);
 
-  // Counts `bytes` more of file content.
+  // Counts `bytes` more of file content; CheckRoom only says whether they would fit.
   absl::Status AddBytes(const std::string& path, int64_t bytes);
+  absl::Status CheckRoom(const std::string& path, int64_t bytes) const;
+
+  // The error for an archive that has more entries than may be.
+  absl::Status TooManyEntries(std::string_view where) const;
 
   // SHA-256 over one canonical line for each entry, sorted by path.
   std::string Digest() const;

@@ -4,8 +4,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <filesystem>
+#include <iterator>
 #include <memory>
 #include <set>
 
@@ -20,10 +22,21 @@
 namespace myograde::server {
 namespace {
 
+// What libarchive says of its trouble, as a part of one line.
+std::string ReasonOf(archive* reader) {
+  const char* text = archive_error_string(reader);
+  std::string reason = text != nullptr ? std::string(text).substr(0, 200) : "unreadable";
+  for (char& c : reason) {
+    if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) >= 0x7f) c = ' ';
+  }
+  reason.erase(reason.find_last_not_of(' ') + 1);
+  return reason;
+}
+
 class Unpacker {
  public:
   Unpacker(archive* reader, int root, const ArtefactLimits& limits)
-      : reader_(reader), root_(root), listing_(limits) {}
+      : reader_(reader), root_(root), limits_(limits), listing_(limits) {}
 
   // Takes the entry whose header was just read.
   absl::Status Take(archive_entry* entry);
@@ -39,7 +52,9 @@ class Unpacker {
 
   archive* reader_;
   int root_;
+  const ArtefactLimits limits_;
   Listing listing_;
+  int64_t headers_ = 0;
   std::set<std::string> made_;  // folders
 };
 
@@ -63,6 +78,8 @@ std::string_view KindName(mode_t type) {
 }
 
 absl::Status Unpacker::Take(archive_entry* entry) {
+  // The top folder may be named any number of times without being listed.
+  if (++headers_ > limits_.files + 1) return listing_.TooManyEntries(std::string_view("./"));
   const char* raw = archive_entry_pathname(entry);
   if (raw == nullptr) {
     return absl::InvalidArgumentError("an entry of the archive has no name that is UTF-8");
@@ -77,6 +94,14 @@ absl::Status Unpacker::Take(archive_entry* entry) {
   if ((archive_entry_perm(entry) & (S_ISUID | S_ISGID)) != 0) {
     return absl::InvalidArgumentError(absl::StrCat(
         "the entry ", Quoted(*path), " has the setuid or setgid bit; remove it with chmod a-s"));
+  }
+  if ((archive_entry_perm(entry) & S_ISVTX) != 0) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the entry ", Quoted(*path), " has the sticky bit; remove it with chmod -t"));
+  }
+  if (archive_entry_is_encrypted(entry) != 0) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the entry ", Quoted(*path), " is encrypted; make the archive without a password"));
   }
   if (type == AE_IFDIR) return path->empty() ? absl::OkStatus() : MakeFolder(*path);
   if (path->empty()) {
@@ -131,6 +156,11 @@ absl::Status Unpacker::TakeFile(const std::string& path, archive_entry* entry) {
   absl::StatusOr<Entry*> file = listing_.Add(path, EntryType::kFile);
   if (!file.ok()) return file.status();
   (*file)->executable = (archive_entry_perm(entry) & 0111) != 0;
+  // A size that is claimed proves nothing, but one that breaks the limit need not be waited for.
+  if (archive_entry_size_is_set(entry) != 0) {
+    const absl::Status fits = listing_.CheckRoom(path, archive_entry_size(entry));
+    if (!fits.ok()) return fits;
+  }
   const absl::StatusOr<Fd> folder = FolderOf(path);
   if (!folder.ok()) return folder.status();
   const Fd fd(::openat(folder->get(), std::string(BaseName(path)).c_str(),
@@ -152,9 +182,8 @@ absl::Status Unpacker::CopyContent(const std::string& path, int fd, Entry& file)
     // gaps of sparse files arrive here as zeros and count too.
     const la_ssize_t got = archive_read_data(reader_, buffer.data(), buffer.size());
     if (got < 0) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "the archive is broken in the entry ", Quoted(path), ": ",
-          archive_error_string(reader_) != nullptr ? archive_error_string(reader_) : "unreadable"));
+      return absl::InvalidArgumentError(absl::StrCat("the archive is broken in the entry ",
+                                                     Quoted(path), ": ", ReasonOf(reader_)));
     }
     if (got == 0) break;
     const absl::Status counted = listing_.AddBytes(path, got);
@@ -179,12 +208,26 @@ absl::Status CheckLimits(const ArtefactLimits& limits) {
   return absl::OkStatus();
 }
 
+enum class Compression { kNone, kGzip, kZstd };
+
+// By the first bytes of the file. A skippable frame may stand before zstd's own.
+Compression CompressionOf(const Fd& file) {
+  std::array<unsigned char, 4> magic = {};
+  if (::pread(file.get(), magic.data(), magic.size(), 0) != std::ssize(magic)) {
+    return Compression::kNone;
+  }
+  if (magic[0] == 0x1f && magic[1] == 0x8b) return Compression::kGzip;
+  const uint32_t number = magic[0] | magic[1] << 8 | magic[2] << 16 | uint32_t{magic[3]} << 24;
+  const bool zstd = number == 0xfd2fb528 || (number & 0xfffffff0) == 0x184d2a50;
+  return zstd ? Compression::kZstd : Compression::kNone;
+}
+
 // The reader with the kinds of archive that are documented, and no others:
 // each further parser of libarchive is one more for hostile bytes to try.
-std::unique_ptr<archive, ArchiveReader> MakeReader() {
+std::unique_ptr<archive, ArchiveReader> MakeReader(Compression compression) {
   std::unique_ptr<archive, ArchiveReader> reader(archive_read_new());
-  archive_read_support_filter_gzip(reader.get());
-  archive_read_support_filter_zstd(reader.get());
+  if (compression == Compression::kGzip) archive_read_support_filter_gzip(reader.get());
+  if (compression == Compression::kZstd) archive_read_support_filter_zstd(reader.get());
   archive_read_support_format_tar(reader.get());
   archive_read_support_format_zip(reader.get());
   return reader;
@@ -193,27 +236,31 @@ std::unique_ptr<archive, ArchiveReader> MakeReader() {
 absl::StatusOr<Artefact> UnpackInto(const std::string& path, const std::string& destination,
                                     const ArtefactLimits& limits) {
   const Utf8Names utf8_names;
-  const auto reader = MakeReader();
   const Fd root(::open(destination.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
   if (!root.valid() || ::fchmod(root.get(), 0755) != 0) {
     return HostError(absl::StrCat("can't open the folder ", destination));
   }
-  const auto broken = [&](std::string_view what) {
-    const char* why = archive_error_string(reader.get());
-    return absl::InvalidArgumentError(absl::StrCat(absl::string_view(what.data(), what.size()), ": ",
-                                                   why != nullptr ? why : "unreadable"));
-  };
   const Fd input(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (!input.valid()) return HostError(absl::StrCat("can't open the archive ", path));
+  const Compression compression = CompressionOf(input);
+  const auto reader = MakeReader(compression);
+  const auto broken = [&](std::string_view what) {
+    return absl::InvalidArgumentError(absl::StrCat(absl::string_view(what.data(), what.size()), ": ",
+                                                   ReasonOf(reader.get())));
+  };
   if (archive_read_open_fd(reader.get(), input.get(), 64 << 10) != ARCHIVE_OK) {
     return broken("this is no archive of a kind that is accepted (tar, tar.gz, tar.zst, zip)");
+  }
+  // One layer beside the file itself: a bomb in a bomb multiplies.
+  if (archive_filter_count(reader.get()) > (compression == Compression::kNone ? 1 : 2)) {
+    return absl::InvalidArgumentError("the archive is compressed more than once; once is enough");
   }
   Unpacker unpacker(reader.get(), root.get(), limits);
   for (;;) {
     archive_entry* entry = nullptr;
     const int result = archive_read_next_header(reader.get(), &entry);
     if (result == ARCHIVE_EOF) break;
-    if (result == ARCHIVE_RETRY) continue;
+    // ARCHIVE_RETRY too: libarchive would go on behind a damaged header, and a file would be missing.
     if (result != ARCHIVE_OK && result != ARCHIVE_WARN) {
       return broken(
           "the archive is broken or of a kind that is not accepted (tar, tar.gz, tar.zst, zip)");

@@ -2,7 +2,6 @@
 // and every rule of submissions is enforced with a sentence that names the entry.
 #include "server/artefact/artefact.h"
 
-#include <archive.h>
 #include <archive_entry.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -17,6 +16,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/server/artefact/archives.h"
+
 namespace myograde::server {
 namespace {
 
@@ -24,58 +25,6 @@ namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
 constexpr char kManifest[] = R"({"name": "walker", "command": ["./policy"]})";
-
-class TempFolder {
- public:
-  TempFolder() {
-    std::string name = (fs::temp_directory_path() / "myograde-artefact.XXXXXX").string();
-    path_ = ::mkdtemp(name.data());
-  }
-  ~TempFolder() { fs::remove_all(path_); }
-  std::string operator/(const std::string& name) const { return (path_ / name).string(); }
-
- private:
-  fs::path path_;
-};
-
-// One raw entry of an archive, honest or not.
-struct Raw {
-  std::string path;
-  std::string content = {};
-  mode_t mode = AE_IFREG | 0644;
-  std::string link = {};  // target of a symbolic link
-  std::string hard_link = {};
-};
-
-enum class Kind { kTar, kTarGz, kTarZst, kZip };
-
-void WriteArchive(const std::string& path, const std::vector<Raw>& entries,
-                  Kind kind = Kind::kTar) {
-  archive* a = archive_write_new();
-  if (kind == Kind::kZip) {
-    archive_write_set_format_zip(a);
-  } else {
-    archive_write_set_format_pax_restricted(a);
-  }
-  if (kind == Kind::kTarGz) archive_write_add_filter_gzip(a);
-  if (kind == Kind::kTarZst) archive_write_add_filter_zstd(a);
-  ASSERT_EQ(archive_write_open_filename(a, path.c_str()), ARCHIVE_OK);
-  for (const Raw& raw : entries) {
-    archive_entry* entry = archive_entry_new();
-    archive_entry_set_pathname(entry, raw.path.c_str());
-    archive_entry_set_mode(entry, raw.mode);
-    archive_entry_set_mtime(entry, 1'700'000'000, 0);
-    if (!raw.link.empty()) archive_entry_set_symlink(entry, raw.link.c_str());
-    if (!raw.hard_link.empty()) archive_entry_set_hardlink(entry, raw.hard_link.c_str());
-    const bool has_content = (raw.mode & AE_IFMT) == AE_IFREG && raw.hard_link.empty();
-    archive_entry_set_size(entry, has_content ? static_cast<int64_t>(raw.content.size()) : 0);
-    ASSERT_EQ(archive_write_header(a, entry), ARCHIVE_OK) << archive_error_string(a);
-    if (has_content) archive_write_data(a, raw.content.data(), raw.content.size());
-    archive_entry_free(entry);
-  }
-  ASSERT_EQ(archive_write_close(a), ARCHIVE_OK);
-  archive_write_free(a);
-}
 
 Raw Manifest(const std::string& text = kManifest) { return {.path = "policy.json", .content = text}; }
 Raw Program() { return {.path = "policy", .content = "#!/bin/sh\n", .mode = AE_IFREG | 0755}; }

@@ -1,0 +1,215 @@
+#include "server/artefact/unpack_process.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <spawn.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <new>
+#include <optional>
+#include <vector>
+
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/clock.h"
+#include "protocol/base/fd.h"
+#include "protocol/config_reader.h"
+#include "server/artefact/listing.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr char kVerb[] = "unpack-one-archive";
+constexpr size_t kMaxAnswer = 8 << 20;  // a manifest's text has 64 KiB
+
+// --- the process ----------------------------------------------------------
+
+nlohmann::json AnswerOf(const absl::StatusOr<Artefact>& artefact) {
+  if (!artefact.ok()) {
+    return {{"code", artefact.status().raw_code()},
+            {"message", std::string(artefact.status().message())}};
+  }
+  return {{"code", 0},
+          {"digest", artefact->digest},
+          {"name", artefact->manifest.name},
+          {"command", artefact->manifest.command},
+          {"runtimes", artefact->manifest.runtimes},
+          {"bytes", artefact->bytes},
+          {"files", artefact->files}};
+}
+
+bool Limit(int resource, int64_t value) {
+  const auto limit = static_cast<rlim_t>(value);
+  const rlimit both = {limit, limit};
+  return ::setrlimit(static_cast<__rlimit_resource>(resource), &both) == 0;
+}
+
+absl::Status LimitThisProcess(int64_t memory_bytes, pid_t parent) {
+  // Dies with the thread that waits for it.
+  bool done = ::prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && ::getppid() == parent &&
+              ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && Limit(RLIMIT_CORE, 0);
+#if !defined(__SANITIZE_ADDRESS__)  // its shadow takes terabytes of addresses
+  done = done && Limit(RLIMIT_AS, memory_bytes);
+#else
+  (void)memory_bytes;
+#endif
+  return done ? absl::OkStatus() : HostError("the process for unpacking can't be limited");
+}
+
+absl::StatusOr<Artefact> UnpackLimited(const std::string& archive, const std::string& destination,
+                                       const ArtefactLimits& limits, int64_t memory_bytes,
+                                       pid_t parent) {
+  const absl::Status limited = LimitThisProcess(memory_bytes, parent);
+  if (!limited.ok()) return limited;
+  try {
+    return UnpackArtefact(archive, destination, limits);
+  } catch (const std::bad_alloc&) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the archive takes more than ", memory_bytes,
+        " bytes of memory to unpack; pack it again with an ordinary tar or zip"));
+  }
+}
+
+// --- who waits for it -------------------------------------------------------
+
+struct Process {
+  pid_t pid = -1;
+  Fd answer;
+};
+
+absl::StatusOr<Process> Start(std::vector<std::string> words) {
+  int ends[2];
+  if (::pipe2(ends, O_CLOEXEC) != 0) return HostError("can't make a pipe");
+  Process process = {-1, Fd(ends[0])};
+  const Fd theirs(ends[1]);
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  posix_spawn_file_actions_t actions;
+  posix_spawnattr_t attributes;
+  ::posix_spawn_file_actions_init(&actions);
+  ::posix_spawnattr_init(&attributes);
+  ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  ::posix_spawn_file_actions_adddup2(&actions, theirs.get(), STDOUT_FILENO);
+  sigset_t none;
+  sigemptyset(&none);
+  ::posix_spawnattr_setsigmask(&attributes, &none);
+  ::posix_spawnattr_setpgroup(&attributes, 0);
+  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP);
+  // The program as it runs now, even if its file was replaced by a newer one.
+  const int error =
+      ::posix_spawn(&process.pid, "/proc/self/exe", &actions, &attributes, argv.data(), environ);
+  ::posix_spawn_file_actions_destroy(&actions);
+  ::posix_spawnattr_destroy(&attributes);
+  if (error == 0) return process;
+  errno = error;
+  return HostError("can't start the process for unpacking");
+}
+
+// What it writes until it ends; nothing if it has not ended by `deadline`.
+std::optional<std::string> ReadAnswer(const Process& process, absl::Duration deadline) {
+  std::string answer;
+  std::array<char, 4096> buffer;
+  while (answer.size() <= kMaxAnswer) {
+    const absl::Duration left = deadline - SystemClock().Monotonic();
+    if (left <= absl::ZeroDuration()) return std::nullopt;
+    pollfd entry = {process.answer.get(), POLLIN, 0};
+    const timespec wait = absl::ToTimespec(left);
+    if (::ppoll(&entry, 1, &wait, nullptr) <= 0) continue;
+    const ssize_t got = ::read(process.answer.get(), buffer.data(), buffer.size());
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0) break;
+    answer.append(buffer.data(), static_cast<size_t>(got));
+  }
+  return answer;
+}
+
+absl::StatusOr<Artefact> ArtefactOf(const std::string& answer, int wait_status) {
+  if (WIFSIGNALED(wait_status)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("unpacking the archive was ended by signal ", WTERMSIG(wait_status),
+                     "; pack it again with an ordinary tar or zip"));
+  }
+  const absl::StatusOr<nlohmann::json> json = ParseJson(answer, "unpacking");
+  if (!json.ok()) return absl::InternalError("the process for unpacking gave no answer");
+  ConfigReader reader(*json, "unpacking");
+  const auto code = static_cast<absl::StatusCode>(reader.Integer("code", 0, 16));
+  if (code != absl::StatusCode::kOk) return absl::Status(code, reader.String("message"));
+  Artefact artefact;
+  artefact.digest = reader.String("digest");
+  artefact.manifest.name = reader.String("name");
+  artefact.manifest.command = reader.Strings("command");
+  artefact.manifest.runtimes = reader.Strings("runtimes");
+  artefact.bytes = reader.Integer("bytes", 0, INT64_MAX);
+  artefact.files = reader.Integer("files", 0, INT64_MAX);
+  if (const absl::Status status = reader.Finish(); !status.ok()) return status;
+  return artefact;
+}
+
+}  // namespace
+
+absl::StatusOr<Artefact> UnpackInProcess(const std::string& archive, const std::string& destination,
+                                         const ArtefactLimits& limits, const UnpackBudget& budget) {
+  if (budget.time <= absl::ZeroDuration() || budget.memory_bytes < 1) {
+    return absl::FailedPreconditionError("every budget of unpacking must be above 0");
+  }
+  const absl::Duration deadline = SystemClock().Monotonic() + budget.time;
+  const absl::StatusOr<Process> process =
+      Start({"myograde-unpack", kVerb, archive, destination, absl::StrCat(limits.bytes),
+             absl::StrCat(limits.files), absl::StrCat(limits.depth),
+             absl::StrCat(limits.name_bytes), absl::StrCat(budget.memory_bytes),
+             absl::StrCat(::getpid())});
+  if (!process.ok()) return process.status();
+  const std::optional<std::string> answer = ReadAnswer(*process, deadline);
+  // It is late, or it said all and is about to end: its exit status stays what it is then.
+  ::kill(process->pid, SIGKILL);
+  int wait_status = 0;
+  while (::waitpid(process->pid, &wait_status, 0) < 0 && errno == EINTR) continue;
+  absl::StatusOr<Artefact> artefact =
+      answer ? ArtefactOf(*answer, wait_status)
+             : absl::StatusOr<Artefact>(absl::InvalidArgumentError(absl::StrCat(
+                   "the archive could not be unpacked in the ", absl::ToInt64Seconds(budget.time),
+                   " s that were left for it; make it smaller")));
+  if (!artefact.ok()) {
+    std::error_code ignored;  // the first error is the one to tell
+    std::filesystem::remove_all(destination, ignored);
+  }
+  return artefact;
+}
+
+bool RunUnpackProcess(int argc, char** argv, int& status) {
+  constexpr int kWords = 10;
+  if (argc < 2 || std::strcmp(argv[1], kVerb) != 0) return false;
+  std::array<int64_t, 6> numbers = {};
+  bool good = argc == kWords;
+  for (size_t i = 0; good && i < numbers.size(); ++i) {
+    good = absl::SimpleAtoi(argv[4 + i], &numbers[i]);
+  }
+  status = good ? 0 : 2;
+  if (!good) return true;
+  const ArtefactLimits limits = {numbers[0], numbers[1], numbers[2], numbers[3]};
+  const absl::StatusOr<Artefact> artefact =
+      UnpackLimited(argv[2], argv[3], limits, numbers[4], static_cast<pid_t>(numbers[5]));
+  const std::string answer = CanonicalJson(AnswerOf(artefact));
+  for (size_t done = 0; done < answer.size();) {
+    const ssize_t put = ::write(STDOUT_FILENO, answer.data() + done, answer.size() - done);
+    if (put < 0 && errno == EINTR) continue;
+    if (put <= 0) break;
+    done += static_cast<size_t>(put);
+  }
+  return true;
+}
+
+}  // namespace myograde::server
