@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# Installs the Debian packages of packages.txt that are missing. Needs root
-# only if something is missing.
+# Installs the Debian packages of a list (default: packages.txt) that are
+# missing. Needs root only if something is missing.
+#   install_deps.sh [LIST]
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
-mapfile -t wanted < <(grep -v '^#' "$here/packages.txt")
+mapfile -t wanted < <(grep -v '^#' "$here/${1:-packages.txt}")
 missing=()
 for package in "${wanted[@]}"; do
   status=$(dpkg-query -W -f '${Status}' "$package" 2>/dev/null || true)

@@ -1,0 +1,28 @@
+// UDP datagrams as anybody in the participant's sandbox can send them.
+#include <array>
+#include <cstring>
+
+#include "protocol/bridge/datagram.h"
+#include "tests/fuzz/fuzz.h"
+
+using namespace myograde;
+using namespace myograde::bridge;
+using fuzz::Require;
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  const auto bytes = std::as_bytes(std::span<const uint8_t>(data, size));
+  const absl::StatusOr<Datagram> datagram = ParseDatagram(bytes);
+  if (!datagram.ok()) {
+    Require(!datagram.status().message().empty(), "a refusal says why");
+    return 0;
+  }
+  const std::string_view channel = datagram->channel;
+  Require(!channel.empty() && channel.size() <= kMaxChannelLength, "the name's length is LCM's");
+  // The views lie inside the datagram, and header and name make its beginning again.
+  std::array<std::byte, kDatagramHeader + kMaxChannelLength + 1> head;
+  const size_t head_size = WriteDatagramHead(datagram->sequence, channel, head);
+  Require(head_size + datagram->payload.size() == size, "nothing is lost or made up");
+  Require(std::memcmp(head.data(), data, head_size) == 0, "the beginning is read as written");
+  Require(datagram->payload.data() == bytes.data() + head_size, "the payload is a view");
+  return 0;
+}

@@ -1,0 +1,51 @@
+// policy.json of a submission, in a folder with a program, links and data.
+#include <sys/stat.h>
+
+#include "server/artefact/artefact.h"
+#include "tests/fuzz/fuzz.h"
+
+using namespace myograde;
+using fuzz::Require;
+
+namespace {
+
+const fuzz::Folder& Submission() {
+  static const fuzz::Folder folder;
+  static const bool filled = [] {
+    namespace fs = std::filesystem;
+    fuzz::WriteFile(folder / "policy", "#!/bin/sh\n");
+    fuzz::WriteFile(folder / "data", "no program");
+    fs::create_directory(folder / "bin");
+    fs::create_symlink("../policy", folder / "bin/up");
+    fs::create_symlink("policy", folder / "link");
+    fs::create_symlink("loop", folder / "loop");
+    fs::create_symlink("/usr/bin/python3", folder / "python3");
+    fs::create_symlink("/", folder / "root");
+    return ::chmod((folder / "policy").c_str(), 0755) == 0;
+  }();
+  Require(filled, "a submission can be made");
+  return folder;
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  fuzz::WriteFile(Submission() / "policy.json", {reinterpret_cast<const char*>(data), size});
+  const auto manifest = server::ReadManifest(Submission().path().string());
+  if (!manifest.ok()) {
+    Require(absl::IsInvalidArgument(manifest.status()), "a bad manifest is the participant's");
+    Require(manifest.status().message().find('\n') == absl::string_view::npos,
+            "a refusal is one line");
+    return 0;
+  }
+  Require(!manifest->name.empty() && manifest->name.size() <= 64, "a name has 1 to 64 bytes");
+  Require(!manifest->command.empty(), "there is a command");
+  for (const std::string& word : manifest->command) {
+    Require(word.find('\0') == std::string::npos, "a word of a command is a C string");
+  }
+  Require(manifest->command[0].find('/') != std::string::npos, "the PATH is never asked");
+  for (const std::string& runtime : manifest->runtimes) {
+    Require(!runtime.empty() && runtime.find('/') == std::string::npos, "a runtime is a name");
+  }
+  return 0;
+}

@@ -1,0 +1,209 @@
+#!/usr/bin/env python3
+"""Writes the seeds of the corpora: small inputs that lead a fuzzer past the first checks.
+What fuzzing found lies beside them as found-*.  Use: seeds.py (no arguments)"""
+
+import gzip
+import io
+import json
+import pathlib
+import struct
+import tarfile
+import zipfile
+
+CORPUS = pathlib.Path(__file__).resolve().parent / "corpus"
+MANIFEST = b'{"name": "fuzz", "command": ["./policy"]}'
+
+
+def seed(target, name, content):
+    folder = CORPUS / target
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+
+
+def datagrams():
+    seed("datagram", "short", b"LC02\0\0\0\7MYOGRADE_ACTION\0payload")
+    seed("datagram", "fragment-256-mib", b"LC03\0\0\0\1" + struct.pack(">IIHH", 1 << 28, 0, 0, 1) +
+         b"A\0x")
+    seed("datagram", "fragment-wraps", b"LC03\0\0\0\1" + struct.pack(">IIHH", 32, 0xfffffff0, 1, 2) +
+         b"xxx")
+    seed("datagram", "no-end", b"LC02\0\0\0\1" + b"c" * 64)
+
+
+def leg_set(index):
+    state = struct.pack(">6d", 100, 5, 0.1, 200, 6, 0.2) + struct.pack(">ibbd", 1, 0, 1, 30.0)
+    return struct.pack(">b", index) + 4 * state
+
+
+def messages():
+    hello = struct.pack(">ii5sb", 1, 5, b"fuzz\0", 0)
+    seed("decode", "hello", b"\4" + hello + struct.pack(">i", 0))
+    seed("decode", "hello-legs", b"\4" + hello + struct.pack(">i", 2) + leg_set(0) + leg_set(4))
+    seed("decode", "hello-no-name", b"\4" + struct.pack(">iibi", 1, 0, 0, 0))
+    seed("decode", "ready", b"\5" + struct.pack(">qi", 3, 1) + leg_set(2))
+    seed("decode", "ready-negative-count", b"\5" + struct.pack(">qi", 3, -1))
+    action = struct.pack(">qqi3d", 0, 7, 3, 0.5, -1, 1e308)
+    seed("decode", "action", bytes([6 | 3 << 3]) + action)
+    seed("decode", "action-nan", bytes([6 | 3 << 3]) + struct.pack(">qqi3d", 0, 7, 3, 0, float("nan"),
+                                                                    float("inf")))
+    seed("decode", "action-negative-count", b"\6" + struct.pack(">qqi", 0, 7, -2147483648))
+    seed("decode", "action-huge-count", b"\6" + struct.pack(">qqi", 0, 7, 2147483647))
+    seed("decode", "wrong-fingerprint", b"\2" + b"\x11" * 8 + action)
+
+
+def conversations():
+    # 0 asks, 2 asks again, 3 is a good message, 4 a payload on a channel, 5 raw bytes.
+    hello, welcome, start = bytes([3, 0, 0]), bytes([0, 0, 0]), bytes([0, 1, 0])
+    ready, step, action = bytes([3, 1, 0]), bytes([0, 2, 0, 0]), bytes([3, 2, 0, 0])
+    begin = hello + welcome + start + ready
+    seed("inbox", "one-step", begin + step + action)
+    seed("inbox", "two-publishers", begin + step + action + action + bytes([0, 2, 0, 1]) + action +
+         bytes([3, 2, 0, 1]))
+    seed("inbox", "late-copies", begin + step + bytes([2]) * 3 + action * 5)
+    seed("inbox", "future-steps", begin + step + bytes([3, 2, 0, 9]) * 9)
+    seed("inbox", "hello-flood", hello * 16)
+    seed("inbox", "strays", bytes([4, 5, 1, 0]) * 14)
+    seed("inbox", "forged-observation", begin + step + bytes([4, 4, 2, 0, 0]))
+    fragment = b"LC03\0\0\0\1" + struct.pack(">IIHH", 1 << 28, 0xfffffff0, 0, 9) + b"A\0"
+    seed("inbox", "half-sent-fragments", begin + step + (bytes([5, len(fragment)]) + fragment) * 14)
+
+
+def frames():
+    seed("frame", "hello", b"\1" + struct.pack("<IIII", 1, 1, 0b10010, 0))
+    seed("frame", "ready", b"\2" + struct.pack("<qII", 3, 1, 0) + struct.pack("<11d", *range(11)))
+    seed("frame", "action", b"\3" + struct.pack("<qqII3d", 0, 7, 3, 0, 0.5, -1, 1e308))
+    seed("frame", "action-nan", b"\3" + struct.pack("<qqIId", 0, 7, 1, 0, float("nan")))
+    seed("frame", "action-too-long", b"\3" + struct.pack("<qqII", 0, 7, 81, 0))
+    seed("frame", "fault", b"\4" + struct.pack("<IIq", 2, 0, 256) + b"exited with status 1\0")
+    seed("frame", "raw", b"\0" + struct.pack("<IIII", 0x4d794f47, 1, 5, 16))
+
+
+FAULT = {"outcome": "step_timeout", "limit": "step_s", "limit_value": 1.0, "value": 1.5, "step": 3,
+         "detail": "too slow"}
+COMMON = {"type": "episode", "index": 4, "seed": 18446744073709551615, "steps": 3, "sim_time": 0.03,
+          "clipped": 0, "digest": "ab", "wall_s": 0.5, "policy_cpu_s": 0.25}
+LOCOMOTION = {"course": 2, "distance": 3.5, "start_y": 55.0, "min_y": 51.5, "final_y": 52.0,
+              "effort_sum": 0.5, "pain_sum": 0.25, "solved": False, "reported_time": 300.0}
+MANIPULATION = {key: 1 for key in (
+    "frames", "frames_arm", "frames_prosthesis", "frames_start", "frames_goal", "frames_other",
+    "solved_steps", "peak_force", "max_touch", "goal_distance_sum", "final_goal_distance",
+    "final_hand_distance", "max_height", "effort_sum", "reported_time")} | {
+        "goal_only_at_end": True, "placed": False, "solved": True}
+
+
+def records():
+    seed("record", "progress", '{"type":"progress","episode":1,"step":2}')
+    seed("record", "locomotion", json.dumps(
+        {**COMMON, "end": "fell", "track": "locomotion", "locomotion": LOCOMOTION}))
+    seed("record", "fault", json.dumps(
+        {**COMMON, "end": "fault", "fault": FAULT, "track": "manipulation",
+         "manipulation": MANIPULATION}))
+    seed("record", "lease-end", json.dumps(
+        {"type": "lease_end", "ok": True, "detail": "", "stdout_tail": "", "stderr_tail": "caf\u00e9",
+         "stdout_truncated": False, "stderr_truncated": True, "policy_cpu_s": 1e-9, "wall_s": 3,
+         "peak_memory_bytes": 9223372036854775807}))
+    seed("sim_message", "fault", json.dumps({"type": "policy_fault", **FAULT}))
+    seed("sim_message", "done", '{"type":"done"}')
+    seed("sim_message", "no-type", "[]")
+    seed("lease_order", "other-command", '{"command": ["/usr/bin/python3", "policy.py"]}')
+    seed("lease_order", "gap", '{"episodes": [{"index": 0, "seed": 1, "policy_seed": 2}, '
+         '{"index": 2, "seed": 1, "policy_seed": 2}]}')
+    seed("lease_order", "budget", '{"track": {"budgets": {"step_s": 0}}, "uid": 62000, "slot": 3}')
+
+
+def configs():
+    seed("track_config", "extends", '{"extends": "manipulation", "episodes_per_lease": 3}')
+    seed("track_config", "locomotion", '{"extends": "locomotion", "seeds": [1, 5, 3], "profiles": '
+         '{"paper": {"budgets": {"step_s": 0.5}}}}')
+    for name, value in (("zero", "0"), ("negative", "-1"), ("absurd", "1e18"), ("null", "null")):
+        seed("track_config", f"limit-{name}",
+             '{"extends": "manipulation", "budgets": {"memory_bytes": %s}}' % value)
+    seed("track_config", "itself", '{"extends": "fuzzed"}')
+    seed("track_config", "unknown-key", '{"extends": "locomotion", "gravity": 0}')
+    seed("server_config", "slots", b'\0{"slots": 2, "http": {"workers": 4}}')
+    seed("server_config", "zero", b'\0{"artefacts": {"files": 0}}')
+    seed("server_config", "runtime", b'\0{"runtimes": {"x": {"path": "${cache}/x"}}}')
+    seed("server_config", "policy", b'\2{"socket_families": ["unix", "netlink"], "kill_s": 0}')
+    seed("server_config", "sim", b'\4{"open_files": 64, "silence_s": 1e300}')
+    seed("server_config", "whole", b'\1{"slots": "cores"}')
+
+
+def submissions():
+    seed("manifest", "good", '{"name": "walker", "command": ["./policy", "x"], "runtimes": ["python"]}')
+    for name, program in (("link", "./link"), ("up", "bin/up"), ("loop", "./loop"),
+                          ("python", "./python3"), ("root", "root/etc"), ("out", "../policy")):
+        seed("manifest", name, '{"name": "a", "command": ["%s"]}' % program)
+    seed("request", "submit", b"\0" + json.dumps(
+        {"artefact": "a" * 64, "team": "alpha", "track": "t", "profile": "p", "seeds": [1, 2],
+         "episodes": 1}).encode())
+    seed("request", "submit-hidden-mark", b"\0" + json.dumps(
+        {"artefact": "a" * 64, "team": "al\u202epha", "track": "t"}, ensure_ascii=False).encode())
+    seed("request", "rerun", b'\1{"first": 0, "last": 9}')
+    seed("request", "cancel", b'\2{"reason": "wrong file"}')
+    seed("request", "filter", b"\3team=a&state=done&limit=5&before=9")
+    seed("output", "ansi", b"\x05plain \x1b[2J words\n\xc2\x9b0m\xf0\x9f\x98\x80\0")
+    seed("output", "broken", b"\0" + b"\xff\xc3\xe2\x82" * 40)
+
+
+def tar(entries, mode="w"):
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode=mode, format=tarfile.PAX_FORMAT) as archive:
+        for name, kind, detail in entries:
+            info = tarfile.TarInfo(name)
+            info.type, info.mode = kind, 0o755
+            if kind == tarfile.REGTYPE:
+                info.size = len(detail)
+                archive.addfile(info, io.BytesIO(detail))
+            else:
+                info.linkname = detail
+                archive.addfile(info)
+    return out.getvalue().rstrip(b"\0") + bytes(1024)
+
+
+def archives():
+    good = [("policy.json", tarfile.REGTYPE, MANIFEST), ("policy", tarfile.REGTYPE, b"#!/bin/sh\n")]
+    plain = tar(good + [("d/l", tarfile.SYMTYPE, "/usr/bin/python3")])
+    seed("archive", "good.tar", plain)
+    seed("archive", "good.tar.gz", gzip.compress(plain, mtime=0))
+    # One zstd frame of one raw block.
+    seed("archive", "good.tar.zst", b"\x28\xb5\x2f\xfd\xa0" + struct.pack("<I", len(plain)) +
+         struct.pack("<I", len(plain) << 3 | 1)[:3] + plain)
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, _, content in good:
+            info = zipfile.ZipInfo(name)
+            info.external_attr = 0o100755 << 16
+            archive.writestr(info, content, zipfile.ZIP_DEFLATED)
+    seed("archive", "good.zip", out.getvalue())
+    seed("archive", "twice.gz", gzip.compress(gzip.compress(plain, mtime=0), mtime=0))
+    seed("archive", "outside.tar", tar(good + [("../evil", tarfile.REGTYPE, b"x")]))
+    seed("archive", "through-link.tar", tar(good + [("d", tarfile.SYMTYPE, "/tmp"),
+                                                    ("d/x", tarfile.REGTYPE, b"x")]))
+    seed("archive", "unicode.tar", tar(good + [("\u00fc/" + "x" * 50, tarfile.REGTYPE, b"x")]))
+
+
+def entry(kind, name, link="", content=b"", lie=0, mode=0o755):
+    kinds = "0125KLxgS34670V"
+    return (bytes([kinds.index(kind)]) + struct.pack(">H", mode) + bytes([len(name)]) + name.encode() +
+            bytes([len(link)]) + link.encode() + bytes([len(content)]) + content + bytes([lie]))
+
+
+def tars():
+    seed("tar", "file", b"\3" + entry("0", "data", content=b"words"))
+    seed("tar", "links", b"\3" + entry("2", "l", "/usr/bin/python3") + entry("2", "m", "../x") )
+    seed("tar", "hard", b"\3" + entry("1", "h", "policy"))
+    seed("tar", "device", b"\3" + entry("3", "null"))
+    seed("tar", "setuid", b"\3" + entry("0", "su", mode=0o4755))
+    seed("tar", "folder", b"\3" + entry("5", "d/") + entry("0", "d/x", content=b"1"))
+    seed("tar", "claims-8-gib", b"\3" + entry("0", "big", content=b"1", lie=237))
+    seed("tar", "pax-path", b"\3" + entry("x", "p", content=b"13 path=../x\n") + entry("0", "y"))
+    seed("tar", "pax-size", b"\3" + entry("x", "p", content=b"28 size=9223372036854775807\n") +
+         entry("0", "y"))
+    seed("tar", "gnu-name", b"\3" + entry("L", "n", content=b"d" * 120 + b"\0") + entry("0", "y"))
+    seed("tar", "sparse", b"\3" + entry("S", "s", content=b"1"))
+    seed("tar", "no-manifest", b"\2" + entry("0", "policy"))
+
+
+if __name__ == "__main__":
+    for write in (datagrams, messages, conversations, frames, records, configs, submissions, archives,
+                  tars):
+        write()

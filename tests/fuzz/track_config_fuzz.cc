@@ -1,0 +1,82 @@
+// Track configs as an organiser may write them. Each input is a file that may
+// extend the shipped ones; what is accepted has limits above zero, and its
+// effective form is accepted again with the same hash.
+#include "protocol/config_reader.h"
+#include "protocol/rules_locomotion.h"
+#include "protocol/rules_manipulation.h"
+#include "protocol/track_config.h"
+#include "server/track_scoring.h"
+#include "tests/fuzz/fuzz.h"
+
+using namespace myograde;
+using fuzz::Require;
+
+namespace {
+
+// Comments make every round slower and nothing else.
+void DropComments(nlohmann::json& value) {
+  for (auto it = value.begin(); value.is_structured() && it != value.end();) {
+    if (value.is_object() && it.key().starts_with("//")) {
+      it = value.erase(it);
+      continue;
+    }
+    DropComments(*it);
+    ++it;
+  }
+}
+
+// A folder with the shipped configs, into which the input goes as fuzzed.json.
+const fuzz::Folder& Tracks() {
+  static const fuzz::Folder folder;
+  static const bool filled = [] {
+    for (const char* name : {"manipulation", "locomotion"}) {
+      const std::string file = std::string(name) + ".json";
+      auto json = ReadJsonFile(MYOGRADE_SOURCE_DIR "/configs/tracks/" + file);
+      Require(json.ok(), "a shipped config is JSON");
+      DropComments(*json);
+      fuzz::WriteFile(folder / file, CanonicalJson(*json));
+    }
+    return true;
+  }();
+  Require(filled, "the shipped configs are there");
+  return folder;
+}
+
+void CheckBudgets(const Budgets& b) {
+  for (const double limit : {b.startup_s, b.step_s, b.overtime_s, b.wall_factor, b.lease_cpu_s,
+                             b.lease_wall_s, b.cpus}) {
+    Require(limit > 0 && limit < 1e9, "a budget of time is a limit");
+  }
+  for (const int64_t limit :
+       {b.memory_bytes, b.tasks, b.scratch_bytes, b.scratch_files, b.output_bytes, b.open_files,
+        b.stray_messages, b.wrong_answers, b.restarts, b.submission_bytes, b.submission_files}) {
+    Require(limit > 0 && limit <= int64_t{1} << 40, "a budget is a limit");
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  fuzz::WriteFile(Tracks() / "fuzzed.json", {reinterpret_cast<const char*>(data), size});
+  const std::string folder = Tracks().path().string();
+  const absl::StatusOr<TrackConfig> config = LoadTrackConfig(folder, "fuzzed", "");
+  if (!config.ok()) {
+    Require(config.status().message().size() < 20'000, "a refusal is bearable");
+    return 0;
+  }
+  const auto profiles = ListProfiles(folder, "fuzzed");
+  Require(profiles.ok() && !profiles->empty(), "a config that loads has profiles");
+  CheckBudgets(config->budgets);
+  Require(!config->seeds.empty() && config->seeds.size() <= static_cast<size_t>(kMaxEpisodes),
+          "there are seeds");
+  Require(config->episodes_per_lease >= 1, "a lease has episodes");
+  const absl::StatusOr<TrackConfig> again = ParseTrackConfig(config->effective, "again");
+  Require(again.ok() && again->hash == config->hash, "the effective config is one of its own");
+  (void)server::ParseTrackScoring(*config);
+  if (config->kind == TrackKind::kManipulation) {
+    (void)ParseManipulationRules(config->rules, "rules");
+  } else {
+    (void)ParseLocomotionRules(config->rules, "rules");
+  }
+  return 0;
+}
