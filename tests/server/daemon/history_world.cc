@@ -169,6 +169,7 @@ World::~World() {
 void World::Cut() {
   core = nullptr;  // and with it its runners
   slots_in_use.clear();
+  cancels_open = 0;  // those who asked hear that the daemon is gone
   disk_ = nullptr;
   readers = nullptr;
   store = nullptr;
@@ -209,7 +210,6 @@ void World::Turn() {
     if (tape.Happens(2)) clock.Advance(absl::Minutes(tape.Below(60)));
   } catch (const PowerCut&) {
     ++power_cuts;
-    cancels_open = 0;  // those who asked hear that the daemon is gone
     CheckStore();
     Boot();
   }
@@ -270,7 +270,6 @@ void World::Cancel(int64_t submission) {
     });
   } catch (const PowerCut&) {
     ++power_cuts;
-    cancels_open = 0;
     Boot();
   }
 }
