@@ -11,6 +11,7 @@ import submissions
 import suite as suites
 
 RESTS_S = (0.0, 0.0, 0.0, 0.2, 1.0)
+PROGRESS_S = 10
 AT_ONCE = 3  # submissions in work: one for each slot of the suite's daemon
 
 
@@ -74,7 +75,7 @@ def run(seconds, seed, build, source, user, as_json):
         for thread in threads:
             thread.start()
         while any(thread.is_alive() for thread in threads):
-            time.sleep(10)
+            threads[0].join(PROGRESS_S)
             if not as_json:
                 print(f"  {mixture.hostile} hostile, {mixture.honest} honest, "
                       f"{max(0, mixture.end - time.monotonic()):.0f} s to go", flush=True)
