@@ -74,8 +74,8 @@ def run(seconds, seed, build, source, user, as_json):
         threads = [threading.Thread(target=mixture.work, args=(i == 0,)) for i in range(AT_ONCE)]
         for thread in threads:
             thread.start()
-        while any(thread.is_alive() for thread in threads):
-            threads[0].join(PROGRESS_S)
+        while working := [thread for thread in threads if thread.is_alive()]:
+            working[0].join(PROGRESS_S)
             if not as_json:
                 print(f"  {mixture.hostile} hostile, {mixture.honest} honest, "
                       f"{max(0, mixture.end - time.monotonic()):.0f} s to go", flush=True)
