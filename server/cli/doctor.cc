@@ -6,6 +6,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/cli/client.h"
 #include "server/cli/common.h"
 #include "server/cli/terminal.h"
 #include "server/daemon/server_config.h"
@@ -76,6 +77,27 @@ DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks) {
   return options;
 }
 
+// What a daemon that works on the data folder says of this host.
+Check DaemonCheck(const std::string& data_dir) {
+  Check check{"daemon", CheckState::kOk, "", "", ""};
+  const absl::StatusOr<Json> health = Client(data_dir + "/myograde.sock").Get("/v1/health");
+  if (!health.ok()) {
+    check.found = absl::StrCat("none is at work on ", data_dir);
+    return check;
+  }
+  const std::string state = health->value("status", "");
+  check.found = absl::StrCat("process ", Cell(*health, "pid"), " is at work on ", data_dir);
+  if (state == "ok") return check;
+  check.state = CheckState::kMissing;
+  absl::StrAppend(&check.found, ", and says: ", Cell(*health, "message"));
+  check.costs = "no lease starts until it is over; what is submitted waits";
+  check.todo = state == "paused"
+                   ? "mend what the other checks or the reason name; the daemon tests the host "
+                     "again by itself"
+                   : "mend what the reason names; the daemon tries again by itself";
+  return check;
+}
+
 Json ChecksJson(const std::vector<Check>& checks, CheckState worst) {
   Json list = Json::array();
   for (const Check& check : checks) {
@@ -117,6 +139,7 @@ int Doctor(const DoctorVerb& verb) {
   }
   std::vector<Check> found = ExamineHost(options);
   checks.insert(checks.end(), found.begin(), found.end());
+  checks.push_back(DaemonCheck(options.data_dir));
   CheckState worst = CheckState::kOk;
   for (const Check& check : checks) worst = std::max(worst, check.state);
   if (verb.json) {
