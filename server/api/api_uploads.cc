@@ -9,6 +9,7 @@
 
 #include "server/api/api.h"
 #include "server/artefact/artefact.h"
+#include "server/artefact/unpack_process.h"
 
 namespace myograde::server {
 namespace {
@@ -51,6 +52,7 @@ absl::Status Settle(const std::string& fresh, const std::string& place) {
 }  // namespace
 
 absl::StatusOr<ArtefactRow> Api::Receive(const httplib::ContentReader& content, bool& is_new) {
+  const absl::Duration deadline = clock_.Monotonic() + options_.config.http.upload;
   const std::string name = absl::StrCat(options_.data_dir, "/spool/", ++upload_names_);
   const std::string archive = name + ".archive";
   const std::string folder = name + ".folder";
@@ -83,7 +85,12 @@ absl::StatusOr<ArtefactRow> Api::Receive(const httplib::ContentReader& content, 
   }
   const ArtefactLimits limits{.bytes = options_.config.artefacts.bytes,
                               .files = options_.config.artefacts.files};
-  absl::StatusOr<Artefact> artefact = UnpackArtefact(archive, folder, limits);
+  // A second is kept for the answer.
+  const absl::Duration left = deadline - clock_.Monotonic() - absl::Seconds(1);
+  const UnpackBudget budget{
+      .time = std::max(left, absl::Seconds(1)),
+      .memory_bytes = options_.config.artefacts.unpack_memory_bytes};
+  absl::StatusOr<Artefact> artefact = UnpackInProcess(archive, folder, limits, budget);
   if (!artefact.ok()) return artefact.status();
   const ArtefactRow row{artefact->digest,            artefact->manifest.name,
                         artefact->manifest.command,  artefact->manifest.runtimes,

@@ -2,12 +2,15 @@
 
 #include <CLI/CLI.hpp>
 
+#include "server/artefact/unpack_process.h"
 #include "server/daemon/daemon.h"
 
 int main(int argc, char** argv) {
   // Exit status as everywhere in the project: 2 wrong use, 4 the grader or its host is in trouble.
   constexpr int kWrongUse = 2;
   constexpr int kTrouble = 4;
+  // The daemon starts copies of itself that unpack one upload each.
+  if (int status = 0; myograde::server::RunUnpackProcess(argc, argv, status)) return status;
   myograde::server::DaemonOptions options;
   CLI::App app{"The MyoGrade daemon: takes submissions over a Unix socket, plays and ranks them.\n"
                "Example: myograded --data ~/myograde-data"};

@@ -55,6 +55,8 @@ absl::Status ReadArtefacts(const nlohmann::json& json, const std::string& where,
   config.artefacts.archive_bytes = reader.Integer("archive_bytes", 4096, kTiB);
   config.artefacts.bytes = reader.Integer("bytes", 4096, kTiB);
   config.artefacts.files = reader.Integer("files", 1, 10'000'000);
+  config.artefacts.unpack_memory_bytes =
+      reader.Integer("unpack_memory_bytes", int64_t{128} << 20, kTiB);
   config.artefacts.uploads = static_cast<int>(reader.Integer("uploads", 1, 1000));
   return reader.Finish();
 }

@@ -27,6 +27,7 @@ struct UploadLimits {
   int64_t archive_bytes = 0;
   int64_t bytes = 0;
   int64_t files = 0;
+  int64_t unpack_memory_bytes = 0;
   int uploads = 0;  // at once
 };
 
