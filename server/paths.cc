@@ -10,6 +10,26 @@
 #include <absl/strings/str_cat.h>
 
 namespace myograde::server {
+namespace {
+
+std::string UsualDir(const char* of_root, const char* variable, const char* in_home) {
+  if (::geteuid() == 0) return of_root;
+  // The XDG rules: a relative path there is to be ignored.
+  const char* folder = std::getenv(variable);
+  if (folder != nullptr && *folder == '/') return absl::StrCat(folder, "/myograde");
+  const char* home = std::getenv("HOME");
+  return absl::StrCat(home != nullptr && *home == '/' ? home : "", "/", in_home, "/myograde");
+}
+
+}  // namespace
+
+std::string UsualDataDir() {
+  return UsualDir("/var/lib/myograde", "XDG_DATA_HOME", ".local/share");
+}
+
+std::string UsualCacheDir() {
+  return UsualDir("/var/cache/myograde", "XDG_CACHE_HOME", ".cache");
+}
 
 absl::StatusOr<std::string> BinDir() {
   if (const char* dir = std::getenv("MYOGRADE_BIN_DIR"); dir != nullptr && *dir != '\0') {

@@ -16,4 +16,9 @@ absl::StatusOr<std::string> BinDir();
 // (an installed MyoGrade), else the source tree's configs/.
 std::string ConfigDir();
 
+// Where data and caches lie if nobody says otherwise: /var/lib/myograde and
+// /var/cache/myograde for root, the XDG folders for other users.
+std::string UsualDataDir();
+std::string UsualCacheDir();
+
 }  // namespace myograde::server

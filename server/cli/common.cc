@@ -9,46 +9,22 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
-#include <set>
 #include <sstream>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/config_reader.h"
+#include "protocol/track_config.h"
 #include "server/paths.h"
 
 namespace myograde::server {
 namespace {
 
-constexpr size_t kMaxSeeds = 10'000;
 constexpr size_t kMaxSeedFileBytes = 1 << 20;
 
 std::string Environment(const char* name) {
   const char* value = std::getenv(name);
   return value == nullptr ? "" : value;
-}
-
-// The user's folder by the XDG rules: `variable`, or `below_home` in the home.
-std::string UserFolder(const char* variable, const char* below_home) {
-  const std::string folder = Environment(variable);
-  if (folder.starts_with('/')) return folder + "/myograde";
-  return Environment("HOME") + "/" + below_home + "/myograde";
-}
-
-absl::StatusOr<std::vector<uint64_t>> SeedsOfJson(const nlohmann::json& json,
-                                                  const std::string& path) {
-  if (!json.is_array()) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": must hold an array of seeds"));
-  }
-  std::vector<uint64_t> seeds;
-  for (const nlohmann::json& seed : json) {
-    if (!seed.is_number_unsigned()) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          path, ": ", seed.dump().substr(0, 40), " is no seed; seeds are whole numbers from 0 up"));
-    }
-    seeds.push_back(seed.get<uint64_t>());
-  }
-  return seeds;
 }
 
 absl::StatusOr<std::vector<uint64_t>> SeedsOfLines(const std::string& text,
@@ -112,7 +88,7 @@ void PrintJson(const nlohmann::json& json) {
 std::string DataDir(const std::string& option) {
   if (!option.empty()) return option;
   if (const std::string folder = Environment("MYOGRADE_DATA"); !folder.empty()) return folder;
-  return ::geteuid() == 0 ? "/var/lib/myograde" : UserFolder("XDG_DATA_HOME", ".local/share");
+  return UsualDataDir();
 }
 
 std::string CacheDir(const std::string& option) {
@@ -120,7 +96,7 @@ std::string CacheDir(const std::string& option) {
   if (const std::string folder = Environment("MYOGRADE_CACHE"); !folder.empty()) {
     return std::filesystem::absolute(folder).string();
   }
-  return ::geteuid() == 0 ? "/var/cache/myograde" : UserFolder("XDG_CACHE_HOME", ".cache");
+  return UsualCacheDir();
 }
 
 std::string SocketPath(const std::string& socket_option, const std::string& data_option) {
@@ -156,31 +132,15 @@ absl::StatusOr<std::vector<uint64_t>> ReadSeeds(const std::string& path) {
   if (text.size() > kMaxSeedFileBytes) {
     return absl::InvalidArgumentError(absl::StrCat(path, ": is too large for a seed file"));
   }
-  absl::StatusOr<std::vector<uint64_t>> seeds = std::vector<uint64_t>();
   const size_t begin = text.find_first_not_of(" \t\r\n");
-  if (begin != std::string::npos && text[begin] == '[') {
+  if (begin != std::string::npos && (text[begin] == '[' || text[begin] == '{')) {
     const absl::StatusOr<nlohmann::json> json = ParseJson(text, path);
     if (!json.ok()) return json.status();
-    seeds = SeedsOfJson(*json, path);
-  } else {
-    seeds = SeedsOfLines(text, path);
+    return ParseSeeds(*json, path);
   }
-  if (!seeds.ok()) return seeds;
-  if (seeds->empty() || seeds->size() > kMaxSeeds) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": holds ", seeds->size(),
-                                                   " seeds; 1 to ", kMaxSeeds, " are allowed"));
-  }
-  std::set<uint64_t> seen;
-  for (const uint64_t seed : *seeds) {
-    if (seed > INT64_MAX) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(path, ": the seed ", seed, " is above 2^63-1"));
-    }
-    if (!seen.insert(seed).second) {
-      return absl::InvalidArgumentError(absl::StrCat(path, ": the seed ", seed, " is there twice"));
-    }
-  }
-  return seeds;
+  const absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOfLines(text, path);
+  if (!seeds.ok()) return seeds.status();
+  return ParseSeeds(nlohmann::json(*seeds), path);
 }
 
 absl::StatusOr<TempFolder> TempFolder::Make(const std::string& purpose) {

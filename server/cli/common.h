@@ -65,7 +65,8 @@ struct HostOptions {
 void AddHostOptions(CLI::App& verb, HostOptions& options);
 
 // Reads a seed list: whole numbers from 0 to 2^63-1 without repetition, 1 to
-// 10,000 of them, as a JSON array or one a line ('#' begins a comment).
+// 10,000 of them, as ParseSeeds takes them in JSON or one a line ('#' begins a
+// comment).
 absl::StatusOr<std::vector<uint64_t>> ReadSeeds(const std::string& path);
 
 // A folder below TMPDIR that is removed with everything in it.

@@ -25,33 +25,12 @@ std::string FromEnvironment(const char* name) {
   return value == nullptr ? "" : value;
 }
 
-// A folder for everybody's use: root's place, or one in the user's home.
-absl::StatusOr<std::string> UsualFolder(const char* root, const char* xdg, const char* in_home) {
-  if (geteuid() == 0) return std::string(root);
-  // The XDG rules: a relative path there is to be ignored.
-  if (const std::string base = FromEnvironment(xdg); base.starts_with('/')) {
-    return base + "/myograde";
-  }
-  const std::string home = FromEnvironment("HOME");
-  if (!home.starts_with('/')) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("neither ", xdg, " nor HOME says where to keep things; set one, or give "
-                     "--data and --cache"));
-  }
-  return absl::StrCat(home, "/", in_home, "/myograde");
-}
-
-absl::Status Fill(std::string& option, const char* variable,
-                  const std::function<absl::StatusOr<std::string>()>& usual) {
+// What the option says, else the environment, else the usual folder.
+void Fill(std::string& option, const char* variable, const std::function<std::string()>& usual) {
   if (option.empty()) option = FromEnvironment(variable);
-  if (option.empty()) {
-    absl::StatusOr<std::string> path = usual();
-    if (!path.ok()) return path.status();
-    option = *std::move(path);
-  }
+  if (option.empty()) option = usual();
   option = fs::absolute(option).lexically_normal();
   if (option.size() > 1 && option.ends_with('/')) option.pop_back();
-  return absl::OkStatus();
 }
 
 // The data folder is the daemon's alone: its secret and everybody's submissions lie in it.
@@ -110,19 +89,10 @@ class SignalGuard {
 
 }  // namespace
 
-absl::StatusOr<DaemonOptions> WithDefaults(DaemonOptions options) {
-  absl::Status status = Fill(options.data_dir, "MYOGRADE_DATA", [] {
-    return UsualFolder("/var/lib/myograde", "XDG_DATA_HOME", ".local/share");
-  });
-  if (status.ok()) {
-    status = Fill(options.cache_dir, "MYOGRADE_CACHE", [] {
-      return UsualFolder("/var/cache/myograde", "XDG_CACHE_HOME", ".cache");
-    });
-  }
-  if (status.ok()) {
-    status = Fill(options.configs_dir, "MYOGRADE_CONFIG_DIR", ConfigDir);
-  }
-  if (!status.ok()) return status;
+DaemonOptions WithDefaults(DaemonOptions options) {
+  Fill(options.data_dir, "MYOGRADE_DATA", UsualDataDir);
+  Fill(options.cache_dir, "MYOGRADE_CACHE", UsualCacheDir);
+  Fill(options.configs_dir, "MYOGRADE_CONFIG_DIR", ConfigDir);
   if (options.socket.empty()) options.socket = options.data_dir + "/myograde.sock";
   options.socket = fs::absolute(options.socket).lexically_normal();
   // The runners that this process starts read the sandboxes' configs there too.

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include <absl/status/statusor.h>
+#include <absl/status/status.h>
 
 namespace myograde::server {
 
@@ -18,8 +18,8 @@ struct DaemonOptions {
 // root and the XDG data folder for others; --configs from MYOGRADE_CONFIG_DIR, else
 // the folder that the program was built with; --cache from MYOGRADE_CACHE, else
 // /var/cache/myograde for root and the XDG cache folder for others. Paths are
-// made absolute. InvalidArgumentError if the home folder is not known.
-absl::StatusOr<DaemonOptions> WithDefaults(DaemonOptions options);
+// made absolute.
+DaemonOptions WithDefaults(DaemonOptions options);
 
 // Serves until SIGTERM or SIGINT. OkStatus() after an orderly stop; an error
 // says why it could not start, or why it could not go on.

@@ -29,12 +29,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kWrongUse;
   }
-  const auto filled = myograde::server::WithDefaults(options);
-  if (!filled.ok()) {
-    std::cerr << "myograded: " << filled.status().message() << "\n";
-    return kWrongUse;
-  }
-  const absl::Status status = myograde::server::RunDaemon(*filled);
+  const absl::Status status = myograde::server::RunDaemon(myograde::server::WithDefaults(options));
   if (status.ok()) return 0;
   std::cerr << "myograded: " << status.message() << "\n";
   return kTrouble;

@@ -182,9 +182,10 @@ class CliTest(unittest.TestCase):
 
     def test_bad_seed_files(self):
         program = self.path("program", "#!/bin/sh\n", 0o755)
-        for text, sentence in (("", "holds 0 seeds"), ("1\n1\n", "twice"), ("1\nx\n", "line 2"),
-                               ("-1\n", "line 1"), ("[1, 2.5]", "no seed"), ("[1", "JSON"),
-                               (str(2**63), "above 2^63-1")):
+        for text, sentence in (("", "has 0 seeds"), ("1\n1\n", "twice"), ("1\nx\n", "line 2"),
+                               ("-1\n", "line 1"), ("[1, 2.5]", "entry 1 is 2.5"), ("[1", "JSON"),
+                               (str(2**63), "must be a whole number from 0"),
+                               ('{"first": 1}', "count")):
             self.refused(2, sentence, "local", program, "--track", "manipulation", "--seeds",
                          self.path("seeds", text))
 
