@@ -1,0 +1,77 @@
+// What clients send to the API: bodies in JSON and parameters of addresses.
+#include "protocol/config_reader.h"
+#include "protocol/track_config.h"
+#include "server/api/requests.h"
+#include "tests/fuzz/fuzz.h"
+
+using namespace myograde;
+using namespace myograde::server;
+using fuzz::Require;
+
+namespace {
+
+void CheckText(const std::string& text, size_t max) {
+  Require(!text.empty() && text.size() <= max, "a text has its length");
+  for (const char c : text) {
+    Require(static_cast<unsigned char>(c) >= 0x20 && c != 0x7f, "a text can be shown");
+  }
+}
+
+void CheckSubmit(const nlohmann::json& body) {
+  const absl::StatusOr<SubmitRequest> request = ParseSubmit(body);
+  if (!request.ok()) return;
+  CheckText(request->team, 64);
+  Require(request->artefact.size() == 64, "an artefact's id is a hash");
+  Require(!request->episodes || (*request->episodes >= 1 && *request->episodes <= kMaxEpisodes),
+          "episodes are in range");
+  Require(!request->seeds || (!request->seeds->empty() &&
+                              static_cast<int64_t>(request->seeds->size()) <= kMaxEpisodes),
+          "seeds are in range");
+}
+
+void CheckRerun(const nlohmann::json& body) {
+  const absl::StatusOr<RerunRequest> request = ParseRerun(body);
+  if (!request.ok()) return;
+  Require(request->first.has_value() == request->last.has_value(), "both ends or none");
+  if (!request->first) return;
+  Require(*request->first >= 0 && *request->first <= *request->last &&
+              *request->last < kMaxEpisodes, "a range is one");
+}
+
+void CheckFilter(const std::string& query) {
+  httplib::Request request;
+  httplib::detail::parse_query_text(query, request.params);
+  const absl::StatusOr<SubmissionFilter> filter = ParseFilter(request);
+  if (!filter.ok()) return;
+  Require(filter->limit >= 1 && filter->limit <= 1000 && filter->before >= 1,
+          "a page is bounded");
+}
+
+}  // namespace
+
+// The first byte chooses the kind of request.
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  fuzz::Input input(data, size);
+  const uint8_t kind = input.Byte();
+  const std::string text = input.RestText();
+  if (kind % 4 == 3) {
+    CheckFilter(text);
+    return 0;
+  }
+  const absl::StatusOr<nlohmann::json> body = ParseJson(text, "request");
+  if (!body.ok()) return 0;
+  switch (kind % 4) {
+    case 0:
+      CheckSubmit(*body);
+      break;
+    case 1:
+      CheckRerun(*body);
+      break;
+    default:
+      if (const absl::StatusOr<std::string> reason = ParseCancel(*body); reason.ok()) {
+        CheckText(*reason, 200);
+      }
+      break;
+  }
+  return 0;
+}
