@@ -56,15 +56,17 @@ bool IsPlainText(const std::string& text, size_t max) {
   for (size_t i = 0; i < text.size();) {
     const auto byte = static_cast<unsigned char>(text[i]);
     const size_t more = byte < 0x80 ? 0 : byte >= 0xf0 ? 3 : byte >= 0xe0 ? 2 : 1;
-    if (i + more >= text.size()) return false;
+    if (i + more >= text.size() || (byte >= 0x80 && byte < 0xc2)) return false;
     uint32_t c = more == 0 ? byte : byte & (0x3fu >> more);
     for (size_t k = 1; k <= more; ++k) {
-      c = c << 6 | (static_cast<unsigned char>(text[i + k]) & 0x3fu);
+      const auto next = static_cast<unsigned char>(text[i + k]);
+      if ((next & 0xc0) != 0x80) return false;
+      c = c << 6 | (next & 0x3fu);
     }
     if (IsHarmful(c)) return false;
     i += more + 1;
   }
-  return true;  // nlohmann-json has refused what is not UTF-8 at all
+  return true;
 }
 
 absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body) {

@@ -57,9 +57,10 @@ bool Limit(int resource, int64_t value) {
 }
 
 absl::Status LimitThisProcess(int64_t memory_bytes, pid_t parent) {
-  // Dies with the thread that waits for it.
-  bool done = ::prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && ::getppid() == parent &&
-              ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && Limit(RLIMIT_CORE, 0);
+  // Dies with the thread that waits for it, even if that was gone before this line.
+  bool done = ::prctl(PR_SET_PDEATHSIG, SIGKILL) == 0;
+  if (::getppid() != parent) return absl::CancelledError("nobody waits for the unpacking any more");
+  done = done && ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && Limit(RLIMIT_CORE, 0);
 #if !defined(__SANITIZE_ADDRESS__)  // its shadow takes terabytes of addresses
   done = done && Limit(RLIMIT_AS, memory_bytes);
 #else
