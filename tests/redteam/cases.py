@@ -14,7 +14,7 @@ TIME = (
     Case(1, "busy loop before the handshake", "c01_spins_before_hello.py",
          (Variant(expect=("init_timeout",), track="rt-start", limit="startup_s", wall_s=6),), True),
     Case(2, "busy loop in a step", "c02_spins_in_a_step.py",
-         (Variant(expect=("step_timeout",), steps=3, limit="step_s"),), True),
+         (Variant(expect=("step_timeout",), track="rt-spin", steps=3, limit="step_s"),), True),
     Case(3, "sleeps for ever", "c03_sleeps.py",
          each(("sleep", "pause", "select"), expect=SLEEPER, steps=3, limit="wall_factor")
          + (Variant(("naps",), expect=SLEEPER, track="rt-lease", limit="lease_wall_s"),)),

@@ -36,6 +36,7 @@ def _track(base="locomotion", **budgets):
 TRACKS = {
     "rt": _track(),
     "rt-start": _track(startup_s=4),
+    "rt-spin": _track(wall_factor=60),  # a busy host gives a spinner little of its time
     "rt-patient": _track(overtime_s=10),
     "rt-lease": _track(lease_wall_s=8),
     "rt-cpu": _track(lease_cpu_s=3, overtime_s=10),
