@@ -1,7 +1,6 @@
 #include "server/api/requests.h"
 
 #include <algorithm>
-#include <set>
 
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
@@ -19,27 +18,6 @@ constexpr size_t kMaxReasonBytes = 200;
 
 bool IsHash(const std::string& text) {
   return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string::npos;
-}
-
-std::vector<uint64_t> ReadSeeds(ConfigReader& reader) {
-  std::vector<uint64_t> seeds;
-  std::set<uint64_t> seen;
-  for (const nlohmann::json& entry : reader.Array("seeds")) {
-    const bool whole = entry.is_number_unsigned() && entry.get<uint64_t>() <= INT64_MAX;
-    if (!whole) {
-      reader.Fail("seeds", absl::StrCat("holds ", entry.dump().substr(0, 40),
-                                        ", each must be a whole number from 0 to 2^63 - 1"));
-      continue;
-    }
-    if (!seen.insert(entry.get<uint64_t>()).second) {
-      reader.Fail("seeds", absl::StrCat("holds ", entry.dump(), " twice"));
-    }
-    seeds.push_back(entry.get<uint64_t>());
-  }
-  if (seeds.empty() || static_cast<int64_t>(seeds.size()) > kMaxEpisodes) {
-    reader.Fail("seeds", absl::StrCat("must hold 1 to ", kMaxEpisodes, " numbers"));
-  }
-  return seeds;
 }
 
 // Code points that would change how a board or a terminal shows what surrounds them.
@@ -76,7 +54,7 @@ absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body) {
   request.team = reader.String("team");
   request.track = reader.String("track");
   if (reader.Has("profile")) request.profile = reader.String("profile");
-  if (reader.Has("seeds")) request.seeds = ReadSeeds(reader);
+  const nlohmann::json* seeds = reader.Has("seeds") ? &reader.Array("seeds") : nullptr;
   if (reader.Has("episodes")) request.episodes = reader.Integer("episodes", 1, kMaxEpisodes);
   if (!IsHash(request.artefact)) {
     reader.Fail("artefact", "must be the id of an artefact: 64 lower-case hexadecimal digits");
@@ -86,6 +64,11 @@ absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body) {
                                      "control characters, without a space at its ends"));
   }
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  if (seeds != nullptr) {
+    absl::StatusOr<std::vector<uint64_t>> parsed = ParseSeeds(*seeds, "request: \"seeds\"");
+    if (!parsed.ok()) return parsed.status();
+    request.seeds = *std::move(parsed);
+  }
   return request;
 }
 
