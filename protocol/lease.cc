@@ -98,6 +98,7 @@ nlohmann::json LeaseOrderToJson(const LeaseOrder& order) {
           {"episodes", std::move(episodes)},
           {"uid", order.uid},
           {"slot", order.slot},
+          {"pinned", order.pinned},
           {"work_dir", order.work_dir},
           {"cache_dir", order.cache_dir},
           {"log_dir", order.log_dir}};
@@ -115,6 +116,7 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
   const Json& episodes = reader.Array("episodes");
   order.uid = reader.Integer("uid", -1, INT32_MAX);
   order.slot = reader.Integer("slot", 0, INT32_MAX);
+  order.pinned = reader.Boolean("pinned");
   order.work_dir = reader.String("work_dir");
   order.cache_dir = reader.String("cache_dir");
   order.log_dir = reader.String("log_dir");

@@ -84,6 +84,7 @@ LeaseOrder LocalRun::OrderFor(const Lease& lease) const {
   }
   order.uid = ::geteuid() == 0 ? order_.config.uid_base + kLocalUidOffset + lease.slot : -1;
   order.slot = lease.slot;
+  order.pinned = PinsSlots(order_.config, order_.slots, order.track);
   order.work_dir = lease.work_dir;
   order.cache_dir = order_.cache_dir;
   return order;

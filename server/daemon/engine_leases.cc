@@ -38,6 +38,7 @@ LeaseOrder EngineCore::OrderFor(const LeaseRun& run) const {
   }
   order.uid = UidOf(run.slot);
   order.slot = run.slot;
+  order.pinned = PinsSlots(options_.config, options_.config.scheduler.slots, order.track);
   order.work_dir = run.work_dir;
   order.cache_dir = options_.cache_dir;
   return order;

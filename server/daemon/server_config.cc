@@ -82,6 +82,11 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
 
 }  // namespace
 
+bool PinsSlots(const ServerConfig& config, int slots, const TrackConfig& track) {
+  return config.pin_slots && track.budgets.cpus <= 1 &&
+         static_cast<unsigned>(slots) >= std::thread::hardware_concurrency();
+}
+
 absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
                                               const std::string& cache_dir) {
   absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
@@ -90,6 +95,7 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   ServerConfig config;
   config.scheduler.slots = ReadSlots(reader, *json);
   config.uid_base = reader.Integer("uid_base", 1000, 2'000'000'000);
+  config.pin_slots = reader.Boolean("pin_slots");
   config.log_level = reader.Choice("log_level", {"debug", "info", "warn", "error"});
   const nlohmann::json& runtimes = reader.Object("runtimes");
   const nlohmann::json& scheduler = reader.Object("scheduler");

@@ -8,6 +8,7 @@
 #include <absl/status/statusor.h>
 #include <absl/time/time.h>
 
+#include "protocol/track_config.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
 
@@ -37,11 +38,16 @@ struct ServerConfig {
   absl::Duration self_test_deadline;
   absl::Duration lease_grace;
   int64_t uid_base = 0;
+  bool pin_slots = false;
   std::map<std::string, std::string> runtimes;  // name to host folder
   UploadLimits artefacts;
   HttpLimits http;
   std::string log_level;
 };
+
+// Whether slots of a track keep to one processor each: all processors have a slot, and the track's
+// policies have one processor.
+bool PinsSlots(const ServerConfig& config, int slots, const TrackConfig& track);
 
 // Reads `path`; `cache_dir` stands for ${cache} in it. Every key must be there;
 // the error names the file and the key. A runtime's folder is not looked for
