@@ -42,7 +42,9 @@ void EngineCore::EndSelfTest(const std::string& fault) {
   const LeaseOrder order = test_->order();
   std::unique_ptr<Runner> runner = test_->TakeRunner();
   test_ = nullptr;
-  if (fault.empty()) {
+  if (stopping_) {
+    spdlog::info("self-test ended with the daemon");
+  } else if (fault.empty()) {
     spdlog::info("self-test passed");
   } else {
     spdlog::error("self-test failed: {}", fault);

@@ -1,11 +1,14 @@
 #include "server/daemon/self_test.h"
 
+#include <sys/wait.h>
+
 #include <absl/strings/str_cat.h>
 
 namespace myograde::server {
 namespace {
 
 constexpr int kExitStatus = 7;
+constexpr int kWaitStatus = W_EXITCODE(kExitStatus, 0);  // as records tell it
 
 }  // namespace
 
@@ -54,7 +57,7 @@ std::string SelfTest::Verdict() const {
   }
   if (!end_->ok) return end_->detail;
   if (!facts_.has_value()) return "no episode was recorded";
-  if (facts_->fault.outcome != Outcome::kCrash || facts_->fault.value != kExitStatus) {
+  if (facts_->fault.outcome != Outcome::kCrash || facts_->fault.value != kWaitStatus) {
     return absl::StrCat("its policy ends at once with status ", kExitStatus,
                         ", and the record says otherwise: ",
                         facts_->fault.detail.empty() ? std::string("no fault")

@@ -47,7 +47,7 @@ def episode(order, mode):
     if mode in ("crash", "-c"):
         record.update(end="fault", fault={
             "outcome": "crash", "limit": "", "limit_value": 0.0,
-            "value": 7.0 if mode == "-c" else 139.0, "step": 7,
+            "value": 7.0 * 256 if mode == "-c" else 139.0, "step": 7,
             "detail": "the policy died of signal 11"})
     return record
 

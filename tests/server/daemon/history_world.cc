@@ -82,7 +82,7 @@ void FakeRunner::WriteScript(const LeaseOrder& order) {
     if (self_test) {
       facts.end = EpisodeEnd::kFault;
       facts.fault.outcome = Outcome::kCrash;
-      facts.fault.value = 7;
+      facts.fault.value = 7 << 8;
     }
     if (tape.Happens(4)) continue;                                   // the record is lost
     if (tape.Happens(4)) facts.seed += 1;                            // of something else

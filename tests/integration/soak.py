@@ -1,0 +1,200 @@
+"""Random kills for some minutes, and then the board that undisturbed play gives.
+
+Two daemons get the same submissions of several teams: one is left alone; of the other one the
+daemon, the runners and the simulators are killed or stopped at random. In the end both must
+have the same rows, the same hashes and the same board.
+
+usage: soak.py MINUTES [SEED]   (with the environment of CMakeLists.txt; root or not)
+"""
+
+import json
+import os
+import pathlib
+import random
+import signal
+import sqlite3
+import sys
+import time
+
+from system import POLICIES, SystemTest, track_config
+
+TRACK = "soak"
+SECRET = bytes(range(32))  # seeds of the policies are a function of it, so both stores share it
+# A bridge lives in the participant's sandbox: its death is a crash there and belongs to the
+# result. disturbed_test.py kills one; here it would make another result, and rightly so.
+KINDS = ("myograde-runner", "myograde-sim", "myograded", "stop-runner", "stop-sim")
+
+
+def processes_below(root):
+    """Ids and names of all processes that descend from a process."""
+    children = {}
+    names = {}
+    for entry in pathlib.Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            stat = (entry / "stat").read_text()
+        except OSError:
+            continue  # it ended
+        name = stat[stat.index("(") + 1:stat.rindex(")")]
+        parent = int(stat[stat.rindex(")") + 2:].split()[1])
+        children.setdefault(parent, []).append(int(entry.name))
+        names[int(entry.name)] = name
+    found = []
+    queue = [root]
+    while queue:
+        for child in children.get(queue.pop(), []):
+            found.append((child, names[child]))
+            queue.append(child)
+    return found
+
+
+class Host(SystemTest):
+    """A daemon on folders of its own."""
+
+    @classmethod
+    def make(cls, slots):
+        # The class attributes that SystemTest works on, once for each host.
+        host = type("Host", (Host,), {"tracks": {TRACK: track_config(
+            "locomotion", seeds={"first": 400, "count": 8}, episodes_per_lease=2,
+            budgets={"startup_s": 120})}})
+        host.setUpClass()
+        path = host.root / "configs" / "server.json"
+        config = json.loads(path.read_text())
+        config["slots"] = slots
+        config["uid_base"] += 512 if slots == 1 else 0
+        # Kills come faster here than faults ever do: the most replays that can be configured.
+        config["scheduler"].update(heartbeat_s=4, replay_delay_s=0.1, max_replays=100,
+                                   self_test_every_s=5)
+        path.write_text(json.dumps(config))
+        path = host.root / "configs" / "sandbox" / "sim.json"
+        path.write_text(json.dumps({**json.loads(path.read_text()), "silence_s": 10}))
+        host.start_daemon()
+        host.stop_daemon()
+        with sqlite3.connect(host.data / "store.db") as store:
+            store.execute("UPDATE meta SET value = ? WHERE key = 'policy_secret'", (SECRET,))
+        store.close()
+        host.start_daemon()
+        return host
+
+    @classmethod
+    def submit(cls, policy, team):
+        return cls.ask("submit", POLICIES / policy, "--track", TRACK, "--team",
+                       team)["submission"]
+
+    @classmethod
+    def results(cls, submissions):
+        """Rows, hashes and the board, without what clocks and loads decide."""
+        found = {}
+        for submission in submissions:
+            result = cls.ask("show", submission, "--episodes")
+            rows = [(row["index"], row["outcome"], row["digest"], row["steps"], row["metrics"])
+                    for row in result["episode_rows"]]
+            found[submission] = {"rows": rows, "state": result["state"],
+                                 "hash": result["hashes"]["results"],
+                                 "not_repeatable": result["not_repeatable"]}
+        board = cls.ask("leaderboard", "--track", TRACK)["rows"]
+        found["board"] = [(row["rank"], row["team"], row["submission"], row["aggregate"])
+                          for row in board]
+        return found
+
+    @classmethod
+    def wait_all(cls, submissions, limit_s):
+        deadline = time.monotonic() + limit_s
+        open_ = set(submissions)
+        while open_:
+            for submission in sorted(open_):
+                state = cls.ask("status", submission)["state"]
+                if state not in ("queued", "running"):
+                    open_.discard(submission)
+            if time.monotonic() > deadline:
+                raise AssertionError(f"submissions {sorted(open_)} have not ended")
+            time.sleep(0.5)
+
+
+def submissions_of(host, rounds):
+    """The same ones in the same order on every host."""
+    made = []
+    for number in range(rounds):
+        policy = ("zero", "random", "scripted-locomotion")[number % 3]
+        made.append(host.submit(policy, f"team {number % 4}, {policy}"))
+    return made
+
+
+def disturb(host, chance):
+    """One random blow. Its name."""
+    kind = chance.choice(KINDS)
+    if kind == "myograded":
+        host.stop_daemon(chance.choice((signal.SIGKILL, signal.SIGTERM)))
+        host.start_daemon()
+        return kind
+    name = kind.replace("stop-", "myograde-")
+    # The kernel keeps 15 characters of a name.
+    found = [pid for pid, told in processes_below(host.daemon.pid) if told == name[:15]]
+    if not found:
+        return None
+    try:
+        os.kill(chance.choice(found),
+                signal.SIGSTOP if kind.startswith("stop-") else signal.SIGKILL)
+    except ProcessLookupError:
+        return None
+    return kind
+
+
+def soak(minutes, seed, rounds=6):
+    chance = random.Random(seed)
+    blows = {}
+    calm, shaken = Host.make(slots=1), Host.make(slots=2)
+    try:
+        expected_ids = submissions_of(calm, rounds)
+        calm.wait_all(expected_ids, 1800)
+        expected = calm.results(expected_ids)
+        calm.stop_daemon()
+        end = time.monotonic() + minutes * 60
+        turns = 0
+        while time.monotonic() < end:
+            turns += 1
+            if turns > 1:  # a store of its own for each turn
+                shaken.tearDownClass()
+                shaken = Host.make(slots=2)
+            ids = submissions_of(shaken, rounds)
+            states = {}
+            while time.monotonic() < end + 600:
+                time.sleep(chance.uniform(0.2, 2.5))
+                blow = disturb(shaken, chance)
+                blows[blow] = blows.get(blow, 0) + 1
+                states = {i: shaken.ask("status", i)["state"] for i in ids}
+                if not any(state in ("queued", "running") for state in states.values()):
+                    break
+                if time.monotonic() > end:
+                    break  # from here on undisturbed
+            shaken.wait_all(ids, 1800)
+            found = shaken.results(ids)
+            if found != expected:
+                for key, value in expected.items():
+                    if found[key] != value:
+                        print(f"{key}: expected {value}\nfound {found[key]}", file=sys.stderr)
+                raise AssertionError("the disturbed results are not the undisturbed ones")
+            with sqlite3.connect(shaken.data / "store.db") as store:
+                faults, tries = store.execute(
+                    "SELECT sum(faults), sum(attempt) FROM lease").fetchone()
+            store.close()
+            print(f"turn {turns}: {len(ids)} submissions equal; {tries} leases started, "
+                  f"{faults} taken back; blows so far: {blows}", flush=True)
+        return blows
+    finally:
+        for host in (calm, shaken):
+            host.tearDownClass()
+
+
+def main():
+    if len(sys.argv) not in (2, 3):
+        sys.exit(__doc__)
+    seed = int(sys.argv[2]) if len(sys.argv) == 3 else int(time.time())
+    print(f"seed {seed}", flush=True)
+    soak(float(sys.argv[1]), seed)
+    print("the board is the undisturbed one")
+
+
+if __name__ == "__main__":
+    main()
