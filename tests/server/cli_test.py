@@ -93,7 +93,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
 COUNTS = {"total": 2, "done": 2, "success": 1, "failure": 1, "fault": 0}
 STATUS = {"submission": 7, "team": "alpha", "track": "t", "profile": "paper", "artefact": "a" * 64,
           "name": "walker", "ranked": True, "state": "done", "evaluation": 9, "episodes": COUNTS,
-          "queue": None, "waiting": None, "reason": None, "leases": [], "evaluations": []}
+          "queue": None, "waiting": None, "reason": None, "leases": [], "evaluations": [],
+          "owner": None, "deadline_at": None, "estimated_end_at": None, "history": []}
 AGGREGATE = {"episodes": 2, "successes": 1, "success_rate": 0.5, "time_s": 7.5, "effort": 0.03,
              "pain": None, "distance_m": None}
 RESULT = {"evaluation": 9, "submission": 7, "kind": "original", "team": "alpha", "track": "t",
@@ -220,7 +221,8 @@ class CliTest(unittest.TestCase):
     def test_answers_of_the_daemon_keep_their_schemas(self):
         socket = self.serve({
             "GET /v1/submissions/7": (200, STATUS), "GET /v1/submissions/7/result": (200, RESULT),
-            "POST /v1/submissions/7/cancel": (200, STATUS),
+            "POST /v1/submissions/7/cancel": (200, {**STATUS, "cancel": {
+                "killed": 1, "still_ending": 0, "took_wall_s": 0.03}}),
             "POST /v1/artefacts": (201, {"artefact": "a" * 64}),
             "POST /v1/submissions": (201, STATUS),
             "GET /v1/leaderboard?track=t&board=main": (200, BOARD)})
