@@ -1,8 +1,10 @@
 #include "protocol/config_reader.h"
 
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <iterator>
 #include <memory>
 
 #include <absl/strings/str_cat.h>
@@ -210,11 +212,14 @@ absl::StatusOr<nlohmann::json> ReadJsonFile(const std::string& path, size_t max_
   if (!file) {
     return absl::NotFoundError(absl::StrCat(path, ": can't be opened; check the path"));
   }
+  // Piece by piece: room for the largest file costs more than reading the usual one.
   std::string text;
-  text.resize(max_bytes + 1);
-  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  std::array<char, 16 << 10> piece;
+  while (file && text.size() <= max_bytes) {
+    file.read(piece.data(), std::ssize(piece));
+    text.append(piece.data(), static_cast<size_t>(file.gcount()));
+  }
   if (file.bad()) return absl::UnavailableError(absl::StrCat(path, ": reading failed"));
-  text.resize(static_cast<size_t>(file.gcount()));
   if (text.size() > max_bytes) {
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": is larger than ", max_bytes, " bytes"));
