@@ -27,7 +27,7 @@ class SubmissionCase:
     number: int
     title: str
     run: Callable
-    quick: bool = True
+    quick: bool = True  # belongs to the quick form of the suite
 
 
 def _refused(name, done, statuses=(WRONG_USE,)):
@@ -233,7 +233,7 @@ def run_changing(suite):
 
 
 CASES = (
-    SubmissionCase(47, "archives that bomb, climb and lie", run_archives),
+    SubmissionCase(47, "archives that bomb, climb and lie", run_archives, quick=False),
     SubmissionCase(48, "manifests and limits that are none", run_manifests, quick=False),
     SubmissionCase(73, "a folder that changes while it is handed in", run_changing, quick=False),
 )

@@ -9,7 +9,8 @@ import hostile
 
 def by_signal(number):
     def attack(_player):
-        signal.signal(number, signal.SIG_DFL)
+        if number != signal.SIGKILL:
+            signal.signal(number, signal.SIG_DFL)
         os.kill(os.getpid(), number)
         time.sleep(10)
     return attack

@@ -10,6 +10,6 @@ int main(void) {
   const size_t size = 1u << 30;
   const int flags = MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE;
   char* block = mmap(NULL, size, PROT_READ | PROT_WRITE, flags, -1, 0);
-  if (block != MAP_FAILED) Report("pinned", mlock(block, size));
+  Report("pinned", block == MAP_FAILED ? -1 : mlock(block, size));
   BecomeHonest();
 }
