@@ -128,7 +128,9 @@ absl::Status ReadTrack(ConfigReader& reader, const Json& json, EpisodeFacts& fac
 }  // namespace
 
 nlohmann::json FaultEvidenceToJson(const FaultEvidence& evidence) {
-  Json json = {{"outcome", OutcomeName(evidence.outcome)}};
+  Json json = {{"outcome", OutcomeName(evidence.outcome)},
+               {"whose", FaultName(FaultOf(evidence.outcome))},
+               {"stderr_tail", evidence.stderr_tail}};
   VisitEvidence(evidence, Writer{json});
   return json;
 }
@@ -140,6 +142,9 @@ absl::StatusOr<FaultEvidence> FaultEvidenceFromJson(const nlohmann::json& json) 
   const auto outcome = ParseOutcome(reader.String("outcome"));
   if (!outcome.has_value()) reader.Fail("outcome", "is not the name of an outcome");
   VisitEvidence(evidence, Reader{reader});
+  reader.Ignore("whose");  // follows from the outcome
+  // Older records have none.
+  if (reader.Has("stderr_tail")) evidence.stderr_tail = reader.String("stderr_tail");
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   evidence.outcome = *outcome;
   return evidence;

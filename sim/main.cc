@@ -1,9 +1,11 @@
 // myograde-sim: plays one lease. Started by the runner, which hands it the
 // descriptors of protocol/sim_channel.h.
 //
-//   myograde-sim                          plays the lease whose order it inherits
+//   myograde-sim --allow CALLS            plays the lease whose order it inherits
+//   myograde-sim --allow CALLS --try      sets its system call filter and ends
 //   myograde-sim --compile-models CACHE   compiles and keeps the models of both tracks
 //
+// CALLS: names of the system calls that episodes may make, with commas between.
 // Exit status: 0 done, 1 the grader is in trouble (one sentence on stderr),
 // 2 wrong use.
 #include <sys/mman.h>
@@ -16,9 +18,11 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_split.h>
 
 #include "protocol/base/clock.h"
 #include "protocol/config_reader.h"
@@ -27,6 +31,7 @@
 #include "protocol/rules_locomotion.h"
 #include "protocol/rules_manipulation.h"
 #include "protocol/sim_channel.h"
+#include "sim/confine.h"
 #include "sim/episode/lease_player.h"
 #include "sim/factory.h"
 #include "sim/model/model.h"
@@ -74,7 +79,7 @@ absl::StatusOr<int64_t> MaxSteps(const TrackConfig& track) {
   return std::llround(rules->end.time_limit_s / ControlPeriod(track.kind));
 }
 
-absl::Status PlayLease() {
+absl::Status PlayLease(const std::vector<std::string>& system_calls) {
   absl::StatusOr<LeaseOrder> order = ReadOrder(kSimOrderFd);
   if (!order.ok()) return order.status();
   absl::StatusOr<int64_t> max_steps = MaxSteps(order->track);
@@ -84,19 +89,25 @@ absl::Status PlayLease() {
   if (!environment.ok()) return environment.status();
   LeasePlayer player(*order, **environment, *max_steps, kSimChannelFd, MapCpuPage(kSimCpuPageFd),
                      SystemClock());
+  // All files are read by now; what comes next is fed by a participant.
+  if (absl::Status status = AllowOnly(system_calls); !status.ok()) return status;
   return player.Play();
 }
 
 int Main(int argc, char** argv) {
+  const std::vector<std::string_view> words(argv + 1, argv + argc);
   absl::Status status;
-  if (argc == 1) {
-    status = PlayLease();
-  } else if (argc == 3 && std::string_view(argv[1]) == "--compile-models") {
-    status = CompileModels(argv[2]);
+  if (words.size() == 2 && words[0] == "--compile-models") {
+    status = CompileModels(std::string(words[1]));
+  } else if (words.size() >= 2 && words[0] == "--allow" &&
+             (words.size() == 2 || (words.size() == 3 && words[2] == "--try"))) {
+    const std::vector<std::string> calls = absl::StrSplit(argv[2], ',', absl::SkipEmpty());
+    status = words.size() == 2 ? PlayLease(calls) : AllowOnly(calls);
   } else {
     std::fprintf(stderr,
-                 "usage: myograde-sim                          (started by myograde-runner)\n"
-                 "       myograde-sim --compile-models CACHE   (compiles both tracks' models)\n");
+                 "usage: myograde-sim --allow CALLS           (started by myograde-runner)\n"
+                 "       myograde-sim --allow CALLS --try     (tries the system call filter)\n"
+                 "       myograde-sim --compile-models CACHE  (compiles both tracks' models)\n");
     return 2;
   }
   if (status.ok()) return 0;

@@ -34,6 +34,7 @@ struct FaultEvidence {
   double value = 0;        // what was measured, same unit
   int64_t step = -1;       // control step being played, -1 before the first
   std::string detail;      // one sentence: what, where, what to do
+  std::string stderr_tail;  // the last 4 KiB that the policy's run wrote there, printable
 };
 
 // Frames are control steps (100 Hz), counted over the episode and including

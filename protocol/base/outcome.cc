@@ -78,4 +78,13 @@ Fault FaultOf(Outcome outcome) {
   }
 }
 
+std::string_view FaultName(Fault fault) {
+  switch (fault) {
+    case Fault::kNobody: return "nobody";
+    case Fault::kParticipant: return "participant";
+    case Fault::kGrader: return "grader";
+  }
+  return "";
+}
+
 }  // namespace myograde

@@ -52,4 +52,7 @@ std::optional<FailureReason> ParseFailureReason(std::string_view name);
 // Whose fault an outcome is. kUnstable is the participant's.
 Fault FaultOf(Outcome outcome);
 
+// "nobody", "participant", "grader".
+std::string_view FaultName(Fault fault);
+
 }  // namespace myograde

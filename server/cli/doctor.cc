@@ -127,6 +127,56 @@ void PrintChecks(const std::vector<Check>& checks) {
   }
 }
 
+// "a, b" of a list, "name=value, ..." of an object.
+std::string Words(const Json& json) {
+  std::string text;
+  for (const auto& [key, value] : json.items()) {
+    const std::string word = value.is_string() ? value.get<std::string>() : value.dump();
+    absl::StrAppend(&text, text.empty() ? "" : ", ",
+                    json.is_object() ? absl::StrCat(key, "=", word) : word);
+  }
+  return Harmless(text.empty() ? "none" : text);
+}
+
+void PrintSandbox(const std::string& title, const Json& sandbox, const Json& staged) {
+  std::cout << Bold(title) << '\n';
+  const int64_t uid = sandbox["uid"].get<int64_t>();
+  Table facts({"what", "value"});
+  facts.Add({"process 1", Cell(sandbox, "process_1")});
+  facts.Add({"user", absl::StrCat(uid < 0 ? std::string("the caller's own") : std::to_string(uid),
+                                  " outside, ", Cell(sandbox, "uid_inside"), " inside")});
+  facts.Add({"capabilities", Words(sandbox["capabilities"]) + "; no new privileges"});
+  facts.Add({"namespaces of its own", Words(sandbox["namespaces"])});
+  facts.Add({"network", Cell(sandbox, "network")});
+  facts.Add({"limits of a process", Words(sandbox["limits"])});
+  facts.Add({"limits of all together", Words(sandbox["control_group"])});
+  if (sandbox.contains("scratch")) facts.Add({"/tmp and /dev/shm", Words(sandbox["scratch"])});
+  facts.Add({"environment", Words(sandbox["environment"])});
+  facts.Print();
+  std::cout << '\n';
+  Table mounts({"mount", "kind", "from"});
+  for (const Json& mount : sandbox["mounts"]) {
+    std::string source = Cell(mount, "source");
+    for (const auto& [place, folder] : staged.items()) {
+      if (source == place || source.starts_with(place + "/")) {
+        source.replace(0, place.size(), folder.get<std::string>());
+        break;
+      }
+    }
+    mounts.Add({Harmless(Cell(mount, "target")), Cell(mount, "kind"), Harmless(source)});
+  }
+  mounts.Print();
+  for (const auto& [kind, calls] : sandbox["system_calls"].items()) {
+    std::cout << '\n' << "system calls " << kind << ": " << Words(calls) << '\n';
+  }
+  std::cout << '\n';
+}
+
+void PrintSandboxes(const Json& sandboxes) {
+  PrintSandbox("The policy's sandbox", sandboxes["policy"], sandboxes["staged"]);
+  PrintSandbox("The simulator's sandbox", sandboxes["simulator"], sandboxes["staged"]);
+}
+
 int Doctor(const DoctorVerb& verb) {
   if (verb.probe_bus) return ProbeBus();
   std::vector<Check> checks;
@@ -134,7 +184,11 @@ int Doctor(const DoctorVerb& verb) {
   if (verb.sandbox) {
     const absl::StatusOr<Json> sandboxes = DescribeSandboxes(options);
     if (!sandboxes.ok()) return Complain(sandboxes.status());
-    PrintJson(*sandboxes);
+    if (verb.json) {
+      PrintJson(*sandboxes);
+    } else {
+      PrintSandboxes(*sandboxes);
+    }
     return kDone;
   }
   std::vector<Check> found = ExamineHost(options);
@@ -160,7 +214,8 @@ int Doctor(const DoctorVerb& verb) {
 Action AddDoctor(CLI::App& verb) {
   auto options = std::make_shared<DoctorVerb>();
   verb.add_flag("--sandbox", options->sandbox,
-                "Print the two sandboxes of a lease on this host, as JSON, and nothing else");
+                "Print the two sandboxes of a lease as they are built on this host, and nothing "
+                "else");
   verb.add_flag("--json", options->json, "Print JSON (configs/schema/doctor.json)");
   verb.add_option("--data", options->data,
                   "Data folder that a daemon would use (default: as for serve)");

@@ -20,6 +20,7 @@
 #include "server/cli/report.h"
 #include "server/cli/terminal.h"
 #include "server/daemon/results.h"
+#include "server/sandbox/sandbox_config.h"
 
 namespace myograde::server {
 namespace {
@@ -102,6 +103,8 @@ absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::strin
   absl::StatusOr<ServerConfig> server = LoadServerConfig(configs + "/server.json", order.cache_dir);
   if (!server.ok()) return HostStatus("", server.status());
   order.config = *std::move(server);
+  const absl::StatusOr<SandboxConfig> sandbox = LoadSandboxConfig(configs);
+  if (!sandbox.ok()) return HostStatus("", sandbox.status());
   order.slots = options.slots > 0 ? options.slots : order.config.scheduler.slots;
   const std::string archive = temp + "/artefact.tar";
   const absl::Status packed = HostStatus(options.path, PackArtefact(options.path, archive, limits));

@@ -13,12 +13,11 @@
 
 #include "server/daemon/engine_core.h"
 #include "server/daemon/results.h"
+#include "server/sandbox/users.h"
 
 namespace myograde::server {
 namespace {
 
-// The daemon's slots use uid_base and up, at most 1024 of them; these lie above.
-constexpr int64_t kLocalUidOffset = 1024;
 constexpr int kPollMilliseconds = 100;
 
 nlohmann::json OutputJson(int64_t first, int64_t last, const LeaseEndRecord& end) {
@@ -82,7 +81,7 @@ LeaseOrder LocalRun::OrderFor(const Lease& lease) const {
     order.episodes.push_back({index, order_.seeds[static_cast<size_t>(index)],
                               PolicySeed(kLocalPolicyKey, order_.artefact.digest, index)});
   }
-  order.uid = ::geteuid() == 0 ? order_.config.uid_base + kLocalUidOffset + lease.slot : -1;
+  order.uid = ::geteuid() == 0 ? order_.config.uid_base + kLocalUsers + lease.slot : -1;
   order.slot = lease.slot;
   order.pinned = PinsSlots(order_.config, order_.slots, order.track);
   order.work_dir = lease.work_dir;

@@ -13,6 +13,8 @@
 #include "server/api/api.h"
 #include "server/daemon/engine.h"
 #include "server/paths.h"
+#include "server/sandbox/control_group.h"
+#include "server/sandbox/sandbox_config.h"
 #include "server/store/lock.h"
 
 namespace myograde::server {
@@ -110,10 +112,14 @@ absl::Status RunDaemon(const DaemonOptions& options) {
   if (!config.ok()) return config.status();
   absl::StatusOr<Tracks> tracks = Tracks::Load(options.configs_dir + "/tracks");
   if (!tracks.ok()) return tracks.status();
+  // The runners read it; a mistake in it is better told now than by each lease.
+  absl::StatusOr<SandboxConfig> sandbox = LoadSandboxConfig(options.configs_dir);
+  if (!sandbox.ok()) return sandbox.status();
   if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
   absl::StatusOr<DataLock> lock = DataLock::Take(options.data_dir);
   if (!lock.ok()) return lock.status();
   StartLog(config->log_level);
+  ControlGroup::RemoveStale();
   Empty(options.data_dir + "/work");
   Empty(options.data_dir + "/spool");
 

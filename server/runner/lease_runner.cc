@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <csignal>
 #include <cstring>
 #include <new>
 #include <utility>
@@ -74,9 +75,11 @@ LeaseRunner::~LeaseRunner() {
 }
 
 bool LeaseRunner::Run() {
-  const absl::Status status = Play();
-  EndPolicy();
-  if (sim_ != nullptr) sim_->Kill(absl::Seconds(5));
+  absl::Status status = Play();
+  // Whoever is not gone keeps the slot's user and processor: the next lease
+  // there would not be alone, so this one has not ended well.
+  status.Update(EndPolicy());
+  status.Update(EndSim());
   LeaseEndRecord end;
   end.ok = status.ok();
   end.detail = PrintableUtf8(std::string(status.message()));
@@ -120,6 +123,7 @@ absl::Status LeaseRunner::StartSim() {
                                           context_.stage, context_.etc);
   absl::StatusOr<Fd> filter = MakeSeccompFilter(context_.config.policy);
   if (!filter.ok()) return filter.status();
+  sim_group_ = ControlGroup::Create(GroupName("sim"), SimGroupLimits(context_.config.sim));
   absl::StatusOr<std::unique_ptr<Sandbox>> sim =
       Sandbox::Start(spec,
                      {{nothing.get(), 0},
@@ -128,7 +132,7 @@ absl::Status LeaseRunner::StartSim() {
                       {channel->second.get(), kSimChannelFd},
                       {order->get(), kSimOrderFd},
                       {page->get(), kSimCpuPageFd}},
-                     {}, *filter);
+                     sim_group_->join_fds(), *filter);
   if (!sim.ok()) return sim.status();
   sim_ = *std::move(sim);
   channel_ = std::move(channel->first);
@@ -138,8 +142,11 @@ absl::Status LeaseRunner::StartSim() {
 }
 
 absl::Status LeaseRunner::Turn() {
-  const int policy_out = policy_ != nullptr ? policy_->stdout_fd() : -1;
-  const int policy_err = policy_ != nullptr ? policy_->stderr_fd() : -1;
+  // A flood beyond what is kept is only read once in a refresh, so that the
+  // policy waits for us and not a processor for it.
+  const bool heard = policy_ != nullptr && !stdout_.truncated() && !stderr_.truncated();
+  const int policy_out = heard ? policy_->stdout_fd() : -1;
+  const int policy_err = heard ? policy_->stderr_fd() : -1;
   pollfd entries[] = {{channel_.get(), POLLIN, 0},     {stop_, POLLIN, 0},
                       {signals_, POLLIN, 0},           {policy_out, POLLIN, 0},
                       {policy_err, POLLIN, 0},         {sim_stderr_.get(), POLLIN, 0}};
@@ -156,8 +163,12 @@ absl::Status LeaseRunner::Turn() {
     if (n == 0) sim_stderr_.reset();
   }
   if (policy_ != nullptr) {
-    if (entries[3].revents != 0 || entries[4].revents != 0) policy_->DrainOutput();
-    if (absl::Now() - last_refresh_ >= refresh) RefreshCpu();
+    const bool due = absl::Now() - last_refresh_ >= refresh;
+    if (due || entries[3].revents != 0 || entries[4].revents != 0) policy_->DrainOutput();
+    if (due) {
+      policy_->LookAtDisk();
+      RefreshCpu();
+    }
   }
   if (entries[0].revents != 0) {
     if (absl::Status status = HandleSimMessage(); !status.ok() || done_) return status;
@@ -209,7 +220,7 @@ absl::Status LeaseRunner::HandleRecord(const nlohmann::json& json) {
 }
 
 absl::Status LeaseRunner::GivePolicy() {
-  EndPolicy();
+  if (absl::Status status = EndPolicy(); !status.ok()) return status;
   if (runs_ > context_.order.track.budgets.restarts) {
     return absl::InternalError("the simulator wants more policies than the budget allows");
   }
@@ -232,21 +243,31 @@ absl::Status LeaseRunner::RuleOn(const nlohmann::json& json) {
   }
   if (policy_ == nullptr) return absl::InternalError("the simulator blames a policy that it has not");
   const FaultEvidence ruled = policy_->Rule(*std::move(seen));
-  EndPolicy();
+  if (absl::Status status = EndPolicy(); !status.ok()) return status;
   if (FaultOf(ruled.outcome) == Fault::kGrader) return absl::InternalError(ruled.detail);
   nlohmann::json answer = FaultEvidenceToJson(ruled);
   answer["type"] = "ruling";
   return SendSimMessage(channel_.get(), answer);
 }
 
-void LeaseRunner::EndPolicy() {
-  if (policy_ == nullptr) return;
-  (void)policy_->End();
+absl::Status LeaseRunner::EndPolicy() {
+  if (policy_ == nullptr) return absl::OkStatus();
+  const absl::Status gone = policy_->End();
   policy_->DrainOutput();
   peak_memory_ = std::max(peak_memory_, policy_->peak_memory_bytes());
   finished_cpu_ns_ += policy_->CpuNs();
   policy_.reset();
   RefreshCpu();
+  return gone;
+}
+
+absl::Status LeaseRunner::EndSim() {
+  if (sim_ == nullptr) return absl::OkStatus();
+  const absl::Duration limit = absl::Seconds(context_.config.policy.kill_s);
+  const bool dead = sim_->Kill(limit);
+  if (sim_group_->KillAll(limit) && dead) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat("the simulator could not be killed in ",
+                                          context_.config.policy.kill_s, " s"));
 }
 
 void LeaseRunner::RefreshCpu() {
@@ -266,15 +287,22 @@ absl::Status LeaseRunner::SimEnded() {
   std::string words = sim_errors_.tail();
   while (!words.empty() && words.back() == '\n') words.pop_back();
   if (words.empty()) words = "it printed no reason";
+  if (sim_group_->oom_kills() > 0) {
+    return absl::InternalError(absl::StrCat(
+        "the simulator used all of its ", context_.config.sim.memory_bytes,
+        " bytes of memory (memory_bytes of sandbox/sim.json) and was stopped: ", words));
+  }
   if (!end.started) {
     return absl::InternalError(
         absl::StrCat("the simulator's sandbox could not be built: ", words));
   }
-  return absl::InternalError(absl::StrCat(
-      "the simulator ended with ",
-      end.exit_code > 128 ? absl::StrCat("signal ", end.exit_code - 128)
-                          : absl::StrCat("exit status ", end.exit_code),
-      " before the lease was done: ", words));
+  std::string how = absl::StrCat("exit status ", end.exit_code);
+  if (end.exit_code > 128) how = absl::StrCat("signal ", end.exit_code - 128);
+  if (end.exit_code == 128 + SIGSYS) {
+    how += " (a system call that allowed_system_calls of sandbox/sim.json does not hold)";
+  }
+  return absl::InternalError(
+      absl::StrCat("the simulator ended with ", how, " before the lease was done: ", words));
 }
 
 absl::Status LeaseRunner::CheckDeadlines() const {

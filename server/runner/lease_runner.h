@@ -38,7 +38,8 @@ class LeaseRunner {
   absl::Status RuleOn(const nlohmann::json& json);
   absl::Status CheckDeadlines() const;
   absl::Status SimEnded();
-  void EndPolicy();
+  absl::Status EndSim();
+  absl::Status EndPolicy();
   void RefreshCpu();
   absl::Status Beat();
   absl::Status Print(const LeaseRecord& record);
@@ -48,6 +49,8 @@ class LeaseRunner {
   const int stop_;
   const int signals_;
 
+  // In this order: the sandbox goes before its group.
+  std::unique_ptr<ControlGroup> sim_group_;
   std::unique_ptr<Sandbox> sim_;
   Fd channel_;
   Fd sim_stderr_;

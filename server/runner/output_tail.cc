@@ -67,8 +67,11 @@ void OutputTail::Append(std::string_view bytes) {
   if (kept_.size() > kTailBytes) kept_.erase(0, kept_.size() - kTailBytes);
 }
 
-std::string OutputTail::tail() const {
-  std::string text = PrintableUtf8(kept_);
+std::string OutputTail::tail(int64_t since) const {
+  const auto wanted = static_cast<size_t>(std::max<int64_t>(total_ - since, 0));
+  std::string_view kept = kept_;
+  if (kept.size() > wanted) kept.remove_prefix(kept.size() - wanted);
+  std::string text = PrintableUtf8(kept);
   if (text.size() <= kTailBytes) return text;
   // Replacements made it longer; cut at the start of a sequence.
   size_t start = text.size() - kTailBytes;

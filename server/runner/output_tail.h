@@ -24,7 +24,8 @@ class OutputTail {
   void Append(std::string_view bytes);
 
   // The end of all that came, printable, at most kTailBytes.
-  std::string tail() const;
+  // `since`: a value of total(); what came before it is left out.
+  std::string tail(int64_t since = 0) const;
   bool truncated() const { return total_ > limit_; }
   int64_t total() const { return total_; }
 

@@ -1,6 +1,7 @@
 #include "server/runner/policy_run.h"
 
 #include <fcntl.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -34,8 +35,7 @@ void Drain(Fd& fd, OutputTail& tail) {
 }
 
 // The last line of what was printed, at most kQuotedBytes of it.
-std::string LastLine(const OutputTail& tail) {
-  std::string text = tail.tail();
+std::string LastLine(std::string text) {
   while (!text.empty() && text.back() == '\n') text.pop_back();
   if (const size_t line = text.rfind('\n'); line != std::string::npos) text.erase(0, line + 1);
   if (text.size() > kQuotedBytes) {
@@ -49,6 +49,12 @@ std::string LastLine(const OutputTail& tail) {
 bool MayHideACause(Outcome outcome) {
   return outcome == Outcome::kCrash || outcome == Outcome::kInitTimeout ||
          outcome == Outcome::kStepTimeout || outcome == Outcome::kWallTimeout;
+}
+
+// The bridge tells the wait status of a policy that ended as the value.
+bool WasEndedBy(const FaultEvidence& evidence, int signal) {
+  const auto status = static_cast<int>(evidence.value);
+  return WIFSIGNALED(status) && WTERMSIG(status) == signal;
 }
 
 absl::StatusOr<std::pair<Fd, Fd>> OutputPipe() {
@@ -72,7 +78,8 @@ absl::StatusOr<std::unique_ptr<PolicyRun>> PolicyRun::Start(const LeaseContext& 
       context.stage.MountScratch(number, budgets.scratch_bytes, budgets.scratch_files);
   if (!scratch.ok()) return scratch.status();
   run->scratch_ = *std::move(scratch);
-  run->group_ = ControlGroup::Create(GroupName(number), PolicyGroupLimits(budgets));
+  run->err_mark_ = err.total();
+  run->group_ = ControlGroup::Create(GroupName(std::to_string(number)), PolicyGroupLimits(budgets));
   absl::StatusOr<Fd> filter = MakeSeccompFilter(context.config.policy);
   if (!filter.ok()) return filter.status();
   auto stdout_pipe = OutputPipe();
@@ -101,6 +108,10 @@ PolicyRun::~PolicyRun() {
   sandbox_.reset();
   group_.reset();
   context_.stage.UnmountScratch(scratch_);
+}
+
+void PolicyRun::LookAtDisk() {
+  if (!ended_) disk_ = Stage::UsageOf(scratch_);
 }
 
 void PolicyRun::DrainOutput() {
@@ -134,14 +145,26 @@ bool PolicyRun::KernelCause(FaultEvidence& evidence) const {
     evidence.value = static_cast<double>(budgets.tasks + 1);
     evidence.detail = absl::StrCat("the policy wanted more than ", budgets.tasks,
                                    " processes and threads; ", seen);
-  } else if (Stage::IsFull(scratch_) && evidence.outcome == Outcome::kCrash) {
+  } else if (evidence.outcome != Outcome::kCrash) {
+    return false;
+  } else if (WasEndedBy(evidence, SIGXFSZ)) {
     evidence.outcome = Outcome::kDiskLimit;
     evidence.limit = "scratch_bytes";
     evidence.limit_value = static_cast<double>(budgets.scratch_bytes);
-    evidence.value = evidence.limit_value;
-    evidence.detail = absl::StrCat("the policy filled its /tmp and /dev/shm (",
-                                   budgets.scratch_bytes, " bytes, ", budgets.scratch_files,
-                                   " files) and ended; ", seen);
+    evidence.value = evidence.limit_value + 1;  // a file that would have been longer
+    evidence.detail = absl::StrCat("the policy made a file longer than ", budgets.scratch_bytes,
+                                   " bytes; ", seen);
+  } else if (disk_.full()) {
+    const bool files = disk_.free_files == 0;
+    evidence.outcome = Outcome::kDiskLimit;
+    evidence.limit = files ? "scratch_files" : "scratch_bytes";
+    evidence.limit_value =
+        static_cast<double>(files ? budgets.scratch_files : budgets.scratch_bytes);
+    evidence.value = static_cast<double>(files ? disk_.files : disk_.bytes);
+    evidence.detail = absl::StrCat("the policy filled its /tmp and /dev/shm (", disk_.bytes,
+                                   " bytes and ", disk_.files, " files of ",
+                                   budgets.scratch_bytes, " and ", budgets.scratch_files,
+                                   ") and ended; ", seen);
   } else {
     return false;
   }
@@ -149,6 +172,9 @@ bool PolicyRun::KernelCause(FaultEvidence& evidence) const {
 }
 
 FaultEvidence PolicyRun::Rule(FaultEvidence seen) {
+  // A full disk counts if it was so at the last look: what ended may have
+  // taken its files along.
+  if (!disk_.full()) LookAtDisk();
   if (seen.outcome == Outcome::kCrash) sandbox_->Wait(kLastMoments);
   DrainOutput();
   const bool by_itself = sandbox_->Ended();
@@ -160,7 +186,7 @@ FaultEvidence PolicyRun::Rule(FaultEvidence seen) {
     return seen;
   }
   DrainOutput();
-  const std::string words = LastLine(err_);
+  const std::string words = LastLine(err_.tail(err_mark_));
   if (!caused && by_itself && !end.started) {
     seen.outcome = Outcome::kGraderError;
     seen.detail = absl::StrCat("the participant's sandbox could not be built: ",
@@ -168,6 +194,7 @@ FaultEvidence PolicyRun::Rule(FaultEvidence seen) {
   } else if (seen.outcome == Outcome::kCrash && !words.empty()) {
     absl::StrAppend(&seen.detail, "; the last line of its stderr: ", words);
   }
+  seen.stderr_tail = err_.tail(err_mark_);
   return seen;
 }
 

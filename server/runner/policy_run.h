@@ -40,6 +40,9 @@ class PolicyRun {
   // Takes what the policy printed. Bounded work for each call.
   void DrainOutput();
 
+  // Takes down how full its scratch folders are. Cheap.
+  void LookAtDisk();
+
   // CPU time of everything in the sandbox until now, never less than before.
   int64_t CpuNs();
   int64_t peak_memory_bytes() const { return group_->peak_memory_bytes(); }
@@ -65,6 +68,8 @@ class PolicyRun {
   std::unique_ptr<Sandbox> sandbox_;
   Fd stdout_;
   Fd stderr_;
+  ScratchUsage disk_;
+  int64_t err_mark_ = 0;  // err_ belongs to this run from here on
   int64_t cpu_ns_ = 0;
   bool ended_ = false;
 };

@@ -3,12 +3,10 @@
 #include <dirent.h>
 #include <fcntl.h>
 #include <signal.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <cstdlib>
 #include <fstream>
 #include <set>
@@ -23,16 +21,7 @@
 namespace myograde::server {
 namespace {
 
-constexpr char kPrefix[] = "myograde.";
 constexpr int kCpuPeriodUs = 100000;
-
-// The folder in which this process may make groups of one hierarchy.
-struct Hierarchy {
-  int version = 0;
-  std::set<std::string> controllers;  // version 1
-  std::string folder;                 // of this process' own group
-  std::string top;                    // where the hierarchy is mounted
-};
 
 std::string ReadAll(const std::string& path) {
   std::ifstream file(path);
@@ -64,71 +53,16 @@ int64_t ReadKey(const std::string& path, const std::string& key) {
   return 0;
 }
 
-// This process' group in each hierarchy: "0::/path" or "3:cpu,cpuacct:/path".
-std::vector<std::pair<std::set<std::string>, std::string>> OwnGroups() {
-  std::vector<std::pair<std::set<std::string>, std::string>> groups;
-  std::istringstream lines(ReadAll("/proc/self/cgroup"));
-  for (std::string line; std::getline(lines, line);) {
-    const std::vector<std::string> parts = absl::StrSplit(line, absl::MaxSplits(':', 2));
-    if (parts.size() != 3) continue;
-    std::set<std::string> names = absl::StrSplit(parts[1], ',', absl::SkipEmpty());
-    groups.emplace_back(std::move(names), parts[2]);
-  }
-  return groups;
-}
-
-// Mounted hierarchies with this process' place in them. A mount may show only
-// a part of its hierarchy (in a container): field 4 says which.
-std::vector<Hierarchy> Hierarchies() {
-  const auto own = OwnGroups();
-  std::vector<Hierarchy> found;
-  std::istringstream lines(ReadAll("/proc/self/mountinfo"));
-  for (std::string line; std::getline(lines, line);) {
-    const std::vector<std::string> halves = absl::StrSplit(line, absl::MaxSplits(" - ", 1));
-    if (halves.size() != 2) continue;
-    const std::vector<std::string> left = absl::StrSplit(halves[0], ' ');
-    const std::vector<std::string> right = absl::StrSplit(halves[1], ' ');
-    if (left.size() < 5 || right.size() < 3) continue;
-    const bool v2 = right[0] == "cgroup2";
-    if (!v2 && right[0] != "cgroup") continue;
-    const std::set<std::string> options = absl::StrSplit(right[2], ',');
-    for (const auto& [names, path] : own) {
-      const bool mine = v2 ? names.empty()
-                           : !names.empty() && std::includes(options.begin(), options.end(),
-                                                             names.begin(), names.end());
-      if (!mine) continue;
-      std::string below = path;
-      if (left[3] != "/" && below.rfind(left[3], 0) == 0) below = below.substr(left[3].size());
-      if (below == "/") below.clear();
-      found.push_back({v2 ? 2 : 1, names, left[4] + below, left[4]});
-    }
-  }
-  return found;
-}
-
-// Where version 2 lets this process put groups: beside its own group (which
-// may hold processes only if it has no children with controllers), or, for
-// root, at the top.
-std::vector<std::string> Version2Parents(const Hierarchy& hierarchy) {
-  std::vector<std::string> parents;
-  if (hierarchy.folder.size() > hierarchy.top.size()) {
-    parents.push_back(hierarchy.folder.substr(0, hierarchy.folder.rfind('/')));
-  }
-  parents.push_back(hierarchy.top);
-  return parents;
-}
-
 std::string CpuQuota(double cpus) {
   return std::to_string(std::max<int64_t>(1000, static_cast<int64_t>(cpus * kCpuPeriodUs)));
 }
 
 }  // namespace
 
-std::string GroupName(int number) { return absl::StrCat(kPrefix, getpid(), ".", number); }
-
 std::unique_ptr<ControlGroup> ControlGroup::Create(const std::string& name,
-                                                   const GroupLimits& limits) {
-  std::unique_ptr<ControlGroup> group(new ControlGroup());
+                                                   const GroupLimits& limits,
+                                                   const CgroupHost& host) {
+  std::unique_ptr<ControlGroup> group(new ControlGroup(host));
   if (!group->TryVersion2(name, limits)) group->TryVersion1(name, limits);
   for (const std::string& folder : group->folders_) {
     Fd list(open((folder + "/cgroup.procs").c_str(), O_WRONLY | O_CLOEXEC));
@@ -138,23 +72,24 @@ std::unique_ptr<ControlGroup> ControlGroup::Create(const std::string& name,
 }
 
 bool ControlGroup::TryVersion2(const std::string& name, const GroupLimits& limits) {
-  for (const Hierarchy& hierarchy : Hierarchies()) {
+  for (const CgroupHierarchy& hierarchy : CgroupHierarchies(host_)) {
     if (hierarchy.version != 2) continue;
-    for (const std::string& parent : Version2Parents(hierarchy)) {
+    for (const std::string& parent : CgroupParents(hierarchy)) {
       const std::set<std::string> offered = absl::StrSplit(
           ReadAll(parent + "/cgroup.subtree_control"), absl::ByAnyChar(" \n"), absl::SkipEmpty());
       if (!offered.contains("memory") || !offered.contains("pids")) continue;
       // Joining asks for the right to move processes out of the common parent.
       if (access((parent + "/cgroup.procs").c_str(), W_OK) != 0) continue;
       const std::string folder = parent + "/" + name;
-      if (mkdir(folder.c_str(), 0755) != 0) continue;
+      if (!host_.make(folder)) continue;
       folders_.push_back(folder);
       controllers_.version = 2;
       controllers_.memory = Write(folder + "/memory.max", std::to_string(limits.memory_bytes));
       Write(folder + "/memory.swap.max", "0");
       controllers_.pids = Write(folder + "/pids.max", std::to_string(limits.tasks));
       controllers_.cpu =
-          Write(folder + "/cpu.max", absl::StrCat(CpuQuota(limits.cpus), " ", kCpuPeriodUs));
+          limits.cpus.has_value() &&
+          Write(folder + "/cpu.max", absl::StrCat(CpuQuota(*limits.cpus), " ", kCpuPeriodUs));
       controllers_.cpu_account = true;
       memory_ = controllers_.memory ? folder : "";
       pids_ = controllers_.pids ? folder : "";
@@ -166,13 +101,13 @@ bool ControlGroup::TryVersion2(const std::string& name, const GroupLimits& limit
 }
 
 void ControlGroup::TryVersion1(const std::string& name, const GroupLimits& limits) {
-  for (const Hierarchy& hierarchy : Hierarchies()) {
+  for (const CgroupHierarchy& hierarchy : CgroupHierarchies(host_)) {
     const auto has = [&](const char* controller) {
       return hierarchy.version == 1 && hierarchy.controllers.contains(controller);
     };
     if (!has("memory") && !has("pids") && !has("cpu") && !has("cpuacct")) continue;
     const std::string folder = hierarchy.folder + "/" + name;
-    if (mkdir(folder.c_str(), 0755) != 0) continue;
+    if (!host_.make(folder)) continue;
     folders_.push_back(folder);
     controllers_.version = 1;
     if (has("memory") &&
@@ -186,9 +121,9 @@ void ControlGroup::TryVersion1(const std::string& name, const GroupLimits& limit
       controllers_.pids = true;
       pids_ = folder;
     }
-    if (has("cpu")) {
+    if (has("cpu") && limits.cpus.has_value()) {
       controllers_.cpu = Write(folder + "/cpu.cfs_period_us", std::to_string(kCpuPeriodUs)) &&
-                         Write(folder + "/cpu.cfs_quota_us", CpuQuota(limits.cpus));
+                         Write(folder + "/cpu.cfs_quota_us", CpuQuota(*limits.cpus));
     }
     if (has("cpuacct")) {
       controllers_.cpu_account = true;
@@ -202,7 +137,7 @@ ControlGroup::~ControlGroup() {
   KillAll(absl::Seconds(2));
   for (const std::string& folder : folders_) {
     // A group of dead processes can stay busy for a moment.
-    for (int tries = 0; rmdir(folder.c_str()) != 0 && errno == EBUSY && tries < 200; ++tries) {
+    for (int tries = 0; !host_.remove(folder) && errno == EBUSY && tries < 200; ++tries) {
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
   }
@@ -249,6 +184,8 @@ std::vector<pid_t> ControlGroup::Members() const {
 
 bool ControlGroup::KillAll(absl::Duration timeout) {
   const absl::Time deadline = absl::Now() + timeout;
+  // Version 2 has a switch for all at once, against which no fork can race.
+  if (controllers_.version == 2) Write(folders_.front() + "/cgroup.kill", "1");
   while (true) {
     const std::vector<pid_t> members = Members();
     if (members.empty()) return true;
@@ -258,26 +195,18 @@ bool ControlGroup::KillAll(absl::Duration timeout) {
   }
 }
 
-void ControlGroup::RemoveStale() {
+void ControlGroup::RemoveStale(const CgroupHost& host) {
   std::set<std::string> parents;
-  for (const Hierarchy& hierarchy : Hierarchies()) {
-    parents.insert(hierarchy.folder);
-    if (hierarchy.version == 2) {
-      for (std::string& parent : Version2Parents(hierarchy)) parents.insert(std::move(parent));
-    }
+  for (const CgroupHierarchy& hierarchy : CgroupHierarchies(host)) {
+    for (std::string& parent : CgroupParents(hierarchy)) parents.insert(std::move(parent));
   }
   for (const std::string& parent : parents) {
     DIR* folder = opendir(parent.c_str());
     if (folder == nullptr) continue;
     while (const dirent* entry = readdir(folder)) {
-      const std::string name = entry->d_name;
-      if (name.rfind(kPrefix, 0) != 0) continue;
-      pid_t owner = 0;
-      const char* digits = name.c_str() + sizeof(kPrefix) - 1;
-      std::from_chars(digits, name.c_str() + name.size(), owner);
-      if (owner <= 0 || kill(owner, 0) == 0 || errno != ESRCH) continue;
-      ControlGroup stale;
-      stale.folders_.push_back(parent + "/" + name);
+      if (!IsStaleGroup(entry->d_name)) continue;
+      ControlGroup stale(host);
+      stale.folders_.push_back(absl::StrCat(parent, "/", entry->d_name));
     }
     closedir(folder);
   }

@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,13 +16,15 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/fd.h"
+#include "server/sandbox/cgroup_host.h"
 
 namespace myograde::server {
 
 struct GroupLimits {
   int64_t memory_bytes = 0;
   int64_t tasks = 0;  // processes and threads
-  double cpus = 0;    // processors
+  // Processors; none for the simulator, a single thread that can't start another.
+  std::optional<double> cpus;
 };
 
 // Which controllers a group could be made with.
@@ -38,7 +41,9 @@ class ControlGroup {
   // Makes a group `name` (no slashes) with the limits, with as many controllers
   // as this process may use; controllers() says which. Never fails: a group
   // without any controller does nothing.
-  static std::unique_ptr<ControlGroup> Create(const std::string& name, const GroupLimits& limits);
+  // `host` must outlive the group.
+  static std::unique_ptr<ControlGroup> Create(const std::string& name, const GroupLimits& limits,
+                                              const CgroupHost& host = ThisCgroupHost());
 
   // Kills what is left in it and removes it.
   ~ControlGroup();
@@ -60,15 +65,17 @@ class ControlGroup {
   // still there at `timeout`.
   bool KillAll(absl::Duration timeout);
 
-  // Removes groups that runners left which are no more. For a start.
-  static void RemoveStale();
+  // Kills what is left in groups whose makers are no more, and removes them.
+  // For the start of whoever makes groups.
+  static void RemoveStale(const CgroupHost& host = ThisCgroupHost());
 
  private:
-  ControlGroup() = default;
+  explicit ControlGroup(const CgroupHost& host) : host_(host) {}
   bool TryVersion2(const std::string& name, const GroupLimits& limits);
   void TryVersion1(const std::string& name, const GroupLimits& limits);
   std::vector<pid_t> Members() const;
 
+  const CgroupHost& host_;
   GroupControllers controllers_;
   std::vector<std::string> folders_;  // all that were made
   std::string memory_;                // the folder of each controller, "" if none
@@ -76,8 +83,5 @@ class ControlGroup {
   std::string cpu_account_;
   std::vector<Fd> join_;
 };
-
-// A name for the group `number` of this process, that RemoveStale() knows.
-std::string GroupName(int number);
 
 }  // namespace myograde::server

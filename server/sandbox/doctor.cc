@@ -27,6 +27,7 @@
 #include "server/sandbox/sandbox.h"
 #include "server/sandbox/seccomp_filter.h"
 #include "server/sandbox/stage.h"
+#include "server/sandbox/users.h"
 
 namespace myograde::server {
 namespace {
@@ -34,8 +35,6 @@ namespace {
 constexpr absl::Duration kQuick = absl::Seconds(10);
 constexpr absl::Duration kSandboxTime = absl::Seconds(30);
 constexpr char kBubblewrap[] = "/usr/bin/bwrap";
-// Above the users of a daemon's slots and of local runs.
-constexpr int64_t kUidOffset = 2048;
 
 // How a child of ExamineHost ended, in words.
 std::string Trouble(const ChildEnd& end) {
@@ -47,7 +46,7 @@ std::string Trouble(const ChildEnd& end) {
 }
 
 int64_t SandboxUid(const DoctorOptions& options) {
-  return geteuid() == 0 ? options.uid_base + kUidOffset : -1;
+  return geteuid() == 0 ? options.uid_base + kDoctorUsers : -1;
 }
 
 // Bubblewrap makes its user namespace as the slot's user, so that is who must try.
@@ -119,7 +118,7 @@ void CheckControlGroups(const DoctorOptions& options, std::vector<Check>& checks
   const GroupLimits limits = options.track.has_value() ? PolicyGroupLimits(options.track->budgets)
                                                        : GroupLimits{1 << 30, 64, 1};
   const GroupControllers got =
-      ControlGroup::Create(GroupName(0), limits)->controllers();
+      ControlGroup::Create(GroupName("doctor"), limits)->controllers();
   const struct {
     const char* name;
     bool there;
@@ -197,7 +196,9 @@ void CheckSeccomp(const DoctorOptions& options, std::vector<Check>& checks) {
 struct Sandboxes {
   SandboxSpec policy;
   SandboxSpec simulator;
-  PolicySandboxConfig config;
+  SandboxConfig config;
+  Budgets budgets;
+  GroupControllers group;
   std::map<std::string, std::string> staged;  // where a host folder is seen by now, to that folder
 };
 
@@ -242,14 +243,14 @@ absl::Status WithSandboxes(const DoctorOptions& options,
       stage->MountScratch(0, budgets.scratch_bytes, budgets.scratch_files);
   if (!scratch.ok()) return scratch.status();
   const GroupControllers group =
-      ControlGroup::Create(GroupName(0), PolicyGroupLimits(budgets))->controllers();
+      ControlGroup::Create(GroupName("doctor"), PolicyGroupLimits(budgets))->controllers();
   std::map<std::string, std::string> staged;
   for (const std::string& source : StagedSources(order, options.bin_dir)) {
     staged[stage->PathOf(source)] = source;
   }
   return use({MakePolicySandbox(order, options.bin_dir, *stage, *etc, *scratch, group),
-              MakeSimSandbox(order, config->sim, options.bin_dir, *stage, *etc), config->policy,
-              staged});
+              MakeSimSandbox(order, config->sim, options.bin_dir, *stage, *etc), *config, budgets,
+              group, staged});
 }
 
 // Runs WithSandboxes in a child, which may leave this process' namespaces.
@@ -291,9 +292,9 @@ void CheckPolicySandbox(const DoctorOptions& options, std::vector<Check>& checks
     // Without the bridge, which waits for a simulator.
     const auto separator = std::find(spec.command.begin(), spec.command.end(), "--");
     spec.command.erase(spec.command.begin(), separator + 1);
-    const absl::StatusOr<Fd> filter = MakeSeccompFilter(sandboxes.config);
+    const absl::StatusOr<Fd> filter = MakeSeccompFilter(sandboxes.config.policy);
     if (!filter.ok()) return filter.status();
-    const auto group = ControlGroup::Create(GroupName(1), {1 << 30, 64, 1});
+    const auto group = ControlGroup::Create(GroupName("doctor"), {1 << 30, 64, 1.0});
     return Play(spec, group->join_fds(), *filter, 0);
   });
   if (end.exit_code == 0) {
@@ -310,13 +311,16 @@ void CheckPolicySandbox(const DoctorOptions& options, std::vector<Check>& checks
 void CheckSimulatorSandbox(const DoctorOptions& options, std::vector<Check>& checks) {
   const ChildEnd end = InSandboxChild(options, [](const Sandboxes& sandboxes) {
     SandboxSpec spec = sandboxes.simulator;
-    // With an argument that it does not know it loads its libraries, says how
-    // it is used and ends with 2.
-    spec.command.push_back("--help");
-    return Play(spec, {}, Fd(), 2);
+    // It loads its libraries, sets its own filter and ends.
+    spec.command.push_back("--try");
+    const absl::StatusOr<Fd> filter = MakeSeccompFilter(sandboxes.config.policy);
+    if (!filter.ok()) return filter.status();
+    const auto group = ControlGroup::Create(GroupName("doctor-sim"), {1 << 30, 64, 1.0});
+    return Play(spec, group->join_fds(), *filter, 0);
   });
   if (end.exit_code == 0) {
-    checks.push_back(Fine("simulator_sandbox", "starts, and the simulator finds its libraries"));
+    checks.push_back(Fine("simulator_sandbox",
+                          "starts; the simulator finds its libraries and sets its filter"));
   } else {
     checks.push_back(Missing("simulator_sandbox", Trouble(end),
                              "no episode can be simulated, so nothing can be graded",
@@ -336,17 +340,35 @@ void CheckSandboxes(const DoctorOptions& options, std::vector<Check>& checks) {
   }
 }
 
+// The limits of a control group, null where none enforces them on this host.
+nlohmann::json DescribeGroup(const GroupLimits& limits, const GroupControllers& got) {
+  using Json = nlohmann::json;
+  return {{"version", got.version},
+          {"memory_bytes", got.memory ? Json(limits.memory_bytes) : Json()},
+          {"tasks", got.pids ? Json(limits.tasks) : Json()},
+          {"cpus", got.cpu && limits.cpus.has_value() ? Json(*limits.cpus) : Json()}};
+}
+
 nlohmann::json Describe(const Sandboxes& sandboxes) {
+  const PolicySandboxConfig& calls = sandboxes.config.policy;
   nlohmann::json policy = SandboxSpecToJson(sandboxes.policy);
-  policy["system_calls"] = {{"denied", sandboxes.config.denied_system_calls},
-                            {"unimplemented", sandboxes.config.unimplemented_system_calls}};
+  policy["system_calls"] = {{"denied", calls.denied_system_calls},
+                            {"unimplemented", calls.unimplemented_system_calls}};
+  policy["control_group"] = DescribeGroup(PolicyGroupLimits(sandboxes.budgets), sandboxes.group);
+  policy["scratch"] = {{"bytes", sandboxes.budgets.scratch_bytes},
+                       {"files", sandboxes.budgets.scratch_files}};
+  nlohmann::json simulator = SandboxSpecToJson(sandboxes.simulator);
+  simulator["system_calls"] = policy["system_calls"];
+  simulator["system_calls"]["allowed_once_loaded"] = sandboxes.config.sim.allowed_system_calls;
+  simulator["control_group"] =
+      DescribeGroup(SimGroupLimits(sandboxes.config.sim), sandboxes.group);
   // The doctor's own probe stands where a submission's command would.
   std::vector<std::string> command = sandboxes.policy.command;
   command.erase(std::find(command.begin(), command.end(), "--") + 1, command.end());
   command.push_back("COMMAND");
   policy["command"] = command;
   return {{"policy", policy},
-          {"simulator", SandboxSpecToJson(sandboxes.simulator)},
+          {"simulator", simulator},
           {"staged", sandboxes.staged}};
 }
 

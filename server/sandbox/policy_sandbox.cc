@@ -12,6 +12,7 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/channels.h"
+#include "server/sandbox/users.h"
 
 namespace myograde::server {
 namespace {
@@ -54,6 +55,15 @@ void AddSystem(const EtcFiles& etc, SandboxSpec& spec) {
 void Seal(SandboxSpec& spec) {
   spec.mounts.push_back({Kind::kSealed, "", "/dev"});
   spec.mounts.push_back({Kind::kSealed, "", "/"});
+}
+
+// Limits that no sandbox is asked for. A core limit of 0 would not keep the
+// kernel from handing a dying process to a program of the host that collects
+// dumps (core(5)); 1 does, and no file is that small.
+void AddCommonLimits(SandboxSpec& spec) {
+  spec.limits.insert(spec.limits.end(), {{RLIMIT_CORE, "core_bytes", 1},
+                                         {RLIMIT_RTPRIO, "realtime_priority", 0},
+                                         {RLIMIT_NICE, "nice", 0}});
 }
 
 void AddSanitizerOptions(SandboxSpec& spec) {
@@ -160,13 +170,17 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const std::string& bin_di
   // tells that it was reached.
   spec.tasks = group.pids ? budgets.tasks + 64 : budgets.tasks + 1;
   spec.limits = {{RLIMIT_NOFILE, "open_files", budgets.open_files},
-                 {RLIMIT_CORE, "core_bytes", 0},
                  {RLIMIT_FSIZE, "file_bytes", budgets.scratch_bytes}};
+  AddCommonLimits(spec);
   // AddressSanitizer reserves more addresses than any budget.
   if (!group.memory && !kSanitized) {
     spec.limits.push_back({RLIMIT_AS, "address_space_bytes", budgets.memory_bytes});
   }
   return spec;
+}
+
+GroupLimits SimGroupLimits(const SimSandboxConfig& config) {
+  return {config.memory_bytes, config.tasks, std::nullopt};
 }
 
 SandboxSpec MakeSimSandbox(const LeaseOrder& order, const SimSandboxConfig& config,
@@ -185,12 +199,13 @@ SandboxSpec MakeSimSandbox(const LeaseOrder& order, const SimSandboxConfig& conf
       // all hosts compute the same.
       {"GLIBC_TUNABLES", "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL,-AVX"}};
   AddSanitizerOptions(spec);
-  spec.command = {sim};
+  spec.command = {sim, "--allow", absl::StrJoin(config.allowed_system_calls, ",")};
   spec.working_dir = "/";
-  spec.uid = order.uid;
+  spec.uid = SimUser(order.uid);
+  spec.tasks = config.tasks;
   spec.limits = {{RLIMIT_NOFILE, "open_files", config.open_files},
-                 {RLIMIT_CORE, "core_bytes", 0},
                  {RLIMIT_FSIZE, "file_bytes", 0}};
+  AddCommonLimits(spec);
   if (!kSanitized) {
     spec.limits.push_back({RLIMIT_AS, "address_space_bytes", config.memory_bytes});
   }

@@ -36,7 +36,10 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const std::string& bin_di
 // The limits of the participant's control group.
 GroupLimits PolicyGroupLimits(const Budgets& budgets);
 
-// The simulator's: no network, all read-only.
+// The limits of the simulator's control group.
+GroupLimits SimGroupLimits(const SimSandboxConfig& config);
+
+// The simulator's: no network, all read-only, a user beside the policy's.
 SandboxSpec MakeSimSandbox(const LeaseOrder& order, const SimSandboxConfig& config,
                            const std::string& bin_dir, const Stage& stage, const EtcFiles& etc);
 

@@ -29,6 +29,7 @@ namespace {
 
 constexpr char kBubblewrap[] = "/usr/bin/bwrap";
 constexpr char kPrlimit[] = "/usr/bin/prlimit";
+constexpr int kInnerUid = 1000;  // as every sandbox sees itself
 // Above those that a command is given.
 constexpr int kStatusFd = 20;
 constexpr int kFilterFd = 21;
@@ -73,9 +74,10 @@ void AppendMount(const SandboxMount& mount, std::vector<std::string>& arguments)
 }
 
 std::vector<std::string> Arguments(const SandboxSpec& spec, bool filter) {
+  const std::string inner_uid = std::to_string(kInnerUid);
   std::vector<std::string> arguments = {
       kBubblewrap,      "--unshare-user", "--unshare-pid", "--unshare-ipc", "--unshare-uts",
-      "--unshare-cgroup-try", "--uid",    "1000",          "--gid",         "1000",
+      "--unshare-cgroup-try", "--uid",    inner_uid,       "--gid",         inner_uid,
       "--hostname",     "myograde",       "--new-session", "--die-with-parent",
       "--cap-drop",     "ALL",            "--json-status-fd", std::to_string(kStatusFd)};
   if (spec.as_first) arguments.push_back("--as-pid-1");
@@ -176,9 +178,11 @@ nlohmann::json SandboxSpecToJson(const SandboxSpec& spec) {
                          {"network", spec.bus ? "loopback with LCM's multicast" : "none"},
                          {"process_1", spec.as_first ? spec.command.front() : "bwrap"},
                          {"uid", spec.uid},
+                         {"uid_inside", kInnerUid},
                          {"tasks", spec.tasks},
                          {"namespaces", {"user", "pid", "ipc", "uts", "mount", "net", "cgroup"}},
                          {"capabilities", nlohmann::json::array()},
+                         {"no_new_privileges", true},
                          {"mounts", nlohmann::json::array()},
                          {"environment", nlohmann::json::object()},
                          {"limits", nlohmann::json::object()}};

@@ -1,21 +1,36 @@
 #include "server/sandbox/sandbox_config.h"
 
+#include <seccomp.h>
 #include <sys/socket.h>
 
 #include <map>
+
+#include <absl/strings/str_cat.h>
 
 #include "protocol/config_reader.h"
 
 namespace myograde::server {
 namespace {
 
+// A list of system calls; one that is empty or holds another word is a mistake,
+// as a filter that lacks a call by a slip of the pen looks like any other.
+std::vector<std::string> SystemCalls(ConfigReader& reader, const char* key) {
+  std::vector<std::string> names = reader.Strings(key);
+  if (names.empty()) reader.Fail(key, "must hold at least one system call");
+  for (const std::string& name : names) {
+    if (IsSystemCall(name)) continue;
+    reader.Fail(key, absl::StrCat("holds \"", name, "\", which is no system call; see syscalls(2)"));
+  }
+  return names;
+}
+
 absl::StatusOr<PolicySandboxConfig> LoadPolicy(const std::string& path) {
   absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
   if (!json.ok()) return json.status();
   ConfigReader reader(*json, path);
   PolicySandboxConfig config;
-  config.denied_system_calls = reader.Strings("denied_system_calls");
-  config.unimplemented_system_calls = reader.Strings("unimplemented_system_calls");
+  config.denied_system_calls = SystemCalls(reader, "denied_system_calls");
+  config.unimplemented_system_calls = SystemCalls(reader, "unimplemented_system_calls");
   static const std::map<std::string, int> kFamilies = {
       {"unix", AF_UNIX}, {"inet", AF_INET}, {"inet6", AF_INET6}};
   for (const std::string& name : reader.Strings("socket_families")) {
@@ -37,6 +52,8 @@ absl::StatusOr<SimSandboxConfig> LoadSim(const std::string& path) {
   if (!json.ok()) return json.status();
   ConfigReader reader(*json, path);
   SimSandboxConfig config;
+  config.allowed_system_calls = SystemCalls(reader, "allowed_system_calls");
+  config.tasks = reader.Integer("tasks", 4, 1000);
   config.memory_bytes = reader.Integer("memory_bytes", 256 << 20, int64_t{1} << 40);
   config.open_files = reader.Integer("open_files", 32, 65536);
   config.silence_s = reader.Number("silence_s", {2, 3600});
@@ -46,6 +63,10 @@ absl::StatusOr<SimSandboxConfig> LoadSim(const std::string& path) {
 }
 
 }  // namespace
+
+bool IsSystemCall(const std::string& name) {
+  return seccomp_syscall_resolve_name(name.c_str()) != __NR_SCMP_ERROR;
+}
 
 absl::StatusOr<SandboxConfig> LoadSandboxConfig(const std::string& config_dir) {
   absl::StatusOr<PolicySandboxConfig> policy = LoadPolicy(config_dir + "/sandbox/policy.json");

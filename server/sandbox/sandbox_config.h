@@ -19,7 +19,9 @@ struct PolicySandboxConfig {
 };
 
 struct SimSandboxConfig {
+  std::vector<std::string> allowed_system_calls;  // once its model is loaded
   int64_t memory_bytes = 0;
+  int64_t tasks = 0;         // processes and threads of its sandbox
   int64_t open_files = 0;
   double silence_s = 0;      // s without a message: the simulator hangs
   double lease_slack_s = 0;  // s above the lease's wall time
@@ -29,6 +31,9 @@ struct SandboxConfig {
   PolicySandboxConfig policy;
   SimSandboxConfig sim;
 };
+
+// True if this host's architecture has a system call of that name.
+bool IsSystemCall(const std::string& name);
 
 // Reads policy.json and sim.json in `config_dir`/sandbox. An error names the
 // file, the key and what is wrong with it.

@@ -21,6 +21,8 @@ namespace {
 // Hidden under our tmpfs in our namespace only. Whatever of it a sandbox needs
 // was opened before.
 constexpr char kStage[] = "/run";
+// The folders of a scratch tmpfs, which count as files.
+constexpr int64_t kOwnFiles = 3;
 
 absl::Status Errno(std::string_view what) {
   return absl::FailedPreconditionError(
@@ -92,8 +94,8 @@ absl::StatusOr<std::string> Stage::AddFile(const std::string& name,
 
 absl::StatusOr<std::string> Stage::MountScratch(int number, int64_t bytes, int64_t files) const {
   const std::string path = absl::StrCat(kStage, "/scratch", number);
-  // Its three folders count as files too.
-  const std::string options = absl::StrCat("mode=0755,size=", bytes, ",nr_inodes=", files + 3);
+  const std::string options =
+      absl::StrCat("mode=0755,size=", bytes, ",nr_inodes=", files + kOwnFiles);
   if (mkdir(path.c_str(), 0755) != 0 ||
       mount("scratch", path.c_str(), "tmpfs", MS_NOSUID | MS_NODEV, options.c_str()) != 0) {
     return Errno("can't mount a scratch tmpfs");
@@ -112,9 +114,13 @@ void Stage::UnmountScratch(const std::string& path) const {
   rmdir(path.c_str());
 }
 
-bool Stage::IsFull(const std::string& path) {
+ScratchUsage Stage::UsageOf(const std::string& path) {
   struct statvfs usage;
-  return statvfs(path.c_str(), &usage) == 0 && (usage.f_bavail == 0 || usage.f_favail == 0);
+  if (statvfs(path.c_str(), &usage) != 0) return {};
+  const auto block = static_cast<int64_t>(usage.f_frsize);
+  return {static_cast<int64_t>(usage.f_blocks - usage.f_bfree) * block,
+          static_cast<int64_t>(usage.f_files - usage.f_ffree) - kOwnFiles,
+          static_cast<int64_t>(usage.f_bavail) * block, static_cast<int64_t>(usage.f_favail)};
 }
 
 bool CanMakeUserNamespace() {

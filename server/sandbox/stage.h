@@ -17,6 +17,15 @@
 
 namespace myograde::server {
 
+// What a scratch tmpfs holds, and what there is room for.
+struct ScratchUsage {
+  int64_t bytes = 0;
+  int64_t files = 0;
+  int64_t free_bytes = -1;  // -1: not measured
+  int64_t free_files = -1;
+  bool full() const { return free_bytes == 0 || free_files == 0; }
+};
+
 class Stage {
  public:
   // Moves the calling process into its own mount namespace and stages each
@@ -35,8 +44,8 @@ class Stage {
   absl::StatusOr<std::string> MountScratch(int number, int64_t bytes, int64_t files) const;
   void UnmountScratch(const std::string& path) const;
 
-  // True if the tmpfs at `path` is out of space or of files.
-  static bool IsFull(const std::string& path);
+  // Of the tmpfs at `path`, of MountScratch().
+  static ScratchUsage UsageOf(const std::string& path);
 
  private:
   std::map<std::string, std::string> paths_;

@@ -52,7 +52,7 @@ class SystemTest(unittest.TestCase):
         be at work on this host."""
         path = cls.root / "configs" / "server.json"
         config = json.loads(path.read_text())
-        config["uid_base"] = 100000 + os.getpid() % 100000 * 2048
+        config["uid_base"] = 100000 + os.getpid() % 100000 * 8192
         path.write_text(json.dumps(config))
 
     @classmethod

@@ -122,7 +122,7 @@ class DoctorTest(unittest.TestCase):
         self.assertEqual(self.states(checks, "policy_sandbox", "simulator_sandbox"), ["ok", "ok"])
 
     def test_both_sandboxes_are_printed(self):
-        done = self.doctor("--sandbox")
+        done = self.doctor("--sandbox", "--json")
         self.assertEqual(done.returncode, 0, done.stderr)
         value = json.loads(done.stdout)
         self.assertEqual(mistakes(value, schema_of("doctor")), [])
@@ -131,11 +131,29 @@ class DoctorTest(unittest.TestCase):
         self.assertEqual(policy["command"][-1], "COMMAND")
         self.assertEqual(simulator["network"], "none")
         self.assertIn("ptrace", policy["system_calls"]["denied"])
+        self.assertIn("ptrace", simulator["system_calls"]["denied"])
+        allowed = simulator["system_calls"]["allowed_once_loaded"]
+        self.assertIn("read", allowed)
+        self.assertFalse({"openat", "execve", "clone", "socket"} & set(allowed))
         writable = [m["target"] for m in policy["mounts"] if m["kind"] == "writable"]
         self.assertEqual(sorted(writable), ["/dev/shm", "/tmp"])
         self.assertNotIn("writable", [m["kind"] for m in simulator["mounts"]])
+        for sandbox in (policy, simulator):
+            self.assertEqual(sandbox["capabilities"], [])
+            self.assertEqual(set(sandbox["namespaces"]),
+                             {"user", "pid", "ipc", "uts", "mount", "net", "cgroup"})
         if os.geteuid() == 0:
             self.assertGreater(policy["uid"], 0)
+            self.assertGreater(simulator["uid"], 0)
+            self.assertNotEqual(policy["uid"], simulator["uid"])
+
+    def test_both_sandboxes_are_told_as_text(self):
+        done = self.doctor("--sandbox")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        for words in ("The policy's sandbox", "The simulator's sandbox", "myograde-bridge",
+                      "ptrace", "/dev/shm", "limits of all together", "allowed_once_loaded"):
+            self.assertIn(words, done.stdout)
+        self.assertNotIn("\x1b", done.stdout)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,130 @@
+#include "server/sandbox/cgroup_host.h"
+
+#include <signal.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cstdint>
+#include <fstream>
+#include <sstream>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_split.h>
+
+namespace myograde::server {
+namespace {
+
+constexpr std::string_view kPrefix = "myograde.";
+
+std::string ReadAll(const std::string& path) {
+  std::ifstream file(path);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+// This process' group in each hierarchy: "0::/path" or "3:cpu,cpuacct:/path".
+std::vector<std::pair<std::set<std::string>, std::string>> OwnGroups(const CgroupHost& host) {
+  std::vector<std::pair<std::set<std::string>, std::string>> groups;
+  std::istringstream lines(ReadAll(host.membership));
+  for (std::string line; std::getline(lines, line);) {
+    const std::vector<std::string> parts = absl::StrSplit(line, absl::MaxSplits(':', 2));
+    if (parts.size() != 3) continue;
+    std::set<std::string> names = absl::StrSplit(parts[1], ',', absl::SkipEmpty());
+    groups.emplace_back(std::move(names), parts[2]);
+  }
+  return groups;
+}
+
+// When a process started, in clock ticks after the host's start; with its pid
+// that names it for good. -1: there is none. A dead one that nobody collected
+// counts as gone.
+int64_t StartOf(pid_t pid) {
+  const std::string text = ReadAll(absl::StrCat("/proc/", pid, "/stat"));
+  // The name, in brackets, may hold anything; field 3 follows its last one.
+  const size_t name_end = text.rfind(')');
+  if (name_end == std::string::npos) return -1;
+  std::istringstream fields(text.substr(name_end + 1));
+  std::string state;
+  fields >> state;
+  if (state == "Z" || state == "X") return -1;
+  constexpr int kFromStateToStart = 22 - 3 - 1;
+  std::string skipped;
+  for (int i = 0; i < kFromStateToStart; ++i) fields >> skipped;
+  int64_t start = -1;
+  return fields >> start ? start : -1;
+}
+
+}  // namespace
+
+const CgroupHost& ThisCgroupHost() {
+  static const CgroupHost host = [] {
+    CgroupHost kernel;
+    kernel.make = [](const std::string& folder) { return mkdir(folder.c_str(), 0755) == 0; };
+    kernel.remove = [](const std::string& folder) { return rmdir(folder.c_str()) == 0; };
+    return kernel;
+  }();
+  return host;
+}
+
+// A mount may show only a part of its hierarchy (in a container): field 4 of
+// its line says which.
+std::vector<CgroupHierarchy> CgroupHierarchies(const CgroupHost& host) {
+  const auto own = OwnGroups(host);
+  std::vector<CgroupHierarchy> found;
+  std::istringstream lines(ReadAll(host.mounts));
+  for (std::string line; std::getline(lines, line);) {
+    const std::vector<std::string> halves = absl::StrSplit(line, absl::MaxSplits(" - ", 1));
+    if (halves.size() != 2) continue;
+    const std::vector<std::string> left = absl::StrSplit(halves[0], ' ');
+    const std::vector<std::string> right = absl::StrSplit(halves[1], ' ');
+    if (left.size() < 5 || right.size() < 3) continue;
+    const bool v2 = right[0] == "cgroup2";
+    if (!v2 && right[0] != "cgroup") continue;
+    const std::set<std::string> options = absl::StrSplit(right[2], ',');
+    for (const auto& [names, path] : own) {
+      const bool mine = v2 ? names.empty()
+                           : !names.empty() && std::includes(options.begin(), options.end(),
+                                                             names.begin(), names.end());
+      if (!mine) continue;
+      std::string below = path;
+      if (left[3] != "/" && below.rfind(left[3], 0) == 0) below = below.substr(left[3].size());
+      if (below == "/") below.clear();
+      found.push_back({v2 ? 2 : 1, names, left[4] + below, left[4]});
+    }
+  }
+  return found;
+}
+
+std::vector<std::string> CgroupParents(const CgroupHierarchy& hierarchy) {
+  if (hierarchy.version == 1) return {hierarchy.folder};
+  std::vector<std::string> parents;
+  if (hierarchy.folder.size() > hierarchy.top.size()) {
+    parents.push_back(hierarchy.folder.substr(0, hierarchy.folder.rfind('/')));
+  }
+  if (parents.empty() || parents.back() != hierarchy.top) parents.push_back(hierarchy.top);
+  return parents;
+}
+
+std::string GroupName(const std::string& what) {
+  return absl::StrCat(absl::string_view(kPrefix.data(), kPrefix.size()), getpid(), ".",
+                      StartOf(getpid()), ".", what);
+}
+
+bool IsStaleGroup(const std::string& name) {
+  if (!name.starts_with(kPrefix)) return false;
+  pid_t pid = 0;
+  int64_t start = 0;
+  const char* end = name.data() + name.size();
+  const auto [dot, bad_pid] = std::from_chars(name.data() + kPrefix.size(), end, pid);
+  if (bad_pid != std::errc() || pid <= 0 || dot == end || *dot != '.') return false;
+  const auto [rest, bad_start] = std::from_chars(dot + 1, end, start);
+  if (bad_start != std::errc() || rest == end || *rest != '.') return false;
+  return StartOf(pid) != start;
+}
+
+}  // namespace myograde::server

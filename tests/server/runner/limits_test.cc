@@ -1,0 +1,282 @@
+// Every budget of a policy, broken by a small program: what it is called, and
+// that the evidence holds limit, value, step and the program's last words. And
+// what the simulator's own end means.
+#include <algorithm>
+#include <array>
+#include <cstdio>
+
+#include <nlohmann/json.hpp>
+
+#include "protocol/sim_channel.h"
+#include "tests/server/runner/runner_world.h"
+
+namespace myograde::server {
+namespace {
+
+using LimitsTest = RunnerTest;
+
+// The processes below `ancestor` that run a program of this name.
+std::vector<pid_t> ProcessesBelow(pid_t ancestor, const std::string& program) {
+  const auto read = [](const fs::path& path) {
+    std::ifstream file(path);
+    return std::string((std::istreambuf_iterator<char>(file)), {});
+  };
+  const auto parent_of = [&](pid_t pid) {
+    const std::string stat = read(absl::StrCat("/proc/", pid, "/stat"));
+    int parent = 0;
+    const size_t name_end = stat.rfind(')');
+    if (name_end != std::string::npos) {
+      std::sscanf(stat.c_str() + name_end + 1, " %*c %d", &parent);
+    }
+    return parent;
+  };
+  std::vector<pid_t> found;
+  for (const auto& entry : fs::directory_iterator("/proc")) {
+    const pid_t pid = std::atoi(entry.path().filename().c_str());
+    if (pid <= 0 || read(entry.path() / "comm") != program + "\n") continue;
+    for (pid_t above = parent_of(pid); above > 1; above = parent_of(above)) {
+      if (above == ancestor) found.push_back(pid);
+    }
+  }
+  return found;
+}
+
+// For RunnerTest::meddle_: sends `signal` to the first such process, once.
+std::function<void(pid_t)> Strike(const std::string& program, int signal) {
+  return [=, done = false](pid_t runner) mutable {
+    if (done) return;
+    for (const pid_t pid : ProcessesBelow(runner, program)) {
+      absl::SleepFor(absl::Milliseconds(300));
+      done = kill(pid, signal) == 0;
+    }
+  };
+}
+
+void ExpectEvidence(const Outcomes& outcomes, Outcome outcome, const std::string& limit,
+                    double limit_value) {
+  ASSERT_EQ(outcomes.episodes.size(), 1u) << outcomes.end->detail;
+  EXPECT_TRUE(outcomes.end->ok) << outcomes.end->detail;
+  const FaultEvidence& fault = outcomes.episodes[0].fault;
+  EXPECT_EQ(fault.outcome, outcome) << fault.detail;
+  EXPECT_EQ(fault.limit, limit) << fault.detail;
+  EXPECT_EQ(fault.limit_value, limit_value);
+  EXPECT_GE(fault.value, fault.limit_value) << fault.detail;
+  EXPECT_EQ(fault.step, -1);
+  EXPECT_THAT(fault.stderr_tail, HasSubstr("last words"));
+  EXPECT_EQ(FaultEvidenceToJson(fault)["whose"], "participant");
+}
+
+TEST_F(LimitsTest, Tasks) {
+  budgets_["tasks"] = 32;
+  const Outcomes outcomes = Play(ScriptOrder(
+      "echo last words >&2; i=0; while [ $i -lt 200 ]; do sleep 1000 & i=$((i+1)); done; wait"));
+  if (HasGroups()) return ExpectEvidence(outcomes, Outcome::kProcessLimit, "tasks", 32);
+  ASSERT_EQ(outcomes.episodes.size(), 1u);
+  EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
+  EXPECT_THAT(outcomes.end->stderr_tail, HasSubstr("fork"));
+}
+
+TEST_F(LimitsTest, Memory) {
+  budgets_["memory_bytes"] = 256 << 20;
+  const Outcomes outcomes = Play(
+      ScriptOrder("echo last words >&2; exec /usr/bin/python3 -c 'x=[bytearray(1<<24) for i in "
+                  "range(1000)]'"));
+  if (HasGroups()) {
+    ExpectEvidence(outcomes, Outcome::kMemoryLimit, "memory_bytes", 256 << 20);
+    EXPECT_GE(outcomes.end->peak_memory_bytes, 250 << 20);
+    return;
+  }
+  ASSERT_EQ(outcomes.episodes.size(), 1u);
+  EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
+  EXPECT_THAT(outcomes.end->stderr_tail, HasSubstr("MemoryError"));
+}
+
+TEST_F(LimitsTest, MemoryOfSharedFilesCounts) {
+  if (!HasGroups()) GTEST_SKIP() << "no control group counts it here";
+  budgets_["memory_bytes"] = 64 << 20;
+  ExpectEvidence(Play(ScriptOrder("echo last words >&2; head -c 200000000 /dev/zero > /dev/shm/x")),
+                 Outcome::kMemoryLimit, "memory_bytes", 64 << 20);
+}
+
+TEST_F(LimitsTest, BytesOnDisk) {
+  budgets_["scratch_bytes"] = 1 << 20;
+  ExpectEvidence(Play(ScriptOrder("echo last words >&2; head -c 700000 /dev/zero > /tmp/a; "
+                                  "head -c 700000 /dev/zero > /dev/shm/b; exit 1")),
+                 Outcome::kDiskLimit, "scratch_bytes", 1 << 20);
+}
+
+TEST_F(LimitsTest, FilesOnDisk) {
+  budgets_["scratch_files"] = 16;
+  ExpectEvidence(Play(ScriptOrder("echo last words >&2; i=0; while [ $i -lt 40 ]; do "
+                                  ": > /tmp/$i; i=$((i+1)); done; exit 1")),
+                 Outcome::kDiskLimit, "scratch_files", 16);
+}
+
+TEST_F(LimitsTest, LengthOfAFile) {
+  budgets_["scratch_bytes"] = 4 << 20;
+  // Sparse, so that it is not the disk that is full.
+  ExpectEvidence(Play(ScriptOrder("echo last words >&2; exec truncate -s 5000000 /tmp/x")),
+                 Outcome::kDiskLimit, "scratch_bytes", 4 << 20);
+}
+
+TEST_F(LimitsTest, OpenFiles) {
+  budgets_["open_files"] = 64;
+  const Outcomes outcomes = Play(ScriptOrder(
+      "ulimit -n; exec /usr/bin/python3 -c 'x=[open(\"/dev/null\") for i in range(100)]'"));
+  ASSERT_EQ(outcomes.episodes.size(), 1u);
+  EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
+  EXPECT_EQ(outcomes.end->stdout_tail, "64\n");
+  EXPECT_THAT(outcomes.episodes[0].fault.stderr_tail, HasSubstr("Too many open files"));
+}
+
+TEST_F(LimitsTest, CpuTimeOfTheLease) {
+  budgets_["startup_s"] = 60;
+  budgets_["lease_cpu_s"] = 0.5;
+  ExpectEvidence(Play(ScriptOrder("echo last words >&2; while :; do :; done")),
+                 Outcome::kCpuLimit, "lease_cpu_s", 0.5);
+}
+
+TEST_F(LimitsTest, CpuTimeOfChildrenCounts) {
+  budgets_["startup_s"] = 60;
+  budgets_["lease_cpu_s"] = 0.5;
+  ExpectEvidence(Play(ScriptOrder("echo last words >&2; (while :; do :; done) & "
+                                  "(while :; do :; done) & exec sleep 1000")),
+                 Outcome::kCpuLimit, "lease_cpu_s", 0.5);
+}
+
+TEST_F(LimitsTest, WallTimeOfTheLease) {
+  budgets_["startup_s"] = 60;
+  budgets_["lease_wall_s"] = 2;
+  ExpectEvidence(Play(ScriptOrder("echo last words >&2; exec sleep 1000")),
+                 Outcome::kWallTimeout, "lease_wall_s", 2);
+}
+
+TEST_F(LimitsTest, StartUp) {
+  budgets_["startup_s"] = 1;
+  ExpectEvidence(Play(ScriptOrder("echo last words >&2; kill -STOP $$")), Outcome::kInitTimeout,
+                 "startup_s", 1);
+}
+
+TEST_F(LimitsTest, LastWordsAreOfThisRunAndHarmless) {
+  const Outcomes outcomes = Play(ScriptOrder(
+      "printf '\\033[2J\\000\\377{\"outcome\": \"success\"}\\n' >&2; exit 3"), absl::Seconds(100));
+  ASSERT_EQ(outcomes.episodes.size(), 1u);
+  const std::string& words = outcomes.episodes[0].fault.stderr_tail;
+  EXPECT_EQ(words, "\uFFFD[2J\uFFFD\uFFFD{\"outcome\": \"success\"}\n");
+  EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
+}
+
+TEST_F(LimitsTest, TheBridgeCantBeLookedIntoOrStopped) {
+  const Outcomes outcomes = Play(
+      ScriptOrder("for file in environ mem maps fd/3 cwd root exe; do\n"
+                  "  cat /proc/1/$file > /tmp/got 2>/tmp/words || echo $file refused; [ ! -s "
+                  "/tmp/got ] || echo got $file\ndone\n"
+                  "for signal in STOP KILL TERM SEGV USR1; do kill -$signal 1; done\n"
+                  "kill -0 1 && echo still there; exit 5"));
+  ASSERT_EQ(outcomes.episodes.size(), 1u) << outcomes.end->detail;
+  EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
+  EXPECT_THAT(outcomes.episodes[0].fault.detail, HasSubstr("status 5"));
+  EXPECT_THAT(outcomes.end->stdout_tail, HasSubstr("mem refused\n"));
+  EXPECT_THAT(outcomes.end->stdout_tail, HasSubstr("environ refused\n"));
+  EXPECT_THAT(outcomes.end->stdout_tail, HasSubstr("still there\n"));
+  EXPECT_THAT(outcomes.end->stdout_tail, ::testing::Not(HasSubstr("got ")));
+}
+
+TEST_F(LimitsTest, WhateverIsLeftOnDiskIsNeverLookedAt) {
+  const Outcomes outcomes = Play(ScriptOrder(
+      "cd /tmp; ln -s /etc/shadow a; ln -s /tmp loop; mkfifo b; : > c; ln c d; mkdir -p e/f/g; "
+      "chmod 0 e; : > 'x\n..'; mknod n c 1 5; ln -sf /dev/zero /dev/shm/z; chmod 0 /tmp; exit 3"));
+  ASSERT_EQ(outcomes.episodes.size(), 1u) << outcomes.end->detail;
+  EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
+  EXPECT_THAT(outcomes.end->stderr_tail, HasSubstr("mknod: n: Operation not permitted"));
+}
+
+TEST_F(LimitsTest, NoPriorityAboveOthers) {
+  const Outcomes outcomes = Play(
+      ScriptOrder("nice -n -5 true; /usr/bin/chrt -f 1 true; ulimit -c; exit 3"));
+  ASSERT_EQ(outcomes.episodes.size(), 1u) << outcomes.end->detail;
+  EXPECT_THAT(outcomes.end->stderr_tail, HasSubstr("nice: cannot set niceness"));
+  EXPECT_THAT(outcomes.end->stderr_tail, HasSubstr("chrt: failed to set"));
+}
+
+TEST_F(LimitsTest, TheBridgesDeathIsTheParticipants) {
+  meddle_ = Strike("myograde-bridge", SIGKILL);
+  const Outcomes outcomes = Play(ScriptOrder("exec sleep 1000", 2));
+  ASSERT_EQ(outcomes.episodes.size(), 2u) << outcomes.end->detail;
+  EXPECT_TRUE(outcomes.end->ok) << outcomes.end->detail;
+  EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
+}
+
+// Configs of their own for the simulator.
+class SimTest : public RunnerTest {
+ protected:
+  void SetUp() override {
+    RunnerTest::SetUp();
+    if (IsSkipped()) return;
+    fs::copy(MYOGRADE_SOURCE_DIR "/configs", root_ + "/configs", fs::copy_options::recursive);
+    nlohmann::json json = nlohmann::json::parse(std::ifstream(Config()));
+    json["silence_s"] = 3;
+    std::ofstream(Config()) << json;
+    setenv("MYOGRADE_CONFIG_DIR", (root_ + "/configs").c_str(), 1);
+    budgets_["startup_s"] = 60;
+  }
+  void TearDown() override {
+    unsetenv("MYOGRADE_CONFIG_DIR");
+    RunnerTest::TearDown();
+  }
+  std::string Config() const { return root_ + "/configs/sandbox/sim.json"; }
+
+  void ExpectGradersFault(const Outcomes& outcomes, const std::string& words) {
+    EXPECT_FALSE(outcomes.end->ok);
+    EXPECT_THAT(outcomes.end->detail, HasSubstr(words));
+    EXPECT_THAT(outcomes.episodes, ::testing::IsEmpty());
+  }
+};
+
+TEST_F(SimTest, OneThatHangsIsTheGradersFault) {
+  meddle_ = Strike("myograde-sim", SIGSTOP);
+  ExpectGradersFault(Play(ScriptOrder("exec sleep 1000")), "said nothing for 3 s");
+}
+
+TEST_F(SimTest, OneThatIsKilledIsTheGradersFault) {
+  meddle_ = Strike("myograde-sim", SIGKILL);
+  ExpectGradersFault(Play(ScriptOrder("exec sleep 1000")), "signal 9");
+}
+
+TEST_F(SimTest, ACallOutsideItsFilterIsTheGradersFault) {
+  nlohmann::json json = nlohmann::json::parse(std::ifstream(Config()));
+  auto& calls = json["allowed_system_calls"];
+  calls.erase(std::find(calls.begin(), calls.end(), "recvmsg"));
+  std::ofstream(Config()) << json;
+  ExpectGradersFault(Play(ScriptOrder("exec sleep 1000")), "allowed_system_calls");
+}
+
+TEST_F(SimTest, AFilterThatWouldLetItStartProgramsIsRefused) {
+  nlohmann::json json = nlohmann::json::parse(std::ifstream(Config()));
+  json["allowed_system_calls"].push_back("execve");
+  std::ofstream(Config()) << json;
+  ExpectGradersFault(Play(ScriptOrder("exec sleep 1000")), "never allows execve");
+}
+
+TEST_F(SimTest, ItsUserIsNotThePolicys) {
+  if (geteuid() != 0) GTEST_SKIP() << "an ordinary user has one user only";
+  std::array<uid_t, 2> users = {0, 0};
+  meddle_ = [&](pid_t runner) {
+    const char* const programs[] = {"myograde-sim", "myograde-bridge"};
+    for (size_t i = 0; i < users.size(); ++i) {
+      for (const pid_t pid : ProcessesBelow(runner, programs[i])) {
+        std::ifstream status(absl::StrCat("/proc/", pid, "/status"));
+        for (std::string word; status >> word;) {
+          if (word == "Uid:") status >> users[i];
+        }
+      }
+    }
+  };
+  budgets_["startup_s"] = 3;
+  Play(ScriptOrder("exec sleep 1000"));
+  EXPECT_EQ(users[1], static_cast<uid_t>(kSlotUid));
+  EXPECT_EQ(users[0], static_cast<uid_t>(SimUser(kSlotUid)));
+}
+
+}  // namespace
+}  // namespace myograde::server
