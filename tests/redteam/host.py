@@ -14,7 +14,7 @@ import time
 
 SLOTS = 3
 # Users of the slots: a range of its own for each run of the suite, as limits count by user.
-UID_RANGE = 2048
+UID_RANGE = 8192
 START_S = 30
 STOP_S = 30
 # Large and unlike anything that would turn up by chance, so that they can be looked for.
