@@ -1,0 +1,95 @@
+// Every number of the shipped server.json is a limit that can't be left out, be
+// zero, negative or absurd; the mistake is told with file and key.
+#include "server/daemon/server_config.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/config_reader.h"
+
+namespace myograde::server {
+namespace {
+
+using ::testing::HasSubstr;
+using Json = nlohmann::json;
+using Pointer = Json::json_pointer;
+
+class ServerConfigTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    path_ = std::filesystem::temp_directory_path() / absl::StrCat("server-", getpid(), ".json");
+    shipped_ = ReadJsonFile(MYOGRADE_SOURCE_DIR "/configs/server.json").value();
+  }
+  void TearDown() override { std::filesystem::remove(path_); }
+
+  absl::Status Load(const std::string& text) const {
+    std::ofstream(path_) << text;
+    return LoadServerConfig(path_.string(), "/cache").status();
+  }
+
+  // Places of all numbers.
+  std::vector<Pointer> Numbers() const {
+    std::vector<Pointer> found;
+    for (const auto& [place, value] : shipped_.flatten().items()) {
+      if (value.is_number()) found.emplace_back(place);
+    }
+    return found;
+  }
+
+  std::filesystem::path path_;
+  Json shipped_;
+};
+
+TEST_F(ServerConfigTest, ReadsTheShippedOne) {
+  EXPECT_TRUE(Load(shipped_.dump()).ok()) << Load(shipped_.dump());
+  EXPECT_GT(Numbers().size(), 10u);
+}
+
+TEST_F(ServerConfigTest, NoLimitIsZeroAbsentNegativeOrAbsurd) {
+  for (const Pointer& place : Numbers()) {
+    const std::string key = place.back();
+    Json json = shipped_;
+    json.at(place.parent_pointer()).erase(key);
+    EXPECT_THAT(std::string(Load(json.dump()).message()), HasSubstr(key)) << "absent";
+    for (const char* value : {"0", "-1", "1e18", "1e999", "null", "true", "\"many\"", "[5]"}) {
+      json = shipped_;
+      json.at(place) = "stands here";
+      std::string text = json.dump();
+      text.replace(text.find("\"stands here\""), 13, value);
+      const absl::Status status = Load(text);
+      EXPECT_FALSE(status.ok()) << place << " = " << value;
+      // What is not JSON at all is told by its place in the file.
+      if (Json::accept(text)) {
+        EXPECT_THAT(std::string(status.message()), HasSubstr(key)) << value;
+      }
+    }
+  }
+}
+
+TEST_F(ServerConfigTest, SlotsAreANumberOrTheWordCores) {
+  for (const char* value : {"0", "-1", "1025", "1.5", "\"all\"", "null"}) {
+    Json json = shipped_;
+    json["slots"] = Json::parse(value);
+    EXPECT_THAT(std::string(Load(json.dump()).message()), HasSubstr("slots")) << value;
+  }
+}
+
+TEST_F(ServerConfigTest, AnUnknownKeyIsAMistake) {
+  for (const char* place : {"/slot", "/scheduler/replays", "/http/worker", "/artefacts/byte"}) {
+    Json json = shipped_;
+    json[Pointer(place)] = 1;
+    EXPECT_THAT(std::string(Load(json.dump()).message()), HasSubstr(Pointer(place).back()));
+  }
+}
+
+}  // namespace
+}  // namespace myograde::server
