@@ -51,7 +51,7 @@ EpisodeFacts ArmFacts() {
 EpisodeFacts LegFault() {
   EpisodeFacts facts;
   facts.end = EpisodeEnd::kFault;
-  facts.fault = {Outcome::kStepTimeout, "step_s", 1, 61.5, 9, "step 9 took \"long\"\n\x01"};
+  facts.fault = {Outcome::kStepTimeout, "step_s", 1, 61.5, 9, "step 9 took \"long\"\n\x01", "tail"};
   LocomotionFacts leg;
   leg.course = 4;
   leg.distance = 12.5;

@@ -104,8 +104,9 @@ TEST(SeccompFilter, LeavesOnlyPlainSockets) {
     EXPECT_EQ(socket_error(AF_INET, type, 0), EPERM) << type;
     EXPECT_EQ(socket_error(AF_INET6, type | SOCK_CLOEXEC | SOCK_NONBLOCK, 0), EPERM) << type;
   }
-  for (const uint64_t protocol : {IPPROTO_ICMP, IPPROTO_IGMP, IPPROTO_SCTP, IPPROTO_UDPLITE,
-                                  IPPROTO_RAW, 262 /* MPTCP */}) {
+  const std::vector<uint64_t> protocols = {IPPROTO_ICMP,    IPPROTO_IGMP, IPPROTO_SCTP,
+                                           IPPROTO_UDPLITE, IPPROTO_RAW,  262 /* MPTCP */};
+  for (const uint64_t protocol : protocols) {
     EXPECT_EQ(socket_error(AF_INET, SOCK_DGRAM, protocol), EPERM) << protocol;
   }
   EXPECT_EQ(socket_error(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, IPPROTO_UDP), 0);
@@ -125,8 +126,10 @@ TEST(SeccompFilter, DeniesWhatAnArgumentMakesDangerous) {
   EXPECT_EQ(Denies(SYS_fcntl, fd, F_GETFL), 0);
   EXPECT_EQ(Denies(SYS_prctl, 62 /* PR_SCHED_CORE */), EPERM);
   EXPECT_EQ(Denies(SYS_prctl, PR_GET_DUMPABLE), 0);
-  for (const uint64_t domain : {PER_SVR4, PER_BSD, READ_IMPLIES_EXEC, MMAP_PAGE_ZERO,
-                                ADDR_COMPAT_LAYOUT, 0x80000000, 0xfffffffe}) {
+  const std::vector<uint64_t> domains = {
+      PER_SVR4, PER_BSD, READ_IMPLIES_EXEC, MMAP_PAGE_ZERO, ADDR_COMPAT_LAYOUT, 0x80000000,
+      0xfffffffe};
+  for (const uint64_t domain : domains) {
     EXPECT_EQ(Denies(SYS_personality, domain), EPERM) << domain;
   }
   EXPECT_EQ(Denies(SYS_personality, 0xffffffff), 0);
