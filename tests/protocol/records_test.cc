@@ -105,6 +105,7 @@ TEST(Records, ValuesSurviveExactly) {
   ASSERT_TRUE(fault.ok()) << fault.status();
   EXPECT_EQ(std::get<EpisodeFacts>(*fault).fault.outcome, Outcome::kStepTimeout);
   EXPECT_EQ(std::get<EpisodeFacts>(*fault).fault.detail, "step 9 took \"long\"\n\x01");
+  EXPECT_EQ(std::get<EpisodeFacts>(*fault).fault.stderr_tail, "tail");
 }
 
 TEST(Records, DoublesComeBackBitForBit) {
