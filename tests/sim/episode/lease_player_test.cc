@@ -147,7 +147,7 @@ TEST_F(LeasePlayerTest, ARulingAgainstTheGraderEndsTheLease) {
 }
 
 TEST_F(LeasePlayerTest, ACommandThatCanNotStartIsAFaultOfEachTry) {
-  refuse_ = FaultEvidence{Outcome::kCrash, "", 0, 0, -1, "./policy is not executable"};
+  refuse_ = FaultEvidence{Outcome::kCrash, "", 0, 0, -1, "./policy is not executable", ""};
   const LeaseResult result = Play({[](Sandbox&) {}});
   ASSERT_TRUE(result.status.ok()) << result.status;
   EXPECT_EQ(result.sandboxes, 3);
