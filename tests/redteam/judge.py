@@ -8,8 +8,7 @@ from host import SEEDS
 from table import SCORED
 
 TAIL_BYTES = 4096
-# Beyond the bytes themselves: a character that is not printable becomes one of three bytes.
-FAULT_SLACK_S = 2.0
+FAULT_SLACK_S = 2.0  # between a broken limit and the end of what broke it
 
 
 def findings(outputs):

@@ -7,6 +7,7 @@ usage: run.py --build BUILD [--quick] [--json] [--user UID] [--mix SECONDS] [--l
 import argparse
 import json
 import pathlib
+import signal
 import sys
 import time
 
@@ -86,6 +87,8 @@ def main():
 
 
 if __name__ == "__main__":
+    # Ended from outside, it still ends its daemon.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         sys.exit(main())
     except RuntimeError as trouble:
