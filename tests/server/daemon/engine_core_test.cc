@@ -91,6 +91,30 @@ TEST_F(EngineCoreTest, ACancelCountsAtOnceAndIsAnsweredWhenTheRunnerIsDead) {
   EXPECT_TRUE(absl::IsFailedPrecondition(*again));
 }
 
+TEST_F(EngineCoreTest, WhatAnExpiredLeaseSaysLaterIsRefused) {
+  World world(Folder(), {}, 2);
+  world.next_is_late = absl::Seconds(45);
+  world.next_dies_late = absl::Minutes(2);
+  const int64_t id = world.Submit("a", 2);
+  RunFor(world, absl::Seconds(31));
+  EXPECT_EQ(world.core->Health().ending, 1) << "its process holds on to its slot";
+  // First the new runner tells of both episodes, then the old one.
+  RunFor(world, absl::Seconds(19));
+  EXPECT_EQ(StateOf(world, id), EvaluationState::kDone);
+  EXPECT_EQ(world.core->Health().ending, 1);
+  RunFor(world, absl::Seconds(20));
+  ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
+    const LeaseRow lease = reader.Leases(id).front();
+    EXPECT_EQ(lease.attempt, 2);
+    EXPECT_EQ(lease.faults, 1);
+    for (const EpisodeRow& row : reader.Episodes(id)) EXPECT_EQ(row.attempt, 2);
+    return absl::OkStatus();
+  }).ok());
+  EXPECT_TRUE(world.core->idle());
+  world.CheckStore();
+  EXPECT_EQ(world.broken, "");
+}
+
 TEST_F(EngineCoreTest, AStopPutsLeasesBackAndAnswersWhoeverWaits) {
   World world(Folder(), {}, 2);
   const int64_t id = world.Submit("a", 4);

@@ -73,7 +73,8 @@ void FakeRunner::Say(absl::Duration at, const LeaseRecord& record) {
 
 void FakeRunner::WriteScript(const LeaseOrder& order) {
   Tape& tape = world_.tape;
-  absl::Duration at = world_.clock.Monotonic();
+  absl::Duration at =
+      world_.clock.Monotonic() + std::exchange(world_.next_is_late, absl::ZeroDuration());
   const bool self_test = order.lease == "selftest-1";
   for (const EpisodeOrder& episode : order.episodes) {
     Say(at, ProgressRecord{episode.index, 1});
@@ -100,8 +101,9 @@ void FakeRunner::WriteScript(const LeaseOrder& order) {
   Say(at, end);
   dies_at_ = std::min(dies_at_, at + absl::Seconds(tape.Happens(4) ? 10'000 : 0));
   garbage_ = tape.Happens(4);
-  stubborn_ = tape.Happens(32);
-  kill_takes_ = tape.Happens(8) ? absl::Minutes(2) : absl::ZeroDuration();
+  kill_takes_ = tape.Happens(8) ? absl::Minutes(2)
+                                : std::exchange(world_.next_dies_late, absl::ZeroDuration());
+  stubborn_ = tape.Happens(32) || kill_takes_ > absl::ZeroDuration();
 }
 
 absl::StatusOr<std::vector<LeaseRecord>> FakeRunner::Read() {

@@ -125,6 +125,10 @@ class World {
 
   ManualClock clock;
   Tape tape;
+  // The next runner says all that it has to say so much later, and dies so much later when it
+  // is killed.
+  absl::Duration next_is_late = absl::ZeroDuration();
+  absl::Duration next_dies_late = absl::ZeroDuration();
   std::set<int64_t> slots_in_use;
   std::string broken;           // the first broken promise of the engine, in words
   int cancels_open = 0;

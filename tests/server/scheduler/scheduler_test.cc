@@ -4,6 +4,8 @@
 
 #include <set>
 
+#include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -186,6 +188,23 @@ TEST(SchedulerTest, ThePlaceIsTheOrderInWhichEvaluationsStart) {
     scheduler.Finished(start->lease, 1, absl::ZeroDuration());
     scheduler.Free(start->slot);
   }
+}
+
+TEST(SchedulerTest, APlaceCostsLittleHoweverManyWait) {
+  Scheduler scheduler({.slots = 2});
+  for (int64_t id = 1; id <= 10'000; ++id) {
+    scheduler.Add(Spec(id, absl::StrCat("team ", id % 200), 10), absl::ZeroDuration());
+  }
+  // All places at once would take minutes if each one looked at all that waits.
+  const absl::Time begin = absl::Now();
+  std::set<int64_t> places;
+  for (int64_t id = 1; id <= 10'000; ++id) {
+    places.insert(scheduler.PlaceOf(id)->position);
+    EXPECT_NE(scheduler.WhyWaiting(id, absl::ZeroDuration()), "");
+    (void)scheduler.NextDeadline(absl::ZeroDuration());
+  }
+  EXPECT_EQ(places.size(), 10'000u);
+  EXPECT_LT(absl::Now() - begin, absl::Seconds(30));
 }
 
 // What the history should have led to, kept apart from the scheduler.
