@@ -31,9 +31,9 @@ constexpr std::array kNever = {
 
 #if defined(__SANITIZE_ADDRESS__)
 constexpr std::array kSanitizerCalls = {
-    "fcntl",  "fstat",    "getcwd",   "getdents64", "getrlimit", "ioctl",       "newfstatat",
-    "pread64", "prlimit64", "readlink", "readlinkat", "rt_sigaction", "sched_getaffinity",
-    "sigaltstack", "stat", "sysinfo", "uname"};
+    "fcntl",   "fstat",     "getcwd",    "getdents64",   "getrlimit", "ioctl",
+    "newfstatat", "pipe",   "pipe2",     "pread64",      "prlimit64", "readlink",
+    "readlinkat", "rt_sigaction", "sched_getaffinity", "sigaltstack", "stat", "uname"};
 #endif
 
 struct Release {
@@ -61,6 +61,8 @@ int AllowSanitizer([[maybe_unused]] scmp_filter_ctx filter) {
   for (const char* name : kSanitizerCalls) {
     result |= seccomp_rule_add(filter, SCMP_ACT_ALLOW, seccomp_syscall_resolve_name(name), 0);
   }
+  result |= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(open), 1,
+                             SCMP_A1(SCMP_CMP_MASKED_EQ, O_ACCMODE | O_CREAT, O_RDONLY));
   result |= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(openat), 1,
                              SCMP_A2(SCMP_CMP_MASKED_EQ, O_ACCMODE | O_CREAT, O_RDONLY));
 #endif
