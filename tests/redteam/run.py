@@ -6,6 +6,7 @@ usage: run.py --build BUILD [--quick] [--json] [--user UID] [--mix SECONDS] [--l
 
 import argparse
 import json
+import os
 import pathlib
 import signal
 import sys
@@ -14,7 +15,7 @@ import time
 import mix
 import suite as suites
 
-HOST_TROUBLE = 4
+WRONG_USE, HOST_TROUBLE = 2, 4
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 
 
@@ -31,14 +32,21 @@ def arguments():
     parser.add_argument("--seed", type=int, default=1, help="of the mixture (default: 1)")
     parser.add_argument("--user", type=int, metavar="UID",
                         help="as root: run the daemon as this ordinary user")
-    return parser.parse_args()
+    options = parser.parse_args()
+    if options.mix is not None and options.mix < 1:
+        parser.error("--mix needs a number of seconds from 1")
+    if options.user is not None and (options.user < 1 or os.geteuid() != 0):
+        parser.error("--user needs an ordinary user's number, and root to take it")
+    return options
 
 
 def chosen(options):
     cases = suites.all_cases()
     unknown = set(options.cases) - {case.number for case in cases}
     if unknown:
-        sys.exit(f"error: there is no case {min(unknown)}; --list tells which there are")
+        print(f"error: there is no case {min(unknown)}; --list tells which there are",
+              file=sys.stderr)
+        sys.exit(WRONG_USE)
     if options.cases:
         return [case for case in cases if case.number in options.cases]
     return [case for case in cases if case.quick] if options.quick else cases
@@ -71,8 +79,6 @@ def main():
             print(f"{case.number:2} {case.title}")
         return 0
     if options.mix is not None:
-        if options.mix < 1:
-            sys.exit("error: --mix needs a number of seconds from 1")
         return mix.run(options.mix, options.seed, options.build, SOURCE, options.user,
                        options.json)
     rows = run_cases(cases, options)
