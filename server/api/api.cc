@@ -2,6 +2,10 @@
 // api_views.cc; uploads: api_uploads.cc.
 #include "server/api/api.h"
 
+#include <unistd.h>
+
+#include <filesystem>
+
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
@@ -17,30 +21,23 @@ namespace {
 
 constexpr char kJson[] = "application/json";
 
-std::string Who() { return absl::StrCat("uid ", UnixHttpServer::PeerUid()); }
-
 void Send(httplib::Response& response, int http, const nlohmann::json& body) {
   response.status = http;
   response.set_content(CanonicalJson(body) + "\n", kJson);
-}
-
-void SendError(httplib::Response& response, const ApiError& error) {
-  if (error.http == 429 || error.http == 503) response.set_header("Retry-After", "1");
-  if (error.http >= 500) spdlog::warn("answered {}: {}", error.http, error.message);
-  Send(response, error.http, {{"error", {{"code", error.code}, {"message", error.message}}}});
 }
 
 }  // namespace
 
 ApiError ErrorOf(const absl::Status& status) {
   const std::string message(status.message());
+  const std::string code = ErrorCodeOf(status);
   switch (status.code()) {
     case absl::StatusCode::kInvalidArgument:
       return {400, "bad_request", message};
     case absl::StatusCode::kNotFound:
       return {404, "not_found", message};
     case absl::StatusCode::kFailedPrecondition:
-      return {409, "conflict", message};
+      return {409, code.empty() ? "conflict" : code, message};
     case absl::StatusCode::kCancelled:
       return {503, "stopping", message};
     case absl::StatusCode::kDeadlineExceeded:
@@ -55,6 +52,8 @@ ApiError ErrorOf(const absl::Status& status) {
   }
 }
 
+std::string Api::Who() { return absl::StrCat("uid ", UnixHttpServer::PeerUid()); }
+
 Api::Api(Options options, const Tracks& tracks, Engine& engine, ReaderPool& readers,
          const Clock& clock)
     : options_(std::move(options)),
@@ -63,12 +62,30 @@ Api::Api(Options options, const Tracks& tracks, Engine& engine, ReaderPool& read
       readers_(readers),
       clock_(clock) {}
 
+void Api::SendError(httplib::Response& response, const ApiError& error) {
+  if (error.http == 429 || error.http == 503) response.set_header("Retry-After", "1");
+  if (error.http >= 500) spdlog::warn("answered {}: {}", error.http, error.message);
+  Send(response, error.http, {{"error", {{"code", error.code}, {"message", error.message}}}});
+}
+
+void Api::SendAnswer(httplib::Response& response, const Answer& answer) {
+  if (answer.text == nullptr) return Send(response, answer.http, answer.body);
+  response.status = answer.http;
+  response.set_content(*answer.text, kJson);
+}
+
+std::optional<ApiError> Api::OnlyOrganiser() const {
+  const uid_t uid = UnixHttpServer::PeerUid();
+  if (uid == 0 || uid == geteuid()) return std::nullopt;
+  return ApiError{403, "forbidden", "only root and the user that runs the daemon may do this"};
+}
+
 void Api::Get(UnixHttpServer& server, const std::string& pattern,
               Result (Api::*handler)(const Request&)) {
   server.Get(pattern, [this, handler](const Request& request, httplib::Response& response) {
     const Result result = (this->*handler)(request);
     if (const auto* error = std::get_if<ApiError>(&result)) return SendError(response, *error);
-    Send(response, std::get<Answer>(result).http, std::get<Answer>(result).body);
+    SendAnswer(response, std::get<Answer>(result));
   });
 }
 
@@ -95,7 +112,7 @@ void Api::Post(UnixHttpServer& server, const std::string& pattern,
     if (!json.ok()) return SendError(response, ErrorOf(json.status()));
     const Result result = (this->*handler)(request, *json);
     if (const auto* error = std::get_if<ApiError>(&result)) return SendError(response, *error);
-    Send(response, std::get<Answer>(result).http, std::get<Answer>(result).body);
+    SendAnswer(response, std::get<Answer>(result));
   });
 }
 
@@ -107,6 +124,11 @@ void Api::Install(UnixHttpServer& server) {
   Get(server, R"(/v1/submissions/(\d{1,18})/result)", &Api::GetResult);
   Get(server, R"(/v1/evaluations/(\d{1,18}))", &Api::GetEvaluation);
   Get(server, "/v1/leaderboard", &Api::GetLeaderboard);
+  Get(server, "/v1/leaderboard/explain", &Api::Explain);
+  Get(server, "/v1/quota", &Api::GetQuota);
+  Post(server, "/v1/quota/grants", &Api::Grant);
+  Post(server, "/v1/leaderboard/rebuild", &Api::RebuildBoards);
+  Post(server, R"(/v1/submissions/(\d{1,18})/marks)", &Api::Mark);
   Post(server, "/v1/submissions", &Api::Submit);
   Post(server, R"(/v1/submissions/(\d{1,18})/cancel)", &Api::Cancel);
   Post(server, R"(/v1/submissions/(\d{1,18})/rerun)", &Api::Rerun);
@@ -114,8 +136,9 @@ void Api::Install(UnixHttpServer& server) {
                                       const httplib::ContentReader& content) {
     const Result result = Upload(request, content);
     if (const auto* error = std::get_if<ApiError>(&result)) return SendError(response, *error);
-    Send(response, std::get<Answer>(result).http, std::get<Answer>(result).body);
+    SendAnswer(response, std::get<Answer>(result));
   });
+  InstallTransfer(server);
   server.set_payload_max_length(static_cast<size_t>(options_.config.artefacts.archive_bytes));
   server.set_error_handler([](const Request& request, httplib::Response& response) {
     if (!response.body.empty()) return;  // ours
@@ -137,6 +160,14 @@ void Api::Install(UnixHttpServer& server) {
     SendError(response, {500, "internal", absl::StrCat(request.method, " ", request.path,
                                                        " failed in the server: ", what)});
   });
+}
+
+absl::Status Api::HasFiles(const std::string& artefact) const {
+  std::error_code error;
+  const std::string folder = absl::StrCat(options_.data_dir, "/artefacts/", artefact);
+  if (std::filesystem::exists(folder, error)) return absl::OkStatus();
+  return absl::NotFoundError(absl::StrCat("the files of artefact ", artefact,
+                                          " are not on this host any more; upload it again"));
 }
 
 Api::Result Api::Submit(const Request&, const Json& body) {
@@ -163,6 +194,7 @@ Api::Result Api::Submit(const Request&, const Json& body) {
     artefact = reader.Artefact(request->artefact);
     return artefact.status();
   });
+  if (status.ok()) status = HasFiles(request->artefact);
   if (!status.ok()) return ErrorOf(status);
   if (artefact->bytes > config.budgets.submission_bytes ||
       artefact->files > config.budgets.submission_files) {
@@ -192,15 +224,17 @@ Api::Result Api::Submit(const Request&, const Json& body) {
   submission.grader_json = CanonicalJson(GraderBuild());
   submission.blocks = BlocksOf(submission.seed_count, config.episodes_per_lease);
   absl::StatusOr<Accepted> accepted =
-      engine_.Submit(submission, Who(), options_.config.http.request);
+      engine_.Submit(submission, options_.config.quota.of(config.id), Who(),
+                     options_.config.http.request);
   if (!accepted.ok()) return ErrorOf(accepted.status());
-  Answer answer{201, {}};
+  Answer answer{accepted->linked ? 200 : 201};
   status = readers_.Read([&](Reader& reader) -> absl::Status {
     absl::StatusOr<Json> view = Status(reader, accepted->submission);
     if (view.ok()) answer.body = *std::move(view);
     return view.status();
   });
   if (!status.ok()) return ErrorOf(status);
+  answer.body["linked"] = accepted->linked;
   return answer;
 }
 
@@ -241,6 +275,7 @@ Api::Result Api::Rerun(const Request& request, const Json& body) {
           absl::StrCat("request: \"last\" is ", *wanted->last, ", the last episode of submission ",
                        id, " is ", original.last));
     }
+    if (absl::Status files = HasFiles(submission->artefact); !files.ok()) return files;
     for (const LeaseRow& lease : reader.Leases(original.id)) {
       const bool wants = lease.last >= wanted->first.value_or(0) &&
                          lease.first <= wanted->last.value_or(original.last);

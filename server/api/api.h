@@ -5,6 +5,7 @@
 #include <atomic>
 #include <functional>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -48,10 +49,14 @@ class Api {
   using Request = httplib::Request;
   struct Answer {
     int http = 200;
-    Json body;
+    Json body = nullptr;
+    std::shared_ptr<const std::string> text = nullptr;  // in place of body, if set
   };
   using Result = std::variant<Answer, ApiError>;
 
+  static std::string Who();
+  static void SendAnswer(httplib::Response& response, const Answer& answer);
+  static void SendError(httplib::Response& response, const ApiError& error);
   void Get(UnixHttpServer& server, const std::string& pattern,
            Result (Api::*handler)(const Request&));
   void Post(UnixHttpServer& server, const std::string& pattern,
@@ -64,14 +69,44 @@ class Api {
   Result GetResult(const Request& request);
   Result GetEvaluation(const Request& request);
   Result GetLeaderboard(const Request& request);
+  Result Explain(const Request& request);
+  Result GetQuota(const Request& request);
   Result Submit(const Request& request, const Json& body);
   Result Cancel(const Request& request, const Json& body);
   Result Rerun(const Request& request, const Json& body);
+  Result Mark(const Request& request, const Json& body);
+  Result RebuildBoards(const Request& request, const Json& body);
+  Result Grant(const Request& request, const Json& body);
   Result Upload(const Request& request, const httplib::ContentReader& content);
+
+  Result Import(const httplib::ContentReader& content);
+  void InstallTransfer(UnixHttpServer& server);
+  std::string SpoolPath();
+  absl::Status MakeExport(const std::string& path);
+  void SendMade(const char* type, httplib::Response& response,
+                const std::function<absl::Status(const std::string&)>& make);
 
   absl::StatusOr<Json> Status(Reader& reader, int64_t submission);
   absl::StatusOr<Json> Breakdown(Reader& reader, int64_t evaluation, bool episodes);
-  absl::StatusOr<scoring::Aggregate> FinalAggregate(Reader& reader, int64_t evaluation);
+  // The track and board that the parameters name.
+  struct Asked {
+    TrackPtr track;
+    std::string board;
+    const scoring::BoardRules* rules = nullptr;
+  };
+  std::variant<Asked, ApiError> BoardAsked(const Request& request);
+  absl::StatusOr<std::string> MakeBoardText(Reader& reader, const Asked& asked);
+  // NotFoundError if the artefact is known and its files were removed, or it came
+  // with an import.
+  absl::Status HasFiles(const std::string& artefact) const;
+  // Refuses who is neither root nor the daemon's own user.
+  std::optional<ApiError> OnlyOrganiser() const;
+  absl::StatusOr<Json> QuotaOf(Reader& reader, const std::string& team, const std::string& track);
+  // Refuses an upload of a team that has used up its failed tries.
+  absl::Status CheckTries(const std::string& team, const std::string& track);
+  // A failed try of the team, if there is one.
+  absl::Status ChargeRefusal(const std::string& team, const std::string& track,
+                             const std::string& why);
   Result EvaluationAnswer(int64_t evaluation, bool of_submission, const Request& request);
   absl::StatusOr<ArtefactRow> Receive(const httplib::ContentReader& content, bool& is_new);
 
@@ -83,9 +118,13 @@ class Api {
   std::atomic<int> uploads_ = 0;
   std::atomic<int64_t> upload_names_ = 0;
 
+  // Answers that are told from stale ones by the store's count of changes.
+  struct KeptBoard {
+    int64_t changes = -1;
+    std::shared_ptr<const std::string> text;
+  };
   std::mutex mutex_;
-  // Of evaluations that have ended, so it never goes stale. Guarded by mutex_.
-  std::map<int64_t, scoring::Aggregate> aggregates_;
+  std::map<std::pair<std::string, std::string>, KeptBoard> boards_;  // by config and board; mutex_
 };
 
 }  // namespace myograde::server

@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/api.h"
+#include "server/api/requests.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/unpack_process.h"
 
@@ -15,6 +16,8 @@ namespace myograde::server {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr uint64_t kSmallUpload = 1 << 20;
 
 absl::Status WriteAll(int fd, const char* data, size_t size) {
   while (size > 0) {
@@ -98,15 +101,50 @@ absl::StatusOr<ArtefactRow> Api::Receive(const httplib::ContentReader& content, 
   absl::Status status =
       Settle(folder, absl::StrCat(options_.data_dir, "/artefacts/", artefact->digest));
   if (!status.ok()) return status;
+  // What is known needs no change of the store, and no wait for the disk.
+  status = readers_.Read([&](Reader& reader) { return reader.Artefact(row.hash).status(); });
+  if (status.ok()) return row;
+  if (!absl::IsNotFound(status)) return status;
   absl::StatusOr<bool> added = engine_.AddArtefact(row, options_.config.http.request);
   if (!added.ok()) return added.status();
   is_new = *added;
   return row;
 }
 
-Api::Result Api::Upload(const Request&, const httplib::ContentReader& content) {
-  const absl::Cleanup leave = [&] { --uploads_; };
-  if (++uploads_ > options_.config.artefacts.uploads) {
+absl::Status Api::ChargeRefusal(const std::string& team, const std::string& track,
+                                const std::string& why) {
+  if (team.empty()) return absl::OkStatus();
+  return engine_.Change(
+      [team, track, who = Who(), text = absl::StrCat("upload refused: ", why)](Writer& writer) {
+        return writer.ChargeFailure(team, track, who, text);
+      },
+      options_.config.http.request);
+}
+
+// With team and track given, a refused archive is a failed try of theirs.
+Api::Result Api::Upload(const Request& request, const httplib::ContentReader& content) {
+  const std::string team = request.get_param_value("team");
+  const std::string track = request.get_param_value("track");
+  absl::Status allowed = CheckParameters(request, {"team", "track"});
+  if (allowed.ok() && request.has_param("team") != request.has_param("track")) {
+    allowed = absl::InvalidArgumentError("\"team\" and \"track\" go together: give both or none");
+  }
+  if (allowed.ok() && request.has_param("team")) allowed = CheckTeam(team);
+  if (allowed.ok() && request.has_param("track")) {
+    allowed = tracks_.Find(track, "").status();
+    if (allowed.ok()) allowed = CheckTries(team, track);
+  }
+  if (!allowed.ok()) {
+    UnixHttpServer::Drain(content);
+    ApiError error = ErrorOf(allowed);
+    if (absl::IsNotFound(allowed)) error = {400, "unknown_track", error.message};
+    return error;
+  }
+  // Small ones are through in no time; the workers bound them.
+  const bool counts = !request.has_header("Content-Length") ||  // chunked: of any length
+                      request.get_header_value<uint64_t>("Content-Length") > kSmallUpload;
+  const absl::Cleanup leave = [&] { uploads_ -= counts ? 1 : 0; };
+  if (counts && ++uploads_ > options_.config.artefacts.uploads) {
     UnixHttpServer::Drain(content);
     return ApiError{429, "too_many",
                     absl::StrCat(options_.config.artefacts.uploads,
@@ -118,7 +156,12 @@ Api::Result Api::Upload(const Request&, const httplib::ContentReader& content) {
   if (!row.ok()) {
     UnixHttpServer::HangUpAfter();  // the rest of the body may be unread
     ApiError error = ErrorOf(row.status());
-    if (absl::IsInvalidArgument(row.status())) error.code = "bad_artefact";
+    if (absl::IsInvalidArgument(row.status())) {
+      error.code = "bad_artefact";
+      if (absl::Status charged = ChargeRefusal(team, track, error.message); !charged.ok()) {
+        return ErrorOf(charged);
+      }
+    }
     if (absl::IsOutOfRange(row.status())) error = {413, "too_large", error.message};
     return error;
   }

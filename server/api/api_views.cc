@@ -139,6 +139,7 @@ absl::StatusOr<Json> Api::Status(Reader& reader, int64_t id) {
     const auto live = running.find(lease.id);
     json["leases"].push_back(LeaseToJson(lease, live == running.end() ? nullptr : &live->second));
   }
+  json["marks"] = MarksToJson(reader.MarkHistory(id));
   json["evaluations"] = Json::array();
   for (const EvaluationRow& evaluation : evaluations) {
     json["evaluations"].push_back({{"evaluation", evaluation.id},
@@ -267,101 +268,6 @@ Api::Result Api::ListSubmissions(const Request& request) {
   const bool more = static_cast<int64_t>(list.size()) == filter->limit;
   const Json next = more ? list.back()["submission"] : Json();
   return Answer{200, {{"submissions", std::move(list)}, {"next_before", next}}};
-}
-
-absl::StatusOr<scoring::Aggregate> Api::FinalAggregate(Reader& reader, int64_t evaluation) {
-  {
-    const std::lock_guard lock(mutex_);
-    const auto it = aggregates_.find(evaluation);
-    if (it != aggregates_.end()) return it->second;
-  }
-  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(reader.Episodes(evaluation));
-  if (aggregate.ok()) {
-    const std::lock_guard lock(mutex_);
-    aggregates_[evaluation] = *aggregate;
-  }
-  return aggregate;
-}
-
-namespace {
-
-// At or above the board's line.
-bool IsQualified(const scoring::BoardEntry& entry, const scoring::BoardRules& rules) {
-  if (const auto* tiered = std::get_if<scoring::TieredBoard>(&rules)) {
-    return entry.successes * tiered->line_episodes >= tiered->line_successes * entry.episodes;
-  }
-  if (const auto* distance = std::get_if<scoring::DistanceBoard>(&rules)) {
-    return entry.distance >= distance->time_from_m;
-  }
-  return entry.distance >= std::get<scoring::PhysiologicalBoard>(rules).qualify_m;
-}
-
-}  // namespace
-
-Api::Result Api::GetLeaderboard(const Request& request) {
-  absl::Status status = CheckParameters(request, {"track", "profile", "board"});
-  if (!status.ok()) return ErrorOf(status);
-  if (!request.has_param("track")) {
-    return ApiError{400, "bad_request", "\"track\" is missing: a board is of one track"};
-  }
-  const std::string name = request.get_param_value("track");
-  absl::StatusOr<TrackPtr> found = tracks_.Find(name, request.get_param_value("profile"));
-  if (!found.ok()) {
-    return ApiError{400, tracks_.offers().contains(name) ? "unknown_profile" : "unknown_track",
-                    std::string(found.status().message())};
-  }
-  const Track& track = **found;
-  const std::string board = request.has_param("board") ? request.get_param_value("board") : "main";
-  const auto rules = track.scoring.boards.find(board);
-  if (rules == track.scoring.boards.end()) {
-    return ApiError{400, "bad_request",
-                    absl::StrCat("track \"", name, "\" has no board \"", board, "\"")};
-  }
-  Json rows = Json::array();
-  int64_t elsewhere = 0;
-  status = readers_.Read([&](Reader& reader) -> absl::Status {
-    std::vector<scoring::BoardEntry> entries;
-    std::map<std::string, std::pair<EvaluationRow, scoring::Aggregate>> sources;
-    for (const EvaluationRow& evaluation : reader.Ranked(track.config.hash)) {
-      absl::StatusOr<scoring::Aggregate> aggregate = FinalAggregate(reader, evaluation.id);
-      if (!aggregate.ok()) return aggregate.status();
-      scoring::BoardEntry entry = scoring::MakeEntry(*aggregate);
-      entry.submission = absl::StrCat(evaluation.submission);
-      entry.acceptance = evaluation.submission;
-      absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation.submission);
-      if (!submission.ok()) return submission.status();
-      entry.team = submission->team;
-      sources[entry.submission] = {evaluation, *aggregate};
-      entries.push_back(std::move(entry));
-    }
-    absl::StatusOr<std::vector<scoring::RankedEntry>> ranked =
-        scoring::Rank(entries, rules->second, track.scoring.team);
-    if (!ranked.ok()) return ranked.status();
-    for (const scoring::RankedEntry& place : *ranked) {
-      const auto& [evaluation, aggregate] = sources.at(place.entry.submission);
-      absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation.submission);
-      if (!submission.ok()) return submission.status();
-      rows.push_back({{"rank", place.rank},
-                      {"team", place.entry.team},
-                      {"submission", evaluation.submission},
-                      {"evaluation", evaluation.id},
-                      {"name", submission->artefact_name},
-                      {"qualified", IsQualified(place.entry, rules->second)},
-                      {"aggregate", AggregateToJson(track.config.kind, aggregate)}});
-    }
-    elsewhere = reader.RankedElsewhere(name, track.config.profile, track.config.hash);
-    return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
-  return Answer{200,
-                {{"track", name},
-                 {"track_kind", TrackKindName(track.config.kind)},
-                 {"profile", track.config.profile},
-                 {"board", board},
-                 {"config", track.config.hash},
-                 {"episodes", track.config.seeds.size()},
-                 {"rows", std::move(rows)},
-                 {"other_config", elsewhere}}};
 }
 
 Api::Result Api::ListTracks(const Request&) {

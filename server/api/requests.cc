@@ -8,6 +8,7 @@
 
 #include "protocol/config_reader.h"
 #include "protocol/track_config.h"
+#include "server/api/board.h"
 
 namespace myograde::server {
 namespace {
@@ -25,6 +26,15 @@ bool IsHarmful(uint32_t c) {
   return c < 0x20 || (c >= 0x7f && c < 0xa0) || c == 0x2028 || c == 0x2029 ||
          (c >= 0x200b && c <= 0x200f) || (c >= 0x202a && c <= 0x202e) ||
          (c >= 0x2060 && c <= 0x206f) || c == 0xfeff;
+}
+
+std::string ReadReason(ConfigReader& reader) {
+  const std::string reason = reader.String("reason");
+  if (!IsPlainText(reason, kMaxReasonBytes)) {
+    reader.Fail("reason", absl::StrCat("must be 1 to ", kMaxReasonBytes,
+                                       " bytes of text without control characters"));
+  }
+  return reason;
 }
 
 }  // namespace
@@ -89,13 +99,7 @@ absl::StatusOr<RerunRequest> ParseRerun(const nlohmann::json& body) {
 absl::StatusOr<std::string> ParseCancel(const nlohmann::json& body) {
   ConfigReader reader(body, kWhere);
   std::string reason = "cancelled by request";
-  if (reader.Has("reason")) {
-    reason = reader.String("reason");
-    if (!IsPlainText(reason, kMaxReasonBytes)) {
-      reader.Fail("reason", absl::StrCat("must be 1 to ", kMaxReasonBytes,
-                                         " bytes of text without control characters"));
-    }
-  }
+  if (reader.Has("reason")) reason = ReadReason(reader);
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   return reason;
 }
@@ -115,6 +119,50 @@ absl::Status CheckParameters(const httplib::Request& request,
   return absl::OkStatus();
 }
 
+absl::StatusOr<MarkRequest> ParseMark(const nlohmann::json& body) {
+  ConfigReader reader(body, kWhere);
+  MarkRequest request;
+  request.mark = reader.Choice("mark", {kHidden, kDisqualified, kBaseline});
+  request.set = reader.Boolean("set");
+  if (reader.Has("reason")) request.reason = ReadReason(reader);
+  if (request.set && request.mark == kDisqualified && request.reason.empty()) {
+    reader.Fail("reason", "is missing: a disqualification needs one");
+  }
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return request;
+}
+
+absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body) {
+  ConfigReader reader(body, kWhere);
+  NewGrant grant;
+  grant.team = reader.String("team");
+  grant.track = reader.String("track");
+  grant.budget = ParseBudget(reader.Choice("budget", {"official", "practice", "failed"}))
+                     .value_or(Budget::kOfficial);
+  grant.amount = reader.Integer("amount", 1, 1'000'000);
+  grant.why = ReadReason(reader);
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  if (absl::Status status = CheckTeam(grant.team); !status.ok()) return status;
+  return grant;
+}
+
+absl::Status CheckTeam(const std::string& team) {
+  if (IsPlainText(team, kMaxTeamBytes)) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("\"team\" must be 1 to ", kMaxTeamBytes, " bytes of text without control "
+                   "characters, without a space at its ends"));
+}
+
+absl::Status ReadNumber(const httplib::Request& request, const char* key, int64_t max,
+                        int64_t& value) {
+  if (!request.has_param(key)) return absl::OkStatus();
+  if (absl::SimpleAtoi(request.get_param_value(key), &value) && value >= 1 && value <= max) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("\"", key, "\" must be a whole number from 1 to ", max));
+}
+
 absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request) {
   absl::Status status = CheckParameters(
       request, {"team", "track", "profile", "state", "before", "limit"});
@@ -129,15 +177,8 @@ absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request) {
           "\"state\" must be queued, running, done, failed, cancelled or grader_error"));
     }
   }
-  const auto number = [&](const char* key, int64_t max, int64_t& value) {
-    if (!request.has_param(key)) return;
-    if (!absl::SimpleAtoi(request.get_param_value(key), &value) || value < 1 || value > max) {
-      status.Update(absl::InvalidArgumentError(
-          absl::StrCat("\"", key, "\" must be a whole number from 1 to ", max)));
-    }
-  };
-  number("before", INT64_MAX, filter.before);
-  number("limit", 1000, filter.limit);
+  status.Update(ReadNumber(request, "before", INT64_MAX, filter.before));
+  status.Update(ReadNumber(request, "limit", 1000, filter.limit));
   if (!status.ok()) return status;
   return filter;
 }

@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "server/store/reader.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 
@@ -33,6 +34,22 @@ absl::StatusOr<RerunRequest> ParseRerun(const nlohmann::json& body);
 
 // The reason given, or the usual one.
 absl::StatusOr<std::string> ParseCancel(const nlohmann::json& body);
+
+struct MarkRequest {
+  std::string mark;
+  bool set = false;
+  std::string reason;
+};
+absl::StatusOr<MarkRequest> ParseMark(const nlohmann::json& body);
+
+absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body);
+
+// A team's name in a query.
+absl::Status CheckTeam(const std::string& team);
+
+// Whole numbers of a query; a missing parameter leaves `value` as it is.
+absl::Status ReadNumber(const httplib::Request& request, const char* key, int64_t max,
+                        int64_t& value);
 
 absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request);
 

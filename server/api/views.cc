@@ -66,6 +66,18 @@ nlohmann::json EpisodeToJson(const EpisodeRow& row) {
           {"attempt", row.attempt}};
 }
 
+nlohmann::json MarksToJson(const std::vector<MarkRow>& rows) {
+  Json list = Json::array();
+  for (const MarkRow& row : rows) {
+    list.push_back({{"mark", row.mark},
+                    {"set", row.set},
+                    {"at", TimeToJson(row.at)},
+                    {"who", row.who},
+                    {"reason", TextOrNull(row.why)}});
+  }
+  return list;
+}
+
 nlohmann::json LimitsToJson(const TrackConfig& config) {
   return KeyOrNull(config.effective, "budgets");
 }

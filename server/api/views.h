@@ -18,6 +18,8 @@ nlohmann::json TextOrNull(const std::string& text);
 nlohmann::json CountsToJson(int64_t total, const EpisodeCounts& counts);
 // One row of `episode_rows`.
 nlohmann::json EpisodeToJson(const EpisodeRow& row);
+// Changes of a submission's marks, oldest first.
+nlohmann::json MarksToJson(const std::vector<MarkRow>& rows);
 // What a participant may use, as in the track's config.
 nlohmann::json LimitsToJson(const TrackConfig& config);
 // A re-run against its original; both sorted by index.

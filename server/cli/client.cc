@@ -24,6 +24,7 @@ using Json = nlohmann::json;
 constexpr time_t kConnectSeconds = 10;
 constexpr time_t kAnswerSeconds = 60;
 constexpr time_t kUploadSeconds = 960;
+constexpr size_t kRefusalBytes = 65536;
 
 void Prepare(httplib::ClientImpl& http, time_t answer_seconds) {
   http.set_address_family(AF_UNIX);
@@ -109,6 +110,42 @@ absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& 
   };
   return AnswerOf(http.Post(path, static_cast<size_t>(size), provide, "application/x-tar"),
                   socket_);
+}
+
+absl::StatusOr<int64_t> Client::Download(
+    const std::string& path, const std::function<bool(const char*, size_t)>& sink,
+    const std::function<void(int64_t, int64_t)>& progress) const {
+  if (absl::Status status = CheckSocket(); !status.ok()) return status;
+  httplib::ClientImpl http(socket_);
+  Prepare(http, kUploadSeconds);
+  int64_t done = 0;
+  int64_t total = 0;
+  int status = 0;
+  bool kept = true;
+  std::string refusal;
+  httplib::Result result = http.Get(
+      path,
+      [&](const httplib::Response& response) {
+        status = response.status;
+        total = static_cast<int64_t>(response.get_header_value<uint64_t>("Content-Length"));
+        return true;
+      },
+      [&](const char* data, size_t size) {
+        if (status != 200) {
+          refusal.append(data, std::min(size, kRefusalBytes - std::min(refusal.size(),
+                                                                       kRefusalBytes)));
+          return true;
+        }
+        done += static_cast<int64_t>(size);
+        progress(done, total);
+        return kept = sink(data, size);
+      });
+  if (result && status == 200) return done;
+  if (!kept) return absl::InternalError("what the daemon sends can't be written");
+  if (result) result->body = refusal;
+  const absl::StatusOr<Json> answer = AnswerOf(result, socket_);
+  if (!answer.ok()) return answer.status();
+  return absl::InternalError("the daemon's answer is not what was asked for");
 }
 
 std::string QueryValue(const std::string& value) {

@@ -25,6 +25,11 @@ class Client {
   absl::StatusOr<nlohmann::json> Upload(const std::string& path, const std::string& file,
                                         const std::function<void(int64_t)>& progress) const;
 
+  // Writes the answer's bytes to `sink` (false: stop) and says how many they were.
+  absl::StatusOr<int64_t> Download(
+      const std::string& path, const std::function<bool(const char*, size_t)>& sink,
+      const std::function<void(int64_t done, int64_t total)>& progress) const;
+
  private:
   absl::Status CheckSocket() const;
 

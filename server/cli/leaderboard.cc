@@ -2,6 +2,7 @@
 #include <iostream>
 #include <memory>
 
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
 #include "server/cli/client.h"
@@ -18,6 +19,8 @@ struct BoardOptions {
   std::string track;
   std::string profile;
   std::string board = "main";
+  std::vector<std::string> explain;  // two rows, or none
+  bool rebuild = false;
   bool json = false;
 };
 
@@ -40,7 +43,9 @@ void PrintBoard(const Json& board) {
     Table table(std::move(head));
     for (const Json& row : rows) {
       const Json aggregate = aggregate_of(row);
-      std::vector<std::string> cells = {Cell(row, "rank"), Cell(row, "team"), Cell(row, "name"),
+      const bool baseline = row.value("baseline", false);
+      std::vector<std::string> cells = {baseline ? "baseline" : Cell(row, "rank"),
+                                        Cell(row, "team"), Cell(row, "name"),
                                         Cell(row, "submission"), Cell(aggregate, "successes")};
       if (locomotion) cells.push_back(Cell(aggregate, "distance_m"));
       cells.push_back(Cell(aggregate, "time_s"));
@@ -50,6 +55,11 @@ void PrintBoard(const Json& board) {
     }
     table.Print();
   }
+  for (const Json& row : board.value("disqualified", Json::array())) {
+    std::cout << "  Disqualified: submission " << Cell(row, "submission") << " of "
+              << Cell(row, "team") << " (" << Cell(row, "name") << "): " << Cell(row, "reason")
+              << '\n';
+  }
   if (board.value("other_config", 0) > 0) {
     std::cout << "  " << Cell(board, "other_config")
               << " evaluations under an earlier config of this track are not on it.\n";
@@ -57,12 +67,51 @@ void PrintBoard(const Json& board) {
   std::cout.flush();
 }
 
+std::string QueryOf(const BoardOptions& options, const std::string& track) {
+  std::string query =
+      absl::StrCat("?track=", QueryValue(track), "&board=", QueryValue(options.board));
+  if (!options.profile.empty()) absl::StrAppend(&query, "&profile=", QueryValue(options.profile));
+  return query;
+}
+
 absl::StatusOr<Json> BoardOf(const Client& client, const BoardOptions& options,
                              const std::string& track) {
-  std::string path = absl::StrCat("/v1/leaderboard?track=", QueryValue(track), "&board=",
-                                  QueryValue(options.board));
-  if (!options.profile.empty()) absl::StrAppend(&path, "&profile=", QueryValue(options.profile));
-  return client.Get(path);
+  return client.Get("/v1/leaderboard" + QueryOf(options, track));
+}
+
+int Explain(const Client& client, BoardOptions options) {
+  int64_t id = 0;
+  if (options.track.empty() && absl::SimpleAtoi(options.explain.front(), &id)) {
+    const absl::StatusOr<Json> submission = client.Get(absl::StrCat("/v1/submissions/", id));
+    if (!submission.ok()) return Complain(submission.status());
+    options.track = submission->value("track", "");
+    if (options.profile.empty()) options.profile = submission->value("profile", "");
+  }
+  if (options.track.empty()) {
+    return Complain(absl::InvalidArgumentError("teams are compared on one board: give --track"));
+  }
+  const absl::StatusOr<Json> answer = client.Get(absl::StrCat(
+      "/v1/leaderboard/explain", QueryOf(options, options.track), "&a=",
+      QueryValue(options.explain.front()), "&b=", QueryValue(options.explain.back())));
+  if (!answer.ok()) return Complain(answer.status());
+  if (options.json) {
+    PrintJson(*answer);
+  } else {
+    std::cout << Harmless(answer->value("why", "")) << std::endl;
+  }
+  return kDone;
+}
+
+int Rebuild(const Client& client, bool json) {
+  const absl::StatusOr<Json> answer = client.Post("/v1/leaderboard/rebuild", Json::object());
+  if (!answer.ok()) return Complain(answer.status());
+  if (json) {
+    PrintJson(*answer);
+  } else {
+    std::cout << "The boards are made anew of the episodes of " << Cell(*answer, "rebuilt")
+              << " evaluations." << std::endl;
+  }
+  return kDone;
 }
 
 int AllBoards(const Client& client, const BoardOptions& options) {
@@ -98,6 +147,8 @@ int AllBoards(const Client& client, const BoardOptions& options) {
 
 int Leaderboard(const BoardOptions& options) {
   const Client client(options.daemon.path());
+  if (options.rebuild) return Rebuild(client, options.json);
+  if (!options.explain.empty()) return Explain(client, options);
   if (options.track.empty()) return AllBoards(client, options);
   const absl::StatusOr<Json> board = BoardOf(client, options, options.track);
   if (!board.ok()) return Complain(board.status());
@@ -117,6 +168,12 @@ Action AddLeaderboard(CLI::App& verb) {
   verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
   verb.add_option("--board", options->board, "main, or for locomotion physiological")
       ->check(CLI::IsMember({"main", "physiological"}));
+  verb.add_option("--explain", options->explain,
+                  "Say why one of two submissions (or teams) stands above the other")
+      ->expected(2)
+      ->type_name("A B");
+  verb.add_flag("--rebuild", options->rebuild,
+                "Organiser: make the boards anew of the episodes' rows; nothing changes by it");
   verb.add_flag("--json", options->json, "Print JSON (configs/schema/leaderboard.json)");
   AddDaemonOptions(verb, options->daemon);
   return [options] { return Leaderboard(*options); };

@@ -48,7 +48,10 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
   const absl::Status packed =
       HostStatus(options.path, PackArtefact(options.path, archive, ArtefactLimits()));
   if (!packed.ok()) return packed;
-  const absl::StatusOr<Json> answer = client.Upload("/v1/artefacts", archive, [](int64_t) {});
+  const absl::StatusOr<Json> answer = client.Upload(
+      absl::StrCat("/v1/artefacts?team=", QueryValue(options.team), "&track=",
+                   QueryValue(options.track)),
+      archive, [](int64_t) {});
   if (!answer.ok()) return answer.status();
   const std::string artefact = answer->value("artefact", "");
   if (artefact.empty()) return absl::InternalError("the daemon did not say the artefact's id");
@@ -91,7 +94,13 @@ int Submit(const SubmitOptions& options) {
     PrintJson(*submission);
     return kDone;
   }
-  if (!options.json) {
+  if (submission->value("linked", false)) {
+    if (!options.json) {
+      std::cout << "Submission " << id << " of " << Cell(*submission, "team") << " is the official "
+                << "evaluation of this very policy on this board already; nothing new is played, "
+                << "as each policy has one." << std::endl;
+    }
+  } else if (!options.json) {
     std::cout << "Submission " << id << " is accepted: " << Cell(*submission, "name") << " of "
               << Cell(*submission, "team") << ", " << Cell((*submission)["episodes"], "total")
               << " episodes of " << Cell(*submission, "track") << " in the profile "

@@ -12,6 +12,8 @@
 
 #include "server/api/api.h"
 #include "server/daemon/engine.h"
+#include "server/daemon/retention.h"
+#include "server/daemon/standings.h"
 #include "server/paths.h"
 #include "server/sandbox/control_group.h"
 #include "server/sandbox/sandbox_config.h"
@@ -127,6 +129,7 @@ absl::Status RunDaemon(const DaemonOptions& options) {
   absl::StatusOr<std::unique_ptr<Store>> store = Store::Open(path, clock);
   if (!store.ok()) return store.status();
   ReaderPool readers(path);
+  if (absl::Status status = FillStandings(**store, readers); !status.ok()) return status;
   StoreDisk disk(**store);
   SystemProcesses processes;
   Engine engine({*config, options.data_dir, options.cache_dir, geteuid() == 0}, disk, readers,
@@ -138,6 +141,7 @@ absl::Status RunDaemon(const DaemonOptions& options) {
   UnixHttpServer server(config->http);
   api.Install(server);
   if (absl::Status status = server.Start(options.socket); !status.ok()) return status;
+  const Retention retention(config->retention, options.data_dir, engine, readers, clock);
   spdlog::info("listening on {}, {} slots, {} tracks", options.socket,
                config->scheduler.slots, tracks->offers().size());
   const absl::Status status = engine.Run();

@@ -31,10 +31,15 @@ class Engine {
   // errors of EngineCore's: CancelledError while stopping, ResourceExhaustedError
   // when too many wait, DeadlineExceededError.
   absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact, absl::Duration timeout);
-  absl::StatusOr<Accepted> Submit(const NewSubmission& submission, const std::string& who,
-                                  absl::Duration timeout);
+  // An Accepted that is linked is an earlier submission's; nothing new will run.
+  absl::StatusOr<Accepted> Submit(const NewSubmission& submission, const AdmissionRules& rules,
+                                  const std::string& who, absl::Duration timeout);
   absl::StatusOr<Accepted> Rerun(const NewRerun& rerun, const std::string& who,
                                  absl::Duration timeout);
+  // Any other change of the store that no running lease depends on; `change` owns
+  // what it touches. `effect` follows on the loop's thread once it is written.
+  absl::Status Change(StoreChange change, absl::Duration timeout,
+                      std::function<absl::Status()> effect = nullptr);
   absl::StatusOr<CancelReport> Cancel(int64_t submission, const std::string& why,
                                       const std::string& who, absl::Duration timeout);
 

@@ -175,10 +175,21 @@ absl::Status EngineCore::WriteRequests() {
   absl::Status ready = stopping_ ? absl::CancelledError("the daemon is stopping; try again when "
                                                         "it is back")
                                  : RequireWritable();
-  for (const Request& request : requests) {
-    absl::Status status = ready.ok() ? WriteNow(request.change) : ready;
-    if (status.ok() && request.effect) status = request.effect();
-    request.answer(status);
+  std::vector<absl::Status> statuses(requests.size(), ready);
+  if (ready.ok()) {
+    // In one transaction, so that all of them wait for the disk once.
+    const absl::Status all = WriteNow([&](Writer& writer) {
+      for (size_t i = 0; i < requests.size(); ++i) statuses[i] = writer.Part(requests[i].change);
+      return absl::OkStatus();
+    });
+    for (size_t i = 0; i < requests.size() && !all.ok(); ++i) {
+      // What only one of them did wrong must not be the others' harm.
+      statuses[i] = MayPass(all) ? all : WriteNow(requests[i].change);
+    }
+  }
+  for (size_t i = 0; i < requests.size(); ++i) {
+    if (statuses[i].ok() && requests[i].effect) statuses[i] = requests[i].effect();
+    requests[i].answer(statuses[i]);
   }
   return absl::OkStatus();
 }

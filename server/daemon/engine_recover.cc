@@ -150,8 +150,16 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
       aggregate->failed ? EvaluationState::kFailed : EvaluationState::kDone;
   const std::string reason =
       aggregate->failed ? "every episode ended by a fault of the participant's program" : "";
+  const Context& context = *contexts_.at(evaluation);
+  const std::string standing =
+      CanonicalJson(AggregateToJson(context.track->config.kind, *aggregate));
   status = WriteNow([&](Writer& writer) {
-    return writer.EndEvaluation(evaluation, state, reason, ResultsHash(rows), owner_);
+    absl::Status written =
+        writer.EndEvaluation(evaluation, state, reason, ResultsHash(rows), owner_);
+    if (state == EvaluationState::kDone && context.priority != Priority::kRerun) {
+      written.Update(writer.SetStanding(evaluation, standing));
+    }
+    return written;
   });
   if (status.ok()) {
     spdlog::info("evaluation {}: {}, {} of {} episodes are successes", evaluation,

@@ -36,15 +36,25 @@ absl::StatusOr<Accepted> Engine::Admit(std::function<absl::StatusOr<Accepted>(Wr
         if (added.ok()) *accepted = *std::move(added);
         return added.status();
       },
-      [this, accepted] { return core_.TakeUp(accepted->evaluation); }, timeout);
+      [this, accepted] {
+        return accepted->linked ? absl::OkStatus() : core_.TakeUp(accepted->evaluation);
+      },
+      timeout);
   if (!status.ok()) return status;
   return *accepted;
 }
 
-absl::StatusOr<Accepted> Engine::Submit(const NewSubmission& submission, const std::string& who,
+absl::StatusOr<Accepted> Engine::Submit(const NewSubmission& submission,
+                                        const AdmissionRules& rules, const std::string& who,
                                         absl::Duration timeout) {
-  return Admit([submission, who](Writer& writer) { return writer.Accept(submission, who); },
+  return Admit([submission, rules, who](
+                   Writer& writer) { return writer.Accept(submission, rules, who); },
                timeout);
+}
+
+absl::Status Engine::Change(StoreChange change, absl::Duration timeout,
+                            std::function<absl::Status()> effect) {
+  return Ask(std::move(change), std::move(effect), timeout);
 }
 
 absl::StatusOr<Accepted> Engine::Rerun(const NewRerun& rerun, const std::string& who,

@@ -80,6 +80,58 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
   return reader.Finish();
 }
 
+absl::Status ReadRetention(const nlohmann::json& json, const std::string& where,
+                           ServerConfig& config) {
+  constexpr double kCentury = 36500;
+  ConfigReader reader(json, where);
+  config.retention.artefact_age = absl::Hours(24 * reader.Number("artefact_days", {1, kCentury}));
+  config.retention.artefact_bytes = reader.Integer("artefact_bytes", 1, 1024 * kTiB);
+  config.retention.log_age = absl::Hours(24 * reader.Number("log_days", {1, kCentury}));
+  config.retention.log_bytes = reader.Integer("log_bytes", 1, 1024 * kTiB);
+  config.retention.every = absl::Seconds(reader.Number("every_s", {1, 86400}));
+  return reader.Finish();
+}
+
+absl::StatusOr<AdmissionRules> ReadAdmission(ConfigReader& reader) {
+  constexpr int64_t kMax = 1'000'000'000;
+  AdmissionRules rules;
+  rules.quota.official.per_day = reader.Integer("official_per_day", 1, kMax);
+  rules.quota.official.total = reader.Integer("official_total", 1, kMax);
+  rules.quota.practice.per_day = reader.Integer("practice_per_day", 1, kMax);
+  rules.quota.practice.total = reader.Integer("practice_total", 1, kMax);
+  rules.quota.failed.per_day = reader.Integer("failed_per_day", 1, kMax);
+  rules.quota.failed.total = reader.Integer("failed_total", 1, kMax);
+  rules.quota.waiting = reader.Integer("waiting", 1, kMax);
+  rules.one_for_everyone = reader.Choice("same_artefact", {"team", "everyone"}) == "everyone";
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return rules;
+}
+
+// A track's own keys lie over the usual ones.
+absl::Status ReadQuota(const nlohmann::json& json, const std::string& where,
+                       ServerConfig& config) {
+  ConfigReader reader(json, where);
+  const nlohmann::json tracks = reader.Object("tracks");
+  absl::StatusOr<AdmissionRules> usual = ReadAdmission(reader);
+  if (!usual.ok()) return usual.status();
+  config.quota.usual = *usual;
+  for (const auto& [name, own] : tracks.items()) {
+    if (name.starts_with("//")) continue;
+    const std::string place = absl::StrCat(where, ": tracks: ", name);
+    if (!own.is_object()) {
+      return absl::InvalidArgumentError(absl::StrCat(place, ": must be an object"));
+    }
+    nlohmann::json merged = json;
+    merged.erase("tracks");
+    merged.update(own);  // no merge patch: null must not take a limit away
+    ConfigReader track(merged, place);
+    absl::StatusOr<AdmissionRules> rules = ReadAdmission(track);
+    if (!rules.ok()) return rules.status();
+    config.quota.tracks[name] = *rules;
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 bool PinsSlots(const ServerConfig& config, int slots, const TrackConfig& track) {
@@ -101,11 +153,15 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   const nlohmann::json& scheduler = reader.Object("scheduler");
   const nlohmann::json& artefacts = reader.Object("artefacts");
   const nlohmann::json& http = reader.Object("http");
+  const nlohmann::json& quota = reader.Object("quota");
+  const nlohmann::json& retention = reader.Object("retention");
   absl::Status status = reader.Finish();
   if (status.ok()) status = ReadRuntimes(runtimes, path + ": runtimes", cache_dir, config);
   if (status.ok()) status = ReadScheduler(scheduler, path + ": scheduler", config);
   if (status.ok()) status = ReadArtefacts(artefacts, path + ": artefacts", config);
   if (status.ok()) status = ReadHttp(http, path + ": http", config);
+  if (status.ok()) status = ReadQuota(quota, path + ": quota", config);
+  if (status.ok()) status = ReadRetention(retention, path + ": retention", config);
   if (!status.ok()) return status;
   return config;
 }

@@ -11,6 +11,7 @@
 #include "protocol/track_config.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 
@@ -32,6 +33,27 @@ struct UploadLimits {
   int uploads = 0;  // at once
 };
 
+// What teams may hand in. Settings of a host and a challenge, not of a track's
+// config: they change no result, and a change of them makes no new board.
+struct QuotaConfig {
+  AdmissionRules usual;
+  std::map<std::string, AdmissionRules> tracks;  // those that have their own
+
+  const AdmissionRules& of(const std::string& track) const {
+    const auto it = tracks.find(track);
+    return it == tracks.end() ? usual : it->second;
+  }
+};
+
+// What is removed of the data folder, and when (retention.h).
+struct RetentionLimits {
+  absl::Duration artefact_age;   // since an artefact was last of use
+  int64_t artefact_bytes = 0;    // of all artefacts together
+  absl::Duration log_age;        // since an episode's log was written
+  int64_t log_bytes = 0;         // of all logs together
+  absl::Duration every;          // between two looks
+};
+
 struct ServerConfig {
   SchedulerLimits scheduler;
   HostLimits host;
@@ -42,6 +64,8 @@ struct ServerConfig {
   std::map<std::string, std::string> runtimes;  // name to host folder
   UploadLimits artefacts;
   HttpLimits http;
+  QuotaConfig quota;
+  RetentionLimits retention;
   std::string log_level;
 };
 

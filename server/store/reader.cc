@@ -8,6 +8,9 @@
 namespace myograde::server {
 namespace {
 
+// Connections that are kept open between requests; each has a cache of some 2 MiB.
+constexpr size_t kKept = 16;
+
 constexpr char kSubmissionColumns[] =
     "SELECT s.id, t.name, s.artefact, a.name, s.track, s.profile, s.config, s.seeds, s.ranked, "
     "s.accepted_at FROM submission AS s JOIN team AS t ON t.id = s.team_id "
@@ -277,7 +280,7 @@ absl::Status ReaderPool::Read(const std::function<absl::Status(Reader&)>& body) 
   });
   if (!status.ok()) return status;  // the connection is closed, as its state is not known
   const std::lock_guard lock(mutex_);
-  free_.push_back(*std::move(db));
+  if (free_.size() < kKept) free_.push_back(*std::move(db));
   return answer;
 }
 

@@ -7,13 +7,16 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include "server/store/quota.h"
 #include "server/store/rows.h"
+#include "server/store/transfer.h"
 
 namespace SQLite {
 class Database;
@@ -59,6 +62,27 @@ class Reader {
   int64_t RankedElsewhere(const std::string& track, const std::string& profile,
                           const std::string& config);
 
+  QuotaUse Quota(const std::string& team, const std::string& track, int64_t now_ms);
+  int64_t QuotaDayAt(int64_t now_ms);
+  // Newest first; `track` "" is any, `before` an id.
+  std::vector<LedgerRow> Ledger(const std::string& team, const std::string& track, int64_t before,
+                                int64_t limit);
+  // The marks in force, by submission and mark.
+  std::map<int64_t, std::map<std::string, MarkRow>> Marks();
+  // Every change of the marks of a submission, oldest first.
+  std::vector<MarkRow> MarkHistory(int64_t submission);
+  // Changes whenever a board may have changed, and only then.
+  int64_t BoardChanges();
+  // What may rank under a config: done, ranked and original, by submission.
+  std::vector<StandingRow> Standings(const std::string& config);
+  // The whole store as one document; transfer.h has its form.
+  absl::Status Export(const ExportSink& sink) { return ExportRows(db_, sink); }
+  std::vector<ArtefactUse> ArtefactUses();
+  // Hashes of logs of what has not ended, or is done and official.
+  std::set<std::string> NeededLogs();
+  // Evaluations that are done and have no standing, or all that are done.
+  std::vector<int64_t> DoneEvaluations(bool without_standing);
+
  private:
   SQLite::Database& db_;
 };
@@ -71,6 +95,10 @@ class ReaderPool {
 
   // Runs `body` on a free connection, opening one if there is none.
   absl::Status Read(const std::function<absl::Status(Reader&)>& body);
+  // Writes the store as it is now into a new file at `path`, while others go on
+  // writing; `progress` hears the pages from time to time. The copy is checked.
+  absl::Status Backup(const std::string& path,
+                      const std::function<void(int64_t done, int64_t total)>& progress);
 
  private:
   absl::StatusOr<std::unique_ptr<SQLite::Database>> Take();

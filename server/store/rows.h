@@ -111,4 +111,47 @@ struct TransitionRow {
   std::string why;
 };
 
+// What a board is made of.
+struct StandingRow {
+  int64_t submission = 0;
+  int64_t evaluation = 0;
+  std::string team;
+  std::string artefact_name;
+  std::string aggregate_json;  // "" until the view has it
+};
+
+// What an artefact's files are still of use for.
+struct ArtefactUse {
+  std::string hash;
+  int64_t bytes = 0;
+  int64_t last_use = 0;  // upload, acceptance or end of an evaluation, whichever was last
+  bool needed = false;   // of what has not ended, or is done and official
+};
+
+// A row of a team's ledger; quota.h has the rules.
+struct LedgerRow {
+  int64_t id = 0;
+  int64_t at = 0;
+  int64_t day = 0;  // since 1970-01-01 UTC: the day that it counts for
+  std::string team;
+  std::string track;
+  std::string budget;
+  std::string entry;  // "charge", "refund", "grant"
+  int64_t amount = 0;
+  int64_t submission = 0;  // 0: of none
+  std::string who;
+  std::string why;
+};
+
+// One change of a mark. The newest row of a submission and mark is in force.
+struct MarkRow {
+  int64_t id = 0;
+  int64_t at = 0;
+  int64_t submission = 0;
+  std::string mark;  // "hidden", "disqualified", "baseline"
+  bool set = false;
+  std::string who;
+  std::string why;
+};
+
 }  // namespace myograde::server

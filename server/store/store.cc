@@ -54,4 +54,12 @@ absl::Status Store::Write(const std::function<absl::Status(Writer&)>& change) {
   });
 }
 
+absl::Status Writer::Part(const std::function<absl::Status(Writer&)>& change) {
+  db_.exec("SAVEPOINT part");
+  absl::Status status = change(*this);
+  if (!status.ok()) db_.exec("ROLLBACK TO part");
+  db_.exec("RELEASE part");
+  return status;
+}
+
 }  // namespace myograde::server

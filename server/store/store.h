@@ -13,6 +13,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -21,7 +22,9 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/base/clock.h"
+#include "server/store/quota.h"
 #include "server/store/rows.h"
+#include "server/store/transfer.h"
 
 namespace SQLite {
 class Database;
@@ -45,6 +48,14 @@ struct NewSubmission {
   std::vector<std::pair<int64_t, int64_t>> blocks;  // first and last episode of each lease
 };
 
+// What a submission must fit into to be accepted.
+struct AdmissionRules {
+  QuotaLimits quota;
+  // An artefact has one official evaluation in a config: for each team, or (true)
+  // for all teams together.
+  bool one_for_everyone = false;
+};
+
 struct NewRerun {
   int64_t submission = 0;
   std::string grader_json;
@@ -55,6 +66,18 @@ struct Accepted {
   int64_t submission = 0;
   int64_t evaluation = 0;
   std::vector<int64_t> leases;  // in the order of the blocks
+  // True: nothing is new. The team has this artefact's official evaluation
+  // already, and `submission` and `evaluation` are that one's; no leases here.
+  bool linked = false;
+};
+
+// More units for a team, on the store's present day and in total.
+struct NewGrant {
+  std::string team;
+  std::string track;
+  Budget budget = Budget::kOfficial;
+  int64_t amount = 0;
+  std::string why;
 };
 
 // What became of an episode's row.
@@ -69,10 +92,17 @@ class Writer {
  public:
   Writer(SQLite::Database& db, int64_t now_ms) : db_(db), now_ms_(now_ms) {}
 
+  // One of several changes that share a transaction: if it fails, nothing of it is
+  // there, and the others go on.
+  absl::Status Part(const std::function<absl::Status(Writer&)>& change);
+
   // True if it was not there.
   absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact);
-  // NotFoundError if the artefact is not in the store.
-  absl::StatusOr<Accepted> Accept(const NewSubmission& submission, const std::string& who);
+  // NotFoundError if the artefact is not in the store. What is over a quota, or a
+  // second official evaluation of an artefact that is another team's, is a
+  // FailedPreconditionError with the code "quota" or "same_artefact".
+  absl::StatusOr<Accepted> Accept(const NewSubmission& submission, const AdmissionRules& rules,
+                                  const std::string& who);
   absl::StatusOr<Accepted> AddRerun(const NewRerun& rerun, const std::string& who);
 
   // pending -> running, as the attempt given (one more than before). Its
@@ -97,6 +127,24 @@ class Writer {
   absl::Status EndEvaluation(int64_t evaluation, EvaluationState state, const std::string& reason,
                              const std::string& results_hash, const std::string& who);
 
+  // One unit of the budget `failed` for a try that never became a submission.
+  absl::Status ChargeFailure(const std::string& team, const std::string& track,
+                             const std::string& who, const std::string& why);
+  absl::Status Grant(const NewGrant& grant, const std::string& who);
+  // Sets or takes back a mark; true if that changed something (with the same
+  // reason it does not). NotFoundError if there is no such submission.
+  absl::StatusOr<bool> Mark(int64_t submission, const std::string& mark, bool set,
+                            const std::string& who, const std::string& why);
+  // What a finished evaluation is ranked by; replaces what was there.
+  absl::Status SetStanding(int64_t evaluation, const std::string& aggregate_json);
+  absl::Status DropStandings();
+  // The row of a removal of files; false, and no row, if they are needed.
+  absl::StatusOr<bool> Remove(const std::string& kind, const std::string& name, int64_t bytes,
+                              const std::string& why);
+  // Fills an empty store; transfer.h has the errors. What had not ended when it
+  // was exported ends as cancelled, as the artefacts' files are not in an export.
+  absl::Status Import(const std::string& path, const ExportInfo& info, const std::string& who);
+
  private:
   absl::StatusOr<LeaseRow> Lease(int64_t lease);
   absl::Status Audit(const char* entity, int64_t id, std::string_view from, std::string_view to,
@@ -105,6 +153,12 @@ class Writer {
       int64_t submission, bool rerun, const std::string& grader_json,
       const std::vector<std::pair<int64_t, int64_t>>& blocks, const std::string& who);
   absl::Status RunEvaluation(int64_t evaluation, const std::string& who);
+  void AddTeam(const std::string& team);
+  // The official evaluation that stands in the way of another; nullopt: none.
+  absl::StatusOr<std::optional<Accepted>> FindOfficial(const NewSubmission& submission,
+                                                       const AdmissionRules& rules);
+  void ChargeFirstEpisode(int64_t evaluation, const std::string& why);
+  void SettleCharge(int64_t evaluation, EvaluationState state, const std::string& who);
 
   SQLite::Database& db_;
   int64_t now_ms_;

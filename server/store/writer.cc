@@ -57,39 +57,6 @@ absl::StatusOr<bool> Writer::AddArtefact(const ArtefactRow& artefact) {
   return insert.exec() == 1;
 }
 
-absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& submission, const std::string& who) {
-  SQLite::Statement artefact(db_, "SELECT 1 FROM artefact WHERE hash = ?");
-  artefact.bind(1, submission.artefact);
-  if (!artefact.executeStep()) {
-    return absl::NotFoundError(
-        absl::StrCat("there is no artefact ", submission.artefact, "; upload it first"));
-  }
-  SQLite::Statement team(db_, "INSERT INTO team (name, created_at) VALUES (?, ?) "
-                              "ON CONFLICT DO NOTHING");
-  SQLite::bind(team, submission.team, now_ms_);
-  team.exec();
-  SQLite::Statement config(db_, "INSERT INTO config VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING");
-  SQLite::bind(config, submission.config, submission.track, submission.profile,
-               submission.config_json, now_ms_);
-  config.exec();
-  SQLite::Statement seeds(db_, "INSERT INTO seed_list VALUES (?, ?, ?) ON CONFLICT DO NOTHING");
-  SQLite::bind(seeds, submission.seeds, submission.seed_count, submission.seeds_json);
-  seeds.exec();
-  SQLite::Statement insert(
-      db_,
-      "INSERT INTO submission (team_id, artefact, track, profile, config, seeds, ranked, "
-      "accepted_by, accepted_at) VALUES ((SELECT id FROM team WHERE name = ?), "
-      "?, ?, ?, ?, ?, ?, ?, ?)");
-  SQLite::bind(insert, submission.team, submission.artefact, submission.track, submission.profile,
-               submission.config, submission.seeds, submission.ranked ? 1 : 0, who, now_ms_);
-  insert.exec();
-  const int64_t id = db_.getLastInsertRowid();
-  if (absl::Status status = Audit("submission", id, "", "accepted", who, ""); !status.ok()) {
-    return status;
-  }
-  return AddEvaluation(id, /*rerun=*/false, submission.grader_json, submission.blocks, who);
-}
-
 absl::StatusOr<Accepted> Writer::AddRerun(const NewRerun& rerun, const std::string& who) {
   return AddEvaluation(rerun.submission, /*rerun=*/true, rerun.grader_json, rerun.blocks, who);
 }
@@ -162,7 +129,11 @@ absl::StatusOr<Recorded> Writer::RecordEpisode(const EpisodeRow& row) {
   SQLite::bind(insert, row.evaluation, row.index, row.lease, row.attempt,
                static_cast<int64_t>(row.seed), Text(OutcomeName(row.outcome)),
                Text(FailureReasonName(row.reason)), row.facts_json, row.metrics_json, now_ms_);
-  if (insert.exec() == 1) return Recorded{.counted = true, .differs = {}};
+  if (insert.exec() == 1) {
+    ChargeFirstEpisode(row.evaluation, absl::StrCat("episode ", row.index, " ended as ",
+                                                    Text(OutcomeName(row.outcome))));
+    return Recorded{.counted = true, .differs = {}};
+  }
 
   SQLite::Statement select(db_, "SELECT outcome, reason, facts_json, metrics_json FROM episode "
                                 "WHERE evaluation = ? AND idx = ?");
@@ -275,6 +246,7 @@ absl::Status Writer::EndEvaluation(int64_t evaluation, EvaluationState state,
                                 "finished_at = ? WHERE id = ?");
   SQLite::bind(update, Text(EvaluationStateName(state)), reason, results_hash, now_ms_, evaluation);
   update.exec();
+  SettleCharge(evaluation, state, who);
   return Audit("evaluation", evaluation, before, EvaluationStateName(state), who, reason);
 }
 

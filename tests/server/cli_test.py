@@ -104,8 +104,9 @@ RESULT = {"evaluation": 9, "submission": 7, "kind": "original", "team": "alpha",
               {"first": 0, "last": 1, "stderr_tail": "evil \x1b[2J words", "stdout_tail": ""}],
           "comparison": None}
 BOARD = {"track": "t", "profile": "paper", "board": "main", "config": "c" * 64, "episodes": 2,
-         "other_config": 0, "rows": [{"rank": 1, "team": "alpha", "submission": 7, "evaluation": 9,
-                                      "name": "walker", "aggregate": AGGREGATE}]}
+         "other_config": 0, "disqualified": [],
+         "rows": [{"rank": 1, "baseline": False, "team": "alpha", "submission": 7, "evaluation": 9,
+                   "name": "walker", "aggregate": AGGREGATE}]}
 
 
 class CliTest(unittest.TestCase):
@@ -148,7 +149,8 @@ class CliTest(unittest.TestCase):
 
     def test_every_verb_has_help_with_an_example(self):
         for verb in ("serve", "submit", "status", "cancel", "leaderboard", "show", "rerun", "local",
-                     "spec", "doctor"):
+                     "spec", "doctor", "quota", "hide", "unhide", "disqualify", "baseline", "export",
+                     "import", "backup"):
             done = myograde(verb, "--help")
             self.assertEqual(done.returncode, 0)
             self.assertIn(f"myograde {verb}", done.stdout)
@@ -223,7 +225,7 @@ class CliTest(unittest.TestCase):
             "GET /v1/submissions/7": (200, STATUS), "GET /v1/submissions/7/result": (200, RESULT),
             "POST /v1/submissions/7/cancel": (200, {**STATUS, "cancel": {
                 "killed": 1, "still_ending": 0, "took_wall_s": 0.03}}),
-            "POST /v1/artefacts": (201, {"artefact": "a" * 64}),
+            "POST /v1/artefacts?team=alpha&track=t": (201, {"artefact": "a" * 64}),
             "POST /v1/submissions": (201, STATUS),
             "GET /v1/leaderboard?track=t&board=main": (200, BOARD)})
         at = ("--socket", socket)

@@ -133,6 +133,7 @@ class World {
   std::string broken;           // the first broken promise of the engine, in words
   int cancels_open = 0;
   int power_cuts = 0;
+  int submits = 0;  // each with an artefact of its own
   TrackPtr track;
   std::unique_ptr<EngineCore> core;
   std::unique_ptr<Store> store;

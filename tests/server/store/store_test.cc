@@ -8,114 +8,15 @@
 #include <sys/resource.h>
 
 #include <csignal>
-#include <filesystem>
 
 #include "server/store/lock.h"
-#include "server/store/reader.h"
+#include "tests/server/store/store_fixture.h"
 
 namespace myograde::server {
 namespace {
 
-namespace fs = std::filesystem;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-
-constexpr char kFacts[] =
-    R"({"clipped":0,"digest":"aa","sim_time":10.0,"steps":1000,"wall_s":1.5,"policy_cpu_s":1})";
-
-class StoreTest : public ::testing::Test {
- protected:
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "store-test-XXXXXX").string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    dir_ = name;
-    path_ = dir_ + "/store.db";
-    Open();
-  }
-  void TearDown() override {
-    store_.reset();
-    fs::remove_all(dir_);
-  }
-
-  void Open() {
-    store_.reset();
-    auto store = Store::Open(path_, clock_);
-    ASSERT_TRUE(store.ok()) << store.status();
-    store_ = *std::move(store);
-  }
-
-  // A submission of 4 episodes in leases of 2.
-  Accepted Submit(const std::string& team = "alpha") {
-    const std::string hash(64, 'a');
-    Accepted accepted;
-    const absl::Status status = store_->Write([&](Writer& writer) -> absl::Status {
-      auto added = writer.AddArtefact({hash, "walker", {"./policy"}, {"python"}, 10, 2});
-      if (!added.ok()) return added.status();
-      NewSubmission submission{team,
-                               hash,
-                               "manipulation",
-                               "paper",
-                               std::string(64, 'c'),
-                               "{}",
-                               std::string(64, 'd'),
-                               "[1,2,3,4]",
-                               4,
-                               true,
-                               "{}",
-                               {{0, 1}, {2, 3}}};
-      auto result = writer.Accept(submission, "uid 0");
-      if (result.ok()) accepted = *result;
-      return result.status();
-    });
-    EXPECT_TRUE(status.ok()) << status;
-    return accepted;
-  }
-
-  absl::Status Start(int64_t lease, int64_t attempt) {
-    return store_->Write(
-        [&](Writer& writer) { return writer.StartLease(lease, attempt, 0, 99, "daemon"); });
-  }
-
-  absl::StatusOr<Recorded> Record(const Accepted& accepted, int64_t index, int64_t attempt,
-                                  const std::string& facts = kFacts) {
-    Recorded recorded;
-    const int64_t lease = accepted.leases[static_cast<size_t>(index / 2)];
-    const absl::Status status = store_->Write([&](Writer& writer) -> absl::Status {
-      auto result = writer.RecordEpisode({accepted.evaluation, index, lease, attempt,
-                                          static_cast<uint64_t>(index + 1), Outcome::kFailure,
-                                          FailureReason::kTime, facts, R"({"time_s":10.0})"});
-      if (result.ok()) recorded = *result;
-      return result.status();
-    });
-    if (!status.ok()) return status;
-    return recorded;
-  }
-
-  std::string SqlError(const std::string& sql) {
-    SQLite::Database db(path_, SQLite::OPEN_READWRITE);
-    try {
-      db.exec(sql);
-      return "";
-    } catch (const SQLite::Exception& error) {
-      return error.what();
-    }
-  }
-
-  template <typename Body>
-  void Read(Body body) {
-    ReaderPool pool(path_);
-    const absl::Status status = pool.Read([&](Reader& reader) {
-      body(reader);
-      return absl::OkStatus();
-    });
-    EXPECT_TRUE(status.ok()) << status;
-  }
-
-  ManualClock clock_{absl::FromUnixSeconds(1700000000)};
-  std::string dir_;
-  std::string path_;
-  std::unique_ptr<Store> store_;
-};
 
 TEST_F(StoreTest, KeepsItsSecretForEver) {
   const std::string secret = store_->policy_secret();
@@ -148,7 +49,7 @@ TEST_F(StoreTest, AnUnknownArtefactLeavesNothingBehind) {
     NewSubmission submission;
     submission.artefact = std::string(64, 'f');
     submission.team = "ghost";
-    return writer.Accept(submission, "uid 0").status();
+    return writer.Accept(submission, kRules, "uid 0").status();
   });
   EXPECT_TRUE(absl::IsNotFound(status)) << status;
   SQLite::Database db(path_);
@@ -261,7 +162,7 @@ TEST_F(StoreTest, AFullDiskIsToldAndLosesNothing) {
   std::signal(SIGXFSZ, SIG_IGN);
   rlimit before;
   getrlimit(RLIMIT_FSIZE, &before);
-  const rlimit tight = {fs::file_size(path_ + "-wal"), before.rlim_max};
+  const rlimit tight = {std::filesystem::file_size(path_ + "-wal"), before.rlim_max};
   setrlimit(RLIMIT_FSIZE, &tight);
   const absl::Status status = Record(accepted, 0, 1).status();
   setrlimit(RLIMIT_FSIZE, &before);

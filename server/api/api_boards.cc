@@ -1,0 +1,214 @@
+// Leaderboards, why they are as they are, and the marks that change them.
+#include <absl/strings/str_cat.h>
+
+#include "protocol/config_reader.h"
+#include "server/api/api.h"
+#include "server/api/board.h"
+#include "server/api/requests.h"
+#include "server/api/views.h"
+#include "server/daemon/standings.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+// What the view lacks is made of the episode rows on the spot.
+absl::StatusOr<std::vector<StandingRow>> StandingsOf(Reader& reader, const std::string& config) {
+  std::vector<StandingRow> standings = reader.Standings(config);
+  for (StandingRow& row : standings) {
+    if (!row.aggregate_json.empty()) continue;
+    absl::StatusOr<std::string> standing = StandingOf(reader, row.evaluation);
+    if (!standing.ok()) return standing.status();
+    row.aggregate_json = *std::move(standing);
+  }
+  return standings;
+}
+
+Json RowToJson(const BoardRow& row) {
+  const bool baseline = row.ranked.rank == 0;
+  return {{"rank", baseline ? Json() : Json(row.ranked.rank)},
+          {"baseline", baseline},
+          {"team", row.source.team},
+          {"submission", row.source.submission},
+          {"evaluation", row.source.evaluation},
+          {"name", row.source.artefact_name},
+          {"qualified", row.qualified},
+          {"aggregate", row.aggregate}};
+}
+
+Json BoardToJson(const Board& board) {
+  Json rows = Json::array();
+  for (const BoardRow& row : board.rows) rows.push_back(RowToJson(row));
+  Json disqualified = Json::array();
+  for (const DisqualifiedRow& row : board.disqualified) {
+    disqualified.push_back({{"team", row.source.team},
+                            {"submission", row.source.submission},
+                            {"evaluation", row.source.evaluation},
+                            {"name", row.source.artefact_name},
+                            {"reason", row.mark.why},
+                            {"at", TimeToJson(row.mark.at)},
+                            {"aggregate", row.aggregate}});
+  }
+  return {{"rows", std::move(rows)}, {"disqualified", std::move(disqualified)}};
+}
+
+}  // namespace
+
+std::variant<Api::Asked, ApiError> Api::BoardAsked(const Request& request) {
+  if (!request.has_param("track")) {
+    return ApiError{400, "bad_request", "\"track\" is missing: a board is of one track"};
+  }
+  const std::string name = request.get_param_value("track");
+  absl::StatusOr<TrackPtr> track = tracks_.Find(name, request.get_param_value("profile"));
+  if (!track.ok()) {
+    return ApiError{400, tracks_.offers().contains(name) ? "unknown_profile" : "unknown_track",
+                    std::string(track.status().message())};
+  }
+  Asked asked{*track, request.has_param("board") ? request.get_param_value("board") : kMainBoard};
+  const auto rules = asked.track->scoring.boards.find(asked.board);
+  if (rules == asked.track->scoring.boards.end()) {
+    return ApiError{400, "bad_request",
+                    absl::StrCat("track \"", name, "\" has no board \"", asked.board, "\"")};
+  }
+  asked.rules = &rules->second;
+  return asked;
+}
+
+absl::StatusOr<std::string> Api::MakeBoardText(Reader& reader, const Asked& asked) {
+  const TrackConfig& config = asked.track->config;
+  absl::StatusOr<std::vector<StandingRow>> standings = StandingsOf(reader, config.hash);
+  if (!standings.ok()) return standings.status();
+  absl::StatusOr<Board> board =
+      MakeBoard(*standings, reader.Marks(), *asked.rules, asked.track->scoring.team);
+  if (!board.ok()) return board.status();
+  Json json = BoardToJson(*board);
+  json["track"] = config.id;
+  json["track_kind"] = TrackKindName(config.kind);
+  json["profile"] = config.profile;
+  json["board"] = asked.board;
+  json["config"] = config.hash;
+  json["episodes"] = config.seeds.size();
+  json["other_config"] = reader.RankedElsewhere(config.id, config.profile, config.hash);
+  return CanonicalJson(json) + "\n";
+}
+
+Api::Result Api::GetLeaderboard(const Request& request) {
+  absl::Status status = CheckParameters(request, {"track", "profile", "board"});
+  if (!status.ok()) return ErrorOf(status);
+  const std::variant<Asked, ApiError> asked = BoardAsked(request);
+  if (const auto* error = std::get_if<ApiError>(&asked)) return *error;
+  const Asked& board = std::get<Asked>(asked);
+  const std::pair key(board.track->config.hash, board.board);
+  Answer answer;
+  status = readers_.Read([&](Reader& reader) -> absl::Status {
+    const int64_t changes = reader.BoardChanges();
+    {
+      const std::lock_guard lock(mutex_);
+      const KeptBoard& kept = boards_[key];
+      if (kept.changes == changes) {
+        answer.text = kept.text;
+        return absl::OkStatus();
+      }
+    }
+    absl::StatusOr<std::string> text = MakeBoardText(reader, board);
+    if (!text.ok()) return text.status();
+    answer.text = std::make_shared<const std::string>(*std::move(text));
+    const std::lock_guard lock(mutex_);
+    KeptBoard& kept = boards_[key];
+    if (changes > kept.changes) kept = {changes, answer.text};
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+Api::Result Api::Explain(const Request& request) {
+  absl::Status status = CheckParameters(request, {"track", "profile", "board", "a", "b"});
+  for (const char* key : {"a", "b"}) {
+    if (!request.has_param(key)) {
+      status.Update(absl::InvalidArgumentError(absl::StrCat(
+          "\"", key, "\" is missing: the number of a submission, or the name of a team")));
+    }
+  }
+  if (!status.ok()) return ErrorOf(status);
+  const std::variant<Asked, ApiError> asked = BoardAsked(request);
+  if (const auto* error = std::get_if<ApiError>(&asked)) return *error;
+  const Asked& board = std::get<Asked>(asked);
+  Answer answer;
+  status = readers_.Read([&](Reader& reader) -> absl::Status {
+    const auto standings = StandingsOf(reader, board.track->config.hash);
+    if (!standings.ok()) return standings.status();
+    const auto explanation = ExplainOrder(*standings, reader.Marks(), *board.rules,
+                                          board.track->scoring.team,
+                                          request.get_param_value("a"),
+                                          request.get_param_value("b"));
+    if (!explanation.ok()) return explanation.status();
+    answer.body = {{"track", board.track->config.id},
+                   {"profile", board.track->config.profile},
+                   {"board", board.board},
+                   {"above", RowToJson(explanation->above)},
+                   {"below", RowToJson(explanation->below)},
+                   {"why", explanation->sentence}};
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+Api::Result Api::RebuildBoards(const Request&, const Json& body) {
+  if (const auto error = OnlyOrganiser()) return *error;
+  ConfigReader reader(body, "request");
+  if (absl::Status status = reader.Finish(); !status.ok()) return ErrorOf(status);
+  UnixHttpServer::AllowUploadTime();
+  auto standings = MakeStandings(readers_, /*missing_only=*/false);
+  if (!standings.ok()) return ErrorOf(standings.status());
+  const size_t count = standings->size();
+  // One that ends in between is made of its rows whenever a board needs it.
+  const absl::Status status = engine_.Change(
+      [rows = *std::move(standings)](Writer& writer) {
+        absl::Status written = writer.DropStandings();
+        for (const auto& [evaluation, standing] : rows) {
+          written.Update(writer.SetStanding(evaluation, standing));
+        }
+        return written;
+      },
+      options_.config.http.upload);
+  if (!status.ok()) return ErrorOf(status);
+  return Answer{200, {{"rebuilt", count}}};
+}
+
+Api::Result Api::Mark(const Request& request, const Json& body) {
+  if (const auto error = OnlyOrganiser()) return *error;
+  absl::StatusOr<MarkRequest> wanted = ParseMark(body);
+  if (!wanted.ok()) return ErrorOf(wanted.status());
+  const int64_t id = std::stoll(request.matches[1]);
+  const auto changed = std::make_shared<bool>(false);
+  absl::Status status = engine_.Change(
+      [id, changed, who = Who(), mark = *wanted](Writer& writer) {
+        absl::StatusOr<bool> marked = writer.Mark(id, mark.mark, mark.set, who, mark.reason);
+        if (marked.ok()) *changed = *marked;
+        return marked.status();
+      },
+      options_.config.http.request);
+  Answer answer;
+  if (status.ok()) {
+    status = readers_.Read([&](Reader& reader) -> absl::Status {
+      absl::StatusOr<SubmissionRow> submission = reader.Submission(id);
+      if (!submission.ok()) return submission.status();
+      answer.body = {{"submission", id},
+                     {"team", submission->team},
+                     {"track", submission->track},
+                     {"profile", submission->profile},
+                     {"mark", wanted->mark},
+                     {"set", wanted->set},
+                     {"changed", *changed},
+                     {"marks", MarksToJson(reader.MarkHistory(id))}};
+      return absl::OkStatus();
+    });
+  }
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+}  // namespace myograde::server

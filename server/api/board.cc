@@ -1,0 +1,221 @@
+#include "server/api/board.h"
+
+#include <algorithm>
+#include <optional>
+
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+
+namespace myograde::server {
+namespace {
+
+using scoring::BoardEntry;
+using scoring::BoardRules;
+using scoring::RankedEntry;
+using scoring::TeamRule;
+using Json = nlohmann::json;
+
+// Everything that may stand on a board, sorted by what the marks make of it.
+struct Sorted {
+  std::vector<BoardEntry> ranked;
+  std::vector<BoardEntry> baselines;  // each as a team of its own
+  std::map<int64_t, std::pair<StandingRow, Json>> sources;
+  std::vector<DisqualifiedRow> disqualified;
+};
+
+std::optional<double> Number(const Json& json, const char* key) {
+  const auto it = json.find(key);
+  if (it == json.end() || !it->is_number()) return std::nullopt;
+  return it->get<double>();
+}
+
+absl::StatusOr<BoardEntry> EntryOf(const StandingRow& row, const Json& aggregate) {
+  const std::optional<double> time = aggregate.is_object() ? Number(aggregate, "time_s")
+                                                           : std::nullopt;
+  if (!time || !Number(aggregate, "episodes") || !Number(aggregate, "successes")) {
+    return absl::DataLossError(absl::StrCat("the aggregate of evaluation ", row.evaluation,
+                                            " can't be read; rebuild the boards"));
+  }
+  BoardEntry entry;
+  entry.submission = absl::StrCat(row.submission);
+  entry.team = row.team;
+  entry.acceptance = row.submission;
+  entry.successes = aggregate["successes"].get<int64_t>();
+  entry.episodes = aggregate["episodes"].get<int64_t>();
+  entry.time = *time;
+  entry.effort = Number(aggregate, "effort");
+  entry.pain = Number(aggregate, "pain");
+  entry.distance = Number(aggregate, "distance_m").value_or(0);
+  return entry;
+}
+
+absl::StatusOr<Sorted> Sort(const std::vector<StandingRow>& standings, const Marks& marks) {
+  Sorted sorted;
+  static const std::map<std::string, MarkRow> kNone;
+  for (const StandingRow& row : standings) {
+    const auto found = marks.find(row.submission);
+    const auto& own = found == marks.end() ? kNone : found->second;
+    if (own.contains(kHidden)) continue;
+    Json aggregate = Json::parse(row.aggregate_json, nullptr, /*allow_exceptions=*/false);
+    if (const auto mark = own.find(kDisqualified); mark != own.end()) {
+      sorted.disqualified.push_back({row, std::move(aggregate), mark->second});
+      continue;
+    }
+    absl::StatusOr<BoardEntry> entry = EntryOf(row, aggregate);
+    if (!entry.ok()) return entry.status();
+    sorted.sources[row.submission] = {row, std::move(aggregate)};
+    if (own.contains(kBaseline)) {
+      // No team's name has a control character, so this is nobody else's.
+      entry->team = absl::StrCat("\x01", row.submission);
+      entry->chosen = true;
+      sorted.baselines.push_back(*std::move(entry));
+    } else {
+      sorted.ranked.push_back(*std::move(entry));
+    }
+  }
+  return sorted;
+}
+
+bool IsQualified(const BoardEntry& entry, const BoardRules& rules) {
+  if (const auto* tiered = std::get_if<scoring::TieredBoard>(&rules)) {
+    return entry.successes * tiered->line_episodes >= tiered->line_successes * entry.episodes;
+  }
+  if (const auto* distance = std::get_if<scoring::DistanceBoard>(&rules)) {
+    return entry.distance >= distance->time_from_m;
+  }
+  return entry.distance >= std::get<scoring::PhysiologicalBoard>(rules).qualify_m;
+}
+
+BoardRow RowOf(const Sorted& sorted, const RankedEntry& ranked, const BoardRules& rules) {
+  const auto& [source, aggregate] = sorted.sources.at(ranked.entry.acceptance);
+  return {ranked, source, aggregate, IsQualified(ranked.entry, rules)};
+}
+
+// Where a baseline stands among the ranked: how many of them are above it.
+absl::StatusOr<std::optional<size_t>> PlaceOf(const BoardEntry& baseline,
+                                              const std::vector<RankedEntry>& ranked,
+                                              const BoardRules& rules, TeamRule team) {
+  std::vector<BoardEntry> entries = {baseline};
+  for (const RankedEntry& entry : ranked) entries.push_back(entry.entry);
+  absl::StatusOr<std::vector<RankedEntry>> with = scoring::Rank(entries, rules, team);
+  if (!with.ok()) return with.status();
+  for (size_t i = 0; i < with->size(); ++i) {
+    if ((*with)[i].entry.acceptance == baseline.acceptance) return std::optional(i);
+  }
+  return std::optional<size_t>();  // below the line of a board that has only those above it
+}
+
+}  // namespace
+
+absl::StatusOr<Board> MakeBoard(const std::vector<StandingRow>& standings, const Marks& marks,
+                                const BoardRules& rules, TeamRule team) {
+  absl::StatusOr<Sorted> sorted = Sort(standings, marks);
+  if (!sorted.ok()) return sorted.status();
+  absl::StatusOr<std::vector<RankedEntry>> ranked = scoring::Rank(sorted->ranked, rules, team);
+  if (!ranked.ok()) return ranked.status();
+  // By place, then by acceptance: two baselines at one place stay in a fixed order.
+  std::vector<std::pair<size_t, BoardEntry>> baselines;
+  for (const BoardEntry& baseline : sorted->baselines) {
+    absl::StatusOr<std::optional<size_t>> place = PlaceOf(baseline, *ranked, rules, team);
+    if (!place.ok()) return place.status();
+    if (place->has_value()) baselines.emplace_back(**place, baseline);
+  }
+  std::sort(baselines.begin(), baselines.end(), [](const auto& a, const auto& b) {
+    return std::pair(a.first, a.second.acceptance) < std::pair(b.first, b.second.acceptance);
+  });
+  Board board;
+  auto next = baselines.begin();
+  for (size_t i = 0; i <= ranked->size(); ++i) {
+    for (; next != baselines.end() && next->first == i; ++next) {
+      RankedEntry unranked;
+      unranked.entry = next->second;
+      board.rows.push_back(RowOf(*sorted, unranked, rules));
+    }
+    if (i < ranked->size()) board.rows.push_back(RowOf(*sorted, (*ranked)[i], rules));
+  }
+  board.disqualified = std::move(sorted->disqualified);
+  return board;
+}
+
+namespace {
+
+std::string WhyAbsent(int64_t id, const std::vector<StandingRow>& standings, const Marks& marks,
+                      const Board& board) {
+  const auto own = marks.find(id);
+  const auto row = std::find_if(standings.begin(), standings.end(),
+                                [&](const StandingRow& s) { return s.submission == id; });
+  if (row == standings.end()) {
+    return "it has no finished official evaluation under the present config of this track";
+  }
+  if (own != marks.end() && own->second.contains(kHidden)) return "it is hidden";
+  if (own != marks.end() && own->second.contains(kDisqualified)) return "it is disqualified";
+  for (const BoardRow& other : board.rows) {
+    if (other.source.team == row->team && other.ranked.rank != 0) {
+      return absl::StrCat("its team stands with submission ", other.source.submission);
+    }
+  }
+  return "it does not reach what this board asks for";
+}
+
+absl::StatusOr<const BoardRow*> FindRow(const Board& board, const std::string& name,
+                                        const std::vector<StandingRow>& standings,
+                                        const Marks& marks) {
+  int64_t id = 0;
+  const bool is_number = absl::SimpleAtoi(name, &id);
+  for (const BoardRow& row : board.rows) {
+    if (is_number && row.source.submission == id) return &row;
+  }
+  for (const BoardRow& row : board.rows) {  // a baseline's team may have a ranked row as well
+    if (row.source.team == name && row.ranked.rank != 0) return &row;
+  }
+  for (const BoardRow& row : board.rows) {
+    if (row.source.team == name) return &row;
+  }
+  if (is_number) {
+    return absl::NotFoundError(absl::StrCat("submission ", id, " is not on this board: ",
+                                            WhyAbsent(id, standings, marks, board)));
+  }
+  return absl::NotFoundError(absl::StrCat("no team \"", name, "\" is on this board"));
+}
+
+}  // namespace
+
+absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standings,
+                                         const Marks& marks, const BoardRules& rules,
+                                         TeamRule team, const std::string& a,
+                                         const std::string& b) {
+  absl::StatusOr<Board> board = MakeBoard(standings, marks, rules, team);
+  if (!board.ok()) return board.status();
+  absl::StatusOr<const BoardRow*> first = FindRow(*board, a, standings, marks);
+  if (!first.ok()) return first.status();
+  absl::StatusOr<const BoardRow*> second = FindRow(*board, b, standings, marks);
+  if (!second.ok()) return second.status();
+  if (*first == *second) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"", a, "\" and \"", b, "\" are the same row; name two"));
+  }
+  // The bands that decide are those of a ranking in which both are.
+  std::vector<BoardEntry> entries;
+  for (const BoardRow& row : board->rows) {
+    if (row.ranked.rank != 0 || &row == *first || &row == *second) {
+      entries.push_back(row.ranked.entry);
+    }
+  }
+  absl::StatusOr<std::vector<RankedEntry>> ranked = scoring::Rank(entries, rules, team);
+  if (!ranked.ok()) return ranked.status();
+  const auto place = [&](const BoardRow& row) {
+    return std::find_if(ranked->begin(), ranked->end(), [&](const RankedEntry& entry) {
+      return entry.entry.acceptance == row.ranked.entry.acceptance;
+    });
+  };
+  const bool in_order = place(**first) < place(**second);
+  const BoardRow& above = in_order ? **first : **second;
+  const BoardRow& below = in_order ? **second : **first;
+  RankedEntry upper = *place(above);
+  RankedEntry lower = *place(below);
+  upper.entry.team = above.source.team;  // a baseline's own name
+  lower.entry.team = below.source.team;
+  return Explanation{above, below, scoring::Explain(upper, lower, rules)};
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,31 @@
+// What boards are ranked by, made of episode rows. The store keeps it as a view,
+// so that a board need not read every episode; it can be made again at any time.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <absl/status/statusor.h>
+
+#include "protocol/track_config.h"
+#include "server/store/reader.h"
+#include "server/store/store.h"
+
+namespace myograde::server {
+
+// The aggregate of an evaluation's rows as canonical JSON (AggregateToJson).
+absl::StatusOr<std::string> StandingText(TrackKind kind, const std::vector<EpisodeRow>& rows);
+
+// The same of an evaluation in the store.
+absl::StatusOr<std::string> StandingOf(Reader& reader, int64_t evaluation);
+
+// By evaluation: of all that are done, or only of those that the view lacks.
+absl::StatusOr<std::vector<std::pair<int64_t, std::string>>> MakeStandings(ReaderPool& readers,
+                                                                           bool missing_only);
+
+// Gives the view what it lacks; for a store that an earlier version wrote.
+absl::Status FillStandings(Store& store, ReaderPool& readers);
+
+}  // namespace myograde::server

@@ -1,0 +1,116 @@
+// Accepting submissions: their rows, their quota, and one official evaluation for an artefact.
+#include <absl/strings/str_cat.h>
+
+#include "server/store/connection.h"
+#include "server/store/store.h"
+
+namespace myograde::server {
+namespace {
+
+// Official evaluations of an artefact in a config. Those that ended by the grader's fault, or
+// were cancelled before an episode had ended, showed their team nothing and count for nothing.
+constexpr char kOfficial[] =
+    "SELECT s.id, e.id FROM submission AS s "
+    "JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
+    "WHERE s.artefact = ? AND s.config = ? AND s.ranked = 1 AND e.state != 'grader_error' AND "
+    "(e.state != 'cancelled' OR EXISTS (SELECT 1 FROM episode WHERE evaluation = e.id)) ";
+
+// The acceptance of a submission whose bytes another team has handed in too says so, for the
+// organiser.
+std::string SameAs(SQLite::Database& db, const NewSubmission& submission) {
+  SQLite::Statement select(
+      db, "SELECT s.id, t.name FROM submission AS s JOIN team AS t ON t.id = s.team_id "
+          "WHERE s.artefact = ? AND t.name != ? ORDER BY s.id LIMIT 1");
+  SQLite::bind(select, submission.artefact, submission.team);
+  if (!select.executeStep()) return "";
+  return absl::StrCat("the same artefact as submission ", select.getColumn(0).getInt64(),
+                      " of team \"", select.getColumn(1).getString(), "\"");
+}
+
+void AddContent(SQLite::Database& db, const NewSubmission& submission, int64_t now_ms) {
+  SQLite::Statement config(db, "INSERT INTO config VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING");
+  SQLite::bind(config, submission.config, submission.track, submission.profile,
+               submission.config_json, now_ms);
+  config.exec();
+  SQLite::Statement seeds(db, "INSERT INTO seed_list VALUES (?, ?, ?) ON CONFLICT DO NOTHING");
+  SQLite::bind(seeds, submission.seeds, submission.seed_count, submission.seeds_json);
+  seeds.exec();
+}
+
+}  // namespace
+
+void Writer::AddTeam(const std::string& team) {
+  SQLite::Statement insert(db_, "INSERT INTO team (name, created_at) VALUES (?, ?) "
+                                "ON CONFLICT DO NOTHING");
+  SQLite::bind(insert, team, now_ms_);
+  insert.exec();
+}
+
+absl::StatusOr<std::optional<Accepted>> Writer::FindOfficial(const NewSubmission& submission,
+                                                             const AdmissionRules& rules) {
+  SQLite::Statement own(
+      db_, absl::StrCat(kOfficial, "AND s.team_id = (SELECT id FROM team WHERE name = ?) "
+                        "ORDER BY s.id LIMIT 1"));
+  SQLite::bind(own, submission.artefact, submission.config, submission.team);
+  if (own.executeStep()) {
+    return std::optional(Accepted{.submission = own.getColumn(0).getInt64(),
+                                  .evaluation = own.getColumn(1).getInt64(),
+                                  .leases = {},
+                                  .linked = true});
+  }
+  if (!rules.one_for_everyone) return std::optional<Accepted>();
+  SQLite::Statement any(db_, absl::StrCat(kOfficial, "LIMIT 1"));
+  SQLite::bind(any, submission.artefact, submission.config);
+  if (!any.executeStep()) return std::optional<Accepted>();
+  return WithErrorCode(
+      absl::FailedPreconditionError(absl::StrCat(
+          "another team has handed in exactly this artefact for track \"", submission.track,
+          "\", profile \"", submission.profile, "\", and an artefact has one official evaluation "
+          "there; hand in a policy of your own, or practise with fewer episodes")),
+      "same_artefact");
+}
+
+absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& submission,
+                                        const AdmissionRules& rules, const std::string& who) {
+  SQLite::Statement artefact(db_, "SELECT 1 FROM artefact WHERE hash = ?");
+  artefact.bind(1, submission.artefact);
+  if (!artefact.executeStep()) {
+    return absl::NotFoundError(
+        absl::StrCat("there is no artefact ", submission.artefact, "; upload it first"));
+  }
+  if (submission.ranked) {
+    absl::StatusOr<std::optional<Accepted>> first = FindOfficial(submission, rules);
+    if (!first.ok()) return first.status();
+    if (first->has_value()) return **first;
+  }
+  const Budget budget = submission.ranked ? Budget::kOfficial : Budget::kPractice;
+  const QuotaUse use = ReadQuotaUse(db_, submission.team, submission.track, now_ms_);
+  if (absl::Status status =
+          CheckQuota(use, rules.quota, budget, submission.team, submission.track);
+      !status.ok()) {
+    return status;
+  }
+  AddTeam(submission.team);
+  AddContent(db_, submission, now_ms_);
+  SQLite::Statement insert(
+      db_,
+      "INSERT INTO submission (team_id, artefact, track, profile, config, seeds, ranked, "
+      "accepted_by, accepted_at) VALUES ((SELECT id FROM team WHERE name = ?), "
+      "?, ?, ?, ?, ?, ?, ?, ?)");
+  SQLite::bind(insert, submission.team, submission.artefact, submission.track, submission.profile,
+               submission.config, submission.seeds, submission.ranked ? 1 : 0, who, now_ms_);
+  insert.exec();
+  const int64_t id = db_.getLastInsertRowid();
+  SQLite::Statement admission(
+      db_, "INSERT INTO admission SELECT id, team_id, track, ?, ? FROM submission WHERE id = ?");
+  SQLite::bind(admission, std::string(BudgetName(budget)), use.day, id);
+  admission.exec();
+  if (absl::Status status =
+          Audit("submission", id, "", "accepted", who, SameAs(db_, submission));
+      !status.ok()) {
+    return status;
+  }
+  return AddEvaluation(id, /*rerun=*/false, submission.grader_json, submission.blocks, who);
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,165 @@
+#include "server/store/quota.h"
+
+#include <algorithm>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <SQLiteCpp/VariadicBind.h>
+#include <absl/strings/str_cat.h>
+#include <absl/time/time.h>
+
+namespace myograde::server {
+namespace {
+
+constexpr int64_t kDayMs = 24 * 60 * 60 * 1000;
+constexpr char kCodeKey[] = "myograde/error-code";
+
+constexpr std::array<std::string_view, 3> kNames = {"official", "practice", "failed"};
+
+size_t Index(Budget budget) { return static_cast<size_t>(budget); }
+
+// "official evaluations", in the plural.
+const char* UnitsOf(Budget budget) {
+  switch (budget) {
+    case Budget::kOfficial: return "official evaluations";
+    case Budget::kPractice: return "practice evaluations";
+    case Budget::kFailed: break;
+  }
+  return "failed tries";
+}
+
+int64_t TeamId(SQLite::Database& db, const std::string& team) {
+  SQLite::Statement select(db, "SELECT id FROM team WHERE name = ?");
+  select.bind(1, team);
+  return select.executeStep() ? select.getColumn(0).getInt64() : -1;
+}
+
+void AddLedger(SQLite::Database& db, int64_t team, const std::string& track, QuotaUse& use) {
+  SQLite::Statement select(
+      db, "SELECT budget, entry, sum(amount), sum(amount * (day = ?)) FROM ledger "
+          "WHERE team_id = ? AND track = ? GROUP BY budget, entry");
+  SQLite::bind(select, use.day, team, track);
+  while (select.executeStep()) {
+    const std::optional<Budget> budget = ParseBudget(select.getColumn(0).getString());
+    if (!budget) continue;  // CHECK allows no other
+    const std::string entry = select.getColumn(1).getString();
+    for (const auto& [sums, column] : {std::pair{&use.total, 2}, std::pair{&use.today, 3}}) {
+      BudgetUse& sum = (*sums)[Index(*budget)];
+      const int64_t amount = select.getColumn(column).getInt64();
+      if (entry == "grant") {
+        sum.granted += amount;
+      } else {
+        sum.charged += entry == "charge" ? amount : -amount;
+      }
+    }
+  }
+}
+
+void AddOpen(SQLite::Database& db, int64_t team, const std::string& track, QuotaUse& use) {
+  SQLite::Statement select(
+      db, "SELECT a.budget, a.day = ?, e.state = 'queued', EXISTS (SELECT 1 FROM ledger AS l "
+          "WHERE l.submission = a.submission AND l.entry = 'charge') "
+          "FROM admission AS a JOIN evaluation AS e ON e.submission = a.submission AND "
+          "e.kind = 'original' WHERE a.team_id = ? AND a.track = ? AND e.finished_at IS NULL");
+  SQLite::bind(select, use.day, team, track);
+  while (select.executeStep()) {
+    use.waiting += select.getColumn(2).getInt64();
+    const std::optional<Budget> budget = ParseBudget(select.getColumn(0).getString());
+    if (!budget || select.getColumn(3).getInt() != 0) continue;
+    use.total[Index(*budget)].open += 1;
+    use.today[Index(*budget)].open += select.getColumn(1).getInt64();
+  }
+}
+
+absl::Status Refuse(const std::string& sentence) {
+  return WithErrorCode(absl::FailedPreconditionError(sentence), "quota");
+}
+
+absl::Status CheckBudget(const QuotaUse& use, const QuotaLimits& limits, Budget budget,
+                         const std::string& team, const std::string& track) {
+  const Allowance& allowance = limits.of(budget);
+  const std::string whose = absl::StrCat("team \"", team, "\" has used all ");
+  const auto rest = [&](const BudgetUse& sum, int64_t limit) {
+    std::string text = absl::StrCat(limit + sum.granted, " ", UnitsOf(budget), " of track \"",
+                                    track, "\"");
+    if (sum.open > 0) absl::StrAppend(&text, " (", sum.open, " of them wait or run)");
+    return text;
+  };
+  if (const BudgetUse& sum = use.total_of(budget); sum.left(allowance.total) < 1) {
+    return Refuse(absl::StrCat(whose, rest(sum, allowance.total),
+                               " that it may have; only a grant of the organiser adds more"));
+  }
+  if (const BudgetUse& sum = use.today_of(budget); sum.left(allowance.per_day) < 1) {
+    return Refuse(absl::StrCat(whose, rest(sum, allowance.per_day), " for ", DayName(use.day),
+                               " (UTC); the next day begins at ", DayName(use.day + 1),
+                               "T00:00:00Z"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+std::string_view BudgetName(Budget budget) { return kNames[Index(budget)]; }
+
+std::optional<Budget> ParseBudget(std::string_view name) {
+  for (const Budget budget : kBudgets) {
+    if (BudgetName(budget) == name) return budget;
+  }
+  return std::nullopt;
+}
+
+const Allowance& QuotaLimits::of(Budget budget) const {
+  if (budget == Budget::kOfficial) return official;
+  return budget == Budget::kPractice ? practice : failed;
+}
+
+int64_t QuotaDay(SQLite::Database& db, int64_t now_ms) {
+  const int64_t latest =
+      db.execAndGet("SELECT max(ifnull((SELECT max(day) FROM admission), 0), "
+                    "ifnull((SELECT max(day) FROM ledger), 0))").getInt64();
+  return std::max(latest, now_ms / kDayMs);
+}
+
+QuotaUse ReadQuotaUse(SQLite::Database& db, const std::string& team, const std::string& track,
+                      int64_t now_ms) {
+  QuotaUse use;
+  use.day = QuotaDay(db, now_ms);
+  const int64_t id = TeamId(db, team);
+  AddLedger(db, id, track, use);
+  AddOpen(db, id, track, use);
+  return use;
+}
+
+std::string DayName(int64_t day) {
+  return absl::FormatTime("%Y-%m-%d", absl::FromUnixMillis(day * kDayMs), absl::UTCTimeZone());
+}
+
+absl::Status CheckQuota(const QuotaUse& use, const QuotaLimits& limits, Budget budget,
+                        const std::string& team, const std::string& track) {
+  if (use.waiting >= limits.waiting) {
+    return Refuse(absl::StrCat("team \"", team, "\" has ", use.waiting,
+                               " evaluations of track \"", track, "\" waiting, and ",
+                               limits.waiting,
+                               " may wait; hand in more when one of them has started"));
+  }
+  if (absl::Status status = CheckBudget(use, limits, budget, team, track); !status.ok()) {
+    return status;
+  }
+  return CheckFailures(use, limits, team, track);
+}
+
+absl::Status CheckFailures(const QuotaUse& use, const QuotaLimits& limits, const std::string& team,
+                           const std::string& track) {
+  return CheckBudget(use, limits, Budget::kFailed, team, track);
+}
+
+absl::Status WithErrorCode(absl::Status status, std::string_view code) {
+  status.SetPayload(kCodeKey, absl::Cord(std::string(code)));
+  return status;
+}
+
+std::string ErrorCodeOf(const absl::Status& status) {
+  const auto code = status.GetPayload(kCodeKey);
+  return code ? std::string(*code) : "";
+}
+
+}  // namespace myograde::server

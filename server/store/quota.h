@@ -1,0 +1,91 @@
+// Quotas: what a team may hand in on a track, as a function of the store's rows.
+//
+// Each ranked submission is charged to the budget `official`, each other one to
+// `practice`: one unit, when its first episode has ended in any outcome but the
+// grader's fault, for the day on which it was accepted. What was accepted and is
+// not charged yet counts as used. An evaluation that ends as grader_error gets its
+// unit back. One that ends as failed (there was no episode that the policy did not
+// spoil) gets it back as well and is charged to the budget `failed` in its place,
+// to which refused uploads go too. A cancelled one gets nothing back.
+//
+// Days are whole days of UTC. Time that goes back makes no new day (schema_v2.sql,
+// invariant 9); time that goes forward starts a day early, which then has its one
+// allowance and no second one when the calendar gets there.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include <absl/status/status.h>
+
+namespace SQLite {
+class Database;
+}
+
+namespace myograde::server {
+
+enum class Budget { kOfficial, kPractice, kFailed };
+inline constexpr std::array kBudgets = {Budget::kOfficial, Budget::kPractice, Budget::kFailed};
+
+std::string_view BudgetName(Budget budget);
+std::optional<Budget> ParseBudget(std::string_view name);
+
+// Units; every number is at least 1.
+struct Allowance {
+  int64_t per_day = 0;
+  int64_t total = 0;
+};
+
+// Of one team on one track.
+struct QuotaLimits {
+  Allowance official;
+  Allowance practice;
+  Allowance failed;
+  int64_t waiting = 0;  // evaluations that wait for their first lease at one time
+
+  const Allowance& of(Budget budget) const;
+};
+
+// Of one budget, in units, either of the present day or of all days.
+struct BudgetUse {
+  int64_t charged = 0;  // refunds taken off
+  int64_t open = 0;     // accepted, neither ended nor charged
+  int64_t granted = 0;  // on top of the limit
+
+  int64_t left(int64_t limit) const { return limit + granted - charged - open; }
+};
+
+struct QuotaUse {
+  int64_t day = 0;      // since 1970-01-01 UTC
+  int64_t waiting = 0;
+  std::array<BudgetUse, 3> today;  // by Budget
+  std::array<BudgetUse, 3> total;
+
+  const BudgetUse& today_of(Budget budget) const { return today[static_cast<size_t>(budget)]; }
+  const BudgetUse& total_of(Budget budget) const { return total[static_cast<size_t>(budget)]; }
+};
+
+// The store's present day. These throw SQLite::Exception.
+int64_t QuotaDay(SQLite::Database& db, int64_t now_ms);
+QuotaUse ReadQuotaUse(SQLite::Database& db, const std::string& team, const std::string& track,
+                      int64_t now_ms);
+
+// 2024-12-01 for 20058.
+std::string DayName(int64_t day);
+
+// Whether one more submission fits. FailedPreconditionError with the code
+// "quota": says what is used up and when it frees.
+absl::Status CheckQuota(const QuotaUse& use, const QuotaLimits& limits, Budget budget,
+                        const std::string& team, const std::string& track);
+// Likewise for the budget `failed` alone: whether one more failure is in it.
+absl::Status CheckFailures(const QuotaUse& use, const QuotaLimits& limits, const std::string& team,
+                           const std::string& track);
+
+// The API's word for a status, where it is another than its code's usual one.
+absl::Status WithErrorCode(absl::Status status, std::string_view code);
+std::string ErrorCodeOf(const absl::Status& status);  // "" if it has none
+
+}  // namespace myograde::server

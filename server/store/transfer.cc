@@ -1,0 +1,338 @@
+#include "server/store/transfer.h"
+
+#include <algorithm>
+#include <fstream>
+#include <set>
+#include <vector>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
+#include "protocol/config_reader.h"
+#include "protocol/sha256.h"
+#include "server/store/schema.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr char kFormat[] = "myograde-export";
+constexpr char kHead[] = "{\"data\":{";
+constexpr size_t kMaxLine = 64u << 20;
+// The secret, the views, and SQLite's own.
+constexpr char kExportedTables[] =
+    "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' AND "
+    "name NOT IN ('meta', 'standing', 'board_state') ORDER BY name";
+
+struct Table {
+  std::string name;
+  std::vector<std::string> columns;  // sorted
+  std::vector<std::string> key;      // of the primary key, in its order
+};
+
+std::vector<Table> TablesOf(SQLite::Database& db) {
+  std::vector<Table> tables;
+  SQLite::Statement names(db, kExportedTables);
+  while (names.executeStep()) {
+    Table table{names.getColumn(0).getString(), {}, {}};
+    std::map<int, std::string> key;
+    SQLite::Statement columns(db, "SELECT name, pk FROM pragma_table_info(?)");
+    columns.bind(1, table.name);
+    while (columns.executeStep()) {
+      table.columns.push_back(columns.getColumn(0).getString());
+      const int place = columns.getColumn(1).getInt();
+      if (place > 0) key[place] = table.columns.back();
+    }
+    for (const auto& [place, column] : key) table.key.push_back(column);
+    std::sort(table.columns.begin(), table.columns.end());
+    tables.push_back(std::move(table));
+  }
+  return tables;
+}
+
+std::string Quoted(const std::vector<std::string>& names) {
+  return absl::StrCat("\"", absl::StrJoin(names, "\", \""), "\"");
+}
+
+absl::StatusOr<Json> ValueOf(const SQLite::Column& column, const Table& table) {
+  if (column.isNull()) return Json();
+  if (column.isInteger()) return Json(column.getInt64());
+  if (column.isText()) return Json(column.getString());
+  return absl::InternalError(absl::StrCat("table ", table.name, ", column ", column.getName(),
+                                          ": only whole numbers and text can be exported"));
+}
+
+absl::Status ExportTable(SQLite::Database& db, const Table& table, const ExportSink& out) {
+  SQLite::Statement select(
+      db, absl::StrCat("SELECT ", Quoted(table.columns), " FROM \"", table.name, "\" ORDER BY ",
+                       table.key.empty() ? "rowid" : Quoted(table.key)));
+  bool first = true;
+  while (select.executeStep()) {
+    Json row = Json::object();
+    for (size_t i = 0; i < table.columns.size(); ++i) {
+      absl::StatusOr<Json> value = ValueOf(select.getColumn(static_cast<int>(i)), table);
+      if (!value.ok()) return value.status();
+      row[table.columns[i]] = *std::move(value);
+    }
+    if (!out(absl::StrCat(first ? "" : ",\n", CanonicalJson(row)))) {
+      return absl::CancelledError("the export was stopped");
+    }
+    first = false;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Broken(const std::string& path, int64_t line, std::string_view what) {
+  return absl::InvalidArgumentError(
+      absl::StrCat(path, ": line ", line, ": ", std::string(what),
+                   "; it is no export, or it was changed or cut off: export again"));
+}
+
+// Reads a document by its lines. A line's text is without its newline.
+class LineReader {
+ public:
+  explicit LineReader(const std::string& path) : path_(path), file_(path, std::ios::binary) {}
+
+  bool opened() const { return file_.is_open(); }
+  // False at the end of the file; a last line without a newline is an error.
+  absl::StatusOr<bool> Next(std::string& line) {
+    if (!std::getline(file_, line)) return false;
+    ++number_;
+    if (file_.eof()) return Broken(path_, number_, "ends in the middle");
+    if (line.size() > kMaxLine) return Broken(path_, number_, "is too long");
+    return true;
+  }
+  int64_t number() const { return number_; }
+
+ private:
+  const std::string path_;
+  std::ifstream file_;
+  int64_t number_ = 0;
+};
+
+// What the lines between the first and the last are, told to two callbacks.
+class Parser {
+ public:
+  using OnRow = std::function<absl::Status(const std::string& table, std::string_view row)>;
+  Parser(std::string path, OnRow on_row) : path_(std::move(path)), on_row_(std::move(on_row)) {}
+
+  absl::Status Line(std::string_view line, int64_t number) {
+    const bool more = line.ends_with(',');
+    if (more) line.remove_suffix(1);
+    if (in_table_ && line == "]") {
+      in_table_ = false;
+      return absl::OkStatus();
+    }
+    if (in_table_ && line.starts_with('{')) return on_row_(table_, line);
+    if (!in_table_ && line.starts_with('"') && line.ends_with("\":[") && line.size() > 4) {
+      table_ = std::string(line.substr(1, line.size() - 4));
+      in_table_ = true;
+      return absl::OkStatus();
+    }
+    return Broken(path_, number, "is not what stands there in an export");
+  }
+  const std::string& table() const { return table_; }
+  bool in_table() const { return in_table_; }
+
+ private:
+  const std::string path_;
+  const OnRow on_row_;
+  std::string table_;
+  bool in_table_ = false;
+};
+
+bool IsLast(std::string_view line) { return line.starts_with("},\"format\":"); }
+
+}  // namespace
+
+absl::Status ExportRows(SQLite::Database& db, const ExportSink& sink) {
+  Sha256 hash;
+  const ExportSink out = [&](std::string_view text) {
+    hash.Update(text);
+    return sink(text);
+  };
+  const absl::Status stopped = absl::CancelledError("the export was stopped");
+  if (!out(absl::StrCat(kHead, "\n"))) return stopped;
+  const std::vector<Table> tables = TablesOf(db);
+  for (const Table& table : tables) {
+    if (!out(absl::StrCat("\"", table.name, "\":[\n"))) return stopped;
+    const int64_t before = db.execAndGet(absl::StrCat("SELECT count(*) FROM (SELECT 1 FROM \"",
+                                                      table.name, "\" LIMIT 1)")).getInt64();
+    if (absl::Status status = ExportTable(db, table, out); !status.ok()) return status;
+    const bool last = &table == &tables.back();
+    if (!out(absl::StrCat(before == 0 ? "]" : "\n]", last ? "\n" : ",\n"))) return stopped;
+  }
+  if (!out(absl::StrCat("},\"format\":\"", kFormat, "\",\"schema\":", SchemaMigrations().size()))) {
+    return stopped;
+  }
+  return sink(absl::StrCat(",\"sha256\":\"", hash.FinishHex(), "\"}\n")) ? absl::OkStatus()
+                                                                         : stopped;
+}
+
+absl::StatusOr<ExportInfo> CheckExport(const std::string& path) {
+  LineReader lines(path);
+  if (!lines.opened()) return absl::NotFoundError(absl::StrCat(path, ": can't be read"));
+  ExportInfo info;
+  Sha256 hash;
+  std::string line;
+  std::string last;
+  Parser parser(path, [&](const std::string& table, std::string_view) {
+    ++info.rows[table];
+    return absl::OkStatus();
+  });
+  for (;;) {
+    absl::StatusOr<bool> there = lines.Next(line);
+    if (!there.ok()) return there.status();
+    if (!*there) break;
+    if (!last.empty()) return Broken(path, lines.number(), "comes after the end");
+    info.bytes += static_cast<int64_t>(line.size()) + 1;
+    if (IsLast(line)) {
+      last = line;
+      continue;
+    }
+    hash.Update(line + "\n");
+    if (lines.number() == 1) {
+      if (line != kHead) return Broken(path, 1, "is not the beginning of an export");
+      continue;
+    }
+    if (absl::Status status = parser.Line(line, lines.number()); !status.ok()) return status;
+    if (parser.in_table()) info.rows.try_emplace(parser.table(), 0);
+  }
+  const size_t digest = last.find(",\"sha256\":");
+  const Json trailer = last.empty() ? Json() : Json::parse("{" + last.substr(2), nullptr, false);
+  if (digest == std::string::npos || parser.in_table() || !trailer.is_object() ||
+      trailer.value("format", Json()) != kFormat || !trailer.value("sha256", Json()).is_string() ||
+      !trailer.value("schema", Json()).is_number_unsigned()) {
+    return Broken(path, lines.number(), "is the last, and an export has its checksum there");
+  }
+  hash.Update(std::string_view(last).substr(0, digest));
+  info.schema = trailer["schema"].get<int64_t>();
+  info.sha256 = trailer["sha256"].get<std::string>();
+  if (const std::string found = hash.FinishHex(); found != info.sha256) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": has the checksum ", found, " and says ", info.sha256,
+                     ": it was changed after it was written; export again"));
+  }
+  return info;
+}
+
+absl::Status ForEachRow(
+    const std::string& path,
+    const std::function<absl::Status(const std::string& table, const Json& row)>& on_row) {
+  LineReader lines(path);
+  if (!lines.opened()) return absl::NotFoundError(absl::StrCat(path, ": can't be read"));
+  Parser parser(path, [&](const std::string& table, std::string_view text) {
+    const Json row = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+    if (!row.is_object()) return Broken(path, lines.number(), "is no JSON object");
+    return on_row(table, row);
+  });
+  std::string line;
+  for (;;) {
+    absl::StatusOr<bool> there = lines.Next(line);
+    if (!there.ok()) return there.status();
+    if (!*there || IsLast(line)) return absl::OkStatus();
+    if (lines.number() == 1) continue;
+    if (absl::Status status = parser.Line(line, lines.number()); !status.ok()) return status;
+  }
+}
+
+namespace {
+
+// One insertion for each table, made once.
+class Inserter {
+ public:
+  explicit Inserter(SQLite::Database& db) {
+    for (Table& table : TablesOf(db)) {
+      std::vector<std::string> marks(table.columns.size(), "?");
+      const std::string sql = absl::StrCat("INSERT INTO \"", table.name, "\" (",
+                                           Quoted(table.columns), ") VALUES (",
+                                           absl::StrJoin(marks, ", "), ")");
+      statements_[table.name] = std::make_unique<SQLite::Statement>(db, sql);
+      tables_[table.name] = std::move(table);
+    }
+  }
+
+  absl::Status CheckTables(const ExportInfo& info) const {
+    for (const auto& [name, count] : info.rows) {
+      if (!tables_.contains(name)) {
+        return absl::InvalidArgumentError(absl::StrCat("the export has a table \"", name,
+                                                       "\", which a store does not have"));
+      }
+    }
+    for (const auto& [name, table] : tables_) {
+      if (!info.rows.contains(name)) {
+        return absl::InvalidArgumentError(absl::StrCat("the export lacks the table ", name));
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status Insert(const std::string& name, const Json& row) {
+    const Table& table = tables_.at(name);
+    SQLite::Statement& insert = *statements_.at(name);
+    insert.reset();
+    bool fits = row.size() == table.columns.size();
+    for (size_t i = 0; fits && i < table.columns.size(); ++i) {
+      const auto value = row.find(table.columns[i]);
+      const int place = static_cast<int>(i) + 1;
+      fits = value != row.end();
+      if (!fits) break;
+      if (value->is_string()) {
+        insert.bind(place, value->get<std::string>());
+      } else if (value->is_number_integer()) {
+        insert.bind(place, value->get<int64_t>());
+      } else if (value->is_null()) {
+        insert.bind(place);
+      } else {
+        fits = false;
+      }
+    }
+    if (!fits) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "a row of the table ", name, " has other columns than a store: ",
+          row.dump(-1, ' ', false, Json::error_handler_t::replace).substr(0, 120)));
+    }
+    insert.exec();
+    return absl::OkStatus();
+  }
+
+ private:
+  std::map<std::string, Table> tables_;
+  std::map<std::string, std::unique_ptr<SQLite::Statement>> statements_;
+};
+
+// Their triggers look at rows of other tables, so they come last.
+bool IsLate(const std::string& table) { return table == "episode" || table == "replay"; }
+
+}  // namespace
+
+absl::Status ImportRows(SQLite::Database& db, const std::string& path, const ExportInfo& info) {
+  if (info.schema != static_cast<int64_t>(SchemaMigrations().size())) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(path, ": is of schema ", info.schema, ", this program's is ",
+                     SchemaMigrations().size(), "; export and import with the same version"));
+  }
+  for (const Table& table : TablesOf(db)) {
+    if (db.execAndGet(absl::StrCat("SELECT count(*) FROM (SELECT 1 FROM \"", table.name,
+                                   "\" LIMIT 1)")).getInt() != 0) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("the store has rows already (table ", table.name,
+                       "); an export is taken up by an empty one: give --data a new folder"));
+    }
+  }
+  Inserter inserter(db);
+  if (absl::Status status = inserter.CheckTables(info); !status.ok()) return status;
+  db.exec("PRAGMA defer_foreign_keys = ON");  // until the transaction ends
+  for (const bool late : {false, true}) {
+    const absl::Status status =
+        ForEachRow(path, [&](const std::string& table, const Json& row) {
+          return IsLate(table) == late ? inserter.Insert(table, row) : absl::OkStatus();
+        });
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace myograde::server

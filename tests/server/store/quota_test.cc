@@ -1,0 +1,258 @@
+// Quotas: what is charged, given back and refused; what one artefact may have; marks.
+#include "server/store/quota.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/server/store/store_fixture.h"
+
+namespace myograde::server {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr char kTrack[] = "manipulation";
+
+AdmissionRules Rules(int64_t per_day, int64_t total, int64_t failed = 100, int64_t waiting = 100) {
+  AdmissionRules rules = kRules;
+  rules.quota.official = {per_day, total};
+  rules.quota.failed = {failed, 100};
+  rules.quota.waiting = waiting;
+  return rules;
+}
+
+class QuotaTest : public StoreTest {
+ protected:
+  QuotaUse Use(const std::string& team = "alpha") {
+    QuotaUse use;
+    Read([&](Reader& reader) { use = reader.Quota(team, kTrack, NowMs()); });
+    return use;
+  }
+  int64_t NowMs() const { return absl::ToUnixMillis(clock_.Now()); }
+
+  std::vector<std::string> Entries(const std::string& team = "alpha") {
+    std::vector<std::string> entries;
+    Read([&](Reader& reader) {
+      for (const LedgerRow& row : reader.Ledger(team, "", INT64_MAX, 1000)) {
+        entries.insert(entries.begin(), row.entry + " " + row.budget);
+      }
+    });
+    return entries;
+  }
+
+  // Records the first episode, as the first lease would.
+  void PlayFirst(const Accepted& accepted) {
+    ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
+    ASSERT_TRUE(Record(accepted, 0, 1).ok());
+  }
+
+  void End(const Accepted& accepted, EvaluationState state) {
+    const absl::Status status = store_->Write([&](Writer& writer) {
+      absl::Status written;
+      for (const int64_t lease : accepted.leases) {
+        written.Update(writer.EndLease(lease, LeaseState::kCancelled, false, "daemon", "over"));
+      }
+      written.Update(writer.EndEvaluation(accepted.evaluation, state, "", "", "daemon"));
+      return written;
+    });
+    ASSERT_TRUE(status.ok()) << status;
+  }
+
+  void Grant(Budget budget, int64_t amount) {
+    ASSERT_TRUE(store_->Write([&](Writer& writer) {
+      return writer.Grant({"alpha", kTrack, budget, amount, "the grid was down"}, "uid 0");
+    }).ok());
+  }
+};
+
+TEST_F(QuotaTest, ASubmissionIsChargedOnceWhenItsFirstEpisodeEnds) {
+  const Accepted accepted = Submit();
+  EXPECT_EQ(Use().today_of(Budget::kOfficial).open, 1);
+  EXPECT_THAT(Entries(), IsEmpty());
+  PlayFirst(accepted);
+  EXPECT_THAT(Entries(), ElementsAre("charge official"));
+  ASSERT_TRUE(Record(accepted, 1, 1).ok());
+  EXPECT_THAT(Entries(), ElementsAre("charge official"));
+  EXPECT_EQ(Use().today_of(Budget::kOfficial).open, 0);
+  EXPECT_EQ(Use().total_of(Budget::kOfficial).charged, 1);
+  End(accepted, EvaluationState::kCancelled);
+  EXPECT_THAT(Entries(), ElementsAre("charge official")) << "who cancels has seen an episode";
+}
+
+TEST_F(QuotaTest, WhatIsCancelledBeforeItsFirstEpisodeCostsNothing) {
+  End(Submit(), EvaluationState::kCancelled);
+  EXPECT_THAT(Entries(), IsEmpty());
+  EXPECT_EQ(Use().total_of(Budget::kOfficial).open, 0);
+}
+
+TEST_F(QuotaTest, TheGradersFaultIsGivenBack) {
+  const Accepted accepted = Submit();
+  PlayFirst(accepted);
+  End(accepted, EvaluationState::kGraderError);
+  EXPECT_THAT(Entries(), ElementsAre("charge official", "refund official"));
+  EXPECT_EQ(Use().today_of(Budget::kOfficial).charged, 0);
+  EXPECT_FALSE(Submit().linked) << "the artefact has had no official evaluation";
+}
+
+TEST_F(QuotaTest, AFailedTryGoesToABudgetOfItsOwn) {
+  const Accepted accepted = Submit();
+  PlayFirst(accepted);
+  End(accepted, EvaluationState::kFailed);
+  EXPECT_THAT(Entries(), ElementsAre("charge official", "refund official", "charge failed"));
+  EXPECT_EQ(Use().today_of(Budget::kOfficial).charged, 0);
+  EXPECT_EQ(Use().today_of(Budget::kFailed).charged, 1);
+  const auto next = TrySubmit("alpha", 'b', true, Rules(5, 5, /*failed=*/1));
+  EXPECT_THAT(std::string(next.status().message()), HasSubstr("all 1 failed tries"));
+  ASSERT_TRUE(store_->Write([&](Writer& writer) {
+    return writer.ChargeFailure("beta", kTrack, "uid 0", "upload refused: it is empty");
+  }).ok());
+  EXPECT_THAT(Entries("beta"), ElementsAre("charge failed"));
+}
+
+TEST_F(QuotaTest, TheDayAndTheTotalAreLimitedAndADayLaterThereIsMore) {
+  ASSERT_TRUE(TrySubmit("alpha", 'a', true, Rules(1, 2)).ok());
+  const auto second = TrySubmit("alpha", 'b', true, Rules(1, 2));
+  ASSERT_TRUE(absl::IsFailedPrecondition(second.status()));
+  EXPECT_EQ(ErrorCodeOf(second.status()), "quota");
+  EXPECT_THAT(std::string(second.status().message()),
+              HasSubstr("all 1 official evaluations of track \"manipulation\" (1 of them wait or "
+                        "run) for 2023-11-14 (UTC); the next day begins at 2023-11-15T00:00:00Z"));
+  EXPECT_TRUE(TrySubmit("alpha", 'b', false, Rules(1, 2)).ok()) << "practice is another budget";
+  EXPECT_TRUE(TrySubmit("beta", 'b', true, Rules(1, 2)).ok()) << "another team";
+  clock_.Advance(absl::Hours(24));
+  EXPECT_TRUE(TrySubmit("alpha", 'b', true, Rules(1, 2)).ok());
+  clock_.Advance(absl::Hours(24));
+  const auto third = TrySubmit("alpha", 'e', true, Rules(1, 2));
+  EXPECT_THAT(std::string(third.status().message()), HasSubstr("only a grant"));
+  Grant(Budget::kOfficial, 1);
+  EXPECT_TRUE(TrySubmit("alpha", 'e', true, Rules(1, 2)).ok());
+  EXPECT_EQ(Use().total_of(Budget::kOfficial).granted, 1);
+}
+
+TEST_F(QuotaTest, OnlySoManyMayWait) {
+  ASSERT_TRUE(TrySubmit("alpha", 'a', true, Rules(9, 9, 9, /*waiting=*/1)).ok());
+  const auto second = TrySubmit("alpha", 'b', true, Rules(9, 9, 9, /*waiting=*/1));
+  EXPECT_THAT(std::string(second.status().message()), HasSubstr("1 evaluations of track"));
+}
+
+// However the clock is set, each day gives its allowance once.
+TEST_F(QuotaTest, NoSettingOfTheClockMakesQuota) {
+  const AdmissionRules rules = Rules(1, 100);
+  char artefact = '0';
+  int accepted = 0;
+  for (const int hours : {0, -24, -240, 24, 24, -72, 72, -1, 1}) {
+    clock_.Jump(absl::Hours(hours));
+    for (int i = 0; i < 2; ++i) accepted += TrySubmit("alpha", artefact++, true, rules).ok();
+  }
+  EXPECT_EQ(accepted, 1);
+  clock_.Jump(absl::Hours(24 * 30));
+  EXPECT_TRUE(TrySubmit("alpha", artefact++, true, rules).ok());
+  clock_.Jump(absl::Hours(-24 * 30));
+  for (int day = 0; day < 30; ++day) {
+    clock_.Advance(absl::Hours(24));
+    EXPECT_FALSE(TrySubmit("alpha", artefact++, true, rules).ok()) << day;
+  }
+  clock_.Advance(absl::Hours(24));
+  EXPECT_TRUE(TrySubmit("alpha", artefact, true, rules).ok());
+}
+
+TEST_F(QuotaTest, AnArtefactHasOneOfficialEvaluation) {
+  const Accepted first = Submit("alpha");
+  const Accepted again = Submit("alpha");
+  EXPECT_TRUE(again.linked);
+  EXPECT_EQ(again.submission, first.submission);
+  EXPECT_EQ(again.evaluation, first.evaluation);
+  EXPECT_FALSE(TrySubmit("alpha", 'a', false)->linked) << "practice is free";
+  EXPECT_FALSE(Submit("beta").linked);
+  AdmissionRules everyone = kRules;
+  everyone.one_for_everyone = true;
+  const auto refused = TrySubmit("gamma", 'a', true, everyone);
+  EXPECT_EQ(ErrorCodeOf(refused.status()), "same_artefact");
+  EXPECT_TRUE(TrySubmit("alpha", 'a', true, everyone)->linked);
+  Read([&](Reader& reader) {
+    EXPECT_EQ(reader.Unfinished().size(), 3u);
+    EXPECT_THAT(reader.Transitions("submission", 3).front().why,
+                HasSubstr("the same artefact as submission 1 of team \"alpha\""));
+  });
+}
+
+TEST_F(QuotaTest, CancellingIsNoWayToASecondTry) {
+  const Accepted seen = Submit("alpha", 'a');
+  PlayFirst(seen);
+  End(seen, EvaluationState::kCancelled);
+  EXPECT_TRUE(Submit("alpha", 'a').linked);
+  End(Submit("alpha", 'b'), EvaluationState::kCancelled);
+  EXPECT_FALSE(Submit("alpha", 'b').linked) << "nothing of it was seen";
+}
+
+TEST_F(QuotaTest, MarksAreRowsAndTheNewestIsInForce) {
+  const Accepted accepted = Submit();
+  const auto mark = [&](const char* name, bool set, const char* why) {
+    bool changed = false;
+    const absl::Status status = store_->Write([&](Writer& writer) -> absl::Status {
+      auto marked = writer.Mark(accepted.submission, name, set, "uid 0", why);
+      if (marked.ok()) changed = *marked;
+      return marked.status();
+    });
+    EXPECT_TRUE(status.ok()) << status;
+    return changed;
+  };
+  EXPECT_FALSE(mark("hidden", false, "")) << "it is not hidden";
+  EXPECT_TRUE(mark("hidden", true, "wrong file"));
+  EXPECT_FALSE(mark("hidden", true, "wrong file"));
+  EXPECT_TRUE(mark("hidden", true, "another reason"));
+  EXPECT_TRUE(mark("disqualified", true, "reads the seeds"));
+  EXPECT_TRUE(mark("hidden", false, ""));
+  Read([&](Reader& reader) {
+    EXPECT_EQ(reader.MarkHistory(accepted.submission).size(), 4u);
+    const auto marks = reader.Marks().at(accepted.submission);
+    ASSERT_EQ(marks.size(), 1u);
+    EXPECT_EQ(marks.at("disqualified").why, "reads the seeds");
+    EXPECT_EQ(marks.at("disqualified").who, "uid 0");
+  });
+}
+
+TEST_F(QuotaTest, TheSchemaRefusesToRewriteAccounts) {
+  const Accepted accepted = Submit();
+  PlayFirst(accepted);
+  ASSERT_TRUE(store_->Write([&](Writer& writer) {
+    return writer.Mark(accepted.submission, "hidden", true, "uid 0", "").status();
+  }).ok());
+  const std::pair<const char*, const char*> attempts[] = {
+      {"UPDATE ledger SET amount = 0", "never changed"},
+      {"DELETE FROM ledger", "never deleted"},
+      {"INSERT INTO ledger SELECT NULL, at, day, team_id, track, budget, entry, amount, submission,"
+       " who, why FROM ledger", "UNIQUE"},
+      {"INSERT INTO ledger SELECT NULL, at, day, team_id, track, budget, 'refund', 2, submission,"
+       " who, why FROM ledger", "gives back one charge"},
+      {"UPDATE mark SET set_to = 0", "never changed"},
+      {"DELETE FROM mark", "never deleted"},
+      {"UPDATE admission SET day = 0", "never changed"},
+      {"DELETE FROM admission", "never deleted"},
+      {"DELETE FROM submission", "never deleted"},
+  };
+  for (const auto& [sql, error] : attempts) EXPECT_THAT(SqlError(sql), HasSubstr(error)) << sql;
+}
+
+TEST_F(QuotaTest, APartThatFailsLeavesTheOthers) {
+  const absl::Status status = store_->Write([&](Writer& writer) {
+    const auto grant = [](int64_t amount) {
+      return [amount](Writer& part) {
+        return part.Grant({"alpha", kTrack, Budget::kOfficial, amount, "why"}, "uid 0");
+      };
+    };
+    EXPECT_TRUE(writer.Part(grant(1)).ok());
+    EXPECT_FALSE(writer.Part([&](Writer& part) {
+      EXPECT_TRUE(grant(10)(part).ok());
+      return absl::InvalidArgumentError("no");
+    }).ok());
+    EXPECT_TRUE(writer.Part(grant(100)).ok());
+    return absl::OkStatus();
+  });
+  ASSERT_TRUE(status.ok()) << status;
+  EXPECT_EQ(Use().total_of(Budget::kOfficial).granted, 101);
+}
+
+}  // namespace
+}  // namespace myograde::server

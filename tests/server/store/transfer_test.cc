@@ -1,0 +1,158 @@
+// Exports, imports and backups.
+#include "server/store/transfer.h"
+
+#include <fstream>
+
+#include <gmock/gmock.h>
+
+#include "protocol/sha256.h"
+#include "server/store/schema.h"
+#include "tests/server/store/store_fixture.h"
+
+namespace myograde::server {
+namespace {
+
+using ::testing::HasSubstr;
+
+class TransferTest : public StoreTest {
+ protected:
+  std::string Export(const std::string& store) {
+    std::string text;
+    ReaderPool pool(store);
+    const absl::Status status = pool.Read([&](Reader& reader) {
+      return reader.Export([&](std::string_view part) {
+        text.append(part);
+        return true;
+      });
+    });
+    EXPECT_TRUE(status.ok()) << status;
+    return text;
+  }
+
+  std::string Write(const std::string& text) {
+    const std::string path = dir_ + "/export.json";
+    std::ofstream(path, std::ios::binary) << text;
+    return path;
+  }
+
+  // Into a store of its own, named by `name`.
+  absl::Status Import(const std::string& text, const std::string& name) {
+    const std::string path = Write(text);
+    const absl::StatusOr<ExportInfo> info = CheckExport(path);
+    if (!info.ok()) return info.status();
+    auto store = Store::Open(dir_ + "/" + name, clock_);
+    if (!store.ok()) return store.status();
+    return (*store)->Write(
+        [&](Writer& writer) { return writer.Import(path, *info, "organiser"); });
+  }
+
+  // Two submissions, one played to its end, one cancelled, with a ledger and a mark.
+  void Fill() {
+    const Accepted played = Submit("alpha, \"the first\"", 'a');
+    for (const int64_t lease : {0, 1}) {
+      const int64_t id = played.leases[static_cast<size_t>(lease)];
+      ASSERT_TRUE(Start(id, 1).ok());
+      ASSERT_TRUE(Record(played, 2 * lease, 1).ok() && Record(played, 2 * lease + 1, 1).ok());
+      ASSERT_TRUE(store_->Write([&](Writer& writer) {
+        return writer.FinishLease(id, 1, "{}", "daemon");
+      }).ok());
+    }
+    ASSERT_TRUE(store_->Write([&](Writer& writer) {
+      absl::Status status =
+          writer.EndEvaluation(played.evaluation, EvaluationState::kDone, "", "x", "daemon");
+      status.Update(writer.Mark(played.submission, "baseline", true, "uid 0", "ours").status());
+      return status;
+    }).ok());
+  }
+};
+
+TEST_F(TransferTest, AnImportGivesTheSameExportAgain) {
+  Fill();
+  const std::string text = Export(path_);
+  ASSERT_TRUE(Import(text, "copy.db").ok());
+  EXPECT_EQ(Export(dir_ + "/copy.db"), text);
+  const nlohmann::json json = nlohmann::json::parse(text);
+  EXPECT_EQ(json["data"]["episode"].size(), 4u);
+  EXPECT_EQ(json["data"]["ledger"].size(), 1u);
+  EXPECT_EQ(json["data"]["mark"][0]["why"], "ours");
+  EXPECT_FALSE(json["data"].contains("meta")) << "the secret stays";
+}
+
+TEST_F(TransferTest, WhatHadNotEndedIsCancelled) {
+  const Accepted open = Submit("alpha");
+  ASSERT_TRUE(Start(open.leases[0], 1).ok());
+  ASSERT_TRUE(Import(Export(path_), "copy.db").ok());
+  ReaderPool pool(dir_ + "/copy.db");
+  ASSERT_TRUE(pool.Read([&](Reader& reader) {
+    EXPECT_TRUE(reader.Unfinished().empty());
+    EXPECT_EQ(reader.Evaluation(open.evaluation)->state, EvaluationState::kCancelled);
+    return absl::OkStatus();
+  }).ok());
+}
+
+TEST_F(TransferTest, EveryCutAndEveryChangeOfAByteIsNoticed) {
+  Fill();
+  const std::string text = Export(path_);
+  for (size_t size = 0; size < text.size(); size += 1 + size % 97) {
+    EXPECT_FALSE(CheckExport(Write(text.substr(0, size))).ok()) << size;
+  }
+  for (size_t at = 0; at + 1 < text.size(); at += 1 + at % 61) {
+    std::string other = text;
+    other[at] = other[at] == '7' ? '8' : '7';
+    EXPECT_FALSE(CheckExport(Write(other)).ok()) << text.substr(at, 20);
+  }
+  EXPECT_FALSE(CheckExport(Write(text + text)).ok());
+  EXPECT_TRUE(CheckExport(Write(text)).ok());
+}
+
+// As somebody would write who takes the trouble to mend the checksum.
+std::string Sealed(std::string text, const std::string& from, const std::string& to) {
+  text.replace(text.find(from), from.size(), to);
+  const size_t end = text.find(",\"sha256\"");
+  return text.substr(0, end) + ",\"sha256\":\"" + Sha256Hex(text.substr(0, end)) + "\"}\n";
+}
+
+TEST_F(TransferTest, OtherSchemasFilledStoresAndRowsThatDoNotFitAreRefused) {
+  Fill();
+  const std::string text = Export(path_);
+  const auto refusal = [&](const std::string& changed, const std::string& name) {
+    return std::string(Import(changed, name).message());
+  };
+  const std::string schema = ",\"schema\":" + std::to_string(SchemaMigrations().size());
+  EXPECT_THAT(refusal(Sealed(text, schema, ",\"schema\":99"), "a.db"), HasSubstr("schema 99"));
+  EXPECT_THAT(refusal(Sealed(text, "\"mark\":[", "\"stain\":["), "b.db"), HasSubstr("stain"));
+  EXPECT_THAT(refusal(Sealed(text, "\"set_to\":1", "\"set\":1"), "c.db"), HasSubstr("columns"));
+  EXPECT_THAT(refusal(Sealed(text, "\"set_to\":1", "\"set_to\":2"), "d.db"), HasSubstr("CHECK"));
+  EXPECT_THAT(refusal(Sealed(text, "\"evaluation\":1,\"facts", "\"evaluation\":9,\"facts"), "e.db"),
+              HasSubstr("lease"));
+  EXPECT_THAT(refusal(Sealed(text, "\"idx\":1", "\"idx\":0"), "f.db"), HasSubstr("UNIQUE"));
+  ASSERT_TRUE(Import(text, "g.db").ok());
+  EXPECT_THAT(refusal(text, "g.db"), HasSubstr("has rows already"));
+  EXPECT_EQ(Export(dir_ + "/g.db"), text);
+}
+
+TEST_F(TransferTest, ABackupIsOneStateWhileOthersWrite) {
+  Fill();
+  // Large enough for more than one step of the copy.
+  ASSERT_EQ(SqlError("INSERT INTO meta WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 "
+                     "FROM n WHERE i < 20) SELECT 'filling ' || i, randomblob(1000000) FROM n"),
+            "");
+  const std::string before = Export(path_);
+  ReaderPool pool(path_);
+  const std::string copy = dir_ + "/backup.db";
+  int reports = 0;
+  const absl::Status status = pool.Backup(copy, [&](int64_t done, int64_t total) {
+    EXPECT_LE(done, total);
+    if (++reports == 1) Submit("late", 'e');
+  });
+  ASSERT_TRUE(status.ok()) << status;
+  EXPECT_GE(reports, 1);
+  store_.reset();
+  const auto opened = Store::Open(copy, clock_);
+  ASSERT_TRUE(opened.ok()) << opened.status();
+  const std::string after = Export(copy);
+  EXPECT_TRUE(after == before) << "the state when the backup began";
+}
+
+}  // namespace
+}  // namespace myograde::server
