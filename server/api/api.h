@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <semaphore>
 #include <string>
 
 #include <absl/status/statusor.h>
@@ -115,7 +116,8 @@ class Api {
   Engine& engine_;
   ReaderPool& readers_;
   const Clock& clock_;
-  std::atomic<int> uploads_ = 0;
+  std::atomic<int> uploads_ = 0;                // large ones at work
+  std::counting_semaphore<> small_uploads_{8};  // places left
   std::atomic<int64_t> upload_names_ = 0;
 
   // Answers that are told from stale ones by the store's count of changes.

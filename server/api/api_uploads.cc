@@ -140,15 +140,19 @@ Api::Result Api::Upload(const Request& request, const httplib::ContentReader& co
     if (absl::IsNotFound(allowed)) error = {400, "unknown_track", error.message};
     return error;
   }
-  // Small ones are through in no time; the workers bound them.
-  const bool counts = !request.has_header("Content-Length") ||  // chunked: of any length
-                      request.get_header_value<uint64_t>("Content-Length") > kSmallUpload;
-  const absl::Cleanup leave = [&] { uploads_ -= counts ? 1 : 0; };
-  if (counts && ++uploads_ > options_.config.artefacts.uploads) {
+  // Small ones are through in no time: they wait for their turn. A chunked one has any length.
+  const bool small = request.has_header("Content-Length") &&
+                     request.get_header_value<uint64_t>("Content-Length") <= kSmallUpload;
+  const bool may = small ? small_uploads_.try_acquire_for(
+                               absl::ToChronoMilliseconds(options_.config.http.request / 2))
+                         : ++uploads_ <= options_.config.artefacts.uploads;
+  const absl::Cleanup leave = [&] {
+    if (!small) --uploads_;
+    if (small && may) small_uploads_.release();
+  };
+  if (!may) {
     UnixHttpServer::Drain(content);
-    return ApiError{429, "too_many",
-                    absl::StrCat(options_.config.artefacts.uploads,
-                                 " uploads run already; try again in a second")};
+    return ApiError{429, "too_many", "too many uploads run already; try again in a second"};
   }
   UnixHttpServer::AllowUploadTime();
   bool is_new = false;
