@@ -165,6 +165,8 @@ absl::Status UnixHttpServer::Bind(const std::string& path) {
 
 absl::Status UnixHttpServer::Start(const std::string& path) {
   if (absl::Status status = Bind(path); !status.ok()) return status;
+  // cpp-httplib takes a server without a listener for one that stops, and cuts files off.
+  svr_sock_ = listener_.get();
   for (int i = 0; i < limits_.workers; ++i) workers_.emplace_back([this] { Work(); });
   acceptor_ = std::thread([this] { AcceptLoop(); });
   return absl::OkStatus();
@@ -268,6 +270,7 @@ void UnixHttpServer::Shutdown() {
   for (const int fd : returned_) close(fd);
   requests_.clear();
   returned_.clear();
+  svr_sock_ = INVALID_SOCKET;
   listener_.reset();
   if (!path_.empty()) unlink(path_.c_str());
   path_.clear();
