@@ -39,7 +39,8 @@ class ServerConfigTest : public ::testing::Test {
   // Places of all numbers.
   std::vector<Pointer> Numbers() const {
     std::vector<Pointer> found;
-    for (const auto& [place, value] : shipped_.flatten().items()) {
+    const Json flat = shipped_.flatten();
+    for (const auto& [place, value] : flat.items()) {
       if (value.is_number()) found.emplace_back(place);
     }
     return found;
