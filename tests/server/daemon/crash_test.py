@@ -1,6 +1,7 @@
 """Whatever is done to the daemon and its store, the result is the undisturbed one. Runners play
 without physics here; tests/integration has the real ones."""
 
+import http.client
 import os
 import pathlib
 import random
@@ -92,7 +93,7 @@ class Kills(Disturbed):
                         self.submit("ok")
                     elif self.get("/v1/submissions/1")["state"] in FINAL:
                         return False
-                except (OSError, AssertionError, ValueError):
+                except (OSError, http.client.HTTPException, AssertionError, ValueError):
                     pass  # not up yet, or killed under the request
                 time.sleep(0.02)
         finally:
