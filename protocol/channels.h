@@ -18,6 +18,11 @@ inline constexpr std::string_view kWelcomeChannel = "MYOGRADE_WELCOME";
 inline constexpr std::string_view kStartChannel = "MYOGRADE_EPISODE_START";
 inline constexpr std::string_view kObservationChannel = "MYOGRADE_OBSERVATION";
 inline constexpr std::string_view kEndChannel = "MYOGRADE_EPISODE_END";
+// In the logs of episodes only (protocol/episode_log.h).
+inline constexpr std::string_view kLogHeaderChannel = "MYOGRADE_LOG_HEADER";
+inline constexpr std::string_view kLogStartChannel = "MYOGRADE_LOG_START";
+inline constexpr std::string_view kLogDigestChannel = "MYOGRADE_LOG_DIGEST";
+inline constexpr std::string_view kLogEndChannel = "MYOGRADE_LOG_END";
 
 // The bus inside a sandbox: LCM's usual multicast group and port. A time to
 // live of 0 keeps packets on the host.

@@ -125,6 +125,24 @@ absl::Status ReadTrack(ConfigReader& reader, const Json& json, EpisodeFacts& fac
   return part.Finish();
 }
 
+template <typename Info, typename Visitor>
+void VisitLog(Info& info, Visitor&& visit) {
+  visit("sha256", info.sha256);
+  visit("bytes", info.bytes);
+  visit("packed_bytes", info.packed_bytes);
+  visit("steps", info.steps);
+}
+
+// Facts that older records have not.
+absl::Status ReadOptional(ConfigReader& reader, const Json& json, EpisodeFacts& facts) {
+  if (!json.is_object()) return absl::OkStatus();
+  if (reader.Has("actions_digest")) facts.actions_digest = reader.String("actions_digest");
+  if (!reader.Has("log")) return absl::OkStatus();
+  ConfigReader log(reader.Object("log"), "log");
+  VisitLog(facts.log, Reader{log});
+  return log.Finish();
+}
+
 }  // namespace
 
 nlohmann::json FaultEvidenceToJson(const FaultEvidence& evidence) {
@@ -154,6 +172,8 @@ nlohmann::json EpisodeFactsToJson(const EpisodeFacts& facts) {
   Json json = {{"seed", facts.seed}, {"end", EpisodeEndName(facts.end)}};
   VisitCommon(facts, Writer{json});
   if (facts.end == EpisodeEnd::kFault) json["fault"] = FaultEvidenceToJson(facts.fault);
+  if (!facts.actions_digest.empty()) json["actions_digest"] = facts.actions_digest;
+  if (!facts.log.sha256.empty()) VisitLog(facts.log, Writer{json["log"]});
   Json part = Json::object();
   if (const auto* manipulation = std::get_if<ManipulationFacts>(&facts.track)) {
     VisitManipulation(*manipulation, Writer{part});
@@ -182,6 +202,7 @@ absl::StatusOr<EpisodeFacts> EpisodeFactsFromJson(const nlohmann::json& json) {
     if (fault.ok()) facts.fault = *fault;
   }
   nested = Join(nested, ReadTrack(reader, json, facts));
+  nested = Join(nested, ReadOptional(reader, json, facts));
   if (absl::Status status = Join(reader.Finish(), nested); !status.ok()) return status;
   facts.end = *end;
   return facts;

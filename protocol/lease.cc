@@ -68,6 +68,23 @@ Json RecordToJson(const EpisodeFacts& facts) {
   return json;
 }
 
+ReplayRecord ReadReplay(ConfigReader& reader) {
+  ReplayRecord record;
+  record.episode = reader.Integer("episode", 0, INT64_MAX);
+  record.equal = reader.Boolean("equal");
+  record.steps = reader.Integer("steps", 0, INT64_MAX);
+  record.step = reader.Integer("step", -1, INT64_MAX);
+  record.differs = reader.Strings("differs");
+  record.detail = reader.String("detail");
+  return record;
+}
+
+Json RecordToJson(const ReplayRecord& record) {
+  return {{"type", "replay"},     {"episode", record.episode}, {"equal", record.equal},
+          {"steps", record.steps}, {"step", record.step},       {"differs", record.differs},
+          {"detail", record.detail}};
+}
+
 Json RecordToJson(const LeaseEndRecord& record) {
   return {{"type", "lease_end"},
           {"ok", record.ok},
@@ -101,7 +118,9 @@ nlohmann::json LeaseOrderToJson(const LeaseOrder& order) {
           {"pinned", order.pinned},
           {"work_dir", order.work_dir},
           {"cache_dir", order.cache_dir},
-          {"log_dir", order.log_dir}};
+          {"log_dir", order.log_dir},
+          {"log_bytes", order.log_bytes},
+          {"replay", order.replay}};
 }
 
 absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
@@ -120,7 +139,14 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
   order.work_dir = reader.String("work_dir");
   order.cache_dir = reader.String("cache_dir");
   order.log_dir = reader.String("log_dir");
-  if (order.command.empty()) reader.Fail("command", "is empty; it must name the policy's program");
+  order.log_bytes = reader.Integer("log_bytes", 0, INT64_MAX);
+  order.replay = reader.Strings("replay");
+  if (!order.replay.empty() && order.replay.size() != episodes.size()) {
+    reader.Fail("replay", "must name one log for each episode");
+  }
+  if (order.command.empty() && order.replay.empty()) {
+    reader.Fail("command", "is empty; it must name the policy's program");
+  }
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   absl::StatusOr<TrackConfig> config = ParseTrackConfig(track, absl::StrCat(where, ": track"));
   if (!config.ok()) return config.status();
@@ -139,7 +165,7 @@ absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line) {
   absl::StatusOr<Json> json = ParseJson(line, "lease record");
   if (!json.ok()) return json.status();
   ConfigReader reader(*json, "lease record");
-  const std::string type = reader.Choice("type", {"progress", "episode", "lease_end"});
+  const std::string type = reader.Choice("type", {"progress", "episode", "replay", "lease_end"});
   if (!json->is_object()) return reader.Finish();
   if (type == "episode") {
     absl::StatusOr<EpisodeFacts> facts = EpisodeFactsFromJson(*json);
@@ -152,6 +178,8 @@ absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line) {
     progress.episode = reader.Integer("episode", 0, INT64_MAX);
     progress.step = reader.Integer("step", 0, INT64_MAX);
     record = progress;
+  } else if (type == "replay") {
+    record = ReadReplay(reader);
   } else {
     record = ReadLeaseEnd(reader);
   }

@@ -35,8 +35,11 @@ struct LeaseOrder {
   bool pinned = false;             // the slot keeps to one processor, the slot-th of the runner's
   std::string work_dir;            // empty folder of the lease, owned by the caller
   std::string cache_dir;           // models (MYOGRADE_CACHE)
-  // Hidden from the runner's caller where not needed: "" means no log kept.
-  std::string log_dir;
+  std::string log_dir;             // where the episodes' logs are kept; "": none is
+  int64_t log_bytes = 0;           // budget of a log; filled in by the runner from its config
+  // Files of logs, packed or not, one for each episode: play them again without a policy, and
+  // compare. Then neither an artefact nor a command is needed.
+  std::vector<std::string> replay;
 };
 
 nlohmann::json LeaseOrderToJson(const LeaseOrder& order);
@@ -47,6 +50,18 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
 struct ProgressRecord {
   int64_t episode = 0;  // index in the evaluation
   int64_t step = 0;
+};
+
+// What came of an episode that was played again from its log.
+struct ReplayRecord {
+  int64_t episode = 0;
+  bool equal = false;
+  int64_t steps = 0;      // that were compared
+  int64_t step = -1;      // if not equal: the first that differs, -1 if it is none of them
+  // What differs there: "observation", "state", "digest", "end", "steps"; or "log": it can't be
+  // played at all.
+  std::vector<std::string> differs;
+  std::string detail;     // if not equal: one sentence
 };
 
 // The last record of a lease, always.
@@ -62,10 +77,10 @@ struct LeaseEndRecord {
   int64_t peak_memory_bytes = 0;  // 0: not measured on this host
 };
 
-using LeaseRecord = std::variant<ProgressRecord, EpisodeFacts, LeaseEndRecord>;
+using LeaseRecord = std::variant<ProgressRecord, EpisodeFacts, LeaseEndRecord, ReplayRecord>;
 
 // One line of JSON without the newline, and back. Non-finite numbers never
-// occur. `type` is "progress", "episode" or "lease_end".
+// occur. `type` is "progress", "episode", "replay" or "lease_end".
 std::string LeaseRecordToLine(const LeaseRecord& record);
 absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line);
 

@@ -29,11 +29,14 @@ void Require(bool holds) {
 }  // namespace
 
 struct Sha256::Context {
-  Context() : evp(EVP_MD_CTX_new()) {
-    Require(evp != nullptr);
+  Context() : evp(EVP_MD_CTX_new()), copy(EVP_MD_CTX_new()) {
+    Require(evp != nullptr && copy != nullptr);
     Start();
   }
-  ~Context() { EVP_MD_CTX_free(evp); }
+  ~Context() {
+    EVP_MD_CTX_free(evp);
+    EVP_MD_CTX_free(copy);
+  }
   Context(const Context&) = delete;
   Context& operator=(const Context&) = delete;
 
@@ -42,6 +45,7 @@ struct Sha256::Context {
   }
 
   EVP_MD_CTX* evp;
+  EVP_MD_CTX* copy;  // for Peek, which is called in every step
 };
 
 Sha256::Sha256() : context_(std::make_unique<Context>()) {}
@@ -62,6 +66,14 @@ Sha256Digest Sha256::Finish() {
   unsigned int size = 0;
   Require(EVP_DigestFinal_ex(context_->evp, digest.data(), &size) == 1 && size == digest.size());
   context_->Start();
+  return digest;
+}
+
+Sha256Digest Sha256::Peek() const {
+  Sha256Digest digest;
+  unsigned int size = 0;
+  Require(EVP_MD_CTX_copy_ex(context_->copy, context_->evp) == 1 &&
+          EVP_DigestFinal_ex(context_->copy, digest.data(), &size) == 1 && size == digest.size());
   return digest;
 }
 

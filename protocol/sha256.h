@@ -31,6 +31,9 @@ class Sha256 {
   // The same as 64 lower-case hexadecimal digits.
   std::string FinishHex();
 
+  // The digest of everything so far, without an end to it.
+  Sha256Digest Peek() const;
+
  private:
   struct Context;
   std::unique_ptr<Context> context_;

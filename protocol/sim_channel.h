@@ -4,12 +4,17 @@
 //
 //   sim -> runner   {"type":"need_policy"}            start a fresh sandbox
 //                   {"type":"policy_fault", ...}      FaultEvidence as the sim saw it
-//                   a LeaseRecord line                 progress or episode
+//                   {"type":"need_log","episode":N}   the log to play episode N from
+//                   a LeaseRecord line                 progress, episode or replay
 //                   {"type":"done"}                   every episode was recorded
 //   runner -> sim   {"type":"policy"} + descriptor     the bridge's socket
+//                   {"type":"log"} + descriptor        the log's file, opened for reading
 //                   {"type":"no_policy", ...}         FaultEvidence: it could not be started
 //                   {"type":"ruling", ...}            FaultEvidence after looking at the
 //                                                      control group, limits and exit status
+//
+// The logs of episodes go through a pipe of their own, packed, one after the
+// other: all bytes of a log are in the pipe before its episode's record is sent.
 //
 // The policy's CPU time so far, in ns, is kept by the runner in a page of
 // shared memory (CpuPage) that the simulator reads without a system call.
@@ -32,6 +37,7 @@ namespace myograde {
 inline constexpr int kSimChannelFd = 3;
 inline constexpr int kSimOrderFd = 4;    // the lease order, JSON, read to its end
 inline constexpr int kSimCpuPageFd = 5;  // one CpuPage
+inline constexpr int kSimLogFd = 6;      // the logs' pipe, non-blocking; only if the order has a log_dir
 
 // The bridge inherits its socket to the simulator as this descriptor.
 inline constexpr int kBridgeSocketFd = 3;

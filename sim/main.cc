@@ -4,18 +4,25 @@
 //   myograde-sim --allow CALLS            plays the lease whose order it inherits
 //   myograde-sim --allow CALLS --try      sets its system call filter and ends
 //   myograde-sim --compile-models CACHE   compiles and keeps the models of both tracks
+//   myograde-sim --replay LOG CACHE       plays a log again and prints a replay record
 //
 // CALLS: names of the system calls that episodes may make, with commas between.
-// Exit status: 0 done, 1 the grader is in trouble (one sentence on stderr),
-// 2 wrong use.
+// The last two run anywhere, outside of sandboxes too, and see to it that the
+// C library's maths are those of every other host.
+//
+// Exit status: 0 done, 1 the grader is in trouble (one sentence on stderr) or a
+// replay differs, 2 wrong use.
+#include <fcntl.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -25,14 +32,19 @@
 #include <absl/strings/str_split.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/fd.h"
 #include "protocol/config_reader.h"
 #include "protocol/layout.h"
 #include "protocol/lease.h"
+#include "protocol/pinned_maths.h"
 #include "protocol/rules_locomotion.h"
 #include "protocol/rules_manipulation.h"
 #include "protocol/sim_channel.h"
 #include "sim/confine.h"
 #include "sim/episode/lease_player.h"
+#include "sim/episode/log_writer.h"
+#include "sim/episode/packed_log.h"
+#include "sim/episode/replay_player.h"
 #include "sim/factory.h"
 #include "sim/model/model.h"
 
@@ -87,18 +99,62 @@ absl::Status PlayLease(const std::vector<std::string>& system_calls) {
   absl::StatusOr<std::unique_ptr<Environment>> environment =
       MakeEnvironment(order->track, order->cache_dir);
   if (!environment.ok()) return environment.status();
+  if (!order->replay.empty()) {
+    // A log may come from anywhere, so it is read behind the filter.
+    if (absl::Status status = AllowOnly(system_calls); !status.ok()) return status;
+    return ReplayPlayer(*order, **environment, kSimChannelFd, SystemClock()).Play();
+  }
+  std::optional<LogWriter> log;
+  if (!order->log_dir.empty()) {
+    log.emplace(kSimLogFd, order->log_bytes, ControlPeriod(order->track.kind));
+  }
   LeasePlayer player(*order, **environment, *max_steps, kSimChannelFd, MapCpuPage(kSimCpuPageFd),
-                     SystemClock());
+                     SystemClock(), log.has_value() ? &*log : nullptr);
   // All files are read by now; what comes next is fed by a participant.
   if (absl::Status status = AllowOnly(system_calls); !status.ok()) return status;
   return player.Play();
 }
 
+// Starts over with the pinned maths functions unless they are in force: the C library has made
+// its choice before main.
+absl::Status PinMaths(char** argv) {
+  const char* tunables = std::getenv(kTunablesVariable);
+  if (tunables != nullptr && IsPinned(tunables)) return absl::OkStatus();
+  setenv(kTunablesVariable, kPinnedTunables, /*overwrite=*/1);
+  execv("/proc/self/exe", argv);
+  return absl::InternalError(absl::StrCat("can't start again with ", kTunablesVariable, "=",
+                                          kPinnedTunables, ": ", strerror(errno)));
+}
+
+absl::Status ReplayFile(const char* path, const char* cache_dir, bool& equal) {
+  const Fd file(open(path, O_RDONLY | O_CLOEXEC));
+  if (!file.valid()) {
+    return absl::NotFoundError(absl::StrCat(path, ": can't be opened: ", strerror(errno)));
+  }
+  absl::StatusOr<std::string> bytes = ReadLogFile(file.get());
+  if (!bytes.ok()) return bytes.status();
+  absl::StatusOr<EpisodeLog> log = ParseEpisodeLog(*bytes);
+  if (!log.ok()) return log.status();
+  absl::StatusOr<std::unique_ptr<Environment>> environment =
+      MakeEnvironment(log->header.track, cache_dir);
+  if (!environment.ok()) return environment.status();
+  absl::StatusOr<ReplayRecord> record = ReplayLog(*log, **environment, [](int64_t) {});
+  if (!record.ok()) return record.status();
+  equal = record->equal;
+  std::printf("%s\n", LeaseRecordToLine(*record).c_str());
+  return absl::OkStatus();
+}
+
 int Main(int argc, char** argv) {
   const std::vector<std::string_view> words(argv + 1, argv + argc);
   absl::Status status;
+  bool equal = true;
   if (words.size() == 2 && words[0] == "--compile-models") {
-    status = CompileModels(std::string(words[1]));
+    status = PinMaths(argv);
+    if (status.ok()) status = CompileModels(std::string(words[1]));
+  } else if (words.size() == 3 && words[0] == "--replay") {
+    status = PinMaths(argv);
+    if (status.ok()) status = ReplayFile(argv[2], argv[3], equal);
   } else if (words.size() >= 2 && words[0] == "--allow" &&
              (words.size() == 2 || (words.size() == 3 && words[2] == "--try"))) {
     const std::vector<std::string> calls = absl::StrSplit(argv[2], ',', absl::SkipEmpty());
@@ -107,10 +163,11 @@ int Main(int argc, char** argv) {
     std::fprintf(stderr,
                  "usage: myograde-sim --allow CALLS           (started by myograde-runner)\n"
                  "       myograde-sim --allow CALLS --try     (tries the system call filter)\n"
-                 "       myograde-sim --compile-models CACHE  (compiles both tracks' models)\n");
+                 "       myograde-sim --compile-models CACHE  (compiles both tracks' models)\n"
+                 "       myograde-sim --replay LOG CACHE      (plays a log again)\n");
     return 2;
   }
-  if (status.ok()) return 0;
+  if (status.ok()) return equal ? 0 : 1;
   std::fprintf(stderr, "myograde-sim: %s\n", std::string(status.message()).c_str());
   return 1;
 }

@@ -72,6 +72,14 @@ struct LocomotionFacts {
   double reported_time = 0;  // s, official reported time (300.0 after a fall)
 };
 
+// Where the log of an episode is found. protocol/episode_log.h is its format.
+struct EpisodeLogInfo {
+  std::string sha256;        // of the log, unpacked (hex); "": none was kept
+  int64_t bytes = 0;         // unpacked
+  int64_t packed_bytes = 0;  // as it is stored
+  int64_t steps = 0;         // that it holds; fewer than were played if it would be too large
+};
+
 struct EpisodeFacts {
   int64_t index = 0;      // number of the episode in the evaluation, from 0
   uint64_t seed = 0;
@@ -81,6 +89,8 @@ struct EpisodeFacts {
   double sim_time = 0;    // s of simulated time at the end
   int64_t clipped = 0;    // action entries clipped to their range
   std::string digest;     // SHA-256 (hex) over the states of every step
+  std::string actions_digest;  // the same over the actions, as they were received; "": unknown
+  EpisodeLogInfo log;
   std::variant<ManipulationFacts, LocomotionFacts> track;
   // What the host's clock decides: never part of a result's identity.
   double wall_s = 0;

@@ -129,6 +129,12 @@ void Api::Install(UnixHttpServer& server) {
   Post(server, "/v1/quota/grants", &Api::Grant);
   Post(server, "/v1/leaderboard/rebuild", &Api::RebuildBoards);
   Post(server, R"(/v1/submissions/(\d{1,18})/marks)", &Api::Mark);
+  Get(server, R"(/v1/submissions/(\d{1,18})/receipt)", &Api::GetReceipt);
+  Get(server, "/v1/key", &Api::GetKey);
+  server.Get(R"(/v1/logs/([0-9a-f]{64}))",
+             [this](const Request& request, httplib::Response& response) {
+               SendLog(request, response);
+             });
   Post(server, "/v1/submissions", &Api::Submit);
   Post(server, R"(/v1/submissions/(\d{1,18})/cancel)", &Api::Cancel);
   Post(server, R"(/v1/submissions/(\d{1,18})/rerun)", &Api::Rerun);
@@ -221,8 +227,11 @@ Api::Result Api::Submit(const Request&, const Json& body) {
   submission.seeds = Sha256Hex(submission.seeds_json);
   submission.seed_count = static_cast<int64_t>(seeds.size());
   submission.ranked = seeds == config.seeds;
-  submission.grader_json = CanonicalJson(GraderBuild());
+  submission.grader_json = CanonicalJson(GraderBuild(options_.cache_dir));
   submission.blocks = BlocksOf(submission.seed_count, config.episodes_per_lease);
+  if (submission.ranked) {
+    if (std::optional<ApiError> error = Unofficial(); error.has_value()) return *std::move(error);
+  }
   absl::StatusOr<Accepted> accepted =
       engine_.Submit(submission, options_.config.quota.of(config.id), Who(),
                      options_.config.http.request);
@@ -261,7 +270,7 @@ Api::Result Api::Rerun(const Request& request, const Json& body) {
   absl::StatusOr<RerunRequest> wanted = ParseRerun(body);
   if (!wanted.ok()) return ErrorOf(wanted.status());
   const int64_t id = std::stoll(request.matches[1]);
-  NewRerun rerun{id, CanonicalJson(GraderBuild()), {}};
+  NewRerun rerun{id, CanonicalJson(GraderBuild(options_.cache_dir)), {}};
   absl::Status status = readers_.Read([&](Reader& reader) -> absl::Status {
     absl::StatusOr<SubmissionRow> submission = reader.Submission(id);
     if (!submission.ok()) return submission.status();

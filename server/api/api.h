@@ -17,6 +17,7 @@
 #include "protocol/base/clock.h"
 #include "server/api/unix_http_server.h"
 #include "server/daemon/engine.h"
+#include "server/proof/reference_check.h"
 
 namespace myograde::server {
 
@@ -35,6 +36,8 @@ class Api {
   struct Options {
     ServerConfig config;
     std::string data_dir;
+    std::string cache_dir;
+    const ReferenceCheck* reference = nullptr;  // null: whatever comes out here is official
     absl::Time started_at;
   };
 
@@ -78,6 +81,11 @@ class Api {
   Result Mark(const Request& request, const Json& body);
   Result RebuildBoards(const Request& request, const Json& body);
   Result Grant(const Request& request, const Json& body);
+  // What forbids to grade officially here; waits for it if need be.
+  std::optional<ApiError> Unofficial() const;
+  Result GetReceipt(const Request& request);
+  Result GetKey(const Request& request);
+  void SendLog(const Request& request, httplib::Response& response);
   Result Upload(const Request& request, const httplib::ContentReader& content);
 
   Result Import(const httplib::ContentReader& content);

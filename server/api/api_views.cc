@@ -185,6 +185,7 @@ absl::StatusOr<Json> Api::Breakdown(Reader& reader, int64_t id, bool episodes) {
                     {"config", submission->config},
                     {"seeds", submission->seeds},
                     {"results", ResultsHash(rows)}};
+  json["merkle_root"] = rows.empty() ? Json() : Json(MerkleRootOf(rows));
   json["grader"] = Json::parse(evaluation->grader_json, nullptr, false);
   json["limits"] = LimitsToJson(*config);
   json["output"] = Json::array();
@@ -316,7 +317,7 @@ Api::Result Api::Health(const Request&) {
          {"next_test_wall_s", SecondsOrNull(health.next_test)}}},
        {"leases", std::move(running)},
        {"ending", health.ending},
-       {"version", GraderBuild()["version"]},
+       {"version", GraderVersion()},
        {"api", 1},
        {"schema", SchemaMigrations().size()},
        {"pid", getpid()},

@@ -57,6 +57,8 @@ nlohmann::json EpisodeToJson(const EpisodeRow& row) {
           {"sim_time_s", KeyOrNull(facts, "sim_time")},
           {"clipped", KeyOrNull(facts, "clipped")},
           {"digest", KeyOrNull(facts, "digest")},
+          {"actions_digest", KeyOrNull(facts, "actions_digest")},
+          {"log", KeyOrNull(facts, "log")},
           {"end", KeyOrNull(facts, "end")},
           {"fault", KeyOrNull(facts, "fault")},
           {"facts", KeyOrNull(facts, KeyOrNull(facts, "manipulation").is_null() ? "locomotion"

@@ -21,6 +21,9 @@ class Client {
   absl::StatusOr<nlohmann::json> Get(const std::string& path) const;
   absl::StatusOr<nlohmann::json> Post(const std::string& path, const nlohmann::json& body) const;
 
+  // The body as it is, for answers that are not JSON.
+  absl::StatusOr<std::string> GetBytes(const std::string& path) const;
+
   // Sends the tar archive in `file`; `progress` hears the bytes sent so far.
   absl::StatusOr<nlohmann::json> Upload(const std::string& path, const std::string& file,
                                         const std::function<void(int64_t)>& progress) const;

@@ -33,6 +33,7 @@ struct LocalOptions {
   std::string track;
   std::string profile;
   std::string seeds;
+  std::string logs;      // "": none are kept
   int64_t episodes = 0;  // 0: not given
   int slots = 0;         // 0: as server.json says
   bool json = false;
@@ -119,6 +120,15 @@ absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::strin
   if (!runtimes.ok()) return runtimes.status();
   order.runtimes = *std::move(runtimes);
   order.work_dir = temp;
+  if (!options.logs.empty()) {
+    std::error_code error;
+    order.log_dir = std::filesystem::absolute(options.logs).lexically_normal();
+    std::filesystem::create_directories(order.log_dir, error);
+    if (error) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("--logs: ", options.logs, " can't be made: ", error.message()));
+    }
+  }
   return order;
 }
 
@@ -132,6 +142,7 @@ Json RowJson(const EpisodeRow& row) {
                {"facts", facts}};
   const std::pair<const char*, const char*> copied[] = {
       {"steps", "steps"}, {"sim_time", "sim_time_s"}, {"clipped", "clipped"}, {"digest", "digest"},
+      {"actions_digest", "actions_digest"},  {"log", "log"},
       {"end", "end"},     {"fault", "fault"},         {"wall_s", "wall_s"},
       {"policy_cpu_s", "policy_cpu_s"}};
   for (const auto& [from, to] : copied) json[to] = facts.value(from, Json());
@@ -166,7 +177,8 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
                 {"config", config.hash},
                 {"seeds", Sha256Hex(CanonicalJson(order.seeds))},
                 {"results", ResultsHash(result.rows)}}},
-              {"grader", GraderBuild()},
+              {"merkle_root", result.rows.empty() ? Json() : Json(MerkleRootOf(result.rows))},
+              {"grader", GraderBuild(order.cache_dir)},
               {"episodes", rows},
               {"output", result.outputs},
               {"wall", {{"slots", order.slots}, {"wall_s", absl::ToDoubleSeconds(wall)}}}};
@@ -220,6 +232,8 @@ Action AddLocal(CLI::App& verb) {
                   "File of seeds in place of the track's list: a JSON array, or one on each line");
   verb.add_option("--episodes", options->episodes, "Play only the first N seeds")
       ->check(CLI::Range(1, 10'000));
+  verb.add_option("--logs", options->logs,
+                  "Folder for the log of each episode, which \"myograde replay\" plays again");
   verb.add_option("--slots", options->slots,
                   "Leases at once (default: as server.json says, one for each processor)")
       ->check(CLI::Range(1, 1024));

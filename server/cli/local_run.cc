@@ -86,6 +86,7 @@ LeaseOrder LocalRun::OrderFor(const Lease& lease) const {
   order.pinned = PinsSlots(order_.config, order_.slots, order.track);
   order.work_dir = lease.work_dir;
   order.cache_dir = order_.cache_dir;
+  order.log_dir = order_.log_dir;
   return order;
 }
 

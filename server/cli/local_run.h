@@ -33,6 +33,7 @@ struct LocalOrder {
   std::vector<std::string> runtimes;  // host folders
   std::string work_dir;               // empty, owned by the caller
   std::string cache_dir;
+  std::string log_dir;                // of the episodes' logs; "": none are kept
   int slots = 1;
   ServerConfig config;
 };

@@ -10,6 +10,7 @@
 #include "server/cli/follow.h"
 #include "server/cli/report.h"
 #include "server/cli/terminal.h"
+#include "server/cli/verify_rerun.h"
 
 namespace myograde::server {
 namespace {
@@ -52,6 +53,7 @@ struct RerunOptions {
   int64_t id = 0;
   std::string episodes;
   bool wait = true;
+  bool verify = false;
   bool json = false;
 };
 
@@ -75,9 +77,14 @@ absl::StatusOr<Json> RangeOf(const std::string& text) {
   return Json{{"first", first}, {"last", last}};
 }
 
-int ReportRerun(const RerunOptions& options, const Json& result) {
+int ReportRerun(const RerunOptions& options, const Client& client, Json result) {
   const std::string state = result.value("state", "");
   const Json comparison = result.value("comparison", Json());
+  if (options.verify && comparison.is_object()) {
+    absl::StatusOr<Json> verify = VerifyRerun(client, result);
+    if (!verify.ok()) return Complain(verify.status());
+    result["verify"] = *std::move(verify);
+  }
   if (options.json) {
     PrintJson(result);
   } else {
@@ -85,6 +92,7 @@ int ReportRerun(const RerunOptions& options, const Json& result) {
                                    options.id, " is ", Harmless(state)))
               << '\n';
     PrintComparison(comparison);
+    if (result.contains("verify")) PrintVerify(result["verify"]);
   }
   if (state == "grader_error") return kTrouble;
   if (state == "cancelled" || !comparison.is_object()) return kNoScore;
@@ -95,6 +103,9 @@ int ReportRerun(const RerunOptions& options, const Json& result) {
 }
 
 int Rerun(const RerunOptions& options) {
+  if (options.verify && !options.wait) {
+    return Complain(absl::InvalidArgumentError("--verify: needs the end; leave --no-wait out"));
+  }
   const absl::StatusOr<Json> range = RangeOf(options.episodes);
   if (!range.ok()) return Complain(range.status());
   const Client client(options.daemon.path());
@@ -117,7 +128,7 @@ int Rerun(const RerunOptions& options) {
              absl::StrCat("re-run of episodes ", Cell(*rerun, "first"), " to ",
                           Cell(*rerun, "last")));
   if (!result.ok()) return Complain(result.status());
-  return ReportRerun(options, *result);
+  return ReportRerun(options, client, *result);
 }
 
 }  // namespace
@@ -139,6 +150,9 @@ Action AddRerun(CLI::App& verb) {
                   "(default: all)");
   verb.add_flag("--wait,!--no-wait", options->wait,
                 "Wait for the end and print the differences (default), or only start it");
+  verb.add_flag("--verify", options->verify,
+                "Tell of each episode whether actions, states and result were the same, and where "
+                "not, whether the policy or the simulator is the cause");
   verb.add_flag("--json", options->json, "Print JSON (configs/schema/rerun.json)");
   AddDaemonOptions(verb, options->daemon);
   return [options] { return Rerun(*options); };

@@ -15,8 +15,10 @@
 #include "server/daemon/retention.h"
 #include "server/daemon/standings.h"
 #include "server/paths.h"
+#include "server/proof/reference_check.h"
 #include "server/sandbox/control_group.h"
 #include "server/sandbox/sandbox_config.h"
+#include "server/sandbox/users.h"
 #include "server/store/lock.h"
 
 namespace myograde::server {
@@ -41,7 +43,7 @@ void Fill(std::string& option, const char* variable, const std::function<std::st
 absl::Status MakeFolders(const std::string& data) {
   std::error_code error;
   fs::create_directories(data, error);
-  for (const char* part : {"", "/artefacts", "/selftest", "/spool", "/work"}) {
+  for (const char* part : {"", "/artefacts", "/logs", "/selftest", "/spool", "/work"}) {
     const std::string path = data + part;
     if (!error) fs::create_directory(path, error);
     // The slots' users look into the self-test's artefact as they do into every other.
@@ -63,6 +65,14 @@ void Empty(const std::string& folder) {
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
     fs::remove_all(entry.path(), error);
     if (error) spdlog::warn("{}: can't be removed: {}", entry.path().string(), error.message());
+  }
+}
+
+// Logs of episodes that were being written; finished ones have other names.
+void RemoveDrafts(const std::string& folder) {
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+    if (entry.path().filename().string().starts_with(".draft-")) fs::remove(entry.path(), error);
   }
 }
 
@@ -124,6 +134,7 @@ absl::Status RunDaemon(const DaemonOptions& options) {
   ControlGroup::RemoveStale();
   Empty(options.data_dir + "/work");
   Empty(options.data_dir + "/spool");
+  RemoveDrafts(options.data_dir + "/logs");
 
   const std::string path = options.data_dir + "/store.db";
   absl::StatusOr<std::unique_ptr<Store>> store = Store::Open(path, clock);
@@ -137,7 +148,13 @@ absl::Status RunDaemon(const DaemonOptions& options) {
   const SignalGuard signals(engine);
   if (absl::Status status = engine.Recover(); !status.ok()) return status;
 
-  Api api({*config, options.data_dir, clock.Now()}, *tracks, engine, readers, clock);
+  const ReferenceCheck reference(
+      {.folder = options.configs_dir + "/reference",
+       .work_dir = options.data_dir + "/work/reference",
+       .cache_dir = options.cache_dir,
+       .uid = geteuid() == 0 ? config->uid_base + kReferenceUsers : -1});
+  Api api({*config, options.data_dir, options.cache_dir, &reference, clock.Now()}, *tracks, engine,
+          readers, clock);
   UnixHttpServer server(config->http);
   api.Install(server);
   if (absl::Status status = server.Start(options.socket); !status.ok()) return status;

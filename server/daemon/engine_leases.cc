@@ -41,6 +41,7 @@ LeaseOrder EngineCore::OrderFor(const LeaseRun& run) const {
   order.pinned = PinsSlots(options_.config, options_.config.scheduler.slots, order.track);
   order.work_dir = run.work_dir;
   order.cache_dir = options_.cache_dir;
+  order.log_dir = options_.data_dir + "/logs";
   return order;
 }
 

@@ -1,15 +1,22 @@
 #include "server/daemon/results.h"
 
+#include <filesystem>
+#include <map>
+#include <mutex>
+
 #include <absl/strings/str_cat.h>
 
 #include "protocol/config_reader.h"
 #include "protocol/lease.h"
 #include "protocol/sha256.h"
+#include "server/paths.h"
+#include "server/proof/merkle.h"
 #include "server/store/replay.h"
 
 namespace myograde::server {
 namespace {
 
+namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 Json OrNull(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
@@ -30,6 +37,31 @@ Json SpreadToJson(const scoring::Spread& spread) {
 
 Json SpreadOrNull(const scoring::Mean& mean) {
   return mean.count == 0 ? Json() : SpreadToJson(mean.spread);
+}
+
+// The SHA-256 of a file, or null. Remembered while the file stays as it is, as it is asked for
+// with every submission.
+Json FileHash(const fs::path& path) {
+  struct Known {
+    fs::file_time_type changed;
+    uintmax_t size;
+    std::string hash;
+  };
+  static std::mutex mutex;
+  static std::map<fs::path, Known> known;
+  std::error_code error;
+  const fs::file_time_type changed = fs::last_write_time(path, error);
+  const uintmax_t size = error ? 0 : fs::file_size(path, error);
+  if (error) return nullptr;
+  const std::lock_guard lock(mutex);
+  const auto it = known.find(path);
+  if (it != known.end() && it->second.changed == changed && it->second.size == size) {
+    return it->second.hash;
+  }
+  absl::StatusOr<std::string> hash = Sha256File(path);
+  if (!hash.ok()) return nullptr;
+  known[path] = {changed, size, *hash};
+  return *std::move(hash);
 }
 
 }  // namespace
@@ -134,6 +166,37 @@ std::string ResultsHash(const std::vector<EpisodeRow>& rows) {
   return hash.FinishHex();
 }
 
-nlohmann::json GraderBuild() { return {{"version", MYOGRADE_VERSION}}; }
+std::string MerkleRootOf(const std::vector<EpisodeRow>& rows) {
+  std::vector<std::string> leaves;
+  for (const EpisodeRow& row : rows) leaves.push_back(CanonicalResult(row));
+  return MerkleRoot(leaves);
+}
+
+std::string GraderVersion() { return MYOGRADE_VERSION; }
+
+nlohmann::json GraderBuild(const std::string& cache_dir) {
+  Json models = Json::object();
+  std::error_code ignored;  // without the folder there are no compiled models
+  for (const fs::directory_entry& entry :
+       fs::directory_iterator(cache_dir + "/models", ignored)) {
+    if (entry.path().extension() == ".mjb") {
+      models[entry.path().filename().string()] = FileHash(entry.path());
+    }
+  }
+  const absl::StatusOr<std::string> bin_dir = BinDir();
+  return {{"version", MYOGRADE_VERSION},
+          {"simulator", bin_dir.ok() ? FileHash(*bin_dir + "/myograde-sim") : Json()},
+          {"mujoco", FileHash(cache_dir + "/mujoco-2.2.2/lib/libmujoco.so.2.2.2")},
+          {"models", std::move(models)}};
+}
+
+nlohmann::json ReceiptEntry(const EpisodeRow& row) {
+  Json entry = Json::parse(CanonicalResult(row));
+  const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
+  const bool object = facts.is_object();
+  entry["actions_digest"] = object ? facts.value("actions_digest", Json()) : Json();
+  entry["log"] = object && facts.contains("log") ? facts["log"].value("sha256", Json()) : Json();
+  return entry;
+}
 
 }  // namespace myograde::server

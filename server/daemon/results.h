@@ -32,7 +32,19 @@ nlohmann::json AggregateToJson(TrackKind kind, const scoring::Aggregate& aggrega
 // SHA-256 over the canonical results of all rows, in the order of their indices.
 std::string ResultsHash(const std::vector<EpisodeRow>& rows);
 
-// The build of the grader: what the programs that made a result were made of.
-nlohmann::json GraderBuild();
+// The root of the Merkle tree (server/proof/merkle.h) whose leaves are the same canonical rows.
+std::string MerkleRootOf(const std::vector<EpisodeRow>& rows);
+
+// What a result is a function of besides submission, config and seeds: the version, and the
+// SHA-256 of the simulator, of MuJoCo's library and of the compiled models in `cache_dir`; null
+// for a file that can't be read. A file is read again only when it has changed.
+nlohmann::json GraderBuild(const std::string& cache_dir);
+
+// The version of this program.
+std::string GraderVersion();
+
+// What a receipt tells of an episode: its canonical row, and beside it the hashes of its actions
+// and of its log.
+nlohmann::json ReceiptEntry(const EpisodeRow& row);
 
 }  // namespace myograde::server

@@ -124,15 +124,16 @@ absl::Status LeaseRunner::StartSim() {
   absl::StatusOr<Fd> filter = MakeSeccompFilter(context_.config.policy);
   if (!filter.ok()) return filter.status();
   sim_group_ = ControlGroup::Create(GroupName("sim"), SimGroupLimits(context_.config.sim));
+  std::vector<SandboxFd> fds = {{nothing.get(), 0},
+                                {nothing.get(), 1},
+                                {errors_write.get(), 2},
+                                {channel->second.get(), kSimChannelFd},
+                                {order->get(), kSimOrderFd},
+                                {page->get(), kSimCpuPageFd}};
+  if (context_.logs != nullptr) fds.push_back({context_.logs->writer(), kSimLogFd});
   absl::StatusOr<std::unique_ptr<Sandbox>> sim =
-      Sandbox::Start(spec,
-                     {{nothing.get(), 0},
-                      {nothing.get(), 1},
-                      {errors_write.get(), 2},
-                      {channel->second.get(), kSimChannelFd},
-                      {order->get(), kSimOrderFd},
-                      {page->get(), kSimCpuPageFd}},
-                     sim_group_->join_fds(), *filter);
+      Sandbox::Start(spec, fds, sim_group_->join_fds(), *filter);
+  if (context_.logs != nullptr) context_.logs->CloseWriter();
   if (!sim.ok()) return sim.status();
   sim_ = *std::move(sim);
   channel_ = std::move(channel->first);
@@ -149,7 +150,8 @@ absl::Status LeaseRunner::Turn() {
   const int policy_err = heard ? policy_->stderr_fd() : -1;
   pollfd entries[] = {{channel_.get(), POLLIN, 0},     {stop_, POLLIN, 0},
                       {signals_, POLLIN, 0},           {policy_out, POLLIN, 0},
-                      {policy_err, POLLIN, 0},         {sim_stderr_.get(), POLLIN, 0}};
+                      {policy_err, POLLIN, 0},         {sim_stderr_.get(), POLLIN, 0},
+                      {context_.logs != nullptr ? context_.logs->reader() : -1, POLLIN, 0}};
   const absl::Duration refresh = absl::Seconds(context_.config.policy.cpu_refresh_s);
   const absl::Duration turn = policy_ != nullptr ? refresh : kIdleTurn;
   poll(entries, std::size(entries), static_cast<int>(absl::ToInt64Milliseconds(turn)));
@@ -170,6 +172,9 @@ absl::Status LeaseRunner::Turn() {
       RefreshCpu();
     }
   }
+  if (context_.logs != nullptr) {
+    if (absl::Status status = context_.logs->Drain(); !status.ok()) return status;
+  }
   if (entries[0].revents != 0) {
     if (absl::Status status = HandleSimMessage(); !status.ok() || done_) return status;
   }
@@ -189,6 +194,7 @@ absl::Status LeaseRunner::HandleSimMessage() {
   const std::string type = message->json["type"].get<std::string>();
   if (type == "need_policy") return GivePolicy();
   if (type == "policy_fault") return RuleOn(message->json);
+  if (type == "need_log") return GiveLog();
   if (type == "done") {
     done_ = true;
     if (next_episode_ == context_.order.episodes.size()) return absl::OkStatus();
@@ -209,14 +215,29 @@ absl::Status LeaseRunner::HandleRecord(const nlohmann::json& json) {
     return Print(*record);
   }
   const auto* facts = std::get_if<EpisodeFacts>(&*record);
+  const auto* replay = std::get_if<ReplayRecord>(&*record);
   const std::vector<EpisodeOrder>& episodes = context_.order.episodes;
-  if (facts == nullptr || next_episode_ >= episodes.size() ||
-      facts->index != episodes[next_episode_].index ||
-      facts->seed != episodes[next_episode_].seed) {
+  const bool replaying = !context_.order.replay.empty();
+  const EpisodeOrder* next = next_episode_ < episodes.size() ? &episodes[next_episode_] : nullptr;
+  const bool fits = next != nullptr &&
+                    (replaying ? replay != nullptr && replay->episode == next->index
+                               : facts != nullptr && facts->index == next->index &&
+                                     facts->seed == next->seed);
+  if (!fits) {
     return absl::InternalError("the simulator recorded an episode that was not its next");
+  }
+  if (facts != nullptr && context_.logs != nullptr) {
+    if (absl::Status status = context_.logs->Finish(facts->log); !status.ok()) return status;
   }
   ++next_episode_;
   return Print(*record);
+}
+
+absl::Status LeaseRunner::GiveLog() {
+  if (next_episode_ >= context_.replays.size()) {
+    return absl::InternalError("the simulator wants a log that the order does not name");
+  }
+  return SendSimMessage(channel_.get(), {{"type", "log"}}, context_.replays[next_episode_].get());
 }
 
 absl::Status LeaseRunner::GivePolicy() {

@@ -35,6 +35,7 @@ class LeaseRunner {
   absl::Status HandleSimMessage();
   absl::Status HandleRecord(const nlohmann::json& json);
   absl::Status GivePolicy();
+  absl::Status GiveLog();
   absl::Status RuleOn(const nlohmann::json& json);
   absl::Status CheckDeadlines() const;
   absl::Status SimEnded();

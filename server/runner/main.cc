@@ -14,9 +14,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include <absl/strings/str_cat.h>
 
@@ -24,6 +28,7 @@
 #include "protocol/lease.h"
 #include "server/paths.h"
 #include "server/runner/lease_runner.h"
+#include "server/runner/log_keeper.h"
 #include "server/sandbox/control_group.h"
 
 namespace myograde::server {
@@ -50,6 +55,25 @@ absl::StatusOr<LeaseOrder> ReadOrder(const std::string& path) {
   }
   if (geteuid() != 0) order->uid = -1;
   return order;
+}
+
+absl::StatusOr<std::optional<LogKeeper>> OpenLogs(const LeaseOrder& order) {
+  if (order.log_dir.empty()) return std::nullopt;
+  absl::StatusOr<LogKeeper> keeper = LogKeeper::Open(order.log_dir, order.lease, order.log_bytes);
+  if (!keeper.ok()) return keeper.status();
+  return std::optional<LogKeeper>(*std::move(keeper));
+}
+
+absl::StatusOr<std::vector<Fd>> OpenReplays(const LeaseOrder& order) {
+  std::vector<Fd> files;
+  for (const std::string& path : order.replay) {
+    files.emplace_back(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+    if (!files.back().valid()) {
+      return absl::NotFoundError(
+          absl::StrCat("the log ", path, " can't be opened: ", std::strerror(errno)));
+    }
+  }
+  return files;
 }
 
 // The last record of a lease that could not even begin.
@@ -102,12 +126,19 @@ int Main(int argc, char** argv) {
   if (!bin_dir.ok()) return EndAtOnce(bin_dir.status());
   absl::StatusOr<SandboxConfig> config = LoadSandboxConfig(ConfigDir());
   if (!config.ok()) return EndAtOnce(config.status());
+  order->log_bytes = config->sim.log_bytes;
+  // Both before the move into the stage, where their paths may be hidden.
+  absl::StatusOr<std::optional<LogKeeper>> logs = OpenLogs(*order);
+  if (!logs.ok()) return EndAtOnce(logs.status());
+  absl::StatusOr<std::vector<Fd>> replays = OpenReplays(*order);
+  if (!replays.ok()) return EndAtOnce(replays.status());
   ControlGroup::RemoveStale();
   absl::StatusOr<Stage> stage = Stage::Enter(StagedSources(*order, *bin_dir));
   if (!stage.ok()) return EndAtOnce(stage.status());
   absl::StatusOr<EtcFiles> etc = StageEtcFiles(*stage);
   if (!etc.ok()) return EndAtOnce(etc.status());
-  const LeaseContext context = {*order, *config, *bin_dir, *stage, *etc};
+  const LeaseContext context = {*order, *config, *bin_dir, *stage, *etc,
+                                logs->has_value() ? &**logs : nullptr, *replays};
   bool recorded = false;
   {
     LeaseRunner runner(context, STDOUT_FILENO, lifeline ? STDIN_FILENO : -1, signals.get());

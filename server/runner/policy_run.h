@@ -4,12 +4,14 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <absl/status/statusor.h>
 
 #include "protocol/base/episode_facts.h"
 #include "protocol/base/fd.h"
 #include "protocol/lease.h"
+#include "server/runner/log_keeper.h"
 #include "server/runner/output_tail.h"
 #include "server/sandbox/policy_sandbox.h"
 
@@ -22,6 +24,8 @@ struct LeaseContext {
   const std::string bin_dir;
   const Stage& stage;
   const EtcFiles& etc;
+  LogKeeper* logs = nullptr;           // null: no logs are kept
+  const std::vector<Fd>& replays;      // the files of LeaseOrder::replay, opened
 };
 
 class PolicyRun {

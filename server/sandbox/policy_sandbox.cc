@@ -12,6 +12,7 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/channels.h"
+#include "protocol/pinned_maths.h"
 #include "server/sandbox/users.h"
 
 namespace myograde::server {
@@ -92,7 +93,9 @@ absl::StatusOr<EtcFiles> StageEtcFiles(const Stage& stage) {
 }
 
 std::vector<std::string> StagedSources(const LeaseOrder& order, const std::string& bin_dir) {
-  std::vector<std::string> sources = {bin_dir, order.artefact_dir, order.cache_dir};
+  std::vector<std::string> sources = {bin_dir, order.cache_dir};
+  // An order that only replays logs has no artefact.
+  if (order.replay.empty()) sources.push_back(order.artefact_dir);
   sources.insert(sources.end(), order.runtimes.begin(), order.runtimes.end());
   return sources;
 }
@@ -197,7 +200,7 @@ SandboxSpec MakeSimSandbox(const LeaseOrder& order, const SimSandboxConfig& conf
       {"LD_LIBRARY_PATH", order.cache_dir + "/mujoco-2.2.2/lib"},
       // The C library picks its maths by the processor's features; without these
       // all hosts compute the same.
-      {"GLIBC_TUNABLES", "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL,-AVX"}};
+      {kTunablesVariable, kPinnedTunables}};
   AddSanitizerOptions(spec);
   spec.command = {sim, "--allow", absl::StrJoin(config.allowed_system_calls, ",")};
   spec.working_dir = "/";

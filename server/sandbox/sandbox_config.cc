@@ -58,6 +58,7 @@ absl::StatusOr<SimSandboxConfig> LoadSim(const std::string& path) {
   config.open_files = reader.Integer("open_files", 32, 65536);
   config.silence_s = reader.Number("silence_s", {2, 3600});
   config.lease_slack_s = reader.Number("lease_slack_s", {1, 86400});
+  config.log_bytes = reader.Integer("log_bytes", 1 << 20, 256 << 20);
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   return config;
 }

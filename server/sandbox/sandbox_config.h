@@ -25,6 +25,7 @@ struct SimSandboxConfig {
   int64_t open_files = 0;
   double silence_s = 0;      // s without a message: the simulator hangs
   double lease_slack_s = 0;  // s above the lease's wall time
+  int64_t log_bytes = 0;     // packed size that an episode's log may have
 };
 
 struct SandboxConfig {

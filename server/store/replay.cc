@@ -43,10 +43,17 @@ std::vector<std::string> DifferencesBetween(const EpisodeRow& a, const EpisodeRo
   for (const char* key : {"steps", "sim_time", "clipped"}) {
     if (Take(facts_a, key) != Take(facts_b, key)) differs.push_back(key);
   }
+  // Rows of an older build have no digest of the actions.
+  const std::string actions_a = Take(facts_a, "actions_digest");
+  const std::string actions_b = Take(facts_b, "actions_digest");
+  if (!actions_a.empty() && !actions_b.empty() && actions_a != actions_b) {
+    differs.push_back("actions");
+  }
   const bool digest_differs = Take(facts_a, "digest") != Take(facts_b, "digest");
   // A fault's evidence may hold a measured time; its outcome is compared above.
   for (Json* facts : {&facts_a, &facts_b}) {
     Take(*facts, "fault");
+    Take(*facts, "log");  // follows from what is compared, and may have been cut
     Take(*facts, "seed");
   }
   if (CanonicalJson(facts_a) != CanonicalJson(facts_b)) differs.push_back("facts");

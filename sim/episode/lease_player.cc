@@ -72,13 +72,14 @@ EpisodeFacts NothingPlayed(TrackKind kind) {
 }  // namespace
 
 LeasePlayer::LeasePlayer(const LeaseOrder& order, Environment& environment, int64_t max_steps,
-                         int runner, const CpuPage* cpu, const Clock& clock)
+                         int runner, const CpuPage* cpu, const Clock& clock, LogWriter* log)
     : order_(order),
       environment_(environment),
       max_steps_(max_steps),
       runner_(runner),
       cpu_(cpu),
       clock_(clock),
+      log_(log),
       restarts_left_(order.track.budgets.restarts),
       use_{absl::ZeroDuration(), clock.Monotonic()},
       last_progress_(clock.Monotonic()) {}
@@ -97,6 +98,7 @@ absl::Status LeasePlayer::PlayEpisode(const EpisodeOrder& episode) {
   reset_ = false;
   episode_wall_start_ = clock_.Monotonic();
   episode_cpu_start_ = session_.has_value() ? session_->cpu_used() : absl::ZeroDuration();
+  BeginLog(episode);
   if (last_fault_.has_value()) return Record(episode, last_fault_);
 
   Result result = Run(episode);
@@ -183,6 +185,7 @@ LeasePlayer::Result LeasePlayer::Greet() {
   if (!info.accepted) return std::optional(ProtocolFault("refused: " + info.reason, -1));
   hello_sets_ = hello.sets;
   environment_.SetConvention(hello.convention);
+  convention_ = hello.convention;
   return std::optional<FaultEvidence>();
 }
 
@@ -191,23 +194,33 @@ std::optional<FaultEvidence> LeasePlayer::StartEpisode(uint64_t policy_seed) {
       session_->Start(messages_.EpisodeStart(wire_episode_, policy_seed));
   if (auto* fault = std::get_if<FaultEvidence>(&answer)) return std::move(*fault);
   const LegParameterSets sets = Overlay(hello_sets_, std::get<ReadyFrame>(answer).sets);
-  if (sets.present == 0) return std::nullopt;
-  if (absl::Status status = environment_.SetLegParameters(sets); !status.ok()) {
-    return ProtocolFault(absl::StrCat("refused: ", status.message()), -1);
+  if (sets.present != 0) {
+    if (absl::Status status = environment_.SetLegParameters(sets); !status.ok()) {
+      return ProtocolFault(absl::StrCat("refused: ", status.message()), -1);
+    }
   }
+  if (log_ != nullptr) log_->Start({convention_, sets});
   return std::nullopt;
 }
 
 LeasePlayer::Result LeasePlayer::RunSteps() {
   const auto action_size = static_cast<uint32_t>(environment_.action_size());
   while (true) {
-    environment_.Observe(messages_.ObservationValues(environment_.observation_size()));
+    const std::span<double> observation =
+        messages_.ObservationValues(environment_.observation_size());
+    environment_.Observe(observation);
+    if (log_ != nullptr) observation_digest_.Update(std::as_bytes(observation));
     OrFault<ActionFrame> answer =
         session_->Ask(messages_.Observation(wire_episode_, step_, action_size));
     if (auto* fault = std::get_if<FaultEvidence>(&answer)) return std::optional(std::move(*fault));
     const auto& action = std::get<ActionFrame>(answer);
     const StepResult result = environment_.Step({action.values, action.size});
+    const std::span<const double> values = {action.values, action.size};
     digest_.Update(std::as_bytes(environment_.state()));
+    actions_digest_.Update(std::as_bytes(values));
+    if (log_ != nullptr) {
+      log_->Step(values, Shorten(observation_digest_.Finish()), Shorten(digest_.Peek()));
+    }
     ++step_;
     if (result.overflow) {
       return absl::InternalError(absl::StrCat("a contact or constraint buffer was too small in step ",
@@ -249,16 +262,45 @@ void LeasePlayer::EndSession() {
   session_.reset();
 }
 
+void LeasePlayer::BeginLog(const EpisodeOrder& episode) {
+  if (log_ == nullptr) return;
+  LogHeader header;
+  // One of the order's own seeds, so it is valid.
+  if (auto track = WithSeeds(order_.track, {episode.seed}); track.ok()) header.track = *track;
+  header.config = order_.track.hash;
+  header.episode = episode.index;
+  header.first = episode.index == order_.episodes.front().index;
+  header.seed = episode.seed;
+  header.begun = !last_fault_.has_value();
+  log_->Begin(header);
+}
+
+absl::Status LeasePlayer::EndLog(EpisodeFacts& facts) {
+  if (log_ == nullptr) return absl::OkStatus();
+  LogEnd end;
+  end.steps = facts.steps;
+  end.end = std::string(facts.end == EpisodeEnd::kFault ? OutcomeName(facts.fault.outcome)
+                                                        : EpisodeEndName(facts.end));
+  end.digest = facts.digest;
+  absl::StatusOr<EpisodeLogInfo> info = log_->End(std::move(end));
+  if (!info.ok()) return info.status();
+  facts.log = *std::move(info);
+  return absl::OkStatus();
+}
+
 absl::Status LeasePlayer::Record(const EpisodeOrder& episode,
                                  const std::optional<FaultEvidence>& fault) {
   EpisodeFacts facts = reset_ ? environment_.facts() : NothingPlayed(order_.track.kind);
   facts.index = episode.index;
   facts.seed = episode.seed;
   facts.digest = digest_.FinishHex();
+  facts.actions_digest = actions_digest_.FinishHex();
+  observation_digest_.Finish();  // of a question that was not answered
   if (fault.has_value()) {
     facts.end = EpisodeEnd::kFault;
     facts.fault = *fault;
   }
+  if (absl::Status status = EndLog(facts); !status.ok()) return status;
   // Only a state that MuJoCo called unstable may hold numbers that are none.
   if (MakeFinite(facts) && !(fault.has_value() && fault->outcome == Outcome::kUnstable)) {
     return absl::InternalError(

@@ -15,6 +15,7 @@
 #include "protocol/sha256.h"
 #include "protocol/sim_channel.h"
 #include "sim/environment.h"
+#include "sim/episode/log_writer.h"
 #include "sim/episode/messages.h"
 #include "sim/episode/policy_session.h"
 
@@ -24,9 +25,10 @@ class LeasePlayer {
  public:
   // `runner`: the SOCK_SEQPACKET channel of protocol/sim_channel.h, not owned.
   // `cpu`: null where CPU time is not measured. `max_steps` is told to the
-  // policy. References must outlive the player.
+  // policy. `log`: where the episodes' logs go, null if none are kept.
+  // References must outlive the player.
   LeasePlayer(const LeaseOrder& order, Environment& environment, int64_t max_steps, int runner,
-              const CpuPage* cpu, const Clock& clock);
+              const CpuPage* cpu, const Clock& clock, LogWriter* log = nullptr);
 
   // Records every episode of the order and says that it is done. An error is
   // the grader's own: the runner is gone or silent, a ruling blames the
@@ -47,6 +49,8 @@ class LeasePlayer {
   std::optional<FaultEvidence> StartEpisode(uint64_t policy_seed);
   absl::StatusOr<FaultEvidence> Rule(const FaultEvidence& seen);
   void EndSession();
+  void BeginLog(const EpisodeOrder& episode);
+  absl::Status EndLog(EpisodeFacts& facts);
   absl::Status Record(const EpisodeOrder& episode, const std::optional<FaultEvidence>& fault);
   absl::StatusOr<SimMessage> AwaitRunner(absl::Duration limit);
   void Progress();
@@ -57,11 +61,15 @@ class LeasePlayer {
   const int runner_;
   const CpuPage* const cpu_;
   const Clock& clock_;
+  LogWriter* const log_;
 
   Messages messages_;
-  Sha256 digest_;
+  Sha256 digest_;          // of the episode's states
+  Sha256 actions_digest_;
+  Sha256 observation_digest_;
   std::optional<PolicySession> session_;
   LegParameterSets hello_sets_ = {};
+  ActionConvention convention_ = ActionConvention::kNormalized;
   int64_t wire_episode_ = 0;  // place in the session's run
   int64_t restarts_left_;
   LeaseUse use_;

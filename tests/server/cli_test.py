@@ -98,6 +98,7 @@ STATUS = {"submission": 7, "team": "alpha", "track": "t", "profile": "paper", "a
 AGGREGATE = {"episodes": 2, "successes": 1, "success_rate": 0.5, "time_s": 7.5, "effort": 0.03,
              "pain": None, "distance_m": None}
 RESULT = {"evaluation": 9, "submission": 7, "kind": "original", "team": "alpha", "track": "t",
+          "merkle_root": None,
           "profile": "paper", "ranked": True, "state": "done", "reason": None, "first": 0, "last": 1,
           "episodes": COUNTS, "outcomes": {"success": 1, "failure": 1}, "reasons": {"time": 1},
           "aggregate": AGGREGATE, "hashes": {}, "grader": {}, "limits": {}, "output": [

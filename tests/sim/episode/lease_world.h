@@ -190,7 +190,7 @@ class LeasePlayerTest : public ::testing::Test {
   LeaseResult Play(std::vector<Script> scripts) {
     auto [here, there] = Pair();
     std::optional<LeasePlayer> player;
-    player.emplace(order_, environment_, 1000, here.get(), &cpu_, SystemClock());
+    player.emplace(order_, environment_, 1000, here.get(), &cpu_, SystemClock(), log_);
     LeaseResult result;
     std::thread runner([&, socket = there.get()] { PlayRunner(socket, scripts, result); });
     result.status = player->Play();
@@ -244,6 +244,7 @@ class LeasePlayerTest : public ::testing::Test {
   LeaseOrder order_;
   CountingEnvironment environment_;
   CpuPage cpu_ = {0, 1};
+  LogWriter* log_ = nullptr;
   std::optional<FaultEvidence> refuse_;
   std::optional<Outcome> ruling_;
 };

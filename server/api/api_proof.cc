@@ -1,0 +1,117 @@
+// What shows a result again: the logs of episodes, receipts and the key that they are signed with.
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/config_reader.h"
+#include "server/api/api.h"
+#include "server/daemon/results.h"
+#include "server/proof/receipt.h"
+#include "server/proof/signing_key.h"
+#include "server/runner/log_keeper.h"
+
+namespace myograde::server {
+namespace {
+
+absl::StatusOr<SigningKey> KeyOf(const std::string& data_dir) {
+  return SigningKey::LoadOrMake(data_dir + "/receipts.key");
+}
+
+// Everything that the result is a function of, and the result.
+absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
+  absl::StatusOr<SubmissionRow> submission = reader.Submission(id);
+  if (!submission.ok()) return submission.status();
+  const EvaluationRow evaluation = reader.Evaluations(id).front();
+  if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("submission ", id, " is ", std::string(EvaluationStateName(evaluation.state)),
+                     "; there is a receipt once it is done or failed"));
+  }
+  absl::StatusOr<std::string> config = reader.ConfigJson(submission->config);
+  if (!config.ok()) return config.status();
+  absl::StatusOr<nlohmann::json> effective = ParseJson(*config, "the store's config");
+  if (!effective.ok()) return effective.status();
+  absl::StatusOr<TrackConfig> track = ParseTrackConfig(*effective, "the store's config");
+  if (!track.ok()) return track.status();
+  const std::vector<EpisodeRow> rows = reader.Episodes(evaluation.id);
+  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(rows);
+  if (!aggregate.ok()) return aggregate.status();
+  nlohmann::json episodes = nlohmann::json::array();
+  for (const EpisodeRow& row : rows) episodes.push_back(ReceiptEntry(row));
+  return nlohmann::json{
+      {"format", 1},
+      {"submission", id},
+      {"evaluation", evaluation.id},
+      {"team", submission->team},
+      {"name", submission->artefact_name},
+      {"track", submission->track},
+      {"track_kind", TrackKindName(track->kind)},
+      {"profile", submission->profile},
+      {"ranked", submission->ranked},
+      {"state", EvaluationStateName(evaluation.state)},
+      {"artefact", submission->artefact},
+      {"config", submission->config},
+      {"track_config", *std::move(effective)},
+      {"seeds", submission->seeds},
+      {"grader", nlohmann::json::parse(evaluation.grader_json, nullptr, false)},
+      {"aggregate", AggregateToJson(track->kind, *aggregate)},
+      {"results", ResultsHash(rows)},
+      {"merkle_root", MerkleRootOf(rows)},
+      {"episodes", std::move(episodes)}};
+}
+
+}  // namespace
+
+std::optional<ApiError> Api::Unofficial() const {
+  if (options_.reference == nullptr) return std::nullopt;
+  const std::optional<std::string> verdict =
+      options_.reference->Verdict(options_.config.http.request * 0.8);
+  if (!verdict.has_value()) {
+    return ApiError{503, "not_official",
+                    "the reference episodes, which say whether this host may grade officially, "
+                    "are still being played; try again in a few seconds"};
+  }
+  if (verdict->empty()) return std::nullopt;
+  return ApiError{503, "not_official",
+                  absl::StrCat(*verdict, "; only practice (fewer episodes) is graded here")};
+}
+
+Api::Result Api::GetReceipt(const Request& request) {
+  absl::StatusOr<Json> receipt = absl::InternalError("");
+  absl::Status status = readers_.Read([&](Reader& reader) {
+    receipt = ReceiptOf(reader, std::stoll(request.matches[1]));
+    return receipt.status();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  absl::StatusOr<SigningKey> key = KeyOf(options_.data_dir);
+  if (!key.ok()) return ErrorOf(key.status());
+  absl::StatusOr<std::string> text = SignReceipt(*receipt, *key);
+  if (!text.ok()) return ErrorOf(text.status());
+  return Answer{200, Json::parse(*text)};
+}
+
+Api::Result Api::GetKey(const Request&) {
+  absl::StatusOr<SigningKey> key = KeyOf(options_.data_dir);
+  if (!key.ok()) return ErrorOf(key.status());
+  return Answer{200, {{"algorithm", "ed25519"}, {"key", key->PublicPem()}}};
+}
+
+// The file as it is stored. Its name is a hash, so no path of a client's making is opened.
+void Api::SendLog(const Request& request, httplib::Response& response) {
+  const std::string path =
+      absl::StrCat(options_.data_dir, "/logs/", LogFileName(request.matches[1]));
+  std::ifstream file(path, std::ios::binary);
+  if (!file) {
+    const std::string message = absl::StrCat("there is no log ", std::string(request.matches[1]),
+                                             " here; it was never kept, or was removed");
+    response.status = 404;
+    const Json error = {{"error", {{"code", "not_found"}, {"message", message}}}};
+    return response.set_content(CanonicalJson(error) + "\n", "application/json");
+  }
+  std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  response.set_content(std::move(bytes), "application/zstd");
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,85 @@
+// myograde log
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <iostream>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/cli/client.h"
+#include "server/cli/common.h"
+#include "server/cli/logs_of.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+struct LogOptions {
+  ApiOptions daemon;
+  int64_t id = 0;
+  int64_t episode = 0;
+  std::string file;
+  bool json = false;
+};
+
+absl::Status WriteFile(const std::string& path, const std::string& bytes) {
+  std::ofstream file(path, std::ios::binary | std::ios::trunc);
+  file.write(bytes.data(), std::ssize(bytes));
+  file.close();
+  if (file) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(path, ": can't be written: ", std::strerror(errno)));
+}
+
+int Log(const LogOptions& options) {
+  const Client client(options.daemon.path());
+  const absl::StatusOr<Json> evaluation =
+      EvaluationWithRows(client, absl::StrCat("/v1/submissions/", options.id, "/result"));
+  if (!evaluation.ok()) return Complain(evaluation.status());
+  const absl::StatusOr<Json> row = RowOf(*evaluation, options.episode);
+  if (!row.ok()) return Complain(row.status());
+  const absl::StatusOr<std::string> bytes = LogBytesOf(client, *row);
+  if (absl::IsDataLoss(bytes.status())) {
+    Complain(bytes.status());
+    return kNoScore;
+  }
+  if (!bytes.ok()) return Complain(bytes.status());
+  if (absl::Status status = WriteFile(options.file, *bytes); !status.ok()) {
+    return Complain(status);
+  }
+  const Json& log = (*row)["log"];
+  const bool complete = log.value("steps", int64_t{0}) == row->value("steps", int64_t{-1});
+  if (options.json) {
+    PrintJson({{"submission", options.id},
+               {"evaluation", (*evaluation)["evaluation"]},
+               {"episode", options.episode},
+               {"file", options.file},
+               {"sha256", log["sha256"]},
+               {"bytes", log["bytes"]},
+               {"steps", log["steps"]},
+               {"complete", complete}});
+  } else {
+    std::cout << options.file << ": " << log["bytes"] << " bytes, " << log["steps"] << " steps"
+              << (complete ? "" : " (the rest did not fit into log_bytes)") << ", SHA-256 "
+              << log["sha256"].get<std::string>() << std::endl;
+  }
+  return kDone;
+}
+
+}  // namespace
+
+Action AddLog(CLI::App& verb) {
+  auto options = std::make_shared<LogOptions>();
+  verb.add_option("ID", options->id, "The submission")->required()->check(CLI::PositiveNumber);
+  verb.add_option("--episode", options->episode, "The episode, counted from 0")
+      ->required()
+      ->check(CLI::NonNegativeNumber);
+  verb.add_option("-o,--output", options->file, "The file to write")->required();
+  verb.add_flag("--json", options->json, "Print JSON (configs/schema/log.json)");
+  AddDaemonOptions(verb, options->daemon);
+  return [options] { return Log(*options); };
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,140 @@
+#include "server/proof/receipt.h"
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/config_reader.h"
+#include "protocol/sha256.h"
+#include "server/proof/merkle.h"
+#include "server/proof/seed_list.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+// "" if there is no such text.
+std::string Text(const Json& json, const char* key) {
+  const auto it = json.find(key);
+  return it != json.end() && it->is_string() ? it->get<std::string>() : std::string();
+}
+
+ReceiptCheck Compare(const char* name, const std::string& said, const std::string& found) {
+  ReceiptCheck check = {name, said == found, ""};
+  if (!check.valid) {
+    check.detail = absl::StrCat("the receipt says \"", said, "\", what it holds gives \"", found,
+                                "\"");
+  }
+  return check;
+}
+
+// The canonical results of the episodes: what the Merkle tree is made of.
+std::vector<std::string> LeavesOf(const Json& episodes) {
+  std::vector<std::string> leaves;
+  for (Json entry : episodes) {
+    entry.erase("actions_digest");
+    entry.erase("log");
+    leaves.push_back(CanonicalJson(entry));
+  }
+  return leaves;
+}
+
+bool HasShape(const Json& json) {
+  if (!json.is_object() || json.size() != 2 || !json.contains("receipt") ||
+      !json.contains("signature") || !json["signature"].is_object()) {
+    return false;
+  }
+  const Json& receipt = json["receipt"];
+  if (!receipt.is_object() || receipt.value("format", Json()) != 1 ||
+      !receipt.value("episodes", Json()).is_array() ||
+      !receipt.value("grader", Json()).is_object()) {
+    return false;
+  }
+  for (const Json& entry : receipt["episodes"]) {
+    if (!entry.is_object() || !entry.value("index", Json()).is_number_unsigned() ||
+        !entry.value("seed", Json()).is_number_unsigned()) {
+      return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> SignReceipt(const Json& receipt, const SigningKey& key) {
+  absl::StatusOr<std::string> signature = key.Sign(CanonicalJson(receipt));
+  if (!signature.ok()) return signature.status();
+  return CanonicalJson({{"receipt", receipt},
+                        {"signature", {{"algorithm", "ed25519"}, {"value", *signature}}}}) +
+         "\n";
+}
+
+absl::StatusOr<Json> ParseReceipt(std::string_view text) {
+  absl::StatusOr<Json> json = ParseJson(text, "receipt");
+  if (!json.ok()) return absl::DataLossError(json.status().message());
+  if (!HasShape(*json)) {
+    return absl::DataLossError("this is no receipt, or one of a format that is not known here");
+  }
+  if (CanonicalJson(*json) + "\n" != text) {
+    return absl::DataLossError("the receipt was altered: it is not in its canonical form");
+  }
+  return (*json)["receipt"];
+}
+
+std::vector<ReceiptCheck> CheckReceipt(std::string_view text, const PublicKey& key) {
+  const Json json = Json::parse(text);
+  const Json& receipt = json["receipt"];
+  const Json& signature = json["signature"];
+  std::vector<ReceiptCheck> checks;
+  const bool good = Text(signature, "algorithm") == "ed25519" &&
+                    key.Verify(CanonicalJson(receipt), Text(signature, "value"));
+  checks.push_back({"signature", good,
+                    good ? "" : "the receipt was not signed with this key, or was altered since"});
+  const std::vector<std::string> leaves = LeavesOf(receipt["episodes"]);
+  checks.push_back(Compare("merkle_root", Text(receipt, "merkle_root"), MerkleRoot(leaves)));
+  std::string rows;
+  for (const std::string& leaf : leaves) rows += leaf + "\n";
+  checks.push_back(Compare("results", Text(receipt, "results"), Sha256Hex(rows)));
+  checks.push_back(Compare("config", Text(receipt, "config"),
+                           Sha256Hex(CanonicalJson(receipt.value("track_config", Json())))));
+  std::vector<uint64_t> seeds;
+  bool in_order = true;
+  for (const Json& entry : receipt["episodes"]) {
+    in_order = in_order && entry["index"] == seeds.size();
+    seeds.push_back(entry["seed"].get<uint64_t>());
+  }
+  ReceiptCheck seed_check = Compare("seeds", Text(receipt, "seeds"), SeedListHash(seeds));
+  if (!in_order) seed_check = {"seeds", false, "episodes are missing or out of order"};
+  checks.push_back(std::move(seed_check));
+  return checks;
+}
+
+std::vector<ReceiptCheck> CompareGraders(const Json& receipt, const Json& grader) {
+  const Json& theirs = receipt["grader"];
+  std::vector<ReceiptCheck> checks;
+  const auto compare = [&](const std::string& name, const Json& said, const Json& here,
+                           bool must_equal) {
+    ReceiptCheck check = {name, true, ""};
+    if (said != here) {
+      check.valid = !must_equal;
+      check.detail = absl::StrCat("the ", name, " of this host has the SHA-256 ", here.dump(),
+                                  ", the receipt names ", said.dump());
+    }
+    checks.push_back(std::move(check));
+  };
+  // Another build may well compute the same; playing the episodes again tells.
+  for (const char* part : {"simulator", "mujoco"}) {
+    compare(part, theirs.value(part, Json()), grader.value(part, Json()), /*must_equal=*/false);
+  }
+  // A compiled model's name is made of all that it follows from, so one name has one content. A
+  // model that is not compiled here yet will be, from sources that are checked.
+  const Json models = theirs.value("models", Json::object());
+  const Json here = grader.value("models", Json::object());
+  const std::string kind = Text(receipt, "track_kind");
+  for (const auto& [name, hash] : models.items()) {
+    if (!name.starts_with(kind + "-") || !here.contains(name)) continue;
+    compare("model " + name, hash, here[name], /*must_equal=*/true);
+  }
+  return checks;
+}
+
+}  // namespace myograde::server

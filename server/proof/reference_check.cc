@@ -1,0 +1,93 @@
+#include "server/proof/reference_check.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <utility>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
+
+#include "server/proof/replay_run.h"
+#include "server/proof/unpack_log.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+absl::StatusOr<ReplayRecord> PlayOne(const fs::path& file, const ReferenceOptions& options,
+                                     const std::atomic<bool>& stop) {
+  absl::StatusOr<std::string> bytes = ReadLog(file);
+  if (!bytes.ok()) return bytes.status();
+  absl::StatusOr<EpisodeLog> log = ParseEpisodeLog(*bytes);
+  if (!log.ok()) return log.status();
+  ReplayOrder order;
+  order.track = log->header.track;
+  order.blocks = {{{{log->header.episode, log->header.seed, 0}}, {file}}};
+  order.work_dir = options.work_dir;
+  order.cache_dir = options.cache_dir;
+  order.uid_base = options.uid;
+  absl::StatusOr<std::vector<ReplayRecord>> records =
+      RunReplay(order, {.progress = [](int64_t, int64_t) {}, .stopped = [&] { return stop.load(); }});
+  if (!records.ok()) return records.status();
+  return records->front();
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> PlayReference(const ReferenceOptions& options,
+                                          const std::atomic<bool>& stop) {
+  std::error_code error;
+  std::vector<fs::path> files;
+  for (const fs::directory_entry& entry : fs::directory_iterator(options.folder, error)) {
+    if (entry.path().extension() == ".zst") files.push_back(fs::absolute(entry.path()));
+  }
+  if (files.empty()) {
+    return absl::NotFoundError(absl::StrCat(options.folder, ": holds no reference episodes"));
+  }
+  std::sort(files.begin(), files.end());
+  for (const fs::path& file : files) {
+    fs::remove_all(options.work_dir, error);
+    fs::create_directory(options.work_dir, error);
+    fs::permissions(options.work_dir, fs::perms::owner_all, error);
+    const absl::StatusOr<ReplayRecord> record = PlayOne(file, options, stop);
+    fs::remove_all(options.work_dir, error);
+    const std::string name = file.filename();
+    if (!record.ok()) {
+      return absl::Status(record.status().code(),
+                          absl::StrCat(name, ": ", record.status().message()));
+    }
+    if (record->equal) continue;
+    return absl::StrCat("this host does not compute the states of the reference episode ", name,
+                        " (", record->detail, "), so its results would not be those of others");
+  }
+  return std::string();
+}
+
+ReferenceCheck::ReferenceCheck(ReferenceOptions options)
+    : options_(std::move(options)), thread_([this] {
+        const absl::StatusOr<std::string> verdict = PlayReference(options_, stop_);
+        if (!verdict.ok() && !stop_) {
+          spdlog::warn("the reference episodes could not be played: {}",
+                       std::string(verdict.status().message()));
+        } else if (verdict.ok() && !verdict->empty()) {
+          spdlog::error("no official grading here: {}", *verdict);
+        }
+        const std::lock_guard lock(mutex_);
+        verdict_ = verdict.ok() ? *verdict : "";
+        known_.notify_all();
+      }) {}
+
+ReferenceCheck::~ReferenceCheck() {
+  stop_ = true;
+  thread_.join();
+}
+
+std::optional<std::string> ReferenceCheck::Verdict(absl::Duration timeout) const {
+  std::unique_lock lock(mutex_);
+  known_.wait_for(lock, absl::ToChronoNanoseconds(timeout), [this] { return verdict_.has_value(); });
+  return verdict_;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,51 @@
+// Does this host compute what every other does? Plays the reference episodes,
+// logs whose states are known, and compares. A daemon whose host fails grades
+// nothing officially.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+
+namespace myograde::server {
+
+struct ReferenceOptions {
+  std::string folder;      // of the logs: configs/reference
+  std::string work_dir;    // made, and removed again
+  std::string cache_dir;
+  int64_t uid = -1;        // of the sandbox; -1: the caller's own
+};
+
+// Plays every log of the folder, until `stop`. "" if all came out as they should,
+// else which did not and how. An error says why that could not be found out.
+absl::StatusOr<std::string> PlayReference(const ReferenceOptions& options,
+                                          const std::atomic<bool>& stop);
+
+// The same on a thread of its own, from its making to its end.
+class ReferenceCheck {
+ public:
+  explicit ReferenceCheck(ReferenceOptions options);
+  ~ReferenceCheck();
+
+  // Waits for the verdict: nullopt if it is not known in time; "" if the host may
+  // grade officially; else why not. A check that could not be made forbids
+  // nothing: what keeps it from playing keeps leases from it as well.
+  std::optional<std::string> Verdict(absl::Duration timeout) const;
+
+ private:
+  const ReferenceOptions options_;
+  std::atomic<bool> stop_ = false;
+  mutable std::mutex mutex_;
+  mutable std::condition_variable known_;
+  std::optional<std::string> verdict_;  // guarded by mutex_
+  std::thread thread_;
+};
+
+}  // namespace myograde::server

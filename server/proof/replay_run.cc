@@ -1,0 +1,142 @@
+#include "server/proof/replay_run.h"
+
+#include <poll.h>
+
+#include <filesystem>
+#include <optional>
+
+#include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
+
+namespace myograde::server {
+namespace {
+
+constexpr int kPollMilliseconds = 100;
+constexpr absl::Duration kGrace = absl::Minutes(5);
+
+// A block that is being played on a slot.
+struct Running {
+  size_t block = 0;
+  std::unique_ptr<RunnerProcess> runner;
+  absl::Time deadline;
+  std::optional<LeaseEndRecord> end;
+};
+
+class Run {
+ public:
+  Run(const ReplayOrder& order, const ReplayHooks& hooks)
+      : order_(order),
+        hooks_(hooks),
+        slots_(static_cast<size_t>(order.slots)),
+        records_(order.blocks.size()) {
+    for (const ReplayBlock& block : order.blocks) total_ += std::ssize(block.episodes);
+  }
+
+  absl::StatusOr<std::vector<ReplayRecord>> Play() {
+    while (true) {
+      if (hooks_.stopped()) return absl::CancelledError("the replay was interrupted");
+      for (size_t slot = 0; slot < slots_.size() && next_ < order_.blocks.size(); ++slot) {
+        if (slots_[slot].has_value()) continue;
+        if (absl::Status status = Start(slot); !status.ok()) return status;
+      }
+      Wait();
+      bool busy = false;
+      for (std::optional<Running>& slot : slots_) {
+        if (!slot.has_value()) continue;
+        if (absl::Status status = Listen(slot); !status.ok()) return status;
+        busy = busy || slot.has_value();
+      }
+      hooks_.progress(done_, total_);
+      if (!busy && next_ == order_.blocks.size()) break;
+    }
+    std::vector<ReplayRecord> all;
+    for (const std::vector<ReplayRecord>& block : records_) {
+      all.insert(all.end(), block.begin(), block.end());
+    }
+    return all;
+  }
+
+ private:
+  absl::Status Start(size_t slot) {
+    const ReplayBlock& block = order_.blocks[next_];
+    LeaseOrder lease;
+    lease.lease = absl::StrCat("replay-", next_);
+    lease.track = order_.track;
+    lease.episodes = block.episodes;
+    lease.uid = order_.uid_base < 0 ? -1 : order_.uid_base + static_cast<int64_t>(slot);
+    lease.slot = static_cast<int64_t>(slot);
+    lease.work_dir = absl::StrCat(order_.work_dir, "/", lease.lease);
+    lease.cache_dir = order_.cache_dir;
+    lease.replay = block.logs;
+    std::error_code error;
+    if (!std::filesystem::create_directory(lease.work_dir, error)) {
+      return absl::InternalError(
+          absl::StrCat(lease.work_dir, ": can't be made: ", error.message()));
+    }
+    absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(lease);
+    if (!runner.ok()) return absl::InternalError(runner.status().message());
+    slots_[slot].emplace();
+    slots_[slot]->block = next_++;
+    slots_[slot]->runner = *std::move(runner);
+    slots_[slot]->deadline =
+        absl::Now() + absl::Seconds(order_.track.budgets.lease_wall_s) + kGrace;
+    return absl::OkStatus();
+  }
+
+  void Wait() const {
+    std::vector<pollfd> fds;
+    for (const std::optional<Running>& slot : slots_) {
+      if (!slot.has_value()) continue;
+      for (const int fd : {slot->runner->stdout_fd(), slot->runner->stderr_fd()}) {
+        if (fd >= 0) fds.push_back({fd, POLLIN, 0});
+      }
+    }
+    // An interrupt only ends the wait early; the loop looks again.
+    ::poll(fds.data(), fds.size(), kPollMilliseconds);
+  }
+
+  absl::Status Listen(std::optional<Running>& slot) {
+    const bool finished = slot->runner->finished();
+    absl::StatusOr<std::vector<LeaseRecord>> records = slot->runner->Read();
+    if (!records.ok()) return absl::InternalError(records.status().message());
+    for (const LeaseRecord& record : *records) {
+      if (const auto* replay = std::get_if<ReplayRecord>(&record)) {
+        records_[slot->block].push_back(*replay);
+        ++done_;
+      }
+      if (const auto* end = std::get_if<LeaseEndRecord>(&record)) slot->end = *end;
+    }
+    if (absl::Now() > slot->deadline) {
+      return absl::InternalError("the replay did not end in its time");
+    }
+    if (!finished) return absl::OkStatus();
+    const size_t wanted = order_.blocks[slot->block].episodes.size();
+    if (!slot->end.has_value()) {
+      return absl::InternalError(absl::StrCat("the runner ended without a last record: ",
+                                              slot->runner->stderr_tail()));
+    }
+    if (!slot->end->ok || records_[slot->block].size() != wanted) {
+      return absl::InternalError(absl::StrCat("the replay failed by a fault of the grader: ",
+                                              slot->end->detail));
+    }
+    slot.reset();
+    return absl::OkStatus();
+  }
+
+  const ReplayOrder& order_;
+  const ReplayHooks& hooks_;
+  std::vector<std::optional<Running>> slots_;
+  std::vector<std::vector<ReplayRecord>> records_;  // of each block
+  size_t next_ = 0;
+  int64_t done_ = 0;
+  int64_t total_ = 0;
+};
+
+}  // namespace
+
+absl::StatusOr<std::vector<ReplayRecord>> RunReplay(const ReplayOrder& order,
+                                                    const ReplayHooks& hooks) {
+  return Run(order, hooks).Play();
+}
+
+}  // namespace myograde::server

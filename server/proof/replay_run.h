@@ -1,0 +1,42 @@
+// Plays logs of episodes again through the runner and the simulator.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+
+#include "protocol/lease.h"
+#include "server/runner/runner_process.h"
+
+namespace myograde::server {
+
+// Logs that are played by one simulator, one after the other.
+struct ReplayBlock {
+  std::vector<EpisodeOrder> episodes;
+  std::vector<std::string> logs;  // a file for each episode
+};
+
+struct ReplayOrder {
+  TrackConfig track;
+  std::vector<ReplayBlock> blocks;
+  std::string work_dir;   // empty, owned by the caller
+  std::string cache_dir;
+  int64_t uid_base = -1;  // users of the slots; -1: the caller's own
+  int slots = 1;
+};
+
+struct ReplayHooks {
+  std::function<void(int64_t done, int64_t total)> progress;
+  std::function<bool()> stopped;
+};
+
+// The records of all episodes in the order of the blocks. InternalError if the
+// grader could not play them, CancelledError if `stopped`.
+absl::StatusOr<std::vector<ReplayRecord>> RunReplay(const ReplayOrder& order,
+                                                    const ReplayHooks& hooks);
+
+}  // namespace myograde::server

@@ -1,0 +1,29 @@
+// Seed lists that are fixed before anyone can know them: a list follows from a
+// secret of the organiser. What is published when a phase opens are two
+// SHA-256 hashes, of the secret and of the list; the secret follows when it closes.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+
+namespace myograde::server {
+
+inline constexpr size_t kSeedSecretBytes = 32;
+
+// 32 random bytes.
+absl::StatusOr<std::string> NewSeedSecret();
+
+// The seeds of `phase`, a name of 1 to 64 bytes that tells its list from those
+// of other phases under the same secret. Candidate N, from 0 on, is the last 63
+// bits of HMAC-SHA256(secret, "myograde seeds/PHASE/N"); a candidate that is in
+// the list already is left out. REQUIRES: 1 <= count <= kMaxEpisodes.
+std::vector<uint64_t> DeriveSeeds(const std::string& secret, const std::string& phase,
+                                  int64_t count);
+
+// SHA-256 over the canonical JSON of the list: `hashes.seeds` of results.
+std::string SeedListHash(const std::vector<uint64_t>& seeds);
+
+}  // namespace myograde::server

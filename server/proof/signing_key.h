@@ -1,0 +1,52 @@
+// Ed25519 keys for receipts, through OpenSSL.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include <absl/status/statusor.h>
+
+typedef struct evp_pkey_st EVP_PKEY;
+
+namespace myograde::server {
+
+struct KeyDeleter {
+  void operator()(EVP_PKEY* key) const;
+};
+using KeyPtr = std::unique_ptr<EVP_PKEY, KeyDeleter>;
+
+// The organiser's key: signs receipts.
+class SigningKey {
+ public:
+  // Reads the private key in `path`, or makes one there that only its owner may
+  // read. The file is never replaced. Errors name it.
+  static absl::StatusOr<SigningKey> LoadOrMake(const std::string& path);
+
+  // The signature of `message`, 128 hexadecimal digits.
+  absl::StatusOr<std::string> Sign(std::string_view message) const;
+
+  // The public key as PEM, to be published.
+  std::string PublicPem() const;
+
+ private:
+  explicit SigningKey(KeyPtr key) : key_(std::move(key)) {}
+  KeyPtr key_;
+};
+
+// A public key that somebody published: checks receipts.
+class PublicKey {
+ public:
+  // InvalidArgumentError if the file holds no Ed25519 public key in PEM.
+  static absl::StatusOr<PublicKey> Read(const std::string& path);
+  static absl::StatusOr<PublicKey> Parse(const std::string& pem, const std::string& where);
+
+  // `signature`: as Sign gives it.
+  bool Verify(std::string_view message, const std::string& signature) const;
+
+ private:
+  explicit PublicKey(KeyPtr key) : key_(std::move(key)) {}
+  KeyPtr key_;
+};
+
+}  // namespace myograde::server

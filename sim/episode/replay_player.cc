@@ -1,0 +1,194 @@
+#include "sim/episode/replay_player.h"
+
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/sha256.h"
+#include "protocol/sim_channel.h"
+#include "sim/episode/packed_log.h"
+
+namespace myograde::sim {
+namespace {
+
+constexpr absl::Duration kProgressPeriod = absl::Milliseconds(500);
+constexpr absl::Duration kLogDeadline = absl::Minutes(1);
+
+// One episode's comparison, from its reset to its end.
+class Comparison {
+ public:
+  Comparison(const EpisodeLog& log, Environment& environment)
+      : log_(log),
+        environment_(environment),
+        observation_(static_cast<size_t>(environment.observation_size())) {
+    record_.episode = log.header.episode;
+    record_.equal = true;
+  }
+
+  absl::StatusOr<ReplayRecord> Play(const std::function<void(int64_t)>& on_step) {
+    if (log_.header.begun) environment_.Reset(log_.header.seed);
+    if (log_.start.has_value()) Begin(*log_.start);
+    StepResult result;
+    for (int64_t step = 0; step < log_.steps() && record_.equal; ++step) {
+      if (result.ended || result.unstable) {
+        Differ(step, "steps", absl::StrCat("the episode ended after ", step, " steps; its log has ",
+                                           log_.steps()));
+        break;
+      }
+      result = Step(step);
+      if (result.overflow) {
+        return absl::InternalError(absl::StrCat(
+            "a contact or constraint buffer was too small in step ", step, " of the replay"));
+      }
+      on_step(step);
+    }
+    // What stands at the end of a log that was cut is not known.
+    if (record_.equal && log_.end.logged == log_.end.steps) CompareEnd(result);
+    return std::move(record_);
+  }
+
+ private:
+  void Begin(const LogStart& start) {
+    environment_.SetConvention(start.convention);
+    if (start.sets.present == 0) return;
+    if (absl::Status status = environment_.SetLegParameters(start.sets); !status.ok()) {
+      Differ(-1, "log", absl::StrCat("the log's leg parameters are refused: ", status.message()));
+    }
+  }
+
+  StepResult Step(int64_t step) {
+    const auto at = static_cast<size_t>(step);
+    environment_.Observe(observation_);
+    hash_.Update(std::as_bytes(std::span(observation_)));
+    if (Shorten(hash_.Finish()) != log_.observations[at]) {
+      Differ(step, "observation",
+             absl::StrCat("the observation of step ", step, " is not the logged one",
+                          step == 0 ? "; the reset came out otherwise" : ""));
+    }
+    const StepResult result = environment_.Step(log_.action(step));
+    states_.Update(std::as_bytes(environment_.state()));
+    if (Shorten(states_.Peek()) != log_.states[at]) {
+      Differ(step, "state",
+             absl::StrCat("the state after step ", step, " is not the logged one, ",
+                          record_.equal ? "while the observation before it and all earlier "
+                                          "states are"
+                                        : "nor is the observation before it"));
+    }
+    if (record_.equal) ++record_.steps;
+    return result;
+  }
+
+  void CompareEnd(const StepResult& result) {
+    const std::string digest = states_.FinishHex();
+    if (digest != log_.end.digest) {
+      return Differ(-1, "digest", absl::StrCat("the log says that the digest over all states is ",
+                                               log_.end.digest, ", it is ", digest));
+    }
+    const auto logged = ParseEpisodeEnd(log_.end.end);
+    const std::string unstable(OutcomeName(Outcome::kUnstable));
+    if (result.unstable != (log_.end.end == unstable) || result.ended != logged.has_value()) {
+      return Differ(-1, "end", absl::StrCat("the log says \"", log_.end.end,
+                                            "\", but the episode did not end like that"));
+    }
+    if (logged.has_value() && environment_.facts().end != *logged) {
+      Differ(-1, "end",
+             absl::StrCat("the episode ended by \"",
+                          std::string(EpisodeEndName(environment_.facts().end)),
+                          "\", the log says \"", log_.end.end, "\""));
+    }
+  }
+
+  void Differ(int64_t step, const char* what, std::string detail) {
+    if (record_.equal) record_.step = step;
+    record_.equal = false;
+    record_.differs.emplace_back(what);
+    record_.detail = std::move(detail);
+  }
+
+  const EpisodeLog& log_;
+  Environment& environment_;
+  std::vector<double> observation_;
+  Sha256 hash_;
+  Sha256 states_;
+  ReplayRecord record_;
+};
+
+}  // namespace
+
+absl::StatusOr<ReplayRecord> ReplayLog(const EpisodeLog& log, Environment& environment,
+                                       const std::function<void(int64_t)>& on_step) {
+  return Comparison(log, environment).Play(on_step);
+}
+
+ReplayPlayer::ReplayPlayer(const LeaseOrder& order, Environment& environment, int runner,
+                           const Clock& clock)
+    : order_(order),
+      environment_(environment),
+      runner_(runner),
+      clock_(clock),
+      last_progress_(clock.Monotonic()) {}
+
+absl::Status ReplayPlayer::Play() {
+  for (const EpisodeOrder& episode : order_.episodes) {
+    absl::StatusOr<ReplayRecord> record = PlayEpisode(episode);
+    if (!record.ok()) return record.status();
+    if (!progress_status_.ok()) return progress_status_;
+    const std::string line = LeaseRecordToLine(LeaseRecord(*std::move(record)));
+    if (absl::Status status = SendSimMessage(runner_, nlohmann::json::parse(line)); !status.ok()) {
+      return status;
+    }
+  }
+  return SendSimMessage(runner_, {{"type", "done"}});
+}
+
+absl::StatusOr<ReplayRecord> ReplayPlayer::PlayEpisode(const EpisodeOrder& episode) {
+  absl::StatusOr<EpisodeLog> log = ReadLog(episode);
+  if (absl::IsDataLoss(log.status())) {
+    ReplayRecord record;
+    record.episode = episode.index;
+    record.differs = {"log"};
+    record.detail = std::string(log.status().message());
+    return record;
+  }
+  if (!log.ok()) return log.status();
+  return ReplayLog(*log, environment_,
+                   [&](int64_t step) { Progress(episode.index, step); });
+}
+
+absl::StatusOr<EpisodeLog> ReplayPlayer::ReadLog(const EpisodeOrder& episode) {
+  absl::Status status =
+      SendSimMessage(runner_, {{"type", "need_log"}, {"episode", episode.index}});
+  if (!status.ok()) return status;
+  absl::StatusOr<SimMessage> message = ReceiveSimMessage(runner_, kLogDeadline);
+  if (!message.ok()) return message.status();
+  if (message->json["type"] != "log" || !message->fd.valid()) {
+    return absl::InternalError("the runner answered need_log without a log");
+  }
+  absl::StatusOr<std::string> bytes = ReadLogFile(message->fd.get());
+  if (!bytes.ok()) return bytes.status();
+  absl::StatusOr<EpisodeLog> log = ParseEpisodeLog(*bytes);
+  // A config that does not parse makes the log as worthless as a wrong byte.
+  if (!log.ok()) return absl::DataLossError(log.status().message());
+  const absl::StatusOr<TrackConfig> track = WithSeeds(order_.track, {episode.seed});
+  if (!track.ok()) return track.status();
+  if (log->header.episode != episode.index || log->header.seed != episode.seed ||
+      log->header.track.hash != track->hash) {
+    return absl::DataLossError(
+        absl::StrCat("the log is of another episode: it tells of episode ", log->header.episode,
+                     " with seed ", log->header.seed, " in the config ", log->header.config));
+  }
+  return log;
+}
+
+void ReplayPlayer::Progress(int64_t episode, int64_t step) {
+  const absl::Duration now = clock_.Monotonic();
+  if (now - last_progress_ < kProgressPeriod || !progress_status_.ok()) return;
+  last_progress_ = now;
+  progress_status_ =
+      SendSimMessage(runner_, {{"type", "progress"}, {"episode", episode}, {"step", step}});
+}
+
+}  // namespace myograde::sim

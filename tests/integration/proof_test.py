@@ -1,0 +1,325 @@
+"""A result can be shown again: logs, replays, re-runs, receipts, seeds, golden Merkle roots."""
+
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+
+from system import BIN, POLICIES, SOURCE, SystemTest, track_config
+
+TRACKS = ("manipulation", "locomotion")
+CACHE = os.environ["MYOGRADE_CACHE"]
+GOLDEN = SOURCE / "tests/golden/submissions"
+
+
+def flip(path, place, bit=1):
+    data = bytearray(path.read_bytes())
+    data[place % len(data)] ^= bit
+    path.write_bytes(data)
+
+
+class Proof(SystemTest):
+    tracks = {f"short-{track}": track_config(track) for track in TRACKS}
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.start_daemon()
+        cls.submissions = {}
+        for track in TRACKS:
+            result = cls.ask("submit", POLICIES / "random", "--track", f"short-{track}",
+                             "--team", "Proof", "--wait")
+            cls.submissions[track] = result["submission"]
+        cls.key = cls.root / "key.pem"
+        cls.run_cli("key", "-o", cls.key)
+
+    def verify(self, receipt, *words):
+        result = self.run_cli("verify", receipt, "--key", self.key, *words, "--json", check=False)
+        return result.returncode, json.loads(result.stdout)
+
+    def wrong(self, report):
+        return [check["name"] for check in report["checks"] if not check["valid"]]
+
+    def test_logs_are_lcm_logs_and_named_by_their_content(self):
+        for track, size in (("manipulation", 80), ("locomotion", 55)):
+            with self.subTest(track=track):
+                submission = self.submissions[track]
+                file = self.root / f"{track}.lcmlog"
+                told = self.ask("log", submission, "--episode", 1, "-o", file)
+                row = self.ask("show", submission, "--episodes")["episode_rows"][1]
+                self.assertEqual(told["sha256"], row["log"]["sha256"])
+                found = subprocess.run(["sha256sum", file], capture_output=True, text=True,
+                                       check=True).stdout.split()[0]
+                self.assertEqual(found, row["log"]["sha256"])
+                self.assertTrue((self.data / "logs" / f"{found}.lcmlog.zst").exists())
+                self.assertEqual(row["log"]["steps"], row["steps"])
+                self.check_events(file, row, size)
+
+    def check_events(self, file, row, size):
+        """By LCM's own reader, in the Python that the policies' runtime is made for."""
+        script = """
+import json, sys, lcm
+from myograde import action_t, step_digest_t
+counts, last = {}, {}
+for event in lcm.EventLog(sys.argv[1], "r"):
+    counts[event.channel] = counts.get(event.channel, 0) + 1
+    last[event.channel] = event
+action = action_t.decode(last["MYOGRADE_ACTION"].data)
+digest = step_digest_t.decode(last["MYOGRADE_LOG_DIGEST"].data)
+print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action.size,
+                  bytes(digest.state).hex(), last["MYOGRADE_LOG_END"].timestamp]))
+"""
+        runtime = json.loads((SOURCE / "configs/server.json").read_text())["runtimes"]["python"]
+        paths = f"{runtime['path'].replace('${cache}', CACHE)}:{POLICIES / 'kit-python'}"
+        said = subprocess.run(["/usr/bin/python3", "-c", script, file], capture_output=True,
+                              text=True, env=dict(os.environ, PYTHONPATH=paths))
+        self.assertEqual(said.returncode, 0, said.stderr)
+        period_us = 10000 if size == 80 else 5000
+        self.assertEqual(json.loads(said.stdout),
+                         [row["steps"], 1, row["steps"] - 1, size, row["digest"][:16],
+                          row["steps"] * period_us])
+
+    def test_replays_are_equal_with_and_without_the_daemon(self):
+        for track, submission in self.submissions.items():
+            with self.subTest(track=track):
+                whole = self.ask("replay", submission)
+                self.assertTrue(whole["equal"], whole)
+                self.assertEqual([entry["index"] for entry in whole["episodes"]], [0, 1, 2])
+                file = self.root / f"replay-{track}.lcmlog"
+                self.run_cli("log", submission, "--episode", 2, "-o", file)
+                self.assertTrue(self.ask("replay", file)["equal"])
+
+    def test_an_altered_log_is_found_and_named(self):
+        submission = self.submissions["locomotion"]
+        file = self.root / "altered.lcmlog"
+        self.run_cli("log", submission, "--episode", 0, "-o", file)
+        flip(file, file.stat().st_size // 2)
+        result = self.run_cli("replay", file, "--json", check=False)
+        self.assertEqual(result.returncode, 1)
+        episode = json.loads(result.stdout)["episodes"][0]
+        self.assertEqual(episode["differs"], ["log"])
+
+        hash_of = self.ask("show", submission, "--episodes")["episode_rows"][0]["log"]["sha256"]
+        stored = self.data / "logs" / f"{hash_of}.lcmlog.zst"
+        good = stored.read_bytes()
+        try:
+            flip(stored, len(good) // 2)
+            result = self.run_cli("replay", submission, "--json", check=False)
+            self.assertEqual(result.returncode, 1)
+            entries = json.loads(result.stdout)["episodes"]
+            self.assertEqual([entry["equal"] for entry in entries], [False, True, True])
+            refused = self.run_cli("log", submission, "--episode", 0, "-o", self.root / "x",
+                                   check=False)
+            self.assertEqual(refused.returncode, 1)
+            self.assertIn("altered", refused.stderr)
+        finally:
+            stored.write_bytes(good)
+
+    def test_a_rerun_is_verified(self):
+        again = self.ask("rerun", self.submissions["locomotion"], "--verify")
+        self.assertTrue(again["verify"]["same"], again["verify"])
+        self.assertEqual(len(again["verify"]["episodes"]), 3)
+
+    def test_a_policy_that_is_not_repeatable_is_told_from_the_simulator(self):
+        folder = self.root / "unrepeatable"
+        shutil.copytree(POLICIES / "kit-python", folder)
+        (folder / "policy.json").write_text(json.dumps({
+            "name": "unrepeatable", "command": ["/usr/bin/python3", "policy.py"],
+            "runtimes": ["python"]}))
+        (folder / "policy.py").write_text(
+            "import os, myograde_kit\n"
+            "class Chance(myograde_kit.Policy):\n"
+            "    def act(self, observation):\n"
+            "        return [b / 256 for b in os.urandom(54)] + [0.0]\n"
+            "myograde_kit.run(Chance())\n")
+        submission = self.ask("submit", folder, "--track", "short-locomotion", "--team", "Chance",
+                              "--wait")["submission"]
+        result = self.run_cli("rerun", submission, "--verify", "--json", check=False)
+        self.assertEqual(result.returncode, 1, result.stderr)
+        verify = json.loads(result.stdout)["verify"]
+        self.assertEqual(verify["verdict"], "policy")
+        self.assertEqual({entry["step"] for entry in verify["episodes"]}, {0})
+        self.assertTrue(self.ask("replay", submission)["equal"], "the simulator is repeatable")
+
+    def test_receipts_hold_and_forgeries_are_named(self):
+        submission = self.submissions["manipulation"]
+        receipt = self.root / "receipt.json"
+        self.run_cli("receipt", submission, "-o", receipt)
+        shown = self.ask("show", submission)
+        status, report = self.verify(receipt, "--resimulate", 2)
+        self.assertEqual((status, report["valid"]), (0, True), report)
+        self.assertEqual(report["merkle_root"], shown["merkle_root"])
+        self.assertEqual(len(report["resimulated"]), 2)
+
+        self.assertEqual(self.run_cli("verify", receipt, check=False).returncode, 2)
+        forged = self.root / "forged.json"
+        body = json.loads(receipt.read_text())
+        body["receipt"]["episodes"][0]["outcome"] = "success"
+        forged.write_text(json.dumps(body, sort_keys=True, separators=(",", ":"),
+                                     ensure_ascii=False) + "\n")
+        status, report = self.verify(forged)
+        self.assertEqual(status, 1)
+        self.assertIn("signature", self.wrong(report))
+        self.assertIn("merkle_root", self.wrong(report))
+        text = receipt.read_bytes()
+        for place in range(0, len(text), max(1, len(text) // 7)):
+            forged.write_bytes(text)
+            flip(forged, place)
+            self.assertEqual(self.verify(forged)[0], 1, f"byte {place}")
+
+    def test_another_key_and_another_log_are_named(self):
+        submission = self.submissions["locomotion"]
+        receipt = self.root / "receipt-2.json"
+        self.run_cli("receipt", submission, "-o", receipt)
+        subprocess.run(["openssl", "genpkey", "-algorithm", "ed25519", "-out",
+                        self.root / "other.key"], check=True, capture_output=True)
+        subprocess.run(["openssl", "pkey", "-in", self.root / "other.key", "-pubout", "-out",
+                        self.root / "other.pem"], check=True, capture_output=True)
+        result = self.run_cli("verify", receipt, "--key", self.root / "other.pem", "--json",
+                              check=False)
+        self.assertEqual(self.wrong(json.loads(result.stdout)), ["signature"])
+        file = self.root / "receipt-log.lcmlog"
+        self.run_cli("log", submission, "--episode", 0, "-o", file)
+        self.assertEqual(self.verify(receipt, "--logs", file)[0], 0)
+        flip(file, file.stat().st_size - 200)
+        status, report = self.verify(receipt, "--logs", file)
+        self.assertEqual(status, 1)
+        self.assertTrue(self.wrong(report)[0].startswith("log "))
+
+    def test_a_swapped_model_is_named(self):
+        receipt = self.root / "receipt-3.json"
+        self.run_cli("receipt", self.submissions["locomotion"], "-o", receipt)
+        cache = self.root / "cache"
+        cache.mkdir()
+        for part in pathlib.Path(CACHE).iterdir():
+            if part.name != "models":
+                (cache / part.name).symlink_to(part)
+        shutil.copytree(f"{CACHE}/models", cache / "models")
+        models = sorted((cache / "models").glob("locomotion-*.mjb"))
+        self.assertTrue(models, "no compiled model is there")
+        other = next((cache / "models").glob("manipulation-*.mjb"))
+        for model in models:
+            shutil.copy(other, model)  # whole in itself, but not the one that its name says
+        report = json.loads(self.run_cli(
+            "verify", receipt, "--key", self.key, "--resimulate", 1, "--cache", cache, "--json",
+            check=False).stdout)
+        self.assertFalse(report["valid"])
+        self.assertIn(f"model {models[0].name}", self.wrong(report))
+
+
+class Seeds(SystemTest):
+    def test_seeds_are_fixed_ahead_and_checked_afterwards(self):
+        secret, listed = self.root / "phase.secret", self.root / "seeds.json"
+        committed = self.ask("seeds", "commit", "--phase", "final", "--count", 20, "--secret",
+                             secret, "-o", listed)
+        self.assertEqual(os.stat(secret).st_mode & 0o777, 0o600)
+        self.assertNotIn("secret", committed)
+        self.assertNotIn("seeds", committed)
+        again = self.ask("seeds", "commit", "--phase", "final", "--count", 20, "--secret", secret)
+        self.assertEqual(again["commitment"], committed["commitment"])
+        shown = self.ask("seeds", "reveal", "--phase", "final", "--count", 20, "--secret", secret)
+        self.assertEqual(shown["seeds"], json.loads(listed.read_text()))
+        self.assertEqual(len(set(shown["seeds"])), 20)
+        digits = subprocess.run(["sha256sum"], input=shown["secret"], capture_output=True,
+                                text=True, check=True).stdout.split()[0]
+        self.assertEqual(digits, committed["commitment"], "anybody can check the commitment")
+        check = ["seeds", "check", "--phase", "final", "--count", 20, "--commitment",
+                 committed["commitment"], "--seeds-sha256", committed["seeds_sha256"],
+                 "--seeds", listed]
+        self.assertTrue(self.ask(*check, "--secret", shown["secret"])["valid"])
+        other = "0" * 64
+        result = self.run_cli(*check, "--secret", other, "--json", check=False)
+        self.assertEqual(result.returncode, 1)
+        self.assertEqual(len(json.loads(result.stdout)["wrong"]), 3)
+        self.assertNotEqual(
+            self.ask("seeds", "reveal", "--phase", "other", "--count", 20, "--secret",
+                     secret)["seeds"], shown["seeds"], "a phase has a list of its own")
+
+
+class Golden(SystemTest):
+    """Submissions of fixed bytes: one Merkle root with any number of workers."""
+
+    tracks = {f"golden-{track}": track_config(track, episodes_per_lease=2) for track in TRACKS}
+
+    def folder(self, track):
+        folder = self.root / f"golden-{track}"
+        if not folder.exists():
+            shutil.copytree(POLICIES / "kit-python", folder)
+            shutil.copy(GOLDEN / "player.py", folder)
+            shutil.copy(GOLDEN / track / "actions.gz", folder)
+            (folder / "policy.json").write_text(json.dumps({
+                "name": f"golden-{track}", "command": ["/usr/bin/python3", "player.py"],
+                "runtimes": ["python"]}))
+        return folder
+
+    def test_one_merkle_root_with_any_number_of_workers(self):
+        for track in TRACKS:
+            roots = {self.ask("local", self.folder(track), "--track", f"golden-{track}",
+                              "--slots", slots)["merkle_root"] for slots in (1, 2)}
+            self.assertEqual(len(roots), 1, track)
+
+
+class Processors(SystemTest):
+    """The same states whatever features of the processor the C library sees."""
+
+    tracks = {"short-locomotion": track_config("locomotion"),
+              "short-manipulation": track_config("manipulation")}
+    PINNED = "-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL,-AVX"
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.logs = {}
+        for track in TRACKS:
+            folder = cls.root / f"logs-{track}"
+            row = cls.ask("local", POLICIES / "random", "--track", f"short-{track}",
+                          "--episodes", 1, "--logs", folder)["episodes"][0]
+            cls.logs[track] = folder / f"{row['log']['sha256']}.lcmlog.zst"
+
+    def replay(self, track, before=(), **environment):
+        result = subprocess.run([*before, BIN / "myograde-sim", "--replay", self.logs[track], CACHE],
+                                env=dict(self.environment, **environment), capture_output=True,
+                                text=True, timeout=1500)
+        self.assertTrue(result.stdout, result.stderr)
+        return json.loads(result.stdout)
+
+    def test_features_masked_for_the_c_library(self):
+        more = ("", ",-SSE4_1", ",-SSE4_2,-SSSE3", ",-ERMS,-BMI2,-AVX_Fast_Unaligned_Load",
+                ",-SSE4_1,-SSE4_2,-SSSE3,-POPCNT,-BMI1,-BMI2,-LZCNT,-MOVBE,-ERMS,-RTM")
+        for track in TRACKS:
+            for features in more:
+                with self.subTest(track=track, features=features):
+                    record = self.replay(
+                        track, GLIBC_TUNABLES=f"glibc.cpu.hwcaps={self.PINNED}{features}")
+                    self.assertTrue(record["equal"], record)
+
+    def test_the_simulator_pins_its_maths_itself(self):
+        for value in ("", "glibc.cpu.hwcaps=-AVX2"):
+            record = self.replay("locomotion", GLIBC_TUNABLES=value)
+            self.assertTrue(record["equal"], record)
+
+    def test_models_are_compiled_alike_everywhere(self):
+        made = {}
+        for name, value in (("none", ""), ("all", f"glibc.cpu.hwcaps={self.PINNED},-SSE4_1")):
+            cache = self.root / f"cache-{name}"
+            cache.mkdir()
+            for part in pathlib.Path(CACHE).iterdir():
+                if part.name != "models":
+                    (cache / part.name).symlink_to(part)
+            subprocess.run([BIN / "myograde-sim", "--compile-models", cache], check=True,
+                           env=dict(self.environment, GLIBC_TUNABLES=value), timeout=300)
+            made[name] = {file.name: file.read_bytes() for file in (cache / "models").iterdir()}
+        self.assertEqual(made["none"].keys(), made["all"].keys())
+        self.assertEqual(made["none"], made["all"])
+
+    def test_processors_that_qemu_plays(self):
+        qemu = shutil.which("qemu-x86_64") or shutil.which("qemu-x86_64-static")
+        if qemu is None:
+            self.skipTest("qemu-x86_64 is not installed (Debian's qemu-user)")
+        # MuJoCo's own build needs AVX, so no older processor can run it.
+        for model in ("SandyBridge", "Haswell", "max"):
+            with self.subTest(model=model):
+                record = self.replay("locomotion", before=(qemu, "-cpu", model),
+                                     GLIBC_TUNABLES=f"glibc.cpu.hwcaps={self.PINNED}")
+                self.assertTrue(record["equal"], record)
