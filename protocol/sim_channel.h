@@ -37,7 +37,7 @@ namespace myograde {
 inline constexpr int kSimChannelFd = 3;
 inline constexpr int kSimOrderFd = 4;    // the lease order, JSON, read to its end
 inline constexpr int kSimCpuPageFd = 5;  // one CpuPage
-inline constexpr int kSimLogFd = 6;      // the logs' pipe, non-blocking; only if the order has a log_dir
+inline constexpr int kSimLogFd = 6;      // the logs' pipe, non-blocking; if there is a log_dir
 
 // The bridge inherits its socket to the simulator as this descriptor.
 inline constexpr int kBridgeSocketFd = 3;

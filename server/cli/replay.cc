@@ -185,7 +185,9 @@ int ReplaySubmission(const ReplayOptions& options, int64_t id) {
         absl::StrCat("submission ", id, " has no recorded episode yet")));
   }
   return Report(options,
-                {{"submission", id}, {"evaluation", (*evaluation)["evaluation"]}, {"file", nullptr}},
+                {{"submission", id},
+                 {"evaluation", (*evaluation)["evaluation"]},
+                 {"file", nullptr}},
                 records);
 }
 

@@ -29,7 +29,8 @@ absl::StatusOr<ReplayRecord> PlayOne(const fs::path& file, const ReferenceOption
   order.cache_dir = options.cache_dir;
   order.uid_base = options.uid;
   absl::StatusOr<std::vector<ReplayRecord>> records =
-      RunReplay(order, {.progress = [](int64_t, int64_t) {}, .stopped = [&] { return stop.load(); }});
+      RunReplay(order, {.progress = [](int64_t, int64_t) {},
+                        .stopped = [&] { return stop.load(); }});
   if (!records.ok()) return records.status();
   return records->front();
 }
@@ -86,7 +87,8 @@ ReferenceCheck::~ReferenceCheck() {
 
 std::optional<std::string> ReferenceCheck::Verdict(absl::Duration timeout) const {
   std::unique_lock lock(mutex_);
-  known_.wait_for(lock, absl::ToChronoNanoseconds(timeout), [this] { return verdict_.has_value(); });
+  known_.wait_for(lock, absl::ToChronoNanoseconds(timeout),
+                  [this] { return verdict_.has_value(); });
   return verdict_;
 }
 

@@ -18,7 +18,7 @@ constexpr std::string_view kZstdMagic = "\x28\xb5\x2f\xfd";
 
 absl::Status TooLarge() {
   return absl::DataLossError(
-      absl::StrCat("the log is larger than ", kMaxLogBytes, " bytes, so it is no log of an episode"));
+      absl::StrCat("the log is larger than ", kMaxLogBytes, " bytes, so it is none of an episode"));
 }
 
 absl::StatusOr<std::string> Unpack(const std::string& packed) {
