@@ -241,7 +241,7 @@ absl::StatusOr<std::vector<ReplayRecord>> PlayLogs(const std::map<int64_t, Repla
 
 Action AddReplay(CLI::App& verb) {
   auto options = std::make_shared<ReplayOptions>();
-  verb.add_option("ID|FILE", options->target,
+  verb.add_option("TARGET", options->target,
                   "The submission, or the file of a log (\"myograde log\", \"local --logs\")")
       ->required();
   verb.add_option("--episode", options->episode, "Only this one, counted from 0 (default: all)")
