@@ -144,7 +144,7 @@ Api::Result Api::Upload(const Request& request, const httplib::ContentReader& co
   const bool small = request.has_header("Content-Length") &&
                      request.get_header_value<uint64_t>("Content-Length") <= kSmallUpload;
   const bool may = small ? small_uploads_.try_acquire_for(
-                               absl::ToChronoMilliseconds(options_.config.http.request / 2))
+                               absl::ToChronoMilliseconds(options_.config.http.upload))
                          : ++uploads_ <= options_.config.artefacts.uploads;
   const absl::Cleanup leave = [&] {
     if (!small) --uploads_;
