@@ -21,17 +21,23 @@ constexpr AdmissionRules kRules = {.quota = {.official = {kEnough, kEnough},
                                              .failed = {kEnough, kEnough},
                                              .waiting = kEnough}};
 
-// Making a store takes longer than many histories; they start from copies of one.
-const std::string& EmptyStore() {
-  static const std::string path = [] {
-    std::string folder = (fs::temp_directory_path() / "myograde-history-XXXXXX").string();
+// Making a store takes longer than many histories; they start from copies of one. Its folder goes
+// with the process.
+struct EmptyStoreFile {
+  EmptyStoreFile() {
+    folder = (fs::temp_directory_path() / "myograde-history-XXXXXX").string();
     if (mkdtemp(folder.data()) == nullptr) abort();
-    std::string file = folder + "/store.db";
-    if (!Store::Open(file, SystemClock()).ok()) abort();
-    atexit([] { fs::remove_all(fs::path(EmptyStore()).parent_path()); });
-    return file;
-  }();
-  return path;
+    path = folder + "/store.db";
+    if (!Store::Open(path, SystemClock()).ok()) abort();
+  }
+  ~EmptyStoreFile() { fs::remove_all(folder); }
+
+  std::string folder, path;
+};
+
+const std::string& EmptyStore() {
+  static const EmptyStoreFile file;
+  return file.path;
 }
 
 TrackPtr DemoTrack() {
