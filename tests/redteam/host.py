@@ -84,7 +84,9 @@ class Host:
         shutil.copytree(source / "configs", self.configs)
         self.uid_base = 100000 + os.getpid() % 100000 * UID_RANGE
         self._write_configs()
-        self.environment = dict(os.environ, MYOGRADE_DATA=str(self.data),
+        # AddressSanitizer keeps what was freed for a while: little of it, so that growth is seen.
+        self.environment = dict(os.environ, ASAN_OPTIONS="quarantine_size_mb=16",
+                                MYOGRADE_DATA=str(self.data),
                                 MYOGRADE_CONFIG_DIR=str(self.configs), NO_COLOR="1")
         self.daemon = None
         self.runners = set()
