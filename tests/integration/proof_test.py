@@ -1,5 +1,6 @@
 """A result can be shown again: logs, replays, re-runs, receipts, seeds, golden Merkle roots."""
 
+import hashlib
 import json
 import os
 import pathlib
@@ -206,6 +207,45 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
             check=False).stdout)
         self.assertFalse(report["valid"])
         self.assertIn(f"model {models[0].name}", self.wrong(report))
+
+
+def with_other_states(log):
+    """The bytes of a whole log in which half of the states are others."""
+    data = bytearray(log)
+    name, places = b"MYOGRADE_LOG_DIGEST", []
+    place = data.find(name)
+    while place >= 0:
+        places.append(place)
+        place = data.find(name, place + 1)
+    for place in places[len(places) // 2:]:
+        size = int.from_bytes(data[place - 4:place], "big")
+        data[place + len(name) + size - 1] ^= 1
+    last = data.rfind(b"\xed\xa1\xda\x01")
+    text = data[data.index(b"{", last):data.rindex(b"}") + 1]
+    end = json.loads(text)
+    del end["checksum"]
+    body = json.dumps(end, sort_keys=True, separators=(",", ":"))
+    before = hashlib.sha256(bytes(data[:last])).hexdigest()
+    end["checksum"] = hashlib.sha256((before + body).encode()).hexdigest()
+    return bytes(data).replace(
+        bytes(text), json.dumps(end, sort_keys=True, separators=(",", ":")).encode())
+
+
+class Reference(SystemTest):
+    """A daemon on a host that computes other states than the reference episodes hold."""
+
+    tracks = {"short-locomotion": track_config("locomotion")}
+
+    def test_a_host_of_other_states_grades_practice_only(self):
+        stored = self.root / "configs/reference/locomotion.lcmlog.zst"
+        log = subprocess.run(["zstd", "-dc", stored], capture_output=True, check=True).stdout
+        subprocess.run(["zstd", "-qf", "-", "-o", stored], input=with_other_states(log), check=True)
+        self.start_daemon()
+        submit = ["submit", POLICIES / "zero", "--track", "short-locomotion", "--team", "A"]
+        refused = self.run_cli(*submit, check=False)
+        self.assertEqual(refused.returncode, 4, refused.stderr)
+        self.assertIn("reference episode locomotion.lcmlog.zst", refused.stderr)
+        self.assertEqual(self.ask(*submit, "--episodes", 1, "--wait")["state"], "done")
 
 
 class Seeds(SystemTest):
