@@ -1,6 +1,7 @@
 """The real daemon, runner, simulator and sandboxes on a host that breaks, is mended, and is killed
 from all sides."""
 
+import contextlib
 import json
 import os
 import pathlib
@@ -67,12 +68,18 @@ class BrokenHost(SystemTest):
         self.assertEqual(identities(rows[0]), identities(rows[1]))
 
     def test_a_dead_bridge_is_the_participants_and_costs_no_replay(self):
-        submission = self.ask("submit", POLICIES / "random", "--track", "short", "--team", "c"
-                              )["submission"]
-        bridges = self.wait(lambda: [pid for pid, name in processes_below(self.daemon.pid)
-                                     if name == "myograde-bridge"], bool)
-        os.kill(bridges[0], signal.SIGKILL)
-        status = self.wait(lambda: self.ask("status", submission),
+        # Each lease falls asleep in its second episode, so there is time to find its bridge.
+        submission = self.ask("submit", self.misbehaving("sleeps"), "--track", "short", "--team",
+                              "c")["submission"]
+
+        def kill_bridges():
+            for pid, name in processes_below(self.daemon.pid):
+                if name == "myograde-bridge":
+                    with contextlib.suppress(ProcessLookupError):
+                        os.kill(pid, signal.SIGKILL)
+            return self.ask("status", submission)
+
+        status = self.wait(kill_bridges,
                            lambda found: found["state"] not in ("queued", "running"))
         self.assertEqual([(l["attempt"], l["faults"]) for l in status["leases"]], [(1, 0)] * 2)
         rows = self.ask("show", submission, "--episodes")["episode_rows"]
