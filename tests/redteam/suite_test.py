@@ -1,7 +1,10 @@
 """The suite must be able to fail: results and hosts with something wrong, and what is said of them."""
 
+import contextlib
 import copy
+import os
 import pathlib
+import signal
 import subprocess
 import unittest
 
@@ -120,10 +123,18 @@ class Leftovers(unittest.TestCase):
         self.addCleanup(self.host.close)
         script = "sleep 60 & echo started; read word; kill $!; wait $!; echo ended; read word"
         self.host.daemon = subprocess.Popen(["sh", "-c", script], stdin=subprocess.PIPE,
-                                            stdout=subprocess.PIPE)
+                                            stdout=subprocess.PIPE,
+                                            stderr=subprocess.DEVNULL, start_new_session=True)
+        self.addCleanup(self.end_group, self.host.daemon.pid)
         for stream in (self.host.daemon.stdin, self.host.daemon.stdout):
             self.addCleanup(stream.close)
         self.host.daemon.stdout.readline()
+
+    @staticmethod
+    def end_group(group):
+        """The child too, which else holds what this test inherited until it has slept."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(group, signal.SIGKILL)
 
     def test_processes_and_files_are_seen(self):
         left, spent = self.host.wait_clean(0.3)
