@@ -46,7 +46,7 @@ class Grader:
         """Starts the daemon with these keys of server.json changed."""
         path = self.configs / "server.json"
         config = json.loads(path.read_text())
-        config.update(uid_base=100000 + os.getpid() % 100000 * 2048, **server)
+        config.update(uid_base=100000 + os.getpid() % 100000 * 8192, **server)
         path.write_text(json.dumps(config))
         with open(self.root / "daemon.log", "ab") as log:
             self.daemon = subprocess.Popen([self.bin / "myograde", "serve"], env=self.environment,

@@ -69,13 +69,14 @@ Options Parse(int argc, char** argv) {
   return options;
 }
 
-// An environment with its engine, and the controls of every step of an episode.
+// An environment with its engine.
 struct Player {
   std::unique_ptr<Environment> environment;
   const mjModel* model = nullptr;
   mjData* data = nullptr;
-  std::vector<double> controls;  // steps x nu, as the environment set them
-  std::vector<double> latency;   // s, of each step of the environment
+  // Of each episode: steps x nu, as the environment set them.
+  std::vector<std::vector<double>> controls;
+  std::vector<double> latency;  // s, of each step of the environment
 };
 
 Player MakePlayer(const TrackConfig& config, const std::string& cache) {
@@ -95,20 +96,20 @@ Player MakePlayer(const TrackConfig& config, const std::string& cache) {
 
 // Each plays one episode and returns its seconds, the reset left out.
 
-double PlayEnvironment(Player& player, uint64_t seed, int steps) {
+double PlayEnvironment(Player& player, int episode, uint64_t seed, int steps) {
   Environment& environment = *player.environment;
   const std::vector<double> action(environment.action_size(), 0.0);
   std::vector<double> observation(environment.observation_size());
   environment.Reset(seed);
-  player.controls.clear();
-  player.controls.reserve(static_cast<size_t>(steps) * player.model->nu);
+  std::vector<double>& controls = player.controls[episode];
+  controls.clear();
+  controls.reserve(static_cast<size_t>(steps) * player.model->nu);
   const auto start = Clock::now();
   auto before = start;
   for (int t = 0; t < steps; ++t) {
     if (environment.Step(action).ended && t + 1 < steps) Fail("an episode ended early");
     environment.Observe(observation);
-    player.controls.insert(player.controls.end(), player.data->ctrl,
-                           player.data->ctrl + player.model->nu);
+    controls.insert(controls.end(), player.data->ctrl, player.data->ctrl + player.model->nu);
     const auto now = Clock::now();
     player.latency.push_back(Seconds(now - before).count());
     before = now;
@@ -116,10 +117,10 @@ double PlayEnvironment(Player& player, uint64_t seed, int steps) {
   return Seconds(Clock::now() - start).count();
 }
 
-double Replay(Player& player, uint64_t seed, int steps,
+double Replay(Player& player, int episode, uint64_t seed, int steps,
               const std::function<void(const mjModel*, mjData*)>& step) {
   player.environment->Reset(seed);
-  const double* control = player.controls.data();
+  const double* control = player.controls[episode].data();
   const auto start = Clock::now();
   for (int t = 0; t < steps; ++t, control += player.model->nu) {
     std::copy_n(control, player.model->nu, player.data->ctrl);
@@ -157,8 +158,9 @@ struct Rates {
 
 Rates Measure(std::vector<Player>& players, const Options& options, const TrackConfig& config) {
   Rates rates;
-  const auto part = [&](const std::function<double(Player&, uint64_t)>& play) {
-    // Of the slowest thread: all cores are busy until then.
+  // Seconds of one episode of a player.
+  using Play = std::function<double(Player&, int episode, uint64_t seed)>;
+  const auto part = [&](const Play& play) {
     std::vector<double> seconds(players.size(), 0.0);
     std::barrier together(static_cast<std::ptrdiff_t>(players.size()));
     std::vector<std::jthread> threads;
@@ -167,7 +169,7 @@ Rates Measure(std::vector<Player>& players, const Options& options, const TrackC
         for (int episode = 0; episode < options.episodes; ++episode) {
           const size_t which = (i + static_cast<size_t>(episode)) % config.seeds.size();
           together.arrive_and_wait();
-          seconds[i] += play(players[i], config.seeds[which]);
+          seconds[i] += play(players[i], episode, config.seeds[which]);
         }
       });
     }
@@ -177,23 +179,16 @@ Rates Measure(std::vector<Player>& players, const Options& options, const TrackC
     for (const double s : seconds) rate += steps / s;
     return rate;
   };
-  // The environment's part of an episode leaves the controls for the other two, so an episode's
-  // three parts follow each other; with more than one episode each is replayed by itself.
-  for (int repetition = -1; repetition < options.repetitions; ++repetition) {
-    std::vector<std::vector<std::vector<double>>> controls(players.size());
-    const auto number = [&](const Player& player) { return &player - players.data(); };
-    const double env = part([&](Player& player, uint64_t seed) {
-      const double seconds = PlayEnvironment(player, seed, options.steps);
-      controls[number(player)].push_back(player.controls);
-      return seconds;
+  const auto replay = [&](auto step) {
+    return part([&, step](Player& player, int episode, uint64_t seed) {
+      return Replay(player, episode, seed, options.steps, step);
     });
-    const auto replay = [&](auto step) {
-      std::vector<size_t> next(players.size(), 0);
-      return part([&, step](Player& player, uint64_t seed) {
-        player.controls = controls[number(player)][next[number(player)]++];
-        return Replay(player, seed, options.steps, step);
-      });
-    };
+  };
+  for (int repetition = -1; repetition < options.repetitions; ++repetition) {
+    // First, as it leaves the controls for the other two.
+    const double env = part([&](Player& player, int episode, uint64_t seed) {
+      return PlayEnvironment(player, episode, seed, options.steps);
+    });
     const double engine = replay(EngineStep);
     const double mjstep = replay(PlainStep);
     if (repetition < 0) {  // warm-up
@@ -220,7 +215,10 @@ int Main(int argc, char** argv) {
   const auto config = LoadTrackConfig(options.tracks_dir, options.track, "");
   if (!config.ok()) Fail(std::string(config.status().message()));
   std::vector<Player> players;
-  for (int i = 0; i < options.threads; ++i) players.push_back(MakePlayer(*config, cache));
+  for (int i = 0; i < options.threads; ++i) {
+    players.push_back(MakePlayer(*config, cache));
+    players.back().controls.resize(options.episodes);
+  }
   const Rates rates = Measure(players, options, *config);
   std::vector<double> latency;
   for (const Player& player : players) {
