@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Checks what the compiler does not: who may include and link whom, the length of files, marks
-of unfinished work, and that every test is built. Prints one line per mistake; exit status 1 if
+of unfinished work, that every test is built, and that ./dev knows each verb that its help names. Prints one line per mistake; exit status 1 if
 there is one. Use: lint.py ROOT"""
 
 import pathlib
@@ -85,6 +85,15 @@ def check_file(root, file):
     return [f"{path}: {problem}" for problem in problems]
 
 
+def check_verbs(script):
+    """A verb of ./dev that is only described, or only there."""
+    text = script.read_text(encoding="utf-8")
+    described = set(re.findall(r"^  ([a-z]+)(?= |$)", text.split("USAGE")[1], re.MULTILINE))
+    known = set(re.findall(r"^  ([a-z]+)[a-z |-]*\) ", text.split("case $verb in")[1], re.MULTILINE))
+    return [f"dev: the verb {verb} is not both described and known"
+            for verb in sorted(described ^ (known - {"help"}))]
+
+
 def main():
     root = pathlib.Path(sys.argv[1]).resolve()
     suffixes = {".h", ".cc", ".c", ".py", ".lcm", ".txt", ".cmake"}
@@ -93,6 +102,7 @@ def main():
     if not files:
         sys.exit(f"{root}: no sources found; give the project's root folder")
     problems = [problem for file in files for problem in check_file(root, file)]
+    problems += check_verbs(root / "dev")
     print("\n".join(problems) or f"{len(files)} files, no mistakes")
     return 1 if problems else 0
 
