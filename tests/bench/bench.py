@@ -87,7 +87,7 @@ class Bench:
 
     def whole(self, grader, kind, policy):
         """Rates of whole evaluations, and the largest memory that a simulator had."""
-        leases, episodes = (4, 2) if self.quick else (10, 5)
+        leases, episodes = (4, 2) if self.quick else (10, 10)
         rates, memory = [], processes.MemoryWatch("myograde-sim")
         for _ in range(1 if self.quick else 3):
             shown, seconds = self.evaluate(grader, kind, policy, self.cores, leases, episodes,
@@ -169,7 +169,8 @@ def summary(values):
 
 
 def log_bytes(shown):
-    sizes = [row["log_bytes"] for row in shown["episode_rows"] if row.get("log_bytes")]
+    """Mean bytes of an episode's log as it lies on the disk; None if none was kept."""
+    sizes = [row["log"]["packed_bytes"] for row in shown["episode_rows"] if row.get("log")]
     return statistics.mean(sizes) if sizes else None
 
 
@@ -197,6 +198,8 @@ def table(result):
         f"{1e3 * t['lease_start']['warm_s']['median']:14.0f}" for t in result["tracks"].values()))
     lines.append(f"{'memory of a simulator (PSS), MB':34}" + "".join(
         f"{t['sim_pss_bytes'] / 1e6:14.1f}" for t in result["tracks"].values()))
+    lines.append(f"{'log of an episode, KB':34}" + "".join(
+        f"{(t['log_bytes_per_episode'] or 0) / 1e3:14.1f}" for t in result["tracks"].values()))
     for row in (result["store"] or {}).get("sizes", []):
         lines.append(f"{row['episode_rows']:>9} rows: submit {1e3 * row['submit_s']['median']:.1f} ms, "
                      f"leaderboard {1e3 * row['leaderboard_s']['median']:.1f} ms, "
