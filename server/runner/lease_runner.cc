@@ -172,7 +172,8 @@ absl::Status LeaseRunner::Turn() {
       RefreshCpu();
     }
   }
-  if (context_.logs != nullptr) {
+  // Not before a message that waits: it may say where the log ends.
+  if (context_.logs != nullptr && entries[0].revents == 0) {
     if (absl::Status status = context_.logs->Drain(); !status.ok()) return status;
   }
   if (entries[0].revents != 0) {

@@ -53,15 +53,17 @@ absl::Status LogKeeper::Trouble(const char* what) const {
                                                    folder_, ": ", std::strerror(errno)));
 }
 
-absl::Status LogKeeper::Drain() {
-  std::vector<char> buffer(kBufferBytes);
+absl::Status LogKeeper::Drain() { return Take(kBufferBytes).status(); }
+
+absl::StatusOr<size_t> LogKeeper::Take(size_t most) {
+  std::vector<char> buffer(std::min(most, kBufferBytes));
   while (true) {
     const ssize_t n = read(reader_.get(), buffer.data(), buffer.size());
     if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return absl::OkStatus();
-    if (absl::Status status = Write(buffer.data(), static_cast<size_t>(n)); !status.ok()) {
-      return status;
-    }
+    if (n <= 0) return 0;
+    absl::Status status = Write(buffer.data(), static_cast<size_t>(n));
+    if (!status.ok()) return status;
+    return static_cast<size_t>(n);
   }
 }
 
@@ -69,15 +71,13 @@ absl::Status LogKeeper::Write(const char* bytes, size_t size) {
   if (!file_.valid()) {
     unlinkat(directory_.get(), draft_.c_str(), 0);
     file_ = Fd(openat(directory_.get(), draft_.c_str(),
-                      O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
+                      O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
     if (!file_.valid()) return Trouble("made");
     written_ = 0;
   }
   written_ += static_cast<int64_t>(size);
-  if (written_ > budget_) {
-    return absl::InternalError(
-        absl::StrCat("the simulator sent a log of more than ", budget_, " bytes (log_bytes)"));
-  }
+  // What Drain() takes at once may begin with the end of one log and hold the start of the next.
+  if (written_ > budget_ + static_cast<int64_t>(kBufferBytes)) return TooLarge();
   while (size > 0) {
     const ssize_t n = write(file_.get(), bytes, size);
     if (n < 0 && errno == EINTR) continue;
@@ -88,20 +88,41 @@ absl::Status LogKeeper::Write(const char* bytes, size_t size) {
   return absl::OkStatus();
 }
 
+absl::Status LogKeeper::TooLarge() const {
+  return absl::InternalError(
+      absl::StrCat("the simulator sent a log of more than ", budget_, " bytes (log_bytes)"));
+}
+
 absl::Status LogKeeper::Finish(const EpisodeLogInfo& info) {
-  if (absl::Status status = Drain(); !status.ok()) return status;
-  if (!file_.valid() || written_ != info.packed_bytes || !IsHash(info.sha256)) {
+  if (info.packed_bytes > budget_) return TooLarge();
+  while (written_ < info.packed_bytes) {
+    absl::StatusOr<size_t> taken = Take(static_cast<size_t>(info.packed_bytes - written_));
+    if (!taken.ok()) return taken.status();
+    if (*taken == 0) break;
+  }
+  if (!file_.valid() || written_ < info.packed_bytes || info.packed_bytes <= 0 ||
+      !IsHash(info.sha256)) {
     return absl::InternalError(
         absl::StrCat("the simulator told of a log of ", info.packed_bytes, " bytes and sent ",
-                     file_.valid() ? written_ : 0));
+                     written_));
+  }
+  // The simulator plays on meanwhile, so the next log may have begun in the same bytes.
+  std::vector<char> next(static_cast<size_t>(written_ - info.packed_bytes));
+  if (!next.empty()) {
+    if (pread(file_.get(), next.data(), next.size(), info.packed_bytes) !=
+            static_cast<ssize_t>(next.size()) ||
+        ftruncate(file_.get(), info.packed_bytes) != 0) {
+      return Trouble("cut");
+    }
   }
   if (fdatasync(file_.get()) != 0) return Trouble("written");
   file_.reset();
+  written_ = 0;
   if (renameat(directory_.get(), draft_.c_str(), directory_.get(),
                LogFileName(info.sha256).c_str()) != 0) {
     return Trouble("kept");
   }
-  return absl::OkStatus();
+  return next.empty() ? absl::OkStatus() : Write(next.data(), next.size());
 }
 
 }  // namespace myograde::server

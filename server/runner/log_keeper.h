@@ -33,17 +33,21 @@ class LogKeeper {
   // Readable while the simulator sends.
   int reader() const { return reader_.get(); }
 
-  // Takes what is in the pipe; never blocks. ResourceExhaustedError if the
-  // folder's disk takes no more, InternalError if a log is larger than allowed.
+  // Takes a part of what is in the pipe, one pipe's worth at most; never blocks.
+  // ResourceExhaustedError if the folder's disk takes no more, InternalError if
+  // a log is larger than allowed.
   absl::Status Drain();
 
-  // All bytes of the log are in the pipe: completes its file, which is on the
-  // disk under its name on return.
+  // All bytes of the log were sent: completes its file, which is on the disk
+  // under its name on return. Bytes of the next log may follow and are kept for it.
   absl::Status Finish(const EpisodeLogInfo& info);
 
  private:
   LogKeeper() = default;
+  // Takes at most so many bytes; 0 if there are none.
+  absl::StatusOr<size_t> Take(size_t most);
   absl::Status Write(const char* bytes, size_t size);
+  absl::Status TooLarge() const;
   absl::Status Trouble(const char* what) const;
 
   std::string folder_;
@@ -53,7 +57,7 @@ class LogKeeper {
   Fd reader_;
   Fd writer_;
   Fd file_;            // invalid between two logs
-  int64_t written_ = 0;
+  int64_t written_ = 0;  // to `file_`
 };
 
 }  // namespace myograde::server
