@@ -21,6 +21,9 @@ absl::StatusOr<std::vector<StandingRow>> StandingsOf(Reader& reader, const std::
     absl::StatusOr<std::string> standing = StandingOf(reader, row.evaluation);
     if (!standing.ok()) return standing.status();
     row.aggregate_json = *std::move(standing);
+    absl::StatusOr<RankedNumbers> numbers = ParseRankedNumbers(row.aggregate_json);
+    if (!numbers.ok()) return numbers.status();
+    row.numbers = *std::move(numbers);
   }
   return standings;
 }

@@ -15,38 +15,37 @@ using scoring::RankedEntry;
 using scoring::TeamRule;
 using Json = nlohmann::json;
 
-// Everything that may stand on a board, sorted by what the marks make of it.
+// Everything that may stand on a board, sorted by what the marks make of it. Points into the
+// standings that it was made of.
 struct Sorted {
   std::vector<BoardEntry> ranked;
   std::vector<BoardEntry> baselines;  // each as a team of its own
-  std::map<int64_t, std::pair<StandingRow, Json>> sources;
+  std::map<int64_t, const StandingRow*> sources;
   std::vector<DisqualifiedRow> disqualified;
 };
 
-std::optional<double> Number(const Json& json, const char* key) {
-  const auto it = json.find(key);
-  if (it == json.end() || !it->is_number()) return std::nullopt;
-  return it->get<double>();
-}
-
-absl::StatusOr<BoardEntry> EntryOf(const StandingRow& row, const Json& aggregate) {
-  const std::optional<double> time = aggregate.is_object() ? Number(aggregate, "time_s")
-                                                           : std::nullopt;
-  if (!time || !Number(aggregate, "episodes") || !Number(aggregate, "successes")) {
-    return absl::DataLossError(absl::StrCat("the aggregate of evaluation ", row.evaluation,
-                                            " can't be read; rebuild the boards"));
-  }
+BoardEntry EntryOf(const StandingRow& row) {
   BoardEntry entry;
   entry.submission = absl::StrCat(row.submission);
   entry.team = row.team;
   entry.acceptance = row.submission;
-  entry.successes = aggregate["successes"].get<int64_t>();
-  entry.episodes = aggregate["episodes"].get<int64_t>();
-  entry.time = *time;
-  entry.effort = Number(aggregate, "effort");
-  entry.pain = Number(aggregate, "pain");
-  entry.distance = Number(aggregate, "distance_m").value_or(0);
+  entry.successes = row.numbers.successes;
+  entry.episodes = row.numbers.episodes;
+  entry.time = row.numbers.time_s;
+  entry.effort = row.numbers.effort;
+  entry.pain = row.numbers.pain;
+  entry.distance = row.numbers.distance_m.value_or(0);
   return entry;
+}
+
+// Only what is shown is parsed.
+absl::StatusOr<Json> AggregateOf(const StandingRow& row) {
+  Json aggregate = Json::parse(row.aggregate_json, nullptr, /*allow_exceptions=*/false);
+  if (!aggregate.is_object()) {
+    return absl::DataLossError(absl::StrCat("the aggregate of evaluation ", row.evaluation,
+                                            " can't be read; rebuild the boards"));
+  }
+  return aggregate;
 }
 
 absl::StatusOr<Sorted> Sort(const std::vector<StandingRow>& standings, const Marks& marks) {
@@ -56,21 +55,21 @@ absl::StatusOr<Sorted> Sort(const std::vector<StandingRow>& standings, const Mar
     const auto found = marks.find(row.submission);
     const auto& own = found == marks.end() ? kNone : found->second;
     if (own.contains(kHidden)) continue;
-    Json aggregate = Json::parse(row.aggregate_json, nullptr, /*allow_exceptions=*/false);
     if (const auto mark = own.find(kDisqualified); mark != own.end()) {
-      sorted.disqualified.push_back({row, std::move(aggregate), mark->second});
+      absl::StatusOr<Json> aggregate = AggregateOf(row);
+      if (!aggregate.ok()) return aggregate.status();
+      sorted.disqualified.push_back({row, *std::move(aggregate), mark->second});
       continue;
     }
-    absl::StatusOr<BoardEntry> entry = EntryOf(row, aggregate);
-    if (!entry.ok()) return entry.status();
-    sorted.sources[row.submission] = {row, std::move(aggregate)};
+    BoardEntry entry = EntryOf(row);
+    sorted.sources[row.submission] = &row;
     if (own.contains(kBaseline)) {
       // No team's name has a control character, so this is nobody else's.
-      entry->team = absl::StrCat("\x01", row.submission);
-      entry->chosen = true;
-      sorted.baselines.push_back(*std::move(entry));
+      entry.team = absl::StrCat("\x01", row.submission);
+      entry.chosen = true;
+      sorted.baselines.push_back(std::move(entry));
     } else {
-      sorted.ranked.push_back(*std::move(entry));
+      sorted.ranked.push_back(std::move(entry));
     }
   }
   return sorted;
@@ -86,9 +85,13 @@ bool IsQualified(const BoardEntry& entry, const BoardRules& rules) {
   return entry.distance >= std::get<scoring::PhysiologicalBoard>(rules).qualify_m;
 }
 
-BoardRow RowOf(const Sorted& sorted, const RankedEntry& ranked, const BoardRules& rules) {
-  const auto& [source, aggregate] = sorted.sources.at(ranked.entry.acceptance);
-  return {ranked, source, aggregate, IsQualified(ranked.entry, rules)};
+absl::Status AddRow(const Sorted& sorted, const RankedEntry& ranked, const BoardRules& rules,
+                    Board& board) {
+  const StandingRow& source = *sorted.sources.at(ranked.entry.acceptance);
+  absl::StatusOr<Json> aggregate = AggregateOf(source);
+  if (!aggregate.ok()) return aggregate.status();
+  board.rows.push_back({ranked, source, *std::move(aggregate), IsQualified(ranked.entry, rules)});
+  return absl::OkStatus();
 }
 
 // Where a baseline stands among the ranked: how many of them are above it.
@@ -124,15 +127,17 @@ absl::StatusOr<Board> MakeBoard(const std::vector<StandingRow>& standings, const
     return std::pair(a.first, a.second.acceptance) < std::pair(b.first, b.second.acceptance);
   });
   Board board;
+  absl::Status status;
   auto next = baselines.begin();
   for (size_t i = 0; i <= ranked->size(); ++i) {
     for (; next != baselines.end() && next->first == i; ++next) {
       RankedEntry unranked;
       unranked.entry = next->second;
-      board.rows.push_back(RowOf(*sorted, unranked, rules));
+      status.Update(AddRow(*sorted, unranked, rules, board));
     }
-    if (i < ranked->size()) board.rows.push_back(RowOf(*sorted, (*ranked)[i], rules));
+    if (i < ranked->size()) status.Update(AddRow(*sorted, (*ranked)[i], rules, board));
   }
+  if (!status.ok()) return status;
   board.disqualified = std::move(sorted->disqualified);
   return board;
 }

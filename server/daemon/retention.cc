@@ -94,7 +94,12 @@ void Retention::Sweep() {
     Remove(kind, ChooseRemovals(*std::move(files), age, bytes, now));
   };
   look("artefact", Artefacts(), limits_.artefact_age, limits_.artefact_bytes);
-  look("log", Logs(), limits_.log_age, limits_.log_bytes);
+  absl::StatusOr<std::vector<KeptFile>> logs = Logs();  // none of them known to be needed
+  // Which logs are needed is in every episode's row; nobody asks while there is room for all.
+  if (!ChooseRemovals(*logs, limits_.log_age, limits_.log_bytes, now).empty()) {
+    logs = WithNeeded(*std::move(logs));
+  }
+  look("log", std::move(logs), limits_.log_age, limits_.log_bytes);
 }
 
 absl::StatusOr<std::vector<KeptFile>> Retention::Artefacts() {
@@ -114,7 +119,7 @@ absl::StatusOr<std::vector<KeptFile>> Retention::Artefacts() {
   return files;
 }
 
-absl::StatusOr<std::vector<KeptFile>> Retention::Logs() {
+std::vector<KeptFile> Retention::Logs() {
   std::vector<KeptFile> files;
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(data_dir_ + "/logs", error)) {
@@ -127,7 +132,10 @@ absl::StatusOr<std::vector<KeptFile>> Retention::Logs() {
     files.push_back({name.substr(0, kHashDigits), entry.path().string(), bytes,
                      ChangedAt(entry.path()), /*needed=*/false});
   }
-  if (files.empty()) return files;
+  return files;
+}
+
+absl::StatusOr<std::vector<KeptFile>> Retention::WithNeeded(std::vector<KeptFile> files) {
   const absl::Status status = readers_.Read([&](Reader& reader) {
     const std::set<std::string> needed = reader.NeededLogs();
     for (KeptFile& file : files) file.needed = needed.contains(file.name);

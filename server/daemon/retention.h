@@ -48,7 +48,8 @@ class Retention {
   // One look: what is too old or too much is removed. Trouble is logged.
   void Sweep();
   absl::StatusOr<std::vector<KeptFile>> Artefacts();
-  absl::StatusOr<std::vector<KeptFile>> Logs();
+  std::vector<KeptFile> Logs();  // `needed` is left out
+  absl::StatusOr<std::vector<KeptFile>> WithNeeded(std::vector<KeptFile> logs);
   void Remove(const std::string& kind, const std::vector<Choice>& choices);
 
   const RetentionLimits limits_;

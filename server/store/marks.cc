@@ -22,6 +22,11 @@ MarkRow MarkOf(SQLite::Statement& row) {
   return mark;
 }
 
+std::optional<double> NumberIn(SQLite::Statement& row, int column) {
+  if (row.isColumnNull(column)) return std::nullopt;
+  return row.getColumn(column).getDouble();
+}
+
 }  // namespace
 
 absl::StatusOr<bool> Writer::Mark(int64_t submission, const std::string& mark, bool set,
@@ -46,9 +51,20 @@ absl::StatusOr<bool> Writer::Mark(int64_t submission, const std::string& mark, b
 }
 
 absl::Status Writer::SetStanding(int64_t evaluation, const std::string& aggregate_json) {
-  SQLite::Statement insert(db_, "INSERT INTO standing VALUES (?, ?) ON CONFLICT (evaluation) "
-                                "DO UPDATE SET aggregate_json = excluded.aggregate_json");
-  SQLite::bind(insert, evaluation, aggregate_json);
+  const absl::StatusOr<RankedNumbers> numbers = ParseRankedNumbers(aggregate_json);
+  if (!numbers.ok()) return numbers.status();
+  SQLite::Statement insert(
+      db_, "INSERT INTO standing VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation) DO "
+           "UPDATE SET successes = excluded.successes, episodes = excluded.episodes, time_s = "
+           "excluded.time_s, effort = excluded.effort, pain = excluded.pain, distance_m = "
+           "excluded.distance_m, aggregate_json = excluded.aggregate_json");
+  SQLite::bind(insert, evaluation, numbers->successes, numbers->episodes, numbers->time_s);
+  int column = 5;
+  for (const auto& number : {numbers->effort, numbers->pain, numbers->distance_m}) {
+    if (number) insert.bind(column, *number);  // unbound is NULL
+    ++column;
+  }
+  insert.bind(column, aggregate_json);
   insert.exec();
   return absl::OkStatus();
 }
@@ -85,7 +101,8 @@ int64_t Reader::BoardChanges() {
 
 std::vector<StandingRow> Reader::Standings(const std::string& config) {
   SQLite::Statement select(
-      db_, "SELECT s.id, e.id, t.name, a.name, v.aggregate_json FROM submission AS s "
+      db_, "SELECT s.id, e.id, t.name, a.name, v.aggregate_json, v.successes, v.episodes, "
+           "v.time_s, v.effort, v.pain, v.distance_m FROM submission AS s "
            "JOIN team AS t ON t.id = s.team_id JOIN artefact AS a ON a.hash = s.artefact "
            "JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
            "LEFT JOIN standing AS v ON v.evaluation = e.id "
@@ -99,6 +116,12 @@ std::vector<StandingRow> Reader::Standings(const std::string& config) {
     row.team = select.getColumn(2).getString();
     row.artefact_name = select.getColumn(3).getString();
     row.aggregate_json = select.getColumn(4).getString();
+    row.numbers.successes = select.getColumn(5).getInt64();
+    row.numbers.episodes = select.getColumn(6).getInt64();
+    row.numbers.time_s = select.getColumn(7).getDouble();
+    row.numbers.effort = NumberIn(select, 8);
+    row.numbers.pain = NumberIn(select, 9);
+    row.numbers.distance_m = NumberIn(select, 10);
     rows.push_back(std::move(row));
   }
   return rows;

@@ -3,6 +3,8 @@
 #include <array>
 #include <utility>
 
+#include <nlohmann/json.hpp>
+
 namespace myograde::server {
 namespace {
 
@@ -61,6 +63,25 @@ bool IsFinal(LeaseState state) {
 
 bool IsFinal(EvaluationState state) {
   return state != EvaluationState::kQueued && state != EvaluationState::kRunning;
+}
+
+absl::StatusOr<RankedNumbers> ParseRankedNumbers(const std::string& aggregate_json) {
+  const auto json = nlohmann::json::parse(aggregate_json, nullptr, /*allow_exceptions=*/false);
+  const auto number = [&](const char* key) -> std::optional<double> {
+    const auto it = json.find(key);
+    if (it == json.end() || !it->is_number()) return std::nullopt;
+    return it->get<double>();
+  };
+  const auto time = json.is_object() ? number("time_s") : std::nullopt;
+  if (!time || !number("episodes") || !number("successes")) {
+    return absl::DataLossError("an aggregate has no numbers of successes, episodes and time");
+  }
+  return RankedNumbers{.successes = json["successes"].get<int64_t>(),
+                       .episodes = json["episodes"].get<int64_t>(),
+                       .time_s = *time,
+                       .effort = number("effort"),
+                       .pain = number("pain"),
+                       .distance_m = number("distance_m")};
 }
 
 }  // namespace myograde::server

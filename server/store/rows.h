@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include <absl/status/statusor.h>
+
 #include "protocol/base/outcome.h"
 
 namespace myograde::server {
@@ -111,6 +113,18 @@ struct TransitionRow {
   std::string why;
 };
 
+// The numbers of an aggregate that boards rank by.
+struct RankedNumbers {
+  int64_t successes = 0;
+  int64_t episodes = 0;
+  double time_s = 0;
+  std::optional<double> effort = std::nullopt;
+  std::optional<double> pain = std::nullopt;
+  std::optional<double> distance_m = std::nullopt;
+};
+// Of the text of an aggregate; DataLossError if it lacks them.
+absl::StatusOr<RankedNumbers> ParseRankedNumbers(const std::string& aggregate_json);
+
 // What a board is made of.
 struct StandingRow {
   int64_t submission = 0;
@@ -118,6 +132,7 @@ struct StandingRow {
   std::string team;
   std::string artefact_name;
   std::string aggregate_json;  // "" until the view has it
+  RankedNumbers numbers = {};  // of `aggregate_json`
 };
 
 // What an artefact's files are still of use for.

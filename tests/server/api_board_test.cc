@@ -23,7 +23,9 @@ StandingRow Row(int64_t submission, const std::string& team, int successes, doub
   const nlohmann::json aggregate = {{"episodes", 100}, {"successes", successes},
                                     {"time_s", time},  {"effort", effort},
                                     {"pain", nullptr}, {"distance_m", nullptr}};
-  return {submission, submission + 100, team, "policy", aggregate.dump()};
+  StandingRow row{submission, submission + 100, team, "policy", aggregate.dump()};
+  row.numbers = ParseRankedNumbers(row.aggregate_json).value();
+  return row;
 }
 
 void Set(Marks& marks, int64_t submission, const std::string& mark, const std::string& why = "") {
@@ -74,6 +76,8 @@ TEST(Board, DamagedAggregatesAreTold) {
   StandingRow broken = Row(1, "alpha", 1, 1, 1);
   broken.aggregate_json = "{";
   EXPECT_TRUE(absl::IsDataLoss(MakeBoard({broken}, {}, kTiered, TeamRule::kBest).status()));
+  EXPECT_TRUE(absl::IsDataLoss(ParseRankedNumbers("{").status()));
+  EXPECT_TRUE(absl::IsDataLoss(ParseRankedNumbers("{\"time_s\":1.5}").status()));
 }
 
 TEST(Board, ExplainsByNumberAndByTeamAndSaysWhyNot) {
