@@ -9,6 +9,8 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include "protocol/base/fd.h"
+
 namespace myograde::server {
 
 // What a submission may hold. Every number is enforced; none may be below 1.
@@ -51,8 +53,22 @@ absl::Status PackArtefact(const std::string& path, const std::string& archive,
 absl::StatusOr<Artefact> UnpackArtefact(const std::string& archive, const std::string& destination,
                                         const ArtefactLimits& limits);
 
+// The two halves of UnpackArtefact, for a process that gives up its rights between
+// them. The first makes `destination` and opens all that the second needs, which
+// opens nothing but below the folder and leaves there what it made before an error;
+// after an error of the first there is no folder.
+struct UnpackPlace {
+  Fd archive;
+  Fd folder;
+};
+absl::StatusOr<UnpackPlace> OpenUnpackPlace(const std::string& archive,
+                                            const std::string& destination);
+absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLimits& limits);
+
 // Reads and checks policy.json of an unpacked artefact: strict keys, and a
-// command that is there and can be run. InvalidArgumentError otherwise.
+// command that is there and can be run. InvalidArgumentError otherwise. `folder`:
+// its path, or a descriptor.
 absl::StatusOr<ArtefactManifest> ReadManifest(const std::string& folder);
+absl::StatusOr<ArtefactManifest> ReadManifest(int folder);
 
 }  // namespace myograde::server

@@ -156,7 +156,11 @@ void CheckRuntimes(ConfigReader& reader, const std::vector<std::string>& runtime
 absl::StatusOr<ArtefactManifest> ReadManifest(const std::string& folder) {
   const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!root.valid()) return HostError(absl::StrCat("can't open the folder ", folder));
-  const absl::StatusOr<std::string> text = ReadManifestText(root.get());
+  return ReadManifest(root.get());
+}
+
+absl::StatusOr<ArtefactManifest> ReadManifest(int folder) {
+  const absl::StatusOr<std::string> text = ReadManifestText(folder);
   if (!text.ok()) return text.status();
   const absl::StatusOr<nlohmann::json> json = ParseJson(*text, "policy.json");
   if (!json.ok()) return json.status();
@@ -171,7 +175,7 @@ absl::StatusOr<ArtefactManifest> ReadManifest(const std::string& folder) {
   const absl::Status read = reader.Finish();
   if (!read.ok()) return read;
   if (!manifest.command[0].starts_with('/')) {
-    const absl::Status program = CheckProgram(root.get(), manifest.command[0]);
+    const absl::Status program = CheckProgram(folder, manifest.command[0]);
     if (!program.ok()) return program;
   }
   return manifest;

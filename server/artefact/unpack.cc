@@ -211,9 +211,9 @@ absl::Status CheckLimits(const ArtefactLimits& limits) {
 enum class Compression { kNone, kGzip, kZstd };
 
 // By the first bytes of the file. A skippable frame may stand before zstd's own.
-Compression CompressionOf(const Fd& file) {
+Compression CompressionOf(int file) {
   std::array<unsigned char, 4> magic = {};
-  if (::pread(file.get(), magic.data(), magic.size(), 0) != std::ssize(magic)) {
+  if (::pread(file, magic.data(), magic.size(), 0) != std::ssize(magic)) {
     return Compression::kNone;
   }
   if (magic[0] == 0x1f && magic[1] == 0x8b) return Compression::kGzip;
@@ -233,29 +233,45 @@ std::unique_ptr<archive, ArchiveReader> MakeReader(Compression compression) {
   return reader;
 }
 
-absl::StatusOr<Artefact> UnpackInto(const std::string& path, const std::string& destination,
-                                    const ArtefactLimits& limits) {
-  const Utf8Names utf8_names;
-  const Fd root(::open(destination.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
-  if (!root.valid() || ::fchmod(root.get(), 0755) != 0) {
-    return HostError(absl::StrCat("can't open the folder ", destination));
+}  // namespace
+
+absl::StatusOr<UnpackPlace> OpenUnpackPlace(const std::string& archive,
+                                            const std::string& destination) {
+  if (::mkdir(destination.c_str(), 0755) != 0) {
+    return HostError(absl::StrCat("can't make the folder ", destination));
   }
-  const Fd input(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  if (!input.valid()) return HostError(absl::StrCat("can't open the archive ", path));
-  const Compression compression = CompressionOf(input);
+  UnpackPlace place;
+  place.folder = Fd(::open(destination.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+  absl::Status status;
+  if (!place.folder.valid() || ::fchmod(place.folder.get(), 0755) != 0) {
+    status = HostError(absl::StrCat("can't open the folder ", destination));
+  } else {
+    place.archive = Fd(::open(archive.c_str(), O_RDONLY | O_CLOEXEC));
+    if (!place.archive.valid()) status = HostError(absl::StrCat("can't open the archive ", archive));
+  }
+  if (status.ok()) return place;
+  ::rmdir(destination.c_str());
+  return status;
+}
+
+absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLimits& limits) {
+  const absl::Status good_limits = CheckLimits(limits);
+  if (!good_limits.ok()) return good_limits;
+  const Utf8Names utf8_names;
+  const Compression compression = CompressionOf(archive);
   const auto reader = MakeReader(compression);
   const auto broken = [&](std::string_view what) {
     return absl::InvalidArgumentError(absl::StrCat(absl::string_view(what.data(), what.size()), ": ",
                                                    ReasonOf(reader.get())));
   };
-  if (archive_read_open_fd(reader.get(), input.get(), 64 << 10) != ARCHIVE_OK) {
+  if (archive_read_open_fd(reader.get(), archive, 64 << 10) != ARCHIVE_OK) {
     return broken("this is no archive of a kind that is accepted (tar, tar.gz, tar.zst, zip)");
   }
   // One layer beside the file itself: a bomb in a bomb multiplies.
   if (archive_filter_count(reader.get()) > (compression == Compression::kNone ? 1 : 2)) {
     return absl::InvalidArgumentError("the archive is compressed more than once; once is enough");
   }
-  Unpacker unpacker(reader.get(), root.get(), limits);
+  Unpacker unpacker(reader.get(), folder, limits);
   for (;;) {
     archive_entry* entry = nullptr;
     const int result = archive_read_next_header(reader.get(), &entry);
@@ -268,7 +284,7 @@ absl::StatusOr<Artefact> UnpackInto(const std::string& path, const std::string& 
     const absl::Status taken = unpacker.Take(entry);
     if (!taken.ok()) return taken;
   }
-  absl::StatusOr<ArtefactManifest> manifest = ReadManifest(destination);
+  absl::StatusOr<ArtefactManifest> manifest = ReadManifest(folder);
   if (!manifest.ok()) return manifest.status();
   const Listing& listing = unpacker.listing();
   return Artefact{.digest = listing.Digest(),
@@ -277,16 +293,12 @@ absl::StatusOr<Artefact> UnpackInto(const std::string& path, const std::string& 
                   .files = static_cast<int64_t>(listing.entries().size())};
 }
 
-}  // namespace
-
 absl::StatusOr<Artefact> UnpackArtefact(const std::string& archive, const std::string& destination,
                                         const ArtefactLimits& limits) {
-  const absl::Status good_limits = CheckLimits(limits);
-  if (!good_limits.ok()) return good_limits;
-  if (::mkdir(destination.c_str(), 0755) != 0) {
-    return HostError(absl::StrCat("can't make the folder ", destination));
-  }
-  absl::StatusOr<Artefact> artefact = UnpackInto(archive, destination, limits);
+  const absl::StatusOr<UnpackPlace> place = OpenUnpackPlace(archive, destination);
+  if (!place.ok()) return place.status();
+  absl::StatusOr<Artefact> artefact =
+      UnpackOpened(place->archive.get(), place->folder.get(), limits);
   if (!artefact.ok()) {
     std::error_code ignored;  // the first error is the one to tell
     std::filesystem::remove_all(destination, ignored);

@@ -1,6 +1,7 @@
 // Unpacking in a process of its own, for programs that others depend on: an
 // archive can make the parser slow, hungry or crash, and then only that process
-// ends.
+// ends. One that takes it over finds itself in an empty folder with no rights
+// (confine_unpack.h).
 #pragma once
 
 #include <cstdint>
@@ -26,8 +27,9 @@ struct UnpackBudget {
 absl::StatusOr<Artefact> UnpackInProcess(const std::string& archive, const std::string& destination,
                                          const ArtefactLimits& limits, const UnpackBudget& budget);
 
-// Where the arguments are those of such a process: does its work, and `status`
-// is what main returns. False: they are not.
+// Where the arguments are those of such a process: does its work and ends the
+// process, or, if they make no sense, returns with `status` for main. False: they
+// are not.
 bool RunUnpackProcess(int argc, char** argv, int& status);
 
 }  // namespace myograde::server

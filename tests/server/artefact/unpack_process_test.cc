@@ -2,14 +2,30 @@
 // that are slow or hungry.
 #include "server/artefact/unpack_process.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/sysmacros.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <csignal>
 #include <filesystem>
+#include <fstream>
+#include <functional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/fd.h"
+#include "server/artefact/confine_unpack.h"
+#include "server/artefact/listing.h"
 #include "tests/server/artefact/archives.h"
 
 namespace myograde::server {
@@ -38,6 +54,85 @@ TEST(UnpackProcess, AnswersAsUnpackArtefactDoes) {
   EXPECT_EQ(apart->bytes, here->bytes);
   EXPECT_EQ(apart->files, here->files);
   EXPECT_TRUE(fs::exists(temp / "out/policy"));
+}
+
+TEST(UnpackProcess, EveryKindOfArchiveIsUnpackedBehindTheFilter) {
+  const std::vector<Raw> entries = {
+      {"policy.json", R"({"name": "é", "command": ["./run"]})"},
+      {"run", "#!/bin/sh\n", AE_IFREG | 0755},
+      {"dé/" + std::string(120, 'n') + "/big", std::string(3 << 20, 'x')},
+      {"l", {}, AE_IFLNK | 0777, "/usr/bin/python3"}};
+  const Utf8Names utf8_names;
+  for (const Kind kind : {Kind::kTar, Kind::kTarGz, Kind::kTarZst, Kind::kZip}) {
+    const TempFolder temp;
+    WriteArchive(temp / "a", entries, kind);
+    const auto apart = UnpackInProcess(temp / "a", temp / "out", {}, kBudget);
+    ASSERT_TRUE(apart.ok()) << apart.status() << " of kind " << static_cast<int>(kind);
+    EXPECT_EQ(apart->digest, UnpackArtefact(temp / "a", temp / "out2", {})->digest);
+    EXPECT_EQ(fs::read_symlink(temp / "out/l"), "/usr/bin/python3");
+  }
+}
+
+// What became of a child that confined itself to `folder` and then did `deed`.
+int StatusOf(const std::string& folder, const std::function<bool()>& deed) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const Fd opened(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (!ConfineUnpacking(opened.get()).ok()) ::_exit(3);
+    ::_exit(deed() ? 0 : 1);
+  }
+  int status = 0;
+  EXPECT_EQ(::waitpid(child, &status, 0), child);
+  return status;
+}
+
+TEST(ConfineUnpacking, EndsTheProcessAtAForbiddenCall) {
+  const TempFolder temp;
+  const pid_t self = ::getpid();
+  const std::string old = temp / "old";
+  std::ofstream(old) << "x";
+  const std::pair<const char*, std::function<bool()>> deeds[] = {
+      {"execve", [] { return ::execl("/run", "run", nullptr) == 0; }},
+      {"fork", [] { return ::syscall(SYS_clone, SIGCHLD, 0, 0, 0, 0) >= 0; }},
+      {"socket", [] { return ::socket(AF_UNIX, SOCK_STREAM, 0) >= 0; }},
+      {"ptrace", [self] { return ::syscall(SYS_ptrace, 16, self, 0, 0) == 0; }},
+      {"kill", [self] { return ::kill(self, 0) == 0; }},
+      {"setuid", [] { return ::syscall(SYS_setuid, 0) == 0; }},
+      {"chroot", [] { return ::chroot("/") == 0; }},
+      {"unshare", [] { return ::unshare(CLONE_NEWUSER) == 0; }},
+      {"mknod", [] { return ::mknod("/null", S_IFCHR | 0666, makedev(1, 3)) == 0; }},
+      {"link", [] { return ::link("/old", "/new") == 0; }},
+      {"unlink", [] { return ::unlink("/old") == 0; }},
+      {"chown", [] { return ::chown("/old", 1, 1) == 0; }},
+      {"int 0x80", [] {
+         long result = 20;  // getpid of 32-bit programs
+         asm volatile("int $0x80" : "+a"(result) : : "memory");
+         return result > 0;
+       }},
+      {"memory to run", [] {
+         return ::mmap(nullptr, 4096, PROT_READ | PROT_WRITE | PROT_EXEC,
+                       MAP_PRIVATE | MAP_ANONYMOUS, -1, 0) != MAP_FAILED;
+       }}};
+  for (const auto& [name, deed] : deeds) {
+    const int status = StatusOf(temp.path().string(), deed);
+    EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGSYS) << name << ": " << status;
+  }
+  EXPECT_TRUE(fs::exists(old));
+}
+
+TEST(ConfineUnpacking, LeavesNoFileButThoseOfItsFolder) {
+  const TempFolder temp;
+  std::ofstream(temp / "mine") << "x";
+  const auto opens = [](const char* path, int flags) {
+    return [path, flags] { return ::openat(AT_FDCWD, path, flags | O_CLOEXEC, 0600) >= 0; };
+  };
+  const std::string folder = temp.path().string();
+  EXPECT_EQ(StatusOf(folder, opens("/mine", O_RDWR)), 0);
+  EXPECT_EQ(StatusOf(folder, opens("/new", O_WRONLY | O_CREAT | O_EXCL)), 0);
+  for (const char* path : {"/etc/passwd", "../../../../etc/passwd", "/proc/self/exe", "/dev/null"}) {
+    const int status = StatusOf(folder, opens(path, O_RDONLY));
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 1) << path << ": " << status;
+  }
 }
 
 TEST(UnpackProcess, RefusalsArriveWithTheirSentence) {

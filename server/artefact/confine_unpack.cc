@@ -1,0 +1,144 @@
+#include "server/artefact/confine_unpack.h"
+
+#include <fcntl.h>
+#include <linux/capability.h>
+#include <sched.h>
+#include <seccomp.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdint>
+#include <cstdlib>
+#include <ctime>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/fd.h"
+#include "protocol/sha256.h"
+#include "server/artefact/listing.h"
+
+namespace myograde::server {
+namespace {
+
+// What unpacking and the end of a process need. Nothing here takes a new name for
+// an old file (link, rename), a device (mknod), or a process.
+constexpr std::array kAllowed = {
+    SCMP_SYS(brk),        SCMP_SYS(clock_gettime), SCMP_SYS(close),        SCMP_SYS(exit),
+    SCMP_SYS(exit_group), SCMP_SYS(fchmod),        SCMP_SYS(fchmodat),     SCMP_SYS(fcntl),
+    SCMP_SYS(fstat),      SCMP_SYS(futex),         SCMP_SYS(getdents64),   SCMP_SYS(getpid),
+    SCMP_SYS(getrandom),  SCMP_SYS(gettid),        SCMP_SYS(gettimeofday), SCMP_SYS(lseek),
+    SCMP_SYS(madvise),    SCMP_SYS(mkdirat),       SCMP_SYS(mremap),       SCMP_SYS(munmap),
+    SCMP_SYS(newfstatat), SCMP_SYS(openat),        SCMP_SYS(openat2),      SCMP_SYS(pread64),
+    SCMP_SYS(read),       SCMP_SYS(readlinkat),    SCMP_SYS(rt_sigprocmask),
+    SCMP_SYS(rt_sigreturn), SCMP_SYS(statx),       SCMP_SYS(symlinkat),    SCMP_SYS(time),
+    SCMP_SYS(write)};
+
+#if defined(__SANITIZE_ADDRESS__)
+// What its reports and its own memory take.
+constexpr std::array kSanitizerCalls = {
+    SCMP_SYS(getcwd), SCMP_SYS(getrlimit), SCMP_SYS(ioctl),        SCMP_SYS(open),
+    SCMP_SYS(pipe),   SCMP_SYS(pipe2),     SCMP_SYS(prctl),        SCMP_SYS(prlimit64),
+    SCMP_SYS(readlink), SCMP_SYS(rt_sigaction), SCMP_SYS(sched_yield), SCMP_SYS(sigaltstack),
+    SCMP_SYS(uname)};
+#endif
+
+struct Release {
+  void operator()(void* context) const { seccomp_release(context); }
+};
+
+// Libraries read files of the system when they are first used, which is too late
+// behind the filter.
+void UseLibrariesOnce() {
+  ::setenv("TZ", "UTC0", 1);  // times in archives are not kept, and need no file of a zone
+  ::tzset();
+  (void)Sha256Hex("");
+}
+
+absl::Status Write(const char* path, const std::string& text) {
+  const Fd file(::open(path, O_WRONLY | O_CLOEXEC));
+  if (!file.valid() || ::write(file.get(), text.data(), text.size()) != std::ssize(text)) {
+    return HostError(absl::StrCat("can't write ", path));
+  }
+  return absl::OkStatus();
+}
+
+// The right to change its root, for a user who has no such right: in a user
+// namespace where there is nobody else.
+absl::Status EnterUserNamespace() {
+  const std::string uid = absl::StrCat(::geteuid(), " ", ::geteuid(), " 1");
+  const std::string gid = absl::StrCat(::getegid(), " ", ::getegid(), " 1");
+  if (::unshare(CLONE_NEWUSER) != 0) {
+    return HostError("unpacking needs a user namespace, or root, and can't have one here");
+  }
+  for (const auto& [path, text] : {std::pair("/proc/self/setgroups", std::string("deny")),
+                                   std::pair("/proc/self/gid_map", gid),
+                                   std::pair("/proc/self/uid_map", uid)}) {
+    if (absl::Status status = Write(path, text); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status EnterFolder(int folder) {
+  if (::fchdir(folder) != 0) return HostError("can't enter the folder to unpack into");
+  if (::chroot(".") == 0) return absl::OkStatus();
+  if (errno != EPERM) return HostError("can't make the folder to unpack into its own root");
+  if (absl::Status status = EnterUserNamespace(); !status.ok()) return status;
+  return ::chroot(".") == 0 ? absl::OkStatus()
+                            : HostError("can't make the folder to unpack into its own root");
+}
+
+absl::Status DropRights() {
+  __user_cap_header_struct header = {_LINUX_CAPABILITY_VERSION_3, 0};
+  const std::array<__user_cap_data_struct, _LINUX_CAPABILITY_U32S_3> none = {};
+  if (::syscall(SYS_capset, &header, none.data()) != 0 ||
+      ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) {
+    return HostError("can't give up capabilities");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status LoadFilter() {
+  const std::unique_ptr<void, Release> filter(seccomp_init(SCMP_ACT_KILL_PROCESS));
+  if (filter == nullptr) return absl::InternalError("libseccomp has no memory for a filter");
+  int result = seccomp_attr_set(filter.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS);
+  for (const int call : kAllowed) {
+    result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, 0);
+  }
+  // Memory that can be run is made by nobody who unpacks.
+  for (const int call : {SCMP_SYS(mmap), SCMP_SYS(mprotect)}) {
+    result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, 1,
+                               SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
+  }
+  // abort() ends by a signal to itself.
+  result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, SCMP_SYS(tgkill), 1,
+                             SCMP_A0(SCMP_CMP_EQ, static_cast<uint64_t>(::getpid())));
+#if defined(__SANITIZE_ADDRESS__)
+  for (const int call : kSanitizerCalls) {
+    result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, 0);
+  }
+#endif
+  if (result != 0) return absl::InternalError("libseccomp refuses a rule of the unpacking's filter");
+  if (const int error = seccomp_load(filter.get()); error != 0) {
+    errno = -error;
+    return HostError("the kernel refuses the unpacking's filter of system calls");
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status ConfineUnpacking(int folder) {
+  UseLibrariesOnce();
+  if (absl::Status status = EnterFolder(folder); !status.ok()) return status;
+  if (absl::Status status = DropRights(); !status.ok()) return status;
+  return LoadFilter();
+}
+
+}  // namespace myograde::server
