@@ -66,14 +66,17 @@ bool IgnoreOwn(const Fd& receiver, const Fd& sender) {
   return SetOption(receiver, SOL_SOCKET, SO_ATTACH_FILTER, program);
 }
 
-absl::StatusOr<Fd> OpenReceiver(const Fd& sender) {
-  Fd receiver(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+absl::StatusOr<Fd> OpenReceiver(const Fd& sender, absl::Duration patience) {
+  Fd receiver(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   if (!receiver.valid()) return Refused("socket");
   const int one = 1;
   // Every LCM program shares the port; the kernel wants both words for it.
   if (!SetOption(receiver, SOL_SOCKET, SO_REUSEADDR, one) ||
       !SetOption(receiver, SOL_SOCKET, SO_REUSEPORT, one)) {
     return Refused("sharing the port");
+  }
+  if (!SetOption(receiver, SOL_SOCKET, SO_RCVTIMEO, absl::ToTimeval(patience))) {
+    return Refused("time to wait");
   }
   if (!IgnoreOwn(receiver, sender)) return Refused("packet filter");
   const sockaddr_in address = BusAddress();
@@ -89,16 +92,20 @@ absl::StatusOr<Fd> OpenReceiver(const Fd& sender) {
 
 }  // namespace
 
-absl::StatusOr<Bus> Bus::Open() {
+absl::StatusOr<Bus> Bus::Open(absl::Duration patience) {
   absl::StatusOr<Fd> sender = OpenSender();
   if (!sender.ok()) return sender.status();
-  absl::StatusOr<Fd> receiver = OpenReceiver(*sender);
+  absl::StatusOr<Fd> receiver = OpenReceiver(*sender, patience);
   if (!receiver.ok()) return receiver.status();
   return Bus(*std::move(receiver), *std::move(sender));
 }
 
-std::span<const std::byte> Bus::Receive() {
-  const ssize_t size = recv(receiver_.get(), buffer_.data(), buffer_.size(), MSG_DONTWAIT);
+std::span<const std::byte> Bus::Receive() { return ReceiveWith(MSG_DONTWAIT); }
+
+std::span<const std::byte> Bus::Await() { return ReceiveWith(0); }
+
+std::span<const std::byte> Bus::ReceiveWith(int flags) {
+  const ssize_t size = recv(receiver_.get(), buffer_.data(), buffer_.size(), flags);
   if (size <= 0) return {};
   return {buffer_.data(), static_cast<size_t>(size)};
 }
