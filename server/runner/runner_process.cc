@@ -3,7 +3,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
-#include <sys/syscall.h>
+#include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -13,6 +13,7 @@
 #include <thread>
 #include <utility>
 
+#include <absl/cleanup/cleanup.h>
 #include <absl/strings/str_cat.h>
 #include <absl/time/clock.h>
 
@@ -36,7 +37,13 @@ struct Pipe {
 absl::StatusOr<Pipe> MakePipe() {
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0) return Errno("can't make a pipe");
-  return Pipe{Fd(ends[0]), Fd(ends[1])};
+  Pipe pipe = {Fd(ends[0]), Fd(ends[1])};
+  // Above the standard streams, so that none is overwritten before it has moved there.
+  for (Fd* end : {&pipe.read, &pipe.write}) {
+    if (end->get() <= STDERR_FILENO) *end = Fd(::fcntl(end->get(), F_DUPFD_CLOEXEC, 3));
+    if (!end->valid()) return Errno("can't move a pipe");
+  }
+  return pipe;
 }
 
 absl::Status WriteOrder(const LeaseOrder& order, const std::string& path) {
@@ -57,22 +64,38 @@ absl::Status WriteOrder(const LeaseOrder& order, const std::string& path) {
   return absl::OkStatus();
 }
 
-// Runs in the child of a possibly threaded program: system calls only.
-[[noreturn]] void ExecRunner(const char* program, const char* order_path, int in, int out,
-                             int err) {
-  ::setpgid(0, 0);
-  sigset_t none;
-  sigemptyset(&none);
-  ::sigprocmask(SIG_SETMASK, &none, nullptr);
-  for (int signal : {SIGINT, SIGTERM, SIGPIPE, SIGHUP, SIGCHLD}) ::signal(signal, SIG_DFL);
-  // Lifted above 2 first, so that no dup2 closes one that is still to be moved.
-  in = ::fcntl(in, F_DUPFD, 10);
-  out = ::fcntl(out, F_DUPFD, 10);
-  err = ::fcntl(err, F_DUPFD, 10);
-  if (::dup2(in, 0) < 0 || ::dup2(out, 1) < 0 || ::dup2(err, 2) < 0) ::_exit(126);
-  ::syscall(SYS_close_range, 3U, ~0U, 0U);
-  ::execl(program, program, "--lifeline", order_path, static_cast<char*>(nullptr));
-  ::_exit(127);
+// Spawned, not forked: a copy of the daemon's page tables would hold up its loop, the longer the
+// more it has in memory.
+absl::StatusOr<pid_t> SpawnRunner(const std::string& program, const std::string& order_path,
+                                  int in, int out, int err) {
+  posix_spawn_file_actions_t actions;
+  posix_spawnattr_t attributes;
+  ::posix_spawn_file_actions_init(&actions);
+  ::posix_spawnattr_init(&attributes);
+  const absl::Cleanup destroy = [&] {
+    ::posix_spawn_file_actions_destroy(&actions);
+    ::posix_spawnattr_destroy(&attributes);
+  };
+  ::posix_spawn_file_actions_adddup2(&actions, in, STDIN_FILENO);
+  ::posix_spawn_file_actions_adddup2(&actions, out, STDOUT_FILENO);
+  ::posix_spawn_file_actions_adddup2(&actions, err, STDERR_FILENO);
+  ::posix_spawn_file_actions_addclosefrom_np(&actions, 3);
+  sigset_t signals;
+  sigemptyset(&signals);
+  ::posix_spawnattr_setsigmask(&attributes, &signals);
+  for (int signal : {SIGINT, SIGTERM, SIGPIPE, SIGHUP, SIGCHLD}) sigaddset(&signals, signal);
+  ::posix_spawnattr_setsigdefault(&attributes, &signals);
+  ::posix_spawnattr_setpgroup(&attributes, 0);
+  ::posix_spawnattr_setflags(
+      &attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
+  std::string words[] = {program, "--lifeline", order_path};
+  char* const argv[] = {words[0].data(), words[1].data(), words[2].data(), nullptr};
+  pid_t pid = -1;
+  const int error =
+      ::posix_spawn(&pid, program.c_str(), &actions, &attributes, argv, environ);
+  if (error == 0) return pid;
+  errno = error;
+  return Errno("can't start the runner");
 }
 
 }  // namespace
@@ -95,15 +118,12 @@ absl::StatusOr<std::unique_ptr<RunnerProcess>> RunnerProcess::Start(const LeaseO
   absl::StatusOr<Pipe> err = MakePipe();
   if (!err.ok()) return err.status();
 
+  const absl::StatusOr<pid_t> pid = SpawnRunner(program, order_path, in->read.get(),
+                                                out->write.get(), err->write.get());
+  if (!pid.ok()) return pid.status();
   std::unique_ptr<RunnerProcess> runner(new RunnerProcess());
   runner->lease_ = order.lease;
-  runner->pid_ = ::fork();
-  if (runner->pid_ < 0) return Errno("can't start the runner");
-  if (runner->pid_ == 0) {
-    ExecRunner(program.c_str(), order_path.c_str(), in->read.get(), out->write.get(),
-               err->write.get());
-  }
-  ::setpgid(runner->pid_, runner->pid_);
+  runner->pid_ = *pid;
   runner->lifeline_ = std::move(in->write);
   runner->stdout_ = std::move(out->read);
   runner->stderr_ = std::move(err->read);
