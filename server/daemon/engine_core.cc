@@ -38,7 +38,7 @@ EngineCore::EngineCore(EngineOptions options, Disk& disk, ReaderPool& readers,
 EngineCore::~EngineCore() = default;
 
 absl::StatusOr<absl::Duration> EngineCore::Turn() {
-  if (absl::Status status = WriteRequests(); !status.ok()) return status;
+  WriteRequests();
   for (auto& [id, run] : running_) Listen(run);
   SeeEnds();
   TakeBackOverdue();
@@ -106,15 +106,28 @@ absl::Status EngineCore::WriteNow(const StoreChange& change) {
       absl::StrCat("the store can't be written, nothing was changed: ", store_trouble_));
 }
 
+// In one transaction, so that all of it waits for the disk once.
 absl::Status EngineCore::Flush() {
+  if (journal_.empty()) return absl::OkStatus();
+  absl::Status status = WriteNow([this](Writer& writer) { return WriteJournal(writer); });
+  if (status.ok()) journal_.clear();
+  if (status.ok() || MayPass(status)) return absl::OkStatus();
+  // One of them is refused, and those before it are to stand.
   while (!journal_.empty()) {
-    const absl::Status status = WriteNow(journal_.front());
+    status = WriteNow(journal_.front());
     if (MayPass(status)) return absl::OkStatus();
     if (!status.ok()) {
       return absl::Status(status.code(), absl::StrCat("a change of state can't be written: ",
                                                       status.message()));
     }
     journal_.pop_front();
+  }
+  return absl::OkStatus();
+}
+
+absl::Status EngineCore::WriteJournal(Writer& writer) const {
+  for (const StoreChange& change : journal_) {
+    if (absl::Status status = change(writer); !status.ok()) return status;
   }
   return absl::OkStatus();
 }
@@ -169,29 +182,38 @@ void EngineCore::Escalate() {
   }
 }
 
-absl::Status EngineCore::WriteRequests() {
-  if (requests_.empty()) return absl::OkStatus();
+void EngineCore::WriteRequests() {
+  if (requests_.empty()) return;
   const std::vector<Request> requests = std::exchange(requests_, {});
-  absl::Status ready = stopping_ ? absl::CancelledError("the daemon is stopping; try again when "
-                                                        "it is back")
-                                 : RequireWritable();
-  std::vector<absl::Status> statuses(requests.size(), ready);
-  if (ready.ok()) {
-    // In one transaction, so that all of them wait for the disk once.
-    const absl::Status all = WriteNow([&](Writer& writer) {
-      for (size_t i = 0; i < requests.size(); ++i) statuses[i] = writer.Part(requests[i].change);
-      return absl::OkStatus();
-    });
-    for (size_t i = 0; i < requests.size() && !all.ok(); ++i) {
-      // What only one of them did wrong must not be the others' harm.
-      statuses[i] = MayPass(all) ? all : WriteNow(requests[i].change);
-    }
-  }
+  std::vector<absl::Status> statuses(
+      requests.size(),
+      absl::CancelledError("the daemon is stopping; try again when it is back"));
+  if (!stopping_) WriteTogether(requests, statuses);
   for (size_t i = 0; i < requests.size(); ++i) {
     if (statuses[i].ok() && requests[i].effect) statuses[i] = requests[i].effect();
     requests[i].answer(statuses[i]);
   }
-  return absl::OkStatus();
+}
+
+// What is in the journal happened before, and goes first. All of it in one transaction, so that
+// it waits for the disk once.
+void EngineCore::WriteTogether(const std::vector<Request>& requests,
+                               std::vector<absl::Status>& statuses) {
+  const absl::Status all = WriteNow([&](Writer& writer) {
+    absl::Status status = WriteJournal(writer);
+    for (size_t i = 0; i < requests.size() && status.ok(); ++i) {
+      statuses[i] = writer.Part(requests[i].change);
+    }
+    return status;
+  });
+  if (all.ok()) return journal_.clear();
+  statuses.assign(requests.size(), all);
+  if (MayPass(all)) return;
+  // What only one of them did wrong must not be the others' harm.
+  const absl::Status ready = RequireWritable();
+  for (size_t i = 0; i < requests.size(); ++i) {
+    statuses[i] = ready.ok() ? WriteNow(requests[i].change) : ready;
+  }
 }
 
 void EngineCore::BeginShutdown() {
@@ -210,7 +232,7 @@ void EngineCore::BeginShutdown() {
 
 absl::Status EngineCore::FinishShutdown() {
   stopping_ = true;
-  (void)WriteRequests();  // answers them
+  WriteRequests();  // answers them
   for (Ending& ending : ending_) {
     ending.runner->KillNow();
     processes_.CleanUp(ending.work_dir);

@@ -197,9 +197,11 @@ class EngineCore {
   absl::Status WriteNow(const StoreChange& change);
   void ProbeStore();
   absl::Status Flush();
+  absl::Status WriteJournal(Writer& writer) const;
   void Later(StoreChange change) { journal_.push_back(std::move(change)); }
   absl::Status RequireWritable();
-  absl::Status WriteRequests();
+  void WriteRequests();
+  void WriteTogether(const std::vector<Request>& requests, std::vector<absl::Status>& statuses);
 
   // Evaluations.
   struct Loaded {
