@@ -54,9 +54,11 @@ class Grader:
         deadline = time.monotonic() + START_S
         while self.cli("status", check=False).returncode != 0:
             if self.daemon.poll() is not None or time.monotonic() > deadline:
-                raise RuntimeError("the daemon did not start:\n"
-                                   + (self.root / "daemon.log").read_text()[-2000:])
+                raise RuntimeError("the daemon did not start:\n" + self.log_tail())
             time.sleep(0.05)
+
+    def log_tail(self):
+        return (self.root / "daemon.log").read_text(errors="replace")[-2000:]
 
     def stop(self):
         if self.daemon is None:

@@ -1,0 +1,183 @@
+"""What an episode costs the daemon as evaluations, teams and queues grow.
+
+Leases are played by the tests' stand-in for the runner, which needs no time for physics, so what is
+measured is the daemon: the processor time of its process, all of its threads, from before a
+submission is accepted until its evaluation has ended, divided by the episodes played."""
+
+import json
+import pathlib
+import shutil
+import sqlite3
+import statistics
+import subprocess
+import sys
+import time
+
+import processes
+from grader import Grader
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "load"))
+import load  # noqa: E402  (its client of the daemon's socket)
+
+EPISODES_PER_LEASE = 10
+TEAM_EPISODES = 10  # of each submission when teams are counted
+DEADLINE_S = 600
+# Nothing that is measured here may be refused.
+QUOTA = {name: 1_000_000 for name in ("official_per_day", "official_total", "practice_per_day",
+                                      "practice_total", "failed_per_day", "failed_total", "waiting")}
+
+
+def spread(values):
+    return {"median": statistics.median(values), "min": min(values), "max": max(values)}
+
+
+class Stage:
+    """A daemon whose runner is the stand-in. A context, as Grader is."""
+
+    def __init__(self, build, source):
+        self.source = pathlib.Path(source).absolute()
+        self.grader = Grader(pathlib.Path(build).absolute() / "bin", self.source)
+        programs = self.grader.root / "bin"
+        programs.mkdir()
+        for program in self.grader.bin.iterdir():
+            if program.name != "myograde-runner":
+                (programs / program.name).symlink_to(program)
+        shutil.copy(self.source / "tests/server/daemon/fake_runner.py", programs / "myograde-runner")
+        (programs / "myograde-runner").chmod(0o755)
+        self.grader.environment["MYOGRADE_BIN_DIR"] = str(programs)
+        self.made = 0  # artefacts
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.grader.__exit__()
+
+    def track(self, episodes):
+        name = f"growth-{episodes}"
+        self.grader.add_track(name, {
+            "extends": "manipulation", "episodes_per_lease": min(EPISODES_PER_LEASE, episodes),
+            "seeds": {"first": 0, "count": episodes}})
+        return name
+
+    def running(self, slots):
+        self.grader.choose_data(f"data-{time.monotonic_ns()}")
+        quota = json.loads((self.source / "configs/server.json").read_text())["quota"]
+        return self.grader.running(slots=slots, quota=dict(quota, **QUOTA))
+
+    def connect(self):
+        return load.Connection(str(self.grader.data / "myograde.sock"))
+
+    @staticmethod
+    def post(connection, path, body):
+        connection.request("POST", path, body)
+        answer = connection.getresponse()
+        text = answer.read()
+        if answer.status not in (200, 201):
+            raise RuntimeError(f"POST {path}: {answer.status} {text.decode()[:300]}")
+        return json.loads(text)
+
+    def upload(self, connection):
+        """A policy like no other, so that its evaluation is official."""
+        self.made += 1
+        return self.post(connection, "/v1/artefacts", load.archive(self.made))["artefact"]
+
+    def submit(self, connection, artefact, track, team):
+        return self.post(connection, "/v1/submissions", json.dumps(
+            {"artefact": artefact, "team": team, "track": track}))
+
+    def wait(self):
+        """Until nothing waits or runs. Looks into the store, which costs the daemon nothing."""
+        deadline = time.monotonic() + DEADLINE_S
+        database = sqlite3.connect(self.grader.data / "store.db", timeout=30)
+        try:
+            database.execute("PRAGMA query_only = ON")
+            query = "SELECT count(*) FROM evaluation WHERE finished_at IS NULL"
+            while database.execute(query).fetchone()[0] != 0:
+                if time.monotonic() > deadline:
+                    raise RuntimeError("growth: the leases were not played within "
+                                       f"{DEADLINE_S} s\n" + self.grader.log_tail())
+                time.sleep(0.02)
+            states = database.execute("SELECT state, count(*) FROM evaluation GROUP BY state")
+            if any(state != "done" for state, _ in states):
+                raise RuntimeError("growth: an evaluation was not done\n" + self.grader.log_tail())
+            return [row[0] * row[1] for row in database.execute(
+                "SELECT p.page_count, s.page_size FROM pragma_page_count AS p, "
+                "pragma_page_size AS s")][0]
+        finally:
+            database.close()
+
+    def cost(self, track, teams, submissions):
+        """Processor seconds of the daemon for so many submissions by so many teams."""
+        connection = self.connect()
+        try:
+            artefacts = [self.upload(connection) for _ in range(submissions)]
+            before = processes.cpu_seconds(self.grader.daemon.pid)
+            for place, artefact in enumerate(artefacts):
+                self.submit(connection, artefact, track, f"Team {place % teams + 1}")
+        finally:
+            connection.close()
+        store_bytes = self.wait()
+        # What follows an evaluation's end on other threads belongs to it.
+        time.sleep(0.05)
+        return processes.cpu_seconds(self.grader.daemon.pid) - before, store_bytes
+
+
+def by_episodes(stage, counts, slots, repetitions):
+    rows = []
+    for episodes in counts:
+        track = stage.track(episodes)
+        costs = []
+        with stage.running(slots):
+            stage.cost(track, 1, 1)  # warm-up
+            start_bytes = stage.wait()
+            for _ in range(repetitions if episodes < 10_000 else 1):
+                seconds, store_bytes = stage.cost(track, 1, 1)
+                costs.append(seconds / episodes)
+            row = {"episodes": episodes, "daemon_cpu_s_per_episode": spread(costs),
+                   "daemon_bytes": processes.resident_bytes(stage.grader.daemon.pid)}
+        if rows:
+            # Without what an evaluation costs by itself, however short it is.
+            first = rows[0]["daemon_cpu_s_per_episode"]["median"] * counts[0]
+            row["daemon_cpu_s_per_further_episode"] = spread(
+                [(cost * episodes - first) / (episodes - counts[0]) for cost in costs])
+        if episodes >= 100:  # fewer fit into pages that were there
+            row["store_bytes_per_episode"] = (store_bytes - start_bytes) / (len(costs) * episodes)
+        rows.append(row)
+    return rows
+
+
+def by_teams(stage, counts, slots, repetitions, submissions):
+    rows = []
+    track = stage.track(TEAM_EPISODES)
+    for teams in counts:
+        costs = []
+        for _ in range(repetitions):
+            with stage.running(slots):
+                seconds, _ = stage.cost(track, teams, submissions)
+                costs.append(seconds / (submissions * TEAM_EPISODES))
+                memory = processes.resident_bytes(stage.grader.daemon.pid)
+        rows.append({"teams": teams, "daemon_cpu_s_per_episode": spread(costs),
+                     "daemon_bytes": memory})
+    return rows
+
+
+def measure(build, source, slots, quick, say):
+    """The `growth` of the bench's JSON."""
+    build = pathlib.Path(build)
+    say("growth: the scheduler's decisions")
+    done = subprocess.run([str(build / "tests/myograde_scheduler_bench"),
+                           *(["--quick"] if quick else [])],
+                          capture_output=True, text=True, timeout=600)
+    if done.returncode != 0:
+        raise RuntimeError(f"scheduler_bench: exit {done.returncode}: {done.stderr}")
+    repetitions = 2 if quick else 5
+    with Stage(build, source) as stage:
+        counts = (1, 10, 100) if quick else (1, 10, 100, 1000, 10_000)
+        say("growth: the daemon's time for evaluations of " + ", ".join(map(str, counts))
+            + " episodes")
+        episodes = by_episodes(stage, counts, slots, repetitions)
+        teams = (1, 20) if quick else (1, 2, 5, 10, 20, 50, 100, 200)
+        say("growth: the daemon's time for " + ", ".join(map(str, teams)) + " teams")
+        return {"scheduler": json.loads(done.stdout), "by_episodes": episodes,
+                "by_teams": by_teams(stage, teams, slots, 1 if quick else 3, max(teams))}
