@@ -7,6 +7,7 @@ tests/bench/README.md says what each figure is and how it is measured."""
 
 import argparse
 import datetime
+import importlib.util
 import json
 import os
 import pathlib
@@ -16,6 +17,7 @@ import subprocess
 import sys
 import time
 
+import growth
 import processes
 import storage
 from grader import Grader
@@ -89,7 +91,8 @@ class Bench:
         """Rates of whole evaluations, and the largest memory that a simulator had."""
         leases, episodes = (4, 2) if self.quick else (10, 10)
         rates, memory = [], processes.MemoryWatch("myograde-sim")
-        for _ in range(1 if self.quick else 3):
+        # A minute and more each.
+        for _ in range(2 if policy == "cpp" and not self.quick else 1):
             shown, seconds = self.evaluate(grader, kind, policy, self.cores, leases, episodes,
                                            memory)
             rates.append(sum(row["steps"] for row in shown["episode_rows"]) / seconds)
@@ -155,6 +158,10 @@ class Bench:
             return storage.measure(grader, self.build / "policies/zero", counts)
 
 
+    def growth(self):
+        return growth.measure(self.build, self.source, self.cores, self.quick, self.say)
+
+
 def epoch(text):
     return datetime.datetime.fromisoformat(text.replace("Z", "+00:00")).timestamp()
 
@@ -204,7 +211,24 @@ def table(result):
         lines.append(f"{row['episode_rows']:>9} rows: submit {1e3 * row['submit_s']['median']:.1f} ms, "
                      f"leaderboard {1e3 * row['leaderboard_s']['median']:.1f} ms, "
                      f"{row['bytes_per_row']:.0f} bytes a row")
-    return "\n".join(lines)
+    return "\n".join(lines + growth_lines(result["growth"]))
+
+
+def growth_lines(grown):
+    if grown is None:
+        return []
+    lines = []
+    for row in grown["by_episodes"]:
+        cost = row["daemon_cpu_s_per_episode"]["median"]
+        lines.append(f"{row['episodes']:>9} episodes in an evaluation: {1e3 * cost:.2f} ms of the "
+                     f"daemon for each, {row['daemon_bytes'] / 1e6:.0f} MB")
+    for row in grown["by_teams"]:
+        cost = row["daemon_cpu_s_per_episode"]["median"]
+        lines.append(f"{row['teams']:>9} teams: {1e3 * cost:.2f} ms of the daemon for an episode")
+    for row in grown["scheduler"]["by_leases"]:
+        lines.append(f"{row['leases']:>9} queued leases: next start {1e6 * row['next_s']['median']:.1f}"
+                     f" us, place in the queue {1e6 * row['place_of_s']['median']:.1f} us")
+    return lines
 
 
 def main():
@@ -212,18 +236,26 @@ def main():
     parser.add_argument("--build", required=True, help="build folder with bin/ and tests/")
     parser.add_argument("--source", required=True, help="the checkout")
     parser.add_argument("--json", metavar="FILE", help="write the JSON to FILE")
+    parser.add_argument("--plots", metavar="DIR", help="write a plot (SVG) of each curve to DIR")
     parser.add_argument("--quick", action="store_true", help="fewer repetitions, smaller stores")
     parser.add_argument("--track", action="append", choices=TRACKS, help="only this track")
     options = parser.parse_args()
     if options.json and not pathlib.Path(options.json).absolute().parent.is_dir():
         parser.error(f"--json: there is no folder for {options.json}")
+    if options.plots and importlib.util.find_spec("matplotlib") is None:
+        sys.exit("error: --plots needs matplotlib, which this Python lacks; install the Debian "
+                 "package python3-matplotlib and use /usr/bin/python3")
     bench = Bench(options)
     result = {"cores": bench.cores, "machine": platform.machine(), "quick": bench.quick,
               "load_before": os.getloadavg()[0],
               "tracks": {kind: bench.track(kind) for kind in options.track or TRACKS},
-              "store": None if options.track else bench.store()}
+              "store": None if options.track else bench.store(),
+              "growth": None if options.track else bench.growth()}
     if options.json:
         pathlib.Path(options.json).write_text(json.dumps(result, indent=2, sort_keys=True) + "\n")
+    if options.plots:
+        import plots  # only here, as it needs matplotlib
+        plots.draw(result, options.plots)
     print(table(result))
 
 

@@ -13,17 +13,7 @@ official=$cache/official-2.8.4
 scratch=$(mktemp -d "${TMPDIR:-/tmp}/myograde-differential.XXXXXX")
 trap 'rm -rf "$scratch"' EXIT
 
-if [ ! -e "$official/complete" ]; then
-  echo "Getting the official environments (230 MB of packages) ..."
-  rm -rf "$official"
-  if ! { /usr/bin/python3 -m venv "$official" &&
-    "$official/bin/pip" install -q --disable-pip-version-check --no-deps --only-binary :all: \
-      --require-hashes -r "$here/requirements.txt" && touch "$official/complete"; } >"$scratch/pip.log" 2>&1; then
-    tail -n 3 "$scratch/pip.log"
-    echo "skipped: the official packages can't be installed here; pip's last lines are above."
-    exit 77
-  fi
-fi
+"$here/../../docker/make_venv.sh" "$official" "$here/requirements.txt"
 
 "$official/bin/python" -B -W ignore "$here/record.py" --out "$scratch/golden" "$@"
 status=0

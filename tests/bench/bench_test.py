@@ -1,0 +1,99 @@
+"""What the bench makes of measurements: schema, table and plots, on recorded numbers; and that its
+measuring programs say what the schema asks for."""
+
+import importlib.util
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import xml.etree.ElementTree
+
+import jsonschema
+
+HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+import bench  # noqa: E402
+import processes  # noqa: E402
+
+SCHEMA = json.loads((HERE.parents[1] / "configs/schema/bench.json").read_text())
+RESULT = json.loads((HERE / "result.json").read_text())
+
+
+def part_schema(*path):
+    """A part of the schema, with the definitions that it refers to."""
+    part = SCHEMA
+    for key in path:
+        part = part[key]
+    return dict(part, **{"$defs": SCHEMA["$defs"]})
+
+
+class Result(unittest.TestCase):
+    def test_fits_the_schema_and_a_part_that_is_missing_does_not(self):
+        jsonschema.validate(RESULT, SCHEMA)
+        without = {key: value for key, value in RESULT.items() if key != "growth"}
+        with self.assertRaises(jsonschema.ValidationError):
+            jsonschema.validate(without, SCHEMA)
+
+    def test_the_table_names_growth_and_logs(self):
+        text = bench.table(RESULT)
+        self.assertIn("log of an episode, KB", text)
+        self.assertIn("queued leases", text)
+        self.assertIn("episodes in an evaluation", text)
+
+    def test_the_table_of_one_track_has_no_growth(self):
+        text = bench.table(dict(RESULT, store=None, growth=None))
+        self.assertNotIn("queued leases", text)
+
+    def test_logs_are_counted_as_they_lie_on_the_disk(self):
+        rows = [{"log": {"packed_bytes": 10, "bytes": 99}}, {"log": {"packed_bytes": 30}}, {}]
+        self.assertEqual(bench.log_bytes({"episode_rows": rows}), 20)
+        self.assertIsNone(bench.log_bytes({"episode_rows": [{}]}))
+
+
+class Measuring(unittest.TestCase):
+    def test_the_schedulers_times_fit_the_schema(self):
+        program = pathlib.Path(os.environ["MYOGRADE_TEST_BUILD"]) / "tests/myograde_scheduler_bench"
+        done = subprocess.run([program, "--quick"], capture_output=True, text=True, timeout=120,
+                              check=True)
+        said = json.loads(done.stdout)
+        jsonschema.validate(said, part_schema("properties", "growth", "properties", "scheduler"))
+        self.assertEqual([row["teams"] for row in said["by_teams"]], [1, 200])
+
+    def test_processor_time_is_that_of_the_process(self):
+        before = processes.cpu_seconds(os.getpid())
+        end = time.process_time() + 0.05
+        while time.process_time() < end:
+            pass
+        self.assertGreaterEqual(processes.cpu_seconds(os.getpid()) - before, 0.045)
+
+
+@unittest.skipUnless(importlib.util.find_spec("matplotlib"), "matplotlib is not installed")
+class Plots(unittest.TestCase):
+    def draw(self, result):
+        import plots
+        with tempfile.TemporaryDirectory() as folder:
+            plots.draw(result, folder)
+            return {path.name: path.read_bytes() for path in pathlib.Path(folder).iterdir()}
+
+    def test_every_curve_is_an_svg_of_its_own_with_the_same_bytes_each_time(self):
+        drawn = self.draw(RESULT)
+        self.assertEqual(set(drawn), {f"{name}.svg" for name in (
+            "steps_manipulation", "steps_locomotion", "growth_episodes", "growth_teams",
+            "growth_scheduler_leases", "growth_scheduler_teams", "growth_memory", "growth_store",
+            "growth_store_bytes")})
+        for name, content in drawn.items():
+            self.assertTrue(xml.etree.ElementTree.fromstring(content).tag.endswith("svg"), name)
+        self.assertEqual(drawn, self.draw(RESULT))
+
+    def test_one_track_alone_has_bars_only(self):
+        tracks = {"locomotion": RESULT["tracks"]["locomotion"]}
+        self.assertEqual(set(self.draw(dict(RESULT, tracks=tracks, store=None, growth=None))),
+                         {"steps_locomotion.svg"})
+
+
+if __name__ == "__main__":
+    unittest.main()

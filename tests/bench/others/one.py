@@ -1,0 +1,126 @@
+"""Control steps per second of one environment that others made, with the zero action.
+
+    one.py {myosuite,envpool,loop} {manipulation,locomotion} --steps N [--environments N]
+
+Run by others.py in the Python that has the packages. Prints one JSON object. Only steps are timed;
+what a reset takes is left out, but for EnvPool, which resets within a step."""
+
+import argparse
+import concurrent.futures
+import contextlib
+import io
+import json
+import os
+import pickle
+import subprocess
+import sys
+import time
+
+os.environ.setdefault("MUJOCO_GL", "disabled")
+
+import numpy as np  # noqa: E402  (after the choice of no renderer)
+
+NAMES = {"manipulation": "myoChallengeBimanual-v0", "locomotion": "myoChallengeOslRunRandom-v0"}
+WARM_UP = 20
+SEED = 1
+SERVICE = "bench.Environment"
+CALL_S = 120  # deadline of a call
+
+
+def official(track):
+    """The official environment, without its banner."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        import gymnasium
+        import myosuite  # noqa: F401  (registers the environments)
+        return gymnasium.make(NAMES[track])
+
+
+def play(reset, step, action, steps):
+    """Seconds that so many steps take, and how often an episode ended in them."""
+    reset()
+    seconds, ends = 0.0, 0
+    for number in range(-WARM_UP, steps):
+        start = time.perf_counter()
+        _, _, terminated, truncated, _ = step(action)
+        if number >= 0:
+            seconds += time.perf_counter() - start
+        if terminated or truncated:
+            ends += number >= 0
+            reset()
+    return {"steps": steps, "seconds": seconds, "ends": ends}
+
+
+def myosuite_env(options):
+    env = official(options.track)
+    return play(lambda: env.reset(seed=SEED), env.step, np.zeros(env.action_space.shape),
+                options.steps)
+
+
+def envpool_env(options):
+    import envpool
+    count = options.environments
+    env = envpool.make(NAMES[options.track], env_type="gymnasium", num_envs=count,
+                       num_threads=count, seed=SEED)
+    env.reset()
+    action = np.zeros((count, *env.action_space.shape), env.action_space.dtype)
+    for _ in range(WARM_UP):
+        env.step(action)
+    ends, start = 0, time.perf_counter()
+    for _ in range(options.steps):
+        _, _, terminated, truncated, _ = env.step(action)
+        ends += int(np.sum(terminated | truncated))
+    return {"steps": options.steps * count, "seconds": time.perf_counter() - start, "ends": ends}
+
+
+# --- the official style of loop: the environment behind gRPC, pickled arrays in its messages ---
+
+
+def serve(track):
+    """Serves one environment on a port that it prints; ends when its standard input does."""
+    import grpc
+    env = official(track)
+    methods = {"reset": lambda seed, _: env.reset(seed=seed), "step": lambda a, _: env.step(a),
+               "shape": lambda *_: env.action_space.shape}
+    handler = grpc.method_handlers_generic_handler(SERVICE, {
+        name: grpc.unary_unary_rpc_method_handler(call, pickle.loads, pickle.dumps)
+        for name, call in methods.items()})
+    server = grpc.server(concurrent.futures.ThreadPoolExecutor(max_workers=1))
+    server.add_generic_rpc_handlers((handler,))
+    print(server.add_insecure_port("127.0.0.1:0"), flush=True)
+    server.start()
+    sys.stdin.read()
+    server.stop(0)
+
+
+def loop_env(options):
+    import grpc
+    with subprocess.Popen([sys.executable, "-B", "-W", "ignore", __file__, "serve", options.track],
+                          stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            with grpc.insecure_channel(f"127.0.0.1:{int(server.stdout.readline())}") as channel:
+                def call(name, value):
+                    method = channel.unary_unary(f"/{SERVICE}/{name}", pickle.dumps, pickle.loads)
+                    return method(value, timeout=CALL_S, wait_for_ready=True)
+                action = np.zeros(call("shape", None))
+                return play(lambda: call("reset", SEED), lambda a: call("step", a), action,
+                            options.steps)
+        finally:
+            server.stdin.close()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=("myosuite", "envpool", "loop", "serve"))
+    parser.add_argument("track", choices=tuple(NAMES))
+    parser.add_argument("--steps", type=int, default=1)
+    parser.add_argument("--environments", type=int, default=1, help="of EnvPool, a thread each")
+    options = parser.parse_args()
+    if options.what == "serve":
+        serve(options.track)
+        return
+    measure = {"myosuite": myosuite_env, "envpool": envpool_env, "loop": loop_env}[options.what]
+    print(json.dumps(measure(options)))
+
+
+if __name__ == "__main__":
+    main()
