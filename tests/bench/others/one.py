@@ -101,7 +101,7 @@ def loop_env(options):
                 def call(name, value):
                     method = channel.unary_unary(f"/{SERVICE}/{name}", pickle.dumps, pickle.loads)
                     return method(value, timeout=CALL_S, wait_for_ready=True)
-                action = np.zeros(call("shape", None))
+                action = np.zeros(call("shape", "of an action"))
                 return play(lambda: call("reset", SEED), lambda a: call("step", a), action,
                             options.steps)
         finally:

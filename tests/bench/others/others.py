@@ -45,7 +45,9 @@ def finish(process):
         process.communicate()
         raise Unavailable(f"it was not done after {TIMEOUT_S} s") from None
     if process.returncode != 0:
-        raise Unavailable((err.strip().splitlines() or [f"exit {process.returncode}"])[-1])
+        # The last line that says something.
+        said = [line.strip() for line in err.splitlines() if len(line.strip()) > 3]
+        raise Unavailable(said[-1] if said else f"exit {process.returncode}")
     return json.loads(out.splitlines()[-1])
 
 
