@@ -96,6 +96,15 @@ struct Process {
   Fd answer;
 };
 
+// The small program beside the running one, which starts four times as fast as that would; without
+// it the running one, even if its file is another by now.
+std::string UnpackProgram() {
+  std::error_code error;
+  const std::filesystem::path running = std::filesystem::read_symlink("/proc/self/exe", error);
+  const std::string small = running.parent_path() / "myograde-unpack";
+  return !error && ::access(small.c_str(), X_OK) == 0 ? small : "/proc/self/exe";
+}
+
 absl::StatusOr<Process> Start(std::vector<std::string> words) {
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0) return HostError("can't make a pipe");
@@ -115,9 +124,9 @@ absl::StatusOr<Process> Start(std::vector<std::string> words) {
   ::posix_spawnattr_setsigmask(&attributes, &none);
   ::posix_spawnattr_setpgroup(&attributes, 0);
   ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP);
-  // The program as it runs now, even if its file was replaced by a newer one.
-  const int error =
-      ::posix_spawn(&process.pid, "/proc/self/exe", &actions, &attributes, argv.data(), environ);
+  const std::string program = UnpackProgram();
+  const int error = ::posix_spawn(&process.pid, program.c_str(), &actions, &attributes,
+                                  argv.data(), environ);
   ::posix_spawn_file_actions_destroy(&actions);
   ::posix_spawnattr_destroy(&attributes);
   if (error == 0) return process;

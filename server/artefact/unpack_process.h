@@ -19,8 +19,9 @@ struct UnpackBudget {
   int64_t memory_bytes = 0;  // of address space
 };
 
-// UnpackArtefact in a fresh copy of the running program, whose main must begin
-// with RunUnpackProcess. Any thread may call it; it returns soon after the
+// UnpackArtefact in the program myograde-unpack beside the running one, or where that
+// is not there in a fresh copy of the running one, whose main must begin with
+// RunUnpackProcess. Any thread may call it; it returns soon after the
 // budget's time at the latest. Errors as of UnpackArtefact; an archive that
 // breaks the budget or the process is an InvalidArgumentError too. Nothing is
 // left at `destination` then.
