@@ -33,6 +33,9 @@ namespace myograde::server {
 namespace {
 
 constexpr char kVerb[] = "unpack-one-archive";
+// How much nicer than the daemon it is: a crowd of uploads must not keep the daemon's own threads
+// from the processors.
+constexpr int kNice = 10;
 constexpr size_t kMaxAnswer = 8 << 20;  // a manifest's text has 64 KiB
 
 // --- the process ----------------------------------------------------------
@@ -129,7 +132,10 @@ absl::StatusOr<Process> Start(std::vector<std::string> words) {
                                   argv.data(), environ);
   ::posix_spawn_file_actions_destroy(&actions);
   ::posix_spawnattr_destroy(&attributes);
-  if (error == 0) return process;
+  if (error == 0) {
+    ::setpriority(PRIO_PROCESS, static_cast<id_t>(process.pid), kNice);
+    return process;
+  }
   errno = error;
   return HostError("can't start the process for unpacking");
 }
