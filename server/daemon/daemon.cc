@@ -1,5 +1,6 @@
 #include "server/daemon/daemon.h"
 
+#include <malloc.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -118,6 +119,8 @@ DaemonOptions WithDefaults(DaemonOptions options) {
 }
 
 absl::Status RunDaemon(const DaemonOptions& options) {
+  // With a heap for each of its threads, each would keep as much as its largest answer took.
+  mallopt(M_ARENA_MAX, 2);
   const Clock& clock = SystemClock();
   absl::StatusOr<ServerConfig> config =
       LoadServerConfig(options.configs_dir + "/server.json", options.cache_dir);

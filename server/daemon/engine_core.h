@@ -136,6 +136,7 @@ class EngineCore {
   LiveHealth Health() const;
 
  private:
+  using SeedsPtr = std::shared_ptr<const std::vector<uint64_t>>;
   // What a lease needs to be played; shared by the leases of an evaluation.
   struct Context {
     int64_t evaluation = 0;
@@ -146,7 +147,7 @@ class EngineCore {
     std::vector<std::string> command;
     std::vector<std::string> runtimes;  // host folders
     TrackPtr track;
-    std::shared_ptr<const std::vector<uint64_t>> seeds;
+    SeedsPtr seeds;
     std::map<int64_t, std::pair<int64_t, int64_t>> leases;  // id to first and last episode
   };
   using ContextPtr = std::shared_ptr<const Context>;
@@ -211,6 +212,7 @@ class EngineCore {
   absl::StatusOr<Loaded> Load(int64_t evaluation);
   absl::Status TakeUpLate();
   absl::StatusOr<TrackPtr> TrackOf(Reader& reader, const std::string& config_hash);
+  absl::StatusOr<SeedsPtr> SeedsOf(Reader& reader, const std::string& hash);
   absl::Status SettleAll();
   absl::Status Settle(int64_t evaluation);
   void Escalate();
@@ -258,6 +260,8 @@ class EngineCore {
   std::set<int64_t> to_settle_;
   std::map<int64_t, ContextPtr> contexts_;     // of unfinished evaluations
   std::map<std::string, TrackPtr> tracks_;     // by config hash
+  // By the list's hash: thousands of evaluations that wait share few lists.
+  std::map<std::string, std::weak_ptr<const std::vector<uint64_t>>> seeds_;
   std::map<int64_t, LeaseRun> running_;        // by lease
   std::vector<Ending> ending_;
   std::vector<CancelWait> cancels_;

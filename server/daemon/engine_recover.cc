@@ -25,6 +25,21 @@ absl::StatusOr<TrackPtr> EngineCore::TrackOf(Reader& reader, const std::string& 
   return track;
 }
 
+absl::StatusOr<EngineCore::SeedsPtr> EngineCore::SeedsOf(Reader& reader, const std::string& hash) {
+  if (SeedsPtr known = seeds_[hash].lock()) return known;
+  if (seeds_.size() > 2 * contexts_.size() + 16) {
+    std::erase_if(seeds_, [](const auto& entry) { return entry.second.expired(); });
+  }
+  absl::StatusOr<std::string> text = reader.SeedsJson(hash);
+  if (!text.ok()) return text.status();
+  absl::StatusOr<nlohmann::json> json = ParseJson(*text, "the store's seed list");
+  if (!json.ok()) return json.status();
+  const auto seeds =
+      std::make_shared<const std::vector<uint64_t>>(json->get<std::vector<uint64_t>>());
+  seeds_[hash] = seeds;
+  return seeds;
+}
+
 absl::StatusOr<EngineCore::Loaded> EngineCore::Load(int64_t id) {
   Loaded loaded;
   const auto context = std::make_shared<Context>();
@@ -37,9 +52,7 @@ absl::StatusOr<EngineCore::Loaded> EngineCore::Load(int64_t id) {
     if (!artefact.ok()) return artefact.status();
     absl::StatusOr<TrackPtr> track = TrackOf(reader, submission->config);
     if (!track.ok()) return track.status();
-    absl::StatusOr<std::string> text = reader.SeedsJson(submission->seeds);
-    if (!text.ok()) return text.status();
-    absl::StatusOr<nlohmann::json> seeds = ParseJson(*text, "the store's seed list");
+    absl::StatusOr<SeedsPtr> seeds = SeedsOf(reader, submission->seeds);
     if (!seeds.ok()) return seeds.status();
     context->evaluation = id;
     context->submission = submission->id;
@@ -50,8 +63,7 @@ absl::StatusOr<EngineCore::Loaded> EngineCore::Load(int64_t id) {
     context->artefact = artefact->hash;
     context->command = artefact->command;
     context->track = *track;
-    context->seeds =
-        std::make_shared<const std::vector<uint64_t>>(seeds->get<std::vector<uint64_t>>());
+    context->seeds = *std::move(seeds);
     for (const std::string& runtime : artefact->runtimes) {
       const auto it = options_.config.runtimes.find(runtime);
       // A runtime that was taken out of the settings is the grader's fault, told by the runner.
