@@ -16,6 +16,7 @@
 
 #include "protocol/base/clock.h"
 #include "server/api/unix_http_server.h"
+#include "server/artefact/known_archives.h"
 #include "server/daemon/engine.h"
 #include "server/proof/reference_check.h"
 
@@ -118,6 +119,11 @@ class Api {
                              const std::string& why);
   Result EvaluationAnswer(int64_t evaluation, bool of_submission, const Request& request);
   absl::StatusOr<ArtefactRow> Receive(const httplib::ContentReader& content, bool& is_new);
+  // Writes the body to a new file; returns its SHA-256.
+  absl::StatusOr<std::string> Spool(const httplib::ContentReader& content,
+                                    const std::string& archive) const;
+  // The artefact of an archive that came before. NotFoundError: unpack it.
+  absl::StatusOr<ArtefactRow> Known(const std::string& archive_sha256);
 
   const Options options_;
   const Tracks& tracks_;
@@ -127,6 +133,7 @@ class Api {
   std::atomic<int> uploads_ = 0;                // large ones at work
   std::counting_semaphore<> small_uploads_{8};  // places left
   std::atomic<int64_t> upload_names_ = 0;
+  KnownArchives known_archives_{4096};
 
   // Answers that are told from stale ones by the store's count of changes.
   struct KeptBoard {

@@ -7,6 +7,7 @@
 #include <absl/cleanup/cleanup.h>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/sha256.h"
 #include "server/api/api.h"
 #include "server/api/requests.h"
 #include "server/artefact/artefact.h"
@@ -54,6 +55,46 @@ absl::Status Settle(const std::string& fresh, const std::string& place) {
 
 }  // namespace
 
+absl::StatusOr<std::string> Api::Spool(const httplib::ContentReader& content,
+                                       const std::string& archive) const {
+  const Fd fd(open(archive.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+  if (!fd.valid()) {
+    return absl::ErrnoToStatus(errno, absl::StrCat(archive, ": can't be made"));
+  }
+  int64_t size = 0;
+  Sha256 hash;
+  absl::Status status;
+  const bool whole = content([&](const char* data, size_t n) {
+    size += static_cast<int64_t>(n);
+    if (size > options_.config.artefacts.archive_bytes) {
+      status = absl::OutOfRangeError(absl::StrCat(
+          "the archive is larger than ", options_.config.artefacts.archive_bytes, " bytes"));
+    } else {
+      hash.Update(std::string_view(data, n));
+      status = WriteAll(fd.get(), data, n);
+    }
+    return status.ok();
+  });
+  if (!status.ok()) return status;
+  if (!whole || size == 0) {
+    return absl::InvalidArgumentError("the archive did not arrive whole; send it again");
+  }
+  return hash.FinishHex();
+}
+
+absl::StatusOr<ArtefactRow> Api::Known(const std::string& archive_sha256) {
+  const std::optional<std::string> artefact = known_archives_.Find(archive_sha256);
+  if (!artefact.has_value()) return absl::NotFoundError("not seen before");
+  if (absl::Status status = HasFiles(*artefact); !status.ok()) return status;
+  absl::StatusOr<ArtefactRow> row = absl::InternalError("");
+  const absl::Status status = readers_.Read([&](Reader& reader) {
+    row = reader.Artefact(*artefact);
+    return row.status();
+  });
+  if (!status.ok()) return status;
+  return row;
+}
+
 absl::StatusOr<ArtefactRow> Api::Receive(const httplib::ContentReader& content, bool& is_new) {
   const absl::Duration deadline = clock_.Monotonic() + options_.config.http.upload;
   const std::string name = absl::StrCat(options_.data_dir, "/spool/", ++upload_names_);
@@ -64,28 +105,11 @@ absl::StatusOr<ArtefactRow> Api::Receive(const httplib::ContentReader& content, 
     fs::remove(archive, error);
     fs::remove_all(folder, error);
   };
-  {
-    const Fd fd(open(archive.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
-    if (!fd.valid()) {
-      return absl::ErrnoToStatus(errno, absl::StrCat(archive, ": can't be made"));
-    }
-    int64_t size = 0;
-    absl::Status status;
-    const bool whole = content([&](const char* data, size_t n) {
-      size += static_cast<int64_t>(n);
-      if (size > options_.config.artefacts.archive_bytes) {
-        status = absl::OutOfRangeError(absl::StrCat(
-            "the archive is larger than ", options_.config.artefacts.archive_bytes, " bytes"));
-      } else {
-        status = WriteAll(fd.get(), data, n);
-      }
-      return status.ok();
-    });
-    if (!status.ok()) return status;
-    if (!whole || size == 0) {
-      return absl::InvalidArgumentError("the archive did not arrive whole; send it again");
-    }
-  }
+  const absl::StatusOr<std::string> sha256 = Spool(content, archive);
+  if (!sha256.ok()) return sha256.status();
+  absl::StatusOr<ArtefactRow> known = Known(*sha256);
+  if (!absl::IsNotFound(known.status())) return known;
+
   const ArtefactLimits limits{.bytes = options_.config.artefacts.bytes,
                               .files = options_.config.artefacts.files};
   // A second is kept for the answer.
@@ -103,11 +127,13 @@ absl::StatusOr<ArtefactRow> Api::Receive(const httplib::ContentReader& content, 
   if (!status.ok()) return status;
   // What is known needs no change of the store, and no wait for the disk.
   status = readers_.Read([&](Reader& reader) { return reader.Artefact(row.hash).status(); });
-  if (status.ok()) return row;
-  if (!absl::IsNotFound(status)) return status;
-  absl::StatusOr<bool> added = engine_.AddArtefact(row, options_.config.http.request);
-  if (!added.ok()) return added.status();
-  is_new = *added;
+  if (absl::IsNotFound(status)) {
+    absl::StatusOr<bool> added = engine_.AddArtefact(row, options_.config.http.request);
+    if (added.ok()) is_new = *added;
+    status = added.status();
+  }
+  if (!status.ok()) return status;
+  known_archives_.Learn(*sha256, row.hash);
   return row;
 }
 

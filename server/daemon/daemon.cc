@@ -119,8 +119,8 @@ DaemonOptions WithDefaults(DaemonOptions options) {
 }
 
 absl::Status RunDaemon(const DaemonOptions& options) {
-  // With a heap for each of its threads, each would keep as much as its largest answer took.
-  mallopt(M_ARENA_MAX, 2);
+  // With a heap for each of its many threads, each heap would keep as much as its largest answer took.
+  mallopt(M_ARENA_MAX, 4);
   const Clock& clock = SystemClock();
   absl::StatusOr<ServerConfig> config =
       LoadServerConfig(options.configs_dir + "/server.json", options.cache_dir);
