@@ -92,7 +92,7 @@ class Bench:
         leases, episodes = (4, 2) if self.quick else (10, 10)
         rates, memory = [], processes.MemoryWatch("myograde-sim")
         # A minute and more each.
-        for _ in range(2 if policy == "cpp" and not self.quick else 1):
+        for _ in range(3 if policy == "cpp" and not self.quick else 1):
             shown, seconds = self.evaluate(grader, kind, policy, self.cores, leases, episodes,
                                            memory)
             rates.append(sum(row["steps"] for row in shown["episode_rows"]) / seconds)

@@ -131,7 +131,7 @@ def by_episodes(stage, counts, slots, repetitions):
         costs = []
         with stage.running(slots):
             _, start_bytes = stage.cost(least, 1, 1)  # warm-up
-            for _ in range(repetitions if episodes < 10_000 else 1):
+            for _ in range(repetitions if episodes < 1000 else min(2, repetitions)):
                 seconds, store_bytes = stage.cost(track, 1, 1)
                 costs.append(seconds / episodes)
             row = {"episodes": episodes, "daemon_cpu_s_per_episode": spread(costs),
