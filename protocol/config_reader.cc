@@ -185,7 +185,14 @@ absl::StatusOr<nlohmann::json> ParseJson(std::string_view text, std::string_view
   // mistake that nobody would see, so it is refused here.
   std::vector<std::set<std::string>> open_objects;
   std::string duplicate;
-  const auto watch = [&](int, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
+  bool too_deep = false;
+  const auto watch = [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
+    // Copying or writing a value takes a call for each level, so deep ones are dropped while
+    // they are read.
+    too_deep = too_deep || (depth >= kMaxJsonDepth &&
+                            (event == nlohmann::json::parse_event_t::object_start ||
+                             event == nlohmann::json::parse_event_t::array_start));
+    if (too_deep) return false;
     if (event == nlohmann::json::parse_event_t::object_start) open_objects.emplace_back();
     if (event == nlohmann::json::parse_event_t::object_end) open_objects.pop_back();
     if (event == nlohmann::json::parse_event_t::key && duplicate.empty() &&
@@ -196,6 +203,10 @@ absl::StatusOr<nlohmann::json> ParseJson(std::string_view text, std::string_view
   };
   try {
     nlohmann::json value = nlohmann::json::parse(text.begin(), text.end(), watch);
+    if (too_deep) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          View(where), ": is nested more than ", kMaxJsonDepth, " deep; make it flatter"));
+    }
     if (!duplicate.empty()) {
       return absl::InvalidArgumentError(
           absl::StrCat(View(where), ": the key \"", duplicate, "\" is there twice"));

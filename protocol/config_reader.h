@@ -73,6 +73,9 @@ class ConfigReader {
 absl::StatusOr<nlohmann::json> ReadJsonFile(const std::string& path,
                                             size_t max_bytes = 16u << 20);
 
+// Objects and arrays inside each other in what ParseJson and ReadJsonFile take.
+inline constexpr int kMaxJsonDepth = 64;
+
 // Parses JSON text; `where` names it in the error.
 absl::StatusOr<nlohmann::json> ParseJson(std::string_view text, std::string_view where);
 

@@ -21,13 +21,6 @@ bool IsHash(const std::string& text) {
   return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string::npos;
 }
 
-// Code points that would change how a board or a terminal shows what surrounds them.
-bool IsHarmful(uint32_t c) {
-  return c < 0x20 || (c >= 0x7f && c < 0xa0) || c == 0x2028 || c == 0x2029 ||
-         (c >= 0x200b && c <= 0x200f) || (c >= 0x202a && c <= 0x202e) ||
-         (c >= 0x2060 && c <= 0x206f) || c == 0xfeff;
-}
-
 std::string ReadReason(ConfigReader& reader) {
   const std::string reason = reader.String("reason");
   if (!IsPlainText(reason, kMaxReasonBytes)) {
@@ -38,24 +31,6 @@ std::string ReadReason(ConfigReader& reader) {
 }
 
 }  // namespace
-
-bool IsPlainText(const std::string& text, size_t max) {
-  if (text.empty() || text.size() > max || text.front() == ' ' || text.back() == ' ') return false;
-  for (size_t i = 0; i < text.size();) {
-    const auto byte = static_cast<unsigned char>(text[i]);
-    const size_t more = byte < 0x80 ? 0 : byte >= 0xf0 ? 3 : byte >= 0xe0 ? 2 : 1;
-    if (i + more >= text.size() || (byte >= 0x80 && byte < 0xc2)) return false;
-    uint32_t c = more == 0 ? byte : byte & (0x3fu >> more);
-    for (size_t k = 1; k <= more; ++k) {
-      const auto next = static_cast<unsigned char>(text[i + k]);
-      if ((next & 0xc0) != 0x80) return false;
-      c = c << 6 | (next & 0x3fu);
-    }
-    if (IsHarmful(c)) return false;
-    i += more + 1;
-  }
-  return true;
-}
 
 absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body) {
   ConfigReader reader(body, kWhere);

@@ -11,6 +11,7 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
+#include "server/plain_text.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
 
@@ -56,10 +57,6 @@ absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request);
 // `known` are all of the parameters that an address has.
 absl::Status CheckParameters(const httplib::Request& request,
                              const std::vector<std::string>& known);
-
-// Text that people chose: UTF-8 of 1 to `max` bytes without control characters
-// or invisible direction marks, and no space at its ends.
-bool IsPlainText(const std::string& text, size_t max);
 
 // A submission's leases: [0, count) cut at multiples of `per_lease`.
 std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease);

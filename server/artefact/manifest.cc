@@ -15,6 +15,7 @@
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
+#include "server/plain_text.h"
 
 namespace myograde::server {
 namespace {
@@ -106,13 +107,9 @@ absl::Status CheckProgram(int root, const std::string& command) {
 }
 
 void CheckName(ConfigReader& reader, const std::string& name) {
-  if (name.empty() || name.size() > kMaxNameBytes) {
-    reader.Fail("name", absl::StrCat("must have 1 to ", kMaxNameBytes, " bytes"));
-  }
-  for (const char c : name) {
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
-      reader.Fail("name", "must have no control characters");
-    }
+  if (!IsPlainText(name, kMaxNameBytes)) {
+    reader.Fail("name", absl::StrCat("must have 1 to ", kMaxNameBytes, " bytes without control or "
+                                     "invisible characters and without a space at its ends"));
   }
 }
 

@@ -19,6 +19,7 @@
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
+#include "server/plain_text.h"
 
 namespace myograde::server {
 namespace {
@@ -203,6 +204,22 @@ absl::Status PackFolder(const std::string& folder, const std::string& archive,
   return tar->Close();
 }
 
+// What of a file's name can be the name of a policy.
+std::string PolicyNameOf(const std::string& file) {
+  constexpr size_t kMaxBytes = 64;
+  std::string name;
+  for (size_t at = 0; at < file.size();) {
+    const size_t begin = at;
+    const char32_t c = TakeCodePoint(file, at);
+    if (name.size() + at - begin > kMaxBytes) break;
+    if (c != kBroken && !IsHarmful(c) && (c != ' ' || !name.empty())) {
+      name.append(file, begin, at - begin);
+    }
+  }
+  name.erase(name.find_last_not_of(' ') + 1);
+  return name.empty() ? "policy" : name;
+}
+
 absl::Status PackProgram(const std::string& program, const std::string& archive,
                          const ArtefactLimits& limits) {
   Listing listing(limits);
@@ -210,7 +227,7 @@ absl::Status PackProgram(const std::string& program, const std::string& archive,
   const absl::StatusOr<std::string> name = listing.CleanPath(base);
   if (!name.ok()) return name.status();
   const std::string manifest =
-      nlohmann::json{{"name", base.substr(0, 64)}, {"command", {"./" + base}}}.dump(
+      nlohmann::json{{"name", PolicyNameOf(base)}, {"command", {"./" + base}}}.dump(
           2, ' ', false, nlohmann::json::error_handler_t::ignore) +
       "\n";
   const Fd fd(::open(program.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));

@@ -12,6 +12,8 @@
 #include <absl/strings/str_format.h>
 #include <absl/time/clock.h>
 
+#include "server/plain_text.h"
+
 namespace myograde::server {
 namespace {
 
@@ -35,14 +37,16 @@ bool IsNumber(const std::string& cell) {
 
 std::string Harmless(std::string_view text, bool lines) {
   std::string harmless;
-  for (size_t i = 0; i < text.size(); ++i) {
-    const auto byte = static_cast<unsigned char>(text[i]);
-    // U+0080 to U+009F, which some terminals obey too, begin with C2 in UTF-8.
-    const bool second = byte == 0xc2 && i + 1 < text.size() &&
-                        static_cast<unsigned char>(text[i + 1]) < 0xa0;
-    if (second) ++i;
-    const bool kept = lines && (byte == '\n' || byte == '\t');
-    harmless += second || ((byte < 0x20 || byte == 0x7f) && !kept) ? '?' : text[i];
+  for (size_t at = 0; at < text.size();) {
+    const size_t begin = at;
+    const char32_t c = TakeCodePoint(text, at);
+    const bool kept = lines && (c == '\n' || c == '\t');
+    // A terminal that is not UTF-8's may obey a byte of 0x80 to 0x9f that stands alone.
+    if (!kept && (c == kBroken || IsHarmful(c))) {
+      harmless += '?';
+    } else {
+      harmless.append(text, begin, at - begin);
+    }
   }
   return harmless;
 }

@@ -11,8 +11,8 @@
 
 namespace myograde::server {
 
-// `text` without what a terminal would obey: control characters become '?',
-// newlines and tabs stay if `lines`.
+// `text` without what a terminal would obey, or what would turn or hide the words
+// around it (plain_text.h): that becomes '?'; newlines and tabs stay if `lines`.
 std::string Harmless(std::string_view text, bool lines = false);
 
 // Bold on a terminal, unless NO_COLOR is set.

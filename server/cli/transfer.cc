@@ -106,11 +106,13 @@ absl::StatusOr<std::string> Fetch(const Client& client, const std::string& from,
   return file.Keep();
 }
 
-// A cell by RFC 4180.
+// A cell by RFC 4180. Participants choose some of the texts, and spreadsheets run what looks like
+// a formula: those get the apostrophe that makes it text there.
 std::string CsvCell(const Json& value) {
   if (value.is_null()) return "";
   if (!value.is_string()) return value.dump();
-  const std::string text = value.get<std::string>();
+  std::string text = value.get<std::string>();
+  if (text.find_first_of("=+-@\t\r") == 0) text.insert(0, "'");
   if (!text.empty() && text.find_first_of(",\"\r\n") == std::string::npos) return text;
   std::string cell = "\"";  // empty text is quoted, so that it is not taken for nothing
   for (const char c : text) cell += c == '"' ? "\"\"" : std::string(1, c);

@@ -201,7 +201,8 @@ absl::StatusOr<ExportInfo> CheckExport(const std::string& path) {
     if (parser.in_table()) info.rows.try_emplace(parser.table(), 0);
   }
   const size_t digest = last.find(",\"sha256\":");
-  const Json trailer = last.empty() ? Json() : Json::parse("{" + last.substr(2), nullptr, false);
+  const Json trailer =
+      last.empty() ? Json() : ParseJson("{" + last.substr(2), path).value_or(Json());
   if (digest == std::string::npos || parser.in_table() || !trailer.is_object() ||
       trailer.value("format", Json()) != kFormat || !trailer.value("sha256", Json()).is_string() ||
       !trailer.value("schema", Json()).is_number_unsigned()) {
@@ -226,6 +227,9 @@ absl::Status ForEachRow(
   Parser parser(path, [&](const std::string& table, std::string_view text) {
     const Json row = Json::parse(text, nullptr, /*allow_exceptions=*/false);
     if (!row.is_object()) return Broken(path, lines.number(), "is no JSON object");
+    for (const Json& value : row) {
+      if (value.is_structured()) return Broken(path, lines.number(), "is no row of plain values");
+    }
     return on_row(table, row);
   });
   std::string line;
@@ -239,6 +243,11 @@ absl::Status ForEachRow(
 }
 
 namespace {
+
+// Larger ones would be stored as negative numbers.
+bool FitsInt64(const Json& number) {
+  return !number.is_number_unsigned() || number.get<uint64_t>() <= uint64_t{INT64_MAX};
+}
 
 // One insertion for each table, made once.
 class Inserter {
@@ -281,7 +290,7 @@ class Inserter {
       if (!fits) break;
       if (value->is_string()) {
         insert.bind(place, value->get<std::string>());
-      } else if (value->is_number_integer()) {
+      } else if (value->is_number_integer() && FitsInt64(*value)) {
         insert.bind(place, value->get<int64_t>());
       } else if (value->is_null()) {
         insert.bind(place);

@@ -3,6 +3,7 @@
 What fuzzing found lies beside them as found-*.  Use: seeds.py (no arguments)"""
 
 import gzip
+import hashlib
 import io
 import json
 import pathlib
@@ -203,7 +204,111 @@ def tars():
     seed("tar", "no-manifest", b"\2" + entry("0", "policy"))
 
 
+def logs():
+    # Recipes: track, episode, begun, seal, then 0 a step, 1 a start, 2 a text, 3 bytes, 4 jumps.
+    begin, step = b"\1\0\4\0", b"\0\0\1\2\3\4"
+    seed("episode_log", "two-steps", begin + b"\0\1" + step * 2)
+    seed("episode_log", "locomotion", b"\1\1\0\0\0\1" + step)
+    seed("episode_log", "not-begun", b"\1\0\4\1\0")
+    for seal, name in ((1, "cut-log"), (2, "too-few"), (3, "damaged"), (0xfc, "cut-off")):
+        seed("episode_log", name, begin + bytes([seal]) + b"\1" + step)
+    seed("episode_log", "nan", begin + b"\0\1\0\x08" + struct.pack("<d", float("nan")) + b"abcd")
+    seed("episode_log", "short-action", begin + b"\0\1\0\xff" + bytes(255 % 17) + b"abcd")
+    seed("episode_log", "no-start", begin + b"\0" + step)
+    text = b'{"direct":true,"leg_sets":{}}'
+    seed("episode_log", "start-by-hand", begin + b"\0\2\1" + bytes([len(text)]) + text + step)
+    seed("episode_log", "length-lies", begin + b"\0\2\x41" + bytes([len(text)]) + text)
+    seed("episode_log", "jump", begin + b"\0\1" + step + b"\4\1\1" + step)
+    event = struct.pack(">IQQII", 0xEDA1DA01, 0, 0, 1, 0xffffffff) + b"X"
+    seed("episode_log", "claims-4-gib", b"\0" + event)
+    # A zstd frame of one raw block, and one of a block that repeats a byte 128 Ki times.
+    seed("episode_log", "packed", b"\0\x28\xb5\x2f\xfd\xa0" + struct.pack("<I", len(event)) +
+         struct.pack("<I", len(event) << 3 | 1)[:3] + event)
+    seed("episode_log", "packed-run", b"\0\x28\xb5\x2f\xfd\x00\x38" +
+         struct.pack("<I", 0x20000 << 3 | 3)[:3] + b"x")
+
+
+def receipts():
+    episodes = [{"index": i, "seed": 5 + i, "outcome": "failure", "log": "a" * 64} for i in range(2)]
+    receipt = {"format": 1, "episodes": episodes, "grader": {"models": {"x-1": "c"}, "mujoco": "d"},
+               "track_kind": "x", "track_config": {}, "merkle_root": "e", "results": "f"}
+
+    def canonical(value):
+        return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False).encode()
+
+    whole = {"receipt": receipt, "signature": {"algorithm": "ed25519", "value": "0" * 128}}
+    seed("receipt", "signed", b"\1" + canonical(receipt))
+    seed("receipt", "unsigned", b"\0" + canonical(whole) + b"\n")
+    seed("receipt", "models-are-text", b"\1" + canonical({**receipt, "grader": {"models": "x-1"}}))
+    seed("receipt", "seed-is-text", b"\1" + canonical({**receipt, "episodes": [
+        {"index": 0, "seed": "5"}]}))
+    seed("receipt", "no-episodes", b"\1" + canonical({**receipt, "episodes": []}))
+    seed("receipt", "key", b"\0-----BEGIN PUBLIC KEY-----\nMCowBQYDK2VwAyEA" + b"A" * 43 +
+         b"=\n-----END PUBLIC KEY-----\n")
+
+
+def exports():
+    def change(what, line, text=b""):
+        return bytes([what, line, len(text)]) + text if what < 2 else bytes([what, line])
+
+    seed("import", "unchanged", b"\1\0")
+    seed("import", "wrong-checksum", b"\1\7" + change(1, 2, b'{"name":"x"}'))
+    for line in range(2, 48, 2):
+        seed("import", f"strange-row-{line:02}", b"\1\0" + change(1, line, json.dumps(
+            {key: "strange" for key in ("state", "outcome", "reason", "facts", "metrics", "seeds",
+                                        "command", "output", "grader", "config", "aggregate")}
+            ).encode()[:255]) + change(1, line, b'{"id":-1,"seed":-1,"first":9,"attempt":0}'))
+    seed("import", "large-number", b"\1\0" + b"".join(
+        change(1, line, b'{"id":18446744073709551615}') for line in range(1, 48)))
+    seed("import", "line-missing", b"\1\0" + change(2, 2))
+    seed("import", "row-twice", b"\1\0" + change(3, 2))
+    seed("import", "other-table", b"\1\0" + change(0, 1, b'"meta":['))
+    seed("import", "deep", b"\1\0" + change(0, 2, b'{"a":' + b"[" * 240))
+    empty = b'{"data":{\n},"format":"myograde-export","schema":3'
+    seed("import", "no-tables", b"\0" + empty + b',"sha256":"' +
+         hashlib.sha256(empty).hexdigest().encode() + b'"}\n')
+
+
+def connections():
+    get, end = b"GET /v1/health HTTP/1.1\r\n", b"\r\n\r\n"
+    post = b"POST /v1/submissions HTTP/1.1\r\nContent-Type: application/json\r\n"
+    seed("http", "get", get + b"\r\n")
+    seed("http", "two", 2 * (get + b"\r\n"))
+    seed("http", "filter", b"GET /v1/submissions?limit=5&team=%C3%A9%zz HTTP/1.1" + end)
+    seed("http", "number", b"GET /v1/submissions/999999999999999999 HTTP/1.0" + end)
+    seed("http", "post", post + b"Content-Length: 2" + end + b"{}")
+    seed("http", "post-cut", post + b"Content-Length: 200" + end + b"{}")
+    seed("http", "chunked", post + b"Transfer-Encoding: chunked" + end + b"2\r\n{}\r\n0" + end)
+    seed("http", "chunk-huge", post + b"Transfer-Encoding: chunked" + end + b"ffffffffffffffff\r\n{}")
+    seed("http", "two-lengths", post + b"Content-Length: 2\r\nContent-Length: 9" + end + b"{}")
+    seed("http", "length-negative", post + b"Content-Length: -1" + end + b"{}")
+    seed("http", "length-huge", post + b"Content-Length: 18446744073709551615" + end + b"{}")
+    seed("http", "expect", post + b"Expect: 100-continue\r\nContent-Length: 2" + end + b"{}")
+    seed("http", "gzip", post + b"Content-Encoding: gzip\r\nContent-Length: 20" + end +
+         gzip.compress(b"", mtime=0))
+    seed("http", "multipart", b"POST /v1/submissions HTTP/1.1\r\nContent-Type: multipart/form-data; "
+         b"boundary=b\r\nContent-Length: 60" + end + b"--b\r\nContent-Disposition: form-data; "
+         b"name=\"a\"\r\n\r\nx\r\n--b--\r\n")
+    seed("http", "form", b"POST /v1/submissions HTTP/1.1\r\nContent-Type: "
+         b"application/x-www-form-urlencoded\r\nContent-Length: 7" + end + b"a=b&c=d")
+    for name, ranges in (("range", b"1-9"), ("ranges", b"1-2,5-6"), ("range-end", b"-5"),
+                         ("range-beyond", b"9-999999999"), ("range-backwards", b"9-1"),
+                         ("range-overflow", b"0-99999999999999999999"),
+                         ("ranges-many", b",".join([b"0-99999"] * 900))):
+        seed("http", name, b"GET /v1/export HTTP/1.1\r\nRange: bytes=" + ranges + end)
+    seed("http", "long-header", get + b"A: " + b"x" * 8000 + end)
+    seed("http", "long-path", b"GET /v1/" + b"9" * 8100 + b" HTTP/1.1" + end)
+    seed("http", "no-end", get + b"A: b")
+    seed("http", "other-protocol", b"\x16\x03\x01\x02\x00\x01\x00")
+    seed("http", "upgrade", b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n")
+
+
+def deep():
+    seed("request", "deep", b"\2" + b'{"reason":' + b"[" * 4000)
+    seed("manifest", "deep", b'{"name":' + b"[" * 4000 + b"]" * 4000 + b"}")
+
+
 if __name__ == "__main__":
     for write in (datagrams, messages, conversations, frames, records, configs, submissions, archives,
-                  tars):
+                  tars, logs, receipts, exports, connections, deep):
         write()

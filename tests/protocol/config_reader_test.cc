@@ -106,6 +106,22 @@ TEST(ParseJson, TellsLineAndColumnOfBrokenText) {
   EXPECT_FALSE(ParseJson("{} {}", "f.json").ok());
 }
 
+TEST(ParseJson, RefusesWhatIsNestedTooDeeply) {
+  const auto nested = [](int depth) {
+    const auto size = static_cast<size_t>(depth);
+    return std::string(size, '[') + "1" + std::string(size, ']');
+  };
+  EXPECT_TRUE(ParseJson(nested(kMaxJsonDepth), "f.json").ok());
+  EXPECT_FALSE(ParseJson(nested(kMaxJsonDepth + 1), "f.json").ok());
+  // As much as a body of the API may hold; written again, it would overflow a stack.
+  const auto deep = ParseJson(nested(1'000'000), "f.json");
+  EXPECT_THAT(std::string(deep.status().message()), HasSubstr("f.json: is nested more than 64 deep"));
+  std::string objects;
+  for (int i = 0; i < 100'000; ++i) objects += R"({"k":)";
+  EXPECT_FALSE(ParseJson(objects, "f.json").ok());
+  EXPECT_FALSE(ParseJson(objects + "1" + std::string(100'000, '}'), "f.json").ok());
+}
+
 TEST(ParseJson, RefusesAKeyThatIsThereTwiceInOneObject) {
   EXPECT_TRUE(ParseJson(R"({"a": {"k": 1}, "b": {"k": 1}, "k": [{"k": 1}, {"k": 1}]})", "f").ok());
   const auto twice = ParseJson(R"({"a": {"k": 1, "b": [{}], "k": 2}})", "f.json");

@@ -73,7 +73,8 @@ TEST(IsPlainText, RefusesWhatWouldPlayTricksOnABoard) {
   }
   for (const char* bad :
        {"", " a", "a ", "a\n", "\x1b[2J", "a\x7f", "a\xc2\x9b" "b", "a\xe2\x80\xae" "b",
-        "a\xe2\x80\x8b" "b", "\xef\xbb\xbf" "a", "a\xe2\x80\xa8" "b", "\xe2\x82"}) {
+        "a\xe2\x80\x8b" "b", "\xef\xbb\xbf" "a", "a\xe2\x80\xa8" "b", "\xe2\x82",
+        "\xc2\xad", "a\xf3\xa0\x81\x81" "b", "\xed\xa0\x80", "\xe0\x80\x80", "\xf4\x90\x80\x80", "\xff"}) {
     EXPECT_FALSE(IsPlainText(bad, 64)) << bad;
   }
   EXPECT_TRUE(IsPlainText(std::string(64, 'x'), 64));

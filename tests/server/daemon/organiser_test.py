@@ -229,6 +229,16 @@ class Files(OrganiserCase):
         self.assertIn('"a ""test"", with commas"', marks)
         self.assertEqual((folder / "episode.csv").read_bytes().count(b"\r\n"), 19)
 
+    def test_no_cell_of_a_csv_is_a_formula(self):
+        self.fill()
+        for text in ("=HYPERLINK(1)", "+1", "-1", "@SUM(1)"):
+            self.ask("baseline", 1, "--reason", text)
+        folder = self.folder / "csv"
+        self.ask("export", folder, "--format", "csv", schema="export")
+        marks = (folder / "mark.csv").read_text()
+        for text in ("'=HYPERLINK(1)", "'+1", "'-1", "'@SUM(1)"):
+            self.assertIn(f",{text}", marks)
+
     def test_a_backup_is_a_store(self):
         self.fill()
         file = self.folder / "backup.db"

@@ -1,0 +1,125 @@
+// The bytes of one connection to the API's socket, against the server that the
+// daemon uses, with handlers that do what the API's do with requests. Each
+// connection must come to its end in time, and the server must answer the next.
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cstring>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/clock.h"
+#include "protocol/config_reader.h"
+#include "server/api/requests.h"
+#include "server/api/unix_http_server.h"
+#include "tests/fuzz/fuzz.h"
+
+using namespace myograde;
+using namespace myograde::server;
+using fuzz::Require;
+
+namespace {
+
+constexpr absl::Duration kRequest = absl::Seconds(2);
+constexpr int64_t kBody = 4096;
+
+void Install(UnixHttpServer& server) {
+  using httplib::Request;
+  using httplib::Response;
+  server.Get("/v1/health", [](const Request&, Response& response) {
+    response.set_content("{\"state\":\"ready\"}\n", "application/json");
+  });
+  server.Get("/v1/submissions", [](const Request& request, Response& response) {
+    const auto filter = ParseFilter(request);
+    response.status = filter.ok() ? 200 : 400;
+    response.set_content(std::string(filter.status().message()), "text/plain");
+  });
+  server.Get(R"(/v1/submissions/(\d{1,18}))", [](const Request& request, Response& response) {
+    response.set_content(std::to_string(std::stoll(request.matches[1])), "text/plain");
+  });
+  server.Get("/v1/export", [](const Request&, Response& response) {
+    response.set_content_provider(
+        100'000, "application/json", [](size_t offset, size_t length, httplib::DataSink& sink) {
+          Require(offset + length <= 100'000, "a range lies in its file");
+          const std::string part(std::min<size_t>(length, 1 << 16), 'x');
+          return sink.write(part.data(), part.size());
+        });
+  });
+  server.Post("/v1/submissions", [](const Request&, Response& response,
+                                    const httplib::ContentReader& content) {
+    std::string body;
+    const bool whole = content([&](const char* data, size_t size) {
+      body.append(data, size);
+      return static_cast<int64_t>(body.size()) <= kBody;
+    });
+    if (!whole) UnixHttpServer::HangUpAfter();
+    const absl::StatusOr<nlohmann::json> json = ParseJson(body, "request");
+    response.status = !whole ? 413 : json.ok() && ParseSubmit(*json).ok() ? 201 : 400;
+    response.set_content("{}", "application/json");
+  });
+  server.set_payload_max_length(1 << 16);
+}
+
+class World {
+ public:
+  World() : server_({.workers = 2, .clients = 8, .request = kRequest, .upload = kRequest,
+                     .idle = kRequest, .body_bytes = kBody}) {
+    Install(server_);
+    Require(server_.Start(path()).ok(), "a server starts");
+  }
+
+  // Everything that is answered to `bytes`, after which the client has no more to say.
+  std::string Talk(std::string_view bytes) const {
+    const Fd fd(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    sockaddr_un address = {};
+    address.sun_family = AF_UNIX;
+    const std::string path = this->path();
+    std::memcpy(address.sun_path, path.data(), path.size());
+    Require(connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0,
+            "the server is there");
+    while (!bytes.empty()) {
+      const ssize_t n = send(fd.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
+      if (n <= 0) break;  // it hung up
+      bytes.remove_prefix(static_cast<size_t>(n));
+    }
+    shutdown(fd.get(), SHUT_WR);
+    // A request has its time, and one that is not finished waits for its end as well.
+    const absl::Duration deadline = SystemClock().Monotonic() + 3 * kRequest;
+    std::string answer;
+    char buffer[1 << 16];
+    for (;;) {
+      pollfd entry = {fd.get(), POLLIN, 0};
+      const absl::Duration left = deadline - SystemClock().Monotonic();
+      Require(left > absl::ZeroDuration(), "a connection ends in time");
+      if (poll(&entry, 1, static_cast<int>(absl::ToInt64Milliseconds(left)) + 1) <= 0) continue;
+      const ssize_t n = recv(fd.get(), buffer, sizeof(buffer), 0);
+      if (n <= 0) return answer;
+      answer.append(buffer, static_cast<size_t>(n));
+      // A kept connection may ask often, each answer is bounded.
+      Require(answer.size() < (64u << 20), "answers are bounded");
+    }
+  }
+
+ private:
+  std::string path() const { return folder_ / "s"; }
+
+  const fuzz::Folder folder_;
+  UnixHttpServer server_;
+};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  static const World world;
+  const std::string answer = world.Talk({reinterpret_cast<const char*>(data), size});
+  Require(answer.empty() || answer.starts_with("HTTP/1.1 "), "an answer is one of HTTP");
+  static int64_t round = 0;
+  if (round++ % 64 == 0) {
+    Require(world.Talk("GET /v1/health HTTP/1.1\r\nConnection: close\r\n\r\n")
+                    .starts_with("HTTP/1.1 200"),
+            "the next client is served");
+  }
+  return 0;
+}
