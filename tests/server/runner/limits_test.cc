@@ -267,6 +267,24 @@ TEST_F(SimTest, AFilterThatWouldLetItStartProgramsIsRefused) {
   ExpectGradersFault(Play(ScriptOrder("exec sleep 1000")), "never allows execve");
 }
 
+TEST_F(SimTest, TheFewestFilesThatMayBeOpenAreEnough) {
+  nlohmann::json json = nlohmann::json::parse(std::ifstream(Config()));
+  const auto play = [&](int sim_files, int policy_files) {
+    json["open_files"] = sim_files;
+    std::ofstream(Config()) << json;
+    budgets_["open_files"] = policy_files;
+    return Play(ScriptOrder("ulimit -n; exit 7"));
+  };
+  const Outcomes outcomes = play(32, 16);
+  ASSERT_EQ(outcomes.episodes.size(), 1u) << outcomes.end->detail;
+  EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
+  EXPECT_THAT(outcomes.episodes[0].fault.detail, HasSubstr("status 7"));
+  EXPECT_EQ(outcomes.end->stdout_tail, "16\n");
+  for (const int fewer : {-1, 0, 3, 8, 31}) {
+    ExpectGradersFault(play(fewer, 16), "must be from 32");
+  }
+}
+
 TEST_F(SimTest, ItsUserIsNotThePolicys) {
   if (geteuid() != 0) GTEST_SKIP() << "an ordinary user has one user only";
   std::array<uid_t, 2> users = {0, 0};
