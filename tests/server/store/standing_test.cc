@@ -1,0 +1,108 @@
+// The view that boards are made of, and the count that tells a kept board from a stale one.
+#include <gtest/gtest.h>
+
+#include "server/store/schema.h"
+#include "tests/server/store/store_fixture.h"
+
+namespace myograde::server {
+namespace {
+
+// The time has no short binary form: it must come back with every bit.
+constexpr char kAggregate[] =
+    R"({"distance_m":null,"effort":0.1,"episodes":4,"pain":null,"successes":3,"time_s":0.3333333333333333})";
+
+class StandingTest : public StoreTest {
+ protected:
+  void Play(const Accepted& accepted) {
+    for (size_t i = 0; i < accepted.leases.size(); ++i) {
+      const int64_t lease = accepted.leases[i];
+      ASSERT_TRUE(Start(lease, 1).ok());
+      for (const int64_t index : {2 * i, 2 * i + 1}) ASSERT_TRUE(Record(accepted, index, 1).ok());
+      ASSERT_TRUE(Write([&](Writer& w) { return w.FinishLease(lease, 1, "{}", "daemon"); }).ok());
+    }
+  }
+
+  absl::Status Write(const std::function<absl::Status(Writer&)>& change) {
+    return store_->Write(change);
+  }
+
+  void End(const Accepted& accepted) {
+    const absl::Status status = Write([&](Writer& writer) {
+      absl::Status written = writer.EndEvaluation(accepted.evaluation, EvaluationState::kDone, "",
+                                                  std::string(64, 'e'), "daemon");
+      written.Update(writer.SetStanding(accepted.evaluation, kAggregate));
+      return written;
+    });
+    ASSERT_TRUE(status.ok()) << status;
+  }
+
+  int64_t Changes() {
+    int64_t changes = -1;
+    Read([&](Reader& reader) { changes = reader.BoardChanges(); });
+    return changes;
+  }
+};
+
+TEST_F(StandingTest, HoldsTheNumbersOfTheTextWithEveryBit) {
+  const Accepted accepted = Submit();
+  Play(accepted);
+  End(accepted);
+  Read([&](Reader& reader) {
+    const std::vector<StandingRow> rows = reader.Standings(std::string(64, 'c'));
+    ASSERT_EQ(rows.size(), 1u);
+    EXPECT_EQ(rows[0].aggregate_json, kAggregate);
+    EXPECT_EQ(rows[0].numbers.successes, 3);
+    EXPECT_EQ(rows[0].numbers.episodes, 4);
+    EXPECT_EQ(rows[0].numbers.time_s, 0.3333333333333333);
+    EXPECT_EQ(rows[0].numbers.effort, 0.1);
+    EXPECT_EQ(rows[0].numbers.pain, std::nullopt);
+    EXPECT_EQ(rows[0].numbers.distance_m, std::nullopt);
+  });
+}
+
+TEST_F(StandingTest, RefusesATextWithoutTheNumbers) {
+  const Accepted accepted = Submit();
+  const absl::Status status =
+      Write([&](Writer& writer) { return writer.SetStanding(accepted.evaluation, "{}"); });
+  EXPECT_TRUE(absl::IsDataLoss(status)) << status;
+}
+
+TEST_F(StandingTest, PracticeLeavesBoardsAsTheyAreAndOfficialEvaluationsDoNot) {
+  const absl::StatusOr<Accepted> practice = TrySubmit("alpha", 'b', /*ranked=*/false);
+  ASSERT_TRUE(practice.ok()) << practice.status();
+  const Accepted official = Submit();
+  Play(*practice);
+  Play(official);
+  const int64_t before = Changes();
+  End(*practice);
+  EXPECT_EQ(Changes(), before);
+  End(official);
+  const int64_t after = Changes();
+  EXPECT_GT(after, before);
+  ASSERT_TRUE(Write([](Writer& writer) { return writer.DropStandings(); }).ok());
+  EXPECT_GT(Changes(), after);
+}
+
+TEST_F(StandingTest, AStoreOfTheVersionBeforeGetsItsViewAnew) {
+  store_.reset();
+  const std::string path = dir_ + "/older.db";
+  {
+    SQLite::Database db(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    db.exec(SchemaMigrations()[0]);
+    db.exec(SchemaMigrations()[1]);
+    db.exec("PRAGMA user_version = 2");
+  }
+  ASSERT_TRUE(Store::Open(path, clock_).ok());
+  SQLite::Database db(path);
+  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM pragma_table_info('standing')").getInt(), 8);
+  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM sqlite_master WHERE type = 'trigger' AND name "
+                          "LIKE 'board_by_%'").getInt(), 5);
+}
+
+TEST_F(StandingTest, AnEpisodesRowFitsIntoAPage) {
+  SQLite::Database db(path_);
+  EXPECT_EQ(db.execAndGet("PRAGMA page_size").getInt(), 8192);
+}
+
+}  // namespace
+}  // namespace myograde::server
