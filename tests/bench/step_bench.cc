@@ -9,6 +9,7 @@
 //   mjstep  five plain mj_step
 // Each repetition times all three, one after the other, so that a ratio compares neighbours in
 // time. With several threads each plays its own environment, and all start each part together.
+// Afterwards one episode is played with MuJoCo's own timers, which cost a little, and are off before.
 #include <algorithm>
 #include <barrier>
 #include <chrono>
@@ -208,6 +209,22 @@ std::vector<double> Ratios(const std::vector<double>& over, const std::vector<do
   return ratios;
 }
 
+mjtNum Seconds64() {
+  return Seconds(Clock::now().time_since_epoch()).count();
+}
+
+// Seconds of a control step that MuJoCo's own timers tell, by part: sums of the parts' calls.
+nlohmann::json Timers(Player& player, uint64_t seed, int steps) {
+  mjcb_time = Seconds64;
+  const double all = PlayEnvironment(player, 0, seed, steps);
+  mjcb_time = nullptr;
+  nlohmann::json parts = {{"control_step", all / steps}};
+  for (int i = 0; i < mjNTIMER; ++i) {
+    parts[mjTIMERSTRING[i]] = player.data->timer[i].duration / steps;
+  }
+  return parts;
+}
+
 int Main(int argc, char** argv) {
   const Options options = Parse(argc, argv);
   const char* cache = std::getenv("MYOGRADE_CACHE");
@@ -234,6 +251,7 @@ int Main(int argc, char** argv) {
       {"mjstep", Summary(rates.mjstep)},
       {"env_over_engine", Summary(Ratios(rates.env, rates.engine))},
       {"env_over_mjstep", Summary(Ratios(rates.env, rates.mjstep))},
+      {"timers_s", Timers(players[0], config->seeds[0], options.steps)},
       {"env_step_s",
        {{"p50", Quantile(latency, 0.5)}, {"p99", Quantile(latency, 0.99)}, {"max", Quantile(latency, 1)}}}};
   std::printf("%s\n", result.dump(2).c_str());
