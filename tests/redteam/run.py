@@ -33,6 +33,7 @@ def arguments():
     parser.add_argument("--user", type=int, metavar="UID",
                         help="as root: run the daemon as this ordinary user")
     options = parser.parse_args()
+    options.build = options.build.resolve()  # the daemon runs in a folder of its own
     if options.mix is not None and options.mix < 1:
         parser.error("--mix needs a number of seconds from 1")
     if options.user is not None and (options.user < 1 or os.geteuid() != 0):
