@@ -16,7 +16,9 @@ import jsonschema
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
+sys.path.insert(0, str(HERE / "others"))
 import bench  # noqa: E402
+import others  # noqa: E402
 import processes  # noqa: E402
 
 SCHEMA = json.loads((HERE.parents[1] / "configs/schema/bench.json").read_text())
@@ -52,6 +54,36 @@ class Result(unittest.TestCase):
         rows = [{"log": {"packed_bytes": 10, "bytes": 99}}, {"log": {"packed_bytes": 30}}, {}]
         self.assertEqual(bench.log_bytes({"episode_rows": rows}), 20)
         self.assertIsNone(bench.log_bytes({"episode_rows": [{}]}))
+
+
+class Others(unittest.TestCase):
+    def figures(self):
+        def rates(one, many):
+            return {name: {"median": rate, "min": rate, "max": rate}
+                    for name, rate in (("one_core", one), ("all_cores", many)) if rate}
+        figures = {"myosuite": rates(400, 800), "loop": rates(200, 400),
+                   "envpool": {"skipped": "no network here"}, "env": rates(500, 1000),
+                   "evaluation": rates(None, 900), "evaluation_python": rates(None, 800)}
+        return dict(figures, ratios=others.ratios(figures))
+
+    def test_ratios_are_of_what_both_have(self):
+        found = self.figures()["ratios"]
+        self.assertEqual(found["env_over_myosuite_one_core"], 1.25)
+        self.assertEqual(found["evaluation_over_loop_all_cores"], 2.25)
+        self.assertNotIn("evaluation_over_loop_one_core", found)
+        self.assertFalse([name for name in found if "envpool" in name])
+
+    def test_the_table_says_why_something_is_skipped(self):
+        text = others.table({"tracks": {"locomotion": self.figures()}})
+        self.assertIn("skipped: no network here", text)
+        self.assertIn("2.50 / 2.50", text)
+
+    def test_a_program_that_fails_is_skipped_with_its_reason(self):
+        options = type("Options", (), {"quick": True})
+        found = others.other("/bin/false", "", "myosuite", "locomotion", options, 2)
+        self.assertEqual(found, {"skipped": "exit 1"})
+        self.assertEqual(others.other("", "no\n  network", "loop", "locomotion", options, 2),
+                         {"skipped": "no network"})
 
 
 class Measuring(unittest.TestCase):
