@@ -1,9 +1,13 @@
 // Every budget of a policy, broken by a small program: what it is called, and
 // that the evidence holds limit, value, step and the program's last words. And
 // what the simulator's own end means.
+#include <sys/mman.h>
+#include <sys/wait.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <cstring>
 
 #include <nlohmann/json.hpp>
 
@@ -216,6 +220,42 @@ TEST_F(LimitsTest, TheBridgesDeathIsTheParticipants) {
   EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
 }
 
+// The folder of the control group that counts a process's memory.
+std::string MemoryGroupOf(pid_t pid) {
+  std::ifstream file(absl::StrCat("/proc/", pid, "/cgroup"));
+  std::string found;
+  for (std::string line; std::getline(file, line);) {
+    const size_t path = line.find(':', line.find(':') + 1) + 1;
+    if (line.find(":memory:") != std::string::npos) {
+      return "/sys/fs/cgroup/memory" + line.substr(path);
+    }
+    if (line.starts_with("0::")) found = "/sys/fs/cgroup" + line.substr(path);
+  }
+  return found;
+}
+
+// For RunnerTest::meddle_: once, another process takes `bytes` in the simulator's control group, where
+// the simulator is the one to be killed for want of memory.
+std::function<void(pid_t)> Crowd(size_t bytes) {
+  return [=, done = false](pid_t runner) mutable {
+    if (done) return;
+    for (const pid_t sim : ProcessesBelow(runner, "myograde-sim")) {
+      const std::string procs = MemoryGroupOf(sim) + "/cgroup.procs";
+      const pid_t child = fork();
+      if (child == 0) {
+        std::ofstream(absl::StrCat("/proc/", sim, "/oom_score_adj")) << 1000;
+        std::ofstream(procs) << getpid();
+        void* memory =
+            mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+        if (memory != MAP_FAILED) memset(memory, 1, bytes);
+        sleep(2);  // for a simulator that has yet to load its model
+        _exit(0);
+      }
+      done = child > 0 && waitpid(child, nullptr, 0) == child;
+    }
+  };
+}
+
 // Configs of their own for the simulator.
 class SimTest : public RunnerTest {
  protected:
@@ -265,6 +305,17 @@ TEST_F(SimTest, AFilterThatWouldLetItStartProgramsIsRefused) {
   json["allowed_system_calls"].push_back("execve");
   std::ofstream(Config()) << json;
   ExpectGradersFault(Play(ScriptOrder("exec sleep 1000")), "never allows execve");
+}
+
+TEST_F(SimTest, OneWithoutMemoryIsTheGradersFault) {
+  if (geteuid() != 0 || !HasGroups()) GTEST_SKIP() << "no control group that tells of it here";
+  constexpr int64_t kLeast = 256 << 20;
+  nlohmann::json json = nlohmann::json::parse(std::ifstream(Config()));
+  json["memory_bytes"] = kLeast;
+  std::ofstream(Config()) << json;
+  meddle_ = Crowd(kLeast - (1 << 20));
+  ExpectGradersFault(Play(ScriptOrder("exec sleep 1000")),
+                     "the simulator used all of its 268435456 bytes of memory");
 }
 
 TEST_F(SimTest, TheFewestFilesThatMayBeOpenAreEnough) {
