@@ -108,8 +108,10 @@ int DenyByArgument(scmp_filter_ctx filter) {
   for (const uint64_t request : {TIOCSTI, TIOCLINUX}) {
     result |= DenyIf(filter, SCMP_SYS(ioctl), SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, request));
   }
-  // Both tell of other users of a file that two sandboxes see, such as /usr.
-  for (const uint64_t command : {F_NOTIFY, F_SETLEASE}) {
+  // All tell of other users of a file that two sandboxes see, such as /usr: news, leases and locks
+  // of now, and hints that older kernels let anybody write into a file's inode, where they stay.
+  for (const uint64_t command : {F_NOTIFY, F_SETLEASE, F_GETLK, F_OFD_GETLK, F_GET_RW_HINT,
+                                 F_SET_RW_HINT, F_GET_FILE_RW_HINT, F_SET_FILE_RW_HINT}) {
     result |= DenyIf(filter, SCMP_SYS(fcntl), SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, command));
   }
   result |= DenyIf(filter, SCMP_SYS(prctl), SCMP_A0(SCMP_CMP_MASKED_EQ, kLowHalf, kPrSchedCore));

@@ -207,10 +207,11 @@ WALLS = (
     Case(41, "two that talk to each other", "c41_covert_pair.py",
          (Variant(("listens",), track="rt-patient", beside=("speaks",),
                   reports={f"heard_{way}": "0" for way in (
-                      "lock", "name", "segment", "file", "watch", "key")}),)),
+                      "lock", "name", "segment", "file", "watch", "key", "holder", "hint")}),)),
     Case(42, "one that leaves messages for the next", "c42_leaves_messages.py",
          (Variant(repeat=2, reports={"found_files": "0", "found_segment": "0", "found_queue": "0",
-                                     "found_key": "0", "left": "files"}),)),
+                                     "found_key": "0", "found_hint": "0", "found_time": "0",
+                                     "left": "files"}),)),
     Case(43, "wants all processors", "c43_wants_processors.py",
          (Variant(track="rt-patient", denied=("nice", "fifo", "round_robin"),
                   at_most={"busy_tenths": 13}, lacking={"cgroup_cpu": SCORED}),)),

@@ -1,4 +1,4 @@
-"""Cases 47, 48 and 73: what must be refused when it is handed in, with a reason, before anything
+"""Cases 47, 48, 73 and 74: what must be refused when it is handed in, with a reason, before anything
 of it runs."""
 
 import contextlib
@@ -185,6 +185,63 @@ def run_manifests(suite):
     return mistakes
 
 
+# What a name of a team or policy must not hold: what a terminal obeys in its two forms, what turns
+# the words around it, what is not seen, lines, spaces at its ends, nothing at all.
+TRICKS = {"escape": "a\x1b[2J", "csi": "a\x9b2J", "title": "a\x1b]0;x\x07", "delete": "a\x7f",
+          "turned": "a\u202etxt", "isolated": "a\u2066b", "unseen": "a\u200bb", "soft": "a\u00adb",
+          "tagged": "a\U000e0041", "first": "\ufeffa", "lines": "a\nb", "paragraph": "a\u2029b",
+          "return": "a\rb", "tab": "a\tb", "end": "a ", "begin": " a", "empty": "", "long": "a" * 65}
+# Fine, if odd: what they hold must arrive as text and nothing else.
+ODD = ("=HYPERLINK(1)", "@SUM(1)", "'; DROP TABLE team; --", "../../etc", "%s%n", "null", "-1",
+       "<b>a</b>", "Équipe \U0001f600", "${HOME}")
+
+
+def _tricked(text):
+    """What of `text` a terminal or a reader would fall for."""
+    return [c for c in text if c in "\x1b\x9b\x07\r\u202e\u2066\u200b\u00ad\ufeff\u2029"]
+
+
+def run_names(suite):
+    """Names that play tricks on those who read a board."""
+    host = suite.host
+    folder = host.root / "names"
+    folder.mkdir(exist_ok=True)
+    (folder / "run").write_text("#!/bin/sh\nprintf '\\342\\200\\256turned \\302\\2332J' >&2; exit 3\n")
+    (folder / "run").chmod(0o755)
+    mistakes = []
+
+    def write(name):
+        (folder / "policy.json").write_text(json.dumps({"name": name, "command": ["./run"]}))
+
+    for kind, name in TRICKS.items():
+        write(name)
+        mistakes += _refused(f"a policy's name: {kind}",
+                             host.cli("submit", folder, "--track", "rt", "--team", "Names"))
+        write("fine")
+        if kind not in ("empty",):
+            mistakes += _refused(f"a team's name: {kind}",
+                                 host.cli("submit", folder, "--track", "rt", f"--team={name}"))
+        body = json.dumps({"artefact": "0" * 64, "team": name, "track": "rt"})
+        mistakes += _api_refuses(f"a team by HTTP: {kind}", host, "/v1/submissions", body)
+    for name in ODD:
+        write(name)
+        done = host.cli("submit", folder, "--track", "rt-start", f"--team={name}", "--episodes", 1,
+                        "--json")
+        if done.returncode != 0:
+            mistakes.append(f"{name!r} was refused: {done.stderr.decode(errors='replace')[:200]}")
+            continue
+        submission = json.loads(done.stdout)["submission"]
+        if host.wait(submission, 60) is None:
+            mistakes.append(f"the submission of {name!r} did not end")
+        if host.get(f"/v1/submissions/{submission}")["team"] != name:
+            mistakes.append(f"{name!r} became another team")
+        shown = host.cli("show", submission, "--episodes").stdout.decode(errors="replace")
+        if _tricked(shown) or "turned" not in shown:
+            mistakes.append(f"show plays the tricks of what a policy printed: {shown[-200:]!r}")
+    shutil.rmtree(folder)
+    return mistakes
+
+
 def _change(folder, stop):
     """Changes a submission without pause: its files' sizes, names and kinds."""
     while not stop.is_set():
@@ -236,4 +293,5 @@ CASES = (
     SubmissionCase(47, "archives that bomb, climb and lie", run_archives, quick=False),
     SubmissionCase(48, "manifests and limits that are none", run_manifests, quick=False),
     SubmissionCase(73, "a folder that changes while it is handed in", run_changing, quick=False),
+    SubmissionCase(74, "names that trick those who read them", run_names, quick=False),
 )

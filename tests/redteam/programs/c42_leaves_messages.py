@@ -1,7 +1,9 @@
 """Leaves data behind in every place that it may write to, and reports what it found there at the
 beginning of its run."""
 import ctypes
+import fcntl
 import os
+import struct
 
 import hostile
 
@@ -10,7 +12,33 @@ KEY = 0x52454455
 PLACES = ["/tmp", "/dev/shm", "/var/tmp", "/run", os.path.expanduser("~/.cache")]
 
 
+# Files that the next run of this submission sees as well: the system's, and its own.
+KEPT = [path for path in ("/usr/bin/env", "/usr/bin/python3", "/policy/policy.json")
+        if os.path.exists(path)]
+NO_HINT, HINT = struct.pack("q", 0), struct.pack("q", 4)  # RWH_WRITE_LIFE_LONG
+
+
+def hint(path, command, value):
+    """What an inode remembers of how long its data may live, until it is forgotten itself."""
+    with open(path, "rb") as file:
+        try:
+            return fcntl.fcntl(file, command, value)
+        except OSError:
+            return NO_HINT
+
+
+def touched(path):
+    """Whether reading the file can be seen in its times."""
+    before = os.stat(path)
+    with open(path, "rb") as file:
+        file.read(1)
+    after = os.stat(path)
+    return (before.st_atime_ns, before.st_ctime_ns) != (after.st_atime_ns, after.st_ctime_ns)
+
+
 def found():
+    hostile.report("found_hint", sum(hint(path, 1035, NO_HINT) != NO_HINT for path in KEPT))
+    hostile.report("found_time", sum(map(touched, KEPT)))
     entries = [entry for place in PLACES if os.path.isdir(place) for entry in os.listdir(place)]
     hostile.report("found_files", len(entries))
     hostile.report("found_segment", int(libc.shmget(KEY, 4096, 0o666) >= 0))
@@ -30,6 +58,8 @@ def leave(_player):
             left += 1
         except OSError:
             pass
+    for path in KEPT:
+        hint(path, 1036, HINT)
     libc.shmget(KEY, 4096, 0o1666)
     libc.msgget(KEY, 0o1666)
     libc.syscall(248, b"user", b"redteam", b"remember", 8, -4)

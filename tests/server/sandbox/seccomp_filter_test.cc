@@ -123,6 +123,9 @@ TEST(SeccompFilter, DeniesWhatAnArgumentMakesDangerous) {
   EXPECT_EQ(Denies(SYS_ioctl, fd, TCGETS), ENOTTY);
   EXPECT_EQ(Denies(SYS_fcntl, fd, F_NOTIFY, 1), EPERM);
   EXPECT_EQ(Denies(SYS_fcntl, fd, F_SETLEASE, F_RDLCK), EPERM);
+  for (const uint64_t command : {F_GETLK, F_OFD_GETLK, F_GET_RW_HINT, F_SET_RW_HINT}) {
+    EXPECT_EQ(Denies(SYS_fcntl, fd, command), EPERM) << command;
+  }
   EXPECT_EQ(Denies(SYS_fcntl, fd, F_GETFL), 0);
   EXPECT_EQ(Denies(SYS_prctl, 62 /* PR_SCHED_CORE */), EPERM);
   EXPECT_EQ(Denies(SYS_prctl, PR_GET_DUMPABLE), 0);
