@@ -164,6 +164,10 @@ void PlaceDescriptors(const std::vector<SandboxFd>& fds) {
       Fail("setting a limit", errno);
     }
   }
+  const sched_param no_priority = {};
+  if (plan.spec->batch && sched_setscheduler(0, SCHED_BATCH, &no_priority) != 0) {
+    Fail("scheduling as a batch", errno);
+  }
   if (chdir("/") != 0) Fail("/", errno);
   char* const environment[] = {nullptr};
   execve(kBubblewrap, plan.arguments.data(), environment);
@@ -180,6 +184,7 @@ nlohmann::json SandboxSpecToJson(const SandboxSpec& spec) {
                          {"uid", spec.uid},
                          {"uid_inside", kInnerUid},
                          {"tasks", spec.tasks},
+                         {"scheduling", spec.batch ? "batch" : "other"},
                          {"namespaces", {"user", "pid", "ipc", "uts", "mount", "net", "cgroup"}},
                          {"capabilities", nlohmann::json::array()},
                          {"no_new_privileges", true},

@@ -39,6 +39,8 @@ struct SandboxSpec {
   std::string working_dir;
   bool bus = false;         // a loopback that carries LCM; else no network at all
   bool as_first = false;    // the command itself is process 1
+  // Who wakes up does not push aside who runs, and is pushed aside by all who are not so.
+  bool batch = false;
   int64_t uid = -1;         // taken before any namespace; -1: the caller's own
   int64_t tasks = 0;        // RLIMIT_NPROC, set inside the sandbox' own user namespace; 0: none
   std::vector<SandboxLimit> limits;
