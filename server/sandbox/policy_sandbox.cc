@@ -138,6 +138,9 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const std::string& bin_di
   const Budgets& budgets = order.track.budgets;
   SandboxSpec spec;
   AddSystem(etc, spec);
+  for (const auto& [name, path] : stage.devices()) {
+    spec.mounts.push_back({Kind::kDevice, path, "/dev/" + name});
+  }
   const std::string bridge = absl::StrCat(kPrograms, "/myograde-bridge");
   spec.mounts.push_back(
       {Kind::kReadOnly, stage.PathOf(bin_dir) + "/myograde-bridge", bridge});

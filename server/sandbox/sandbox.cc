@@ -41,6 +41,7 @@ std::string_view KindName(SandboxMount::Kind kind) {
     case SandboxMount::Kind::kSymlink: return "symlink";
     case SandboxMount::Kind::kProc: return "proc";
     case SandboxMount::Kind::kDev: return "dev";
+    case SandboxMount::Kind::kDevice: return "device";
     case SandboxMount::Kind::kTmpfs: return "tmpfs";
     case SandboxMount::Kind::kSealed: return "sealed";
   }
@@ -63,6 +64,9 @@ void AppendMount(const SandboxMount& mount, std::vector<std::string>& arguments)
       break;
     case SandboxMount::Kind::kDev:
       arguments.insert(arguments.end(), {"--dev", mount.target});
+      break;
+    case SandboxMount::Kind::kDevice:
+      arguments.insert(arguments.end(), {"--dev-bind", mount.source, mount.target});
       break;
     case SandboxMount::Kind::kTmpfs:
       arguments.insert(arguments.end(), {"--tmpfs", mount.target});

@@ -20,9 +20,9 @@
 namespace myograde::server {
 
 struct SandboxMount {
-  enum class Kind { kReadOnly, kWritable, kSymlink, kProc, kDev, kTmpfs, kSealed };
+  enum class Kind { kReadOnly, kWritable, kSymlink, kProc, kDev, kDevice, kTmpfs, kSealed };
   Kind kind;
-  std::string source;  // kReadOnly, kWritable: host path; kSymlink: what it says; else ""
+  std::string source;  // kReadOnly, kWritable, kDevice: host path; kSymlink: what it says; else ""
   std::string target;  // kSealed: a mount that takes no more changes
 };
 

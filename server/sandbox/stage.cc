@@ -5,11 +5,13 @@
 #include <sys/mount.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
+#include <sys/sysmacros.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include <absl/strings/str_cat.h>
 
@@ -77,7 +79,31 @@ absl::StatusOr<Stage> Stage::Enter(const std::vector<std::string>& sources) {
     }
     stage.paths_[source] = path;
   }
+  stage.MakeDevices();
   return stage;
+}
+
+void Stage::MakeDevices() {
+  // Numbers of Linux's documentation, devices.txt.
+  constexpr unsigned kMemory = 1;
+  constexpr std::pair<const char*, unsigned> kNodes[] = {
+      {"null", 3}, {"zero", 5}, {"full", 7}, {"random", 8}, {"urandom", 9}};
+  const std::string folder = absl::StrCat(kStage, "/devices");
+  if (mkdir(folder.c_str(), 0755) != 0 ||
+      mount("devices", folder.c_str(), "tmpfs", MS_NOSUID | MS_NOEXEC, "mode=0755,size=64k") != 0) {
+    return;
+  }
+  std::map<std::string, std::string> made;
+  for (const auto& [name, minor] : kNodes) {
+    const std::string path = absl::StrCat(folder, "/", name);
+    // What can be made may still be refused to be opened, by a control group of devices.
+    if (mknod(path.c_str(), S_IFCHR | 0666, makedev(kMemory, minor)) != 0 ||
+        chmod(path.c_str(), 0666) != 0 || !Fd(open(path.c_str(), O_RDWR | O_CLOEXEC)).valid()) {
+      return;
+    }
+    made[name] = path;
+  }
+  devices_ = std::move(made);
 }
 
 absl::StatusOr<std::string> Stage::AddFile(const std::string& name,

@@ -36,6 +36,11 @@ class Stage {
   // Where a staged source is seen now.
   const std::string& PathOf(const std::string& source) const { return paths_.at(source); }
 
+  // Where /dev/null and the like of this lease alone are, by name: files that any
+  // user may lock, so that two sandboxes with the same ones could signal to each
+  // other. Empty where device nodes can't be made (an ordinary user).
+  const std::map<std::string, std::string>& devices() const { return devices_; }
+
   // A small file with `text`, readable by all.
   absl::StatusOr<std::string> AddFile(const std::string& name, const std::string& text) const;
 
@@ -48,7 +53,10 @@ class Stage {
   static ScratchUsage UsageOf(const std::string& path);
 
  private:
+  void MakeDevices();
+
   std::map<std::string, std::string> paths_;
+  std::map<std::string, std::string> devices_;
 };
 
 // True once an ordinary user may make user namespaces here; tried in a child.

@@ -212,6 +212,22 @@ TEST_F(LimitsTest, NoPriorityAboveOthers) {
   EXPECT_THAT(outcomes.end->stderr_tail, HasSubstr("chrt: failed to set"));
 }
 
+TEST_F(LimitsTest, DevicesAreTheLeasesOwn) {
+  if (geteuid() != 0) GTEST_SKIP() << "an ordinary user can make no device nodes";
+  struct stat host = {};
+  ASSERT_EQ(stat("/dev/null", &host), 0);
+  const Outcomes outcomes = Play(ScriptOrder(
+      "cd /dev; stat -c '%n %i %d' null; for d in null zero full random urandom; do\n"
+      "  [ -w $d ] && head -c 1 $d > /dev/null && echo $d works; done; echo x > full; exit 3"));
+  ASSERT_EQ(outcomes.episodes.size(), 1u) << outcomes.end->detail;
+  const std::string& said = outcomes.end->stdout_tail;
+  EXPECT_THAT(said, ::testing::Not(HasSubstr(absl::StrCat("null ", host.st_ino, " ", host.st_dev))));
+  for (const char* device : {"null", "zero", "full", "random", "urandom"}) {
+    EXPECT_THAT(said, HasSubstr(absl::StrCat(device, " works")));
+  }
+  EXPECT_THAT(outcomes.end->stderr_tail, HasSubstr("echo: I/O error"));
+}
+
 TEST_F(LimitsTest, TheBridgesDeathIsTheParticipants) {
   meddle_ = Strike("myograde-bridge", SIGKILL);
   const Outcomes outcomes = Play(ScriptOrder("exec sleep 1000", 2));
