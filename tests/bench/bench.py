@@ -40,19 +40,29 @@ class Bench:
 
     # --- physics and environment, in one process ---
 
-    def steps(self, kind, threads):
-        """Control steps per second of environment, engine and mj_step in the same run."""
-        repetitions, episodes, steps = (3, 1, 300) if self.quick else (7, 2, 500)
-        command = [self.build / "tests/myograde_step_bench", self.source / "tests/bench/tracks",
-                   f"bench-{kind}", "--threads", threads, "--episodes", episodes,
-                   "--steps", steps, "--repetitions", repetitions]
-        with Grader(self.build / "bin", self.source) as grader:
-            command[1] = grader.configs / "tracks"
-            done = subprocess.run([str(word) for word in command], capture_output=True, text=True,
-                                  timeout=3600)
+    def step_bench(self, grader, track, kind, *words):
+        command = [self.build / "tests/myograde_step_bench", grader.configs / "tracks", track,
+                   "--steps", EPISODE_STEPS[kind], *words]
+        done = subprocess.run([str(word) for word in command], capture_output=True, text=True,
+                              timeout=3600)
         if done.returncode != 0:
             raise RuntimeError(done.stderr)
         return json.loads(done.stdout)
+
+    def steps(self, grader, kind, threads):
+        """Control steps per second of environment, engine and mj_step in the same run."""
+        repetitions, episodes = (2, 1) if self.quick else (5, 4)
+        return self.step_bench(grader, f"bench-{kind}", kind, "--threads", threads,
+                               "--episodes", episodes, "--repetitions", repetitions)
+
+    def environment_alone(self, grader, kind, leases, episodes):
+        """Rate on all cores with the very episodes of an evaluation: they differ in what they
+        cost, and a machine's speed changes within minutes, so it is measured beside each."""
+        each = leases * episodes // self.cores
+        measured = self.step_bench(grader, self.run_track(grader, kind, leases, episodes), kind,
+                                   "--threads", self.cores, "--episodes", max(1, each),
+                                   "--repetitions", 1, "--environment-only", 1)
+        return measured["env"]["median"]
 
     # --- one lease at a time, and whole evaluations ---
 
@@ -88,15 +98,17 @@ class Bench:
         return sum(row["steps"] for row in rows) / sum(row["wall_s"] for row in rows), shown
 
     def whole(self, grader, kind, policy):
-        """Rates of whole evaluations, and the largest memory that a simulator had."""
+        """Rates of whole evaluations and of the environment alone right before each, and the
+        largest memory that a simulator had."""
         leases, episodes = (4, 2) if self.quick else (10, 10)
-        rates, memory = [], processes.MemoryWatch("myograde-sim")
+        rates, alone, memory = [], [], processes.MemoryWatch("myograde-sim")
         # A minute and more each.
         for _ in range(3 if policy == "cpp" and not self.quick else 1):
+            alone.append(self.environment_alone(grader, kind, leases, episodes))
             shown, seconds = self.evaluate(grader, kind, policy, self.cores, leases, episodes,
                                            memory)
             rates.append(sum(row["steps"] for row in shown["episode_rows"]) / seconds)
-        return rates, memory.largest
+        return rates, alone, memory.largest
 
     def lease_start(self, grader, kind):
         """Seconds from a lease's start to the policy's main(), with warm and cold file caches."""
@@ -113,43 +125,48 @@ class Bench:
         return {"warm_s": summary(warm), "cold_s": summary(cold) if cold else None}
 
     def track(self, kind):
-        figures = {}
-        self.say(f"{kind}: environment and engine on one core")
-        one = self.steps(kind, 1)
-        self.say(f"{kind}: environment and engine on {self.cores} cores")
-        many = self.steps(kind, self.cores)
-        for name in ("mjstep", "engine", "env"):
-            figures[f"{name}_1core"] = one[name]["median"]
-            figures[f"{name}_all"] = many[name]["median"]
-        figures["env_over_engine"] = one["env_over_engine"]["median"]
-        figures["env_over_mjstep"] = one["env_over_mjstep"]["median"]
-        spread = {"one_core": one, "all_cores": many}
         with Grader(self.build / "bin", self.source) as grader:
+            self.say(f"{kind}: environment and engine on one core")
+            one = self.steps(grader, kind, 1)
+            self.say(f"{kind}: environment and engine on {self.cores} cores")
+            many = self.steps(grader, kind, self.cores)
             self.say(f"{kind}: one lease, C++ policy")
-            figures["episode_cpp"], shown = self.one_lease(grader, kind, "cpp")
-            seen = processes.last_json(shown["output"][0]["stderr_tail"])
+            cpp, shown = self.one_lease(grader, kind, "cpp")
             self.say(f"{kind}: one lease, Python policy")
-            figures["episode_python"], _ = self.one_lease(grader, kind, "python")
+            python, _ = self.one_lease(grader, kind, "python")
             self.say(f"{kind}: whole evaluations, C++ policy")
-            rates, memory = self.whole(grader, kind, "cpp")
-            figures["evaluation_all"] = statistics.median(rates)
+            rates, alone, memory = self.whole(grader, kind, "cpp")
             self.say(f"{kind}: whole evaluations, Python policy")
-            python_rates, _ = self.whole(grader, kind, "python")
-            figures["evaluation_python_all"] = statistics.median(python_rates)
+            python_rates, python_alone, _ = self.whole(grader, kind, "python")
             self.say(f"{kind}: start of a lease")
-            figures["lease_start"] = self.lease_start(grader, kind)
-        figures["evaluation_over_env"] = figures["evaluation_all"] / figures["env_all"]
-        figures["python_over_env"] = figures["evaluation_python_all"] / figures["env_all"]
-        figures["step_latency_s"] = {
-            part: {"environment": one["env_step_s"][part], "whole": seen[part],
-                   "transport_and_policy": max(0.0, seen[part] - one["env_step_s"][part])}
-            for part in ("p50", "p99", "max")}
-        figures["sim_pss_bytes"] = memory
-        figures["log_bytes_per_episode"] = log_bytes(shown)
-        spread["evaluation_all"] = summary(rates)
-        spread["evaluation_python_all"] = summary(python_rates)
-        figures["spread"] = spread
-        return figures
+            start = self.lease_start(grader, kind)
+        over, python_over = ratios(rates, alone), ratios(python_rates, python_alone)
+        seen = processes.last_json(shown["output"][0]["stderr_tail"])
+        return {
+            **{f"{name}_1core": one[name]["median"] for name in ("mjstep", "engine", "env")},
+            **{f"{name}_all": many[name]["median"] for name in ("mjstep", "engine")},
+            "env_all": statistics.median(alone),
+            "env_over_engine": one["env_over_engine"]["median"],
+            "env_over_mjstep": one["env_over_mjstep"]["median"],
+            "episode_cpp": cpp,
+            "episode_python": python,
+            "evaluation_all": statistics.median(rates),
+            "evaluation_python_all": statistics.median(python_rates),
+            "evaluation_over_env": statistics.median(over),
+            "python_over_env": statistics.median(python_over),
+            "lease_start": start,
+            "step_latency_s": {
+                part: {"environment": one["env_step_s"][part], "whole": seen[part],
+                       "transport_and_policy": max(0.0, seen[part] - one["env_step_s"][part])}
+                for part in ("p50", "p99", "max")},
+            "sim_pss_bytes": memory,
+            "log_bytes_per_episode": log_bytes(shown),
+            "spread": {"one_core": one, "all_cores": many,
+                       "evaluation_all": summary(rates),
+                       "evaluation_python_all": summary(python_rates),
+                       "evaluation_env_all": summary(alone),
+                       "evaluation_over_env": summary(over),
+                       "python_over_env": summary(python_over)}}
 
     def store(self):
         counts = (1000, 10000) if self.quick else (1000, 100000, 1000000)
@@ -168,6 +185,10 @@ def epoch(text):
 
 def seconds_between(first, last):
     return epoch(last) - epoch(first)
+
+
+def ratios(over, under):
+    return [value / limit for value, limit in zip(over, under)]
 
 
 def summary(values):

@@ -1,6 +1,7 @@
 // Speed of a control step against the physics engine alone: one JSON object on standard output.
 //
 //   step_bench TRACKS_DIR TRACK [--threads N] [--episodes N] [--steps N] [--repetitions N]
+//              [--environment-only 1]
 //
 // Three ways of playing the same episodes (same seeds, same controls, so the same contacts):
 //   env     Environment::Step and Observe
@@ -9,7 +10,12 @@
 //   mjstep  five plain mj_step
 // Each repetition times all three, one after the other, so that a ratio compares neighbours in
 // time. With several threads each plays its own environment, and all start each part together.
-// Afterwards one episode is played with MuJoCo's own timers, which cost a little, and are off before.
+// The seeds are spread evenly over those of the track, as some of its episodes cost more than
+// others; threads times episodes equal to their number plays each once. A step costs more later in
+// an episode (more contacts), so compare only episodes of the same length.
+// With --environment-only the other two ways are left out.
+// Afterwards one episode is played with MuJoCo's own timers, which cost a little, and are off
+// before.
 #include <algorithm>
 #include <barrier>
 #include <chrono>
@@ -43,6 +49,7 @@ struct Options {
   int episodes = 3;
   int steps = 500;
   int repetitions = 5;
+  int environment_only = 0;
 };
 
 [[noreturn]] void Fail(const std::string& sentence) {
@@ -58,7 +65,8 @@ Options Parse(int argc, char** argv) {
   const std::pair<const char*, int*> flags[] = {{"--threads", &options.threads},
                                                 {"--episodes", &options.episodes},
                                                 {"--steps", &options.steps},
-                                                {"--repetitions", &options.repetitions}};
+                                                {"--repetitions", &options.repetitions},
+                                                {"--environment-only", &options.environment_only}};
   for (int i = 3; i < argc; i += 2) {
     const auto flag = std::find_if(std::begin(flags), std::end(flags),
                                    [&](const auto& known) { return argv[i] == std::string(known.first); });
@@ -157,46 +165,56 @@ struct Rates {
   std::vector<double> env, engine, mjstep;
 };
 
+// Seconds of one episode of a player.
+using Play = std::function<double(Player&, int episode, uint64_t seed)>;
+
+// Every player plays so many episodes on a thread of its own. Returns the rate of all together.
+double Together(std::vector<Player>& players, int episodes, const std::vector<uint64_t>& seeds,
+                int steps, const Play& play) {
+  std::vector<double> seconds(players.size(), 0.0);
+  std::barrier together(static_cast<std::ptrdiff_t>(players.size()));
+  const size_t all = players.size() * static_cast<size_t>(episodes);
+  std::vector<std::jthread> threads;
+  for (size_t i = 0; i < players.size(); ++i) {
+    threads.emplace_back([&, i] {
+      together.arrive_and_wait();
+      for (int episode = 0; episode < episodes; ++episode) {
+        const size_t place = static_cast<size_t>(episode) * players.size() + i;
+        seconds[i] += play(players[i], episode, seeds[place * seeds.size() / all]);
+      }
+    });
+  }
+  threads.clear();
+  double rate = 0;
+  for (const double s : seconds) rate += static_cast<double>(steps) * episodes / s;
+  return rate;
+}
+
 Rates Measure(std::vector<Player>& players, const Options& options, const TrackConfig& config) {
   Rates rates;
-  // Seconds of one episode of a player.
-  using Play = std::function<double(Player&, int episode, uint64_t seed)>;
-  const auto part = [&](const Play& play) {
-    std::vector<double> seconds(players.size(), 0.0);
-    std::barrier together(static_cast<std::ptrdiff_t>(players.size()));
-    std::vector<std::jthread> threads;
-    for (size_t i = 0; i < players.size(); ++i) {
-      threads.emplace_back([&, i] {
-        for (int episode = 0; episode < options.episodes; ++episode) {
-          const size_t which = (i + static_cast<size_t>(episode)) % config.seeds.size();
-          together.arrive_and_wait();
-          seconds[i] += play(players[i], episode, config.seeds[which]);
-        }
-      });
-    }
-    threads.clear();
-    const double steps = static_cast<double>(options.steps) * options.episodes;
-    double rate = 0;
-    for (const double s : seconds) rate += steps / s;
-    return rate;
-  };
-  const auto replay = [&](auto step) {
-    return part([&, step](Player& player, int episode, uint64_t seed) {
-      return Replay(player, episode, seed, options.steps, step);
-    });
-  };
   for (int repetition = -1; repetition < options.repetitions; ++repetition) {
+    const bool warm_up = repetition < 0;
+    const auto part = [&](const Play& play) {
+      return Together(players, warm_up ? 1 : options.episodes, config.seeds, options.steps, play);
+    };
+    const auto replay = [&](auto step) {
+      return part([&, step](Player& player, int episode, uint64_t seed) {
+        return Replay(player, episode, seed, options.steps, step);
+      });
+    };
     // First, as it leaves the controls for the other two.
     const double env = part([&](Player& player, int episode, uint64_t seed) {
       return PlayEnvironment(player, episode, seed, options.steps);
     });
+    if (warm_up) {
+      for (Player& player : players) player.latency.clear();
+    } else {
+      rates.env.push_back(env);
+    }
+    if (options.environment_only != 0) continue;
     const double engine = replay(EngineStep);
     const double mjstep = replay(PlainStep);
-    if (repetition < 0) {  // warm-up
-      for (Player& player : players) player.latency.clear();
-      continue;
-    }
-    rates.env.push_back(env);
+    if (warm_up) continue;
     rates.engine.push_back(engine);
     rates.mjstep.push_back(mjstep);
   }
@@ -241,19 +259,21 @@ int Main(int argc, char** argv) {
   for (const Player& player : players) {
     latency.insert(latency.end(), player.latency.begin(), player.latency.end());
   }
-  const nlohmann::json result = {
+  nlohmann::json result = {
       {"track", TrackKindName(config->kind)},
       {"threads", options.threads},
       {"episodes", options.episodes},
       {"steps", options.steps},
       {"env", Summary(rates.env)},
-      {"engine", Summary(rates.engine)},
-      {"mjstep", Summary(rates.mjstep)},
-      {"env_over_engine", Summary(Ratios(rates.env, rates.engine))},
-      {"env_over_mjstep", Summary(Ratios(rates.env, rates.mjstep))},
-      {"timers_s", Timers(players[0], config->seeds[0], options.steps)},
       {"env_step_s",
        {{"p50", Quantile(latency, 0.5)}, {"p99", Quantile(latency, 0.99)}, {"max", Quantile(latency, 1)}}}};
+  if (options.environment_only == 0) {
+    result["engine"] = Summary(rates.engine);
+    result["mjstep"] = Summary(rates.mjstep);
+    result["env_over_engine"] = Summary(Ratios(rates.env, rates.engine));
+    result["env_over_mjstep"] = Summary(Ratios(rates.env, rates.mjstep));
+    result["timers_s"] = Timers(players[0], config->seeds[0], options.steps);
+  }
   std::printf("%s\n", result.dump(2).c_str());
   return 0;
 }
