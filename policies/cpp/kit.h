@@ -60,6 +60,7 @@ class Policy {
 // Plays until the grader ends the process. The bus is the environment variable
 // MYOGRADE_LCM_URL. Returns an exit status: 1 if there is no bus or no grader
 // on it for a minute, or if the grader refused the policy; stderr says why.
+// After ten minutes without a word from the grader it ends the process with 1.
 int RunPolicy(Policy& policy);
 
 }  // namespace myograde
