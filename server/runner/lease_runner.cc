@@ -173,7 +173,7 @@ absl::Status LeaseRunner::Turn() {
     }
   }
   // Not before a message that waits: it may say where the log ends.
-  if (context_.logs != nullptr && entries[0].revents == 0) {
+  if (entries[6].revents != 0 && entries[0].revents == 0) {
     if (absl::Status status = context_.logs->Drain(); !status.ok()) return status;
   }
   if (entries[0].revents != 0) {
