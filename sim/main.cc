@@ -115,17 +115,6 @@ absl::Status PlayLease(const std::vector<std::string>& system_calls) {
   return player.Play();
 }
 
-// Starts over with the pinned maths functions unless they are in force: the C library has made
-// its choice before main.
-absl::Status PinMaths(char** argv) {
-  const char* tunables = std::getenv(kTunablesVariable);
-  if (tunables != nullptr && IsPinned(tunables)) return absl::OkStatus();
-  setenv(kTunablesVariable, kPinnedTunables, /*overwrite=*/1);
-  execv("/proc/self/exe", argv);
-  return absl::InternalError(absl::StrCat("can't start again with ", kTunablesVariable, "=",
-                                          kPinnedTunables, ": ", strerror(errno)));
-}
-
 absl::Status ReplayFile(const char* path, const char* cache_dir, bool& equal) {
   const Fd file(open(path, O_RDONLY | O_CLOEXEC));
   if (!file.valid()) {

@@ -31,6 +31,7 @@
 #include <mujoco/mujoco.h>
 #include <nlohmann/json.hpp>
 
+#include "protocol/pinned_maths.h"
 #include "protocol/track_config.h"
 #include "sim/factory.h"
 #include "sim/locomotion/locomotion.h"
@@ -281,4 +282,11 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace myograde::sim
 
-int main(int argc, char** argv) { return myograde::sim::Main(argc, argv); }
+int main(int argc, char** argv) {
+  // The same computation as in an evaluation, bit for bit.
+  if (const absl::Status status = myograde::PinMaths(argv); !status.ok()) {
+    std::fprintf(stderr, "error: %s\n", std::string(status.message()).c_str());
+    return 2;
+  }
+  return myograde::sim::Main(argc, argv);
+}
