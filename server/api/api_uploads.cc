@@ -61,19 +61,20 @@ absl::StatusOr<std::string> Api::Spool(const httplib::ContentReader& content,
   if (!fd.valid()) {
     return absl::ErrnoToStatus(errno, absl::StrCat(archive, ": can't be made"));
   }
+  const int64_t limit = options_.config.artefacts.archive_bytes;
   int64_t size = 0;
   Sha256 hash;
   absl::Status status;
   const bool whole = content([&](const char* data, size_t n) {
     size += static_cast<int64_t>(n);
-    if (size > options_.config.artefacts.archive_bytes) {
-      status = absl::OutOfRangeError(absl::StrCat(
-          "the archive is larger than ", options_.config.artefacts.archive_bytes, " bytes"));
-    } else {
+    if (status.ok() && size > limit) {
+      status = absl::OutOfRangeError(absl::StrCat("the archive is larger than ", limit, " bytes"));
+    } else if (status.ok()) {
       hash.Update(std::string_view(data, n));
       status = WriteAll(fd.get(), data, n);
     }
-    return status.ok();
+    // What was refused is read and dropped, so that the client hears why.
+    return size <= limit + UnixHttpServer::kDrainBytes;
   });
   if (!status.ok()) return status;
   if (!whole || size == 0) {
@@ -160,8 +161,9 @@ Api::Result Api::Upload(const Request& request, const httplib::ContentReader& co
     allowed = tracks_.Find(track, "").status();
     if (allowed.ok()) allowed = CheckTries(team, track);
   }
+  const int64_t drain = options_.config.artefacts.archive_bytes + UnixHttpServer::kDrainBytes;
   if (!allowed.ok()) {
-    UnixHttpServer::Drain(content);
+    UnixHttpServer::Drain(content, drain);
     ApiError error = ErrorOf(allowed);
     if (absl::IsNotFound(allowed)) error = {400, "unknown_track", error.message};
     return error;
@@ -177,7 +179,7 @@ Api::Result Api::Upload(const Request& request, const httplib::ContentReader& co
     if (small && may) small_uploads_.release();
   };
   if (!may) {
-    UnixHttpServer::Drain(content);
+    UnixHttpServer::Drain(content, drain);
     return ApiError{429, "too_many", "too many uploads run already; try again in a second"};
   }
   UnixHttpServer::AllowUploadTime();

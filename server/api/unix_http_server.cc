@@ -135,10 +135,9 @@ void UnixHttpServer::AllowUploadTime() { current.deadline = Now() + current.uplo
 
 void UnixHttpServer::HangUpAfter() { current.hang_up = true; }
 
-void UnixHttpServer::Drain(const httplib::ContentReader& content) {
+void UnixHttpServer::Drain(const httplib::ContentReader& content, int64_t most) {
   HangUpAfter();
-  int64_t left = kDrainBytes;
-  content([&](const char*, size_t size) { return (left -= static_cast<int64_t>(size)) > 0; });
+  content([&](const char*, size_t size) { return (most -= static_cast<int64_t>(size)) > 0; });
 }
 
 uid_t UnixHttpServer::PeerUid() { return current.uid; }

@@ -40,10 +40,11 @@ class UnixHttpServer : public httplib::Server {
   // in place of `limits.request`. Only inside a handler.
   static void AllowUploadTime();
 
-  // Reads on after a body was refused, up to `kDrainBytes`, so that the client can send it to
-  // its end and hear why; then hangs up. Only inside a handler.
+  // Reads on after a body was refused, up to `most` bytes and no longer than the request has
+  // time, so that the client can send it to its end and hear why; then hangs up. Only inside a
+  // handler.
   static constexpr int64_t kDrainBytes = int64_t{64} << 20;
-  static void Drain(const httplib::ContentReader& content);
+  static void Drain(const httplib::ContentReader& content, int64_t most = kDrainBytes);
   // Hangs up after this request's answer. Only inside a handler.
   static void HangUpAfter();
 

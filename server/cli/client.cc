@@ -118,8 +118,16 @@ absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& 
     progress(static_cast<int64_t>(offset + want));
     return sink.write(buffer.data(), want);
   };
-  return AnswerOf(http.Post(path, static_cast<size_t>(size), provide, "application/x-tar"),
-                  socket_);
+  const httplib::Result result =
+      http.Post(path, static_cast<size_t>(size), provide, "application/x-tar");
+  if (!result && result.error() != httplib::Error::Connection) {
+    return absl::UnavailableError(absl::StrCat(
+        "the daemon on ", socket_, " hung up in the middle of an upload of ", size, " bytes (",
+        httplib::to_string(result.error()),
+        "): it may be larger than archive_bytes in server.json allows, or have taken longer than "
+        "upload_s; the daemon's log says more"));
+  }
+  return AnswerOf(result, socket_);
 }
 
 absl::StatusOr<int64_t> Client::Download(

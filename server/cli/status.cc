@@ -95,8 +95,10 @@ int StatusOfAll(const Client& client, bool json) {
     PrintJson({{"daemon", *health}, {"submissions", submissions}});
     return kDone;
   }
+  const std::string state = Cell(*health, "status");
   std::cout << "The daemon (" << Cell(*health, "version") << ", process " << Cell(*health, "pid")
-            << ") is " << Cell(*health, "status") << ": " << Cell(*health, "running") << " of "
+            << (state == "store" ? ") can't write its store" : absl::StrCat(") is ", state)) << ": "
+            << Cell(*health, "running") << " of "
             << Cell(*health, "slots") << " slots at work, " << Cell(*health, "pending_leases")
             << " leases waiting\n";
   if (health->contains("message") && (*health)["message"].is_string()) {

@@ -251,6 +251,10 @@ class StoreTrouble(Disturbed):
             "seeds": list(range(1, 4000))})
         self.assertEqual((status, body["error"]["code"]), (503, "store"), body)
         self.assertIn("full", body["error"]["message"])
+        # Longer than what a socket takes at once: refused early, and heard all the same.
+        status, body = self.call("POST", "/v1/artefacts", bytes(8 << 20))
+        self.assertEqual(status, 503, body)
+        self.assertIn("No space left", body["error"]["message"])
         time.sleep(2)
         os.remove(small / "filler")
         self.wait("/v1/health", lambda b: b["status"] == "ok")

@@ -327,6 +327,9 @@ class BadRequests(DaemonCase):
             self.assertEqual((status, answer["error"]["code"]), (400, "bad_artefact"), answer)
         self.assertEqual(os.listdir(self.data / "spool"), [])
         self.assertEqual(os.listdir(self.data / "artefacts"), [])
+        # A long one that is refused at its beginning is read to its end: the client hears why.
+        status, answer = self.call("POST", "/v1/artefacts?team=a&track=none", bytes(80 << 20))
+        self.assertEqual((status, answer["error"]["code"]), (400, "unknown_track"), answer)
         self.assertNotEqual(self.upload("ok"), self.upload("slow"))
         status, answer = self.call("POST", "/v1/artefacts", archive("ok"))
         self.assertEqual((status, answer["new"]), (200, False))
