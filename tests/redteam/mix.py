@@ -78,7 +78,8 @@ def run(seconds, seed, build, source, user, as_json):
             working[0].join(PROGRESS_S)
             if not as_json:
                 print(f"  {mixture.hostile} hostile, {mixture.honest} honest, "
-                      f"{max(0, mixture.end - time.monotonic()):.0f} s to go", flush=True)
+                      f"{max(0, mixture.end - time.monotonic()):.0f} s to go, daemon "
+                      f"{suite.host.daemon_use()['memory_mib']:.0f} MiB", flush=True)
         for text in suite.after(suites.CLEAN_S):
             mixture.say(text)
         use = suite.host.daemon_use()
