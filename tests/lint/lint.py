@@ -1,14 +1,19 @@
 #!/usr/bin/env python3
 """Checks what the compiler does not: who may include and link whom, the length of files, marks
-of unfinished work, that every test is built, and that ./dev knows each verb that its help names. Prints one line per mistake; exit status 1 if
-there is one. Use: lint.py ROOT"""
+of unfinished work, that every test is built, that ./dev knows each verb that its help names, and
+that nothing strays into the root folder. Prints one line per mistake; exit status 1 if there is
+one. Use: lint.py ROOT"""
 
 import pathlib
 import re
+import subprocess
 import sys
 
 MAX_LINES = 450
 PARTS = {"protocol", "scoring", "sim", "server", "policies", "tests"}
+# All that may lie in the root: the parts, and what tools look for there.
+ROOT = PARTS | {"configs", "docker", "CMakeLists.txt", "CMakePresets.json", "README.md",
+                "CHANGELOG.md", "LICENSE", "dev", ".ci", ".clang-format", ".gitignore"}
 
 # Folder -> (folders of the project it may include, patterns of foreign headers it must not).
 # The longest matching folder counts.
@@ -94,6 +99,14 @@ def check_verbs(script):
             for verb in sorted(described ^ (known - {"help"}))]
 
 
+def check_root(root):
+    """What git keeps in the root folder beside ROOT, a fuzzer's findings for one. An unpacked
+    archive of the sources has no git, and nothing to commit."""
+    listed = subprocess.run(["git", "-C", root, "ls-files", "-z"], capture_output=True, text=True)
+    entries = {path.split("/")[0] for path in listed.stdout.split("\0") if path}
+    return [f"{entry}: does not belong into the root folder" for entry in sorted(entries - ROOT)]
+
+
 def main():
     root = pathlib.Path(sys.argv[1]).resolve()
     suffixes = {".h", ".cc", ".c", ".py", ".lcm", ".txt", ".cmake"}
@@ -102,7 +115,7 @@ def main():
     if not files:
         sys.exit(f"{root}: no sources found; give the project's root folder")
     problems = [problem for file in files for problem in check_file(root, file)]
-    problems += check_verbs(root / "dev")
+    problems += check_verbs(root / "dev") + check_root(root)
     print("\n".join(problems) or f"{len(files)} files, no mistakes")
     return 1 if problems else 0
 
