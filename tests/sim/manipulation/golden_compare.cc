@@ -132,6 +132,16 @@ void CompareState(GoldenTable& table, ManipulationEnvironment& env, const json& 
                         Doubles(want.at("sensordata")), kForce, where);
 }
 
+bool FellThrough(ManipulationEnvironment& env, const json& before, const json& after) {
+  constexpr double kNoise = 1e-4;  // m/s, of a box that turns
+  const int vertical = env.scene().object_qvel + 2;
+  const auto of = [&](const json& state) { return state.at("qvel").at(vertical).get<double>(); };
+  const double seconds = Number(after.at("time")) - Number(before.at("time"));
+  const double expected = of(before) + env.model().opt.gravity[2] * seconds;
+  return std::abs(of(after) - expected) < kNoise &&
+         std::abs(env.data().qvel[vertical] - expected) < kNoise;
+}
+
 StepResult PlayRecorded(ManipulationEnvironment& env, const json& file, const json& step, int t) {
   if (step.contains("action")) return env.Step(Doubles(step.at("action")));
   if (file.value("action_formula", "") == kKnownFormula) return env.Step(SineAction(t));

@@ -71,7 +71,8 @@ StepResult PlayRecorded(ManipulationEnvironment& env, const nlohmann::json& file
 // official MuJoCo, which then misses contacts with it; no other version does.
 // So a comparison of an enlarged box ends when it may touch something: the
 // pillar that it falls on if it grew along its upright axis (y in its frame),
-// a hand if it grew at all.
+// a hand if it grew at all. A taller box can also bounce off within a single
+// control step, which no touch at its ends shows: see FellThrough.
 class Comparable {
  public:
   explicit Comparable(const ManipulationEnvironment& env) {
@@ -95,5 +96,11 @@ class Comparable {
   bool taller_ = false;
   bool comparable_ = true;
 };
+
+// Whether nothing but gravity changed the box's vertical velocity in the step
+// between two recorded states, and in ours, which began at the first of them
+// and is in `env` now. A bounce changes it by some 1e-1 m/s.
+bool FellThrough(ManipulationEnvironment& env, const nlohmann::json& before,
+                 const nlohmann::json& after);
 
 }  // namespace myograde::sim
