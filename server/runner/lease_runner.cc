@@ -76,6 +76,8 @@ LeaseRunner::~LeaseRunner() {
 
 bool LeaseRunner::Run() {
   absl::Status status = Play();
+  // Of a simulator that did not come so far as to ask for it.
+  if (prepared_ != nullptr) status.Update(prepared_->End());
   // Whoever is not gone keeps the slot's user and processor: the next lease
   // there would not be alone, so this one has not ended well.
   status.Update(EndPolicy());
@@ -95,6 +97,9 @@ bool LeaseRunner::Run() {
 
 absl::Status LeaseRunner::Play() {
   if (absl::Status status = StartSim(); !status.ok()) return status;
+  if (context_.order.replay.empty()) {
+    if (absl::Status status = PreparePolicy(); !status.ok()) return status;
+  }
   while (!done_) {
     if (absl::Status status = Turn(); !status.ok()) return status;
   }
@@ -241,18 +246,29 @@ absl::Status LeaseRunner::GiveLog() {
   return SendSimMessage(channel_.get(), {{"type", "log"}}, context_.replays[next_episode_].get());
 }
 
-absl::Status LeaseRunner::GivePolicy() {
-  if (absl::Status status = EndPolicy(); !status.ok()) return status;
+absl::Status LeaseRunner::PreparePolicy() {
   if (runs_ > context_.order.track.budgets.restarts) {
     return absl::InternalError("the simulator wants more policies than the budget allows");
   }
   absl::StatusOr<std::pair<Fd, Fd>> pair = SocketPair();
   if (!pair.ok()) return pair.status();
   absl::StatusOr<std::unique_ptr<PolicyRun>> run =
-      PolicyRun::Start(context_, runs_++, std::move(pair->second), stdout_, stderr_);
+      PolicyRun::Prepare(context_, runs_++, std::move(pair->second), stdout_, stderr_);
   if (!run.ok()) return run.status();
-  policy_ = *std::move(run);
-  return SendSimMessage(channel_.get(), {{"type", "policy"}}, pair->first.get());
+  prepared_ = *std::move(run);
+  prepared_channel_ = std::move(pair->first);
+  return absl::OkStatus();
+}
+
+absl::Status LeaseRunner::GivePolicy() {
+  if (absl::Status status = EndPolicy(); !status.ok()) return status;
+  if (prepared_ == nullptr) {
+    if (absl::Status status = PreparePolicy(); !status.ok()) return status;
+  }
+  policy_ = std::move(prepared_);
+  policy_->Begin();
+  const Fd channel = std::move(prepared_channel_);
+  return SendSimMessage(channel_.get(), {{"type", "policy"}}, channel.get());
 }
 
 absl::Status LeaseRunner::RuleOn(const nlohmann::json& json) {

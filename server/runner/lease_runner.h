@@ -34,6 +34,7 @@ class LeaseRunner {
   absl::Status Turn();
   absl::Status HandleSimMessage();
   absl::Status HandleRecord(const nlohmann::json& json);
+  absl::Status PreparePolicy();
   absl::Status GivePolicy();
   absl::Status GiveLog();
   absl::Status RuleOn(const nlohmann::json& json);
@@ -59,6 +60,10 @@ class LeaseRunner {
   CpuPage* cpu_page_ = nullptr;
   Fd cpu_page_fd_;
 
+  // The next run and the simulator's end of its channel. The first is built
+  // while the simulator loads: both wait for the kernel, once instead of twice.
+  std::unique_ptr<PolicyRun> prepared_;
+  Fd prepared_channel_;
   std::unique_ptr<PolicyRun> policy_;
   int runs_ = 0;
   OutputTail stdout_;

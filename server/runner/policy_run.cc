@@ -68,9 +68,9 @@ absl::StatusOr<std::pair<Fd, Fd>> OutputPipe() {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<PolicyRun>> PolicyRun::Start(const LeaseContext& context,
-                                                            int number, Fd bridge_socket,
-                                                            OutputTail& out, OutputTail& err) {
+absl::StatusOr<std::unique_ptr<PolicyRun>> PolicyRun::Prepare(const LeaseContext& context,
+                                                              int number, Fd bridge_socket,
+                                                              OutputTail& out, OutputTail& err) {
   const LeaseOrder& order = context.order;
   const Budgets& budgets = order.track.budgets;
   std::unique_ptr<PolicyRun> run(new PolicyRun(context, out, err));

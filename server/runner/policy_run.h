@@ -30,12 +30,15 @@ struct LeaseContext {
 
 class PolicyRun {
  public:
-  // Starts run `number` of the lease. `bridge_socket` becomes the bridge's.
+  // Builds the sandbox of run `number` of the lease, in which nothing of the
+  // participant's begins before Begin(). `bridge_socket` becomes the bridge's.
   // The tails outlive the run. An error is the grader's.
-  static absl::StatusOr<std::unique_ptr<PolicyRun>> Start(const LeaseContext& context, int number,
-                                                          Fd bridge_socket, OutputTail& out,
-                                                          OutputTail& err);
+  static absl::StatusOr<std::unique_ptr<PolicyRun>> Prepare(const LeaseContext& context,
+                                                            int number, Fd bridge_socket,
+                                                            OutputTail& out, OutputTail& err);
   ~PolicyRun();
+
+  void Begin() { sandbox_->Release(); }
 
   // Descriptors to wait on for POLLIN, -1 once they ended.
   int stdout_fd() const { return stdout_.get(); }

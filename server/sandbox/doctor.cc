@@ -276,6 +276,7 @@ absl::Status Play(const SandboxSpec& spec, const std::vector<int>& join, const F
   absl::StatusOr<std::unique_ptr<Sandbox>> sandbox = Sandbox::Start(
       spec, {{nothing.get(), 0}, {STDOUT_FILENO, 1}, {STDERR_FILENO, 2}}, join, filter);
   if (!sandbox.ok()) return sandbox.status();
+  (*sandbox)->Release();
   if (!(*sandbox)->Wait(kSandboxTime - absl::Seconds(5))) {
     return absl::DeadlineExceededError("its command did not end");
   }

@@ -174,6 +174,7 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const std::string& bin_di
   spec.working_dir = "/policy";
   spec.bus = true;
   spec.as_first = true;
+  spec.held = true;
   spec.uid = order.uid;
   // Where a control group counts tasks, its count is the limit, as it also
   // tells that it was reached.

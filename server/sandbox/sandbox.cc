@@ -33,6 +33,7 @@ constexpr int kInnerUid = 1000;  // as every sandbox sees itself
 // Above those that a command is given.
 constexpr int kStatusFd = 20;
 constexpr int kFilterFd = 21;
+constexpr int kGateFd = 22;
 
 std::string_view KindName(SandboxMount::Kind kind) {
   switch (kind) {
@@ -85,6 +86,7 @@ std::vector<std::string> Arguments(const SandboxSpec& spec, bool filter) {
       "--hostname",     "myograde",       "--new-session", "--die-with-parent",
       "--cap-drop",     "ALL",            "--json-status-fd", std::to_string(kStatusFd)};
   if (spec.as_first) arguments.push_back("--as-pid-1");
+  if (spec.held) arguments.insert(arguments.end(), {"--block-fd", std::to_string(kGateFd)});
   // A sandbox with the bus is started in a network namespace that has it.
   if (!spec.bus) arguments.push_back("--unshare-net");
   if (filter) arguments.insert(arguments.end(), {"--seccomp", std::to_string(kFilterFd)});
@@ -185,6 +187,7 @@ nlohmann::json SandboxSpecToJson(const SandboxSpec& spec) {
                          {"working_dir", spec.working_dir},
                          {"network", spec.bus ? "loopback with LCM's multicast" : "none"},
                          {"process_1", spec.as_first ? spec.command.front() : "bwrap"},
+                         {"begins", spec.held ? "when it is asked for" : "at once"},
                          {"uid", spec.uid},
                          {"uid_inside", kInnerUid},
                          {"tasks", spec.tasks},
@@ -215,11 +218,18 @@ absl::StatusOr<std::unique_ptr<Sandbox>> Sandbox::Start(const SandboxSpec& spec,
   }
   Fd status_read(status[0]);
   Fd status_write(status[1]);
+  int gate[2] = {-1, -1};
+  if (spec.held && pipe2(gate, O_CLOEXEC) != 0) {
+    return absl::InternalError(absl::StrCat("can't make a pipe: ", std::strerror(errno)));
+  }
+  Fd gate_read(gate[0]);
+  Fd gate_write(gate[1]);
   std::vector<std::string> arguments = Arguments(spec, filter.valid());
   ChildPlan plan = {{}, fds, join, &spec, getpid()};
   for (std::string& argument : arguments) plan.arguments.push_back(argument.data());
   plan.arguments.push_back(nullptr);
   plan.fds.push_back({status_write.get(), kStatusFd});
+  if (spec.held) plan.fds.push_back({gate_read.get(), kGateFd});
   if (filter.valid()) {
     lseek(filter.get(), 0, SEEK_SET);
     plan.fds.push_back({filter.get(), kFilterFd});
@@ -231,7 +241,12 @@ absl::StatusOr<std::unique_ptr<Sandbox>> Sandbox::Start(const SandboxSpec& spec,
   }
   if (sandbox->pid_ == 0) BecomeSandbox(plan);
   sandbox->status_ = std::move(status_read);
+  sandbox->gate_ = std::move(gate_write);
   return sandbox;
+}
+
+void Sandbox::Release() {
+  gate_.reset();  // its reader sees the end of the pipe
 }
 
 void Sandbox::ReadStatus() {

@@ -39,6 +39,7 @@ struct SandboxSpec {
   std::string working_dir;
   bool bus = false;         // a loopback that carries LCM; else no network at all
   bool as_first = false;    // the command itself is process 1
+  bool held = false;        // built at once, but the command waits for Sandbox::Release()
   // Who wakes up does not push aside who runs, and is pushed aside by all who are not so.
   bool batch = false;
   int64_t uid = -1;         // taken before any namespace; -1: the caller's own
@@ -74,6 +75,9 @@ class Sandbox {
   Sandbox(const Sandbox&) = delete;
   Sandbox& operator=(const Sandbox&) = delete;
 
+  // Lets the command of a held sandbox begin; for any other nothing.
+  void Release();
+
   // True once it ended; never blocks.
   bool Ended();
 
@@ -95,6 +99,7 @@ class Sandbox {
 
   pid_t pid_ = -1;
   bool reaped_ = false;
+  Fd gate_;    // who is held reads its other end
   Fd status_;  // bubblewrap's own reports
   std::string report_;
   Fd first_;   // a pidfd of process 1
