@@ -49,20 +49,19 @@ class Bench:
             raise RuntimeError(done.stderr)
         return json.loads(done.stdout)
 
-    def steps(self, grader, kind, threads):
-        """Control steps per second of environment, engine and mj_step in the same run."""
+    def steps(self, grader, kind):
+        """Control steps per second of environment, engine and mj_step on one core."""
         repetitions, episodes = (2, 1) if self.quick else (5, 4)
-        return self.step_bench(grader, f"bench-{kind}", kind, "--threads", threads,
-                               "--episodes", episodes, "--repetitions", repetitions)
+        return self.step_bench(grader, f"bench-{kind}", kind, "--episodes", episodes,
+                               "--repetitions", repetitions)
 
-    def environment_alone(self, grader, kind, leases, episodes):
-        """Rate on all cores with the very episodes of an evaluation: they differ in what they
-        cost, and a machine's speed changes within minutes, so it is measured beside each."""
-        each = leases * episodes // self.cores
-        measured = self.step_bench(grader, self.run_track(grader, kind, leases, episodes), kind,
-                                   "--threads", self.cores, "--episodes", max(1, each),
-                                   "--repetitions", 1, "--environment-only", 1)
-        return measured["env"]["median"]
+    def alone(self, grader, kind, threads, leases, episodes, engine=False):
+        """The environment, and the engine if asked for, with the very leases of an evaluation:
+        episodes differ in what they cost, and a machine's speed changes within minutes, so it is
+        measured beside each."""
+        return self.step_bench(grader, self.run_track(grader, kind, leases, episodes), kind,
+                               "--threads", threads, "--leases", leases, "--episodes", episodes,
+                               "--repetitions", 1, *([] if engine else ["--environment-only", 1]))
 
     # --- one lease at a time, and whole evaluations ---
 
@@ -92,19 +91,24 @@ class Bench:
         return shown, seconds_between(status["started_at"], status["finished_at"])
 
     def one_lease(self, grader, kind, policy):
-        """Rate within the episodes of a lease that has the machine to itself."""
-        shown, _ = self.evaluate(grader, kind, policy, 1, 1, 2 if self.quick else 4)
+        """Rate within the episodes of a lease that has the machine to itself, what was shown of
+        it, and the times of the environment's steps in the same episodes."""
+        episodes = 2 if self.quick else 4
+        alone = self.alone(grader, kind, 1, 1, episodes)["env_step_s"]
+        shown, _ = self.evaluate(grader, kind, policy, 1, 1, episodes)
         rows = shown["episode_rows"]
-        return sum(row["steps"] for row in rows) / sum(row["wall_s"] for row in rows), shown
+        rate = sum(row["steps"] for row in rows) / sum(row["wall_s"] for row in rows)
+        return rate, shown, alone
 
     def whole(self, grader, kind, policy):
-        """Rates of whole evaluations and of the environment alone right before each, and the
-        largest memory that a simulator had."""
+        """Rates of whole evaluations, what was measured alone right before each, and the largest
+        memory that a simulator had."""
         leases, episodes = (4, 2) if self.quick else (10, 10)
         rates, alone, memory = [], [], processes.MemoryWatch("myograde-sim")
         # A minute and more each.
-        for _ in range(3 if policy == "cpp" and not self.quick else 1):
-            alone.append(self.environment_alone(grader, kind, leases, episodes))
+        for turn in range(3 if policy == "cpp" and not self.quick else 1):
+            alone.append(self.alone(grader, kind, self.cores, leases, episodes,
+                                    engine=policy == "cpp" and turn == 0))
             shown, seconds = self.evaluate(grader, kind, policy, self.cores, leases, episodes,
                                            memory)
             rates.append(sum(row["steps"] for row in shown["episode_rows"]) / seconds)
@@ -127,19 +131,21 @@ class Bench:
     def track(self, kind):
         with Grader(self.build / "bin", self.source) as grader:
             self.say(f"{kind}: environment and engine on one core")
-            one = self.steps(grader, kind, 1)
-            self.say(f"{kind}: environment and engine on {self.cores} cores")
-            many = self.steps(grader, kind, self.cores)
+            one = self.steps(grader, kind)
             self.say(f"{kind}: one lease, C++ policy")
-            cpp, shown = self.one_lease(grader, kind, "cpp")
+            cpp, shown, env_step = self.one_lease(grader, kind, "cpp")
             self.say(f"{kind}: one lease, Python policy")
-            python, _ = self.one_lease(grader, kind, "python")
-            self.say(f"{kind}: whole evaluations, C++ policy")
-            rates, alone, memory = self.whole(grader, kind, "cpp")
+            python, _, _ = self.one_lease(grader, kind, "python")
+            self.say(f"{kind}: whole evaluations on {self.cores} cores, C++ policy, each after "
+                     "the same leases without all but the environment")
+            rates, measured, memory = self.whole(grader, kind, "cpp")
             self.say(f"{kind}: whole evaluations, Python policy")
-            python_rates, python_alone, _ = self.whole(grader, kind, "python")
+            python_rates, python_measured, _ = self.whole(grader, kind, "python")
             self.say(f"{kind}: start of a lease")
             start = self.lease_start(grader, kind)
+        many = measured[0]
+        alone, python_alone = ([run["env"]["median"] for run in runs]
+                               for runs in (measured, python_measured))
         over, python_over = ratios(rates, alone), ratios(python_rates, python_alone)
         seen = processes.last_json(shown["output"][0]["stderr_tail"])
         return {
@@ -156,8 +162,8 @@ class Bench:
             "python_over_env": statistics.median(python_over),
             "lease_start": start,
             "step_latency_s": {
-                part: {"environment": one["env_step_s"][part], "whole": seen[part],
-                       "transport_and_policy": max(0.0, seen[part] - one["env_step_s"][part])}
+                part: {"environment": env_step[part], "whole": seen[part],
+                       "transport_and_policy": max(0.0, seen[part] - env_step[part])}
                 for part in ("p50", "p99", "max")},
             "sim_pss_bytes": memory,
             "log_bytes_per_episode": log_bytes(shown),

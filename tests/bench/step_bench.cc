@@ -1,7 +1,7 @@
 // Speed of a control step against the physics engine alone: one JSON object on standard output.
 //
-//   step_bench TRACKS_DIR TRACK [--threads N] [--episodes N] [--steps N] [--repetitions N]
-//              [--environment-only 1]
+//   step_bench TRACKS_DIR TRACK [--threads N] [--leases N] [--episodes N] [--steps N]
+//              [--repetitions N] [--environment-only 1]
 //
 // Three ways of playing the same episodes (same seeds, same controls, so the same contacts):
 //   env     Environment::Step and Observe
@@ -9,14 +9,17 @@
 //           evaluation of forces that the observation needs, positions and velocities computed once
 //   mjstep  five plain mj_step
 // Each repetition times all three, one after the other, so that a ratio compares neighbours in
-// time. With several threads each plays its own environment, and all start each part together.
+// time. Each thread plays its own environment, and all start each part together. As in an
+// evaluation the episodes come in leases, and a thread that is done takes the next; a rate is that
+// of all steps until the last thread ends, resets left out.
 // The seeds are spread evenly over those of the track, as some of its episodes cost more than
-// others; threads times episodes equal to their number plays each once. A step costs more later in
+// others; leases times episodes equal to their number plays each once. A step costs more later in
 // an episode (more contacts), so compare only episodes of the same length.
 // With --environment-only the other two ways are left out.
 // Afterwards one episode is played with MuJoCo's own timers, which cost a little, and are off
 // before.
 #include <algorithm>
+#include <atomic>
 #include <barrier>
 #include <chrono>
 #include <cstdio>
@@ -47,7 +50,8 @@ using Clock = std::chrono::steady_clock;
 struct Options {
   std::string tracks_dir, track;
   int threads = 1;
-  int episodes = 3;
+  int leases = 0;    // 0: one for each thread
+  int episodes = 3;  // of a lease
   int steps = 500;
   int repetitions = 5;
   int environment_only = 0;
@@ -64,6 +68,7 @@ Options Parse(int argc, char** argv) {
   options.tracks_dir = argv[1];
   options.track = argv[2];
   const std::pair<const char*, int*> flags[] = {{"--threads", &options.threads},
+                                                {"--leases", &options.leases},
                                                 {"--episodes", &options.episodes},
                                                 {"--steps", &options.steps},
                                                 {"--repetitions", &options.repetitions},
@@ -76,6 +81,7 @@ Options Parse(int argc, char** argv) {
       Fail(std::string("wrong option ") + argv[i] + ": each takes a number from 1 on");
     }
   }
+  if (options.leases == 0) options.leases = options.threads;
   return options;
 }
 
@@ -84,8 +90,6 @@ struct Player {
   std::unique_ptr<Environment> environment;
   const mjModel* model = nullptr;
   mjData* data = nullptr;
-  // Of each episode: steps x nu, as the environment set them.
-  std::vector<std::vector<double>> controls;
   std::vector<double> latency;  // s, of each step of the environment
 };
 
@@ -104,14 +108,19 @@ Player MakePlayer(const TrackConfig& config, const std::string& cache) {
   return player;
 }
 
+struct Episode {
+  uint64_t seed;
+  std::vector<double> controls;  // steps x nu, as the environment set them
+};
+
 // Each plays one episode and returns its seconds, the reset left out.
 
-double PlayEnvironment(Player& player, int episode, uint64_t seed, int steps) {
+double PlayEnvironment(Player& player, Episode& episode, int steps) {
   Environment& environment = *player.environment;
   const std::vector<double> action(environment.action_size(), 0.0);
   std::vector<double> observation(environment.observation_size());
-  environment.Reset(seed);
-  std::vector<double>& controls = player.controls[episode];
+  environment.Reset(episode.seed);
+  std::vector<double>& controls = episode.controls;
   controls.clear();
   controls.reserve(static_cast<size_t>(steps) * player.model->nu);
   const auto start = Clock::now();
@@ -127,10 +136,10 @@ double PlayEnvironment(Player& player, int episode, uint64_t seed, int steps) {
   return Seconds(Clock::now() - start).count();
 }
 
-double Replay(Player& player, int episode, uint64_t seed, int steps,
+double Replay(Player& player, const Episode& episode, int steps,
               const std::function<void(const mjModel*, mjData*)>& step) {
-  player.environment->Reset(seed);
-  const double* control = player.controls[episode].data();
+  player.environment->Reset(episode.seed);
+  const double* control = episode.controls.data();
   const auto start = Clock::now();
   for (int t = 0; t < steps; ++t, control += player.model->nu) {
     std::copy_n(control, player.model->nu, player.data->ctrl);
@@ -167,55 +176,62 @@ struct Rates {
 };
 
 // Seconds of one episode of a player.
-using Play = std::function<double(Player&, int episode, uint64_t seed)>;
+using Play = std::function<double(Player&, Episode&)>;
 
-// Every player plays so many episodes on a thread of its own. Returns the rate of all together.
-double Together(std::vector<Player>& players, int episodes, const std::vector<uint64_t>& seeds,
-                int steps, const Play& play) {
+using Leases = std::vector<std::vector<Episode>>;
+
+Leases MakeLeases(int leases, int episodes, const std::vector<uint64_t>& seeds) {
+  Leases made(leases);
+  const size_t all = static_cast<size_t>(leases) * episodes;
+  for (size_t place = 0; place < all; ++place) {
+    made[place / episodes].push_back({seeds[place * seeds.size() / all], {}});
+  }
+  return made;
+}
+
+// The players play all leases, each on a thread of its own. Returns the rate of all together.
+double Together(std::vector<Player>& players, Leases& leases, int steps, const Play& play) {
   std::vector<double> seconds(players.size(), 0.0);
   std::barrier together(static_cast<std::ptrdiff_t>(players.size()));
-  const size_t all = players.size() * static_cast<size_t>(episodes);
+  std::atomic<size_t> next = 0;
   std::vector<std::jthread> threads;
   for (size_t i = 0; i < players.size(); ++i) {
     threads.emplace_back([&, i] {
       together.arrive_and_wait();
-      for (int episode = 0; episode < episodes; ++episode) {
-        const size_t place = static_cast<size_t>(episode) * players.size() + i;
-        seconds[i] += play(players[i], episode, seeds[place * seeds.size() / all]);
+      for (size_t lease; (lease = next++) < leases.size();) {
+        for (Episode& episode : leases[lease]) seconds[i] += play(players[i], episode);
       }
     });
   }
   threads.clear();
-  double rate = 0;
-  for (const double s : seconds) rate += static_cast<double>(steps) * episodes / s;
-  return rate;
+  const double all = static_cast<double>(leases.size() * leases.front().size()) * steps;
+  return all / *std::max_element(seconds.begin(), seconds.end());
 }
 
 Rates Measure(std::vector<Player>& players, const Options& options, const TrackConfig& config) {
   Rates rates;
+  Leases warm = MakeLeases(options.threads, 1, config.seeds);
+  Leases timed = MakeLeases(options.leases, options.episodes, config.seeds);
   for (int repetition = -1; repetition < options.repetitions; ++repetition) {
-    const bool warm_up = repetition < 0;
-    const auto part = [&](const Play& play) {
-      return Together(players, warm_up ? 1 : options.episodes, config.seeds, options.steps, play);
-    };
+    Leases& leases = repetition < 0 ? warm : timed;
     const auto replay = [&](auto step) {
-      return part([&, step](Player& player, int episode, uint64_t seed) {
-        return Replay(player, episode, seed, options.steps, step);
+      return Together(players, leases, options.steps, [&, step](Player& player, Episode& episode) {
+        return Replay(player, episode, options.steps, step);
       });
     };
     // First, as it leaves the controls for the other two.
-    const double env = part([&](Player& player, int episode, uint64_t seed) {
-      return PlayEnvironment(player, episode, seed, options.steps);
+    const double env = Together(players, leases, options.steps, [&](Player& player, Episode& episode) {
+      return PlayEnvironment(player, episode, options.steps);
     });
-    if (warm_up) {
+    const bool engine_too = options.environment_only == 0;
+    const double engine = engine_too ? replay(EngineStep) : 0;
+    const double mjstep = engine_too ? replay(PlainStep) : 0;
+    if (repetition < 0) {
       for (Player& player : players) player.latency.clear();
-    } else {
-      rates.env.push_back(env);
+      continue;
     }
-    if (options.environment_only != 0) continue;
-    const double engine = replay(EngineStep);
-    const double mjstep = replay(PlainStep);
-    if (warm_up) continue;
+    rates.env.push_back(env);
+    if (!engine_too) continue;
     rates.engine.push_back(engine);
     rates.mjstep.push_back(mjstep);
   }
@@ -234,8 +250,9 @@ mjtNum Seconds64() {
 
 // Seconds of a control step that MuJoCo's own timers tell, by part: sums of the parts' calls.
 nlohmann::json Timers(Player& player, uint64_t seed, int steps) {
+  Episode episode = {seed, {}};
   mjcb_time = Seconds64;
-  const double all = PlayEnvironment(player, 0, seed, steps);
+  const double all = PlayEnvironment(player, episode, steps);
   mjcb_time = nullptr;
   nlohmann::json parts = {{"control_step", all / steps}};
   for (int i = 0; i < mjNTIMER; ++i) {
@@ -253,7 +270,6 @@ int Main(int argc, char** argv) {
   std::vector<Player> players;
   for (int i = 0; i < options.threads; ++i) {
     players.push_back(MakePlayer(*config, cache));
-    players.back().controls.resize(options.episodes);
   }
   const Rates rates = Measure(players, options, *config);
   std::vector<double> latency;
@@ -263,6 +279,7 @@ int Main(int argc, char** argv) {
   nlohmann::json result = {
       {"track", TrackKindName(config->kind)},
       {"threads", options.threads},
+      {"leases", options.leases},
       {"episodes", options.episodes},
       {"steps", options.steps},
       {"env", Summary(rates.env)},
