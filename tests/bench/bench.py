@@ -101,32 +101,34 @@ class Bench:
         return rate, shown, alone
 
     def whole(self, grader, kind, policy):
-        """Rates of whole evaluations, what was measured alone right before each, and the largest
-        memory that a simulator had."""
+        """Rates of whole evaluations, and what was measured alone right before each."""
         leases, episodes = (4, 2) if self.quick else (10, 10)
-        rates, alone, memory = [], [], processes.MemoryWatch("myograde-sim")
+        rates, alone = [], []
         # A minute and more each.
         for turn in range(3 if policy == "cpp" and not self.quick else 1):
             alone.append(self.alone(grader, kind, self.cores, leases, episodes,
                                     engine=policy == "cpp" and turn == 0))
-            shown, seconds = self.evaluate(grader, kind, policy, self.cores, leases, episodes,
-                                           memory)
+            shown, seconds = self.evaluate(grader, kind, policy, self.cores, leases, episodes)
             rates.append(sum(row["steps"] for row in shown["episode_rows"]) / seconds)
-        return rates, alone, memory.largest
+        return rates, alone
 
     def lease_start(self, grader, kind):
-        """Seconds from a lease's start to the policy's main(), with warm and cold file caches."""
-        def once():
-            shown, _ = self.evaluate(grader, kind, "cpp", 1, 1, 1)
+        """Seconds from a lease's start to the policy's main(), with warm and cold file caches,
+        and the largest memory that a simulator had. Looking at memory takes time, so it is done
+        in a lease that is not timed."""
+        def once(watch=None):
+            shown, _ = self.evaluate(grader, kind, "cpp", 1, 1, 1, watch)
             said = processes.last_json(shown["output"][0]["stderr_tail"])
             return said["started_at"] - epoch(shown["started_at"])
-        once()
+        memory = processes.MemoryWatch("myograde-sim")
+        once(memory)
         warm = [once() for _ in range(2 if self.quick else 7)]
         cold = []
         for _ in range(0 if self.quick else 3):
             if processes.drop_file_caches():
                 cold.append(once())
-        return {"warm_s": summary(warm), "cold_s": summary(cold) if cold else None}
+        times = {"warm_s": summary(warm), "cold_s": summary(cold) if cold else None}
+        return times, memory.largest
 
     def track(self, kind):
         with Grader(self.build / "bin", self.source) as grader:
@@ -138,11 +140,11 @@ class Bench:
             python, _, _ = self.one_lease(grader, kind, "python")
             self.say(f"{kind}: whole evaluations on {self.cores} cores, C++ policy, each after "
                      "the same leases without all but the environment")
-            rates, measured, memory = self.whole(grader, kind, "cpp")
+            rates, measured = self.whole(grader, kind, "cpp")
             self.say(f"{kind}: whole evaluations, Python policy")
-            python_rates, python_measured, _ = self.whole(grader, kind, "python")
+            python_rates, python_measured = self.whole(grader, kind, "python")
             self.say(f"{kind}: start of a lease")
-            start = self.lease_start(grader, kind)
+            start, memory = self.lease_start(grader, kind)
         many = measured[0]
         alone, python_alone = ([run["env"]["median"] for run in runs]
                                for runs in (measured, python_measured))
