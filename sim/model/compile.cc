@@ -238,13 +238,6 @@ absl::Status SetInertials(mjModel* model, std::span<const Inertial> inertials) {
 
 }  // namespace
 
-absl::Status CheckSources(TrackKind kind, const std::string& package_dir) {
-  for (const Pin& pin : Pins(SourceOf(kind).pins)) {
-    if (auto text = ReadPinned(pin, package_dir); !text.ok()) return text.status();
-  }
-  return absl::OkStatus();
-}
-
 absl::StatusOr<ModelPtr> CompileFromSources(TrackKind kind, const std::string& package_dir) {
   const Source& source = SourceOf(kind);
   auto scratch = ScratchFolder::Make();

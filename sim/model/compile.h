@@ -12,13 +12,11 @@
 
 namespace myograde::sim {
 
-// Checks every source file of a track's model under `package_dir` against its
-// pinned SHA-256. NotFoundError or DataLossError name the first bad file.
-absl::Status CheckSources(TrackKind kind, const std::string& package_dir);
-
-// Compiles the track's model from checked sources. The package itself is not
-// touched: patched files and links to the others go to a temporary folder that
-// is gone afterwards, so MuJoCo reads nothing but pinned files.
+// Compiles the track's model from sources, each of which is checked against its
+// pinned SHA-256: NotFoundError or DataLossError name the first bad file. The
+// package itself is not touched: patched files and links to the others go to a
+// temporary folder that is gone afterwards, so MuJoCo reads nothing but pinned
+// files.
 absl::StatusOr<ModelPtr> CompileFromSources(TrackKind kind, const std::string& package_dir);
 
 // SHA-256 over everything that a compiled model is a function of: the pinned

@@ -25,11 +25,13 @@ using DataPtr = std::unique_ptr<mjData, DataDeleter>;
 
 // Loads the model of a track from `cache_dir` (which holds the unpacked
 // package under myosuite-2.8.4/ and compiled models under models/). A compiled
-// model is used only if its name's hash of sources, patches and MuJoCo version
-// fits; else it is compiled and, where the folder can be written, kept.
+// model is used if its name's hash of pinned sources, patches and MuJoCo
+// version fits; else it is compiled and, where the folder can be written, kept.
+// Sources are read and checked when they are compiled, not again at each load.
 // Installs the muscle gain callback (once per process).
 // Errors: NotFoundError names the missing file and `./dev setup`;
-// DataLossError names an altered file (every source file has a pinned SHA-256).
+// DataLossError names an altered source file (every one has a pinned SHA-256)
+// or a damaged compiled model (it carries its own).
 absl::StatusOr<ModelPtr> LoadModel(TrackKind kind, const std::string& cache_dir);
 
 // Compiles and stores both models (`myograde-sim --compile-models`).

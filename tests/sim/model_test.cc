@@ -136,13 +136,20 @@ TEST_F(CacheCopy, NamesAMissingFile) {
   EXPECT_THAT(std::string(loaded.status().message()), HasSubstr("./dev setup"));
 }
 
-TEST_F(CacheCopy, NamesAnAlteredFileEvenWhenACompiledModelIsThere) {
+TEST_F(CacheCopy, ACompiledModelNeedsItsSourcesNoMore) {
   CopyPackage();
   ASSERT_TRUE(Load(TrackKind::kLocomotion).ok());
+  fs::remove_all(dir_ / kPackage);
+  EXPECT_TRUE(Load(TrackKind::kLocomotion).ok());
+}
+
+TEST_F(CacheCopy, NamesAnAlteredFileAndCompilesNothing) {
+  CopyPackage();
   const fs::path mesh = dir_ / kPackage / "simhive/myo_sim/meshes/l_bofoot.stl";
   ASSERT_TRUE(fs::exists(mesh));
   Append(mesh);
   const auto loaded = Load(TrackKind::kLocomotion);
+  EXPECT_FALSE(fs::exists(dir_ / "models"));
   EXPECT_EQ(loaded.status().code(), absl::StatusCode::kDataLoss);
   EXPECT_THAT(std::string(loaded.status().message()), HasSubstr(mesh.filename().string()));
   EXPECT_THAT(std::string(loaded.status().message()), HasSubstr("was altered"));
