@@ -4,10 +4,12 @@
 //
 //   sim -> runner   {"type":"need_policy"}            start a fresh sandbox
 //                   {"type":"policy_fault", ...}      FaultEvidence as the sim saw it
+//                   {"type":"need_cpu"}               read the CPU time now
 //                   {"type":"need_log","episode":N}   the log to play episode N from
 //                   a LeaseRecord line                 progress, episode or replay
 //                   {"type":"done"}                   every episode was recorded
 //   runner -> sim   {"type":"policy"} + descriptor     the bridge's socket
+//                   {"type":"cpu"}                     the page below has the new reading
 //                   {"type":"log"} + descriptor        the log's file, opened for reading
 //                   {"type":"no_policy", ...}         FaultEvidence: it could not be started
 //                   {"type":"ruling", ...}            FaultEvidence after looking at the
@@ -17,7 +19,9 @@
 // other: all bytes of a log are in the pipe before its episode's record is sent.
 //
 // The policy's CPU time so far, in ns, is kept by the runner in a page of
-// shared memory (CpuPage) that the simulator reads without a system call.
+// shared memory (CpuPage) that the simulator reads without a system call. It is
+// as old as cpu_refresh_s of sandbox/policy.json, so where that matters the
+// simulator asks for a new one.
 #pragma once
 
 #include <atomic>

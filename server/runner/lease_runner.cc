@@ -173,6 +173,7 @@ absl::Status LeaseRunner::Turn() {
     const bool due = absl::Now() - last_refresh_ >= refresh;
     if (due || entries[3].revents != 0 || entries[4].revents != 0) policy_->DrainOutput();
     if (due) {
+      last_refresh_ = absl::Now();
       policy_->LookAtDisk();
       RefreshCpu();
     }
@@ -201,6 +202,7 @@ absl::Status LeaseRunner::HandleSimMessage() {
   if (type == "need_policy") return GivePolicy();
   if (type == "policy_fault") return RuleOn(message->json);
   if (type == "need_log") return GiveLog();
+  if (type == "need_cpu") return GiveCpu();
   if (type == "done") {
     done_ = true;
     if (next_episode_ == context_.order.episodes.size()) return absl::OkStatus();
@@ -309,10 +311,14 @@ absl::Status LeaseRunner::EndSim() {
 }
 
 void LeaseRunner::RefreshCpu() {
-  last_refresh_ = absl::Now();
   const int64_t now = finished_cpu_ns_ + (policy_ != nullptr ? policy_->CpuNs() : 0);
   cpu_page_->cpu_ns.store(static_cast<uint64_t>(now), std::memory_order_relaxed);
   cpu_page_->updates.fetch_add(1, std::memory_order_relaxed);
+}
+
+absl::Status LeaseRunner::GiveCpu() {
+  RefreshCpu();
+  return SendSimMessage(channel_.get(), {{"type", "cpu"}});
 }
 
 absl::Status LeaseRunner::SimEnded() {

@@ -43,6 +43,7 @@ class LeaseRunner {
   absl::Status EndSim();
   absl::Status EndPolicy();
   void RefreshCpu();
+  absl::Status GiveCpu();
   absl::Status Beat();
   absl::Status Print(const LeaseRecord& record);
 

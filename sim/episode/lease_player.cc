@@ -17,6 +17,7 @@ constexpr absl::Duration kProgressPeriod = absl::Milliseconds(500);
 // own for both, far below these.
 constexpr absl::Duration kSandboxDeadline = absl::Minutes(5);
 constexpr absl::Duration kRulingDeadline = absl::Minutes(2);
+constexpr absl::Duration kReadingDeadline = absl::Minutes(1);
 
 // Sets of `first` overlaid by those of `second`.
 LegParameterSets Overlay(const LegParameterSets& first, const LegParameterSets& second) {
@@ -159,7 +160,7 @@ LeasePlayer::Result LeasePlayer::EnsurePolicy() {
   }
   use_.cpu = lease_cpu_;
   session_.emplace(std::move(message->fd), order_.track.budgets, cpu_, clock_, use_,
-                   [this] { Progress(); });
+                   [this] { Progress(); }, [this] { Measure(); });
   wire_episode_ = 0;
   episode_cpu_start_ = absl::ZeroDuration();
   return std::optional<FaultEvidence>();
@@ -327,6 +328,18 @@ absl::StatusOr<SimMessage> LeasePlayer::AwaitRunner(absl::Duration limit) {
     }
     Progress();
     if (!progress_status_.ok()) return progress_status_;
+  }
+}
+
+void LeasePlayer::Measure() {
+  if (!progress_status_.ok()) return;
+  progress_status_ = SendSimMessage(runner_, {{"type", "need_cpu"}});
+  if (!progress_status_.ok()) return;
+  const absl::StatusOr<SimMessage> answer = AwaitRunner(kReadingDeadline);
+  if (!answer.ok()) {
+    progress_status_ = answer.status();
+  } else if (answer->json["type"] != "cpu") {
+    progress_status_ = absl::InternalError("the runner answered need_cpu with something else");
   }
 }
 

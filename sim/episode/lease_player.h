@@ -54,6 +54,7 @@ class LeasePlayer {
   absl::Status Record(const EpisodeOrder& episode, const std::optional<FaultEvidence>& fault);
   absl::StatusOr<SimMessage> AwaitRunner(absl::Duration limit);
   void Progress();
+  void Measure();
 
   const LeaseOrder& order_;
   Environment& environment_;

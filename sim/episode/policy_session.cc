@@ -20,6 +20,9 @@ namespace {
 
 // How long one receive sleeps before the budgets are looked at again.
 constexpr timeval kSlice = {0, 20000};
+// An answer in less time can't have used CPU time that matters, and nothing but
+// it would make the question for a reading worth its price.
+constexpr absl::Duration kQuickAnswer = absl::Milliseconds(10);
 
 FaultEvidence Evidence(Outcome outcome, int64_t step, std::string detail) {
   FaultEvidence evidence;
@@ -58,13 +61,15 @@ struct PolicySession::Waiting {
 };
 
 PolicySession::PolicySession(Fd socket, const Budgets& budgets, const CpuPage* cpu,
-                             const Clock& clock, LeaseUse use, std::function<void()> on_wait)
+                             const Clock& clock, LeaseUse use, std::function<void()> on_wait,
+                             std::function<void()> measure)
     : socket_(std::move(socket)),
       budgets_(budgets),
       cpu_(cpu),
       clock_(clock),
       use_(use),
       on_wait_(std::move(on_wait)),
+      measure_(std::move(measure)),
       began_(clock.Monotonic()),
       cpu_at_start_ns_(cpu == nullptr ? 0 : cpu->cpu_ns.load(std::memory_order_relaxed)) {
   setsockopt(socket_.get(), SOL_SOCKET, SO_RCVTIMEO, &kSlice, sizeof(kSlice));
@@ -138,6 +143,9 @@ OrFault<BridgeFrame> PolicySession::Await(const Waiting& waiting) {
   while (true) {
     bool again = false;
     OrFault<BridgeFrame> answer = Receive(waiting, again);
+    // What it used is its own: neither the next step's nor, by an old reading, nobody's.
+    const bool quick = clock_.Monotonic() - waiting.wall_start < kQuickAnswer;
+    if (!again && !waiting.start_up && !quick) measure_();
     // An answer that took more than its budget comes too late even if it came
     // between two looks at the clock.
     if (again || std::holds_alternative<BridgeFrame>(answer)) {

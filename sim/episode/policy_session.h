@@ -33,10 +33,11 @@ class PolicySession {
  public:
   // `socket`: SOCK_SEQPACKET to the bridge. `cpu` may be null where CPU time
   // is not measured; then the wall caps alone hold. `on_wait` is called many
-  // times a second while an answer is waited for. All references must outlive
-  // the session. The start-up budget begins to run now.
+  // times a second while an answer is waited for, `measure` before an answer
+  // that took its time is judged: it has the CPU time read anew. All references
+  // must outlive the session. The start-up budget begins to run now.
   PolicySession(Fd socket, const Budgets& budgets, const CpuPage* cpu, const Clock& clock,
-                LeaseUse use, std::function<void()> on_wait);
+                LeaseUse use, std::function<void()> on_wait, std::function<void()> measure);
 
   // Waits for the policy's hello, within the start-up budget.
   OrFault<HelloFrame> AwaitHello();
@@ -71,6 +72,7 @@ class PolicySession {
   const Clock& clock_;
   const LeaseUse use_;
   const std::function<void()> on_wait_;
+  const std::function<void()> measure_;
   const absl::Duration began_;
   const uint64_t cpu_at_start_ns_;
   absl::Duration overtime_cpu_;   // left in the episode's bank

@@ -40,6 +40,24 @@ TEST_F(LeasePlayerTest, CpuTimeBeyondTheBankIsAStepTimeout) {
   EXPECT_EQ(result.episodes[0].fault.value, 21);
 }
 
+TEST_F(LeasePlayerTest, CpuTimeIsReadAnewForAnAnswerThatTookItsTime) {
+  order_.episodes.resize(1);
+  const LeaseResult result = Play({[this](Sandbox& sandbox) {
+    sandbox.Hello();
+    while (const PublishFrame* question = sandbox.Hear()) {
+      if (question->expect == Expect::kAction && question->step == 2) {
+        read_when_asked_ = 90'000'000'000u;  // a step has 1 s and a bank of 60
+        std::this_thread::sleep_for(std::chrono::milliseconds(15));
+      }
+      sandbox.Answer(*question);
+    }
+  }});
+  EXPECT_THAT(Outcomes(result), ElementsAre(Outcome::kStepTimeout));
+  EXPECT_EQ(result.episodes[0].steps, 2);
+  EXPECT_EQ(result.episodes[0].fault.value, 90);
+  EXPECT_GE(result.readings, 1);
+}
+
 TEST_F(LeasePlayerTest, ASleeperMeetsTheWallCap) {
   order_.episodes.resize(1);
   order_.track.budgets.step_s = 0.1;

@@ -6,7 +6,9 @@
 
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <functional>
@@ -162,6 +164,7 @@ struct LeaseResult {
   std::vector<FaultEvidence> seen;  // as the simulator reported faults
   int sandboxes = 0;
   int64_t progress = 0;
+  int64_t readings = 0;  // of CPU time, asked for
   bool done = false;
 };
 
@@ -223,6 +226,10 @@ class LeasePlayerTest : public ::testing::Test {
               script(*end);
             });
         (void)SendSimMessage(socket, {{"type", "policy"}}, sim.get());
+      } else if (type == "need_cpu") {
+        cpu_.cpu_ns = std::max(cpu_.cpu_ns.load(), read_when_asked_.load());
+        ++result.readings;
+        (void)SendSimMessage(socket, {{"type", "cpu"}});
       } else if (type == "policy_fault") {
         FaultEvidence evidence = *FaultEvidenceFromJson(message->json);
         result.seen.push_back(evidence);
@@ -244,6 +251,7 @@ class LeasePlayerTest : public ::testing::Test {
   LeaseOrder order_;
   CountingEnvironment environment_;
   CpuPage cpu_ = {0, 1};
+  std::atomic<uint64_t> read_when_asked_ = 0;  // ns of CPU time that the page has not yet
   LogWriter* log_ = nullptr;
   std::optional<FaultEvidence> refuse_;
   std::optional<Outcome> ruling_;
