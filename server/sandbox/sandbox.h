@@ -106,8 +106,8 @@ class Sandbox {
   SandboxEnd end_;
 };
 
-// CPU time in ns of a process and all that descend of it, those included that
-// ended and were waited for.
+// CPU time in ns of a process and all that descend of it; of those that ended
+// and were waited for in ticks of the kernel, usually 10 ms.
 int64_t ProcessTreeCpuNs(pid_t root);
 
 }  // namespace myograde::server
