@@ -10,10 +10,8 @@
 namespace myograde {
 
 inline constexpr char kTunablesVariable[] = "GLIBC_TUNABLES";
-// Beside the maths, memory in huge pages where the host gives them: a third of
-// a simulator's start went into page faults. No result depends on it.
 inline constexpr char kPinnedTunables[] =
-    "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL,-AVX:glibc.malloc.hugetlb=1";
+    "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL,-AVX";
 
 // True if `tunables` switches off at least the features that kPinnedTunables does.
 inline bool IsPinned(std::string_view tunables) {

@@ -1,20 +1,17 @@
 #include "policies/cpp/kit.h"
 
-#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <memory>
-#include <thread>
-
-#include <lcm/lcm-cpp.hpp>
+#include <optional>
+#include <utility>
 
 #include "myograde/action_t.hpp"
 #include "myograde/episode_ready_t.hpp"
 #include "myograde/episode_start_t.hpp"
 #include "myograde/hello_t.hpp"
 #include "myograde/observation_t.hpp"
-#include "policies/cpp/own_echo.h"
+#include "protocol/bus/bus.h"
 #include "protocol/channels.h"
 
 namespace myograde {
@@ -22,21 +19,22 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kHelloPeriodMs = 100;
+constexpr auto kHelloPeriod = std::chrono::milliseconds(100);
 constexpr auto kWelcomeDeadline = std::chrono::seconds(60);
 // The grader asks every 250 ms at the latest while it waits for this policy,
 // and resets and steps in far less than this.
 constexpr auto kSilenceDeadline = std::chrono::seconds(600);
 
+template <typename Message>
+bool Decode(const Datagram& datagram, Message& message) {
+  return message.decode(datagram.payload.data(), 0,
+                        static_cast<int>(datagram.payload.size())) >= 0;
+}
+
 // The policy's side of the conversation.
 class Conversation {
  public:
-  Conversation(lcm::LCM& bus, const OwnEcho& echo, Policy& policy)
-      : bus_(bus), echo_(echo), policy_(policy) {
-    Listen<welcome_t, &Conversation::OnWelcome>(kWelcomeChannel);
-    Listen<episode_start_t, &Conversation::OnEpisodeStart>(kStartChannel);
-    Listen<observation_t, &Conversation::OnObservation>(kObservationChannel);
-  }
+  Conversation(Bus bus, Policy& policy) : bus_(std::move(bus)), policy_(policy) {}
 
   // Says hello until welcomed. False: refused or no answer; stderr says why.
   bool Greet() {
@@ -53,88 +51,74 @@ class Conversation {
                      "error: no grader answered on the bus for 60 s; check MYOGRADE_LCM_URL\n");
         return false;
       }
-      if (bus_.publish(std::string(kHelloChannel), &hello) != 0) {
-        std::fprintf(stderr, "error: the bus takes no messages; check MYOGRADE_LCM_URL\n");
-        return false;
-      }
-      bus_.handleTimeout(kHelloPeriodMs);
+      Say(kHelloChannel, hello);
+      Hear();
     }
     if (welcome_.accepted == 0) {
       std::fprintf(stderr, "error: the grader refused this policy: %s\n", welcome_.reason.c_str());
       return false;
     }
-    echo_.Silence();
     policy_.Start(welcome_);
     return true;
   }
 
-  // Answers until the bus breaks. When nothing was heard for kSilenceDeadline a
-  // thread of its own ends the process: a deadline in each wait would cost
-  // every step a system call more.
+  // Answers until nothing was heard for kSilenceDeadline.
   void Play() {
-    *heard_ = Clock::now();
-    std::thread(EndInSilence, heard_).detach();
-    while (bus_.handle() == 0) {
+    heard_ = Clock::now();
+    while (Hear() || Clock::now() - heard_ < kSilenceDeadline) {
     }
-    std::fprintf(stderr, "error: the bus broke\n");
+    std::fprintf(stderr, "error: nothing was heard from the grader for 600 s\n");
   }
 
  private:
-  using Heard = std::shared_ptr<std::atomic<Clock::time_point>>;
-
-  [[noreturn]] static void EndInSilence(const Heard& heard) {
-    while (true) {
-      const auto end = heard->load() + kSilenceDeadline;
-      if (Clock::now() >= end) break;
-      std::this_thread::sleep_until(end);
+  // Waits for one message and answers it. False: nothing came for a while.
+  bool Hear() {
+    const std::span<const std::byte> bytes = bus_.Await();
+    if (bytes.empty()) return false;
+    const std::optional<Datagram> datagram = ParseDatagram(bytes);
+    if (!datagram) return true;
+    if (datagram->channel == kObservationChannel) {
+      if (Decode(*datagram, observation_)) OnObservation();
+    } else if (datagram->channel == kStartChannel) {
+      if (Decode(*datagram, start_)) OnEpisodeStart();
+    } else if (datagram->channel == kWelcomeChannel && !welcomed_) {
+      welcomed_ = Decode(*datagram, welcome_);
     }
-    std::fprintf(stderr, "error: nothing was heard from the grader for 600 s\n");
-    std::fflush(nullptr);
-    std::_Exit(1);
+    return true;
   }
 
-  // LCM's own subscription of methods trips GCC's sanitizer, so functions it is.
-  template <typename Message, void (Conversation::*kMethod)(const Message&)>
-  void Listen(std::string_view channel) {
-    bus_.subscribeFunction<Message, Conversation*>(
-        std::string(channel),
-        [](const lcm::ReceiveBuffer*, const std::string&, const Message* message,
-           Conversation* self) { (self->*kMethod)(*message); },
-        this);
+  template <typename Message>
+  void Say(std::string_view channel, const Message& message) {
+    encoded_.resize(static_cast<size_t>(message.getEncodedSize()));
+    message.encode(encoded_.data(), 0, static_cast<int>(encoded_.size()));
+    bus_.Send(channel, encoded_);
   }
 
-  void OnWelcome(const welcome_t& welcome) {
-    if (welcomed_) return;
-    welcomed_ = true;
-    welcome_ = welcome;
-  }
-
-  void OnEpisodeStart(const episode_start_t& start) {
-    *heard_ = Clock::now();
-    if (!welcomed_ || start.episode < ready_.episode) return;
-    if (start.episode > ready_.episode) {
-      policy_.Reset({start.episode, static_cast<uint64_t>(start.policy_seed)});
-      ready_.episode = start.episode;
+  void OnEpisodeStart() {
+    heard_ = Clock::now();
+    if (!welcomed_ || start_.episode < ready_.episode) return;
+    if (start_.episode > ready_.episode) {
+      policy_.Reset({start_.episode, static_cast<uint64_t>(start_.policy_seed)});
+      ready_.episode = start_.episode;
       answer_.step = -1;
     }
-    bus_.publish(std::string(kReadyChannel), &ready_);
+    Say(kReadyChannel, ready_);
   }
 
-  void OnObservation(const observation_t& observation) {
-    *heard_ = Clock::now();
-    if (observation.episode != ready_.episode || observation.step < answer_.step) return;
-    if (observation.step > answer_.step) {
-      answer_.episode = observation.episode;
-      answer_.step = observation.step;
+  void OnObservation() {
+    heard_ = Clock::now();
+    if (observation_.episode != ready_.episode || observation_.step < answer_.step) return;
+    if (observation_.step > answer_.step) {
+      answer_.episode = observation_.episode;
+      answer_.step = observation_.step;
       answer_.size = welcome_.action_size;
       answer_.values.assign(static_cast<size_t>(welcome_.action_size), 0.0);
-      policy_.Act(observation.values, answer_.values);
+      policy_.Act(observation_.values, answer_.values);
     }
-    bus_.publish(std::string(kActionChannel), &answer_);
+    Say(kActionChannel, answer_);
   }
 
-  lcm::LCM& bus_;
-  const OwnEcho& echo_;
+  Bus bus_;
   Policy& policy_;
   bool welcomed_ = false;
   welcome_t welcome_;
@@ -152,21 +136,24 @@ class Conversation {
     action.size = 0;
     return action;
   }();
-  const Heard heard_ = std::make_shared<std::atomic<Clock::time_point>>();
+  Clock::time_point heard_;
+  // Kept, so that a step takes no memory anew.
+  observation_t observation_;
+  episode_start_t start_;
+  std::vector<std::byte> encoded_;
 };
 
 }  // namespace
 
 int RunPolicy(Policy& policy) {
   const char* url = std::getenv(kBusUrlVariable);
-  const OwnEcho echo;
-  lcm::LCM bus(url == nullptr ? "" : url);
-  if (!bus.good()) {
-    std::fprintf(stderr, "error: no LCM bus at \"%s\"; set MYOGRADE_LCM_URL\n",
-                 url == nullptr ? "" : url);
+  std::string problem;
+  std::optional<Bus> bus = Bus::Open(url == nullptr ? "" : url, kHelloPeriod, problem);
+  if (!bus) {
+    std::fprintf(stderr, "error: %s; set MYOGRADE_LCM_URL\n", problem.c_str());
     return 1;
   }
-  Conversation conversation(bus, echo, policy);
+  Conversation conversation(*std::move(bus), policy);
   if (!conversation.Greet()) return 1;
   conversation.Play();
   return 1;

@@ -7,18 +7,21 @@
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <csignal>
 #include <cstddef>
 #include <cstring>
 #include <memory>
 #include <optional>
+#include <string>
+#include <utility>
 
 #include <absl/strings/str_cat.h>
 #include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
-#include "protocol/bridge/bus.h"
 #include "protocol/bridge/child.h"
+#include "protocol/bus/bus.h"
 #include "protocol/channels.h"
 
 namespace myograde::bridge {
@@ -28,7 +31,7 @@ constexpr absl::Duration kFirstResend = absl::Milliseconds(50);
 constexpr absl::Duration kLongestResend = absl::Milliseconds(250);
 // How long an answer is waited for on the bus alone. A quick policy answers sooner, which saves
 // the poll; with a slow one this is how late its death or the simulator's is seen.
-constexpr absl::Duration kQuickAnswer = absl::Milliseconds(10);
+constexpr auto kQuickAnswer = std::chrono::milliseconds(10);
 // Datagrams looked at before the simulator is heard again, so that a flood on
 // the bus can't keep it waiting.
 constexpr int kDatagramsPerTurn = 64;
@@ -290,8 +293,9 @@ absl::StatusOr<Fd> WatchChildren() {
 }  // namespace
 
 absl::Status RunBridge(Fd simulator, InboxLimits limits, const std::vector<std::string>& command) {
-  absl::StatusOr<Bus> bus = Bus::Open(kQuickAnswer);
-  if (!bus.ok()) return bus.status();
+  std::string problem;
+  std::optional<Bus> bus = Bus::Open(kBusUrl, kQuickAnswer, problem);
+  if (!bus) return absl::UnavailableError(problem);
   absl::StatusOr<Fd> children = WatchChildren();
   if (!children.ok()) return children.status();
   absl::StatusOr<Child> policy = StartPolicy(command);

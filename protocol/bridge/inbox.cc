@@ -51,8 +51,8 @@ void Inbox::Ask(const PublishFrame& frame) {
 
 Verdict Inbox::Take(std::span<const std::byte> datagram) {
   if (faulted_) return Verdict::kDropped;
-  const absl::StatusOr<Datagram> parsed = ParseDatagram(datagram);
-  if (!parsed.ok()) return Stray();
+  const std::optional<Datagram> parsed = ParseDatagram(datagram);
+  if (!parsed) return Stray();
   if (parsed->channel == kActionChannel) return TakeAction(parsed->payload);
   if (parsed->channel == kReadyChannel) return TakeReady(parsed->payload);
   if (parsed->channel == kHelloChannel) return TakeHello(parsed->payload);

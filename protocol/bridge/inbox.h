@@ -9,7 +9,7 @@
 #include <absl/status/status.h>
 
 #include "myograde/action_t.hpp"
-#include "protocol/bridge/datagram.h"
+#include "protocol/bus/datagram.h"
 #include "protocol/frames.h"
 
 namespace myograde::bridge {

@@ -1,17 +1,14 @@
-#include "protocol/bridge/datagram.h"
+#include "protocol/bus/datagram.h"
 
 #include <array>
 #include <string>
 #include <vector>
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
 
-namespace myograde::bridge {
+namespace myograde {
 namespace {
-
-using ::testing::HasSubstr;
 
 std::vector<std::byte> Bytes(const std::string& text) {
   const auto* data = reinterpret_cast<const std::byte*>(text.data());
@@ -31,7 +28,7 @@ TEST(Datagram, IsLcmsShortMessage) {
   const std::vector<std::byte> bytes = Make("AB", std::string("\0x", 2));
   EXPECT_EQ(bytes, Bytes(std::string("LC02\1\2\3\4AB\0\0x", 13)));
   const auto datagram = ParseDatagram(bytes);
-  ASSERT_TRUE(datagram.ok()) << datagram.status();
+  ASSERT_TRUE(datagram.has_value());
   EXPECT_EQ(datagram->sequence, 0x01020304u);
   EXPECT_EQ(datagram->channel, "AB");
   EXPECT_EQ(datagram->payload.size(), 2u);
@@ -41,32 +38,29 @@ TEST(Datagram, LongestNameAndEmptyPayload) {
   const std::string name(kMaxChannelLength, 'c');
   const std::vector<std::byte> bytes = Make(name, "");
   const auto datagram = ParseDatagram(bytes);
-  ASSERT_TRUE(datagram.ok()) << datagram.status();
+  ASSERT_TRUE(datagram.has_value());
   EXPECT_EQ(datagram->channel, name);
   EXPECT_TRUE(datagram->payload.empty());
 }
 
-std::string Problem(const std::string& text) {
-  return std::string(ParseDatagram(Bytes(text)).status().message());
-}
+bool Refused(const std::string& text) { return !ParseDatagram(Bytes(text)); }
 
 TEST(Datagram, EverythingElseIsRefused) {
-  EXPECT_THAT(Problem(""), HasSubstr("shorter"));
-  EXPECT_THAT(Problem("LC02\1\2\3"), HasSubstr("shorter"));
-  EXPECT_THAT(Problem(std::string("LC01\0\0\0\0A\0", 10)), HasSubstr("not LCM's"));
-  EXPECT_THAT(Problem(std::string("LC02\0\0\0\0", 8)), HasSubstr("no end"));
-  EXPECT_THAT(Problem(std::string("LC02\0\0\0\0ABC", 11)), HasSubstr("no end"));
-  EXPECT_THAT(Problem(std::string("LC02\0\0\0\0\0payload", 16)), HasSubstr("empty"));
-  EXPECT_THAT(Problem(std::string("LC02\0\0\0\0", 8) + std::string(64, 'c') + std::string(1, 0)),
-              HasSubstr("no end"));
+  EXPECT_FALSE(Refused(std::string("LC02\0\0\0\0A\0", 10)));
+  EXPECT_TRUE(Refused(""));
+  EXPECT_TRUE(Refused("LC02\1\2\3"));
+  EXPECT_TRUE(Refused(std::string("LC01\0\0\0\0A\0", 10))) << "not LCM's";
+  EXPECT_TRUE(Refused(std::string("LC02\0\0\0\0", 8))) << "no name";
+  EXPECT_TRUE(Refused(std::string("LC02\0\0\0\0ABC", 11))) << "a name without an end";
+  EXPECT_TRUE(Refused(std::string("LC02\0\0\0\0\0payload", 16))) << "an empty name";
+  EXPECT_TRUE(Refused(std::string("LC02\0\0\0\0", 8) + std::string(64, 'c') + std::string(1, 0)))
+      << "too long a name";
 }
 
 TEST(Datagram, FragmentsAreRefusedWhateverTheyClaim) {
   // Fragment 0 of a message of 256 MiB, and one with an offset that wraps.
-  EXPECT_THAT(Problem(std::string("LC03\0\0\0\1\x10\0\0\0\0\0\0\0\0\0\0\1A\0x", 23)),
-              HasSubstr("fragment"));
-  EXPECT_THAT(Problem(std::string("LC03\0\0\0\1\0\0\0\x20\xff\xff\xff\xf0\0\1\0\2xxx", 23)),
-              HasSubstr("fragment"));
+  EXPECT_TRUE(Refused(std::string("LC03\0\0\0\1\x10\0\0\0\0\0\0\0\0\0\0\1A\0x", 23)));
+  EXPECT_TRUE(Refused(std::string("LC03\0\0\0\1\0\0\0\x20\xff\xff\xff\xf0\0\1\0\2xxx", 23)));
 }
 
 TEST(Datagram, AnyBytesGiveAViewInsideThemOrAnError) {
@@ -77,7 +71,7 @@ TEST(Datagram, AnyBytesGiveAViewInsideThemOrAnError) {
     }
     const auto bytes = std::as_bytes(std::span<const uint8_t>(noise));
     const auto datagram = ParseDatagram(bytes);
-    if (!datagram.ok()) return;
+    if (!datagram) return;
     RC_ASSERT(datagram->channel.size() >= 1u);
     RC_ASSERT(datagram->channel.size() <= kMaxChannelLength);
     RC_ASSERT(datagram->channel.find('\0') == std::string_view::npos);
@@ -87,4 +81,4 @@ TEST(Datagram, AnyBytesGiveAViewInsideThemOrAnError) {
 }
 
 }  // namespace
-}  // namespace myograde::bridge
+}  // namespace myograde

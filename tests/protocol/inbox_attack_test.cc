@@ -36,7 +36,7 @@ Packet Fragment(uint32_t message_size, uint32_t offset, uint16_t number, uint16_
   const auto put = [&](uint64_t value, int size) {
     for (int i = size; i-- > 0;) packet.push_back(static_cast<std::byte>(value >> (8 * i)));
   };
-  put(kFragmentMagic, 4);
+  put(0x4c433033, 4);  // "LC03"
   put(1, 4);
   put(message_size, 4);
   put(offset, 4);

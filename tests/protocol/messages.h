@@ -12,7 +12,7 @@
 #include "myograde/action_t.hpp"
 #include "myograde/episode_ready_t.hpp"
 #include "myograde/hello_t.hpp"
-#include "protocol/bridge/datagram.h"
+#include "protocol/bus/datagram.h"
 #include "protocol/frames.h"
 
 namespace myograde {
@@ -28,8 +28,8 @@ Packet Encode(const Message& message) {
 
 // A datagram with an encoded message, or anything else, on a channel.
 inline Packet Wrap(std::string_view channel, const Packet& payload, uint32_t sequence = 1) {
-  std::array<std::byte, bridge::kDatagramHeader + bridge::kMaxChannelLength + 1> head;
-  const size_t size = bridge::WriteDatagramHead(sequence, channel, head);
+  std::array<std::byte, kDatagramHeader + kMaxChannelLength + 1> head;
+  const size_t size = WriteDatagramHead(sequence, channel, head);
   Packet packet(head.begin(), head.begin() + static_cast<std::ptrdiff_t>(size));
   packet.insert(packet.end(), payload.begin(), payload.end());
   return packet;

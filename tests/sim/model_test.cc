@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 
@@ -110,6 +111,30 @@ TEST(Model, AMuscleBelowItsShortestLengthDoesNotPush) {
                            m->actuator_acc0[lat1], m->actuator_biasprm + mjNBIAS * lat1));
   const int biceps = mj_name2id(m, mjOBJ_ACTUATOR, "BIClong");
   EXPECT_LT(d->actuator_force[biceps], -10) << "other muscles pull";
+}
+
+// "hg" among the flags of the mapping that holds `address`.
+bool InHugePages(const void* address) {
+  std::ifstream maps("/proc/self/smaps");
+  bool here = false;
+  for (std::string line; std::getline(maps, line);) {
+    unsigned long first = 0, last = 0;
+    if (std::sscanf(line.c_str(), "%lx-%lx ", &first, &last) == 2) {
+      const auto at = reinterpret_cast<unsigned long>(address);
+      here = first <= at && at < last;
+    }
+    if (here && line.starts_with("VmFlags:")) return (line + " ").find(" hg ") != std::string::npos;
+  }
+  return false;
+}
+
+TEST(Model, LargeBlocksAreAskedForInHugePages) {
+  if (!fs::exists("/sys/kernel/mm/transparent_hugepage")) GTEST_SKIP() << "no such kernel";
+  const auto loaded = LoadModel(TrackKind::kManipulation, CacheDir());
+  ASSERT_TRUE(loaded.ok()) << loaded.status();
+  const DataPtr d(mj_makeData(loaded->get()));
+  EXPECT_TRUE(InHugePages((*loaded)->buffer));
+  EXPECT_TRUE(InHugePages(d->buffer));
 }
 
 TEST_F(CacheCopy, CompilesOnceAndLoadsTheSameModel) {

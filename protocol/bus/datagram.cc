@@ -1,9 +1,9 @@
-#include "protocol/bridge/datagram.h"
+#include "protocol/bus/datagram.h"
 
 #include <algorithm>
 #include <cstring>
 
-namespace myograde::bridge {
+namespace myograde {
 namespace {
 
 uint32_t ReadBigEndian(const std::byte* bytes) {
@@ -18,22 +18,14 @@ void WriteBigEndian(uint32_t value, std::byte* out) {
 
 }  // namespace
 
-absl::StatusOr<Datagram> ParseDatagram(std::span<const std::byte> bytes) {
-  if (bytes.size() < kDatagramHeader) {
-    return absl::InvalidArgumentError("the datagram is shorter than LCM's header");
-  }
-  const uint32_t magic = ReadBigEndian(bytes.data());
-  if (magic == kFragmentMagic) {
-    return absl::InvalidArgumentError("the datagram is a fragment of a longer message");
-  }
-  if (magic != kShortMagic) return absl::InvalidArgumentError("the datagram is not LCM's");
+std::optional<Datagram> ParseDatagram(std::span<const std::byte> bytes) {
+  if (bytes.size() < kDatagramHeader || ReadBigEndian(bytes.data()) != kShortMagic) return {};
   const std::span<const std::byte> rest = bytes.subspan(kDatagramHeader);
   const auto limit = rest.begin() + static_cast<std::ptrdiff_t>(
                                         std::min(rest.size(), kMaxChannelLength + 1));
   const auto end = std::find(rest.begin(), limit, std::byte{0});
-  if (end == limit) return absl::InvalidArgumentError("the channel's name has no end");
+  if (end == limit || end == rest.begin()) return {};
   const auto length = static_cast<size_t>(end - rest.begin());
-  if (length == 0) return absl::InvalidArgumentError("the channel's name is empty");
   return Datagram{ReadBigEndian(bytes.data() + 4),
                   {reinterpret_cast<const char*>(rest.data()), length},
                   rest.subspan(length + 1)};
@@ -48,4 +40,4 @@ size_t WriteDatagramHead(uint32_t sequence, std::string_view channel,
   return kDatagramHeader + channel.size() + 1;
 }
 
-}  // namespace myograde::bridge
+}  // namespace myograde

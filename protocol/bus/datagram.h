@@ -2,22 +2,20 @@
 // number, both 32 bits big-endian, the channel's name ending in NUL, and the
 // encoded message to the datagram's end.
 //
-// The bridge reads these itself, since liblcm's receiver believes what the
-// headers of fragments claim. A fragment (magic "LC03") is refused here, so no
-// byte of a datagram ever says how much memory to take.
+// Read here rather than by liblcm, since its receiver believes what the headers
+// of fragments claim. A fragment (magic "LC03") is refused here, so no byte of a
+// datagram ever says how much memory to take.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string_view>
 
-#include <absl/status/statusor.h>
-
-namespace myograde::bridge {
+namespace myograde {
 
 inline constexpr uint32_t kShortMagic = 0x4c433032;
-inline constexpr uint32_t kFragmentMagic = 0x4c433033;
 inline constexpr size_t kMaxChannelLength = 63;  // LCM's own limit, without the NUL
 inline constexpr size_t kDatagramHeader = 8;
 inline constexpr size_t kMaxDatagram = 65507;  // of UDP over IPv4
@@ -29,12 +27,12 @@ struct Datagram {
   std::span<const std::byte> payload;
 };
 
-// InvalidArgumentError with the reason for whatever is not a whole short message.
-absl::StatusOr<Datagram> ParseDatagram(std::span<const std::byte> bytes);
+// Nothing for whatever is not a whole short message.
+std::optional<Datagram> ParseDatagram(std::span<const std::byte> bytes);
 
 // Writes header and channel of a short message; the payload follows in the same
 // datagram. Returns the bytes written. REQUIRES: channel.size() <= kMaxChannelLength.
 size_t WriteDatagramHead(uint32_t sequence, std::string_view channel,
                          std::span<std::byte, kDatagramHeader + kMaxChannelLength + 1> out);
 
-}  // namespace myograde::bridge
+}  // namespace myograde

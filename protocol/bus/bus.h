@@ -1,27 +1,33 @@
-// The bridge's two UDP sockets on the LCM bus of its network namespace. A packet
-// that can't be sent counts as lost, since the bridge sends again anyway.
+// One program's two UDP sockets on an LCM bus: one that speaks and one that
+// hears all but what the first one says. For the bridge, which must not parse
+// packets with liblcm, and for the C++ kit, which saves liblcm's reading thread
+// and its pipe at every step. Needs the C++ library alone.
+//
+// A packet that can't be sent counts as lost, since the bridge asks again anyway.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
-#include <absl/status/statusor.h>
-#include <absl/time/time.h>
-
 #include "protocol/base/fd.h"
-#include "protocol/bridge/datagram.h"
+#include "protocol/bus/datagram.h"
 
-namespace myograde::bridge {
+namespace myograde {
 
 class Bus {
  public:
-  // Joins the bus; `patience` is how long Await() waits. Errors say which step the kernel
-  // refused.
-  static absl::StatusOr<Bus> Open(absl::Duration patience);
+  // Joins the bus of an LCM URL, udpm://GROUP:PORT?ttl=N (N is 1 without it); `patience` is how
+  // long Await() waits. If there is none, `problem` says in a sentence which part of the URL or
+  // which step in the kernel was refused.
+  static std::optional<Bus> Open(const std::string& url, std::chrono::milliseconds patience,
+                                 std::string& problem);
 
   // For poll: readable when a datagram of another sender waits.
   int fd() const { return receiver_.get(); }
@@ -46,4 +52,4 @@ class Bus {
   std::vector<std::byte> buffer_ = std::vector<std::byte>(kMaxDatagram + 1);
 };
 
-}  // namespace myograde::bridge
+}  // namespace myograde
