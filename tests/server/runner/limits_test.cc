@@ -89,6 +89,7 @@ TEST_F(LimitsTest, Tasks) {
 TEST_F(LimitsTest, Memory) {
   if (kSanitized && !HasGroups()) GTEST_SKIP() << "a sanitizer's shadow is above any such limit";
   budgets_["memory_bytes"] = 256 << 20;
+  budgets_["startup_s"] = 60;
   const Outcomes outcomes = Play(
       ScriptOrder("echo last words >&2; exec /usr/bin/python3 -c 'x=[bytearray(1<<24) for i in "
                   "range(1000)]'"));
@@ -105,6 +106,7 @@ TEST_F(LimitsTest, Memory) {
 TEST_F(LimitsTest, MemoryOfSharedFilesCounts) {
   if (!HasGroups()) GTEST_SKIP() << "no control group counts it here";
   budgets_["memory_bytes"] = 64 << 20;
+  budgets_["startup_s"] = 60;
   ExpectEvidence(Play(ScriptOrder("echo last words >&2; head -c 200000000 /dev/zero > /dev/shm/x")),
                  Outcome::kMemoryLimit, "memory_bytes", 64 << 20);
 }
@@ -142,17 +144,17 @@ TEST_F(LimitsTest, OpenFiles) {
 
 TEST_F(LimitsTest, CpuTimeOfTheLease) {
   budgets_["startup_s"] = 60;
-  budgets_["lease_cpu_s"] = 0.5;
+  budgets_["lease_cpu_s"] = 2;
   ExpectEvidence(Play(ScriptOrder("echo last words >&2; while :; do :; done")),
-                 Outcome::kCpuLimit, "lease_cpu_s", 0.5);
+                 Outcome::kCpuLimit, "lease_cpu_s", 2);
 }
 
 TEST_F(LimitsTest, CpuTimeOfChildrenCounts) {
   budgets_["startup_s"] = 60;
-  budgets_["lease_cpu_s"] = 0.5;
+  budgets_["lease_cpu_s"] = 2;
   ExpectEvidence(Play(ScriptOrder("echo last words >&2; (while :; do :; done) & "
                                   "(while :; do :; done) & exec sleep 1000")),
-                 Outcome::kCpuLimit, "lease_cpu_s", 0.5);
+                 Outcome::kCpuLimit, "lease_cpu_s", 2);
 }
 
 TEST_F(LimitsTest, WallTimeOfTheLease) {
