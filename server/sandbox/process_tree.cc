@@ -16,22 +16,22 @@ namespace {
 
 struct ProcessTimes {
   pid_t parent = 0;
-  int64_t own_ns = 0;
-  int64_t children_ns = 0;  // of those that ended and were waited for
+  int64_t own_ticks = 0;
+  int64_t children_ticks = 0;  // of those that ended and were waited for
 };
 
 // The CPU clock of a process is exact where /proc/PID/stat counts in ticks of
 // 10 ms, which is many steps of a quick policy. Anybody may read it
 // (clock_getcpuclockid(3)).
-int64_t OwnNs(pid_t pid, int64_t from_ticks) {
+int64_t OwnNs(pid_t pid, int64_t otherwise) {
   clockid_t clock;
   timespec time;
-  if (clock_getcpuclockid(pid, &clock) != 0 || clock_gettime(clock, &time) != 0) return from_ticks;
+  if (clock_getcpuclockid(pid, &clock) != 0 || clock_gettime(clock, &time) != 0) return otherwise;
   return time.tv_sec * int64_t{1000000000} + time.tv_nsec;
 }
 
-bool ReadStat(pid_t pid, ProcessTimes& times) {
-  std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
+bool ReadStat(const std::string& pid, ProcessTimes& times) {
+  std::ifstream file("/proc/" + pid + "/stat");
   std::string text;
   if (!std::getline(file, text, '\0')) return false;
   // The name, in brackets, may hold anything; the numbers follow its last one.
@@ -44,9 +44,7 @@ bool ReadStat(pid_t pid, ProcessTimes& times) {
                   &system, &children_user, &children_system) != 5) {
     return false;
   }
-  const int64_t tick_ns = 1000000000 / sysconf(_SC_CLK_TCK);
-  times = {static_cast<pid_t>(parent), OwnNs(pid, (user + system) * tick_ns),
-           (children_user + children_system) * tick_ns};
+  times = {static_cast<pid_t>(parent), user + system, children_user + children_system};
   return true;
 }
 
@@ -60,17 +58,20 @@ int64_t ProcessTreeCpuNs(pid_t root) {
   while (const dirent* entry = readdir(folder)) {
     const auto pid = static_cast<pid_t>(std::atol(entry->d_name));
     ProcessTimes times;
-    if (pid <= 0 || !ReadStat(pid, times)) continue;
+    if (pid <= 0 || !ReadStat(entry->d_name, times)) continue;
     processes[pid] = times;
     children.emplace(times.parent, pid);
   }
   closedir(folder);
+  // Of the tree alone: the host may have many processes more.
+  const int64_t tick_ns = 1000000000 / sysconf(_SC_CLK_TCK);
   int64_t total_ns = 0;
   std::vector<pid_t> open = {root};
   while (!open.empty()) {
     const pid_t pid = open.back();
     open.pop_back();
-    total_ns += processes[pid].own_ns + processes[pid].children_ns;
+    const ProcessTimes& times = processes[pid];
+    total_ns += OwnNs(pid, times.own_ticks * tick_ns) + times.children_ticks * tick_ns;
     const auto [first, last] = children.equal_range(pid);
     for (auto child = first; child != last; ++child) open.push_back(child->second);
   }
