@@ -26,8 +26,6 @@ inline constexpr std::string_view kLogEndChannel = "MYOGRADE_LOG_END";
 
 // The bus inside a sandbox: LCM's usual multicast group and port. A time to
 // live of 0 keeps packets on the host.
-inline constexpr char kBusGroup[] = "239.255.76.67";
-inline constexpr uint16_t kBusPort = 7667;
 inline constexpr char kBusUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 inline constexpr char kBusUrlVariable[] = "MYOGRADE_LCM_URL";
 

@@ -6,6 +6,8 @@
 namespace myograde {
 namespace {
 
+constexpr uint32_t kShortMagic = 0x4c433032;  // "LC02"
+
 uint32_t ReadBigEndian(const std::byte* bytes) {
   uint32_t value = 0;
   for (int i = 0; i < 4; ++i) value = value << 8 | std::to_integer<uint32_t>(bytes[i]);

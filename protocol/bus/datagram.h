@@ -15,7 +15,6 @@
 
 namespace myograde {
 
-inline constexpr uint32_t kShortMagic = 0x4c433032;
 inline constexpr size_t kMaxChannelLength = 63;  // LCM's own limit, without the NUL
 inline constexpr size_t kDatagramHeader = 8;
 inline constexpr size_t kMaxDatagram = 65507;  // of UDP over IPv4
