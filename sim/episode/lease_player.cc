@@ -143,10 +143,7 @@ LeasePlayer::Result LeasePlayer::Run(const EpisodeOrder& episode) {
 }
 
 LeasePlayer::Result LeasePlayer::EnsurePolicy() {
-  if (absl::Status status = SendSimMessage(runner_, {{"type", "need_policy"}}); !status.ok()) {
-    return status;
-  }
-  absl::StatusOr<SimMessage> message = AwaitRunner(kSandboxDeadline);
+  absl::StatusOr<SimMessage> message = AskRunner({{"type", "need_policy"}}, kSandboxDeadline);
   if (!message.ok()) return message.status();
   const std::string type = message->json["type"].get<std::string>();
   if (type == "no_policy") {
@@ -244,8 +241,7 @@ LeasePlayer::Result LeasePlayer::RunSteps() {
 absl::StatusOr<FaultEvidence> LeasePlayer::Rule(const FaultEvidence& seen) {
   nlohmann::json message = FaultEvidenceToJson(seen);
   message["type"] = "policy_fault";
-  if (absl::Status status = SendSimMessage(runner_, message); !status.ok()) return status;
-  absl::StatusOr<SimMessage> answer = AwaitRunner(kRulingDeadline);
+  absl::StatusOr<SimMessage> answer = AskRunner(message, kRulingDeadline);
   if (!answer.ok()) return answer.status();
   if (answer->json["type"] != "ruling") {
     return absl::InternalError("the runner answered policy_fault with something else");
@@ -317,7 +313,9 @@ absl::Status LeasePlayer::Record(const EpisodeOrder& episode,
   return SendSimMessage(runner_, record);
 }
 
-absl::StatusOr<SimMessage> LeasePlayer::AwaitRunner(absl::Duration limit) {
+absl::StatusOr<SimMessage> LeasePlayer::AskRunner(const nlohmann::json& question,
+                                                  absl::Duration limit) {
+  if (absl::Status status = SendSimMessage(runner_, question); !status.ok()) return status;
   const absl::Duration deadline = clock_.Monotonic() + limit;
   while (true) {
     absl::StatusOr<SimMessage> message = ReceiveSimMessage(runner_, kProgressPeriod);
@@ -333,9 +331,7 @@ absl::StatusOr<SimMessage> LeasePlayer::AwaitRunner(absl::Duration limit) {
 
 void LeasePlayer::Measure() {
   if (!progress_status_.ok()) return;
-  progress_status_ = SendSimMessage(runner_, {{"type", "need_cpu"}});
-  if (!progress_status_.ok()) return;
-  const absl::StatusOr<SimMessage> answer = AwaitRunner(kReadingDeadline);
+  const absl::StatusOr<SimMessage> answer = AskRunner({{"type", "need_cpu"}}, kReadingDeadline);
   if (!answer.ok()) {
     progress_status_ = answer.status();
   } else if (answer->json["type"] != "cpu") {

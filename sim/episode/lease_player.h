@@ -52,7 +52,8 @@ class LeasePlayer {
   void BeginLog(const EpisodeOrder& episode);
   absl::Status EndLog(EpisodeFacts& facts);
   absl::Status Record(const EpisodeOrder& episode, const std::optional<FaultEvidence>& fault);
-  absl::StatusOr<SimMessage> AwaitRunner(absl::Duration limit);
+  // Sends `question` and waits for the answer, telling of progress meanwhile.
+  absl::StatusOr<SimMessage> AskRunner(const nlohmann::json& question, absl::Duration limit);
   void Progress();
   void Measure();
 

@@ -20,8 +20,8 @@ namespace {
 
 // How long one receive sleeps before the budgets are looked at again.
 constexpr timeval kSlice = {0, 20000};
-// An answer in less time can't have used CPU time that matters, and nothing but
-// it would make the question for a reading worth its price.
+// An answer in less time can't have used so much CPU time that it were worth
+// the price of a reading.
 constexpr absl::Duration kQuickAnswer = absl::Milliseconds(10);
 
 FaultEvidence Evidence(Outcome outcome, int64_t step, std::string detail) {
@@ -144,8 +144,10 @@ OrFault<BridgeFrame> PolicySession::Await(const Waiting& waiting) {
     bool again = false;
     OrFault<BridgeFrame> answer = Receive(waiting, again);
     // What it used is its own: neither the next step's nor, by an old reading, nobody's.
-    const bool quick = clock_.Monotonic() - waiting.wall_start < kQuickAnswer;
-    if (!again && !waiting.start_up && !quick) measure_();
+    if (!again && !waiting.start_up &&
+        clock_.Monotonic() - waiting.wall_start >= kQuickAnswer) {
+      measure_();
+    }
     // An answer that took more than its budget comes too late even if it came
     // between two looks at the clock.
     if (again || std::holds_alternative<BridgeFrame>(answer)) {
