@@ -10,6 +10,7 @@
 
 #include "protocol/config_reader.h"
 #include "protocol/sha256.h"
+#include "protocol/track_config_forms.h"
 
 namespace myograde {
 namespace {
@@ -210,7 +211,10 @@ absl::StatusOr<std::vector<uint64_t>> ParseSeeds(const nlohmann::json& json,
 
 absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
                                              const std::string& where) {
-  ConfigReader reader(effective, where);
+  absl::StatusOr<nlohmann::json> today = UpgradeTrackConfig(effective, where);
+  if (!today.ok()) return today.status();
+  ConfigReader reader(*today, where);
+  reader.Ignore("form");
   TrackConfig config;
   config.id = reader.String("id");
   config.kind = reader.Choice("track", {"manipulation", "locomotion"}) == "manipulation"

@@ -58,7 +58,8 @@ struct TrackConfig {
 };
 
 // Parses an effective config (as kept in TrackConfig::effective and handed on
-// in lease orders). Unknown keys and values out of range are errors.
+// in lease orders) of any form (track_config_forms.h): `effective` and `hash` are of what was
+// given, the rest says it in today's keys. Unknown keys and values out of range are errors.
 absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
                                              const std::string& where);
 

@@ -48,7 +48,7 @@ def leaves(value, path=""):
 
 def effective(config):
     """Profile -> leaves of what is in force in it."""
-    base = {k: v for k, v in config.items() if k not in ("profiles", "default_profile", "track")}
+    base = {k: v for k, v in config.items() if k not in ("profiles", "default_profile", "track", "form")}
     return {name: leaves(merged(base, patch)) for name, patch in config["profiles"].items()
             if not name.startswith("//")}
 

@@ -1,0 +1,45 @@
+#include "protocol/track_config_forms.h"
+
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+namespace myograde {
+namespace {
+
+using Json = nlohmann::json;
+
+// Form 1 is the first, without "form". A step gives each new key the value that says what
+// the earlier form meant without it.
+void FromForm1(Json& config) {
+  config["form"] = 2;
+}
+
+using Step = void (*)(Json&);
+constexpr Step kSteps[] = {FromForm1};  // the n-th leads from form n to n + 1
+static_assert(std::size(kSteps) + 1 == kTrackConfigForm);
+
+}  // namespace
+
+absl::StatusOr<Json> UpgradeTrackConfig(Json effective, const std::string& where) {
+  if (!effective.is_object()) {
+    return absl::InvalidArgumentError(absl::StrCat(where, ": must be a JSON object"));
+  }
+  int64_t form = 1;
+  if (const auto it = effective.find("form"); it != effective.end()) {
+    if (!it->is_number_integer() || it->get<int64_t>() < 1) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(where, ": \"form\" must be a whole number from 1 to ", kTrackConfigForm));
+    }
+    form = it->get<int64_t>();
+  }
+  if (form > kTrackConfigForm) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(where, ": is a track config of form ", form, ", this build knows forms up to ",
+                     kTrackConfigForm, "; use a newer build"));
+  }
+  for (; form < kTrackConfigForm; ++form) kSteps[form - 1](effective);
+  return effective;
+}
+
+}  // namespace myograde
