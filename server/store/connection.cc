@@ -69,8 +69,10 @@ absl::Status Prepare(SQLite::Database& db, const std::string& path) {
   if (version == 0) db.exec("PRAGMA page_size = 8192");
   db.exec("PRAGMA journal_mode = WAL");
   db.exec("PRAGMA synchronous = FULL");
-  db.exec("PRAGMA foreign_keys = ON");
+  // A table that is made again is missing for a moment to those that refer to it.
+  db.exec("PRAGMA foreign_keys = OFF");
   Migrate(db, version);
+  db.exec("PRAGMA foreign_keys = ON");
   return absl::OkStatus();
 }
 

@@ -264,7 +264,7 @@ def exports():
     seed("import", "row-twice", b"\1\0" + change(3, 2))
     seed("import", "other-table", b"\1\0" + change(0, 1, b'"meta":['))
     seed("import", "deep", b"\1\0" + change(0, 2, b'{"a":' + b"[" * 240))
-    empty = b'{"data":{\n},"format":"myograde-export","schema":3'
+    empty = b'{"data":{\n},"format":"myograde-export","schema":4'
     seed("import", "no-tables", b"\0" + empty + b',"sha256":"' +
          hashlib.sha256(empty).hexdigest().encode() + b'"}\n')
 
