@@ -55,11 +55,12 @@ ApiError ErrorOf(const absl::Status& status) {
 std::string Api::Who() { return absl::StrCat("uid ", UnixHttpServer::PeerUid()); }
 
 Api::Api(Options options, const Tracks& tracks, Engine& engine, ReaderPool& readers,
-         const Clock& clock)
+         KeyFile& receipts_key, const Clock& clock)
     : options_(std::move(options)),
       tracks_(tracks),
       engine_(engine),
       readers_(readers),
+      receipts_key_(receipts_key),
       clock_(clock) {}
 
 void Api::SendError(httplib::Response& response, const ApiError& error) {

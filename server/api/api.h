@@ -19,6 +19,7 @@
 #include "server/artefact/known_archives.h"
 #include "server/daemon/engine.h"
 #include "server/proof/reference_check.h"
+#include "server/proof/signing_key.h"
 
 namespace myograde::server {
 
@@ -44,7 +45,7 @@ class Api {
 
   // All must outlive the server that Install is called on.
   Api(Options options, const Tracks& tracks, Engine& engine, ReaderPool& readers,
-      const Clock& clock);
+      KeyFile& receipts_key, const Clock& clock);
 
   // Adds every address of the API to `server`.
   void Install(UnixHttpServer& server);
@@ -129,6 +130,7 @@ class Api {
   const Tracks& tracks_;
   Engine& engine_;
   ReaderPool& readers_;
+  KeyFile& receipts_key_;
   const Clock& clock_;
   std::atomic<int> uploads_ = 0;                // large ones at work
   std::counting_semaphore<> small_uploads_{8};  // places left

@@ -9,15 +9,10 @@
 #include "server/api/api.h"
 #include "server/daemon/results.h"
 #include "server/proof/receipt.h"
-#include "server/proof/signing_key.h"
 #include "server/runner/log_keeper.h"
 
 namespace myograde::server {
 namespace {
-
-absl::StatusOr<SigningKey> KeyOf(const std::string& data_dir) {
-  return SigningKey::LoadOrMake(data_dir + "/receipts.key");
-}
 
 // Everything that the result is a function of, and the result.
 absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
@@ -85,17 +80,17 @@ Api::Result Api::GetReceipt(const Request& request) {
     return receipt.status();
   });
   if (!status.ok()) return ErrorOf(status);
-  absl::StatusOr<SigningKey> key = KeyOf(options_.data_dir);
+  const absl::StatusOr<std::shared_ptr<const SigningKey>> key = receipts_key_.Get();
   if (!key.ok()) return ErrorOf(key.status());
-  absl::StatusOr<std::string> text = SignReceipt(*receipt, *key);
+  absl::StatusOr<std::string> text = SignReceipt(*receipt, **key);
   if (!text.ok()) return ErrorOf(text.status());
   return Answer{200, Json::parse(*text)};
 }
 
 Api::Result Api::GetKey(const Request&) {
-  absl::StatusOr<SigningKey> key = KeyOf(options_.data_dir);
+  const absl::StatusOr<std::shared_ptr<const SigningKey>> key = receipts_key_.Get();
   if (!key.ok()) return ErrorOf(key.status());
-  return Answer{200, {{"algorithm", "ed25519"}, {"key", key->PublicPem()}}};
+  return Answer{200, {{"algorithm", "ed25519"}, {"key", (*key)->PublicPem()}}};
 }
 
 // The file as it is stored. Its name is a hash, so no path of a client's making is opened.

@@ -17,6 +17,7 @@
 #include "server/daemon/standings.h"
 #include "server/paths.h"
 #include "server/proof/reference_check.h"
+#include "server/proof/signing_key.h"
 #include "server/sandbox/control_group.h"
 #include "server/sandbox/sandbox_config.h"
 #include "server/sandbox/users.h"
@@ -148,6 +149,11 @@ absl::Status RunDaemon(const DaemonOptions& options) {
   SystemProcesses processes;
   Engine engine({*config, options.data_dir, options.cache_dir, geteuid() == 0}, disk, readers,
                 processes, clock);
+  // Grading needs no key: without one, the daemon serves all but receipts.
+  KeyFile receipts_key(options.data_dir + "/receipts.key");
+  if (absl::Status status = receipts_key.Get().status(); !status.ok()) {
+    spdlog::error("no receipt can be signed: {}", std::string(status.message()));
+  }
   const SignalGuard signals(engine);
   if (absl::Status status = engine.Recover(); !status.ok()) return status;
 
@@ -157,7 +163,7 @@ absl::Status RunDaemon(const DaemonOptions& options) {
        .cache_dir = options.cache_dir,
        .uid = geteuid() == 0 ? config->uid_base + kReferenceUsers : -1});
   Api api({*config, options.data_dir, options.cache_dir, &reference, clock.Now()}, *tracks, engine,
-          readers, clock);
+          readers, receipts_key, clock);
   UnixHttpServer server(config->http);
   api.Install(server);
   if (absl::Status status = server.Start(options.socket); !status.ok()) return status;

@@ -4,10 +4,13 @@
 #include <openssl/bio.h>
 #include <openssl/evp.h>
 #include <openssl/pem.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 
 #include <absl/strings/escaping.h>
@@ -42,45 +45,107 @@ absl::StatusOr<std::string> ReadFile(const std::string& path) {
   return text;
 }
 
-// Under a name of its own first, then linked to `path`, which fails if a key has appeared there
-// meanwhile: no reader sees half a key, and no key is ever lost.
-absl::Status Store(EVP_PKEY* key, const std::string& path) {
-  const BioPtr bio(BIO_new(BIO_s_mem()), BIO_free);
-  if (PEM_write_bio_PrivateKey(bio.get(), key, nullptr, nullptr, 0, nullptr, nullptr) != 1) {
-    return absl::InternalError("OpenSSL can't write a private key");
+bool WriteAll(int fd, std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t n = write(fd, text.data(), text.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return false;
+    text.remove_prefix(static_cast<size_t>(n));
   }
-  const std::string text = TextOf(bio.get());
-  const std::string draft = absl::StrCat(path, ".draft-", getpid());
-  unlink(draft.c_str());
-  const Fd file(open(draft.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
-  const bool good = file.valid() && write(file.get(), text.data(), text.size()) ==
-                                        std::ssize(text) && fsync(file.get()) == 0 &&
-                    (link(draft.c_str(), path.c_str()) == 0 || errno == EEXIST);
-  const int error = errno;
-  unlink(draft.c_str());
-  if (good) return absl::OkStatus();
-  return absl::UnavailableError(
-      absl::StrCat(path, ": the signing key can't be written: ", std::strerror(error)));
+  return true;
 }
+
+absl::Status CantWrite(const std::string& path) {
+  return absl::UnavailableError(
+      absl::StrCat(path, ": the signing key can't be written: ", std::strerror(errno)));
+}
+
+// Makes a key file, one process and thread at a time: the folder is locked meanwhile.
+class KeyMaker {
+ public:
+  static absl::StatusOr<KeyMaker> Enter(const std::string& path) {
+    const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
+    Fd lock(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    int locked = -1;
+    do {
+      locked = lock.valid() ? flock(lock.get(), LOCK_EX) : -1;
+    } while (lock.valid() && locked != 0 && errno == EINTR);
+    if (locked != 0) return CantWrite(path);
+    return KeyMaker(path, folder, std::move(lock));
+  }
+
+  // What a process that was killed at it has left: nobody else is at work now.
+  void RemoveDrafts() const {
+    const std::string prefix = std::filesystem::path(path_).filename().string() + ".draft-";
+    std::error_code error;
+    for (const auto& entry : std::filesystem::directory_iterator(folder_, error)) {
+      const std::string name = entry.path().filename().string();
+      if (name.starts_with(prefix)) unlink(entry.path().c_str());
+    }
+  }
+
+  // Written whole and to the disk under another name, which is then linked to the right one: no
+  // kill and no full disk leaves half a key there, and no key that is there is replaced.
+  absl::Status Make() const {
+    const KeyPtr key(EVP_PKEY_Q_keygen(nullptr, nullptr, "ED25519"));
+    if (key == nullptr) return absl::InternalError("OpenSSL can't make an Ed25519 key");
+    const BioPtr bio(BIO_new(BIO_s_mem()), BIO_free);
+    if (PEM_write_bio_PrivateKey(bio.get(), key.get(), nullptr, nullptr, 0, nullptr, nullptr) !=
+        1) {
+      return absl::InternalError("OpenSSL can't write a private key");
+    }
+    const std::string draft = path_ + ".draft-new";
+    const Fd file(open(draft.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
+    if (!file.valid()) return CantWrite(path_);
+    absl::Status status;
+    if (!WriteAll(file.get(), TextOf(bio.get())) || fsync(file.get()) != 0 ||
+        link(draft.c_str(), path_.c_str()) != 0 || fsync(lock_.get()) != 0) {
+      status = CantWrite(path_);
+    }
+    unlink(draft.c_str());
+    return status;
+  }
+
+ private:
+  KeyMaker(std::string path, std::filesystem::path folder, Fd lock)
+      : path_(std::move(path)), folder_(std::move(folder)), lock_(std::move(lock)) {}
+
+  std::string path_;
+  std::filesystem::path folder_;
+  Fd lock_;  // the folder itself
+};
 
 }  // namespace
 
 void KeyDeleter::operator()(EVP_PKEY* key) const { EVP_PKEY_free(key); }
 
 absl::StatusOr<SigningKey> SigningKey::LoadOrMake(const std::string& path) {
-  if (access(path.c_str(), F_OK) != 0 && errno == ENOENT) {
-    const KeyPtr made(EVP_PKEY_Q_keygen(nullptr, nullptr, "ED25519"));
-    if (made == nullptr) return absl::InternalError("OpenSSL can't make an Ed25519 key");
-    if (absl::Status status = Store(made.get(), path); !status.ok()) return status;
+  absl::StatusOr<KeyMaker> maker = KeyMaker::Enter(path);
+  if (!maker.ok()) return maker.status();
+  maker->RemoveDrafts();
+  if (struct stat info; lstat(path.c_str(), &info) != 0 && errno == ENOENT) {
+    if (absl::Status status = maker->Make(); !status.ok()) return status;
   }
   absl::StatusOr<std::string> text = ReadFile(path);
   if (!text.ok()) return absl::InternalError(text.status().message());
   const BioPtr bio(BIO_new_mem_buf(text->data(), static_cast<int>(text->size())), BIO_free);
   KeyPtr key(PEM_read_bio_PrivateKey(bio.get(), nullptr, nullptr, nullptr));
   if (key == nullptr || EVP_PKEY_get_id(key.get()) != EVP_PKEY_ED25519) {
-    return absl::InternalError(absl::StrCat(path, ": holds no Ed25519 private key in PEM"));
+    return absl::InternalError(absl::StrCat(
+        path, ": holds no Ed25519 private key in PEM; put your copy of it back, or move the file "
+              "away to get a new key, which earlier receipts are not signed with"));
   }
   return SigningKey(std::move(key));
+}
+
+absl::StatusOr<std::shared_ptr<const SigningKey>> KeyFile::Get() {
+  const std::lock_guard lock(mutex_);
+  if (key_ == nullptr) {
+    absl::StatusOr<SigningKey> key = SigningKey::LoadOrMake(path_);
+    if (!key.ok()) return key.status();
+    key_ = std::make_shared<const SigningKey>(*std::move(key));
+  }
+  return key_;
 }
 
 absl::StatusOr<std::string> SigningKey::Sign(std::string_view message) const {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
 #include <string>
 #include <string_view>
 
@@ -20,7 +21,8 @@ using KeyPtr = std::unique_ptr<EVP_PKEY, KeyDeleter>;
 class SigningKey {
  public:
   // Reads the private key in `path`, or makes one there that only its owner may
-  // read. The file is never replaced. Errors name it.
+  // read. Any number of threads and processes may call it at once, and be killed
+  // at it. A file that is there is never replaced, broken or not. Errors name it.
   static absl::StatusOr<SigningKey> LoadOrMake(const std::string& path);
 
   // The signature of `message`, 128 hexadecimal digits.
@@ -32,6 +34,22 @@ class SigningKey {
  private:
   explicit SigningKey(KeyPtr key) : key_(std::move(key)) {}
   KeyPtr key_;
+};
+
+// The organiser's key in its file, for a program that uses it again and again.
+// Thread-safe.
+class KeyFile {
+ public:
+  explicit KeyFile(std::string path) : path_(std::move(path)) {}
+
+  // The key, by SigningKey::LoadOrMake; once it is there, the same for ever. After an
+  // error the file is looked at again, so that a key which was put back serves.
+  absl::StatusOr<std::shared_ptr<const SigningKey>> Get();
+
+ private:
+  const std::string path_;
+  std::mutex mutex_;
+  std::shared_ptr<const SigningKey> key_;
 };
 
 // A public key that somebody published: checks receipts.

@@ -1,10 +1,19 @@
 // Merkle trees, seed lists, signatures and receipts: none of it needs a simulator.
 
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <atomic>
+#include <csignal>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <set>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -168,6 +177,117 @@ TEST_F(ReceiptTest, AnotherModelIsWrongAndAnotherBuildIsTold) {
   grader["models"]["locomotion-1.mjb"] = "y";
   EXPECT_EQ(Wrong(CompareGraders(Receipt(), grader)),
             std::vector<std::string>{"model locomotion-1.mjb"});
+}
+
+// The names in the key's folder, and the bytes of the key.
+std::pair<std::set<std::string>, std::string> Left(const std::string& folder) {
+  std::set<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    names.insert(entry.path().filename());
+  }
+  std::ifstream file(folder + "/key", std::ios::binary);
+  return {names, {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()}};
+}
+
+TEST_F(ReceiptTest, ManyAtOnceMakeOneKey) {
+  for (int round = 0; round < 5; ++round) {
+    constexpr int kProcesses = 6;
+    std::vector<pid_t> children;
+    for (int process = 0; process < kProcesses; ++process) {
+      const pid_t child = fork();
+      ASSERT_GE(child, 0);
+      if (child == 0) {
+        std::atomic<int> bad = 0;
+        std::array<std::string, 8> keys;
+        std::vector<std::thread> threads;
+        for (std::string& key : keys) {
+          threads.emplace_back([&] {
+            const auto made = SigningKey::LoadOrMake(folder_ + "/key");
+            made.ok() ? void(key = made->PublicPem()) : void(++bad);
+          });
+        }
+        for (std::thread& thread : threads) thread.join();
+        for (const std::string& key : keys) bad += key != Key().PublicPem();
+        _exit(bad == 0 ? 0 : 1);
+      }
+      children.push_back(child);
+    }
+    for (const pid_t child : children) {
+      int status = 0;
+      waitpid(child, &status, 0);
+      EXPECT_EQ(status, 0);
+    }
+    struct stat info = {};
+    ASSERT_EQ(stat((folder_ + "/key").c_str(), &info), 0);
+    EXPECT_EQ(info.st_mode & 0777u, 0600u);
+    EXPECT_EQ(info.st_nlink, 1u);
+    EXPECT_EQ(Left(folder_).first, std::set<std::string>{"key"});
+    unlink((folder_ + "/key").c_str());
+  }
+}
+
+TEST_F(ReceiptTest, AKillWhileTheKeyIsWrittenLeavesNoHalfOfIt) {
+  const size_t whole = [&] {
+    Key();
+    return Left(folder_).second.size();
+  }();
+  for (size_t bytes = 0; bytes < whole; bytes += 7) {
+    unlink((folder_ + "/key").c_str());
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      // The kernel kills at the first byte beyond.
+      signal(SIGXFSZ, SIG_DFL);
+      const rlimit limits = {bytes, bytes};
+      setrlimit(RLIMIT_FSIZE, &limits);
+      const bool made = SigningKey::LoadOrMake(folder_ + "/key").ok();
+      _exit(made ? 1 : 2);
+    }
+    int status = 0;
+    waitpid(child, &status, 0);
+    ASSERT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGXFSZ) << status;
+    EXPECT_FALSE(Left(folder_).first.contains("key")) << bytes;
+    EXPECT_FALSE(Left(folder_).first.empty()) << "the draft that the kill has left";
+    EXPECT_TRUE(SigningKey::LoadOrMake(folder_ + "/key").ok());
+    EXPECT_EQ(Left(folder_).first, std::set<std::string>{"key"});
+  }
+}
+
+TEST_F(ReceiptTest, AKilledMakerOfAnyMomentIsFollowedByAWholeKey) {
+  for (int round = 0; round < 100; ++round) {
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      while (SigningKey::LoadOrMake(folder_ + "/key").ok()) unlink((folder_ + "/key").c_str());
+      _exit(1);
+    }
+    usleep(static_cast<useconds_t>(37 * round));
+    kill(child, SIGKILL);
+    int status = 0;
+    waitpid(child, &status, 0);
+    EXPECT_TRUE(WIFSIGNALED(status)) << "the child ended by itself";
+    EXPECT_TRUE(SigningKey::LoadOrMake(folder_ + "/key").ok()) << round;
+    EXPECT_EQ(Left(folder_).first, std::set<std::string>{"key"});
+  }
+}
+
+TEST_F(ReceiptTest, ABrokenKeyIsNamedAndNeverReplaced) {
+  KeyFile file(folder_ + "/key");
+  const std::string good = (Key(), Left(folder_).second);
+  for (const std::string& broken :
+       {good.substr(0, good.size() / 2), std::string(), std::string(20'000, 'x')}) {
+    std::ofstream(folder_ + "/key", std::ios::trunc) << broken;
+    const auto key = file.Get();
+    ASSERT_EQ(key.status().code(), absl::StatusCode::kInternal);
+    EXPECT_THAT(std::string(key.status().message()),
+                ::testing::StartsWith(folder_ + "/key: holds no Ed25519 private key in PEM; put"));
+    EXPECT_EQ(Left(folder_).second, broken);
+  }
+  std::ofstream(folder_ + "/key", std::ios::trunc) << good;
+  const auto key = file.Get();
+  ASSERT_TRUE(key.ok()) << "a key that was put back serves without a restart";
+  unlink((folder_ + "/key").c_str());
+  EXPECT_EQ(*file.Get(), *key) << "what was read once needs the file no more";
 }
 
 TEST_F(ReceiptTest, NonsenseIsAnErrorAndNeverACrash) {

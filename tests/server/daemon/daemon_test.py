@@ -262,6 +262,26 @@ class Stopping(DaemonCase):
         self.assertIn(f"another daemon (process {self.daemon.pid}) works on", log)
         self.get("/v1/health")
 
+    def test_a_broken_receipt_key_stops_receipts_alone(self):
+        path = self.data / "receipts.key"
+        self.assertEqual(path.stat().st_mode & 0o777, 0o600, "made before anybody asks for it")
+        with concurrent.futures.ThreadPoolExecutor(40) as pool:
+            keys = set(pool.map(lambda _: self.get("/v1/key")["key"], range(200)))
+        self.assertEqual(len(keys), 1)
+        self.stop(signal.SIGTERM)
+        good = path.read_bytes()
+        path.write_bytes(good[:60])
+        self.start()
+        submission = self.submit("ok")
+        self.assertEqual(self.ended(submission)["state"], "done")
+        for address in ("/v1/key", f"/v1/submissions/{submission}/receipt"):
+            status, body = self.call("GET", address)
+            self.assertEqual((status, body["error"]["code"]), (500, "internal"))
+            self.assertIn("receipts.key: holds no Ed25519 private key", body["error"]["message"])
+        self.assertEqual(path.read_bytes(), good[:60])
+        path.write_bytes(good)
+        self.assertEqual({self.get("/v1/key")["key"]}, keys)
+
     def test_a_broken_config_is_told_at_the_start(self):
         self.stop(signal.SIGTERM)
         self.configure(slots=0)
