@@ -123,7 +123,19 @@ absl::StatusOr<nlohmann::json> ReadExtended(const std::string& tracks_dir,
     name = next;
   }
   nlohmann::json merged = nlohmann::json::object();
-  for (auto it = chain.rbegin(); it != chain.rend(); ++it) merged.merge_patch(it->second);
+  for (auto it = chain.rbegin(); it != chain.rend(); ++it) {
+    // The keys of one form over those of another would mean neither.
+    if (it != chain.rbegin() && it->second.contains("form")) {
+      const nlohmann::json base = merged.value("form", nlohmann::json(1));
+      if (it->second["form"] != base) {
+        return absl::InvalidArgumentError(absl::StrCat(
+            tracks_dir, "/", it->first, ".json: \"form\" is ", it->second["form"].dump(),
+            ", and what it extends is of form ", base.dump(),
+            "; leave the key out, and write the file in the keys of what it extends"));
+      }
+    }
+    merged.merge_patch(it->second);
+  }
   return merged;
 }
 

@@ -3,8 +3,9 @@
 // that it names ("form"; configs without it are of form 1), with what that form meant.
 //
 // Whoever adds, removes or changes a key of a track config adds it to the newest step of
-// track_config_forms.cc, so that a config of every earlier form keeps its meaning. Forms
-// that have been released are never changed.
+// track_config_forms.cc, so that a config of every earlier form keeps its meaning; a test holds
+// it against tests/protocol/forms, whose meaning.json says it too. Forms that have been released
+// are never changed.
 #pragma once
 
 #include <cstdint>

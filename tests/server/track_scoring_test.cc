@@ -1,7 +1,12 @@
 #include "server/track_scoring.h"
 
+#include <fstream>
+
+#include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include "protocol/track_config_forms.h"
 
 namespace myograde::server {
 namespace {
@@ -37,6 +42,23 @@ TEST(TrackScoring, ReadsEveryShippedConfigInEveryProfile) {
     }
   }
   EXPECT_GE(parsed, 10);
+}
+
+// As stores have them (tests/protocol/forms).
+TEST(TrackScoring, ReadsConfigsOfEveryEarlierForm) {
+  for (int64_t form = 1; form < kTrackConfigForm; ++form) {
+    std::ifstream file(absl::StrCat(MYOGRADE_SOURCE_DIR "/tests/protocol/forms/", form,
+                                    "/effective.jsonl"));
+    int parsed = 0;
+    for (std::string line; std::getline(file, line); ++parsed) {
+      const auto config = ParseTrackConfig(json::parse(line)["config"], "test");
+      ASSERT_TRUE(config.ok()) << config.status();
+      const auto scoring = ParseTrackScoring(*config);
+      ASSERT_TRUE(scoring.ok()) << scoring.status();
+      EXPECT_TRUE(scoring->boards.contains(kMainBoard));
+    }
+    EXPECT_GE(parsed, 5) << form;
+  }
 }
 
 TEST(TrackScoring, GivesTheNumbersOfTheProfile) {
