@@ -148,8 +148,8 @@ absl::StatusOr<nlohmann::json> ProfilesOf(const nlohmann::json& merged, const st
   }
   nlohmann::json profiles = *it;
   RemoveComments(profiles);
-  static const std::set<std::string> kMayChange = {"episodes_per_lease", "seeds", "budgets",
-                                                   "rules", "scoring"};
+  static const std::set<std::string> kMayChange = {"episodes_per_lease", "seeds", "policy_seed_secret",
+                                                   "budgets", "rules", "scoring"};
   for (const auto& [name, patch] : profiles.items()) {
     const std::string place = absl::StrCat(where, ": profile \"", name, "\"");
     if (absl::Status status = CheckName("profile", name); !status.ok()) {
@@ -166,6 +166,26 @@ absl::StatusOr<nlohmann::json> ProfilesOf(const nlohmann::json& merged, const st
     }
   }
   return profiles;
+}
+
+// The secret of the policy seeds. Only the upgrade of a form-1 config says null; whoever wrote
+// the key meant the form that knows it.
+std::optional<std::string> PolicySeedSecretOf(const nlohmann::json& effective,
+                                              ConfigReader& reader) {
+  constexpr char kKey[] = "policy_seed_secret";
+  constexpr size_t kMaxBytes = 200;
+  if (effective.contains(kKey) && effective.value("form", 1) == 1) {
+    reader.Fail(kKey, "is no key of form 1; write \"form\": 2 beside it");
+  }
+  if (!effective.contains(kKey) && reader.Has(kKey)) {
+    reader.Ignore(kKey);
+    return std::nullopt;
+  }
+  std::string secret = reader.String(kKey);
+  if (secret.empty() || secret.size() > kMaxBytes) {
+    reader.Fail(kKey, absl::StrCat("must have 1 to ", kMaxBytes, " bytes"));
+  }
+  return secret;
 }
 
 std::vector<std::string> KeysOf(const nlohmann::json& object) {
@@ -239,6 +259,7 @@ absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
   const nlohmann::json& budgets = reader.Object("budgets");
   if (!reader.Has("seeds")) reader.Fail("seeds", "is missing");
   reader.Ignore("seeds");
+  config.policy_seed_secret = PolicySeedSecretOf(effective, reader);
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   for (const std::string& name : {config.id, config.profile}) {
     if (absl::Status status = CheckName("track config or profile", name); !status.ok()) {

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -49,6 +50,8 @@ struct TrackConfig {
   std::string profile;       // "paper", "myosuite", "as-graded"
   int64_t episodes_per_lease;
   std::vector<uint64_t> seeds;  // one per episode; its length is the full evaluation
+  // What policy seeds follow from (policy_seed.h); nullopt in configs of form 1 alone.
+  std::optional<std::string> policy_seed_secret;
   Budgets budgets;
   nlohmann::json rules;      // the environment's numbers and switches: ManipulationRules
                              // or LocomotionRules parse them
@@ -75,7 +78,8 @@ inline constexpr int64_t kMaxEpisodes = 10000;
 absl::StatusOr<std::vector<uint64_t>> ParseSeeds(const nlohmann::json& json,
                                                  const std::string& where);
 
-// The same config over other seeds (a practice run): effective config and hash follow.
+// The same config over other seeds (a practice run): effective config and hash follow, the
+// policy seeds of an index stay.
 // Errors as ParseSeeds.
 absl::StatusOr<TrackConfig> WithSeeds(const TrackConfig& config,
                                       const std::vector<uint64_t>& seeds);

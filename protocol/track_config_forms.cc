@@ -13,6 +13,7 @@ using Json = nlohmann::json;
 // the earlier form meant without it.
 void FromForm1(Json& config) {
   config["form"] = 2;
+  config.emplace("policy_seed_secret", nullptr);  // seeds of the data folder's own secret
 }
 
 using Step = void (*)(Json&);

@@ -6,6 +6,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/config_reader.h"
+#include "protocol/policy_seed.h"
 #include "server/api/api.h"
 #include "server/daemon/results.h"
 #include "server/proof/receipt.h"
@@ -34,7 +35,12 @@ absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
   absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(rows);
   if (!aggregate.ok()) return aggregate.status();
   nlohmann::json episodes = nlohmann::json::array();
-  for (const EpisodeRow& row : rows) episodes.push_back(ReceiptEntry(row));
+  nlohmann::json policy_seeds;  // null: they follow from the store's secret
+  for (const EpisodeRow& row : rows) {
+    episodes.push_back(ReceiptEntry(row));
+    if (!track->policy_seed_secret.has_value()) continue;
+    policy_seeds.push_back(PolicySeed(*track->policy_seed_secret, row.index));
+  }
   return nlohmann::json{
       {"format", 1},
       {"submission", id},
@@ -50,6 +56,7 @@ absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
       {"config", submission->config},
       {"track_config", *std::move(effective)},
       {"seeds", submission->seeds},
+      {"policy_seeds", std::move(policy_seeds)},
       {"grader", nlohmann::json::parse(evaluation.grader_json, nullptr, false)},
       {"aggregate", AggregateToJson(track->kind, *aggregate)},
       {"results", ResultsHash(rows)},

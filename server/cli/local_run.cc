@@ -11,7 +11,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/time/clock.h>
 
-#include "server/daemon/engine_core.h"
+#include "protocol/policy_seed.h"
 #include "server/daemon/results.h"
 #include "server/sandbox/users.h"
 
@@ -77,9 +77,10 @@ LeaseOrder LocalRun::OrderFor(const Lease& lease) const {
   order.command = order_.artefact.manifest.command;
   order.runtimes = order_.runtimes;
   order.track = order_.track->config;
+  const Form1PolicySeeds form1 = {kLocalPolicyKey, order_.artefact.digest};
   for (int64_t index = lease.first; index <= lease.last; ++index) {
     order.episodes.push_back({index, order_.seeds[static_cast<size_t>(index)],
-                              PolicySeed(kLocalPolicyKey, order_.artefact.digest, index)});
+                              PolicySeed(order.track, form1, index)});
   }
   order.uid = ::geteuid() == 0 ? order_.config.uid_base + kLocalUsers + lease.slot : -1;
   order.slot = lease.slot;

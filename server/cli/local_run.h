@@ -21,8 +21,8 @@
 
 namespace myograde::server {
 
-// The key of the policy seeds of local runs: public, so that anybody gets the
-// same episodes. A daemon's store has a secret one of its own.
+// Stands for a data folder's secret in local runs under configs of form 1, whose policy seeds
+// a daemon takes from a secret of its own (policy_seed.h).
 inline constexpr char kLocalPolicyKey[] = "myograde local run";
 
 struct LocalOrder {

@@ -67,6 +67,8 @@ Json SpecJson(const TrackConfig& config, const Tracks::Offer& offer) {
           {"episodes", config.seeds.size()},
           {"episodes_per_lease", config.episodes_per_lease},
           {"seeds", config.seeds},
+          {"policy_seed_secret", config.policy_seed_secret.has_value()
+                                     ? Json(*config.policy_seed_secret) : Json()},
           {"observation",
            {{"size", ObservationSize(config.kind)},
             {"parts", LayoutJson(ObservationLayout(config.kind), ObservationNames(config.kind))},

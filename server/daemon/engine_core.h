@@ -278,8 +278,4 @@ class EngineCore {
   absl::Duration mean_lease_ = absl::ZeroDuration();  // of those played here; 0: none yet
 };
 
-// The seed of a policy's own randomness in one episode: the last 8 bytes (big
-// endian, without their highest bit) of HMAC-SHA256(secret, "ARTEFACT/INDEX").
-uint64_t PolicySeed(const std::string& secret, const std::string& artefact, int64_t episode);
-
 }  // namespace myograde::server

@@ -1,25 +1,12 @@
 // Starting leases and hearing their runners.
-#include <openssl/evp.h>
-#include <openssl/hmac.h>
-
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/policy_seed.h"
 #include "server/daemon/engine_core.h"
 #include "server/daemon/results.h"
 
 namespace myograde::server {
-
-uint64_t PolicySeed(const std::string& secret, const std::string& artefact, int64_t episode) {
-  const std::string message = absl::StrCat(artefact, "/", episode);
-  unsigned char digest[EVP_MAX_MD_SIZE];
-  unsigned int size = 0;
-  HMAC(EVP_sha256(), secret.data(), static_cast<int>(secret.size()),
-       reinterpret_cast<const unsigned char*>(message.data()), message.size(), digest, &size);
-  uint64_t seed = 0;
-  for (unsigned i = size - 8; i < size; ++i) seed = seed << 8 | digest[i];
-  return seed & (~uint64_t{0} >> 1);
-}
 
 int64_t EngineCore::UidOf(int slot) const {
   return options_.slot_uids ? options_.config.uid_base + slot : -1;
@@ -32,9 +19,10 @@ LeaseOrder EngineCore::OrderFor(const LeaseRun& run) const {
   order.command = run.context->command;
   order.runtimes = run.context->runtimes;
   order.track = run.context->track->config;
+  const Form1PolicySeeds form1 = {disk_.policy_secret(), run.context->artefact};
   for (int64_t index = run.first; index <= run.last; ++index) {
     order.episodes.push_back({index, (*run.context->seeds)[static_cast<size_t>(index)],
-                              PolicySeed(disk_.policy_secret(), run.context->artefact, index)});
+                              PolicySeed(order.track, form1, index)});
   }
   order.uid = UidOf(run.slot);
   order.slot = run.slot;

@@ -1,8 +1,11 @@
 #include "server/proof/receipt.h"
 
+#include <optional>
+
 #include <absl/strings/str_cat.h>
 
 #include "protocol/config_reader.h"
+#include "protocol/policy_seed.h"
 #include "protocol/sha256.h"
 #include "server/proof/merkle.h"
 #include "server/proof/seed_list.h"
@@ -25,6 +28,27 @@ ReceiptCheck Compare(const char* name, const std::string& said, const std::strin
                                 "\"");
   }
   return check;
+}
+
+// The policy seeds must follow from the secret that the config names. Configs of form 1 name none.
+std::optional<ReceiptCheck> CheckPolicySeeds(const Json& receipt) {
+  const std::string secret = Text(receipt.value("track_config", Json::object()),
+                                  "policy_seed_secret");
+  if (secret.empty()) return std::nullopt;
+  const Json said = receipt.value("policy_seeds", Json());
+  const Json& episodes = receipt["episodes"];
+  if (!said.is_array() || said.size() != episodes.size()) {
+    return ReceiptCheck{"policy_seeds", false, "they are not as many as the episodes"};
+  }
+  for (size_t i = 0; i < said.size(); ++i) {
+    const auto index = episodes[i]["index"].get<int64_t>();
+    if (const uint64_t found = PolicySeed(secret, index); said[i] != found) {
+      return ReceiptCheck{"policy_seeds", false,
+                          absl::StrCat("the config's secret gives ", found, " for episode ", index,
+                                       ", the receipt says ", said[i].dump().substr(0, 40))};
+    }
+  }
+  return ReceiptCheck{"policy_seeds", true, ""};
 }
 
 // The canonical results of the episodes: what the Merkle tree is made of.
@@ -105,6 +129,9 @@ std::vector<ReceiptCheck> CheckReceipt(std::string_view text, const PublicKey& k
   ReceiptCheck seed_check = Compare("seeds", Text(receipt, "seeds"), SeedListHash(seeds));
   if (!in_order) seed_check = {"seeds", false, "episodes are missing or out of order"};
   checks.push_back(std::move(seed_check));
+  if (std::optional<ReceiptCheck> check = CheckPolicySeeds(receipt); check.has_value()) {
+    checks.push_back(*std::move(check));
+  }
   return checks;
 }
 

@@ -174,7 +174,7 @@ class Store {
   // Runs `change` in one transaction; commits if it returns OkStatus().
   absl::Status Write(const std::function<absl::Status(Writer&)>& change);
 
-  // 32 bytes, made at random with the store: the key of policy seeds.
+  // 32 bytes, made at random with the store: the key of policy seeds under configs of form 1.
   const std::string& policy_secret() const { return policy_secret_; }
 
  private:

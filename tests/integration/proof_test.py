@@ -117,6 +117,20 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
         finally:
             stored.write_bytes(good)
 
+    def test_a_local_run_gives_the_daemons_bytes(self):
+        """The policy draws all it does from its policy seeds."""
+        for track, submission in self.submissions.items():
+            with self.subTest(track=track):
+                shown = self.ask("show", submission, "--episodes")
+                padded = self.root / f"padded-{track}"
+                shutil.copytree(POLICIES / "random", padded)
+                (padded / "padding").write_bytes(b"luck")
+                local = self.ask("local", padded, "--track", f"short-{track}", "--slots", 1)
+                self.assertNotEqual(local["hashes"]["artefact"], shown["hashes"]["artefact"])
+                self.assertEqual([row["digest"] for row in local["episodes"]],
+                                 [row["digest"] for row in shown["episode_rows"]])
+                self.assertEqual(local["merkle_root"], shown["merkle_root"])
+
     def test_a_rerun_is_verified(self):
         again = self.ask("rerun", self.submissions["locomotion"], "--verify")
         self.assertTrue(again["verify"]["same"], again["verify"])

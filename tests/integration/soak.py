@@ -19,7 +19,6 @@ import time
 from system import POLICIES, SystemTest, track_config
 
 TRACK = "soak"
-SECRET = bytes(range(32))  # seeds of the policies are a function of it, so both stores share it
 # A bridge lives in the participant's sandbox: its death is a crash there and belongs to the
 # result. disturbed_test.py kills one; here it would make another result, and rightly so.
 KINDS = ("myograde-runner", "myograde-sim", "myograded", "stop-runner", "stop-sim")
@@ -69,11 +68,6 @@ class Host(SystemTest):
         path.write_text(json.dumps(config))
         path = host.root / "configs" / "sandbox" / "sim.json"
         path.write_text(json.dumps({**json.loads(path.read_text()), "silence_s": 10}))
-        host.start_daemon()
-        host.stop_daemon()
-        with sqlite3.connect(host.data / "store.db") as store:
-            store.execute("UPDATE meta SET value = ? WHERE key = 'policy_secret'", (SECRET,))
-        store.close()
         host.start_daemon()
         return host
 

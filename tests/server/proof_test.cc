@@ -20,6 +20,7 @@
 #include <rapidcheck.h>
 
 #include "protocol/config_reader.h"
+#include "protocol/policy_seed.h"
 #include "protocol/sha256.h"
 #include "server/proof/compare_logs.h"
 #include "server/proof/merkle.h"
@@ -165,6 +166,30 @@ TEST_F(ReceiptTest, NamesWhatDoesNotFitEvenIfItIsSigned) {
   receipt = Receipt();
   receipt["episodes"].erase(1);
   EXPECT_EQ(wrong(receipt), (std::vector<std::string>{"merkle_root", "results", "seeds"}));
+}
+
+TEST_F(ReceiptTest, PolicySeedsFollowFromTheSecretThatTheConfigNames) {
+  const SigningKey key = Key();
+  const PublicKey known = *PublicKey::Parse(key.PublicPem(), "test");
+  const auto wrong = [&](const Json& receipt) {
+    return Wrong(CheckReceipt(*SignReceipt(receipt, key), known));
+  };
+  EXPECT_TRUE(wrong(Receipt()).empty()) << "a receipt of an earlier version names none";
+  Json receipt = Receipt();
+  receipt["track_config"]["policy_seed_secret"] = "public";
+  receipt["config"] = Sha256Hex(CanonicalJson(receipt["track_config"]));
+  const std::vector<std::string> expected = {"policy_seeds"};
+  EXPECT_EQ(wrong(receipt), expected);
+  Json seeds = Json::array();
+  for (const int64_t episode : {0, 1, 2}) seeds.push_back(PolicySeed("public", episode));
+  receipt["policy_seeds"] = seeds;
+  EXPECT_TRUE(wrong(receipt).empty());
+  receipt["policy_seeds"][2] = seeds[1];
+  EXPECT_EQ(wrong(receipt), expected);
+  receipt["policy_seeds"] = {seeds[0], seeds[1]};
+  EXPECT_EQ(wrong(receipt), expected);
+  receipt["policy_seeds"] = "none";
+  EXPECT_EQ(wrong(receipt), expected);
 }
 
 TEST_F(ReceiptTest, AnotherModelIsWrongAndAnotherBuildIsTold) {

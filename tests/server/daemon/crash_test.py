@@ -15,7 +15,6 @@ import unittest
 from daemon_test import FINAL, DaemonCase
 
 KILLER = os.environ.get("MYOGRADE_TEST_KILLER", "")
-SECRET = bytes(range(32))  # the same in every store here, so that results can be compared
 
 
 class Disturbed(DaemonCase):
@@ -26,21 +25,12 @@ class Disturbed(DaemonCase):
 
     def setUp(self):
         super().setUp()
-        self.stop(signal.SIGTERM)
-        self.set_secret()
         if Disturbed.expected is None:
-            self.start()
             Disturbed.expected = self.outcome(self.submit(self.mode))
             self.stop(signal.SIGTERM)
             shutil.rmtree(self.data)
             self.start()
-            self.stop(signal.SIGTERM)
-            self.set_secret()
-
-    def set_secret(self):
-        with sqlite3.connect(self.data / "store.db") as store:
-            store.execute("UPDATE meta SET value = ? WHERE key = 'policy_secret'", (SECRET,))
-        store.close()
+        self.stop(signal.SIGTERM)
 
     def tearDown(self):
         self.daemon.send_signal(signal.SIGCONT)
@@ -154,9 +144,6 @@ class Kills(Disturbed):
         for cut, garble in ((1, 0), (5000, 0), (0, 64), (9000, 64)):
             with self.subTest(cut=cut, garble=garble):
                 shutil.rmtree(self.data)
-                self.start()
-                self.stop(signal.SIGTERM)
-                self.set_secret()
                 self.start()
                 submission = self.submit(self.mode)
                 self.wait_for_episodes(submission, 3)

@@ -6,6 +6,7 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/config_reader.h"
+#include "protocol/policy_seed.h"
 #include "protocol/sha256.h"
 #include "server/daemon/results.h"
 
@@ -333,7 +334,7 @@ void World::CheckEvaluation(Reader& reader, int64_t id) {
   for (const EpisodeRow& row : rows) {
     const EpisodeFacts expected = FactsOf(
         {row.index, seeds[static_cast<size_t>(row.index)],
-         PolicySeed(store->policy_secret(), submission.artefact, row.index)});
+         PolicySeed(*track->config.policy_seed_secret, row.index)});
     const std::string facts = CanonicalJson(EpisodeFactsToJson(expected));
     Promise(row.facts_json == facts, absl::StrCat("episode ", row.index, " of ", id,
                                                   " has other facts than it was played with"));

@@ -1,0 +1,136 @@
+"""The seeds of policies' own randomness: the same for every team, in every data folder and in
+`local`, and for configs of form 1 what they were. The runners play without physics, and their
+digests are of the episode's seed and its policy seed."""
+
+import hashlib
+import hmac
+import json
+import os
+import pathlib
+import shutil
+import signal
+import sqlite3
+import subprocess
+import unittest
+
+from daemon_test import BIN, archive
+from organiser_test import OrganiserCase, TRACK
+
+
+def seed_of(key, message):
+    digest = hmac.new(key, message.encode(), hashlib.sha256).digest()
+    return int.from_bytes(digest[-8:], "big") & (2**63 - 1)
+
+
+def digests_of(policy_seeds):
+    return [hashlib.sha256(f"{seed}/{policy_seed}".encode()).hexdigest()
+            for seed, policy_seed in enumerate(policy_seeds)]
+
+
+class PolicySeeds(OrganiserCase):
+    def track(self, **changes):
+        """Rewrites the track's config whole, with nothing below it; None takes a key away."""
+        folder = self.configs / "tracks"
+        config = json.loads((folder / "manipulation.json").read_text())
+        config.update(json.loads((folder / f"{TRACK}.json").read_text()), **changes)
+        config.pop("extends", None)
+        config = {key: value for key, value in config.items() if value is not None}
+        (folder / f"{TRACK}.json").write_text(json.dumps(config))
+
+    def digests(self, submission):
+        return [row["digest"] for row in self.result(submission)["episode_rows"]]
+
+    def expected(self):
+        secret = json.loads((self.configs / "tracks/manipulation.json").read_text())
+        return [seed_of(secret["policy_seed_secret"].encode(), f"myograde policy seed/{index}")
+                for index in range(6)]
+
+    def elsewhere(self):
+        """The daemon goes on in another, empty data folder."""
+        self.stop(signal.SIGTERM)
+        self.data = pathlib.Path(f"{self.data}-2")
+        self.start()
+
+    def local(self, *words):
+        policy = self.folder / "local"
+        policy.mkdir(exist_ok=True)
+        (policy / "policy").write_text("#!/bin/sh\n")
+        (policy / "policy").chmod(0o755)
+        (policy / "policy.json").write_text(json.dumps({"name": "l", "command": ["./policy", "ok"]}))
+        done = subprocess.run(
+            [BIN / "myograde", "local", policy, "--track", TRACK, "--configs", self.configs,
+             "--cache", self.folder / "cache", "--json", *words], capture_output=True, text=True,
+            timeout=60, stdin=subprocess.DEVNULL,
+            env=dict(os.environ, MYOGRADE_BIN_DIR=str(self.folder / "bin")))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return json.loads(done.stdout)
+
+    def upload_named(self, name):
+        status, body = self.call("POST", "/v1/artefacts", archive("ok", name))
+        self.assertEqual(status, 201, body)
+        return body["artefact"]
+
+    def test_all_teams_play_the_same_luck_everywhere(self):
+        expected = digests_of(self.expected())
+        first = self.played("ok")
+        self.assertEqual(self.digests(first), expected)
+        padded = self.played("ok", team="beta", artefact=self.upload_named("padding"))
+        self.assertEqual(self.digests(padded), expected)
+        self.assertEqual(self.digests(self.played("ok", episodes=4)), expected[:4])
+        local = self.local()
+        self.assertEqual([row["digest"] for row in local["episodes"]], expected)
+        root = self.result(first)["merkle_root"]
+        self.assertEqual(local["merkle_root"], root)
+        self.assertEqual([row["digest"] for row in self.local("--episodes=3")["episodes"]],
+                         expected[:3])
+        self.elsewhere()
+        self.assertEqual(self.result(self.played("ok"))["merkle_root"], root)
+
+    def test_an_imported_submission_is_played_the_same_again(self):
+        submission = self.played("ok")
+        self.cli("export", self.folder / "export.json")
+        artefacts = self.data / "artefacts"
+        self.elsewhere()
+        self.cli("import", self.folder / "export.json")
+        shutil.copytree(artefacts, self.data / "artefacts", dirs_exist_ok=True)
+        again = self.ask("rerun", submission)
+        self.assertEqual((again["comparison"]["compared"], again["comparison"]["equal"]), (6, 6))
+
+    def test_receipts_list_them(self):
+        self.played("ok")
+        told = self.get("/v1/submissions/1/receipt")["receipt"]
+        self.assertEqual(told["policy_seeds"], self.expected())
+        self.assertEqual(told["track_config"]["policy_seed_secret"],
+                         "MyoGrade's public policy seeds")
+        key, receipt = self.folder / "key.pem", self.folder / "receipt.json"
+        self.cli("key", "-o", key)
+        self.cli("receipt", 1, "-o", receipt)
+        verified = self.ask("verify", receipt, "--key", key, schema="verify")
+        self.assertIn("policy_seeds", [check["name"] for check in verified["checks"]])
+
+    def test_what_was_played_under_form_1_keeps_its_seeds(self):
+        today = (self.configs / "tracks" / f"{TRACK}.json").read_text()
+        self.track(form=None, policy_seed_secret=None)
+        self.stop(signal.SIGTERM)
+        with sqlite3.connect(self.data / "store.db") as store:
+            secret = store.execute("SELECT value FROM meta WHERE key = 'policy_secret'").fetchone()
+        store.close()
+        self.start()
+        submission = self.played("ok")
+        artefact = self.get(f"/v1/submissions/{submission}")["artefact"]
+        expected = [seed_of(secret[0], f"{artefact}/{index}") for index in range(6)]
+        self.assertEqual(self.digests(submission), digests_of(expected))
+        (self.configs / "tracks" / f"{TRACK}.json").write_text(today)
+        self.stop(signal.SIGTERM)
+        self.start()
+        again = self.ask("rerun", submission)
+        self.assertEqual((again["comparison"]["compared"], again["comparison"]["equal"]), (6, 6))
+        key, receipt = self.folder / "key.pem", self.folder / "receipt.json"
+        self.cli("key", "-o", key)
+        self.cli("receipt", submission, "-o", receipt)
+        self.assertIsNone(json.loads(receipt.read_text())["receipt"]["policy_seeds"])
+        self.assertTrue(self.ask("verify", receipt, "--key", key)["valid"])
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
