@@ -174,7 +174,7 @@ absl::Status LeaseRunner::Turn() {
     if (due || entries[3].revents != 0 || entries[4].revents != 0) policy_->DrainOutput();
     if (due) {
       last_refresh_ = absl::Now();
-      policy_->LookAtDisk();
+      policy_->Look();
       RefreshCpu();
     }
   }
@@ -238,6 +238,7 @@ absl::Status LeaseRunner::HandleRecord(const nlohmann::json& json) {
     if (absl::Status status = context_.logs->Finish(facts->log); !status.ok()) return status;
   }
   ++next_episode_;
+  if (policy_ != nullptr) policy_->EpisodeOver();
   return Print(*record);
 }
 

@@ -10,6 +10,7 @@
 #include <sched.h>
 #include <signal.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -101,6 +102,15 @@ void KeepToOneProcessor(int64_t slot) {
   }
 }
 
+// Descriptors in flight between processes count for their user, and whoever may open fewer files
+// than those can send none: a policy of this user must not reach this process' limit with its own.
+void MayHaveAllDescriptors() {
+  rlimit files;
+  if (getrlimit(RLIMIT_NOFILE, &files) != 0) return;
+  files.rlim_cur = files.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &files);
+}
+
 Fd StopSignals() {
   sigset_t stop;
   sigemptyset(&stop);
@@ -117,6 +127,7 @@ int Main(int argc, char** argv) {
     return kWrongUse;
   }
   const Fd signals = StopSignals();
+  MayHaveAllDescriptors();
   // Whatever loses its parent below this process comes to it, and dies with it.
   prctl(PR_SET_CHILD_SUBREAPER, 1);
   absl::StatusOr<LeaseOrder> order = ReadOrder(argv[argc - 1]);

@@ -46,10 +46,12 @@ std::string LastLine(std::string text) {
   return text;
 }
 
-bool MayHideACause(Outcome outcome) {
-  return outcome == Outcome::kCrash || outcome == Outcome::kInitTimeout ||
-         outcome == Outcome::kStepTimeout || outcome == Outcome::kWallTimeout;
+bool IsTimeout(Outcome outcome) {
+  return outcome == Outcome::kInitTimeout || outcome == Outcome::kStepTimeout ||
+         outcome == Outcome::kWallTimeout;
 }
+
+bool MayHideACause(Outcome outcome) { return outcome == Outcome::kCrash || IsTimeout(outcome); }
 
 // The bridge tells the wait status of a policy that ended as the value.
 bool WasEndedBy(const FaultEvidence& evidence, int signal) {
@@ -110,9 +112,16 @@ PolicyRun::~PolicyRun() {
   context_.stage.UnmountScratch(scratch_);
 }
 
-void PolicyRun::LookAtDisk() {
-  if (!ended_) disk_ = Stage::UsageOf(scratch_);
+void PolicyRun::Look() {
+  if (ended_) return;
+  disk_ = Stage::UsageOf(scratch_);
+  const NetworkUse use = sandbox_->network()->Look();
+  sockets_ = std::max(sockets_, use.sockets);
+  pool_full_ = pool_full_ || use.pool_full;
+  // What they hold is taken from others, so it can't wait for somebody to notice.
+  if (sockets_ > context_.config.policy.sockets) sandbox_->Strike();
 }
+
 
 void PolicyRun::DrainOutput() {
   Drain(stdout_, out_);
@@ -131,7 +140,15 @@ int64_t PolicyRun::CpuNs() {
 bool PolicyRun::KernelCause(FaultEvidence& evidence) const {
   const Budgets& budgets = context_.order.track.budgets;
   const std::string seen = evidence.detail;
-  if (group_->oom_kills() > 0) {
+  if (const int64_t most = context_.config.policy.sockets; sockets_ > most) {
+    evidence.outcome = Outcome::kMemoryLimit;
+    evidence.limit = "sockets";
+    evidence.limit_value = static_cast<double>(most);
+    evidence.value = static_cast<double>(sockets_);
+    evidence.detail = absl::StrCat("the policy had ", sockets_, " network sockets of the ", most,
+                                   " that it may use at one time, whose buffers are the whole ",
+                                   "host's memory, and was stopped; ", seen);
+  } else if (group_->oom_kills() > 0) {
     evidence.outcome = Outcome::kMemoryLimit;
     evidence.limit = "memory_bytes";
     evidence.limit_value = static_cast<double>(budgets.memory_bytes);
@@ -171,15 +188,31 @@ bool PolicyRun::KernelCause(FaultEvidence& evidence) const {
   return true;
 }
 
+void PolicyRun::EpisodeOver() {
+  pool_full_ = false;
+  dropped_ = sandbox_->network()->dropped();
+}
+
+// Messages get lost for want of memory that is not the policy's alone.
+void PolicyRun::ExcuseLostMessages(FaultEvidence& evidence) const {
+  if (!pool_full_ && sandbox_->network()->dropped() == dropped_) return;
+  evidence.outcome = Outcome::kGraderError;
+  evidence.detail = absl::StrCat(
+      "the UDP sockets of the whole host held all the memory that they may (sysctl "
+      "net.ipv4.udp_mem) and the kernel drops messages then, so nobody can tell whether the policy "
+      "was late; ", evidence.detail);
+}
+
 FaultEvidence PolicyRun::Rule(FaultEvidence seen) {
   // A full disk counts if it was so at the last look: what ended may have
   // taken its files along.
-  if (!disk_.full()) LookAtDisk();
+  if (!disk_.full()) Look();
   if (seen.outcome == Outcome::kCrash) sandbox_->Wait(kLastMoments);
   DrainOutput();
   const bool by_itself = sandbox_->Ended();
   const SandboxEnd end = sandbox_->end();
   const bool caused = MayHideACause(seen.outcome) && KernelCause(seen);
+  if (!caused && IsTimeout(seen.outcome)) ExcuseLostMessages(seen);
   if (absl::Status status = End(); !status.ok()) {
     seen.outcome = Outcome::kGraderError;
     seen.detail = std::string(status.message());

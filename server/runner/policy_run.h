@@ -47,8 +47,12 @@ class PolicyRun {
   // Takes what the policy printed. Bounded work for each call.
   void DrainOutput();
 
-  // Takes down how full its scratch folders are. Cheap.
-  void LookAtDisk();
+  // Takes down how full its scratch folders are and how many sockets it has. Cheap.
+  // More than it may have ends it at once.
+  void Look();
+
+  // What was lost until now was not what a deadline of the next episode waits for.
+  void EpisodeOver();
 
   // CPU time of everything in the sandbox until now, never less than before.
   int64_t CpuNs();
@@ -65,6 +69,7 @@ class PolicyRun {
   PolicyRun(const LeaseContext& context, OutputTail& out, OutputTail& err)
       : context_(context), out_(out), err_(err) {}
   bool KernelCause(FaultEvidence& evidence) const;
+  void ExcuseLostMessages(FaultEvidence& evidence) const;
 
   const LeaseContext& context_;
   OutputTail& out_;
@@ -76,6 +81,9 @@ class PolicyRun {
   Fd stdout_;
   Fd stderr_;
   ScratchUsage disk_;
+  int64_t sockets_ = 0;      // the most that were seen
+  bool pool_full_ = false;   // seen in this episode
+  int64_t dropped_ = 0;      // messages, before this episode
   int64_t err_mark_ = 0;  // err_ belongs to this run from here on
   int64_t cpu_ns_ = 0;
   bool ended_ = false;

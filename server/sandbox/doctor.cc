@@ -23,6 +23,7 @@
 #include "server/sandbox/child.h"
 #include "server/sandbox/control_group.h"
 #include "server/sandbox/doctor_host.h"
+#include "server/sandbox/doctor_limits.h"
 #include "server/sandbox/policy_sandbox.h"
 #include "server/sandbox/sandbox.h"
 #include "server/sandbox/seccomp_filter.h"
@@ -393,6 +394,7 @@ std::vector<Check> ExamineHost(const DoctorOptions& options) {
   CheckUserNamespaces(options, checks);
   CheckSlotUsers(options, checks);
   CheckControlGroups(options, checks);
+  CheckSharedLimits(options, checks);
   CheckSeccomp(options, checks);
   CheckSandboxes(options, checks);
   CheckMujocoAndModels(options, checks);

@@ -22,8 +22,6 @@
 #include <absl/strings/str_cat.h>
 #include <absl/time/clock.h>
 
-#include "server/sandbox/network.h"
-
 namespace myograde::server {
 namespace {
 
@@ -87,7 +85,7 @@ std::vector<std::string> Arguments(const SandboxSpec& spec, bool filter) {
       "--cap-drop",     "ALL",            "--json-status-fd", std::to_string(kStatusFd)};
   if (spec.as_first) arguments.push_back("--as-pid-1");
   if (spec.held) arguments.insert(arguments.end(), {"--block-fd", std::to_string(kGateFd)});
-  // A sandbox with the bus is started in a network namespace that has it.
+  // A sandbox with the bus is started in a BusNetwork.
   if (!spec.bus) arguments.push_back("--unshare-net");
   if (filter) arguments.insert(arguments.end(), {"--seccomp", std::to_string(kFilterFd)});
   for (const SandboxMount& mount : spec.mounts) AppendMount(mount, arguments);
@@ -112,6 +110,7 @@ struct ChildPlan {
   std::vector<SandboxFd> fds;
   std::vector<int> join;
   const SandboxSpec* spec;
+  int network;  // to live in; -1: bubblewrap makes one
   pid_t parent;
 };
 
@@ -145,15 +144,14 @@ void PlaceDescriptors(const std::vector<SandboxFd>& fds) {
   for (int fd : plan.join) {
     if (write(fd, "0", 1) != 1) Fail("control group", errno);
   }
+  if (plan.network >= 0 && setns(plan.network, CLONE_NEWNET) != 0) {
+    Fail("entering the network namespace", errno);
+  }
   PlaceDescriptors(plan.fds);
   sigset_t none;
   sigemptyset(&none);
   sigprocmask(SIG_SETMASK, &none, nullptr);
   signal(SIGPIPE, SIG_DFL);
-  if (plan.spec->bus) {
-    if (unshare(CLONE_NEWNET) != 0) Fail("network namespace", errno);
-    if (const int error = SetUpLoopback(); error != 0) Fail("loopback", error);
-  }
   if (plan.spec->uid >= 0) {
     const auto id = static_cast<uid_t>(plan.spec->uid);
     if (setgroups(0, nullptr) != 0 || setresgid(id, id, id) != 0 || setresuid(id, id, id) != 0) {
@@ -224,8 +222,14 @@ absl::StatusOr<std::unique_ptr<Sandbox>> Sandbox::Start(const SandboxSpec& spec,
   }
   Fd gate_read(gate[0]);
   Fd gate_write(gate[1]);
+  std::optional<BusNetwork> network;
+  if (spec.bus) {
+    absl::StatusOr<BusNetwork> made = BusNetwork::Make();
+    if (!made.ok()) return made.status();
+    network = *std::move(made);
+  }
   std::vector<std::string> arguments = Arguments(spec, filter.valid());
-  ChildPlan plan = {{}, fds, join, &spec, getpid()};
+  ChildPlan plan = {{}, fds, join, &spec, network.has_value() ? network->fd() : -1, getpid()};
   for (std::string& argument : arguments) plan.arguments.push_back(argument.data());
   plan.arguments.push_back(nullptr);
   plan.fds.push_back({status_write.get(), kStatusFd});
@@ -234,12 +238,15 @@ absl::StatusOr<std::unique_ptr<Sandbox>> Sandbox::Start(const SandboxSpec& spec,
     lseek(filter.get(), 0, SEEK_SET);
     plan.fds.push_back({filter.get(), kFilterFd});
   }
-  std::unique_ptr<Sandbox> sandbox(new Sandbox());
-  sandbox->pid_ = fork();
-  if (sandbox->pid_ < 0) {
+  const pid_t pid = fork();
+  if (pid < 0) {
     return absl::InternalError(absl::StrCat("can't start a process: ", std::strerror(errno)));
   }
-  if (sandbox->pid_ == 0) BecomeSandbox(plan);
+  if (pid == 0) BecomeSandbox(plan);
+  // From here on, as whoever destroys it ends that process.
+  std::unique_ptr<Sandbox> sandbox(new Sandbox());
+  sandbox->pid_ = pid;
+  sandbox->network_ = std::move(network);
   sandbox->status_ = std::move(status_read);
   sandbox->gate_ = std::move(gate_write);
   return sandbox;
@@ -287,6 +294,12 @@ bool Sandbox::Wait(absl::Duration timeout) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   return true;
+}
+
+void Sandbox::Strike() {
+  if (!Ended() && first_.valid()) {
+    syscall(SYS_pidfd_send_signal, first_.get(), SIGKILL, nullptr, 0);
+  }
 }
 
 bool Sandbox::Kill(absl::Duration timeout) {

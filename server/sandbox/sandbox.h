@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/fd.h"
+#include "server/sandbox/network.h"
 
 namespace myograde::server {
 
@@ -84,6 +85,9 @@ class Sandbox {
   // Kills everything in it and waits for its end. False: something is left.
   bool Kill(absl::Duration timeout);
 
+  // Kills everything in it, without waiting.
+  void Strike();
+
   // Waits for it to end by itself.
   bool Wait(absl::Duration timeout);
 
@@ -93,10 +97,14 @@ class Sandbox {
   // The outermost process, of which all others descend.
   pid_t pid() const { return pid_; }
 
+  // Of a sandbox with the bus; else null.
+  const BusNetwork* network() const { return network_.has_value() ? &*network_ : nullptr; }
+
  private:
   Sandbox() = default;
   void ReadStatus();
 
+  std::optional<BusNetwork> network_;
   pid_t pid_ = -1;
   bool reaped_ = false;
   Fd gate_;    // who is held reads its other end

@@ -12,6 +12,9 @@
 namespace myograde::server {
 namespace {
 
+// Of a policy.json that does not name the key.
+constexpr int64_t kUsualSockets = 256;
+
 // A list of system calls; one that is empty or holds another word is a mistake,
 // as a filter that lacks a call by a slip of the pen looks like any other.
 std::vector<std::string> SystemCalls(ConfigReader& reader, const char* key) {
@@ -41,6 +44,7 @@ absl::StatusOr<PolicySandboxConfig> LoadPolicy(const std::string& path) {
     }
     config.socket_families.push_back(family->second);
   }
+  config.sockets = reader.Has("sockets") ? reader.Integer("sockets", 16, 65536) : kUsualSockets;
   config.cpu_refresh_s = reader.Number("cpu_refresh_s", {0.001, 1});
   config.kill_s = reader.Number("kill_s", {1, 60});
   if (absl::Status status = reader.Finish(); !status.ok()) return status;

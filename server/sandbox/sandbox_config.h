@@ -14,7 +14,8 @@ struct PolicySandboxConfig {
   std::vector<std::string> denied_system_calls;         // fail with EPERM
   std::vector<std::string> unimplemented_system_calls;  // fail with ENOSYS
   std::vector<int> socket_families;                     // AF_* that are allowed
-  double cpu_refresh_s = 0;  // s between readings of the CPU time
+  int64_t sockets = 0;       // UDP and TCP sockets in use at one time, the bridge's included
+  double cpu_refresh_s = 0;  // s between readings of the CPU time and looks at other limits
   double kill_s = 0;         // s for a killed sandbox to be gone
 };
 

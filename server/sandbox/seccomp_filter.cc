@@ -41,6 +41,8 @@ constexpr uint64_t kLowHalf = 0xffffffff;
 constexpr uint32_t kNewestKnownCall = 450;
 // Not in Debian 12's headers.
 constexpr uint64_t kPrSchedCore = 62;
+constexpr uint64_t kPrSetMemoryMerge = 67;
+constexpr uint64_t kSoReserveMem = 73;
 
 absl::Status DenyByName(scmp_filter_ctx filter, const std::vector<std::string>& names, int error) {
   for (const std::string& name : names) {
@@ -85,6 +87,27 @@ int DenySockets(scmp_filter_ctx filter, const std::vector<int>& families) {
   return result;
 }
 
+// Succeed and do nothing. Some are hints, which a program may give without an answer: through the
+// page cache of a file below /usr they would write bits for others to read, and throw out at will
+// what the host has in memory. A socket's buffers keep the host's usual size, as they do for
+// whoever asks for more than the host allows: what they hold is memory that no budget counts.
+int PretendTo(scmp_filter_ctx filter) {
+  int result = 0;
+  for (const int call : {SCMP_SYS(fadvise64), SCMP_SYS(readahead)}) {
+    result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(0), call, 0);
+  }
+  for (const uint64_t advice : {MADV_COLD, MADV_PAGEOUT, MADV_MERGEABLE}) {
+    result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(0), SCMP_SYS(madvise), 1,
+                               SCMP_A2(SCMP_CMP_MASKED_EQ, kLowHalf, advice));
+  }
+  for (const uint64_t option : {SO_RCVBUF, SO_SNDBUF}) {
+    result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(0), SCMP_SYS(setsockopt), 2,
+                               SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, SOL_SOCKET),
+                               SCMP_A2(SCMP_CMP_MASKED_EQ, kLowHalf, option));
+  }
+  return result;
+}
+
 // Execution domains other than Linux, 32-bit Linux and Linux without address
 // randomisation; asking for the present one (all ones) stays allowed.
 int DenyPersonalities(scmp_filter_ctx filter) {
@@ -114,7 +137,13 @@ int DenyByArgument(scmp_filter_ctx filter) {
                                  F_SET_RW_HINT, F_GET_FILE_RW_HINT, F_SET_FILE_RW_HINT}) {
     result |= DenyIf(filter, SCMP_SYS(fcntl), SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, command));
   }
-  result |= DenyIf(filter, SCMP_SYS(prctl), SCMP_A0(SCMP_CMP_MASKED_EQ, kLowHalf, kPrSchedCore));
+  for (const uint64_t option : {kPrSchedCore, kPrSetMemoryMerge}) {
+    result |= DenyIf(filter, SCMP_SYS(prctl), SCMP_A0(SCMP_CMP_MASKED_EQ, kLowHalf, option));
+  }
+  // Sets memory of a whole pool aside.
+  result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(setsockopt), 2,
+                             SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, SOL_SOCKET),
+                             SCMP_A2(SCMP_CMP_MASKED_EQ, kLowHalf, kSoReserveMem));
   return result | DenyPersonalities(filter);
 }
 
@@ -147,7 +176,8 @@ absl::StatusOr<Fd> MakeSeccompFilter(const PolicySandboxConfig& config) {
         std::pair(&config.unimplemented_system_calls, ENOSYS)}) {
     if (absl::Status status = DenyByName(filter.get(), *names, error); !status.ok()) return status;
   }
-  result |= DenyByArgument(filter.get()) | DenySockets(filter.get(), config.socket_families);
+  result |= DenyByArgument(filter.get()) | PretendTo(filter.get()) |
+            DenySockets(filter.get(), config.socket_families);
   if (result != 0) return absl::InternalError("libseccomp refuses a rule of the filter");
   return Export(filter.get());
 }

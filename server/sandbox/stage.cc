@@ -37,6 +37,44 @@ bool WriteFile(const char* path, const std::string& text) {
          write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size());
 }
 
+// A device that every sandbox has. Numbers of Linux's documentation, devices.txt.
+struct Node {
+  const char* name;
+  unsigned major;
+  unsigned minor;
+};
+constexpr Node kNodes[] = {{"null", 1, 3},   {"zero", 1, 5},    {"full", 1, 7},
+                           {"random", 1, 8}, {"urandom", 1, 9}, {"tty", 5, 0}};
+
+// Makes what is seen at a mounted `path` read-only. A device there stays as
+// writable as it was, but not its times and its mode.
+bool MakeReadOnly(const std::string& path) {
+  struct statvfs mounted;
+  if (statvfs(path.c_str(), &mounted) != 0) return false;
+  unsigned long flags = MS_REMOUNT | MS_BIND | MS_RDONLY;
+  // Those that only who mounted it may take away.
+  if ((mounted.f_flag & ST_NOSUID) != 0) flags |= MS_NOSUID;
+  if ((mounted.f_flag & ST_NOEXEC) != 0) flags |= MS_NOEXEC;
+  if ((mounted.f_flag & ST_NODEV) != 0) flags |= MS_NODEV;
+  return mount("none", path.c_str(), nullptr, flags, nullptr) == 0;
+}
+
+bool MakeOwn(const Node& node, const std::string& path) {
+  if (mknod(path.c_str(), S_IFCHR | 0666, makedev(node.major, node.minor)) != 0 ||
+      chmod(path.c_str(), 0666) != 0) {
+    return false;
+  }
+  // What can be made may still be refused to be opened, by a control group of
+  // devices. Without a terminal there is none to open (ENXIO).
+  return Fd(open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOCTTY)).valid() || errno == ENXIO;
+}
+
+bool ShowHosts(const Node& node, const std::string& path) {
+  const std::string host = absl::StrCat("/dev/", node.name);
+  return Fd(open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644)).valid() &&
+         mount(host.c_str(), path.c_str(), nullptr, MS_BIND, nullptr) == 0 && MakeReadOnly(path);
+}
+
 absl::Status EnterNamespaces() {
   const uid_t uid = geteuid();
   const gid_t gid = getegid();
@@ -84,26 +122,22 @@ absl::StatusOr<Stage> Stage::Enter(const std::vector<std::string>& sources) {
 }
 
 void Stage::MakeDevices() {
-  // Numbers of Linux's documentation, devices.txt.
-  constexpr unsigned kMemory = 1;
-  constexpr std::pair<const char*, unsigned> kNodes[] = {
-      {"null", 3}, {"zero", 5}, {"full", 7}, {"random", 8}, {"urandom", 9}};
   const std::string folder = absl::StrCat(kStage, "/devices");
   if (mkdir(folder.c_str(), 0755) != 0 ||
       mount("devices", folder.c_str(), "tmpfs", MS_NOSUID | MS_NOEXEC, "mode=0755,size=64k") != 0) {
     return;
   }
-  std::map<std::string, std::string> made;
-  for (const auto& [name, minor] : kNodes) {
-    const std::string path = absl::StrCat(folder, "/", name);
-    // What can be made may still be refused to be opened, by a control group of devices.
-    if (mknod(path.c_str(), S_IFCHR | 0666, makedev(kMemory, minor)) != 0 ||
-        chmod(path.c_str(), 0666) != 0 || !Fd(open(path.c_str(), O_RDWR | O_CLOEXEC)).valid()) {
-      return;
+  for (const bool own : {true, false}) {
+    std::map<std::string, std::string> made;
+    for (const Node& node : kNodes) {
+      const std::string path = absl::StrCat(folder, own ? "/own-" : "/host-", node.name);
+      if (own ? MakeOwn(node, path) : ShowHosts(node, path)) made[node.name] = path;
     }
-    made[name] = path;
+    if (made.size() < std::size(kNodes) && own) continue;
+    devices_ = std::move(made);
+    break;
   }
-  devices_ = std::move(made);
+  MakeReadOnly(folder);
 }
 
 absl::StatusOr<std::string> Stage::AddFile(const std::string& name,

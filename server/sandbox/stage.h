@@ -36,9 +36,10 @@ class Stage {
   // Where a staged source is seen now.
   const std::string& PathOf(const std::string& source) const { return paths_.at(source); }
 
-  // Where /dev/null and the like of this lease alone are, by name: files that any
-  // user may lock, so that two sandboxes with the same ones could signal to each
-  // other. Empty where device nodes can't be made (an ordinary user).
+  // Where /dev/null and the like are for a sandbox, by name: read-only, as anybody
+  // may set their times, which the next lease would find. They are this lease's
+  // own, as anybody may lock them too; where device nodes can't be made (an
+  // ordinary user) the host's.
   const std::map<std::string, std::string>& devices() const { return devices_; }
 
   // A small file with `text`, readable by all.

@@ -66,4 +66,19 @@ MORE = (
     Case(72, "says too much", "c72_says_too_much.py",
          each(("long-name", "odd-convention", "nan-set", "odd-index", "odd-quantity",
                "same-set-twice", "old-version"), expect=("protocol",))),
+    Case(95, "fills the kernel's memory for sockets", "c95_fills_udp_memory.c",
+         each(("group", "single", "streams"), expect=("memory_limit",), track="rt-patient",
+              limit="sockets"), True),
+    Case(96, "keeps descriptors in flight", "c96_keeps_descriptors_in_flight.py",
+         (Variant(track="rt-patient", reports={"in_flight": "many"}),)),
+    Case(97, "asks what is cached, and leaves marks for the next", "c97_asks_what_is_cached.c",
+         (Variant(denied=("cached_name", "cached_page", "asynchronous", "present", "kernel_counts",
+                          "terminals")
+                  + tuple(f"{how}_{name}" for how in ("touch", "mode") for name in (
+                      "null", "zero", "full", "random", "urandom", "tty")),
+                  denied_with=ABSENT,
+                  reports={"vectors_work": "yes", "null_works": "yes", "zero_works": "yes",
+                           "thrown_out": "no", "buffers_grown": "no"}),), True),
+    Case(98, "streams that nobody reads", "c98_streams_that_nobody_reads.py",
+         (Variant(track="rt-patient", at_most={"held_mib": 80}),)),
 )

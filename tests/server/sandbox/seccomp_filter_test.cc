@@ -10,11 +10,13 @@
 #include <sched.h>
 #include <seccomp.h>
 #include <sys/ioctl.h>
+#include <sys/mman.h>
 #include <sys/personality.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
+#include <sys/uio.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -128,6 +130,7 @@ TEST(SeccompFilter, DeniesWhatAnArgumentMakesDangerous) {
   }
   EXPECT_EQ(Denies(SYS_fcntl, fd, F_GETFL), 0);
   EXPECT_EQ(Denies(SYS_prctl, 62 /* PR_SCHED_CORE */), EPERM);
+  EXPECT_EQ(Denies(SYS_prctl, 67 /* PR_SET_MEMORY_MERGE */, 1), EPERM);
   EXPECT_EQ(Denies(SYS_prctl, PR_GET_DUMPABLE), 0);
   const std::vector<uint64_t> domains = {
       PER_SVR4, PER_BSD, READ_IMPLIES_EXEC, MMAP_PAGE_ZERO, ADDR_COMPAT_LAYOUT, 0x80000000,
@@ -138,6 +141,56 @@ TEST(SeccompFilter, DeniesWhatAnArgumentMakesDangerous) {
   EXPECT_EQ(Denies(SYS_personality, 0xffffffff), 0);
   EXPECT_EQ(Denies(SYS_personality, ADDR_NO_RANDOMIZE), 0);
   close(null);
+}
+
+TEST(SeccompFilter, KeepsTheUsualBuffersOfASocket) {
+  const auto size_after = [](int option) {
+    const int socket_fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    int before = 0, after = 0;
+    const int wanted = 30000;
+    socklen_t size = sizeof(before);
+    getsockopt(socket_fd, SOL_SOCKET, option, &before, &size);
+    // Whoever asks hears that it worked, as above the host's limit.
+    if (setsockopt(socket_fd, SOL_SOCKET, option, &wanted, sizeof(wanted)) != 0) return 1;
+    getsockopt(socket_fd, SOL_SOCKET, option, &after, &size);
+    return before == after ? 0 : 2;
+  };
+  for (const int option : {SO_RCVBUF, SO_SNDBUF}) {
+    EXPECT_EQ(size_after(option), 2) << option;
+    EXPECT_EQ(Behind([&] { return size_after(option); }), 0) << option;
+  }
+  EXPECT_EQ(Behind([] {
+              const int socket_fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+              const int value = 1;
+              if (setsockopt(socket_fd, SOL_SOCKET, SO_REUSEADDR, &value, sizeof(value)) != 0 ||
+                  setsockopt(socket_fd, IPPROTO_IP, IP_MULTICAST_TTL, &value, sizeof(value)) != 0) {
+                return errno;
+              }
+              return setsockopt(socket_fd, SOL_SOCKET, 73 /* SO_RESERVE_MEM */, &value,
+                                sizeof(value)) == 0 ? 0 : errno;
+            }),
+            EPERM);
+}
+
+TEST(SeccompFilter, TakesHintsAboutMemoryAndForgetsThem) {
+  // A wrong descriptor or address would be told by the kernel.
+  EXPECT_EQ(Denies(SYS_fadvise64, 9999, 0, 0), 0);
+  EXPECT_EQ(Denies(SYS_readahead, 9999), 0);
+  for (const uint64_t advice : {MADV_COLD, MADV_PAGEOUT, MADV_MERGEABLE}) {
+    EXPECT_EQ(Denies(SYS_madvise, 1, 4096, advice), 0) << advice;
+  }
+  EXPECT_EQ(Denies(SYS_madvise, 1, 4096, MADV_HUGEPAGE), EINVAL);
+}
+
+TEST(SeccompFilter, ReadsVectorsWithoutTheCallThatTakesFlags) {
+  EXPECT_EQ(Behind([] {
+              const int zero = open("/dev/zero", O_RDONLY | O_CLOEXEC);
+              char bytes[4];
+              iovec vector = {bytes, sizeof(bytes)};
+              if (preadv2(zero, &vector, 1, 0, 0) != 4) return 1;
+              return preadv2(zero, &vector, 1, 0, RWF_NOWAIT) == -1 ? 0 : 2;
+            }),
+            0);
 }
 
 TEST(SeccompFilter, KnowsNoCallNewerThanItsLists) {
