@@ -21,6 +21,10 @@ namespace {
 // A flood is read in turns with everything else.
 constexpr int kReadsPerDrain = 16;
 constexpr size_t kQuotedBytes = 300;
+// As many sockets can't hold much; what more of them hold is counted a few times a second, as that
+// takes the kernel a while.
+constexpr int64_t kFewSockets = 32;
+constexpr int64_t kLooksForEachCount = 10;
 // For the sandbox to end by itself, where its end says more than our kill.
 constexpr absl::Duration kLastMoments = absl::Milliseconds(300);
 
@@ -118,6 +122,7 @@ void PolicyRun::Look() {
   const NetworkUse use = sandbox_->network()->Look();
   sockets_ = std::max(sockets_, use.sockets);
   pool_full_ = pool_full_ || use.pool_full;
+  if (use.sockets > kFewSockets && looks_++ % kLooksForEachCount == 0) CountSocketBytes();
   // What they hold is taken from others, so it can't wait for somebody to notice.
   if (sockets_ > context_.config.policy.sockets) sandbox_->Strike();
 }
@@ -148,13 +153,15 @@ bool PolicyRun::KernelCause(FaultEvidence& evidence) const {
     evidence.detail = absl::StrCat("the policy had ", sockets_, " network sockets of the ", most,
                                    " that it may use at one time, whose buffers are the whole ",
                                    "host's memory, and was stopped; ", seen);
-  } else if (group_->oom_kills() > 0) {
+  } else if (overdrawn_ || group_->oom_kills() > 0) {
     evidence.outcome = Outcome::kMemoryLimit;
     evidence.limit = "memory_bytes";
     evidence.limit_value = static_cast<double>(budgets.memory_bytes);
-    evidence.value = static_cast<double>(group_->peak_memory_bytes());
+    evidence.value = static_cast<double>(group_->peak_memory_bytes() + socket_bytes_);
+    const std::string sockets =
+        socket_bytes_ > 0 ? absl::StrCat(" (up to ", socket_bytes_, " of them in its sockets)") : "";
     evidence.detail = absl::StrCat("the policy used all of its ", budgets.memory_bytes,
-                                   " bytes of memory and was stopped; ", seen);
+                                   " bytes of memory", sockets, " and was stopped; ", seen);
   } else if (group_->refused_tasks() > 0) {
     evidence.outcome = Outcome::kProcessLimit;
     evidence.limit = "tasks";
@@ -186,6 +193,14 @@ bool PolicyRun::KernelCause(FaultEvidence& evidence) const {
     return false;
   }
   return true;
+}
+
+void PolicyRun::CountSocketBytes() {
+  const int64_t bytes = sandbox_->network()->socket_bytes();
+  socket_bytes_ = std::max(socket_bytes_, bytes);
+  if (group_->Withhold(bytes)) return;
+  overdrawn_ = true;
+  sandbox_->Strike();
 }
 
 void PolicyRun::EpisodeOver() {

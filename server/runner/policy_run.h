@@ -69,6 +69,8 @@ class PolicyRun {
   PolicyRun(const LeaseContext& context, OutputTail& out, OutputTail& err)
       : context_(context), out_(out), err_(err) {}
   bool KernelCause(FaultEvidence& evidence) const;
+  // Has what its sockets hold count as its memory.
+  void CountSocketBytes();
   void ExcuseLostMessages(FaultEvidence& evidence) const;
 
   const LeaseContext& context_;
@@ -82,6 +84,9 @@ class PolicyRun {
   Fd stderr_;
   ScratchUsage disk_;
   int64_t sockets_ = 0;      // the most that were seen
+  int64_t looks_ = 0;
+  int64_t socket_bytes_ = 0;  // the most that were seen
+  bool overdrawn_ = false;    // these and the rest were more than its memory
   bool pool_full_ = false;   // seen in this episode
   int64_t dropped_ = 0;      // messages, before this episode
   int64_t err_mark_ = 0;  // err_ belongs to this run from here on

@@ -67,6 +67,7 @@ std::unique_ptr<ControlGroup> ControlGroup::Create(const std::string& name,
                                                    const GroupLimits& limits,
                                                    const CgroupHost& host) {
   std::unique_ptr<ControlGroup> group(new ControlGroup(host));
+  group->memory_bytes_ = limits.memory_bytes;
   if (!group->TryVersion2(name, limits)) group->TryVersion1(name, limits);
   for (const std::string& folder : group->folders_) {
     Fd list(open((folder + "/cgroup.procs").c_str(), O_WRONLY | O_CLOEXEC));
@@ -151,6 +152,19 @@ std::vector<int> ControlGroup::join_fds() const {
   std::vector<int> fds;
   for (const Fd& fd : join_) fds.push_back(fd.get());
   return fds;
+}
+
+bool ControlGroup::Withhold(int64_t bytes) {
+  if (memory_.empty() || controllers_.version == 2) {
+    return controllers_.version == 2 || bytes <= memory_bytes_;
+  }
+  // Small changes are not worth the kernel's work.
+  const int64_t rounded = bytes & ~int64_t{0xfffff};
+  if (rounded == withheld_) return true;
+  const bool fits = rounded < memory_bytes_ && Write(memory_ + "/memory.limit_in_bytes",
+                                                     std::to_string(memory_bytes_ - rounded));
+  if (fits) withheld_ = rounded;
+  return fits;
 }
 
 int64_t ControlGroup::cpu_ns() const {

@@ -56,6 +56,11 @@ class ControlGroup {
   // joins them (before it gives up its uid).
   std::vector<int> join_fds() const;
 
+  // Takes `bytes` off its limit on memory for what the group holds where this
+  // version does not count it; version 2 counts all. False: it uses more than is
+  // left. May wait for the kernel to free memory.
+  bool Withhold(int64_t bytes);
+
   int64_t cpu_ns() const;           // -1: not measured
   int64_t peak_memory_bytes() const;  // 0: not measured
   int64_t oom_kills() const;        // processes killed for want of memory
@@ -78,6 +83,8 @@ class ControlGroup {
   const CgroupHost& host_;
   GroupControllers controllers_;
   std::vector<std::string> folders_;  // all that were made
+  int64_t memory_bytes_ = 0;          // the limit
+  int64_t withheld_ = 0;              // of it
   std::string memory_;                // the folder of each controller, "" if none
   std::string pids_;
   std::string cpu_account_;

@@ -23,6 +23,8 @@
 #include <absl/strings/str_split.h>
 #include <absl/strings/string_view.h>
 
+#include "server/sandbox/socket_bytes.h"
+
 namespace myograde::server {
 namespace {
 
@@ -148,6 +150,7 @@ absl::StatusOr<BusNetwork> BusNetwork::Make() {
       network.sockets_ = OpenOwn("net/sockstat");
       network.sockets_six_ = OpenOwn("net/sockstat6");
       network.counters_ = OpenOwn("net/snmp");
+      network.diagnosis_ = OpenSocketDiagnosis();
       if (!network.namespace_.valid() || !network.sockets_.valid() || !network.counters_.valid()) {
         refused = "files of the network namespace";
         error = errno;
@@ -170,6 +173,8 @@ NetworkUse BusNetwork::Look() const {
               SocketStatistic(six, "UDP6:", "inuse") + SocketStatistic(six, "TCP6:", "inuse"),
           full_pages_ > 0 && SocketStatistic(four, "UDP:", "mem") > full_pages_};
 }
+
+int64_t BusNetwork::socket_bytes() const { return SocketBytes(diagnosis_); }
 
 int64_t BusNetwork::dropped() const {
   return CounterBelow(ReadAnew(counters_), "Udp:", "MemErrors");

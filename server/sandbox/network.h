@@ -37,6 +37,10 @@ class BusNetwork {
   // Takes some microseconds.
   NetworkUse Look() const;
 
+  // Bytes of the kernel's memory that the UDP and TCP sockets in it hold, see
+  // SocketBytes().
+  int64_t socket_bytes() const;
+
   // Datagrams that the kernel has dropped in it because the UDP sockets of the
   // whole host held all that they may. 0 also where the kernel does not count
   // them: before Linux 5.12, and 6.18.
@@ -51,6 +55,7 @@ class BusNetwork {
   Fd sockets_;      // /proc/net/sockstat as it is in there
   Fd sockets_six_;  // ... and sockstat6; invalid without IPv6
   Fd counters_;     // ... and snmp
+  Fd diagnosis_;
   bool bounded_ = false;
   int64_t full_pages_ = 0;  // of the whole host's UDP sockets; 0: not known here
 };

@@ -81,4 +81,7 @@ MORE = (
                            "thrown_out": "no", "buffers_grown": "no"}),), True),
     Case(98, "streams that nobody reads", "c98_streams_that_nobody_reads.py",
          (Variant(track="rt-patient", at_most={"held_mib": 80}),)),
+    Case(99, "memory in its sockets", "c99_memory_in_sockets.c",
+         (Variant(expect=("memory_limit",), track="rt-memory", limit="memory_bytes",
+                  detail="in its sockets", lacking=LACKING_MEMORY_GROUP),)),
 )

@@ -171,6 +171,30 @@ TEST_F(ControlGroupTest, ALimitThatCantBeWrittenIsNotClaimed) {
   EXPECT_TRUE(group->controllers().pids);
 }
 
+TEST_F(ControlGroupTest, WhatIsHeldElsewhereComesOffTheLimitWhereItIsNotCounted) {
+  files_ = {"cgroup.procs", "memory.limit_in_bytes", "memory.memsw.limit_in_bytes"};
+  AddVersion1("memory", "/a");
+  const auto group = ControlGroup::Create("one", kLimits, host_);
+  const fs::path limit = root_ / "memory/a/one/memory.limit_in_bytes";
+  EXPECT_TRUE(group->Withhold(1000));
+  EXPECT_EQ(Read(limit), std::to_string(512 << 20));
+  EXPECT_TRUE(group->Withhold((100 << 20) + 7));
+  EXPECT_EQ(Read(limit), std::to_string(412 << 20));
+  EXPECT_TRUE(group->Withhold(0));
+  EXPECT_EQ(Read(limit), std::to_string(512 << 20));
+  EXPECT_FALSE(group->Withhold(512 << 20));
+  // The kernel can't make room.
+  fs::remove(limit);
+  fs::create_directory(limit);
+  EXPECT_FALSE(group->Withhold(200 << 20));
+}
+
+TEST_F(ControlGroupTest, WhatIsHeldElsewhereHasTheLimitAloneWithoutAGroup) {
+  const auto none = ControlGroup::Create("none", kLimits, host_);
+  EXPECT_TRUE(none->Withhold(512 << 20));
+  EXPECT_FALSE(none->Withhold((512 << 20) + 1));
+}
+
 TEST_F(ControlGroupTest, KillsItsMembers) {
   files_ = {"cgroup.procs"};
   AddVersion1("pids", "");

@@ -113,6 +113,34 @@ TEST_F(BusNetworkTest, BoundsTheBuffersOfItsStreams) {
   });
 }
 
+TEST_F(BusNetworkTest, TellsWhatItsSocketsHold) {
+  EXPECT_LT(network_->socket_bytes(), 10000);
+  std::vector<Fd> kept;
+  Inside([&] {
+    sockaddr_in place = {};
+    place.sin_family = AF_INET;
+    place.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    auto* address = reinterpret_cast<sockaddr*>(&place);
+    socklen_t size = sizeof(place);
+    const std::vector<char> text(50000);
+    const Fd& reader = kept.emplace_back(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+    ASSERT_EQ(bind(reader.get(), address, size), 0);
+    ASSERT_EQ(getsockname(reader.get(), address, &size), 0);
+    const Fd sender(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+    ASSERT_EQ(sendto(sender.get(), text.data(), text.size(), 0, address, size), 50000);
+    const Fd& listener = kept.emplace_back(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    place.sin_port = 0;
+    ASSERT_EQ(bind(listener.get(), address, size), 0);
+    ASSERT_EQ(getsockname(listener.get(), address, &size), 0);
+    ASSERT_EQ(listen(listener.get(), 1), 0);
+    const Fd& stream = kept.emplace_back(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    ASSERT_EQ(connect(stream.get(), address, size), 0);
+    ASSERT_GT(send(stream.get(), text.data(), text.size(), MSG_DONTWAIT), 30000);
+  });
+  EXPECT_GT(network_->socket_bytes(), 80000);
+  EXPECT_LT(network_->socket_bytes(), 1000000);
+}
+
 TEST(SharedLimits, SocketMemoryOfAllSlotsMustLeaveRoom) {
   SocketMemory memory = {.slots = 4, .sockets = 256, .usual_buffer = 212992,
                          .udp_total = int64_t{1} << 30, .tcp_total = int64_t{1} << 30,
