@@ -140,6 +140,12 @@ int DenyByArgument(scmp_filter_ctx filter) {
   for (const uint64_t option : {kPrSchedCore, kPrSetMemoryMerge}) {
     result |= DenyIf(filter, SCMP_SYS(prctl), SCMP_A0(SCMP_CMP_MASKED_EQ, kLowHalf, option));
   }
+  // Huge pages that the host has set aside are memory that no budget counts. As if it had none;
+  // those that the kernel makes by itself are ordinary memory.
+  result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOMEM), SCMP_SYS(mmap), 1,
+                             SCMP_A3(SCMP_CMP_MASKED_EQ, MAP_HUGETLB, MAP_HUGETLB));
+  result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOMEM), SCMP_SYS(memfd_create), 1,
+                             SCMP_A1(SCMP_CMP_MASKED_EQ, MFD_HUGETLB, MFD_HUGETLB));
   // Sets memory of a whole pool aside.
   result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(setsockopt), 2,
                              SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, SOL_SOCKET),

@@ -172,6 +172,20 @@ TEST(SeccompFilter, KeepsTheUsualBuffersOfASocket) {
             EPERM);
 }
 
+TEST(SeccompFilter, HasNoHugePagesOfTheHost) {
+  // The kernel's own answer to no length, or no name, is another one.
+  EXPECT_EQ(Behind([] {
+              const auto error = [](int flags) {
+                return ErrorOf(syscall(SYS_mmap, 0, 0, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS | flags,
+                                       -1, 0));
+              };
+              return error(MAP_HUGETLB) == ENOMEM && error(0) == EINVAL ? 0 : 1;
+            }),
+            0);
+  EXPECT_EQ(Denies(SYS_memfd_create, 1, MFD_HUGETLB), ENOMEM);
+  EXPECT_EQ(Denies(SYS_memfd_create, 1, MFD_CLOEXEC), EFAULT);
+}
+
 TEST(SeccompFilter, TakesHintsAboutMemoryAndForgetsThem) {
   // A wrong descriptor or address would be told by the kernel.
   EXPECT_EQ(Denies(SYS_fadvise64, 9999, 0, 0), 0);
