@@ -1,5 +1,7 @@
 #include "server/plain_text.h"
 
+#include <cstdio>
+
 namespace myograde::server {
 
 bool IsHarmful(char32_t c) {
@@ -24,6 +26,17 @@ char32_t TakeCodePoint(std::string_view text, size_t& at) {
   if (c < kFirst[more] || c > 0x10ffff || (c >= 0xd800 && c < 0xe000)) return kBroken;
   at += more;
   return c;
+}
+
+std::string FirstHarm(std::string_view text) {
+  for (size_t at = 0; at < text.size();) {
+    const char32_t c = TakeCodePoint(text, at);
+    if (c == kBroken || !IsHarmful(c)) continue;
+    char name[16];
+    std::snprintf(name, sizeof(name), "U+%04X", static_cast<unsigned>(c));
+    return name;
+  }
+  return "";
 }
 
 bool IsPlainText(std::string_view text, size_t max) {

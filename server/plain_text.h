@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <string>
 #include <string_view>
 
 namespace myograde::server {
@@ -14,6 +15,9 @@ bool IsHarmful(char32_t c);
 // kBroken, and one byte further: it is none.
 inline constexpr char32_t kBroken = 0xffffffff;
 char32_t TakeCodePoint(std::string_view text, size_t& at);
+
+// The first harmful code point of valid UTF-8 as U+XXXX; "" if there is none.
+std::string FirstHarm(std::string_view text);
 
 // 1 to `max` bytes of valid UTF-8 without harmful code points, with no space at
 // either end.

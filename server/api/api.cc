@@ -81,6 +81,19 @@ std::optional<ApiError> Api::OnlyOrganiser() const {
   return ApiError{403, "forbidden", "only root and the user that runs the daemon may do this"};
 }
 
+ApiError Api::TeamErrorOf(const absl::Status& status, const std::string& team) const {
+  ApiError error = ErrorOf(status);
+  const std::string other = ResembledTeam(status);
+  if (other.empty()) return error;
+  spdlog::info("a team \"{}\" was refused: it looks like team \"{}\"", team, other);
+  if (!OnlyOrganiser().has_value()) {
+    error.message = absl::StrCat("the team's name looks like that of team \"", other,
+                                 "\"; choose another name, or write that one exactly as it stands "
+                                 "here");
+  }
+  return error;
+}
+
 void Api::Get(UnixHttpServer& server, const std::string& pattern,
               Result (Api::*handler)(const Request&)) {
   server.Get(pattern, [this, handler](const Request& request, httplib::Response& response) {
@@ -236,7 +249,7 @@ Api::Result Api::Submit(const Request&, const Json& body) {
   absl::StatusOr<Accepted> accepted =
       engine_.Submit(submission, options_.config.quota.of(config.id), Who(),
                      options_.config.http.request);
-  if (!accepted.ok()) return ErrorOf(accepted.status());
+  if (!accepted.ok()) return TeamErrorOf(accepted.status(), request->team);
   Answer answer{accepted->linked ? 200 : 201};
   status = readers_.Read([&](Reader& reader) -> absl::Status {
     absl::StatusOr<Json> view = Status(reader, accepted->submission);

@@ -115,6 +115,9 @@ class Api {
   absl::StatusOr<Json> QuotaOf(Reader& reader, const std::string& team, const std::string& track);
   // Refuses an upload of a team that has used up its failed tries.
   absl::Status CheckTries(const std::string& team, const std::string& track);
+  // The answer to a status of an operation that takes a team's name; tells the organiser
+  // which team a name that was refused looks like.
+  ApiError TeamErrorOf(const absl::Status& status, const std::string& team) const;
   // A failed try of the team, if there is one.
   absl::Status ChargeRefusal(const std::string& team, const std::string& track,
                              const std::string& why);

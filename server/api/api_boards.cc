@@ -144,8 +144,8 @@ Api::Result Api::Explain(const Request& request) {
     if (!standings.ok()) return standings.status();
     const auto explanation = ExplainOrder(*standings, reader.Marks(), *board.rules,
                                           board.track->scoring.team,
-                                          request.get_param_value("a"),
-                                          request.get_param_value("b"));
+                                          reader.TeamOf(request.get_param_value("a")),
+                                          reader.TeamOf(request.get_param_value("b")));
     if (!explanation.ok()) return explanation.status();
     answer.body = {{"track", board.track->config.id},
                    {"profile", board.track->config.profile},

@@ -62,9 +62,9 @@ Api::Result Api::GetQuota(const Request& request) {
   if (status.ok() && !request.has_param("team")) {
     status = absl::InvalidArgumentError("\"team\" is missing: a quota is a team's");
   }
-  const std::string team = request.get_param_value("team");
+  const std::string asked = request.get_param_value("team");
   const std::string track = request.get_param_value("track");
-  if (status.ok()) status = CheckTeam(team);
+  if (status.ok()) status = CheckTeam(asked);
   int64_t before = INT64_MAX;
   int64_t limit = 100;
   status.Update(ReadNumber(request, "before", INT64_MAX, before));
@@ -75,6 +75,7 @@ Api::Result Api::GetQuota(const Request& request) {
   }
   Answer answer;
   status = readers_.Read([&](Reader& reader) -> absl::Status {
+    const std::string team = reader.TeamOf(asked);
     absl::StatusOr<Json> quota = QuotaOf(reader, team, track);
     if (!quota.ok()) return quota.status();
     answer.body = *std::move(quota);
@@ -105,6 +106,7 @@ Api::Result Api::Grant(const Request&, const Json& body) {
   Answer answer{201};
   if (status.ok()) {
     status = readers_.Read([&](Reader& reader) -> absl::Status {
+      grant->team = reader.TeamOf(grant->team);
       absl::StatusOr<Json> quota = QuotaOf(reader, grant->team, grant->track);
       if (!quota.ok()) return quota.status();
       answer.body = *std::move(quota);
@@ -115,13 +117,14 @@ Api::Result Api::Grant(const Request&, const Json& body) {
       return absl::OkStatus();
     });
   }
-  if (!status.ok()) return ErrorOf(status);
+  if (!status.ok()) return TeamErrorOf(status, grant->team);
   return answer;
 }
 
 absl::Status Api::CheckTries(const std::string& team, const std::string& track) {
   return readers_.Read([&](Reader& reader) {
-    const QuotaUse use = reader.Quota(team, track, absl::ToUnixMillis(clock_.Now()));
+    if (absl::Status status = reader.CheckTeam(team); !status.ok()) return status;
+    const QuotaUse use = reader.Quota(reader.TeamOf(team), track, absl::ToUnixMillis(clock_.Now()));
     return CheckFailures(use, options_.config.quota.of(track).quota, team, track);
   });
 }

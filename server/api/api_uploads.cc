@@ -12,6 +12,7 @@
 #include "server/api/requests.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/unpack_process.h"
+#include "server/names.h"
 
 namespace myograde::server {
 namespace {
@@ -120,11 +121,18 @@ absl::StatusOr<ArtefactRow> Api::Receive(const httplib::ContentReader& content, 
       .memory_bytes = options_.config.artefacts.unpack_memory_bytes};
   absl::StatusOr<Artefact> artefact = UnpackInProcess(archive, folder, limits, budget);
   if (!artefact.ok()) return artefact.status();
-  const ArtefactRow row{artefact->digest,            artefact->manifest.name,
-                        artefact->manifest.command,  artefact->manifest.runtimes,
-                        artefact->bytes,             artefact->files};
+  ArtefactRow row{artefact->digest,            artefact->manifest.name,
+                  artefact->manifest.command,  artefact->manifest.runtimes,
+                  artefact->bytes,             artefact->files};
+  // One that came before keeps its name.
   absl::Status status =
-      Settle(folder, absl::StrCat(options_.data_dir, "/artefacts/", artefact->digest));
+      readers_.Read([&](Reader& reader) { return reader.Artefact(row.hash).status(); });
+  if (absl::IsNotFound(status)) {
+    absl::StatusOr<std::string> clean = CleanName(row.name, "policy.json: \"name\"");
+    if (!clean.ok()) return clean.status();
+    row.name = *std::move(clean);
+  }
+  status = Settle(folder, absl::StrCat(options_.data_dir, "/artefacts/", artefact->digest));
   if (!status.ok()) return status;
   // What is known needs no change of the store, and no wait for the disk.
   status = readers_.Read([&](Reader& reader) { return reader.Artefact(row.hash).status(); });
@@ -164,7 +172,7 @@ Api::Result Api::Upload(const Request& request, const httplib::ContentReader& co
   const int64_t drain = options_.config.artefacts.archive_bytes + UnixHttpServer::kDrainBytes;
   if (!allowed.ok()) {
     UnixHttpServer::Drain(content, drain);
-    ApiError error = ErrorOf(allowed);
+    ApiError error = TeamErrorOf(allowed, team);
     if (absl::IsNotFound(allowed)) error = {400, "unknown_track", error.message};
     return error;
   }

@@ -259,6 +259,7 @@ Api::Result Api::ListSubmissions(const Request& request) {
   if (!filter.ok()) return ErrorOf(filter.status());
   Json list = Json::array();
   const absl::Status status = readers_.Read([&](Reader& reader) {
+    filter->team = reader.TeamOf(filter->team);
     for (const SubmissionRow& row : reader.Submissions(*filter)) {
       const EvaluationRow original = reader.Evaluations(row.id).front();
       list.push_back(SubmissionToJson(row, original, reader.Counts(original.id)));

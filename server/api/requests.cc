@@ -9,12 +9,12 @@
 #include "protocol/config_reader.h"
 #include "protocol/track_config.h"
 #include "server/api/board.h"
+#include "server/names.h"
 
 namespace myograde::server {
 namespace {
 
 constexpr char kWhere[] = "request";
-constexpr size_t kMaxTeamBytes = 64;
 constexpr size_t kMaxReasonBytes = 200;
 
 bool IsHash(const std::string& text) {
@@ -44,11 +44,8 @@ absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body) {
   if (!IsHash(request.artefact)) {
     reader.Fail("artefact", "must be the id of an artefact: 64 lower-case hexadecimal digits");
   }
-  if (!IsPlainText(request.team, kMaxTeamBytes)) {
-    reader.Fail("team", absl::StrCat("must be 1 to ", kMaxTeamBytes, " bytes of text without "
-                                     "control characters, without a space at its ends"));
-  }
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  if (absl::Status status = CheckTeam(request.team); !status.ok()) return status;
   if (seeds != nullptr) {
     absl::StatusOr<std::vector<uint64_t>> parsed = ParseSeeds(*seeds, "request: \"seeds\"");
     if (!parsed.ok()) return parsed.status();
@@ -122,10 +119,8 @@ absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body) {
 }
 
 absl::Status CheckTeam(const std::string& team) {
-  if (IsPlainText(team, kMaxTeamBytes)) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("\"team\" must be 1 to ", kMaxTeamBytes, " bytes of text without control "
-                   "characters, without a space at its ends"));
+  if (IsPlainText(team, kMaxNameBytes)) return absl::OkStatus();
+  return CleanName(team, "\"team\"").status();
 }
 
 absl::Status ReadNumber(const httplib::Request& request, const char* key, int64_t max,

@@ -45,7 +45,8 @@ absl::StatusOr<MarkRequest> ParseMark(const nlohmann::json& body);
 
 absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body);
 
-// A team's name in a query.
+// Whether there can be a team of this name; what a new one may be called is stricter
+// and the store's to say (Reader::CheckTeam), as teams of long ago keep their names.
 absl::Status CheckTeam(const std::string& team);
 
 // Whole numbers of a query; a missing parameter leaves `value` as it is.

@@ -107,9 +107,12 @@ absl::Status CheckProgram(int root, const std::string& command) {
 }
 
 void CheckName(ConfigReader& reader, const std::string& name) {
-  if (!IsPlainText(name, kMaxNameBytes)) {
-    reader.Fail("name", absl::StrCat("must have 1 to ", kMaxNameBytes, " bytes without control or "
-                                     "invisible characters and without a space at its ends"));
+  if (const std::string harm = FirstHarm(name); !harm.empty()) {
+    reader.Fail("name", absl::StrCat("has ", harm, ", which is not seen, or changes how others are "
+                                     "seen; leave it out"));
+  } else if (!IsPlainText(name, kMaxNameBytes)) {
+    reader.Fail("name", absl::StrCat("must have 1 to ", kMaxNameBytes, " bytes without a space at its "
+                                     "ends"));
   }
 }
 

@@ -19,6 +19,7 @@
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
+#include "server/names.h"
 #include "server/plain_text.h"
 
 namespace myograde::server {
@@ -186,6 +187,8 @@ absl::Status PackFolder(const std::string& folder, const std::string& archive,
                         const ArtefactLimits& limits) {
   const absl::StatusOr<ArtefactManifest> manifest = ReadManifest(folder);
   if (!manifest.ok()) return manifest.status();
+  const absl::StatusOr<std::string> name = CleanName(manifest->name, "policy.json: \"name\"");
+  if (!name.ok()) return name.status();
   const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!root.valid()) return Unreadable(folder);
   Listing listing(limits);

@@ -3,6 +3,7 @@
 
 #include "server/store/connection.h"
 #include "server/store/store.h"
+#include "server/store/teams.h"
 
 namespace myograde::server {
 namespace {
@@ -39,13 +40,6 @@ void AddContent(SQLite::Database& db, const NewSubmission& submission, int64_t n
 
 }  // namespace
 
-void Writer::AddTeam(const std::string& team) {
-  SQLite::Statement insert(db_, "INSERT INTO team (name, created_at) VALUES (?, ?) "
-                                "ON CONFLICT DO NOTHING");
-  SQLite::bind(insert, team, now_ms_);
-  insert.exec();
-}
-
 absl::StatusOr<std::optional<Accepted>> Writer::FindOfficial(const NewSubmission& submission,
                                                              const AdmissionRules& rules) {
   SQLite::Statement own(
@@ -70,14 +64,19 @@ absl::StatusOr<std::optional<Accepted>> Writer::FindOfficial(const NewSubmission
       "same_artefact");
 }
 
-absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& submission,
-                                        const AdmissionRules& rules, const std::string& who) {
+absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const AdmissionRules& rules,
+                                        const std::string& who) {
   SQLite::Statement artefact(db_, "SELECT 1 FROM artefact WHERE hash = ?");
-  artefact.bind(1, submission.artefact);
+  artefact.bind(1, asked.artefact);
   if (!artefact.executeStep()) {
     return absl::NotFoundError(
-        absl::StrCat("there is no artefact ", submission.artefact, "; upload it first"));
+        absl::StrCat("there is no artefact ", asked.artefact, "; upload it first"));
   }
+  // In this transaction, so that of two names that look alike the second is refused.
+  absl::StatusOr<std::string> team = TeamNamed(db_, asked.team);
+  if (!team.ok()) return team.status();
+  NewSubmission submission = asked;
+  submission.team = *std::move(team);
   if (submission.ranked) {
     absl::StatusOr<std::optional<Accepted>> first = FindOfficial(submission, rules);
     if (!first.ok()) return first.status();
@@ -90,7 +89,7 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& submission,
       !status.ok()) {
     return status;
   }
-  AddTeam(submission.team);
+  AddTeam(db_, submission.team, now_ms_);
   AddContent(db_, submission, now_ms_);
   SQLite::Statement insert(
       db_,

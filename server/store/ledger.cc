@@ -4,6 +4,7 @@
 #include "server/store/connection.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
+#include "server/store/teams.h"
 
 namespace myograde::server {
 namespace {
@@ -48,21 +49,25 @@ void Writer::SettleCharge(int64_t evaluation, EvaluationState state, const std::
 
 absl::Status Writer::ChargeFailure(const std::string& team, const std::string& track,
                                    const std::string& who, const std::string& why) {
-  AddTeam(team);
+  const absl::StatusOr<std::string> name = TeamNamed(db_, team);
+  if (!name.ok()) return name.status();
+  AddTeam(db_, *name, now_ms_);
   SQLite::Statement insert(
       db_, "INSERT INTO ledger (at, day, team_id, track, budget, entry, amount, who, why) "
            "VALUES (?, ?, (SELECT id FROM team WHERE name = ?), ?, 'failed', 'charge', 1, ?, ?)");
-  SQLite::bind(insert, now_ms_, QuotaDay(db_, now_ms_), team, track, who, why);
+  SQLite::bind(insert, now_ms_, QuotaDay(db_, now_ms_), *name, track, who, why);
   insert.exec();
   return absl::OkStatus();
 }
 
 absl::Status Writer::Grant(const NewGrant& grant, const std::string& who) {
-  AddTeam(grant.team);
+  const absl::StatusOr<std::string> name = TeamNamed(db_, grant.team);
+  if (!name.ok()) return name.status();
+  AddTeam(db_, *name, now_ms_);
   SQLite::Statement insert(
       db_, "INSERT INTO ledger (at, day, team_id, track, budget, entry, amount, who, why) "
            "VALUES (?, ?, (SELECT id FROM team WHERE name = ?), ?, ?, 'grant', ?, ?, ?)");
-  SQLite::bind(insert, now_ms_, QuotaDay(db_, now_ms_), grant.team, grant.track,
+  SQLite::bind(insert, now_ms_, QuotaDay(db_, now_ms_), *name, grant.track,
                std::string(BudgetName(grant.budget)), grant.amount, who, grant.why);
   insert.exec();
   return absl::OkStatus();

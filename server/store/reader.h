@@ -34,6 +34,10 @@ struct SubmissionFilter {
   int64_t limit = 100;
 };
 
+// Of a refusal with the code "look_alike": the team that the name looks like, which
+// is the organiser's to know. "": none.
+std::string ResembledTeam(const absl::Status& status);
+
 // The queries; only inside ReaderPool::Read, where all of them see one state.
 // What is asked for by id and is not there is a NotFoundError.
 class Reader {
@@ -61,6 +65,12 @@ class Reader {
   // How many such there are under other configs of the same track and profile.
   int64_t RankedElsewhere(const std::string& track, const std::string& profile,
                           const std::string& config);
+
+  // Whether a submission of this team would be refused for its name; the errors are
+  // those of Writer::Accept.
+  absl::Status CheckTeam(const std::string& team);
+  // The name under which the store has a team that is called so; `name` if it has none.
+  std::string TeamOf(const std::string& name);
 
   QuotaUse Quota(const std::string& team, const std::string& track, int64_t now_ms);
   int64_t QuotaDayAt(int64_t now_ms);

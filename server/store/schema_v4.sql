@@ -3,6 +3,8 @@
 --   episode      a failure may also be 'given-up' (the policy asked for the next episode) or 'phantom'
 --                (ended by what the episode before it left behind). A CHECK can't be changed in place,
 --                so the table is made again: same columns, same rows, same triggers.
+--   team_look    what a team's name looks like (server/names.h): names that share a look can be taken
+--                for one another. A view of the table team, made again when the rule for it changes.
 
 CREATE TABLE episode_v4 (
   evaluation   INTEGER NOT NULL REFERENCES evaluation (id),
@@ -37,3 +39,10 @@ CREATE TRIGGER episode_in_lease BEFORE INSERT ON episode
   WHEN NOT EXISTS (SELECT 1 FROM lease WHERE id = NEW.lease AND evaluation = NEW.evaluation
                      AND NEW.idx BETWEEN first AND last)
   BEGIN SELECT RAISE(ABORT, 'an episode belongs to a lease of its evaluation that holds it'); END;
+
+CREATE TABLE team_look (
+  look TEXT NOT NULL,
+  team INTEGER NOT NULL REFERENCES team (id),
+  PRIMARY KEY (look, team)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX team_look_by_team ON team_look (team);

@@ -5,6 +5,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/store/connection.h"
+#include "server/store/teams.h"
 
 namespace myograde::server {
 
@@ -17,7 +18,16 @@ absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, cons
   absl::StatusOr<std::unique_ptr<SQLite::Database>> db = OpenForWriting(path);
   if (!db.ok()) return db.status();
   std::unique_ptr<Store> store(new Store(path, *std::move(db), clock));
-  if (absl::Status status = store->LoadSecret(); !status.ok()) return status;
+  absl::Status status = store->LoadSecret();
+  if (status.ok()) {
+    status = GuardSqlite(path, [&] {
+      SQLite::Transaction transaction(*store->db_, SQLite::TransactionBehavior::IMMEDIATE);
+      FillTeamLooks(*store->db_);
+      transaction.commit();
+      return absl::OkStatus();
+    });
+  }
+  if (!status.ok()) return status;
   return store;
 }
 

@@ -98,9 +98,12 @@ class Writer {
 
   // True if it was not there.
   absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact);
-  // NotFoundError if the artefact is not in the store. What is over a quota, or a
-  // second official evaluation of an artefact that is another team's, is a
-  // FailedPreconditionError with the code "quota" or "same_artefact".
+  // NotFoundError if the artefact is not in the store. What is over a quota, a
+  // second official evaluation of an artefact that is another team's, and a new
+  // team whose name looks like another's, is a FailedPreconditionError with the
+  // code "quota", "same_artefact" or "look_alike" (ResembledTeam). A name that no
+  // new team may have is an InvalidArgumentError. So are those of the other
+  // operations that take a team.
   absl::StatusOr<Accepted> Accept(const NewSubmission& submission, const AdmissionRules& rules,
                                   const std::string& who);
   absl::StatusOr<Accepted> AddRerun(const NewRerun& rerun, const std::string& who);
@@ -153,7 +156,6 @@ class Writer {
       int64_t submission, bool rerun, const std::string& grader_json,
       const std::vector<std::pair<int64_t, int64_t>>& blocks, const std::string& who);
   absl::Status RunEvaluation(int64_t evaluation, const std::string& who);
-  void AddTeam(const std::string& team);
   // The official evaluation that stands in the way of another; nullopt: none.
   absl::StatusOr<std::optional<Accepted>> FindOfficial(const NewSubmission& submission,
                                                        const AdmissionRules& rules);

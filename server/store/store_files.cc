@@ -7,6 +7,7 @@
 #include "server/store/connection.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
+#include "server/store/teams.h"
 
 namespace myograde::server {
 namespace {
@@ -94,6 +95,7 @@ absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& 
 absl::Status Writer::Import(const std::string& path, const ExportInfo& info,
                             const std::string& who) {
   if (absl::Status status = ImportRows(db_, path, info); !status.ok()) return status;
+  FillTeamLooks(db_);
   constexpr char kWhy[] = "had not ended when it was exported; hand it in again";
   Reader reader(db_);
   absl::Status status;

@@ -24,7 +24,7 @@ constexpr size_t kMaxLine = 64u << 20;
 // The secret, the views, and SQLite's own.
 constexpr char kExportedTables[] =
     "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' AND "
-    "name NOT IN ('meta', 'standing', 'board_state') ORDER BY name";
+    "name NOT IN ('meta', 'standing', 'board_state', 'team_look') ORDER BY name";
 
 struct Table {
   std::string name;

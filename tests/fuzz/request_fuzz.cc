@@ -2,6 +2,7 @@
 #include "protocol/config_reader.h"
 #include "protocol/track_config.h"
 #include "server/api/requests.h"
+#include "server/names.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace myograde;
@@ -17,10 +18,21 @@ void CheckText(const std::string& text, size_t max) {
   }
 }
 
+void CheckName(const std::string& name) {
+  Require(!LooksOf(name).empty(), "a name looks like something");
+  const absl::StatusOr<std::string> clean = CleanName(name, "name");
+  if (!clean.ok()) return;
+  CheckText(*clean, kMaxNameBytes);
+  Require(CleanName(*clean, "name").value_or("") == *clean, "a clean name stays as it is");
+  const std::set<std::string> looks = LooksOf(name);
+  Require(LooksOf(*clean) == looks, "a clean name looks like what it was made of");
+}
+
 void CheckSubmit(const nlohmann::json& body) {
   const absl::StatusOr<SubmitRequest> request = ParseSubmit(body);
   if (!request.ok()) return;
   CheckText(request->team, 64);
+  CheckName(request->team);
   Require(request->artefact.size() == 64, "an artefact's id is a hash");
   Require(!request->episodes || (*request->episodes >= 1 && *request->episodes <= kMaxEpisodes),
           "episodes are in range");

@@ -138,6 +138,10 @@ def submissions():
          "episodes": 1}).encode())
     seed("request", "submit-hidden-mark", b"\0" + json.dumps(
         {"artefact": "a" * 64, "team": "al\u202epha", "track": "t"}, ensure_ascii=False).encode())
+    for name, team in (("look-alike", "Te\u0430m \u0392lue"), ("wide", "\uff34eam\u00a0Blue"),
+                       ("blank", "Team\u2800\u3164\u034f"), ("marks", "i\u0307 a\u0323\u0308\u0345")):
+        seed("request", f"submit-{name}", b"\0" + json.dumps(
+            {"artefact": "a" * 64, "team": team, "track": "t"}, ensure_ascii=False).encode())
     seed("request", "rerun", b'\1{"first": 0, "last": 9}')
     seed("request", "cancel", b'\2{"reason": "wrong file"}')
     seed("request", "filter", b"\3team=a&state=done&limit=5&before=9")

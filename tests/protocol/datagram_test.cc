@@ -64,7 +64,7 @@ TEST(Datagram, FragmentsAreRefusedWhateverTheyClaim) {
 }
 
 TEST(Datagram, AnyBytesGiveAViewInsideThemOrAnError) {
-  rc::check([](std::vector<uint8_t> noise, bool good_magic) {
+  EXPECT_TRUE(rc::check([](std::vector<uint8_t> noise, bool good_magic) {
     if (good_magic) {
       const std::string magic = "LC02";
       noise.insert(noise.begin(), magic.begin(), magic.end());
@@ -77,7 +77,7 @@ TEST(Datagram, AnyBytesGiveAViewInsideThemOrAnError) {
     RC_ASSERT(datagram->channel.find('\0') == std::string_view::npos);
     RC_ASSERT(kDatagramHeader + datagram->channel.size() + 1 + datagram->payload.size() ==
               bytes.size());
-  });
+  }));
 }
 
 }  // namespace

@@ -139,8 +139,8 @@ TEST(EpisodeLog, AnAlteredActionIsNamedAsSuch) {
 }
 
 TEST(EpisodeLog, NoiseIsAnErrorAndNeverACrash) {
-  rc::check([](const std::string& noise) { RC_ASSERT(!ParseEpisodeLog(noise).ok()); });
-  rc::check([] {
+  EXPECT_TRUE(rc::check([](const std::string& noise) { RC_ASSERT(!ParseEpisodeLog(noise).ok()); }));
+  EXPECT_TRUE(rc::check([] {
     static const std::string log = Log(1);
     std::string altered = log;
     const auto place = *rc::gen::inRange<size_t>(0, log.size());
@@ -148,7 +148,7 @@ TEST(EpisodeLog, NoiseIsAnErrorAndNeverACrash) {
     const std::string patch = *rc::gen::container<std::string>(rc::gen::arbitrary<char>());
     altered.replace(place, size, patch);
     if (altered != log) RC_ASSERT(!ParseEpisodeLog(altered).ok());
-  });
+  }));
 }
 
 TEST(EpisodeLog, HeadsThatClaimTooMuchAreRefused) {

@@ -184,7 +184,7 @@ TEST(Frames, FaultsAreChecked) {
 }
 
 TEST(Frames, RandomBytesBehindAGoodHeaderNeverPassWithANumberThatIsNone) {
-  rc::check([](const std::vector<uint8_t>& noise) {
+  EXPECT_TRUE(rc::check([](const std::vector<uint8_t>& noise) {
     ActionFrame frame = GoodAction();
     auto* body = reinterpret_cast<uint8_t*>(&frame) + sizeof(FrameHeader);
     const size_t room = sizeof(frame) - sizeof(FrameHeader);
@@ -194,7 +194,7 @@ TEST(Frames, RandomBytesBehindAGoodHeaderNeverPassWithANumberThatIsNone) {
     const auto& action = std::get<ActionFrame>(*parsed);
     RC_ASSERT(action.size <= static_cast<uint32_t>(kMaxActionSize));
     for (uint32_t i = 0; i < action.size; ++i) RC_ASSERT(std::isfinite(action.values[i]));
-  });
+  }));
 }
 
 }  // namespace

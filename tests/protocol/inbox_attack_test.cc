@@ -102,7 +102,7 @@ TEST(InboxAttack, FragmentsTakeNoMemoryWhateverTheyClaim) {
 }
 
 TEST(InboxAttack, FragmentsOfEveryFormAreStrays) {
-  rc::check([](uint32_t size, uint32_t offset, uint16_t number, uint16_t count, uint8_t bytes) {
+  EXPECT_TRUE(rc::check([](uint32_t size, uint32_t offset, uint16_t number, uint16_t count, uint8_t bytes) {
     Inbox inbox = AtStep(0, 0);
     const Packet packet = Fragment(size, offset, number, count, bytes);
     for (int64_t i = 0; i < kLimits.stray_messages; ++i) {
@@ -110,12 +110,12 @@ TEST(InboxAttack, FragmentsOfEveryFormAreStrays) {
     }
     RC_ASSERT(inbox.waiting());
     RC_ASSERT(inbox.Take(packet) == Verdict::kFault);
-  });
+  }));
 }
 
 TEST(InboxAttack, LcmsOwnSequenceNumbersMeanNothing) {
   // Two publishers, a replayer and a liar: only episode and step count.
-  rc::check([](const std::vector<uint32_t>& sequences) {
+  EXPECT_TRUE(rc::check([](const std::vector<uint32_t>& sequences) {
     Inbox inbox(kWide);
     inbox.Take(Wrap(kHelloChannel, Encode(GoodHello())));
     inbox.Ask(Question(Channel::kEpisodeStart, Expect::kReady, 0, -1));
@@ -128,11 +128,11 @@ TEST(InboxAttack, LcmsOwnSequenceNumbersMeanNothing) {
       RC_ASSERT(inbox.Take(packet) == Verdict::kDropped);
       ++step;
     }
-  });
+  }));
 }
 
 TEST(InboxAttack, OnlyTheAskedStepIsAnsweredWhateverIsSentBefore) {
-  rc::check([](const std::vector<std::pair<int8_t, int8_t>>& answers) {
+  EXPECT_TRUE(rc::check([](const std::vector<std::pair<int8_t, int8_t>>& answers) {
     constexpr int64_t kEpisode = 3, kStep = 7;
     Inbox inbox = AtStep(kEpisode, kStep, kWide);
     for (const auto& [episode, step] : answers) {
@@ -143,7 +143,7 @@ TEST(InboxAttack, OnlyTheAskedStepIsAnsweredWhateverIsSentBefore) {
     }
     RC_ASSERT(Answers(inbox, kEpisode, kStep));
     RC_ASSERT(!inbox.waiting());
-  });
+  }));
 }
 
 TEST(InboxAttack, OutOfRangeEpisodesAndStepsAreNoAnswers) {
@@ -207,14 +207,14 @@ TEST(InboxAttack, CountsAndLengthsAreCheckedBeforeAnythingIsTaken) {
 }
 
 TEST(InboxAttack, EveryOtherFingerprintIsRefused) {
-  rc::check([](uint64_t fingerprint) {
+  EXPECT_TRUE(rc::check([](uint64_t fingerprint) {
     const Packet good = Encode(GoodAction(0, 0));
     Packet packet = good;
     for (size_t i = 0; i < 8; ++i) packet[i] = static_cast<std::byte>(fingerprint >> (56 - 8 * i));
     RC_PRE(packet != good);
     Inbox inbox = AtStep(0, 0);
     RC_ASSERT(inbox.Take(Wrap(kActionChannel, packet)) == Verdict::kFault);
-  });
+  }));
   // Messages of the right kind on each other's channels.
   Inbox inbox = AtStep(0, 0);
   EXPECT_EQ(inbox.Take(Wrap(kActionChannel, Encode(GoodHello()))), Verdict::kFault);
@@ -222,7 +222,7 @@ TEST(InboxAttack, EveryOtherFingerprintIsRefused) {
 }
 
 TEST(InboxAttack, NumbersThatAreNoneNeverPassAndHugeOnesDo) {
-  rc::check([] {
+  EXPECT_TRUE(rc::check([] {
     const size_t at = *rc::gen::inRange<size_t>(0, 55);
     const uint64_t bits = *rc::gen::arbitrary<uint64_t>();
     const bool none = *rc::gen::arbitrary<bool>();
@@ -233,7 +233,7 @@ TEST(InboxAttack, NumbersThatAreNoneNeverPassAndHugeOnesDo) {
     Inbox inbox = AtStep(0, 0);
     const Verdict verdict = inbox.Take(Wrap(kActionChannel, Encode(action)));
     RC_ASSERT(verdict == (std::isfinite(action.values[at]) ? Verdict::kFrame : Verdict::kFault));
-  });
+  }));
   for (const double number : {1e308, -1e308, 5e-324, -0.0}) {
     action_t action = GoodAction(0, 0);
     action.values[0] = number;
@@ -256,14 +256,14 @@ TEST(InboxAttack, AnswersBeforeAQuestionEndAtTheLimit) {
 }
 
 TEST(InboxAttack, AFloodOfAnythingEndsInAFaultOrCostsLittle) {
-  rc::check([](const std::vector<uint8_t>& noise, bool short_message) {
+  EXPECT_TRUE(rc::check([](const std::vector<uint8_t>& noise, bool short_message) {
     Inbox inbox = AtStep(0, 0);
     Packet packet = short_message ? Wrap("ANYTHING", {}) : Packet();
     for (const uint8_t byte : noise) packet.push_back(static_cast<std::byte>(byte));
     int64_t taken = 0;
     while (inbox.Take(packet) != Verdict::kFault) RC_ASSERT(++taken <= kLimits.stray_messages);
     RC_ASSERT(!inbox.waiting());
-  });
+  }));
   // A second's flood of the largest packets is judged in less than a second.
   Inbox inbox = AtStep(0, 0, kWide);
   Packet large = Wrap("FLOOD", Packet(65'000));

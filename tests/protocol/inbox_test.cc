@@ -290,7 +290,7 @@ TEST_F(InboxTest, LegSetsAreCheckedInForm) {
 }
 
 TEST_F(InboxTest, RandomPayloadsOnKnownChannelsAreHarmless) {
-  rc::check([](const std::vector<uint8_t>& noise, bool fingerprint, uint8_t which) {
+  EXPECT_TRUE(rc::check([](const std::vector<uint8_t>& noise, bool fingerprint, uint8_t which) {
     const std::array channels = {kHelloChannel, kReadyChannel, kActionChannel};
     const std::array<int64_t, 3> hashes = {hello_t::getHash(), episode_ready_t::getHash(),
                                            action_t::getHash()};
@@ -305,7 +305,7 @@ TEST_F(InboxTest, RandomPayloadsOnKnownChannelsAreHarmless) {
     if (inbox.Take(Wrap(channels[which % 3], payload)) == Verdict::kFrame) {
       RC_ASSERT(ParseBridgeFrame(inbox.frame()).ok());
     }
-  });
+  }));
 }
 
 TEST(MakeFault, TextIsCutAndMadePrintable) {

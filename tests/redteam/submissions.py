@@ -1,4 +1,4 @@
-"""Cases 47, 48, 73 and 74: what must be refused when it is handed in, with a reason, before anything
+"""Cases 47, 48, 73, 74 and 105: what must be refused when it is handed in, with a reason, before anything
 of it runs."""
 
 import contextlib
@@ -242,6 +242,46 @@ def run_names(suite):
     return mistakes
 
 
+# To be taken for "Team Blue": spaces of other kinds, what is not seen or blank, letters of other
+# scripts, digits, other cases and widths.
+LOOK_ALIKES = (
+    "Team\u00a0Blue", "Team\u202fBlue", "Team\u3000Blue", "Team  Blue", "Team \ufe0fBlue",
+    "Team Blue\U000e0100", "Team Blue\u3164", "Team\u3164Blue", "Team \u115fBlue", "Team Blue\uffa0",
+    "Te\u034fam Blue", "Team\u2800Blue", "Team Blue\u2800", "Te\u0430m Blue", "\u0422eam Blue",
+    "T\u0435am Blu\u0435", "Team \u0392lue", "TEAM BLUE", "team blue", "Team BIue", "Team B1ue",
+    "Tearn Blue", "\uff34eam Blue", "Team \u212clue", "Team\u180e Blue", "Team\u1680Blue")
+
+
+def _hand_in(host, artefact, team, start, teams, mistakes):
+    """Adds the name of the team that this becomes, if any."""
+    start.wait()
+    body = json.dumps({"artefact": artefact, "team": team, "track": "rt-start", "episodes": 1})
+    try:
+        teams.append(host.get("/v1/submissions", "POST", body)["team"])
+    except ApiError as error:
+        if error.answer["error"]["code"] not in ("look_alike", "bad_request"):
+            mistakes.append(f"{team!r}: {error}")
+
+
+def run_look_alikes(suite):
+    """First submissions of many teams at once, to be taken for one another."""
+    host = suite.host
+    archive = archives.good()["plain.tar"]
+    artefact = host.get("/v1/artefacts", "POST", archive, "application/x-tar")["artefact"]
+    names = ("Team Blue", *LOOK_ALIKES)
+    start, teams, mistakes = threading.Barrier(len(names)), [], []
+    threads = [threading.Thread(target=_hand_in,
+                                args=(host, artefact, name, start, teams, mistakes))
+               for name in names]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    if len(set(teams)) != 1:
+        mistakes.append(f"these are teams beside one another: {sorted(set(teams))!r}")
+    return mistakes
+
+
 def _change(folder, stop):
     """Changes a submission without pause: its files' sizes, names and kinds."""
     while not stop.is_set():
@@ -294,4 +334,5 @@ CASES = (
     SubmissionCase(48, "manifests and limits that are none", run_manifests, quick=False),
     SubmissionCase(73, "a folder that changes while it is handed in", run_changing, quick=False),
     SubmissionCase(74, "names that trick those who read them", run_names, quick=False),
+    SubmissionCase(105, "teams that look like others", run_look_alikes, quick=False),
 )

@@ -8,6 +8,7 @@ import signal
 import sqlite3
 import subprocess
 import unittest
+import urllib.parse
 
 import jsonschema
 
@@ -95,6 +96,33 @@ class Quotas(OrganiserCase):
         self.assertEqual((status, answer["error"]["code"]), (409, "quota"), answer)
         self.assertEqual(self.quota()[0]["failed"]["per_day"]["left"], 0)
         self.assertEqual(self.call("POST", "/v1/artefacts?team=alpha", b"junk")[0], 400)
+
+    def test_a_look_alike_is_no_team_and_costs_nobody_anything(self):
+        self.played("ok")
+        artefact = self.upload("ok")
+        for team, status, code, words in (
+                ("\u0430lpha", 409, "look_alike", 'looks like that of team "alpha"'),
+                ("ALPHA", 409, "look_alike", 'looks like that of team "alpha"'),
+                ("alpha\u3164", 400, "bad_request", "has U+3164, which is not seen"),
+                ("alpha\u2800", 400, "bad_request", "has U+2800, which looks like a space")):
+            body = {"artefact": artefact, "team": team, "track": TRACK}
+            query = urllib.parse.urlencode({"team": team, "track": TRACK})
+            grant = {"team": team, "track": TRACK, "budget": "official", "amount": 1, "reason": "r"}
+            for method, path, sent in (("POST", "/v1/submissions", body),
+                                       ("POST", f"/v1/artefacts?{query}", b"junk"),
+                                       ("POST", "/v1/quota/grants", grant)):
+                answer = self.call(method, path, sent)
+                self.assertEqual((answer[0], answer[1]["error"]["code"]), (status, code), answer)
+                self.assertIn(words, answer[1]["error"]["message"])
+        # The same name as other keyboards write it is the same team.
+        status, answer = self.call("POST", "/v1/submissions", {
+            "artefact": artefact, "team": "\uff41lpha", "track": TRACK, "episodes": 1})
+        self.assertEqual((status, answer["team"]), (201, "alpha"))
+        for team in ("alpha", "\uff41lpha"):
+            query = urllib.parse.urlencode({"team": team})
+            self.assertEqual(len(self.get(f"/v1/submissions?{query}")["submissions"]), 2)
+            self.assertEqual(self.get(f"/v1/quota?{query}")["team"], "alpha")
+        self.assertEqual(self.quota()[0]["failed"]["total"]["used"], 0)
 
     def test_a_limit_can_not_be_switched_off(self):
         self.stop(signal.SIGTERM)
