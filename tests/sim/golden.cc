@@ -73,6 +73,18 @@ std::string CacheDir() { return Variable("MYOGRADE_CACHE", MYOGRADE_DEFAULT_CACH
 
 std::string TapesDir() { return Variable("MYOGRADE_TAPES", ""); }
 
+std::optional<std::vector<double>> RecordedAction(const nlohmann::json& file,
+                                                  const nlohmann::json& step, int t) {
+  if (step.is_object() && step.contains("action")) return Doubles(step["action"]);
+  if (!file.contains("actions")) return std::nullopt;
+  const nlohmann::json& actions = file["actions"];
+  if (t >= std::ssize(actions)) {
+    throw std::runtime_error("a golden file has actions for " + std::to_string(actions.size()) +
+                             " steps, but step " + std::to_string(t) + " was recorded");
+  }
+  return Doubles(actions[static_cast<size_t>(t)]);
+}
+
 double Number(const nlohmann::json& value) {
   return value.is_boolean() ? value.get<bool>() : value.get<double>();
 }

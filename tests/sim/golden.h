@@ -7,6 +7,7 @@
 //   table.Print();
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -32,6 +33,13 @@ std::string CacheDir();
 
 // The recorded episodes outside the project: MYOGRADE_TAPES, "" if not set.
 std::string TapesDir();
+
+// What a recording says was done in step t after a reset: the step's own `action`, or entry t of
+// the list `actions` at the top of its file (the same after every reset). Without either, what
+// is played follows from the file: its formula, or the recorded controls. `step` may be null.
+// Throws std::runtime_error if the list is shorter.
+std::optional<std::vector<double>> RecordedAction(const nlohmann::json& file,
+                                                  const nlohmann::json& step, int t);
 
 // Numbers of a recording; false and true count as 0 and 1, nested arrays are flattened.
 double Number(const nlohmann::json& value);

@@ -49,6 +49,12 @@ std::vector<double> SineAction(int t) {
   return action;
 }
 
+std::vector<double> WithSetZero(std::vector<double> official) {
+  official.resize(kLegMuscles);
+  official.push_back(0);
+  return official;
+}
+
 std::vector<double> ConstantAction(double muscles, double set) {
   std::vector<double> action(Locomotion::kActionSize, muscles);
   action.back() = set;

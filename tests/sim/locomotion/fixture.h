@@ -26,6 +26,8 @@ std::unique_ptr<Locomotion> MakeEnvironment(const LocomotionRules& rules);
 
 // The action of the golden files: sin(0.1 t + i) for the muscles, set 0.
 std::vector<double> SineAction(int t);
+// An official action (54 muscles, what follows is ignored) with parameter set 0.
+std::vector<double> WithSetZero(std::vector<double> official);
 // The same value for all muscles.
 std::vector<double> ConstantAction(double muscles, double set = 0);
 

@@ -232,11 +232,8 @@ class EpisodeFile {
   }
 
   std::vector<double> ActionOf(const nlohmann::json& step, int t) const {
-    if (!step.contains("action")) return SineAction(t);
-    std::vector<double> action = Doubles(step["action"]);
-    action.resize(kLegMuscles);
-    action.push_back(0);
-    return action;
+    const auto action = RecordedAction(json_, step, t);
+    return action ? WithSetZero(*action) : SineAction(t);
   }
 
   void PlayFree(const nlohmann::json& steps) {

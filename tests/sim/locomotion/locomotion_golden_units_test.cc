@@ -170,15 +170,21 @@ TEST(LocomotionGoldenUnits, Ends) {
   table.Print("Ends against the official ones");
 }
 
-// One recorded episode, played from the environment's own reset to its end.
-void PlayEpisode(Locomotion& environment, const nlohmann::json& want, const std::string& where,
-                 GoldenTable& table) {
+// One recorded episode of a file, played from the environment's own reset to its end: the
+// file's actions, its own, or those of the policy that it names.
+void PlayEpisode(Locomotion& environment, const nlohmann::json& file, const nlohmann::json& want,
+                 const std::string& where, GoldenTable& table) {
   environment.ResetEpisode();
-  const bool sine = want.at("policy") == "sin";
+  const auto action = [&](int t) {
+    for (const nlohmann::json* list : {&file, &want}) {
+      if (const auto recorded = RecordedAction(*list, {}, t)) return WithSetZero(*recorded);
+    }
+    return want.at("policy") == "sin" ? SineAction(t) : ConstantAction(-1);
+  };
   double reward = 0;
   StepResult result;
   for (int t = 0; !result.ended && t < 1000; ++t) {
-    result = environment.Step(sine ? SineAction(t) : ConstantAction(-1));
+    result = environment.Step(action(t));
     reward += environment.terms().dense();
   }
   const EpisodeFacts facts = environment.facts();
@@ -204,7 +210,7 @@ TEST(LocomotionGoldenUnits, WholeEpisodes) {
     auto environment = MakeEnvironment(OfficialRules(file.json["env"]));
     environment->Seed(file.json.at("seed"));
     for (const auto& episode : file.json["episodes"]) {
-      PlayEpisode(*environment, episode,
+      PlayEpisode(*environment, file.json, episode,
                   absl::StrCat(file.name, " ", episode.at("policy").get<std::string>()), table);
     }
   }

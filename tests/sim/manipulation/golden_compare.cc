@@ -143,7 +143,7 @@ bool FellThrough(ManipulationEnvironment& env, const json& before, const json& a
 }
 
 StepResult PlayRecorded(ManipulationEnvironment& env, const json& file, const json& step, int t) {
-  if (step.contains("action")) return env.Step(Doubles(step.at("action")));
+  if (const auto action = RecordedAction(file, step, t)) return env.Step(*action);
   if (file.value("action_formula", "") == kKnownFormula) return env.Step(SineAction(t));
   env.SetConvention(ActionConvention::kDirect);
   const StepResult result = env.Step(Doubles(step.at("ctrl")));

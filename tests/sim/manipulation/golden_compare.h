@@ -69,8 +69,8 @@ void CompareContacts(GoldenTable& table, ManipulationEnvironment& env,
 void CompareState(GoldenTable& table, ManipulationEnvironment& env, const nlohmann::json& want,
                   Bounds bounds, const std::string& prefix, const std::string& where);
 
-// How a file says what was done in a step: the action itself, the formula, or
-// else the controls (which then go in directly).
+// How a file says what was done in a step: the action itself (RecordedAction), the
+// formula, or else the controls (which then go in directly).
 StepResult PlayRecorded(ManipulationEnvironment& env, const nlohmann::json& file,
                         const nlohmann::json& step, int t);
 
@@ -92,7 +92,7 @@ class Comparable {
     const bool pillar = env.touch()[kTouchStart] || env.touch()[kTouchGoal];
     const bool hand = env.touch()[kTouchArm] || env.touch()[kTouchProsthesis];
     comparable_ = comparable_ && !(taller_ && (pillar || hand)) && !(larger_ && hand) &&
-                  !ProsthesisMeshTouchesBox(env);
+                  !AnyMeshTouches(env);
     return comparable_;
   }
   bool value() const { return comparable_; }

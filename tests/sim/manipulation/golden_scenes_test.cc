@@ -39,7 +39,8 @@ void CheckProbes(GoldenTable& table, const GoldenFile& file) {
 }
 
 // The object at rest on the goal pillar: the official flags and the episode's end.
-std::unique_ptr<ManipulationEnvironment> CheckGoalRest(GoldenTable& table, const json& golden,
+std::unique_ptr<ManipulationEnvironment> CheckGoalRest(GoldenTable& table, const json& file,
+                                                       const json& golden,
                                                        const std::string& name) {
   auto env = MakeProfile("as-graded");
   env->Reset(golden.at("seed").get<uint64_t>());
@@ -48,8 +49,8 @@ std::unique_ptr<ManipulationEnvironment> CheckGoalRest(GoldenTable& table, const
   const std::vector<double> zeros(env->action_size(), 0.0);
   int t = 0;
   for (const json& step : golden.at("steps")) {
-    const std::string where = name + " step " + std::to_string(t++);
-    const StepResult result = env->Step(zeros);
+    const std::string where = name + " step " + std::to_string(t);
+    const StepResult result = env->Step(RecordedAction(file, step, t++).value_or(zeros));
     const auto official = env->official();
     table.CompareExact("rest: goal_touch", static_cast<double>(official.goal_touch),
                        step.at("goal_touch"), where);
@@ -70,7 +71,7 @@ std::unique_ptr<ManipulationEnvironment> CheckGoalRest(GoldenTable& table, const
 // The object let fall from just above the height of a drop. Where the recording
 // ends above that height, it is the phantom episode after the solved one at
 // rest, and `after_rest` is the environment to play it in.
-void CheckDrop(GoldenTable& table, const json& golden, const std::string& name,
+void CheckDrop(GoldenTable& table, const json& file, const json& golden, const std::string& name,
                std::unique_ptr<ManipulationEnvironment> after_rest) {
   const json& last = golden.at("steps").back();
   const bool phantom = last.at("obj_z").get<double>() >= RulesOf("as-graded").drop_height_m;
@@ -80,8 +81,9 @@ void CheckDrop(GoldenTable& table, const json& golden, const std::string& name,
   const std::array<double, 3> place = {0, -0.9, 0.32};
   std::ranges::copy(place, env->data().qpos + env->scene().object_qpos);
   const std::vector<double> zeros(env->action_size(), 0.0);
+  int t = 0;
   for (const json& step : golden.at("steps")) {
-    const StepResult result = env->Step(zeros);
+    const StepResult result = env->Step(RecordedAction(file, step, t++).value_or(zeros));
     table.CompareExact("drop: terminated", result.ended, Number(step.at("done")), name);
     table.CompareExact("drop: time", env->data().time, step.at("sim_time"), name);
     table.CompareExact("drop: reported time",
@@ -93,8 +95,11 @@ void CheckDrop(GoldenTable& table, const json& golden, const std::string& name,
   EXPECT_EQ(env->facts().end, phantom ? EpisodeEnd::kPhantom : EpisodeEnd::kDropped);
 }
 
-std::vector<double> PolicyAction(const json& episode, int t) {
-  if (episode.contains("actions")) return Doubles(episode.at("actions")[t]);
+// The file's actions go before an episode's own, and both before the name of its policy.
+std::vector<double> PolicyAction(const json& file, const json& episode, int t) {
+  for (const json* list : {&file, &episode}) {
+    if (const auto action = RecordedAction(*list, json(), t)) return *action;
+  }
   if (episode.at("policy") == "zeros") return std::vector<double>(kMuscles + kServos, 0.0);
   if (episode.at("policy") == "sin") return SineAction(t);
   throw std::runtime_error("unknown policy " + episode.at("policy").dump() +
@@ -161,7 +166,7 @@ void CheckEpisodes(GoldenTable& table, const GoldenFile& file) {
     std::vector<double> first_efforts;
     StepResult result;
     for (int t = 0; t < limit && !result.ended; ++t) {
-      result = env->Step(PolicyAction(golden, t));
+      result = env->Step(PolicyAction(file.json, golden, t));
       if (t < 3) first_efforts.push_back(env->official().reward.act);
     }
     if (golden.contains("act_first3")) {
@@ -180,10 +185,11 @@ TEST(ManipulationGolden, ScenesAndEpisodesAgree) {
     // goal_rest_enlarged is left out: see Comparable.
     std::unique_ptr<ManipulationEnvironment> rest;
     if (file.json.contains("goal_rest_nominal")) {
-      rest = CheckGoalRest(table, file.json.at("goal_rest_nominal"), file.name + " rest");
+      rest = CheckGoalRest(table, file.json, file.json.at("goal_rest_nominal"),
+                           file.name + " rest");
     }
     if (file.json.contains("drop")) {
-      CheckDrop(table, file.json.at("drop"), file.name + " drop", std::move(rest));
+      CheckDrop(table, file.json, file.json.at("drop"), file.name + " drop", std::move(rest));
     }
     if (file.json.contains("episodes")) CheckEpisodes(table, file);
   }

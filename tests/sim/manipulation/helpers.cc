@@ -1,6 +1,7 @@
 #include "tests/sim/manipulation/helpers.h"
 
 #include <algorithm>
+#include <span>
 #include <stdexcept>
 
 #include "protocol/track_config.h"
@@ -63,22 +64,13 @@ std::vector<double> OfficialObservation(const ManipulationEnvironment& env) {
   return all;
 }
 
-bool ProsthesisMeshTouchesBox(ManipulationEnvironment& env) {
-  const mjModel& m = env.model();
-  for (int i = 0; i < env.data().ncon; ++i) {
-    const mjContact& contact = env.data().contact[i];
-    if (contact.geom1 != env.scene().object_box && contact.geom2 != env.scene().object_box) {
-      continue;
-    }
-    const int other =
-        contact.geom1 == env.scene().object_box ? contact.geom2 : contact.geom1;
-    const int body = m.geom_bodyid[other];
-    if (m.geom_type[other] == mjGEOM_MESH && body >= env.scene().first_prosthesis_body &&
-        body <= env.scene().last_prosthesis_body) {
-      return true;
-    }
-  }
-  return false;
+bool AnyMeshTouches(ManipulationEnvironment& env) {
+  const int* type = env.model().geom_type;
+  const std::span<const mjContact> contacts(env.data().contact,
+                                            static_cast<size_t>(env.data().ncon));
+  return std::ranges::any_of(contacts, [&](const mjContact& contact) {
+    return type[contact.geom1] == mjGEOM_MESH || type[contact.geom2] == mjGEOM_MESH;
+  });
 }
 
 bool AnythingTouchesObject(const ManipulationEnvironment& env) {

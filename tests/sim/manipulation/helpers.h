@@ -29,9 +29,10 @@ void LoadRecordedState(ManipulationEnvironment& env, const nlohmann::json& state
 // The 210 entries of the official vector, taken from the 222 observations.
 std::vector<double> OfficialObservation(const ManipulationEnvironment& env);
 
-// True if a mesh of the prosthesis is in contact with the object's box: the one
-// pair whose contact points the two versions of MuJoCo choose differently.
-bool ProsthesisMeshTouchesBox(ManipulationEnvironment& env);
+// True if a mesh is in contact with anything: contacts of convex meshes are what the two
+// versions of MuJoCo choose differently, be it with the object's box, with a hand or with
+// another mesh.
+bool AnyMeshTouches(ManipulationEnvironment& env);
 
 // True if anything at all touches the object.
 bool AnythingTouchesObject(const ManipulationEnvironment& env);
