@@ -88,6 +88,21 @@ void ReadShapes(ConfigReader& reader, CourseRules& course) {
                             : RoughStream::kEpisode;
 }
 
+// Whether a hand that holds every kind of a mixed course often enough can be dealt.
+void CheckHand(ConfigReader& reader, const CourseRules& course) {
+  if (course.mixed_at_least == 0) return;
+  const auto obstacles =
+      std::ssize(course.difficulty) - std::count(course.difficulty.begin(), course.difficulty.end(), 0);
+  const auto held = course.mixed_at_least * std::ssize(course.mixed_kinds);
+  if (held > obstacles) {
+    reader.Fail("mixed_at_least", absl::StrCat("makes a hand of ", held, ", the course has only ",
+                                               obstacles, " obstacles"));
+  }
+  if (course.draw_level_patches) {
+    reader.Fail("mixed_at_least", "must be 0 where level patches are drawn, too");
+  }
+}
+
 // The highest point that the course can have: stairs rise by three steps.
 double HighestPoint(const CourseRules& course) {
   double hardest = 0;
@@ -101,12 +116,14 @@ absl::StatusOr<CourseRules> ReadCourse(const nlohmann::json& json, const std::st
   CourseRules course;
   course.kinds = ReadKinds(reader, "kinds", false);
   course.mixed_kinds = ReadKinds(reader, "mixed_kinds", true);
+  course.mixed_at_least = static_cast<int>(reader.Integer("mixed_at_least", 0, 600));
   ReadPlacement(reader, course);
   course.difficulty = reader.Numbers("difficulty", -1, {0, 10});
   course.draw_level_patches = reader.Boolean("draw_level_patches");
   ReadShapes(reader, course);
   if (course.difficulty.empty()) reader.Fail("difficulty", "must have an entry for each patch");
   if (course.difficulty.size() > 600) reader.Fail("difficulty", "has more than 600 entries");
+  CheckHand(reader, course);
   if (course.placement == PatchPlacement::kByRow &&
       std::ssize(course.difficulty) * course.patch_rows > field.rows) {
     reader.Fail("difficulty", absl::StrCat("names ", course.difficulty.size(), " patches of ",
@@ -165,18 +182,6 @@ absl::StatusOr<EndRules> ReadEnd(const nlohmann::json& json, const std::string& 
   return end;
 }
 
-absl::StatusOr<LegRules> ReadLeg(const nlohmann::json& json, const std::string& where) {
-  ConfigReader reader(json, where);
-  LegRules leg;
-  leg.sets = static_cast<int>(reader.Integer("sets", 1, 5));
-  leg.full_torque = reader.Boolean("full_torque");
-  leg.max_stiffness = reader.Number("max_stiffness", {1, 1e6});
-  leg.max_damping = reader.Number("max_damping", {1, 1e6});
-  const absl::Status status = reader.Finish();
-  if (!status.ok()) return status;
-  return leg;
-}
-
 absl::StatusOr<LocomotionObservationRules> ReadObservation(const nlohmann::json& json,
                                                            const std::string& where) {
   ConfigReader reader(json, where);
@@ -230,7 +235,7 @@ absl::StatusOr<LocomotionRules> ParseLocomotionRules(const nlohmann::json& rules
   Take(ReadStart(start, part("start"), out.field), out.start, status);
   if (!status.ok()) return status;
   Take(ReadEnd(end, part("end"), out.field, out.start), out.end, status);
-  Take(ReadLeg(leg, part("leg")), out.leg, status);
+  Take(ParseLegRules(leg, part("leg")), out.leg, status);
   Take(ReadObservation(observation, part("observation")), out.observation, status);
   if (!status.ok()) return status;
   return out;

@@ -10,6 +10,8 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
+#include "protocol/rules_leg.h"
+
 namespace myograde {
 
 // The kinds of course; the values are the codes that the observation shows.
@@ -44,7 +46,10 @@ enum class RoughStream { kEpisode, kLegacy };
 
 struct CourseRules {
   std::vector<CourseKind> kinds;        // one is drawn uniformly; a single one costs no draw
-  std::vector<CourseKind> mixed_kinds;  // what each patch of a mixed course is drawn from
+  std::vector<CourseKind> mixed_kinds;  // what the patches of a mixed course are
+  // A mixed course's obstacles are dealt from a shuffled hand that holds each of mixed_kinds at
+  // least so many times; 0: each patch is drawn by itself, uniformly.
+  int mixed_at_least = 0;
   PatchPlacement placement = PatchPlacement::kByRow;
   int patch_rows = 0;                   // with kByRow
   double patch_m = 0;                   // with kByDistance
@@ -81,13 +86,6 @@ struct EndRules {
   double head_above_feet_m = 0;  // the head marker less than this above the feet: fallen
   bool fall_ends = true;         // off (for measuring speed): the fallen person stays in play
   bool lost_reports_time_limit = false;  // time of a lost episode is given as time_limit_s
-};
-
-struct LegRules {
-  int sets = 0;               // parameter sets that can be stored and selected, 1 to 5
-  bool full_torque = false;   // false: the normalized convention delivers torque / 2.88
-  double max_stiffness = 0;   // N m/rad, of uploaded sets
-  double max_damping = 0;     // N m s/rad, of uploaded sets
 };
 
 // Official: 0.5 m pitch, ahead and left of centre, the official code's scale of

@@ -24,6 +24,11 @@ Rules::Vector ReadVector(ConfigReader& reader, std::string_view key, NumberRange
   return vector;
 }
 
+Rules::CountsAs ReadCountsAs(ConfigReader& reader, std::string_view key) {
+  return reader.Choice(key, {"other", "arm"}) == "other" ? Rules::CountsAs::kOther
+                                                         : Rules::CountsAs::kArm;
+}
+
 void ReadEnd(ConfigReader& reader, Rules& rules) {
   rules.max_steps = reader.Integer("max_steps", 1, 1'000'000);
   rules.max_time_s = reader.Number("max_time_s", {0.01, 10'000});
@@ -67,9 +72,8 @@ void ReadPlacement(ConfigReader& reader, Rules& rules) {
   rules.hold_frames = reader.Integer("hold_frames", 1, 100'000);
   rules.solved_distance_m = reader.Number("solved_distance_m", kLength);
   rules.solved_goal_frames = reader.Integer("solved_goal_frames", 1, 100'000);
-  rules.world_contact = reader.Choice("world_contact", {"other", "arm"}) == "other"
-                            ? Rules::WorldContact::kOther
-                            : Rules::WorldContact::kArm;
+  rules.world_contact = ReadCountsAs(reader, "world_contact");
+  rules.torso_contact = ReadCountsAs(reader, "torso_contact");
   rules.count_reset_frame = reader.Boolean("count_reset_frame");
 }
 

@@ -21,8 +21,8 @@ struct ManipulationRules {
   };
   // Which point of the object is its place where the profile judges placement and drops.
   enum class ObjectPoint { kBoxCentre, kTouchSite };
-  // What floor and stage count as when the object touches them.
-  enum class WorldContact { kOther, kArm };
+  // What bodies that are no limb count as when the object touches them.
+  enum class CountsAs { kOther, kArm };
   // The object's inertia: of a solid box of the drawn size and mass, or the model's own.
   enum class Inertia { kSolidBox, kModel };
 
@@ -50,7 +50,8 @@ struct ManipulationRules {
   int64_t solved_goal_frames;  // ... and frames with goal contact so far
 
   // Contact.
-  WorldContact world_contact;
+  CountsAs world_contact;  // floor and stage
+  CountsAs torso_contact;  // what the arm hangs on: everything above the clavicle
   bool count_reset_frame;  // the reset's observation is a frame of the contact history
 
   // One environment plays all episodes of a lease: the random stream goes on from

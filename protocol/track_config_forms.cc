@@ -9,11 +9,30 @@ namespace {
 
 using Json = nlohmann::json;
 
+// Gives the key at a JSON pointer a value. Where there is no object to hold it, the config is
+// broken and the parser says so.
+void Give(Json& config, const char* pointer, const Json& value) {
+  const Json::json_pointer place(pointer);
+  const Json::json_pointer parent = place.parent_pointer();
+  if (config.contains(parent) && config[parent].is_object()) config[place] = value;
+}
+
 // Form 1 is the first, without "form". A step gives each new key the value that says what
 // the earlier form meant without it.
 void FromForm1(Json& config) {
   config["form"] = 2;
   config.emplace("policy_seed_secret", nullptr);  // seeds of the data folder's own secret
+  const Json track = config.value("track", Json());
+  if (track == "manipulation") {
+    Give(config, "/rules/torso_contact", "arm");
+    Give(config, "/scoring/phantom_reason", "handover");
+    Give(config, "/scoring/boards/main/ties", "acceptance");
+  } else if (track == "locomotion") {
+    Give(config, "/rules/course/mixed_at_least", 0);
+    Give(config, "/rules/leg/parameter_sets", Json::array());
+    Give(config, "/scoring/boards/main/distance_band", 0);
+    Give(config, "/scoring/boards/physiological/means", "episodes");
+  }
 }
 
 using Step = void (*)(Json&);

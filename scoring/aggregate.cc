@@ -61,6 +61,19 @@ Mean MeanOver(const std::vector<JudgedEpisode>& episodes, Metric metric) {
   return MeanOf(values);
 }
 
+// The sum of one metric over all episodes by the steps of all; nullopt without a step.
+std::optional<double> OverSteps(const std::vector<JudgedEpisode>& episodes,
+                                double Metrics::* sum_of) {
+  double sum = 0;
+  int64_t steps = 0;
+  for (const JudgedEpisode& episode : episodes) {
+    sum += episode.judgement.metrics.*sum_of;
+    steps += episode.judgement.metrics.steps;
+  }
+  if (steps == 0) return std::nullopt;
+  return sum / static_cast<double>(steps);
+}
+
 absl::Status CheckIndices(const std::vector<JudgedEpisode>& sorted) {
   for (size_t i = 0; i < sorted.size(); ++i) {
     if (sorted[i].index < 0) {
@@ -100,6 +113,9 @@ absl::StatusOr<Aggregate> AggregateEpisodes(std::vector<JudgedEpisode> episodes)
   result.pain_sum = MeanOver(episodes, [](const Metrics& m) { return m.pain_sum; });
   result.reported_time = MeanOver(episodes, [](const Metrics& m) { return m.reported_time; });
   result.peak_force = MeanOver(episodes, [](const Metrics& m) { return m.peak_force; });
+  result.max_touch = MeanOver(episodes, [](const Metrics& m) { return m.max_touch; });
+  result.effort_over_steps = OverSteps(episodes, &Metrics::effort_sum);
+  result.pain_over_steps = OverSteps(episodes, &Metrics::pain_sum);
   return result;
 }
 

@@ -44,6 +44,11 @@ struct Aggregate {
   Mean pain_sum;
   Mean reported_time;      // s
   Mean peak_force;         // N
+  Mean max_touch;          // N, the official code's peak
+  // Means over all steps of all episodes: a long episode weighs more than one that ends at once.
+  // None without a step.
+  std::optional<double> effort_over_steps;
+  std::optional<double> pain_over_steps;
 
   // k/n for display; ranking compares the whole numbers.
   double success_rate() const {

@@ -45,24 +45,26 @@ bool LessEffort(const BoardEntry& a, const BoardEntry& b) {
   return OrWorst(a.effort) < OrWorst(b.effort);
 }
 
-// Cuts [begin, end), sorted by what the bands are made of, into bands and sorts each by effort.
-void SortIntoBands(Ranked::iterator begin, Ranked::iterator end, const TieredBoard& rules) {
+bool HigherRate(const BoardEntry& a, const BoardEntry& b) { return RateLess(b, a); }
+
+bool Faster(const BoardEntry& a, const BoardEntry& b) { return a.time < b.time; }
+
+// Cuts [begin, end), sorted by what the bands are made of, into bands and sorts each by `less`.
+// `value` is what opens a band, `belongs` whether another value belongs to the band of it.
+template <typename Value, typename Belongs, typename Less>
+void SortIntoBands(Ranked::iterator begin, Ranked::iterator end, Value value, Belongs belongs,
+                   Less less) {
   int64_t band = 0;
   while (begin != end) {
-    const BoardEntry& opener = begin->entry;
-    const double value = rules.bands == BandsOver::kTime ? opener.time : Rate(opener);
-    const auto belongs = [&](const RankedEntry& ranked) {
-      return rules.bands == BandsOver::kTime ? ranked.entry.time <= rules.band_factor * value
-                                             : rules.band_factor * Rate(ranked.entry) >= value;
-    };
+    const double opener = value(begin->entry);
     // The opener belongs to its band whatever the factor's rounding does.
     auto band_end = std::next(begin);
-    while (band_end != end && belongs(*band_end)) ++band_end;
+    while (band_end != end && belongs(value(band_end->entry), opener)) ++band_end;
     for (auto it = begin; it != band_end; ++it) {
       it->band = band;
-      it->band_opener = value;
+      it->band_opener = opener;
     }
-    SortBy(begin, band_end, LessEffort);
+    SortBy(begin, band_end, less);
     begin = band_end;
     ++band;
   }
@@ -72,31 +74,53 @@ void Order(Ranked& board, const TieredBoard& rules) {
   const auto line = std::partition(board.begin(), board.end(), [&](const RankedEntry& ranked) {
     return RateAtLeast(ranked.entry, rules.line_successes, rules.line_episodes);
   });
-  const auto higher_rate = [](const BoardEntry& a, const BoardEntry& b) { return RateLess(b, a); };
-  const auto faster = [](const BoardEntry& a, const BoardEntry& b) { return a.time < b.time; };
   if (rules.bands == BandsOver::kTime) {
-    SortBy(board.begin(), line, faster);
+    SortBy(board.begin(), line, Faster);
+    SortIntoBands(
+        board.begin(), line, [](const BoardEntry& entry) { return entry.time; },
+        [&](double time, double opener) { return time <= rules.band_factor * opener; },
+        LessEffort);
   } else {
-    SortBy(board.begin(), line, higher_rate);
+    SortBy(board.begin(), line, HigherRate);
+    SortIntoBands(
+        board.begin(), line, Rate,
+        [&](double rate, double opener) { return rules.band_factor * rate >= opener; },
+        LessEffort);
   }
-  SortIntoBands(board.begin(), line, rules);
-  SortBy(line, board.end(), higher_rate);
+  SortBy(line, board.end(), [&](const BoardEntry& a, const BoardEntry& b) {
+    if (HigherRate(a, b) || HigherRate(b, a)) return HigherRate(a, b);
+    if (rules.ties == Ties::kAcceptance) return false;
+    if (a.time != b.time) return Faster(a, b);
+    return LessEffort(a, b);
+  });
 }
 
 void Order(Ranked& board, const DistanceBoard& rules) {
-  SortBy(board.begin(), board.end(), [&](const BoardEntry& a, const BoardEntry& b) {
-    if (a.distance != b.distance) return a.distance > b.distance;
-    return a.distance >= rules.time_from_m && a.time < b.time;
+  SortBy(board.begin(), board.end(),
+         [](const BoardEntry& a, const BoardEntry& b) { return a.distance > b.distance; });
+  const auto line = std::partition_point(board.begin(), board.end(), [&](const auto& ranked) {
+    return ranked.entry.distance >= rules.time_from_m;
   });
+  SortIntoBands(
+      board.begin(), line, [](const BoardEntry& entry) { return entry.distance; },
+      [&](double distance, double opener) { return distance * (1 + rules.band) >= opener; },
+      [](const BoardEntry& a, const BoardEntry& b) {
+        if (a.time != b.time) return Faster(a, b);
+        return a.distance > b.distance;
+      });
 }
 
 void Order(Ranked& board, const PhysiologicalBoard& rules) {
   std::erase_if(board, [&](const RankedEntry& ranked) {
     return ranked.entry.distance < rules.qualify_m;
   });
-  SortBy(board.begin(), board.end(), [](const BoardEntry& a, const BoardEntry& b) {
-    return std::pair(OrWorst(a.pain), OrWorst(a.effort)) <
-           std::pair(OrWorst(b.pain), OrWorst(b.effort));
+  const auto numbers = [&](const BoardEntry& entry) {
+    return rules.means == MeansOver::kSteps
+               ? std::pair(OrWorst(entry.pain_over_steps), OrWorst(entry.effort_over_steps))
+               : std::pair(OrWorst(entry.pain), OrWorst(entry.effort));
+  };
+  SortBy(board.begin(), board.end(), [&](const BoardEntry& a, const BoardEntry& b) {
+    return numbers(a) < numbers(b);
   });
 }
 
@@ -128,7 +152,8 @@ absl::Status Check(const BoardEntry& entry) {
     return !value.has_value() || std::isfinite(*value);
   };
   if (!finite(entry.time) || !finite(entry.effort) || !finite(entry.pain) ||
-      !finite(entry.distance)) {
+      !finite(entry.distance) || !finite(entry.effort_over_steps) ||
+      !finite(entry.pain_over_steps)) {
     return absl::InvalidArgumentError(
         absl::StrCat("submission ", entry.submission, ": a mean is not a finite number"));
   }
@@ -154,6 +179,8 @@ BoardEntry MakeEntry(const Aggregate& aggregate) {
   entry.effort = value_of(aggregate.effort);
   entry.pain = value_of(aggregate.pain);
   entry.distance = aggregate.distance.value;
+  entry.effort_over_steps = aggregate.effort_over_steps;
+  entry.pain_over_steps = aggregate.pain_over_steps;
   return entry;
 }
 

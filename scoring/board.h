@@ -26,6 +26,9 @@ struct BoardEntry {
   std::optional<double> effort = std::nullopt;  // mean; none ranks behind every number
   std::optional<double> pain = std::nullopt;    // mean; none ranks behind every number
   double distance = 0;           // m, mean
+  // The same over all steps of the evaluation instead of as means of episodes' means.
+  std::optional<double> effort_over_steps = std::nullopt;
+  std::optional<double> pain_over_steps = std::nullopt;
 };
 
 // An entry with the ranked numbers of `aggregate`; the caller names submission, team,
@@ -34,27 +37,40 @@ BoardEntry MakeEntry(const Aggregate& aggregate);
 
 enum class BandsOver { kTime, kSuccess };
 
+// What decides where success rates below the line are exactly equal: mean time, then effort,
+// less is better; or the acceptance at once.
+enum class Ties { kTime, kAcceptance };
+
 // (1) all with successes/episodes >= line_successes/line_episodes above all others; (2) below
-// that line the success rate; (3) above it bands, then effort, less is better. Bands over
-// time: in order of time the fastest not yet placed opens a band of all whose time is at most
-// band_factor times its own. Bands over success: in order of success rate the best not yet
-// placed opens a band of all whose rate times band_factor is at least its own.
+// that line the success rate, then `ties`; (3) above it bands, then effort, less is better.
+// Bands over time: in order of time the fastest not yet placed opens a band of all whose time
+// is at most band_factor times its own. Bands over success: in order of success rate the best
+// not yet placed opens a band of all whose rate times band_factor is at least its own.
 struct TieredBoard {
   int64_t line_successes = 90;
   int64_t line_episodes = 100;
   BandsOver bands = BandsOver::kTime;
   double band_factor = 1.1;
+  Ties ties = Ties::kTime;
 };
 
-// (1) mean distance, more is better; (2) where it is exactly equal and at least time_from_m:
-// mean time, less is better.
+// (1) mean distance, more is better; (2) where it is equal and at least time_from_m: mean time,
+// less is better. With band = 0 equal means exactly equal. With a larger one, from time_from_m
+// on: in order of distance the farthest not yet placed opens a band of all whose distance times
+// (1 + band) is at least its own; inside a band time decides, then distance.
 struct DistanceBoard {
   double time_from_m = 20;
+  double band = 0;
 };
+
+// Whether pain and effort are means over all steps of an evaluation, in which an episode that
+// ends at once weighs next to nothing, or means of its episodes' means.
+enum class MeansOver { kSteps, kEpisodes };
 
 // Only those with mean distance >= qualify_m: (1) pain, (2) effort, less is better.
 struct PhysiologicalBoard {
   double qualify_m = 20;
+  MeansOver means = MeansOver::kSteps;
 };
 
 using BoardRules = std::variant<TieredBoard, DistanceBoard, PhysiologicalBoard>;
@@ -68,7 +84,8 @@ struct RankedEntry {
   BoardEntry entry;
   int64_t rank = 0;   // from 1, without gaps
   // Tiered boards: number of the band above the line, from 0 (-1: below the line), and what
-  // opened it: the fastest mean time (s) or the best success rate in it.
+  // opened it: the fastest mean time (s) or the best success rate in it. Distance boards: the
+  // same of those from time_from_m on, and the largest mean distance (m).
   int64_t band = -1;
   double band_opener = 0;
 };

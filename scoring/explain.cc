@@ -41,6 +41,23 @@ std::string AcceptedFirst(const std::string& equal, const BoardEntry& above,
                       " against ", below.acceptance);
 }
 
+std::string ByEffort(const std::string& equal, const BoardEntry& a, const BoardEntry& b) {
+  if (a.effort != b.effort) {
+    return absl::StrCat(equal, ", and its effort is less, ", Exact(a.effort), " against ",
+                        Exact(b.effort));
+  }
+  return AcceptedFirst(absl::StrCat(equal, ", both efforts are ", Exact(a.effort)), a, b);
+}
+
+std::string ByTimeThenEffort(const std::string& equal, const BoardEntry& a,
+                             const BoardEntry& b) {
+  if (a.time != b.time) {
+    return absl::StrCat(equal, ", and its mean time is ", Exact(a.time), " s against ",
+                        Exact(b.time), " s");
+  }
+  return ByEffort(absl::StrCat(equal, ", both mean times are ", Exact(a.time), " s"), a, b);
+}
+
 std::string WhyInBands(const RankedEntry& above, const RankedEntry& below,
                        const TieredBoard& rules) {
   const bool over_time = rules.bands == BandsOver::kTime;
@@ -65,11 +82,7 @@ std::string WhyInBands(const RankedEntry& above, const RankedEntry& below,
                 : absl::StrCat("both success rates, ", Successes(a), " and ", Successes(b),
                                ", times ", factor, " are at least the ", opener,
                                " that opened band ", above.band + 1);
-  if (a.effort != b.effort) {
-    return absl::StrCat(band, ", and its effort is less, ", Exact(a.effort), " against ",
-                        Exact(b.effort));
-  }
-  return AcceptedFirst(absl::StrCat(band, ", both efforts are ", Exact(a.effort)), a, b);
+  return ByEffort(band, a, b);
 }
 
 std::string Why(const RankedEntry& above, const RankedEntry& below, const TieredBoard& rules) {
@@ -84,44 +97,71 @@ std::string Why(const RankedEntry& above, const RankedEntry& below, const Tiered
   if (!SameRate(a, b)) {
     return absl::StrCat("it succeeded in ", Successes(a), " episodes against ", Successes(b));
   }
-  return AcceptedFirst(
-      absl::StrCat("both succeeded at the same rate, ", Successes(a), " and ", Successes(b),
-                   " episodes"),
-      a, b);
+  const std::string equal = absl::StrCat("both succeeded at the same rate, ", Successes(a),
+                                         " and ", Successes(b), " episodes");
+  if (rules.ties == Ties::kAcceptance) return AcceptedFirst(equal, a, b);
+  return ByTimeThenEffort(equal, a, b);
+}
+
+std::string ByTime(const std::string& equal, const BoardEntry& a, const BoardEntry& b) {
+  if (a.time != b.time) {
+    return absl::StrCat(equal, ", and its mean time is ", Exact(a.time), " s against ",
+                        Exact(b.time), " s");
+  }
+  const std::string still = absl::StrCat(equal, ", both mean times are ", Exact(a.time), " s");
+  if (a.distance != b.distance) {
+    return absl::StrCat(still, ", and its mean distance is larger");
+  }
+  return AcceptedFirst(still, a, b);
 }
 
 std::string Why(const RankedEntry& above, const RankedEntry& below, const DistanceBoard& rules) {
   const BoardEntry& a = above.entry;
   const BoardEntry& b = below.entry;
-  if (a.distance != b.distance) {
-    return absl::StrCat("its mean distance is ", Exact(a.distance), " m against ",
-                        Exact(b.distance), " m");
-  }
   const std::string equal = absl::StrCat("both mean distances are ", Exact(a.distance), " m");
-  if (a.distance < rules.time_from_m) {
+  const std::string farther = absl::StrCat("its mean distance is ", Exact(a.distance),
+                                           " m against ", Exact(b.distance), " m");
+  if (below.band < 0) {  // one of them, or both, did not come as far as time counts
+    if (a.distance != b.distance) return farther;
     return AcceptedFirst(absl::StrCat(equal, ", less than the ", Exact(rules.time_from_m),
                                       " m from which time decides"),
                          a, b);
   }
-  if (a.time != b.time) {
-    return absl::StrCat(equal, ", and its mean time is ", Exact(a.time), " s against ",
-                        Exact(b.time), " s");
+  if (rules.band == 0) return a.distance != b.distance ? farther : ByTime(equal, a, b);
+  const std::string factor = Exact(1 + rules.band);
+  const std::string opener = Exact(above.band_opener);
+  if (above.band != below.band) {
+    return absl::StrCat(farther, ", which times ", factor, " is less than the ", opener,
+                        " m that opened its band (band ", above.band + 1, " against ",
+                        below.band + 1, ")");
   }
-  return AcceptedFirst(absl::StrCat(equal, ", both mean times are ", Exact(a.time), " s"), a, b);
+  return ByTime(absl::StrCat("both mean distances, ", Exact(a.distance), " m and ",
+                             Exact(b.distance), " m, times ", factor, " are at least the ",
+                             opener, " m that opened band ", above.band + 1),
+                a, b);
 }
 
-std::string Why(const RankedEntry& above, const RankedEntry& below, const PhysiologicalBoard&) {
-  const BoardEntry& a = above.entry;
-  const BoardEntry& b = below.entry;
-  if (a.pain != b.pain) {
-    return absl::StrCat("its mean pain is less, ", Exact(a.pain), " against ", Exact(b.pain));
+std::string Why(const RankedEntry& above, const RankedEntry& below,
+                const PhysiologicalBoard& rules) {
+  const bool steps = rules.means == MeansOver::kSteps;
+  const auto pain = [&](const RankedEntry& ranked) {
+    return steps ? ranked.entry.pain_over_steps : ranked.entry.pain;
+  };
+  const auto effort = [&](const RankedEntry& ranked) {
+    return steps ? ranked.entry.effort_over_steps : ranked.entry.effort;
+  };
+  const std::string over = steps ? " over all steps" : "";
+  if (pain(above) != pain(below)) {
+    return absl::StrCat("its mean pain", over, " is less, ", Exact(pain(above)), " against ",
+                        Exact(pain(below)));
   }
-  const std::string equal = absl::StrCat("both mean pains are ", Exact(a.pain));
-  if (a.effort != b.effort) {
-    return absl::StrCat(equal, ", and its mean effort is less, ", Exact(a.effort), " against ",
-                        Exact(b.effort));
+  const std::string equal = absl::StrCat("both mean pains", over, " are ", Exact(pain(above)));
+  if (effort(above) != effort(below)) {
+    return absl::StrCat(equal, ", and its mean effort is less, ", Exact(effort(above)),
+                        " against ", Exact(effort(below)));
   }
-  return AcceptedFirst(absl::StrCat(equal, ", both mean efforts are ", Exact(a.effort)), a, b);
+  return AcceptedFirst(absl::StrCat(equal, ", both mean efforts are ", Exact(effort(above))),
+                       above.entry, below.entry);
 }
 
 }  // namespace

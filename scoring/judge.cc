@@ -40,9 +40,10 @@ FailureReason IrreparableCause(const ManipulationFacts& facts, const Manipulatio
 }
 
 // Why an episode that reached its end without the goal is a failure.
-FailureReason CauseOfEnd(EpisodeEnd end) {
+FailureReason CauseOfEnd(EpisodeEnd end, const ManipulationJudging& rules) {
   if (end == EpisodeEnd::kDropped) return FailureReason::kDropped;
   if (end == EpisodeEnd::kTime) return FailureReason::kTime;
+  if (end == EpisodeEnd::kPhantom) return rules.phantom;
   return FailureReason::kHandover;
 }
 
@@ -53,7 +54,7 @@ FailureReason CauseOfFailure(const EpisodeFacts& episode, const ManipulationFact
   }
   const bool reached =
       rules.success == SuccessRule::kPlaced ? episode.end == EpisodeEnd::kPlaced : facts.solved;
-  if (!reached || episode.end == EpisodeEnd::kDropped) return CauseOfEnd(episode.end);
+  if (!reached || episode.end == EpisodeEnd::kDropped) return CauseOfEnd(episode.end, rules);
   if (rules.success == SuccessRule::kSolved) return FailureReason::kNone;
   if (std::min(facts.frames_arm, facts.frames_prosthesis) < rules.contact_frames) {
     return FailureReason::kHandover;
@@ -96,7 +97,9 @@ Judgement Judge(const EpisodeFacts& episode, const ManipulationJudging& rules) {
                        .pain = std::nullopt,
                        .effort_sum = facts->effort_sum,
                        .reported_time = facts->reported_time,
-                       .peak_force = facts->peak_force};
+                       .peak_force = facts->peak_force,
+                       .max_touch = facts->max_touch,
+                       .steps = episode.steps};
   if (episode.end == EpisodeEnd::kFault) {
     judgement.outcome = OutcomeOfFault(episode);
     return judgement;
@@ -121,7 +124,8 @@ Judgement Judge(const EpisodeFacts& episode, const LocomotionJudging& rules) {
                        .distance = std::clamp(facts->distance, 0.0, rules.course_m),
                        .effort_sum = facts->effort_sum,
                        .pain_sum = facts->pain_sum,
-                       .reported_time = facts->reported_time};
+                       .reported_time = facts->reported_time,
+                       .steps = episode.steps};
   if (episode.end == EpisodeEnd::kFault) {
     judgement.outcome = OutcomeOfFault(episode);
     return judgement;

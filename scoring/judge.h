@@ -34,6 +34,8 @@ struct ManipulationJudging {
   double force_limit_n = 1500;   // a larger peak force is a failure
   TimeSource time = TimeSource::kPlayed;
   double full_time_s = 10;       // s, counted for failures and the participant's faults
+  // What a phantom episode failed by, where nothing irreparable came first.
+  FailureReason phantom = FailureReason::kPhantom;
 };
 
 struct LocomotionJudging {
@@ -53,6 +55,8 @@ struct Metrics {
   double pain_sum = 0;
   double reported_time = 0;      // s, the official code's time
   double peak_force = 0;         // N; manipulation only
+  std::optional<double> max_touch = std::nullopt;  // N, the official code's peak; manipulation only
+  int64_t steps = 0;             // control steps, which effort and pain are means over
 };
 
 struct Judgement {
@@ -66,9 +70,9 @@ struct Judgement {
 //  2. what no later step can mend, and so came no later than the episode's end: force
 //     (if enforced), then contact with what must not be touched (unless the rule is kSolved;
 //     between these two the facts keep no order, and force, the rule of safety, goes first);
-//  3. how the episode ended: dropped or time, where the goal was not reached;
+//  3. how the episode ended: dropped, time or as a phantom, where the goal was not reached;
 //  4. what is only known at the end: handover (a limb touched for too short, or the goal was
-//     not held; as-graded's phantom episodes, which end before any of it, belong here).
+//     not held).
 // Locomotion: finished is success; otherwise the end names the reason.
 //
 // An episode without a usable end for its track (grader's fault: facts that contradict

@@ -29,6 +29,12 @@ SuccessRule ReadSuccess(ConfigReader& reader) {
   return rule == "solved" ? SuccessRule::kSolved : SuccessRule::kPlaced;
 }
 
+FailureReason ReadPhantomReason(ConfigReader& reader) {
+  return reader.Choice("phantom_reason", {"phantom", "handover"}) == "phantom"
+             ? FailureReason::kPhantom
+             : FailureReason::kHandover;
+}
+
 absl::StatusOr<scoring::BoardRules> ReadTieredBoard(const nlohmann::json& json,
                                                     const std::string& where) {
   ConfigReader reader(json, where);
@@ -38,6 +44,8 @@ absl::StatusOr<scoring::BoardRules> ReadTieredBoard(const nlohmann::json& json,
   board.bands = reader.Choice("bands", {"time", "success"}) == "time" ? BandsOver::kTime
                                                                       : BandsOver::kSuccess;
   board.band_factor = reader.Number("band_factor", {1, 10});
+  board.ties = reader.Choice("ties", {"time", "acceptance"}) == "time" ? scoring::Ties::kTime
+                                                                       : scoring::Ties::kAcceptance;
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   return board;
 }
@@ -52,6 +60,7 @@ absl::Status ReadManipulation(const TrackConfig& config, const std::string& wher
   judging.force_limit_n = reader.Number("force_limit_n", {1e-3, 1e9});
   judging.time = ReadTime(reader);
   judging.full_time_s = reader.Number("full_time_s", {1e-3, 1e6});
+  judging.phantom = ReadPhantomReason(reader);
   result.judging = judging;
   result.team = ReadTeam(reader);
 
@@ -80,8 +89,13 @@ absl::Status ReadLocomotion(const TrackConfig& config, const std::string& where,
   ConfigReader main(boards.Object(kMainBoard), boards_where + ": main");
   ConfigReader physiological(boards.Object("physiological"), boards_where + ": physiological");
   const NumberRange on_course{0, judging.course_m};
-  const scoring::DistanceBoard distance{.time_from_m = main.Number("time_from_m", on_course)};
-  const scoring::PhysiologicalBoard body{.qualify_m = physiological.Number("qualify_m", on_course)};
+  const scoring::DistanceBoard distance{.time_from_m = main.Number("time_from_m", on_course),
+                                        .band = main.Number("distance_band", {0, 9})};
+  const scoring::PhysiologicalBoard body{
+      .qualify_m = physiological.Number("qualify_m", on_course),
+      .means = physiological.Choice("means", {"steps", "episodes"}) == "steps"
+                   ? scoring::MeansOver::kSteps
+                   : scoring::MeansOver::kEpisodes};
   for (ConfigReader* part : {&reader, &boards, &main, &physiological}) {
     if (absl::Status status = part->Finish(); !status.ok()) return status;
   }
@@ -101,6 +115,10 @@ absl::StatusOr<TrackScoring> ParseTrackScoring(const TrackConfig& config) {
                                   : ReadLocomotion(config, where, result);
   if (!status.ok()) return status;
   return result;
+}
+
+bool HasOfficialFigures(const TrackConfig& config) {
+  return config.scoring.value("time", nlohmann::json()) == "reported";
 }
 
 scoring::Judgement JudgeEpisode(const TrackScoring& track, const EpisodeFacts& facts) {

@@ -26,6 +26,10 @@ struct TrackScoring {
 // Errors name the config, the key and its range; unknown keys are errors.
 absl::StatusOr<TrackScoring> ParseTrackScoring(const TrackConfig& config);
 
+// True if the profile reports what the official code reports, so that its figures are for
+// comparing with those that were published of it.
+bool HasOfficialFigures(const TrackConfig& config);
+
 // The verdict on an episode by the rules of its track.
 scoring::Judgement JudgeEpisode(const TrackScoring& track, const EpisodeFacts& facts);
 

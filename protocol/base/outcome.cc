@@ -24,13 +24,14 @@ constexpr std::array<std::pair<Outcome, std::string_view>, 15> kOutcomes = {{
     {Outcome::kGraderError, "grader_error"},
 }};
 
-constexpr std::array<std::pair<FailureReason, std::string_view>, 8> kReasons = {{
+constexpr std::array<std::pair<FailureReason, std::string_view>, 9> kReasons = {{
     {FailureReason::kNone, ""},
     {FailureReason::kDropped, "dropped"},
     {FailureReason::kTime, "time"},
     {FailureReason::kForce, "force"},
     {FailureReason::kHandover, "handover"},
     {FailureReason::kContact, "contact"},
+    {FailureReason::kPhantom, "phantom"},
     {FailureReason::kFell, "fell"},
     {FailureReason::kOffTrack, "off-track"},
 }};

@@ -35,6 +35,7 @@ enum class FailureReason {
   kForce,     // manipulation: contact force above the limit ('throwing')
   kHandover,  // manipulation: a limb touched for too short, or goal not held
   kContact,   // manipulation: the object touched something it must not
+  kPhantom,   // manipulation, as-graded only: ended at once by the episode before
   kFell,      // locomotion
   kOffTrack,  // locomotion
 };

@@ -90,6 +90,8 @@ absl::StatusOr<std::string> Api::MakeBoardText(Reader& reader, const Asked& aske
   json["track_kind"] = TrackKindName(config.kind);
   json["profile"] = config.profile;
   json["board"] = asked.board;
+  json["rules"] = config.scoring["boards"][asked.board];
+  json["official_figures"] = HasOfficialFigures(config);
   json["config"] = config.hash;
   json["episodes"] = config.seeds.size();
   json["other_config"] = reader.RankedElsewhere(config.id, config.profile, config.hash);

@@ -9,6 +9,7 @@
 #include "server/api/views.h"
 #include "server/daemon/results.h"
 #include "server/store/schema.h"
+#include "server/track_scoring.h"
 
 namespace myograde::server {
 namespace {
@@ -181,6 +182,7 @@ absl::StatusOr<Json> Api::Breakdown(Reader& reader, int64_t id, bool episodes) {
     if (row.reason != FailureReason::kNone) count(json["reasons"], FailureReasonName(row.reason));
   }
   json["aggregate"] = AggregateToJson(config->kind, *aggregate);
+  json["official_figures"] = HasOfficialFigures(*config);
   json["hashes"] = {{"artefact", submission->artefact},
                     {"config", submission->config},
                     {"seeds", submission->seeds},

@@ -35,6 +35,8 @@ BoardEntry EntryOf(const StandingRow& row) {
   entry.effort = row.numbers.effort;
   entry.pain = row.numbers.pain;
   entry.distance = row.numbers.distance_m.value_or(0);
+  entry.effort_over_steps = row.numbers.effort_over_steps;
+  entry.pain_over_steps = row.numbers.pain_over_steps;
   return entry;
 }
 

@@ -24,6 +24,29 @@ struct BoardOptions {
   bool json = false;
 };
 
+// A column of a board that shows a number of each row's aggregate.
+struct Column {
+  const char* title;
+  const char* key;
+  int digits = 3;
+};
+
+// The columns of numbers: what the board ranks by, and where a profile's figures are compared
+// with published ones, those of the official kind.
+std::vector<Column> ColumnsOf(const Json& board, bool locomotion) {
+  const bool over_steps = board.value("rules", Json::object()).value("means", "") == "steps";
+  std::vector<Column> columns = {{"successes", "successes"}};
+  if (locomotion) columns.push_back({"distance m", "distance_m"});
+  columns.push_back({"time s", "time_s"});
+  columns.push_back({"effort", over_steps ? "effort_over_steps" : "effort", 6});
+  if (locomotion) {
+    columns.push_back({"pain", over_steps ? "pain_over_steps" : "pain", 6});
+  } else if (board.value("official_figures", false)) {
+    columns.push_back({"touch N", "max_touch_n", 1});
+  }
+  return columns;
+}
+
 void PrintBoard(const Json& board) {
   std::cout << Bold(absl::StrCat("Leaderboard of ", Cell(board, "track"), ", profile ",
                                  Cell(board, "profile"), ", board ", Cell(board, "board"), ", ",
@@ -36,21 +59,19 @@ void PrintBoard(const Json& board) {
   if (rows.empty()) {
     std::cout << "  Nobody is on it yet: only whole evaluations rank.\n";
   } else {
-    std::vector<std::string> head = {"rank", "team", "policy", "submission", "successes"};
-    if (locomotion) head.push_back("distance m");
-    head.insert(head.end(), {"time s", "effort"});
-    if (locomotion) head.push_back("pain");
+    const std::vector<Column> columns = ColumnsOf(board, locomotion);
+    std::vector<std::string> head = {"rank", "team", "policy", "submission"};
+    for (const Column& column : columns) head.emplace_back(column.title);
     Table table(std::move(head));
     for (const Json& row : rows) {
       const Json aggregate = aggregate_of(row);
       const bool baseline = row.value("baseline", false);
       std::vector<std::string> cells = {baseline ? "baseline" : Cell(row, "rank"),
                                         Cell(row, "team"), Cell(row, "name"),
-                                        Cell(row, "submission"), Cell(aggregate, "successes")};
-      if (locomotion) cells.push_back(Cell(aggregate, "distance_m"));
-      cells.push_back(Cell(aggregate, "time_s"));
-      cells.push_back(Cell(aggregate, "effort", 6));
-      if (locomotion) cells.push_back(Cell(aggregate, "pain", 6));
+                                        Cell(row, "submission")};
+      for (const Column& column : columns) {
+        cells.push_back(Cell(aggregate, column.key, column.digits));
+      }
       table.Add(std::move(cells));
     }
     table.Print();

@@ -170,6 +170,7 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
               {"name", order.artefact.manifest.name},
               {"planned", order.seeds.size()},
               {"aggregate", AggregateToJson(config.kind, *aggregate)},
+              {"official_figures", HasOfficialFigures(config)},
               {"outcomes", outcomes},
               {"reasons", reasons},
               {"hashes",

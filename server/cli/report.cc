@@ -84,6 +84,9 @@ void PrintResult(const Json& result) {
     PrintMean(aggregate, "effort", "effort", "", 5);
     PrintMean(aggregate, "pain", "pain", "", 5);
     PrintMean(aggregate, "peak_force_n", "peak force", " N", 1);
+    if (result.value("official_figures", false)) {
+      PrintMean(aggregate, "max_touch_n", "peak touch", " N (the official code's peak force)", 1);
+    }
   }
   if (result.contains("outcomes")) PrintPair("outcomes", CountsOf(result["outcomes"]));
   if (result.contains("reasons") && !result["reasons"].empty()) {

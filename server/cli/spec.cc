@@ -7,6 +7,7 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/layout.h"
+#include "protocol/rules_leg.h"
 #include "server/cli/common.h"
 #include "server/cli/terminal.h"
 #include "server/daemon/tracks.h"
@@ -15,6 +16,7 @@ namespace myograde::server {
 namespace {
 
 using Json = nlohmann::json;
+using nlohmann::literals::operator""_json_pointer;
 
 struct SpecOptions {
   HostOptions host;
@@ -110,6 +112,43 @@ void Flatten(const Json& json, const std::string& prefix, std::map<std::string, 
   }
 }
 
+// The prosthesis' parameter sets are too much for a line; they are told in a table of their own.
+Json WithoutSets(Json rules) {
+  const Json::json_pointer place("/leg/parameter_sets");
+  if (!rules.contains(place)) return rules;
+  std::vector<std::string> names;
+  for (const Json& set : rules[place]) names.push_back(set.value("name", ""));
+  rules[place] = names.empty() ? "all the official default" : absl::StrJoin(names, ", ");
+  return rules;
+}
+
+std::string JointText(const Json& joint) {
+  return absl::StrCat(joint["stiffness"].dump(), ", ", joint["damping"].dump(), ", ",
+                      joint["target_deg"].dump());
+}
+
+void PrintSets(const Json& rules) {
+  const Json sets = rules.value("/leg/parameter_sets"_json_pointer, Json::array());
+  if (sets.empty()) return;
+  std::cout << '\n'
+            << Bold("Parameter sets of the prosthesis until a policy uploads its own") << '\n'
+            << "  (stiffness in N m/rad, damping in N m s/rad, target in degrees; loads in parts of "
+               "the person's weight)\n";
+  Table table({"set", "state", "knee", "ankle", "left when"});
+  for (size_t i = 0; i < sets.size(); ++i) {
+    for (const char* state : kLegStateKeys) {
+      const Json& said = sets[i][state];
+      std::vector<std::string> until;
+      for (const auto& [key, value] : said["until"].items()) {
+        until.push_back(absl::StrCat(key, " ", value.dump()));
+      }
+      table.Add({absl::StrCat(i, " ", Harmless(sets[i].value("name", ""))), state,
+                 JointText(said["knee"]), JointText(said["ankle"]), absl::StrJoin(until, ", or ")});
+    }
+  }
+  table.Print();
+}
+
 void PrintValues(const char* title, const Json& json) {
   std::cout << '\n' << Bold(title) << '\n';
   std::map<std::string, std::string> values;
@@ -123,7 +162,7 @@ void PrintDifferences(const Tracks::Offer& offer) {
   std::map<std::string, std::map<std::string, std::string>> by_profile;
   std::map<std::string, std::string> all;
   for (const auto& [name, track] : offer.profiles) {
-    Json said = {{"rules", track->config.rules},
+    Json said = {{"rules", WithoutSets(track->config.rules)},
                  {"scoring", track->config.scoring},
                  {"episodes_per_lease", track->config.episodes_per_lease}};
     Flatten(said, "", by_profile[name]);
@@ -157,7 +196,8 @@ void PrintSpec(const TrackConfig& config, const Tracks::Offer& offer) {
                "[-1, 1]) or direct (muscles in\n[0, 1], prosthesis targets in rad); --json has the "
                "bounds and the name of every entry.\n";
   PrintValues("Budgets", config.effective.value("budgets", Json::object()));
-  PrintValues("Rules", config.rules);
+  PrintValues("Rules", WithoutSets(config.rules));
+  PrintSets(config.rules);
   PrintValues("Scoring", config.scoring);
   PrintDifferences(offer);
 }

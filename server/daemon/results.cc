@@ -103,6 +103,27 @@ nlohmann::json MetricsToJson(TrackKind kind, const scoring::Judgement& judgement
           {"peak_force_n", locomotion ? Json() : Json(metrics.peak_force)}};
 }
 
+namespace {
+
+// What is taken from the facts whenever it is needed: metrics are part of what a result is
+// compared by, so they stay as they were first written.
+absl::StatusOr<scoring::Judgement> AddFacts(const EpisodeRow& row, scoring::Judgement judgement) {
+  const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
+  const std::optional<double> steps = facts.is_object() ? Optional(facts, "steps") : std::nullopt;
+  if (!steps.has_value()) {
+    return absl::DataLossError(absl::StrCat("the facts of episode ", row.index, " of evaluation ",
+                                            row.evaluation, " can't be read"));
+  }
+  judgement.metrics.steps = static_cast<int64_t>(*steps);
+  const auto part = facts.find("manipulation");
+  if (part != facts.end() && part->is_object()) {
+    judgement.metrics.max_touch = Optional(*part, "max_touch");
+  }
+  return judgement;
+}
+
+}  // namespace
+
 absl::StatusOr<scoring::Judgement> JudgementOf(const EpisodeRow& row) {
   const Json json = Json::parse(row.metrics_json, nullptr, /*allow_exceptions=*/false);
   if (!json.is_object() || !Optional(json, "time_s").has_value()) {
@@ -120,7 +141,7 @@ absl::StatusOr<scoring::Judgement> JudgementOf(const EpisodeRow& row) {
   judgement.metrics.pain_sum = OrZero(json, "pain_sum");
   judgement.metrics.reported_time = OrZero(json, "reported_time_s");
   judgement.metrics.peak_force = OrZero(json, "peak_force_n");
-  return judgement;
+  return AddFacts(row, judgement);
 }
 
 absl::StatusOr<scoring::Aggregate> AggregateRows(const std::vector<EpisodeRow>& rows) {
@@ -141,6 +162,7 @@ nlohmann::json AggregateToJson(TrackKind kind, const scoring::Aggregate& aggrega
   const scoring::Mean& distance = locomotion ? aggregate.distance : none;
   const scoring::Mean& pain_sum = locomotion ? aggregate.pain_sum : none;
   const scoring::Mean& force = locomotion ? none : aggregate.peak_force;
+  const scoring::Mean& touch = locomotion ? none : aggregate.max_touch;
   return {{"episodes", aggregate.episodes},
           {"successes", aggregate.successes},
           {"success_rate", aggregate.success_rate()},
@@ -152,6 +174,9 @@ nlohmann::json AggregateToJson(TrackKind kind, const scoring::Aggregate& aggrega
           {"pain_sum", MeanOrNull(pain_sum)},
           {"reported_time_s", MeanOrNull(aggregate.reported_time)},
           {"peak_force_n", MeanOrNull(force)},
+          {"max_touch_n", MeanOrNull(touch)},
+          {"effort_over_steps", OrNull(aggregate.effort_over_steps)},
+          {"pain_over_steps", locomotion ? OrNull(aggregate.pain_over_steps) : Json()},
           {"spread",
            {{"success_rate", SpreadToJson(aggregate.success_spread)},
             {"time_s", SpreadOrNull(aggregate.time)},

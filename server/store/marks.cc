@@ -54,13 +54,15 @@ absl::Status Writer::SetStanding(int64_t evaluation, const std::string& aggregat
   const absl::StatusOr<RankedNumbers> numbers = ParseRankedNumbers(aggregate_json);
   if (!numbers.ok()) return numbers.status();
   SQLite::Statement insert(
-      db_, "INSERT INTO standing VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation) DO "
-           "UPDATE SET successes = excluded.successes, episodes = excluded.episodes, time_s = "
+      db_, "INSERT INTO standing VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation) "
+           "DO UPDATE SET successes = excluded.successes, episodes = excluded.episodes, time_s = "
            "excluded.time_s, effort = excluded.effort, pain = excluded.pain, distance_m = "
-           "excluded.distance_m, aggregate_json = excluded.aggregate_json");
+           "excluded.distance_m, effort_over_steps = excluded.effort_over_steps, "
+           "pain_over_steps = excluded.pain_over_steps, aggregate_json = excluded.aggregate_json");
   SQLite::bind(insert, evaluation, numbers->successes, numbers->episodes, numbers->time_s);
   int column = 5;
-  for (const auto& number : {numbers->effort, numbers->pain, numbers->distance_m}) {
+  for (const auto& number : {numbers->effort, numbers->pain, numbers->distance_m,
+                             numbers->effort_over_steps, numbers->pain_over_steps}) {
     if (number) insert.bind(column, *number);  // unbound is NULL
     ++column;
   }
@@ -102,7 +104,8 @@ int64_t Reader::BoardChanges() {
 std::vector<StandingRow> Reader::Standings(const std::string& config) {
   SQLite::Statement select(
       db_, "SELECT s.id, e.id, t.name, a.name, v.aggregate_json, v.successes, v.episodes, "
-           "v.time_s, v.effort, v.pain, v.distance_m FROM submission AS s "
+           "v.time_s, v.effort, v.pain, v.distance_m, v.effort_over_steps, v.pain_over_steps "
+           "FROM submission AS s "
            "JOIN team AS t ON t.id = s.team_id JOIN artefact AS a ON a.hash = s.artefact "
            "JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
            "LEFT JOIN standing AS v ON v.evaluation = e.id "
@@ -122,6 +125,8 @@ std::vector<StandingRow> Reader::Standings(const std::string& config) {
     row.numbers.effort = NumberIn(select, 8);
     row.numbers.pain = NumberIn(select, 9);
     row.numbers.distance_m = NumberIn(select, 10);
+    row.numbers.effort_over_steps = NumberIn(select, 11);
+    row.numbers.pain_over_steps = NumberIn(select, 12);
     rows.push_back(std::move(row));
   }
   return rows;

@@ -81,7 +81,9 @@ absl::StatusOr<RankedNumbers> ParseRankedNumbers(const std::string& aggregate_js
                        .time_s = *time,
                        .effort = number("effort"),
                        .pain = number("pain"),
-                       .distance_m = number("distance_m")};
+                       .distance_m = number("distance_m"),
+                       .effort_over_steps = number("effort_over_steps"),
+                       .pain_over_steps = number("pain_over_steps")};
 }
 
 }  // namespace myograde::server

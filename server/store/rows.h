@@ -121,6 +121,8 @@ struct RankedNumbers {
   std::optional<double> effort = std::nullopt;
   std::optional<double> pain = std::nullopt;
   std::optional<double> distance_m = std::nullopt;
+  std::optional<double> effort_over_steps = std::nullopt;
+  std::optional<double> pain_over_steps = std::nullopt;
 };
 // Of the text of an aggregate; DataLossError if it lacks them.
 absl::StatusOr<RankedNumbers> ParseRankedNumbers(const std::string& aggregate_json);

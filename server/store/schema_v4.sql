@@ -5,6 +5,8 @@
 --                so the table is made again: same columns, same rows, same triggers.
 --   team_look    what a team's name looks like (server/names.h): names that share a look can be taken
 --                for one another. A view of the table team, made again when the rule for it changes.
+--   standing     has effort and pain over all steps of an evaluation, too. The view is made again of
+--                the episode rows at the daemon's next start.
 
 CREATE TABLE episode_v4 (
   evaluation   INTEGER NOT NULL REFERENCES evaluation (id),
@@ -46,3 +48,23 @@ CREATE TABLE team_look (
   PRIMARY KEY (look, team)
 ) STRICT, WITHOUT ROWID;
 CREATE INDEX team_look_by_team ON team_look (team);
+
+DROP TABLE standing;
+CREATE TABLE standing (
+  evaluation        INTEGER PRIMARY KEY REFERENCES evaluation (id),
+  successes         INTEGER NOT NULL,
+  episodes          INTEGER NOT NULL,
+  time_s            REAL NOT NULL,
+  effort            REAL,                 -- NULL: there is none
+  pain              REAL,
+  distance_m        REAL,
+  effort_over_steps REAL,
+  pain_over_steps   REAL,
+  aggregate_json    TEXT NOT NULL         -- holds the numbers above too
+) STRICT;
+CREATE TRIGGER board_by_standing AFTER INSERT ON standing
+  WHEN EXISTS (SELECT 1 FROM evaluation AS e JOIN submission AS s ON s.id = e.submission
+                 WHERE e.id = NEW.evaluation AND e.kind = 'original' AND s.ranked = 1)
+  BEGIN UPDATE board_state SET changes = changes + 1; END;
+CREATE TRIGGER board_by_dropping AFTER DELETE ON standing
+  BEGIN UPDATE board_state SET changes = changes + 1; END;

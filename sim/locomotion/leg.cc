@@ -15,47 +15,44 @@ constexpr double kBodyWeight = kBodyMass * 9.81;
 
 constexpr double Radians(double degrees) { return degrees * (std::numbers::pi / 180.0); }
 
-enum Quantity { kLoad, kKneeAngle, kKneeVelocity, kAnkleAngle, kAnkleVelocity };
-constexpr uint8_t kUnused = 0;
-constexpr uint8_t kAbove = 1;
-constexpr uint8_t kBelow = 2;
+constexpr auto kUnused = static_cast<uint8_t>(ThresholdKind::kUnused);
+constexpr auto kAbove = static_cast<uint8_t>(ThresholdKind::kAbove);
+constexpr auto kBelow = static_cast<uint8_t>(ThresholdKind::kBelow);
 
 constexpr std::array<const char*, kLegQuantities> kQuantityNames = {
     "load", "knee_angle", "knee_velocity", "ankle_angle", "ankle_velocity"};
 
-struct Impedance {
-  double stiffness, damping, target_deg;
-};
-
-LegStateParameters State(Impedance knee, Impedance ankle) {
+LegStateParameters MakeState(const LegStateRules& rules) {
   LegStateParameters out{};
-  out.knee_stiffness = knee.stiffness;
-  out.knee_damping = knee.damping;
-  out.knee_target = Radians(knee.target_deg);
-  out.ankle_stiffness = ankle.stiffness;
-  out.ankle_damping = ankle.damping;
-  out.ankle_target = Radians(ankle.target_deg);
+  out.knee_stiffness = rules.knee.stiffness;
+  out.knee_damping = rules.knee.damping;
+  out.knee_target = Radians(rules.knee.target_deg);
+  out.ankle_stiffness = rules.ankle.stiffness;
+  out.ankle_damping = rules.ankle.damping;
+  out.ankle_target = Radians(rules.ankle.target_deg);
+  for (int q = 0; q < kLegQuantities; ++q) {
+    const LegThreshold& until = rules.until[q];
+    if (until.kind == ThresholdKind::kUnused) continue;
+    out.threshold_kind[q] = static_cast<uint8_t>(until.kind);
+    out.threshold[q] = q == kLoad ? until.value * kBodyWeight : Radians(until.value);
+  }
   return out;
 }
 
-void Leave(LegStateParameters& state, Quantity quantity, uint8_t kind, double value) {
-  state.threshold[quantity] = value;
-  state.threshold_kind[quantity] = kind;
-}
-
 LegSet MakeDefaultSet() {
-  LegSet set = {State({99.372, 3.180, 5}, {19.874, 0, -2}),
-                State({99.372, 1.272, 8}, {79.498, 0.063, -20}),
-                State({39.749, 0.063, 60}, {7.949, 0, 25}),
-                State({15.899, 3.816, 5}, {7.949, 0, 15})};
-  Leave(set[0], kLoad, kAbove, 0.25 * kBodyWeight);
-  Leave(set[0], kAnkleAngle, kAbove, Radians(6));
-  Leave(set[1], kLoad, kBelow, 0.15 * kBodyWeight);
-  Leave(set[2], kKneeAngle, kAbove, Radians(50));
-  Leave(set[2], kKneeVelocity, kBelow, Radians(3));
-  Leave(set[3], kLoad, kAbove, 0.4 * kBodyWeight);
-  Leave(set[3], kKneeAngle, kBelow, Radians(30));
-  return set;
+  LegSetRules set = {.name = "default",
+                     .states = {{{{99.372, 3.180, 5}, {19.874, 0, -2}, {}},
+                                 {{99.372, 1.272, 8}, {79.498, 0.063, -20}, {}},
+                                 {{39.749, 0.063, 60}, {7.949, 0, 25}, {}},
+                                 {{15.899, 3.816, 5}, {7.949, 0, 15}, {}}}}};
+  set.states[0].until[kLoad] = {ThresholdKind::kAbove, 0.25};
+  set.states[0].until[kAnkleAngle] = {ThresholdKind::kAbove, 6};
+  set.states[1].until[kLoad] = {ThresholdKind::kBelow, 0.15};
+  set.states[2].until[kKneeAngle] = {ThresholdKind::kAbove, 50};
+  set.states[2].until[kKneeVelocity] = {ThresholdKind::kBelow, 3};
+  set.states[3].until[kLoad] = {ThresholdKind::kAbove, 0.4};
+  set.states[3].until[kKneeAngle] = {ThresholdKind::kBelow, 30};
+  return MakeLegSet(set);
 }
 
 // Tells the first number of an uploaded state that is out of its range.
@@ -123,8 +120,26 @@ const LegSet& DefaultLegSet() {
   return set;
 }
 
+LegSet MakeLegSet(const LegSetRules& rules) {
+  LegSet set;
+  for (int i = 0; i < kLegStates; ++i) set[i] = MakeState(rules.states[i]);
+  return set;
+}
+
+LegController::LegController() {
+  first_sets_.fill(DefaultLegSet());
+  Reset();
+}
+
+LegController::LegController(const LegRules& rules) : LegController() {
+  for (size_t i = 0; i < rules.parameter_sets.size(); ++i) {
+    first_sets_[i] = MakeLegSet(rules.parameter_sets[i]);
+  }
+  Reset();
+}
+
 void LegController::Reset() {
-  sets_.fill(DefaultLegSet());
+  sets_ = first_sets_;
   state_ = LegState::kEarlyStance;
   Select(0);
 }
@@ -170,9 +185,7 @@ LegTorques LegController::Update(const LegSensors& sensors) {
 }
 
 const char* LegStateName(LegState state) {
-  constexpr std::array<const char*, kLegStates> kNames = {"e_stance", "l_stance", "e_swing",
-                                                          "l_swing"};
-  return kNames[static_cast<size_t>(state)];
+  return kLegStateKeys[static_cast<size_t>(state)];
 }
 
 }  // namespace myograde::sim

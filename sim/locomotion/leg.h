@@ -43,15 +43,21 @@ inline constexpr double kLegAnkleHigh = 0.5236;
 
 using LegSet = std::array<LegStateParameters, kLegStates>;
 
-// The parameters that every set starts with: those of the official controller,
-// load thresholds in parts of the weight of the person.
+// The parameters of the official controller, which every set starts with where the rules have
+// none of their own.
 const LegSet& DefaultLegSet();
+
+// A set of the rules in the controller's units: radians, and newtons of load.
+LegSet MakeLegSet(const LegSetRules& rules);
 
 class LegController {
  public:
-  LegController() { Reset(); }
+  // Every set starts as the default.
+  LegController();
+  // The sets start as the rules say.
+  explicit LegController(const LegRules& rules);
 
-  // All sets are the default, set 0 is selected, the state is early stance.
+  // All sets are what they start as, set 0 is selected, the state is early stance.
   void Reset();
 
   // Checks and stores the sets that are present. All or nothing; an error names
@@ -70,6 +76,7 @@ class LegController {
   int selected() const { return selected_; }
 
  private:
+  std::array<LegSet, kLegSets> first_sets_;
   std::array<LegSet, kLegSets> sets_;
   LegSet acting_;
   int selected_ = 0;

@@ -87,7 +87,8 @@ Locomotion::Locomotion(const LocomotionRules& rules, ModelPtr model, DataPtr dat
       model_(std::move(model)),
       data_(std::move(data)),
       at_(indices),
-      terrain_(rules.field, rules.course, rules.end.distance_from_y_m) {
+      terrain_(rules.field, rules.course, rules.end.distance_from_y_m),
+      leg_(rules.leg) {
   // The grid's size is part of the rules: the model only reserves room for it.
   model_->hfield_nrow[at_.field] = rules_.field.rows;
   model_->hfield_ncol[at_.field] = rules_.field.columns;

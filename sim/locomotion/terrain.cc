@@ -17,6 +17,21 @@ CourseKind Draw(std::span<const CourseKind> kinds, NumpyGenerator& random) {
   return kinds[random.Integers(static_cast<uint32_t>(kinds.size()))];
 }
 
+// The obstacles of a mixed course in the order of its patches: every kind as often as it must
+// be there, the rest drawn uniformly, then shuffled.
+void DealHand(const CourseRules& course, NumpyGenerator& random, std::vector<CourseKind>& hand) {
+  const auto cards = std::ssize(course.difficulty) -
+                     std::count(course.difficulty.begin(), course.difficulty.end(), 0);
+  hand.clear();
+  for (const CourseKind kind : course.mixed_kinds) {
+    hand.insert(hand.end(), static_cast<size_t>(course.mixed_at_least), kind);
+  }
+  while (std::ssize(hand) < cards) hand.push_back(Draw(course.mixed_kinds, random));
+  for (size_t left = hand.size(); left > 1; --left) {
+    std::swap(hand[left - 1], hand[random.Integers(static_cast<uint32_t>(left))]);
+  }
+}
+
 }  // namespace
 
 Terrain::Terrain(const FieldRules& field, const CourseRules& course, double start_y)
@@ -36,11 +51,16 @@ void Terrain::Build(NumpyGenerator& random, LegacyNumpyGenerator& legacy) {
   std::fill(patches_.begin(), patches_.end(), CourseKind::kFlat);
   kind_ = Draw(course_.kinds, random);
   if (kind_ == CourseKind::kFlat) return;
+  const bool dealt = kind_ == CourseKind::kMixed && course_.mixed_at_least > 0;
+  if (dealt) DealHand(course_, random, hand_);
+  size_t next = 0;
   for (size_t i = 0; i < patches_.size(); ++i) {
     const bool level = course_.difficulty[i] == 0;
     if (level && !course_.draw_level_patches) continue;
-    const CourseKind kind =
-        kind_ == CourseKind::kMixed ? Draw(course_.mixed_kinds, random) : kind_;
+    CourseKind kind = kind_;
+    if (kind_ == CourseKind::kMixed) {
+      kind = dealt ? hand_[next++] : Draw(course_.mixed_kinds, random);
+    }
     FillPatch(static_cast<int>(i), kind, random, legacy);
     patches_[i] = level ? CourseKind::kFlat : kind;
   }

@@ -64,6 +64,7 @@ class Terrain {
   double start_y_;
   CourseKind kind_ = CourseKind::kFlat;
   std::vector<CourseKind> patches_;
+  std::vector<CourseKind> hand_;  // of a mixed course, kept to allocate once
   std::vector<float> heights_;
   std::vector<double> samples_;  // of one patch, kept to allocate once
 };

@@ -2,11 +2,18 @@
 
 namespace myograde::sim {
 
-ContactLabel LabelOf(int body, const Scene& scene, ManipulationRules::WorldContact world) {
+namespace {
+
+ContactLabel LabelOf(ManipulationRules::CountsAs counts_as) {
+  return counts_as == ManipulationRules::CountsAs::kArm ? kTouchArm : kTouchOther;
+}
+
+}  // namespace
+
+ContactLabel LabelOf(int body, const Scene& scene, const ManipulationRules& rules) {
   constexpr int kWorld = 0;
-  if (body == kWorld) {
-    return world == ManipulationRules::WorldContact::kArm ? kTouchArm : kTouchOther;
-  }
+  if (body == kWorld) return LabelOf(rules.world_contact);
+  if (body < scene.first_arm_body) return LabelOf(rules.torso_contact);
   if (body < scene.first_prosthesis_body) return kTouchArm;
   if (body <= scene.last_prosthesis_body) return kTouchProsthesis;
   if (body == scene.start_body) return kTouchStart;
@@ -15,15 +22,15 @@ ContactLabel LabelOf(int body, const Scene& scene, ManipulationRules::WorldConta
 }
 
 TouchFrame ObjectTouch(const mjModel& model, const mjData& data, const Scene& scene,
-                       ManipulationRules::WorldContact world) {
+                       const ManipulationRules& rules) {
   TouchFrame frame = {};
   for (int i = 0; i < data.ncon; ++i) {
     const int body1 = model.geom_bodyid[data.contact[i].geom1];
     const int body2 = model.geom_bodyid[data.contact[i].geom2];
     if (body1 == scene.object_body) {
-      frame[LabelOf(body2, scene, world)] = true;
+      frame[LabelOf(body2, scene, rules)] = true;
     } else if (body2 == scene.object_body) {
-      frame[LabelOf(body1, scene, world)] = true;
+      frame[LabelOf(body1, scene, rules)] = true;
     }
   }
   return frame;

@@ -14,7 +14,7 @@
 namespace myograde::sim {
 
 enum ContactLabel {
-  kTouchArm,  // the muscle arm and the torso that it belongs to
+  kTouchArm,  // the muscle arm from the clavicle down
   kTouchProsthesis,
   kTouchStart,  // start pillar
   kTouchGoal,   // goal pillar
@@ -25,13 +25,13 @@ enum ContactLabel {
 // One frame: which of the labels the object touches.
 using TouchFrame = std::array<bool, kContactLabels>;
 
-// The label of a body other than the object.
-ContactLabel LabelOf(int body, const Scene& scene, ManipulationRules::WorldContact world);
+// The label of a body other than the object. What world and torso count as is the rules'.
+ContactLabel LabelOf(int body, const Scene& scene, const ManipulationRules& rules);
 
 // Labels of everything that has an entry with the object in the list of
 // contacts, whatever its distance and force.
 TouchFrame ObjectTouch(const mjModel& model, const mjData& data, const Scene& scene,
-                       ManipulationRules::WorldContact world);
+                       const ManipulationRules& rules);
 
 // True if the frame touches the goal pillar and nothing else.
 bool TouchesGoalOnly(const TouchFrame& frame);

@@ -213,7 +213,7 @@ void ManipulationEnvironment::MeasureForce() {
 }
 
 void ManipulationEnvironment::RefreshFrame() {
-  touch_ = ObjectTouch(*model_, *data_, scene_, rules_.world_contact);
+  touch_ = ObjectTouch(*model_, *data_, scene_, rules_);
 }
 
 void ManipulationEnvironment::CountFrame() {

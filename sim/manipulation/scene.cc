@@ -27,6 +27,7 @@ class Finder {
 absl::StatusOr<Scene> FindScene(const mjModel& model) {
   Finder find(model);
   Scene scene;
+  scene.first_arm_body = find(mjOBJ_BODY, "clavicle");
   scene.first_prosthesis_body = find(mjOBJ_BODY, "prosthesis/Lmpl_attach");
   scene.last_prosthesis_body = find(mjOBJ_BODY, "prosthesis/pinky3");
   scene.object_body = find(mjOBJ_BODY, "manip_object");

@@ -18,7 +18,8 @@ inline constexpr int kFingers = 5;
 // so the arm's positions are qpos[0, 38) and velocities qvel[0, 38); those of
 // the prosthesis follow, then the object's free joint.
 struct Scene {
-  int first_prosthesis_body;  // bodies before it (but 0) are the arm's and torso's
+  int first_arm_body;         // the clavicle; bodies before it (but 0) are the torso's
+  int first_prosthesis_body;  // bodies from the clavicle to it are the arm's
   int last_prosthesis_body;
   int object_body;
   int start_body, goal_body;  // pillars; also mocap bodies 0 and 1

@@ -20,6 +20,8 @@ TRACKS = ("manipulation", "locomotion")
 SECTIONS = ("budgets", "rules", "scoring")
 # Values that are leaves of a config although they are objects.
 WHOLE = {"seeds"}
+# The prosthesis' parameter sets have a table of their own; elsewhere only their number stands.
+SETS = "rules.leg.parameter_sets"
 
 
 def merged(base, patch):
@@ -49,8 +51,38 @@ def leaves(value, path=""):
 def effective(config):
     """Profile -> leaves of what is in force in it."""
     base = {k: v for k, v in config.items() if k not in ("profiles", "default_profile", "track", "form")}
-    return {name: leaves(merged(base, patch)) for name, patch in config["profiles"].items()
-            if not name.startswith("//")}
+    profiles = {name: leaves(merged(base, patch)) for name, patch in config["profiles"].items()
+                if not name.startswith("//")}
+    for found in profiles.values():
+        if SETS in found:
+            found[SETS] = len(found[SETS])
+    return profiles
+
+
+def number(value):
+    return f"{value:g}"
+
+
+def check_sets(rows, sets):
+    """One row for each state of each set: its number and name, the state, knee and ankle as
+    stiffness, damping and target, and what leaves it."""
+    expected = []
+    for index, chosen in enumerate(sets):
+        for state in ("e_stance", "l_stance", "e_swing", "l_swing"):
+            said = chosen[state]
+            joints = [", ".join(number(said[joint][key]) for key in ("stiffness", "damping", "target_deg"))
+                      for joint in ("knee", "ankle")]
+            until = ", ".join(f"`{key}` {number(value)}" for key, value in sorted(said["until"].items()))
+            expected.append([f"{index} {chosen['name']}", f"`{state}`", *joints, until])
+    got = [row[:5] for row in rows]
+    for want in expected:
+        if want not in got:
+            yield f'"Parameter sets of the prosthesis" has no row {" | ".join(want)}'
+    if len(got) != len(expected):
+        yield f'"Parameter sets of the prosthesis" has {len(got)} rows, must have {len(expected)}'
+    for row in rows:
+        if len(row) != 6 or not row[5]:
+            yield f'"Parameter sets of the prosthesis": {row[0]} {row[1]} does not say where it is from'
 
 
 def schema_keys(schema, node, path):
@@ -179,6 +211,9 @@ def check(root):
         heading = f"Differences on the {track} track"
         yield from check_differences(heading, found.get(heading, []), profiles)
     yield from check_key_tables(found, defaults)
+    paper = merged(configs["locomotion"], configs["locomotion"]["profiles"]["paper"])
+    yield from check_sets(found.get("Parameter sets of the prosthesis", []),
+                          paper["rules"]["leg"]["parameter_sets"])
 
 
 def main():

@@ -56,6 +56,16 @@ TEST_F(TrackFiles, AnExtensionChangesWhatItNamesAndNothingElse) {
   EXPECT_NE(made->hash, base.hash);
 }
 
+// What was published of the leg's track belongs to the name as-graded; it is what the code does.
+TEST(ShippedTracks, AsGradedOfTheLegIsMyosuiteUnderThatName) {
+  const auto graded = LoadTrackConfig(kTracks, "locomotion", "as-graded");
+  ASSERT_TRUE(graded.ok()) << graded.status();
+  json effective = LoadTrackConfig(kTracks, "locomotion", "myosuite").value().effective;
+  EXPECT_NE(graded->effective, effective);
+  effective["profile"] = "as-graded";
+  EXPECT_EQ(graded->effective, effective);
+}
+
 TEST_F(TrackFiles, AChainThatNeverEndsIsRefused) {
   Write("a", R"({"extends": "b"})");
   Write("b", R"({"extends": "a"})");
@@ -93,8 +103,18 @@ TEST_F(TrackFiles, BadFilesAreToldWithTheirPlace) {
   EXPECT_THAT(ErrorOf("limit"), HasSubstr("budgets: \"tasks\" is missing"));
 }
 
+const json& Schema() {
+  static const json schema =
+      ReadJsonFile(MYOGRADE_SOURCE_DIR "/configs/schema/track.json").value();
+  return schema;
+}
+
 // Paths of the numbers that a schema object bounds, as JSON pointers, with their schemas.
 void Bounded(const json& node, const std::string& pointer, std::map<std::string, json>& found) {
+  if (node.contains("$ref")) {
+    const std::string place = node["$ref"].get<std::string>().substr(1);
+    return Bounded(Schema()[json::json_pointer(place)], pointer, found);
+  }
   if (node.contains("minimum")) found[pointer] = node;
   if (node.contains("items")) Bounded(node["items"], pointer + "/0", found);
   if (!node.contains("properties")) return;
@@ -104,7 +124,7 @@ void Bounded(const json& node, const std::string& pointer, std::map<std::string,
 }
 
 json SchemaOf(const std::string& part) {
-  return ReadJsonFile(MYOGRADE_SOURCE_DIR "/configs/schema/track.json").value()["$defs"][part];
+  return Schema()["$defs"][part];
 }
 
 TEST(TrackSchema, HasTheParsersRangesOfBudgets) {

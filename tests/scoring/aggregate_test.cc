@@ -32,6 +32,33 @@ TEST(Aggregate, MeansLeaveOutWhatHasNoResultAndNoSteps) {
   EXPECT_NEAR(got->time.spread.deviation, 4.242640687119285, 1e-12);
 }
 
+// A walk of 60,000 steps and four falls: means of episodes' means would make the pain of the
+// walk a fifth of what it was.
+TEST(Aggregate, MeansOverStepsDoNotRewardFallingAtOnce) {
+  std::vector<JudgedEpisode> episodes;
+  for (int64_t i = 0; i < 5; ++i) {
+    JudgedEpisode episode = Episode(i, Outcome::kFailure, 1);
+    Metrics& metrics = episode.judgement.metrics;
+    metrics.steps = i == 0 ? 60000 : 10;
+    metrics.pain_sum = i == 0 ? 6000 : 0;
+    metrics.effort_sum = i == 0 ? 12000 : 0;
+    metrics.pain = metrics.pain_sum / static_cast<double>(metrics.steps);
+    episodes.push_back(episode);
+  }
+  const auto got = AggregateEpisodes(episodes);
+  ASSERT_TRUE(got.ok());
+  EXPECT_DOUBLE_EQ(got->pain.value, 0.02);
+  EXPECT_DOUBLE_EQ(*got->pain_over_steps, 6000.0 / 60040);
+  EXPECT_DOUBLE_EQ(*got->effort_over_steps, 12000.0 / 60040);
+}
+
+TEST(Aggregate, WithoutAStepThereIsNoMeanOverSteps) {
+  const auto got = AggregateEpisodes({Episode(0, Outcome::kCrash, 10)});
+  ASSERT_TRUE(got.ok());
+  EXPECT_FALSE(got->effort_over_steps || got->pain_over_steps);
+  EXPECT_EQ(got->max_touch.count, 0);
+}
+
 TEST(Aggregate, FailsWhenEveryEpisodeIsTheParticipantsFault) {
   EXPECT_TRUE(AggregateEpisodes({Episode(0, Outcome::kCrash, 10)})->failed);
   EXPECT_TRUE(AggregateEpisodes({})->failed);

@@ -30,15 +30,21 @@ BoardEntry EntryOf(const json& row) {
   entry.distance = row.value("distance", 0.0);
   if (row.contains("effort")) entry.effort = row["effort"].get<double>();
   if (row.contains("pain")) entry.pain = row["pain"].get<double>();
+  if (row.contains("effort_over_steps")) entry.effort_over_steps = row["effort_over_steps"];
+  if (row.contains("pain_over_steps")) entry.pain_over_steps = row["pain_over_steps"];
   return entry;
 }
 
 BoardRules RulesOf(const json& board) {
   const std::string kind = board.at("kind");
-  if (kind == "distance") return DistanceBoard{};
-  if (kind == "physiological") return PhysiologicalBoard{};
+  if (kind == "distance") return DistanceBoard{.band = board.value("band", 0.0)};
+  if (kind == "physiological") {
+    const bool steps = board.value("means", "steps") == "steps";
+    return PhysiologicalBoard{.means = steps ? MeansOver::kSteps : MeansOver::kEpisodes};
+  }
   TieredBoard tiered;
   if (board.value("bands", "time") == "success") tiered.bands = BandsOver::kSuccess;
+  if (board.value("ties", "time") == "acceptance") tiered.ties = Ties::kAcceptance;
   return tiered;
 }
 
@@ -78,7 +84,7 @@ TEST(Board, AgreesWithTheTables) {
     }
     ++files;
   }
-  EXPECT_GE(files, 9);
+  EXPECT_GE(files, 12);
 }
 
 TEST(Board, RefusesNumbersThatAreNone) {
@@ -110,6 +116,8 @@ std::vector<BoardEntry> SomeEntries() {
     entry.time = *Values();
     if (*rc::gen::inRange(0, 9) > 0) entry.effort = *Values();
     if (*rc::gen::inRange(0, 9) > 0) entry.pain = *Values();
+    if (*rc::gen::inRange(0, 9) > 0) entry.effort_over_steps = *Values();
+    if (*rc::gen::inRange(0, 9) > 0) entry.pain_over_steps = *Values();
     entry.distance = *Values();
     entries.push_back(entry);
   }
@@ -117,13 +125,19 @@ std::vector<BoardEntry> SomeEntries() {
 }
 
 BoardRules SomeRules() {
-  return *rc::gen::element<BoardRules>(TieredBoard{}, TieredBoard{.bands = BandsOver::kSuccess},
-                                       DistanceBoard{}, PhysiologicalBoard{});
+  return *rc::gen::element<BoardRules>(
+      TieredBoard{}, TieredBoard{.bands = BandsOver::kSuccess},
+      TieredBoard{.ties = Ties::kAcceptance}, DistanceBoard{}, PhysiologicalBoard{},
+      PhysiologicalBoard{.means = MeansOver::kEpisodes});
+}
+
+BoardRules RulesWithBands() {
+  return *rc::gen::element<BoardRules>(TieredBoard{}, DistanceBoard{.band = 0.1});
 }
 
 RC_GTEST_PROP(Board, DoesNotDependOnTheOrderOfItsInput, ()) {
   std::vector<BoardEntry> entries = SomeEntries();
-  const BoardRules rules = SomeRules();
+  const BoardRules rules = *rc::gen::arbitrary<bool>() ? SomeRules() : RulesWithBands();
   const TeamRule team = *rc::gen::element(TeamRule::kBest, TeamRule::kLast, TeamRule::kChosen);
   const auto expected = Names(*Rank(entries, rules, team));
   for (size_t i = entries.size(); i > 1; --i) {
@@ -159,12 +173,37 @@ RC_GTEST_PROP(Board, ANewTeamLeavesTheOrderOfTheOthers, ()) {
   } else {
     added.time = *Values();
     added.pain = *Values();
+    added.pain_over_steps = *Values();
     added.distance = *Values();
   }
   entries.push_back(added);
   auto after = Names(*Rank(entries, rules, TeamRule::kBest));
   std::erase(after, "new");
   RC_ASSERT(after == before);
+}
+
+// Whoever opens a band of distance is followed by nobody of it who is faster, and nobody of a
+// later band is within the factor of what opened the one before.
+RC_GTEST_PROP(Board, BandsOfDistanceHoldWhatIsNear, ()) {
+  const DistanceBoard rules{.band = 0.1};
+  const auto board = *Rank(SomeEntries(), rules, TeamRule::kBest);
+  for (size_t i = 1; i < board.size(); ++i) {
+    const RankedEntry& above = board[i - 1];
+    const RankedEntry& below = board[i];
+    if (below.band < 0) {
+      RC_ASSERT(above.entry.distance >= below.entry.distance);
+      continue;
+    }
+    RC_ASSERT(above.band >= 0);
+    RC_ASSERT(above.entry.distance >= 20);
+    if (above.band == below.band) {
+      RC_ASSERT(above.entry.time <= below.entry.time);
+      RC_ASSERT(below.entry.distance * 1.1 >= above.band_opener);
+    } else {
+      RC_ASSERT(below.band == above.band + 1);
+      RC_ASSERT(below.entry.distance * 1.1 < above.band_opener);
+    }
+  }
 }
 
 // "Stands above" of the boards that compare two entries at a time is transitive, also for the
@@ -181,6 +220,8 @@ RC_GTEST_PROP(Board, PairsThatFollowEachOtherMakeTheWholeBoard, ()) {
     entry.acceptance = i;
     entry.effort = *Values();
     entry.pain = *Values();
+    entry.effort_over_steps = *Values();
+    entry.pain_over_steps = *Values();
     entry.distance = *rc::gen::element(20.0, 100.0);  // all qualify for the physiological board
     entry.time = *Values();
     entries.push_back(entry);

@@ -49,6 +49,7 @@ Judgement JudgeBy(const json& rules, const EpisodeFacts& facts, bool manipulatio
                                           : SuccessRule::kSolvedAndContact;
   judging.force_enforced = rules.at("force_enforced");
   judging.time = time;
+  judging.phantom = ParseFailureReason(rules.value("phantom", "phantom")).value();
   return Judge(facts, judging);
 }
 

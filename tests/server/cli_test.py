@@ -96,16 +96,17 @@ STATUS = {"submission": 7, "team": "alpha", "track": "t", "profile": "paper", "a
           "queue": None, "waiting": None, "reason": None, "leases": [], "evaluations": [],
           "owner": None, "deadline_at": None, "estimated_end_at": None, "history": []}
 AGGREGATE = {"episodes": 2, "successes": 1, "success_rate": 0.5, "time_s": 7.5, "effort": 0.03,
-             "pain": None, "distance_m": None}
+             "pain": None, "distance_m": None, "effort_over_steps": 0.0123456,
+             "pain_over_steps": None, "max_touch_n": 481.25}
 RESULT = {"evaluation": 9, "submission": 7, "kind": "original", "team": "alpha", "track": "t",
           "merkle_root": None,
           "profile": "paper", "ranked": True, "state": "done", "reason": None, "first": 0, "last": 1,
           "episodes": COUNTS, "outcomes": {"success": 1, "failure": 1}, "reasons": {"time": 1},
-          "aggregate": AGGREGATE, "hashes": {}, "grader": {}, "limits": {}, "output": [
+          "aggregate": AGGREGATE, "official_figures": False, "hashes": {}, "grader": {}, "limits": {}, "output": [
               {"first": 0, "last": 1, "stderr_tail": "evil \x1b[2J words", "stdout_tail": ""}],
           "comparison": None}
 BOARD = {"track": "t", "profile": "paper", "board": "main", "config": "c" * 64, "episodes": 2,
-         "other_config": 0, "disqualified": [],
+         "other_config": 0, "disqualified": [], "rules": {}, "official_figures": False,
          "rows": [{"rank": 1, "baseline": False, "team": "alpha", "submission": 7, "evaluation": 9,
                    "name": "walker", "aggregate": AGGREGATE}]}
 
@@ -219,7 +220,11 @@ class CliTest(unittest.TestCase):
                 self.assertEqual(spec[vector]["size"], size)
                 self.assertEqual(sum(p["size"] for p in spec[vector]["parts"]), size)
         self.assertGreaterEqual(len(self.checked("spec", "spec")["tracks"]), 2)
-        self.assertIn("Observation", myograde("spec", "--track", "locomotion").stdout)
+        shown = myograde("spec", "--track", "locomotion").stdout
+        self.assertIn("Observation", shown)
+        for name in ("0 default", "1 stairs-up", "2 stairs-down", "3 slopes", "4 standing"):
+            self.assertIn(name, shown)
+        self.assertNotIn("stiffness\":", shown)
 
     def test_answers_of_the_daemon_keep_their_schemas(self):
         socket = self.serve({
@@ -240,6 +245,29 @@ class CliTest(unittest.TestCase):
         self.assertEqual(submitted["result"]["aggregate"], AGGREGATE)
         request = [json.loads(b) for c, p, b in Handler.heard if p == "/v1/submissions"]
         self.assertEqual(request, [{"artefact": "a" * 64, "team": "alpha", "track": "t"}])
+
+    def test_figures_are_those_of_the_profile_and_of_the_board(self):
+        graded = {"profile": "as-graded", "official_figures": True}
+        socket = self.serve({
+            "GET /v1/submissions/7/result": (200, {**RESULT, **graded}),
+            "GET /v1/submissions/8/result": (200, RESULT),
+            "GET /v1/leaderboard?track=t&board=main": (200, {**BOARD, **graded}),
+            "GET /v1/leaderboard?track=u&board=main": (200, BOARD),
+            "GET /v1/leaderboard?track=t&board=physiological": (200, {
+                **BOARD, "board": "physiological", "rules": {"means": "steps"},
+                "rows": [{**BOARD["rows"][0], "aggregate": {
+                    **AGGREGATE, "distance_m": 30.0, "pain": 0.5, "pain_over_steps": 0.25}}]})})
+        at = ("--socket", socket)
+        self.assertIn("481.2 N (the official code's peak force)", myograde("show", "7", *at).stdout)
+        self.assertNotIn("481", myograde("show", "8", *at).stdout)
+        graded_board = myograde("leaderboard", "--track", "t", *at).stdout
+        self.assertIn("touch N", graded_board)
+        self.assertIn("481.2", graded_board)
+        self.assertNotIn("touch", myograde("leaderboard", "--track", "u", *at).stdout)
+        body = myograde("leaderboard", "--track", "t", "--board", "physiological", *at).stdout
+        for ranked in ("0.250000", "0.012346"):
+            self.assertIn(ranked, body)
+        self.assertNotIn("0.500000", body)
 
     def test_text_is_harmless_and_statuses_are_exact(self):
         differs = {"with": 9, "compared": 2, "equal": 1, "missing": 0,

@@ -76,6 +76,8 @@ TEST(TrackScoring, GivesTheNumbersOfTheProfile) {
   EXPECT_EQ(tiers.line_episodes, 100);
   EXPECT_EQ(tiers.bands, scoring::BandsOver::kTime);
   EXPECT_EQ(tiers.band_factor, 1.1);
+  EXPECT_EQ(tiers.ties, scoring::Ties::kTime);
+  EXPECT_EQ(rules.phantom, FailureReason::kPhantom);
 
   const auto code = ParseTrackScoring(Load("manipulation", "myosuite")).value();
   const auto& code_rules = std::get<scoring::ManipulationJudging>(code.judging);
@@ -93,8 +95,21 @@ TEST(TrackScoring, GivesTheNumbersOfTheProfile) {
   EXPECT_EQ(std::get<scoring::LocomotionJudging>(walking.judging).full_time_s, 300);
   EXPECT_EQ(std::get<scoring::LocomotionJudging>(walking.judging).course_m, 100);
   EXPECT_EQ(std::get<scoring::DistanceBoard>(walking.boards.at(kMainBoard)).time_from_m, 20);
-  EXPECT_EQ(std::get<scoring::PhysiologicalBoard>(walking.boards.at("physiological")).qualify_m,
-            20);
+  EXPECT_EQ(std::get<scoring::DistanceBoard>(walking.boards.at(kMainBoard)).band, 0);
+  const auto& body = std::get<scoring::PhysiologicalBoard>(walking.boards.at("physiological"));
+  EXPECT_EQ(body.qualify_m, 20);
+  EXPECT_EQ(body.means, scoring::MeansOver::kSteps);
+  walk.scoring["boards"]["main"]["distance_band"] = 0.1;
+  EXPECT_EQ(std::get<scoring::DistanceBoard>(
+                ParseTrackScoring(walk).value().boards.at(kMainBoard)).band, 0.1);
+}
+
+TEST(TrackScoring, OfficialFiguresAreThoseOfTheProfilesThatReportThem) {
+  for (const char* track : {"manipulation", "locomotion"}) {
+    EXPECT_FALSE(HasOfficialFigures(Load(track, "paper"))) << track;
+    EXPECT_TRUE(HasOfficialFigures(Load(track, "myosuite"))) << track;
+    EXPECT_TRUE(HasOfficialFigures(Load(track, "as-graded"))) << track;
+  }
 }
 
 TEST(TrackScoring, TellsMistakesOfManipulation) {
@@ -113,6 +128,10 @@ TEST(TrackScoring, TellsMistakesOfManipulation) {
               HasSubstr("boards: main: \"line_successes\" is 101, must be from 1 to 100"));
   EXPECT_THAT(MistakeOf("manipulation", {{"boards", {{"main", {{"band_factor", 0.9}}}}}}),
               HasSubstr("band_factor"));
+  EXPECT_THAT(MistakeOf("manipulation", {{"boards", {{"main", {{"ties", "effort"}}}}}}),
+              HasSubstr("time, acceptance"));
+  EXPECT_THAT(MistakeOf("manipulation", {{"phantom_reason", "dropped"}}),
+              HasSubstr("phantom, handover"));
   EXPECT_THAT(MistakeOf("manipulation", {{"boards", {{"second", json::object()}}}}),
               HasSubstr("boards: \"second\" is not a known key"));
   EXPECT_THAT(MistakeOf("manipulation", {{"boards", 1}}), HasSubstr("must be an object"));
@@ -125,6 +144,10 @@ TEST(TrackScoring, TellsMistakesOfLocomotion) {
   EXPECT_THAT(MistakeOf("locomotion", {{"success", "placed"}}), HasSubstr("not a known key"));
   EXPECT_THAT(MistakeOf("locomotion", {{"boards", {{"main", {{"time_from_m", 101}}}}}}),
               HasSubstr("must be from 0 to 100"));
+  EXPECT_THAT(MistakeOf("locomotion", {{"boards", {{"main", {{"distance_band", -0.1}}}}}}),
+              HasSubstr("distance_band"));
+  EXPECT_THAT(MistakeOf("locomotion", {{"boards", {{"physiological", {{"means", "all"}}}}}}),
+              HasSubstr("steps, episodes"));
   EXPECT_THAT(MistakeOf("locomotion", {{"boards", {{"physiological", nullptr}}}}),
               HasSubstr("\"physiological\" is missing"));
 }
@@ -149,6 +172,10 @@ TEST(JudgeEpisode, JudgesByTheRulesOfItsTrackAndProfile) {
   EXPECT_EQ(judge("myosuite").reason, FailureReason::kHandover);
   EXPECT_EQ(judge("as-graded").outcome, Outcome::kSuccess);
   EXPECT_EQ(judge("as-graded").metrics.time, 4.5);
+
+  facts.end = EpisodeEnd::kPhantom;
+  facts.track = ManipulationFacts{};
+  EXPECT_EQ(judge("as-graded").reason, FailureReason::kPhantom);
 
   LocomotionFacts walk;
   walk.distance = 99.9;

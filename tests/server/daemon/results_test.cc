@@ -92,6 +92,53 @@ TEST(JudgementOf, TellsARowThatCanNotBeRead) {
     EXPECT_TRUE(absl::IsDataLoss(JudgementOf(row).status())) << text;
     EXPECT_TRUE(absl::IsDataLoss(AggregateRows({row}).status())) << text;
   }
+  for (const char* text : {"", "{", "[]", "{}", R"({"steps": "1"})"}) {
+    EpisodeRow row;
+    row.metrics_json = R"({"time_s": 1})";
+    row.facts_json = text;
+    EXPECT_TRUE(absl::IsDataLoss(JudgementOf(row).status())) << text;
+  }
+}
+
+// What newer builds show beside the metrics comes from the facts, so that the rows of older ones
+// are compared by what they always were.
+TEST(JudgedRow, MetricsKeepTheirKeys) {
+  const TrackPtr track = LoadTrack("manipulation");
+  ASSERT_NE(track, nullptr);
+  EpisodeFacts facts;
+  facts.end = EpisodeEnd::kTime;
+  facts.steps = 4;
+  facts.track = ManipulationFacts{.max_touch = 480.5, .effort_sum = 2};
+  const auto row = JudgedRow(*track, facts);
+  ASSERT_TRUE(row.ok()) << row.status();
+  std::vector<std::string> keys;
+  const nlohmann::json metrics = nlohmann::json::parse(row->metrics_json);
+  for (const auto& [key, value] : metrics.items()) keys.push_back(key);
+  EXPECT_THAT(keys, testing::ElementsAre("distance_m", "effort", "effort_sum", "pain", "pain_sum",
+                                         "peak_force_n", "reported_time_s", "success", "time_s"));
+  const auto aggregate = AggregateRows({*row});
+  ASSERT_TRUE(aggregate.ok()) << aggregate.status();
+  const nlohmann::json json = AggregateToJson(TrackKind::kManipulation, *aggregate);
+  EXPECT_EQ(json["max_touch_n"], 480.5);
+  EXPECT_EQ(json["effort_over_steps"], 0.5);
+  EXPECT_TRUE(json["pain_over_steps"].is_null());
+}
+
+TEST(AggregateRows, AnOlderRowWithoutTheOfficialPeakHasNone) {
+  const TrackPtr track = LoadTrack("manipulation");
+  ASSERT_NE(track, nullptr);
+  EpisodeFacts facts;
+  facts.end = EpisodeEnd::kTime;
+  facts.steps = 4;
+  facts.track = ManipulationFacts{};
+  auto row = JudgedRow(*track, facts);
+  ASSERT_TRUE(row.ok()) << row.status();
+  nlohmann::json older = nlohmann::json::parse(row->facts_json);
+  older["manipulation"].erase("max_touch");
+  row->facts_json = older.dump();
+  const auto aggregate = AggregateRows({*row});
+  ASSERT_TRUE(aggregate.ok()) << aggregate.status();
+  EXPECT_TRUE(AggregateToJson(TrackKind::kManipulation, *aggregate)["max_touch_n"].is_null());
 }
 
 TEST(AggregateRows, MeansAreOverTheEpisodes) {
@@ -110,6 +157,8 @@ TEST(AggregateRows, MeansAreOverTheEpisodes) {
   EXPECT_EQ(json["successes"], 0);
   EXPECT_EQ(json["distance_m"], 3.0);
   EXPECT_EQ(json["effort"], 0.5);
+  EXPECT_EQ(json["effort_over_steps"], 0.5);
+  EXPECT_EQ(json["pain_over_steps"], 0.2);
   EXPECT_TRUE(json["peak_force_n"].is_null());
   EXPECT_TRUE(AggregateToJson(TrackKind::kManipulation, {}).is_null());
 }

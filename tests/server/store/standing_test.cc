@@ -9,7 +9,7 @@ namespace {
 
 // The time has no short binary form: it must come back with every bit.
 constexpr char kAggregate[] =
-    R"({"distance_m":null,"effort":0.1,"episodes":4,"pain":null,"successes":3,"time_s":0.3333333333333333})";
+    R"({"distance_m":null,"effort":0.1,"effort_over_steps":0.7,"episodes":4,"pain":null,"pain_over_steps":0.1111111111111111,"successes":3,"time_s":0.3333333333333333})";
 
 class StandingTest : public StoreTest {
  protected:
@@ -57,6 +57,8 @@ TEST_F(StandingTest, HoldsTheNumbersOfTheTextWithEveryBit) {
     EXPECT_EQ(rows[0].numbers.effort, 0.1);
     EXPECT_EQ(rows[0].numbers.pain, std::nullopt);
     EXPECT_EQ(rows[0].numbers.distance_m, std::nullopt);
+    EXPECT_EQ(rows[0].numbers.effort_over_steps, 0.7);
+    EXPECT_EQ(rows[0].numbers.pain_over_steps, 0.1111111111111111);
   });
 }
 
@@ -94,7 +96,7 @@ TEST_F(StandingTest, AStoreOfTheVersionBeforeGetsItsViewAnew) {
   }
   ASSERT_TRUE(Store::Open(path, clock_).ok());
   SQLite::Database db(path);
-  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM pragma_table_info('standing')").getInt(), 8);
+  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM pragma_table_info('standing')").getInt(), 10);
   EXPECT_EQ(db.execAndGet("SELECT count(*) FROM sqlite_master WHERE type = 'trigger' AND name "
                           "LIKE 'board_by_%'").getInt(), 5);
 }

@@ -15,8 +15,8 @@ namespace {
 using ::testing::HasSubstr;
 
 constexpr double kBodyWeight = 78.66887849930261 * 9.81;
-constexpr LegRules kRules{.sets = 5, .full_torque = true, .max_stiffness = 2000,
-                          .max_damping = 200};
+const LegRules kRules{.sets = 5, .parameter_sets = {}, .full_torque = true,
+                      .max_stiffness = 2000, .max_damping = 200};
 
 constexpr double Radians(double degrees) { return degrees * std::numbers::pi / 180; }
 

@@ -100,6 +100,34 @@ TEST(LocomotionRules, RefusesWhatDoesNotFitTogether) {
   EXPECT_THAT(Mistake(rows), HasSubstr("the field has only 600 rows"));
 }
 
+TEST(LocomotionRules, AHandMustBeThereToDeal) {
+  EXPECT_THAT(MistakeWith("/course/mixed_at_least", 3),
+              HasSubstr("makes a hand of 9, the course has only 8 obstacles"));
+  EXPECT_THAT(MistakeWith("/course/mixed_at_least", -1), HasSubstr("must be from 0"));
+  EXPECT_THAT(MistakeWith("/course/draw_level_patches", true),
+              HasSubstr("must be 0 where level patches are drawn"));
+}
+
+TEST(LocomotionRules, ParameterSetsAreToldWithTheirPlace) {
+  const std::string first = "/leg/parameter_sets/1/l_stance";
+  const std::string place = "rules.leg.parameter_sets[1].l_stance";
+  EXPECT_THAT(MistakeWith("/leg/sets", 4), HasSubstr("has 5 entries, must have one for each of the 4"));
+  EXPECT_THAT(MistakeWith("/leg/parameter_sets", 3), HasSubstr("must be an array"));
+  EXPECT_THAT(MistakeWith("/leg/parameter_sets/2", 3), HasSubstr("parameter_sets[2]"));
+  EXPECT_THAT(MistakeWith(first, 3), HasSubstr("rules.leg.parameter_sets[1]: \"l_stance\""));
+  EXPECT_THAT(MistakeWith(first + "/knee/stiffness", 2001),
+              AllOf(HasSubstr(place + ".knee"), HasSubstr("from 0 to 2000")));
+  EXPECT_THAT(MistakeWith(first + "/ankle/damping", -1), HasSubstr("from 0 to 200"));
+  EXPECT_THAT(MistakeWith(first + "/knee/target_deg", 121), HasSubstr("from 0 to 120"));
+  EXPECT_THAT(MistakeWith(first + "/ankle/target_deg", -31), HasSubstr("from -30 to 30"));
+  EXPECT_THAT(MistakeWith(first + "/knee/stifness", 1), HasSubstr("not a known key"));
+  EXPECT_THAT(MistakeWith(first + "/until", nlohmann::json::object()),
+              HasSubstr("to leave the state"));
+  EXPECT_THAT(MistakeWith(first + "/until", {{"load_above", 1}, {"load_below", 2}}),
+              HasSubstr("can't both be there"));
+  EXPECT_THAT(MistakeWith(first + "/until", {{"hip_deg_above", 1}, {"load_above", 1}}), HasSubstr("hip_deg_above"));
+}
+
 TEST(LocomotionRules, TheModelMustHaveRoomForTheField) {
   LocomotionRules rules = ParsedRules(ShippedRules("paper"));
   rules.field.columns = 31;

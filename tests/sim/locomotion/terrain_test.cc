@@ -160,6 +160,40 @@ TEST(PaperCourse, MixedDrawsEachObstacle) {
   EXPECT_LT(chi, 13.8);  // 0.1 % point of two degrees of freedom
 }
 
+TEST(PaperCourse, MixedHoldsEveryKindAtLeastTwice) {
+  std::set<std::vector<CourseKind>> orders;
+  std::set<std::multiset<CourseKind>> hands;
+  for (uint64_t seed = 0; seed < 300; ++seed) {
+    std::vector<CourseKind> obstacles;
+    const Terrain terrain = PaperCourse({"mixed"}, seed);
+    for (const CourseKind kind : terrain.patches()) {
+      if (kind != CourseKind::kFlat) obstacles.push_back(kind);
+    }
+    ASSERT_EQ(obstacles.size(), 8u);
+    for (const CourseKind kind : {CourseKind::kHilly, CourseKind::kRough, CourseKind::kStairs}) {
+      EXPECT_GE(std::count(obstacles.begin(), obstacles.end(), kind), 2) << seed;
+    }
+    orders.insert(obstacles);
+    hands.insert({obstacles.begin(), obstacles.end()});
+  }
+  EXPECT_EQ(hands.size(), 6u);  // all ways to add two of three kinds
+  EXPECT_GT(orders.size(), 250u);
+}
+
+TEST(OfficialCourse, MixedDrawsEachPatchByItself) {
+  const LocomotionRules rules = OfficialRules("Random", "random_mixed");
+  bool one_was_missing = false;
+  for (uint64_t seed = 0; seed < 300; ++seed) {
+    Terrain terrain(rules.field, rules.course, rules.end.distance_from_y_m);
+    NumpyGenerator random(seed);
+    LegacyNumpyGenerator legacy(static_cast<uint32_t>(seed));
+    terrain.Build(random, legacy);
+    const std::set<CourseKind> kinds(terrain.patches().begin(), terrain.patches().end());
+    one_was_missing = one_was_missing || kinds.size() < 4;  // level patches are flat
+  }
+  EXPECT_TRUE(one_was_missing);
+}
+
 TEST(PaperCourse, KindOfCourseIsUniformOverFive) {
   const LocomotionRules rules = ParsedRules(ShippedRules("paper"));
   std::map<CourseKind, int> counts;

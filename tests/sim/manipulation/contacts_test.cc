@@ -9,7 +9,7 @@
 namespace myograde::sim {
 namespace {
 
-using World = ManipulationRules::WorldContact;
+using CountsAs = ManipulationRules::CountsAs;
 
 class Labels : public ::testing::Test {
  protected:
@@ -19,17 +19,51 @@ class Labels : public ::testing::Test {
 };
 ManipulationEnvironment* Labels::env_ = nullptr;
 
+ManipulationRules Counting(CountsAs world, CountsAs torso) {
+  ManipulationRules rules = RulesOf("paper");
+  rules.world_contact = world;
+  rules.torso_contact = torso;
+  return rules;
+}
+
 TEST_F(Labels, EveryBodyHasOne) {
   const Scene& scene = env_->scene();
-  EXPECT_EQ(LabelOf(0, scene, World::kArm), kTouchArm);
-  EXPECT_EQ(LabelOf(0, scene, World::kOther), kTouchOther);
-  for (int body = 1; body <= 39; ++body) EXPECT_EQ(LabelOf(body, scene, World::kOther), kTouchArm);
-  for (int body = 40; body <= 69; ++body) {
-    EXPECT_EQ(LabelOf(body, scene, World::kOther), kTouchProsthesis);
+  const ManipulationRules other = Counting(CountsAs::kOther, CountsAs::kOther);
+  const ManipulationRules arm = Counting(CountsAs::kArm, CountsAs::kArm);
+  EXPECT_EQ(LabelOf(0, scene, arm), kTouchArm);
+  EXPECT_EQ(LabelOf(0, scene, other), kTouchOther);
+  EXPECT_EQ(LabelOf(0, scene, Counting(CountsAs::kOther, CountsAs::kArm)), kTouchOther);
+  // The body's frame, the thorax and the torso's mesh without a name.
+  for (int body = 1; body <= 3; ++body) {
+    EXPECT_EQ(LabelOf(body, scene, arm), kTouchArm);
+    EXPECT_EQ(LabelOf(body, scene, other), kTouchOther);
+    EXPECT_EQ(LabelOf(body, scene, Counting(CountsAs::kArm, CountsAs::kOther)), kTouchOther);
   }
-  EXPECT_EQ(LabelOf(71, scene, World::kOther), kTouchStart);
-  EXPECT_EQ(LabelOf(72, scene, World::kOther), kTouchGoal);
-  EXPECT_EQ(LabelOf(73, scene, World::kOther), kTouchOther);
+  EXPECT_STREQ(mj_id2name(&env_->model(), mjOBJ_BODY, 4), "clavicle");
+  for (int body = 4; body <= 39; ++body) EXPECT_EQ(LabelOf(body, scene, other), kTouchArm);
+  for (int body = 40; body <= 69; ++body) {
+    EXPECT_EQ(LabelOf(body, scene, other), kTouchProsthesis);
+  }
+  EXPECT_EQ(LabelOf(71, scene, other), kTouchStart);
+  EXPECT_EQ(LabelOf(72, scene, other), kTouchGoal);
+  EXPECT_EQ(LabelOf(73, scene, other), kTouchOther);
+}
+
+TEST_F(Labels, TheTorsoIsAnythingElseInPaperAndTheArmInTheOfficialCode) {
+  EXPECT_EQ(RulesOf("paper").torso_contact, CountsAs::kOther);
+  EXPECT_EQ(RulesOf("myosuite").torso_contact, CountsAs::kArm);
+  EXPECT_EQ(RulesOf("as-graded").torso_contact, CountsAs::kArm);
+  for (const bool paper : {true, false}) {
+    const auto env = MakeProfile(paper ? "paper" : "myosuite");
+    env->Reset(5);
+    // Where the torso's mesh is, which belongs to the third body.
+    const mjModel& m = env->model();
+    ASSERT_GT(m.body_geomnum[3], 0);
+    const mjtNum* torso = env->data().geom_xpos + 3 * m.body_geomadr[3];
+    PutObject(*env, {torso[0], torso[1], torso[2]});
+    EXPECT_EQ(env->touch()[kTouchOther], paper);
+    EXPECT_NE(env->touch()[kTouchArm], paper);
+  }
 }
 
 TEST_F(Labels, AreSeenWhereTheObjectIsPut) {

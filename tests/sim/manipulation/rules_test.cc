@@ -34,7 +34,8 @@ TEST(ManipulationRules, PaperIsWhatTheChallengePublished) {
   EXPECT_EQ(rules.end_rule, ManipulationRules::EndRule::kPlaced);
   EXPECT_EQ(rules.object_point, ManipulationRules::ObjectPoint::kBoxCentre);
   EXPECT_EQ(rules.inertia, ManipulationRules::Inertia::kSolidBox);
-  EXPECT_EQ(rules.world_contact, ManipulationRules::WorldContact::kOther);
+  EXPECT_EQ(rules.world_contact, ManipulationRules::CountsAs::kOther);
+  EXPECT_EQ(rules.torso_contact, ManipulationRules::CountsAs::kOther);
   EXPECT_EQ(rules.mass_kg, 0.097);
   EXPECT_EQ(rules.mass_spread_kg, 0.05);
   EXPECT_EQ(rules.size_spread, (ManipulationRules::Vector{0.05, 0.1, 0.05}));
@@ -89,6 +90,7 @@ TEST(ManipulationRules, ValuesOutOfRangeAreNamed) {
       {"half_size_m", {0.1, 0.1}}, {"half_size_m", {0.1, 0.1, 0}},
       {"size_spread", {1, 0, 0}}, {"friction_spread", {2, 0, 0}},
       {"end_rule", "never"},      {"world_contact", "floor"},
+      {"torso_contact", "body"},
       {"phantom_trials", 1},      {"drop_height_m", "low"}};
   for (const auto& [key, value] : mistakes) {
     json rules = Config("paper").rules;
