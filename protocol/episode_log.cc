@@ -15,6 +15,8 @@
 #include "protocol/event_log.h"
 #include "protocol/layout.h"
 #include "protocol/leg_sets_json.h"
+#include "protocol/rules_locomotion.h"
+#include "protocol/rules_manipulation.h"
 
 namespace myograde {
 namespace {
@@ -113,6 +115,21 @@ absl::StatusOr<Json> TextOf(const LogEvent& event) {
     return bad;
   }
   return ParseJson(text.json, absl::StrCat("the log's event ", event.number));
+}
+
+// The most bytes that a text in a log may have: a track's config is the longest.
+constexpr size_t kMaxTextBytes = 1 << 20;
+
+// Control steps of the longest episode.
+absl::StatusOr<int64_t> MaxStepsOf(const TrackConfig& track) {
+  if (track.kind == TrackKind::kManipulation) {
+    const auto rules = ParseManipulationRules(track.rules, "the log's header: rules");
+    if (!rules.ok()) return rules.status();
+    return rules->max_steps;
+  }
+  const auto rules = ParseLocomotionRules(track.rules, "the log's header: rules");
+  if (!rules.ok()) return rules.status();
+  return std::llround(rules->end.time_limit_s / ControlPeriod(track.kind));
 }
 
 // What a log is read into, one event after the other.
@@ -296,6 +313,35 @@ void EpisodeLogEncoder::Resume(int64_t number, int64_t step) {
 
 void EpisodeLogEncoder::End(const LogEnd& end, const std::string& before, std::string& out) {
   AppendText(kLogEndChannel, EndToJson(end, before), out);
+}
+
+absl::StatusOr<std::optional<int64_t>> LogBytesLimit(std::string_view begin) {
+  const absl::StatusOr<std::optional<size_t>> size = EventBytes(begin);
+  if (!size.ok()) return size.status();
+  if (!size->has_value()) return std::nullopt;
+  if (**size > kMaxTextBytes) {
+    return absl::DataLossError("the file's first event is too long for the header of a log");
+  }
+  if (begin.size() < **size) return std::nullopt;
+  EventLogReader reader(begin.substr(0, **size));
+  absl::StatusOr<std::optional<LogEvent>> event = reader.Next();
+  if (!event.ok()) return event.status();
+  if ((*event)->channel != kLogHeaderChannel) {
+    return absl::DataLossError("the file does not begin with the header of an episode's log");
+  }
+  absl::StatusOr<Json> json = TextOf(**event);
+  if (!json.ok()) return absl::DataLossError(json.status().message());
+  absl::StatusOr<LogHeader> header = HeaderFromJson(*json);
+  if (!header.ok()) return absl::DataLossError(header.status().message());
+  const absl::StatusOr<int64_t> steps = MaxStepsOf(header->track);
+  if (!steps.ok()) return absl::DataLossError(steps.status().message());
+  const auto texts = static_cast<int64_t>(**size + 2 * kMaxTextBytes);  // start and end
+  // An action's fingerprint, episode, step, size and values; a digest's message.
+  const auto action = static_cast<size_t>(28 + 8 * ActionSize(header->track.kind));
+  const auto digest = static_cast<size_t>(step_digest_t().getEncodedSize());
+  const size_t step = 2 * kEventHeadBytes + kActionChannel.size() + action +
+                      kLogDigestChannel.size() + digest;
+  return texts + (*steps + 1) * static_cast<int64_t>(step);
 }
 
 absl::StatusOr<EpisodeLog> ParseEpisodeLog(std::string_view bytes) { return Parser(bytes).Parse(); }

@@ -104,6 +104,10 @@ struct EpisodeLog {
   }
 };
 
+// The most bytes that a log can have, by the header that it begins with; nullopt if
+// `begin` does not hold the whole header yet. DataLossError: no log begins so.
+absl::StatusOr<std::optional<int64_t>> LogBytesLimit(std::string_view begin);
+
 // Reads a whole log. REQUIRES nothing of `bytes`. DataLossError: cut, altered
 // (the checksum does not fit) or no log of an episode; it says which.
 absl::StatusOr<EpisodeLog> ParseEpisodeLog(std::string_view bytes);

@@ -32,6 +32,18 @@ void AppendEvent(int64_t number, int64_t time_us, std::string_view channel,
   out.append(reinterpret_cast<const char*>(message.data()), message.size());
 }
 
+absl::StatusOr<std::optional<size_t>> EventBytes(std::string_view begin) {
+  if (begin.size() < kEventHeadBytes) return std::nullopt;
+  size_t at = 0;
+  if (TakeNumber(begin, at, 4) != kSync) {
+    return absl::DataLossError("no event of a log begins at its byte 0; the file is no log");
+  }
+  at += 16;  // number and time
+  const uint64_t name = TakeNumber(begin, at, 4);
+  const uint64_t size = TakeNumber(begin, at, 4);
+  return kEventHeadBytes + name + size;
+}
+
 absl::StatusOr<std::optional<LogEvent>> EventLogReader::Next() {
   if (at_ == log_.size()) return std::nullopt;
   LogEvent event;

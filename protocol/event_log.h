@@ -34,6 +34,10 @@ struct LogEvent {
   size_t offset = 0;  // of the event's first byte in the log
 };
 
+// The bytes of the whole event that `begin` begins with, as its head says; nullopt if not
+// even that is there. DataLossError: no event begins so.
+absl::StatusOr<std::optional<size_t>> EventBytes(std::string_view begin);
+
 // Walks over a log in memory, which must outlive it and its events.
 class EventLogReader {
  public:

@@ -36,6 +36,7 @@
 #include "protocol/config_reader.h"
 #include "protocol/layout.h"
 #include "protocol/lease.h"
+#include "protocol/packed_log.h"
 #include "protocol/pinned_maths.h"
 #include "protocol/rules_locomotion.h"
 #include "protocol/rules_manipulation.h"
@@ -43,7 +44,6 @@
 #include "sim/confine.h"
 #include "sim/episode/lease_player.h"
 #include "sim/episode/log_writer.h"
-#include "sim/episode/packed_log.h"
 #include "sim/episode/replay_player.h"
 #include "sim/factory.h"
 #include "sim/model/model.h"
@@ -120,7 +120,7 @@ absl::Status ReplayFile(const char* path, const char* cache_dir, bool& equal) {
   if (!file.valid()) {
     return absl::NotFoundError(absl::StrCat(path, ": can't be opened: ", strerror(errno)));
   }
-  absl::StatusOr<std::string> bytes = ReadLogFile(file.get());
+  absl::StatusOr<std::string> bytes = ReadPackedLog(file.get());
   if (!bytes.ok()) return bytes.status();
   absl::StatusOr<EpisodeLog> log = ParseEpisodeLog(*bytes);
   if (!log.ok()) return log.status();

@@ -27,7 +27,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr size_t kMaxReceiptBytes = 64u << 20;
+// Of a receipt of the longest evaluation, 10,000 episodes, 7 million are needed.
+constexpr size_t kMaxReceiptBytes = 16u << 20;
 
 struct VerifyOptions {
   ApiOptions daemon;
@@ -45,9 +46,15 @@ absl::StatusOr<std::string> ReadText(const std::string& path) {
   if (!file || std::filesystem::is_directory(path)) {
     return absl::NotFoundError(absl::StrCat(path, ": can't be read: ", std::strerror(errno)));
   }
-  std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  std::string text;
+  std::string piece(64 << 10, '\0');
+  while (file && text.size() <= kMaxReceiptBytes) {
+    file.read(piece.data(), std::ssize(piece));
+    text.append(piece, 0, static_cast<size_t>(file.gcount()));
+  }
   if (text.size() > kMaxReceiptBytes) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": is too large for a receipt"));
+    return absl::InvalidArgumentError(absl::StrCat(path, ": is larger than ", kMaxReceiptBytes,
+                                                   " bytes, so it is no receipt"));
   }
   return text;
 }
@@ -61,7 +68,7 @@ class LogSource {
       if (std::filesystem::is_directory(path)) {
         folders_.push_back(path);
       } else if (absl::StatusOr<std::string> log = ReadLog(path); log.ok()) {
-        files_[Sha256Hex(*log)] = *std::move(log);
+        files_[Sha256Hex(*log)] = path;
       } else {
         checks_.push_back({"log " + path, false, std::string(log.status().message())});
       }
@@ -72,14 +79,16 @@ class LogSource {
   // Files that the receipt does not know are altered, or of another evaluation.
   std::vector<ReceiptCheck> Check(const Json& receipt) const {
     std::vector<ReceiptCheck> checks = checks_;
-    for (const auto& [hash, log] : files_) {
+    for (const auto& [hash, path] : files_) {
       bool known = false;
       for (const Json& entry : receipt["episodes"]) {
         known = known || entry.value("log", Json()) == Json(hash);
       }
       ReceiptCheck check = {absl::StrCat("log ", hash), known, ""};
       if (!known) {
-        const absl::StatusOr<EpisodeLog> parsed = ParseEpisodeLog(log);
+        const absl::StatusOr<std::string> log = ReadLog(path);
+        const absl::StatusOr<EpisodeLog> parsed =
+            log.ok() ? ParseEpisodeLog(*log) : absl::StatusOr<EpisodeLog>(log.status());
         check.detail = parsed.ok()
                            ? absl::StrCat("the log of episode ", parsed->header.episode,
                                           " has the SHA-256 ", hash,
@@ -92,16 +101,10 @@ class LogSource {
   }
 
   absl::StatusOr<std::string> Find(const std::string& hash) const {
-    if (const auto it = files_.find(hash); it != files_.end()) return it->second;
+    if (const auto it = files_.find(hash); it != files_.end()) return ReadAs(hash, it->second);
     for (const std::string& folder : folders_) {
       const std::string path = absl::StrCat(folder, "/", LogFileName(hash));
-      if (!std::filesystem::exists(path)) continue;
-      absl::StatusOr<std::string> log = ReadLog(path);
-      if (log.ok() && Sha256Hex(*log) != hash) {
-        return absl::DataLossError(absl::StrCat(path, ": was altered: its SHA-256 is ",
-                                                Sha256Hex(*log), ", the receipt says ", hash));
-      }
-      return log;
+      if (std::filesystem::exists(path)) return ReadAs(hash, path);
     }
     if (given_) {
       return absl::NotFoundError(absl::StrCat("the log ", hash, " is not among those of --logs"));
@@ -112,9 +115,18 @@ class LogSource {
   }
 
  private:
+  static absl::StatusOr<std::string> ReadAs(const std::string& hash, const std::string& path) {
+    absl::StatusOr<std::string> log = ReadLog(path);
+    if (log.ok() && Sha256Hex(*log) != hash) {
+      return absl::DataLossError(absl::StrCat(path, ": was altered: its SHA-256 is ",
+                                              Sha256Hex(*log), ", the receipt says ", hash));
+    }
+    return log;
+  }
+
   const Client client_;
   std::vector<std::string> folders_;
-  std::map<std::string, std::string> files_;  // unpacked, by hash
+  std::map<std::string, std::string> files_;  // paths, by the hash of what is in them
   std::vector<ReceiptCheck> checks_;
   bool given_ = false;
 };

@@ -2,11 +2,14 @@
 
 #include <optional>
 
+#include <algorithm>
+
 #include <absl/strings/str_cat.h>
 
 #include "protocol/config_reader.h"
 #include "protocol/policy_seed.h"
 #include "protocol/sha256.h"
+#include "protocol/track_config.h"
 #include "server/proof/merkle.h"
 #include "server/proof/seed_list.h"
 
@@ -14,6 +17,8 @@ namespace myograde::server {
 namespace {
 
 using Json = nlohmann::json;
+
+constexpr int64_t kMaxReceiptValues = 50 * kMaxEpisodes;
 
 // "" if there is no such text.
 std::string Text(const Json& json, const char* key) {
@@ -93,6 +98,10 @@ absl::StatusOr<std::string> SignReceipt(const Json& receipt, const SigningKey& k
 }
 
 absl::StatusOr<Json> ParseReceipt(std::string_view text) {
+  // Each value takes more memory than its text: a row has some twenty, the config one for a seed.
+  if (std::count(text.begin(), text.end(), ',') > kMaxReceiptValues) {
+    return absl::DataLossError("this is no receipt: it holds more than any evaluation has");
+  }
   absl::StatusOr<Json> json = ParseJson(text, "receipt");
   if (!json.ok()) return absl::DataLossError(json.status().message());
   if (!HasShape(*json)) {

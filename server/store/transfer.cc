@@ -20,7 +20,8 @@ using Json = nlohmann::json;
 
 constexpr char kFormat[] = "myograde-export";
 constexpr char kHead[] = "{\"data\":{";
-constexpr size_t kMaxLine = 64u << 20;
+constexpr size_t kMaxLine = 8u << 20;
+constexpr size_t kMaxTables = 64;
 // The secret, the views, and SQLite's own.
 constexpr char kExportedTables[] =
     "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' AND "
@@ -98,10 +99,17 @@ class LineReader {
   bool opened() const { return file_.is_open(); }
   // False at the end of the file; a last line without a newline is an error.
   absl::StatusOr<bool> Next(std::string& line) {
-    if (!std::getline(file_, line)) return false;
+    line.clear();
+    std::filebuf& in = *file_.rdbuf();
+    for (int c = in.sbumpc(); c != '\n'; c = in.sbumpc()) {
+      if (c == std::filebuf::traits_type::eof()) {
+        if (line.empty()) return false;
+        return Broken(path_, number_ + 1, "ends in the middle");
+      }
+      if (line.size() == kMaxLine) return Broken(path_, number_ + 1, "is too long");
+      line.push_back(static_cast<char>(c));
+    }
     ++number_;
-    if (file_.eof()) return Broken(path_, number_, "ends in the middle");
-    if (line.size() > kMaxLine) return Broken(path_, number_, "is too long");
     return true;
   }
   int64_t number() const { return number_; }
@@ -199,6 +207,7 @@ absl::StatusOr<ExportInfo> CheckExport(const std::string& path) {
     }
     if (absl::Status status = parser.Line(line, lines.number()); !status.ok()) return status;
     if (parser.in_table()) info.rows.try_emplace(parser.table(), 0);
+    if (info.rows.size() > kMaxTables) return Broken(path, lines.number(), "is one table too many");
   }
   const size_t digest = last.find(",\"sha256\":");
   const Json trailer =

@@ -7,9 +7,9 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/packed_log.h"
 #include "protocol/sha256.h"
 #include "protocol/sim_channel.h"
-#include "sim/episode/packed_log.h"
 
 namespace myograde::sim {
 namespace {
@@ -167,7 +167,7 @@ absl::StatusOr<EpisodeLog> ReplayPlayer::ReadLog(const EpisodeOrder& episode) {
   if (message->json["type"] != "log" || !message->fd.valid()) {
     return absl::InternalError("the runner answered need_log without a log");
   }
-  absl::StatusOr<std::string> bytes = ReadLogFile(message->fd.get());
+  absl::StatusOr<std::string> bytes = ReadPackedLog(message->fd.get());
   if (!bytes.ok()) return bytes.status();
   absl::StatusOr<EpisodeLog> log = ParseEpisodeLog(*bytes);
   // A config that does not parse makes the log as worthless as a wrong byte.

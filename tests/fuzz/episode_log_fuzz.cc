@@ -147,7 +147,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     CheckLog(Cook(input));
     return 0;
   }
-  const absl::StatusOr<std::string> log = server::UnpackLog(input.RestText());
+  const absl::StatusOr<std::string> log = UnpackLog(input.RestText());
   if (log.ok()) CheckLog(*log);
   return 0;
 }

@@ -4,8 +4,8 @@
 
 #include <thread>
 
+#include "protocol/packed_log.h"
 #include "tests/sim/episode/lease_world.h"
-#include "sim/episode/packed_log.h"
 #include "sim/episode/replay_player.h"
 
 namespace myograde::sim {
@@ -55,7 +55,7 @@ Fd FileOf(const std::string& bytes) {
 }
 
 absl::StatusOr<EpisodeLog> Parse(const std::string& packed) {
-  const absl::StatusOr<std::string> bytes = ReadLogFile(FileOf(packed).get());
+  const absl::StatusOr<std::string> bytes = ReadPackedLog(FileOf(packed).get());
   if (!bytes.ok()) return bytes.status();
   return ParseEpisodeLog(*bytes);
 }
@@ -92,7 +92,7 @@ TEST_F(EpisodeLogTest, HoldsEveryActionAndDigest) {
   ASSERT_EQ(result.episodes.size(), 3u);
   for (size_t i = 0; i < 3; ++i) {
     const EpisodeFacts& facts = result.episodes[i];
-    const absl::StatusOr<std::string> bytes = ReadLogFile(FileOf(packed_[i]).get());
+    const absl::StatusOr<std::string> bytes = ReadPackedLog(FileOf(packed_[i]).get());
     ASSERT_TRUE(bytes.ok()) << bytes.status();
     EXPECT_EQ(Sha256Hex(*bytes), facts.log.sha256);
     EXPECT_EQ(std::ssize(*bytes), facts.log.bytes);
@@ -208,7 +208,7 @@ TEST_F(EpisodeLogTest, DamagedFilesAreNamed) {
   PlayLogged([](Sandbox& sandbox) { sandbox.PlayWell(); });
   std::string cut = packed_[0];
   cut.resize(cut.size() / 2);
-  EXPECT_THAT(std::string(ReadLogFile(FileOf(cut).get()).status().message()), HasSubstr("cut"));
+  EXPECT_THAT(std::string(ReadPackedLog(FileOf(cut).get()).status().message()), HasSubstr("cut"));
   std::string altered = packed_[0];
   altered[altered.size() / 2] = static_cast<char>(altered[altered.size() / 2] ^ 0x10);
   EXPECT_FALSE(Parse(altered).ok());

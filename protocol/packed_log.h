@@ -1,0 +1,25 @@
+// Reading the log of an episode, packed with zstd or not. Logs may come from
+// anywhere: what is read and unpacked is bounded at every moment by what the log
+// says itself that it can be.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include <absl/status/statusor.h>
+
+namespace myograde {
+
+// A log larger than this, unpacked, is refused, whatever its header says. The
+// longest episode of the challenge's tracks takes 40 MB.
+inline constexpr int64_t kMaxLogBytes = int64_t{512} << 20;
+
+// Reads `fd` to its end, or until it can be no log any more. DataLossError: damaged,
+// cut, or larger than the episode that its header tells of can have made it.
+absl::StatusOr<std::string> ReadPackedLog(int fd);
+
+// Likewise of bytes in memory.
+absl::StatusOr<std::string> UnpackLog(std::string_view packed);
+
+}  // namespace myograde
