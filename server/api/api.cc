@@ -4,8 +4,6 @@
 
 #include <unistd.h>
 
-#include <filesystem>
-
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
@@ -15,6 +13,7 @@
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/daemon/results.h"
+#include "server/daemon/stored.h"
 
 namespace myograde::server {
 namespace {
@@ -31,6 +30,7 @@ void Send(httplib::Response& response, int http, const nlohmann::json& body) {
 ApiError ErrorOf(const absl::Status& status) {
   const std::string message(status.message());
   const std::string code = ErrorCodeOf(status);
+  if (code == kDamagedRowCode) return {500, code, message};
   switch (status.code()) {
     case absl::StatusCode::kInvalidArgument:
       return {400, "bad_request", message};
@@ -183,11 +183,7 @@ void Api::Install(UnixHttpServer& server) {
 }
 
 absl::Status Api::HasFiles(const std::string& artefact) const {
-  std::error_code error;
-  const std::string folder = absl::StrCat(options_.data_dir, "/artefacts/", artefact);
-  if (std::filesystem::exists(folder, error)) return absl::OkStatus();
-  return absl::NotFoundError(absl::StrCat("the files of artefact ", artefact,
-                                          " are not on this host any more; upload it again"));
+  return HasArtefactFiles(options_.data_dir, artefact);
 }
 
 Api::Result Api::Submit(const Request&, const Json& body) {
@@ -284,11 +280,17 @@ Api::Result Api::Rerun(const Request& request, const Json& body) {
   absl::StatusOr<RerunRequest> wanted = ParseRerun(body);
   if (!wanted.ok()) return ErrorOf(wanted.status());
   const int64_t id = std::stoll(request.matches[1]);
-  NewRerun rerun{id, CanonicalJson(GraderBuild(options_.cache_dir)), {}};
+  NewRerun rerun{id, "", CanonicalJson(GraderBuild(options_.cache_dir)), {}};
   absl::Status status = readers_.Read([&](Reader& reader) -> absl::Status {
-    absl::StatusOr<SubmissionRow> submission = reader.Submission(id);
-    if (!submission.ok()) return submission.status();
-    const EvaluationRow original = reader.Evaluations(id).front();
+    if (absl::Status known = reader.Submission(id).status(); !known.ok()) return known;
+    const absl::StatusOr<EvaluationRow> evaluation = reader.Original(id);
+    if (!evaluation.ok()) return evaluation.status();
+    // What can't be played must not be there afterwards.
+    StoredContent content;
+    const absl::StatusOr<StoredEvaluation> stored =
+        LoadEvaluation(reader, evaluation->id, content);
+    if (!stored.ok()) return stored.status();
+    const EvaluationRow& original = stored->evaluation;
     if (!IsFinal(original.state)) {
       return absl::FailedPreconditionError(absl::StrCat(
           "submission ", id, " has not ended; wait for it, or cancel it, before it is run again"));
@@ -298,8 +300,9 @@ Api::Result Api::Rerun(const Request& request, const Json& body) {
           absl::StrCat("request: \"last\" is ", *wanted->last, ", the last episode of submission ",
                        id, " is ", original.last));
     }
-    if (absl::Status files = HasFiles(submission->artefact); !files.ok()) return files;
-    for (const LeaseRow& lease : reader.Leases(original.id)) {
+    rerun.artefact = stored->submission.artefact;
+    if (absl::Status files = HasFiles(rerun.artefact); !files.ok()) return files;
+    for (const LeaseRow& lease : stored->leases) {
       const bool wants = lease.last >= wanted->first.value_or(0) &&
                          lease.first <= wanted->last.value_or(original.last);
       if (wants) rerun.blocks.emplace_back(lease.first, lease.last);

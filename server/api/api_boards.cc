@@ -13,19 +13,51 @@ namespace {
 
 using Json = nlohmann::json;
 
+// Everything that may stand on a board, and what can't be read of it.
+struct Source {
+  std::vector<StandingRow> standings;
+  Marks marks;
+  std::vector<Damage> damaged;
+};
+
 // What the view lacks is made of the episode rows on the spot.
-absl::StatusOr<std::vector<StandingRow>> StandingsOf(Reader& reader, const std::string& config) {
-  std::vector<StandingRow> standings = reader.Standings(config);
-  for (StandingRow& row : standings) {
-    if (!row.aggregate_json.empty()) continue;
-    absl::StatusOr<std::string> standing = StandingOf(reader, row.evaluation);
-    if (!standing.ok()) return standing.status();
-    row.aggregate_json = *std::move(standing);
-    absl::StatusOr<RankedNumbers> numbers = ParseRankedNumbers(row.aggregate_json);
-    if (!numbers.ok()) return numbers.status();
-    row.numbers = *std::move(numbers);
+absl::Status FillRow(Reader& reader, StandingRow& row) {
+  if (!row.aggregate_json.empty()) return absl::OkStatus();
+  absl::StatusOr<std::string> standing = StandingOf(reader, row.evaluation);
+  if (!standing.ok()) return standing.status();
+  row.aggregate_json = *std::move(standing);
+  absl::StatusOr<RankedNumbers> numbers = ParseRankedNumbers(row.aggregate_json);
+  if (!numbers.ok()) {
+    return DamagedRow({"evaluation", absl::StrCat(row.evaluation),
+                       std::string(numbers.status().message())});
   }
-  return standings;
+  row.numbers = *std::move(numbers);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Source> SourceOf(Reader& reader, const std::string& config) {
+  Listed<StandingRow> listed = reader.Standings(config);
+  MarksInForce marks = reader.Marks();
+  Source source{{}, std::move(marks.by_submission), std::move(listed.damaged)};
+  for (StandingRow& row : listed.rows) {
+    // Nobody can tell whether it is hidden or disqualified.
+    if (const auto mark = marks.damaged.find(row.submission); mark != marks.damaged.end()) {
+      source.damaged.push_back(mark->second);
+      continue;
+    }
+    const absl::Status filled = FillRow(reader, row);
+    if (filled.ok()) {
+      source.standings.push_back(std::move(row));
+    } else if (const std::optional<Damage> damage = DamageOf(filled)) {
+      source.damaged.push_back(*damage);
+    } else {
+      return filled;
+    }
+  }
+  if (const auto mark = marks.damaged.find(0); mark != marks.damaged.end()) {
+    source.damaged.push_back(mark->second);
+  }
+  return source;
 }
 
 Json RowToJson(const BoardRow& row) {
@@ -80,12 +112,14 @@ std::variant<Api::Asked, ApiError> Api::BoardAsked(const Request& request) {
 
 absl::StatusOr<std::string> Api::MakeBoardText(Reader& reader, const Asked& asked) {
   const TrackConfig& config = asked.track->config;
-  absl::StatusOr<std::vector<StandingRow>> standings = StandingsOf(reader, config.hash);
-  if (!standings.ok()) return standings.status();
+  absl::StatusOr<Source> source = SourceOf(reader, config.hash);
+  if (!source.ok()) return source.status();
   absl::StatusOr<Board> board =
-      MakeBoard(*standings, reader.Marks(), *asked.rules, asked.track->scoring.team);
+      MakeBoard(source->standings, source->marks, *asked.rules, asked.track->scoring.team);
   if (!board.ok()) return board.status();
   Json json = BoardToJson(*board);
+  source->damaged.insert(source->damaged.end(), board->damaged.begin(), board->damaged.end());
+  json["unreadable"] = DamagedToJson(source->damaged);
   json["track"] = config.id;
   json["track_kind"] = TrackKindName(config.kind);
   json["profile"] = config.profile;
@@ -142,9 +176,9 @@ Api::Result Api::Explain(const Request& request) {
   const Asked& board = std::get<Asked>(asked);
   Answer answer;
   status = readers_.Read([&](Reader& reader) -> absl::Status {
-    const auto standings = StandingsOf(reader, board.track->config.hash);
-    if (!standings.ok()) return standings.status();
-    const auto explanation = ExplainOrder(*standings, reader.Marks(), *board.rules,
+    const absl::StatusOr<Source> source = SourceOf(reader, board.track->config.hash);
+    if (!source.ok()) return source.status();
+    const auto explanation = ExplainOrder(source->standings, source->marks, *board.rules,
                                           board.track->scoring.team,
                                           reader.TeamOf(request.get_param_value("a")),
                                           reader.TeamOf(request.get_param_value("b")));
@@ -168,10 +202,11 @@ Api::Result Api::RebuildBoards(const Request&, const Json& body) {
   UnixHttpServer::AllowUploadTime();
   auto standings = MakeStandings(readers_, /*missing_only=*/false);
   if (!standings.ok()) return ErrorOf(standings.status());
-  const size_t count = standings->size();
+  const size_t count = standings->rows.size();
+  const Json unreadable = DamagedToJson(standings->damaged);
   // One that ends in between is made of its rows whenever a board needs it.
   const absl::Status status = engine_.Change(
-      [rows = *std::move(standings)](Writer& writer) {
+      [rows = std::move(standings->rows)](Writer& writer) {
         absl::Status written = writer.DropStandings();
         for (const auto& [evaluation, standing] : rows) {
           written.Update(writer.SetStanding(evaluation, standing));
@@ -180,7 +215,7 @@ Api::Result Api::RebuildBoards(const Request&, const Json& body) {
       },
       options_.config.http.upload);
   if (!status.ok()) return ErrorOf(status);
-  return Answer{200, {{"rebuilt", count}}};
+  return Answer{200, {{"rebuilt", count}, {"unreadable", unreadable}}};
 }
 
 Api::Result Api::Mark(const Request& request, const Json& body) {
@@ -189,7 +224,14 @@ Api::Result Api::Mark(const Request& request, const Json& body) {
   if (!wanted.ok()) return ErrorOf(wanted.status());
   const int64_t id = std::stoll(request.matches[1]);
   const auto changed = std::make_shared<bool>(false);
-  absl::Status status = engine_.Change(
+  // What can't be answered is not done.
+  absl::Status status = readers_.Read([&](Reader& reader) {
+    absl::Status readable = reader.Submission(id).status();
+    readable.Update(reader.MarkHistory(id).status());
+    return readable;
+  });
+  if (!status.ok()) return ErrorOf(status);
+  status = engine_.Change(
       [id, changed, who = Who(), mark = *wanted](Writer& writer) {
         absl::StatusOr<bool> marked = writer.Mark(id, mark.mark, mark.set, who, mark.reason);
         if (marked.ok()) *changed = *marked;
@@ -201,6 +243,8 @@ Api::Result Api::Mark(const Request& request, const Json& body) {
     status = readers_.Read([&](Reader& reader) -> absl::Status {
       absl::StatusOr<SubmissionRow> submission = reader.Submission(id);
       if (!submission.ok()) return submission.status();
+      const absl::StatusOr<std::vector<MarkRow>> marks = reader.MarkHistory(id);
+      if (!marks.ok()) return marks.status();
       answer.body = {{"submission", id},
                      {"team", submission->team},
                      {"track", submission->track},
@@ -208,7 +252,7 @@ Api::Result Api::Mark(const Request& request, const Json& body) {
                      {"mark", wanted->mark},
                      {"set", wanted->set},
                      {"changed", *changed},
-                     {"marks", MarksToJson(reader.MarkHistory(id))}};
+                     {"marks", MarksToJson(*marks)}};
       return absl::OkStatus();
     });
   }

@@ -9,6 +9,7 @@
 #include "protocol/policy_seed.h"
 #include "server/api/api.h"
 #include "server/daemon/results.h"
+#include "server/daemon/stored.h"
 #include "server/proof/receipt.h"
 #include "server/runner/log_keeper.h"
 
@@ -19,7 +20,9 @@ namespace {
 absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
   absl::StatusOr<SubmissionRow> submission = reader.Submission(id);
   if (!submission.ok()) return submission.status();
-  const EvaluationRow evaluation = reader.Evaluations(id).front();
+  const absl::StatusOr<EvaluationRow> original = reader.Original(id);
+  if (!original.ok()) return original.status();
+  const EvaluationRow& evaluation = *original;
   if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
     return absl::FailedPreconditionError(
         absl::StrCat("submission ", id, " is ", std::string(EvaluationStateName(evaluation.state)),
@@ -27,11 +30,11 @@ absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
   }
   absl::StatusOr<std::string> config = reader.ConfigJson(submission->config);
   if (!config.ok()) return config.status();
-  absl::StatusOr<nlohmann::json> effective = ParseJson(*config, "the store's config");
-  if (!effective.ok()) return effective.status();
-  absl::StatusOr<TrackConfig> track = ParseTrackConfig(*effective, "the store's config");
+  const absl::StatusOr<TrackConfig> track = StoredConfig(reader, submission->config);
   if (!track.ok()) return track.status();
-  const std::vector<EpisodeRow> rows = reader.Episodes(evaluation.id);
+  const absl::StatusOr<std::vector<EpisodeRow>> read = reader.Episodes(evaluation.id);
+  if (!read.ok()) return read.status();
+  const std::vector<EpisodeRow>& rows = *read;
   absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(rows);
   if (!aggregate.ok()) return aggregate.status();
   nlohmann::json episodes = nlohmann::json::array();
@@ -54,7 +57,7 @@ absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
       {"state", EvaluationStateName(evaluation.state)},
       {"artefact", submission->artefact},
       {"config", submission->config},
-      {"track_config", *std::move(effective)},
+      {"track_config", nlohmann::json::parse(*config)},
       {"seeds", submission->seeds},
       {"policy_seeds", std::move(policy_seeds)},
       {"grader", nlohmann::json::parse(evaluation.grader_json, nullptr, false)},

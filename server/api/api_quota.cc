@@ -31,6 +31,12 @@ Json LedgerToJson(const LedgerRow& row) {
           {"why", row.why}};
 }
 
+void AddLedger(const Listed<LedgerRow>& ledger, Json& body) {
+  body["ledger"] = Json::array();
+  for (const LedgerRow& row : ledger.rows) body["ledger"].push_back(LedgerToJson(row));
+  body["unreadable"] = DamagedToJson(ledger.damaged);
+}
+
 }  // namespace
 
 absl::StatusOr<Json> Api::QuotaOf(Reader& reader, const std::string& team,
@@ -79,16 +85,13 @@ Api::Result Api::GetQuota(const Request& request) {
     absl::StatusOr<Json> quota = QuotaOf(reader, team, track);
     if (!quota.ok()) return quota.status();
     answer.body = *std::move(quota);
-    answer.body["ledger"] = Json::array();
-    for (const LedgerRow& row : reader.Ledger(team, track, before, limit)) {
-      answer.body["ledger"].push_back(LedgerToJson(row));
-    }
+    const Listed<LedgerRow> ledger = reader.Ledger(team, track, before, limit);
+    AddLedger(ledger, answer.body);
+    const bool more = std::ssize(ledger.rows) + std::ssize(ledger.damaged) == limit;
+    answer.body["next_before"] = more ? Json(ledger.last_id) : Json();
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
-  const Json& ledger = answer.body["ledger"];
-  const bool more = static_cast<int64_t>(ledger.size()) == limit;
-  answer.body["next_before"] = more ? ledger.back()["id"] : Json();
   return answer;
 }
 
@@ -110,10 +113,7 @@ Api::Result Api::Grant(const Request&, const Json& body) {
       absl::StatusOr<Json> quota = QuotaOf(reader, grant->team, grant->track);
       if (!quota.ok()) return quota.status();
       answer.body = *std::move(quota);
-      answer.body["ledger"] = Json::array();
-      for (const LedgerRow& row : reader.Ledger(grant->team, grant->track, INT64_MAX, 1)) {
-        answer.body["ledger"].push_back(LedgerToJson(row));
-      }
+      AddLedger(reader.Ledger(grant->team, grant->track, INT64_MAX, 1), answer.body);
       return absl::OkStatus();
     });
   }

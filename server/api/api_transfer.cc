@@ -121,11 +121,10 @@ Api::Result Api::Import(const httplib::ContentReader& content) {
       options_.config.http.upload);
   if (!status.ok()) return ErrorOf(status);
   // Boards make what the view lacks on the spot, so this may as well fail.
-  absl::StatusOr<std::vector<std::pair<int64_t, std::string>>> standings =
-      MakeStandings(readers_, /*missing_only=*/true);
+  absl::StatusOr<Standings> standings = MakeStandings(readers_, /*missing_only=*/true);
   if (standings.ok()) {
     status = engine_.Change(
-        [rows = *std::move(standings)](Writer& writer) {
+        [rows = std::move(standings->rows)](Writer& writer) {
           absl::Status written;
           for (const auto& [evaluation, standing] : rows) {
             written.Update(writer.SetStanding(evaluation, standing));
@@ -145,9 +144,14 @@ void Api::InstallTransfer(UnixHttpServer& server) {
   });
   server.Get("/v1/backup", [this](const Request&, httplib::Response& response) {
     SendMade("application/vnd.sqlite3", response, [this](const std::string& path) {
-      return readers_.Backup(path, [](int64_t done, int64_t total) {
-        spdlog::info("backup: {} of {} pages are copied", done, total);
-      });
+      return readers_.Backup(
+          path,
+          [](int64_t done, int64_t total) {
+            spdlog::info("backup: {} of {} pages are copied", done, total);
+          },
+          [](const std::string& what) {
+            spdlog::error("backup: a row of the store is damaged, and so in the copy: {}", what);
+          });
     });
   });
   server.Post("/v1/import", [this](const Request&, httplib::Response& response,

@@ -8,6 +8,7 @@
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/daemon/results.h"
+#include "server/daemon/stored.h"
 #include "server/store/schema.h"
 #include "server/track_scoring.h"
 
@@ -15,14 +16,6 @@ namespace myograde::server {
 namespace {
 
 using Json = nlohmann::json;
-
-absl::StatusOr<TrackConfig> ConfigOf(Reader& reader, const std::string& hash) {
-  absl::StatusOr<std::string> text = reader.ConfigJson(hash);
-  if (!text.ok()) return text.status();
-  absl::StatusOr<Json> json = ParseJson(*text, "the store's config");
-  if (!json.ok()) return json.status();
-  return ParseTrackConfig(*json, "the store's config");
-}
 
 std::string HostName() {
   char name[256] = {};
@@ -39,13 +32,14 @@ Json Ahead(const std::optional<absl::Duration>& duration, absl::Time now) {
   return TimeToJson(absl::ToUnixMillis(now + *duration));
 }
 
-Json HistoryToJson(Reader& reader, int64_t submission, int64_t evaluation) {
-  std::vector<TransitionRow> rows = reader.Transitions("submission", submission);
-  for (TransitionRow& row : reader.Transitions("evaluation", evaluation)) {
-    rows.push_back(std::move(row));
-  }
+absl::StatusOr<Json> HistoryToJson(Reader& reader, int64_t submission, int64_t evaluation) {
+  absl::StatusOr<std::vector<TransitionRow>> rows = reader.Transitions("submission", submission);
+  if (!rows.ok()) return rows.status();
+  absl::StatusOr<std::vector<TransitionRow>> more = reader.Transitions("evaluation", evaluation);
+  if (!more.ok()) return more.status();
+  rows->insert(rows->end(), more->begin(), more->end());
   Json history = Json::array();
-  for (const TransitionRow& row : rows) {
+  for (const TransitionRow& row : *rows) {
     history.push_back({{"at", TimeToJson(row.at)},
                        {"of", row.entity},
                        {"from", TextOrNull(row.from)},
@@ -107,8 +101,15 @@ Json SubmissionToJson(const SubmissionRow& row, const EvaluationRow& original,
 absl::StatusOr<Json> Api::Status(Reader& reader, int64_t id) {
   absl::StatusOr<SubmissionRow> row = reader.Submission(id);
   if (!row.ok()) return row.status();
-  const std::vector<EvaluationRow> evaluations = reader.Evaluations(id);
-  const EvaluationRow& original = evaluations.front();
+  const absl::StatusOr<std::vector<EvaluationRow>> evaluations = reader.Evaluations(id);
+  if (!evaluations.ok()) return evaluations.status();
+  const EvaluationRow& original = evaluations->front();
+  const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(original.id);
+  if (!leases.ok()) return leases.status();
+  const absl::StatusOr<std::vector<MarkRow>> marks = reader.MarkHistory(id);
+  if (!marks.ok()) return marks.status();
+  absl::StatusOr<Json> history = HistoryToJson(reader, id, original.id);
+  if (!history.ok()) return history.status();
   const EpisodeCounts counts = reader.Counts(original.id);
   const int64_t now = absl::ToUnixMillis(clock_.Now());
   Json json = SubmissionToJson(*row, original, counts);
@@ -133,16 +134,16 @@ absl::StatusOr<Json> Api::Status(Reader& reader, int64_t id) {
           : Ahead(absl::Seconds(json["remaining_wall_s"].get<double>()), clock_.Now());
   json["owner"] = TextOrNull(prospect.owner);
   json["deadline_at"] = Ahead(prospect.deadline, clock_.Now());
-  json["history"] = HistoryToJson(reader, id, original.id);
+  json["history"] = *std::move(history);
   const std::map<int64_t, LiveLease> running = engine_.Running();
   json["leases"] = Json::array();
-  for (const LeaseRow& lease : reader.Leases(original.id)) {
+  for (const LeaseRow& lease : *leases) {
     const auto live = running.find(lease.id);
     json["leases"].push_back(LeaseToJson(lease, live == running.end() ? nullptr : &live->second));
   }
-  json["marks"] = MarksToJson(reader.MarkHistory(id));
+  json["marks"] = MarksToJson(*marks);
   json["evaluations"] = Json::array();
-  for (const EvaluationRow& evaluation : evaluations) {
+  for (const EvaluationRow& evaluation : *evaluations) {
     json["evaluations"].push_back({{"evaluation", evaluation.id},
                                    {"kind", evaluation.rerun ? "rerun" : "original"},
                                    {"state", EvaluationStateName(evaluation.state)},
@@ -157,11 +158,17 @@ absl::StatusOr<Json> Api::Breakdown(Reader& reader, int64_t id, bool episodes) {
   if (!evaluation.ok()) return evaluation.status();
   absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation->submission);
   if (!submission.ok()) return submission.status();
-  absl::StatusOr<TrackConfig> config = ConfigOf(reader, submission->config);
+  absl::StatusOr<TrackConfig> config = StoredConfig(reader, submission->config);
   if (!config.ok()) return config.status();
-  const std::vector<EpisodeRow> rows = reader.Episodes(id);
+  const absl::StatusOr<std::vector<EpisodeRow>> read = reader.Episodes(id);
+  if (!read.ok()) return read.status();
+  const std::vector<EpisodeRow>& rows = *read;
   absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(rows);
   if (!aggregate.ok()) return aggregate.status();
+  const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(id);
+  if (!leases.ok()) return leases.status();
+  const absl::StatusOr<std::vector<ReplayRow>> replays = reader.Replays(id);
+  if (!replays.ok()) return replays.status();
 
   Json json = SubmissionToJson(*submission, *evaluation, reader.Counts(id));
   json["kind"] = evaluation->rerun ? "rerun" : "original";
@@ -191,7 +198,7 @@ absl::StatusOr<Json> Api::Breakdown(Reader& reader, int64_t id, bool episodes) {
   json["grader"] = Json::parse(evaluation->grader_json, nullptr, false);
   json["limits"] = LimitsToJson(*config);
   json["output"] = Json::array();
-  for (const LeaseRow& lease : reader.Leases(id)) {
+  for (const LeaseRow& lease : *leases) {
     if (lease.output_json.empty()) continue;
     Json output = Json::parse(lease.output_json, nullptr, false);
     output["lease"] = lease.id;
@@ -200,13 +207,16 @@ absl::StatusOr<Json> Api::Breakdown(Reader& reader, int64_t id, bool episodes) {
     json["output"].push_back(std::move(output));
   }
   json["not_repeatable"] = Json::array();
-  for (const ReplayRow& replay : reader.Replays(id)) {
+  for (const ReplayRow& replay : *replays) {
     json["not_repeatable"].push_back({{"index", replay.index}, {"differs", replay.differs}});
   }
   json["comparison"] = nullptr;
   if (evaluation->rerun) {
-    const int64_t original = reader.Evaluations(submission->id).front().id;
-    json["comparison"] = CompareRows(original, reader.Episodes(original), *evaluation, rows);
+    const absl::StatusOr<EvaluationRow> original = reader.Original(submission->id);
+    if (!original.ok()) return original.status();
+    const absl::StatusOr<std::vector<EpisodeRow>> its = reader.Episodes(original->id);
+    if (!its.ok()) return its.status();
+    json["comparison"] = CompareRows(original->id, *its, *evaluation, rows);
   }
   if (episodes) {
     json["episode_rows"] = Json::array();
@@ -224,10 +234,13 @@ Api::Result Api::EvaluationAnswer(int64_t id, bool of_submission, const Request&
   Answer answer;
   if (status.ok()) {
     status = readers_.Read([&](Reader& reader) -> absl::Status {
+      int64_t evaluation = id;
       if (of_submission) {
         if (absl::Status found = reader.Submission(id).status(); !found.ok()) return found;
+        const absl::StatusOr<EvaluationRow> original = reader.Original(id);
+        if (!original.ok()) return original.status();
+        evaluation = original->id;
       }
-      const int64_t evaluation = of_submission ? reader.Evaluations(id).front().id : id;
       absl::StatusOr<Json> json = Breakdown(reader, evaluation, episodes == "1");
       if (json.ok()) answer.body = *std::move(json);
       return json.status();
@@ -260,18 +273,29 @@ Api::Result Api::ListSubmissions(const Request& request) {
   absl::StatusOr<SubmissionFilter> filter = ParseFilter(request);
   if (!filter.ok()) return ErrorOf(filter.status());
   Json list = Json::array();
+  Listed<SubmissionRow> found;
+  bool more = false;
   const absl::Status status = readers_.Read([&](Reader& reader) {
     filter->team = reader.TeamOf(filter->team);
-    for (const SubmissionRow& row : reader.Submissions(*filter)) {
-      const EvaluationRow original = reader.Evaluations(row.id).front();
-      list.push_back(SubmissionToJson(row, original, reader.Counts(original.id)));
+    found = reader.Submissions(*filter);
+    more = std::ssize(found.rows) + std::ssize(found.damaged) == filter->limit;
+    for (const SubmissionRow& row : found.rows) {
+      const absl::StatusOr<EvaluationRow> original = reader.Original(row.id);
+      if (original.ok()) {
+        list.push_back(SubmissionToJson(row, *original, reader.Counts(original->id)));
+      } else if (const std::optional<Damage> damage = DamageOf(original.status())) {
+        found.damaged.push_back(*damage);
+      } else {
+        return original.status();
+      }
     }
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
-  const bool more = static_cast<int64_t>(list.size()) == filter->limit;
-  const Json next = more ? list.back()["submission"] : Json();
-  return Answer{200, {{"submissions", std::move(list)}, {"next_before", next}}};
+  return Answer{200,
+                {{"submissions", std::move(list)},
+                 {"unreadable", DamagedToJson(found.damaged)},
+                 {"next_before", more ? Json(found.last_id) : Json()}}};
 }
 
 Api::Result Api::ListTracks(const Request&) {
@@ -306,6 +330,10 @@ Api::Result Api::Health(const Request&) {
                        {"running_wall_s", absl::ToDoubleSeconds(live.running)},
                        {"silent_wall_s", absl::ToDoubleSeconds(live.silent)}});
   }
+  Json unreadable = Json::array();
+  for (const auto& [evaluation, why] : health.unreadable) {
+    unreadable.push_back({{"evaluation", evaluation}, {"message", why}});
+  }
   const bool paused = !health.host_trouble.empty();
   return Answer{
       200,
@@ -320,6 +348,7 @@ Api::Result Api::Health(const Request&) {
          {"next_test_wall_s", SecondsOrNull(health.next_test)}}},
        {"leases", std::move(running)},
        {"ending", health.ending},
+       {"unreadable", std::move(unreadable)},
        {"version", GraderVersion()},
        {"api", 1},
        {"schema", SchemaMigrations().size()},

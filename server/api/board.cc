@@ -22,6 +22,7 @@ struct Sorted {
   std::vector<BoardEntry> baselines;  // each as a team of its own
   std::map<int64_t, const StandingRow*> sources;
   std::vector<DisqualifiedRow> disqualified;
+  std::vector<Damage> damaged;
 };
 
 BoardEntry EntryOf(const StandingRow& row) {
@@ -41,16 +42,15 @@ BoardEntry EntryOf(const StandingRow& row) {
 }
 
 // Only what is shown is parsed.
-absl::StatusOr<Json> AggregateOf(const StandingRow& row) {
+std::optional<Json> AggregateOf(const StandingRow& row, std::vector<Damage>& damaged) {
   Json aggregate = Json::parse(row.aggregate_json, nullptr, /*allow_exceptions=*/false);
-  if (!aggregate.is_object()) {
-    return absl::DataLossError(absl::StrCat("the aggregate of evaluation ", row.evaluation,
-                                            " can't be read; rebuild the boards"));
-  }
-  return aggregate;
+  if (aggregate.is_object()) return aggregate;
+  damaged.push_back({"standing", absl::StrCat(row.evaluation),
+                     "its aggregate is no JSON object; the boards can be rebuilt"});
+  return std::nullopt;
 }
 
-absl::StatusOr<Sorted> Sort(const std::vector<StandingRow>& standings, const Marks& marks) {
+Sorted Sort(const std::vector<StandingRow>& standings, const Marks& marks) {
   Sorted sorted;
   static const std::map<std::string, MarkRow> kNone;
   for (const StandingRow& row : standings) {
@@ -58,9 +58,8 @@ absl::StatusOr<Sorted> Sort(const std::vector<StandingRow>& standings, const Mar
     const auto& own = found == marks.end() ? kNone : found->second;
     if (own.contains(kHidden)) continue;
     if (const auto mark = own.find(kDisqualified); mark != own.end()) {
-      absl::StatusOr<Json> aggregate = AggregateOf(row);
-      if (!aggregate.ok()) return aggregate.status();
-      sorted.disqualified.push_back({row, *std::move(aggregate), mark->second});
+      std::optional<Json> aggregate = AggregateOf(row, sorted.damaged);
+      if (aggregate) sorted.disqualified.push_back({row, *std::move(aggregate), mark->second});
       continue;
     }
     BoardEntry entry = EntryOf(row);
@@ -87,13 +86,12 @@ bool IsQualified(const BoardEntry& entry, const BoardRules& rules) {
   return entry.distance >= std::get<scoring::PhysiologicalBoard>(rules).qualify_m;
 }
 
-absl::Status AddRow(const Sorted& sorted, const RankedEntry& ranked, const BoardRules& rules,
-                    Board& board) {
+void AddRow(const Sorted& sorted, const RankedEntry& ranked, const BoardRules& rules,
+            Board& board) {
   const StandingRow& source = *sorted.sources.at(ranked.entry.acceptance);
-  absl::StatusOr<Json> aggregate = AggregateOf(source);
-  if (!aggregate.ok()) return aggregate.status();
+  std::optional<Json> aggregate = AggregateOf(source, board.damaged);
+  if (!aggregate) return;
   board.rows.push_back({ranked, source, *std::move(aggregate), IsQualified(ranked.entry, rules)});
-  return absl::OkStatus();
 }
 
 // Where a baseline stands among the ranked: how many of them are above it.
@@ -114,13 +112,12 @@ absl::StatusOr<std::optional<size_t>> PlaceOf(const BoardEntry& baseline,
 
 absl::StatusOr<Board> MakeBoard(const std::vector<StandingRow>& standings, const Marks& marks,
                                 const BoardRules& rules, TeamRule team) {
-  absl::StatusOr<Sorted> sorted = Sort(standings, marks);
-  if (!sorted.ok()) return sorted.status();
-  absl::StatusOr<std::vector<RankedEntry>> ranked = scoring::Rank(sorted->ranked, rules, team);
+  Sorted sorted = Sort(standings, marks);
+  absl::StatusOr<std::vector<RankedEntry>> ranked = scoring::Rank(sorted.ranked, rules, team);
   if (!ranked.ok()) return ranked.status();
   // By place, then by acceptance: two baselines at one place stay in a fixed order.
   std::vector<std::pair<size_t, BoardEntry>> baselines;
-  for (const BoardEntry& baseline : sorted->baselines) {
+  for (const BoardEntry& baseline : sorted.baselines) {
     absl::StatusOr<std::optional<size_t>> place = PlaceOf(baseline, *ranked, rules, team);
     if (!place.ok()) return place.status();
     if (place->has_value()) baselines.emplace_back(**place, baseline);
@@ -128,19 +125,17 @@ absl::StatusOr<Board> MakeBoard(const std::vector<StandingRow>& standings, const
   std::sort(baselines.begin(), baselines.end(), [](const auto& a, const auto& b) {
     return std::pair(a.first, a.second.acceptance) < std::pair(b.first, b.second.acceptance);
   });
-  Board board;
-  absl::Status status;
+  Board board{.rows = {}, .disqualified = std::move(sorted.disqualified),
+              .damaged = std::move(sorted.damaged)};
   auto next = baselines.begin();
   for (size_t i = 0; i <= ranked->size(); ++i) {
     for (; next != baselines.end() && next->first == i; ++next) {
       RankedEntry unranked;
       unranked.entry = next->second;
-      status.Update(AddRow(*sorted, unranked, rules, board));
+      AddRow(sorted, unranked, rules, board);
     }
-    if (i < ranked->size()) status.Update(AddRow(*sorted, (*ranked)[i], rules, board));
+    if (i < ranked->size()) AddRow(sorted, (*ranked)[i], rules, board);
   }
-  if (!status.ok()) return status;
-  board.disqualified = std::move(sorted->disqualified);
   return board;
 }
 

@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "scoring/board.h"
+#include "server/store/damage.h"
 #include "server/store/rows.h"
 #include "server/track_scoring.h"
 
@@ -40,13 +41,15 @@ struct DisqualifiedRow {
 struct Board {
   std::vector<BoardRow> rows;                 // in the board's order, baselines among them
   std::vector<DisqualifiedRow> disqualified;  // by submission
+  std::vector<Damage> damaged;                // what would be here, and can't be read
 };
 
 // Hidden submissions are as if they weren't there. Disqualified ones don't rank
 // and are listed apart. A baseline stands before the first ranked row that it
 // would beat, and neither takes a rank nor moves a band: the ranks are those of
 // the board without baselines. Every submission marked as baseline is shown; its
-// team's others rank as usual. DataLossError if an aggregate can't be read.
+// team's others rank as usual. What has an aggregate that can't be read is as if it weren't
+// there, and told apart.
 absl::StatusOr<Board> MakeBoard(const std::vector<StandingRow>& standings, const Marks& marks,
                                 const scoring::BoardRules& rules, scoring::TeamRule team);
 

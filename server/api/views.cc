@@ -36,6 +36,16 @@ nlohmann::json TimeToJson(int64_t ms) {
   return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(ms), absl::UTCTimeZone());
 }
 
+nlohmann::json DamagedToJson(const std::vector<Damage>& damaged) {
+  Json list = Json::array();
+  for (const Damage& damage : damaged) {
+    list.push_back({{"table", damage.table},
+                    {"key", damage.key},
+                    {"message", DamageText(damage)}});
+  }
+  return list;
+}
+
 nlohmann::json TextOrNull(const std::string& text) { return text.empty() ? Json() : Json(text); }
 
 nlohmann::json CountsToJson(int64_t total, const EpisodeCounts& counts) {

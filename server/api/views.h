@@ -7,12 +7,15 @@
 #include <nlohmann/json.hpp>
 
 #include "server/daemon/tracks.h"
+#include "server/store/damage.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {
 
 // UTC with milliseconds; null for 0 ("not yet").
 nlohmann::json TimeToJson(int64_t ms);
+// Of what a list could not show: [{"table": "episode", "key": "7/3", "message": "…"}].
+nlohmann::json DamagedToJson(const std::vector<Damage>& damaged);
 // Null for "".
 nlohmann::json TextOrNull(const std::string& text);
 nlohmann::json CountsToJson(int64_t total, const EpisodeCounts& counts);

@@ -7,6 +7,7 @@
 
 #include "server/cli/client.h"
 #include "server/cli/common.h"
+#include "server/cli/report.h"
 #include "server/cli/terminal.h"
 
 namespace myograde::server {
@@ -81,6 +82,7 @@ void PrintBoard(const Json& board) {
               << Cell(row, "team") << " (" << Cell(row, "name") << "): " << Cell(row, "reason")
               << '\n';
   }
+  PrintUnreadable(board);
   if (board.value("other_config", 0) > 0) {
     std::cout << "  " << Cell(board, "other_config")
               << " evaluations under an earlier config of this track are not on it.\n";
@@ -131,6 +133,7 @@ int Rebuild(const Client& client, bool json) {
   } else {
     std::cout << "The boards are made anew of the episodes of " << Cell(*answer, "rebuilt")
               << " evaluations." << std::endl;
+    PrintUnreadable(*answer);
   }
   return kDone;
 }

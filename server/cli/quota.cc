@@ -6,6 +6,7 @@
 
 #include "server/cli/client.h"
 #include "server/cli/common.h"
+#include "server/cli/report.h"
 #include "server/cli/terminal.h"
 
 namespace myograde::server {
@@ -51,6 +52,7 @@ void PrintQuota(const Json& quota) {
   }
   table.Print();
   std::cout << "The next day begins at " << Cell(quota, "next_day_at") << ".\n";
+  PrintUnreadable(quota);
   const Json rows = quota.value("ledger", Json::array());
   if (rows.empty()) {
     std::cout << "The ledger is empty." << std::endl;

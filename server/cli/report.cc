@@ -147,4 +147,13 @@ void PrintComparison(const Json& comparison) {
   std::cout << std::endl;
 }
 
+void PrintUnreadable(const nlohmann::json& answer) {
+  for (const Json& entry : answer.value("unreadable", Json::array())) {
+    std::cout << "  Left out: ";
+    if (entry.contains("evaluation")) std::cout << "evaluation " << Cell(entry, "evaluation") << ": ";
+    std::cout << Cell(entry, "message") << '\n';
+  }
+  std::cout.flush();
+}
+
 }  // namespace myograde::server

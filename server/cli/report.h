@@ -17,6 +17,9 @@ void PrintEpisodes(const nlohmann::json& rows);
 // What a re-run found, episode by episode.
 void PrintComparison(const nlohmann::json& comparison);
 
+// What the API could not show (`unreadable` of `answer`), one line each.
+void PrintUnreadable(const nlohmann::json& answer);
+
 // "31/100 episodes, 4 successes" of the counts of a submission.
 std::string CountsText(const nlohmann::json& episodes);
 

@@ -92,7 +92,9 @@ int StatusOfAll(const Client& client, bool json) {
   if (!list.ok()) return Complain(list.status());
   const Json submissions = list->value("submissions", Json::array());
   if (json) {
-    PrintJson({{"daemon", *health}, {"submissions", submissions}});
+    PrintJson({{"daemon", *health},
+               {"submissions", submissions},
+               {"unreadable", list->value("unreadable", Json::array())}});
     return kDone;
   }
   const std::string state = Cell(*health, "status");
@@ -105,6 +107,8 @@ int StatusOfAll(const Client& client, bool json) {
     std::cout << Bold(Cell(*health, "message")) << '\n';
   }
   PrintSlots(*health);
+  PrintUnreadable(*health);
+  PrintUnreadable(*list);
   if (submissions.empty()) {
     std::cout << "There are no submissions yet." << std::endl;
     return kDone;

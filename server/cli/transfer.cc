@@ -110,8 +110,8 @@ absl::StatusOr<std::string> Fetch(const Client& client, const std::string& from,
 // a formula: those get the apostrophe that makes it text there.
 std::string CsvCell(const Json& value) {
   if (value.is_null()) return "";
-  if (!value.is_string()) return value.dump();
-  std::string text = value.get<std::string>();
+  if (value.is_number()) return value.dump();
+  std::string text = value.is_string() ? value.get<std::string>() : value.dump();
   if (text.find_first_of("=+-@\t\r") == 0) text.insert(0, "'");
   if (!text.empty() && text.find_first_of(",\"\r\n") == std::string::npos) return text;
   std::string cell = "\"";  // empty text is quoted, so that it is not taken for nothing
@@ -225,7 +225,8 @@ absl::Status ImportHere(const std::string& data, const std::string& file,
     return writer.Import(file, info, absl::StrCat("uid ", getuid()));
   });
   ReaderPool readers(path);
-  if (status.ok()) status = FillStandings(**store, readers);
+  // A board makes on the spot what the view lacks.
+  if (status.ok()) status = FillStandings(**store, readers).status();
   return HostStatus("import", status);
 }
 

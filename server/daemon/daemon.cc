@@ -143,8 +143,11 @@ absl::Status RunDaemon(const DaemonOptions& options) {
   const std::string path = options.data_dir + "/store.db";
   absl::StatusOr<std::unique_ptr<Store>> store = Store::Open(path, clock);
   if (!store.ok()) return store.status();
+  if ((*store)->mended()) spdlog::error("{}", DamageText(*(*store)->mended()));
   ReaderPool readers(path);
-  if (absl::Status status = FillStandings(**store, readers); !status.ok()) return status;
+  const absl::StatusOr<std::vector<Damage>> damaged = FillStandings(**store, readers);
+  if (!damaged.ok()) return damaged.status();
+  for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
   StoreDisk disk(**store);
   SystemProcesses processes;
   Engine engine({*config, options.data_dir, options.cache_dir, geteuid() == 0}, disk, readers,

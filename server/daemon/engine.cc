@@ -16,7 +16,8 @@ constexpr absl::Duration kAfterGrace = absl::Milliseconds(250);
 
 Engine::Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Processes& processes,
                const Clock& clock)
-    : clock_(clock),
+    : data_dir_(options.data_dir),
+      clock_(clock),
       commands_(kMaxCommands),
       core_(std::move(options), disk, readers, processes, clock) {}
 

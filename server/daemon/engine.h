@@ -32,6 +32,7 @@ class Engine {
   // when too many wait, DeadlineExceededError.
   absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact, absl::Duration timeout);
   // An Accepted that is linked is an earlier submission's; nothing new will run.
+  // NotFoundError if the artefact's files are not there any more.
   absl::StatusOr<Accepted> Submit(const NewSubmission& submission, const AdmissionRules& rules,
                                   const std::string& who, absl::Duration timeout);
   absl::StatusOr<Accepted> Rerun(const NewRerun& rerun, const std::string& who,
@@ -57,6 +58,7 @@ class Engine {
   absl::StatusOr<Accepted> Admit(std::function<absl::StatusOr<Accepted>(Writer&)> add,
                                  absl::Duration timeout);
 
+  const std::string data_dir_;
   const Clock& clock_;
   CommandQueue commands_;
   EngineCore core_;

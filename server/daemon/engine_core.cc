@@ -19,11 +19,6 @@ constexpr absl::Duration kReapWait = absl::Milliseconds(10);
 
 }  // namespace
 
-bool EngineCore::MayPass(const absl::Status& status) {
-  return absl::IsUnavailable(status) || absl::IsResourceExhausted(status) ||
-         absl::IsPermissionDenied(status);
-}
-
 EngineCore::EngineCore(EngineOptions options, Disk& disk, ReaderPool& readers,
                        Processes& processes, const Clock& clock)
     : options_(std::move(options)),
@@ -112,22 +107,21 @@ absl::Status EngineCore::Flush() {
   absl::Status status = WriteNow([this](Writer& writer) { return WriteJournal(writer); });
   if (status.ok()) journal_.clear();
   if (status.ok() || MayPass(status)) return absl::OkStatus();
-  // One of them is refused, and those before it are to stand.
+  // One of them is refused: its evaluation ends by that, and all others are to stand.
   while (!journal_.empty()) {
-    status = WriteNow(journal_.front());
+    const Entry entry = journal_.front();
+    status = WriteNow(entry.change);
     if (MayPass(status)) return absl::OkStatus();
-    if (!status.ok()) {
-      return absl::Status(status.code(), absl::StrCat("a change of state can't be written: ",
-                                                      status.message()));
-    }
+    if (IsBrokenStore(status)) return status;
     journal_.pop_front();
+    if (!status.ok()) GiveUpUnreadable(entry.evaluation, std::string(status.message()));
   }
   return absl::OkStatus();
 }
 
 absl::Status EngineCore::WriteJournal(Writer& writer) const {
-  for (const StoreChange& change : journal_) {
-    if (absl::Status status = change(writer); !status.ok()) return status;
+  for (const Entry& entry : journal_) {
+    if (absl::Status status = entry.change(writer); !status.ok()) return status;
   }
   return absl::OkStatus();
 }
@@ -155,10 +149,9 @@ absl::Status EngineCore::SettleAll() {
   while (!to_settle_.empty()) {
     const int64_t evaluation = *to_settle_.begin();
     const absl::Status status = Settle(evaluation);
-    if (!status.ok()) {
-      if (!MayPass(status)) return status;
-      return absl::OkStatus();  // it stays in the set, for the next round
-    }
+    if (MayPass(status)) return absl::OkStatus();  // it stays in the set, for the next round
+    if (IsBrokenStore(status)) return status;
+    if (!status.ok()) GiveUpUnreadable(evaluation, std::string(status.message()));
     to_settle_.erase(evaluation);
     contexts_.erase(evaluation);
   }
@@ -175,7 +168,7 @@ void EngineCore::Escalate() {
       absl::FormatDuration(options_.config.scheduler.queue_wait);
   for (const int64_t id : late) {
     spdlog::warn("evaluation {} has waited for {}: it goes ahead of all that has not", id, waited);
-    Later([id, waited, who = owner_](Writer& writer) {
+    Later(id, [id, waited, who = owner_](Writer& writer) {
       return writer.NoteEvaluation(
           id, who, absl::StrCat("waited for ", waited, " and goes ahead of all that has not"));
     });
@@ -221,7 +214,8 @@ void EngineCore::BeginShutdown() {
   std::vector<int64_t> leases;
   for (const auto& [lease, run] : running_) {
     leases.push_back(lease);
-    Later([id = lease, attempt = run.attempt, who = owner_](Writer& writer) {
+    Later(run.context->evaluation,
+          [id = lease, attempt = run.attempt, who = owner_](Writer& writer) {
       return writer.ReturnLease(id, attempt, /*fault=*/false, who, "the daemon stopped");
     });
   }

@@ -8,6 +8,11 @@
 // journal that is written in order, and is tried again every second while the store can't be
 // written; no lease starts meanwhile.
 //
+// An evaluation of which something can't be read, or can't be written though the store can,
+// ends as grader_error with the reason, and the others go on. One that can't even be ended is
+// told by Health(), and left alone until the next start. Only a broken database file stops the
+// engine (store/damage.h).
+//
 // A lease that is taken back (silent, over its time, wrong records, cancelled) has ended from
 // that moment on: what its runner still says is refused. Its slot stays taken until the runner
 // is dead.
@@ -33,6 +38,7 @@
 #include "server/daemon/ports.h"
 #include "server/daemon/self_test.h"
 #include "server/daemon/server_config.h"
+#include "server/daemon/stored.h"
 #include "server/daemon/tracks.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
@@ -69,6 +75,7 @@ struct LiveHealth {
   std::string host_trouble;   // "" if leases may start
   std::optional<absl::Duration> paused_for;
   std::optional<absl::Duration> next_test;  // from now
+  std::map<int64_t, std::string> unreadable;  // evaluations that can't be ended either, and why
 };
 
 // What the engine knows of an unfinished evaluation.
@@ -101,7 +108,7 @@ class EngineCore {
   absl::Status Recover();
 
   // All that there is to do now. Returns how long nothing needs to be done unless a runner
-  // speaks or a request comes. An error: the store or the state is beyond repair; start again.
+  // speaks or a request comes. An error: the store is beyond repair.
   absl::StatusOr<absl::Duration> Turn();
 
   // Adds the descriptors that Turn() wants to hear of.
@@ -122,11 +129,11 @@ class EngineCore {
     std::function<void(absl::Status)> answer;
   };
   void Ask(Request request) { requests_.push_back(std::move(request)); }
-  // An evaluation that is in the store is to be played from now on. One that can't be read
-  // at the moment is taken up later.
+  // An evaluation that is in the store is to be played from now on. While the store can't be
+  // read it waits for that. An error: the store is beyond repair.
   absl::Status TakeUp(int64_t evaluation);
-  // Ends every unfinished evaluation of the submission, at once; answers when its runners
-  // are dead, or a second later. FailedPreconditionError if there is none.
+  // Ends every evaluation of the submission that the store has as unfinished, at once; answers
+  // when its runners are dead, or a second later. FailedPreconditionError if there is none.
   void Cancel(int64_t submission, const std::string& why, const std::string& who,
               CancelAnswer answer);
 
@@ -136,7 +143,6 @@ class EngineCore {
   LiveHealth Health() const;
 
  private:
-  using SeedsPtr = std::shared_ptr<const std::vector<uint64_t>>;
   // What a lease needs to be played; shared by the leases of an evaluation.
   struct Context {
     int64_t evaluation = 0;
@@ -149,6 +155,7 @@ class EngineCore {
     TrackPtr track;
     SeedsPtr seeds;
     std::map<int64_t, std::pair<int64_t, int64_t>> leases;  // id to first and last episode
+    EvaluationRow row;  // as it was taken up
   };
   using ContextPtr = std::shared_ptr<const Context>;
   struct LeaseRun {
@@ -191,15 +198,20 @@ class EngineCore {
     absl::Duration heard;
   };
 
-  // Trouble that may pass: the same change can succeed later.
-  static bool MayPass(const absl::Status& status);
+  // What happened and is to be written, of one evaluation.
+  struct Entry {
+    int64_t evaluation = 0;
+    StoreChange change;
+  };
 
   // The journal.
   absl::Status WriteNow(const StoreChange& change);
   void ProbeStore();
   absl::Status Flush();
   absl::Status WriteJournal(Writer& writer) const;
-  void Later(StoreChange change) { journal_.push_back(std::move(change)); }
+  void Later(int64_t evaluation, StoreChange change) {
+    journal_.push_back({evaluation, std::move(change)});
+  }
   absl::Status RequireWritable();
   void WriteRequests();
   void WriteTogether(const std::vector<Request>& requests, std::vector<absl::Status>& statuses);
@@ -211,8 +223,10 @@ class EngineCore {
   };
   absl::StatusOr<Loaded> Load(int64_t evaluation);
   absl::Status TakeUpLate();
-  absl::StatusOr<TrackPtr> TrackOf(Reader& reader, const std::string& config_hash);
-  absl::StatusOr<SeedsPtr> SeedsOf(Reader& reader, const std::string& hash);
+  ContextPtr ContextOf(const StoredEvaluation& stored) const;
+  // Ends it as grader_error, whatever else the engine knows of it.
+  void GiveUpUnreadable(int64_t evaluation, const std::string& why);
+  std::set<int64_t> Forget(int64_t evaluation);
   absl::Status SettleAll();
   absl::Status Settle(int64_t evaluation);
   void Escalate();
@@ -253,15 +267,14 @@ class EngineCore {
   const std::string owner_;  // "daemon" and its process id, for audit rows
 
   bool stopping_ = false;
-  std::deque<StoreChange> journal_;
+  std::deque<Entry> journal_;
   std::vector<Request> requests_;
   absl::Duration write_after_ = absl::ZeroDuration();
   std::set<int64_t> to_take_up_;
   std::set<int64_t> to_settle_;
   std::map<int64_t, ContextPtr> contexts_;     // of unfinished evaluations
-  std::map<std::string, TrackPtr> tracks_;     // by config hash
-  // By the list's hash: thousands of evaluations that wait share few lists.
-  std::map<std::string, std::weak_ptr<const std::vector<uint64_t>>> seeds_;
+  std::map<int64_t, std::string> given_up_;    // evaluations that can't be read, and why
+  StoredContent content_;
   std::map<int64_t, LeaseRun> running_;        // by lease
   std::vector<Ending> ending_;
   std::vector<CancelWait> cancels_;
@@ -275,6 +288,7 @@ class EngineCore {
   std::map<int64_t, Live> live_;
   int ending_count_ = 0;
   std::string store_trouble_;
+  std::map<int64_t, std::string> unreadable_;
   absl::Duration mean_lease_ = absl::ZeroDuration();  // of those played here; 0: none yet
 };
 

@@ -100,8 +100,9 @@ void EngineCore::EndOf(LeaseRun& run) {
                              run.last - run.first + 1, " episodes");
   }
   if (!run.fault.empty()) return Fault(run, run.fault);
-  Later([lease = run.lease, attempt = run.attempt,
-         output = CanonicalJson(OutputJson(*run.end)), who = owner_](Writer& writer) {
+  Later(run.context->evaluation, [lease = run.lease, attempt = run.attempt,
+                                  output = CanonicalJson(OutputJson(*run.end)),
+                                  who = owner_](Writer& writer) {
     return writer.FinishLease(lease, attempt, output, who);
   });
   const std::lock_guard lock(mutex_);
@@ -128,7 +129,8 @@ void EngineCore::Fault(LeaseRun& run, const std::string& why) {
     verdict = scheduler_.Faulted(run.lease, run.attempt, now);
   }
   if (verdict.kind == Verdict::Kind::kReplay) {
-    Later([lease = run.lease, attempt = run.attempt, why, who = owner_](Writer& writer) {
+    Later(run.context->evaluation,
+          [lease = run.lease, attempt = run.attempt, why, who = owner_](Writer& writer) {
       return writer.ReturnLease(lease, attempt, /*fault=*/true, who, why);
     });
   } else if (verdict.kind == Verdict::Kind::kGiveUp) {
@@ -142,7 +144,7 @@ void EngineCore::GiveUp(const Verdict& verdict, int64_t failed, const std::strin
                    " times by the grader's fault, the last time: ", why);
   std::vector<int64_t> others = verdict.pending;
   others.insert(others.end(), verdict.running.begin(), verdict.running.end());
-  Later([=, evaluation = verdict.evaluation, who = owner_](Writer& writer) {
+  Later(verdict.evaluation, [=, evaluation = verdict.evaluation, who = owner_](Writer& writer) {
     absl::Status status = writer.EndLease(failed, LeaseState::kFailed, /*fault=*/true, who, why);
     for (const int64_t lease : others) {
       status.Update(writer.EndLease(lease, LeaseState::kCancelled, /*fault=*/false, who,
@@ -198,46 +200,62 @@ void EngineCore::SeeEnding() {
   ending_count_ = static_cast<int>(ending_.size());
 }
 
+// Nothing of an evaluation is to be played or settled any more. The leases of it that ran are
+// taken back, and returned.
+std::set<int64_t> EngineCore::Forget(int64_t evaluation) {
+  Verdict verdict;
+  {
+    const std::lock_guard lock(mutex_);
+    verdict = scheduler_.Cancel(evaluation);
+  }
+  for (const int64_t lease : verdict.running) TakeBack(lease);
+  to_take_up_.erase(evaluation);
+  to_settle_.erase(evaluation);
+  contexts_.erase(evaluation);
+  return {verdict.running.begin(), verdict.running.end()};
+}
+
+void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
+  const auto [known, is_new] = given_up_.try_emplace(evaluation, why);
+  if (!is_new) {
+    // This was its end, which is refused too.
+    spdlog::error("evaluation {} can't be ended: {}", evaluation, why);
+    const std::lock_guard lock(mutex_);
+    unreadable_[evaluation] = known->second;
+    return;
+  }
+  spdlog::error("evaluation {} can't be gone on with: {}", evaluation, why);
+  Forget(evaluation);
+  std::erase_if(journal_, [&](const Entry& entry) { return entry.evaluation == evaluation; });
+  Later(evaluation, [evaluation, why, who = owner_](Writer& writer) {
+    return writer.EndUnreadable(evaluation, why, who);
+  });
+}
+
 absl::Status EngineCore::CancelEvaluations(int64_t submission, const std::string& why,
                                            const std::string& who, std::set<int64_t>& killed) {
   // Episodes that ended before the cancel stay, and an evaluation whose leases have all ended
   // is about to get its result.
   if (absl::Status status = RequireWritable(); !status.ok()) return status;
+  if (absl::Status status = TakeUpLate(); !status.ok()) return status;
   if (absl::Status status = SettleAll(); !status.ok()) return status;
-  std::vector<ContextPtr> open;
-  for (const auto& [id, context] : contexts_) {
-    if (context->submission == submission) open.push_back(context);
-  }
+  if (absl::Status status = RequireWritable(); !status.ok()) return status;
+  std::vector<int64_t> open;
+  const absl::Status status = WriteNow([&](Writer& writer) -> absl::Status {
+    open = writer.OpenEvaluations(submission);
+    for (const int64_t evaluation : open) {
+      const absl::Status ended =
+          writer.EndWithLeases(evaluation, EvaluationState::kCancelled, why, who);
+      if (!ended.ok()) return ended;
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
   if (open.empty()) {
     return absl::FailedPreconditionError(
         absl::StrCat("submission ", submission, " has ended; there is nothing to cancel"));
   }
-  const absl::Status status = WriteNow([&](Writer& writer) {
-    absl::Status written;
-    for (const ContextPtr& context : open) {
-      for (const auto& [lease, episodes] : context->leases) {
-        const absl::Status ended =
-            writer.EndLease(lease, LeaseState::kCancelled, /*fault=*/false, who, why);
-        // Refused: the lease was done before.
-        if (!absl::IsFailedPrecondition(ended)) written.Update(ended);
-      }
-      written.Update(writer.EndEvaluation(context->evaluation, EvaluationState::kCancelled, why,
-                                          "", who));
-    }
-    return written;
-  });
-  if (!status.ok()) return status;
-  for (const ContextPtr& context : open) {
-    Verdict verdict;
-    {
-      const std::lock_guard lock(mutex_);
-      verdict = scheduler_.Cancel(context->evaluation);
-    }
-    for (const int64_t lease : verdict.running) TakeBack(lease);
-    killed.insert(verdict.running.begin(), verdict.running.end());
-    to_settle_.erase(context->evaluation);
-    contexts_.erase(context->evaluation);
-  }
+  for (const int64_t evaluation : open) killed.merge(Forget(evaluation));
   return absl::OkStatus();
 }
 

@@ -54,7 +54,7 @@ void EngineCore::StartLease(const Start& start) {
   run.work_dir = absl::StrCat(options_.data_dir, "/work/", run.lease, "-", run.attempt);
   std::tie(run.first, run.last) = run.context->leases.at(start.lease);
   const int64_t deadline = absl::ToUnixMillis(clock_.Now() + start.lease_wall);
-  Later([start, deadline, who = owner_](Writer& writer) {
+  Later(start.evaluation, [start, deadline, who = owner_](Writer& writer) {
     return writer.StartLease(start.lease, start.attempt, start.slot, deadline, who);
   });
   absl::StatusOr<std::unique_ptr<Runner>> runner = processes_.Start(OrderFor(run));
@@ -115,7 +115,7 @@ void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
   row->lease = run.lease;
   row->attempt = run.attempt;
   run.recorded.insert(facts.index);
-  Later([row = *std::move(row)](Writer& writer) -> absl::Status {
+  Later(run.context->evaluation, [row = *std::move(row)](Writer& writer) -> absl::Status {
     absl::StatusOr<Recorded> recorded = writer.RecordEpisode(row);
     if (!recorded.ok()) return recorded.status();
     if (!recorded->differs.empty()) {

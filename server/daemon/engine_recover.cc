@@ -1,7 +1,7 @@
 // Taking evaluations up from the store: new ones, and after a start those that
 // an earlier daemon left unfinished. One way for both.
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
-#include <absl/strings/str_join.h>
 #include <nlohmann/json.hpp>
 #include <spdlog/spdlog.h>
 
@@ -11,73 +11,43 @@
 
 namespace myograde::server {
 
-absl::StatusOr<TrackPtr> EngineCore::TrackOf(Reader& reader, const std::string& config_hash) {
-  if (const auto it = tracks_.find(config_hash); it != tracks_.end()) return it->second;
-  absl::StatusOr<std::string> text = reader.ConfigJson(config_hash);
-  if (!text.ok()) return text.status();
-  const std::string where = absl::StrCat("the store's config ", config_hash);
-  absl::StatusOr<nlohmann::json> json = ParseJson(*text, where);
-  if (!json.ok()) return json.status();
-  absl::StatusOr<TrackConfig> config = ParseTrackConfig(*json, where);
-  if (!config.ok()) return config.status();
-  absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
-  if (track.ok()) tracks_[config_hash] = *track;
-  return track;
-}
-
-absl::StatusOr<EngineCore::SeedsPtr> EngineCore::SeedsOf(Reader& reader, const std::string& hash) {
-  if (SeedsPtr known = seeds_[hash].lock()) return known;
-  if (seeds_.size() > 2 * contexts_.size() + 16) {
-    std::erase_if(seeds_, [](const auto& entry) { return entry.second.expired(); });
+EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) const {
+  const auto context = std::make_shared<Context>();
+  context->evaluation = stored.evaluation.id;
+  context->submission = stored.submission.id;
+  context->team = stored.submission.team;
+  context->priority = stored.evaluation.rerun    ? Priority::kRerun
+                      : stored.submission.ranked ? Priority::kOfficial
+                                                 : Priority::kPractice;
+  context->artefact = stored.artefact.hash;
+  context->command = stored.artefact.command;
+  for (const std::string& runtime : stored.artefact.runtimes) {
+    const auto it = options_.config.runtimes.find(runtime);
+    // A runtime that was taken out of the settings is the grader's fault, told by the runner.
+    context->runtimes.push_back(it == options_.config.runtimes.end() ? "/nonexistent/" + runtime
+                                                                     : it->second);
   }
-  absl::StatusOr<std::string> text = reader.SeedsJson(hash);
-  if (!text.ok()) return text.status();
-  absl::StatusOr<nlohmann::json> json = ParseJson(*text, "the store's seed list");
-  if (!json.ok()) return json.status();
-  const auto seeds =
-      std::make_shared<const std::vector<uint64_t>>(json->get<std::vector<uint64_t>>());
-  seeds_[hash] = seeds;
-  return seeds;
+  context->track = stored.track;
+  context->seeds = stored.seeds;
+  for (const LeaseRow& lease : stored.leases) {
+    context->leases[lease.id] = {lease.first, lease.last};
+  }
+  context->row = stored.evaluation;
+  return context;
 }
 
 absl::StatusOr<EngineCore::Loaded> EngineCore::Load(int64_t id) {
   Loaded loaded;
-  const auto context = std::make_shared<Context>();
   const absl::Status status = readers_.Read([&](Reader& reader) -> absl::Status {
-    absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
-    if (!evaluation.ok()) return evaluation.status();
-    absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation->submission);
-    if (!submission.ok()) return submission.status();
-    absl::StatusOr<ArtefactRow> artefact = reader.Artefact(submission->artefact);
-    if (!artefact.ok()) return artefact.status();
-    absl::StatusOr<TrackPtr> track = TrackOf(reader, submission->config);
-    if (!track.ok()) return track.status();
-    absl::StatusOr<SeedsPtr> seeds = SeedsOf(reader, submission->seeds);
-    if (!seeds.ok()) return seeds.status();
-    context->evaluation = id;
-    context->submission = submission->id;
-    context->team = submission->team;
-    context->priority = evaluation->rerun    ? Priority::kRerun
-                        : submission->ranked ? Priority::kOfficial
-                                             : Priority::kPractice;
-    context->artefact = artefact->hash;
-    context->command = artefact->command;
-    context->track = *track;
-    context->seeds = *std::move(seeds);
-    for (const std::string& runtime : artefact->runtimes) {
-      const auto it = options_.config.runtimes.find(runtime);
-      // A runtime that was taken out of the settings is the grader's fault, told by the runner.
-      context->runtimes.push_back(it == options_.config.runtimes.end() ? "/nonexistent/" + runtime
-                                                                       : it->second);
-    }
-    for (const LeaseRow& lease : reader.Leases(id)) {
-      context->leases[lease.id] = {lease.first, lease.last};
+    absl::StatusOr<StoredEvaluation> stored = LoadEvaluation(reader, id, content_);
+    if (!stored.ok()) return stored.status();
+    loaded.context = ContextOf(*stored);
+    for (const LeaseRow& lease : stored->leases) {
       if (!IsFinal(lease.state)) loaded.open.push_back(lease);
     }
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
-  loaded.context = context;
   return loaded;
 }
 
@@ -89,7 +59,11 @@ absl::Status EngineCore::TakeUp(int64_t id) {
     to_take_up_.insert(id);
     return absl::OkStatus();
   }
-  if (!loaded.ok()) return loaded.status();
+  if (IsBrokenStore(loaded.status())) return loaded.status();
+  if (!loaded.ok()) {
+    GiveUpUnreadable(id, std::string(loaded.status().message()));
+    return absl::OkStatus();
+  }
   const Context& context = *loaded->context;
   contexts_[id] = loaded->context;
   if (loaded->open.empty()) {
@@ -118,42 +92,63 @@ absl::Status EngineCore::TakeUpLate() {
 }
 
 absl::Status EngineCore::Recover() {
-  std::vector<EvaluationRow> unfinished;
-  std::vector<LeaseRow> interrupted;
+  Listed<EvaluationRow> unfinished;
+  std::map<int64_t, std::vector<LeaseRow>> interrupted;  // by evaluation
   absl::Status status = readers_.Read([&](Reader& reader) {
     unfinished = reader.Unfinished();
-    for (const EvaluationRow& evaluation : unfinished) {
-      for (const LeaseRow& lease : reader.Leases(evaluation.id)) {
-        if (lease.state == LeaseState::kRunning) interrupted.push_back(lease);
+    for (const EvaluationRow& evaluation : unfinished.rows) {
+      const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(evaluation.id);
+      if (!leases.ok()) continue;  // TakeUp finds the same
+      for (const LeaseRow& lease : *leases) {
+        if (lease.state == LeaseState::kRunning) interrupted[evaluation.id].push_back(lease);
       }
     }
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
+  std::map<int64_t, absl::Status> refused;
   status = disk_.Write([&](Writer& writer) {
-    absl::Status written;
-    for (const LeaseRow& lease : interrupted) {
-      written.Update(writer.ReturnLease(lease.id, lease.attempt, /*fault=*/false, owner_,
-                                        "an earlier daemon ended while it ran"));
+    refused.clear();
+    for (const auto& [evaluation, leases] : interrupted) {
+      refused[evaluation] = writer.Part([&](Writer& part) {
+        absl::Status returned;
+        for (const LeaseRow& lease : leases) {
+          returned.Update(part.ReturnLease(lease.id, lease.attempt, /*fault=*/false, owner_,
+                                           "an earlier daemon ended while it ran"));
+        }
+        return returned;
+      });
     }
-    return written;
+    return absl::OkStatus();
   });
-  for (const EvaluationRow& evaluation : unfinished) {
-    if (status.ok()) status = TakeUp(evaluation.id);
+  if (!status.ok()) return status;
+  for (const auto& [evaluation, why] : refused) {
+    if (!why.ok()) GiveUpUnreadable(evaluation, std::string(why.message()));
   }
-  if (status.ok() && !unfinished.empty()) {
-    spdlog::info("{} unfinished evaluations taken up, {} leases of them were running",
-                 unfinished.size(), interrupted.size());
+  for (const Damage& damage : unfinished.damaged) {
+    int64_t id = 0;
+    if (absl::SimpleAtoi(damage.key, &id)) GiveUpUnreadable(id, DamageText(damage));
+  }
+  for (const EvaluationRow& evaluation : unfinished.rows) {
+    if (given_up_.contains(evaluation.id)) continue;
+    if (status = TakeUp(evaluation.id); !status.ok()) return status;
+  }
+  if (!unfinished.rows.empty()) {
+    spdlog::info("{} unfinished evaluations taken up, leases of {} of them were running",
+                 unfinished.rows.size(), interrupted.size());
   }
   return status;
 }
 
 // The evaluation's leases are all done: its rows make it done or failed.
 absl::Status EngineCore::Settle(int64_t evaluation) {
+  const Context& context = *contexts_.at(evaluation);
   std::vector<EpisodeRow> rows;
-  absl::Status status = readers_.Read([&](Reader& reader) {
-    rows = reader.Episodes(evaluation);
-    return absl::OkStatus();
+  absl::Status status = readers_.Read([&](Reader& reader) -> absl::Status {
+    absl::StatusOr<std::vector<EpisodeRow>> read =
+        WholeEpisodes(reader, context.row, *context.seeds);
+    if (read.ok()) rows = *std::move(read);
+    return read.status();
   });
   if (!status.ok()) return status;
   absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(rows);
@@ -162,7 +157,6 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
       aggregate->failed ? EvaluationState::kFailed : EvaluationState::kDone;
   const std::string reason =
       aggregate->failed ? "every episode ended by a fault of the participant's program" : "";
-  const Context& context = *contexts_.at(evaluation);
   const std::string standing =
       CanonicalJson(AggregateToJson(context.track->config.kind, *aggregate));
   status = WriteNow([&](Writer& writer) {

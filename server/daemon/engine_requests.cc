@@ -47,9 +47,13 @@ absl::StatusOr<Accepted> Engine::Admit(std::function<absl::StatusOr<Accepted>(Wr
 absl::StatusOr<Accepted> Engine::Submit(const NewSubmission& submission,
                                         const AdmissionRules& rules, const std::string& who,
                                         absl::Duration timeout) {
-  return Admit([submission, rules, who](
-                   Writer& writer) { return writer.Accept(submission, rules, who); },
-               timeout);
+  // On the loop's thread, where files are removed too: those that are there now stay.
+  return Admit([this, submission, rules, who](Writer& writer) -> absl::StatusOr<Accepted> {
+    if (absl::Status status = HasArtefactFiles(data_dir_, submission.artefact); !status.ok()) {
+      return status;
+    }
+    return writer.Accept(submission, rules, who);
+  }, timeout);
 }
 
 absl::Status Engine::Change(StoreChange change, absl::Duration timeout,
@@ -59,7 +63,12 @@ absl::Status Engine::Change(StoreChange change, absl::Duration timeout,
 
 absl::StatusOr<Accepted> Engine::Rerun(const NewRerun& rerun, const std::string& who,
                                        absl::Duration timeout) {
-  return Admit([rerun, who](Writer& writer) { return writer.AddRerun(rerun, who); }, timeout);
+  return Admit([this, rerun, who](Writer& writer) -> absl::StatusOr<Accepted> {
+    if (absl::Status status = HasArtefactFiles(data_dir_, rerun.artefact); !status.ok()) {
+      return status;
+    }
+    return writer.AddRerun(rerun, who);
+  }, timeout);
 }
 
 absl::StatusOr<CancelReport> Engine::Cancel(int64_t submission, const std::string& why,

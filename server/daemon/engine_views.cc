@@ -53,6 +53,7 @@ LiveHealth EngineCore::Health() const {
   health.pending = scheduler_.pending();
   health.ending = ending_count_;
   health.store_trouble = store_trouble_;
+  health.unreadable = unreadable_;
   health.host = host_.state();
   health.host_trouble = host_.WhyNot(now);
   if (health.host == HostHealth::State::kPaused) health.paused_for = now - host_.paused_since();

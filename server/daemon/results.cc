@@ -11,6 +11,7 @@
 #include "protocol/sha256.h"
 #include "server/paths.h"
 #include "server/proof/merkle.h"
+#include "server/store/damage.h"
 #include "server/store/replay.h"
 
 namespace myograde::server {
@@ -127,8 +128,8 @@ absl::StatusOr<scoring::Judgement> AddFacts(const EpisodeRow& row, scoring::Judg
 absl::StatusOr<scoring::Judgement> JudgementOf(const EpisodeRow& row) {
   const Json json = Json::parse(row.metrics_json, nullptr, /*allow_exceptions=*/false);
   if (!json.is_object() || !Optional(json, "time_s").has_value()) {
-    return absl::DataLossError(absl::StrCat("the metrics of episode ", row.index,
-                                            " of evaluation ", row.evaluation, " can't be read"));
+    return DamagedRow({"episode", absl::StrCat(row.evaluation, "/", row.index),
+                       "its \"metrics_json\" has no time"});
   }
   scoring::Judgement judgement;
   judgement.outcome = row.outcome;

@@ -23,7 +23,7 @@ absl::StatusOr<EpisodeRow> JudgedRow(const Track& track, const EpisodeFacts& fac
 nlohmann::json MetricsToJson(TrackKind kind, const scoring::Judgement& judgement);
 absl::StatusOr<scoring::Judgement> JudgementOf(const EpisodeRow& row);
 
-// DataLossError if a row can't be read.
+// A damaged row (store/damage.h) if one can't be read.
 absl::StatusOr<scoring::Aggregate> AggregateRows(const std::vector<EpisodeRow>& rows);
 
 // The aggregate as the API tells it; null if there is no episode.

@@ -3,11 +3,14 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <cstring>
 #include <filesystem>
 #include <tuple>
 
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
+
+#include "server/daemon/stored.h"
 
 namespace myograde::server {
 namespace {
@@ -16,6 +19,8 @@ namespace fs = std::filesystem;
 
 constexpr absl::Duration kChange = absl::Seconds(30);
 constexpr size_t kHashDigits = 64;
+// The row that names a log comes after its file.
+constexpr int64_t kFreshMs = 10 * 60 * 1000;
 
 int64_t ToMs(const timespec& time) {
   return static_cast<int64_t>(time.tv_sec) * 1000 + time.tv_nsec / 1'000'000;
@@ -106,8 +111,8 @@ absl::StatusOr<std::vector<KeptFile>> Retention::Artefacts() {
   std::vector<KeptFile> files;
   const absl::Status status = readers_.Read([&](Reader& reader) {
     for (const ArtefactUse& use : reader.ArtefactUses()) {
-      KeptFile file{use.hash, absl::StrCat(data_dir_, "/artefacts/", use.hash), use.bytes,
-                    use.last_use, use.needed};
+      KeptFile file{use.hash, ArtefactFolder(data_dir_, use.hash), use.bytes, use.last_use,
+                    use.needed};
       std::error_code error;
       if (!fs::exists(file.path, error)) continue;
       file.last_use = std::max(file.last_use, ChangedAt(file.path));
@@ -138,15 +143,19 @@ std::vector<KeptFile> Retention::Logs() {
 absl::StatusOr<std::vector<KeptFile>> Retention::WithNeeded(std::vector<KeptFile> files) {
   const absl::Status status = readers_.Read([&](Reader& reader) {
     const std::set<std::string> needed = reader.NeededLogs();
-    for (KeptFile& file : files) file.needed = needed.contains(file.name);
+    const int64_t old = absl::ToUnixMillis(clock_.Now()) - kFreshMs;
+    for (KeptFile& file : files) {
+      file.needed = needed.contains(file.name) || file.last_use > old;
+    }
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
   return files;
 }
 
-// The row comes first, and only if the file is still not needed; then the file leaves its place
-// on the engine's thread, so that nothing is accepted in between.
+// Row and file go together, on the engine's thread, and only if the file is still not needed: what
+// is accepted before keeps it, and what comes after finds that it is gone. If the row can't be kept
+// after all, the file comes back.
 void Retention::Remove(const std::string& kind, const std::vector<Choice>& choices) {
   for (const Choice& choice : choices) {
     {
@@ -160,17 +169,17 @@ void Retention::Remove(const std::string& kind, const std::vector<Choice>& choic
         [=](Writer& writer) {
           absl::StatusOr<bool> row =
               writer.Remove(kind, choice.file.name, choice.file.bytes, choice.why);
-          if (row.ok()) *removed = *row;
-          return row.status();
-        },
-        kChange,
-        [=] {
+          if (!row.ok()) return row.status();
+          *removed = *row;
           if (*removed && rename(from.c_str(), to.c_str()) != 0 && errno != ENOENT) {
-            return absl::ErrnoToStatus(errno, absl::StrCat(from, ": can't be removed"));
+            return absl::InternalError(
+                absl::StrCat(from, ": can't be removed: ", std::strerror(errno)));
           }
           return absl::OkStatus();
-        });
+        },
+        kChange);
     if (!status.ok()) {
+      rename(to.c_str(), from.c_str());  // if it had left its place
       spdlog::warn("retention: {}", std::string(status.message()));
       return;
     }

@@ -4,6 +4,7 @@
 
 #include "protocol/config_reader.h"
 #include "server/daemon/results.h"
+#include "server/daemon/stored.h"
 
 namespace myograde::server {
 
@@ -17,25 +18,35 @@ absl::StatusOr<std::string> StandingOf(Reader& reader, int64_t evaluation) {
   absl::StatusOr<EvaluationRow> row = reader.Evaluation(evaluation);
   if (!row.ok()) return row.status();
   absl::StatusOr<SubmissionRow> submission = reader.Submission(row->submission);
+  if (absl::IsNotFound(submission.status())) {
+    return DamagedRow({"evaluation", absl::StrCat(evaluation),
+                       std::string(submission.status().message())});
+  }
   if (!submission.ok()) return submission.status();
-  absl::StatusOr<std::string> text = reader.ConfigJson(submission->config);
-  if (!text.ok()) return text.status();
-  absl::StatusOr<nlohmann::json> config = ParseJson(*text, "the store's config");
+  absl::StatusOr<TrackConfig> config = StoredConfig(reader, submission->config);
   if (!config.ok()) return config.status();
-  const bool locomotion =
-      config->is_object() && config->value("track", nlohmann::json()) == "locomotion";
-  return StandingText(locomotion ? TrackKind::kLocomotion : TrackKind::kManipulation,
-                      reader.Episodes(evaluation));
+  absl::StatusOr<std::vector<EpisodeRow>> rows = reader.Episodes(evaluation);
+  if (!rows.ok()) return rows.status();
+  if (std::ssize(*rows) != row->last - row->first + 1) {
+    return DamagedRow({"evaluation", absl::StrCat(evaluation),
+                       absl::StrCat("it is done, and has ", rows->size(), " of its ",
+                                    row->last - row->first + 1, " episodes")});
+  }
+  return StandingText(config->kind, *rows);
 }
 
-absl::StatusOr<std::vector<std::pair<int64_t, std::string>>> MakeStandings(ReaderPool& readers,
-                                                                           bool missing_only) {
-  std::vector<std::pair<int64_t, std::string>> standings;
+absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only) {
+  Standings standings;
   const absl::Status status = readers.Read([&](Reader& reader) -> absl::Status {
     for (const int64_t evaluation : reader.DoneEvaluations(missing_only)) {
       absl::StatusOr<std::string> standing = StandingOf(reader, evaluation);
-      if (!standing.ok()) return standing.status();
-      standings.emplace_back(evaluation, *std::move(standing));
+      if (standing.ok()) {
+        standings.rows.emplace_back(evaluation, *std::move(standing));
+      } else if (const std::optional<Damage> damage = DamageOf(standing.status())) {
+        standings.damaged.push_back(*damage);
+      } else {
+        return standing.status();
+      }
     }
     return absl::OkStatus();
   });
@@ -43,16 +54,23 @@ absl::StatusOr<std::vector<std::pair<int64_t, std::string>>> MakeStandings(Reade
   return standings;
 }
 
-absl::Status FillStandings(Store& store, ReaderPool& readers) {
-  const auto missing = MakeStandings(readers, /*missing_only=*/true);
-  if (!missing.ok() || missing->empty()) return missing.status();
-  return store.Write([&](Writer& writer) {
-    absl::Status status;
-    for (const auto& [evaluation, standing] : *missing) {
-      status.Update(writer.SetStanding(evaluation, standing));
+absl::StatusOr<std::vector<Damage>> FillStandings(Store& store, ReaderPool& readers) {
+  absl::StatusOr<Standings> missing = MakeStandings(readers, /*missing_only=*/true);
+  if (!missing.ok()) return missing.status();
+  if (missing->rows.empty()) return std::move(missing->damaged);
+  const absl::Status status = store.Write([&](Writer& writer) {
+    for (const auto& [evaluation, standing] : missing->rows) {
+      const absl::Status set =
+          writer.Part([&](Writer& part) { return part.SetStanding(evaluation, standing); });
+      if (!set.ok()) {
+        missing->damaged.push_back({"evaluation", absl::StrCat(evaluation),
+                                    std::string(set.message())});
+      }
     }
-    return status;
+    return absl::OkStatus();
   });
+  if (!status.ok()) return status;
+  return std::move(missing->damaged);
 }
 
 }  // namespace myograde::server

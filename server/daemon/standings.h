@@ -21,11 +21,13 @@ absl::StatusOr<std::string> StandingText(TrackKind kind, const std::vector<Episo
 // The same of an evaluation in the store.
 absl::StatusOr<std::string> StandingOf(Reader& reader, int64_t evaluation);
 
-// By evaluation: of all that are done, or only of those that the view lacks.
-absl::StatusOr<std::vector<std::pair<int64_t, std::string>>> MakeStandings(ReaderPool& readers,
-                                                                           bool missing_only);
+// By evaluation: of all that are done, or only of those that the view lacks. Those that can't be
+// read are left out.
+using Standings = Listed<std::pair<int64_t, std::string>>;
+absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only);
 
-// Gives the view what it lacks; for a store that an earlier version wrote.
-absl::Status FillStandings(Store& store, ReaderPool& readers);
+// Gives the view what it lacks; for a store that an earlier version wrote. Returns what could not
+// be read.
+absl::StatusOr<std::vector<Damage>> FillStandings(Store& store, ReaderPool& readers);
 
 }  // namespace myograde::server

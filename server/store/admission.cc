@@ -28,7 +28,20 @@ std::string SameAs(SQLite::Database& db, const NewSubmission& submission) {
                       " of team \"", select.getColumn(1).getString(), "\"");
 }
 
-void AddContent(SQLite::Database& db, const NewSubmission& submission, int64_t now_ms) {
+// What is there already under the same hash must be the same.
+absl::Status CheckContent(SQLite::Database& db, const char* table, const char* column,
+                          const std::string& hash, const std::string& text) {
+  SQLite::Statement select(
+      db, absl::StrCat("SELECT ", column, " FROM ", table, " WHERE hash = ?"));
+  select.bind(1, hash);
+  if (select.executeStep() && select.getColumn(0).isText() &&
+      select.getColumn(0).getString() == text) {
+    return absl::OkStatus();
+  }
+  return DamagedRow({table, hash, "its content has another hash"});
+}
+
+absl::Status AddContent(SQLite::Database& db, const NewSubmission& submission, int64_t now_ms) {
   SQLite::Statement config(db, "INSERT INTO config VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING");
   SQLite::bind(config, submission.config, submission.track, submission.profile,
                submission.config_json, now_ms);
@@ -36,6 +49,11 @@ void AddContent(SQLite::Database& db, const NewSubmission& submission, int64_t n
   SQLite::Statement seeds(db, "INSERT INTO seed_list VALUES (?, ?, ?) ON CONFLICT DO NOTHING");
   SQLite::bind(seeds, submission.seeds, submission.seed_count, submission.seeds_json);
   seeds.exec();
+  absl::Status status = CheckContent(db, "config", "effective_json", submission.config,
+                                     submission.config_json);
+  status.Update(CheckContent(db, "seed_list", "seeds_json", submission.seeds,
+                             submission.seeds_json));
+  return status;
 }
 
 }  // namespace
@@ -90,7 +108,7 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
     return status;
   }
   AddTeam(db_, submission.team, now_ms_);
-  AddContent(db_, submission, now_ms_);
+  if (absl::Status status = AddContent(db_, submission, now_ms_); !status.ok()) return status;
   SQLite::Statement insert(
       db_,
       "INSERT INTO submission (team_id, artefact, track, profile, config, seeds, ranked, "

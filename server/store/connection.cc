@@ -14,34 +14,6 @@ namespace {
 // person has the store open; longer waits would stop the daemon's loop.
 constexpr int kBusyMs = 500;
 
-absl::Status ToStatus(const std::string& path, const SQLite::Exception& error) {
-  const std::string cause = absl::StrCat(" (SQLite: ", error.what(), ")");
-  switch (error.getErrorCode()) {
-    case SQLITE_BUSY:
-    case SQLITE_LOCKED:
-      return absl::UnavailableError(
-          absl::StrCat(path, ": is locked by another process; close what has it open", cause));
-    case SQLITE_READONLY:
-    case SQLITE_PERM:
-    case SQLITE_AUTH:
-    case SQLITE_CANTOPEN:
-      return absl::PermissionDeniedError(absl::StrCat(
-          path, ": can't be opened or written; check the rights of the file and its folder, and "
-          "that its disk is not mounted read-only", cause));
-    case SQLITE_FULL:
-      return absl::ResourceExhaustedError(
-          absl::StrCat(path, ": the disk is full; make room", cause));
-    case SQLITE_CORRUPT:
-    case SQLITE_NOTADB:
-      return absl::DataLossError(
-          absl::StrCat(path, ": is damaged or no store; restore it from a backup", cause));
-    case SQLITE_CONSTRAINT:
-      return absl::FailedPreconditionError(absl::StrCat(path, ": refused", cause));
-    default:
-      return absl::UnavailableError(absl::StrCat(path, ": reading or writing failed", cause));
-  }
-}
-
 void Migrate(SQLite::Database& db, int from) {
   const auto migrations = SchemaMigrations();
   for (size_t i = static_cast<size_t>(from); i < migrations.size(); ++i) {
@@ -69,20 +41,50 @@ absl::Status Prepare(SQLite::Database& db, const std::string& path) {
   if (version == 0) db.exec("PRAGMA page_size = 8192");
   db.exec("PRAGMA journal_mode = WAL");
   db.exec("PRAGMA synchronous = FULL");
-  // A table that is made again is missing for a moment to those that refer to it.
-  db.exec("PRAGMA foreign_keys = OFF");
-  Migrate(db, version);
   db.exec("PRAGMA foreign_keys = ON");
+  Migrate(db, version);
   return absl::OkStatus();
 }
 
 }  // namespace
 
+absl::Status StatusOf(const std::string& path, const SQLite::Exception& error) {
+  const std::string cause = absl::StrCat(" (SQLite: ", error.what(), ")");
+  switch (error.getErrorCode()) {
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+      return absl::UnavailableError(
+          absl::StrCat(path, ": is locked by another process; close what has it open", cause));
+    case SQLITE_READONLY:
+    case SQLITE_PERM:
+    case SQLITE_AUTH:
+    case SQLITE_CANTOPEN:
+      return absl::PermissionDeniedError(absl::StrCat(
+          path, ": can't be opened or written; check the rights of the file and its folder, and "
+          "that its disk is not mounted read-only", cause));
+    case SQLITE_FULL:
+      return absl::ResourceExhaustedError(
+          absl::StrCat(path, ": the disk is full; make room", cause));
+    case SQLITE_CORRUPT:
+    case SQLITE_NOTADB:
+      return absl::DataLossError(
+          absl::StrCat(path, ": is damaged or no store; restore it from a backup", cause));
+    case SQLITE_ERROR:  // of a statement that this program made: a table or a column is missing
+    case SQLITE_SCHEMA:
+      return absl::DataLossError(absl::StrCat(
+          path, ": its tables are not those of a store; restore it from a backup", cause));
+    case SQLITE_CONSTRAINT:
+      return absl::FailedPreconditionError(absl::StrCat(path, ": refused", cause));
+    default:
+      return absl::UnavailableError(absl::StrCat(path, ": reading or writing failed", cause));
+  }
+}
+
 absl::Status GuardSqlite(const std::string& path, const std::function<absl::Status()>& body) {
   try {
     return body();
   } catch (const SQLite::Exception& error) {
-    return ToStatus(path, error);
+    return StatusOf(path, error);
   } catch (const std::exception& error) {
     return absl::InternalError(absl::StrCat(path, ": ", error.what()));
   }

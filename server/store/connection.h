@@ -11,12 +11,15 @@
 
 namespace myograde::server {
 
-// Runs `body` and turns what SQLite throws into one sentence about `path`:
+// What SQLite threw, as one sentence about `path`; damage.h has the kinds:
 //   UnavailableError         busy or locked by another process, or an I/O error
 //   PermissionDeniedError    read-only
 //   ResourceExhaustedError   the disk is full
-//   DataLossError            damaged, or no database at all
+//   DataLossError            damaged, no database at all, or without the store's tables
 //   FailedPreconditionError  a constraint or trigger of the schema refused it
+absl::Status StatusOf(const std::string& path, const SQLite::Exception& error);
+
+// Runs `body` and turns what it throws into such a status.
 absl::Status GuardSqlite(const std::string& path, const std::function<absl::Status()>& body);
 
 // Opens the store at `path` for writing: creates it (0600) if it is not there,

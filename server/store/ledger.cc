@@ -3,6 +3,7 @@
 
 #include "server/store/connection.h"
 #include "server/store/reader.h"
+#include "server/store/stored_row.h"
 #include "server/store/store.h"
 #include "server/store/teams.h"
 
@@ -79,30 +80,52 @@ QuotaUse Reader::Quota(const std::string& team, const std::string& track, int64_
 
 int64_t Reader::QuotaDayAt(int64_t now_ms) { return QuotaDay(db_, now_ms); }
 
-std::vector<LedgerRow> Reader::Ledger(const std::string& team, const std::string& track,
-                                      int64_t before, int64_t limit) {
+namespace {
+
+std::optional<std::string> ParseEntry(std::string_view name) {
+  for (const std::string_view known : {"charge", "refund", "grant"}) {
+    if (name == known) return std::string(name);
+  }
+  return std::nullopt;
+}
+
+StoredRow LedgerRowOf(SQLite::Statement& select, LedgerRow& entry) {
+  StoredRow row(select, "ledger", Shown(select.getColumn(0)));
+  entry.id = row.Number(0, 1, INT64_MAX);
+  entry.at = row.Time(1);
+  entry.day = row.Number(2, 0, kLastDay);
+  entry.track = row.Text(3);
+  entry.budget = BudgetName(row.Named(4, ParseBudget));
+  entry.entry = row.Named(5, ParseEntry);
+  entry.amount = row.Number(6, 1, kMostUnits);
+  entry.submission = row.NumberOr(7, 1, INT64_MAX, 0);
+  entry.who = row.Text(8);
+  entry.why = row.Text(9);
+  return row;
+}
+
+}  // namespace
+
+Listed<LedgerRow> Reader::Ledger(const std::string& team, const std::string& track,
+                                 int64_t before, int64_t limit) {
   SQLite::Statement select(
       db_, "SELECT l.id, l.at, l.day, l.track, l.budget, l.entry, l.amount, l.submission, l.who, "
            "l.why FROM ledger AS l WHERE l.team_id = (SELECT id FROM team WHERE name = ?1) AND "
            "(?2 = '' OR l.track = ?2) AND l.id < ?3 ORDER BY l.id DESC LIMIT ?4");
   SQLite::bind(select, team, track, before, limit);
-  std::vector<LedgerRow> rows;
+  Listed<LedgerRow> listed;
   while (select.executeStep()) {
-    LedgerRow row;
-    row.id = select.getColumn(0).getInt64();
-    row.at = select.getColumn(1).getInt64();
-    row.day = select.getColumn(2).getInt64();
-    row.team = team;
-    row.track = select.getColumn(3).getString();
-    row.budget = select.getColumn(4).getString();
-    row.entry = select.getColumn(5).getString();
-    row.amount = select.getColumn(6).getInt64();
-    row.submission = select.getColumn(7).getInt64();  // NULL reads as 0
-    row.who = select.getColumn(8).getString();
-    row.why = select.getColumn(9).getString();
-    rows.push_back(std::move(row));
+    listed.last_id = select.getColumn(0).getInt64();
+    LedgerRow entry;
+    entry.team = team;
+    const StoredRow row = LedgerRowOf(select, entry);
+    if (row.ok()) {
+      listed.rows.push_back(std::move(entry));
+    } else {
+      listed.damaged.push_back(*row.damage());
+    }
   }
-  return rows;
+  return listed;
 }
 
 }  // namespace myograde::server

@@ -3,28 +3,49 @@
 
 #include "server/store/connection.h"
 #include "server/store/reader.h"
+#include "server/store/stored_row.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
 namespace {
 
 constexpr char kMarkColumns[] = "SELECT m.id, m.at, m.submission, m.mark, m.set_to, m.who, m.why ";
+constexpr int64_t kMany = int64_t{1} << 40;
 
-MarkRow MarkOf(SQLite::Statement& row) {
-  MarkRow mark;
-  mark.id = row.getColumn(0).getInt64();
-  mark.at = row.getColumn(1).getInt64();
-  mark.submission = row.getColumn(2).getInt64();
-  mark.mark = row.getColumn(3).getString();
-  mark.set = row.getColumn(4).getInt() != 0;
-  mark.who = row.getColumn(5).getString();
-  mark.why = row.getColumn(6).getString();
-  return mark;
+std::optional<std::string> ParseMarkName(std::string_view name) {
+  for (const std::string_view known : {"hidden", "disqualified", "baseline"}) {
+    if (name == known) return std::string(name);
+  }
+  return std::nullopt;
 }
 
-std::optional<double> NumberIn(SQLite::Statement& row, int column) {
-  if (row.isColumnNull(column)) return std::nullopt;
-  return row.getColumn(column).getDouble();
+StoredRow MarkOf(SQLite::Statement& select, MarkRow& mark) {
+  StoredRow row(select, "mark", Shown(select.getColumn(0)));
+  mark.id = row.Number(0, 1, INT64_MAX);
+  mark.at = row.Time(1);
+  mark.submission = row.Number(2, 1, INT64_MAX);
+  mark.mark = row.Named(3, ParseMarkName);
+  mark.set = row.Flag(4);
+  mark.who = row.Text(5);
+  mark.why = row.Text(6);
+  return row;
+}
+
+// The numbers and the text of the view, or nothing of them: they are made again of the rows.
+void ReadView(SQLite::Statement& select, StandingRow& standing) {
+  StoredRow row(select, "standing", "");
+  const std::string aggregate = row.Text(4);
+  const RankedNumbers numbers = {.successes = row.Number(5, 0, kMany),
+                                 .episodes = row.Number(6, 0, kMany),
+                                 .time_s = row.Real(7),
+                                 .effort = row.RealOrNull(8),
+                                 .pain = row.RealOrNull(9),
+                                 .distance_m = row.RealOrNull(10),
+                                 .effort_over_steps = row.RealOrNull(11),
+                                 .pain_over_steps = row.RealOrNull(12)};
+  if (!row.ok()) return;
+  standing.aggregate_json = aggregate;
+  standing.numbers = numbers;
 }
 
 }  // namespace
@@ -43,6 +64,7 @@ absl::StatusOr<bool> Writer::Mark(int64_t submission, const std::string& mark, b
   const bool is_set = there && last.getColumn(0).getInt() != 0;
   const bool same_reason = !there || why.empty() || last.getColumn(1).getString() == why;
   if (is_set == set && (!set || same_reason)) return false;
+  MendBoardState();
   SQLite::Statement insert(db_, "INSERT INTO mark (at, submission, mark, set_to, who, why) "
                                 "VALUES (?, ?, ?, ?, ?, ?)");
   SQLite::bind(insert, now_ms_, submission, mark, set ? 1 : 0, who, why);
@@ -52,7 +74,11 @@ absl::StatusOr<bool> Writer::Mark(int64_t submission, const std::string& mark, b
 
 absl::Status Writer::SetStanding(int64_t evaluation, const std::string& aggregate_json) {
   const absl::StatusOr<RankedNumbers> numbers = ParseRankedNumbers(aggregate_json);
-  if (!numbers.ok()) return numbers.status();
+  if (!numbers.ok()) {
+    return DamagedRow({"evaluation", absl::StrCat(evaluation),
+                       std::string(numbers.status().message())});
+  }
+  MendBoardState();
   SQLite::Statement insert(
       db_, "INSERT INTO standing VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation) "
            "DO UPDATE SET successes = excluded.successes, episodes = excluded.episodes, time_s = "
@@ -71,65 +97,89 @@ absl::Status Writer::SetStanding(int64_t evaluation, const std::string& aggregat
   return absl::OkStatus();
 }
 
+// The count of changes is a part of the view: a row of it that has no sense is made anew, with a
+// count that no kept board can have.
+void Writer::MendBoardState() {
+  db_.exec("INSERT INTO board_state VALUES (1, abs(random()) % (1 << 50)) ON CONFLICT (id) DO "
+           "UPDATE SET changes = excluded.changes WHERE typeof(changes) != 'integer' OR "
+           "changes NOT BETWEEN 0 AND (1 << 51)");
+}
+
 absl::Status Writer::DropStandings() {
+  MendBoardState();
   db_.exec("DELETE FROM standing");
   return absl::OkStatus();
 }
 
-std::map<int64_t, std::map<std::string, MarkRow>> Reader::Marks() {
+MarksInForce Reader::Marks() {
   SQLite::Statement select(
-      db_, absl::StrCat(kMarkColumns, "FROM mark AS m WHERE m.set_to = 1 AND m.id = (SELECT "
-                        "max(id) FROM mark WHERE submission = m.submission AND mark = m.mark)"));
-  std::map<int64_t, std::map<std::string, MarkRow>> marks;
+      db_, absl::StrCat(kMarkColumns, "FROM mark AS m WHERE m.id = (SELECT max(id) FROM mark "
+                        "WHERE submission IS m.submission AND mark IS m.mark) ORDER BY m.id"));
+  MarksInForce marks;
   while (select.executeStep()) {
-    MarkRow row = MarkOf(select);
-    marks[row.submission][row.mark] = row;
+    MarkRow mark;
+    const StoredRow row = MarkOf(select, mark);
+    if (!row.ok()) {
+      const SQLite::Column whose = select.getColumn(2);
+      marks.damaged.emplace(whose.isInteger() ? whose.getInt64() : 0, *row.damage());
+    } else if (mark.set) {
+      marks.by_submission[mark.submission][mark.mark] = mark;
+    }
   }
   return marks;
 }
 
-std::vector<MarkRow> Reader::MarkHistory(int64_t submission) {
+absl::StatusOr<std::vector<MarkRow>> Reader::MarkHistory(int64_t submission) {
   SQLite::Statement select(
       db_, absl::StrCat(kMarkColumns, "FROM mark AS m WHERE m.submission = ? ORDER BY m.id"));
   select.bind(1, submission);
-  std::vector<MarkRow> rows;
-  while (select.executeStep()) rows.push_back(MarkOf(select));
-  return rows;
+  std::vector<MarkRow> marks;
+  while (select.executeStep()) {
+    MarkRow mark;
+    if (const StoredRow row = MarkOf(select, mark); !row.ok()) return row.status();
+    marks.push_back(std::move(mark));
+  }
+  return marks;
 }
 
 int64_t Reader::BoardChanges() {
-  return db_.execAndGet("SELECT changes FROM board_state").getInt64();
+  SQLite::Statement select(db_, "SELECT changes FROM board_state WHERE typeof(changes) = 'integer'");
+  return select.executeStep() ? select.getColumn(0).getInt64() : -1;
 }
 
-std::vector<StandingRow> Reader::Standings(const std::string& config) {
+Listed<StandingRow> Reader::Standings(const std::string& config) {
   SQLite::Statement select(
       db_, "SELECT s.id, e.id, t.name, a.name, v.aggregate_json, v.successes, v.episodes, "
-           "v.time_s, v.effort, v.pain, v.distance_m, v.effort_over_steps, v.pain_over_steps "
+           "v.time_s, v.effort, v.pain, v.distance_m, v.effort_over_steps, v.pain_over_steps, "
+           "s.team_id, s.artefact, e.state "
            "FROM submission AS s "
-           "JOIN team AS t ON t.id = s.team_id JOIN artefact AS a ON a.hash = s.artefact "
-           "JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
+           "LEFT JOIN team AS t ON t.id = s.team_id LEFT JOIN artefact AS a ON a.hash = s.artefact "
+           "LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
            "LEFT JOIN standing AS v ON v.evaluation = e.id "
-           "WHERE s.config = ? AND s.ranked = 1 AND e.state = 'done' ORDER BY s.id");
+           "WHERE s.config = ? AND s.ranked = 1 AND (e.state IN ('queued', 'running', 'failed', "
+           "'cancelled', 'grader_error')) IS NOT TRUE ORDER BY s.id");
   select.bind(1, config);
-  std::vector<StandingRow> rows;
+  Listed<StandingRow> listed;
   while (select.executeStep()) {
-    StandingRow row;
-    row.submission = select.getColumn(0).getInt64();
-    row.evaluation = select.getColumn(1).getInt64();
-    row.team = select.getColumn(2).getString();
-    row.artefact_name = select.getColumn(3).getString();
-    row.aggregate_json = select.getColumn(4).getString();
-    row.numbers.successes = select.getColumn(5).getInt64();
-    row.numbers.episodes = select.getColumn(6).getInt64();
-    row.numbers.time_s = select.getColumn(7).getDouble();
-    row.numbers.effort = NumberIn(select, 8);
-    row.numbers.pain = NumberIn(select, 9);
-    row.numbers.distance_m = NumberIn(select, 10);
-    row.numbers.effort_over_steps = NumberIn(select, 11);
-    row.numbers.pain_over_steps = NumberIn(select, 12);
-    rows.push_back(std::move(row));
+    StandingRow standing;
+    StoredRow row(select, "submission", Shown(select.getColumn(0)));
+    standing.submission = row.Number(0, 1, INT64_MAX);
+    if (select.isColumnNull(1)) row.Fail("it has no original evaluation");
+    standing.evaluation = row.NumberOr(1, 1, INT64_MAX, 0);
+    row.Joined("evaluation", 1);
+    (void)row.Named(15, ParseEvaluationState);
+    row.Joined("team", 13);
+    standing.team = row.Text(2);
+    row.Joined("artefact", 14);
+    standing.artefact_name = row.Text(3);
+    if (!row.ok()) {
+      listed.damaged.push_back(*row.damage());
+      continue;
+    }
+    ReadView(select, standing);
+    listed.rows.push_back(std::move(standing));
   }
-  return rows;
+  return listed;
 }
 
 std::vector<int64_t> Reader::DoneEvaluations(bool without_standing) {

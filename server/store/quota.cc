@@ -34,22 +34,22 @@ int64_t TeamId(SQLite::Database& db, const std::string& team) {
 }
 
 void AddLedger(SQLite::Database& db, int64_t team, const std::string& track, QuotaUse& use) {
+  // What can't be read counts for nothing; the ledger names it.
   SQLite::Statement select(
       db, "SELECT budget, entry, sum(amount), sum(amount * (day = ?)) FROM ledger "
-          "WHERE team_id = ? AND track = ? GROUP BY budget, entry");
-  SQLite::bind(select, use.day, team, track);
+          "WHERE team_id = ? AND track = ? AND typeof(amount) = 'integer' AND "
+          "amount BETWEEN 1 AND ? GROUP BY budget, entry");
+  SQLite::bind(select, use.day, team, track, kMostUnits);
   while (select.executeStep()) {
     const std::optional<Budget> budget = ParseBudget(select.getColumn(0).getString());
-    if (!budget) continue;  // CHECK allows no other
+    if (!budget) continue;
     const std::string entry = select.getColumn(1).getString();
     for (const auto& [sums, column] : {std::pair{&use.total, 2}, std::pair{&use.today, 3}}) {
       BudgetUse& sum = (*sums)[Index(*budget)];
       const int64_t amount = select.getColumn(column).getInt64();
-      if (entry == "grant") {
-        sum.granted += amount;
-      } else {
-        sum.charged += entry == "charge" ? amount : -amount;
-      }
+      if (entry == "grant") sum.granted += amount;
+      if (entry == "charge") sum.charged += amount;
+      if (entry == "refund") sum.charged -= amount;
     }
   }
 }
@@ -113,10 +113,12 @@ const Allowance& QuotaLimits::of(Budget budget) const {
 }
 
 int64_t QuotaDay(SQLite::Database& db, int64_t now_ms) {
-  const int64_t latest =
-      db.execAndGet("SELECT max(ifnull((SELECT max(day) FROM admission), 0), "
-                    "ifnull((SELECT max(day) FROM ledger), 0))").getInt64();
-  return std::max(latest, now_ms / kDayMs);
+  // One that no calendar has must not stop the days of all.
+  SQLite::Statement select(db, "SELECT max(ifnull((SELECT max(day) FROM admission WHERE day <= ?1), "
+                               "0), ifnull((SELECT max(day) FROM ledger WHERE day <= ?1), 0))");
+  select.bind(1, kLastDay);
+  select.executeStep();
+  return std::max(select.getColumn(0).getInt64(), now_ms / kDayMs);
 }
 
 QuotaUse ReadQuotaUse(SQLite::Database& db, const std::string& team, const std::string& track,

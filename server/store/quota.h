@@ -68,6 +68,10 @@ struct QuotaUse {
   const BudgetUse& total_of(Budget budget) const { return total[static_cast<size_t>(budget)]; }
 };
 
+// Of a row that can be read: the last day of the year 9999, and the most units.
+inline constexpr int64_t kLastDay = 2'932'896;
+inline constexpr int64_t kMostUnits = 1'000'000'000;
+
 // The store's present day. These throw SQLite::Exception.
 int64_t QuotaDay(SQLite::Database& db, int64_t now_ms);
 QuotaUse ReadQuotaUse(SQLite::Database& db, const std::string& team, const std::string& track,

@@ -1,9 +1,11 @@
 #include "server/store/reader.h"
 
 #include <absl/strings/str_cat.h>
-#include <nlohmann/json.hpp>
 
+#include "protocol/sha256.h"
+#include "protocol/track_config.h"
 #include "server/store/connection.h"
+#include "server/store/stored_row.h"
 
 namespace myograde::server {
 namespace {
@@ -11,57 +13,138 @@ namespace {
 // Connections that are kept open between requests; each has a cache of some 2 MiB.
 constexpr size_t kKept = 16;
 
+constexpr int64_t kMany = int64_t{1} << 40;
+
 constexpr char kSubmissionColumns[] =
     "SELECT s.id, t.name, s.artefact, a.name, s.track, s.profile, s.config, s.seeds, s.ranked, "
-    "s.accepted_at FROM submission AS s JOIN team AS t ON t.id = s.team_id "
-    "JOIN artefact AS a ON a.hash = s.artefact ";
+    "s.accepted_at, s.team_id FROM submission AS s LEFT JOIN team AS t ON t.id = s.team_id "
+    "LEFT JOIN artefact AS a ON a.hash = s.artefact ";
 
 constexpr char kEvaluationColumns[] =
     "SELECT e.id, e.submission, e.kind, e.first, e.last, e.state, e.reason, e.grader_json, "
     "e.results_hash, e.created_at, e.started_at, e.finished_at FROM evaluation AS e ";
 
-std::vector<std::string> StringsOf(const std::string& json) {
-  const nlohmann::json array = nlohmann::json::parse(json, nullptr, false);
-  return array.is_array() ? array.get<std::vector<std::string>>() : std::vector<std::string>();
+std::optional<bool> ParseIsRerun(std::string_view kind) {
+  if (kind != "original" && kind != "rerun") return std::nullopt;
+  return kind == "rerun";
 }
 
-SubmissionRow SubmissionOf(SQLite::Statement& row) {
-  SubmissionRow submission;
-  submission.id = row.getColumn(0).getInt64();
-  submission.team = row.getColumn(1).getString();
-  submission.artefact = row.getColumn(2).getString();
-  submission.artefact_name = row.getColumn(3).getString();
-  submission.track = row.getColumn(4).getString();
-  submission.profile = row.getColumn(5).getString();
-  submission.config = row.getColumn(6).getString();
-  submission.seeds = row.getColumn(7).getString();
-  submission.ranked = row.getColumn(8).getInt() != 0;
-  submission.accepted_at = row.getColumn(9).getInt64();
-  return submission;
+StoredRow SubmissionOf(SQLite::Statement& select, SubmissionRow& submission) {
+  StoredRow row(select, "submission", Shown(select.getColumn(0)));
+  submission.id = row.Number(0, 1, INT64_MAX);
+  submission.artefact = row.Hash(2);
+  submission.track = row.Text(4);
+  submission.profile = row.Text(5);
+  submission.config = row.Hash(6);
+  submission.seeds = row.Hash(7);
+  submission.ranked = row.Flag(8);
+  submission.accepted_at = row.Time(9);
+  row.Joined("team", 10);
+  submission.team = row.Text(1);
+  row.Joined("artefact", 2);
+  submission.artefact_name = row.Text(3);
+  return row;
 }
 
-// NULL columns read as 0 and "".
-EvaluationRow EvaluationOf(SQLite::Statement& row) {
-  EvaluationRow evaluation;
-  evaluation.id = row.getColumn(0).getInt64();
-  evaluation.submission = row.getColumn(1).getInt64();
-  evaluation.rerun = row.getColumn(2).getString() == "rerun";
-  evaluation.first = row.getColumn(3).getInt64();
-  evaluation.last = row.getColumn(4).getInt64();
-  evaluation.state = *ParseEvaluationState(row.getColumn(5).getString());
-  evaluation.reason = row.getColumn(6).getString();
-  evaluation.grader_json = row.getColumn(7).getString();
-  evaluation.results_hash = row.getColumn(8).getString();
-  evaluation.created_at = row.getColumn(9).getInt64();
-  evaluation.started_at = row.getColumn(10).getInt64();
-  evaluation.finished_at = row.getColumn(11).getInt64();
-  return evaluation;
+StoredRow EvaluationOf(SQLite::Statement& select, EvaluationRow& evaluation) {
+  StoredRow row(select, "evaluation", Shown(select.getColumn(0)));
+  evaluation.id = row.Number(0, 1, INT64_MAX);
+  evaluation.submission = row.Number(1, 1, INT64_MAX);
+  evaluation.rerun = row.Named(2, ParseIsRerun);
+  evaluation.first = row.Number(3, 0, kMaxEpisodes - 1);
+  evaluation.last = row.Number(4, evaluation.first, kMaxEpisodes - 1);
+  evaluation.state = row.Named(5, ParseEvaluationState);
+  evaluation.reason = row.Text(6);
+  evaluation.grader_json = row.Object(7);
+  evaluation.results_hash = row.TextOr(8);
+  evaluation.created_at = row.Time(9);
+  evaluation.started_at = row.TimeOr0(10);
+  evaluation.finished_at = row.TimeOr0(11);
+  if (IsFinal(evaluation.state) == select.isColumnNull(11)) {
+    row.Fail(5, "its time of ending says otherwise");
+  }
+  return row;
 }
 
-std::vector<EvaluationRow> AllEvaluations(SQLite::Statement& select) {
-  std::vector<EvaluationRow> rows;
-  while (select.executeStep()) rows.push_back(EvaluationOf(select));
+StoredRow LeaseOf(SQLite::Statement& select, LeaseRow& lease) {
+  StoredRow row(select, "lease", Shown(select.getColumn(0)));
+  lease.id = row.Number(0, 1, INT64_MAX);
+  lease.first = row.Number(1, 0, kMaxEpisodes - 1);
+  lease.last = row.Number(2, lease.first, kMaxEpisodes - 1);
+  lease.state = row.Named(3, ParseLeaseState);
+  lease.attempt = row.Number(4, 0, kMany);
+  lease.faults = row.Number(5, 0, lease.attempt);
+  lease.detail = row.Text(6);
+  lease.slot = row.NumberOr(7, 0, kMany, -1);
+  lease.started_at = row.TimeOr0(8);
+  lease.deadline_at = row.TimeOr0(9);
+  lease.finished_at = row.TimeOr0(10);
+  if (!select.isColumnNull(11)) lease.output_json = row.Object(11);
+  if (IsFinal(lease.state) == select.isColumnNull(10)) {
+    row.Fail(3, "its time of ending says otherwise");
+  }
+  return row;
+}
+
+StoredRow EpisodeOf(SQLite::Statement& select, EpisodeRow& episode) {
+  StoredRow row(select, "episode",
+                absl::StrCat(episode.evaluation, "/", Shown(select.getColumn(0))));
+  episode.index = row.Number(0, 0, kMaxEpisodes - 1);
+  episode.lease = row.Number(1, 1, INT64_MAX);
+  episode.attempt = row.Number(2, 1, kMany);
+  episode.seed = static_cast<uint64_t>(row.Number(3, 0, INT64_MAX));
+  episode.outcome = row.Named(4, ParseOutcome);
+  episode.reason = row.Named(5, ParseFailureReason);
+  episode.facts_json = row.Object(6);
+  episode.metrics_json = row.Object(7);
+  if ((episode.outcome == Outcome::kFailure) != (episode.reason != FailureReason::kNone)) {
+    row.Fail(5, "its outcome says otherwise");
+  }
+  return row;
+}
+
+// All rows, or the damage of the first that can't be read.
+template <typename Row, typename Parse>
+absl::StatusOr<std::vector<Row>> AllOf(SQLite::Statement& select, const Row& empty, Parse parse) {
+  std::vector<Row> rows;
+  while (select.executeStep()) {
+    Row row = empty;
+    if (const StoredRow read = parse(select, row); !read.ok()) return read.status();
+    rows.push_back(std::move(row));
+  }
   return rows;
+}
+
+template <typename Row, typename Parse>
+Listed<Row> ListOf(SQLite::Statement& select, Parse parse) {
+  Listed<Row> listed;
+  while (select.executeStep()) {
+    listed.last_id = select.getColumn(0).getInt64();
+    Row row;
+    const StoredRow read = parse(select, row);
+    if (read.ok()) {
+      listed.rows.push_back(std::move(row));
+    } else {
+      listed.damaged.push_back(*read.damage());
+    }
+  }
+  return listed;
+}
+
+// Content is found by its hash, so what has another one is not what was put there.
+absl::StatusOr<std::string> Content(SQLite::Database& db, const char* table, const char* column,
+                                    const std::string& hash) {
+  SQLite::Statement select(
+      db, absl::StrCat("SELECT ", column, " FROM ", table, " WHERE hash = ?"));
+  select.bind(1, hash);
+  if (!select.executeStep()) {
+    return DamagedRow({table, hash, "it is missing, and other rows name it"});
+  }
+  StoredRow row(select, table, hash);
+  std::string text = row.Text(0);
+  if (row.ok() && Sha256Hex(text) != hash) row.Fail("its content has another hash");
+  if (!row.ok()) return row.status();
+  return text;
 }
 
 }  // namespace
@@ -73,14 +156,17 @@ absl::StatusOr<ArtefactRow> Reader::Artefact(const std::string& hash) {
   if (!select.executeStep()) {
     return absl::NotFoundError(absl::StrCat("there is no artefact ", hash, "; upload it first"));
   }
-  ArtefactRow row;
-  row.hash = hash;
-  row.name = select.getColumn(0).getString();
-  row.command = StringsOf(select.getColumn(1).getString());
-  row.runtimes = StringsOf(select.getColumn(2).getString());
-  row.bytes = select.getColumn(3).getInt64();
-  row.files = select.getColumn(4).getInt64();
-  return row;
+  StoredRow row(select, "artefact", hash);
+  ArtefactRow artefact;
+  artefact.hash = hash;
+  artefact.name = row.Text(0);
+  artefact.command = row.Strings(1);
+  artefact.runtimes = row.Strings(2);
+  artefact.bytes = row.Number(3, 0, INT64_MAX);
+  artefact.files = row.Number(4, 0, INT64_MAX);
+  if (artefact.command.empty()) row.Fail(1, "a program belongs there");
+  if (!row.ok()) return row.status();
+  return artefact;
 }
 
 absl::StatusOr<SubmissionRow> Reader::Submission(int64_t id) {
@@ -89,10 +175,12 @@ absl::StatusOr<SubmissionRow> Reader::Submission(int64_t id) {
   if (!select.executeStep()) {
     return absl::NotFoundError(absl::StrCat("there is no submission ", id));
   }
-  return SubmissionOf(select);
+  SubmissionRow submission;
+  if (const StoredRow row = SubmissionOf(select, submission); !row.ok()) return row.status();
+  return submission;
 }
 
-std::vector<SubmissionRow> Reader::Submissions(const SubmissionFilter& filter) {
+Listed<SubmissionRow> Reader::Submissions(const SubmissionFilter& filter) {
   SQLite::Statement select(
       db_, absl::StrCat(kSubmissionColumns,
                         "WHERE s.id < ?1 AND (?2 = '' OR t.name = ?2) AND (?3 = '' OR s.track = ?3)"
@@ -102,9 +190,7 @@ std::vector<SubmissionRow> Reader::Submissions(const SubmissionFilter& filter) {
   SQLite::bind(select, filter.before, filter.team, filter.track, filter.profile,
                filter.state ? std::string(EvaluationStateName(*filter.state)) : std::string(),
                filter.limit);
-  std::vector<SubmissionRow> rows;
-  while (select.executeStep()) rows.push_back(SubmissionOf(select));
-  return rows;
+  return ListOf<SubmissionRow>(select, SubmissionOf);
 }
 
 absl::StatusOr<EvaluationRow> Reader::Evaluation(int64_t id) {
@@ -113,79 +199,68 @@ absl::StatusOr<EvaluationRow> Reader::Evaluation(int64_t id) {
   if (!select.executeStep()) {
     return absl::NotFoundError(absl::StrCat("there is no evaluation ", id));
   }
-  return EvaluationOf(select);
+  EvaluationRow evaluation;
+  if (const StoredRow row = EvaluationOf(select, evaluation); !row.ok()) return row.status();
+  return evaluation;
 }
 
-std::vector<EvaluationRow> Reader::Evaluations(int64_t submission) {
+absl::StatusOr<std::vector<EvaluationRow>> Reader::Evaluations(int64_t submission) {
   SQLite::Statement select(
-      db_, absl::StrCat(kEvaluationColumns, "WHERE e.submission = ? ORDER BY e.id"));
+      db_, absl::StrCat(kEvaluationColumns,
+                        "WHERE e.submission = ? ORDER BY e.kind != 'original', e.id"));
   select.bind(1, submission);
-  return AllEvaluations(select);
-}
-
-std::vector<EvaluationRow> Reader::Unfinished() {
-  SQLite::Statement select(
-      db_, absl::StrCat(kEvaluationColumns, "WHERE e.finished_at IS NULL ORDER BY e.id"));
-  return AllEvaluations(select);
-}
-
-std::vector<LeaseRow> Reader::Leases(int64_t evaluation) {
-  SQLite::Statement select(
-      db_, "SELECT id, first, last, state, attempt, faults, detail, ifnull(slot, -1), started_at, "
-           "deadline_at, finished_at, output_json FROM lease WHERE evaluation = ? ORDER BY first");
-  select.bind(1, evaluation);
-  std::vector<LeaseRow> rows;
-  while (select.executeStep()) {
-    LeaseRow row;
-    row.id = select.getColumn(0).getInt64();
-    row.evaluation = evaluation;
-    row.first = select.getColumn(1).getInt64();
-    row.last = select.getColumn(2).getInt64();
-    row.state = *ParseLeaseState(select.getColumn(3).getString());
-    row.attempt = select.getColumn(4).getInt64();
-    row.faults = select.getColumn(5).getInt64();
-    row.detail = select.getColumn(6).getString();
-    row.slot = select.getColumn(7).getInt64();
-    row.started_at = select.getColumn(8).getInt64();
-    row.deadline_at = select.getColumn(9).getInt64();
-    row.finished_at = select.getColumn(10).getInt64();
-    row.output_json = select.getColumn(11).getString();
-    rows.push_back(std::move(row));
+  auto rows = AllOf<EvaluationRow>(select, {}, EvaluationOf);
+  if (rows.ok() && (rows->empty() || rows->front().rerun)) {
+    return DamagedRow({"submission", absl::StrCat(submission),
+                       "it has no evaluation, or none that is its original one"});
   }
   return rows;
 }
 
-std::vector<EpisodeRow> Reader::Episodes(int64_t evaluation) {
+absl::StatusOr<EvaluationRow> Reader::Original(int64_t submission) {
+  absl::StatusOr<std::vector<EvaluationRow>> rows = Evaluations(submission);
+  if (!rows.ok()) return rows.status();
+  return std::move(rows->front());
+}
+
+Listed<EvaluationRow> Reader::Unfinished() {
+  // Whatever is in no state that is final has not ended, a row without any sense included.
+  SQLite::Statement select(
+      db_, absl::StrCat(kEvaluationColumns, "WHERE e.finished_at IS NULL OR (e.state IN ('done', "
+                        "'failed', 'cancelled', 'grader_error')) IS NOT TRUE ORDER BY e.id"));
+  return ListOf<EvaluationRow>(select, EvaluationOf);
+}
+
+absl::StatusOr<std::vector<LeaseRow>> Reader::Leases(int64_t evaluation) {
+  SQLite::Statement select(
+      db_, "SELECT id, first, last, state, attempt, faults, detail, slot, started_at, "
+           "deadline_at, finished_at, output_json FROM lease WHERE evaluation = ? ORDER BY first");
+  select.bind(1, evaluation);
+  LeaseRow empty;
+  empty.evaluation = evaluation;
+  return AllOf(select, empty, LeaseOf);
+}
+
+absl::StatusOr<std::vector<EpisodeRow>> Reader::Episodes(int64_t evaluation) {
   SQLite::Statement select(db_, "SELECT idx, lease, attempt, seed, outcome, reason, facts_json, "
                                 "metrics_json FROM episode WHERE evaluation = ? ORDER BY idx");
   select.bind(1, evaluation);
-  std::vector<EpisodeRow> rows;
-  while (select.executeStep()) {
-    EpisodeRow row;
-    row.evaluation = evaluation;
-    row.index = select.getColumn(0).getInt64();
-    row.lease = select.getColumn(1).getInt64();
-    row.attempt = select.getColumn(2).getInt64();
-    row.seed = static_cast<uint64_t>(select.getColumn(3).getInt64());
-    row.outcome = *ParseOutcome(select.getColumn(4).getString());
-    row.reason = *ParseFailureReason(select.getColumn(5).getString());
-    row.facts_json = select.getColumn(6).getString();
-    row.metrics_json = select.getColumn(7).getString();
-    rows.push_back(std::move(row));
-  }
-  return rows;
+  EpisodeRow empty;
+  empty.evaluation = evaluation;
+  return AllOf(select, empty, EpisodeOf);
 }
 
-std::vector<ReplayRow> Reader::Replays(int64_t evaluation) {
-  SQLite::Statement select(db_, "SELECT idx, attempt, differs_json FROM replay "
+absl::StatusOr<std::vector<ReplayRow>> Reader::Replays(int64_t evaluation) {
+  SQLite::Statement select(db_, "SELECT idx, attempt, differs_json, id FROM replay "
                                 "WHERE evaluation = ? ORDER BY idx, attempt");
   select.bind(1, evaluation);
-  std::vector<ReplayRow> rows;
-  while (select.executeStep()) {
-    rows.push_back({select.getColumn(0).getInt64(), select.getColumn(1).getInt64(),
-                    StringsOf(select.getColumn(2).getString())});
-  }
-  return rows;
+  return AllOf<ReplayRow>(select, {}, [](SQLite::Statement& read, ReplayRow& replay) {
+    StoredRow row(read, "replay", Shown(read.getColumn(3)));
+    replay.index = row.Number(0, 0, kMaxEpisodes - 1);
+    replay.attempt = row.Number(1, 1, kMany);
+    replay.differs = row.Strings(2);
+    return row;
+  });
 }
 
 EpisodeCounts Reader::Counts(int64_t evaluation) {
@@ -202,43 +277,31 @@ EpisodeCounts Reader::Counts(int64_t evaluation) {
   return counts;
 }
 
-std::vector<TransitionRow> Reader::Transitions(const std::string& entity, int64_t id) {
-  SQLite::Statement select(db_, "SELECT at, from_state, to_state, who, why FROM transition "
+absl::StatusOr<std::vector<TransitionRow>> Reader::Transitions(const std::string& entity,
+                                                               int64_t id) {
+  SQLite::Statement select(db_, "SELECT at, from_state, to_state, who, why, id FROM transition "
                                 "WHERE entity = ? AND entity_id = ? ORDER BY id");
   SQLite::bind(select, entity, id);
-  std::vector<TransitionRow> rows;
-  while (select.executeStep()) {
-    rows.push_back({select.getColumn(0).getInt64(), entity, id, select.getColumn(1).getString(),
-                    select.getColumn(2).getString(), select.getColumn(3).getString(),
-                    select.getColumn(4).getString()});
-  }
-  return rows;
+  TransitionRow empty;
+  empty.entity = entity;
+  empty.entity_id = id;
+  return AllOf(select, empty, [](SQLite::Statement& read, TransitionRow& transition) {
+    StoredRow row(read, "transition", Shown(read.getColumn(5)));
+    transition.at = row.Time(0);
+    transition.from = row.Text(1);
+    transition.to = row.Text(2);
+    transition.who = row.Text(3);
+    transition.why = row.Text(4);
+    return row;
+  });
 }
 
 absl::StatusOr<std::string> Reader::ConfigJson(const std::string& hash) {
-  SQLite::Statement select(db_, "SELECT effective_json FROM config WHERE hash = ?");
-  select.bind(1, hash);
-  if (!select.executeStep()) return absl::NotFoundError(absl::StrCat("there is no config ", hash));
-  return select.getColumn(0).getString();
+  return Content(db_, "config", "effective_json", hash);
 }
 
 absl::StatusOr<std::string> Reader::SeedsJson(const std::string& hash) {
-  SQLite::Statement select(db_, "SELECT seeds_json FROM seed_list WHERE hash = ?");
-  select.bind(1, hash);
-  if (!select.executeStep()) {
-    return absl::NotFoundError(absl::StrCat("there is no seed list ", hash));
-  }
-  return select.getColumn(0).getString();
-}
-
-std::vector<EvaluationRow> Reader::Ranked(const std::string& config) {
-  SQLite::Statement select(
-      db_, absl::StrCat(kEvaluationColumns,
-                        "JOIN submission AS s ON s.id = e.submission WHERE s.config = ? AND "
-                        "s.ranked = 1 AND e.kind = 'original' AND e.state = 'done' "
-                        "ORDER BY e.submission"));
-  select.bind(1, config);
-  return AllEvaluations(select);
+  return Content(db_, "seed_list", "seeds_json", hash);
 }
 
 int64_t Reader::RankedElsewhere(const std::string& track, const std::string& profile,

@@ -14,6 +14,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include "server/store/damage.h"
 #include "server/store/quota.h"
 #include "server/store/rows.h"
 #include "server/store/transfer.h"
@@ -38,31 +39,38 @@ struct SubmissionFilter {
 // is the organiser's to know. "": none.
 std::string ResembledTeam(const absl::Status& status);
 
+// The marks in force, by submission and mark.
+struct MarksInForce {
+  std::map<int64_t, std::map<std::string, MarkRow>> by_submission;
+  std::map<int64_t, Damage> damaged;  // of submissions whose marks can't be known; 0: nor whose
+};
+
 // The queries; only inside ReaderPool::Read, where all of them see one state.
-// What is asked for by id and is not there is a NotFoundError.
+// What is asked for by id and is not there is a NotFoundError. A row that can't be read is
+// told as damage.h has it: what is one answer fails with it, lists go on without it.
 class Reader {
  public:
   explicit Reader(SQLite::Database& db) : db_(db) {}
 
   absl::StatusOr<ArtefactRow> Artefact(const std::string& hash);
   absl::StatusOr<SubmissionRow> Submission(int64_t id);
-  std::vector<SubmissionRow> Submissions(const SubmissionFilter& filter);
+  Listed<SubmissionRow> Submissions(const SubmissionFilter& filter);
   absl::StatusOr<EvaluationRow> Evaluation(int64_t id);
-  // Of a submission: the original first.
-  std::vector<EvaluationRow> Evaluations(int64_t submission);
-  // Every evaluation that has not ended, oldest first.
-  std::vector<EvaluationRow> Unfinished();
-  std::vector<LeaseRow> Leases(int64_t evaluation);    // by first episode
-  std::vector<EpisodeRow> Episodes(int64_t evaluation);  // by index
-  std::vector<ReplayRow> Replays(int64_t evaluation);
+  // Of a submission: the original first. Never empty.
+  absl::StatusOr<std::vector<EvaluationRow>> Evaluations(int64_t submission);
+  absl::StatusOr<EvaluationRow> Original(int64_t submission);
+  // Every evaluation that has not ended, oldest first. The keys of the damaged ones are ids.
+  Listed<EvaluationRow> Unfinished();
+  absl::StatusOr<std::vector<LeaseRow>> Leases(int64_t evaluation);    // by first episode
+  absl::StatusOr<std::vector<EpisodeRow>> Episodes(int64_t evaluation);  // by index
+  absl::StatusOr<std::vector<ReplayRow>> Replays(int64_t evaluation);
   EpisodeCounts Counts(int64_t evaluation);
-  std::vector<TransitionRow> Transitions(const std::string& entity, int64_t id);
-  // The effective config, and the seeds, as canonical JSON.
+  absl::StatusOr<std::vector<TransitionRow>> Transitions(const std::string& entity, int64_t id);
+  // The effective config, and the seeds, as canonical JSON whose hash is the one asked for.
   absl::StatusOr<std::string> ConfigJson(const std::string& hash);
   absl::StatusOr<std::string> SeedsJson(const std::string& hash);
-  // Original evaluations that are done, of ranked submissions under a config.
-  std::vector<EvaluationRow> Ranked(const std::string& config);
-  // How many such there are under other configs of the same track and profile.
+  // How many original evaluations of ranked submissions are done under other configs of the
+  // same track and profile.
   int64_t RankedElsewhere(const std::string& track, const std::string& profile,
                           const std::string& config);
 
@@ -75,16 +83,16 @@ class Reader {
   QuotaUse Quota(const std::string& team, const std::string& track, int64_t now_ms);
   int64_t QuotaDayAt(int64_t now_ms);
   // Newest first; `track` "" is any, `before` an id.
-  std::vector<LedgerRow> Ledger(const std::string& team, const std::string& track, int64_t before,
-                                int64_t limit);
-  // The marks in force, by submission and mark.
-  std::map<int64_t, std::map<std::string, MarkRow>> Marks();
+  Listed<LedgerRow> Ledger(const std::string& team, const std::string& track, int64_t before,
+                           int64_t limit);
+  MarksInForce Marks();
   // Every change of the marks of a submission, oldest first.
-  std::vector<MarkRow> MarkHistory(int64_t submission);
+  absl::StatusOr<std::vector<MarkRow>> MarkHistory(int64_t submission);
   // Changes whenever a board may have changed, and only then.
   int64_t BoardChanges();
-  // What may rank under a config: done, ranked and original, by submission.
-  std::vector<StandingRow> Standings(const std::string& config);
+  // What may rank under a config: done, ranked and original, by submission. What is damaged in
+  // the view itself is as if the view lacked it.
+  Listed<StandingRow> Standings(const std::string& config);
   // The whole store as one document; transfer.h has its form.
   absl::Status Export(const ExportSink& sink) { return ExportRows(db_, sink); }
   std::vector<ArtefactUse> ArtefactUses();
@@ -106,9 +114,11 @@ class ReaderPool {
   // Runs `body` on a free connection, opening one if there is none.
   absl::Status Read(const std::function<absl::Status(Reader&)>& body);
   // Writes the store as it is now into a new file at `path`, while others go on
-  // writing; `progress` hears the pages from time to time. The copy is checked.
+  // writing; `progress` hears the pages from time to time. The copy is checked: it is as
+  // whole as a file, and `damaged` hears of the rows in it that are not.
   absl::Status Backup(const std::string& path,
-                      const std::function<void(int64_t done, int64_t total)>& progress);
+                      const std::function<void(int64_t done, int64_t total)>& progress,
+                      const std::function<void(const std::string& what)>& damaged);
 
  private:
   absl::StatusOr<std::unique_ptr<SQLite::Database>> Take();

@@ -124,7 +124,7 @@ struct RankedNumbers {
   std::optional<double> effort_over_steps = std::nullopt;
   std::optional<double> pain_over_steps = std::nullopt;
 };
-// Of the text of an aggregate; DataLossError if it lacks them.
+// Of the text of an aggregate; InvalidArgumentError if it lacks them.
 absl::StatusOr<RankedNumbers> ParseRankedNumbers(const std::string& aggregate_json);
 
 // What a board is made of.

@@ -5,6 +5,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/store/connection.h"
+#include "server/store/stored_row.h"
 #include "server/store/teams.h"
 
 namespace myograde::server {
@@ -38,18 +39,24 @@ absl::Status Store::LoadSecret() {
                    static_cast<int>(fresh.size())) != 1) {
       return absl::InternalError("the host has no random numbers for the store's secret");
     }
-    SQLite::Statement insert(*db_, "INSERT INTO meta VALUES ('policy_secret', ?) "
-                                   "ON CONFLICT DO NOTHING");
+    SQLite::Statement select(*db_, "SELECT value FROM meta WHERE key = 'policy_secret'");
+    const bool there = select.executeStep();
+    if (there && select.getColumn(0).isBlob() &&
+        select.getColumn(0).getBytes() == static_cast<int>(fresh.size())) {
+      policy_secret_ = select.getColumn(0).getString();
+      return absl::OkStatus();
+    }
+    if (there) {
+      mended_ = Damage{"meta", "policy_secret", absl::StrCat("its \"value\" is ",
+                       Shown(select.getColumn(0)), ", and not 32 bytes; a new one was made, so "
+                       "policies that use their seed do not repeat what they did before")};
+    }
+    select.reset();
+    SQLite::Statement insert(*db_, "INSERT INTO meta VALUES ('policy_secret', ?) ON CONFLICT (key) "
+                                   "DO UPDATE SET value = excluded.value");
     insert.bind(1, fresh.data(), static_cast<int>(fresh.size()));
     insert.exec();
-    SQLite::Statement select(*db_, "SELECT value FROM meta WHERE key = 'policy_secret'");
-    select.executeStep();
-    policy_secret_ = select.getColumn(0).getString();
-    if (policy_secret_.size() != 32) {
-      return absl::DataLossError(
-          absl::StrCat(path_, ": its policy secret has ", policy_secret_.size(),
-                       " bytes and must have 32; restore the store from a backup"));
-    }
+    policy_secret_ = std::move(fresh);
     return absl::OkStatus();
   });
 }
@@ -66,7 +73,13 @@ absl::Status Store::Write(const std::function<absl::Status(Writer&)>& change) {
 
 absl::Status Writer::Part(const std::function<absl::Status(Writer&)>& change) {
   db_.exec("SAVEPOINT part");
-  absl::Status status = change(*this);
+  absl::Status status;
+  try {
+    status = change(*this);
+  } catch (const SQLite::Exception& error) {
+    status = StatusOf("the store", error);
+    if (!absl::IsFailedPrecondition(status)) throw;  // of more than this part
+  }
   if (!status.ok()) db_.exec("ROLLBACK TO part");
   db_.exec("RELEASE part");
   return status;

@@ -22,6 +22,7 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/base/clock.h"
+#include "server/store/damage.h"
 #include "server/store/quota.h"
 #include "server/store/rows.h"
 #include "server/store/transfer.h"
@@ -58,6 +59,7 @@ struct AdmissionRules {
 
 struct NewRerun {
   int64_t submission = 0;
+  std::string artefact;  // the submission's
   std::string grader_json;
   std::vector<std::pair<int64_t, int64_t>> blocks;
 };
@@ -92,13 +94,14 @@ class Writer {
  public:
   Writer(SQLite::Database& db, int64_t now_ms) : db_(db), now_ms_(now_ms) {}
 
-  // One of several changes that share a transaction: if it fails, nothing of it is
-  // there, and the others go on.
+  // One of several changes that share a transaction: if it fails, or the schema refuses a row
+  // of it, nothing of it is there, and the others go on.
   absl::Status Part(const std::function<absl::Status(Writer&)>& change);
 
   // True if it was not there.
   absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact);
-  // NotFoundError if the artefact is not in the store. What is over a quota, a
+  // NotFoundError if the artefact is not in the store; a damaged row (damage.h) if the config
+  // or the seeds are there and are not those given. What is over a quota, a
   // second official evaluation of an artefact that is another team's, and a new
   // team whose name looks like another's, is a FailedPreconditionError with the
   // code "quota", "same_artefact" or "look_alike" (ResembledTeam). A name that no
@@ -129,6 +132,14 @@ class Writer {
   // leases that have not ended.
   absl::Status EndEvaluation(int64_t evaluation, EvaluationState state, const std::string& reason,
                              const std::string& results_hash, const std::string& who);
+  // The same, with all of its leases that have not ended: they are cancelled.
+  absl::Status EndWithLeases(int64_t evaluation, EvaluationState state, const std::string& why,
+                             const std::string& who);
+  // Ends an evaluation whose rows can't be read as grader_error, as far as they can be written:
+  // values of a wrong type give way to 0 and "". An error: it stays as it is.
+  absl::Status EndUnreadable(int64_t evaluation, const std::string& why, const std::string& who);
+  // Evaluations that have not ended, of a submission or of all.
+  std::vector<int64_t> OpenEvaluations(std::optional<int64_t> submission);
 
   // One unit of the budget `failed` for a try that never became a submission.
   absl::Status ChargeFailure(const std::string& team, const std::string& track,
@@ -141,7 +152,8 @@ class Writer {
   // What a finished evaluation is ranked by; replaces what was there.
   absl::Status SetStanding(int64_t evaluation, const std::string& aggregate_json);
   absl::Status DropStandings();
-  // The row of a removal of files; false, and no row, if they are needed.
+  // The row of a removal of the files of an artefact or of a log (`name` is its hash); false,
+  // and no row, if they are needed.
   absl::StatusOr<bool> Remove(const std::string& kind, const std::string& name, int64_t bytes,
                               const std::string& why);
   // Fills an empty store; transfer.h has the errors. What had not ended when it
@@ -156,6 +168,8 @@ class Writer {
       int64_t submission, bool rerun, const std::string& grader_json,
       const std::vector<std::pair<int64_t, int64_t>>& blocks, const std::string& who);
   absl::Status RunEvaluation(int64_t evaluation, const std::string& who);
+  void MendTypes(const char* table, int64_t id);
+  void MendBoardState();
   // The official evaluation that stands in the way of another; nullopt: none.
   absl::StatusOr<std::optional<Accepted>> FindOfficial(const NewSubmission& submission,
                                                        const AdmissionRules& rules);
@@ -178,6 +192,8 @@ class Store {
 
   // 32 bytes, made at random with the store: the key of policy seeds under configs of form 1.
   const std::string& policy_secret() const { return policy_secret_; }
+  // What could not be read when it was opened, and was made anew.
+  const std::optional<Damage>& mended() const { return mended_; }
 
  private:
   Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock& clock);
@@ -187,6 +203,7 @@ class Store {
   std::unique_ptr<SQLite::Database> db_;
   const Clock& clock_;
   std::string policy_secret_;
+  std::optional<Damage> mended_;
 };
 
 }  // namespace myograde::server

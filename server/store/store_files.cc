@@ -2,19 +2,49 @@
 #include <sqlite3.h>
 
 #include <SQLiteCpp/Backup.h>
+#include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
 
 #include "server/store/connection.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
+#include "server/store/stored_row.h"
 #include "server/store/teams.h"
 
 namespace myograde::server {
 namespace {
 
-// An evaluation `e` of a submission `s` whose files are never removed.
-constexpr char kNeeded[] =
-    "(e.id IS NOT NULL AND (e.finished_at IS NULL OR (s.ranked = 1 AND e.state = 'done')))";
+// An evaluation `e` of a submission `s` whose files may be removed: it has ended, and can't stand
+// on a board. What can't be read keeps its files.
+constexpr char kOver[] =
+    "(e.finished_at IS NOT NULL AND "
+    "(s.ranked = 0 OR e.state IN ('failed', 'cancelled', 'grader_error')))";
+
+// The hash of an episode's log, "" if it has none, NULL if its facts can't be read. In the words of
+// the index episode_by_log (schema_v4.sql), so that it is used.
+constexpr char kLog[] =
+    "CASE WHEN typeof(facts_json) = 'text' AND json_valid(facts_json) "
+    "THEN ifnull(json_extract(facts_json, '$.log.sha256'), '') END";
+
+constexpr char kEpisodesOf[] =
+    "FROM episode AS p LEFT JOIN evaluation AS e ON e.id = p.evaluation "
+    "LEFT JOIN submission AS s ON s.id = e.submission ";
+
+// Every run of 64 hexadecimal digits in a text that can't be read is taken for a log's hash.
+void AddHashesIn(const std::string& text, std::set<std::string>& hashes) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  for (size_t begin = text.find_first_of(kDigits); begin != std::string::npos;) {
+    const size_t end = std::min(text.find_first_not_of(kDigits, begin), text.size());
+    if (end - begin == 64) hashes.insert(text.substr(begin, 64));
+    begin = text.find_first_of(kDigits, end);
+  }
+}
+
+// What PRAGMA quick_check says of rows; all else is about the file.
+bool IsAboutARow(const std::string& finding) {
+  return absl::StrContains(finding, " value in ") ||
+         absl::StartsWith(finding, "CHECK constraint failed in ");
+}
 
 constexpr int kPagesAtOnce = 2048;
 constexpr int kStepsAReport = 16;
@@ -22,7 +52,8 @@ constexpr int kStepsAReport = 16;
 }  // namespace
 
 absl::Status ReaderPool::Backup(const std::string& path,
-                                const std::function<void(int64_t, int64_t)>& progress) {
+                                const std::function<void(int64_t, int64_t)>& progress,
+                                const std::function<void(const std::string&)>& damaged) {
   absl::StatusOr<std::unique_ptr<SQLite::Database>> source = OpenForReading(path_);
   if (!source.ok()) return source.status();
   return GuardSqlite(path, [&]() -> absl::Status {
@@ -41,10 +72,16 @@ absl::Status ReaderPool::Backup(const std::string& path,
     }
     // The copy is one file: it needs no log of changes beside it.
     copy.exec("PRAGMA journal_mode = DELETE");
-    const std::string found = copy.execAndGet("PRAGMA quick_check(1)").getString();
-    if (found != "ok") {
-      return absl::DataLossError(absl::StrCat(path_, ": is damaged (", found, "); the backup was "
-                                              "not kept"));
+    // A row that can't be read is the store's, and kept as it is.
+    SQLite::Statement check(copy, "PRAGMA quick_check(1000)");
+    while (check.executeStep()) {
+      const std::string found = check.getColumn(0).getString();
+      if (found == "ok") continue;
+      if (!IsAboutARow(found)) {
+        return absl::DataLossError(absl::StrCat(path_, ": is damaged (", found,
+                                                "); the backup was not kept"));
+      }
+      damaged(found);
     }
     return absl::OkStatus();
   });
@@ -53,38 +90,47 @@ absl::Status ReaderPool::Backup(const std::string& path,
 std::vector<ArtefactUse> Reader::ArtefactUses() {
   SQLite::Statement select(
       db_, absl::StrCat("SELECT a.hash, a.bytes, max(a.created_at, ifnull(max(s.accepted_at), 0), "
-                        "ifnull(max(e.finished_at), 0)), ifnull(max(", kNeeded, "), 0) "
+                        "ifnull(max(e.finished_at), 0)), "
+                        "ifnull(max(e.id IS NOT NULL AND ", kOver, " IS NOT TRUE), 0) "
                         "FROM artefact AS a LEFT JOIN submission AS s ON s.artefact = a.hash "
                         "LEFT JOIN evaluation AS e ON e.submission = s.id GROUP BY a.hash"));
   std::vector<ArtefactUse> uses;
   while (select.executeStep()) {
-    uses.push_back({select.getColumn(0).getString(), select.getColumn(1).getInt64(),
-                    select.getColumn(2).getInt64(), select.getColumn(3).getInt() != 0});
+    StoredRow row(select, "artefact", Shown(select.getColumn(0)));
+    ArtefactUse use{row.Hash(0), row.Number(1, 0, INT64_MAX), row.Time(2), row.Flag(3)};
+    if (row.ok()) uses.push_back(std::move(use));
   }
   return uses;
 }
 
 std::set<std::string> Reader::NeededLogs() {
-  SQLite::Statement select(
-      db_, absl::StrCat("SELECT json_extract(p.facts_json, '$.log.sha256') FROM episode AS p "
-                        "JOIN evaluation AS e ON e.id = p.evaluation "
-                        "JOIN submission AS s ON s.id = e.submission WHERE ", kNeeded));
+  SQLite::Statement select(db_, absl::StrCat("SELECT ", kLog, ", p.facts_json ", kEpisodesOf,
+                                             "WHERE ", kOver, " IS NOT TRUE AND (", kLog,
+                                             ") IS NOT ''"));
   std::set<std::string> logs;
   while (select.executeStep()) {
-    if (!select.getColumn(0).isNull()) logs.insert(select.getColumn(0).getString());
+    AddHashesIn(select.getColumn(select.isColumnNull(0) ? 1 : 0).getString(), logs);
   }
   return logs;
 }
 
 absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& name,
                                     int64_t bytes, const std::string& why) {
+  std::string needed;
   if (kind == "artefact") {
-    SQLite::Statement needed(
-        db_, absl::StrCat("SELECT 1 FROM submission AS s JOIN evaluation AS e ON "
-                          "e.submission = s.id WHERE s.artefact = ? AND ", kNeeded, " LIMIT 1"));
-    needed.bind(1, name);
-    if (needed.executeStep()) return false;
+    needed = absl::StrCat("SELECT 1 FROM submission AS s JOIN evaluation AS e ON "
+                          "e.submission = s.id WHERE s.artefact = ?1 AND ", kOver,
+                          " IS NOT TRUE LIMIT 1");
+  } else {
+    // Of facts that can't be read, those that hold the name somewhere.
+    needed = absl::StrCat("SELECT 1 ", kEpisodesOf, "WHERE (", kLog, ") = ?1 AND ", kOver,
+                          " IS NOT TRUE UNION ALL SELECT 1 ", kEpisodesOf, "WHERE (", kLog,
+                          ") IS NULL AND instr(p.facts_json, ?1) > 0 AND ", kOver,
+                          " IS NOT TRUE LIMIT 1");
   }
+  SQLite::Statement select(db_, needed);
+  select.bind(1, name);
+  if (select.executeStep()) return false;
   SQLite::Statement insert(db_, "INSERT INTO removal (at, kind, name, bytes, why) "
                                 "VALUES (?, ?, ?, ?, ?)");
   SQLite::bind(insert, now_ms_, kind, name, bytes, why);
@@ -97,16 +143,11 @@ absl::Status Writer::Import(const std::string& path, const ExportInfo& info,
   if (absl::Status status = ImportRows(db_, path, info); !status.ok()) return status;
   FillTeamLooks(db_);
   constexpr char kWhy[] = "had not ended when it was exported; hand it in again";
-  Reader reader(db_);
-  absl::Status status;
-  for (const EvaluationRow& evaluation : reader.Unfinished()) {
-    for (const LeaseRow& lease : reader.Leases(evaluation.id)) {
-      if (IsFinal(lease.state)) continue;
-      status.Update(EndLease(lease.id, LeaseState::kCancelled, /*fault=*/false, who, kWhy));
-    }
-    status.Update(EndEvaluation(evaluation.id, EvaluationState::kCancelled, kWhy, "", who));
+  for (const int64_t evaluation : OpenEvaluations(std::nullopt)) {
+    const absl::Status status = EndWithLeases(evaluation, EvaluationState::kCancelled, kWhy, who);
+    if (!status.ok()) return status;
   }
-  return status;
+  return absl::OkStatus();
 }
 
 }  // namespace myograde::server

@@ -22,7 +22,7 @@ bool IsThere(SQLite::Database& db, const std::string& name) {
 }
 
 void AddLooks(SQLite::Database& db, int64_t team, const std::string& name) {
-  SQLite::Statement insert(db, "INSERT INTO team_look VALUES (?, ?)");
+  SQLite::Statement insert(db, "INSERT OR IGNORE INTO team_look VALUES (?, ?)");
   for (const std::string& look : LooksOf(name)) {
     insert.reset();
     SQLite::bind(insert, look, team);

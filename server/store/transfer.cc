@@ -6,12 +6,15 @@
 #include <vector>
 
 #include <SQLiteCpp/SQLiteCpp.h>
+#include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
 #include "protocol/config_reader.h"
 #include "protocol/sha256.h"
+#include "server/store/connection.h"
 #include "server/store/schema.h"
+#include "server/store/stored_row.h"
 
 namespace myograde::server {
 namespace {
@@ -22,6 +25,7 @@ constexpr char kFormat[] = "myograde-export";
 constexpr char kHead[] = "{\"data\":{";
 constexpr size_t kMaxLine = 8u << 20;
 constexpr size_t kMaxTables = 64;
+constexpr char kBytes[] = "bytes";  // the key of a value that is neither text nor a whole number
 // The secret, the views, and SQLite's own.
 constexpr char kExportedTables[] =
     "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' AND "
@@ -57,12 +61,17 @@ std::string Quoted(const std::vector<std::string>& names) {
   return absl::StrCat("\"", absl::StrJoin(names, "\", \""), "\"");
 }
 
-absl::StatusOr<Json> ValueOf(const SQLite::Column& column, const Table& table) {
+// What the schema allows nowhere is in a damaged row, and told as the bytes that are there.
+Json ValueOf(const SQLite::Column& column) {
   if (column.isNull()) return Json();
   if (column.isInteger()) return Json(column.getInt64());
-  if (column.isText()) return Json(column.getString());
-  return absl::InternalError(absl::StrCat("table ", table.name, ", column ", column.getName(),
-                                          ": only whole numbers and text can be exported"));
+  const std::string bytes = column.getString();
+  try {
+    const Json text = bytes;
+    if (column.isText() && !text.dump().empty()) return text;
+  } catch (const Json::exception&) {  // no UTF-8
+  }
+  return {{kBytes, absl::BytesToHexString(bytes)}};
 }
 
 absl::Status ExportTable(SQLite::Database& db, const Table& table, const ExportSink& out) {
@@ -73,9 +82,7 @@ absl::Status ExportTable(SQLite::Database& db, const Table& table, const ExportS
   while (select.executeStep()) {
     Json row = Json::object();
     for (size_t i = 0; i < table.columns.size(); ++i) {
-      absl::StatusOr<Json> value = ValueOf(select.getColumn(static_cast<int>(i)), table);
-      if (!value.ok()) return value.status();
-      row[table.columns[i]] = *std::move(value);
+      row[table.columns[i]] = ValueOf(select.getColumn(static_cast<int>(i)));
     }
     if (!out(absl::StrCat(first ? "" : ",\n", CanonicalJson(row)))) {
       return absl::CancelledError("the export was stopped");
@@ -237,7 +244,11 @@ absl::Status ForEachRow(
     const Json row = Json::parse(text, nullptr, /*allow_exceptions=*/false);
     if (!row.is_object()) return Broken(path, lines.number(), "is no JSON object");
     for (const Json& value : row) {
-      if (value.is_structured()) return Broken(path, lines.number(), "is no row of plain values");
+      const bool bytes = value.is_object() && value.size() == 1 && value.contains(kBytes) &&
+                         value[kBytes].is_string();
+      if (value.is_structured() && !bytes) {
+        return Broken(path, lines.number(), "is no row of plain values");
+      }
     }
     return on_row(table, row);
   });
@@ -307,12 +318,27 @@ class Inserter {
         fits = false;
       }
     }
-    if (!fits) {
+    const auto refused = [&](std::string_view why) {
       return absl::InvalidArgumentError(absl::StrCat(
-          "a row of the table ", name, " has other columns than a store: ",
+          "a row of the table ", name, " ", std::string(why), ": ",
           row.dump(-1, ' ', false, Json::error_handler_t::replace).substr(0, 120)));
+    };
+    if (!fits) return refused("has other columns or values than a store");
+    // Files are found by these.
+    for (const char* column : {"hash", "artefact"}) {
+      const auto hash = row.find(column);
+      if (hash != row.end() && !(hash->is_string() && IsHash(hash->get<std::string>()))) {
+        return refused(absl::StrCat("has as its \"", column,
+                                    "\" not 64 lower-case hexadecimal digits"));
+      }
     }
-    insert.exec();
+    try {
+      insert.exec();
+    } catch (const SQLite::Exception& error) {
+      const absl::Status status = StatusOf("the store", error);
+      if (!absl::IsFailedPrecondition(status)) throw;
+      return refused(absl::StrCat("is refused (SQLite: ", error.what(), ")"));
+    }
     return absl::OkStatus();
   }
 

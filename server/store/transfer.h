@@ -14,7 +14,8 @@
 //
 // Tables by name, rows by primary key, keys by name. The digest is over every byte
 // before `,"sha256"`. What is left out: the store's secret, the views that are
-// made anew of the rows, and the files of the artefacts.
+// made anew of the rows, and the files of the artefacts. A value of a damaged row that is
+// neither a whole number nor text is {"bytes":"<hexadecimal>"}, which no import takes.
 #pragma once
 
 #include <cstdint>
@@ -58,7 +59,7 @@ absl::Status ForEachRow(
 
 // Fills an empty store with the rows of a checked document, inside the caller's
 // transaction. FailedPreconditionError: the store has rows already, or the file is
-// of another schema. Throws SQLite::Exception if the schema refuses a row.
+// of another schema. InvalidArgumentError: a row is refused, and shown.
 absl::Status ImportRows(SQLite::Database& db, const std::string& path, const ExportInfo& info);
 
 }  // namespace myograde::server

@@ -3,9 +3,11 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/config_reader.h"
+#include "protocol/track_config.h"
 #include "server/store/connection.h"
 #include "server/store/replay.h"
 #include "server/store/store.h"
+#include "server/store/stored_row.h"
 
 namespace myograde::server {
 namespace {
@@ -35,15 +37,17 @@ absl::StatusOr<LeaseRow> Writer::Lease(int64_t lease) {
       db_, "SELECT evaluation, first, last, state, attempt, faults FROM lease WHERE id = ?");
   select.bind(1, lease);
   if (!select.executeStep()) return absl::NotFoundError(absl::StrCat("there is no lease ", lease));
-  LeaseRow row;
-  row.id = lease;
-  row.evaluation = select.getColumn(0).getInt64();
-  row.first = select.getColumn(1).getInt64();
-  row.last = select.getColumn(2).getInt64();
-  row.state = *ParseLeaseState(select.getColumn(3).getString());
-  row.attempt = select.getColumn(4).getInt64();
-  row.faults = select.getColumn(5).getInt64();
-  return row;
+  StoredRow row(select, "lease", absl::StrCat(lease));
+  LeaseRow read;
+  read.id = lease;
+  read.evaluation = row.Number(0, 1, INT64_MAX);
+  read.first = row.Number(1, 0, kMaxEpisodes - 1);
+  read.last = row.Number(2, read.first, kMaxEpisodes - 1);
+  read.state = row.Named(3, ParseLeaseState);
+  read.attempt = row.Number(4, 0, INT64_MAX - 1);
+  read.faults = row.Number(5, 0, read.attempt);
+  if (!row.ok()) return row.status();
+  return read;
 }
 
 absl::StatusOr<bool> Writer::AddArtefact(const ArtefactRow& artefact) {
@@ -139,11 +143,13 @@ absl::StatusOr<Recorded> Writer::RecordEpisode(const EpisodeRow& row) {
                                 "WHERE evaluation = ? AND idx = ?");
   SQLite::bind(select, row.evaluation, row.index);
   select.executeStep();
+  StoredRow there(select, "episode", absl::StrCat(row.evaluation, "/", row.index));
   EpisodeRow kept = row;
-  kept.outcome = *ParseOutcome(select.getColumn(0).getString());
-  kept.reason = *ParseFailureReason(select.getColumn(1).getString());
-  kept.facts_json = select.getColumn(2).getString();
-  kept.metrics_json = select.getColumn(3).getString();
+  kept.outcome = there.Named(0, ParseOutcome);
+  kept.reason = there.Named(1, ParseFailureReason);
+  kept.facts_json = there.Object(2);
+  kept.metrics_json = there.Object(3);
+  if (!there.ok()) return there.status();
   Recorded recorded{.counted = false, .differs = DifferencesBetween(kept, row)};
   if (recorded.differs.empty()) return recorded;
   SQLite::Statement replay(db_,
@@ -234,20 +240,24 @@ absl::Status Writer::EndEvaluation(int64_t evaluation, EvaluationState state,
   if (!select.executeStep()) {
     return absl::NotFoundError(absl::StrCat("there is no evaluation ", evaluation));
   }
-  const std::string before = select.getColumn(0).getString();
-  if (before == EvaluationStateName(state)) return absl::OkStatus();
-  if (!IsFinal(state) || IsFinal(*ParseEvaluationState(before)) ||
-      select.getColumn(1).getInt64() != 0) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("evaluation ", evaluation, " can't end as ", Text(EvaluationStateName(state)),
-                     ": it is ", before, ", ", select.getColumn(1).getInt64(), " leases are open"));
+  StoredRow row(select, "evaluation", absl::StrCat(evaluation));
+  const EvaluationState before = row.Named(0, ParseEvaluationState);
+  if (!row.ok()) return row.status();
+  if (before == state) return absl::OkStatus();
+  if (!IsFinal(state) || IsFinal(before) || select.getColumn(1).getInt64() != 0) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "evaluation ", evaluation, " can't end as ", Text(EvaluationStateName(state)), ": it is ",
+        Text(EvaluationStateName(before)), ", ", select.getColumn(1).getInt64(),
+        " leases are open"));
   }
+  MendBoardState();
   SQLite::Statement update(db_, "UPDATE evaluation SET state = ?, reason = ?, results_hash = ?, "
                                 "finished_at = ? WHERE id = ?");
   SQLite::bind(update, Text(EvaluationStateName(state)), reason, results_hash, now_ms_, evaluation);
   update.exec();
   SettleCharge(evaluation, state, who);
-  return Audit("evaluation", evaluation, before, EvaluationStateName(state), who, reason);
+  return Audit("evaluation", evaluation, EvaluationStateName(before), EvaluationStateName(state),
+               who, reason);
 }
 
 }  // namespace myograde::server

@@ -128,20 +128,22 @@ std::string Changed(fuzz::Input& input) {
 // What the daemon reads to show and rank what it has.
 void ReadAll(SQLite::Database& db) {
   Reader reader(db);
-  for (const SubmissionRow& submission : reader.Submissions({})) {
-    for (const EvaluationRow& evaluation : reader.Evaluations(submission.id)) {
-      const std::vector<EpisodeRow> rows = reader.Episodes(evaluation.id);
+  for (const SubmissionRow& submission : reader.Submissions({}).rows) {
+    const auto evaluations = reader.Evaluations(submission.id);
+    for (const EvaluationRow& evaluation : evaluations.value_or(std::vector<EvaluationRow>())) {
+      const auto read = reader.Episodes(evaluation.id);
+      const std::vector<EpisodeRow> rows = read.value_or(std::vector<EpisodeRow>());
       (void)StandingOf(reader, evaluation.id);
       (void)ResultsHash(rows);
       (void)MerkleRootOf(rows);
       for (const EpisodeRow& row : rows) (void)ReceiptEntry(row);
-      (void)reader.Leases(evaluation.id);
-      (void)reader.Replays(evaluation.id);
+      (void)reader.Leases(evaluation.id).status();
+      (void)reader.Replays(evaluation.id).status();
     }
     (void)reader.Ledger(submission.team, submission.track, INT64_MAX, 100);
     (void)reader.Quota(submission.team, submission.track, 1700000000000);
-    (void)reader.ConfigJson(submission.config);
-    (void)reader.SeedsJson(submission.seeds);
+    (void)reader.ConfigJson(submission.config).status();
+    (void)reader.SeedsJson(submission.seeds).status();
     (void)reader.Standings(submission.config);
   }
   (void)reader.Marks();

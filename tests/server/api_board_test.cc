@@ -72,12 +72,22 @@ TEST(Board, AFastBaselineOpensNoBand) {
   EXPECT_THAT(Places(Make(rows, marks)), ElementsAre("0:1", "1:3", "2:2"));
 }
 
-TEST(Board, DamagedAggregatesAreTold) {
-  StandingRow broken = Row(1, "alpha", 1, 1, 1);
-  broken.aggregate_json = "{";
-  EXPECT_TRUE(absl::IsDataLoss(MakeBoard({broken}, {}, kTiered, TeamRule::kBest).status()));
-  EXPECT_TRUE(absl::IsDataLoss(ParseRankedNumbers("{").status()));
-  EXPECT_TRUE(absl::IsDataLoss(ParseRankedNumbers("{\"time_s\":1.5}").status()));
+TEST(Board, DamagedAggregatesAreToldAndTheOthersStand) {
+  StandingRow broken = Row(1, "alpha", 2, 1, 1);
+  StandingRow disqualified = Row(2, "beta", 2, 1, 1);
+  broken.aggregate_json = disqualified.aggregate_json = "{";
+  Marks marks;
+  Set(marks, 2, kDisqualified);
+  const auto board =
+      MakeBoard({broken, disqualified, Row(3, "gamma", 1, 1, 1)}, marks, kTiered, TeamRule::kBest);
+  ASSERT_TRUE(board.ok()) << board.status();
+  ASSERT_EQ(board->rows.size(), 1u);
+  EXPECT_EQ(board->rows[0].source.submission, 3);
+  EXPECT_TRUE(board->disqualified.empty());
+  ASSERT_EQ(board->damaged.size(), 2u);
+  for (const Damage& damage : board->damaged) EXPECT_EQ(damage.table, "standing");
+  EXPECT_TRUE(absl::IsInvalidArgument(ParseRankedNumbers("{").status()));
+  EXPECT_TRUE(absl::IsInvalidArgument(ParseRankedNumbers("{\"time_s\":1.5}").status()));
 }
 
 TEST(Board, ExplainsByNumberAndByTeamAndSaysWhyNot) {

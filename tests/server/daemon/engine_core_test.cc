@@ -62,7 +62,8 @@ TEST_F(EngineCoreTest, DeadlinesDoNotHearOfTheCalendar) {
   RunFor(world, absl::Minutes(5));
   EXPECT_EQ(StateOf(world, id), EvaluationState::kDone);
   ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
-    for (const LeaseRow& lease : reader.Leases(id)) EXPECT_EQ(lease.attempt, 1);
+    const std::vector<LeaseRow> leases = *reader.Leases(id);
+    for (const LeaseRow& lease : leases) EXPECT_EQ(lease.attempt, 1);
     return absl::OkStatus();
   }).ok());
 }
@@ -104,10 +105,11 @@ TEST_F(EngineCoreTest, WhatAnExpiredLeaseSaysLaterIsRefused) {
   EXPECT_EQ(world.core->Health().ending, 1);
   RunFor(world, absl::Seconds(20));
   ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
-    const LeaseRow lease = reader.Leases(id).front();
+    const LeaseRow lease = reader.Leases(id)->front();
     EXPECT_EQ(lease.attempt, 2);
     EXPECT_EQ(lease.faults, 1);
-    for (const EpisodeRow& row : reader.Episodes(id)) EXPECT_EQ(row.attempt, 2);
+    const std::vector<EpisodeRow> rows = *reader.Episodes(id);
+    for (const EpisodeRow& row : rows) EXPECT_EQ(row.attempt, 2);
     return absl::OkStatus();
   }).ok());
   EXPECT_TRUE(world.core->idle());

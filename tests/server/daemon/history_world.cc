@@ -167,11 +167,12 @@ absl::Status FakeDisk::Write(const StoreChange& change) {
   return status;
 }
 
-World::World(std::string folder, std::vector<uint8_t> bytes, int slots)
+World::World(std::string folder, std::vector<uint8_t> bytes, int slots,
+             const std::string& store_file)
     : tape(std::move(bytes)), track(DemoTrack()), folder_(std::move(folder)), slots_(slots) {
   spdlog::set_level(spdlog::level::off);
   fs::create_directory(folder_);
-  fs::copy_file(EmptyStore(), folder_ + "/store.db");
+  fs::copy_file(store_file.empty() ? EmptyStore() : store_file, folder_ + "/store.db");
   Boot();
 }
 
@@ -203,14 +204,17 @@ void World::Boot() {
                               .queue_wait = absl::Minutes(5)};
   options.config.lease_grace = absl::Seconds(60);
   options.config.self_test_deadline = absl::Seconds(60);
-  for (;;) {
+  absl::Status status;
+  for (int tries = 0; tries < 1000; ++tries) {
     core = std::make_unique<EngineCore>(options, *disk_, *readers, processes_, clock);
     try {
-      if (core->Recover().ok()) return;
+      status = core->Recover();
+      if (status.ok()) return;
     } catch (const PowerCut&) {
       ++power_cuts;
     }
   }
+  Promise(false, absl::StrCat("the engine does not start: ", status.message()));
 }
 
 void World::Turn() {
@@ -291,7 +295,8 @@ void World::Cancel(int64_t submission) {
 bool World::AllEnded() {
   bool all = true;
   (void)readers->Read([&](Reader& reader) {
-    all = reader.Unfinished().empty();
+    const Listed<EvaluationRow> open = reader.Unfinished();
+    all = open.rows.empty() && open.damaged.empty();
     return absl::OkStatus();
   });
   return all;
@@ -303,9 +308,10 @@ std::string World::WhatIsOpen() {
                                   health.ending, " ending; ", health.store_trouble, " ",
                                   health.host_trouble);
   (void)readers->Read([&](Reader& reader) {
-    for (const EvaluationRow& row : reader.Unfinished()) {
+    for (const EvaluationRow& row : reader.Unfinished().rows) {
       absl::StrAppend(&open, "; evaluation ", row.id, ": ", core->ProspectOf(row.id).waiting);
-      for (const LeaseRow& lease : reader.Leases(row.id)) {
+      const auto leases = reader.Leases(row.id);
+      for (const LeaseRow& lease : leases.value_or(std::vector<LeaseRow>())) {
         absl::StrAppend(&open, ", lease ", lease.id, " ", std::string(LeaseStateName(lease.state)),
                         " attempt ", lease.attempt, " faults ", lease.faults);
       }
@@ -330,7 +336,7 @@ void World::CheckEvaluation(Reader& reader, int64_t id) {
   const SubmissionRow submission = *reader.Submission(evaluation->submission);
   const auto seeds =
       nlohmann::json::parse(*reader.SeedsJson(submission.seeds)).get<std::vector<uint64_t>>();
-  const std::vector<EpisodeRow> rows = reader.Episodes(id);
+  const std::vector<EpisodeRow> rows = *reader.Episodes(id);
   for (const EpisodeRow& row : rows) {
     const EpisodeFacts expected = FactsOf(
         {row.index, seeds[static_cast<size_t>(row.index)],
@@ -343,13 +349,14 @@ void World::CheckEvaluation(Reader& reader, int64_t id) {
   int64_t known = 0;
   for (const auto& [key, facts] : seen_) known += key.first == id;
   Promise(known == std::ssize(rows), absl::StrCat("an episode of ", id, " was lost"));
-  Promise(reader.Replays(id).empty(), absl::StrCat("an episode of ", id, " came out otherwise"));
+  Promise(reader.Replays(id)->empty(), absl::StrCat("an episode of ", id, " came out otherwise"));
   if (evaluation->state == EvaluationState::kDone) {
     Promise(rows.size() == seeds.size(), absl::StrCat(id, " is done without all its episodes"));
     Promise(evaluation->results_hash == ResultsHash(rows), "another hash than its rows have");
   }
   CheckHistory(reader, "evaluation", id, std::string(EvaluationStateName(evaluation->state)));
-  for (const LeaseRow& lease : reader.Leases(id)) {
+  const std::vector<LeaseRow> leases = *reader.Leases(id);
+  for (const LeaseRow& lease : leases) {
     Promise(lease.faults <= 4, "a lease was played again more than three times");
     Promise(!IsFinal(evaluation->state) || IsFinal(lease.state), "an open lease of an ended one");
     CheckHistory(reader, "lease", lease.id, std::string(LeaseStateName(lease.state)));
@@ -360,7 +367,8 @@ void World::CheckEvaluation(Reader& reader, int64_t id) {
 void World::CheckHistory(Reader& reader, const std::string& entity, int64_t id,
                          const std::string& state) {
   std::string now;
-  for (const TransitionRow& row : reader.Transitions(entity, id)) {
+  const std::vector<TransitionRow> history = *reader.Transitions(entity, id);
+  for (const TransitionRow& row : history) {
     Promise(row.from == now, absl::StrCat(entity, " ", id, " has a gap in its history"));
     now = row.to;
   }

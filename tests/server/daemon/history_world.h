@@ -98,8 +98,9 @@ class FakeDisk : public Disk {
 
 class World {
  public:
-  // `folder` is made and removed with it.
-  World(std::string folder, std::vector<uint8_t> tape, int slots);
+  // `folder` is made and removed with it. Begins with an empty store, or a copy of `store_file`.
+  World(std::string folder, std::vector<uint8_t> tape, int slots,
+        const std::string& store_file = "");
   ~World();
 
   // A daemon's start on what is there; a running one's power fails first.

@@ -34,7 +34,8 @@ class QuotaTest : public StoreTest {
   std::vector<std::string> Entries(const std::string& team = "alpha") {
     std::vector<std::string> entries;
     Read([&](Reader& reader) {
-      for (const LedgerRow& row : reader.Ledger(team, "", INT64_MAX, 1000)) {
+      const std::vector<LedgerRow> rows = reader.Ledger(team, "", INT64_MAX, 1000).rows;
+      for (const LedgerRow& row : rows) {
         entries.insert(entries.begin(), row.entry + " " + row.budget);
       }
     });
@@ -171,9 +172,55 @@ TEST_F(QuotaTest, AnArtefactHasOneOfficialEvaluation) {
   EXPECT_EQ(ErrorCodeOf(refused.status()), "same_artefact");
   EXPECT_TRUE(TrySubmit("alpha", 'a', true, everyone)->linked);
   Read([&](Reader& reader) {
-    EXPECT_EQ(reader.Unfinished().size(), 3u);
-    EXPECT_THAT(reader.Transitions("submission", 3).front().why,
+    EXPECT_EQ(reader.Unfinished().rows.size(), 3u);
+    EXPECT_THAT(reader.Transitions("submission", 3)->front().why,
                 HasSubstr("the same artefact as submission 1 of team \"alpha\""));
+  });
+}
+
+// Another config is another competition, and practice is none.
+TEST_F(QuotaTest, TheOneOfficialEvaluationIsOfOneConfigAndNotOfPractice) {
+  ASSERT_FALSE(TrySubmit("alpha", 'a', /*ranked=*/false)->linked);
+  const Accepted official = Submit("alpha", 'a');
+  EXPECT_FALSE(official.linked);
+  ASSERT_EQ(SqlError("INSERT INTO config SELECT replace(hash, 'c', 'e'), track, profile, "
+                     "effective_json, created_at FROM config; "
+                     "UPDATE submission SET config = replace(config, 'c', 'e')"), "");
+  EXPECT_FALSE(Submit("alpha", 'a').linked);
+}
+
+TEST_F(QuotaTest, NothingIsAcceptedUnderContentThatIsNotWhatItsHashSays) {
+  for (const char* damage :
+       {"DROP TRIGGER config_fixed; UPDATE config SET effective_json = '[]'",
+        "DROP TRIGGER seed_list_fixed; UPDATE seed_list SET seeds_json = '[1,2,3,5]'"}) {
+    store_.reset();
+    std::filesystem::remove(path_);
+    Open();
+    Submit("alpha", 'a');
+    ASSERT_EQ(SqlError(damage), "");
+    const absl::Status status = TrySubmit("beta", 'b', true).status();
+    ASSERT_TRUE(DamageOf(status)) << status;
+    EXPECT_EQ(ErrorCodeOf(status), kDamagedRowCode);
+    Read([&](Reader& reader) { EXPECT_EQ(reader.Unfinished().rows.size(), 1u); });
+  }
+}
+
+TEST_F(QuotaTest, ADamagedAccountIsNamedAndStopsNoDay) {
+  PlayFirst(Submit());
+  const int64_t today = Use().day;
+  ASSERT_EQ(SqlError("DROP TRIGGER ledger_fixed; DROP TRIGGER admission_fixed; "
+                     "PRAGMA ignore_check_constraints = ON; "
+                     "UPDATE ledger SET amount = 9000000000000000000, day = 9000000000000000000; "
+                     "UPDATE admission SET day = 9000000000000000000"), "");
+  EXPECT_EQ(Use().day, today);
+  EXPECT_EQ(Use().total_of(Budget::kOfficial).charged, 0);
+  EXPECT_TRUE(TrySubmit("alpha", 'b', true, Rules(1, 1)).ok());
+  Read([&](Reader& reader) {
+    const Listed<LedgerRow> ledger = reader.Ledger("alpha", "", INT64_MAX, 10);
+    EXPECT_THAT(ledger.rows, IsEmpty());
+    ASSERT_EQ(ledger.damaged.size(), 1u);
+    EXPECT_EQ(ledger.damaged[0].table, "ledger");
+    EXPECT_EQ(ledger.damaged[0].key, "1");
   });
 }
 
@@ -205,8 +252,8 @@ TEST_F(QuotaTest, MarksAreRowsAndTheNewestIsInForce) {
   EXPECT_TRUE(mark("disqualified", true, "reads the seeds"));
   EXPECT_TRUE(mark("hidden", false, ""));
   Read([&](Reader& reader) {
-    EXPECT_EQ(reader.MarkHistory(accepted.submission).size(), 4u);
-    const auto marks = reader.Marks().at(accepted.submission);
+    EXPECT_EQ(reader.MarkHistory(accepted.submission)->size(), 4u);
+    const auto marks = reader.Marks().by_submission.at(accepted.submission);
     ASSERT_EQ(marks.size(), 1u);
     EXPECT_EQ(marks.at("disqualified").why, "reads the seeds");
     EXPECT_EQ(marks.at("disqualified").who, "uid 0");

@@ -48,7 +48,7 @@ TEST_F(StandingTest, HoldsTheNumbersOfTheTextWithEveryBit) {
   Play(accepted);
   End(accepted);
   Read([&](Reader& reader) {
-    const std::vector<StandingRow> rows = reader.Standings(std::string(64, 'c'));
+    const std::vector<StandingRow> rows = reader.Standings(std::string(64, 'c')).rows;
     ASSERT_EQ(rows.size(), 1u);
     EXPECT_EQ(rows[0].aggregate_json, kAggregate);
     EXPECT_EQ(rows[0].numbers.successes, 3);

@@ -31,16 +31,16 @@ TEST_F(StoreTest, AcceptanceNumbersRiseAndTheQueueIsThereAfterOpeningAgain) {
   EXPECT_EQ(second.submission, first.submission + 1);
   Open();
   Read([&](Reader& reader) {
-    EXPECT_EQ(reader.Unfinished().size(), 2u);
+    EXPECT_EQ(reader.Unfinished().rows.size(), 2u);
     EXPECT_EQ(reader.Submission(second.submission)->team, "beta");
-    const std::vector<LeaseRow> leases = reader.Leases(first.evaluation);
+    const std::vector<LeaseRow> leases = *reader.Leases(first.evaluation);
     ASSERT_EQ(leases.size(), 2u);
     EXPECT_EQ(leases[1].first, 2);
     EXPECT_EQ(leases[1].state, LeaseState::kPending);
     EXPECT_EQ(reader.Artefact(std::string(64, 'a'))->runtimes,
               std::vector<std::string>{"python"});
-    EXPECT_EQ(reader.Submissions({.team = "beta"}).size(), 1u);
-    EXPECT_EQ(reader.Submissions({.before = second.submission}).front().id, first.submission);
+    EXPECT_EQ(reader.Submissions({.team = "beta"}).rows.size(), 1u);
+    EXPECT_EQ(reader.Submissions({.before = second.submission}).rows.front().id, first.submission);
   });
 }
 
@@ -75,12 +75,12 @@ TEST_F(StoreTest, AnEpisodeCountsOnceAndADifferenceIsRemembered) {
   other.replace(other.find("aa"), 2, "bb");
   EXPECT_THAT(Record(accepted, 0, 2, other)->differs, ElementsAre("digest"));
   Read([&](Reader& reader) {
-    const std::vector<EpisodeRow> rows = reader.Episodes(accepted.evaluation);
+    const std::vector<EpisodeRow> rows = *reader.Episodes(accepted.evaluation);
     ASSERT_EQ(rows.size(), 1u);
     EXPECT_EQ(rows[0].facts_json, kFacts);
     EXPECT_EQ(rows[0].attempt, 1);
-    ASSERT_EQ(reader.Replays(accepted.evaluation).size(), 1u);
-    EXPECT_EQ(reader.Leases(accepted.evaluation)[0].faults, 1);
+    ASSERT_EQ(reader.Replays(accepted.evaluation)->size(), 1u);
+    EXPECT_EQ((*reader.Leases(accepted.evaluation))[0].faults, 1);
   });
 }
 
@@ -112,11 +112,12 @@ TEST_F(StoreTest, OnlyAllowedStepsAreTaken) {
   EXPECT_EQ(step(end), absl::StatusCode::kFailedPrecondition) << "what ended stays ended";
   Read([&](Reader& reader) {
     std::vector<std::string> steps;
-    for (const TransitionRow& row : reader.Transitions("lease", lease)) {
+    const std::vector<TransitionRow> history = *reader.Transitions("lease", lease);
+    for (const TransitionRow& row : history) {
       steps.push_back(row.from + ">" + row.to);
     }
     EXPECT_THAT(steps, ElementsAre(">pending", "pending>running", "running>done"));
-    EXPECT_TRUE(reader.Unfinished().empty());
+    EXPECT_TRUE(reader.Unfinished().rows.empty());
   });
 }
 

@@ -84,7 +84,7 @@ TEST_F(TransferTest, WhatHadNotEndedIsCancelled) {
   ASSERT_TRUE(Import(Export(path_), "copy.db").ok());
   ReaderPool pool(dir_ + "/copy.db");
   ASSERT_TRUE(pool.Read([&](Reader& reader) {
-    EXPECT_TRUE(reader.Unfinished().empty());
+    EXPECT_TRUE(reader.Unfinished().rows.empty());
     EXPECT_EQ(reader.Evaluation(open.evaluation)->state, EvaluationState::kCancelled);
     return absl::OkStatus();
   }).ok());
@@ -144,7 +144,7 @@ TEST_F(TransferTest, ABackupIsOneStateWhileOthersWrite) {
   const absl::Status status = pool.Backup(copy, [&](int64_t done, int64_t total) {
     EXPECT_LE(done, total);
     if (++reports == 1) Submit("late", 'e');
-  });
+  }, [](const std::string& what) { ADD_FAILURE() << what; });
   ASSERT_TRUE(status.ok()) << status;
   EXPECT_GE(reports, 1);
   store_.reset();

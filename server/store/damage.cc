@@ -1,0 +1,44 @@
+#include "server/store/damage.h"
+
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+
+#include "server/store/quota.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr char kPayload[] = "myograde/damaged-row";
+
+}  // namespace
+
+std::string DamageText(const Damage& damage) {
+  return absl::StrCat(damage.table, " ", damage.key, " of the store can't be read: ", damage.what,
+                      "; restore the store from a backup, or go on without it");
+}
+
+absl::Status DamagedRow(const Damage& damage) {
+  absl::Status status = absl::DataLossError(DamageText(damage));
+  const nlohmann::json parts = {damage.table, damage.key, damage.what};
+  status.SetPayload(kPayload, absl::Cord(parts.dump(-1, ' ', /*ensure_ascii=*/false,
+                                                    nlohmann::json::error_handler_t::replace)));
+  return WithErrorCode(status, kDamagedRowCode);
+}
+
+std::optional<Damage> DamageOf(const absl::Status& status) {
+  const auto payload = status.GetPayload(kPayload);
+  if (!payload) return std::nullopt;
+  const auto parts = nlohmann::json::parse(std::string(*payload));
+  return Damage{parts[0], parts[1], parts[2]};
+}
+
+bool MayPass(const absl::Status& status) {
+  return absl::IsUnavailable(status) || absl::IsResourceExhausted(status) ||
+         absl::IsPermissionDenied(status);
+}
+
+bool IsBrokenStore(const absl::Status& status) {
+  return absl::IsDataLoss(status) && !DamageOf(status).has_value();
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,79 @@
+// One row as it is read: each column has the type and the range that the schema gives it, or
+// the row is damaged. Nobody but the daemon writes the store, but disks and people do as well.
+// Internal to the store.
+//
+//   StoredRow row(select, "lease", key);
+//   lease.first = row.Number(1, 0, kMaxEpisodes);
+//   lease.state = row.Named(3, ParseLeaseState);
+//   if (!row.ok()) return row.status();
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <absl/status/status.h>
+
+#include "server/store/damage.h"
+
+namespace myograde::server {
+
+class StoredRow {
+ public:
+  // `select` stands on the row and outlives this. Table and key name it in errors.
+  StoredRow(SQLite::Statement& select, std::string table, std::string key);
+
+  // The columns that follow are of another row, which was joined. NULL in them: it is missing.
+  void Joined(std::string table, int key_column);
+
+  // Values; after the first mistake harmless ones of the type.
+  int64_t Number(int column, int64_t min, int64_t max);
+  int64_t NumberOr(int column, int64_t min, int64_t max, int64_t if_null);
+  int64_t Time(int column);     // ms since 1970, up to the year 9999
+  int64_t TimeOr0(int column);  // 0 if it is NULL
+  double Real(int column);
+  std::optional<double> RealOrNull(int column);
+  bool Flag(int column) { return Number(column, 0, 1) != 0; }
+  std::string Text(int column);    // valid UTF-8
+  std::string TextOr(int column);  // "" if it is NULL
+  std::string Hash(int column);    // 64 lower-case hexadecimal digits
+  std::string Object(int column);  // the text of a JSON object
+  std::vector<std::string> Strings(int column);  // of a JSON array of strings
+
+  // `parse` gives nullopt for what is no such name.
+  template <typename Value>
+  Value Named(int column, std::optional<Value> (*parse)(std::string_view)) {
+    const std::string name = Text(column);
+    if (!ok()) return Value{};
+    const std::optional<Value> value = parse(name);
+    if (!value) Fail(column, "no such name is known");
+    return value.value_or(Value{});
+  }
+
+  // A mistake of the caller's own finding, as `its "COLUMN" is VALUE: PROBLEM`.
+  void Fail(int column, std::string_view problem);
+  // The same about the row as a whole.
+  void Fail(std::string what);
+
+  bool ok() const { return !damage_.has_value(); }
+  const std::optional<Damage>& damage() const { return damage_; }
+  absl::Status status() const;
+
+ private:
+  SQLite::Statement& select_;
+  std::string table_;
+  std::string key_;
+  bool joined_ = false;
+  std::optional<Damage> damage_;
+};
+
+// A column's value as people may read it, for keys and errors.
+std::string Shown(const SQLite::Column& column);
+
+// 64 lower-case hexadecimal digits.
+bool IsHash(std::string_view text);
+
+}  // namespace myograde::server

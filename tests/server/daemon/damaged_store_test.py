@@ -1,0 +1,109 @@
+"""What the API and the tool answer when rows of the store can't be read. That everything else goes on
+is damage_test's."""
+
+import signal
+import sqlite3
+import unittest
+
+from organiser_test import TRACK, OrganiserCase
+
+
+class DamagedStore(OrganiserCase):
+    def damage(self, sql):
+        """Past triggers and checks, while the daemon has the store open."""
+        with sqlite3.connect(self.data / "store.db", timeout=20) as db:
+            db.execute("PRAGMA ignore_check_constraints = ON")
+            triggers = db.execute("SELECT name, sql FROM sqlite_schema WHERE type = 'trigger' AND "
+                                  "(name LIKE '%_fixed' OR name LIKE '%_final')").fetchall()
+            for name, _ in triggers:
+                db.execute(f"DROP TRIGGER {name}")
+            self.assertGreater(db.execute(sql).rowcount, 0, sql)
+            for _, trigger in triggers:
+                db.execute(trigger)
+        db.close()
+
+    def count(self, table):
+        with sqlite3.connect(self.data / "store.db", timeout=20) as db:
+            found = db.execute(f"SELECT count(*) FROM {table}").fetchone()[0]
+        db.close()
+        return found
+
+    def refused(self, method, path, body=None, table="config"):
+        status, answer = self.call(method, path, body)
+        self.assertEqual(status, 500, answer)
+        self.assertEqual(answer["error"]["code"], "damaged_row")
+        self.assertIn(f"{table} ", answer["error"]["message"])
+        self.assertIn("of the store can't be read", answer["error"]["message"])
+        return answer["error"]["message"]
+
+    def test_a_config_that_cant_be_read_is_named_and_leaves_nothing_half_done(self):
+        first = self.played("ok")
+        waiting = self.submit("stubborn")
+        kept = self.submit("stubborn", team="beta")
+        other = self.submit("slow", team="gamma", profile="myosuite")
+        artefact = self.upload("once")
+        config = self.result(first)["hashes"]["config"]
+        before = [self.count(table) for table in ("submission", "evaluation", "lease", "ledger")]
+        self.damage(f"UPDATE config SET effective_json = '{{\"form\":1}}' WHERE hash = '{config}'")
+
+        for part in ("result", "receipt"):
+            self.assertIn(config, self.refused("GET", f"/v1/submissions/{first}/{part}"))
+        self.refused("POST", f"/v1/submissions/{first}/rerun", {})
+        self.refused("POST", "/v1/submissions",
+                     {"artefact": artefact, "team": "delta", "track": TRACK})
+        self.assertEqual(before, [self.count(table)
+                                  for table in ("submission", "evaluation", "lease", "ledger")])
+        self.assertEqual(self.get(f"/v1/submissions/{first}")["state"], "done")
+        self.assertEqual(len(self.get("/v1/submissions")["submissions"]), 4)
+        self.assertEqual(self.places(), [(1, first)])
+        status, answer = self.call("POST", f"/v1/submissions/{waiting}/cancel", {})
+        self.assertEqual((status, answer["state"]), (200, "cancelled"))
+
+        # The next start.
+        self.assertEqual(self.stop(signal.SIGTERM), 0)
+        self.start()
+        ended = self.ended(kept)
+        self.assertEqual(ended["state"], "grader_error")
+        self.assertIn(f"config {config} of the store can't be read", ended["reason"])
+        self.assertEqual(self.ended(other)["state"], "done")
+        self.assertEqual(self.get("/v1/health")["unreadable"], [])
+
+    def test_lists_and_boards_show_what_can_be_read_and_name_the_rest(self):
+        first, second = self.played("ok"), self.played("ok", team="beta")
+        evaluation = self.get(f"/v1/submissions/{first}")["evaluation"]
+        self.damage(f"UPDATE episode SET facts_json = 'x' WHERE evaluation = {evaluation} AND idx = 3")
+        self.damage("UPDATE ledger SET why = CAST(x'ff' AS TEXT) WHERE submission = "
+                    f"{first} AND entry = 'charge'")
+        self.refused("GET", f"/v1/submissions/{first}/result", table="episode")
+        self.assertEqual(len(self.places()), 2, "its place rests on the view")
+        rebuilt = self.ask("leaderboard", "--rebuild", schema="leaderboard")
+        self.assertEqual(rebuilt["rebuilt"], 1)
+        self.assertEqual([(row["table"], row["key"]) for row in rebuilt["unreadable"]],
+                         [("episode", f"{evaluation}/3")])
+        board = self.board()
+        self.assertEqual([row["submission"] for row in board["rows"]], [second])
+        self.assertEqual([row["key"] for row in board["unreadable"]], [f"{evaluation}/3"])
+        self.assertIn(f"Left out: episode {evaluation}/3 of the store",
+                      self.cli("leaderboard", "--track", TRACK).stdout)
+        quota = self.ask("quota", "--team", "alpha", "--track", TRACK, schema="quota")
+        self.assertEqual([row["table"] for row in quota["unreadable"]], ["ledger"])
+
+        self.damage(f"UPDATE evaluation SET state = 'asleep' WHERE id = {evaluation}")
+        listed = self.ask("status", schema="status")
+        self.assertEqual([row["submission"] for row in listed["submissions"]], [second])
+        self.assertEqual([(row["table"], row["key"]) for row in listed["unreadable"]],
+                         [("evaluation", str(evaluation))])
+        self.refused("GET", f"/v1/submissions/{first}", table="evaluation")
+
+        # Whole stores as files, with the damage in them.
+        self.ask("export", self.folder / "export.json", schema="export")
+        self.ask("backup", self.folder / "backup.db", schema="backup")
+        self.assertEqual(self.stop(signal.SIGTERM), 0)
+        self.start()
+        self.assertEqual([entry["evaluation"] for entry in self.get("/v1/health")["unreadable"]],
+                         [evaluation])
+        self.assertEqual(self.ended(self.submit("ok", team="late"))["state"], "done")
+
+
+if __name__ == "__main__":
+    unittest.main()
