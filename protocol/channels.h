@@ -13,6 +13,7 @@ inline constexpr int32_t kProtocolVersion = 1;
 inline constexpr std::string_view kHelloChannel = "MYOGRADE_HELLO";
 inline constexpr std::string_view kReadyChannel = "MYOGRADE_EPISODE_READY";
 inline constexpr std::string_view kActionChannel = "MYOGRADE_ACTION";
+inline constexpr std::string_view kGiveUpChannel = "MYOGRADE_GIVE_UP";
 // Grader to policy.
 inline constexpr std::string_view kWelcomeChannel = "MYOGRADE_WELCOME";
 inline constexpr std::string_view kStartChannel = "MYOGRADE_EPISODE_START";

@@ -143,6 +143,19 @@ std::vector<std::string> ConfigReader::Strings(std::string_view key) {
   return strings;
 }
 
+std::map<std::string, std::string> ConfigReader::StringsByName(std::string_view key) {
+  std::map<std::string, std::string> strings;
+  for (const auto& [name, value] : Object(key).items()) {
+    if (value.is_string()) {
+      strings[name] = value.get<std::string>();
+    } else {
+      Fail(key, absl::StrCat("has ", value.dump().substr(0, 40), " as the value of \"",
+                             name.substr(0, 40), "\", which must be a string"));
+    }
+  }
+  return strings;
+}
+
 const nlohmann::json& ConfigReader::Object(std::string_view key) {
   const nlohmann::json* value = Find(key);
   if (value == nullptr) return EmptyObject();

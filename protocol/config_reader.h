@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <set>
 #include <string>
 #include <string_view>
@@ -41,6 +42,8 @@ class ConfigReader {
   // An array of exactly `size` numbers (any size if size < 0).
   std::vector<double> Numbers(std::string_view key, int size, NumberRange range);
   std::vector<std::string> Strings(std::string_view key);
+  // An object whose values are all strings.
+  std::map<std::string, std::string> StringsByName(std::string_view key);
   // The object at `key`; its reader's mistakes are the caller's to collect.
   const nlohmann::json& Object(std::string_view key);
   const nlohmann::json& Array(std::string_view key);

@@ -14,6 +14,7 @@ static_assert(std::is_trivially_copyable_v<HelloFrame> && sizeof(FrameHeader) ==
 static_assert(std::is_trivially_copyable_v<ActionFrame> &&
               sizeof(ActionFrame) == 16 + 8 + 8 + 4 + 4 + 8 * kMaxActionSize);
 static_assert(std::is_trivially_copyable_v<FaultFrame> && sizeof(FaultFrame) == 16 + 16 + 240);
+static_assert(std::is_trivially_copyable_v<GiveUpFrame> && sizeof(GiveUpFrame) == 16 + 16);
 static_assert(sizeof(LegStateParameters) == 96);
 
 absl::Status Wrong(absl::string_view what) {
@@ -68,6 +69,11 @@ absl::Status Check(const ActionFrame& frame) {
   return absl::OkStatus();
 }
 
+absl::Status Check(const GiveUpFrame& frame) {
+  if (frame.episode < 0 || frame.step < 0) return Wrong("its episode or step is negative");
+  return absl::OkStatus();
+}
+
 absl::Status Check(const FaultFrame& frame) {
   if (frame.fault < BridgeFault::kProtocol || frame.fault > BridgeFault::kStartFailed) {
     return Wrong("its fault is unknown");
@@ -105,6 +111,8 @@ absl::StatusOr<BridgeFrame> ParseBridgeFrame(std::span<const std::byte> bytes) {
       return Parse<ReadyFrame>(bytes);
     case FrameType::kAction:
       return Parse<ActionFrame>(bytes);
+    case FrameType::kGiveUp:
+      return Parse<GiveUpFrame>(bytes);
     case FrameType::kFault:
       return Parse<FaultFrame>(bytes);
     default:

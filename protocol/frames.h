@@ -6,7 +6,7 @@
 //   sim -> bridge   PublishFrame: an encoded LCM message to put on the bus, and
 //                   which answer to wait for. The bridge sends it again until
 //                   the answer is there.
-//   bridge -> sim   HelloFrame, ReadyFrame, ActionFrame, FaultFrame
+//   bridge -> sim   HelloFrame, ReadyFrame, ActionFrame, GiveUpFrame, FaultFrame
 #pragma once
 
 #include <cstddef>
@@ -32,6 +32,7 @@ enum class FrameType : uint32_t {
   kReady = 3,
   kAction = 4,
   kFault = 5,
+  kGiveUp = 6,
 };
 
 struct FrameHeader {
@@ -41,7 +42,7 @@ struct FrameHeader {
   uint32_t size;  // bytes of the whole frame
 };
 
-// Which answer a published message waits for.
+// Which answer a published message waits for. kAction: an action, or that the policy gives up.
 enum class Expect : uint32_t { kNothing = 0, kHello = 1, kReady = 2, kAction = 3 };
 
 // The channel a message goes out on.
@@ -109,6 +110,13 @@ struct ActionFrame {
   double values[kMaxActionSize];
 };
 
+// bridge -> sim: the policy answers the observation of (episode, step) by giving the episode up.
+struct GiveUpFrame {
+  FrameHeader header;
+  int64_t episode;
+  int64_t step;
+};
+
 enum class BridgeFault : uint32_t {
   kProtocol = 1,     // `detail` says what was wrong
   kPolicyExit = 2,   // `value`: wait status of the policy's process
@@ -124,7 +132,7 @@ struct FaultFrame {
   char detail[240];  // printable ASCII, NUL-terminated
 };
 
-using BridgeFrame = std::variant<HelloFrame, ReadyFrame, ActionFrame, FaultFrame>;
+using BridgeFrame = std::variant<HelloFrame, ReadyFrame, ActionFrame, GiveUpFrame, FaultFrame>;
 
 // Checks magic, version, type, size, counts, enums, finiteness of numbers and
 // printability of text. REQUIRES nothing of `bytes`: they come from the

@@ -110,6 +110,7 @@ nlohmann::json LeaseOrderToJson(const LeaseOrder& order) {
   return {{"lease", order.lease},
           {"artefact_dir", order.artefact_dir},
           {"command", order.command},
+          {"environment", order.environment},
           {"runtimes", order.runtimes},
           {"track", order.track.effective},
           {"episodes", std::move(episodes)},
@@ -130,6 +131,8 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
   order.lease = reader.String("lease");
   order.artefact_dir = reader.String("artefact_dir");
   order.command = reader.Strings("command");
+  // Orders of earlier versions have none.
+  if (reader.Has("environment")) order.environment = reader.StringsByName("environment");
   order.runtimes = reader.Strings("runtimes");
   const Json& track = reader.Object("track");
   const Json& episodes = reader.Array("episodes");

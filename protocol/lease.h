@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -26,7 +27,9 @@ struct EpisodeOrder {
 struct LeaseOrder {
   std::string lease;               // id, for messages and names of temporary things
   std::string artefact_dir;        // unpacked submission, mounted read-only at /policy
-  std::vector<std::string> command;  // run in /policy; command[0] relative to it or absolute
+  // Run in /policy; command[0] is relative to it, absolute, or a word looked up on the PATH.
+  std::vector<std::string> command;
+  std::map<std::string, std::string> environment;  // variables that the policy finds set
   std::vector<std::string> runtimes;  // host folders mounted read-only at their own path
   TrackConfig track;
   std::vector<EpisodeOrder> episodes;  // consecutive indices

@@ -44,6 +44,7 @@ FailureReason CauseOfEnd(EpisodeEnd end, const ManipulationJudging& rules) {
   if (end == EpisodeEnd::kDropped) return FailureReason::kDropped;
   if (end == EpisodeEnd::kTime) return FailureReason::kTime;
   if (end == EpisodeEnd::kPhantom) return rules.phantom;
+  if (end == EpisodeEnd::kGivenUp) return FailureReason::kGivenUp;
   return FailureReason::kHandover;
 }
 
@@ -66,7 +67,7 @@ FailureReason CauseOfFailure(const EpisodeFacts& episode, const ManipulationFact
 
 bool IsManipulationEnd(EpisodeEnd end) {
   return end == EpisodeEnd::kTime || end == EpisodeEnd::kPlaced || end == EpisodeEnd::kDropped ||
-         end == EpisodeEnd::kPhantom;
+         end == EpisodeEnd::kPhantom || end == EpisodeEnd::kGivenUp;
 }
 
 // The reason that a locomotion end stands for; kNone for a finish, nullopt for an end that the
@@ -77,6 +78,7 @@ std::optional<FailureReason> ReasonOfLocomotionEnd(EpisodeEnd end) {
     case EpisodeEnd::kTime: return FailureReason::kTime;
     case EpisodeEnd::kFell: return FailureReason::kFell;
     case EpisodeEnd::kOffTrack: return FailureReason::kOffTrack;
+    case EpisodeEnd::kGivenUp: return FailureReason::kGivenUp;
     default: return std::nullopt;
   }
 }

@@ -1,6 +1,7 @@
 #include "policies/cpp/kit.h"
 
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <optional>
@@ -9,6 +10,7 @@
 #include "myograde/action_t.hpp"
 #include "myograde/episode_ready_t.hpp"
 #include "myograde/episode_start_t.hpp"
+#include "myograde/give_up_t.hpp"
 #include "myograde/hello_t.hpp"
 #include "myograde/observation_t.hpp"
 #include "protocol/bus/bus.h"
@@ -24,6 +26,16 @@ constexpr auto kWelcomeDeadline = std::chrono::seconds(60);
 // The grader asks every 250 ms at the latest while it waits for this policy,
 // and resets and steps in far less than this.
 constexpr auto kSilenceDeadline = std::chrono::seconds(600);
+
+volatile std::sig_atomic_t g_asked_to_end = 0;
+
+void CatchEnd() {
+  struct sigaction before = {};
+  if (::sigaction(SIGTERM, nullptr, &before) != 0 || before.sa_handler != SIG_DFL) return;
+  struct sigaction ours = {};
+  ours.sa_handler = [](int) { g_asked_to_end = 1; };  // no SA_RESTART: a wait shall return
+  ::sigaction(SIGTERM, &ours, nullptr);
+}
 
 template <typename Message>
 bool Decode(const Datagram& datagram, Message& message) {
@@ -46,6 +58,7 @@ class Conversation {
     hello.num_leg_sets = static_cast<int32_t>(hello.leg_sets.size());
     const auto deadline = Clock::now() + kWelcomeDeadline;
     while (!welcomed_) {
+      if (g_asked_to_end != 0) return false;
       if (Clock::now() > deadline) {
         std::fprintf(stderr,
                      "error: no grader answered on the bus for 60 s; check MYOGRADE_LCM_URL\n");
@@ -62,12 +75,14 @@ class Conversation {
     return true;
   }
 
-  // Answers until nothing was heard for kSilenceDeadline.
-  void Play() {
+  // Answers until the grader ends the process (true) or nothing was heard for kSilenceDeadline.
+  bool Play() {
     heard_ = Clock::now();
-    while (Hear() || Clock::now() - heard_ < kSilenceDeadline) {
+    while (g_asked_to_end == 0 && (Hear() || Clock::now() - heard_ < kSilenceDeadline)) {
     }
+    if (g_asked_to_end != 0) return true;
     std::fprintf(stderr, "error: nothing was heard from the grader for 600 s\n");
+    return false;
   }
 
  private:
@@ -114,8 +129,15 @@ class Conversation {
       answer_.size = welcome_.action_size;
       answer_.values.assign(static_cast<size_t>(welcome_.action_size), 0.0);
       policy_.Act(observation_.values, answer_.values);
+      gives_up_ = policy_.TakeGivingUp();
     }
-    Say(kActionChannel, answer_);
+    if (gives_up_) {
+      give_up_.episode = answer_.episode;
+      give_up_.step = answer_.step;
+      Say(kGiveUpChannel, give_up_);
+    } else {
+      Say(kActionChannel, answer_);
+    }
   }
 
   Bus bus_;
@@ -136,6 +158,8 @@ class Conversation {
     action.size = 0;
     return action;
   }();
+  bool gives_up_ = false;  // the last answer is give_up_, of the same step
+  give_up_t give_up_;
   Clock::time_point heard_;
   // Kept, so that a step takes no memory anew.
   observation_t observation_;
@@ -153,10 +177,9 @@ int RunPolicy(Policy& policy) {
     std::fprintf(stderr, "error: %s; set MYOGRADE_LCM_URL\n", problem.c_str());
     return 1;
   }
+  CatchEnd();
   Conversation conversation(*std::move(bus), policy);
-  if (!conversation.Greet()) return 1;
-  conversation.Play();
-  return 1;
+  return conversation.Greet() && conversation.Play() ? 0 : 1;
 }
 
 }  // namespace myograde

@@ -17,6 +17,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "myograde/leg_parameter_set_t.hpp"
@@ -55,10 +56,21 @@ class Policy {
   // `observation` (welcome.observation_size entries). All entries must be
   // finite: anything else ends the episode as the policy's fault.
   virtual void Act(std::span<const double> observation, std::span<double> action) = 0;
+
+  // True once after GiveUp was called; for the kit.
+  bool TakeGivingUp() { return std::exchange(gives_up_, false); }
+
+ protected:
+  // Called in Act: ends the episode as it stands, and `action` is not looked at.
+  void GiveUp() { gives_up_ = true; }
+
+ private:
+  bool gives_up_ = false;
 };
 
-// Plays until the grader ends the process. The bus is the environment variable
-// MYOGRADE_LCM_URL. Returns an exit status: 1 if there is no bus or no grader
+// Plays until the grader ends the process: after the last episode it sends SIGTERM, and this returns
+// 0 for main to end in order (unless the program handles that signal itself). The bus is the
+// environment variable MYOGRADE_LCM_URL. Returns an exit status otherwise: 1 if there is no bus or no grader
 // on it for a minute, or if the grader refused the policy; stderr says why.
 // After ten minutes without a word from the grader it ends the process with 1.
 int RunPolicy(Policy& policy);

@@ -6,7 +6,7 @@
 namespace myograde {
 namespace {
 
-constexpr std::array<std::pair<EpisodeEnd, std::string_view>, 8> kEnds = {{
+constexpr std::array<std::pair<EpisodeEnd, std::string_view>, 9> kEnds = {{
     {EpisodeEnd::kTime, "time"},
     {EpisodeEnd::kPlaced, "placed"},
     {EpisodeEnd::kDropped, "dropped"},
@@ -14,6 +14,7 @@ constexpr std::array<std::pair<EpisodeEnd, std::string_view>, 8> kEnds = {{
     {EpisodeEnd::kFell, "fell"},
     {EpisodeEnd::kOffTrack, "off-track"},
     {EpisodeEnd::kPhantom, "phantom"},
+    {EpisodeEnd::kGivenUp, "given-up"},
     {EpisodeEnd::kFault, "fault"},
 }};
 

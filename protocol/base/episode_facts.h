@@ -20,6 +20,7 @@ enum class EpisodeEnd {
   kFell,      // locomotion
   kOffTrack,  // locomotion
   kPhantom,   // as-graded only: ended by the previous episode's stale flag (D18)
+  kGivenUp,   // the policy asked to end it here
   kFault,     // not played to its end: see EpisodeFacts::fault
 };
 

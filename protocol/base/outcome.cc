@@ -34,6 +34,7 @@ constexpr std::array<std::pair<FailureReason, std::string_view>, 9> kReasons = {
     {FailureReason::kPhantom, "phantom"},
     {FailureReason::kFell, "fell"},
     {FailureReason::kOffTrack, "off-track"},
+    {FailureReason::kGivenUp, "given-up"},
 }};
 
 }  // namespace

@@ -38,6 +38,7 @@ enum class FailureReason {
   kPhantom,   // manipulation, as-graded only: ended at once by the episode before
   kFell,      // locomotion
   kOffTrack,  // locomotion
+  kGivenUp,   // the policy ended the episode by its own will
 };
 
 enum class Fault { kNobody, kParticipant, kGrader };

@@ -21,6 +21,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/bridge/child.h"
+#include "protocol/bridge/start_failure.h"
 #include "protocol/bus/bus.h"
 #include "protocol/channels.h"
 
@@ -60,11 +61,13 @@ std::string SignalName(int number) {
 
 class Bridge {
  public:
-  Bridge(Fd simulator, Bus bus, Fd children, InboxLimits limits)
+  Bridge(Fd simulator, Bus bus, Fd children, std::string program, const BridgeOptions& options)
       : simulator_(std::move(simulator)),
         bus_(std::move(bus)),
         children_(std::move(children)),
-        inbox_(limits) {}
+        program_(std::move(program)),
+        farewell_(options.farewell),
+        inbox_(options.limits) {}
 
   absl::Status Run(Child policy);
 
@@ -76,7 +79,9 @@ class Bridge {
   absl::Status HearBus(int most);
   absl::Status Hear(std::span<const std::byte> datagram);
   absl::Status ReapChildren();
+  std::optional<int> Reap();
   absl::Status HearStart();
+  void SeeOff();
   absl::Status Tell(std::span<const std::byte> frame);
   absl::Status TellFault(const FaultFrame& frame);
   void Publish();
@@ -89,6 +94,9 @@ class Bridge {
   Bus bus_;
   Fd children_;
   Child policy_;
+  bool policy_ended_ = false;
+  const std::string program_;
+  const absl::Duration farewell_;
   Inbox inbox_;
   bool done_ = false;     // the simulator hung up
   bool faulted_ = false;  // the simulator was told; only its hanging up is waited for
@@ -105,7 +113,25 @@ absl::Status Bridge::Run(Child policy) {
     if (done_) break;
     if (absl::Status status = Turn(); !status.ok()) return status;
   }
+  // Who was at fault is not waited for.
+  if (!faulted_) SeeOff();
   return absl::OkStatus();
+}
+
+// What a process printed may still wait in its own buffers.
+void Bridge::SeeOff() {
+  const absl::Duration deadline = SystemClock().Monotonic() + farewell_;
+  if (farewell_ > absl::ZeroDuration() && !policy_ended_) {
+    // The session that it was given; itself where it has not come so far as to begin one.
+    if (kill(-policy_.pid, SIGTERM) != 0) kill(policy_.pid, SIGTERM);
+  }
+  while (!policy_ended_) {
+    const absl::Duration left = deadline - SystemClock().Monotonic();
+    if (left <= absl::ZeroDuration()) return;
+    pollfd entry = {children_.get(), POLLIN, 0};
+    poll(&entry, 1, static_cast<int>(absl::ToInt64Milliseconds(left)) + 1);
+    Reap();
+  }
 }
 
 // Steps that are answered at once, each with nothing but the calls that move its bytes. Back when
@@ -229,25 +255,28 @@ absl::Status Bridge::HearStart() {
   const ssize_t size = read(policy_.start_error.get(), &error, sizeof(error));
   policy_.start_error.reset();
   if (size != static_cast<ssize_t>(sizeof(error))) return absl::OkStatus();
-  return TellFault(MakeFault(BridgeFault::kStartFailed, error,
-                             absl::StrCat("the policy's command could not be started: ",
-                                          strerror(error))));
+  return TellFault(MakeFault(BridgeFault::kStartFailed, error, ExplainStart(program_, error)));
 }
 
-absl::Status Bridge::ReapChildren() {
+// The wait status of the policy's process, if it is what ended.
+std::optional<int> Bridge::Reap() {
   signalfd_siginfo information;
   [[maybe_unused]] const ssize_t drained =
       read(children_.get(), &information, sizeof(information));
   int wait_status = 0;
-  bool exited = false;
-  int policy_status = 0;
+  std::optional<int> policy_status;
   // As process 1 the bridge also inherits whatever the policy left behind.
   for (pid_t pid; (pid = waitpid(-1, &wait_status, WNOHANG)) > 0;) {
-    if (pid != policy_.pid) continue;
-    exited = true;
-    policy_status = wait_status;
+    if (pid == policy_.pid && !policy_ended_) policy_status = wait_status;
   }
-  if (!exited || faulted_) return absl::OkStatus();
+  policy_ended_ = policy_ended_ || policy_status.has_value();
+  return policy_status;
+}
+
+absl::Status Bridge::ReapChildren() {
+  const std::optional<int> ended = Reap();
+  if (!ended.has_value() || faulted_) return absl::OkStatus();
+  const int policy_status = *ended;
   if (policy_.start_error.valid()) {
     if (absl::Status status = HearStart(); !status.ok() || faulted_) return status;
   }
@@ -292,7 +321,7 @@ absl::StatusOr<Fd> WatchChildren() {
 
 }  // namespace
 
-absl::Status RunBridge(Fd simulator, InboxLimits limits, const std::vector<std::string>& command) {
+absl::Status RunBridge(Fd simulator, const BridgeOptions& options, const PolicyCommand& command) {
   std::string problem;
   std::optional<Bus> bus = Bus::Open(kBusUrl, kQuickAnswer, problem);
   if (!bus) return absl::UnavailableError(problem);
@@ -302,7 +331,7 @@ absl::Status RunBridge(Fd simulator, InboxLimits limits, const std::vector<std::
   if (!policy.ok()) return policy.status();
   // On the heap: its buffers are larger than a careful stack wants.
   auto bridge = std::make_unique<Bridge>(std::move(simulator), *std::move(bus),
-                                         *std::move(children), limits);
+                                         *std::move(children), command.words[0], options);
   return bridge->Run(*std::move(policy));
 }
 

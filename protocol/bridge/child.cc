@@ -12,12 +12,19 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/bridge/start_failure.h"
 #include "protocol/channels.h"
 
 namespace myograde::bridge {
 namespace {
 
-std::vector<std::string> PolicyEnvironment() {
+// Variables of the sandbox that the policy finds too.
+constexpr const char* kPassedOn[] = {"PYTHONPATH", "PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED",
+                                     "PYTHONHASHSEED", "OMP_NUM_THREADS"};
+
+std::string NameOf(const std::string& variable) { return variable.substr(0, variable.find('=')); }
+
+std::vector<std::string> PolicyEnvironment(const std::vector<std::string>& own) {
   const char* path = std::getenv("PATH");
   std::vector<std::string> environment = {
       absl::StrCat(kBusUrlVariable, "=", kBusUrl),
@@ -26,10 +33,15 @@ std::vector<std::string> PolicyEnvironment() {
       "LANG=C.UTF-8",
       absl::StrCat("PATH=", path != nullptr ? path : "/usr/local/bin:/usr/bin:/bin"),
   };
-  for (const char* name : {"PYTHONPATH", "PYTHONDONTWRITEBYTECODE", "OMP_NUM_THREADS"}) {
+  for (const char* name : kPassedOn) {
     if (const char* value = std::getenv(name); value != nullptr) {
       environment.push_back(absl::StrCat(name, "=", value));
     }
+  }
+  for (const std::string& variable : own) {
+    std::erase_if(environment,
+                  [&](const std::string& other) { return NameOf(other) == NameOf(variable); });
+    environment.push_back(variable);
   }
   return environment;
 }
@@ -42,7 +54,8 @@ std::vector<char*> Pointers(std::vector<std::string>& strings) {
 }
 
 // Between fork and exec: only calls that are safe there.
-[[noreturn]] void BecomePolicy(char* const* arguments, char* const* environment, int errors) {
+[[noreturn]] void BecomePolicy(char* const* arguments, char* const* environment, bool foreign,
+                               int errors) {
   setsid();
   sigset_t none;
   sigemptyset(&none);
@@ -55,7 +68,9 @@ std::vector<char*> Pointers(std::vector<std::string>& strings) {
     // Every descriptor of the bridge closes itself on exec; this is for those
     // that it may have inherited without knowing.
     if (close_range(STDERR_FILENO + 1, ~0u, CLOSE_RANGE_CLOEXEC) == 0) {
-      execvpe(arguments[0], arguments, environment);
+      // What the kernel does not know execvpe hands to a shell, as if it were a script.
+      if (!foreign) execvpe(arguments[0], arguments, environment);
+      errno = foreign ? ENOEXEC : errno;
     }
   }
   const int error = errno;
@@ -65,7 +80,7 @@ std::vector<char*> Pointers(std::vector<std::string>& strings) {
 
 }  // namespace
 
-absl::StatusOr<Child> StartPolicy(const std::vector<std::string>& command) {
+absl::StatusOr<Child> StartPolicy(const PolicyCommand& command) {
   std::array<int, 2> ends;
   if (pipe2(ends.data(), O_CLOEXEC | O_NONBLOCK) != 0) {
     return absl::UnavailableError(absl::StrCat("pipe: ", strerror(errno)));
@@ -73,13 +88,16 @@ absl::StatusOr<Child> StartPolicy(const std::vector<std::string>& command) {
   Child child;
   child.start_error = Fd(ends[0]);
   const Fd write_end(ends[1]);
-  std::vector<std::string> words = command;
-  std::vector<std::string> environment = PolicyEnvironment();
+  std::vector<std::string> words = command.words;
+  std::vector<std::string> environment = PolicyEnvironment(command.environment);
+  const bool foreign = IsForeignProgram(FindProgram(words[0]));
   const std::vector<char*> arguments = Pointers(words);
   const std::vector<char*> variables = Pointers(environment);
   child.pid = fork();
   if (child.pid < 0) return absl::UnavailableError(absl::StrCat("fork: ", strerror(errno)));
-  if (child.pid == 0) BecomePolicy(arguments.data(), variables.data(), write_end.get());
+  if (child.pid == 0) {
+    BecomePolicy(arguments.data(), variables.data(), foreign, write_end.get());
+  }
   return child;
 }
 

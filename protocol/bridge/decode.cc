@@ -6,6 +6,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "myograde/episode_ready_t.hpp"
+#include "myograde/give_up_t.hpp"
 #include "myograde/hello_t.hpp"
 
 namespace myograde::bridge {
@@ -209,6 +210,18 @@ absl::Status DecodeAction(std::span<const std::byte> payload, uint32_t action_si
   if (size > 0) {
     std::memcpy(frame.values, scratch.values.data(), static_cast<size_t>(size) * sizeof(double));
   }
+  return absl::OkStatus();
+}
+
+absl::Status DecodeGiveUp(std::span<const std::byte> payload, GiveUpFrame& frame) {
+  Cursor cursor(payload);
+  if (!FingerprintFits<give_up_t>(cursor)) return WrongFingerprint("give_up_t");
+  cursor.Skip(2 * sizeof(int64_t));
+  if (absl::Status status = WalkEnd(cursor); !status.ok()) return status;
+  give_up_t message;
+  if (absl::Status status = Decode(payload, message); !status.ok()) return status;
+  frame.episode = message.episode;
+  frame.step = message.step;
   return absl::OkStatus();
 }
 

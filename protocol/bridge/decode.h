@@ -23,4 +23,6 @@ absl::Status DecodeReady(std::span<const std::byte> payload, ReadyFrame& frame);
 absl::Status DecodeAction(std::span<const std::byte> payload, uint32_t action_size,
                           action_t& scratch, ActionFrame& frame);
 
+absl::Status DecodeGiveUp(std::span<const std::byte> payload, GiveUpFrame& frame);
+
 }  // namespace myograde::bridge

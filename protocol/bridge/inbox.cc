@@ -54,6 +54,7 @@ Verdict Inbox::Take(std::span<const std::byte> datagram) {
   const std::optional<Datagram> parsed = ParseDatagram(datagram);
   if (!parsed) return Stray();
   if (parsed->channel == kActionChannel) return TakeAction(parsed->payload);
+  if (parsed->channel == kGiveUpChannel) return TakeGiveUp(parsed->payload);
   if (parsed->channel == kReadyChannel) return TakeReady(parsed->payload);
   if (parsed->channel == kHelloChannel) return TakeHello(parsed->payload);
   if (std::find(kGraderChannels.begin(), kGraderChannels.end(), parsed->channel) !=
@@ -93,16 +94,27 @@ Verdict Inbox::TakeAction(std::span<const std::byte> payload) {
       !status.ok()) {
     return Breach(kActionChannel, status);
   }
-  const auto answered = std::tie(action_.episode, action_.step);
-  const auto asked = std::tie(episode_, step_);
-  if (expect_ == Expect::kAction && answered == asked) {
-    return Answer(action_, FrameType::kAction);
+  return TakeStep(action_, FrameType::kAction);
+}
+
+Verdict Inbox::TakeGiveUp(std::span<const std::byte> payload) {
+  if (absl::Status status = DecodeGiveUp(payload, give_up_); !status.ok()) {
+    return Breach(kGiveUpChannel, status);
   }
-  if (action_.episode >= 0 && action_.step >= 0 && answered <= asked) return LateCopy();
+  return TakeStep(give_up_, FrameType::kGiveUp);
+}
+
+// An answer to a step, of either kind.
+template <typename F>
+Verdict Inbox::TakeStep(F& frame, FrameType type) {
+  const auto answered = std::tie(frame.episode, frame.step);
+  const auto asked = std::tie(episode_, step_);
+  if (expect_ == Expect::kAction && answered == asked) return Answer(frame, type);
+  if (frame.episode >= 0 && frame.step >= 0 && answered <= asked) return LateCopy();
   const std::string now = step_ < 0 ? absl::StrCat("no step")
                                     : absl::StrCat("step ", step_, " of episode ", episode_);
-  return WrongAnswer(absl::StrCat("answered step ", action_.step, " of episode ",
-                                  action_.episode, " while ", now, " was asked"));
+  return WrongAnswer(absl::StrCat("answered step ", frame.step, " of episode ", frame.episode,
+                                  " while ", now, " was asked"));
 }
 
 Verdict Inbox::Stray() {

@@ -51,6 +51,9 @@ class Inbox {
   Verdict TakeHello(std::span<const std::byte> payload);
   Verdict TakeReady(std::span<const std::byte> payload);
   Verdict TakeAction(std::span<const std::byte> payload);
+  Verdict TakeGiveUp(std::span<const std::byte> payload);
+  template <typename F>
+  Verdict TakeStep(F& frame, FrameType type);
   Verdict Stray();
   Verdict LateCopy();
   Verdict WrongAnswer(const std::string& sentence);
@@ -74,6 +77,7 @@ class Inbox {
   HelloFrame hello_ = {};
   ReadyFrame ready_ = {};
   ActionFrame action_ = {};
+  GiveUpFrame give_up_ = {};
   FaultFrame fault_ = {};
   std::span<const std::byte> frame_;
 };

@@ -1,6 +1,6 @@
 // myograde-bridge: process 1 of a participant's sandbox. See bridge.h.
 //
-//   myograde-bridge --stray N --wrong N -- COMMAND ARGUMENTS...
+//   myograde-bridge --stray N --wrong N [--farewell MS] [--env NAME=VALUE]... -- COMMAND ARGUMENTS...
 //
 // Exit status: 0 the simulator hung up, 2 wrong use, 70 the sandbox can't be
 // used (no bus, no process).
@@ -28,8 +28,8 @@ constexpr int kWrongUse = 2;
 constexpr int kBrokenSandbox = 70;
 
 struct Arguments {
-  InboxLimits limits = {0, 0};
-  std::vector<std::string> command;
+  BridgeOptions options = {{0, 0}, absl::ZeroDuration()};
+  PolicyCommand command;
 };
 
 std::optional<int64_t> PositiveNumber(std::string_view text) {
@@ -39,21 +39,38 @@ std::optional<int64_t> PositiveNumber(std::string_view text) {
   return value;
 }
 
+bool TakeOption(const std::string& name, const std::string& value, Arguments& arguments) {
+  if (name == "--env") {
+    arguments.command.environment.push_back(value);
+    return value.find('=') != std::string::npos && !value.starts_with('=');
+  }
+  const std::optional<int64_t> number = PositiveNumber(value);
+  if (!number.has_value()) return false;
+  if (name == "--stray") {
+    arguments.options.limits.stray_messages = *number;
+  } else if (name == "--wrong") {
+    arguments.options.limits.wrong_answers = *number;
+  } else if (name == "--farewell") {
+    arguments.options.farewell = absl::Milliseconds(*number);
+  } else {
+    return false;
+  }
+  return true;
+}
+
 std::optional<Arguments> Parse(const std::vector<std::string>& words) {
   Arguments arguments;
   size_t i = 0;
   for (; i < words.size() && words[i] != "--"; i += 2) {
-    const bool stray = words[i] == "--stray";
-    if ((!stray && words[i] != "--wrong") || i + 1 == words.size()) return std::nullopt;
-    const std::optional<int64_t> number = PositiveNumber(words[i + 1]);
-    if (!number.has_value()) return std::nullopt;
-    (stray ? arguments.limits.stray_messages : arguments.limits.wrong_answers) = *number;
+    if (i + 1 == words.size() || !TakeOption(words[i], words[i + 1], arguments)) {
+      return std::nullopt;
+    }
   }
-  if (i + 1 >= words.size() || arguments.limits.stray_messages == 0 ||
-      arguments.limits.wrong_answers == 0) {
+  const InboxLimits& limits = arguments.options.limits;
+  if (i + 1 >= words.size() || limits.stray_messages == 0 || limits.wrong_answers == 0) {
     return std::nullopt;
   }
-  arguments.command.assign(words.begin() + static_cast<std::ptrdiff_t>(i) + 1, words.end());
+  arguments.command.words.assign(words.begin() + static_cast<std::ptrdiff_t>(i) + 1, words.end());
   return arguments;
 }
 
@@ -67,8 +84,9 @@ int Main(int argc, char** argv) {
   const std::optional<Arguments> arguments = Parse({argv + 1, argv + argc});
   if (!arguments.has_value()) {
     std::fprintf(stderr,
-                 "usage: myograde-bridge --stray N --wrong N -- COMMAND ARGUMENTS...\n"
-                 "N: a number from 1; the simulator's socket is descriptor %d\n",
+                 "usage: myograde-bridge --stray N --wrong N [--farewell MS] [--env NAME=VALUE]... "
+                 "-- COMMAND ARGUMENTS...\n"
+                 "N, MS: a number from 1; the simulator's socket is descriptor %d\n",
                  kBridgeSocketFd);
     return kWrongUse;
   }
@@ -81,7 +99,7 @@ int Main(int argc, char** argv) {
   }
   signal(SIGPIPE, SIG_IGN);
   const absl::Status status =
-      RunBridge(std::move(simulator), arguments->limits, arguments->command);
+      RunBridge(std::move(simulator), arguments->options, arguments->command);
   if (status.ok()) return 0;
   std::fprintf(stderr, "myograde-bridge: %s\n", std::string(status.message()).c_str());
   return kBrokenSandbox;

@@ -13,6 +13,7 @@
 #include "server/artefact/artefact.h"
 #include "server/artefact/unpack_process.h"
 #include "server/names.h"
+#include "server/sandbox/program.h"
 
 namespace myograde::server {
 namespace {
@@ -52,6 +53,21 @@ absl::Status Settle(const std::string& fresh, const std::string& place) {
     return Sync(fs::path(place).parent_path());
   }
   return absl::ErrnoToStatus(errno, absl::StrCat(place, ": can't be put in its place"));
+}
+
+// What a runtime that is not there would bring can't be said. One that is not known is told when it is
+// submitted, and one without its folder is the host's trouble.
+absl::Status CheckStart(const ArtefactManifest& manifest, const std::string& folder,
+                        const ServerConfig& config) {
+  std::vector<std::string> runtimes;
+  for (const std::string& name : manifest.runtimes) {
+    const auto known = config.runtimes.find(name);
+    if (known == config.runtimes.end() || !fs::is_directory(known->second)) {
+      return absl::OkStatus();
+    }
+    runtimes.push_back(known->second);
+  }
+  return CheckProgram(manifest, folder, runtimes);
 }
 
 }  // namespace
@@ -123,10 +139,12 @@ absl::StatusOr<ArtefactRow> Api::Receive(const httplib::ContentReader& content, 
   if (!artefact.ok()) return artefact.status();
   ArtefactRow row{artefact->digest,            artefact->manifest.name,
                   artefact->manifest.command,  artefact->manifest.runtimes,
-                  artefact->bytes,             artefact->files};
+                  artefact->bytes,             artefact->files,
+                  artefact->manifest.environment};
+  absl::Status status = CheckStart(artefact->manifest, folder, options_.config);
+  if (!status.ok()) return status;
   // One that came before keeps its name.
-  absl::Status status =
-      readers_.Read([&](Reader& reader) { return reader.Artefact(row.hash).status(); });
+  status = readers_.Read([&](Reader& reader) { return reader.Artefact(row.hash).status(); });
   if (absl::IsNotFound(status)) {
     absl::StatusOr<std::string> clean = CleanName(row.name, "policy.json: \"name\"");
     if (!clean.ok()) return clean.status();
@@ -210,6 +228,7 @@ Api::Result Api::Upload(const Request& request, const httplib::ContentReader& co
                  {"name", row->name},
                  {"command", row->command},
                  {"runtimes", row->runtimes},
+                 {"env", row->environment},
                  {"bytes", row->bytes},
                  {"files", row->files},
                  {"new", is_new}}};

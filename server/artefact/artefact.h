@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -24,8 +25,10 @@ struct ArtefactLimits {
 // What policy.json says.
 struct ArtefactManifest {
   std::string name;                   // for people; 1 to 64 bytes
-  std::vector<std::string> command;   // command[0] is absolute, or inside with a slash in it
+  // command[0] is absolute, or inside with a slash in it, or a word to be looked up on the PATH.
+  std::vector<std::string> command;
   std::vector<std::string> runtimes;  // names of the server's runtimes that it needs
+  std::map<std::string, std::string> environment;  // variables that the policy finds set
 };
 
 struct Artefact {
@@ -36,8 +39,8 @@ struct Artefact {
 };
 
 // Writes what a participant has at `path` to the file `archive` (made or
-// replaced) as a canonical tar: entries sorted, no times, no owners, modes 0755
-// or 0644. `path` is a folder with policy.json at its top, a single executable
+// replaced) as a canonical tar: entries sorted, no owners, modes 0755 or 0644,
+// times of files in whole seconds and no others. `path` is a folder with policy.json at its top, a single executable
 // file (a manifest that runs it is added), or an archive (.tar, .tar.gz, .tgz,
 // .tar.zst, .zip). The same rules hold as in UnpackArtefact, so most mistakes
 // are told before anything is sent. InvalidArgumentError: `path` breaks a rule
@@ -66,8 +69,9 @@ absl::StatusOr<UnpackPlace> OpenUnpackPlace(const std::string& archive,
 absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLimits& limits);
 
 // Reads and checks policy.json of an unpacked artefact: strict keys, and a
-// command that is there and can be run. InvalidArgumentError otherwise. `folder`:
-// its path, or a descriptor.
+// command that is there and can be run. What the command means outside the artefact
+// is not looked at (server/sandbox/program.h). InvalidArgumentError otherwise.
+// `folder`: its path, or a descriptor.
 absl::StatusOr<ArtefactManifest> ReadManifest(const std::string& folder);
 absl::StatusOr<ArtefactManifest> ReadManifest(int folder);
 

@@ -1,5 +1,6 @@
 #include "server/artefact/listing.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 
@@ -143,6 +144,8 @@ std::string Listing::Digest() const {
   }
   return hash.FinishHex();
 }
+
+int64_t KeptTime(int64_t seconds) { return std::clamp<int64_t>(seconds, 0, UINT32_MAX); }
 
 absl::Status CheckLinkTarget(std::string_view path, std::string_view target) {
   if (target.empty()) return Broken(path, "is a symbolic link without a target");

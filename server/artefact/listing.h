@@ -25,6 +25,7 @@ struct Entry {
   bool stated = false;      // named by the archive, not only implied by an entry below it
   bool executable = false;  // files only
   int64_t size = 0;         // files only
+  int64_t time = 0;         // files only; of KeptTime, and no part of the digest
   std::string sha256 = {};  // files only; hex
   std::string target = {};  // links only
 };
@@ -61,6 +62,10 @@ class Listing {
   std::map<std::string, Entry> entries_;
   int64_t bytes_ = 0;
 };
+
+// The time of a file, in whole seconds since 1970-01-01 UTC, as it is kept: what every file system
+// can hold, and no other than a Python of 2024 compares.
+int64_t KeptTime(int64_t seconds);
 
 // An error if the target of a symbolic link has "..", is empty or not UTF-8.
 absl::Status CheckLinkTarget(std::string_view path, std::string_view target);

@@ -14,6 +14,7 @@
 #include "protocol/config_reader.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
+#include "server/artefact/environment.h"
 #include "server/artefact/listing.h"
 #include "server/plain_text.h"
 
@@ -89,7 +90,7 @@ absl::Status CheckProgram(int root, const std::string& command) {
       return BadCommand(command, errno == ELOOP ? "goes through a symbolic link to a folder; "
                                                   "name the program's real place"
                                                 : "is not there; give a file of the submission, "
-                                                  "or an absolute path as /usr/bin/python3");
+                                                  "or a program of the sandbox as python3");
     }
     if (S_ISREG(info.st_mode)) {
       if ((info.st_mode & 0111) != 0) return absl::OkStatus();
@@ -116,7 +117,7 @@ void CheckName(ConfigReader& reader, const std::string& name) {
   }
 }
 
-void CheckCommand(ConfigReader& reader, std::vector<std::string>& command) {
+void CheckCommand(ConfigReader& reader, const std::vector<std::string>& command) {
   if (command.empty() || command.size() > kMaxArguments) {
     reader.Fail("command", absl::StrCat("must hold the program and its arguments: 1 to ",
                                         kMaxArguments, " strings"));
@@ -129,8 +130,17 @@ void CheckCommand(ConfigReader& reader, std::vector<std::string>& command) {
     }
   }
   if (command[0].empty()) reader.Fail("command", "starts with an empty string");
-  // A bare name would be looked up in the PATH by execvp; it means the file.
-  if (command[0].find('/') == std::string::npos) command[0] = "./" + command[0];
+}
+
+// A bare word means a file of the submission if there is one of that name, else a program on the
+// PATH of the sandbox.
+void NameOwnProgram(int root, std::string& program) {
+  if (program.find('/') != std::string::npos) return;
+  const Fd fd = OpenBeneath(root, program, O_PATH);
+  struct stat info = {};
+  if (fd.valid() && ::fstat(fd.get(), &info) == 0 && !S_ISDIR(info.st_mode)) {
+    program = "./" + program;
+  }
 }
 
 void CheckRuntimes(ConfigReader& reader, const std::vector<std::string>& runtimes) {
@@ -169,12 +179,14 @@ absl::StatusOr<ArtefactManifest> ReadManifest(int folder) {
   manifest.name = reader.String("name");
   manifest.command = reader.Strings("command");
   if (reader.Has("runtimes")) manifest.runtimes = reader.Strings("runtimes");
+  if (reader.Has("env")) manifest.environment = ReadEnvironment(reader);
   CheckName(reader, manifest.name);
   CheckCommand(reader, manifest.command);
   CheckRuntimes(reader, manifest.runtimes);
   const absl::Status read = reader.Finish();
   if (!read.ok()) return read;
-  if (!manifest.command[0].starts_with('/')) {
+  NameOwnProgram(folder, manifest.command[0]);
+  if (manifest.command[0].find('/') != std::string::npos && manifest.command[0][0] != '/') {
     const absl::Status program = CheckProgram(folder, manifest.command[0]);
     if (!program.ok()) return program;
   }

@@ -79,6 +79,7 @@ class FolderLister {
     const absl::StatusOr<Entry*> entry = listing_.Add(*path, EntryType::kFile);
     if (!entry.ok()) return entry.status();
     (*entry)->size = info.st_size;
+    (*entry)->time = KeptTime(info.st_mtim.tv_sec);
     (*entry)->executable = (info.st_mode & 0111) != 0;
     return listing_.AddBytes(*path, info.st_size);
   }
@@ -100,7 +101,7 @@ class FolderLister {
   Listing& listing_;
 };
 
-// A tar without anything that differs between two packings of equal content.
+// A tar without anything that differs between two packings of a folder that nobody touched.
 class TarWriter {
  public:
   static absl::StatusOr<TarWriter> Create(const std::string& path) {
@@ -119,7 +120,7 @@ class TarWriter {
     const std::unique_ptr<archive_entry, void (*)(archive_entry*)> header(archive_entry_new(),
                                                                           archive_entry_free);
     archive_entry_set_pathname(header.get(), path.c_str());
-    archive_entry_set_mtime(header.get(), 0, 0);
+    archive_entry_set_mtime(header.get(), entry.time, 0);
     archive_entry_set_uid(header.get(), 0);
     archive_entry_set_gid(header.get(), 0);
     const bool open_to_all = entry.executable || entry.type == EntryType::kFolder;
@@ -244,6 +245,7 @@ absl::Status PackProgram(const std::string& program, const std::string& archive,
   }
   if (!status.ok()) return status;
   (*file)->size = info.st_size;
+  (*file)->time = KeptTime(info.st_mtim.tv_sec);
   (*file)->executable = true;
   (*about)->size = static_cast<int64_t>(manifest.size());
   absl::StatusOr<TarWriter> tar = TarWriter::Create(archive);

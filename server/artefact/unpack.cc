@@ -168,6 +168,11 @@ absl::Status Unpacker::TakeFile(const std::string& path, archive_entry* entry) {
   if (!fd.valid()) return HostError(absl::StrCat("can't make the file ", Quoted(path)));
   const absl::Status copied = CopyContent(path, fd.get(), **file);
   if (!copied.ok()) return copied;
+  // A module that Python compiled before is only taken while its source has the time that it had.
+  const timespec time = {KeptTime(archive_entry_mtime(entry)), 0};
+  if (const timespec times[] = {time, time}; ::futimens(fd.get(), times) != 0) {
+    return HostError(absl::StrCat("can't set the time of ", Quoted(path)));
+  }
   if (::fchmod(fd.get(), (*file)->executable ? 0755 : 0644) != 0) {
     return HostError(absl::StrCat("can't set the mode of ", Quoted(path)));
   }

@@ -50,6 +50,7 @@ nlohmann::json AnswerOf(const absl::StatusOr<Artefact>& artefact) {
           {"name", artefact->manifest.name},
           {"command", artefact->manifest.command},
           {"runtimes", artefact->manifest.runtimes},
+          {"environment", artefact->manifest.environment},
           {"bytes", artefact->bytes},
           {"files", artefact->files}};
 }
@@ -174,6 +175,7 @@ absl::StatusOr<Artefact> ArtefactOf(const std::string& answer, int wait_status) 
   artefact.manifest.name = reader.String("name");
   artefact.manifest.command = reader.Strings("command");
   artefact.manifest.runtimes = reader.Strings("runtimes");
+  artefact.manifest.environment = reader.StringsByName("environment");
   artefact.bytes = reader.Integer("bytes", 0, INT64_MAX);
   artefact.files = reader.Integer("files", 0, INT64_MAX);
   if (const absl::Status status = reader.Finish(); !status.ok()) return status;

@@ -20,6 +20,7 @@
 #include "server/cli/report.h"
 #include "server/cli/terminal.h"
 #include "server/daemon/results.h"
+#include "server/sandbox/program.h"
 #include "server/sandbox/sandbox_config.h"
 
 namespace myograde::server {
@@ -119,6 +120,9 @@ absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::strin
       RuntimesOf(order.artefact.manifest, order.config);
   if (!runtimes.ok()) return runtimes.status();
   order.runtimes = *std::move(runtimes);
+  const absl::Status program = HostStatus(
+      options.path, CheckProgram(order.artefact.manifest, order.artefact_dir, order.runtimes));
+  if (!program.ok()) return program;
   order.work_dir = temp;
   if (!options.logs.empty()) {
     std::error_code error;

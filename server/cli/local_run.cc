@@ -75,6 +75,7 @@ LeaseOrder LocalRun::OrderFor(const Lease& lease) const {
   order.lease = absl::StrCat("local-", lease.first, "-", lease.faults);
   order.artefact_dir = order_.artefact_dir;
   order.command = order_.artefact.manifest.command;
+  order.environment = order_.artefact.manifest.environment;
   order.runtimes = order_.runtimes;
   order.track = order_.track->config;
   const Form1PolicySeeds form1 = {kLocalPolicyKey, order_.artefact.digest};

@@ -152,6 +152,7 @@ class EngineCore {
     std::string artefact;
     std::vector<std::string> command;
     std::vector<std::string> runtimes;  // host folders
+    std::map<std::string, std::string> environment;
     TrackPtr track;
     SeedsPtr seeds;
     std::map<int64_t, std::pair<int64_t, int64_t>> leases;  // id to first and last episode

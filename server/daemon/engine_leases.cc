@@ -17,6 +17,7 @@ LeaseOrder EngineCore::OrderFor(const LeaseRun& run) const {
   order.lease = absl::StrCat(run.lease, "-", run.attempt);
   order.artefact_dir = absl::StrCat(options_.data_dir, "/artefacts/", run.context->artefact);
   order.command = run.context->command;
+  order.environment = run.context->environment;
   order.runtimes = run.context->runtimes;
   order.track = run.context->track->config;
   const Form1PolicySeeds form1 = {disk_.policy_secret(), run.context->artefact};

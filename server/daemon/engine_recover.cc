@@ -21,6 +21,7 @@ EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) con
                                                  : Priority::kPractice;
   context->artefact = stored.artefact.hash;
   context->command = stored.artefact.command;
+  context->environment = stored.artefact.environment;
   for (const std::string& runtime : stored.artefact.runtimes) {
     const auto it = options_.config.runtimes.find(runtime);
     // A runtime that was taken out of the settings is the grader's fault, told by the runner.

@@ -17,6 +17,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/time/clock.h>
 
+#include "protocol/base/clock.h"
 #include "protocol/base/outcome.h"
 #include "server/sandbox/seccomp_filter.h"
 
@@ -26,6 +27,8 @@ namespace {
 constexpr absl::Duration kBeatPeriod = absl::Milliseconds(700);
 constexpr absl::Duration kIdleTurn = absl::Milliseconds(200);
 constexpr absl::Duration kPrintDeadline = absl::Seconds(30);
+// The end of a process wakes nobody up here, so it is looked for.
+constexpr absl::Duration kSeeOffTurn = absl::Milliseconds(5);
 constexpr absl::Duration kSimFarewell = absl::Seconds(5);
 
 absl::Status Errno(const char* what) {
@@ -103,6 +106,7 @@ absl::Status LeaseRunner::Play() {
   while (!done_) {
     if (absl::Status status = Turn(); !status.ok()) return status;
   }
+  SeeOffPolicy();
   sim_->Wait(kSimFarewell);
   return absl::OkStatus();
 }
@@ -289,6 +293,22 @@ absl::Status LeaseRunner::RuleOn(const nlohmann::json& json) {
   nlohmann::json answer = FaultEvidenceToJson(ruled);
   answer["type"] = "ruling";
   return SendSimMessage(channel_.get(), answer);
+}
+
+// After the last episode the bridge has asked the policy to end; what it still prints is read.
+void LeaseRunner::SeeOffPolicy() {
+  if (policy_ == nullptr) return;
+  const absl::Duration deadline =
+      SystemClock().Monotonic() + absl::Seconds(context_.config.policy.farewell_s);
+  while (!policy_->Ended() && SystemClock().Monotonic() < deadline) {
+    pollfd entries[] = {{stop_, POLLIN, 0},
+                        {signals_, POLLIN, 0},
+                        {policy_->stdout_fd(), POLLIN, 0},
+                        {policy_->stderr_fd(), POLLIN, 0}};
+    poll(entries, std::size(entries), static_cast<int>(absl::ToInt64Milliseconds(kSeeOffTurn)));
+    if (entries[0].revents != 0 || entries[1].revents != 0) return;
+    policy_->DrainOutput();
+  }
 }
 
 absl::Status LeaseRunner::EndPolicy() {

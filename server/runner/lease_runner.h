@@ -42,6 +42,7 @@ class LeaseRunner {
   absl::Status SimEnded();
   absl::Status EndSim();
   absl::Status EndPolicy();
+  void SeeOffPolicy();
   void RefreshCpu();
   absl::Status GiveCpu();
   absl::Status Beat();

@@ -50,6 +50,16 @@ std::string LastLine(std::string text) {
   return text;
 }
 
+// The library that the dynamic loader missed, as the last line of its complaint says; "" if it is no
+// such complaint.
+std::string MissingLibrary(const std::string& line) {
+  constexpr std::string_view kComplaint = "error while loading shared libraries: ";
+  const size_t at = line.find(kComplaint);
+  if (at == std::string::npos) return "";
+  const size_t begin = at + kComplaint.size();
+  return line.substr(begin, line.find(": ", begin) - begin);
+}
+
 bool IsTimeout(Outcome outcome) {
   return outcome == Outcome::kInitTimeout || outcome == Outcome::kStepTimeout ||
          outcome == Outcome::kWallTimeout;
@@ -93,8 +103,9 @@ absl::StatusOr<std::unique_ptr<PolicyRun>> PolicyRun::Prepare(const LeaseContext
   auto stderr_pipe = OutputPipe();
   if (!stderr_pipe.ok()) return stderr_pipe.status();
   Fd nothing(open("/dev/null", O_RDONLY | O_CLOEXEC));
-  const SandboxSpec spec = MakePolicySandbox(order, context.bin_dir, context.stage, context.etc,
-                                             run->scratch_, run->group_->controllers());
+  const SandboxSpec spec =
+      MakePolicySandbox(order, context.config.policy, context.bin_dir, context.stage, context.etc,
+                        run->scratch_, run->group_->controllers());
   absl::StatusOr<std::unique_ptr<Sandbox>> sandbox =
       Sandbox::Start(spec,
                      {{nothing.get(), 0},
@@ -241,6 +252,11 @@ FaultEvidence PolicyRun::Rule(FaultEvidence seen) {
                                words.empty() ? "bubblewrap gave no reason" : words);
   } else if (seen.outcome == Outcome::kCrash && !words.empty()) {
     absl::StrAppend(&seen.detail, "; the last line of its stderr: ", words);
+    if (const std::string library = MissingLibrary(words); !library.empty()) {
+      absl::StrAppend(&seen.detail, "; the sandbox does not have ", library,
+                      ": put it into the submission, and its folder (as /policy/lib) into "
+                      "LD_LIBRARY_PATH in the env of policy.json");
+    }
   }
   seen.stderr_tail = err_.tail(err_mark_);
   return seen;

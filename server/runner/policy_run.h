@@ -44,6 +44,9 @@ class PolicyRun {
   int stdout_fd() const { return stdout_.get(); }
   int stderr_fd() const { return stderr_.get(); }
 
+  // True once nothing of its sandbox runs any more; never blocks.
+  bool Ended() { return sandbox_->Ended(); }
+
   // Takes what the policy printed. Bounded work for each call.
   void DrainOutput();
 

@@ -249,7 +249,8 @@ absl::Status WithSandboxes(const DoctorOptions& options,
   for (const std::string& source : StagedSources(order, options.bin_dir)) {
     staged[stage->PathOf(source)] = source;
   }
-  return use({MakePolicySandbox(order, options.bin_dir, *stage, *etc, *scratch, group),
+  return use({MakePolicySandbox(order, config->policy, options.bin_dir, *stage, *etc, *scratch,
+                                group),
               MakeSimSandbox(order, config->sim, options.bin_dir, *stage, *etc), *config, budgets,
               group, staged});
 }

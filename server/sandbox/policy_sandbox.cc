@@ -35,19 +35,13 @@ void AddSystem(const EtcFiles& etc, SandboxSpec& spec) {
   const auto add = [&](Kind kind, std::string source, std::string target) {
     spec.mounts.push_back({kind, std::move(source), std::move(target)});
   };
-  add(Kind::kReadOnly, "/usr", "/usr");
-  for (const char* link : {"bin", "sbin", "lib", "lib32", "lib64", "libx32"}) {
-    if (access(absl::StrCat("/usr/", link).c_str(), F_OK) == 0) {
-      add(Kind::kSymlink, absl::StrCat("usr/", link), absl::StrCat("/", link));
-    }
+  for (const std::string& link : SystemLinks()) {
+    add(Kind::kSymlink, absl::StrCat("usr/", link), absl::StrCat("/", link));
   }
   add(Kind::kReadOnly, etc.passwd, "/etc/passwd");
   add(Kind::kReadOnly, etc.group, "/etc/group");
   add(Kind::kReadOnly, etc.hosts, "/etc/hosts");
-  // Linear algebra and others are found through Debian's alternatives.
-  for (const char* path : {"/etc/ld.so.cache", "/etc/alternatives", "/etc/localtime"}) {
-    if (access(path, R_OK) == 0) add(Kind::kReadOnly, path, path);
-  }
+  for (const std::string& path : SystemPlaces()) add(Kind::kReadOnly, path, path);
   add(Kind::kProc, "", "/proc");
   add(Kind::kDev, "", "/dev");
 }
@@ -73,6 +67,30 @@ void AddSanitizerOptions(SandboxSpec& spec) {
 }
 
 }  // namespace
+
+std::vector<std::string> PolicyPath(const std::vector<std::string>& runtimes) {
+  std::vector<std::string> folders;
+  for (const std::string& runtime : runtimes) folders.push_back(runtime + "/bin");
+  folders.insert(folders.end(), {"/usr/local/bin", "/usr/bin", "/bin"});
+  return folders;
+}
+
+std::vector<std::string> SystemPlaces() {
+  std::vector<std::string> places = {"/usr"};
+  // Linear algebra and others are found through Debian's alternatives.
+  for (const char* path : {"/etc/ld.so.cache", "/etc/alternatives", "/etc/localtime"}) {
+    if (access(path, R_OK) == 0) places.emplace_back(path);
+  }
+  return places;
+}
+
+std::vector<std::string> SystemLinks() {
+  std::vector<std::string> links;
+  for (const char* link : {"bin", "sbin", "lib", "lib32", "lib64", "libx32"}) {
+    if (access(absl::StrCat("/usr/", link).c_str(), F_OK) == 0) links.emplace_back(link);
+  }
+  return links;
+}
 
 absl::StatusOr<EtcFiles> StageEtcFiles(const Stage& stage) {
   EtcFiles files;
@@ -132,9 +150,9 @@ GroupLimits PolicyGroupLimits(const Budgets& budgets) {
   return {budgets.memory_bytes, budgets.tasks + kOwnTasks, budgets.cpus};
 }
 
-SandboxSpec MakePolicySandbox(const LeaseOrder& order, const std::string& bin_dir,
-                              const Stage& stage, const EtcFiles& etc, const std::string& scratch,
-                              const GroupControllers& group) {
+SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig& config,
+                              const std::string& bin_dir, const Stage& stage, const EtcFiles& etc,
+                              const std::string& scratch, const GroupControllers& group) {
   const Budgets& budgets = order.track.budgets;
   SandboxSpec spec;
   AddSystem(etc, spec);
@@ -162,19 +180,34 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const std::string& bin_di
   spec.batch = true;
   const std::string processors =
       std::to_string(std::max<int64_t>(1, static_cast<int64_t>(std::ceil(budgets.cpus))));
-  spec.environment = {{"PATH", "/usr/local/bin:/usr/bin:/bin"},
+  spec.environment = {{"PATH", absl::StrJoin(PolicyPath(order.runtimes), ":")},
                       {"HOME", "/tmp"},
                       {"LANG", "C.UTF-8"},
                       {kBusUrlVariable, kBusUrl},
                       {"OMP_NUM_THREADS", processors},
-                      {"PYTHONDONTWRITEBYTECODE", "1"}};
+                      {"PYTHONDONTWRITEBYTECODE", "1"},
+                      // What it printed is not lost when it is killed, and its sets of strings
+                      // have the same order whenever it is run.
+                      {"PYTHONUNBUFFERED", "1"},
+                      {"PYTHONHASHSEED", "0"}};
   if (!order.runtimes.empty()) {
     spec.environment.emplace_back("PYTHONPATH", absl::StrJoin(order.runtimes, ":"));
   }
   AddSanitizerOptions(spec);
 
   spec.command = {bridge, "--stray", std::to_string(budgets.stray_messages), "--wrong",
-                  std::to_string(budgets.wrong_answers), "--"};
+                  std::to_string(budgets.wrong_answers)};
+  if (const auto farewell = static_cast<int64_t>(std::lround(config.farewell_s * 1000));
+      farewell > 0) {
+    spec.command.insert(spec.command.end(), {"--farewell", std::to_string(farewell)});
+  }
+  // Through the bridge, so that none of them touches a program that is not the participant's.
+  for (const auto& [name, value] : order.environment) {
+    const bool joins = name == "PYTHONPATH" && !order.runtimes.empty();
+    const std::string more = joins ? ":" + absl::StrJoin(order.runtimes, ":") : "";
+    spec.command.insert(spec.command.end(), {"--env", absl::StrCat(name, "=", value, more)});
+  }
+  spec.command.emplace_back("--");
   spec.command.insert(spec.command.end(), order.command.begin(), order.command.end());
   spec.working_dir = "/policy";
   spec.bus = true;

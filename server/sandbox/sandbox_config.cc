@@ -47,6 +47,8 @@ absl::StatusOr<PolicySandboxConfig> LoadPolicy(const std::string& path) {
   config.sockets = reader.Has("sockets") ? reader.Integer("sockets", 16, 65536) : kUsualSockets;
   config.cpu_refresh_s = reader.Number("cpu_refresh_s", {0.001, 1});
   config.kill_s = reader.Number("kill_s", {1, 60});
+  // Files of earlier versions have none.
+  config.farewell_s = reader.Has("farewell_s") ? reader.Number("farewell_s", {0, 10}) : 1;
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   return config;
 }

@@ -17,6 +17,7 @@ struct PolicySandboxConfig {
   int64_t sockets = 0;       // UDP and TCP sockets in use at one time, the bridge's included
   double cpu_refresh_s = 0;  // s between readings of the CPU time and looks at other limits
   double kill_s = 0;         // s for a killed sandbox to be gone
+  double farewell_s = 0;     // s for a policy to end by itself after its last episode
 };
 
 struct SimSandboxConfig {

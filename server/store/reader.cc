@@ -150,8 +150,8 @@ absl::StatusOr<std::string> Content(SQLite::Database& db, const char* table, con
 }  // namespace
 
 absl::StatusOr<ArtefactRow> Reader::Artefact(const std::string& hash) {
-  SQLite::Statement select(db_, "SELECT name, command_json, runtimes_json, bytes, files "
-                                "FROM artefact WHERE hash = ?");
+  SQLite::Statement select(db_, "SELECT name, command_json, runtimes_json, bytes, files, "
+                                "environment_json FROM artefact WHERE hash = ?");
   select.bind(1, hash);
   if (!select.executeStep()) {
     return absl::NotFoundError(absl::StrCat("there is no artefact ", hash, "; upload it first"));
@@ -164,6 +164,7 @@ absl::StatusOr<ArtefactRow> Reader::Artefact(const std::string& hash) {
   artefact.runtimes = row.Strings(2);
   artefact.bytes = row.Number(3, 0, INT64_MAX);
   artefact.files = row.Number(4, 0, INT64_MAX);
+  artefact.environment = row.Texts(5);
   if (artefact.command.empty()) row.Fail(1, "a program belongs there");
   if (!row.ok()) return row.status();
   return artefact;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -32,6 +33,7 @@ struct ArtefactRow {
   std::vector<std::string> runtimes;
   int64_t bytes = 0;
   int64_t files = 0;
+  std::map<std::string, std::string> environment = {};
 };
 
 struct SubmissionRow {

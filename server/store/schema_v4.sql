@@ -11,6 +11,9 @@
 --                    changes.
 --   standing         has effort and pain over all steps of an evaluation, too. The view is made again
 --                    of the episode rows at the daemon's next start.
+--   artefact         has the variables that its policy.json sets for its policy.
+
+ALTER TABLE artefact ADD COLUMN environment_json TEXT NOT NULL DEFAULT '{}';  -- texts by name
 
 PRAGMA writable_schema = ON;
 UPDATE sqlite_schema SET sql = replace(sql, '''fell'', ''off-track'')',

@@ -134,4 +134,18 @@ std::vector<std::string> StoredRow::Strings(int column) {
   return strings;
 }
 
+std::map<std::string, std::string> StoredRow::Texts(int column) {
+  const auto object = nlohmann::json::parse(Text(column), nullptr, /*allow_exceptions=*/false);
+  if (!object.is_object()) Fail(column, "a JSON object of strings belongs there");
+  std::map<std::string, std::string> texts;
+  for (const auto& [name, value] : object.items()) {
+    if (!value.is_string()) {
+      Fail(column, "a JSON object of strings belongs there");
+      return {};
+    }
+    texts[name] = value.get<std::string>();
+  }
+  return texts;
+}
+
 }  // namespace myograde::server

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -42,6 +43,7 @@ class StoredRow {
   std::string Hash(int column);    // 64 lower-case hexadecimal digits
   std::string Object(int column);  // the text of a JSON object
   std::vector<std::string> Strings(int column);  // of a JSON array of strings
+  std::map<std::string, std::string> Texts(int column);  // of a JSON object of strings
 
   // `parse` gives nullopt for what is no such name.
   template <typename Value>

@@ -52,12 +52,12 @@ absl::StatusOr<LeaseRow> Writer::Lease(int64_t lease) {
 
 absl::StatusOr<bool> Writer::AddArtefact(const ArtefactRow& artefact) {
   SQLite::Statement insert(db_,
-                           "INSERT INTO artefact VALUES (?, ?, ?, ?, ?, ?, ?) "
+                           "INSERT INTO artefact VALUES (?, ?, ?, ?, ?, ?, ?, ?) "
                            "ON CONFLICT DO NOTHING");
   SQLite::bind(insert, artefact.hash, artefact.name,
                CanonicalJson(nlohmann::json(artefact.command)),
                CanonicalJson(nlohmann::json(artefact.runtimes)), artefact.bytes, artefact.files,
-               now_ms_);
+               now_ms_, CanonicalJson(nlohmann::json(artefact.environment)));
   return insert.exec() == 1;
 }
 

@@ -97,6 +97,7 @@ absl::Status LeasePlayer::PlayEpisode(const EpisodeOrder& episode) {
   index_ = episode.index;
   step_ = 0;
   reset_ = false;
+  given_up_ = false;
   episode_wall_start_ = clock_.Monotonic();
   episode_cpu_start_ = session_.has_value() ? session_->cpu_used() : absl::ZeroDuration();
   BeginLog(episode);
@@ -208,9 +209,11 @@ LeasePlayer::Result LeasePlayer::RunSteps() {
         messages_.ObservationValues(environment_.observation_size());
     environment_.Observe(observation);
     if (log_ != nullptr) observation_digest_.Update(std::as_bytes(observation));
-    OrFault<ActionFrame> answer =
+    PolicySession::StepAnswer answer =
         session_->Ask(messages_.Observation(wire_episode_, step_, action_size));
     if (auto* fault = std::get_if<FaultEvidence>(&answer)) return std::optional(std::move(*fault));
+    given_up_ = std::holds_alternative<GiveUpFrame>(answer);
+    if (given_up_) return std::optional<FaultEvidence>();
     const auto& action = std::get<ActionFrame>(answer);
     const StepResult result = environment_.Step({action.values, action.size});
     const std::span<const double> values = {action.values, action.size};
@@ -293,6 +296,7 @@ absl::Status LeasePlayer::Record(const EpisodeOrder& episode,
   facts.digest = digest_.FinishHex();
   facts.actions_digest = actions_digest_.FinishHex();
   observation_digest_.Finish();  // of a question that was not answered
+  if (given_up_) facts.end = EpisodeEnd::kGivenUp;
   if (fault.has_value()) {
     facts.end = EpisodeEnd::kFault;
     facts.fault = *fault;

@@ -81,6 +81,7 @@ class LeasePlayer {
   int64_t index_ = 0;
   int64_t step_ = 0;
   bool reset_ = false;
+  bool given_up_ = false;
   absl::Duration episode_wall_start_;
   absl::Duration episode_cpu_start_;
 

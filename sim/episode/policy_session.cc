@@ -126,17 +126,24 @@ OrFault<ReadyFrame> PolicySession::Start(const PublishFrame& start) {
   return *ready;
 }
 
-OrFault<ActionFrame> PolicySession::Ask(const PublishFrame& observation) {
+PolicySession::StepAnswer PolicySession::Ask(const PublishFrame& observation) {
   const Waiting waiting = BeginStep(observation.step);
   if (auto fault = Tell(observation); fault.has_value()) return *std::move(fault);
   OrFault<BridgeFrame> answer = Await(waiting);
   if (auto* fault = std::get_if<FaultEvidence>(&answer)) return std::move(*fault);
-  const auto* action = std::get_if<ActionFrame>(&std::get<BridgeFrame>(answer));
-  if (action == nullptr || action->episode != observation.episode ||
-      action->step != observation.step || action->size != observation.action_size) {
-    return OutOfTurn(observation.step);
+  const auto answers = [&](const auto& frame) {
+    return frame.episode == observation.episode && frame.step == observation.step;
+  };
+  const BridgeFrame& frame = std::get<BridgeFrame>(answer);
+  if (const auto* action = std::get_if<ActionFrame>(&frame);
+      action != nullptr && answers(*action) && action->size == observation.action_size) {
+    return *action;
   }
-  return *action;
+  if (const auto* give_up = std::get_if<GiveUpFrame>(&frame);
+      give_up != nullptr && answers(*give_up)) {
+    return *give_up;
+  }
+  return OutOfTurn(observation.step);
 }
 
 OrFault<BridgeFrame> PolicySession::Await(const Waiting& waiting) {
@@ -166,6 +173,7 @@ OrFault<BridgeFrame> PolicySession::Receive(const Waiting& waiting, bool& again)
   alignas(8) std::array<std::byte, sizeof(HelloFrame) + 1> buffer;  // the largest, and one more
   static_assert(sizeof(HelloFrame) >= sizeof(ReadyFrame) &&
                 sizeof(HelloFrame) >= sizeof(ActionFrame) &&
+                sizeof(HelloFrame) >= sizeof(GiveUpFrame) &&
                 sizeof(HelloFrame) >= sizeof(FaultFrame));
   const ssize_t size = recv(socket_.get(), buffer.data(), buffer.size(), 0);
   if (size < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) {

@@ -49,9 +49,12 @@ class PolicySession {
   // start-up budget, later ones have a step's.
   OrFault<ReadyFrame> Start(const PublishFrame& start);
 
-  // Asks for one action and waits for it. The answer has frame.action_size
-  // finite values.
-  OrFault<ActionFrame> Ask(const PublishFrame& observation);
+  // What answers an observation.
+  using StepAnswer = std::variant<ActionFrame, GiveUpFrame, FaultEvidence>;
+
+  // Asks for one action and waits for it: frame.action_size finite values, or that the
+  // policy gives up.
+  StepAnswer Ask(const PublishFrame& observation);
 
   // CPU time of this session so far, as last measured.
   absl::Duration cpu_used() const;

@@ -88,12 +88,14 @@ class Comparison {
                                                log_.end.digest, ", it is ", digest));
     }
     const auto logged = ParseEpisodeEnd(log_.end.end);
+    // What the policy ended goes on here.
+    const bool by_itself = logged.has_value() && *logged != EpisodeEnd::kGivenUp;
     const std::string unstable(OutcomeName(Outcome::kUnstable));
-    if (result.unstable != (log_.end.end == unstable) || result.ended != logged.has_value()) {
+    if (result.unstable != (log_.end.end == unstable) || result.ended != by_itself) {
       return Differ(-1, "end", absl::StrCat("the log says \"", log_.end.end,
                                             "\", but the episode did not end like that"));
     }
-    if (logged.has_value() && environment_.facts().end != *logged) {
+    if (by_itself && environment_.facts().end != *logged) {
       Differ(-1, "end",
              absl::StrCat("the episode ended by \"",
                           std::string(EpisodeEndName(environment_.facts().end)),

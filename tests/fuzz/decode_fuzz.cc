@@ -1,10 +1,11 @@
-// A policy's LCM messages: hello, ready and action. What is accepted becomes a
+// A policy's LCM messages: hello, ready, action and giving up. What is accepted becomes a
 // frame that the simulator takes, and LCM encodes it to the same bytes again.
 #include <cstring>
 #include <vector>
 
 #include "myograde/action_t.hpp"
 #include "myograde/episode_ready_t.hpp"
+#include "myograde/give_up_t.hpp"
 #include "myograde/hello_t.hpp"
 #include "protocol/bridge/decode.h"
 #include "tests/fuzz/fuzz.h"
@@ -69,6 +70,13 @@ void CheckAction(uint32_t wanted, const Payload& payload) {
   if (frame.episode >= 0 && frame.step >= 0) CheckFrame(frame, FrameType::kAction);
 }
 
+void CheckGiveUp(const Payload& payload) {
+  GiveUpFrame frame = {};
+  if (!bridge::DecodeGiveUp(payload, frame).ok()) return;
+  CheckRoundTrip<give_up_t>(payload);
+  if (frame.episode >= 0 && frame.step >= 0) CheckFrame(frame, FrameType::kGiveUp);
+}
+
 }  // namespace
 
 // The first byte: bits 0-1 the message, bit 2 whether the fingerprint is put in
@@ -85,6 +93,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       break;
     case 1:
       CheckReady(help ? WithFingerprint<episode_ready_t>(rest) : raw);
+      break;
+    case 3:
+      CheckGiveUp(help ? WithFingerprint<give_up_t>(rest) : raw);
       break;
     default:
       CheckAction(choice >> 3, help ? WithFingerprint<action_t>(rest) : raw);

@@ -45,6 +45,9 @@ struct Checker {
       Require(std::isfinite(frame.values[i]), "the action is finite");
     }
   }
+  void operator()(const GiveUpFrame& frame) const {
+    Require(frame.episode >= 0 && frame.step >= 0, "episode and step are not negative");
+  }
   void operator()(const FaultFrame& frame) const {
     Require(frame.fault >= BridgeFault::kProtocol && frame.fault <= BridgeFault::kStartFailed,
             "the fault is known");
@@ -83,7 +86,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   fuzz::Input input(data, size);
   const uint8_t kind = input.Byte();
   const auto rest = input.Rest();
-  switch (kind % 5) {
+  switch (kind % 6) {
     case 0:
       Check(rest);
       break;
@@ -95,6 +98,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       break;
     case 3:
       CheckAs<ActionFrame>(FrameType::kAction, rest);
+      break;
+    case 4:
+      CheckAs<GiveUpFrame>(FrameType::kGiveUp, rest);
       break;
     default:
       CheckAs<FaultFrame>(FrameType::kFault, rest);

@@ -18,12 +18,13 @@ namespace {
 
 constexpr InboxLimits kLimits = {.stray_messages = 12, .wrong_answers = 7};
 constexpr std::array kChannels = {kHelloChannel,   kReadyChannel,       kActionChannel,
-                                  kWelcomeChannel, kObservationChannel, std::string_view("OTHER")};
+                                  kWelcomeChannel, kObservationChannel, std::string_view("OTHER"),
+                                  kGiveUpChannel};
 constexpr int kActionSize = 3;
 
 // A well-formed message whose numbers the input chooses.
 Packet GoodMessage(fuzz::Input& input) {
-  switch (input.Byte() % 3) {
+  switch (input.Byte() % 4) {
     case 0: {
       hello_t hello = GoodHello();
       hello.direct = static_cast<int8_t>(input.Byte() & 1);
@@ -31,6 +32,10 @@ Packet GoodMessage(fuzz::Input& input) {
     }
     case 1:
       return Wrap(kReadyChannel, Encode(GoodReady(static_cast<int8_t>(input.Byte()))));
+    case 3: {
+      const int64_t episode = static_cast<int8_t>(input.Byte());
+      return Wrap(kGiveUpChannel, Encode(GivingUp(episode, static_cast<int8_t>(input.Byte()))));
+    }
     default: {
       action_t action = GoodAction(static_cast<int8_t>(input.Byte()), 0, kActionSize);
       action.step = static_cast<int8_t>(input.Byte());
@@ -97,6 +102,11 @@ class Conversation {
       Require(question_.expect == Expect::kAction && action->episode == question_.episode &&
                   action->step == question_.step && action->size == uint32_t{kActionSize},
               "an action answers its observation");
+    }
+    if (const auto* give_up = std::get_if<GiveUpFrame>(&*frame)) {
+      Require(question_.expect == Expect::kAction && give_up->episode == question_.episode &&
+                  give_up->step == question_.step,
+              "giving up answers its observation");
     }
     Require(!inbox_.waiting(), "an answer ends the waiting");
   }

@@ -2,6 +2,7 @@
 #include <sys/stat.h>
 
 #include "server/artefact/artefact.h"
+#include "server/sandbox/program.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace myograde;
@@ -43,7 +44,19 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   for (const std::string& word : manifest->command) {
     Require(word.find('\0') == std::string::npos, "a word of a command is a C string");
   }
-  Require(manifest->command[0].find('/') != std::string::npos, "the PATH is never asked");
+  const std::string& program = manifest->command[0];
+  std::error_code ignored;
+  Require(program.find('/') != std::string::npos ||
+              !std::filesystem::is_regular_file(Submission() / program, ignored),
+          "what the PATH is asked for is no file of the submission");
+  const absl::Status starts = server::CheckProgram(*manifest, Submission().path().string(), {});
+  Require(starts.ok() || absl::IsInvalidArgument(starts), "a bad command is the participant's");
+  for (const auto& [name, value] : manifest->environment) {
+    Require(!name.empty() && name.find('=') == std::string::npos &&
+                value.find('\0') == std::string::npos && !name.starts_with("MYOGRADE") &&
+                name != "GLIBC_TUNABLES" && name != "PATH",
+            "a variable is the policy's own");
+  }
   for (const std::string& runtime : manifest->runtimes) {
     Require(!runtime.empty() && runtime.find('/') == std::string::npos, "a runtime is a name");
   }

@@ -48,6 +48,8 @@ def messages():
                                                                     float("inf")))
     seed("decode", "action-negative-count", b"\6" + struct.pack(">qqi", 0, 7, -2147483648))
     seed("decode", "action-huge-count", b"\6" + struct.pack(">qqi", 0, 7, 2147483647))
+    seed("decode", "give-up", b"\7" + struct.pack(">qq", 0, 7))
+    seed("decode", "give-up-short", b"\7" + struct.pack(">q", 0))
     seed("decode", "wrong-fingerprint", b"\2" + b"\x11" * 8 + action)
 
 
@@ -60,6 +62,7 @@ def conversations():
     seed("inbox", "two-publishers", begin + step + action + action + bytes([0, 2, 0, 1]) + action +
          bytes([3, 2, 0, 1]))
     seed("inbox", "late-copies", begin + step + bytes([2]) * 3 + action * 5)
+    seed("inbox", "gives-up", begin + step + bytes([3, 3, 0, 0]) * 3 + action)
     seed("inbox", "future-steps", begin + step + bytes([3, 2, 0, 9]) * 9)
     seed("inbox", "hello-flood", hello * 16)
     seed("inbox", "strays", bytes([4, 5, 1, 0]) * 14)
@@ -74,7 +77,8 @@ def frames():
     seed("frame", "action", b"\3" + struct.pack("<qqII3d", 0, 7, 3, 0, 0.5, -1, 1e308))
     seed("frame", "action-nan", b"\3" + struct.pack("<qqIId", 0, 7, 1, 0, float("nan")))
     seed("frame", "action-too-long", b"\3" + struct.pack("<qqII", 0, 7, 81, 0))
-    seed("frame", "fault", b"\4" + struct.pack("<IIq", 2, 0, 256) + b"exited with status 1\0")
+    seed("frame", "give-up", b"\4" + struct.pack("<qq", 0, 7))
+    seed("frame", "fault", b"\5" + struct.pack("<IIq", 2, 0, 256) + b"exited with status 1\0")
     seed("frame", "raw", b"\0" + struct.pack("<IIII", 0x4d794f47, 1, 5, 16))
 
 
@@ -133,6 +137,10 @@ def submissions():
     for name, program in (("link", "./link"), ("up", "bin/up"), ("loop", "./loop"),
                           ("python", "./python3"), ("root", "root/etc"), ("out", "../policy")):
         seed("manifest", name, '{"name": "a", "command": ["%s"]}' % program)
+    seed("manifest", "path", '{"name": "a", "command": ["python3", "policy.py"]}')
+    seed("manifest", "env", json.dumps({"name": "a", "command": ["policy"], "env": {
+        "OMP_NUM_THREADS": "2", "POLICY_MODE": "fast"}}))
+    seed("manifest", "env-reserved", '{"name": "a", "command": ["policy"], "env": {"PATH": "/"}}')
     seed("request", "submit", b"\0" + json.dumps(
         {"artefact": "a" * 64, "team": "alpha", "track": "t", "profile": "p", "seeds": [1, 2],
          "episodes": 1}).encode())

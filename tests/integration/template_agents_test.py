@@ -40,6 +40,23 @@ class TemplateAgents(SystemTest):
                 self.assertEqual([row["digest"] for row in mine],
                                  [row["digest"] for row in zero])
 
+    def test_a_reset_before_the_end_ends_the_episode_as_it_stands(self):
+        result = self.ask("local", self.agent("impatient_agent"), "--track", "short-arm",
+                          "--profile", "myosuite")
+        for row in result["episodes"]:
+            self.assertEqual((row["outcome"], row["reason"]), ("failure", "given-up"), row)
+        self.assertEqual([row["facts"]["steps"] for row in result["episodes"]], [3, 0, 3])
+
+    def test_an_agent_that_samples_from_torch_repeats(self):
+        agent = self.agent("sampling_agent")
+        (agent / "torch").mkdir()
+        shutil.copy(SOURCE / "tests/integration/template_agents/fake_torch.py",
+                    agent / "torch/__init__.py")
+        first = [row["digest"] for row in self.play(agent, "short-leg", "myosuite")]
+        again = [row["digest"] for row in self.play(agent, "short-leg", "myosuite")]
+        self.assertEqual(first, again)
+        self.assertEqual(len(set(first)), 3)
+
     def test_a_walking_agent_with_its_own_parameter_sets(self):
         def digests(*arguments):
             rows = self.play(self.agent("locomotion_agent", *arguments), "short-leg", "myosuite")

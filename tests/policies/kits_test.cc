@@ -31,10 +31,11 @@ std::string PoliciesDir() { return MYOGRADE_POLICIES_DIR; }
 class Grader {
  public:
   // Starts the policy in the folder that it would be submitted as.
-  Grader(const std::string& folder, const std::vector<std::string>& command, TrackKind track) {
+  Grader(const std::string& folder, const std::vector<std::string>& command, TrackKind track,
+         const std::vector<std::string>& options = {}) {
     const std::filesystem::path before = std::filesystem::current_path();
     std::filesystem::current_path(PoliciesDir() + "/" + folder);
-    world_.emplace(command);
+    world_.emplace(command, options);
     std::filesystem::current_path(before);
     config_.kind = track;
     config_.profile = "paper";
@@ -55,12 +56,24 @@ class Grader {
     Send(messages_.EpisodeStart(episode, seed));
     return As<ReadyFrame>(world_->Hear(kPatience));
   }
-  // The policy's answer to an observation whose entries are all `value`.
-  Values Ask(int64_t episode, int64_t step, double value) {
+  // Asks with an observation whose entries are all `value`.
+  void SendObservation(int64_t episode, int64_t step, double value) {
     const int size = ObservationSize(config_.kind);
     for (double& entry : messages_.ObservationValues(size)) entry = value;
     const auto action_size = static_cast<uint32_t>(ActionSize(config_.kind));
     Send(messages_.Observation(episode, step, action_size));
+  }
+  // True if the policy gives up when it is asked so.
+  bool GivesUp(int64_t episode, int64_t step, double value) {
+    SendObservation(episode, step, value);
+    const absl::StatusOr<GiveUpFrame> frame = As<GiveUpFrame>(world_->Hear(kPatience));
+    return frame.ok() && frame->episode == episode && frame->step == step;
+  }
+  // As after the last episode.
+  void HangUp() { world_->HangUp(); }
+  // The policy's answer.
+  Values Ask(int64_t episode, int64_t step, double value) {
+    SendObservation(episode, step, value);
     const absl::StatusOr<ActionFrame> frame = As<ActionFrame>(world_->Hear(kPatience));
     if (!frame.ok()) {
       ADD_FAILURE() << frame.status();
@@ -203,6 +216,83 @@ TEST_F(KitsTest, TheProtocolPagesExampleCanBeGraded) {
   EXPECT_EQ(grader.Ask(0, 1, 0.5), first);
   ASSERT_TRUE(grader.Start(1, 2).ok());
   EXPECT_EQ(grader.Ask(1, 0, 0.5), first);
+}
+
+TEST_F(KitsTest, ThePoliciesPagesExampleInCppCanBeGraded) {
+  Grader grader("zero", {MYOGRADE_DOCUMENTED}, TrackKind::kManipulation);
+  grader.Begin(1);
+  EXPECT_EQ(grader.Ask(0, 0, 0.5), Values(80, -1.0));
+}
+
+// A policy in Python beside the kit, in a folder of its own.
+std::vector<std::string> PythonPolicy(const std::string& name, const std::string& text) {
+  const std::string file = ::testing::TempDir() + "/" + name + ".py";
+  std::ofstream(file) << text;
+  const std::string path = absl::StrCat(PoliciesDir(), "/kit-python:", std::getenv("PYTHONPATH"));
+  setenv("PYTHONPATH", path.c_str(), 1);
+  return {MYOGRADE_PYTHON, file};
+}
+
+constexpr char kGivesUp[] = R"(
+import myograde_kit
+
+class Impatient(myograde_kit.Policy):
+    def reset(self, episode):
+        self.asked = 0
+    def act(self, observation):
+        self.asked += 1
+        if observation[0] > 0.5:
+            self.give_up()
+            return None
+        return [float(self.asked)] * self.welcome.action_size
+
+myograde_kit.run(Impatient())
+)";
+
+// Given up is given up however often it is asked, and the next episode is played.
+TEST_F(KitsTest, APolicyMayGiveAnEpisodeUp) {
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{MYOGRADE_GIVES_UP}, PythonPolicy("gives_up", kGivesUp)}) {
+    Grader grader("zero", command, TrackKind::kManipulation);
+    grader.Begin(1);
+    EXPECT_EQ(grader.Ask(0, 0, 0.25), Values(80, 1));
+    EXPECT_TRUE(grader.GivesUp(0, 1, 0.75));
+    EXPECT_TRUE(grader.GivesUp(0, 1, 0.75));
+    ASSERT_TRUE(grader.Start(1, 2).ok());
+    EXPECT_EQ(grader.Ask(1, 0, 0.25), Values(80, 1));
+    EXPECT_EQ(grader.Ask(1, 1, 0.25), Values(80, 2));
+  }
+}
+
+constexpr char kSaysGoodbye[] = R"(
+import atexit, sys
+import myograde_kit
+
+class Polite(myograde_kit.Policy):
+    def act(self, observation):
+        return [0.0] * self.welcome.action_size
+
+atexit.register(lambda: print("goodbye"))
+sys.stdout = open(sys.argv[1], "w")  # with a buffer
+print("played")
+myograde_kit.run(Polite())
+)";
+
+// What stdio and the interpreter still hold is written when the grader asks the process to end.
+TEST_F(KitsTest, APolicyEndsInOrderAfterItsLastEpisode) {
+  const std::string file = ::testing::TempDir() + "/goodbye.txt";
+  std::vector<std::string> python = PythonPolicy("says_goodbye", kSaysGoodbye);
+  python.push_back(file);
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{MYOGRADE_GIVES_UP, file}, python}) {
+    std::filesystem::remove(file);
+    Grader grader("zero", command, TrackKind::kManipulation, {"--farewell", "20000"});
+    grader.Begin(1);
+    grader.Ask(0, 0, 0.25);
+    grader.HangUp();
+    std::ifstream stream(file);
+    EXPECT_EQ(std::string((std::istreambuf_iterator<char>(stream)), {}), "played\ngoodbye\n");
+  }
 }
 
 TEST_F(KitsTest, ARefusedPolicyEndsWithAnError) {

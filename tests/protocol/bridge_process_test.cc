@@ -2,6 +2,8 @@
 // bus, and LCM's own library on the other side.
 #include <unistd.h>
 
+#include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <lcm/lcm-cpp.hpp>
@@ -14,6 +16,7 @@
 
 #include "myograde/episode_start_t.hpp"
 #include "myograde/observation_t.hpp"
+#include "protocol/base/clock.h"
 #include "protocol/channels.h"
 #include "tests/protocol/bridge_world.h"
 #include "tests/protocol/messages.h"
@@ -22,6 +25,7 @@ namespace myograde {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 class BridgeProcessTest : public ::testing::Test {
  protected:
@@ -126,9 +130,65 @@ TEST_F(BridgeProcessTest, TellsHowThePolicyEnded) {
   EXPECT_EQ(FaultText(BridgeFault::kPolicyExit), "the policy's process was ended by SIGSEGV");
 }
 
-TEST_F(BridgeProcessTest, TellsThatACommandCanNotStart) {
-  world_.emplace(std::vector<std::string>{"/no/such/program"});
-  EXPECT_THAT(FaultText(BridgeFault::kStartFailed), HasSubstr("No such file"));
+TEST_F(BridgeProcessTest, ACommandThatCanNotStartIsToldWithTheFileThatIsMissing) {
+  const std::string folder = ::testing::TempDir() + "/bridge_start";
+  std::filesystem::remove_all(folder);
+  std::filesystem::create_directories(folder + "/folder");
+  const auto write = [&](const std::string& name, const std::string& content, int mode) {
+    std::ofstream(folder + "/" + name, std::ios::binary) << content;
+    std::filesystem::permissions(folder + "/" + name, static_cast<std::filesystem::perms>(mode));
+    return folder + "/" + name;
+  };
+  std::filesystem::create_symlink("/no/such/python3", folder + "/link");
+  std::string foreign(64, '\0');
+  foreign.replace(0, 5, "\177ELF\002");
+  foreign[18] = '\xf3';  // RISC-V
+  const std::pair<std::string, std::string> cases[] = {
+      {"/no/such/program", "\"/no/such/program\" is not there (No such file"},
+      {"no-such-program", "\"no-such-program\" is in none of the folders "},
+      {folder + "/link", "is a symbolic link to \"/no/such/python3\", which is not in the sandbox"},
+      {folder + "/folder", "is a folder (Permission denied)"},
+      {write("data", "weights", 0644), "is not executable: set its bit with chmod +x"},
+      {write("script", "#!/no/such/bash\n", 0755),
+       "is a script for \"/no/such/bash\", which is not there"},
+      {write("foreign", foreign, 0755), "is a program for RISC-V (Exec format error)"}};
+  for (const auto& [program, text] : cases) {
+    world_.emplace(std::vector<std::string>{program});
+    EXPECT_THAT(FaultText(BridgeFault::kStartFailed), HasSubstr(text));
+  }
+}
+
+// Without a line that names one, execvp(3) takes the shell, and so it stays.
+TEST_F(BridgeProcessTest, AScriptWithoutAnInterpreterIsTheShells) {
+  const std::string file = ::testing::TempDir() + "/bridge_script";
+  std::ofstream(file) << "exit 9\n";
+  std::filesystem::permissions(file, std::filesystem::perms::owner_all);
+  world_.emplace(std::vector<std::string>{file});
+  EXPECT_EQ(FaultText(BridgeFault::kPolicyExit), "the policy's process exited with status 9");
+}
+
+TEST_F(BridgeProcessTest, APolicyMayWriteOutWhatItPrintedBeforeItEnds) {
+  const std::string file = ::testing::TempDir() + "/bridge_farewell.txt";
+  absl::Duration took;
+  // What the policy wrote, which says "begun" once it has set its trap.
+  const auto words = [&](const std::string& trap, const std::vector<std::string>& options) {
+    std::filesystem::remove(file);
+    const std::string loop = "; echo begun >> " + file + "; while :; do sleep 0.05; done";
+    world_.emplace(std::vector<std::string>{"/bin/sh", "-c", "trap " + trap + " TERM" + loop}, options);
+    for (int i = 0; i < 500 && !std::filesystem::exists(file); ++i) usleep(10000);
+    usleep(50000);
+    const absl::Duration start = SystemClock().Monotonic();
+    EXPECT_EQ(world_->HangUp(), 0);
+    took = SystemClock().Monotonic() - start;
+    std::ifstream stream(file);
+    return std::string((std::istreambuf_iterator<char>(stream)), {});
+  };
+  const std::string flushes = "'echo ended >> " + file + "; exit 0'";
+  EXPECT_EQ(words(flushes, {}), "begun\n");
+  EXPECT_EQ(words(flushes, {"--farewell", "60000"}), "begun\nended\n");
+  // Who does not mind is waited for until then, and no longer.
+  EXPECT_EQ(words("''", {"--farewell", "300"}), "begun\n");
+  EXPECT_GE(took, absl::Milliseconds(300));
 }
 
 TEST_F(BridgeProcessTest, ReapsWhatThePolicyLeavesAndOnlyMindsTheMainProcess) {
@@ -148,6 +208,21 @@ TEST_F(BridgeProcessTest, ThePolicyFindsItsEnvironmentAndNothingElse) {
   EXPECT_THAT(text, HasSubstr("HOME=/tmp\n"));
   // ls itself has its folder open as 3.
   EXPECT_THAT(text, HasSubstr("0\n1\n2\n3\n/dev/null\n"));
+}
+
+TEST_F(BridgeProcessTest, APolicysOwnVariablesWin) {
+  const std::string file = ::testing::TempDir() + "/bridge_own_environment.txt";
+  setenv("OMP_NUM_THREADS", "1", 1);
+  setenv("PYTHONUNBUFFERED", "1", 1);
+  world_.emplace(std::vector<std::string>{"/bin/sh", "-c", "env > " + file},
+                 std::vector<std::string>{"--env", "OMP_NUM_THREADS=4", "--env", "POLICY_A=x=y z"});
+  EXPECT_EQ(FaultText(BridgeFault::kPolicyExit), "the policy's process exited with status 0");
+  std::ifstream stream(file);
+  const std::string text((std::istreambuf_iterator<char>(stream)), {});
+  EXPECT_THAT(text, HasSubstr("OMP_NUM_THREADS=4\n"));
+  EXPECT_THAT(text, Not(HasSubstr("OMP_NUM_THREADS=1")));
+  EXPECT_THAT(text, HasSubstr("POLICY_A=x=y z\n"));
+  EXPECT_THAT(text, HasSubstr("PYTHONUNBUFFERED=1\n"));
 }
 
 TEST_F(BridgeProcessTest, HostileMessagesEndInAFaultAndNotInTheBridge) {

@@ -49,13 +49,16 @@ absl::Status EnterPrivateBus() {
   return absl::OkStatus();
 }
 
-BridgeWorld::BridgeWorld(const std::vector<std::string>& command) {
+BridgeWorld::BridgeWorld(const std::vector<std::string>& command,
+                         const std::vector<std::string>& options) {
   int ends[2];
   if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0) std::abort();
   socket_ = Fd(ends[0]);
   const Fd theirs(ends[1]);
   std::vector<std::string> words = {std::string(MYOGRADE_BIN_DIR) + "/myograde-bridge",
-                                    "--stray", "50", "--wrong", "5", "--"};
+                                    "--stray", "50", "--wrong", "5"};
+  words.insert(words.end(), options.begin(), options.end());
+  words.emplace_back("--");
   words.insert(words.end(), command.begin(), command.end());
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());
@@ -81,7 +84,7 @@ BridgeWorld::~BridgeWorld() {
 int BridgeWorld::HangUp() {
   socket_.reset();
   int status = -1;
-  for (int i = 0; i < 500 && waitpid(pid_, &status, WNOHANG) == 0; ++i) usleep(10000);
+  for (int i = 0; i < 3000 && waitpid(pid_, &status, WNOHANG) == 0; ++i) usleep(10000);
   if (status == -1) {
     kill(pid_, SIGKILL);
     waitpid(pid_, &status, 0);

@@ -22,8 +22,9 @@ absl::Status EnterPrivateBus();
 class BridgeWorld {
  public:
   // Starts myograde-bridge with `command`; the limits are small: 50 strays, 5
-  // wrong answers. REQUIRES: EnterPrivateBus() worked.
-  explicit BridgeWorld(const std::vector<std::string>& command);
+  // wrong answers. `options`: further ones. REQUIRES: EnterPrivateBus() worked.
+  explicit BridgeWorld(const std::vector<std::string>& command,
+                       const std::vector<std::string>& options = {});
   // Hangs up and waits for the bridge's end.
   ~BridgeWorld();
 

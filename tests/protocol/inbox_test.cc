@@ -72,6 +72,40 @@ TEST_F(InboxTest, AnswersBecomeFramesThatTheSimulatorTakes) {
   EXPECT_EQ(action.values[54], 0.25);
 }
 
+TEST_F(InboxTest, AStepIsAnsweredByGivingUpToo) {
+  Begin();
+  AskStep(0, 3);
+  ASSERT_EQ(Take(kGiveUpChannel, GivingUp(0, 3)), Verdict::kFrame);
+  EXPECT_FALSE(inbox_.waiting());
+  const auto frame = ParseBridgeFrame(inbox_.frame());
+  ASSERT_TRUE(frame.ok()) << frame.status();
+  EXPECT_EQ(std::get<GiveUpFrame>(*frame).episode, 0);
+  EXPECT_EQ(std::get<GiveUpFrame>(*frame).step, 3);
+  // The first answer won; an action that comes behind it is a copy like any other.
+  EXPECT_EQ(Take(kActionChannel, GoodAction(0, 3)), Verdict::kDropped);
+  Start(1);
+  AskStep(1, 0);
+  EXPECT_EQ(Take(kActionChannel, GoodAction(1, 0)), Verdict::kFrame);
+}
+
+TEST_F(InboxTest, GivingUpWhatWasNotAskedIsAWrongAnswer) {
+  Begin();
+  for (int i = 0; i < 15; ++i) ASSERT_EQ(Take(kGiveUpChannel, GivingUp(0, 0)), Verdict::kDropped);
+  EXPECT_EQ(Take(kGiveUpChannel, GivingUp(0, 0)), Verdict::kFault);
+  EXPECT_THAT(Fault(), HasSubstr("answered step 0 of episode 0 while no step was asked"));
+}
+
+TEST_F(InboxTest, AMalformedGivingUpIsABreach) {
+  for (const size_t size : {0u, 7u, 23u, 25u}) {
+    Inbox inbox({.stray_messages = 20, .wrong_answers = 15});
+    Packet payload = Encode(GivingUp(0, 0));
+    payload.resize(size);
+    EXPECT_EQ(inbox.Take(Wrap(kGiveUpChannel, payload)), Verdict::kFault) << size;
+  }
+  EXPECT_EQ(Take(kGiveUpChannel, GoodReady(0)), Verdict::kFault);
+  EXPECT_THAT(Fault(), HasSubstr("MYOGRADE_GIVE_UP"));
+}
+
 TEST_F(InboxTest, TheFirstValidAnswerWins) {
   Begin();
   AskStep(0, 0);

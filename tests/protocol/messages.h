@@ -11,6 +11,7 @@
 
 #include "myograde/action_t.hpp"
 #include "myograde/episode_ready_t.hpp"
+#include "myograde/give_up_t.hpp"
 #include "myograde/hello_t.hpp"
 #include "protocol/bus/datagram.h"
 #include "protocol/frames.h"
@@ -58,6 +59,13 @@ inline action_t GoodAction(int64_t episode, int64_t step, int size = 55) {
   action.size = size;
   action.values.assign(static_cast<size_t>(size), 0.25);
   return action;
+}
+
+inline give_up_t GivingUp(int64_t episode, int64_t step) {
+  give_up_t give_up;
+  give_up.episode = episode;
+  give_up.step = step;
+  return give_up;
 }
 
 // What the simulator asks, without a payload. Observations want 55 entries.

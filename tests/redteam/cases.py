@@ -97,13 +97,15 @@ BUS = (
     Case(25, "old, double, early and rival answers", "c25_replays.py",
          each(("double", "old-few"), expect=SCORED)
          + each(("old-flood",), expect=("protocol",), limit="stray_messages")
-         + each(("future", "far-future"), expect=("protocol",), steps=5, limit="wrong_answers")
+         + each(("give-up-and-act",), expect=SCORED + ("protocol",))
+         + each(("future", "far-future", "give-up-future"), expect=("protocol",), steps=5, limit="wrong_answers")
          + each(("two-publishers",), expect=SCORED + ("protocol",))),
     Case(26, "malformed messages", "c26_malformed.py",
          each(("fingerprint", "other-type", "short", "header-only", "empty", "long",
                "negative-size", "smallest-size", "huge-size", "wrapping-size", "empty-string",
                "negative-string", "huge-string", "endless-string", "negative-sets", "huge-sets",
-               "cut-sets"), expect=("protocol",), steps=3, detail="wrong message")),
+               "cut-sets", "giving-up-short", "giving-up-as-action"),
+              expect=("protocol",), steps=3, detail="wrong message")),
     Case(27, "fragments and garbage", "c27_fragments.py",
          each(("offset 200", "half 200", "none 200", "garbage 100"), track="rt-patient")
          + each(("offset 2000", "half 3000", "none 2000", "garbage 2000"),

@@ -2,21 +2,22 @@
 
 import dataclasses
 import math
-import os
 import sys
 import time
-
-import lcm
 
 from myograde.action_t import action_t
 from myograde.episode_ready_t import episode_ready_t
 from myograde.episode_start_t import episode_start_t
+from myograde.give_up_t import give_up_t
 from myograde.hello_t import hello_t
 from myograde.observation_t import observation_t
 from myograde.welcome_t import welcome_t
 
+from . import seeding
+from .bus import Bus
+
 PROTOCOL_VERSION = 1
-HELLO_PERIOD_MS = 100
+HELLO_PERIOD_S = 0.1
 WELCOME_DEADLINE_S = 60.0
 # The grader asks every 250 ms at the latest while it waits for this policy,
 # and resets and steps in far less than this.
@@ -46,11 +47,18 @@ class Policy:
         """Called once, when self.welcome is there."""
 
     def reset(self, episode):
-        """Called with an Episode at the beginning of each episode."""
+        """Called with an Episode at the beginning of each episode, once random, numpy.random, torch
+        and tensorflow are seeded with its policy_seed."""
 
     def act(self, observation):
         """Takes welcome.observation_size floats, returns welcome.action_size finite floats."""
         raise NotImplementedError("a policy needs act(self, observation)")
+
+    def give_up(self):
+        """Called by act: ends the episode as it stands, and what act returns is not looked at."""
+        self._gives_up = True
+
+    _gives_up = False
 
 
 class _Conversation:
@@ -61,7 +69,7 @@ class _Conversation:
         self.ready = episode_ready_t()
         self.ready.episode = -1
         self.answered_step = -1
-        self.answer = b""  # the last answer, for a step that is asked again
+        self.answer = ("", b"")  # channel and bytes of the last one, for a step that is asked again
         for channel, handler in (
             ("MYOGRADE_WELCOME", self.on_welcome),
             ("MYOGRADE_EPISODE_START", self.on_episode_start),
@@ -82,7 +90,7 @@ class _Conversation:
             if time.monotonic() > deadline:
                 sys.exit("error: no grader answered on the bus for 60 s; check MYOGRADE_LCM_URL")
             self.bus.publish("MYOGRADE_HELLO", encoded)
-            self.bus.handle_timeout(HELLO_PERIOD_MS)
+            self.bus.wait(HELLO_PERIOD_S)
         if not self.policy.welcome.accepted:
             sys.exit(f"error: the grader refused this policy: {self.policy.welcome.reason}")
         self.policy.start()
@@ -90,7 +98,7 @@ class _Conversation:
     def play(self):
         self.heard = time.monotonic()
         while time.monotonic() - self.heard < SILENCE_DEADLINE_S:
-            self.bus.handle_timeout(1000)
+            self.bus.wait(1.0)
         sys.exit("error: nothing was heard from the grader for 600 s")
 
     def on_welcome(self, _channel, data):
@@ -103,6 +111,7 @@ class _Conversation:
         if self.policy.welcome is None or start.episode < self.ready.episode:
             return
         if start.episode > self.ready.episode:
+            seeding.seed(start.policy_seed)
             self.policy.reset(Episode(start.episode, start.policy_seed))
             self.ready.episode = start.episode
             self.answered_step = -1
@@ -116,10 +125,16 @@ class _Conversation:
         if observation.step > self.answered_step:
             self.answer = self.encode_answer(observation)
             self.answered_step = observation.step
-        self.bus.publish("MYOGRADE_ACTION", self.answer)
+        self.bus.publish(*self.answer)
 
     def encode_answer(self, observation):
-        values = [float(value) for value in self.policy.act(observation.values)]
+        values = self.policy.act(observation.values)
+        if self.policy._gives_up:
+            self.policy._gives_up = False
+            give_up = give_up_t()
+            give_up.episode, give_up.step = observation.episode, observation.step
+            return "MYOGRADE_GIVE_UP", give_up.encode()
+        values = [float(value) for value in values]
         wanted = self.policy.welcome.action_size
         if len(values) != wanted:
             sys.exit(f"error: act returned {len(values)} numbers, must return {wanted}")
@@ -130,16 +145,11 @@ class _Conversation:
         action.step = observation.step
         action.size = wanted
         action.values = values
-        return action.encode()
+        return "MYOGRADE_ACTION", action.encode()
 
 
 def run(policy):
     """Plays `policy` until the grader ends the process; exits with 1 and a sentence on trouble."""
-    url = os.environ.get("MYOGRADE_LCM_URL", "")
-    try:
-        bus = lcm.LCM(url)
-    except RuntimeError as error:
-        sys.exit(f'error: no LCM bus at "{url}" ({error}); set MYOGRADE_LCM_URL')
-    conversation = _Conversation(bus, policy)
+    conversation = _Conversation(Bus(), policy)
     conversation.greet()
     conversation.play()

@@ -1,21 +1,20 @@
 """A conversation with the grader in which the policy takes the steps: it asks for the next episode
 and hands over actions, where the kit calls the policy. The protocol is in protocol/README.md."""
 
-import os
 import sys
 import time
-
-import lcm
 
 from myograde.action_t import action_t
 from myograde.episode_ready_t import episode_ready_t
 from myograde.episode_start_t import episode_start_t
+from myograde.give_up_t import give_up_t
 from myograde.hello_t import hello_t
 from myograde.observation_t import observation_t
 from myograde.welcome_t import welcome_t
+from myograde_kit.bus import Bus
 
 PROTOCOL_VERSION = 1
-RESEND_MS = 100
+RESEND_S = 0.1
 # The grader asks every 250 ms at the latest while it waits for this policy,
 # and resets and steps in far less than this.
 SILENCE_DEADLINE_S = 600.0
@@ -27,17 +26,13 @@ class Connection:
     a sentence after SILENCE_DEADLINE_S without a word."""
 
     def __init__(self, name, direct):
-        url = os.environ.get("MYOGRADE_LCM_URL", "")
-        try:
-            self._bus = lcm.LCM(url)
-        except RuntimeError as error:
-            sys.exit(f'error: no LCM bus at "{url}" ({error}); set MYOGRADE_LCM_URL')
+        self._bus = Bus()
         self.welcome = None
         self.policy_seed = None
         self._start = None  # the last episode_start_t
         self._observation = None  # the last of the episode that is played
         self._ready = None  # the answer to its episode_start_t
-        self._action = None  # the answer to _observation, sent again when asked again
+        self._answer = None  # to _observation: channel and bytes, sent again when asked again
         self._bus.subscribe("MYOGRADE_WELCOME", self._on_welcome)
         self._bus.subscribe("MYOGRADE_EPISODE_START", self._on_episode_start)
         self._bus.subscribe("MYOGRADE_OBSERVATION", self._on_observation)
@@ -45,15 +40,20 @@ class Connection:
 
     def begin_episode(self, leg_sets):
         """Waits for an episode that was not begun yet and begins it with these
-        leg_parameter_set_t values. Returns its first observation, a sequence of floats."""
+        leg_parameter_set_t values; one that is still played is given up. Returns the first
+        observation, a sequence of floats."""
         begun = self._ready.episode if self._ready else -1
+        if self._observation is not None and self._answer is None and self._start.episode == begun:
+            give_up = give_up_t()
+            give_up.episode, give_up.step = self._observation.episode, self._observation.step
+            self._say("MYOGRADE_GIVE_UP", give_up.encode())
         self._wait(lambda: self._start is not None and self._start.episode > begun)
         self._ready = episode_ready_t()
         self._ready.episode = self._start.episode
         self.policy_seed = self._start.policy_seed
         self._ready.leg_sets = list(leg_sets)
         self._ready.num_leg_sets = len(leg_sets)
-        self._observation = self._action = None
+        self._observation = self._answer = None
         self._bus.publish("MYOGRADE_EPISODE_READY", self._ready.encode())
         self._wait(lambda: self._observation is not None)
         return self._observation.values
@@ -65,11 +65,14 @@ class Connection:
         action = action_t()
         action.episode, action.step = answered.episode, answered.step
         action.size, action.values = len(values), values
-        self._action = action.encode()
-        self._bus.publish("MYOGRADE_ACTION", self._action)
+        self._say("MYOGRADE_ACTION", action.encode())
         self._wait(lambda: self._observation.step > answered.step
                    or self._start.episode > answered.episode)
         return self._observation.values if self._observation.step > answered.step else None
+
+    def _say(self, channel, message):
+        self._answer = (channel, message)
+        self._bus.publish(channel, message)
 
     def _greet(self, name, direct):
         hello = hello_t()
@@ -84,7 +87,7 @@ class Connection:
             if time.monotonic() > deadline:
                 sys.exit("error: no grader answered on the bus; check MYOGRADE_LCM_URL")
             self._bus.publish("MYOGRADE_HELLO", encoded)
-            self._bus.handle_timeout(RESEND_MS)
+            self._bus.wait(RESEND_S)
         if not self.welcome.accepted:
             sys.exit(f"error: the grader refused this policy: {self.welcome.reason}")
 
@@ -93,7 +96,7 @@ class Connection:
         while not arrived():
             if time.monotonic() > deadline:
                 sys.exit(f"error: nothing was heard from the grader for {SILENCE_DEADLINE_S:.0f} s")
-            self._bus.handle_timeout(1000)
+            self._bus.wait(1.0)
 
     def _on_welcome(self, _channel, data):
         if self.welcome is None:
@@ -112,5 +115,6 @@ class Connection:
             return
         if self._observation is None or observation.step > self._observation.step:
             self._observation = observation
-        elif self._action is not None and observation.step == self._observation.step:
-            self._bus.publish("MYOGRADE_ACTION", self._action)
+            self._answer = None
+        elif self._answer is not None and observation.step == self._observation.step:
+            self._bus.publish(*self._answer)

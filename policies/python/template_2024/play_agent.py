@@ -11,6 +11,8 @@ import runpy
 import sys
 import time
 
+from myograde_kit import seeding
+
 HERE = pathlib.Path(__file__).resolve().parent
 
 
@@ -20,6 +22,8 @@ def main():
     agent = pathlib.Path(sys.argv[1]).resolve()
     changes = "change_osl_mode" in agent.read_text(encoding="utf-8", errors="replace")
     os.environ["MYOGRADE_TEMPLATE_CHANGES_SETS"] = str(int(changes))
+    # Until the first episode brings its own: what an agent draws before is the same in each process.
+    seeding.seed(0)
     # The real packages win over the stand-ins, our utils over the template's.
     sys.path[:] = [str(HERE), str(agent.parent), *sys.path[1:], str(HERE / "standins")]
     # Agents of 2024 wait a minute for their environment's container; here it is there.

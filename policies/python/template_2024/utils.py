@@ -3,13 +3,13 @@ agent written for it plays here unchanged: play_agent.py starts it. What differs
 policies/README.md."""
 
 import os
-import random
 
 import gymnasium as gym
 import numpy as np
 
 import connection
 import leg_sets as legs
+from myograde_kit import seeding
 
 # The dictionary's entries in the order of the observation vector (protocol/layout.h), with sizes.
 _MANIPULATION = (
@@ -62,6 +62,7 @@ class RemoteConnection:
 
     def __init__(self, _address=""):
         self._connection = None
+        self.policy_seed = 0  # of the episode, for what only the agent can seed (jax)
         self._direct = False
         self._keys = list(_MANIPULATION_KEYS if self._track == "manipulation" else _LOCOMOTION_KEYS)
         self._values = np.zeros(sum(size for _, size in self._parts))
@@ -140,8 +141,8 @@ class RemoteConnection:
 
     def _seed_generators(self, seed):
         """The usual sources of randomness, so that an episode can be played again."""
-        random.seed(seed)
-        np.random.seed(seed % 2**32)
+        self.policy_seed = seed
+        seeding.seed(seed)
         self.action_space.seed(seed % 2**32)
 
     def _vector(self):

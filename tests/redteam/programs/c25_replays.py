@@ -3,6 +3,7 @@ import sys
 import time
 
 import hostile
+from myograde.give_up_t import give_up_t
 
 bus = hostile.RawBus()
 
@@ -55,7 +56,27 @@ def old_few(episode, step):
         bus.publish("MYOGRADE_ACTION", hostile.still(episode, 0))
 
 
+def give_up(episode, step):
+    message = give_up_t()
+    message.episode, message.step = episode, step
+    return message.encode()
+
+
+def give_up_future(player):
+    for i in range(100):
+        bus.publish("MYOGRADE_GIVE_UP", give_up(0, player.now[1] + 1 + i))
+        time.sleep(0.001)
+
+
+def give_up_and_act(episode, step):
+    """Gives up five times over, and answers with an action as well."""
+    for _ in range(5):
+        bus.publish("MYOGRADE_GIVE_UP", give_up(episode, step))
+
+
 WAYS = {
+    "give-up-future": give_up_future,
+    "give-up-and-act": each_step(give_up_and_act),
     "double": each_step(double),
     "old-few": each_step(old_few),
     "old-flood": old_flood,

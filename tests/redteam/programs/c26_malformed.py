@@ -4,6 +4,7 @@ import sys
 import time
 
 import hostile
+from myograde.give_up_t import give_up_t
 from myograde.hello_t import hello_t
 
 
@@ -38,6 +39,8 @@ WAYS = {
     "negative-sets": ("HELLO", hello(2, sets=-1)),
     "huge-sets": ("HELLO", hello(2, sets=2**31 - 1)),
     "cut-sets": ("EPISODE_READY", bytes(12)),
+    "giving-up-short": ("GIVE_UP", give_up_t._get_packed_fingerprint() + bytes(15)),
+    "giving-up-as-action": ("GIVE_UP", GOOD),
 }
 
 

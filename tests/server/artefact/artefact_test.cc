@@ -3,6 +3,7 @@
 #include "server/artefact/artefact.h"
 
 #include <archive_entry.h>
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
@@ -224,13 +225,61 @@ TEST(ReadManifest, WantsAProgramThatCanBeRun) {
   EXPECT_EQ(command("venv/bin/python", {{.path = "venv/bin/python", .mode = AE_IFLNK | 0777,
                                          .link = "/usr/bin/python3"}}), "");
   EXPECT_THAT(command("./missing"), HasSubstr("is not there"));
-  EXPECT_THAT(command("python3"), HasSubstr("/usr/bin/python3"));
+  EXPECT_EQ(command("policy"), "");   // a file of the submission
+  EXPECT_EQ(command("python3"), "");  // or a program of the sandbox: that is another's to say
   EXPECT_THAT(command("./policy.json"), HasSubstr("is not executable; set its bit"));
-  EXPECT_THAT(command("d", {{.path = "d/x"}}), HasSubstr("is a folder"));
+  EXPECT_THAT(command("./d", {{.path = "d/x"}}), HasSubstr("is a folder"));
   EXPECT_THAT(command("../policy"), HasSubstr("is not a file inside the submission"));
   EXPECT_THAT(command("a", {{.path = "a", .mode = AE_IFLNK | 0777, .link = "b"},
                             {.path = "b", .mode = AE_IFLNK | 0777, .link = "a"}}),
               HasSubstr("loop"));
+}
+
+TEST(ReadManifest, ABareWordIsAFileOfTheSubmissionOrAProgramOnThePath) {
+  const auto program = [](const std::string& word, const std::vector<Raw>& extra) {
+    std::vector<Raw> entries = {Manifest(R"({"name": "a", "command": [")" + word + R"("]})"),
+                                Program()};
+    entries.insert(entries.end(), extra.begin(), extra.end());
+    const auto artefact = Unpack(entries);
+    return artefact.ok() ? artefact->manifest.command[0] : std::string(artefact.status().message());
+  };
+  EXPECT_EQ(program("policy", {}), "./policy");
+  EXPECT_EQ(program("./policy", {}), "./policy");
+  EXPECT_EQ(program("python3", {}), "python3");
+  // A folder can't be meant.
+  EXPECT_EQ(program("python3", {{.path = "python3/x"}}), "python3");
+  EXPECT_EQ(program("python3", {{.path = "python3", .mode = AE_IFLNK | 0777,
+                                 .link = "/usr/bin/python3"}}), "./python3");
+  EXPECT_THAT(program("python3", {{.path = "python3", .content = "data"}}),
+              HasSubstr("is not executable"));
+}
+
+TEST(ReadManifest, SetsVariablesOfThePolicysOwn) {
+  const auto environment = [](const std::string& env) {
+    return ManifestComplaint(R"({"name": "a", "command": ["./policy"], "env": )" + env + "}");
+  };
+  const auto artefact = Unpack(
+      {Manifest(R"({"name": "a", "command": ["./policy"],
+                    "env": {"OMP_NUM_THREADS": "2", "POLICY_MODE": "", "LD_LIBRARY_PATH": "lib"}})"),
+       Program()});
+  ASSERT_TRUE(artefact.ok()) << artefact.status();
+  EXPECT_EQ(artefact->manifest.environment,
+            (std::map<std::string, std::string>{
+                {"LD_LIBRARY_PATH", "lib"}, {"OMP_NUM_THREADS", "2"}, {"POLICY_MODE", ""}}));
+  EXPECT_EQ(environment("{}"), "");
+  for (const char* name : {"PATH", "HOME", "MYOGRADE_LCM_URL", "GLIBC_TUNABLES", "LD_PRELOAD", "",
+                           "policy_mode", "POLICY_A=B", "POLICY_\\u0001"}) {
+    EXPECT_THAT(environment("{\"" + std::string(name) + "\": \"x\"}"),
+                HasSubstr("which it may not; it may set")) << name;
+  }
+  EXPECT_THAT(environment(R"({"POLICY_A": 1})"), HasSubstr("must be a string"));
+  EXPECT_THAT(environment(R"(["POLICY_A"])"), HasSubstr("must be an object"));
+  EXPECT_THAT(environment(R"({"POLICY_A": "x\u0000y"})"), HasSubstr("zero byte"));
+  EXPECT_THAT(environment("{\"POLICY_A\": \"" + std::string(4097, 'x') + "\"}"),
+              HasSubstr("more than 4096 bytes"));
+  std::string many = "{";
+  for (int i = 0; i < 65; ++i) many += (i > 0 ? ", " : "") + ("\"POLICY_" + std::to_string(i)) + "\": \"\"";
+  EXPECT_THAT(environment(many + "}"), HasSubstr("at most 64 variables"));
 }
 
 TEST(ReadManifest, SaysWhereTheManifestIsWhenTheFolderWasPacked) {
@@ -274,6 +323,34 @@ TEST(PackArtefact, FolderArchiveAndProgramComeBackTheSame) {
   ASSERT_TRUE(single.ok()) << single.status();
   EXPECT_EQ(single->manifest.name, "policy");
   EXPECT_EQ(single->manifest.command, std::vector<std::string>{"./policy"});
+}
+
+// Python takes a compiled module only while its source has the time that the module names.
+TEST(PackArtefact, FilesKeepTheirTimesAndTheDigestIsOfNone) {
+  const TempFolder temp;
+  WriteFile(temp / "p/policy.json", kManifest, 0644);
+  WriteFile(temp / "p/policy", "#!/bin/sh\n", 0755);
+  WriteFile(temp / "p/module.py", "pass\n", 0644);
+  const auto time_of = [](const std::string& path) {
+    struct stat info = {};
+    EXPECT_EQ(::stat(path.c_str(), &info), 0);
+    return std::pair(info.st_mtim.tv_sec, info.st_mtim.tv_nsec);
+  };
+  std::string digest;
+  for (const time_t seconds : {time_t{1718000001}, time_t{1600000000}}) {
+    const timespec times[] = {{seconds, 5}, {seconds, 999}};
+    ASSERT_EQ(::utimensat(AT_FDCWD, (temp / "p/module.py").c_str(), times, 0), 0);
+    ASSERT_TRUE(PackArtefact(temp / "p", temp / "a.tar", {}).ok());
+    ASSERT_TRUE(PackArtefact(temp / "a.tar", temp / "b.tar", {}).ok());
+    for (const char* archive : {"a.tar", "b.tar"}) {
+      const auto artefact = UnpackArtefact(temp / archive, temp / "out", {});
+      ASSERT_TRUE(artefact.ok()) << artefact.status();
+      EXPECT_EQ(time_of(temp / "out/module.py"), std::pair(seconds, 0L)) << archive;
+      if (digest.empty()) digest = artefact->digest;
+      EXPECT_EQ(artefact->digest, digest);
+      fs::remove_all(temp / "out");
+    }
+  }
 }
 
 TEST(PackArtefact, TellsMistakesBeforeAnythingIsSent) {

@@ -37,7 +37,7 @@ using ::testing::HasSubstr;
 constexpr UnpackBudget kBudget = {.time = absl::Seconds(60), .memory_bytes = 256 << 20};
 
 std::string Honest() {
-  return TarEntry('0', "policy.json", R"({"name": "ü", "command": ["./policy", "a b"]})") +
+  return TarEntry('0', "policy.json", R"({"name": "ü", "command": ["./policy", "a b"], "env": {"POLICY_A": "ü"}})") +
          TarEntry('0', "policy", "#!/bin/sh\n", {}, 0755);
 }
 
@@ -51,6 +51,7 @@ TEST(UnpackProcess, AnswersAsUnpackArtefactDoes) {
   EXPECT_EQ(apart->digest, here->digest);
   EXPECT_EQ(apart->manifest.name, here->manifest.name);
   EXPECT_EQ(apart->manifest.command, here->manifest.command);
+  EXPECT_EQ(apart->manifest.environment, here->manifest.environment);
   EXPECT_EQ(apart->bytes, here->bytes);
   EXPECT_EQ(apart->files, here->files);
   EXPECT_TRUE(fs::exists(temp / "out/policy"));

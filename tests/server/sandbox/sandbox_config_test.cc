@@ -83,6 +83,15 @@ TEST_F(SandboxConfigTest, NoLimitIsZeroAbsentNegativeOrAbsurd) {
   }
 }
 
+TEST_F(SandboxConfigTest, AFileOfAnEarlierVersionHasAFarewellOfASecond) {
+  ASSERT_TRUE(LoadWith("policy", "farewell_s", "").ok());
+  ASSERT_TRUE(LoadWith("policy", "farewell_s", "0").ok());
+  for (const char* value : {"-1", "11", "NaN", "null", "\"many\""}) {
+    EXPECT_THAT(std::string(LoadWith("policy", "farewell_s", value).message()),
+                HasSubstr("farewell_s")) << value;
+  }
+}
+
 TEST_F(SandboxConfigTest, ListsAreOfSystemCallsAndNeverEmpty) {
   const std::pair<const char*, const char*> lists[] = {{"policy", "denied_system_calls"},
                                                        {"policy", "unimplemented_system_calls"},

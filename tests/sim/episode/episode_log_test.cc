@@ -177,6 +177,34 @@ TEST_F(EpisodeLogTest, ReplaysEqual) {
   }
 }
 
+TEST_F(EpisodeLogTest, AnEpisodeThatWasGivenUpReplaysEqual) {
+  const LeaseResult result = PlayLogged([](Sandbox& sandbox) {
+    sandbox.Hello();
+    while (const PublishFrame* question = sandbox.Hear()) {
+      if (question->expect == Expect::kAction && question->step == question->episode * 2) {
+        sandbox.GiveUp(*question);
+      } else {
+        sandbox.Answer(*question);
+      }
+    }
+  });
+  ASSERT_EQ(result.episodes.size(), 3u);
+  for (size_t i = 0; i < 3; ++i) {
+    auto log = Parse(packed_[i]);
+    ASSERT_TRUE(log.ok()) << log.status();
+    EXPECT_EQ(log->end.end, "given-up");
+    EXPECT_EQ(log->end.steps, static_cast<int64_t>(2 * i));
+    auto record = ReplayLog(*log, environment_, [](int64_t) {});
+    ASSERT_TRUE(record.ok());
+    EXPECT_TRUE(record->equal) << record->detail;
+    EXPECT_EQ(record->steps, static_cast<int64_t>(2 * i));
+  }
+  // A log that claims so of an episode which had ended by then is not believed.
+  auto log = Parse(packed_[2]);
+  environment_.length = 4;
+  EXPECT_THAT(ReplayLog(*log, environment_, [](int64_t) {})->differs, ElementsAre("end"));
+}
+
 TEST_F(EpisodeLogTest, AReplayNamesTheFirstStepThatDiffers) {
   PlayLogged([](Sandbox& sandbox) { sandbox.PlayWell(); });
   auto log = Parse(packed_[0]);

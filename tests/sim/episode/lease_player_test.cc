@@ -90,6 +90,53 @@ TEST_F(LeasePlayerTest, ThePolicyHearsWhatTheProtocolSays) {
   EXPECT_THAT(first_values, ElementsAre(100, 101, 102));
 }
 
+TEST_F(LeasePlayerTest, AnEpisodeThatIsGivenUpEndsAsItStandsAndTheSameProcessPlaysOn) {
+  std::vector<std::pair<int64_t, int64_t>> ends;  // as the policy hears them
+  const LeaseResult result = Play({[&](Sandbox& sandbox) {
+    sandbox.Hello();
+    while (const PublishFrame* question = sandbox.Hear()) {
+      if (question->channel == Channel::kEpisodeEnd) {
+        episode_end_t end;
+        end.decode(question->payload, 0, static_cast<int>(question->payload_size));
+        ends.emplace_back(end.episode, end.steps);
+      }
+      const bool enough = question->expect == Expect::kAction &&
+                          question->step == (question->episode == 0 ? 2 : 0);
+      if (enough && question->episode < 2) {
+        sandbox.GiveUp(*question);
+      } else {
+        sandbox.Answer(*question);
+      }
+    }
+  }});
+  ASSERT_TRUE(result.status.ok()) << result.status;
+  EXPECT_TRUE(result.done);
+  EXPECT_EQ(result.sandboxes, 1);
+  EXPECT_TRUE(result.seen.empty());
+  ASSERT_EQ(result.episodes.size(), 3u);
+  EXPECT_EQ(result.episodes[0].end, EpisodeEnd::kGivenUp);
+  EXPECT_EQ(result.episodes[0].steps, 2);
+  EXPECT_EQ(std::get<ManipulationFacts>(result.episodes[0].track).effort_sum, 1.0);
+  EXPECT_EQ(result.episodes[1].end, EpisodeEnd::kGivenUp);
+  EXPECT_EQ(result.episodes[1].steps, 0);
+  EXPECT_EQ(result.episodes[2].end, EpisodeEnd::kTime);
+  EXPECT_EQ(result.episodes[2].steps, 5);
+  EXPECT_THAT(ends, ElementsAre(std::pair(0, 2), std::pair(1, 0), std::pair(2, 5)));
+  EXPECT_THAT(environment_.resets, ElementsAre(100, 101, 102));
+}
+
+TEST_F(LeasePlayerTest, GivingUpAnotherStepIsAFault) {
+  order_.episodes.resize(1);
+  const LeaseResult result = Play({[](Sandbox& sandbox) {
+    ASSERT_TRUE(sandbox.PlayUntil(0, 2));
+    PublishFrame wrong = sandbox.question();
+    wrong.step = 3;
+    sandbox.GiveUp(wrong);
+    sandbox.Hear();
+  }});
+  EXPECT_THAT(Outcomes(result), ElementsAre(Outcome::kProtocol));
+}
+
 TEST_F(LeasePlayerTest, AFaultCostsOneEpisodeAndAFreshSandbox) {
   const LeaseResult result = Play({[](Sandbox& sandbox) {
                                   ASSERT_TRUE(sandbox.PlayUntil(0, 3));

@@ -23,6 +23,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "myograde/episode_end_t.hpp"
 #include "myograde/episode_start_t.hpp"
 #include "myograde/observation_t.hpp"
 #include "myograde/welcome_t.hpp"
@@ -113,6 +114,12 @@ class Sandbox {
     frame.size = 80;
     std::fill(std::begin(frame.values), std::end(frame.values), value);
     Send(frame, FrameType::kAction);
+  }
+  void GiveUp(const PublishFrame& question) {
+    GiveUpFrame frame = {};
+    frame.episode = question.episode;
+    frame.step = question.step;
+    Send(frame, FrameType::kGiveUp);
   }
   void Fault(BridgeFault kind, int64_t value, const char* text) {
     FaultFrame frame = {};

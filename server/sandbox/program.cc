@@ -1,0 +1,280 @@
+#include "server/sandbox/program.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <climits>
+#include <deque>
+#include <filesystem>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+#include <absl/strings/str_split.h>
+#include <absl/strings/strip.h>
+
+#include "protocol/base/fd.h"
+#include "protocol/base/program_head.h"
+#include "server/artefact/beneath.h"
+#include "server/artefact/listing.h"
+#include "server/sandbox/policy_sandbox.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr char kPolicy[] = "/policy";
+constexpr int kMaxLinks = 40;        // as the kernel's
+constexpr int kMaxInterpreters = 4;  // scripts whose interpreters are scripts; the kernel's too
+constexpr size_t kMaxVenvConfig = 64 << 10;
+
+bool IsAtOrBelow(const std::string& path, const std::string& folder) {
+  return path == folder || path.starts_with(folder + "/");
+}
+
+// A file of the sandbox, with no link left in its path.
+struct Found {
+  std::string path;
+  mode_t mode = 0;
+};
+
+// The sandbox' file system as far as programs go, looked at from outside.
+class SandboxView {
+ public:
+  SandboxView(int artefact, const std::vector<std::string>& runtimes)
+      : artefact_(artefact), host_(SystemPlaces()), links_(SystemLinks()) {
+    host_.insert(host_.end(), runtimes.begin(), runtimes.end());
+  }
+
+  // What an absolute path leads to; if there is nothing, `missing` is the place where the way ended.
+  std::optional<Found> Find(const std::string& path, std::string& missing) const {
+    std::deque<std::string> names;
+    for (const absl::string_view name : absl::StrSplit(path, '/')) names.emplace_back(name);
+    Found at = {"", S_IFDIR};
+    int links = 0;
+    while (!names.empty()) {
+      const std::string name = names.front();
+      names.pop_front();
+      if (name.empty() || name == ".") continue;
+      if (name == "..") {
+        at.path.erase(std::min(at.path.rfind('/'), at.path.size()));
+        at.mode = S_IFDIR;
+        continue;
+      }
+      missing = at.path + "/" + name;
+      if (!S_ISDIR(at.mode)) return std::nullopt;
+      std::string target;
+      const mode_t mode = LookAt(missing, target);
+      if (mode == 0) return std::nullopt;
+      if (!S_ISLNK(mode)) {
+        at = {missing, mode};
+        continue;
+      }
+      if (++links > kMaxLinks) return std::nullopt;
+      if (target.starts_with('/')) at = {"", S_IFDIR};
+      const std::vector<std::string> more = absl::StrSplit(target, '/');
+      names.insert(names.begin(), more.begin(), more.end());
+    }
+    return at;
+  }
+
+  // A file that Find gave, for reading.
+  Fd Open(const std::string& path) const {
+    if (IsAtOrBelow(path, kPolicy)) {
+      return OpenBeneath(artefact_, path.substr(sizeof(kPolicy)), O_RDONLY | O_NONBLOCK);
+    }
+    return Fd(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOFOLLOW | O_CLOEXEC));
+  }
+
+ private:
+  // The type and mode of a place whose folder has no link in its path; 0 if it is not there.
+  // `target`: of a link.
+  mode_t LookAt(const std::string& path, std::string& target) const {
+    for (const std::string& link : links_) {
+      if (path == "/" + link) return target = "usr/" + link, S_IFLNK;
+    }
+    if (path == kPolicy) return S_IFDIR | 0755;
+    if (IsAtOrBelow(path, kPolicy)) {
+      return ModeOf(OpenBeneath(artefact_, path.substr(sizeof(kPolicy)), O_PATH), target);
+    }
+    for (const std::string& place : host_) {
+      if (IsAtOrBelow(path, place)) {
+        return ModeOf(Fd(::open(path.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC)), target);
+      }
+      if (IsAtOrBelow(place, path)) return S_IFDIR | 0755;
+    }
+    return 0;
+  }
+
+  static mode_t ModeOf(const Fd& fd, std::string& target) {
+    struct stat info = {};
+    if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return 0;
+    if (S_ISLNK(info.st_mode)) {
+      target.resize(PATH_MAX);
+      const ssize_t size = ::readlinkat(fd.get(), "", target.data(), target.size());
+      if (size <= 0) return 0;
+      target.resize(static_cast<size_t>(size));
+    }
+    return info.st_mode;
+  }
+
+  const int artefact_;
+  std::vector<std::string> host_;
+  const std::vector<std::string> links_;
+};
+
+class ProgramCheck {
+ public:
+  ProgramCheck(const std::string& word, int artefact, const std::vector<std::string>& runtimes)
+      : word_(word), view_(artefact, runtimes), path_(PolicyPath(runtimes)) {}
+
+  absl::Status Run() const {
+    if (word_.find('/') != std::string::npos) {
+      return Check(word_[0] == '/' ? word_ : absl::StrCat(kPolicy, "/", word_), 0);
+    }
+    const std::string place = OnPath(word_);
+    if (!place.empty()) return Check(place, 0);
+    return Refused(absl::StrCat("is no file of the submission and no program of the sandbox, which "
+                                "has its own in ", absl::StrJoin(path_, ", "),
+                                "; add the file, or name a program of Debian, a runtime or the "
+                                "submission"));
+  }
+
+ private:
+  // Where a bare word is found, "" if nowhere.
+  std::string OnPath(const std::string& word) const {
+    std::string missing;
+    for (const std::string& folder : path_) {
+      const std::string place = absl::StrCat(folder, "/", word);
+      const std::optional<Found> found = view_.Find(place, missing);
+      if (found && S_ISREG(found->mode) && (found->mode & 0111) != 0) return place;
+    }
+    return "";
+  }
+
+  // `path`: absolute, in the sandbox. `depth`: scripts that led here.
+  absl::Status Check(const std::string& path, int depth) const {
+    std::string missing;
+    const std::optional<Found> found = view_.Find(path, missing);
+    const std::string start = depth == 0 ? "" : absl::StrCat("is a script for ", Quoted(path), ", which ");
+    if (!found) return Refused(absl::StrCat(start, Absent(path, missing)));
+    if (!S_ISREG(found->mode)) {
+      return Refused(absl::StrCat(start, S_ISDIR(found->mode) ? "is a folder, not a program"
+                                                              : "is no file that can be run"));
+    }
+    if ((found->mode & 0111) == 0) {
+      return Refused(absl::StrCat(start, "is not executable; set its bit with chmod +x"));
+    }
+    if (absl::Status venv = CheckVenv(path, *found); !venv.ok()) return venv;
+    const Fd file = view_.Open(found->path);
+    const ProgramHead head = file.valid() ? ReadProgramHead(file.get()) : ProgramHead{};
+    switch (head.kind) {
+      case ProgramHead::Kind::kForeign:
+        return Refused(absl::StrCat(start, "is a program for ", head.processor,
+                                    ", which this host can't run; build it for this host's"));
+      case ProgramHead::Kind::kBinary:
+        if (head.interpreter.empty() || view_.Find(head.interpreter, missing)) break;
+        return Refused(absl::StrCat(start, "needs the dynamic loader ", Quoted(head.interpreter),
+                                    ", which the sandbox does not have; build it on Debian 12, or "
+                                    "link it statically"));
+      case ProgramHead::Kind::kScript:
+        return CheckInterpreter(head, depth);
+      case ProgramHead::Kind::kText:
+        break;
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status CheckInterpreter(const ProgramHead& head, int depth) const {
+    if (head.interpreter.empty() || depth >= kMaxInterpreters) return absl::OkStatus();
+    const std::string interpreter = head.interpreter[0] == '/'
+                                        ? head.interpreter
+                                        : absl::StrCat(kPolicy, "/", head.interpreter);
+    if (absl::Status status = Check(interpreter, depth + 1); !status.ok()) return status;
+    // "env python3" looks the next word up in its turn; options of env are its own matter.
+    const std::string next = head.argument.substr(0, head.argument.find_first_of(" \t="));
+    if (!interpreter.ends_with("/env") || next.empty() || next[0] == '-' ||
+        next.find('/') != std::string::npos || !OnPath(next).empty()) {
+      return absl::OkStatus();
+    }
+    return Refused(absl::StrCat("is a script for ", Quoted(next), ", which is on none of the "
+                                "sandbox' folders of programs: ", absl::StrJoin(path_, ", ")));
+  }
+
+  // A Python in an environment of its own finds its library by the file pyvenv.cfg beside or above
+  // the name that it was started by, and its packages in the lib folder of its very version.
+  absl::Status CheckVenv(const std::string& path, const Found& interpreter) const {
+    const std::filesystem::path name = std::filesystem::path(path).lexically_normal();
+    const std::string venv = name.parent_path().parent_path().string();
+    std::string missing;
+    if (!IsAtOrBelow(venv, kPolicy)) return absl::OkStatus();
+    const std::optional<Found> config = view_.Find(venv + "/pyvenv.cfg", missing);
+    if (!config || !S_ISREG(config->mode)) return absl::OkStatus();
+    const std::string place = venv == kPolicy ? "." : venv.substr(sizeof(kPolicy));
+    const std::string home = HomeOf(config->path);
+    if (!home.empty() && !view_.Find(home, missing)) {
+      return Refused(absl::StrCat("belongs to the virtual environment ", Quoted(place),
+                                  ", whose Python is in ", Quoted(home), ", which the sandbox does "
+                                  "not have; make it with /usr/bin/python3 -m venv"));
+    }
+    const std::string version = std::filesystem::path(interpreter.path).filename().string();
+    const bool versioned = version.starts_with("python") && version.find('.') != std::string::npos;
+    if (!versioned || view_.Find(absl::StrCat(venv, "/lib/", version), missing)) {
+      return absl::OkStatus();
+    }
+    return Refused(absl::StrCat("is ", version, " here, but the virtual environment ",
+                                Quoted(place), " has no lib/", version, ": it was made for another "
+                                "version of Python; make it with this one"));
+  }
+
+  // The value of "home" in a pyvenv.cfg, "" if there is none.
+  std::string HomeOf(const std::string& path) const {
+    const Fd file = view_.Open(path);
+    std::string text(kMaxVenvConfig, '\0');
+    const ssize_t size = file.valid() ? ::pread(file.get(), text.data(), text.size(), 0) : 0;
+    text.resize(static_cast<size_t>(std::max<ssize_t>(size, 0)));
+    for (const absl::string_view line : absl::StrSplit(text, '\n')) {
+      const std::pair<absl::string_view, absl::string_view> entry =
+          absl::StrSplit(line, absl::MaxSplits('=', 1));
+      if (absl::StripAsciiWhitespace(entry.first) == "home") {
+        return std::string(absl::StripAsciiWhitespace(entry.second));
+      }
+    }
+    return "";
+  }
+
+  static std::string Absent(const std::string& path, const std::string& missing) {
+    const std::string place = std::filesystem::path(path).lexically_normal().string();
+    if (missing == place) {
+      return absl::StrCat("is not there: the sandbox has the submission in ", kPolicy,
+                          ", the host's /usr and the runtimes that policy.json names");
+    }
+    return absl::StrCat("leads to ", Quoted(missing), ", which the sandbox does not have: it has the "
+                        "submission in ", kPolicy, ", the host's /usr and the runtimes that "
+                        "policy.json names");
+  }
+
+  absl::Status Refused(const std::string& rule) const {
+    return absl::InvalidArgumentError(
+        absl::StrCat("policy.json: \"command\" starts with ", Quoted(word_), ", which ", rule));
+  }
+
+  const std::string word_;
+  const SandboxView view_;
+  const std::vector<std::string> path_;
+};
+
+}  // namespace
+
+absl::Status CheckProgram(const ArtefactManifest& manifest, const std::string& folder,
+                          const std::vector<std::string>& runtimes) {
+  const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!root.valid()) return HostError(absl::StrCat("can't open the folder ", folder));
+  return ProgramCheck(manifest.command[0], root.get(), runtimes).Run();
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,196 @@
+"""Everything in a fence of the documents is tried: manifests, policies, commands. What is copied from
+a page works as it stands there."""
+
+import json
+import re
+import shutil
+import subprocess
+
+from system import POLICIES, SOURCE, SystemTest, track_config
+
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+STILL = {"name": "documented", "command": ["python3", "policy.py"], "runtimes": ["python"]}
+
+
+def pages():
+    for path in sorted(SOURCE.rglob("*.md")):
+        if "build" not in path.relative_to(SOURCE).parts:
+            yield path.relative_to(SOURCE).as_posix(), path.read_text(encoding="utf-8")
+
+
+def blocks(text, *languages):
+    return [body for language, body in FENCE.findall(text) if language in languages]
+
+
+class Documents(SystemTest):
+    tracks = {"short-arm": track_config("manipulation"), "short-leg": track_config("locomotion")}
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        # As after ./dev build in a clone, and the documents' full track in little time.
+        cls.work = cls.root / "clone"
+        (cls.work / "build").mkdir(parents=True)
+        (cls.work / "build/release").symlink_to(POLICIES.parent)
+        path = cls.root / "configs/tracks/locomotion.json"
+        config = json.loads(path.read_text())
+        config["seeds"] = {"first": 7000, "count": 10}
+        path.write_text(json.dumps(config))
+
+    def bash(self, script):
+        result = subprocess.run(["bash", "-e", "-c", script], cwd=self.work, env=self.environment,
+                                capture_output=True, text=True, timeout=600,
+                                stdin=subprocess.DEVNULL)
+        self.assertEqual(result.returncode, 0, f"{script}\n{result.stdout}{result.stderr}")
+        return result.stdout
+
+    def play(self, folder, track="short-leg", *arguments):
+        """Plays an episode without a fault."""
+        result = self.ask("local", folder, "--track", track, "--episodes", "1", *arguments)
+        for row in result["episodes"]:
+            self.assertIn(row["outcome"], ("success", "failure"), row)
+        return result
+
+    def python_policy(self, name, source, manifest=None):
+        folder = self.root / name
+        shutil.copytree(POLICIES / "kit-python", folder)
+        (folder / "policy.py").write_text(source)
+        (folder / "policy.json").write_text(json.dumps(manifest or STILL))
+        return folder
+
+    def test_no_fence_is_of_a_kind_that_nobody_tries(self):
+        for page, text in pages():
+            self.assertEqual(text.count("\n```") + text.startswith("```"), 2 * len(FENCE.findall(text)),
+                             f"{page}: a fence without an end")
+            for language, body in FENCE.findall(text):
+                self.assertIn(language, ("", "cpp", "json", "python", "sh"), page)
+                if language == "json":
+                    json.loads(body)
+
+    def test_every_policy_in_python_plays(self):
+        count = 0
+        for page, text in pages():
+            for source in blocks(text, "python"):
+                count += 1
+                with self.subTest(page=page):
+                    self.play(self.python_policy(f"documented-{count}", source))
+        self.assertGreaterEqual(count, 3)
+
+    def test_every_manifest_is_taken(self):
+        count = 0
+        for page, text in pages():
+            for body in blocks(text, "json"):
+                manifest = json.loads(body)
+                # An upload's answer has a command too.
+                if "command" not in manifest or "artefact" in manifest:
+                    continue
+                count += 1
+                with self.subTest(page=page, manifest=manifest):
+                    folder = self.python_policy(f"manifest-{count}", "raise SystemExit(3)", manifest)
+                    for word in manifest["command"]:
+                        if word.startswith("./"):
+                            (folder / word).write_text("#!/bin/sh\nexit 3\n")
+                            (folder / word).chmod(0o755)
+                    # It begins to play, and its program then does nothing: 1, not 2.
+                    said = self.run_cli("local", folder, "--track", "short-leg", "--episodes", "1",
+                                        check=False)
+                    self.assertEqual(said.returncode, 1, said.stdout + said.stderr)
+        self.assertGreaterEqual(count, 4)
+
+    def section(self, title):
+        text = (SOURCE / "policies/README.md").read_text(encoding="utf-8")
+        begin = text.index(f"## {title}\n")
+        return FENCE.findall(text[begin:text.index("\n## ", begin)])
+
+    def follow(self, title, before_last):
+        """Does what a section says, in its order; the folder is the one that it copies to."""
+        folder = None
+        steps = self.section(title)
+        for number, (language, body) in enumerate(steps):
+            if number == len(steps) - 1:
+                before_last(folder)
+            if language == "sh":
+                self.bash(body)
+                folder = self.work / body.split()[-1] if body.startswith("cp -r ") else folder
+            else:
+                name = {"python": "policy.py", "json": "policy.json"}[language]
+                (folder / name).write_text(body)
+        return folder
+
+    def test_the_section_on_python_is_followed_to_the_letter(self):
+        folder = self.follow("In Python", lambda _: None)
+        self.assertEqual(folder, self.work / "still")
+
+    def test_what_a_policy_still_holds_at_its_end_is_kept_and_its_variables_are_set(self):
+        still = next(body for language, body in self.section("In Python") if language == "python")
+        # Without PYTHONUNBUFFERED the interpreter holds what it printed, until it ends in order.
+        policy = self.python_policy("last-words", "import atexit, os\n"
+                                    "atexit.register(print, 'goodbye', os.environ['POLICY_WHO'])\n"
+                                    "print('hello')\n" + still,
+                                    {**STILL, "env": {"PYTHONUNBUFFERED": "", "POLICY_WHO": "judge"}})
+        output = self.play(policy)["output"]
+        self.assertEqual([lease["stdout_tail"] for lease in output], ["hello\ngoodbye judge\n"])
+
+    def test_a_program_that_is_not_there_is_refused_with_the_reason(self):
+        for program, reason in (("python4", "no program of the sandbox"),
+                                ("venv/bin/python3", "/usr/local/bin/python3.99")):
+            folder = self.python_policy(f"lost-{program[:4]}", "", {**STILL, "command": [program]})
+            (folder / "venv/bin").mkdir(parents=True)
+            (folder / "venv/bin/python3").symlink_to("/usr/local/bin/python3.99")
+            said = self.run_cli("local", folder, "--track", "short-leg", check=False)
+            self.assertEqual(said.returncode, 2, said.stdout + said.stderr)
+            self.assertIn(reason, said.stderr)
+
+    def test_a_virtual_environment_of_the_hosts_python_plays(self):
+        still = next(body for language, body in self.section("In Python") if language == "python")
+        policy = self.python_policy("own-packages", "import own\n" + still,
+                                    {**STILL, "command": ["venv/bin/python3", "policy.py"]})
+        made = subprocess.run(["/usr/bin/python3", "-m", "venv", "--without-pip", policy / "venv"],
+                              capture_output=True, text=True, timeout=120)
+        if made.returncode != 0:
+            self.skipTest(f"no virtual environments here: {made.stderr}")
+        packages = next((policy / "venv/lib").glob("python3*/site-packages"))
+        (packages / "own.py").write_text("print('mine')\n")
+        output = self.play(policy)["output"]
+        self.assertEqual(output[0]["stdout_tail"], "mine\n")
+
+    def test_a_compiled_module_is_used_as_it_is(self):
+        still = next(body for language, body in self.section("In Python") if language == "python")
+        policy = self.python_policy("compiled", "import big\nprint(hasattr(big, 'kept'))\n" + still)
+        (policy / "big.py").write_text("seen = 1\n")
+        subprocess.run(["/usr/bin/python3", "-m", "compileall", "-q", policy / "big.py"], check=True)
+        # What was compiled says another name; with another time of the source Python would not look.
+        cached = next((policy / "__pycache__").glob("big.*.pyc"))
+        cached.write_bytes(cached.read_bytes().replace(b"seen", b"kept"))
+        self.assertEqual(self.play(policy)["output"][0]["stdout_tail"], "True\n")
+
+    def test_the_section_on_agents_of_2024_is_followed_to_the_letter(self):
+        agent = SOURCE / "tests/integration/template_agents/manipulation_agent.py"
+        folder = self.follow("With an agent of 2024",
+                             lambda folder: shutil.copy(agent, folder / "agent.py"))
+        self.play(folder, "short-arm", "--profile", "myosuite")
+
+    def test_the_tour_of_the_command_line_can_be_typed(self):
+        text = (SOURCE / "README.md").read_text(encoding="utf-8")
+        begin = text.index("## Grade a policy\n")
+        script = blocks(text[begin:], "")[0]
+        values = {"PATH": POLICIES / "zero", "DIR": self.data, "NAME": "alpha"}
+        script = re.sub(r"\b(PATH|DIR|NAME)\b", lambda word: str(values[word[0]]), script)
+        lines = [line.split("#")[0].strip() for line in script.splitlines()]
+        self.assertIn(" serve ", lines[0])
+        self.assertTrue(lines[0].endswith("&"), lines[0])
+        type(self).start_daemon()
+        try:
+            for line in filter(None, lines[1:]):
+                with self.subTest(line=line):
+                    self.bash(line)
+        finally:
+            self.stop_daemon()
+        self.assertTrue((self.work / "receipt.json").exists())
+
+    def test_the_verbs_of_dev_are_its_own(self):
+        known = subprocess.run([SOURCE / "dev", "help"], capture_output=True, text=True, check=True)
+        for page, text in pages():
+            for body in blocks(text, "", "sh"):
+                for verb in re.findall(r"\./dev (\w+)", body):
+                    self.assertRegex(known.stdout, rf"\n  {verb}\b", page)
