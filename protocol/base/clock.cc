@@ -18,7 +18,8 @@ class HostClock : public Clock {
 }  // namespace
 
 const Clock& SystemClock() {
-  static const HostClock clock;
+  // Never destroyed: threads that end with the process still ask it.
+  static const HostClock& clock = *new HostClock;
   return clock;
 }
 

@@ -2,7 +2,7 @@
 // api_views.cc; uploads: api_uploads.cc.
 #include "server/api/api.h"
 
-#include <unistd.h>
+#include <filesystem>
 
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
@@ -43,6 +43,7 @@ ApiError ErrorOf(const absl::Status& status) {
     case absl::StatusCode::kDeadlineExceeded:
       return {504, "deadline", message};
     case absl::StatusCode::kUnavailable:
+      return {503, code.empty() ? "store" : code, message};
     case absl::StatusCode::kPermissionDenied:
     case absl::StatusCode::kResourceExhausted:
     case absl::StatusCode::kDataLoss:
@@ -76,8 +77,7 @@ void Api::SendAnswer(httplib::Response& response, const Answer& answer) {
 }
 
 std::optional<ApiError> Api::OnlyOrganiser() const {
-  const uid_t uid = UnixHttpServer::PeerUid();
-  if (uid == 0 || uid == geteuid()) return std::nullopt;
+  if (UnixHttpServer::PeerIsOrganiser()) return std::nullopt;
   return ApiError{403, "forbidden", "only root and the user that runs the daemon may do this"};
 }
 
@@ -103,26 +103,15 @@ void Api::Get(UnixHttpServer& server, const std::string& pattern,
   });
 }
 
-// The body is read here, and no further than it may be long: cpp-httplib would keep all of it.
+// The body is there as a whole, within its limits; cpp-httplib would take it for a form, if it is
+// called one.
 void Api::Post(UnixHttpServer& server, const std::string& pattern,
                Result (Api::*handler)(const Request&, const Json&)) {
   server.Post(pattern, [this, handler](const Request& request, httplib::Response& response,
-                                       const httplib::ContentReader& content) {
-    std::string body;
-    const auto limit = static_cast<size_t>(options_.config.http.body_bytes);
-    size_t received = 0;
-    const bool whole = content([&](const char* data, size_t size) {
-      received += size;
-      if (received <= limit) body.append(data, size);
-      // Beyond the limit it is read and dropped for a while, so that the client hears why.
-      return received <= limit + static_cast<size_t>(UnixHttpServer::kDrainBytes);
-    });
-    if (!whole || received > limit) {
-      UnixHttpServer::HangUpAfter();
-      return SendError(response, {413, "too_large", absl::StrCat(
-          "the body is incomplete or larger than ", limit, " bytes")});
-    }
-    const absl::StatusOr<Json> json = ParseJson(body, "request");
+                                       const httplib::ContentReader&) {
+    const absl::StatusOr<std::string> body = UnixHttpServer::RequestBody().Text();
+    if (!body.ok()) return SendError(response, ErrorOf(body.status()));
+    const absl::StatusOr<Json> json = ParseJson(*body, "request");
     if (!json.ok()) return SendError(response, ErrorOf(json.status()));
     const Result result = (this->*handler)(request, *json);
     if (const auto* error = std::get_if<ApiError>(&result)) return SendError(response, *error);
@@ -153,13 +142,22 @@ void Api::Install(UnixHttpServer& server) {
   Post(server, R"(/v1/submissions/(\d{1,18})/cancel)", &Api::Cancel);
   Post(server, R"(/v1/submissions/(\d{1,18})/rerun)", &Api::Rerun);
   server.Post("/v1/artefacts", [this](const Request& request, httplib::Response& response,
-                                      const httplib::ContentReader& content) {
-    const Result result = Upload(request, content);
+                                      const httplib::ContentReader&) {
+    const Result result = Upload(request);
     if (const auto* error = std::get_if<ApiError>(&result)) return SendError(response, *error);
     SendAnswer(response, std::get<Answer>(result));
   });
   InstallTransfer(server);
-  server.set_payload_max_length(static_cast<size_t>(options_.config.artefacts.archive_bytes));
+  server.SetBodyRule("/v1/artefacts",
+                     {.most = options_.config.artefacts.archive_bytes,
+                      .upload = true,
+                      .types = {"application/x-tar", "application/tar", "application/gzip",
+                                "application/x-gzip", "application/zstd", "application/zip",
+                                "application/octet-stream"}});
+  server.SetBodyRule("/v1/import", {.most = options_.config.artefacts.archive_bytes,
+                                    .upload = true,
+                                    .organiser_only = true,
+                                    .types = {"application/json", "application/octet-stream"}});
   server.set_error_handler([](const Request& request, httplib::Response& response) {
     if (!response.body.empty()) return;  // ours
     const char* code = response.status == 413 ? "too_large"
@@ -310,7 +308,9 @@ Api::Result Api::Rerun(const Request& request, const Json& body) {
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
-  absl::StatusOr<Accepted> accepted = engine_.Rerun(rerun, Who(), options_.config.http.request);
+  absl::StatusOr<Accepted> accepted = engine_.Rerun(
+      rerun, Who(), UnixHttpServer::PeerIsOrganiser(), options_.config.reruns,
+      options_.config.http.request);
   if (!accepted.ok()) return ErrorOf(accepted.status());
   return Answer{201,
                 {{"evaluation", accepted->evaluation},

@@ -8,13 +8,13 @@
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <semaphore>
 #include <string>
 
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/clock.h"
+#include "server/api/api_error.h"
 #include "server/api/unix_http_server.h"
 #include "server/artefact/known_archives.h"
 #include "server/daemon/engine.h"
@@ -22,13 +22,6 @@
 #include "server/proof/signing_key.h"
 
 namespace myograde::server {
-
-// An answer other than 200 with a body.
-struct ApiError {
-  int http = 500;
-  std::string code;
-  std::string message;
-};
 
 // The answer to a status of the store, the engine or a check.
 ApiError ErrorOf(const absl::Status& status);
@@ -88,9 +81,9 @@ class Api {
   Result GetReceipt(const Request& request);
   Result GetKey(const Request& request);
   void SendLog(const Request& request, httplib::Response& response);
-  Result Upload(const Request& request, const httplib::ContentReader& content);
+  Result Upload(const Request& request);
 
-  Result Import(const httplib::ContentReader& content);
+  Result Import();
   void InstallTransfer(UnixHttpServer& server);
   std::string SpoolPath();
   absl::Status MakeExport(const std::string& path);
@@ -122,10 +115,8 @@ class Api {
   absl::Status ChargeRefusal(const std::string& team, const std::string& track,
                              const std::string& why);
   Result EvaluationAnswer(int64_t evaluation, bool of_submission, const Request& request);
-  absl::StatusOr<ArtefactRow> Receive(const httplib::ContentReader& content, bool& is_new);
-  // Writes the body to a new file; returns its SHA-256.
-  absl::StatusOr<std::string> Spool(const httplib::ContentReader& content,
-                                    const std::string& archive) const;
+  // Unpacks the request's body and enters it into the store as `upload` says.
+  absl::StatusOr<ArtefactRow> Receive(const NewUpload& upload, bool& is_new);
   // The artefact of an archive that came before. NotFoundError: unpack it.
   absl::StatusOr<ArtefactRow> Known(const std::string& archive_sha256);
 
@@ -135,8 +126,6 @@ class Api {
   ReaderPool& readers_;
   KeyFile& receipts_key_;
   const Clock& clock_;
-  std::atomic<int> uploads_ = 0;                // large ones at work
-  std::counting_semaphore<> small_uploads_{8};  // places left
   std::atomic<int64_t> upload_names_ = 0;
   KnownArchives known_archives_{4096};
 

@@ -85,33 +85,16 @@ void Api::SendMade(const char* type, httplib::Response& response,
   if (!status.ok()) SendError(response, ErrorOf(status));
 }
 
-Api::Result Api::Import(const httplib::ContentReader& content) {
-  if (const auto error = OnlyOrganiser()) {
-    UnixHttpServer::Drain(content);
-    return *error;
-  }
+Api::Result Api::Import() {
+  if (const auto error = OnlyOrganiser()) return *error;
   UnixHttpServer::AllowUploadTime();
   const std::string path = SpoolPath();
   const absl::Cleanup remove = [&] {
     std::error_code error;
     fs::remove(path, error);
   };
-  absl::Status status;
-  {
-    const Fd fd(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
-    if (!fd.valid()) return ErrorOf(absl::ErrnoToStatus(errno, path + ": can't be made"));
-    const bool whole = content([&](const char* data, size_t size) {
-      status = WriteAll(fd.get(), std::string_view(data, size));
-      return status.ok();
-    });
-    if (status.ok() && !whole) {
-      status = absl::InvalidArgumentError("the export did not arrive whole; send it again");
-    }
-  }
-  if (!status.ok()) {
-    UnixHttpServer::HangUpAfter();
-    return ErrorOf(status);
-  }
+  absl::Status status = UnixHttpServer::RequestBody().MoveTo(path);
+  if (!status.ok()) return ErrorOf(status);
   absl::StatusOr<ExportInfo> info = CheckExport(path);
   if (!info.ok()) return ErrorOf(info.status());
   status = engine_.Change(
@@ -155,8 +138,8 @@ void Api::InstallTransfer(UnixHttpServer& server) {
     });
   });
   server.Post("/v1/import", [this](const Request&, httplib::Response& response,
-                                   const httplib::ContentReader& content) {
-    const Result result = Import(content);
+                                   const httplib::ContentReader&) {
+    const Result result = Import();
     if (const auto* error = std::get_if<ApiError>(&result)) return SendError(response, *error);
     SendAnswer(response, std::get<Answer>(result));
   });

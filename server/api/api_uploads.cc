@@ -1,7 +1,9 @@
-// Uploads: spooled to a file, unpacked, and put in their place by their hash.
+// Uploads: unpacked in a process of their own, and put in their place by their hash.
 #include <fcntl.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 
+#include <algorithm>
 #include <filesystem>
 
 #include <absl/cleanup/cleanup.h>
@@ -20,17 +22,39 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr uint64_t kSmallUpload = 1 << 20;
+constexpr char kStopping[] = "the daemon is about to stop; nothing was changed";
+constexpr size_t kPiece = 256 << 10;
 
-absl::Status WriteAll(int fd, const char* data, size_t size) {
-  while (size > 0) {
-    const ssize_t n = write(fd, data, size);
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return absl::ErrnoToStatus(errno, "the upload can't be kept on the server's disk");
-    data += n;
-    size -= static_cast<size_t>(n);
+absl::StatusOr<std::string> HashOf(const Body& body) {
+  Sha256 hash;
+  std::string piece(std::min(kPiece, static_cast<size_t>(body.size())), '\0');
+  for (int64_t done = 0; done < body.size();) {
+    if (UnixHttpServer::Stopping()) return absl::CancelledError(kStopping);
+    const ssize_t n = body.ReadAt(piece.data(), piece.size(), done);
+    if (n <= 0) return absl::UnavailableError("the upload can't be read back from the disk");
+    hash.Update(std::string_view(piece.data(), static_cast<size_t>(n)));
+    done += n;
   }
-  return absl::OkStatus();
+  return hash.FinishHex();
+}
+
+// Whether an upload may go on: not on a full disk, and not when the daemon is asked to end.
+absl::Status MayGoOn(const std::string& folder, int64_t disk_reserve) {
+  if (UnixHttpServer::Stopping()) return absl::CancelledError(kStopping);
+  struct statvfs disk;
+  if (statvfs(folder.c_str(), &disk) != 0) {
+    return absl::ErrnoToStatus(errno, absl::StrCat(folder, ": can't be looked at"));
+  }
+  const auto free = static_cast<int64_t>(disk.f_bavail) * static_cast<int64_t>(disk.f_frsize);
+  if (free >= disk_reserve) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      "the server's disk is too full to unpack the archive; try again later, or tell the organiser");
+}
+
+// What the host did to an unpacking has a word of its own.
+absl::Status TroubleOf(const absl::Status& status) {
+  if (!absl::IsUnavailable(status) && !absl::IsDeadlineExceeded(status)) return status;
+  return WithErrorCode(absl::UnavailableError(status.message()), "busy");
 }
 
 // Makes a whole folder durable before the store names it.
@@ -72,34 +96,6 @@ absl::Status CheckStart(const ArtefactManifest& manifest, const std::string& fol
 
 }  // namespace
 
-absl::StatusOr<std::string> Api::Spool(const httplib::ContentReader& content,
-                                       const std::string& archive) const {
-  const Fd fd(open(archive.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
-  if (!fd.valid()) {
-    return absl::ErrnoToStatus(errno, absl::StrCat(archive, ": can't be made"));
-  }
-  const int64_t limit = options_.config.artefacts.archive_bytes;
-  int64_t size = 0;
-  Sha256 hash;
-  absl::Status status;
-  const bool whole = content([&](const char* data, size_t n) {
-    size += static_cast<int64_t>(n);
-    if (status.ok() && size > limit) {
-      status = absl::OutOfRangeError(absl::StrCat("the archive is larger than ", limit, " bytes"));
-    } else if (status.ok()) {
-      hash.Update(std::string_view(data, n));
-      status = WriteAll(fd.get(), data, n);
-    }
-    // What was refused is read and dropped, so that the client hears why.
-    return size <= limit + UnixHttpServer::kDrainBytes;
-  });
-  if (!status.ok()) return status;
-  if (!whole || size == 0) {
-    return absl::InvalidArgumentError("the archive did not arrive whole; send it again");
-  }
-  return hash.FinishHex();
-}
-
 absl::StatusOr<ArtefactRow> Api::Known(const std::string& archive_sha256) {
   const std::optional<std::string> artefact = known_archives_.Find(archive_sha256);
   if (!artefact.has_value()) return absl::NotFoundError("not seen before");
@@ -113,9 +109,8 @@ absl::StatusOr<ArtefactRow> Api::Known(const std::string& archive_sha256) {
   return row;
 }
 
-absl::StatusOr<ArtefactRow> Api::Receive(const httplib::ContentReader& content, bool& is_new) {
-  const absl::Duration deadline = clock_.Monotonic() + options_.config.http.upload;
-  const std::string name = absl::StrCat(options_.data_dir, "/spool/", ++upload_names_);
+absl::StatusOr<ArtefactRow> Api::Receive(const NewUpload& upload, bool& is_new) {
+  const std::string name = SpoolPath();
   const std::string archive = name + ".archive";
   const std::string folder = name + ".folder";
   const absl::Cleanup remove = [&] {
@@ -123,20 +118,23 @@ absl::StatusOr<ArtefactRow> Api::Receive(const httplib::ContentReader& content, 
     fs::remove(archive, error);
     fs::remove_all(folder, error);
   };
-  const absl::StatusOr<std::string> sha256 = Spool(content, archive);
+  Body& body = UnixHttpServer::RequestBody();
+  if (body.size() == 0) return absl::InvalidArgumentError("the archive is empty");
+  const absl::StatusOr<std::string> sha256 = HashOf(body);
   if (!sha256.ok()) return sha256.status();
   absl::StatusOr<ArtefactRow> known = Known(*sha256);
   if (!absl::IsNotFound(known.status())) return known;
+  if (absl::Status moved = body.MoveTo(archive); !moved.ok()) return moved;
 
-  const ArtefactLimits limits{.bytes = options_.config.artefacts.bytes,
-                              .files = options_.config.artefacts.files};
-  // A second is kept for the answer.
-  const absl::Duration left = deadline - clock_.Monotonic() - absl::Seconds(1);
+  const UploadLimits& own = options_.config.artefacts;
   const UnpackBudget budget{
-      .time = std::max(left, absl::Seconds(1)),
-      .memory_bytes = options_.config.artefacts.unpack_memory_bytes};
-  absl::StatusOr<Artefact> artefact = UnpackInProcess(archive, folder, limits, budget);
-  if (!artefact.ok()) return artefact.status();
+      .time = options_.config.http.upload,
+      .memory_bytes = own.unpack_memory_bytes,
+      .cpu = own.unpack_cpu,
+      .go_on = [&] { return MayGoOn(options_.data_dir + "/spool", own.disk_reserve); }};
+  absl::StatusOr<Artefact> artefact =
+      UnpackInProcess(archive, folder, {.bytes = own.bytes, .files = own.files}, budget);
+  if (!artefact.ok()) return TroubleOf(artefact.status());
   ArtefactRow row{artefact->digest,            artefact->manifest.name,
                   artefact->manifest.command,  artefact->manifest.runtimes,
                   artefact->bytes,             artefact->files,
@@ -150,14 +148,17 @@ absl::StatusOr<ArtefactRow> Api::Receive(const httplib::ContentReader& content, 
     if (!clean.ok()) return clean.status();
     row.name = *std::move(clean);
   }
-  status = Settle(folder, absl::StrCat(options_.data_dir, "/artefacts/", artefact->digest));
-  if (!status.ok()) return status;
-  // What is known needs no change of the store, and no wait for the disk.
-  status = readers_.Read([&](Reader& reader) { return reader.Artefact(row.hash).status(); });
+  // What is known and here needs no change of the store, and no wait for the disk. Else the row
+  // comes first: whose the files are is known before there are any.
+  if (status.ok()) status = HasFiles(row.hash);
   if (absl::IsNotFound(status)) {
-    absl::StatusOr<bool> added = engine_.AddArtefact(row, options_.config.http.request);
+    absl::StatusOr<bool> added =
+        engine_.AddArtefact(row, upload, own.unsubmitted, options_.config.http.request);
     if (added.ok()) is_new = *added;
     status = added.status();
+  }
+  if (status.ok()) {
+    status = Settle(folder, absl::StrCat(options_.data_dir, "/artefacts/", artefact->digest));
   }
   if (!status.ok()) return status;
   known_archives_.Learn(*sha256, row.hash);
@@ -174,8 +175,9 @@ absl::Status Api::ChargeRefusal(const std::string& team, const std::string& trac
       options_.config.http.request);
 }
 
-// With team and track given, a refused archive is a failed try of theirs.
-Api::Result Api::Upload(const Request& request, const httplib::ContentReader& content) {
+// With team and track given, an archive that breaks a rule is a failed try of theirs; what the
+// host or the connection did to it is not.
+Api::Result Api::Upload(const Request& request) {
   const std::string team = request.get_param_value("team");
   const std::string track = request.get_param_value("track");
   absl::Status allowed = CheckParameters(request, {"team", "track"});
@@ -187,32 +189,15 @@ Api::Result Api::Upload(const Request& request, const httplib::ContentReader& co
     allowed = tracks_.Find(track, "").status();
     if (allowed.ok()) allowed = CheckTries(team, track);
   }
-  const int64_t drain = options_.config.artefacts.archive_bytes + UnixHttpServer::kDrainBytes;
   if (!allowed.ok()) {
-    UnixHttpServer::Drain(content, drain);
     ApiError error = TeamErrorOf(allowed, team);
     if (absl::IsNotFound(allowed)) error = {400, "unknown_track", error.message};
     return error;
   }
-  // Small ones are through in no time: they wait for their turn. A chunked one has any length.
-  const bool small = request.has_header("Content-Length") &&
-                     request.get_header_value<uint64_t>("Content-Length") <= kSmallUpload;
-  const bool may = small ? small_uploads_.try_acquire_for(
-                               absl::ToChronoMilliseconds(options_.config.http.upload))
-                         : ++uploads_ <= options_.config.artefacts.uploads;
-  const absl::Cleanup leave = [&] {
-    if (!small) --uploads_;
-    if (small && may) small_uploads_.release();
-  };
-  if (!may) {
-    UnixHttpServer::Drain(content, drain);
-    return ApiError{429, "too_many", "too many uploads run already; try again in a second"};
-  }
-  UnixHttpServer::AllowUploadTime();
   bool is_new = false;
-  absl::StatusOr<ArtefactRow> row = Receive(content, is_new);
+  absl::StatusOr<ArtefactRow> row =
+      Receive({Who(), team, UnixHttpServer::PeerIsOrganiser()}, is_new);
   if (!row.ok()) {
-    UnixHttpServer::HangUpAfter();  // the rest of the body may be unread
     ApiError error = ErrorOf(row.status());
     if (absl::IsInvalidArgument(row.status())) {
       error.code = "bad_artefact";
@@ -220,7 +205,6 @@ Api::Result Api::Upload(const Request& request, const httplib::ContentReader& co
         return ErrorOf(charged);
       }
     }
-    if (absl::IsOutOfRange(row.status())) error = {413, "too_large", error.message};
     return error;
   }
   return Answer{is_new ? 201 : 200,

@@ -1,13 +1,16 @@
 #include "server/api/unix_http_server.h"
 
 #include <poll.h>
-#include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstring>
+#include <optional>
+#include <utility>
 
 #include <absl/strings/str_cat.h>
 
@@ -17,57 +20,59 @@ namespace myograde::server {
 namespace {
 
 constexpr int kBacklog = 1024;
+// Beyond the first an answer begins to be sent while it is made, beyond the second
+// its handler waits for the client.
+constexpr size_t kSendFrom = 256 << 10;
+constexpr size_t kMaxUnsent = 16 << 20;
+constexpr int kSmallUploads = 8;
+constexpr int kSpoolers = 4;
 
 absl::Duration Now() { return SystemClock().Monotonic(); }
 
 // What a handler may ask about the request of its own thread.
 struct CurrentRequest {
-  uid_t uid = 0;
+  Connection* connection = nullptr;
+  const std::atomic<bool>* stopping = nullptr;
   absl::Duration deadline;
   absl::Duration upload;
-  bool hang_up = false;
 };
 thread_local CurrentRequest current;
 
-// Waits for `events`, at most until the request's deadline.
-bool WaitFor(int fd, short events) {
-  for (;;) {
-    const absl::Duration left = current.deadline - Now();
-    if (left <= absl::ZeroDuration()) return false;
-    pollfd entry = {fd, events, 0};
-    const int64_t ms = std::min<int64_t>(absl::ToInt64Milliseconds(left) + 1, 60'000);
-    const int n = poll(&entry, 1, static_cast<int>(ms));
-    if (n > 0) return true;
-    if (n < 0 && errno != EINTR) return false;
-  }
-}
-
-// One connection as cpp-httplib sees it. Reads are buffered, since it asks for
-// single bytes while it looks for the end of a header line.
-class UnixStream : public httplib::Stream {
+// A request that is there as a whole, as cpp-httplib reads it.
+class WholeRequest : public httplib::Stream {
  public:
-  explicit UnixStream(int fd) : fd_(fd) {}
+  WholeRequest(Connection& connection, bool close) : connection_(connection) {
+    head_ = connection.head->canonical;
+    if (connection.head->method != "GET" && connection.head->method != "HEAD") {
+      absl::StrAppend(&head_, "Content-Length: ", connection.body.size(), "\r\n");
+    }
+    head_ += close ? "Connection: close\r\n\r\n" : "\r\n";
+  }
 
-  bool is_readable() const override { return begin_ < end_ || WaitFor(fd_, POLLIN); }
-  bool is_writable() const override { return WaitFor(fd_, POLLOUT); }
+  bool is_readable() const override { return true; }
+  bool is_writable() const override { return true; }
 
   ssize_t read(char* to, size_t size) override {
-    if (begin_ == end_) {
-      if (!WaitFor(fd_, POLLIN)) return -1;
-      const ssize_t n = recv(fd_, buffer_, sizeof(buffer_), 0);
-      if (n <= 0) return n;
-      begin_ = 0;
-      end_ = static_cast<size_t>(n);
+    if (read_ < head_.size()) {
+      const size_t n = head_.copy(to, size, read_);
+      read_ += n;
+      return static_cast<ssize_t>(n);
     }
-    const size_t n = std::min(size, end_ - begin_);
-    std::memcpy(to, buffer_ + begin_, n);
-    begin_ += n;
-    return static_cast<ssize_t>(n);
+    const ssize_t n = connection_.body.ReadAt(to, size, body_read_);
+    body_read_ += std::max<ssize_t>(n, 0);
+    return n;
   }
 
   ssize_t write(const char* from, size_t size) override {
-    if (!WaitFor(fd_, POLLOUT)) return -1;
-    return send(fd_, from, size, MSG_NOSIGNAL);
+    connection_.out.append(from, size);
+    if (connection_.unsent() >= kSendFrom && !connection_.Send()) return -1;
+    while (connection_.unsent() > kMaxUnsent) {
+      if (*current.stopping || Now() >= current.deadline) return -1;
+      pollfd entry = {connection_.fd.get(), POLLOUT, 0};
+      poll(&entry, 1, 100);
+      if (!connection_.Send()) return -1;
+    }
+    return static_cast<ssize_t>(size);
   }
 
   void get_remote_ip_and_port(std::string& ip, int& port) const override {
@@ -78,17 +83,35 @@ class UnixStream : public httplib::Stream {
     ip = "unix";
     port = 0;
   }
-  socket_t socket() const override { return fd_; }
-
-  // A client sent more than its request: it does not wait for answers.
-  bool has_leftover() const { return begin_ < end_; }
+  // Any number would do, but cpp-httplib takes none that select() could not.
+  socket_t socket() const override { return 0; }
 
  private:
-  int fd_;
-  char buffer_[16384];
-  size_t begin_ = 0;
-  size_t end_ = 0;
+  Connection& connection_;
+  std::string head_;
+  size_t read_ = 0;
+  int64_t body_read_ = 0;
 };
+
+// Who is at the other end, as the kernel knows it.
+std::optional<Peer> PeerOf(int fd) {
+  ucred peer = {};
+  socklen_t size = sizeof(peer);
+  if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0) return std::nullopt;
+  return Peer{absl::StrCat("uid ", peer.uid), peer.uid == 0 || peer.uid == geteuid(), peer.uid};
+}
+
+// Small numbers of workers are shared out so that no kind of work is left without one.
+WorkQueue::Limits QueueLimits(const HttpLimits& limits) {
+  const int half = std::max(limits.workers / 2, 1);
+  const int kept = std::min(limits.organiser_workers, half);
+  const int others = std::max(limits.workers - kept, 1);
+  return {.workers = limits.workers,
+          .kept = limits.workers - others,
+          .of_a_peer = (others + 1) / 2,
+          .of_a_kind = {limits.workers, std::min(kSpoolers, half), std::min(kSmallUploads, half),
+                        std::min(limits.large_uploads, half)}};
+}
 
 absl::Status Failed(const std::string& path, const char* what) {
   return absl::ErrnoToStatus(errno, absl::StrCat(path, ": the socket can't be ", what));
@@ -126,21 +149,34 @@ absl::Status MakeRoom(const std::string& path, const sockaddr_un& address) {
 
 }  // namespace
 
-UnixHttpServer::UnixHttpServer(const HttpLimits& limits)
-    : limits_(limits), wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
+UnixHttpServer::UnixHttpServer(const HttpLimits& limits, std::string spool)
+    : limits_(limits),
+      spool_(std::move(spool)),
+      budget_(limits.spool_bytes, limits.peer_spool_bytes),
+      queue_(QueueLimits(limits)),
+      gate_({.limits = limits,
+             .spool = {spool_, limits.disk_reserve, &budget_},
+             .peer_of = PeerOf,
+             .rule_of = [this](const RequestHead& head) { return RuleOf(head); }},
+            queue_) {}
 
 UnixHttpServer::~UnixHttpServer() { Shutdown(); }
 
+bool UnixHttpServer::Stopping() { return *current.stopping; }
+
+Body& UnixHttpServer::RequestBody() { return current.connection->body; }
+
 void UnixHttpServer::AllowUploadTime() { current.deadline = Now() + current.upload; }
 
-void UnixHttpServer::HangUpAfter() { current.hang_up = true; }
+uid_t UnixHttpServer::PeerUid() { return current.connection->peer->peer.uid; }
 
-void UnixHttpServer::Drain(const httplib::ContentReader& content, int64_t most) {
-  HangUpAfter();
-  content([&](const char*, size_t size) { return (most -= static_cast<int64_t>(size)) > 0; });
+bool UnixHttpServer::PeerIsOrganiser() { return current.connection->peer->peer.organiser; }
+
+BodyRule UnixHttpServer::RuleOf(const RequestHead& head) const {
+  const auto it = rules_.find(head.path);
+  if (it != rules_.end() && head.method == "POST") return it->second;
+  return {.most = limits_.body_bytes, .types = {"application/json"}};
 }
-
-uid_t UnixHttpServer::PeerUid() { return current.uid; }
 
 absl::Status UnixHttpServer::Bind(const std::string& path) {
   absl::StatusOr<sockaddr_un> address = AddressOf(path);
@@ -148,14 +184,13 @@ absl::Status UnixHttpServer::Bind(const std::string& path) {
   if (absl::Status status = MakeRoom(path, *address); !status.ok()) return status;
   listener_ = Fd(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (!listener_.valid()) return Failed(path, "made");
-  // Born with no rights for others; they come before anybody can connect.
-  const mode_t mask = umask(0177);
-  const int bound = bind(listener_.get(), reinterpret_cast<const sockaddr*>(&*address),
-                         sizeof(*address));
-  const int error = errno;
-  umask(mask);
-  errno = error;
-  if (bound != 0) return Failed(path, "bound; check the folder's rights");
+  // Born with no rights for others; they come before anybody can connect. The kernel takes the
+  // socket's own mode for its file; the mask would be the whole process', whose other threads make
+  // files at this moment.
+  if (fchmod(listener_.get(), 0600) != 0) return Failed(path, "given its rights");
+  if (bind(listener_.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof(*address)) != 0) {
+    return Failed(path, "bound; check the folder's rights");
+  }
   path_ = path;
   if (chmod(path.c_str(), limits_.socket_mode) != 0) return Failed(path, "given its rights");
   if (::listen(listener_.get(), kBacklog) != 0) return Failed(path, "listened on");
@@ -167,115 +202,53 @@ absl::Status UnixHttpServer::Start(const std::string& path) {
   // cpp-httplib takes a server without a listener for one that stops, and cuts files off.
   svr_sock_ = listener_.get();
   for (int i = 0; i < limits_.workers; ++i) workers_.emplace_back([this] { Work(); });
-  acceptor_ = std::thread([this] { AcceptLoop(); });
+  acceptor_ = std::thread([this] { gate_.Run(listener_.get()); });
   return absl::OkStatus();
 }
 
-void UnixHttpServer::Wake() {
-  const uint64_t one = 1;
-  [[maybe_unused]] const ssize_t n = ::write(wake_.get(), &one, sizeof(one));
-}
-
-void UnixHttpServer::AcceptOne() {
-  const int fd = accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-  if (fd < 0) return;
-  idle_[fd] = Now() + limits_.idle;
-  const std::lock_guard lock(mutex_);
-  ++open_;
-}
-
-// Owns the connections that wait for their client: hands those with something to
-// read to the workers, takes them back afterwards, and hangs up on the silent.
-void UnixHttpServer::AcceptLoop() {
-  for (;;) {
-    std::vector<pollfd> fds = {{wake_.get(), POLLIN, 0}};
-    bool room;
-    {
-      const std::lock_guard lock(mutex_);
-      if (stop_) break;
-      for (const int fd : returned_) idle_[fd] = Now() + limits_.idle;
-      returned_.clear();
-      room = open_ < limits_.clients;
-    }
-    for (const auto& [fd, until] : idle_) fds.push_back({fd, POLLIN, 0});
-    if (room) fds.push_back({listener_.get(), POLLIN, 0});
-    poll(fds.data(), fds.size(), 1000);
-    uint64_t count;
-    [[maybe_unused]] const ssize_t n = ::read(wake_.get(), &count, sizeof(count));
-    if (room && fds.back().revents != 0) AcceptOne();
-    for (size_t i = 1; i < fds.size() - (room ? 1 : 0); ++i) {
-      const auto it = idle_.find(fds[i].fd);
-      const bool readable = fds[i].revents != 0;
-      if (!readable && Now() < it->second) continue;
-      idle_.erase(it);
-      const std::lock_guard lock(mutex_);
-      if (readable) {
-        requests_.push_back(fds[i].fd);
-        ready_.notify_one();
-      } else {
-        close(fds[i].fd);
-        --open_;
-      }
-    }
-  }
-  for (const auto& [fd, until] : idle_) close(fd);
-  idle_.clear();
-}
-
 void UnixHttpServer::Work() {
-  for (;;) {
-    int fd;
-    {
-      std::unique_lock lock(mutex_);
-      ready_.wait(lock, [this] { return stop_ || !requests_.empty(); });
-      if (stop_) return;
-      fd = requests_.front();
-      requests_.pop_front();
-    }
-    const bool keep = ServeOne(fd);
-    const std::lock_guard lock(mutex_);
-    if (keep && !stop_) {
-      returned_.push_back(fd);
+  while (std::optional<Job> job = queue_.Pop()) {
+    Connection& connection = *job->connection;
+    if (job->work == WorkKind::kSpool) {
+      connection.next = connection.Spool({spool_, limits_.disk_reserve, &budget_});
     } else {
-      close(fd);
-      --open_;
+      Serve(connection);
     }
-    Wake();
+    queue_.Done(*job);
+    gate_.Return(&connection);
   }
 }
 
-bool UnixHttpServer::ServeOne(int fd) {
-  ucred peer = {};
-  socklen_t size = sizeof(peer);
-  if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0) return false;
-  current = {peer.uid, Now() + limits_.request, limits_.upload, false};
-  UnixStream stream(fd);
+void UnixHttpServer::Serve(Connection& connection) {
+  current = {&connection, &stopping_, Now() + limits_.request, limits_.upload};
+  const bool close = !connection.head->keep_alive;
+  WholeRequest stream(connection, close);
   bool closed = false;
-  // Every answer is whole. A kilobyte of ranges could ask for the same file a thousand times,
-  // and cpp-httplib does not hold them against a file's end.
-  const bool served = process_request(stream, /*close_connection=*/false, closed,
-                                      [](httplib::Request& request) { request.ranges.clear(); });
-  return served && !closed && !current.hang_up && !stream.has_leftover();
+  const bool served = process_request(stream, /*close_connection=*/false, closed, nullptr);
+  connection.close_after = connection.close_after || close || closed || !served;
+  // The body's place is free before the client knows that it may send the next.
+  connection.body.Drop();
+  connection.next = connection.Send() ? Connection::Next::kSend : Connection::Next::kClose;
+  current = {};
+}
+
+void UnixHttpServer::BeginStop() {
+  stopping_ = true;
+  gate_.Drain();
 }
 
 void UnixHttpServer::Shutdown() {
-  {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
-  }
-  ready_.notify_all();
-  Wake();
+  BeginStop();
+  gate_.Stop();
+  queue_.Close();
   if (acceptor_.joinable()) acceptor_.join();
-  for (std::thread& worker : workers_) worker.join();
-  workers_.clear();
-  for (const int fd : requests_) close(fd);
-  for (const int fd : returned_) close(fd);
-  requests_.clear();
-  returned_.clear();
-  svr_sock_ = INVALID_SOCKET;
-  listener_.reset();
+  // Nobody finds a socket at which nobody answers, however long the handlers take.
   if (!path_.empty()) unlink(path_.c_str());
   path_.clear();
+  svr_sock_ = INVALID_SOCKET;
+  listener_.reset();
+  for (std::thread& worker : workers_) worker.join();
+  workers_.clear();
 }
 
 }  // namespace myograde::server

@@ -1,16 +1,15 @@
-// An HTTP server on a Unix socket: cpp-httplib's parsing and routing with an
-// accept loop of our own. Clients that ask for nothing cost a descriptor and no
-// thread; a request has a deadline as a whole, so a client that dribbles can't
-// hold a worker; handlers learn who asks, from the kernel.
+// An HTTP server on a Unix socket: cpp-httplib's routing behind a gate of our own
+// (gate.h), which collects requests, so that a handler runs when its request is
+// there as a whole, whatever other clients do or don't; handlers learn who asks,
+// from the kernel.
 #pragma once
 
 #include <httplib.h>
 #include <sys/types.h>
 
-#include <condition_variable>
-#include <deque>
+#include <atomic>
 #include <map>
-#include <mutex>
+#include <memory>
 #include <string>
 #include <thread>
 #include <vector>
@@ -19,62 +18,60 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/fd.h"
+#include "server/api/gate.h"
 #include "server/daemon/server_config.h"
 
 namespace myograde::server {
 
 class UnixHttpServer : public httplib::Server {
  public:
-  explicit UnixHttpServer(const HttpLimits& limits);
+  // Large bodies lie in the folder `spool`, which must be there.
+  UnixHttpServer(const HttpLimits& limits, std::string spool);
   ~UnixHttpServer() override;
+
+  // What `path` takes for a body; every other address takes JSON of `body_bytes`
+  // bytes. Before Start.
+  void SetBodyRule(const std::string& path, BodyRule rule) { rules_[path] = std::move(rule); }
 
   // Binds `path` (replacing a socket that nobody listens on) and starts the
   // threads. AlreadyExistsError: something listens there, or it is no socket.
   absl::Status Start(const std::string& path);
 
-  // Stops accepting, lets running requests end (each has its deadline), hangs up
-  // on the others and removes the socket.
+  // From any thread, and from a signal handler: bodies are refused from now on,
+  // and what takes long is asked to end (Stopping).
+  void BeginStop();
+  // Hangs up on everybody, lets the handlers that run end, and removes the socket.
   void Shutdown();
 
-  // Gives the request that this thread is handling more time: `limits.upload`
-  // in place of `limits.request`. Only inside a handler.
+  // Only inside handlers. Whether what takes long should be given up.
+  static bool Stopping();
+  // The body of the request that this thread handles.
+  static Body& RequestBody();
+  // Gives the client more time to take a long answer: `limits.upload` in place of
+  // `limits.request`.
   static void AllowUploadTime();
-
-  // Reads on after a body was refused, up to `most` bytes and no longer than the request has
-  // time, so that the client can send it to its end and hear why; then hangs up. Only inside a
-  // handler.
-  static constexpr int64_t kDrainBytes = int64_t{64} << 20;
-  static void Drain(const httplib::ContentReader& content, int64_t most = kDrainBytes);
-  // Hangs up after this request's answer. Only inside a handler.
-  static void HangUpAfter();
-
-  // The caller's user id as the kernel knows it; only inside a handler.
+  // The caller's user id as the kernel knows it.
   static uid_t PeerUid();
+  // Whether the caller is root or the user that runs this process.
+  static bool PeerIsOrganiser();
 
  private:
-
   absl::Status Bind(const std::string& path);
-  void AcceptLoop();
-  void AcceptOne();
+  BodyRule RuleOf(const RequestHead& head) const;
   void Work();
-  // Serves one request; true if the connection may carry another.
-  bool ServeOne(int fd);
-  void Wake();
+  void Serve(Connection& connection);
 
   const HttpLimits limits_;
+  const std::string spool_;
+  std::map<std::string, BodyRule> rules_;
+  SpoolBudget budget_;
+  WorkQueue queue_;
+  Gate gate_;
+  std::atomic<bool> stopping_ = false;
   std::string path_;
   Fd listener_;
-  Fd wake_;
   std::thread acceptor_;
   std::vector<std::thread> workers_;
-
-  std::mutex mutex_;
-  std::condition_variable ready_;
-  std::deque<int> requests_;       // connections with something to read; guarded by mutex_
-  std::vector<int> returned_;      // connections that a worker is done with; guarded by mutex_
-  int open_ = 0;                   // connections; guarded by mutex_
-  bool stop_ = false;              // guarded by mutex_
-  std::map<int, absl::Duration> idle_;  // connection to its end of patience; acceptor's own
 };
 
 }  // namespace myograde::server

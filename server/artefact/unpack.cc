@@ -33,6 +33,16 @@ std::string ReasonOf(archive* reader) {
   return reason;
 }
 
+// Whether it was the host that failed to read, which says nothing about the archive.
+bool HostFailed(archive* reader) {
+  for (const int error : {EIO, EBADF, ENODEV, ENXIO, ESTALE}) {
+    if (archive_errno(reader) != error) continue;
+    errno = error;
+    return true;
+  }
+  return false;
+}
+
 class Unpacker {
  public:
   Unpacker(archive* reader, int root, const ArtefactLimits& limits)
@@ -186,6 +196,7 @@ absl::Status Unpacker::CopyContent(const std::string& path, int fd, Entry& file)
     // Counted as it comes: the size that a header claims proves nothing. The
     // gaps of sparse files arrive here as zeros and count too.
     const la_ssize_t got = archive_read_data(reader_, buffer.data(), buffer.size());
+    if (got < 0 && HostFailed(reader_)) return HostError("can't read the archive");
     if (got < 0) {
       return absl::InvalidArgumentError(absl::StrCat("the archive is broken in the entry ",
                                                      Quoted(path), ": ", ReasonOf(reader_)));
@@ -266,6 +277,7 @@ absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLim
   const Compression compression = CompressionOf(archive);
   const auto reader = MakeReader(compression);
   const auto broken = [&](std::string_view what) {
+    if (HostFailed(reader.get())) return HostError("can't read the archive");
     return absl::InvalidArgumentError(absl::StrCat(absl::string_view(what.data(), what.size()), ": ",
                                                    ReasonOf(reader.get())));
   };

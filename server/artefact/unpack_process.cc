@@ -8,14 +8,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
 #include <filesystem>
-#include <memory>
 #include <new>
-#include <optional>
 #include <vector>
 
 #include <absl/strings/numbers.h>
@@ -36,6 +35,7 @@ constexpr char kVerb[] = "unpack-one-archive";
 // How much nicer than the daemon it is: a crowd of uploads must not keep the daemon's own threads
 // from the processors.
 constexpr int kNice = 10;
+constexpr absl::Duration kAskEvery = absl::Milliseconds(100);
 constexpr size_t kMaxAnswer = 8 << 20;  // a manifest's text has 64 KiB
 
 // --- the process ----------------------------------------------------------
@@ -55,19 +55,20 @@ nlohmann::json AnswerOf(const absl::StatusOr<Artefact>& artefact) {
           {"files", artefact->files}};
 }
 
-bool Limit(int resource, int64_t value) {
-  const auto limit = static_cast<rlim_t>(value);
-  const rlimit both = {limit, limit};
+bool Limit(int resource, int64_t value, int64_t hard) {
+  const rlimit both = {static_cast<rlim_t>(value), static_cast<rlim_t>(hard)};
   return ::setrlimit(static_cast<__rlimit_resource>(resource), &both) == 0;
 }
 
-absl::Status LimitThisProcess(int64_t memory_bytes, pid_t parent) {
+absl::Status LimitThisProcess(int64_t memory_bytes, int64_t cpu_s, pid_t parent) {
   // Dies with the thread that waits for it, even if that was gone before this line.
   bool done = ::prctl(PR_SET_PDEATHSIG, SIGKILL) == 0;
   if (::getppid() != parent) return absl::CancelledError("nobody waits for the unpacking any more");
-  done = done && Limit(RLIMIT_CORE, 0);
+  done = done && Limit(RLIMIT_CORE, 0, 0);
+  // At the hard limit of time it would be a SIGKILL, as of anybody.
+  done = done && Limit(RLIMIT_CPU, cpu_s, cpu_s + 10);
 #if !defined(__SANITIZE_ADDRESS__)  // its shadow takes terabytes of addresses
-  done = done && Limit(RLIMIT_AS, memory_bytes);
+  done = done && Limit(RLIMIT_AS, memory_bytes, memory_bytes);
 #else
   (void)memory_bytes;
 #endif
@@ -76,8 +77,8 @@ absl::Status LimitThisProcess(int64_t memory_bytes, pid_t parent) {
 
 absl::StatusOr<Artefact> UnpackLimited(const std::string& archive, const std::string& destination,
                                        const ArtefactLimits& limits, int64_t memory_bytes,
-                                       pid_t parent) {
-  const absl::Status limited = LimitThisProcess(memory_bytes, parent);
+                                       int64_t cpu_s, pid_t parent) {
+  const absl::Status limited = LimitThisProcess(memory_bytes, cpu_s, parent);
   if (!limited.ok()) return limited;
   const Utf8Names utf8_names;  // their table is a file of the system
   const absl::StatusOr<UnpackPlace> place = OpenUnpackPlace(archive, destination);
@@ -141,15 +142,21 @@ absl::StatusOr<Process> Start(std::vector<std::string> words) {
   return HostError("can't start the process for unpacking");
 }
 
-// What it writes until it ends; nothing if it has not ended by `deadline`.
-std::optional<std::string> ReadAnswer(const Process& process, absl::Duration deadline) {
+// What it writes until it ends.
+absl::StatusOr<std::string> ReadAnswer(const Process& process, const UnpackBudget& budget) {
+  const absl::Duration deadline = SystemClock().Monotonic() + budget.time;
   std::string answer;
   std::array<char, 4096> buffer;
   while (answer.size() <= kMaxAnswer) {
     const absl::Duration left = deadline - SystemClock().Monotonic();
-    if (left <= absl::ZeroDuration()) return std::nullopt;
+    if (left <= absl::ZeroDuration()) {
+      return absl::DeadlineExceededError(
+          absl::StrCat("the archive could not be unpacked within ",
+                       absl::FormatDuration(budget.time), ", as the host is too busy; send it again"));
+    }
+    if (absl::Status status = budget.go_on(); !status.ok()) return status;
     pollfd entry = {process.answer.get(), POLLIN, 0};
-    const timespec wait = absl::ToTimespec(left);
+    const timespec wait = absl::ToTimespec(std::min(left, kAskEvery));
     if (::ppoll(&entry, 1, &wait, nullptr) <= 0) continue;
     const ssize_t got = ::read(process.answer.get(), buffer.data(), buffer.size());
     if (got < 0 && errno == EINTR) continue;
@@ -159,11 +166,31 @@ std::optional<std::string> ReadAnswer(const Process& process, absl::Duration dea
   return answer;
 }
 
-absl::StatusOr<Artefact> ArtefactOf(const std::string& answer, int wait_status) {
-  if (WIFSIGNALED(wait_status)) {
+// What a process does to itself. Every other signal comes from outside: a person, or a kernel that
+// has no memory.
+bool IsOwnFault(int signal) {
+  for (const int own : {SIGABRT, SIGFPE, SIGILL, SIGSEGV, SIGSYS, SIGTRAP}) {
+    if (signal == own) return true;
+  }
+  return false;
+}
+
+absl::StatusOr<Artefact> ArtefactOf(const std::string& answer, int wait_status,
+                                    const UnpackBudget& budget) {
+  const int signal = WIFSIGNALED(wait_status) ? WTERMSIG(wait_status) : 0;
+  if (signal == SIGXCPU) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the archive takes more than ", absl::FormatDuration(budget.cpu),
+        " of processor time to unpack; make it smaller"));
+  }
+  if (IsOwnFault(signal)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("unpacking the archive was ended by signal ", WTERMSIG(wait_status),
+        absl::StrCat("unpacking the archive was ended by signal ", signal,
                      "; pack it again with an ordinary tar or zip"));
+  }
+  if (signal != 0) {
+    return absl::UnavailableError(absl::StrCat(
+        "what unpacked the archive was ended from outside (signal ", signal, "); send it again"));
   }
   const absl::StatusOr<nlohmann::json> json = ParseJson(answer, "unpacking");
   if (!json.ok()) return absl::InternalError("the process for unpacking gave no answer");
@@ -186,26 +213,24 @@ absl::StatusOr<Artefact> ArtefactOf(const std::string& answer, int wait_status) 
 
 absl::StatusOr<Artefact> UnpackInProcess(const std::string& archive, const std::string& destination,
                                          const ArtefactLimits& limits, const UnpackBudget& budget) {
-  if (budget.time <= absl::ZeroDuration() || budget.memory_bytes < 1) {
+  if (budget.time <= absl::ZeroDuration() || budget.memory_bytes < 1 ||
+      budget.cpu < absl::Seconds(1)) {
     return absl::FailedPreconditionError("every budget of unpacking must be above 0");
   }
-  const absl::Duration deadline = SystemClock().Monotonic() + budget.time;
   const absl::StatusOr<Process> process =
       Start({"myograde-unpack", kVerb, archive, destination, absl::StrCat(limits.bytes),
              absl::StrCat(limits.files), absl::StrCat(limits.depth),
              absl::StrCat(limits.name_bytes), absl::StrCat(budget.memory_bytes),
-             absl::StrCat(::getpid())});
+             absl::StrCat(absl::ToInt64Seconds(budget.cpu)), absl::StrCat(::getpid())});
   if (!process.ok()) return process.status();
-  const std::optional<std::string> answer = ReadAnswer(*process, deadline);
+  const absl::StatusOr<std::string> answer = ReadAnswer(*process, budget);
   // It is late, or it said all and is about to end: its exit status stays what it is then.
   ::kill(process->pid, SIGKILL);
   int wait_status = 0;
   while (::waitpid(process->pid, &wait_status, 0) < 0 && errno == EINTR) continue;
   absl::StatusOr<Artefact> artefact =
-      answer ? ArtefactOf(*answer, wait_status)
-             : absl::StatusOr<Artefact>(absl::InvalidArgumentError(absl::StrCat(
-                   "the archive could not be unpacked in the ", absl::ToInt64Seconds(budget.time),
-                   " s that were left for it; make it smaller")));
+      answer.ok() ? ArtefactOf(*answer, wait_status, budget)
+                  : absl::StatusOr<Artefact>(answer.status());
   if (!artefact.ok()) {
     std::error_code ignored;  // the first error is the one to tell
     std::filesystem::remove_all(destination, ignored);
@@ -214,9 +239,9 @@ absl::StatusOr<Artefact> UnpackInProcess(const std::string& archive, const std::
 }
 
 bool RunUnpackProcess(int argc, char** argv, int& status) {
-  constexpr int kWords = 10;
+  constexpr int kWords = 11;
   if (argc < 2 || std::strcmp(argv[1], kVerb) != 0) return false;
-  std::array<int64_t, 6> numbers = {};
+  std::array<int64_t, 7> numbers = {};
   bool good = argc == kWords;
   for (size_t i = 0; good && i < numbers.size(); ++i) {
     good = absl::SimpleAtoi(argv[4 + i], &numbers[i]);
@@ -225,7 +250,8 @@ bool RunUnpackProcess(int argc, char** argv, int& status) {
   if (!good) return true;
   const ArtefactLimits limits = {numbers[0], numbers[1], numbers[2], numbers[3]};
   const absl::StatusOr<Artefact> artefact =
-      UnpackLimited(argv[2], argv[3], limits, numbers[4], static_cast<pid_t>(numbers[5]));
+      UnpackLimited(argv[2], argv[3], limits, numbers[4], numbers[5],
+                    static_cast<pid_t>(numbers[6]));
   const std::string answer = CanonicalJson(AnswerOf(artefact));
   for (size_t done = 0; done < answer.size();) {
     const ssize_t put = ::write(STDOUT_FILENO, answer.data() + done, answer.size() - done);

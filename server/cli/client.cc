@@ -102,7 +102,8 @@ absl::StatusOr<Json> Client::Post(const std::string& path, const Json& body) con
 }
 
 absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& file,
-                                    const std::function<void(int64_t)>& progress) const {
+                                    const std::function<void(int64_t)>& progress,
+                                    const std::string& type) const {
   if (absl::Status status = CheckSocket(); !status.ok()) return status;
   std::ifstream input(file, std::ios::binary);
   std::error_code error;
@@ -119,7 +120,7 @@ absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& 
     return sink.write(buffer.data(), want);
   };
   const httplib::Result result =
-      http.Post(path, static_cast<size_t>(size), provide, "application/x-tar");
+      http.Post(path, static_cast<size_t>(size), provide, type);
   if (!result && result.error() != httplib::Error::Connection) {
     return absl::UnavailableError(absl::StrCat(
         "the daemon on ", socket_, " hung up in the middle of an upload of ", size, " bytes (",

@@ -237,7 +237,7 @@ int Import(const TransferOptions& options) {
   const Client client(options.daemon.path());
   absl::Status status;
   if (client.Get("/v1/health").ok()) {
-    status = client.Upload("/v1/import", options.file, [](int64_t) {}).status();
+    status = client.Upload("/v1/import", options.file, [](int64_t) {}, "application/json").status();
   } else if (!options.daemon.socket.empty()) {
     status = absl::UnavailableError(absl::StrCat("no daemon listens on ", options.daemon.socket));
   } else {

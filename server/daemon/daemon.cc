@@ -1,11 +1,17 @@
 #include "server/daemon/daemon.h"
 
 #include <malloc.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <functional>
+#include <thread>
 
 #include <absl/strings/str_cat.h>
 #include <spdlog/sinks/stdout_sinks.h>
@@ -27,6 +33,9 @@ namespace myograde::server {
 namespace {
 
 namespace fs = std::filesystem;
+
+// What a stop takes is bounded: a second for the leases, then this for all else.
+constexpr absl::Duration kLeaveWithin = absl::Seconds(3);
 
 std::string FromEnvironment(const char* name) {
   const char* value = getenv(name);
@@ -86,12 +95,16 @@ void StartLog(const std::string& level) {
 }
 
 std::atomic<Engine*> engine_to_stop = nullptr;
+std::atomic<UnixHttpServer*> server_to_stop = nullptr;
 
 void OnSignal(int) {
+  const int error = errno;
   if (Engine* engine = engine_to_stop.load()) engine->Stop();
+  if (UnixHttpServer* server = server_to_stop.load()) server->BeginStop();
+  errno = error;
 }
 
-// Signals stop this engine while the object lives.
+// Signals stop this engine, and the server once there is one, while the object lives.
 class SignalGuard {
  public:
   explicit SignalGuard(Engine& engine) {
@@ -103,8 +116,37 @@ class SignalGuard {
     // Inherited as ignored, it would make the children's ends invisible.
     std::signal(SIGCHLD, SIG_DFL);
   }
-  ~SignalGuard() { engine_to_stop = nullptr; }
+  ~SignalGuard() {
+    server_to_stop = nullptr;
+    engine_to_stop = nullptr;
+  }
 };
+
+// Ends the process a while from now, if it is still there: everything that must be written is, and
+// what a thread may hang in, a slow disk for one, shall not keep the host from going down.
+void EndSoon(int exit_status) {
+  std::thread([exit_status] {
+    std::this_thread::sleep_for(absl::ToChronoMilliseconds(kLeaveWithin));
+    spdlog::warn("stopped, without waiting for what still hung");
+    std::_Exit(exit_status);
+  }).detach();
+}
+
+// Makes room for all the descriptors that the config may take.
+absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
+  const auto needed = static_cast<rlim_t>(DescriptorsNeeded(config));
+  rlimit limit = {};
+  getrlimit(RLIMIT_NOFILE, &limit);
+  if (limit.rlim_cur >= needed) return absl::OkStatus();
+  const rlim_t allowed = limit.rlim_max;
+  limit = {needed, std::max(needed, allowed)};
+  if (setrlimit(RLIMIT_NOFILE, &limit) == 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "server.json: ", config.scheduler.slots, " slots, ", config.http.clients, " clients and ",
+      config.http.workers, " workers may need ", needed, " open files at once, and this process may "
+      "have ", allowed, "; raise that (ulimit -n, LimitNOFILE= of a service), or lower one of the "
+      "three"));
+}
 
 }  // namespace
 
@@ -131,6 +173,7 @@ absl::Status RunDaemon(const DaemonOptions& options) {
   // The runners read it; a mistake in it is better told now than by each lease.
   absl::StatusOr<SandboxConfig> sandbox = LoadSandboxConfig(options.configs_dir);
   if (!sandbox.ok()) return sandbox.status();
+  if (absl::Status status = RaiseDescriptorLimit(*config); !status.ok()) return status;
   if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
   absl::StatusOr<DataLock> lock = DataLock::Take(options.data_dir);
   if (!lock.ok()) return lock.status();
@@ -167,13 +210,16 @@ absl::Status RunDaemon(const DaemonOptions& options) {
        .uid = geteuid() == 0 ? config->uid_base + kReferenceUsers : -1});
   Api api({*config, options.data_dir, options.cache_dir, &reference, clock.Now()}, *tracks, engine,
           readers, receipts_key, clock);
-  UnixHttpServer server(config->http);
+  UnixHttpServer server(config->http, options.data_dir + "/spool");
   api.Install(server);
   if (absl::Status status = server.Start(options.socket); !status.ok()) return status;
+  server_to_stop = &server;
   const Retention retention(config->retention, options.data_dir, engine, readers, clock);
   spdlog::info("listening on {}, {} slots, {} tracks", options.socket,
                config->scheduler.slots, tracks->offers().size());
   const absl::Status status = engine.Run();
+  EndSoon(status.ok() ? 0 : 4);
+  server_to_stop = nullptr;
   server.Shutdown();
   spdlog::info("stopped");
   return status;

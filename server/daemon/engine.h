@@ -30,13 +30,15 @@ class Engine {
   // Requests; safe from any thread, answered within `timeout`. Besides the
   // errors of EngineCore's: CancelledError while stopping, ResourceExhaustedError
   // when too many wait, DeadlineExceededError.
-  absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact, absl::Duration timeout);
+  // True if the artefact is new; an error as of Writer::AddUpload, and then nothing is.
+  absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact, const NewUpload& upload,
+                                   const UnsubmittedLimits& limits, absl::Duration timeout);
   // An Accepted that is linked is an earlier submission's; nothing new will run.
   // NotFoundError if the artefact's files are not there any more.
   absl::StatusOr<Accepted> Submit(const NewSubmission& submission, const AdmissionRules& rules,
                                   const std::string& who, absl::Duration timeout);
-  absl::StatusOr<Accepted> Rerun(const NewRerun& rerun, const std::string& who,
-                                 absl::Duration timeout);
+  absl::StatusOr<Accepted> Rerun(const NewRerun& rerun, const std::string& who, bool organiser,
+                                 const RerunLimits& limits, absl::Duration timeout);
   // Any other change of the store that no running lease depends on; `change` owns
   // what it touches. `effect` follows on the loop's thread once it is written.
   absl::Status Change(StoreChange change, absl::Duration timeout,

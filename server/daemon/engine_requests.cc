@@ -14,13 +14,15 @@ absl::Status Engine::Ask(StoreChange change, std::function<absl::Status()> effec
       timeout);
 }
 
-absl::StatusOr<bool> Engine::AddArtefact(const ArtefactRow& artefact, absl::Duration timeout) {
+absl::StatusOr<bool> Engine::AddArtefact(const ArtefactRow& artefact, const NewUpload& upload,
+                                         const UnsubmittedLimits& limits, absl::Duration timeout) {
   const auto is_new = std::make_shared<bool>(false);
   const absl::Status status = Ask(
-      [artefact, is_new](Writer& writer) {
+      [artefact, upload, limits, is_new](Writer& writer) {
         absl::StatusOr<bool> added = writer.AddArtefact(artefact);
-        if (added.ok()) *is_new = *added;
-        return added.status();
+        if (!added.ok()) return added.status();
+        *is_new = *added;
+        return writer.AddUpload(artefact, upload, limits);
       },
       nullptr, timeout);
   if (!status.ok()) return status;
@@ -62,13 +64,20 @@ absl::Status Engine::Change(StoreChange change, absl::Duration timeout,
 }
 
 absl::StatusOr<Accepted> Engine::Rerun(const NewRerun& rerun, const std::string& who,
+                                       bool organiser, const RerunLimits& limits,
                                        absl::Duration timeout) {
-  return Admit([this, rerun, who](Writer& writer) -> absl::StatusOr<Accepted> {
-    if (absl::Status status = HasArtefactFiles(data_dir_, rerun.artefact); !status.ok()) {
-      return status;
-    }
-    return writer.AddRerun(rerun, who);
-  }, timeout);
+  return Admit(
+      [this, rerun, who, organiser, limits](Writer& writer) -> absl::StatusOr<Accepted> {
+        if (absl::Status status = HasArtefactFiles(data_dir_, rerun.artefact); !status.ok()) {
+          return status;
+        }
+        if (absl::Status status = writer.CheckReruns(rerun.submission, who, organiser, limits);
+            !status.ok()) {
+          return status;
+        }
+        return writer.AddRerun(rerun, who);
+      },
+      timeout);
 }
 
 absl::StatusOr<CancelReport> Engine::Cancel(int64_t submission, const std::string& why,

@@ -98,6 +98,12 @@ void Retention::Sweep() {
     }
     Remove(kind, ChooseRemovals(*std::move(files), age, bytes, now));
   };
+  absl::StatusOr<std::vector<Choice>> unsubmitted = Unsubmitted(now);
+  if (unsubmitted.ok()) {
+    Remove(kUploadKind, *unsubmitted);
+  } else {
+    spdlog::warn("retention of uploads: {}", std::string(unsubmitted.status().message()));
+  }
   look("artefact", Artefacts(), limits_.artefact_age, limits_.artefact_bytes);
   absl::StatusOr<std::vector<KeptFile>> logs = Logs();  // none of them known to be needed
   // Which logs are needed is in every episode's row; nobody asks while there is room for all.
@@ -105,6 +111,22 @@ void Retention::Sweep() {
     logs = WithNeeded(*std::move(logs));
   }
   look("log", std::move(logs), limits_.log_age, limits_.log_bytes);
+}
+
+absl::StatusOr<std::vector<Choice>> Retention::Unsubmitted(int64_t now_ms) {
+  std::vector<Choice> choices;
+  const absl::Status status = readers_.Read([&](Reader& reader) {
+    for (const UploadRow& upload : reader.Uploads()) {
+      if (absl::Milliseconds(now_ms - upload.at) <= limits_.upload_age) break;
+      choices.push_back({{upload.hash, absl::StrCat(data_dir_, "/artefacts/", upload.hash),
+                          upload.bytes, upload.at, /*needed=*/false},
+                         absl::StrCat("was not submitted within ",
+                                      absl::FormatDuration(limits_.upload_age))});
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  return choices;
 }
 
 absl::StatusOr<std::vector<KeptFile>> Retention::Artefacts() {

@@ -48,6 +48,8 @@ class Retention {
   // One look: what is too old or too much is removed. Trouble is logged.
   void Sweep();
   absl::StatusOr<std::vector<KeptFile>> Artefacts();
+  // What came too long ago and was never submitted.
+  absl::StatusOr<std::vector<Choice>> Unsubmitted(int64_t now_ms);
   std::vector<KeptFile> Logs();  // `needed` is left out
   absl::StatusOr<std::vector<KeptFile>> WithNeeded(std::vector<KeptFile> logs);
   void Remove(const std::string& kind, const std::vector<Choice>& choices);

@@ -12,6 +12,18 @@ namespace myograde::server {
 namespace {
 
 constexpr int64_t kTiB = int64_t{1} << 40;
+constexpr int64_t kMany = 1'000'000'000;
+
+// Keys that server.json of an earlier version lacks.
+int64_t IntegerOr(ConfigReader& reader, std::string_view key, int64_t usual, int64_t min,
+                  int64_t max) {
+  return reader.Has(key) ? reader.Integer(key, min, max) : usual;
+}
+
+absl::Duration SecondsOr(ConfigReader& reader, std::string_view key, absl::Duration usual,
+                         NumberRange range) {
+  return reader.Has(key) ? absl::Seconds(reader.Number(key, range)) : usual;
+}
 
 int ReadSlots(ConfigReader& reader, const nlohmann::json& json) {
   const bool cores = json.is_object() && json.contains("slots") && json["slots"].is_string();
@@ -57,7 +69,18 @@ absl::Status ReadArtefacts(const nlohmann::json& json, const std::string& where,
   config.artefacts.files = reader.Integer("files", 1, 10'000'000);
   config.artefacts.unpack_memory_bytes =
       reader.Integer("unpack_memory_bytes", int64_t{128} << 20, kTiB);
-  config.artefacts.uploads = static_cast<int>(reader.Integer("uploads", 1, 1000));
+  UploadLimits& limits = config.artefacts;
+  limits.uploads = static_cast<int>(reader.Integer("uploads", 1, 1000));
+  limits.unpack_cpu = SecondsOr(reader, "unpack_cpu_s", limits.unpack_cpu, {1, 86400});
+  limits.disk_reserve = IntegerOr(reader, "disk_reserve_bytes", limits.disk_reserve, 1, kTiB);
+  UnsubmittedLimits& unsubmitted = limits.unsubmitted;
+  unsubmitted.count = IntegerOr(reader, "unsubmitted", unsubmitted.count, 1, kMany);
+  unsubmitted.bytes = IntegerOr(reader, "unsubmitted_bytes", unsubmitted.bytes, 1, 1024 * kTiB);
+  unsubmitted.of_one = IntegerOr(reader, "uploader_unsubmitted", unsubmitted.of_one, 1, kMany);
+  unsubmitted.bytes_of_one =
+      IntegerOr(reader, "uploader_unsubmitted_bytes", unsubmitted.bytes_of_one, 1, 1024 * kTiB);
+  unsubmitted.age =
+      SecondsOr(reader, "unsubmitted_s", unsubmitted.age, {1, 36500.0 * 86400});
   return reader.Finish();
 }
 
@@ -70,6 +93,22 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
   config.http.upload = absl::Seconds(reader.Number("upload_s", {1, 86400}));
   config.http.idle = absl::Seconds(reader.Number("idle_s", {1, 86400}));
   config.http.body_bytes = reader.Integer("body_bytes", 1024, int64_t{1} << 30);
+  HttpLimits& limits = config.http;
+  const int64_t archive = config.artefacts.archive_bytes;
+  limits.organiser_workers = static_cast<int>(
+      IntegerOr(reader, "organiser_workers", std::min(4, limits.workers / 2), 1, limits.workers / 2));
+  limits.organiser_clients = static_cast<int>(IntegerOr(
+      reader, "organiser_clients", std::min(16, limits.clients / 2), 1, std::max(limits.clients - 1, 1)));
+  limits.peer_clients = static_cast<int>(
+      IntegerOr(reader, "peer_clients", std::max(limits.clients / 2, 1), 1, limits.clients));
+  limits.min_bytes_per_s =
+      IntegerOr(reader, "min_bytes_per_s", limits.min_bytes_per_s, 1, int64_t{1} << 30);
+  limits.speed_window = SecondsOr(reader, "speed_window_s", limits.speed_window, {1, 86400});
+  limits.spool_bytes = IntegerOr(reader, "spool_bytes", 8 * archive, archive, 1024 * kTiB);
+  limits.peer_spool_bytes =
+      IntegerOr(reader, "peer_spool_bytes", 4 * archive, archive, 1024 * kTiB);
+  limits.disk_reserve = config.artefacts.disk_reserve;
+  limits.large_uploads = config.artefacts.uploads;
   const std::string mode = reader.String("socket_mode");
   if (mode.size() != 4 || mode[0] != '0' ||
       mode.find_first_not_of("01234567") != std::string::npos) {
@@ -77,6 +116,17 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
   } else {
     config.http.socket_mode = static_cast<unsigned>(std::stoul(mode, nullptr, 8));
   }
+  return reader.Finish();
+}
+
+absl::Status ReadReruns(const nlohmann::json& json, const std::string& where,
+                        ServerConfig& config) {
+  ConfigReader reader(json, where);
+  RerunLimits& limits = config.reruns;
+  limits.unfinished = IntegerOr(reader, "unfinished", limits.unfinished, 1, kMany);
+  limits.of_one = IntegerOr(reader, "of_one", limits.of_one, 1, kMany);
+  limits.of_a_submission = IntegerOr(reader, "of_a_submission", limits.of_a_submission, 1, kMany);
+  limits.of_organisers = IntegerOr(reader, "of_organisers", limits.of_organisers, 1, kMany);
   return reader.Finish();
 }
 
@@ -89,6 +139,7 @@ absl::Status ReadRetention(const nlohmann::json& json, const std::string& where,
   config.retention.log_age = absl::Hours(24 * reader.Number("log_days", {1, kCentury}));
   config.retention.log_bytes = reader.Integer("log_bytes", 1, 1024 * kTiB);
   config.retention.every = absl::Seconds(reader.Number("every_s", {1, 86400}));
+  config.retention.upload_age = config.artefacts.unsubmitted.age;
   return reader.Finish();
 }
 
@@ -139,6 +190,19 @@ bool PinsSlots(const ServerConfig& config, int slots, const TrackConfig& track) 
          static_cast<unsigned>(slots) >= std::thread::hardware_concurrency();
 }
 
+int64_t DescriptorsNeeded(const ServerConfig& config) {
+  // Logs, the store, the lock, the listener, and what has not been thought of.
+  constexpr int64_t kBase = 128;
+  // A runner's three pipes; six ends more while it is started.
+  constexpr int64_t kOfASlot = 4;
+  // A connection and the body that it brings.
+  constexpr int64_t kOfAClient = 2;
+  // A connection to the store with its logs, a file in work, a pipe to what unpacks.
+  constexpr int64_t kOfAWorker = 8;
+  return kBase + kOfASlot * config.scheduler.slots + kOfAClient * config.http.clients +
+         kOfAWorker * config.http.workers;
+}
+
 absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
                                               const std::string& cache_dir) {
   absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
@@ -155,12 +219,15 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   const nlohmann::json& http = reader.Object("http");
   const nlohmann::json& quota = reader.Object("quota");
   const nlohmann::json& retention = reader.Object("retention");
+  const nlohmann::json reruns =
+      reader.Has("reruns") ? reader.Object("reruns") : nlohmann::json::object();
   absl::Status status = reader.Finish();
   if (status.ok()) status = ReadRuntimes(runtimes, path + ": runtimes", cache_dir, config);
   if (status.ok()) status = ReadScheduler(scheduler, path + ": scheduler", config);
   if (status.ok()) status = ReadArtefacts(artefacts, path + ": artefacts", config);
   if (status.ok()) status = ReadHttp(http, path + ": http", config);
   if (status.ok()) status = ReadQuota(quota, path + ": quota", config);
+  if (status.ok()) status = ReadReruns(reruns, path + ": reruns", config);
   if (status.ok()) status = ReadRetention(retention, path + ": retention", config);
   if (!status.ok()) return status;
   return config;

@@ -23,6 +23,16 @@ struct HttpLimits {
   absl::Duration idle;
   int64_t body_bytes = 0;
   unsigned socket_mode = 0600;
+  // Organisers are root and the user that runs the daemon.
+  int organiser_workers = 4;       // of `workers`; at most half of them
+  int organiser_clients = 16;      // of `clients`
+  int peer_clients = 128;          // connections of one user who is no organiser
+  int64_t min_bytes_per_s = 1024;  // of a request that arrives, and of an answer that is read
+  absl::Duration speed_window = absl::Seconds(30);
+  int64_t spool_bytes = int64_t{32} << 30;  // bodies on the disk, of all and of one user
+  int64_t peer_spool_bytes = int64_t{16} << 30;
+  int64_t disk_reserve = 0;        // UploadLimits::disk_reserve
+  int large_uploads = 1;           // UploadLimits::uploads
 };
 
 struct UploadLimits {
@@ -30,7 +40,10 @@ struct UploadLimits {
   int64_t bytes = 0;
   int64_t files = 0;
   int64_t unpack_memory_bytes = 0;
-  int uploads = 0;  // at once
+  int uploads = 0;            // of more than 1 MiB that are unpacked at once
+  absl::Duration unpack_cpu = absl::Seconds(300);
+  int64_t disk_reserve = int64_t{512} << 20;  // bytes of the disk that uploads leave free
+  UnsubmittedLimits unsubmitted;
 };
 
 // What teams may hand in. Settings of a host and a challenge, not of a track's
@@ -52,6 +65,7 @@ struct RetentionLimits {
   absl::Duration log_age;        // since an episode's log was written
   int64_t log_bytes = 0;         // of all logs together
   absl::Duration every;          // between two looks
+  absl::Duration upload_age;     // UnsubmittedLimits::age
 };
 
 struct ServerConfig {
@@ -65,6 +79,7 @@ struct ServerConfig {
   UploadLimits artefacts;
   HttpLimits http;
   QuotaConfig quota;
+  RerunLimits reruns;
   RetentionLimits retention;
   std::string log_level;
 };
@@ -73,8 +88,12 @@ struct ServerConfig {
 // policies have one processor.
 bool PinsSlots(const ServerConfig& config, int slots, const TrackConfig& track);
 
-// Reads `path`; `cache_dir` stands for ${cache} in it. Every key must be there;
-// the error names the file and the key. A runtime's folder is not looked for
+// File descriptors that a daemon of these limits may have open at once.
+int64_t DescriptorsNeeded(const ServerConfig& config);
+
+// Reads `path`; `cache_dir` stands for ${cache} in it. Every key must be there but
+// those that an earlier version did not have, which have defaults; the error names
+// the file and the key. A runtime's folder is not looked for
 // here: a missing one matters only to the submissions that ask for it.
 absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
                                               const std::string& cache_dir);

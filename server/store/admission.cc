@@ -58,6 +58,85 @@ absl::Status AddContent(SQLite::Database& db, const NewSubmission& submission, i
 
 }  // namespace
 
+absl::Status Writer::AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
+                               const UnsubmittedLimits& limits) {
+  SQLite::Statement submitted(db_, "SELECT 1 FROM submission WHERE artefact = ? LIMIT 1");
+  submitted.bind(1, artefact.hash);
+  if (submitted.executeStep()) return absl::OkStatus();
+  SQLite::Statement known(db_, "UPDATE upload SET at = ? WHERE artefact = ?");
+  SQLite::bind(known, now_ms_, artefact.hash);
+  if (known.exec() > 0) return absl::OkStatus();
+  const auto check = [&](const char* whose, const std::string& name, const std::string& sentence,
+                         int64_t most, int64_t most_bytes) -> absl::Status {
+    SQLite::Statement sum(
+        db_, absl::StrCat("SELECT count(*), ifnull(sum(a.bytes), 0) FROM upload AS u "
+                          "JOIN artefact AS a ON a.hash = u.artefact WHERE ", whose, " = ?"));
+    sum.bind(1, name);
+    sum.executeStep();
+    const int64_t count = sum.getColumn(0).getInt64();
+    const int64_t bytes = sum.getColumn(1).getInt64();
+    if (count < most && artefact.bytes <= most_bytes - bytes) return absl::OkStatus();
+    return WithErrorCode(
+        absl::FailedPreconditionError(absl::StrCat(
+            sentence, " has ", count, " uploads of ", bytes, " bytes together that were never "
+            "submitted, and may have ", most, " of ", most_bytes, " bytes; submit them, or try "
+            "again later: each goes ", absl::FormatDuration(limits.age), " after it came")),
+        "quota");
+  };
+  absl::Status status = check("''", "", "this server", limits.count, limits.bytes);
+  if (status.ok() && !upload.organiser) {
+    status = check("u.uploader", upload.uploader, upload.uploader, limits.of_one,
+                   limits.bytes_of_one);
+  }
+  if (status.ok() && !upload.organiser && !upload.team.empty()) {
+    status = check("u.team", upload.team, absl::StrCat("team \"", upload.team, "\""),
+                   limits.of_one, limits.bytes_of_one);
+  }
+  if (!status.ok()) return status;
+  SQLite::Statement insert(db_, "INSERT INTO upload (artefact, uploader, team, at) "
+                                "VALUES (?, ?, ?, ?)");
+  SQLite::bind(insert, artefact.hash, upload.uploader, upload.team, now_ms_);
+  insert.exec();
+  return absl::OkStatus();
+}
+
+absl::Status Writer::CheckReruns(int64_t submission, const std::string& who, bool organiser,
+                                 const RerunLimits& limits) {
+  // Who asked for a re-run is in the row of its beginning.
+  SQLite::Statement count(
+      db_, "SELECT count(*), ifnull(sum(t.who = ?), 0), ifnull(sum(e.submission = ?), 0) "
+           "FROM evaluation AS e JOIN transition AS t ON t.entity = 'evaluation' AND "
+           "t.entity_id = e.id AND t.from_state = '' "
+           "WHERE e.kind = 'rerun' AND e.finished_at IS NULL");
+  SQLite::bind(count, who, submission);
+  count.executeStep();
+  const int64_t all = count.getColumn(0).getInt64();
+  const int64_t own = count.getColumn(1).getInt64();
+  const int64_t of_it = count.getColumn(2).getInt64();
+  const auto refuse = [](const std::string& what, int64_t number) {
+    return WithErrorCode(
+        absl::FailedPreconditionError(absl::StrCat(
+            what, ", and ", number, " is the most; wait for one to end, or cancel it")),
+        "quota");
+  };
+  if (organiser) {
+    if (all < limits.of_organisers) return absl::OkStatus();
+    return refuse(absl::StrCat(all, " re-runs have not ended"), limits.of_organisers);
+  }
+  if (of_it >= limits.of_a_submission) {
+    return refuse(absl::StrCat(of_it, " re-runs of submission ", submission, " have not ended"),
+                  limits.of_a_submission);
+  }
+  if (own >= limits.of_one) {
+    return refuse(absl::StrCat(own, " re-runs that ", who, " asked for have not ended"),
+                  limits.of_one);
+  }
+  if (all >= limits.unfinished) {
+    return refuse(absl::StrCat(all, " re-runs have not ended"), limits.unfinished);
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<std::optional<Accepted>> Writer::FindOfficial(const NewSubmission& submission,
                                                              const AdmissionRules& rules) {
   SQLite::Statement own(
@@ -118,6 +197,9 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
                submission.config, submission.seeds, submission.ranked ? 1 : 0, who, now_ms_);
   insert.exec();
   const int64_t id = db_.getLastInsertRowid();
+  SQLite::Statement upload(db_, "DELETE FROM upload WHERE artefact = ?");
+  upload.bind(1, submission.artefact);
+  upload.exec();
   SQLite::Statement admission(
       db_, "INSERT INTO admission SELECT id, team_id, track, ?, ? FROM submission WHERE id = ?");
   SQLite::bind(admission, std::string(BudgetName(budget)), use.day, id);

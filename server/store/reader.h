@@ -96,6 +96,8 @@ class Reader {
   // The whole store as one document; transfer.h has its form.
   absl::Status Export(const ExportSink& sink) { return ExportRows(db_, sink); }
   std::vector<ArtefactUse> ArtefactUses();
+  // What nobody has submitted, the oldest first.
+  std::vector<UploadRow> Uploads();
   // Hashes of logs of what has not ended, or is done and official.
   std::set<std::string> NeededLogs();
   // Evaluations that are done and have no standing, or all that are done.

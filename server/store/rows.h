@@ -147,6 +147,13 @@ struct ArtefactUse {
   bool needed = false;   // of what has not ended, or is done and official
 };
 
+// An artefact whose files are here and that nobody has submitted.
+struct UploadRow {
+  std::string hash;
+  int64_t bytes = 0;
+  int64_t at = 0;  // when it came last
+};
+
 // A row of a team's ledger; quota.h has the rules.
 struct LedgerRow {
   int64_t id = 0;

@@ -12,6 +12,9 @@
 --   standing         has effort and pain over all steps of an evaluation, too. The view is made again
 --                    of the episode rows at the daemon's next start.
 --   artefact         has the variables that its policy.json sets for its policy.
+--   upload           artefacts whose files lie here and that no submission has asked for: whose they
+--                    are, and since when. A submission takes its artefact's row away, and so does the
+--                    removal of the files. Those of earlier versions count from now on, for nobody.
 
 ALTER TABLE artefact ADD COLUMN environment_json TEXT NOT NULL DEFAULT '{}';  -- texts by name
 
@@ -51,3 +54,15 @@ CREATE TRIGGER board_by_standing AFTER INSERT ON standing
   BEGIN UPDATE board_state SET changes = changes + 1; END;
 CREATE TRIGGER board_by_dropping AFTER DELETE ON standing
   BEGIN UPDATE board_state SET changes = changes + 1; END;
+
+CREATE TABLE upload (
+  artefact TEXT PRIMARY KEY REFERENCES artefact (hash),
+  uploader TEXT NOT NULL,                -- as 'uid 1000'; '' is not known
+  team     TEXT NOT NULL,                -- '' is not known
+  at       INTEGER NOT NULL
+) STRICT;
+CREATE INDEX upload_by_uploader ON upload (uploader);
+CREATE INDEX upload_by_team ON upload (team);
+INSERT INTO upload SELECT hash, '', '', unixepoch() * 1000 FROM artefact
+  WHERE hash NOT IN (SELECT artefact FROM submission)
+    AND hash NOT IN (SELECT name FROM removal WHERE kind = 'artefact');

@@ -20,6 +20,7 @@
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
+#include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
 #include "server/store/damage.h"
@@ -56,6 +57,33 @@ struct AdmissionRules {
   // for all teams together.
   bool one_for_everyone = false;
 };
+
+// Whose files an artefact's are until somebody asks for it to be graded.
+struct NewUpload {
+  std::string uploader;     // "uid 1000"
+  std::string team;         // "": not known
+  bool organiser = false;   // bound by the limits of all together alone
+};
+
+// Artefacts whose files are here and that nobody has submitted.
+struct UnsubmittedLimits {
+  int64_t count = 4000;
+  int64_t bytes = int64_t{64} << 30;
+  int64_t of_one = 1000;    // of one uploader, and of one team
+  int64_t bytes_of_one = int64_t{16} << 30;
+  absl::Duration age = absl::Hours(24);  // then their files go
+};
+
+// Re-runs that have not ended.
+struct RerunLimits {
+  int64_t unfinished = 64;     // of those who are no organisers, together
+  int64_t of_one = 8;          // asked for by one of them
+  int64_t of_a_submission = 2;
+  int64_t of_organisers = 256;
+};
+
+// The kind of what Writer::Remove takes only if it is still unsubmitted.
+inline constexpr char kUploadKind[] = "upload";
 
 struct NewRerun {
   int64_t submission = 0;
@@ -100,6 +128,11 @@ class Writer {
 
   // True if it was not there.
   absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact);
+  // Says whose the files of an artefact are that are about to be kept. Does nothing
+  // for one that was submitted; what is over a limit is a FailedPreconditionError
+  // with the code "quota".
+  absl::Status AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
+                         const UnsubmittedLimits& limits);
   // NotFoundError if the artefact is not in the store; a damaged row (damage.h) if the config
   // or the seeds are there and are not those given. What is over a quota, a
   // second official evaluation of an artefact that is another team's, and a new
@@ -110,6 +143,10 @@ class Writer {
   absl::StatusOr<Accepted> Accept(const NewSubmission& submission, const AdmissionRules& rules,
                                   const std::string& who);
   absl::StatusOr<Accepted> AddRerun(const NewRerun& rerun, const std::string& who);
+  // Whether `who` may have one more re-run of a submission: FailedPreconditionError
+  // with the code "quota" if too many have not ended.
+  absl::Status CheckReruns(int64_t submission, const std::string& who, bool organiser,
+                           const RerunLimits& limits);
 
   // pending -> running, as the attempt given (one more than before). Its
   // evaluation, if queued, runs as well.

@@ -103,6 +103,17 @@ std::vector<ArtefactUse> Reader::ArtefactUses() {
   return uses;
 }
 
+std::vector<UploadRow> Reader::Uploads() {
+  SQLite::Statement select(db_, "SELECT u.artefact, a.bytes, u.at FROM upload AS u "
+                                "JOIN artefact AS a ON a.hash = u.artefact ORDER BY u.at");
+  std::vector<UploadRow> uploads;
+  while (select.executeStep()) {
+    uploads.push_back({select.getColumn(0).getString(), select.getColumn(1).getInt64(),
+                       select.getColumn(2).getInt64()});
+  }
+  return uploads;
+}
+
 std::set<std::string> Reader::NeededLogs() {
   SQLite::Statement select(db_, absl::StrCat("SELECT ", kLog, ", p.facts_json ", kEpisodesOf,
                                              "WHERE ", kOver, " IS NOT TRUE AND (", kLog,
@@ -116,8 +127,10 @@ std::set<std::string> Reader::NeededLogs() {
 
 absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& name,
                                     int64_t bytes, const std::string& why) {
+  const bool upload = kind == kUploadKind;
+  const bool artefact = upload || kind == "artefact";
   std::string needed;
-  if (kind == "artefact") {
+  if (artefact) {
     needed = absl::StrCat("SELECT 1 FROM submission AS s JOIN evaluation AS e ON "
                           "e.submission = s.id WHERE s.artefact = ?1 AND ", kOver,
                           " IS NOT TRUE LIMIT 1");
@@ -131,9 +144,14 @@ absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& 
   SQLite::Statement select(db_, needed);
   select.bind(1, name);
   if (select.executeStep()) return false;
+  if (artefact) {
+    SQLite::Statement taken(db_, "DELETE FROM upload WHERE artefact = ?");
+    taken.bind(1, name);
+    if (taken.exec() == 0 && upload) return false;
+  }
   SQLite::Statement insert(db_, "INSERT INTO removal (at, kind, name, bytes, why) "
                                 "VALUES (?, ?, ?, ?, ?)");
-  SQLite::bind(insert, now_ms_, kind, name, bytes, why);
+  SQLite::bind(insert, now_ms_, upload ? std::string("artefact") : kind, name, bytes, why);
   insert.exec();
   return true;
 }

@@ -26,10 +26,10 @@ constexpr char kHead[] = "{\"data\":{";
 constexpr size_t kMaxLine = 8u << 20;
 constexpr size_t kMaxTables = 64;
 constexpr char kBytes[] = "bytes";  // the key of a value that is neither text nor a whole number
-// The secret, the views, and SQLite's own.
+// The secret, the views, whose files lie here, and SQLite's own.
 constexpr char kExportedTables[] =
     "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' AND "
-    "name NOT IN ('meta', 'standing', 'board_state', 'team_look') ORDER BY name";
+    "name NOT IN ('meta', 'standing', 'board_state', 'team_look', 'upload') ORDER BY name";
 
 struct Table {
   std::string name;

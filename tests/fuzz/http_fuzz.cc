@@ -48,24 +48,29 @@ void Install(UnixHttpServer& server) {
         });
   });
   server.Post("/v1/submissions", [](const Request&, Response& response,
-                                    const httplib::ContentReader& content) {
-    std::string body;
-    const bool whole = content([&](const char* data, size_t size) {
-      body.append(data, size);
-      return static_cast<int64_t>(body.size()) <= kBody;
-    });
-    if (!whole) UnixHttpServer::HangUpAfter();
-    const absl::StatusOr<nlohmann::json> json = ParseJson(body, "request");
-    response.status = !whole ? 413 : json.ok() && ParseSubmit(*json).ok() ? 201 : 400;
+                                    const httplib::ContentReader&) {
+    const absl::StatusOr<std::string> body = UnixHttpServer::RequestBody().Text();
+    Require(body.ok() && std::ssize(*body) <= kBody, "a body is whole and within its limit");
+    const absl::StatusOr<nlohmann::json> json = ParseJson(*body, "request");
+    response.status = json.ok() && ParseSubmit(*json).ok() ? 201 : 400;
     response.set_content("{}", "application/json");
   });
-  server.set_payload_max_length(1 << 16);
+  // Large enough to go by the disk.
+  server.SetBodyRule("/v1/artefacts", {.most = 1 << 20, .upload = true, .types = {"application/x-tar"}});
+  server.Post("/v1/artefacts", [](const Request&, Response& response,
+                                  const httplib::ContentReader&) {
+    const Body& body = UnixHttpServer::RequestBody();
+    const int64_t size = body.size();
+    const absl::StatusOr<std::string> text = body.Text();
+    Require(text.ok() && std::ssize(*text) == size, "a body is as long as it says");
+    response.set_content(std::to_string(size), "text/plain");
+  });
 }
 
 class World {
  public:
   World() : server_({.workers = 2, .clients = 8, .request = kRequest, .upload = kRequest,
-                     .idle = kRequest, .body_bytes = kBody}) {
+                     .idle = kRequest, .body_bytes = kBody}, folder_ / "") {
     Install(server_);
     Require(server_.Start(path()).ok(), "a server starts");
   }

@@ -312,6 +312,17 @@ def connections():
     seed("http", "long-path", b"GET /v1/" + b"9" * 8100 + b" HTTP/1.1" + end)
     seed("http", "no-end", get + b"A: b")
     seed("http", "other-protocol", b"\x16\x03\x01\x02\x00\x01\x00")
+    upload = b"POST /v1/artefacts HTTP/1.1\r\nContent-Type: application/x-tar\r\n"
+    seed("http", "upload", upload + b"Content-Length: 70000" + end + b"x" * 70000)
+    seed("http", "upload-chunks", upload + b"Transfer-Encoding: chunked\r\nTrailer: A" + end + 2 * (
+        b"9c40;a=b\r\n" + b"x" * 40000 + b"\r\n") + b"0\r\nA: b" + end + get + b"\r\n")
+    seed("http", "upload-expect", upload + b"Expect: 100-continue\r\nContent-Length: 70000" + end)
+    seed("http", "pipelined", post + b"Content-Length: 2" + end + b"{}" + get + b"\r\nGET /")
+    seed("http", "empty-lines", 3 * b"\r\n" + get + b"\r\n")
+    seed("http", "bare-lf", b"GET /v1/health HTTP/1.1\n\n")
+    seed("http", "two-framings", post + b"Content-Length: 2\r\nTransfer-Encoding: chunked" + end +
+         b"0" + end)
+    seed("http", "body-of-get", get + b"Content-Length: 2" + end + b"{}")
     seed("http", "upgrade", b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n")
 
 

@@ -1,5 +1,5 @@
 """Cases 47, 48, 73, 74 and 105: what must be refused when it is handed in, with a reason, before anything
-of it runs."""
+of it runs. 85 and 86 are in crowds.py."""
 
 import contextlib
 import dataclasses
@@ -12,6 +12,7 @@ import threading
 from typing import Callable
 
 import archives
+import crowds
 from host import ApiError
 
 WRONG_USE = 2
@@ -334,5 +335,7 @@ CASES = (
     SubmissionCase(48, "manifests and limits that are none", run_manifests, quick=False),
     SubmissionCase(73, "a folder that changes while it is handed in", run_changing, quick=False),
     SubmissionCase(74, "names that trick those who read them", run_names, quick=False),
+    SubmissionCase(85, "crowds of clients that are silent, slow or idle", crowds.run_crowds),
+    SubmissionCase(86, "re-runs without end", crowds.run_hoard, quick=False),
     SubmissionCase(105, "teams that look like others", run_look_alikes, quick=False),
 )

@@ -34,7 +34,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-constexpr UnpackBudget kBudget = {.time = absl::Seconds(60), .memory_bytes = 256 << 20};
+const UnpackBudget kBudget = {.time = absl::Seconds(60), .memory_bytes = 256 << 20};
 
 std::string Honest() {
   return TarEntry('0', "policy.json", R"({"name": "ü", "command": ["./policy", "a b"], "env": {"POLICY_A": "ü"}})") +
@@ -157,9 +157,105 @@ TEST(UnpackProcess, EndsAtItsDeadline) {
   const auto artefact = UnpackInProcess(temp / "a", temp / "out", {},
                                         {.time = absl::Seconds(1), .memory_bytes = 256 << 20});
   EXPECT_LT(SystemClock().Monotonic() - start, absl::Seconds(20));
-  EXPECT_TRUE(absl::IsInvalidArgument(artefact.status())) << artefact.status();
-  EXPECT_THAT(artefact.status().message(), HasSubstr("could not be unpacked in the 1 s"));
+  // The clock says nothing about the archive.
+  EXPECT_TRUE(absl::IsDeadlineExceeded(artefact.status())) << artefact.status();
+  EXPECT_THAT(artefact.status().message(), HasSubstr("could not be unpacked within 1s"));
   EXPECT_FALSE(fs::exists(temp / "out"));
+}
+
+// The children of this process, as the kernel lists them.
+std::vector<pid_t> Children() {
+  std::vector<pid_t> children;
+  for (const fs::directory_entry& task : fs::directory_iterator("/proc/self/task")) {
+    std::ifstream file(task.path() / "children");
+    for (pid_t pid; file >> pid;) children.push_back(pid);
+  }
+  return children;
+}
+
+TEST(UnpackProcess, AnEndFromOutsideIsNotTheArchivesFault) {
+  for (const int signal : {SIGKILL, SIGTERM, SIGHUP}) {
+    const TempFolder temp;
+    ASSERT_EQ(::mkfifo((temp / "a").c_str(), 0600), 0);
+    UnpackBudget budget = kBudget;
+    int asked = 0;
+    budget.go_on = [&] {
+      if (++asked == 3) {
+        for (const pid_t child : Children()) ::kill(child, signal);
+      }
+      return absl::OkStatus();
+    };
+    const auto artefact = UnpackInProcess(temp / "a", temp / "out", {}, budget);
+    EXPECT_TRUE(absl::IsUnavailable(artefact.status())) << signal << ": " << artefact.status();
+    EXPECT_THAT(artefact.status().message(), HasSubstr("from outside"));
+    EXPECT_FALSE(fs::exists(temp / "out"));
+  }
+}
+
+TEST(UnpackProcess, ACrashIsTheArchivesFault) {
+  const TempFolder temp;
+  ASSERT_EQ(::mkfifo((temp / "a").c_str(), 0600), 0);
+  UnpackBudget budget = kBudget;
+  int asked = 0;
+  budget.go_on = [&] {
+    if (++asked == 3) {
+      for (const pid_t child : Children()) ::kill(child, SIGSYS);
+    }
+    return absl::OkStatus();
+  };
+  const auto artefact = UnpackInProcess(temp / "a", temp / "out", {}, budget);
+  EXPECT_TRUE(absl::IsInvalidArgument(artefact.status())) << artefact.status();
+}
+
+TEST(UnpackProcess, IsEndedOnRequest) {
+  const TempFolder temp;
+  ASSERT_EQ(::mkfifo((temp / "a").c_str(), 0600), 0);
+  UnpackBudget budget = kBudget;
+  int asked = 0;
+  budget.go_on = [&] {
+    return ++asked < 3 ? absl::OkStatus() : absl::CancelledError("enough");
+  };
+  const auto artefact = UnpackInProcess(temp / "a", temp / "out", {}, budget);
+  EXPECT_EQ(artefact.status(), absl::CancelledError("enough"));
+  EXPECT_FALSE(fs::exists(temp / "out"));
+}
+
+TEST(UnpackProcess, ProcessorTimeIsLimited) {
+  const TempFolder temp;
+  constexpr size_t kBytes = size_t{6} << 30;
+  {
+    const std::unique_ptr<archive, int (*)(archive*)> writer(archive_write_new(), archive_write_free);
+    archive_write_add_filter_zstd(writer.get());
+    archive_write_set_format_pax(writer.get());
+    ASSERT_EQ(archive_write_open_filename(writer.get(), (temp / "a").c_str()), ARCHIVE_OK);
+    const std::unique_ptr<archive_entry, void (*)(archive_entry*)> entry(archive_entry_new(),
+                                                                         archive_entry_free);
+    archive_entry_set_pathname(entry.get(), "zeros");
+    archive_entry_set_filetype(entry.get(), AE_IFREG);
+    archive_entry_set_perm(entry.get(), 0644);
+    archive_entry_set_size(entry.get(), static_cast<int64_t>(kBytes));
+    ASSERT_EQ(archive_write_header(writer.get(), entry.get()), ARCHIVE_OK);
+    const std::string zeros(size_t{4} << 20, '\0');
+    for (size_t done = 0; done < kBytes; done += zeros.size()) {
+      archive_write_data(writer.get(), zeros.data(), zeros.size());
+    }
+  }
+  UnpackBudget budget = kBudget;
+  budget.cpu = absl::Seconds(1);
+  const auto artefact =
+      UnpackInProcess(temp / "a", temp / "out", {.bytes = int64_t{8} << 30}, budget);
+  EXPECT_TRUE(absl::IsInvalidArgument(artefact.status())) << artefact.status();
+  EXPECT_THAT(artefact.status().message(), HasSubstr("processor time"));
+  EXPECT_FALSE(fs::exists(temp / "out"));
+}
+
+TEST(UnpackOpened, AFileThatTheHostCantReadIsNotTheArchivesFault) {
+  const TempFolder temp;
+  const Fd broken(::open("/proc/self/mem", O_RDONLY | O_CLOEXEC));  // EIO at its beginning
+  const Fd folder(::open(temp.path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  const auto artefact = UnpackOpened(broken.get(), folder.get(), {});
+  EXPECT_FALSE(artefact.ok());
+  EXPECT_FALSE(absl::IsInvalidArgument(artefact.status())) << artefact.status();
 }
 
 TEST(UnpackProcess, MemoryIsLimited) {
@@ -185,7 +281,8 @@ TEST(UnpackProcess, BudgetsMustBeAboveZero) {
   const TempFolder temp;
   for (const UnpackBudget& budget : {UnpackBudget{absl::ZeroDuration(), 1 << 30},
                                      UnpackBudget{absl::Seconds(1), 0},
-                                     UnpackBudget{absl::Seconds(-1), -1}}) {
+                                     UnpackBudget{absl::Seconds(-1), -1},
+                                     UnpackBudget{absl::Seconds(1), 1 << 30, absl::ZeroDuration()}}) {
     EXPECT_TRUE(absl::IsFailedPrecondition(
         UnpackInProcess(temp / "a", temp / "out", {}, budget).status()));
   }

@@ -225,6 +225,7 @@ class StoreTrouble(Disturbed):
         self.addCleanup(subprocess.run, ["umount", "-l", small], check=False)
         shutil.copytree(self.data, small / "data", ignore=shutil.ignore_patterns("*.sock"))
         self.data = small / "data"
+        self.configure(artefacts={"disk_reserve_bytes": 1})
         submission = self.begin()
         with open(small / "filler", "wb", buffering=0) as filler:
             try:
@@ -241,7 +242,7 @@ class StoreTrouble(Disturbed):
         # Longer than what a socket takes at once: refused early, and heard all the same.
         status, body = self.call("POST", "/v1/artefacts", bytes(8 << 20))
         self.assertEqual(status, 503, body)
-        self.assertIn("No space left", body["error"]["message"])
+        self.assertIn("too full", body["error"]["message"])
         time.sleep(2)
         os.remove(small / "filler")
         self.wait("/v1/health", lambda b: b["status"] == "ok")

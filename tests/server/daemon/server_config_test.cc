@@ -8,6 +8,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,17 @@ class ServerConfigTest : public ::testing::Test {
     return LoadServerConfig(path_.string(), "/cache").status();
   }
 
+  // Keys that server.json of an earlier version lacks.
+  static bool CameLater(const Pointer& place) {
+    static const std::set<std::string> later = {
+        "unpack_cpu_s", "disk_reserve_bytes", "unsubmitted", "unsubmitted_bytes",
+        "uploader_unsubmitted", "uploader_unsubmitted_bytes", "unsubmitted_s",
+        "organiser_workers", "organiser_clients", "peer_clients", "min_bytes_per_s",
+        "speed_window_s", "spool_bytes", "peer_spool_bytes", "unfinished", "of_one",
+        "of_a_submission", "of_organisers"};
+    return later.contains(place.back());
+  }
+
   // Places of all numbers.
   std::vector<Pointer> Numbers() const {
     std::vector<Pointer> found;
@@ -60,7 +72,11 @@ TEST_F(ServerConfigTest, NoLimitIsZeroAbsentNegativeOrAbsurd) {
     const std::string key = place.back();
     Json json = shipped_;
     json.at(place.parent_pointer()).erase(key);
-    EXPECT_THAT(std::string(Load(json.dump()).message()), HasSubstr(key)) << "absent";
+    if (!CameLater(place)) {
+      EXPECT_THAT(std::string(Load(json.dump()).message()), HasSubstr(key)) << "absent";
+    } else {
+      EXPECT_TRUE(Load(json.dump()).ok()) << key;
+    }
     for (const char* value : {"0", "-1", "1e18", "1e999", "null", "true", "\"many\"", "[5]"}) {
       json = shipped_;
       json.at(place) = "stands here";
@@ -74,6 +90,43 @@ TEST_F(ServerConfigTest, NoLimitIsZeroAbsentNegativeOrAbsurd) {
       }
     }
   }
+}
+
+TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
+  std::ofstream(path_) << shipped_.dump();
+  const ServerConfig now = LoadServerConfig(path_.string(), "/cache").value();
+  Json json = shipped_;
+  for (const Pointer& place : Numbers()) {
+    if (CameLater(place)) json.at(place.parent_pointer()).erase(place.back());
+  }
+  json.erase("reruns");
+  std::ofstream(path_) << json.dump();
+  const ServerConfig old = LoadServerConfig(path_.string(), "/cache").value();
+  const auto numbers = [](const ServerConfig& config) {
+    const HttpLimits& http = config.http;
+    const UploadLimits& uploads = config.artefacts;
+    return std::vector<int64_t>{
+        http.organiser_workers, http.organiser_clients, http.peer_clients, http.min_bytes_per_s,
+        absl::ToInt64Seconds(http.speed_window), http.spool_bytes, http.peer_spool_bytes,
+        http.disk_reserve, http.large_uploads, absl::ToInt64Seconds(uploads.unpack_cpu),
+        uploads.disk_reserve, uploads.unsubmitted.count, uploads.unsubmitted.bytes,
+        uploads.unsubmitted.of_one, uploads.unsubmitted.bytes_of_one,
+        absl::ToInt64Seconds(uploads.unsubmitted.age),
+        absl::ToInt64Seconds(config.retention.upload_age), config.reruns.unfinished,
+        config.reruns.of_one, config.reruns.of_a_submission, config.reruns.of_organisers};
+  };
+  EXPECT_EQ(numbers(old), numbers(now));
+}
+
+TEST_F(ServerConfigTest, SlotsAndClientsTakeDescriptors) {
+  ServerConfig config;
+  config.scheduler.slots = 1024;
+  config.http.clients = 256;
+  config.http.workers = 64;
+  EXPECT_GT(DescriptorsNeeded(config), 3 * 1024 + 2 * 256);
+  const int64_t many = DescriptorsNeeded(config);
+  config.http.clients += 100;
+  EXPECT_GE(DescriptorsNeeded(config), many + 200);
 }
 
 TEST_F(ServerConfigTest, SlotsAreANumberOrTheWordCores) {

@@ -1,0 +1,273 @@
+#include "server/api/connection.h"
+
+#include <fcntl.h>
+#include <sys/socket.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+
+#include <absl/strings/str_cat.h>
+
+namespace myograde::server {
+namespace {
+
+constexpr size_t kPiece = 256 << 10;           // read from a connection at once
+constexpr int64_t kTurn = 4 << 20;             // moved to the disk before others have a turn
+constexpr int64_t kReserveStep = 4 << 20;      // of a body that has any length
+constexpr int64_t kLookAtDisk = 16 << 20;      // written between two looks at what is free
+constexpr int64_t kSmallUpload = 1 << 20;
+constexpr int64_t kDrainBytes = int64_t{64} << 20;
+
+absl::Status WriteAll(int fd, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return absl::ErrnoToStatus(errno, "the server's disk does not take the request");
+    bytes.remove_prefix(static_cast<size_t>(n));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Fd> NewFile(const std::string& path) {
+  Fd fd(::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+  if (!fd.valid()) return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be made"));
+  return fd;
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> Body::Text() const {
+  if (!spooled()) return memory_;
+  std::string text(static_cast<size_t>(size_), '\0');
+  for (size_t done = 0; done < text.size();) {
+    const ssize_t n = ReadAt(text.data() + done, text.size() - done, static_cast<int64_t>(done));
+    if (n <= 0) return absl::UnavailableError("a request can't be read back from the server's disk");
+    done += static_cast<size_t>(n);
+  }
+  return text;
+}
+
+ssize_t Body::ReadAt(char* to, size_t size, int64_t offset) const {
+  if (spooled()) return ::pread(file_.get(), to, size, static_cast<off_t>(offset));
+  return static_cast<ssize_t>(memory_.copy(to, size, static_cast<size_t>(offset)));
+}
+
+absl::Status Body::MoveTo(const std::string& path) {
+  if (!spooled()) {
+    absl::StatusOr<Fd> fd = NewFile(path);
+    if (!fd.ok()) return fd.status();
+    const absl::Status written = WriteAll(fd->get(), memory_);
+    if (!written.ok()) ::unlink(path.c_str());
+    return written;
+  }
+  if (::rename(path_.c_str(), path.c_str()) != 0) {
+    return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be made"));
+  }
+  path_.clear();
+  Drop();
+  return absl::OkStatus();
+}
+
+absl::Status Body::Spool(const std::string& path) {
+  absl::StatusOr<Fd> fd = NewFile(path);
+  if (!fd.ok()) return fd.status();
+  file_ = *std::move(fd);
+  path_ = path;
+  const absl::Status written = WriteAll(file_.get(), memory_);
+  memory_ = std::string();
+  return written;
+}
+
+absl::Status Body::Write(std::string_view bytes) {
+  size_ += std::ssize(bytes);
+  return WriteAll(file_.get(), bytes);
+}
+
+void Body::Drop() {
+  if (spooled()) ::unlink(path_.c_str());
+  path_.clear();
+  memory_ = std::string();
+  file_.reset();
+  size_ = 0;
+}
+
+Connection::~Connection() {
+  Forget();
+  peer->unsent -= counted_unsent;
+}
+
+bool Connection::Read(size_t most) {
+  const size_t before = in.size();
+  in.resize(before + most);
+  ssize_t n;
+  do {
+    n = ::recv(fd.get(), in.data() + before, most, MSG_DONTWAIT);
+  } while (n < 0 && errno == EINTR);
+  in.resize(before + static_cast<size_t>(std::max<ssize_t>(n, 0)));
+  if (n > 0) moved += n;
+  if (n == 0) ended = true;
+  return n > 0 || (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK));
+}
+
+bool Connection::Send() {
+  while (unsent() > 0) {
+    const ssize_t n =
+        ::send(fd.get(), out.data() + sent, unsent(), MSG_NOSIGNAL | MSG_DONTWAIT);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) break;
+    if (n < 0) return false;
+    sent += static_cast<size_t>(n);
+    moved += n;
+  }
+  if (unsent() == 0) {
+    out.clear();
+    sent = 0;
+  } else if (sent >= kPiece * 4) {
+    out.erase(0, sent);
+    sent = 0;
+  }
+  return true;
+}
+
+Connection::Next Connection::Refuse(ApiError why) {
+  error = std::move(why);
+  drain_left = rule.most + kDrainBytes;
+  if (head.has_value() && !head->chunked && reader.has_value()) {
+    drain_left = std::min(drain_left, head->length - reader->size() - std::ssize(in));
+  }
+  body.Drop();
+  return Next::kRefuse;
+}
+
+Connection::Next Connection::StartBody(
+    const std::function<BodyRule(const RequestHead&)>& rule_of, const SpoolOptions& spool) {
+  rule = rule_of(*head);
+  reader.emplace(*head, rule.most);
+  if (rule.organiser_only && !peer->peer.organiser) {
+    return Refuse({403, "forbidden", "only root and the user that runs the daemon may do this"});
+  }
+  const bool known = head->content_type.empty() ||
+                     std::find(rule.types.begin(), rule.types.end(), head->content_type) !=
+                         rule.types.end();
+  if (!known) {
+    return Refuse({415, "bad_type",
+                   absl::StrCat("this address takes a body of type ", rule.types.front(),
+                                "; send it with the header Content-Type: ", rule.types.front())});
+  }
+  if (reader->error()) return Refuse(*reader->error());
+  // Told before a byte of it is sent, where it could not be kept.
+  if (head->length > kMemoryBody && !Reserve(head->length, spool)) return Refuse(error);
+  if (head->expects_continue && in.empty()) out += "HTTP/1.1 100 Continue\r\n\r\n";
+  return Next::kRead;
+}
+
+Connection::Next Connection::Feed(const std::function<BodyRule(const RequestHead&)>& rule_of,
+                                  const SpoolOptions& spool) {
+  if (!head.has_value()) {
+    if (!in.empty()) state = State::kReceiving;
+    const size_t size = scanner.Scan(in);
+    if (scanner.error()) return Refuse(*scanner.error());
+    if (size == 0) return Next::kRead;
+    head.emplace();
+    ApiError wrong;
+    if (!ParseRequestHead(std::string_view(in).substr(0, size), *head, wrong)) {
+      head.reset();
+      return Refuse(std::move(wrong));
+    }
+    in.erase(0, size);
+    if (!head->has_body()) return Next::kServe;
+    if (StartBody(rule_of, spool) == Next::kRefuse) return Next::kRefuse;
+  }
+  if (head->length > kMemoryBody || body.spooled()) return Next::kSpool;
+  std::string piece;
+  in.erase(0, reader->Take(in, piece));
+  body.Append(piece);
+  if (reader->error()) return Refuse(*reader->error());
+  if (reader->done()) return Next::kServe;
+  return body.size() > kMemoryBody ? Next::kSpool : Next::kRead;
+}
+
+bool Connection::Reserve(int64_t bytes, const SpoolOptions& spool) {
+  budget_ = spool.budget;
+  switch (budget_->Take(*peer, bytes)) {
+    case SpoolBudget::Answer::kTaken:
+      reserved += bytes;
+      return true;
+    case SpoolBudget::Answer::kPeerFull:
+      error = {429, "too_many",
+               "what you are sending at once is more than one sender may; let other uploads of "
+               "yours end first"};
+      return false;
+    case SpoolBudget::Answer::kAllFull:
+      error = {429, "too_many",
+               "the server is receiving as much as it can keep; try again in some minutes"};
+      return false;
+  }
+  return false;
+}
+
+bool Connection::CheckDisk(const SpoolOptions& spool) {
+  struct statvfs disk;
+  if (::statvfs(spool.folder.c_str(), &disk) != 0) {
+    error = {503, "store", "the server's folder for uploads can't be looked at; tell the organiser"};
+    return false;
+  }
+  const auto free = static_cast<int64_t>(disk.f_bavail) * static_cast<int64_t>(disk.f_frsize);
+  if (free - (reserved - body.size()) >= spool.disk_reserve) return true;
+  error = {503, "store",
+           "the server's disk is too full for this; try again later, or tell the organiser"};
+  return false;
+}
+
+Connection::Next Connection::Spool(const SpoolOptions& options) {
+  static std::atomic<int64_t> names = 0;
+  if (!body.spooled()) {
+    if (head->chunked && !Reserve(kReserveStep, options)) return Refuse(error);
+    if (!CheckDisk(options)) return Refuse(error);
+    const absl::Status made = body.Spool(absl::StrCat(options.folder, "/body-", ++names));
+    if (!made.ok()) return Refuse({503, "store", std::string(made.message())});
+  }
+  std::string piece;
+  for (int64_t turn = 0; turn < kTurn;) {
+    piece.clear();
+    in.erase(0, reader->Take(in, piece));
+    const int64_t after = body.size() + std::ssize(piece);
+    if (after > reserved && !Reserve(kReserveStep, options)) return Refuse(error);
+    if (body.size() / kLookAtDisk != after / kLookAtDisk && !CheckDisk(options)) {
+      return Refuse(error);
+    }
+    if (const absl::Status written = body.Write(piece); !written.ok()) {
+      return Refuse({503, "store", std::string(written.message())});
+    }
+    turn += std::ssize(piece);
+    if (reader->error()) return Refuse(*reader->error());
+    if (reader->done()) return Next::kServe;
+    if (!Read(kPiece)) {
+      return ended ? Refuse({400, "bad_request", "the request did not arrive whole; send it again"})
+                   : Next::kClose;
+    }
+    if (in.empty()) break;
+  }
+  return Next::kRead;
+}
+
+void Connection::Forget() {
+  body.Drop();
+  if (reserved > 0) budget_->Give(*peer, reserved);
+  reserved = 0;
+  head.reset();
+  reader.reset();
+  scanner = HeadScanner();
+  rule = BodyRule();
+}
+
+WorkKind Connection::work() const {
+  if (!rule.upload) return WorkKind::kServe;
+  return body.size() <= kSmallUpload ? WorkKind::kSmallUpload : WorkKind::kLargeUpload;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,61 @@
+// Whoever is at the other end of connections, as limits count them.
+#pragma once
+
+#include <sys/types.h>
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <string>
+
+namespace myograde::server {
+
+// Today a user of this host, "uid 1000"; the key is all that limits know, so that it may as well
+// be a token or an address.
+struct Peer {
+  std::string key;
+  bool organiser = false;  // has places kept free, and limits of its own
+  uid_t uid = static_cast<uid_t>(-1);
+};
+
+// What a peer takes up at the moment, over all of its connections.
+struct PeerLoad {
+  explicit PeerLoad(Peer who) : peer(std::move(who)) {}
+
+  const Peer peer;
+  int connections = 0;              // the gate's own
+  int bodies = 0;                   // being received; the gate's own
+  std::atomic<int64_t> unsent = 0;  // bytes of answers that wait to be read
+  int64_t spooled = 0;              // guarded by SpoolBudget's lock
+};
+
+// Bytes of disk for bodies: of those that are being received, with the size that they announce,
+// and of those that are worked on. For any thread.
+class SpoolBudget {
+ public:
+  SpoolBudget(int64_t total, int64_t of_a_peer) : total_(total), of_a_peer_(of_a_peer) {}
+
+  enum class Answer { kTaken, kPeerFull, kAllFull };
+  Answer Take(PeerLoad& peer, int64_t bytes) {
+    const std::lock_guard lock(mutex_);
+    if (bytes > of_a_peer_ - peer.spooled) return Answer::kPeerFull;
+    if (bytes > total_ - taken_) return Answer::kAllFull;
+    peer.spooled += bytes;
+    taken_ += bytes;
+    return Answer::kTaken;
+  }
+  void Give(PeerLoad& peer, int64_t bytes) {
+    const std::lock_guard lock(mutex_);
+    peer.spooled -= bytes;
+    taken_ -= bytes;
+  }
+
+ private:
+  const int64_t total_;
+  const int64_t of_a_peer_;
+  std::mutex mutex_;
+  int64_t taken_ = 0;  // guarded by mutex_
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,328 @@
+"""Clients that do harm without a rule of HTTP broken: they are silent, slow, many, never submit, or
+ask for the same again and again. While they do, an organiser and another user are answered."""
+
+import contextlib
+import json
+import os
+import pathlib
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import daemon_test
+
+ROOT = os.geteuid() == 0
+STRANGER = 64099  # a user that no daemon and no slot has
+# A healthy answer takes milliseconds; without the limits these would take minutes, or for ever.
+SOON_S = 20
+
+ASK = r"""
+import http.client, json, os, socket, sys
+path, uid, method, address, kind, body = sys.argv[1:7]
+if int(uid) >= 0:
+    os.setgid(int(uid)); os.setuid(int(uid))
+connection = http.client.HTTPConnection("myograde", timeout=60)
+connection.sock = socket.socket(socket.AF_UNIX)
+connection.sock.settimeout(60)
+connection.sock.connect(path)
+connection.request(method, address, sys.stdin.buffer.read() if body == "-" else body or None,
+                   {"Content-Type": kind} if kind else {})
+answer = connection.getresponse()
+sys.stdout.write(json.dumps([answer.status, json.loads(answer.read())]))
+"""
+
+CROWD = r"""
+import os, socket, sys, time
+path, uid, count, text = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), sys.argv[4].encode()
+text = text.decode("unicode_escape").encode()
+if uid >= 0:
+    os.setgid(uid); os.setuid(uid)
+crowd = []
+for _ in range(count):
+    one = socket.socket(socket.AF_UNIX)
+    one.settimeout(60)
+    try:
+        one.connect(path)
+        one.sendall(text)
+    except OSError:
+        pass  # was asked to go
+    crowd.append(one)
+print("there", flush=True)
+slow = "slow" in sys.argv
+while True:
+    time.sleep(0.2)
+    for one in crowd if slow else ():
+        try:
+            one.send(b"x" * 2000)
+        except OSError:
+            pass
+"""
+
+
+class Attacked(daemon_test.DaemonCase):
+    """A daemon whose socket everybody may use."""
+
+    def setUp(self):
+        self.open = pathlib.Path(tempfile.mkdtemp(prefix="myograde-open-"))
+        self.open.chmod(0o755)
+        self.addCleanup(shutil.rmtree, self.open, ignore_errors=True)
+        self.path = str(self.open / "socket")
+        super().setUp()
+
+    def start(self):
+        self.configure(http={"socket_mode": "0666"})
+        return super().start()
+
+    def launch(self):
+        environment = dict(os.environ, MYOGRADE_BIN_DIR=str(self.folder / "bin"))
+        log = open(self.folder / "log", "ab")
+        self.addCleanup(log.close)
+        return subprocess.Popen(
+            [daemon_test.BIN / "myograded", "--data", self.data, "--configs", self.configs,
+             "--cache", self.folder / "cache", "--socket", self.path], stderr=log, env=environment)
+
+    def call(self, method, path, body=None, kind="", uid=-1):
+        if isinstance(body, (dict, list)):
+            body = json.dumps(body)
+        given = body.encode() if isinstance(body, str) else body
+        done = subprocess.run(
+            [sys.executable, "-c", ASK, self.path, str(uid), method, path, kind,
+             "-" if given is not None else ""], input=given, capture_output=True, timeout=120, check=False)
+        if done.returncode != 0:
+            raise OSError(done.stderr.decode()[-300:])
+        return tuple(json.loads(done.stdout))
+
+    @contextlib.contextmanager
+    def crowd(self, count, text, uid=-1, slow=False):
+        """Clients that connect, say `text`, and then nothing, or a little from time to time."""
+        process = subprocess.Popen(
+            [sys.executable, "-c", CROWD, self.path, str(uid), str(count), text]
+            + ["slow"] * slow, stdout=subprocess.PIPE)
+        try:
+            self.assertEqual(process.stdout.readline(), b"there\n")
+            yield
+        finally:
+            process.kill()
+            process.wait()
+            process.stdout.close()
+
+    def users(self):
+        """The daemon's own user, who is an organiser, and where that can be, another one."""
+        return (-1, STRANGER) if ROOT else (-1,)
+
+    def others_are_answered(self):
+        for uid in self.users():
+            begun = time.monotonic()
+            status, body = self.call("GET", "/v1/health", uid=uid)
+            self.assertEqual((status, body.get("status")), (200, "ok"), (uid, body))
+            status, body = self.call("POST", "/v1/artefacts", daemon_test.archive("ok", str(uid)),
+                                     uid=uid)
+            self.assertIn(status, (200, 201), (uid, body))
+            self.assertLess(time.monotonic() - begun, SOON_S)
+
+
+UPLOAD = r"POST /v1/artefacts HTTP/1.1\r\nContent-Length: %d\r\n\r\nx"
+
+
+class Crowds(Attacked):
+    def test_silent_uploads(self):
+        with self.crowd(70, UPLOAD % 1000):
+            self.others_are_answered()
+        with self.crowd(70, UPLOAD % 1000, uid=STRANGER - 1 if ROOT else -1):
+            self.others_are_answered()
+
+    def test_slow_uploads(self):
+        for attacker in (-1, STRANGER - 1) if ROOT else (-1,):
+            with self.crowd(80, UPLOAD % (1 << 20), uid=attacker, slow=True):
+                self.others_are_answered()
+
+    def test_idle_connections_and_half_heads(self):
+        for attacker in (-1, STRANGER - 1) if ROOT else (-1,):
+            for text in ("", "GET /v1/hea", r"GET /v1/tracks HTTP/1.1\r\n\r\n"):
+                with self.crowd(300, text, uid=attacker):
+                    self.others_are_answered()
+
+    def test_announced_gigabytes(self):
+        with self.crowd(20, UPLOAD % (4 << 30)):
+            status, body = self.call("GET", "/v1/health")
+            self.assertEqual((status, body["status"]), (200, "ok"))
+
+    def test_a_stop_waits_for_no_upload(self):
+        with self.crowd(3, UPLOAD % (1 << 30), slow=True), self.crowd(3, UPLOAD % 1000), \
+                self.crowd(3, ""):
+            time.sleep(1)
+            begun = time.monotonic()
+            self.assertEqual(self.stop(signal.SIGTERM), 0)
+            # Five seconds on a quiet host; upload_s is 900.
+            self.assertLess(time.monotonic() - begun, SOON_S)
+        self.assertFalse(os.path.exists(self.path))
+
+    def test_a_stop_waits_for_no_unpacking(self):
+        # Ten million entries that are counted in, one after the other.
+        self.stop(signal.SIGTERM)
+        self.configure(artefacts={"files": 10_000_000, "unpack_memory_bytes": 8 << 30})
+        self.start()
+        import hostile_uploads_test
+        sender = subprocess.Popen(
+            [sys.executable, "-c", ASK, self.path, "-1", "POST",
+             "/v1/artefacts?team=alpha&track=demo-manipulation", "", "-"],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        try:
+            sender.stdin.write(hostile_uploads_test.many())
+            sender.stdin.close()
+            deadline = time.monotonic() + 60
+            while not any(name.endswith(".folder") for name in os.listdir(self.data / "spool")):
+                self.assertLess(time.monotonic(), deadline)
+                time.sleep(0.02)
+            begun = time.monotonic()
+            self.assertEqual(self.stop(signal.SIGTERM), 0)
+            self.assertLess(time.monotonic() - begun, SOON_S)
+            told = sender.stdout.read()
+            if told:
+                self.assertEqual(json.loads(told)[0], 503, told)
+        finally:
+            sender.kill()
+            sender.wait()
+            sender.stdout.close()
+        # What the host did is charged to nobody.
+        self.start()
+        quota = self.get("/v1/quota?team=alpha&track=demo-manipulation")
+        self.assertEqual(quota["tracks"][0]["failed"]["total"]["used"], 0)
+        self.assertEqual(os.listdir(self.data / "spool"), [])
+
+
+class Charges(Attacked):
+    def failed(self):
+        quota = self.get("/v1/quota?team=alpha&track=demo-manipulation")
+        return quota["tracks"][0]["failed"]["total"]["used"]
+
+    def test_only_what_is_wrong_with_the_bytes_is_a_failed_try(self):
+        address = "/v1/artefacts?team=alpha&track=demo-manipulation"
+        broken = socket.socket(socket.AF_UNIX)
+        broken.connect(self.path)
+        broken.sendall(f"POST {address} HTTP/1.1\r\nContent-Length: 9000\r\n\r\nhalf".encode())
+        broken.shutdown(socket.SHUT_WR)
+        broken.settimeout(60)
+        self.assertIn(b"did not arrive whole", broken.recv(4096))
+        broken.close()
+        gone = socket.socket(socket.AF_UNIX)
+        gone.connect(self.path)
+        gone.sendall(f"POST {address} HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n".encode()
+                     + b"186a0\r\n" + bytes(100_000) + b"\r\n")
+        gone.close()
+        for kind in ("multipart/form-data; boundary=x", "text/plain"):
+            status, body = self.call("POST", address, b"x" * 100, kind)
+            self.assertEqual((status, body["error"]["code"]), (415, "bad_type"))
+        self.assertEqual(self.failed(), 0)
+        status, body = self.call("POST", address, b"no archive at all" * 100)
+        self.assertEqual((status, body["error"]["code"]), (400, "bad_artefact"))
+        self.assertEqual(self.failed(), 1)
+
+    def test_a_body_of_another_type_is_told_so(self):
+        for kind in ("multipart/form-data; boundary=x", "application/x-www-form-urlencoded",
+                     "text/html", "application/x-tar"):
+            status, body = self.call("POST", "/v1/submissions", b"{}", kind)
+            self.assertEqual((status, body["error"]["code"]), (415, "bad_type"), body)
+            self.assertIn("application/json", body["error"]["message"])
+        self.assertEqual(self.call("POST", "/v1/submissions", b"{}", "application/json")[0], 400)
+
+
+class Hoards(Attacked):
+    def start(self):
+        self.configure(artefacts={"uploader_unsubmitted": 2, "unsubmitted": 3, "unsubmitted_s": 3600},
+                       reruns={"of_organisers": 3, "of_a_submission": 1, "of_one": 2})
+        return super().start()
+
+    def try_upload(self, name, uid=-1, query=""):
+        return self.call("POST", "/v1/artefacts" + query, daemon_test.archive("ok", name), uid=uid)
+
+    def test_uploads_that_are_never_submitted_are_bounded_and_go(self):
+        team = "?team=alpha&track=demo-manipulation"
+        artefacts = []
+        for name in ("a", "b", "c"):
+            status, body = self.try_upload(name)
+            self.assertEqual(status, 201, body)
+            artefacts.append(body["artefact"])
+        status, body = self.try_upload("d")
+        self.assertEqual((status, body["error"]["code"]), (409, "quota"), body)
+        self.assertIn("never submitted", body["error"]["message"])
+        self.assertEqual(len(os.listdir(self.data / "artefacts")), 3)
+        self.assertEqual(self.try_upload("a")[0], 200)  # is there already
+        request = {"artefact": artefacts[0], "team": "alpha", "track": "demo-manipulation"}
+        self.assertEqual(self.call("POST", "/v1/submissions", request)[0], 201)
+        self.assertEqual(self.try_upload("d", query=team)[0], 201)  # one was submitted
+        # The bound holds across a restart, and what is too old goes.
+        self.stop(signal.SIGTERM)
+        self.start()
+        self.assertEqual(self.try_upload("e")[0], 409)
+        self.stop(signal.SIGTERM)
+        self.configure(artefacts={"unsubmitted_s": 1}, retention={"every_s": 1})
+        daemon_test.DaemonCase.start(self)
+        deadline = time.monotonic() + 60
+        while set(os.listdir(self.data / "artefacts")) != {artefacts[0]}:
+            self.assertLess(time.monotonic(), deadline, os.listdir(self.data / "artefacts"))
+            time.sleep(0.1)
+        self.assertEqual(self.call("POST", "/v1/submissions", {**request, "artefact": artefacts[1]})[0],
+                         404)
+
+    @unittest.skipUnless(ROOT, "only root can be somebody else")
+    def test_one_uploader_has_a_bound_of_its_own(self):
+        for name in ("a", "b"):
+            self.assertEqual(self.try_upload(name, uid=STRANGER)[0], 201)
+        status, body = self.try_upload("c", uid=STRANGER)
+        self.assertEqual((status, body["error"]["code"]), (409, "quota"))
+        self.assertIn(f"uid {STRANGER} has 2 uploads", body["error"]["message"])
+        self.assertEqual(self.try_upload("c", uid=STRANGER - 1)[0], 201)
+
+    def test_reruns_that_have_not_ended_are_bounded(self):
+        submission = self.submit("slow", seeds=list(range(12)))
+        self.ended(submission)
+        path = f"/v1/submissions/{submission}/rerun"
+        if ROOT:
+            self.assertEqual(self.call("POST", path, {}, uid=STRANGER)[0], 201)
+            status, body = self.call("POST", path, {}, uid=STRANGER)
+            self.assertEqual((status, body["error"]["code"]), (409, "quota"), body)
+            self.assertIn(f"submission {submission}", body["error"]["message"])
+        answers = [self.call("POST", path, {}) for _ in range(5)]
+        self.assertEqual([status for status, _ in answers].count(201), 2 if ROOT else 3, answers)
+        self.assertEqual(answers[-1][1]["error"]["code"], "quota")
+        self.assertEqual(self.call("POST", f"/v1/submissions/{submission}/cancel", {})[0], 200)
+        self.assertEqual(self.call("POST", path, {})[0], 201)
+
+
+class Descriptors(Attacked):
+    def test_a_config_that_does_not_fit_is_told_at_the_start(self):
+        self.stop(signal.SIGTERM)
+        keep = (["setpriv", "--bounding-set=-sys_resource"] if ROOT else [])
+        done = subprocess.run(
+            keep + ["prlimit", "--nofile=300:300", daemon_test.BIN / "myograded", "--data", self.data,
+                    "--configs", self.configs, "--cache", self.folder / "cache"],
+            capture_output=True, text=True, timeout=60, check=False)
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("256 clients", done.stderr)
+        self.assertIn("this process may have 300", done.stderr)
+        self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+
+    def test_it_does_not_spin_without_descriptors(self):
+        pid = self.daemon.pid
+        open_now = len(os.listdir(f"/proc/{pid}/fd"))
+        subprocess.run(["prlimit", f"--pid={pid}", f"--nofile={open_now + 20}:"], check=True)
+        with self.crowd(100, "", uid=STRANGER if ROOT else -1):
+            def cpu():
+                fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+                return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+            before = cpu()
+            time.sleep(3)
+            self.assertLess(cpu() - before, 1.5)  # it would be 3
+            if ROOT:
+                self.assertEqual(self.call("GET", "/v1/health")[0], 200)
+        self.others_are_answered()
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
