@@ -9,8 +9,8 @@
 #include <vector>
 
 #include <absl/strings/str_cat.h>
-#include <absl/time/clock.h>
 
+#include "protocol/base/clock.h"
 #include "protocol/config_reader.h"
 
 namespace myograde {
@@ -21,11 +21,10 @@ constexpr size_t kMaxPacket = 128 * 1024;
 constexpr absl::Duration kSendTimeout = absl::Seconds(60);
 
 // Waits until `socket` has one of `events`, or the deadline.
-absl::Status WaitFor(int socket, int16_t events, absl::Time deadline) {
+absl::Status WaitFor(int socket, int16_t events, const Deadline& deadline) {
   while (true) {
-    const absl::Duration left = std::max(deadline - absl::Now(), absl::ZeroDuration());
     pollfd entry = {socket, events, 0};
-    timespec timeout = absl::ToTimespec(left);
+    timespec timeout = absl::ToTimespec(deadline.left());
     const int ready = ppoll(&entry, 1, &timeout, nullptr);
     if (ready > 0) return absl::OkStatus();
     if (ready == 0) return absl::DeadlineExceededError("no message came in time");
@@ -74,7 +73,7 @@ absl::Status SendSimMessage(int socket, const nlohmann::json& json, int fd) {
     header->cmsg_len = CMSG_LEN(sizeof(int));
     std::memcpy(CMSG_DATA(header), &fd, sizeof(int));
   }
-  const absl::Time deadline = absl::Now() + kSendTimeout;
+  const Deadline deadline(kSendTimeout);
   while (sendmsg(socket, &message, MSG_NOSIGNAL | MSG_DONTWAIT) < 0) {
     if (errno == EINTR) continue;
     if (errno != EAGAIN && errno != EWOULDBLOCK) {
@@ -89,7 +88,7 @@ absl::Status SendSimMessage(int socket, const nlohmann::json& json, int fd) {
 }
 
 absl::StatusOr<SimMessage> ReceiveSimMessage(int socket, absl::Duration timeout) {
-  if (absl::Status status = WaitFor(socket, POLLIN, absl::Now() + timeout); !status.ok()) {
+  if (absl::Status status = WaitFor(socket, POLLIN, Deadline(timeout)); !status.ok()) {
     return status;
   }
   std::vector<char> buffer(kMaxPacket);

@@ -11,7 +11,7 @@
 //   runner -> sim   {"type":"policy"} + descriptor     the bridge's socket
 //                   {"type":"cpu"}                     the page below has the new reading
 //                   {"type":"log"} + descriptor        the log's file, opened for reading
-//                   {"type":"no_policy", ...}         FaultEvidence: it could not be started
+//                   {"type":"no_policy", ...}         FaultEvidence: none is started any more
 //                   {"type":"ruling", ...}            FaultEvidence after looking at the
 //                                                      control group, limits and exit status
 //
@@ -21,7 +21,8 @@
 // The policy's CPU time so far, in ns, is kept by the runner in a page of
 // shared memory (CpuPage) that the simulator reads without a system call. It is
 // as old as cpu_refresh_s of sandbox/policy.json, so where that matters the
-// simulator asks for a new one.
+// simulator asks for a new one. In the same page the simulator says when it waits for an
+// answer, and the runner how long the policy was idle then.
 #pragma once
 
 #include <atomic>
@@ -49,6 +50,8 @@ inline constexpr int kBridgeSocketFd = 3;
 struct CpuPage {
   std::atomic<uint64_t> cpu_ns;   // CPU time of everything in the policy's sandbox
   std::atomic<uint64_t> updates;  // counts refreshes; 0: never measured
+  std::atomic<uint64_t> waits;    // the simulator's: odd while an answer is waited for
+  std::atomic<uint64_t> idle_ns;  // wall time of such waits in which the policy wanted no processor
 };
 
 struct SimMessage {

@@ -50,6 +50,7 @@ absl::StatusOr<Budgets> ParseBudgets(const nlohmann::json& json, const std::stri
   b.wall_factor = reader.Number("wall_factor", {1, 1000});
   b.lease_cpu_s = reader.Number("lease_cpu_s", {0.01, 30 * kDay});
   b.lease_wall_s = reader.Number("lease_wall_s", {0.01, 60 * kDay});
+  b.lease_idle_s = reader.Number("lease_idle_s", {0.01, 60 * kDay});
   b.memory_bytes = reader.Integer("memory_bytes", 16 * kMiB, kTiB);
   b.cpus = reader.Number("cpus", {0.1, 256});
   b.tasks = reader.Integer("tasks", 4, 32768);

@@ -28,6 +28,7 @@ struct Budgets {
   double wall_factor;        // wall caps of step and bank: this many times their CPU budgets
   double lease_cpu_s;        // s of CPU time of the whole lease
   double lease_wall_s;       // s of wall time of the whole lease
+  double lease_idle_s;       // s of that in which it was asked and wanted no processor
   int64_t memory_bytes;
   double cpus;               // processors
   int64_t tasks;             // processes and threads

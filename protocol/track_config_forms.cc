@@ -21,6 +21,11 @@ void Give(Json& config, const char* pointer, const Json& value) {
 // the earlier form meant without it.
 void FromForm1(Json& config) {
   config["form"] = 2;
+  // No bound of its own: what the whole lease may take.
+  if (const auto it = config.find("budgets");
+      it != config.end() && it->is_object() && it->contains("lease_wall_s")) {
+    (*it)["lease_idle_s"] = (*it)["lease_wall_s"];
+  }
   config.emplace("policy_seed_secret", nullptr);  // seeds of the data folder's own secret
   const Json track = config.value("track", Json());
   if (track == "manipulation") {

@@ -75,9 +75,9 @@ absl::StatusOr<LeaseOrder> ReadOrder(int fd) {
 }
 
 // Null if the runner shares no page; then CPU time is not measured.
-const CpuPage* MapCpuPage(int fd) {
-  void* page = mmap(nullptr, sizeof(CpuPage), PROT_READ, MAP_SHARED, fd, 0);
-  return page == MAP_FAILED ? nullptr : static_cast<const CpuPage*>(page);
+CpuPage* MapCpuPage(int fd) {
+  void* page = mmap(nullptr, sizeof(CpuPage), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
+  return page == MAP_FAILED ? nullptr : static_cast<CpuPage*>(page);
 }
 
 absl::StatusOr<int64_t> MaxSteps(const TrackConfig& track) {

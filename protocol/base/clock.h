@@ -2,6 +2,8 @@
 // that tests can turn the hands themselves.
 #pragma once
 
+#include <algorithm>
+
 #include <absl/time/time.h>
 
 namespace myograde {
@@ -20,6 +22,23 @@ class Clock {
 
 // The host's clocks. Lives for ever; safe to use from any thread.
 const Clock& SystemClock();
+
+// A moment by which something must have happened, on a clock's monotonic hand.
+class Deadline {
+ public:
+  explicit Deadline(absl::Duration from_now, const Clock& clock = SystemClock())
+      : clock_(&clock), at_(clock.Monotonic() + from_now) {}
+
+  bool over() const { return clock_->Monotonic() >= at_; }
+  // What is left of it, never negative.
+  absl::Duration left() const {
+    return std::max(at_ - clock_->Monotonic(), absl::ZeroDuration());
+  }
+
+ private:
+  const Clock* clock_;
+  absl::Duration at_;
+};
 
 // A clock that stands still until it is moved. Not thread-safe.
 class ManualClock : public Clock {

@@ -62,7 +62,8 @@ Api::Api(Options options, const Tracks& tracks, Engine& engine, ReaderPool& read
       engine_(engine),
       readers_(readers),
       receipts_key_(receipts_key),
-      clock_(clock) {}
+      clock_(clock),
+      began_(clock.Monotonic()) {}
 
 void Api::SendError(httplib::Response& response, const ApiError& error) {
   if (error.http == 429 || error.http == 503) response.set_header("Retry-After", "1");

@@ -126,6 +126,7 @@ class Api {
   ReaderPool& readers_;
   KeyFile& receipts_key_;
   const Clock& clock_;
+  const absl::Duration began_;  // on the monotonic clock
   std::atomic<int64_t> upload_names_ = 0;
   KnownArchives known_archives_{4096};
 

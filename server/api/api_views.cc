@@ -334,6 +334,10 @@ Api::Result Api::Health(const Request&) {
   for (const auto& [evaluation, why] : health.unreadable) {
     unreadable.push_back({{"evaluation", evaluation}, {"message", why}});
   }
+  Json closed = Json::array();
+  for (const auto& [slot, left] : health.closed_slots) {
+    closed.push_back({{"slot", slot}, {"left", left}});
+  }
   const bool paused = !health.host_trouble.empty();
   return Answer{
       200,
@@ -349,6 +353,7 @@ Api::Result Api::Health(const Request&) {
        {"leases", std::move(running)},
        {"ending", health.ending},
        {"unreadable", std::move(unreadable)},
+       {"closed_slots", std::move(closed)},
        {"version", GraderVersion()},
        {"api", 1},
        {"schema", SchemaMigrations().size()},
@@ -358,7 +363,7 @@ Api::Result Api::Health(const Request&) {
        {"pending_leases", health.pending},
        {"data", options_.data_dir},
        {"started_at", TimeToJson(absl::ToUnixMillis(options_.started_at))},
-       {"uptime_wall_s", absl::ToDoubleSeconds(clock_.Now() - options_.started_at)}}};
+       {"uptime_wall_s", absl::ToDoubleSeconds(clock_.Monotonic() - began_)}}};
 }
 
 }  // namespace myograde::server

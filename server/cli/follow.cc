@@ -5,6 +5,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/time/clock.h>
 
+#include "protocol/base/clock.h"
 #include "server/cli/common.h"
 #include "server/cli/terminal.h"
 
@@ -36,22 +37,23 @@ int ExitOfState(const std::string& state) {
 absl::StatusOr<nlohmann::json> Follow(const Client& client, const std::string& path,
                                       const std::string& what) {
   Progress progress(what);
-  const absl::Time start = absl::Now();
-  absl::Time heard = start;
+  const Clock& clock = SystemClock();
+  const absl::Duration start = clock.Monotonic();
+  absl::Duration heard = start;
   for (;;) {
     absl::StatusOr<nlohmann::json> status = client.Get(path);
     if (status.ok()) {
-      heard = absl::Now();
+      heard = clock.Monotonic();
       const nlohmann::json counts = status->value("episodes", nlohmann::json::object());
       progress.Show(counts.value("done", int64_t{0}), counts.value("total", int64_t{0}),
                     NoteOf(*status));
       if (IsFinalState(status->value("state", ""))) return status;
     } else if (status.status().code() == absl::StatusCode::kInvalidArgument ||
-               absl::Now() - heard > kPatience) {
+               clock.Monotonic() - heard > kPatience) {
       return status;
     }
     absl::SleepFor(
-        std::clamp((absl::Now() - start) / kPollsInAWait, kShortestPoll, kLongestPoll));
+        std::clamp((clock.Monotonic() - start) / kPollsInAWait, kShortestPoll, kLongestPoll));
   }
 }
 

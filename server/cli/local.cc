@@ -10,8 +10,8 @@
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
-#include <absl/time/clock.h>
 
+#include "protocol/base/clock.h"
 #include "protocol/base/outcome.h"
 #include "protocol/config_reader.h"
 #include "protocol/sha256.h"
@@ -195,7 +195,7 @@ int Local(const LocalOptions& options) {
   if (!temp.ok()) return Complain(temp.status());
   absl::StatusOr<LocalOrder> order = Prepare(options, temp->path());
   if (!order.ok()) return Complain(order.status());
-  const absl::Time start = absl::Now();
+  const absl::Duration start = SystemClock().Monotonic();
   absl::StatusOr<LocalResult> result;
   {
     Progress progress(options.track);
@@ -206,7 +206,7 @@ int Local(const LocalOptions& options) {
     result = run.Run();
   }
   if (!result.ok()) return Complain(result.status());
-  const absl::StatusOr<Json> json = ResultJson(*order, *result, absl::Now() - start);
+  const absl::StatusOr<Json> json = ResultJson(*order, *result, SystemClock().Monotonic() - start);
   if (!json.ok()) return Complain(json.status());
   const std::string state = (*json)["state"];
   if (options.json) {

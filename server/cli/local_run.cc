@@ -9,8 +9,8 @@
 #include <thread>
 
 #include <absl/strings/str_cat.h>
-#include <absl/time/clock.h>
 
+#include "protocol/base/clock.h"
 #include "protocol/policy_seed.h"
 #include "server/daemon/results.h"
 #include "server/sandbox/users.h"
@@ -115,7 +115,7 @@ absl::Status LocalRun::Start(Lease& lease, int slot) {
   absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(OrderFor(lease));
   if (!runner.ok()) return absl::InternalError(runner.status().message());
   lease.runner = *std::move(runner);
-  lease.heard = absl::Now();
+  lease.heard = SystemClock().Monotonic();
   lease.deadline = lease.heard + absl::Seconds(order_.track->config.budgets.lease_wall_s) +
                    order_.config.lease_grace;
   return absl::OkStatus();
@@ -134,7 +134,7 @@ void LocalRun::WaitForRecords() {
 }
 
 void LocalRun::Listen(Lease& lease) {
-  const absl::Time now = absl::Now();
+  const absl::Duration now = SystemClock().Monotonic();
   absl::StatusOr<std::vector<LeaseRecord>> records = lease.runner->Read();
   if (!records.ok()) {
     lease.fault = std::string(records.status().message());
@@ -168,6 +168,8 @@ void LocalRun::TakeRecord(Lease& lease, const LeaseRecord& record) {
   if (!row.ok()) {
     lease.fault = std::string(row.status().message());
   } else {
+    // What an earlier try recorded stays.
+    lease.recorded.insert(facts->index);
     lease.rows.try_emplace(facts->index, *std::move(row));
   }
 }
@@ -178,7 +180,7 @@ absl::Status LocalRun::Finish(Lease& lease) {
                                lease.runner->stderr_tail());
   }
   if (lease.fault.empty() && !lease.end->ok) lease.fault = lease.end->detail;
-  if (lease.fault.empty() && std::ssize(lease.rows) != lease.last - lease.first + 1) {
+  if (lease.fault.empty() && std::ssize(lease.recorded) != lease.last - lease.first + 1) {
     lease.fault = "the runner left out episodes";
   }
   lease.runner.reset();
@@ -195,7 +197,7 @@ absl::Status LocalRun::Finish(Lease& lease) {
   }
   lease.fault.clear();
   lease.end.reset();
-  lease.rows.clear();
+  lease.recorded.clear();
   return absl::OkStatus();
 }
 

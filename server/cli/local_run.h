@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -67,8 +68,9 @@ class LocalRun {
     int64_t faults = 0;
     std::unique_ptr<RunnerProcess> runner;
     int slot = -1;
-    absl::Time deadline;
-    absl::Time heard;
+    std::set<int64_t> recorded;  // by this try
+    absl::Duration deadline;     // moments of the monotonic clock
+    absl::Duration heard;
     std::string work_dir;
     std::string fault;  // the grader's, of this attempt
     std::map<int64_t, EpisodeRow> rows;

@@ -10,8 +10,8 @@
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
-#include <absl/time/clock.h>
 
+#include "protocol/base/clock.h"
 #include "server/plain_text.h"
 
 namespace myograde::server {
@@ -97,8 +97,8 @@ std::string Span(double seconds) {
 Progress::Progress(std::string what)
     : what_(std::move(what)),
       terminal_(::isatty(STDERR_FILENO) == 1),
-      start_(absl::Now()),
-      last_(absl::InfinitePast()) {}
+      start_(SystemClock().Monotonic()),
+      last_(-absl::InfiniteDuration()) {}
 
 Progress::~Progress() {
   if (drawn_) std::cerr << '\n';
@@ -112,7 +112,7 @@ std::string Progress::Line(int64_t done, int64_t total, const std::string& note,
     line += "[" + std::string(filled, '#') + std::string(kWidth - filled, '.') + "]  ";
   }
   absl::StrAppend(&line, done, "/", total);
-  const double seconds = absl::ToDoubleSeconds(absl::Now() - start_);
+  const double seconds = absl::ToDoubleSeconds(SystemClock().Monotonic() - start_);
   const int64_t fresh = done - std::max<int64_t>(first_done_, 0);
   if (fresh > 0 && done < total && seconds > 0) {
     absl::StrAppend(&line, absl::StrFormat("  %.2f/min", 60.0 * static_cast<double>(fresh) / seconds),
@@ -126,7 +126,7 @@ std::string Progress::Line(int64_t done, int64_t total, const std::string& note,
 
 void Progress::Show(int64_t done, int64_t total, const std::string& note) {
   if (first_done_ < 0) first_done_ = done;
-  const absl::Time now = absl::Now();
+  const absl::Duration now = SystemClock().Monotonic();
   if (terminal_) {
     std::cerr << "\r\033[K" << Line(done, total, note, true) << std::flush;
     drawn_ = true;

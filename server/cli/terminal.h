@@ -50,8 +50,8 @@ class Progress {
   std::string what_;
   bool terminal_;
   bool drawn_ = false;
-  absl::Time start_;
-  absl::Time last_;
+  absl::Duration start_;  // moments of the monotonic clock
+  absl::Duration last_;
   int64_t first_done_ = -1;
   std::string last_line_;
 };

@@ -38,6 +38,7 @@ absl::StatusOr<absl::Duration> EngineCore::Turn() {
   SeeEnds();
   TakeBackOverdue();
   SeeEnding();
+  SeeClosedSlots();
   AnswerCancels();
   SeeSelfTest();
   Escalate();
@@ -59,6 +60,7 @@ absl::Duration EngineCore::TimeToNext(absl::Duration now) const {
     if (run.runner->stdout_fd() < 0 && run.runner->stderr_fd() < 0) wait = kReapWait;
   }
   if (!ending_.empty() || !cancels_.empty()) wait = kReapWait;
+  if (!closed_slots_.empty()) wait = std::min(wait, next_slot_look_ - now);
   if (test_ != nullptr) {
     const bool quiet = test_->runner() == nullptr || test_->runner()->stdout_fd() < 0;
     wait = quiet ? kReapWait : std::min(wait, test_->deadline() - now);
@@ -211,6 +213,7 @@ void EngineCore::WriteTogether(const std::vector<Request>& requests,
 
 void EngineCore::BeginShutdown() {
   stopping_ = true;
+  for (Ending& ending : ending_) ending.runner->AskToEnd();
   std::vector<int64_t> leases;
   for (const auto& [lease, run] : running_) {
     leases.push_back(lease);

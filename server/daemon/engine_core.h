@@ -15,7 +15,8 @@
 //
 // A lease that is taken back (silent, over its time, wrong records, cancelled) has ended from
 // that moment on: what its runner still says is refused. Its slot stays taken until the runner
-// is dead.
+// is dead, and as long as a process of the slot's users lives, whoever started it: what can't be
+// killed yet still has the user's memory and disk.
 #pragma once
 
 #include <poll.h>
@@ -69,6 +70,7 @@ struct LiveLease {
 struct LiveHealth {
   int running = 0;
   int64_t pending = 0;
+  std::map<int, std::string> closed_slots;  // free but for processes that live on, in words
   int ending = 0;             // leases that were taken back and whose runners are not dead yet
   std::string store_trouble;  // "" while the store can be written
   HostHealth::State host = HostHealth::State::kWell;
@@ -148,6 +150,7 @@ class EngineCore {
     int64_t evaluation = 0;
     int64_t submission = 0;
     std::string team;
+    std::string party;  // who handed it in; "" for the organiser, who does so for anybody
     Priority priority = Priority::kOfficial;
     std::string artefact;
     std::vector<std::string> command;
@@ -170,6 +173,7 @@ class EngineCore {
     std::unique_ptr<Runner> runner;
     std::set<int64_t> recorded;
     std::optional<LeaseEndRecord> end;
+    absl::Duration end_heard;
     std::string fault;  // set: the grader's, why
   };
   // A runner of a lease that was taken back, on its way out.
@@ -179,7 +183,7 @@ class EngineCore {
     int slot = 0;
     std::string work_dir;
     std::unique_ptr<Runner> runner;
-    absl::Duration asked;
+    absl::Duration kill_at;
     bool killed = false;
     int64_t late = 0;  // records that came too late
   };
@@ -246,8 +250,10 @@ class EngineCore {
   void Fault(LeaseRun& run, const std::string& why);
   void GiveUp(const Verdict& verdict, int64_t lease, const std::string& why);
   void FreeSlot(int slot);
-  // The run leaves running_; its runner is asked to end.
-  void TakeBack(int64_t lease);
+  void CloseSlots();
+  void SeeClosedSlots();
+  // The run leaves running_; its runner is asked to end, or it may stay as long as it needs.
+  void TakeBack(int64_t lease, bool ask = true);
   void SeeEnding();
   void AnswerCancels();
   absl::Status CancelEvaluations(int64_t submission, const std::string& why,
@@ -279,6 +285,7 @@ class EngineCore {
   std::map<int64_t, LeaseRun> running_;        // by lease
   std::vector<Ending> ending_;
   std::vector<CancelWait> cancels_;
+  absl::Duration next_slot_look_;
   std::unique_ptr<SelfTest> test_;
   TrackPtr suspect_track_;                     // of the last faulty lease
 
@@ -288,6 +295,7 @@ class EngineCore {
   HostHealth host_;
   std::map<int64_t, Live> live_;
   int ending_count_ = 0;
+  std::map<int, std::string> closed_slots_;
   std::string store_trouble_;
   std::map<int64_t, std::string> unreadable_;
   absl::Duration mean_lease_ = absl::ZeroDuration();  // of those played here; 0: none yet

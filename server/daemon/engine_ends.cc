@@ -13,6 +13,13 @@ namespace {
 
 // A cancel is answered by then, whatever a dying process does.
 constexpr absl::Duration kCancelAnswer = absl::Milliseconds(950);
+// For a runner to end once it has said its last word.
+constexpr absl::Duration kFarewell = absl::Seconds(3);
+// For a runner that stays until it has buried what it started; whatever lives on then keeps the
+// slot closed itself.
+constexpr absl::Duration kLongestStay = absl::Minutes(10);
+// How often closed slots are looked at.
+constexpr absl::Duration kSlotLook = absl::Milliseconds(500);
 // How much the last lease weighs in the mean of their durations.
 constexpr double kNewest = 0.2;
 
@@ -39,11 +46,17 @@ nlohmann::json OutputJson(const LeaseEndRecord& end) {
 
 // Runners that ended by themselves, and those whose records show a fault.
 void EngineCore::SeeEnds() {
+  const absl::Duration now = clock_.Monotonic();
   std::vector<int64_t> faulty;
+  std::vector<int64_t> lingering;
   for (auto it = running_.begin(); it != running_.end();) {
     LeaseRun& run = it->second;
     if (!run.runner->finished()) {
-      if (!run.fault.empty()) faulty.push_back(it->first);
+      if (!run.fault.empty()) {
+        faulty.push_back(it->first);
+      } else if (run.end.has_value() && now - run.end_heard >= kFarewell) {
+        lingering.push_back(it->first);
+      }
       ++it;
       continue;
     }
@@ -52,6 +65,15 @@ void EngineCore::SeeEnds() {
     EndOf(run);
     processes_.CleanUp(run.work_dir);
     it = running_.erase(it);
+  }
+  // All is said; what keeps the runner is none of the lease's business, only of its slot's.
+  for (const int64_t lease : lingering) {
+    const auto it = running_.find(lease);
+    if (it == running_.end()) continue;
+    spdlog::warn("lease {} has ended, and its runner stays on slot {}: something that it started "
+                 "can't be killed yet", lease, it->second.slot);
+    EndOf(it->second);
+    TakeBack(lease, /*ask=*/false);
   }
   for (const int64_t lease : faulty) {
     // A give-up of an earlier one may have taken it back.
@@ -82,8 +104,50 @@ void EngineCore::TakeBackOverdue() {
 }
 
 void EngineCore::FreeSlot(int slot) {
+  std::string left;
+  if (options_.slot_uids) {
+    const int64_t user = UidOf(slot);
+    std::map<int64_t, std::string> found = processes_.ProcessesOf(user, 1);
+    if (found.contains(user)) left = found[user];
+  }
   const std::lock_guard lock(mutex_);
-  scheduler_.Free(slot);
+  if (left.empty()) return scheduler_.Free(slot);
+  spdlog::warn("slot {} is closed until {} is gone", slot, left);
+  closed_slots_[slot] = left;
+}
+
+// What an earlier daemon's leases left, if its runners were killed before they could bury it.
+void EngineCore::CloseSlots() {
+  if (!options_.slot_uids) return;
+  const int64_t first = UidOf(0);
+  const auto found = processes_.ProcessesOf(first, options_.config.scheduler.slots);
+  const std::lock_guard lock(mutex_);
+  for (const auto& [user, left] : found) {
+    const auto slot = static_cast<int>(user - first);
+    spdlog::warn("slot {} is closed until {} is gone", slot, left);
+    scheduler_.Close(slot);
+    closed_slots_[slot] = left;
+  }
+}
+
+void EngineCore::SeeClosedSlots() {
+  const absl::Duration now = clock_.Monotonic();
+  // Only this thread changes them.
+  if (closed_slots_.empty() || now < next_slot_look_) return;
+  next_slot_look_ = now + kSlotLook;
+  const int64_t first = UidOf(0);
+  const auto found = processes_.ProcessesOf(first, options_.config.scheduler.slots);
+  const std::lock_guard lock(mutex_);
+  for (auto closed = closed_slots_.begin(); closed != closed_slots_.end();) {
+    if (const auto left = found.find(first + closed->first); left != found.end()) {
+      closed->second = left->second;
+      ++closed;
+      continue;
+    }
+    spdlog::info("slot {} is open again", closed->first);
+    scheduler_.Free(closed->first);
+    closed = closed_slots_.erase(closed);
+  }
 }
 
 void EngineCore::EndOf(LeaseRun& run) {
@@ -158,13 +222,13 @@ void EngineCore::GiveUp(const Verdict& verdict, int64_t failed, const std::strin
   contexts_.erase(verdict.evaluation);
 }
 
-void EngineCore::TakeBack(int64_t lease) {
+void EngineCore::TakeBack(int64_t lease, bool ask) {
   auto node = running_.extract(lease);
   if (node.empty()) return;
   LeaseRun& run = node.mapped();
-  run.runner->AskToEnd();
+  if (ask) run.runner->AskToEnd();
   ending_.push_back({lease, run.attempt, run.slot, run.work_dir, std::move(run.runner),
-                     clock_.Monotonic()});
+                     clock_.Monotonic() + (ask ? Runner::kCleanUpGrace : kLongestStay)});
   const std::lock_guard lock(mutex_);
   live_.erase(lease);
   ending_count_ = static_cast<int>(ending_.size());
@@ -181,7 +245,7 @@ void EngineCore::SeeEnding() {
       ending.late += static_cast<int64_t>(records->size());
     }
     if (!ending.runner->dead()) {
-      if (!ending.killed && now - ending.asked >= Runner::kCleanUpGrace) {
+      if (!ending.killed && now >= ending.kill_at) {
         ending.killed = true;
         ending.runner->KillNow();
       }

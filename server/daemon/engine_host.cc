@@ -52,7 +52,7 @@ void EngineCore::EndSelfTest(const std::string& fault) {
   if (runner != nullptr && !runner->dead()) {
     runner->AskToEnd();
     ending_.push_back({0, 0, static_cast<int>(order.slot), order.work_dir, std::move(runner),
-                       clock_.Monotonic()});
+                       clock_.Monotonic() + Runner::kCleanUpGrace});
   } else {
     if (runner != nullptr) processes_.CleanUp(order.work_dir);
     FreeSlot(static_cast<int>(order.slot));

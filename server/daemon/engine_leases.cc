@@ -85,9 +85,12 @@ void EngineCore::Listen(LeaseRun& run) {
     if (!run.fault.empty()) return;  // nothing counts after the grader's fault
     if (const auto* progress = std::get_if<ProgressRecord>(&record)) OnProgress(run, *progress);
     if (const auto* facts = std::get_if<EpisodeFacts>(&record)) OnEpisode(run, *facts);
-    if (const auto* end = std::get_if<LeaseEndRecord>(&record)) run.end = *end;
-    const std::lock_guard lock(mutex_);
     const absl::Duration now = clock_.Monotonic();
+    if (const auto* end = std::get_if<LeaseEndRecord>(&record)) {
+      run.end = *end;
+      run.end_heard = now;
+    }
+    const std::lock_guard lock(mutex_);
     scheduler_.Heartbeat(run.lease, run.attempt, now);
     live_.at(run.lease).heard = now;
   }

@@ -1,5 +1,7 @@
 // Taking evaluations up from the store: new ones, and after a start those that
 // an earlier daemon left unfinished. One way for both.
+#include <unistd.h>
+
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
@@ -10,12 +12,23 @@
 #include "server/daemon/results.h"
 
 namespace myograde::server {
+namespace {
+
+// An organiser's shell, or a service of the daemon's own user, hands in what many people made.
+std::string PartyOf(const std::string& accepted_by) {
+  const bool organiser =
+      accepted_by == "uid 0" || accepted_by == absl::StrCat("uid ", geteuid());
+  return organiser ? "" : accepted_by;
+}
+
+}  // namespace
 
 EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) const {
   const auto context = std::make_shared<Context>();
   context->evaluation = stored.evaluation.id;
   context->submission = stored.submission.id;
   context->team = stored.submission.team;
+  context->party = PartyOf(stored.submission.accepted_by);
   context->priority = stored.evaluation.rerun    ? Priority::kRerun
                       : stored.submission.ranked ? Priority::kOfficial
                                                  : Priority::kPractice;
@@ -74,6 +87,7 @@ absl::Status EngineCore::TakeUp(int64_t id) {
   EvaluationSpec spec;
   spec.id = id;
   spec.team = context.team;
+  spec.party = context.party;
   spec.priority = context.priority;
   spec.lease_wall =
       absl::Seconds(context.track->config.budgets.lease_wall_s) + options_.config.lease_grace;
@@ -93,6 +107,7 @@ absl::Status EngineCore::TakeUpLate() {
 }
 
 absl::Status EngineCore::Recover() {
+  CloseSlots();
   Listed<EvaluationRow> unfinished;
   std::map<int64_t, std::vector<LeaseRow>> interrupted;  // by evaluation
   absl::Status status = readers_.Read([&](Reader& reader) {

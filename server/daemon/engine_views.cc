@@ -21,6 +21,9 @@ Prospect EngineCore::ProspectOf(int64_t evaluation) const {
     if (const std::string why = host_.WhyNot(now); !why.empty()) {
       absl::StrAppend(&prospect.waiting, "; no lease starts: ", why);
     }
+    for (const auto& [slot, why] : closed_slots_) {
+      absl::StrAppend(&prospect.waiting, "; slot ", slot, " is closed until ", why, " is gone");
+    }
     if (!store_trouble_.empty()) {
       absl::StrAppend(&prospect.waiting,
                       "; no lease starts while the store can't be written: ", store_trouble_);
@@ -52,6 +55,7 @@ LiveHealth EngineCore::Health() const {
   health.running = scheduler_.running();
   health.pending = scheduler_.pending();
   health.ending = ending_count_;
+  health.closed_slots = closed_slots_;
   health.store_trouble = store_trouble_;
   health.unreadable = unreadable_;
   health.host = host_.state();

@@ -1,11 +1,14 @@
 #include "server/daemon/ports.h"
 
 #include <filesystem>
+#include <fstream>
 
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "server/runner/output_tail.h"
 #include "server/runner/runner_process.h"
+#include "server/sandbox/users.h"
 
 namespace myograde::server {
 
@@ -25,6 +28,32 @@ absl::StatusOr<std::unique_ptr<Runner>> SystemProcesses::Start(const LeaseOrder&
     return runner.status();
   }
   return *std::move(runner);
+}
+
+std::map<int64_t, std::string> SystemProcesses::ProcessesOf(int64_t first, int64_t count) {
+  std::map<int64_t, std::string> found;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator("/proc", error)) {
+    const std::string pid = entry.path().filename();
+    if (pid.find_first_not_of("0123456789") != std::string::npos) continue;
+    // The file's owner says nothing: that of a process that can't be looked into is root.
+    std::ifstream status(entry.path() / "status");
+    std::string name, state;
+    int64_t user = -1;
+    for (std::string key; user < 0 && status >> key;) {
+      if (key == "Name:") status >> name;
+      if (key == "State:") status >> state;
+      if (key == "Uid:") status >> user;
+    }
+    if (state == "Z" || state == "X") continue;  // dead, and not collected yet
+    int64_t index = user - first;
+    if (index >= kSimUsers) index -= kSimUsers;
+    if (index < 0 || index >= count) continue;
+    std::string& words = found[first + index];
+    absl::StrAppend(&words, words.empty() ? "" : ", ", pid, " (", PrintableUtf8(name), ", state ", state,
+                    ")");
+  }
+  return found;
 }
 
 void SystemProcesses::CleanUp(const std::string& work_dir) {

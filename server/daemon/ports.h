@@ -2,7 +2,9 @@
 // Time comes through Clock. Tests put fakes in their places and turn the world as they like.
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 
@@ -25,6 +27,13 @@ class Processes {
 
   // Removes the work folder of a runner that is dead.
   virtual void CleanUp(const std::string& work_dir) = 0;
+
+  // Living processes of the users `first` to `first + count - 1` of policies, and of their
+  // simulators' users, by the policy's user: in words, for people.
+  virtual std::map<int64_t, std::string> ProcessesOf(int64_t first, int64_t count) {
+    (void)first, (void)count;
+    return {};
+  }
 };
 
 // A change of the store; what it touches is its own or outlives it.
@@ -44,6 +53,7 @@ class SystemProcesses : public Processes {
  public:
   absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order) override;
   void CleanUp(const std::string& work_dir) override;
+  std::map<int64_t, std::string> ProcessesOf(int64_t first, int64_t count) override;
 };
 
 class StoreDisk : public Disk {

@@ -6,7 +6,8 @@
 #include <optional>
 
 #include <absl/strings/str_cat.h>
-#include <absl/time/clock.h>
+
+#include "protocol/base/clock.h"
 
 namespace myograde::server {
 namespace {
@@ -18,7 +19,7 @@ constexpr absl::Duration kGrace = absl::Minutes(5);
 struct Running {
   size_t block = 0;
   std::unique_ptr<RunnerProcess> runner;
-  absl::Time deadline;
+  absl::Duration deadline;  // on the monotonic clock
   std::optional<LeaseEndRecord> end;
 };
 
@@ -79,7 +80,7 @@ class Run {
     slots_[slot]->block = next_++;
     slots_[slot]->runner = *std::move(runner);
     slots_[slot]->deadline =
-        absl::Now() + absl::Seconds(order_.track.budgets.lease_wall_s) + kGrace;
+        SystemClock().Monotonic() + absl::Seconds(order_.track.budgets.lease_wall_s) + kGrace;
     return absl::OkStatus();
   }
 
@@ -106,7 +107,7 @@ class Run {
       }
       if (const auto* end = std::get_if<LeaseEndRecord>(&record)) slot->end = *end;
     }
-    if (absl::Now() > slot->deadline) {
+    if (SystemClock().Monotonic() > slot->deadline) {
       return absl::InternalError("the replay did not end in its time");
     }
     if (!finished) return absl::OkStatus();

@@ -15,7 +15,6 @@
 #include <vector>
 
 #include <absl/strings/str_cat.h>
-#include <absl/time/clock.h>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/outcome.h"
@@ -66,10 +65,11 @@ LeaseRunner::LeaseRunner(const LeaseContext& context, int records, int stop, int
       sim_errors_(context.order.track.budgets.output_bytes),
       stdout_(context.order.track.budgets.output_bytes),
       stderr_(context.order.track.budgets.output_bytes),
-      start_(absl::Now()),
+      start_(SystemClock().Monotonic()),
       last_heard_(start_),
       last_printed_(start_),
-      last_refresh_(start_) {
+      next_look_(start_),
+      last_idle_look_(start_) {
   progress_.episode = context.order.episodes.front().index;
 }
 
@@ -78,13 +78,13 @@ LeaseRunner::~LeaseRunner() {
 }
 
 bool LeaseRunner::Run() {
-  absl::Status status = Play();
+  const absl::Status status = Play();
   // Of a simulator that did not come so far as to ask for it.
-  if (prepared_ != nullptr) status.Update(prepared_->End());
-  // Whoever is not gone keeps the slot's user and processor: the next lease
-  // there would not be alone, so this one has not ended well.
-  status.Update(EndPolicy());
-  status.Update(EndSim());
+  if (prepared_ != nullptr) leftovers_.End(std::move(prepared_));
+  (void)Beat();
+  EndPolicy();
+  (void)Beat();
+  EndSim();
   LeaseEndRecord end;
   end.ok = status.ok();
   end.detail = PrintableUtf8(std::string(status.message()));
@@ -93,9 +93,11 @@ bool LeaseRunner::Run() {
   end.stdout_truncated = stdout_.truncated();
   end.stderr_truncated = stderr_.truncated();
   end.policy_cpu_s = static_cast<double>(finished_cpu_ns_) * 1e-9;
-  end.wall_s = absl::ToDoubleSeconds(absl::Now() - start_);
+  end.wall_s = absl::ToDoubleSeconds(SystemClock().Monotonic() - start_);
   end.peak_memory_bytes = peak_memory_;
-  return Print(end).ok() && status.ok();
+  const bool recorded = Print(end).ok() && status.ok();
+  WaitForLeftovers();
+  return recorded;
 }
 
 absl::Status LeaseRunner::Play() {
@@ -145,9 +147,12 @@ absl::Status LeaseRunner::StartSim() {
   if (context_.logs != nullptr) context_.logs->CloseWriter();
   if (!sim.ok()) return sim.status();
   sim_ = *std::move(sim);
+  if (!sim_group_->controllers().cpu_account) {
+    sim_tree_.emplace(sim_->pid(), absl::Seconds(context_.config.policy.cpu_refresh_s));
+  }
   channel_ = std::move(channel->first);
   cpu_page_fd_ = *std::move(page);
-  last_heard_ = absl::Now();
+  last_heard_ = SystemClock().Monotonic();
   return absl::OkStatus();
 }
 
@@ -161,9 +166,11 @@ absl::Status LeaseRunner::Turn() {
                       {signals_, POLLIN, 0},           {policy_out, POLLIN, 0},
                       {policy_err, POLLIN, 0},         {sim_stderr_.get(), POLLIN, 0},
                       {context_.logs != nullptr ? context_.logs->reader() : -1, POLLIN, 0}};
-  const absl::Duration refresh = absl::Seconds(context_.config.policy.cpu_refresh_s);
-  const absl::Duration turn = policy_ != nullptr ? refresh : kIdleTurn;
-  poll(entries, std::size(entries), static_cast<int>(absl::ToInt64Milliseconds(turn)));
+  const absl::Duration until_look = next_look_ - SystemClock().Monotonic();
+  const absl::Duration turn =
+      policy_ != nullptr ? std::clamp(until_look, absl::ZeroDuration(), kIdleTurn) : kIdleTurn;
+  poll(entries, std::size(entries),
+       static_cast<int>(absl::ToInt64Milliseconds(absl::Ceil(turn, absl::Milliseconds(1)))));
   if (entries[1].revents != 0 || entries[2].revents != 0) {
     return absl::CancelledError("the lease was ended by its caller");
   }
@@ -174,13 +181,9 @@ absl::Status LeaseRunner::Turn() {
     if (n == 0) sim_stderr_.reset();
   }
   if (policy_ != nullptr) {
-    const bool due = absl::Now() - last_refresh_ >= refresh;
+    const bool due = SystemClock().Monotonic() >= next_look_;
     if (due || entries[3].revents != 0 || entries[4].revents != 0) policy_->DrainOutput();
-    if (due) {
-      last_refresh_ = absl::Now();
-      policy_->Look();
-      RefreshCpu();
-    }
+    if (due) LookAtPolicy();
   }
   // Not before a message that waits: it may say where the log ends.
   if (entries[6].revents != 0 && entries[0].revents == 0) {
@@ -188,6 +191,9 @@ absl::Status LeaseRunner::Turn() {
   }
   if (entries[0].revents != 0) {
     if (absl::Status status = HandleSimMessage(); !status.ok() || done_) return status;
+  }
+  if (asked_alone_.has_value()) {
+    if (absl::Status status = GiveOnceAlone(); !status.ok()) return status;
   }
   if (absl::Status status = CheckDeadlines(); !status.ok()) return status;
   return Beat();
@@ -201,7 +207,7 @@ absl::Status LeaseRunner::HandleSimMessage() {
     return absl::InternalError(
         absl::StrCat("the simulator sent nonsense: ", message.status().message()));
   }
-  last_heard_ = absl::Now();
+  last_heard_ = SystemClock().Monotonic();
   const std::string type = message->json["type"].get<std::string>();
   if (type == "need_policy") return GivePolicy();
   if (type == "policy_fault") return RuleOn(message->json);
@@ -268,7 +274,11 @@ absl::Status LeaseRunner::PreparePolicy() {
 }
 
 absl::Status LeaseRunner::GivePolicy() {
-  if (absl::Status status = EndPolicy(); !status.ok()) return status;
+  EndPolicy();
+  if (!leftovers_.Gone()) {
+    asked_alone_ = SystemClock().Monotonic();
+    return absl::OkStatus();
+  }
   if (prepared_ == nullptr) {
     if (absl::Status status = PreparePolicy(); !status.ok()) return status;
   }
@@ -288,7 +298,8 @@ absl::Status LeaseRunner::RuleOn(const nlohmann::json& json) {
   }
   if (policy_ == nullptr) return absl::InternalError("the simulator blames a policy that it has not");
   const FaultEvidence ruled = policy_->Rule(*std::move(seen));
-  if (absl::Status status = EndPolicy(); !status.ok()) return status;
+  last_ruling_ = ruled;
+  EndPolicy();
   if (FaultOf(ruled.outcome) == Fault::kGrader) return absl::InternalError(ruled.detail);
   nlohmann::json answer = FaultEvidenceToJson(ruled);
   answer["type"] = "ruling";
@@ -311,28 +322,26 @@ void LeaseRunner::SeeOffPolicy() {
   }
 }
 
-absl::Status LeaseRunner::EndPolicy() {
-  if (policy_ == nullptr) return absl::OkStatus();
-  const absl::Status gone = policy_->End();
+void LeaseRunner::EndPolicy() {
+  if (policy_ == nullptr) return;
+  policy_->End();
   policy_->DrainOutput();
   peak_memory_ = std::max(peak_memory_, policy_->peak_memory_bytes());
   finished_cpu_ns_ += policy_->CpuNs();
-  policy_.reset();
+  leftovers_.End(std::move(policy_));
   RefreshCpu();
-  return gone;
 }
 
-absl::Status LeaseRunner::EndSim() {
-  if (sim_ == nullptr) return absl::OkStatus();
-  const absl::Duration limit = absl::Seconds(context_.config.policy.kill_s);
-  const bool dead = sim_->Kill(limit);
-  if (sim_group_->KillAll(limit) && dead) return absl::OkStatus();
-  return absl::InternalError(absl::StrCat("the simulator could not be killed in ",
-                                          context_.config.policy.kill_s, " s"));
+void LeaseRunner::EndSim() {
+  if (sim_ == nullptr) return;
+  const Deadline deadline(absl::Seconds(context_.config.policy.kill_s));
+  const bool dead = sim_->Kill(deadline.left());
+  if (!sim_group_->KillAll(deadline.left()) || !dead) leftovers_.Keep(*sim_, *sim_group_);
 }
 
-void LeaseRunner::RefreshCpu() {
-  const int64_t now = finished_cpu_ns_ + (policy_ != nullptr ? policy_->CpuNs() : 0);
+void LeaseRunner::RefreshCpu(bool by_chance) {
+  const int64_t now =
+      finished_cpu_ns_ + (policy_ != nullptr ? policy_->CpuNs(by_chance) : 0);
   cpu_page_->cpu_ns.store(static_cast<uint64_t>(now), std::memory_order_relaxed);
   cpu_page_->updates.fetch_add(1, std::memory_order_relaxed);
 }
@@ -372,7 +381,7 @@ absl::Status LeaseRunner::SimEnded() {
 
 absl::Status LeaseRunner::CheckDeadlines() const {
   const SimSandboxConfig& config = context_.config.sim;
-  const absl::Time now = absl::Now();
+  const absl::Duration now = SystemClock().Monotonic();
   if (now - last_heard_ > absl::Seconds(config.silence_s)) {
     return absl::DeadlineExceededError(
         absl::StrCat("the simulator said nothing for ", config.silence_s, " s (silence_s)"));
@@ -385,12 +394,12 @@ absl::Status LeaseRunner::CheckDeadlines() const {
 }
 
 absl::Status LeaseRunner::Beat() {
-  return absl::Now() - last_printed_ < kBeatPeriod ? absl::OkStatus() : Print(progress_);
+  return SystemClock().Monotonic() - last_printed_ < kBeatPeriod ? absl::OkStatus() : Print(progress_);
 }
 
 absl::Status LeaseRunner::Print(const LeaseRecord& record) {
   const std::string line = LeaseRecordToLine(record) + "\n";
-  const absl::Time deadline = absl::Now() + kPrintDeadline;
+  const Deadline deadline(kPrintDeadline);
   size_t written = 0;
   while (written < line.size()) {
     pollfd entry = {records_, POLLOUT, 0};
@@ -401,9 +410,9 @@ absl::Status LeaseRunner::Print(const LeaseRecord& record) {
     } else if (errno != EINTR && errno != EAGAIN) {
       return absl::CancelledError("nobody reads the lease's records any more");
     }
-    if (absl::Now() > deadline) return absl::CancelledError("the lease's records are not read");
+    if (deadline.over()) return absl::CancelledError("the lease's records are not read");
   }
-  last_printed_ = absl::Now();
+  last_printed_ = SystemClock().Monotonic();
   return absl::OkStatus();
 }
 

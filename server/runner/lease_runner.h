@@ -3,6 +3,8 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <random>
 #include <string>
 
 #include <absl/status/status.h>
@@ -11,6 +13,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/lease.h"
 #include "protocol/sim_channel.h"
+#include "server/runner/leftovers.h"
 #include "server/runner/policy_run.h"
 
 namespace myograde::server {
@@ -23,8 +26,8 @@ class LeaseRunner {
   LeaseRunner(const LeaseContext& context, int records, int stop, int signals);
   ~LeaseRunner();
 
-  // Plays the lease and prints its records, the last one included. True: all
-  // episodes were recorded.
+  // Plays the lease and prints its records, the last one included. Then waits until all that
+  // it started is dead, or the caller wants it to end. True: all episodes were recorded.
   bool Run();
 
  private:
@@ -36,14 +39,19 @@ class LeaseRunner {
   absl::Status HandleRecord(const nlohmann::json& json);
   absl::Status PreparePolicy();
   absl::Status GivePolicy();
+  absl::Status GiveOnceAlone();
   absl::Status GiveLog();
   absl::Status RuleOn(const nlohmann::json& json);
   absl::Status CheckDeadlines() const;
   absl::Status SimEnded();
-  absl::Status EndSim();
-  absl::Status EndPolicy();
+  void EndSim();
+  void EndPolicy();
   void SeeOffPolicy();
-  void RefreshCpu();
+  void WaitForLeftovers();
+  void LookAtPolicy();
+  void CountIdle();
+  bool SimRuns();
+  void RefreshCpu(bool by_chance = false);
   absl::Status GiveCpu();
   absl::Status Beat();
   absl::Status Print(const LeaseRecord& record);
@@ -56,6 +64,7 @@ class LeaseRunner {
   // In this order: the sandbox goes before its group.
   std::unique_ptr<ControlGroup> sim_group_;
   std::unique_ptr<Sandbox> sim_;
+  std::optional<ProcessTree> sim_tree_;  // where no control group names its processes
   Fd channel_;
   Fd sim_stderr_;
   OutputTail sim_errors_;
@@ -67,6 +76,9 @@ class LeaseRunner {
   std::unique_ptr<PolicyRun> prepared_;
   Fd prepared_channel_;
   std::unique_ptr<PolicyRun> policy_;
+  Leftovers leftovers_;
+  std::optional<absl::Duration> asked_alone_;  // a policy was asked for while something was left
+  FaultEvidence last_ruling_;
   int runs_ = 0;
   OutputTail stdout_;
   OutputTail stderr_;
@@ -76,10 +88,13 @@ class LeaseRunner {
   size_t next_episode_ = 0;  // place in the order of the next to be recorded
   bool done_ = false;
   ProgressRecord progress_;
-  absl::Time start_;
-  absl::Time last_heard_;
-  absl::Time last_printed_;
-  absl::Time last_refresh_;
+  // Moments of the monotonic clock.
+  absl::Duration start_;
+  absl::Duration last_heard_;
+  absl::Duration last_printed_;
+  absl::Duration next_look_;
+  absl::Duration last_idle_look_;
+  std::mt19937_64 chance_{std::random_device{}()};  // of moments, never of results
 };
 
 }  // namespace myograde::server

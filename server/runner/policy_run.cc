@@ -12,6 +12,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/clock.h"
 #include "protocol/sim_channel.h"
 #include "server/sandbox/seccomp_filter.h"
 
@@ -115,13 +116,16 @@ absl::StatusOr<std::unique_ptr<PolicyRun>> PolicyRun::Prepare(const LeaseContext
                      run->group_->join_fds(), *filter);
   if (!sandbox.ok()) return sandbox.status();
   run->sandbox_ = *std::move(sandbox);
+  if (!run->group_->controllers().cpu_account) {
+    run->tree_.emplace(run->sandbox_->pid(), absl::Seconds(context.config.policy.cpu_refresh_s));
+  }
   run->stdout_ = std::move(stdout_pipe->first);
   run->stderr_ = std::move(stderr_pipe->first);
   return run;
 }
 
 PolicyRun::~PolicyRun() {
-  (void)End();
+  End();
   sandbox_.reset();
   group_.reset();
   context_.stage.UnmountScratch(scratch_);
@@ -144,13 +148,15 @@ void PolicyRun::DrainOutput() {
   Drain(stderr_, err_);
 }
 
-int64_t PolicyRun::CpuNs() {
-  if (!ended_) {
-    const int64_t now =
-        group_->controllers().cpu_account ? group_->cpu_ns() : ProcessTreeCpuNs(sandbox_->pid());
-    cpu_ns_ = std::max(cpu_ns_, now);
+int64_t PolicyRun::CpuNs(bool by_chance) {
+  if (!ended_ && sandbox_ != nullptr) {
+    cpu_ns_ = std::max(cpu_ns_, tree_.has_value() ? tree_->CpuNs(by_chance) : group_->cpu_ns());
   }
   return cpu_ns_;
+}
+
+bool PolicyRun::Runs() const {
+  return AnyRuns(tree_.has_value() ? tree_->members() : group_->Members());
 }
 
 bool PolicyRun::KernelCause(FaultEvidence& evidence) const {
@@ -239,11 +245,8 @@ FaultEvidence PolicyRun::Rule(FaultEvidence seen) {
   const SandboxEnd end = sandbox_->end();
   const bool caused = MayHideACause(seen.outcome) && KernelCause(seen);
   if (!caused && IsTimeout(seen.outcome)) ExcuseLostMessages(seen);
-  if (absl::Status status = End(); !status.ok()) {
-    seen.outcome = Outcome::kGraderError;
-    seen.detail = std::string(status.message());
-    return seen;
-  }
+  // What can't be killed now is waited for before the next run; how this one ended is known.
+  End();
   DrainOutput();
   const std::string words = LastLine(err_.tail(err_mark_));
   if (!caused && by_itself && !end.started) {
@@ -262,18 +265,20 @@ FaultEvidence PolicyRun::Rule(FaultEvidence seen) {
   return seen;
 }
 
-absl::Status PolicyRun::End() {
-  if (ended_) return absl::OkStatus();
+bool PolicyRun::End() {
+  if (ended_) return Gone();
   CpuNs();
-  const absl::Duration limit = absl::Seconds(context_.config.policy.kill_s);
-  bool gone = sandbox_ == nullptr || sandbox_->Kill(limit);
-  gone = group_->KillAll(limit) && gone;
-  if (group_->controllers().cpu_account) CpuNs();
+  const Deadline deadline(absl::Seconds(context_.config.policy.kill_s));
+  bool gone = sandbox_ == nullptr || sandbox_->Kill(deadline.left());
+  if (group_ != nullptr) gone = group_->KillAll(deadline.left()) && gone;
+  if (!tree_.has_value()) CpuNs();
   ended_ = true;
-  if (gone) return absl::OkStatus();
-  return absl::InternalError(
-      absl::StrCat("processes of the policy could not be killed in ",
-                   context_.config.policy.kill_s, " s"));
+  return gone;
+}
+
+bool PolicyRun::Gone() {
+  return (sandbox_ == nullptr || sandbox_->Gone()) &&
+         (group_ == nullptr || group_->Members().empty());
 }
 
 }  // namespace myograde::server

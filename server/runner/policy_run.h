@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,7 @@
 #include "server/runner/log_keeper.h"
 #include "server/runner/output_tail.h"
 #include "server/sandbox/policy_sandbox.h"
+#include "server/sandbox/process_tree.h"
 
 namespace myograde::server {
 
@@ -58,15 +60,21 @@ class PolicyRun {
   void EpisodeOver();
 
   // CPU time of everything in the sandbox until now, never less than before.
-  int64_t CpuNs();
+  // `by_chance`: nobody in it could foresee this moment.
+  int64_t CpuNs(bool by_chance = false);
+  // True if something in the sandbox runs or waits for a processor.
+  bool Runs() const;
   int64_t peak_memory_bytes() const { return group_->peak_memory_bytes(); }
 
   // Ends the run and judges the fault that the simulator saw: what the kernel
   // counted may be the cause of it.
   FaultEvidence Rule(FaultEvidence seen);
 
-  // Kills all of it. An error: something could not be killed.
-  absl::Status End();
+  // Kills all of it. False: something could not be killed in kill_s, which takes nothing from
+  // how the run ended; whoever holds the run looks at Gone() then.
+  bool End();
+  // After End(): true once nothing of it is left. Never blocks.
+  bool Gone();
 
  private:
   PolicyRun(const LeaseContext& context, OutputTail& out, OutputTail& err)
@@ -83,6 +91,7 @@ class PolicyRun {
   std::string scratch_;
   std::unique_ptr<ControlGroup> group_;
   std::unique_ptr<Sandbox> sandbox_;
+  std::optional<ProcessTree> tree_;  // where no control group counts CPU time
   Fd stdout_;
   Fd stderr_;
   ScratchUsage disk_;

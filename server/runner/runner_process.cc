@@ -16,7 +16,8 @@
 
 #include <absl/cleanup/cleanup.h>
 #include <absl/strings/str_cat.h>
-#include <absl/time/clock.h>
+
+#include "protocol/base/clock.h"
 
 namespace myograde::server {
 namespace {
@@ -204,9 +205,9 @@ bool RunnerProcess::dead() {
 }
 
 absl::StatusOr<int> RunnerProcess::Wait(absl::Duration timeout) {
-  const absl::Time deadline = absl::Now() + timeout;
+  const Deadline deadline(timeout);
   while (!dead()) {
-    if (absl::Now() >= deadline) {
+    if (deadline.over()) {
       return absl::DeadlineExceededError(
           absl::StrCat("the runner of lease ", lease_, " still runs"));
     }

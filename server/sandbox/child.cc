@@ -12,8 +12,7 @@
 #include <cstdio>
 #include <cstring>
 
-#include <absl/time/clock.h>
-
+#include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
 
 namespace myograde::server {
@@ -66,10 +65,10 @@ ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout) {
   setpgid(child, child);  // whoever of the two comes first
   write_end.reset();
 
-  const absl::Time deadline = absl::Now() + timeout;
+  const Deadline deadline(timeout);
   int status = 0;
   bool open = true;
-  while (!end.in_time && absl::Now() < deadline) {
+  while (!end.in_time && !deadline.over()) {
     pollfd entry = {open ? output.get() : -1, POLLIN, 0};
     poll(&entry, 1, kPollMs);
     end.in_time = waitpid(child, &status, WNOHANG) == child;

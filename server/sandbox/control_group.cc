@@ -15,7 +15,8 @@
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
-#include <absl/time/clock.h>
+
+#include "protocol/base/clock.h"
 
 namespace myograde::server {
 namespace {
@@ -197,18 +198,20 @@ std::vector<pid_t> ControlGroup::Members() const {
       if (pid > 0) members.push_back(pid);
     }
   }
+  std::sort(members.begin(), members.end());
+  members.erase(std::unique(members.begin(), members.end()), members.end());
   return members;
 }
 
 bool ControlGroup::KillAll(absl::Duration timeout) {
-  const absl::Time deadline = absl::Now() + timeout;
+  const Deadline deadline(timeout);
   // Version 2 has a switch for all at once, against which no fork can race.
   if (controllers_.version == 2) Write(folders_.front() + "/cgroup.kill", "1");
   while (true) {
     const std::vector<pid_t> members = Members();
     if (members.empty()) return true;
     for (pid_t pid : members) kill(pid, SIGKILL);
-    if (absl::Now() > deadline) return false;
+    if (deadline.over()) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
 }

@@ -66,6 +66,8 @@ class ControlGroup {
   int64_t oom_kills() const;        // processes killed for want of memory
   int64_t refused_tasks() const;    // forks that failed at the limit of tasks
 
+  std::vector<pid_t> Members() const;
+
   // Kills all processes in it and waits until it is empty. False: some are
   // still there at `timeout`.
   bool KillAll(absl::Duration timeout);
@@ -78,7 +80,6 @@ class ControlGroup {
   explicit ControlGroup(const CgroupHost& host) : host_(host) {}
   bool TryVersion2(const std::string& name, const GroupLimits& limits);
   void TryVersion1(const std::string& name, const GroupLimits& limits);
-  std::vector<pid_t> Members() const;
 
   const CgroupHost& host_;
   GroupControllers controllers_;

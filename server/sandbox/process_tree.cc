@@ -1,81 +1,256 @@
+#include "server/sandbox/process_tree.h"
+
 #include <dirent.h>
+#include <fcntl.h>
 #include <time.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
-#include <fstream>
-#include <map>
+#include <cstring>
+#include <optional>
 #include <string>
-#include <vector>
 
-#include "server/sandbox/sandbox.h"
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/clock.h"
+#include "protocol/base/fd.h"
 
 namespace myograde::server {
 namespace {
 
+// How much more the estimate must be than what was waited for, so that chance alone builds
+// nothing up; and what it may be at any time before it is charged, for each processor in use.
+constexpr double kTolerance = 1.25;
+constexpr double kSlackNs = 0.5e9;
+// A runner that was held up may look less often than it should, but not for ever.
+constexpr double kMostSpacing = 5;
+constexpr double kNewest = 0.05;
+
+int64_t TickNs() {
+  static const int64_t tick = 1000000000 / sysconf(_SC_CLK_TCK);
+  return tick;
+}
+
 struct ProcessTimes {
   pid_t parent = 0;
+  int64_t start = 0;
+  char state = 'X';
+  int64_t threads = 1;
   int64_t own_ticks = 0;
-  int64_t children_ticks = 0;  // of those that ended and were waited for
+  int64_t children_ticks = 0;
 };
+
+std::optional<std::string> ReadShort(const std::string& path) {
+  const Fd file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!file.valid()) return std::nullopt;
+  char text[1024];
+  const ssize_t n = read(file.get(), text, sizeof(text));
+  if (n <= 0) return std::nullopt;
+  return std::string(text, static_cast<size_t>(n));
+}
+
+std::optional<ProcessTimes> ReadStat(const std::string& path) {
+  const std::optional<std::string> text = ReadShort(path);
+  if (!text.has_value()) return std::nullopt;
+  // The name, in brackets, may hold anything; the numbers follow its last one.
+  const size_t name_end = text->rfind(')');
+  if (name_end == std::string::npos) return std::nullopt;
+  ProcessTimes times;
+  long parent = 0;
+  long long user = 0, system = 0, children_user = 0, children_system = 0, threads = 0, start = 0;
+  if (std::sscanf(text->c_str() + name_end + 1,
+                  " %c %ld %*d %*d %*d %*d %*u %*u %*u %*u %*u %lld %lld %lld %lld %*d %*d %lld "
+                  "%*d %lld",
+                  &times.state, &parent, &user, &system, &children_user, &children_system,
+                  &threads, &start) != 8) {
+    return std::nullopt;
+  }
+  times.parent = static_cast<pid_t>(parent);
+  times.start = start;
+  times.threads = threads;
+  times.own_ticks = user + system;
+  times.children_ticks = children_user + children_system;
+  return times;
+}
 
 // The CPU clock of a process is exact where /proc/PID/stat counts in ticks of
 // 10 ms, which is many steps of a quick policy. Anybody may read it
-// (clock_getcpuclockid(3)).
-int64_t OwnNs(pid_t pid, int64_t otherwise) {
+// (clock_getcpuclockid(3)). Nothing: the process is no more.
+std::optional<int64_t> OwnNs(pid_t pid, int64_t otherwise) {
   clockid_t clock;
   timespec time;
-  if (clock_getcpuclockid(pid, &clock) != 0 || clock_gettime(clock, &time) != 0) return otherwise;
+  if (const int error = clock_getcpuclockid(pid, &clock); error != 0) {
+    if (error == ESRCH) return std::nullopt;
+    return otherwise;
+  }
+  if (clock_gettime(clock, &time) != 0) return std::nullopt;
   return time.tv_sec * int64_t{1000000000} + time.tv_nsec;
 }
 
-bool ReadStat(const std::string& pid, ProcessTimes& times) {
-  std::ifstream file("/proc/" + pid + "/stat");
-  std::string text;
-  if (!std::getline(file, text, '\0')) return false;
-  // The name, in brackets, may hold anything; the numbers follow its last one.
-  const size_t name_end = text.rfind(')');
-  if (name_end == std::string::npos) return false;
-  long parent = 0;
-  long user = 0, system = 0, children_user = 0, children_system = 0;
-  if (std::sscanf(text.c_str() + name_end + 1,
-                  " %*c %ld %*d %*d %*d %*d %*u %*u %*u %*u %*u %ld %ld %ld %ld", &parent, &user,
-                  &system, &children_user, &children_system) != 5) {
-    return false;
+// The names in a folder of /proc that are numbers.
+std::vector<pid_t> Numbers(const std::string& folder) {
+  std::vector<pid_t> numbers;
+  DIR* entries = opendir(folder.c_str());
+  if (entries == nullptr) return numbers;
+  while (const dirent* entry = readdir(entries)) {
+    const auto number = static_cast<pid_t>(std::atol(entry->d_name));
+    if (number > 0) numbers.push_back(number);
   }
-  times = {static_cast<pid_t>(parent), user + system, children_user + children_system};
-  return true;
+  closedir(entries);
+  return numbers;
+}
+
+// Who can run may wait for a processor; how much of its time it did tells how likely it is
+// on one now. Of a thread in `folder`.
+double OnProcessor(const std::string& folder, char state) {
+  if (state != 'R') return 0;
+  const std::optional<std::string> text = ReadShort(folder + "/schedstat");
+  unsigned long long ran = 0, waited = 0;
+  if (!text.has_value() || std::sscanf(text->c_str(), "%llu %llu", &ran, &waited) != 2) return 1;
+  if (ran == 0) return 0;
+  return static_cast<double>(ran) / (static_cast<double>(ran) + static_cast<double>(waited));
+}
+
+double ThreadsOnProcessors(pid_t pid, const ProcessTimes& times, bool each) {
+  const std::string folder = absl::StrCat("/proc/", pid);
+  if (times.threads <= 1 || !each) return OnProcessor(folder, times.state);
+  double running = 0;
+  for (const pid_t thread : Numbers(folder + "/task")) {
+    const std::string of = absl::StrCat(folder, "/task/", thread);
+    if (const auto seen = ReadStat(of + "/stat"); seen.has_value()) {
+      running += OnProcessor(of, seen->state);
+    }
+  }
+  return running;
 }
 
 }  // namespace
 
-int64_t ProcessTreeCpuNs(pid_t root) {
+void CpuLedger::Look(const std::map<ProcessKey, ProcessSeen>& seen,
+                     const std::set<pid_t>& leaving, absl::Duration now, bool by_chance) {
+  double ran_on_ns = 0;
+  std::map<ProcessKey, ProcessSeen> known = seen;
+  std::map<ProcessKey, double> run_on_ns;
+  bool ended = false;
+  for (const auto& [key, before] : known_) {
+    if (seen.contains(key)) continue;
+    if (leaving.contains(key.first)) {
+      known[key] = before;
+      run_on_ns[key] = run_on_ns_[key];
+      continue;
+    }
+    ended = true;
+    ended_own_ns_ += before.own_ns;
+    ran_on_ns += run_on_ns_[key];
+  }
+  looks_since_end_ = ended ? 0 : std::min(looks_since_end_ + 1, kCalmLooks);
+
+  int64_t children_ns = 0;
+  int64_t parents = 1;
+  for (const auto& [key, now_seen] : known) {
+    children_ns += now_seen.children_ns;
+    parents += now_seen.children_ns > 0 ? 1 : 0;
+    const auto before = known_.find(key);
+    const int64_t own_before = before == known_.end() ? 0 : before->second.own_ns;
+    total_ns_ += std::max<int64_t>(now_seen.own_ns - own_before, 0);
+  }
+  // What parents have of their children beyond what was seen of these while they lived.
+  // A parent's own account moves on with it when it ends. The kernel cuts two numbers of
+  // each parent to whole ticks, so a little less than before is nothing lost.
+  const int64_t collected_ns = children_ns - ended_own_ns_;
+  const int64_t fresh_ns = std::max<int64_t>(collected_ns - most_collected_ns_, 0);
+  const int64_t cut_ns = 2 * TickNs() * parents;
+  most_collected_ns_ = std::min(most_collected_ns_ + fresh_ns, collected_ns + cut_ns);
+  total_ns_ += fresh_ns;
+
+  missing_ns_ += ran_on_ns - kTolerance * static_cast<double>(fresh_ns);
+  missing_ns_ = std::max(missing_ns_, 0.0);
+  const double slack = kSlackNs * std::max(widest_, 1.0) + static_cast<double>(cut_ns);
+  if (missing_ns_ > slack) {
+    total_ns_ += static_cast<int64_t>(missing_ns_ - slack);
+    missing_ns_ = slack;
+  }
+
+  if (by_chance) {
+    const absl::Duration most = kMostSpacing * apart_;
+    const absl::Duration since = std::min(now - last_by_chance_, most);
+    if (last_by_chance_ > -absl::InfiniteDuration()) {
+      spacing_ = std::clamp((1 - kNewest) * spacing_ + kNewest * since, apart_, most);
+    }
+    last_by_chance_ = now;
+    double running = 0;
+    for (const auto& [key, now_seen] : seen) {
+      running += now_seen.running;
+      run_on_ns[key] = now_seen.running * absl::ToDoubleNanoseconds(spacing_);
+    }
+    widest_ = std::max(running, (1 - kNewest) * widest_);
+  }
+  known_ = std::move(known);
+  run_on_ns_ = std::move(run_on_ns);
+}
+
+int64_t ProcessTree::CpuNs(bool by_chance) {
+  // First who there is, then the times of children, then each one's own: whoever is there
+  // in the end is in no parent's time, and whoever was not there at first is in it already.
+  const std::vector<pid_t> listed = Numbers("/proc");
   std::map<pid_t, ProcessTimes> processes;
   std::multimap<pid_t, pid_t> children;
-  DIR* folder = opendir("/proc");
-  if (folder == nullptr) return 0;
-  while (const dirent* entry = readdir(folder)) {
-    const auto pid = static_cast<pid_t>(std::atol(entry->d_name));
-    ProcessTimes times;
-    if (pid <= 0 || !ReadStat(entry->d_name, times)) continue;
-    processes[pid] = times;
-    children.emplace(times.parent, pid);
+  std::set<pid_t> leaving;
+  for (const pid_t pid : listed) {
+    if (const auto times = ReadStat(absl::StrCat("/proc/", pid, "/stat")); times.has_value()) {
+      processes[pid] = *times;
+      children.emplace(times->parent, pid);
+    } else {
+      leaving.insert(pid);
+    }
   }
-  closedir(folder);
-  // Of the tree alone: the host may have many processes more.
-  const int64_t tick_ns = 1000000000 / sysconf(_SC_CLK_TCK);
-  int64_t total_ns = 0;
-  std::vector<pid_t> open = {root};
+  // Of the tree alone: the host may have many processes more. Who was in it stays in it, also
+  // where its parent went while we read.
+  std::vector<pid_t> open = {root_};
+  for (const auto& [key, before] : ledger_.known()) {
+    const auto found = processes.find(key.first);
+    if (found != processes.end() && found->second.start == key.second) open.push_back(key.first);
+  }
+  std::set<pid_t> reached;
+  std::map<ProcessKey, ProcessSeen> seen;
   while (!open.empty()) {
     const pid_t pid = open.back();
     open.pop_back();
-    const ProcessTimes& times = processes[pid];
-    total_ns += OwnNs(pid, times.own_ticks * tick_ns) + times.children_ticks * tick_ns;
+    const auto found = processes.find(pid);
+    if (found == processes.end() || !reached.insert(pid).second) continue;
     const auto [first, last] = children.equal_range(pid);
     for (auto child = first; child != last; ++child) open.push_back(child->second);
+    const ProcessTimes& times = found->second;
+    const double running = ThreadsOnProcessors(pid, times, ledger_.churns());
+    const std::optional<int64_t> own_ns = OwnNs(pid, times.own_ticks * TickNs());
+    if (own_ns.has_value()) {
+      seen[{pid, times.start}] = {*own_ns, times.children_ticks * TickNs(), running};
+    } else {
+      leaving.insert(pid);
+    }
   }
-  return total_ns;
+  ledger_.Look(seen, leaving, SystemClock().Monotonic(), by_chance);
+  return ledger_.total_ns();
+}
+
+std::vector<pid_t> ProcessTree::members() const {
+  std::vector<pid_t> members;
+  for (const auto& [key, seen] : ledger_.known()) members.push_back(key.first);
+  return members;
+}
+
+bool AnyRuns(const std::vector<pid_t>& processes) {
+  for (const pid_t pid : processes) {
+    const std::string folder = absl::StrCat("/proc/", pid, "/task");
+    for (const pid_t thread : Numbers(folder)) {
+      const auto seen = ReadStat(absl::StrCat(folder, "/", thread, "/stat"));
+      if (seen.has_value() && seen->state == 'R') return true;
+    }
+  }
+  return false;
 }
 
 }  // namespace myograde::server

@@ -20,7 +20,8 @@
 #include <thread>
 
 #include <absl/strings/str_cat.h>
-#include <absl/time/clock.h>
+
+#include "protocol/base/clock.h"
 
 namespace myograde::server {
 namespace {
@@ -288,9 +289,9 @@ bool Sandbox::Ended() {
 }
 
 bool Sandbox::Wait(absl::Duration timeout) {
-  const absl::Time deadline = absl::Now() + timeout;
+  const Deadline deadline(timeout);
   while (!Ended()) {
-    if (absl::Now() >= deadline) return false;
+    if (deadline.over()) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   return true;
@@ -302,20 +303,26 @@ void Sandbox::Strike() {
   }
 }
 
+bool Sandbox::Gone() {
+  if (!Ended()) return false;
+  pollfd entry = {first_.get(), POLLIN, 0};
+  return !first_.valid() || poll(&entry, 1, 0) == 1;
+}
+
 bool Sandbox::Kill(absl::Duration timeout) {
-  const absl::Time deadline = absl::Now() + timeout;
+  const Deadline deadline(timeout);
   if (!Ended()) {
     // With process 1 of its pid namespace everything in it dies; bubblewrap
     // then ends by itself.
     if (first_.valid()) syscall(SYS_pidfd_send_signal, first_.get(), SIGKILL, nullptr, 0);
     if (!first_.valid() || !Wait(absl::Milliseconds(300))) {
       kill(pid_, SIGKILL);
-      if (!Wait(deadline - absl::Now())) return false;
+      if (!Wait(deadline.left())) return false;
     }
   }
   if (!first_.valid()) return true;
   pollfd entry = {first_.get(), POLLIN, 0};
-  const auto left = absl::ToInt64Milliseconds(std::max(deadline - absl::Now(), absl::Seconds(0)));
+  const auto left = absl::ToInt64Milliseconds(deadline.left());
   return poll(&entry, 1, static_cast<int>(left)) == 1;
 }
 

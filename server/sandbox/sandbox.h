@@ -88,6 +88,9 @@ class Sandbox {
   // Kills everything in it, without waiting.
   void Strike();
 
+  // True once nothing of it is left; never blocks.
+  bool Gone();
+
   // Waits for it to end by itself.
   bool Wait(absl::Duration timeout);
 
@@ -113,9 +116,5 @@ class Sandbox {
   Fd first_;   // a pidfd of process 1
   SandboxEnd end_;
 };
-
-// CPU time in ns of a process and all that descend of it; of those that ended
-// and were waited for in ticks of the kernel, usually 10 ms.
-int64_t ProcessTreeCpuNs(pid_t root);
 
 }  // namespace myograde::server

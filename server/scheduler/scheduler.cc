@@ -1,7 +1,6 @@
 #include "server/scheduler/scheduler.h"
 
 #include <algorithm>
-#include <tuple>
 
 #include <absl/strings/str_cat.h>
 
@@ -70,22 +69,33 @@ std::optional<int> Scheduler::TakeSlot() {
   return slot;
 }
 
+Scheduler::Turn Scheduler::TurnOf(const Team& team, const Evaluation& evaluation) const {
+  Turn turn = {team.running, team.last_start, team.joined};
+  const auto party = parties_.find(evaluation.spec.party);
+  if (party == parties_.end()) return turn;
+  turn.running = std::max(turn.running, party->second.running);
+  turn.last_start = std::max(turn.last_start, party->second.last_start);
+  return turn;
+}
+
 std::optional<Start> Scheduler::Next(absl::Duration now) {
   const int slot = FreeSlot();
   if (slot < 0) return std::nullopt;
   Team* best_team = nullptr;
   Lease* best = nullptr;
-  const auto turn = [](const Team& team) {
-    return std::tuple(team.running, team.last_start, team.joined);
-  };
+  Turn first = {};
   for (int priority = 0; priority < kPriorities && best == nullptr; ++priority) {
     for (auto& [name, team] : teams_) {
       if (team.running >= limits_.team_running) continue;
-      if (best_team != nullptr && turn(*best_team) <= turn(team)) continue;
-      if (Lease* lease = FirstReady(team, Priority(priority), now); lease != nullptr) {
-        best_team = &team;
-        best = lease;
-      }
+      // What a party has can only put its teams behind.
+      if (best != nullptr && first <= Turn{team.running, team.last_start, team.joined}) continue;
+      Lease* lease = FirstReady(team, Priority(priority), now);
+      if (lease == nullptr) continue;
+      const Turn turn = TurnOf(team, evaluations_.at(lease->evaluation));
+      if (best != nullptr && first <= turn) continue;
+      best_team = &team;
+      best = lease;
+      first = turn;
     }
   }
   if (best == nullptr) return std::nullopt;
@@ -102,8 +112,12 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
   best->over_at = now + evaluation.spec.lease_wall;
   running_.insert(best->id);
   taken_slots_.insert(slot);
-  best_team->running += 1;
-  best_team->last_start = ++starts_;
+  ++starts_;
+  for (Share* share : {static_cast<Share*>(best_team), PartyOf(evaluation)}) {
+    if (share == nullptr) continue;
+    share->running += 1;
+    share->last_start = starts_;
+  }
   return Start{best->evaluation, best->id, best->attempt, slot, evaluation.spec.lease_wall};
 }
 
@@ -130,6 +144,11 @@ void Scheduler::StopRunning(Lease& lease) {
   running_.erase(lease.id);
   evaluation.running.erase(lease.id);
   teams_.at(evaluation.spec.team).running -= 1;
+  if (Share* party = PartyOf(evaluation); party != nullptr) party->running -= 1;
+}
+
+Scheduler::Share* Scheduler::PartyOf(const Evaluation& evaluation) {
+  return evaluation.spec.party.empty() ? nullptr : &parties_[evaluation.spec.party];
 }
 
 void Scheduler::Remove(int64_t id) {
@@ -260,9 +279,7 @@ std::optional<QueuePlace> Scheduler::PlaceOf(int64_t id) const {
   const Evaluation& evaluation = it->second;
   const Team& own = teams_.at(evaluation.spec.team);
   const int64_t rank = own.line.RankOf(evaluation.priority, id);
-  const auto turn = [](const Team& team) {
-    return std::tuple(team.running, team.last_start, team.joined);
-  };
+  const Turn turn = TurnOf(own, evaluation);
   QueuePlace place{.position = 1};
   for (const auto& [name, team] : teams_) {
     for (int i = 0; i < static_cast<int>(evaluation.priority); ++i) {
@@ -270,7 +287,10 @@ std::optional<QueuePlace> Scheduler::PlaceOf(int64_t id) const {
       place.position += all;
       place.leases_ahead += team.line.LeasesOfFirst(Priority(i), all);
     }
-    const int64_t before = rank + (&team != &own && turn(team) < turn(own) ? 1 : 0);
+    const auto line = team.line.In(evaluation.priority).begin();
+    const bool earlier = &team != &own && line != team.line.In(evaluation.priority).end() &&
+                         TurnOf(team, evaluations_.at(line->first)) < turn;
+    const int64_t before = rank + (earlier ? 1 : 0);
     place.position += std::min(before, team.line.size(evaluation.priority));
     place.leases_ahead += team.line.LeasesOfFirst(evaluation.priority, before);
   }

@@ -6,7 +6,9 @@
 // Turns: a free slot goes to the highest class that has a lease ready (overdue,
 // official, practice, re-run), in it to the team that has the fewest running
 // leases, of those to the one whose last start is longest ago, of those to the one
-// that came first. Within a team: the older evaluation, then the earlier lease. So a
+// that came first. A team counts as what it has or as what the party has that handed its
+// evaluation in, a person with several teams for one, whichever is more: neither several teams of a
+// party nor several members of a team get more than one share. Within a team: the older evaluation, then the earlier lease. So a
 // team with a thousand submissions delays another team's first lease by one lease at
 // most, and whoever waits for longer than `queue_wait` goes ahead of all classes.
 //
@@ -14,6 +16,7 @@
 // there any more, however long ago the lease was taken back.
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -46,6 +49,7 @@ struct LeaseSpec {
 struct EvaluationSpec {
   int64_t id = 0;
   std::string team;
+  std::string party;              // who handed it in; "": nobody knows, so the team stands for it
   Priority priority = Priority::kOfficial;
   absl::Duration lease_wall;      // after this a lease is taken back
   std::vector<LeaseSpec> leases;  // those that have not ended; played in the order of their ids
@@ -118,6 +122,8 @@ class Scheduler {
 
   // Takes a free slot for something else than a lease; nullopt if there is none.
   std::optional<int> TakeSlot();
+  // Takes this slot, whatever is there, until Free().
+  void Close(int slot) { taken_slots_.insert(slot); }
   // Nothing runs on this slot any more.
   void Free(int slot) { taken_slots_.erase(slot); }
 
@@ -165,11 +171,20 @@ class Scheduler {
     std::set<int64_t> running;
     absl::Duration wait_over = absl::InfiniteDuration();  // infinite while nothing waits
   };
-  struct Team {
-    TeamLine line;
+  struct Share {
     int running = 0;
     int64_t last_start = 0;  // number of the start, 0 before the first
+  };
+  struct Team : Share {
+    TeamLine line;
     int64_t joined = 0;
+  };
+  // What is compared between teams; the least is next.
+  struct Turn {
+    int running;
+    int64_t last_start;
+    int64_t joined;
+    auto operator<=>(const Turn&) const = default;
   };
 
   Lease* Current(int64_t lease, int64_t attempt);
@@ -177,6 +192,8 @@ class Scheduler {
   void Wait(Evaluation& evaluation, absl::Duration until);
   void UpdateLine(Evaluation& evaluation);
   void Remove(int64_t evaluation);
+  Share* PartyOf(const Evaluation& evaluation);  // null if nobody knows
+  Turn TurnOf(const Team& team, const Evaluation& evaluation) const;
   Lease* FirstReady(const Team& team, Priority priority, absl::Duration now);
   int FreeSlot() const;
 
@@ -184,6 +201,7 @@ class Scheduler {
   std::map<int64_t, Lease> leases_;
   std::map<int64_t, Evaluation> evaluations_;
   std::map<std::string, Team> teams_;
+  std::map<std::string, Share> parties_;
   std::set<int64_t> running_;   // leases
   std::set<int> taken_slots_;
   std::set<std::pair<absl::Duration, int64_t>> delayed_;  // not_before and lease

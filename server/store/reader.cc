@@ -17,7 +17,7 @@ constexpr int64_t kMany = int64_t{1} << 40;
 
 constexpr char kSubmissionColumns[] =
     "SELECT s.id, t.name, s.artefact, a.name, s.track, s.profile, s.config, s.seeds, s.ranked, "
-    "s.accepted_at, s.team_id FROM submission AS s LEFT JOIN team AS t ON t.id = s.team_id "
+    "s.accepted_at, s.team_id, s.accepted_by FROM submission AS s LEFT JOIN team AS t ON t.id = s.team_id "
     "LEFT JOIN artefact AS a ON a.hash = s.artefact ";
 
 constexpr char kEvaluationColumns[] =
@@ -39,6 +39,7 @@ StoredRow SubmissionOf(SQLite::Statement& select, SubmissionRow& submission) {
   submission.seeds = row.Hash(7);
   submission.ranked = row.Flag(8);
   submission.accepted_at = row.Time(9);
+  submission.accepted_by = row.Text(11);
   row.Joined("team", 10);
   submission.team = row.Text(1);
   row.Joined("artefact", 2);

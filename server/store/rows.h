@@ -47,6 +47,7 @@ struct SubmissionRow {
   std::string seeds;
   bool ranked = false;
   int64_t accepted_at = 0;
+  std::string accepted_by;  // who handed it in: "uid N"
 };
 
 struct EvaluationRow {

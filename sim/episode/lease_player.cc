@@ -73,7 +73,7 @@ EpisodeFacts NothingPlayed(TrackKind kind) {
 }  // namespace
 
 LeasePlayer::LeasePlayer(const LeaseOrder& order, Environment& environment, int64_t max_steps,
-                         int runner, const CpuPage* cpu, const Clock& clock, LogWriter* log)
+                         int runner, CpuPage* cpu, const Clock& clock, LogWriter* log)
     : order_(order),
       environment_(environment),
       max_steps_(max_steps),
@@ -108,6 +108,11 @@ absl::Status LeasePlayer::PlayEpisode(const EpisodeOrder& episode) {
   if (!result->has_value() || (*result)->outcome == Outcome::kUnstable) {
     // Bad numbers are the policy's doing, but its process did nothing wrong.
     return Record(episode, *result);
+  }
+  if (refused_) {
+    last_fault_ = **result;
+    last_fault_->step = -1;
+    return Record(episode, last_fault_);
   }
   absl::StatusOr<FaultEvidence> ruling = Rule(**result);
   if (!ruling.ok()) return ruling.status();
@@ -150,6 +155,10 @@ LeasePlayer::Result LeasePlayer::EnsurePolicy() {
   if (type == "no_policy") {
     absl::StatusOr<FaultEvidence> evidence = FaultEvidenceFromJson(message->json);
     if (!evidence.ok()) return evidence.status();
+    if (FaultOf(evidence->outcome) != Fault::kParticipant) {
+      return absl::InternalError(absl::StrCat("episode ", index_, ": ", evidence->detail));
+    }
+    refused_ = true;
     return std::optional(*std::move(evidence));
   }
   if (type != "policy" || !message->fd.valid()) {

@@ -28,7 +28,7 @@ class LeasePlayer {
   // policy. `log`: where the episodes' logs go, null if none are kept.
   // References must outlive the player.
   LeasePlayer(const LeaseOrder& order, Environment& environment, int64_t max_steps, int runner,
-              const CpuPage* cpu, const Clock& clock, LogWriter* log = nullptr);
+              CpuPage* cpu, const Clock& clock, LogWriter* log = nullptr);
 
   // Records every episode of the order and says that it is done. An error is
   // the grader's own: the runner is gone or silent, a ruling blames the
@@ -61,7 +61,7 @@ class LeasePlayer {
   Environment& environment_;
   const int64_t max_steps_;
   const int runner_;
-  const CpuPage* const cpu_;
+  CpuPage* const cpu_;
   const Clock& clock_;
   LogWriter* const log_;
 
@@ -84,6 +84,8 @@ class LeasePlayer {
   bool given_up_ = false;
   absl::Duration episode_wall_start_;
   absl::Duration episode_cpu_start_;
+
+  bool refused_ = false;  // the runner gives no policy any more; the evidence is its ruling
 
   // Once set, it is what the rest of the lease gets.
   std::optional<FaultEvidence> last_fault_;

@@ -60,7 +60,7 @@ struct PolicySession::Waiting {
   uint64_t cpu_start_ns = 0;
 };
 
-PolicySession::PolicySession(Fd socket, const Budgets& budgets, const CpuPage* cpu,
+PolicySession::PolicySession(Fd socket, const Budgets& budgets, CpuPage* cpu,
                              const Clock& clock, LeaseUse use, std::function<void()> on_wait,
                              std::function<void()> measure)
     : socket_(std::move(socket)),
@@ -175,7 +175,11 @@ OrFault<BridgeFrame> PolicySession::Receive(const Waiting& waiting, bool& again)
                 sizeof(HelloFrame) >= sizeof(ActionFrame) &&
                 sizeof(HelloFrame) >= sizeof(GiveUpFrame) &&
                 sizeof(HelloFrame) >= sizeof(FaultFrame));
+  // Whoever starts up may wait for its files; that has its own limit.
+  const bool told = cpu_ != nullptr && !waiting.start_up;
+  if (told) cpu_->waits.fetch_add(1);
   const ssize_t size = recv(socket_.get(), buffer.data(), buffer.size(), 0);
+  if (told) cpu_->waits.fetch_add(1);
   if (size < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) {
     again = true;
     return FaultEvidence{};
@@ -258,6 +262,14 @@ std::optional<FaultEvidence> PolicySession::OverLease(int64_t step) const {
                                        cpu, budgets_.lease_cpu_s));
   }
   const double wall = absl::ToDoubleSeconds(clock_.Monotonic() - use_.started);
+  const double idle =
+      cpu_ == nullptr ? 0 : 1e-9 * static_cast<double>(cpu_->idle_ns.load());
+  if (idle > budgets_.lease_idle_s) {
+    return BrokenLimit(Outcome::kWallTimeout, "lease_idle_s", budgets_.lease_idle_s, idle, step,
+                       absl::StrFormat("the policy was idle for %.4g s of its lease, which allows "
+                                       "%g s: it was asked and wanted no processor",
+                                       idle, budgets_.lease_idle_s));
+  }
   if (wall <= budgets_.lease_wall_s) return std::nullopt;
   return BrokenLimit(Outcome::kWallTimeout, "lease_wall_s", budgets_.lease_wall_s, wall, step,
                      absl::StrFormat("the lease took %.4g s of wall time, which allows %g s", wall,

@@ -36,7 +36,7 @@ class PolicySession {
   // times a second while an answer is waited for, `measure` before an answer
   // that took its time is judged: it has the CPU time read anew. All references
   // must outlive the session. The start-up budget begins to run now.
-  PolicySession(Fd socket, const Budgets& budgets, const CpuPage* cpu, const Clock& clock,
+  PolicySession(Fd socket, const Budgets& budgets, CpuPage* cpu, const Clock& clock,
                 LeaseUse use, std::function<void()> on_wait, std::function<void()> measure);
 
   // Waits for the policy's hello, within the start-up budget.
@@ -71,7 +71,7 @@ class PolicySession {
 
   Fd socket_;
   const Budgets& budgets_;
-  const CpuPage* cpu_;
+  CpuPage* cpu_;
   const Clock& clock_;
   const LeaseUse use_;
   const std::function<void()> on_wait_;

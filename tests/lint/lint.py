@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Checks what the compiler does not: who may include and link whom, the length of files, marks
-of unfinished work, that every test is built, that ./dev knows each verb that its help names, and
-that nothing strays into the root folder. Prints one line per mistake; exit status 1 if there is
+of unfinished work, that every test is built, that ./dev knows each verb that its help names,
+that nothing strays into the root folder, and that nothing is timed by the calendar. Prints one line per mistake; exit status 1 if there is
 one. Use: lint.py ROOT"""
 
 import pathlib
@@ -36,6 +36,27 @@ FORBIDDEN_LINKS = {
     "scoring": r"myograde_(sim|server|protocol|mujoco)\b|LCM|SQLite|nlohmann",
     "server": r"myograde_(sim|mujoco)\b|PkgConfig::LCM",
     "policies": r"myograde_(sim|server|scoring|mujoco)\b",
+}
+# The calendar can be set while a deadline runs, so whatever waits or measures counts on the
+# monotonic clock (protocol/base/clock.h). These files alone may ask for the date, and why.
+CALENDAR = re.compile(r"absl::Now\(|\b(system_clock|high_resolution_clock|file_clock)\b|"
+                      r"\bgettimeofday\(|\bCLOCK_REALTIME|\btime\((NULL|nullptr|0|&\w+)\)|"
+                      r"\b(\w*[cC]lock_?|SystemClock\(\))\.Now\(\)|"
+                      r"\btime\.time(_ns)?\(|\bdate(time)?\.(now|utcnow|today)\(")
+CALENDAR_USERS = {
+    "protocol/base/clock.cc": "is the port",
+    "server/api/api_quota.cc": "quotas are of a day",
+    "server/api/api_views.cc": "shows times of day",
+    "server/daemon/daemon.cc": "shows when it started",
+    "server/daemon/engine_leases.cc": "stores when a lease will be over, for people to read",
+    "server/daemon/retention.cc": "compares with stored times of day",
+    "server/store/store.cc": "stamps rows",
+    "tests/bench/latency_policy.cc": "is compared with stored times of day",
+    "tests/integration/shifted_calendar.c": "shifts it",
+    "tests/integration/soak.py": "draws a seed",
+    "tests/lint/lint.py": "names them",
+    "tests/redteam/programs/c44_guesses_seeds.py": "prints it, to see that no result hangs on it",
+    "tests/server/store/quota_test.cc": "compares with stored times of day",
 }
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 UNFINISHED = re.compile(r"\b(TO" r"DO|FIX" r"ME|XX" r"X)\b")
@@ -80,6 +101,9 @@ def check_file(root, file):
         problems.append("has a mark of unfinished work")
     if file.suffix in (".h", ".cc"):
         problems += check_includes(path, text)
+    if CALENDAR.search(text) and path not in CALENDAR_USERS:
+        problems.append("asks the calendar for the time; count on the monotonic clock "
+                        "(protocol/base/clock.h), or say in lint.py why it needs the date")
     if file.name == "CMakeLists.txt":
         problems += check_links(path, text)
     if file.suffix == ".cc" and path.startswith("tests/"):

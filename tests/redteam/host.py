@@ -40,6 +40,7 @@ TRACKS = {
     "rt-patient": _track(overtime_s=10),
     "rt-lease": _track(lease_wall_s=8),
     "rt-cpu": _track(lease_cpu_s=3, overtime_s=10),
+    "rt-idle": _track(lease_idle_s=3),
     "rt-memory": _track(memory_bytes=96 << 20, scratch_bytes=512 << 20, startup_s=15),
     "rt-arm": _track(base="manipulation"),
     "rt-often": _track(restarts=20, overtime_s=0.2, wall_factor=30),

@@ -117,6 +117,52 @@ TEST_F(EngineCoreTest, WhatAnExpiredLeaseSaysLaterIsRefused) {
   EXPECT_EQ(world.broken, "");
 }
 
+TEST_F(EngineCoreTest, ASlotStaysClosedAsLongAsAProcessOfItsUserLives) {
+  World world(Folder(), {}, 1);
+  const int64_t first = world.Submit("a", 2);
+  RunFor(world, absl::Seconds(1));
+  const int64_t user = ServerConfig().uid_base;
+  world.left[user] = "71 (reader, state D)";
+  const int64_t second = world.Submit("b", 2);
+  RunFor(world, absl::Minutes(2));
+  EXPECT_EQ(StateOf(world, first), EvaluationState::kDone) << "what it recorded counts";
+  EXPECT_EQ(StateOf(world, second), EvaluationState::kQueued);
+  ASSERT_EQ(world.core->Health().closed_slots.count(0), 1u);
+  EXPECT_EQ(world.core->Health().closed_slots[0], "71 (reader, state D)");
+  EXPECT_NE(world.core->ProspectOf(second).waiting.find("slot 0 is closed until 71"),
+            std::string::npos);
+  // The next daemon sees it too.
+  world.Cut();
+  world.Boot();
+  RunFor(world, absl::Minutes(2));
+  EXPECT_EQ(StateOf(world, second), EvaluationState::kQueued);
+  world.left.clear();
+  RunFor(world, absl::Minutes(2));
+  EXPECT_EQ(StateOf(world, second), EvaluationState::kDone);
+  EXPECT_TRUE(world.core->Health().closed_slots.empty());
+  world.CheckStore();
+  EXPECT_EQ(world.broken, "");
+}
+
+TEST_F(EngineCoreTest, ARunnerThatStaysAfterItsLastWordKeepsItsSlotAndNothingElse) {
+  World world(Folder(), {}, 1);
+  world.next_lingers = absl::Minutes(5);
+  const int64_t first = world.Submit("a", 2);
+  const int64_t second = world.Submit("b", 2);
+  RunFor(world, absl::Minutes(2));
+  EXPECT_EQ(StateOf(world, first), EvaluationState::kDone);
+  EXPECT_EQ(StateOf(world, second), EvaluationState::kQueued);
+  EXPECT_EQ(world.core->Health().ending, 1);
+  RunFor(world, absl::Minutes(6));
+  EXPECT_EQ(StateOf(world, second), EvaluationState::kDone);
+  ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
+    EXPECT_EQ(reader.Leases(first).front().faults, 0);
+    return absl::OkStatus();
+  }).ok());
+  world.CheckStore();
+  EXPECT_EQ(world.broken, "");
+}
+
 TEST_F(EngineCoreTest, AStopPutsLeasesBackAndAnswersWhoeverWaits) {
   World world(Folder(), {}, 2);
   const int64_t id = world.Submit("a", 4);

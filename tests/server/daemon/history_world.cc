@@ -111,6 +111,7 @@ void FakeRunner::WriteScript(const LeaseOrder& order) {
   end.ok = !tape.Happens(4);
   if (!end.ok) end.detail = "the simulator vanished";
   Say(at, end);
+  at += std::exchange(world_.next_lingers, absl::ZeroDuration());
   dies_at_ = std::min(dies_at_, at + absl::Seconds(tape.Happens(4) ? 10'000 : 0));
   garbage_ = tape.Happens(4);
   kill_takes_ = tape.Happens(8) ? absl::Minutes(2)
@@ -152,6 +153,14 @@ void FakeRunner::KillNow() {
 absl::StatusOr<std::unique_ptr<Runner>> FakeProcesses::Start(const LeaseOrder& order) {
   if (world_.tape.Happens(4)) return absl::UnavailableError("no process could be made");
   return std::make_unique<FakeRunner>(world_, order);
+}
+
+std::map<int64_t, std::string> FakeProcesses::ProcessesOf(int64_t first, int64_t count) {
+  std::map<int64_t, std::string> found;
+  for (const auto& [user, words] : world_.left) {
+    if (user >= first && user < first + count) found[user] = words;
+  }
+  return found;
 }
 
 absl::Status FakeDisk::Write(const StoreChange& change) {
@@ -199,6 +208,7 @@ void World::Boot() {
   readers = std::make_unique<ReaderPool>(path);
   disk_ = std::make_unique<FakeDisk>(*this, *store);
   EngineOptions options;
+  options.slot_uids = true;
   options.data_dir = folder_;
   options.config.scheduler = {.slots = slots_, .team_running = 1 + slots_ / 2,
                               .queue_wait = absl::Minutes(5)};

@@ -29,6 +29,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/time/clock.h>
 
+#include "protocol/base/clock.h"
 #include "server/runner/runner_process.h"
 #include "server/sandbox/control_group.h"
 #include "server/sandbox/users.h"
@@ -164,8 +165,8 @@ class RunnerTest : public ::testing::Test {
       ADD_FAILURE() << runner.status();
       return outcomes;
     }
-    const absl::Time deadline = absl::Now() + limit;
-    while (!(*runner)->finished() && absl::Now() < deadline) {
+    const absl::Duration deadline = SystemClock().Monotonic() + limit;
+    while (!(*runner)->finished() && SystemClock().Monotonic() < deadline) {
       if (meddle_) meddle_((*runner)->pid());
       pollfd entries[] = {{(*runner)->stdout_fd(), POLLIN, 0}, {(*runner)->stderr_fd(), POLLIN, 0}};
       poll(entries, 2, 100);

@@ -101,6 +101,30 @@ TEST_F(LeasePlayerTest, TheLeasesCapsEndTheWholeLease) {
   EXPECT_EQ(result.sandboxes, 1);
 }
 
+TEST_F(LeasePlayerTest, IdlingIsCountedWhileAnAnswerIsWaitedForAndEndsTheLease) {
+  order_.track.budgets.lease_idle_s = 12;
+  const LeaseResult result = Play({[this](Sandbox& sandbox) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+    EXPECT_EQ(cpu_.waits, 0u) << "start-up has its own limit";
+    sandbox.Hello();
+    while (const PublishFrame* question = sandbox.Hear()) {
+      if (question->expect == Expect::kAction) {
+        // As the runner does, once the simulator says that it waits.
+        while (cpu_.waits % 2 == 0) std::this_thread::yield();
+        cpu_.idle_ns += 5'000'000'000u;
+      }
+      sandbox.Answer(*question);
+    }
+  }});
+  EXPECT_THAT(Outcomes(result), ElementsAre(Outcome::kWallTimeout, Outcome::kWallTimeout,
+                                            Outcome::kWallTimeout));
+  EXPECT_EQ(result.episodes[0].fault.limit, "lease_idle_s");
+  EXPECT_EQ(result.episodes[0].fault.limit_value, 12);
+  EXPECT_DOUBLE_EQ(result.episodes[0].fault.value, 15);
+  EXPECT_EQ(result.episodes[0].steps, 2);
+  EXPECT_EQ(result.sandboxes, 1);
+}
+
 TEST_F(LeasePlayerTest, BadNumbersAreThePolicysButItsProcessGoesOn) {
   environment_.unstable_at = 3;
   const LeaseResult result = Play({[](Sandbox& sandbox) { sandbox.PlayWell(); }});

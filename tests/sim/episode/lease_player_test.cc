@@ -193,13 +193,15 @@ TEST_F(LeasePlayerTest, ARulingAgainstTheGraderEndsTheLease) {
   EXPECT_FALSE(result.done);
 }
 
-TEST_F(LeasePlayerTest, ACommandThatCanNotStartIsAFaultOfEachTry) {
-  refuse_ = FaultEvidence{Outcome::kCrash, "", 0, 0, -1, "./policy is not executable", ""};
+TEST_F(LeasePlayerTest, WhereNoPolicyIsStartedAnyMoreTheRestOfTheLeaseGetsThatFault) {
+  refuse_ = FaultEvidence{Outcome::kCrash, "", 0, 0, 7, "what it left behind stays", ""};
   const LeaseResult result = Play({[](Sandbox&) {}});
   ASSERT_TRUE(result.status.ok()) << result.status;
-  EXPECT_EQ(result.sandboxes, 3);
+  EXPECT_EQ(result.sandboxes, 1);
+  EXPECT_TRUE(result.seen.empty());  // it is a ruling already
   EXPECT_THAT(Outcomes(result), ElementsAre(Outcome::kCrash, Outcome::kCrash, Outcome::kCrash));
-  EXPECT_EQ(result.episodes[2].fault.detail, "./policy is not executable");
+  EXPECT_EQ(result.episodes[2].fault.detail, "what it left behind stays");
+  EXPECT_EQ(result.episodes[2].fault.step, -1);
 }
 
 TEST_F(LeasePlayerTest, AnotherProtocolVersionIsRefusedWithAReason) {

@@ -188,6 +188,7 @@ class LeasePlayerTest : public ::testing::Test {
     budgets.wall_factor = 10;
     budgets.lease_cpu_s = 1000;
     budgets.lease_wall_s = 1000;
+    budgets.lease_idle_s = 1000;
     budgets.stray_messages = 50;
     budgets.wrong_answers = 15;
     budgets.restarts = 2;
@@ -257,7 +258,7 @@ class LeasePlayerTest : public ::testing::Test {
 
   LeaseOrder order_;
   CountingEnvironment environment_;
-  CpuPage cpu_ = {0, 1};
+  CpuPage cpu_ = {0, 1, 0, 0};
   std::atomic<uint64_t> read_when_asked_ = 0;  // ns of CPU time that the page has not yet
   LogWriter* log_ = nullptr;
   std::optional<FaultEvidence> refuse_;
