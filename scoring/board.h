@@ -100,4 +100,7 @@ absl::StatusOr<std::vector<RankedEntry>> Rank(const std::vector<BoardEntry>& ent
 // with unrounded numbers.
 std::string Explain(const RankedEntry& above, const RankedEntry& below, const BoardRules& rules);
 
+// The order of a board under `rules` in a few sentences, for those who read it.
+std::string DescribeOrder(const BoardRules& rules);
+
 }  // namespace myograde::scoring

@@ -164,11 +164,49 @@ std::string Why(const RankedEntry& above, const RankedEntry& below,
                        above.entry, below.entry);
 }
 
+std::string OrderOf(const TieredBoard& rules) {
+  const std::string factor = Exact(rules.band_factor);
+  const std::string bands =
+      rules.bands == BandsOver::kTime
+          ? absl::StrCat("mean time (a band holds all up to ", factor, " times its fastest)")
+          : absl::StrCat("the success rate (a band holds all whose rate times ", factor,
+                         " reaches its best)");
+  return absl::StrCat("First those with at least ", rules.line_successes, " of ",
+                      rules.line_episodes, " successes, in bands of ", bands,
+                      " and by less effort within a band. Then the others by successes",
+                      rules.ties == Ties::kTime
+                          ? ", where these are equal by less mean time, then by less effort."
+                          : "; effort does not count below that line.");
+}
+
+std::string OrderOf(const DistanceBoard& rules) {
+  if (rules.band > 0) {
+    return absl::StrCat("By mean distance; from ", Exact(rules.time_from_m),
+                        " m on in bands (a band holds all whose distance times ",
+                        Exact(1 + rules.band),
+                        " reaches its farthest) and by less mean time within a band, then by "
+                        "distance. Effort does not count.");
+  }
+  return absl::StrCat("By mean distance; where it is exactly equal and at least ",
+                      Exact(rules.time_from_m), " m, by less mean time. Effort does not count.");
+}
+
+std::string OrderOf(const PhysiologicalBoard& rules) {
+  return absl::StrCat("Of those with a mean distance of at least ", Exact(rules.qualify_m),
+                      " m: by less mean pain, where it is equal by less mean effort, both over ",
+                      rules.means == MeansOver::kSteps ? "all steps." : "episodes.");
+}
+
 }  // namespace
 
 std::string Explain(const RankedEntry& above, const RankedEntry& below, const BoardRules& rules) {
   return std::visit(
       [&](const auto& kind) { return Sentence(above, below, Why(above, below, kind)); }, rules);
+}
+
+std::string DescribeOrder(const BoardRules& rules) {
+  return absl::StrCat(std::visit([](const auto& kind) { return OrderOf(kind); }, rules),
+                      " What is equal then stands in the order of acceptance.");
 }
 
 }  // namespace myograde::scoring

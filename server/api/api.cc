@@ -12,6 +12,7 @@
 #include "protocol/sha256.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
+#include "server/counted.h"
 #include "server/daemon/results.h"
 #include "server/daemon/stored.h"
 
@@ -215,7 +216,7 @@ Api::Result Api::Submit(const Request&, const Json& body) {
       artefact->files > config.budgets.submission_files) {
     return ApiError{400, "bad_artefact",
                     absl::StrCat("the artefact has ", artefact->bytes, " bytes in ",
-                                 artefact->files, " files; track \"", config.id, "\" allows ",
+                                 Counted(artefact->files, "file"), "; track \"", config.id, "\" allows ",
                                  config.budgets.submission_bytes, " bytes and ",
                                  config.budgets.submission_files, " files")};
   }
@@ -268,9 +269,16 @@ Api::Result Api::Cancel(const Request& request, const Json& body) {
   if (!report.ok()) return ErrorOf(report.status());
   Result result = GetSubmission(request);
   if (Answer* answer = std::get_if<Answer>(&result)) {
+    std::string charged;
+    status = readers_.Read([&](Reader& reader) {
+      charged = reader.ChargedBudget(id);
+      return absl::OkStatus();
+    });
+    if (!status.ok()) return ErrorOf(status);
     answer->body["cancel"] = {{"killed", report->killed},
                               {"still_ending", report->still_ending},
-                              {"took_wall_s", absl::ToDoubleSeconds(report->took)}};
+                              {"took_wall_s", absl::ToDoubleSeconds(report->took)},
+                              {"charged", TextOrNull(charged)}};
   }
   return result;
 }

@@ -126,6 +126,7 @@ absl::StatusOr<std::string> Api::MakeBoardText(Reader& reader, const Asked& aske
   json["board"] = asked.board;
   json["rules"] = config.scoring["boards"][asked.board];
   json["official_figures"] = HasOfficialFigures(config);
+  json["order"] = scoring::DescribeOrder(*asked.rules);
   json["config"] = config.hash;
   json["episodes"] = config.seeds.size();
   json["other_config"] = reader.RankedElsewhere(config.id, config.profile, config.hash);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <string>
 #include <vector>
@@ -38,6 +39,9 @@ struct Artefact {
   int64_t files = 0;  // files, folders and links
 };
 
+// Hears now and then how many bytes are done, of how many.
+using ByteProgress = std::function<void(int64_t done, int64_t total)>;
+
 // Writes what a participant has at `path` to the file `archive` (made or
 // replaced) as a canonical tar: entries sorted, no owners, modes 0755 or 0644,
 // times of files in whole seconds and no others. `path` is a folder with policy.json at its top, a single executable
@@ -46,15 +50,17 @@ struct Artefact {
 // are told before anything is sent. InvalidArgumentError: `path` breaks a rule
 // (NotFoundError: isn't there); other codes: this host is in trouble.
 absl::Status PackArtefact(const std::string& path, const std::string& archive,
-                          const ArtefactLimits& limits);
+                          const ArtefactLimits& limits, const ByteProgress& progress = nullptr);
 
 // Unpacks an archive that nobody vouches for into `destination`, which must not
 // exist and is removed again after an error. Links are kept as links and never
 // followed. Nothing is synced to disk: a caller that needs that calls syncfs.
 // InvalidArgumentError: the archive breaks a rule, with the entry and the rule;
 // other codes: this host is in trouble (no space, no right to write).
+// `progress` hears the bytes read of the archive.
 absl::StatusOr<Artefact> UnpackArtefact(const std::string& archive, const std::string& destination,
-                                        const ArtefactLimits& limits);
+                                        const ArtefactLimits& limits,
+                                        const ByteProgress& progress = nullptr);
 
 // The two halves of UnpackArtefact, for a process that gives up its rights between
 // them. The first makes `destination` and opens all that the second needs, which
@@ -66,7 +72,8 @@ struct UnpackPlace {
 };
 absl::StatusOr<UnpackPlace> OpenUnpackPlace(const std::string& archive,
                                             const std::string& destination);
-absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLimits& limits);
+absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLimits& limits,
+                                      const ByteProgress& progress = nullptr);
 
 // Reads and checks policy.json of an unpacked artefact: strict keys, and a
 // command that is there and can be run. What the command means outside the artefact

@@ -162,7 +162,23 @@ class TarWriter {
   std::unique_ptr<archive, ArchiveWriter> writer_{archive_write_new()};
 };
 
-absl::Status CopyFile(int fd, const std::string& path, int64_t size, TarWriter& tar) {
+// Tells `progress` of the bytes of all files, as they are packed.
+class PackedBytes {
+ public:
+  PackedBytes(int64_t total, const ByteProgress& progress) : total_(total), progress_(progress) {}
+  void Add(int64_t bytes) {
+    done_ += bytes;
+    if (progress_) progress_(done_, total_);
+  }
+
+ private:
+  const int64_t total_;
+  const ByteProgress& progress_;
+  int64_t done_ = 0;
+};
+
+absl::Status CopyFile(int fd, const std::string& path, int64_t size, TarWriter& tar,
+                      PackedBytes& packed) {
   std::string buffer(64 << 10, '\0');
   const auto changed = [&] {
     return absl::InvalidArgumentError(
@@ -179,13 +195,14 @@ absl::Status CopyFile(int fd, const std::string& path, int64_t size, TarWriter& 
     if (got == 0) return changed();
     const absl::Status written = tar.Write(buffer.data(), static_cast<size_t>(got));
     if (!written.ok()) return written;
+    packed.Add(got);
     left -= got;
   }
   return absl::OkStatus();
 }
 
 absl::Status PackFolder(const std::string& folder, const std::string& archive,
-                        const ArtefactLimits& limits) {
+                        const ArtefactLimits& limits, const ByteProgress& progress) {
   const absl::StatusOr<ArtefactManifest> manifest = ReadManifest(folder);
   if (!manifest.ok()) return manifest.status();
   const absl::StatusOr<std::string> name = CleanName(manifest->name, "policy.json: \"name\"");
@@ -197,11 +214,12 @@ absl::Status PackFolder(const std::string& folder, const std::string& archive,
   if (!listed.ok()) return listed;
   absl::StatusOr<TarWriter> tar = TarWriter::Create(archive);
   if (!tar.ok()) return tar.status();
+  PackedBytes packed(listing.bytes(), progress);
   for (const auto& [path, entry] : listing.entries()) {
     absl::Status status = tar->Begin(path, entry);
     if (status.ok() && entry.type == EntryType::kFile) {
       const Fd fd = OpenBeneath(root.get(), path, O_RDONLY | O_NONBLOCK);
-      status = fd.valid() ? CopyFile(fd.get(), path, entry.size, *tar) : Unreadable(path);
+      status = fd.valid() ? CopyFile(fd.get(), path, entry.size, *tar, packed) : Unreadable(path);
     }
     if (!status.ok()) return status;
   }
@@ -225,7 +243,7 @@ std::string PolicyNameOf(const std::string& file) {
 }
 
 absl::Status PackProgram(const std::string& program, const std::string& archive,
-                         const ArtefactLimits& limits) {
+                         const ArtefactLimits& limits, const ByteProgress& progress) {
   Listing listing(limits);
   const std::string base = std::filesystem::path(program).filename().string();
   const absl::StatusOr<std::string> name = listing.CleanPath(base);
@@ -250,10 +268,11 @@ absl::Status PackProgram(const std::string& program, const std::string& archive,
   (*about)->size = static_cast<int64_t>(manifest.size());
   absl::StatusOr<TarWriter> tar = TarWriter::Create(archive);
   if (!tar.ok()) return tar.status();
+  PackedBytes packed(info.st_size, progress);
   for (const auto& [path, entry] : listing.entries()) {
     status = tar->Begin(path, entry);
     if (!status.ok()) return status;
-    status = path == base ? CopyFile(fd.get(), path, entry.size, *tar)
+    status = path == base ? CopyFile(fd.get(), path, entry.size, *tar, packed)
                           : tar->Write(manifest.data(), manifest.size());
     if (!status.ok()) return status;
   }
@@ -263,11 +282,11 @@ absl::Status PackProgram(const std::string& program, const std::string& archive,
 // An archive is unpacked and packed again: it meets every rule here, before it
 // is sent, and what is sent is canonical.
 absl::Status Repack(const std::string& source, const std::string& archive,
-                    const ArtefactLimits& limits) {
+                    const ArtefactLimits& limits, const ByteProgress& progress) {
   const std::string folder = archive + ".unpacked";
-  const absl::StatusOr<Artefact> artefact = UnpackArtefact(source, folder, limits);
+  const absl::StatusOr<Artefact> artefact = UnpackArtefact(source, folder, limits, progress);
   if (!artefact.ok()) return artefact.status();
-  const absl::Status packed = PackFolder(folder, archive, limits);
+  const absl::Status packed = PackFolder(folder, archive, limits, progress);
   std::error_code ignored;
   std::filesystem::remove_all(folder, ignored);
   return packed;
@@ -283,24 +302,24 @@ bool HasArchiveName(const std::string& path) {
 }  // namespace
 
 absl::Status PackArtefact(const std::string& path, const std::string& archive,
-                          const ArtefactLimits& limits) {
+                          const ArtefactLimits& limits, const ByteProgress& progress) {
   const Utf8Names utf8_names;
   struct stat info = {};
   if (::stat(path.c_str(), &info) != 0) {
     return absl::NotFoundError(absl::StrCat("can't be opened: ", std::strerror(errno)));
   }
-  if (S_ISDIR(info.st_mode)) return PackFolder(path, archive, limits);
+  if (S_ISDIR(info.st_mode)) return PackFolder(path, archive, limits, progress);
   if (!S_ISREG(info.st_mode)) {
     return absl::InvalidArgumentError("is neither a file nor a folder");
   }
-  if (HasArchiveName(path)) return Repack(path, archive, limits);
+  if (HasArchiveName(path)) return Repack(path, archive, limits, progress);
   if ((info.st_mode & 0111) == 0) {
     return absl::InvalidArgumentError(
         "is not executable; set its bit with chmod +x, or give a folder with a policy.json or an "
         "archive of one (.tar, .tar.gz, .tar.zst, .zip)");
   }
   if (info.st_size == 0) return absl::InvalidArgumentError("is an empty file, not a program");
-  return PackProgram(path, archive, limits);
+  return PackProgram(path, archive, limits, progress);
 }
 
 }  // namespace myograde::server

@@ -45,8 +45,9 @@ bool HostFailed(archive* reader) {
 
 class Unpacker {
  public:
-  Unpacker(archive* reader, int root, const ArtefactLimits& limits)
-      : reader_(reader), root_(root), limits_(limits), listing_(limits) {}
+  // `read` is called after each piece.
+  Unpacker(archive* reader, int root, const ArtefactLimits& limits, std::function<void()> read)
+      : reader_(reader), root_(root), limits_(limits), read_(std::move(read)), listing_(limits) {}
 
   // Takes the entry whose header was just read.
   absl::Status Take(archive_entry* entry);
@@ -63,6 +64,7 @@ class Unpacker {
   archive* reader_;
   int root_;
   const ArtefactLimits limits_;
+  const std::function<void()> read_;
   Listing listing_;
   int64_t headers_ = 0;
   std::set<std::string> made_;  // folders
@@ -212,6 +214,7 @@ absl::Status Unpacker::CopyContent(const std::string& path, int fd, Entry& file)
       done += put;
     }
     file.size += got;
+    read_();
   }
   file.sha256 = hash.FinishHex();
   return absl::OkStatus();
@@ -270,7 +273,8 @@ absl::StatusOr<UnpackPlace> OpenUnpackPlace(const std::string& archive,
   return status;
 }
 
-absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLimits& limits) {
+absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLimits& limits,
+                                      const ByteProgress& progress) {
   const absl::Status good_limits = CheckLimits(limits);
   if (!good_limits.ok()) return good_limits;
   const Utf8Names utf8_names;
@@ -288,7 +292,12 @@ absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLim
   if (archive_filter_count(reader.get()) > (compression == Compression::kNone ? 1 : 2)) {
     return absl::InvalidArgumentError("the archive is compressed more than once; once is enough");
   }
-  Unpacker unpacker(reader.get(), folder, limits);
+  struct stat info = {};
+  const int64_t total = progress && ::fstat(archive, &info) == 0 ? info.st_size : 0;
+  Unpacker unpacker(reader.get(), folder, limits, [&] {
+    // -1: the file's own bytes, below all filters.
+    if (progress) progress(archive_filter_bytes(reader.get(), -1), total);
+  });
   for (;;) {
     archive_entry* entry = nullptr;
     const int result = archive_read_next_header(reader.get(), &entry);
@@ -311,11 +320,12 @@ absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLim
 }
 
 absl::StatusOr<Artefact> UnpackArtefact(const std::string& archive, const std::string& destination,
-                                        const ArtefactLimits& limits) {
+                                        const ArtefactLimits& limits,
+                                        const ByteProgress& progress) {
   const absl::StatusOr<UnpackPlace> place = OpenUnpackPlace(archive, destination);
   if (!place.ok()) return place.status();
   absl::StatusOr<Artefact> artefact =
-      UnpackOpened(place->archive.get(), place->folder.get(), limits);
+      UnpackOpened(place->archive.get(), place->folder.get(), limits, progress);
   if (!artefact.ok()) {
     std::error_code ignored;  // the first error is the one to tell
     std::filesystem::remove_all(destination, ignored);

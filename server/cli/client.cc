@@ -1,6 +1,7 @@
 #include "server/cli/client.h"
 
 #include <httplib.h>
+#include <pwd.h>
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -57,6 +58,28 @@ absl::StatusOr<Json> AnswerOf(const httplib::Result& result, const std::string& 
   return refused ? absl::InvalidArgumentError(message) : absl::InternalError(message);
 }
 
+std::string OwnerOf(const std::string& path) {
+  struct stat info = {};
+  if (::stat(path.c_str(), &info) != 0) return "another user";
+  const passwd* user = ::getpwuid(info.st_uid);
+  return user != nullptr ? user->pw_name : absl::StrCat("uid ", info.st_uid);
+}
+
+// What stands in the way of a socket that may not be reached, and what to do.
+std::string ClosedSocket(const std::string& socket) {
+  std::string closed = socket;  // the topmost that lets this user no further
+  for (std::filesystem::path folder = std::filesystem::absolute(socket).parent_path();
+       !folder.empty(); folder = folder.parent_path()) {
+    if (::access(folder.c_str(), X_OK) != 0) closed = folder.string();
+    if (folder == folder.root_path()) break;
+  }
+  const std::string owner = OwnerOf(closed);
+  return absl::StrCat("this user may not talk to the daemon on ", socket, ": ", closed,
+                      " is open to ", owner, " alone; run this as ", owner,
+                      ", or ask the organiser to start the daemon with --socket in a folder that "
+                      "others may enter, and give that here with --socket");
+}
+
 }  // namespace
 
 absl::Status Client::CheckSocket() const {
@@ -66,10 +89,7 @@ absl::Status Client::CheckSocket() const {
         " bytes, the most that a Unix socket can have; give a shorter one with --socket"));
   }
   if (::access(socket_.c_str(), R_OK | W_OK) == 0) return absl::OkStatus();
-  if (errno == EACCES) {
-    return absl::UnavailableError(
-        absl::StrCat("this user may not talk to the daemon on ", socket_));
-  }
+  if (errno == EACCES) return absl::UnavailableError(ClosedSocket(socket_));
   return absl::UnavailableError(absl::StrCat(
       "no daemon can be reached: there is no socket ", socket_,
       "; start one with \"myograde serve\", or say where it is with --data or --socket"));
@@ -102,7 +122,7 @@ absl::StatusOr<Json> Client::Post(const std::string& path, const Json& body) con
 }
 
 absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& file,
-                                    const std::function<void(int64_t)>& progress,
+                                    const std::function<void(int64_t, int64_t)>& progress,
                                     const std::string& type) const {
   if (absl::Status status = CheckSocket(); !status.ok()) return status;
   std::ifstream input(file, std::ios::binary);
@@ -116,8 +136,9 @@ absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& 
     const size_t want = std::min(length, buffer.size());
     input.seekg(static_cast<std::streamoff>(offset));
     if (!input.read(buffer.data(), static_cast<std::streamsize>(want))) return false;
-    progress(static_cast<int64_t>(offset + want));
-    return sink.write(buffer.data(), want);
+    const bool sent = sink.write(buffer.data(), want);
+    progress(static_cast<int64_t>(offset + want), static_cast<int64_t>(size));
+    return sent;
   };
   const httplib::Result result =
       http.Post(path, static_cast<size_t>(size), provide, type);

@@ -24,10 +24,11 @@ class Client {
   // The body as it is, for answers that are not JSON.
   absl::StatusOr<std::string> GetBytes(const std::string& path) const;
 
-  // Sends `file`, whose content is of `type`; `progress` hears the bytes sent so far.
-  absl::StatusOr<nlohmann::json> Upload(const std::string& path, const std::string& file,
-                                        const std::function<void(int64_t)>& progress,
-                                        const std::string& type = "application/x-tar") const;
+  // Sends `file`, whose content is of `type`; `progress` hears the bytes sent so far, of how many.
+  absl::StatusOr<nlohmann::json> Upload(
+      const std::string& path, const std::string& file,
+      const std::function<void(int64_t done, int64_t total)>& progress,
+      const std::string& type = "application/x-tar") const;
 
   // Writes the answer's bytes to `sink` (false: stop) and says how many they were.
   absl::StatusOr<int64_t> Download(

@@ -11,10 +11,13 @@
 #include <iostream>
 #include <sstream>
 
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/config_reader.h"
 #include "protocol/track_config.h"
+#include "server/cli/screen.h"
+#include "server/cli/terminal.h"
 #include "server/paths.h"
 
 namespace myograde::server {
@@ -68,7 +71,7 @@ int ExitOf(const absl::Status& status) {
 }
 
 int Complain(const absl::Status& status) {
-  std::cerr << "myograde: error: " << status.message() << std::endl;
+  PrintToErrors(absl::StrCat("myograde: error: ", status.message()));
   return ExitOf(status);
 }
 
@@ -82,7 +85,7 @@ absl::Status HostStatus(std::string_view what, const absl::Status& status) {
 }
 
 void PrintJson(const nlohmann::json& json) {
-  std::cout << json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
+  PlainOutput() << json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
 }
 
 std::string DataDir(const std::string& option) {
@@ -111,6 +114,28 @@ void AddDaemonOptions(CLI::App& verb, ApiOptions& options) {
 }
 
 std::string HostOptions::configs_dir() const { return configs.empty() ? ConfigDir() : configs; }
+
+CLI::Validator WholeNumber(int64_t least, const std::string& what) {
+  return CLI::Validator(
+      [least, what](const std::string& text) {
+        int64_t number = 0;
+        if (absl::SimpleAtoi(text, &number) && number >= least) return std::string();
+        return absl::StrCat("\"", CutText(Harmless(text), 40), "\" is ", what,
+                            ": write a whole number from ", least, " on");
+      },
+      "");
+}
+
+void AddSubmissionId(CLI::App& verb, int64_t& id, bool required, const std::string& help) {
+  verb.add_option("ID", id, help)
+      ->required(required)
+      ->type_name("NUMBER")
+      ->check(WholeNumber(1, "no submission's number, as \"myograde status\" lists them"));
+}
+
+void AddFullHashes(CLI::App& verb, bool& full) {
+  verb.add_flag("--full-hashes", full, "All digits of hashes, not the first 12 (--json has them all)");
+}
 
 void AddHostOptions(CLI::App& verb, HostOptions& options) {
   verb.add_option("--configs", options.configs,

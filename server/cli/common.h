@@ -55,6 +55,17 @@ struct ApiOptions {
 };
 void AddDaemonOptions(CLI::App& verb, ApiOptions& options);
 
+// A check of options that are whole numbers from `least` on; `what` says in the error what the
+// text is not: "no episode".
+CLI::Validator WholeNumber(int64_t least, const std::string& what);
+
+// Adds ID, the number of a submission.
+void AddSubmissionId(CLI::App& verb, int64_t& id, bool required = true,
+                     const std::string& help = "The submission");
+
+// Adds --full-hashes.
+void AddFullHashes(CLI::App& verb, bool& full);
+
 // Adds --configs and --cache.
 struct HostOptions {
   std::string configs;

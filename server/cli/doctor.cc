@@ -8,6 +8,7 @@
 
 #include "server/cli/client.h"
 #include "server/cli/common.h"
+#include "server/cli/table.h"
 #include "server/cli/terminal.h"
 #include "server/daemon/server_config.h"
 #include "server/daemon/tracks.h"

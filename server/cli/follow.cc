@@ -7,7 +7,7 @@
 
 #include "protocol/base/clock.h"
 #include "server/cli/common.h"
-#include "server/cli/terminal.h"
+#include "server/cli/progress.h"
 
 namespace myograde::server {
 namespace {
@@ -45,9 +45,15 @@ absl::StatusOr<nlohmann::json> Follow(const Client& client, const std::string& p
     if (status.ok()) {
       heard = clock.Monotonic();
       const nlohmann::json counts = status->value("episodes", nlohmann::json::object());
-      progress.Show(counts.value("done", int64_t{0}), counts.value("total", int64_t{0}),
-                    NoteOf(*status));
-      if (IsFinalState(status->value("state", ""))) return status;
+      const std::string state = status->value("state", "");
+      const auto done = counts.value("done", int64_t{0});
+      const auto total = counts.value("total", int64_t{0});
+      if (state == "queued") {
+        progress.ShowWaiting(done, total, NoteOf(*status));
+      } else {
+        progress.Show(done, total, NoteOf(*status));
+      }
+      if (IsFinalState(state)) return status;
     } else if (status.status().code() == absl::StatusCode::kInvalidArgument ||
                clock.Monotonic() - heard > kPatience) {
       return status;

@@ -8,7 +8,9 @@
 #include "server/cli/client.h"
 #include "server/cli/common.h"
 #include "server/cli/report.h"
+#include "server/cli/table.h"
 #include "server/cli/terminal.h"
+#include "server/counted.h"
 
 namespace myograde::server {
 namespace {
@@ -36,7 +38,7 @@ struct Column {
 // with published ones, those of the official kind.
 std::vector<Column> ColumnsOf(const Json& board, bool locomotion) {
   const bool over_steps = board.value("rules", Json::object()).value("means", "") == "steps";
-  std::vector<Column> columns = {{"successes", "successes"}};
+  std::vector<Column> columns = {{"success", "successes"}};
   if (locomotion) columns.push_back({"distance m", "distance_m"});
   columns.push_back({"time s", "time_s"});
   columns.push_back({"effort", over_steps ? "effort_over_steps" : "effort", 6});
@@ -51,7 +53,7 @@ std::vector<Column> ColumnsOf(const Json& board, bool locomotion) {
 void PrintBoard(const Json& board) {
   std::cout << Bold(absl::StrCat("Leaderboard of ", Cell(board, "track"), ", profile ",
                                  Cell(board, "profile"), ", board ", Cell(board, "board"), ", ",
-                                 Cell(board, "episodes"), " episodes"))
+                                 CountCell(board, "episodes", "episode")))
             << '\n';
   const Json rows = board.value("rows", Json::array());
   const auto aggregate_of = [](const Json& row) { return row.value("aggregate", Json::object()); };
@@ -61,13 +63,15 @@ void PrintBoard(const Json& board) {
     std::cout << "  Nobody is on it yet: only whole evaluations rank.\n";
   } else {
     const std::vector<Column> columns = ColumnsOf(board, locomotion);
-    std::vector<std::string> head = {"rank", "team", "policy", "submission"};
+    std::vector<std::string> head = {"rank", "team", "policy", "id"};
     for (const Column& column : columns) head.emplace_back(column.title);
     Table table(std::move(head));
+    bool baselines = false;
     for (const Json& row : rows) {
       const Json aggregate = aggregate_of(row);
       const bool baseline = row.value("baseline", false);
-      std::vector<std::string> cells = {baseline ? "baseline" : Cell(row, "rank"),
+      baselines = baselines || baseline;
+      std::vector<std::string> cells = {baseline ? "base" : Cell(row, "rank"),
                                         Cell(row, "team"), Cell(row, "name"),
                                         Cell(row, "submission")};
       for (const Column& column : columns) {
@@ -76,6 +80,10 @@ void PrintBoard(const Json& board) {
       table.Add(std::move(cells));
     }
     table.Print();
+    if (baselines) std::cout << "  base: a baseline of the organiser, shown for comparison\n";
+    if (const std::string order = Cell(board, "order"); order != "-") {
+      std::cout << "  " << order << '\n';
+    }
   }
   for (const Json& row : board.value("disqualified", Json::array())) {
     std::cout << "  Disqualified: submission " << Cell(row, "submission") << " of "
@@ -83,9 +91,10 @@ void PrintBoard(const Json& board) {
               << '\n';
   }
   PrintUnreadable(board);
-  if (board.value("other_config", 0) > 0) {
-    std::cout << "  " << Cell(board, "other_config")
-              << " evaluations under an earlier config of this track are not on it.\n";
+  if (const auto others = board.value("other_config", int64_t{0}); others > 0) {
+    std::cout << "  " << Counted(others, "evaluation")
+              << " under an earlier config of this track " << (others == 1 ? "is" : "are")
+              << " not on it.\n";
   }
   std::cout.flush();
 }
@@ -131,8 +140,8 @@ int Rebuild(const Client& client, bool json) {
   if (json) {
     PrintJson(*answer);
   } else {
-    std::cout << "The boards are made anew of the episodes of " << Cell(*answer, "rebuilt")
-              << " evaluations." << std::endl;
+    std::cout << "The boards are made anew of the episodes of "
+              << CountCell(*answer, "rebuilt", "evaluation") << "." << std::endl;
     PrintUnreadable(*answer);
   }
   return kDone;

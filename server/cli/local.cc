@@ -17,6 +17,7 @@
 #include "protocol/sha256.h"
 #include "server/cli/common.h"
 #include "server/cli/local_run.h"
+#include "server/cli/progress.h"
 #include "server/cli/report.h"
 #include "server/cli/terminal.h"
 #include "server/daemon/results.h"
@@ -37,6 +38,7 @@ struct LocalOptions {
   std::string logs;      // "": none are kept
   int64_t episodes = 0;  // 0: not given
   int slots = 0;         // 0: as server.json says
+  bool full_hashes = false;
   bool json = false;
 };
 
@@ -85,6 +87,10 @@ absl::StatusOr<std::vector<std::string>> RuntimesOf(const ArtefactManifest& mani
   return folders;
 }
 
+ByteProgress ShownBy(Progress& progress) {
+  return [&progress](int64_t done, int64_t total) { progress.Show(done, total, ""); };
+}
+
 // Everything that can be wrong with what the user gave is found here, before
 // anything runs. `temp` keeps the unpacked submission.
 absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::string& temp) {
@@ -109,12 +115,20 @@ absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::strin
   if (!sandbox.ok()) return HostStatus("", sandbox.status());
   order.slots = options.slots > 0 ? options.slots : order.config.scheduler.slots;
   const std::string archive = temp + "/artefact.tar";
-  const absl::Status packed = HostStatus(options.path, PackArtefact(options.path, archive, limits));
-  if (!packed.ok()) return packed;
+  {
+    Progress progress("packing", Progress::Unit::kBytes);
+    const absl::Status packed =
+        HostStatus(options.path, PackArtefact(options.path, archive, limits, ShownBy(progress)));
+    if (!packed.ok()) return packed;
+  }
   order.artefact_dir = temp + "/artefact";
-  absl::StatusOr<Artefact> artefact = UnpackArtefact(archive, order.artefact_dir, limits);
-  if (!artefact.ok()) return HostStatus(options.path, artefact.status());
-  order.artefact = *std::move(artefact);
+  {
+    Progress progress("unpacking", Progress::Unit::kBytes);
+    absl::StatusOr<Artefact> artefact =
+        UnpackArtefact(archive, order.artefact_dir, limits, ShownBy(progress));
+    if (!artefact.ok()) return HostStatus(options.path, artefact.status());
+    order.artefact = *std::move(artefact);
+  }
   std::filesystem::remove(archive);
   absl::StatusOr<std::vector<std::string>> runtimes =
       RuntimesOf(order.artefact.manifest, order.config);
@@ -191,11 +205,11 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
 
 int Local(const LocalOptions& options) {
   CatchSignals();
+  const absl::Time start = absl::Now();
   absl::StatusOr<TempFolder> temp = TempFolder::Make("local");
   if (!temp.ok()) return Complain(temp.status());
   absl::StatusOr<LocalOrder> order = Prepare(options, temp->path());
   if (!order.ok()) return Complain(order.status());
-  const absl::Duration start = SystemClock().Monotonic();
   absl::StatusOr<LocalResult> result;
   {
     Progress progress(options.track);
@@ -215,8 +229,8 @@ int Local(const LocalOptions& options) {
     std::cout << Bold(absl::StrCat(Cell(*json, "name"), " on ", Cell(*json, "track"),
                                    ", profile ", Cell(*json, "profile"), ": ", state))
               << '\n';
-    PrintResult(*json);
-    PrintEpisodes((*json)["episodes"]);
+    PrintResult(*json, options.full_hashes);
+    PrintEpisodes((*json)["episodes"], options.full_hashes);
     std::cout << "took " << Span((*json)["wall"]["wall_s"].get<double>()) << std::endl;
   }
   if (result->interrupted) std::cerr << "myograde: interrupted" << std::endl;
@@ -240,8 +254,9 @@ Action AddLocal(CLI::App& verb) {
   verb.add_option("--logs", options->logs,
                   "Folder for the log of each episode, which \"myograde replay\" plays again");
   verb.add_option("--slots", options->slots,
-                  "Leases at once (default: as server.json says, one for each processor)")
+                  "Blocks of episodes at once (default: as server.json says, one for each processor)")
       ->check(CLI::Range(1, 1024));
+  AddFullHashes(verb, options->full_hashes);
   verb.add_flag("--json", options->json, "Print JSON (configs/schema/local.json)");
   AddHostOptions(verb, options->host);
   return [options] { return Local(*options); };

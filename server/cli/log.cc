@@ -10,6 +10,7 @@
 #include "server/cli/client.h"
 #include "server/cli/common.h"
 #include "server/cli/logs_of.h"
+#include "server/cli/terminal.h"
 
 namespace myograde::server {
 namespace {
@@ -61,7 +62,8 @@ int Log(const LogOptions& options) {
                {"steps", log["steps"]},
                {"complete", complete}});
   } else {
-    std::cout << options.file << ": " << log["bytes"] << " bytes, " << log["steps"] << " steps"
+    std::cout << options.file << ": " << CountCell(log, "bytes", "byte") << ", "
+              << CountCell(log, "steps", "step")
               << (complete ? "" : " (the rest did not fit into log_bytes)") << ", SHA-256 "
               << log["sha256"].get<std::string>() << std::endl;
   }
@@ -72,10 +74,10 @@ int Log(const LogOptions& options) {
 
 Action AddLog(CLI::App& verb) {
   auto options = std::make_shared<LogOptions>();
-  verb.add_option("ID", options->id, "The submission")->required()->check(CLI::PositiveNumber);
+  AddSubmissionId(verb, options->id);
   verb.add_option("--episode", options->episode, "The episode, counted from 0")
       ->required()
-      ->check(CLI::NonNegativeNumber);
+      ->check(WholeNumber(0, "no episode's number, counted from 0"));
   verb.add_option("-o,--output", options->file, "The file to write")->required();
   verb.add_flag("--json", options->json, "Print JSON (configs/schema/log.json)");
   AddDaemonOptions(verb, options->daemon);

@@ -2,10 +2,17 @@
 // the table of them.
 #include <signal.h>
 
+#include <algorithm>
+#include <clocale>
 #include <exception>
 #include <iostream>
 
+#include <absl/strings/str_cat.h>
+
 #include "server/cli/common.h"
+#include "server/cli/did_you_mean.h"
+#include "server/cli/screen.h"
+#include "server/cli/terminal.h"
 
 namespace myograde::server {
 namespace {
@@ -68,9 +75,66 @@ constexpr char kStatuses[] =
     "Exit status: 0 done, 1 ended without a score or a difference was found, 2 wrong use,\n"
     "3 the daemon can't be reached, 4 the grader or its host is in trouble.";
 
+std::vector<std::string> NamesOf(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
+    names.push_back(sub->get_name());
+  }
+  return names;
+}
+
+// What to say of a word that is no verb; `known` is said before verbs of its own ("seeds ").
+std::string NoVerb(const CLI::App& app, const std::string& known, const std::string& word) {
+  const std::string help = absl::StrCat("\"myograde ", known, "--help\"");
+  if (word.empty()) return absl::StrCat("what to do is missing; ", help, " lists the verbs");
+  const std::string nearest = NearestOf(word, NamesOf(app));
+  return absl::StrCat("there is no verb \"", known, CutText(Harmless(word), 40), "\"; ",
+                      nearest.empty() ? absl::StrCat(help, " lists them")
+                                      : absl::StrCat("did you mean \"", known, nearest, "\"?"));
+}
+
+// For an option that `verb` does not have, the one that it was meant to be; "" if none is near.
+std::string OptionMeant(const CLI::App& verb, const std::vector<std::string>& words) {
+  std::vector<std::string> known;
+  for (const CLI::Option* option : verb.get_options()) {
+    for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+  }
+  for (const std::string& word : words) {
+    const std::string name = word.substr(0, word.find('='));
+    if (!name.starts_with("--") || std::find(known.begin(), known.end(), name) != known.end()) {
+      continue;
+    }
+    if (const std::string nearest = NearestOf(name, known); !nearest.empty()) return nearest;
+  }
+  return "";
+}
+
+// What is wrong with the command line, in one sentence.
+std::string MistakeText(const CLI::App& app, const CLI::ParseError& mistake,
+                        const std::vector<std::string>& words) {
+  const auto plain = [](const std::string& word) { return !word.starts_with('-'); };
+  const CLI::App* verb = &app;
+  std::string known;
+  auto word = std::find_if(words.begin(), words.end(), plain);
+  while (!NamesOf(*verb).empty()) {
+    const std::vector<CLI::App*> chosen = verb->get_subcommands();
+    if (chosen.empty()) return NoVerb(*verb, known, word == words.end() ? "" : *word);
+    verb = chosen[0];
+    known += verb->get_name() + " ";
+    if (word != words.end()) word = std::find_if(word + 1, words.end(), plain);
+  }
+  const std::string meant = OptionMeant(*verb, words);
+  return absl::StrCat(mistake.what(), "; ",
+                      meant.empty() ? absl::StrCat("see \"myograde ", known, "--help\"")
+                                    : absl::StrCat("did you mean \"", meant, "\"?"));
+}
+
 int Run(int argc, char** argv) {
   // A daemon that hangs up shall be an error to tell, not the end.
   ::signal(SIGPIPE, SIG_IGN);
+  // So that the width of each character is known.
+  std::setlocale(LC_CTYPE, "C.UTF-8");
+  const FittedOutput fitted;
   CLI::App app("MyoGrade grades policies of the MyoChallenge 2024 tracks and ranks them.",
                "myograde");
   app.set_version_flag("--version", MYOGRADE_VERSION);
@@ -88,10 +152,7 @@ int Run(int argc, char** argv) {
   } catch (const CLI::Success& asked) {  // --help, --version
     return app.exit(asked);
   } catch (const CLI::ParseError& mistake) {
-    std::cerr << "myograde: error: " << mistake.what() << "; see \"myograde"
-              << (app.get_subcommands().empty() ? "" : " " + app.get_subcommands()[0]->get_name())
-              << " --help\"" << std::endl;
-    return kWrongUse;
+    return Complain(absl::InvalidArgumentError(MistakeText(app, mistake, {argv + 1, argv + argc})));
   }
   return chosen();
 }

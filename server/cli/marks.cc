@@ -52,7 +52,7 @@ std::shared_ptr<MarkOptions> AddMark(CLI::App& verb, const std::string& mark, bo
   auto options = std::make_shared<MarkOptions>();
   options->mark = mark;
   options->set = set;
-  verb.add_option("ID", options->id, "The submission")->required()->check(CLI::PositiveNumber);
+  AddSubmissionId(verb, options->id);
   verb.add_option("--reason", options->reason, why);
   verb.add_flag("--json", options->json, "Print JSON (configs/schema/mark.json)");
   AddDaemonOptions(verb, options->daemon);

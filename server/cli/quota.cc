@@ -7,6 +7,7 @@
 #include "server/cli/client.h"
 #include "server/cli/common.h"
 #include "server/cli/report.h"
+#include "server/cli/table.h"
 #include "server/cli/terminal.h"
 
 namespace myograde::server {

@@ -10,6 +10,7 @@
 #include "protocol/config_reader.h"
 #include "server/cli/client.h"
 #include "server/cli/common.h"
+#include "server/cli/screen.h"
 
 namespace myograde::server {
 namespace {
@@ -67,7 +68,7 @@ int Key(const ReceiptOptions& options) {
                {"key", pem},
                {"file", options.file.empty() ? Json() : Json(options.file)}});
   } else if (options.file.empty()) {
-    std::cout << pem << std::flush;
+    PlainOutput() << pem << std::flush;
   } else {
     std::cout << options.file << ": the key to publish" << std::endl;
   }
@@ -78,7 +79,7 @@ int Key(const ReceiptOptions& options) {
 
 Action AddReceipt(CLI::App& verb) {
   auto options = std::make_shared<ReceiptOptions>();
-  verb.add_option("ID", options->id, "The submission")->required()->check(CLI::PositiveNumber);
+  AddSubmissionId(verb, options->id);
   verb.add_option("-o,--output", options->file, "The file to write")->required();
   verb.add_flag("--json", options->json, "Print JSON (configs/schema/receipt.json)");
   AddDaemonOptions(verb, options->daemon);

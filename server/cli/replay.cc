@@ -16,7 +16,9 @@
 #include "server/cli/common.h"
 #include "server/cli/logs_of.h"
 #include "server/cli/replay.h"
+#include "server/cli/progress.h"
 #include "server/cli/terminal.h"
+#include "server/counted.h"
 #include "server/daemon/server_config.h"
 #include "server/proof/unpack_log.h"
 #include "server/sandbox/users.h"
@@ -136,8 +138,8 @@ int Report(const ReplayOptions& options, Json head, const std::vector<ReplayReco
       if (record.equal) continue;
       std::cout << "episode " << record.episode << ": " << Harmless(record.detail) << '\n';
     }
-    std::cout << Bold(absl::StrCat(equal, " of ", records.size(),
-                                   " episodes came out as they are recorded"))
+    std::cout << Bold(absl::StrCat(equal, " of ", Counted(std::ssize(records), "episode"),
+                                   " came out as recorded"))
               << std::endl;
   }
   return all ? kDone : kNoScore;
@@ -245,7 +247,7 @@ Action AddReplay(CLI::App& verb) {
                   "The submission, or the file of a log (\"myograde log\", \"local --logs\")")
       ->required();
   verb.add_option("--episode", options->episode, "Only this one, counted from 0 (default: all)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(WholeNumber(0, "no episode's number, counted from 0"));
   verb.add_option("--slots", options->slots,
                   "Simulators at once (default: as server.json says, one for each processor)")
       ->check(CLI::Range(1, 64));

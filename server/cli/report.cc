@@ -1,22 +1,27 @@
 #include "server/cli/report.h"
 
+#include <algorithm>
 #include <iostream>
+#include <map>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
+#include "server/cli/table.h"
 #include "server/cli/terminal.h"
+#include "server/counted.h"
 
 namespace myograde::server {
 namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kMaxFaultsShown = 5;
+constexpr size_t kMaxFaultsShown = 5;  // of different kinds
 
 void PrintPair(const std::string& name, const std::string& value) {
-  std::cout << "  " << name << std::string(name.size() < 18 ? 18 - name.size() : 1, ' ') << value
-            << '\n';
+  constexpr size_t kColumn = 20;  // the longest name and two spaces
+  std::cout << "  " << name << std::string(kColumn - std::min(name.size(), kColumn - 1), ' ')
+            << value << '\n';
 }
 
 void PrintMean(const Json& aggregate, const char* key, const char* name, const char* unit,
@@ -49,36 +54,58 @@ void PrintOutput(const Json& outputs) {
   }
 }
 
-void PrintFaults(const Json& rows) {
-  int shown = 0;
-  for (const Json& row : rows) {
-    if (!row.contains("fault") || !row["fault"].is_object()) continue;
-    if (++shown > kMaxFaultsShown) continue;
-    std::cout << "episode " << Cell(row, "index") << ": " << Cell(row["fault"], "detail") << '\n';
-  }
-  if (shown > kMaxFaultsShown) {
-    std::cout << "and " << shown - kMaxFaultsShown << " more faults; --json has them all\n";
-  }
+// "3", or "0, 1, 2 and 7 more".
+std::string Listed(const std::vector<std::string>& numbers) {
+  constexpr size_t kMost = 8;
+  const size_t shown = std::min(numbers.size(), kMost);
+  std::string text =
+      absl::StrJoin(numbers.begin(), numbers.begin() + static_cast<long>(shown), ", ");
+  if (numbers.size() > shown) absl::StrAppend(&text, " and ", numbers.size() - shown, " more");
+  return text;
 }
 
 }  // namespace
 
+void PrintFaults(const Json& rows) {
+  // Episodes that ended the same way stand together, in the order of the first of each.
+  std::vector<std::string> details;
+  std::map<std::string, std::vector<std::string>> episodes;
+  for (const Json& row : rows) {
+    if (!row.contains("fault") || !row["fault"].is_object()) continue;
+    const std::string detail = Cell(row["fault"], "detail");
+    if (episodes[detail].empty()) details.push_back(detail);
+    episodes[detail].push_back(Cell(row, "index"));
+  }
+  const size_t shown = std::min(details.size(), kMaxFaultsShown);
+  for (size_t i = 0; i < shown; ++i) {
+    const std::vector<std::string>& same = episodes[details[i]];
+    std::cout << (same.size() == 1 ? "episode " : "episodes ") << Listed(same) << ": "
+              << details[i] << '\n';
+  }
+  if (details.size() > shown) {
+    std::cout << "and " << Counted(static_cast<int64_t>(details.size() - shown), "more fault")
+              << " of other kinds; --json has them all\n";
+  }
+}
+
 std::string CountsText(const Json& episodes) {
-  std::string text = absl::StrCat(Cell(episodes, "done"), "/", Cell(episodes, "total"),
-                                  " episodes, ", Cell(episodes, "success"), " successes");
-  if (episodes.value("fault", 0) > 0) {
-    absl::StrAppend(&text, ", ", Cell(episodes, "fault"), " faults of the policy");
+  const auto successes = episodes.value("success", int64_t{0});
+  std::string text =
+      absl::StrCat(Cell(episodes, "done"), "/", CountCell(episodes, "total", "episode"), ", ",
+                   Counted(successes, "success", "successes"));
+  if (const auto faults = episodes.value("fault", int64_t{0}); faults > 0) {
+    absl::StrAppend(&text, ", ", Counted(faults, "fault"), " of the policy");
   }
   return text;
 }
 
-void PrintResult(const Json& result) {
+void PrintResult(const Json& result, bool full_hashes) {
   const Json aggregate = result.value("aggregate", Json());
   if (!aggregate.is_object()) {
     std::cout << "  no episode has a result yet\n";
   } else {
     PrintPair("successes", absl::StrCat(Cell(aggregate, "successes"), " of ",
-                                        Cell(aggregate, "episodes"), " episodes"));
+                                        CountCell(aggregate, "episodes", "episode")));
     PrintMean(aggregate, "distance_m", "distance", " m", 3);
     PrintMean(aggregate, "time_s", "time", " s", 3);
     PrintMean(aggregate, "effort", "effort", "", 5);
@@ -93,14 +120,15 @@ void PrintResult(const Json& result) {
     PrintPair("failures by reason", CountsOf(result["reasons"]));
   }
   const Json hashes = result.value("hashes", Json::object());
-  for (const auto& [name, hash] : hashes.items()) {
-    PrintPair(name + " hash", hash.is_string() ? Harmless(hash.get<std::string>()) : "-");
+  for (const auto& [name, unused] : hashes.items()) {
+    PrintPair(name + " hash", HashText(Cell(hashes, name), full_hashes));
   }
+  PrintPair("Merkle root", HashText(Cell(result, "merkle_root"), full_hashes));
   PrintOutput(result.value("output", Json::array()));
   std::cout.flush();
 }
 
-void PrintEpisodes(const Json& rows) {
+void PrintEpisodes(const Json& rows, bool full_hashes) {
   const bool locomotion =
       !rows.empty() && !rows[0].value("metrics", Json::object()).value("distance_m", Json()).is_null();
   std::vector<std::string> head = {"episode", "seed", "outcome", "reason", "steps", "time s"};
@@ -114,7 +142,7 @@ void PrintEpisodes(const Json& rows) {
                                       Cell(row, "steps"),   Cell(metrics, "time_s", 3)};
     if (locomotion) cells.push_back(Cell(metrics, "distance_m", 3));
     cells.push_back(Cell(metrics, "effort", 5));
-    cells.push_back(Cell(row, "digest").substr(0, 12));
+    cells.push_back(HashText(Cell(row, "digest"), full_hashes));
     table.Add(std::move(cells));
   }
   table.Print();
@@ -136,11 +164,12 @@ void PrintComparison(const Json& comparison) {
     const Json before = episode.value("original", Json::object());
     const Json after = episode.value("rerun", Json::object());
     std::cout << "differs in " << absl::StrJoin(differs, ", ") << " (was " << Cell(before, "outcome")
-              << " after " << Cell(before, "steps") << " steps, now " << Cell(after, "outcome")
-              << " after " << Cell(after, "steps") << ")\n";
+              << " after " << CountCell(before, "steps", "step") << ", now "
+              << Cell(after, "outcome") << " after " << CountCell(after, "steps", "step") << ")\n";
   }
-  std::cout << "  " << Cell(comparison, "equal") << " of " << Cell(comparison, "compared")
-            << " episodes are equal";
+  const auto equal = comparison.value("equal", int64_t{0});
+  std::cout << "  " << equal << " of " << CountCell(comparison, "compared", "episode")
+            << (equal == 1 ? " is equal" : " are equal");
   if (comparison.value("missing", 0) > 0) {
     std::cout << "; " << Cell(comparison, "missing") << " can't be compared";
   }

@@ -7,12 +7,15 @@
 
 namespace myograde::server {
 
-// Aggregate, outcomes, what the policy printed last, and hashes. `result` has
-// the keys of an evaluation in server/api/README.md.
-void PrintResult(const nlohmann::json& result);
+// Aggregate, outcomes, what the policy printed last, and hashes, their first digits unless
+// `full_hashes`. `result` has the keys of an evaluation in server/api/README.md.
+void PrintResult(const nlohmann::json& result, bool full_hashes);
 
 // One line for each episode of the array `rows`, then the faults in words.
-void PrintEpisodes(const nlohmann::json& rows);
+void PrintEpisodes(const nlohmann::json& rows, bool full_hashes);
+
+// Why episodes of the array `rows` ended by a fault, in words.
+void PrintFaults(const nlohmann::json& rows);
 
 // What a re-run found, episode by episode.
 void PrintComparison(const nlohmann::json& comparison);

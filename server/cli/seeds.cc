@@ -16,7 +16,10 @@
 #include "protocol/base/fd.h"
 #include "protocol/sha256.h"
 #include "server/cli/common.h"
+#include "server/cli/new_file.h"
+#include "server/cli/screen.h"
 #include "server/cli/terminal.h"
+#include "server/counted.h"
 #include "server/proof/seed_list.h"
 
 namespace myograde::server {
@@ -79,13 +82,11 @@ absl::StatusOr<std::string> MakeSecret(const std::string& path) {
   return secret;
 }
 
+// The list is as secret as what it follows from until the phase closes.
 absl::Status WriteSeeds(const std::string& path, const std::vector<uint64_t>& seeds) {
-  std::ofstream file(path, std::ios::trunc);
-  file << Json(seeds).dump() << "\n";
-  file.close();
-  if (file) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat(path, ": can't be written: ", std::strerror(errno)));
+  NewFile file(path);
+  if (!file.opened() || !file.Write(Json(seeds).dump() + "\n")) return CantWrite(path);
+  return file.Keep().status();
 }
 
 int Tell(const SeedOptions& options, const std::string& secret, bool reveal) {
@@ -107,13 +108,17 @@ int Tell(const SeedOptions& options, const std::string& secret, bool reveal) {
     PrintJson(json);
     return kDone;
   }
-  std::cout << "phase         " << Harmless(options.phase) << ", " << options.count << " seeds\n"
-            << "commitment    " << json["commitment"].get<std::string>() << '\n'
-            << "seeds SHA-256 " << json["seeds_sha256"].get<std::string>() << '\n';
+  // Whole, so that the lines can be copied.
+  std::ostream& out = PlainOutput();
+  out << "phase         " << Harmless(options.phase) << ", " << Counted(options.count, "seed")
+      << '\n'
+      << "commitment    " << json["commitment"].get<std::string>() << '\n'
+      << "seeds SHA-256 " << json["seeds_sha256"].get<std::string>() << '\n';
   if (reveal) {
-    std::cout << "secret        " << json["secret"].get<std::string>() << std::endl;
+    out << "secret        " << json["secret"].get<std::string>() << std::endl;
   } else {
     std::cout << "Publish these lines when the phase opens, and keep " << options.secret
+              << (options.output.empty() ? "" : " and " + options.output)
               << " to yourself until it closes." << std::endl;
   }
   return kDone;
@@ -164,8 +169,8 @@ int Check(const SeedOptions& options) {
                {"valid", wrong.empty()},
                {"wrong", wrong}});
   } else if (wrong.empty()) {
-    std::cout << "The secret and its " << options.count << " seeds are those that were published."
-              << std::endl;
+    std::cout << "The secret and its list of " << Counted(options.count, "seed")
+              << " are those that were published." << std::endl;
   } else {
     for (const std::string& line : wrong) std::cout << Harmless(line) << std::endl;
   }
@@ -204,7 +209,8 @@ Action AddSeeds(CLI::App& verb) {
   commit->add_option("--secret", options->secret, "File of the secret; made if it is not there")
       ->required();
   commit->add_option("-o,--output", options->output,
-                     "File for the list, as \"seeds\" of a track config and --seeds take it");
+                     "File for the list, as \"seeds\" of a track config and --seeds take it; its "
+                     "owner alone can read it");
   commit->callback([=] { *chosen = [=] { return Commit(*options); }; });
 
   CLI::App* reveal = AddPart(verb, "reveal",

@@ -21,6 +21,7 @@ struct ShowOptions {
   ApiOptions daemon;
   int64_t id = 0;
   bool episodes = false;
+  bool full_hashes = false;
   bool json = false;
 };
 
@@ -43,8 +44,10 @@ int Show(const ShowOptions& options) {
   if (result->contains("reason") && (*result)["reason"].is_string()) {
     std::cout << "  " << Cell(*result, "reason") << '\n';
   }
-  PrintResult(*result);
-  if (options.episodes) PrintEpisodes(result->value("episode_rows", Json::array()));
+  PrintResult(*result, options.full_hashes);
+  if (options.episodes) {
+    PrintEpisodes(result->value("episode_rows", Json::array()), options.full_hashes);
+  }
   return kDone;
 }
 
@@ -135,8 +138,9 @@ int Rerun(const RerunOptions& options) {
 
 Action AddShow(CLI::App& verb) {
   auto options = std::make_shared<ShowOptions>();
-  verb.add_option("ID", options->id, "The submission")->required()->check(CLI::PositiveNumber);
+  AddSubmissionId(verb, options->id);
   verb.add_flag("--episodes", options->episodes, "Every episode on a line of its own");
+  AddFullHashes(verb, options->full_hashes);
   verb.add_flag("--json", options->json, "Print JSON (configs/schema/show.json)");
   AddDaemonOptions(verb, options->daemon);
   return [options] { return Show(*options); };
@@ -144,10 +148,10 @@ Action AddShow(CLI::App& verb) {
 
 Action AddRerun(CLI::App& verb) {
   auto options = std::make_shared<RerunOptions>();
-  verb.add_option("ID", options->id, "The submission")->required()->check(CLI::PositiveNumber);
+  AddSubmissionId(verb, options->id);
   verb.add_option("--episodes", options->episodes,
-                  "A..B, counted from 0, both included; the whole leases that hold them are played "
-                  "(default: all)");
+                  "A..B, counted from 0, both included; the whole blocks of episodes that hold "
+                  "them are played (default: all)");
   verb.add_flag("--wait,!--no-wait", options->wait,
                 "Wait for the end and print the differences (default), or only start it");
   verb.add_flag("--verify", options->verify,

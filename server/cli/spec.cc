@@ -9,7 +9,9 @@
 #include "protocol/layout.h"
 #include "protocol/rules_leg.h"
 #include "server/cli/common.h"
+#include "server/cli/table.h"
 #include "server/cli/terminal.h"
+#include "server/counted.h"
 #include "server/daemon/tracks.h"
 
 namespace myograde::server {
@@ -22,6 +24,7 @@ struct SpecOptions {
   HostOptions host;
   std::string track;
   std::string profile;
+  bool full_hashes = false;
   bool json = false;
 };
 
@@ -184,17 +187,17 @@ void PrintDifferences(const Tracks::Offer& offer) {
   table.Print();
 }
 
-void PrintSpec(const TrackConfig& config, const Tracks::Offer& offer) {
+void PrintSpec(const TrackConfig& config, const Tracks::Offer& offer, bool full_hashes) {
   std::cout << Bold(absl::StrCat("Track ", config.id, " in the profile ", config.profile)) << '\n'
-            << "  " << config.seeds.size() << " episodes in leases of "
-            << config.episodes_per_lease << ", a control step every "
-            << ControlPeriod(config.kind) << " s\n"
-            << "  config hash " << config.hash << '\n';
+            << "  " << Counted(std::ssize(config.seeds), "episode") << " in blocks of "
+            << config.episodes_per_lease << ", each played by a fresh process of the policy; a "
+            << "control step every " << ControlPeriod(config.kind) << " s\n"
+            << "  config hash " << HashText(config.hash, full_hashes) << '\n';
   PrintLayout("Observation", ObservationLayout(config.kind), ObservationSize(config.kind));
   PrintLayout("Action", ActionLayout(config.kind), ActionSize(config.kind));
-  std::cout << "\nA policy chooses at the handshake how it acts: normalized (every number in "
-               "[-1, 1]) or direct (muscles in\n[0, 1], prosthesis targets in rad); --json has the "
-               "bounds and the name of every entry.\n";
+  std::cout << "\nA policy chooses at the handshake how it acts: normalized (every number in [-1, 1])\n"
+               "or direct (muscles in [0, 1], prosthesis targets in rad); --json has the bounds and\n"
+               "the name of every entry.\n";
   PrintValues("Budgets", config.effective.value("budgets", Json::object()));
   PrintValues("Rules", WithoutSets(config.rules));
   PrintSets(config.rules);
@@ -237,7 +240,7 @@ int Spec(const SpecOptions& options) {
   if (options.json) {
     PrintJson(SpecJson((*track)->config, offer));
   } else {
-    PrintSpec((*track)->config, offer);
+    PrintSpec((*track)->config, offer, options.full_hashes);
   }
   return kDone;
 }
@@ -248,6 +251,7 @@ Action AddSpec(CLI::App& verb) {
   auto options = std::make_shared<SpecOptions>();
   verb.add_option("--track", options->track, "Name of the track (default: list them all)");
   verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
+  AddFullHashes(verb, options->full_hashes);
   verb.add_flag("--json", options->json, "Print JSON (configs/schema/spec.json)");
   AddHostOptions(verb, options->host);
   return [options] { return Spec(*options); };

@@ -8,7 +8,9 @@
 #include "server/cli/client.h"
 #include "server/cli/common.h"
 #include "server/cli/report.h"
+#include "server/cli/table.h"
 #include "server/cli/terminal.h"
+#include "server/counted.h"
 
 namespace myograde::server {
 namespace {
@@ -27,8 +29,17 @@ std::string RunningFor(const Json& lease) {
   return time.is_number() ? Span(time.get<double>()) : "-";
 }
 
+// A time of the API to the second: "2026-11-22 02:10:54 UTC".
+std::string Moment(const Json& time) {
+  std::string text = time.is_string() ? Harmless(time.get<std::string>()) : "-";
+  if (text.size() < 19 || text[10] != 'T') return text;
+  text[10] = ' ';
+  return text.substr(0, 19) + " UTC";
+}
+
+// Participants call a lease a block of episodes.
 void PrintLeases(const Json& leases) {
-  Table table({"lease", "episodes", "state", "host", "slot", "attempt", "running", "at episode",
+  Table table({"block", "episodes", "state", "host", "slot", "attempt", "running", "at episode",
                "step"});
   for (const Json& lease : leases) {
     table.Add({Cell(lease, "lease"), Cell(lease, "first") + ".." + Cell(lease, "last"),
@@ -50,7 +61,7 @@ void PrintStatus(const Json& status) {
   const Json queue = status.value("queue", Json());
   if (queue.is_object()) {
     std::cout << "  place " << Cell(queue, "position") << " in the queue, behind "
-              << Cell(queue, "leases_ahead") << " leases\n";
+              << CountedBlocks(queue.value("leases_ahead", int64_t{0})) << '\n';
   }
   for (const char* key : {"waiting", "reason"}) {
     if (status.contains(key) && status[key].is_string()) {
@@ -65,11 +76,11 @@ void PrintStatus(const Json& status) {
   }
   if (known) {
     std::cout << "  about " << Span(status["remaining_wall_s"].get<double>())
-              << " left, estimated end " << Cell(status, "estimated_end_at") << '\n';
+              << " left, estimated end " << Moment(status["estimated_end_at"]) << '\n';
   }
   if (status.contains("deadline_at") && status["deadline_at"].is_string()) {
-    std::cout << "  in the hands of " << Cell(status, "owner") << ", which acts by itself at "
-              << Cell(status, "deadline_at") << " if nothing happens before\n";
+    std::cout << "  if nothing happens until " << Moment(status["deadline_at"])
+              << ", the daemon steps in by itself\n";
   }
   PrintLeases(status.value("leases", Json::array()));
 }
@@ -77,7 +88,7 @@ void PrintStatus(const Json& status) {
 void PrintSlots(const Json& health) {
   const Json leases = health.value("leases", Json::array());
   if (leases.empty()) return;
-  Table table({"slot", "submission", "lease", "running", "at episode", "step"});
+  Table table({"slot", "submission", "block", "running", "at episode", "step"});
   for (const Json& lease : leases) {
     table.Add({Cell(lease, "slot"), Cell(lease, "submission"), Cell(lease, "lease"),
                RunningFor(lease), Cell(lease, "episode"), Cell(lease, "step")});
@@ -100,9 +111,9 @@ int StatusOfAll(const Client& client, bool json) {
   const std::string state = Cell(*health, "status");
   std::cout << "The daemon (" << Cell(*health, "version") << ", process " << Cell(*health, "pid")
             << (state == "store" ? ") can't write its store" : absl::StrCat(") is ", state)) << ": "
-            << Cell(*health, "running") << " of "
-            << Cell(*health, "slots") << " slots at work, " << Cell(*health, "pending_leases")
-            << " leases waiting\n";
+            << Cell(*health, "running") << " of " << CountCell(*health, "slots", "slot")
+            << " at work, " << CountedBlocks(health->value("pending_leases", int64_t{0}))
+            << " waiting\n";
   if (health->contains("message") && (*health)["message"].is_string()) {
     std::cout << Bold(Cell(*health, "message")) << '\n';
   }
@@ -143,12 +154,25 @@ std::string KillText(const Json& kill) {
   if (killed == 0) return "nothing of it was running";
   const std::string took = absl::StrFormat("%.2f s", kill.value("took_wall_s", 0.0));
   std::string text =
-      absl::StrCat("its ", killed, killed == 1 ? " running lease was" : " running leases were",
-                   " killed within ", took);
+      killed == 1 ? absl::StrCat("its running block of episodes was killed within ", took)
+                  : absl::StrCat("its ", killed, " running blocks of episodes were killed within ",
+                                 took);
   if (const int64_t left = kill.value("still_ending", int64_t{0}); left > 0) {
     absl::StrAppend(&text, " (", left, " not dead yet; the slot stays taken until then)");
   }
   return text;
+}
+
+// What became of the team's quota, in words; "" if the daemon does not tell.
+std::string QuotaText(const Json& status) {
+  const Json cancel = status.value("cancel", Json::object());
+  if (!cancel.contains("charged")) return "";
+  if (!cancel["charged"].is_string()) {
+    return " Nothing of the team's quota is used up: no episode of it had ended.";
+  }
+  return absl::StrCat(" It stays charged to the team's quota, as one ",
+                      Cell(cancel, "charged") == "practice" ? "practice" : "official",
+                      " evaluation: cancelling gives nothing back.");
 }
 
 int Cancel(const StatusOptions& options) {
@@ -162,8 +186,9 @@ int Cancel(const StatusOptions& options) {
     PrintJson(*status);
   } else {
     std::cout << "Submission " << options.id << " is " << Cell(*status, "state") << "; "
-              << KillText(status->value("cancel", Json::object())) << "; " << CountsText(status->value("episodes", Json::object())) << " are kept."
-              << std::endl;
+              << KillText(status->value("cancel", Json::object())) << "; it keeps "
+              << CountsText(status->value("episodes", Json::object())) << "."
+              << QuotaText(*status) << std::endl;
   }
   return kDone;
 }
@@ -172,8 +197,8 @@ int Cancel(const StatusOptions& options) {
 
 Action AddStatus(CLI::App& verb) {
   auto options = std::make_shared<StatusOptions>();
-  verb.add_option("ID", options->id, "A submission (default: the daemon and its newest 100)")
-      ->check(CLI::PositiveNumber);
+  AddSubmissionId(verb, options->id, /*required=*/false,
+                  "A submission (default: the daemon and its newest 100)");
   verb.add_flag("--json", options->json, "Print JSON (configs/schema/status.json)");
   AddDaemonOptions(verb, options->daemon);
   return [options] { return Status(*options); };
@@ -181,7 +206,7 @@ Action AddStatus(CLI::App& verb) {
 
 Action AddCancel(CLI::App& verb) {
   auto options = std::make_shared<StatusOptions>();
-  verb.add_option("ID", options->id, "The submission")->required()->check(CLI::PositiveNumber);
+  AddSubmissionId(verb, options->id);
   verb.add_option("--reason", options->reason, "Why, for the record; up to 200 bytes");
   verb.add_flag("--json", options->json, "Print JSON (configs/schema/cancel.json)");
   AddDaemonOptions(verb, options->daemon);

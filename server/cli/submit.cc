@@ -8,6 +8,7 @@
 #include "server/cli/client.h"
 #include "server/cli/common.h"
 #include "server/cli/follow.h"
+#include "server/cli/progress.h"
 #include "server/cli/report.h"
 #include "server/cli/terminal.h"
 
@@ -25,6 +26,7 @@ struct SubmitOptions {
   std::string seeds;
   int64_t episodes = 0;  // 0: not given
   bool wait = false;
+  bool full_hashes = false;
   bool json = false;
 };
 
@@ -45,13 +47,22 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
   absl::StatusOr<TempFolder> temp = TempFolder::Make("submit");
   if (!temp.ok()) return temp.status();
   const std::string archive = temp->path() + "/artefact.tar";
-  const absl::Status packed =
-      HostStatus(options.path, PackArtefact(options.path, archive, ArtefactLimits()));
-  if (!packed.ok()) return packed;
+  {
+    Progress progress("packing", Progress::Unit::kBytes);
+    const absl::Status packed = HostStatus(
+        options.path, PackArtefact(options.path, archive, ArtefactLimits(),
+                                   [&](int64_t done, int64_t total) {
+                                     progress.Show(done, total, "");
+                                   }));
+    if (!packed.ok()) return packed;
+  }
+  Progress progress("sending", Progress::Unit::kBytes);
   const absl::StatusOr<Json> answer = client.Upload(
       absl::StrCat("/v1/artefacts?team=", QueryValue(options.team), "&track=",
                    QueryValue(options.track)),
-      archive, [](int64_t) {});
+      archive, [&](int64_t done, int64_t total) {
+        progress.Show(done, total, done < total ? "" : "the daemon checks it");
+      });
   if (!answer.ok()) return answer.status();
   const std::string artefact = answer->value("artefact", "");
   if (artefact.empty()) return absl::InternalError("the daemon did not say the artefact's id");
@@ -62,7 +73,8 @@ int ReportWaited(const SubmitOptions& options, const Client& client, int64_t id)
   const std::string path = absl::StrCat("/v1/submissions/", id);
   const absl::StatusOr<Json> status = Follow(client, path, absl::StrCat("submission ", id));
   if (!status.ok()) return Complain(status.status());
-  const absl::StatusOr<Json> result = client.Get(path + "/result");
+  const absl::StatusOr<Json> result =
+      client.Get(path + (options.json ? "/result" : "/result?episodes=1"));
   if (!result.ok()) return Complain(result.status());
   const std::string state = status->value("state", "");
   if (options.json) {
@@ -74,7 +86,9 @@ int ReportWaited(const SubmitOptions& options, const Client& client, int64_t id)
     if ((*status)["reason"].is_string()) {
       std::cout << "  " << Harmless((*status)["reason"].get<std::string>()) << '\n';
     }
-    PrintResult(*result);
+    PrintResult(*result, options.full_hashes);
+    PrintFaults(result->value("episode_rows", Json::array()));
+    std::cout.flush();
   }
   return ExitOfState(state);
 }
@@ -102,8 +116,9 @@ int Submit(const SubmitOptions& options) {
     }
   } else if (!options.json) {
     std::cout << "Submission " << id << " is accepted: " << Cell(*submission, "name") << " of "
-              << Cell(*submission, "team") << ", " << Cell((*submission)["episodes"], "total")
-              << " episodes of " << Cell(*submission, "track") << " in the profile "
+              << Cell(*submission, "team") << ", "
+              << CountCell((*submission)["episodes"], "total", "episode")
+              << " of " << Cell(*submission, "track") << " in the profile "
               << Cell(*submission, "profile")
               << (submission->value("ranked", false) ? "" : " (practice: it does not rank)")
               << std::endl;
@@ -132,6 +147,7 @@ Action AddSubmit(CLI::App& verb) {
                   "Play only the first N seeds; fewer than all is practice and does not rank")
       ->check(CLI::Range(1, 10'000));
   verb.add_flag("--wait", options->wait, "Wait for the end, show progress and print the result");
+  AddFullHashes(verb, options->full_hashes);
   verb.add_flag("--json", options->json, "Print JSON (configs/schema/submit.json)");
   AddDaemonOptions(verb, options->daemon);
   return [options] { return Submit(*options); };

@@ -16,7 +16,10 @@
 #include "protocol/sha256.h"
 #include "server/cli/client.h"
 #include "server/cli/common.h"
-#include "server/cli/terminal.h"
+#include "server/cli/new_file.h"
+#include "server/cli/progress.h"
+#include "server/cli/screen.h"
+#include "server/counted.h"
 #include "server/daemon/standings.h"
 #include "server/store/lock.h"
 #include "server/store/transfer.h"
@@ -34,56 +37,6 @@ struct TransferOptions {
   bool json = false;
 };
 
-absl::Status CantWrite(const std::string& path) {
-  return absl::InvalidArgumentError(absl::StrCat(
-      path, ": can't be written: ", std::strerror(errno), "; choose another place or make room"));
-}
-
-// A file that appears under its name only when it is whole and on the disk.
-class NewFile {
- public:
-  explicit NewFile(std::string path)
-      : path_(std::move(path)), part_(path_ + ".part"),
-        fd_(open(part_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0600)) {}
-  NewFile(const NewFile&) = delete;
-  NewFile& operator=(const NewFile&) = delete;
-  ~NewFile() {
-    if (fd_.valid()) unlink(part_.c_str());
-  }
-
-  bool opened() const { return fd_.valid(); }
-  bool Write(std::string_view text) {
-    hash_.Update(text);
-    while (!text.empty()) {
-      const ssize_t n = write(fd_.get(), text.data(), text.size());
-      if (n < 0 && errno == EINTR) continue;
-      if (n < 0) {
-        error_ = errno;
-        return false;
-      }
-      text.remove_prefix(static_cast<size_t>(n));
-    }
-    return true;
-  }
-  // 0, or why a Write failed.
-  int error() const { return error_; }
-  // The digest of what was written.
-  absl::StatusOr<std::string> Keep() {
-    if (fsync(fd_.get()) != 0 || rename(part_.c_str(), path_.c_str()) != 0) {
-      return CantWrite(path_);
-    }
-    fd_.reset();
-    return hash_.FinishHex();
-  }
-
- private:
-  const std::string path_;
-  const std::string part_;
-  Fd fd_;
-  Sha256 hash_;
-  int error_ = 0;
-};
-
 // Asks for `from` and keeps the answer as `path`; its digest.
 absl::StatusOr<std::string> Fetch(const Client& client, const std::string& from,
                                   const std::string& path, const std::string& what,
@@ -92,10 +45,10 @@ absl::StatusOr<std::string> Fetch(const Client& client, const std::string& from,
   if (!file.opened()) return CantWrite(path);
   absl::StatusOr<int64_t> got = absl::InternalError("");
   {
-    Progress progress(what);
+    Progress progress(what, Progress::Unit::kBytes);
     got = client.Download(
         from, [&](const char* data, size_t size) { return file.Write({data, size}); },
-        [&](int64_t done, int64_t total) { progress.Show(done, total, "bytes"); });
+        [&](int64_t done, int64_t total) { progress.Show(done, total, ""); });
   }
   if (file.error() != 0) {
     errno = file.error();
@@ -168,10 +121,16 @@ absl::Status WriteDigest(const std::string& path, const std::string& digest) {
   return file.Keep().status();
 }
 
+std::string RowsText(const ExportInfo& info) {
+  return absl::StrCat(Counted(info.rows.at("submission"), "submission"), " and ",
+                      Counted(info.rows.at("episode"), "episode"));
+}
+
 int PrintExport(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  std::cout << file.rdbuf() << std::flush;
-  if (std::cout) return kDone;
+  std::ostream& out = PlainOutput();
+  out << file.rdbuf() << std::flush;
+  if (out) return kDone;
   return Complain(absl::InvalidArgumentError("standard output does not take the export"));
 }
 
@@ -200,8 +159,7 @@ int Export(const TransferOptions& options) {
     PrintJson({{"file", options.file}, {"format", options.format}, {"sha256", info->sha256},
                {"schema", info->schema}, {"rows", info->rows}});
   } else {
-    std::cout << "Exported to " << options.file << ": " << info->rows.at("submission")
-              << " submissions, " << info->rows.at("episode") << " episodes, checksum "
+    std::cout << "Exported to " << options.file << ": " << RowsText(*info) << ", checksum "
               << info->sha256 << std::endl;
   }
   return kDone;
@@ -237,7 +195,10 @@ int Import(const TransferOptions& options) {
   const Client client(options.daemon.path());
   absl::Status status;
   if (client.Get("/v1/health").ok()) {
-    status = client.Upload("/v1/import", options.file, [](int64_t) {}, "application/json").status();
+    Progress progress("import", Progress::Unit::kBytes);
+    status = client.Upload("/v1/import", options.file, [&](int64_t done, int64_t total) {
+      progress.Show(done, total, done < total ? "" : "the daemon takes it up");
+    }, "application/json").status();
   } else if (!options.daemon.socket.empty()) {
     status = absl::UnavailableError(absl::StrCat("no daemon listens on ", options.daemon.socket));
   } else {
@@ -248,8 +209,7 @@ int Import(const TransferOptions& options) {
     PrintJson({{"file", options.file}, {"sha256", info->sha256}, {"schema", info->schema},
                {"rows", info->rows}});
   } else {
-    std::cout << "Imported " << info->rows.at("submission") << " submissions and "
-              << info->rows.at("episode") << " episodes, checksum " << info->sha256 << std::endl;
+    std::cout << "Imported " << RowsText(*info) << ", checksum " << info->sha256 << std::endl;
   }
   return kDone;
 }
@@ -263,7 +223,7 @@ int Backup(const TransferOptions& options) {
   if (options.json) {
     PrintJson({{"file", options.file}, {"bytes", bytes}, {"sha256", *digest}});
   } else {
-    std::cout << "The store as it is now, " << bytes << " bytes, is in " << options.file
+    std::cout << "The store as it is now, " << Counted(bytes, "byte") << ", is in " << options.file
               << ". It holds the store's secret: keep it as safe as the data folder." << std::endl;
   }
   return kDone;

@@ -161,23 +161,29 @@ DaemonOptions WithDefaults(DaemonOptions options) {
   return options;
 }
 
-absl::Status RunDaemon(const DaemonOptions& options) {
-  // With a heap for each of its many threads, each heap would keep as much as its largest answer took.
-  mallopt(M_ARENA_MAX, 4);
-  const Clock& clock = SystemClock();
-  absl::StatusOr<ServerConfig> config =
+absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
+  absl::StatusOr<ServerConfig> server =
       LoadServerConfig(options.configs_dir + "/server.json", options.cache_dir);
-  if (!config.ok()) return config.status();
+  if (!server.ok()) return server.status();
   absl::StatusOr<Tracks> tracks = Tracks::Load(options.configs_dir + "/tracks");
   if (!tracks.ok()) return tracks.status();
   // The runners read it; a mistake in it is better told now than by each lease.
   absl::StatusOr<SandboxConfig> sandbox = LoadSandboxConfig(options.configs_dir);
   if (!sandbox.ok()) return sandbox.status();
-  if (absl::Status status = RaiseDescriptorLimit(*config); !status.ok()) return status;
+  return DaemonConfigs{*std::move(server), *std::move(tracks)};
+}
+
+absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& configs) {
+  // With a heap for each of its many threads, each heap would keep as much as its largest answer took.
+  mallopt(M_ARENA_MAX, 4);
+  const Clock& clock = SystemClock();
+  const ServerConfig& config = configs.server;
+  const Tracks& tracks = configs.tracks;
+  if (absl::Status status = RaiseDescriptorLimit(config); !status.ok()) return status;
   if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
   absl::StatusOr<DataLock> lock = DataLock::Take(options.data_dir);
   if (!lock.ok()) return lock.status();
-  StartLog(config->log_level);
+  StartLog(config.log_level);
   ControlGroup::RemoveStale();
   Empty(options.data_dir + "/work");
   Empty(options.data_dir + "/spool");
@@ -193,7 +199,7 @@ absl::Status RunDaemon(const DaemonOptions& options) {
   for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
   StoreDisk disk(**store);
   SystemProcesses processes;
-  Engine engine({*config, options.data_dir, options.cache_dir, geteuid() == 0}, disk, readers,
+  Engine engine({config, options.data_dir, options.cache_dir, geteuid() == 0}, disk, readers,
                 processes, clock);
   // Grading needs no key: without one, the daemon serves all but receipts.
   KeyFile receipts_key(options.data_dir + "/receipts.key");
@@ -207,16 +213,16 @@ absl::Status RunDaemon(const DaemonOptions& options) {
       {.folder = options.configs_dir + "/reference",
        .work_dir = options.data_dir + "/work/reference",
        .cache_dir = options.cache_dir,
-       .uid = geteuid() == 0 ? config->uid_base + kReferenceUsers : -1});
-  Api api({*config, options.data_dir, options.cache_dir, &reference, clock.Now()}, *tracks, engine,
+       .uid = geteuid() == 0 ? config.uid_base + kReferenceUsers : -1});
+  Api api({config, options.data_dir, options.cache_dir, &reference, clock.Now()}, tracks, engine,
           readers, receipts_key, clock);
-  UnixHttpServer server(config->http, options.data_dir + "/spool");
+  UnixHttpServer server(config.http, options.data_dir + "/spool");
   api.Install(server);
   if (absl::Status status = server.Start(options.socket); !status.ok()) return status;
   server_to_stop = &server;
-  const Retention retention(config->retention, options.data_dir, engine, readers, clock);
+  const Retention retention(config.retention, options.data_dir, engine, readers, clock);
   spdlog::info("listening on {}, {} slots, {} tracks", options.socket,
-               config->scheduler.slots, tracks->offers().size());
+               config.scheduler.slots, tracks.offers().size());
   const absl::Status status = engine.Run();
   EndSoon(status.ok() ? 0 : 4);
   server_to_stop = nullptr;

@@ -4,6 +4,10 @@
 #include <string>
 
 #include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "server/daemon/server_config.h"
+#include "server/daemon/tracks.h"
 
 namespace myograde::server {
 
@@ -21,8 +25,17 @@ struct DaemonOptions {
 // made absolute.
 DaemonOptions WithDefaults(DaemonOptions options);
 
+struct DaemonConfigs {
+  ServerConfig server;
+  Tracks tracks;
+};
+
+// Reads all that lies in options.configs_dir. An error names the file and the key: it is
+// for whoever wrote them.
+absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options);
+
 // Serves until SIGTERM or SIGINT. OkStatus() after an orderly stop; an error
 // says why it could not start, or why it could not go on.
-absl::Status RunDaemon(const DaemonOptions& options);
+absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& configs);
 
 }  // namespace myograde::server

@@ -6,6 +6,7 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/config_reader.h"
+#include "server/counted.h"
 #include "server/daemon/engine_core.h"
 
 namespace myograde::server {
@@ -204,8 +205,9 @@ void EngineCore::Fault(LeaseRun& run, const std::string& why) {
 
 void EngineCore::GiveUp(const Verdict& verdict, int64_t failed, const std::string& why) {
   const std::string reason =
-      absl::StrCat("lease ", failed, " failed ", options_.config.scheduler.max_replays + 1,
-                   " times by the grader's fault, the last time: ", why);
+      absl::StrCat("a block of episodes failed ",
+                   Counted(options_.config.scheduler.max_replays + 1, "time"),
+                   " by the grader's fault, the last time: ", why);
   std::vector<int64_t> others = verdict.pending;
   others.insert(others.end(), verdict.running.begin(), verdict.running.end());
   Later(verdict.evaluation, [=, evaluation = verdict.evaluation, who = owner_](Writer& writer) {

@@ -19,14 +19,14 @@ Prospect EngineCore::ProspectOf(int64_t evaluation) const {
   prospect.owner = owner_;
   if (!prospect.waiting.empty()) {
     if (const std::string why = host_.WhyNot(now); !why.empty()) {
-      absl::StrAppend(&prospect.waiting, "; no lease starts: ", why);
+      absl::StrAppend(&prospect.waiting, "; nothing starts: ", why);
     }
     for (const auto& [slot, why] : closed_slots_) {
       absl::StrAppend(&prospect.waiting, "; slot ", slot, " is closed until ", why, " is gone");
     }
     if (!store_trouble_.empty()) {
       absl::StrAppend(&prospect.waiting,
-                      "; no lease starts while the store can't be written: ", store_trouble_);
+                      "; nothing starts while the store can't be written: ", store_trouble_);
     }
   }
   if (prospect.place.has_value() && mean_lease_ > absl::ZeroDuration() && host_.may_start()) {

@@ -26,11 +26,21 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", MYOGRADE_VERSION);
   try {
     app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kWrongUse;
+  } catch (const CLI::Success& asked) {  // --help, --version
+    return app.exit(asked);
+  } catch (const CLI::ParseError& mistake) {
+    std::cerr << "myograded: error: " << mistake.what() << "; see \"myograded --help\"\n";
+    return kWrongUse;
   }
-  const absl::Status status = myograde::server::RunDaemon(myograde::server::WithDefaults(options));
+  options = myograde::server::WithDefaults(options);
+  const absl::StatusOr<myograde::server::DaemonConfigs> configs =
+      myograde::server::LoadConfigs(options);
+  if (!configs.ok()) {
+    std::cerr << "myograded: error: " << configs.status().message() << "\n";
+    return kWrongUse;
+  }
+  const absl::Status status = myograde::server::RunDaemon(options, *configs);
   if (status.ok()) return 0;
-  std::cerr << "myograded: " << status.message() << "\n";
+  std::cerr << "myograded: error: " << status.message() << "\n";
   return kTrouble;
 }

@@ -4,6 +4,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/counted.h"
+
 namespace myograde::server {
 
 std::string_view HostStateName(HostHealth::State state) {
@@ -53,8 +55,8 @@ std::optional<absl::Duration> HostHealth::NextTest() const {
 std::string HostHealth::WhyNot(absl::Duration now) const {
   if (state_ == State::kWell) return "";
   if (state_ == State::kSuspected) {
-    return absl::StrCat("the host is being tested after ", faults_,
-                        " faults of the grader in a row, the last one: ", last_fault_);
+    return absl::StrCat("the host is being tested after ", Counted(faults_, "fault"),
+                        " of the grader in a row, the last one: ", last_fault_);
   }
   const absl::Duration next = std::max(next_test_ - now, absl::ZeroDuration());
   return absl::StrCat("the host is paused, as its self-test failed: ", test_fault_, "; ",

@@ -4,15 +4,9 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/counted.h"
+
 namespace myograde::server {
-namespace {
-
-std::string Counted(int64_t count, const char* what) {
-  return absl::StrCat(count, " ", what, count == 1 ? "" : "s");
-}
-
-}  // namespace
-
 Scheduler::Scheduler(SchedulerLimits limits) : limits_(limits) {}
 
 void Scheduler::Add(const EvaluationSpec& spec, absl::Duration now) {
@@ -306,21 +300,24 @@ std::string Scheduler::WhyWaiting(int64_t id, absl::Duration now) const {
     delay = std::min(delay, leases_.at(lease).not_before - now);
   }
   const auto count = static_cast<int64_t>(evaluation.waiting.size());
-  const std::string leases = absl::StrCat(Counted(count, "lease"), count == 1 ? " waits" : " wait");
+  // Participants read this: to them a lease is a block of episodes.
+  const std::string leases = absl::StrCat(CountedBlocks(count), count == 1 ? " waits" : " wait");
   if (delay > absl::ZeroDuration()) {
     return absl::StrCat(leases, " to be played again after a fault of the grader, in ",
                         absl::FormatDuration(absl::Ceil(delay, absl::Seconds(1))));
   }
   const Team& team = teams_.at(evaluation.spec.team);
   if (team.running >= limits_.team_running) {
-    return absl::StrCat(leases, " until another lease of the team ends: ", team.running,
-                        " run, which is as many as one team may have");
+    return absl::StrCat(leases, " until another of the team ends: ", team.running,
+                        team.running == 1 ? " runs" : " run",
+                        ", which is as many as one team may have");
   }
   const int64_t taken = static_cast<int64_t>(taken_slots_.size());
-  if (taken < limits_.slots) return absl::StrCat(leases, " for the next start, which is now");
+  if (taken < limits_.slots) return absl::StrCat(leases, " and will start in a moment");
   std::string why = absl::StrCat(leases, " for a slot: ", taken, " of ", limits_.slots,
-                                 " are taken, ", Counted(PlaceOf(id)->leases_ahead, "lease"),
-                                 " of others or of earlier submissions are ahead");
+                                 taken == 1 ? " is" : " are", " taken, and ",
+                                 CountedBlocks(PlaceOf(id)->leases_ahead),
+                                 " of others or of earlier submissions ahead");
   if (evaluation.priority == Priority::kOverdue) {
     absl::StrAppend(&why, "; it has waited for more than ",
                     absl::FormatDuration(limits_.queue_wait),

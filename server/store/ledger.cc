@@ -78,6 +78,15 @@ QuotaUse Reader::Quota(const std::string& team, const std::string& track, int64_
   return ReadQuotaUse(db_, team, track, now_ms);
 }
 
+std::string Reader::ChargedBudget(int64_t submission) {
+  SQLite::Statement select(
+      db_, "SELECT budget FROM ledger WHERE submission = ? GROUP BY budget HAVING "
+           "sum(CASE entry WHEN 'charge' THEN amount WHEN 'refund' THEN -amount ELSE 0 END) > 0 "
+           "ORDER BY budget LIMIT 1");
+  select.bind(1, submission);
+  return select.executeStep() ? select.getColumn(0).getString() : "";
+}
+
 int64_t Reader::QuotaDayAt(int64_t now_ms) { return QuotaDay(db_, now_ms); }
 
 namespace {

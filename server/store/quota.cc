@@ -7,6 +7,8 @@
 #include <absl/strings/str_cat.h>
 #include <absl/time/time.h>
 
+#include "server/counted.h"
+
 namespace myograde::server {
 namespace {
 
@@ -17,14 +19,14 @@ constexpr std::array<std::string_view, 3> kNames = {"official", "practice", "fai
 
 size_t Index(Budget budget) { return static_cast<size_t>(budget); }
 
-// "official evaluations", in the plural.
-const char* UnitsOf(Budget budget) {
+// "1 official evaluation".
+std::string CountedUnits(int64_t count, Budget budget) {
   switch (budget) {
-    case Budget::kOfficial: return "official evaluations";
-    case Budget::kPractice: return "practice evaluations";
+    case Budget::kOfficial: return Counted(count, "official evaluation");
+    case Budget::kPractice: return Counted(count, "practice evaluation");
     case Budget::kFailed: break;
   }
-  return "failed tries";
+  return Counted(count, "failed try", "failed tries");
 }
 
 int64_t TeamId(SQLite::Database& db, const std::string& team) {
@@ -77,11 +79,12 @@ absl::Status Refuse(const std::string& sentence) {
 absl::Status CheckBudget(const QuotaUse& use, const QuotaLimits& limits, Budget budget,
                          const std::string& team, const std::string& track) {
   const Allowance& allowance = limits.of(budget);
-  const std::string whose = absl::StrCat("team \"", team, "\" has used all ");
+  const std::string whose = absl::StrCat("team \"", team, "\" has used up its ");
   const auto rest = [&](const BudgetUse& sum, int64_t limit) {
-    std::string text = absl::StrCat(limit + sum.granted, " ", UnitsOf(budget), " of track \"",
+    std::string text = absl::StrCat(CountedUnits(limit + sum.granted, budget), " of track \"",
                                     track, "\"");
-    if (sum.open > 0) absl::StrAppend(&text, " (", sum.open, " of them wait or run)");
+    if (sum.open > 0) absl::StrAppend(&text, " (", sum.open, sum.open == 1 ? " of them waits or runs)"
+                                                                          : " of them wait or run)");
     return text;
   };
   if (const BudgetUse& sum = use.total_of(budget); sum.left(allowance.total) < 1) {
@@ -138,8 +141,8 @@ std::string DayName(int64_t day) {
 absl::Status CheckQuota(const QuotaUse& use, const QuotaLimits& limits, Budget budget,
                         const std::string& team, const std::string& track) {
   if (use.waiting >= limits.waiting) {
-    return Refuse(absl::StrCat("team \"", team, "\" has ", use.waiting,
-                               " evaluations of track \"", track, "\" waiting, and ",
+    return Refuse(absl::StrCat("team \"", team, "\" has ", Counted(use.waiting, "evaluation"),
+                               " of track \"", track, "\" waiting, and ",
                                limits.waiting,
                                " may wait; hand in more when one of them has started"));
   }

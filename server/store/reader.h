@@ -82,6 +82,8 @@ class Reader {
 
   QuotaUse Quota(const std::string& team, const std::string& track, int64_t now_ms);
   int64_t QuotaDayAt(int64_t now_ms);
+  // The budget that a submission is charged to, and was not given back; "" if none is.
+  std::string ChargedBudget(int64_t submission);
   // Newest first; `track` "" is any, `before` an id.
   Listed<LedgerRow> Ledger(const std::string& team, const std::string& track, int64_t before,
                            int64_t limit);

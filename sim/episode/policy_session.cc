@@ -257,8 +257,8 @@ std::optional<FaultEvidence> PolicySession::OverLease(int64_t step) const {
   const double cpu = absl::ToDoubleSeconds(use_.cpu + cpu_used());
   if (cpu > budgets_.lease_cpu_s) {
     return BrokenLimit(Outcome::kCpuLimit, "lease_cpu_s", budgets_.lease_cpu_s, cpu, step,
-                       absl::StrFormat("the policy used %.4g s of CPU time in its lease, which "
-                                       "allows %g s",
+                       absl::StrFormat("the policy used %.4g s of CPU time in its block of "
+                                       "episodes, which allows %g s",
                                        cpu, budgets_.lease_cpu_s));
   }
   const double wall = absl::ToDoubleSeconds(clock_.Monotonic() - use_.started);
@@ -272,8 +272,9 @@ std::optional<FaultEvidence> PolicySession::OverLease(int64_t step) const {
   }
   if (wall <= budgets_.lease_wall_s) return std::nullopt;
   return BrokenLimit(Outcome::kWallTimeout, "lease_wall_s", budgets_.lease_wall_s, wall, step,
-                     absl::StrFormat("the lease took %.4g s of wall time, which allows %g s", wall,
-                                     budgets_.lease_wall_s));
+                     absl::StrFormat("the block of episodes took %.4g s of wall time, which "
+                                     "allows %g s",
+                                     wall, budgets_.lease_wall_s));
 }
 
 void PolicySession::Charge(const Waiting& waiting) {

@@ -17,6 +17,14 @@ from myograde.action_t import action_t
 MODE = sys.argv[1]
 FATAL_EPISODE = 1
 FATAL_STEP = 3
+# What the kit sends as it is, for the grader to judge.
+WRONG_ANSWERS = {
+    "short": lambda size: [0.0] * (size - 1),
+    "none": lambda size: [],
+    "long": lambda size: [0.0] * 100000,
+    "nan": lambda size: [float("nan")] + [0.0] * (size - 1),
+    "infinite": lambda size: [float("-inf")] * size,
+}
 
 
 class Misbehaving(myograde_kit.Policy):
@@ -40,27 +48,20 @@ class Misbehaving(myograde_kit.Policy):
             if MODE == "spins":
                 while True:
                     pass
-            if MODE in ("short", "nan", "infinite", "wrong-step"):
-                self.answer_wrongly(size)
+            if MODE == "wrong-step":
+                self.answer_another_step(size)
+            if MODE in WRONG_ANSWERS:
+                return WRONG_ANSWERS[MODE](size)
         return [0.0] * size
 
-    def answer_wrongly(self, size):
-        """Sends a wrong answer past the kit, which would refuse to."""
+    def answer_another_step(self, size):
+        """Past the kit, which would not."""
         bus = lcm.LCM(os.environ["MYOGRADE_LCM_URL"])
         action = action_t()
         action.episode = self.episode
-        action.step = self.step
+        action.step = self.step + 2
         action.size = size
         action.values = [0.0] * size
-        if MODE == "short":
-            action.size = size - 1
-            action.values = action.values[1:]
-        elif MODE == "nan":
-            action.values[5] = float("nan")
-        elif MODE == "infinite":
-            action.values[5] = float("inf")
-        elif MODE == "wrong-step":
-            action.step += 2
         while True:
             bus.publish("MYOGRADE_ACTION", action.encode())
             time.sleep(0.05)

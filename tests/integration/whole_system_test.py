@@ -74,6 +74,8 @@ class Misbehave(SystemTest):
         "sleeps": ("step_timeout", ""),
         "spins": ("step_timeout", ""),
         "short": ("protocol", "54"),
+        "none": ("protocol", "must have 55"),
+        "long": ("protocol", "must have 55"),
         "nan": ("protocol", "finite"),
         "infinite": ("protocol", "finite"),
         "wrong-step": ("protocol", "step"),

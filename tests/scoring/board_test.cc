@@ -87,6 +87,34 @@ TEST(Board, AgreesWithTheTables) {
   EXPECT_GE(files, 12);
 }
 
+TEST(Board, TellsItsOrderInWords) {
+  using testing::AllOf;
+  using testing::HasSubstr;
+  EXPECT_THAT(DescribeOrder(TieredBoard{.line_successes = 8, .line_episodes = 9}),
+              AllOf(HasSubstr("at least 8 of 9 successes"), HasSubstr("bands of mean time"),
+                    HasSubstr("1.1 times"), HasSubstr("effort does not count below that line"),
+                    HasSubstr("order of acceptance")));
+  EXPECT_THAT(DescribeOrder(TieredBoard{.bands = BandsOver::kSuccess}),
+              HasSubstr("bands of the success rate"));
+  EXPECT_THAT(DescribeOrder(DistanceBoard{.time_from_m = 25}), HasSubstr("at least 25 m"));
+  EXPECT_THAT(DescribeOrder(PhysiologicalBoard{}), HasSubstr("less mean pain"));
+  // The words of the line hold: below it neither time nor effort moves anybody. Whoever changes
+  // that changes the words.
+  BoardEntry first{.submission = "first", .team = "a", .acceptance = 1};
+  first.successes = 1;
+  first.episodes = 100;
+  first.time = 9;
+  first.effort = 0.9;
+  BoardEntry second = first;
+  second.submission = "second";
+  second.team = "b";
+  second.acceptance = 2;
+  second.time = second.effort.emplace(0.1);
+  const auto board = Rank({second, first}, TieredBoard{}, TeamRule::kBest);
+  ASSERT_TRUE(board.ok()) << board.status();
+  EXPECT_EQ(Names(*board), (std::vector<std::string>{"first", "second"}));
+}
+
 TEST(Board, RefusesNumbersThatAreNone) {
   BoardEntry entry{.submission = "s", .team = "t", .episodes = 100};
   entry.time = std::numeric_limits<double>::quiet_NaN();

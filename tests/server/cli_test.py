@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 import unittest
 
 BIN_DIR, SOURCE_DIR = sys.argv[1:3]
@@ -76,11 +77,23 @@ class Handler(http.server.BaseHTTPRequestHandler):
     def log_message(self, format, *args):  # pylint: disable=redefined-builtin
         pass
 
+    pause = 0  # s for each 256 KiB of a body
+
+    def body(self):
+        left = int(self.headers.get("Content-Length", 0))
+        pieces = []
+        while left > 0:
+            time.sleep(self.pause)
+            pieces.append(self.rfile.read(min(left, 256 << 10)))
+            left -= len(pieces[-1])
+        return b"".join(pieces)
+
     def reply(self):
-        body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
-        self.heard.append((self.command, self.path, body))
+        self.heard.append((self.command, self.path, self.body()))
         status, answer = self.answers.get(f"{self.command} {self.path}", (404, {
             "error": {"code": "not_found", "message": "There is no such thing."}}))
+        if isinstance(answer, list):  # one after the other, the last for ever
+            answer = answer.pop(0) if len(answer) > 1 else answer[0]
         data = answer.encode() if isinstance(answer, str) else json.dumps(answer).encode()
         self.send_response(status)
         self.send_header("Content-Length", str(len(data)))
@@ -90,6 +103,9 @@ class Handler(http.server.BaseHTTPRequestHandler):
     do_GET = do_POST = reply
 
 
+VERBS = ("serve", "submit", "status", "cancel", "leaderboard", "show", "rerun", "quota", "hide",
+         "unhide", "disqualify", "baseline", "export", "import", "backup", "log", "replay",
+         "receipt", "verify", "key", "seeds", "local", "spec", "doctor")
 COUNTS = {"total": 2, "done": 2, "success": 1, "failure": 1, "fault": 0}
 STATUS = {"submission": 7, "team": "alpha", "track": "t", "profile": "paper", "artefact": "a" * 64,
           "name": "walker", "ranked": True, "state": "done", "evaluation": 9, "episodes": COUNTS,
@@ -109,9 +125,17 @@ BOARD = {"track": "t", "profile": "paper", "board": "main", "config": "c" * 64, 
          "other_config": 0, "disqualified": [], "rules": {}, "official_figures": False,
          "rows": [{"rank": 1, "baseline": False, "team": "alpha", "submission": 7, "evaluation": 9,
                    "name": "walker", "aggregate": AGGREGATE}]}
+LONG_BOARD = {**BOARD, "track": "locomotion", "order": "By mean distance. " * 12, "other_config": 1,
+              "rows": [{**BOARD["rows"][0], "rank": rank, "baseline": rank is None,
+                        "submission": 1000 + i, "team": team, "name": "a policy of some length",
+                        "aggregate": {**AGGREGATE, "distance_m": 99.1234, "pain": 0.012345}}
+                       for i, (rank, team) in enumerate((
+                           (1, "The Walking Muscles of the University of Somewhere"),
+                           (2, "東京大学筋肉部" * 3), (None, "MyoGrade")))]}
+HASHES = {name: "0123456789abcdef" * 4 for name in ("artefact", "config", "seeds", "results")}
 
 
-class CliTest(unittest.TestCase):
+class CliCase(unittest.TestCase):
     def setUp(self):
         self.temp = tempfile.mkdtemp(prefix="cli-")
         self.addCleanup(shutil.rmtree, self.temp)
@@ -149,10 +173,10 @@ class CliTest(unittest.TestCase):
         self.assertEqual(mistakes(value, schema_of(verb)), [])
         return value
 
+
+class CliTest(CliCase):
     def test_every_verb_has_help_with_an_example(self):
-        for verb in ("serve", "submit", "status", "cancel", "leaderboard", "show", "rerun", "local",
-                     "spec", "doctor", "quota", "hide", "unhide", "disqualify", "baseline", "export",
-                     "import", "backup"):
+        for verb in VERBS:
             done = myograde(verb, "--help")
             self.assertEqual(done.returncode, 0)
             self.assertIn(f"myograde {verb}", done.stdout)
@@ -230,7 +254,7 @@ class CliTest(unittest.TestCase):
         socket = self.serve({
             "GET /v1/submissions/7": (200, STATUS), "GET /v1/submissions/7/result": (200, RESULT),
             "POST /v1/submissions/7/cancel": (200, {**STATUS, "cancel": {
-                "killed": 1, "still_ending": 0, "took_wall_s": 0.03}}),
+                "killed": 1, "still_ending": 0, "took_wall_s": 0.03, "charged": "official"}}),
             "POST /v1/artefacts?team=alpha&track=t": (201, {"artefact": "a" * 64}),
             "POST /v1/submissions": (201, STATUS),
             "GET /v1/leaderboard?track=t&board=main": (200, BOARD)})
@@ -290,7 +314,7 @@ class CliTest(unittest.TestCase):
         self.assertIn("evil ?[2J words", shown.stdout)
         again = myograde("rerun", "7", *at)
         self.assertEqual(again.returncode, 1, again.stderr)
-        self.assertIn("1 of 2 episodes are equal", again.stdout)
+        self.assertIn("1 of 2 episodes is equal", again.stdout)
         self.refused(2, "Submission 7 has ended.", "cancel", "7", *at)
         self.refused(4, "Disk full.", "status", "8", *at)
         self.refused(4, "nothing that can be read", "status", "9", *at)

@@ -22,6 +22,8 @@ WELCOME_DEADLINE_S = 60.0
 # The grader asks every 250 ms at the latest while it waits for this policy,
 # and resets and steps in far less than this.
 SILENCE_DEADLINE_S = 600.0
+# More numbers than any action has, and as many as fit into one datagram.
+LARGEST_ACTION = 4096
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,16 +138,23 @@ class _Conversation:
             return "MYOGRADE_GIVE_UP", give_up.encode()
         values = [float(value) for value in values]
         wanted = self.policy.welcome.action_size
+        place = f"at step {observation.step} of episode {observation.episode}"
         if len(values) != wanted:
-            sys.exit(f"error: act returned {len(values)} numbers, must return {wanted}")
-        if not all(map(math.isfinite, values)):
-            sys.exit(f"error: act returned a number that is not finite at step {observation.step}")
+            tell(f"error: act returned {len(values)} numbers {place}, must return {wanted}")
+        elif not all(map(math.isfinite, values)):
+            tell(f"error: act returned a number that is not finite {place}")
+        # Sent all the same: what a wrong answer means is the grader's to say.
         action = action_t()
         action.episode = observation.episode
         action.step = observation.step
-        action.size = wanted
-        action.values = values
+        action.values = values[:LARGEST_ACTION]
+        action.size = len(action.values)
         return "MYOGRADE_ACTION", action.encode()
+
+
+def tell(sentence):
+    """On standard error, before the grader ends this process."""
+    print(sentence, file=sys.stderr, flush=True)
 
 
 def run(policy):

@@ -284,9 +284,9 @@ class Stopping(DaemonCase):
     def test_a_broken_config_is_told_at_the_start(self):
         self.stop(signal.SIGTERM)
         self.configure(slots=0)
-        self.assertEqual(self.launch().wait(timeout=20), 4)
+        self.assertEqual(self.launch().wait(timeout=20), 2)
         self.configure(slots=1, http={"colour": "red"})
-        self.assertEqual(self.launch().wait(timeout=20), 4)
+        self.assertEqual(self.launch().wait(timeout=20), 2)
         log = (self.folder / "log").read_text()
         self.assertIn('"slots" is 0, must be from 1 to 1024', log)
         self.assertIn('"colour" is not a known key', log)

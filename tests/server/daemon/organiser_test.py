@@ -50,6 +50,21 @@ class OrganiserCase(DaemonCase):
 
 
 class Quotas(OrganiserCase):
+    def test_cancelling_says_what_stays_charged(self):
+        running = self.submit("slow")
+        self.wait(f"/v1/submissions/{running}", lambda b: b["episodes"]["done"] >= 1)
+        cancelled = self.ask("cancel", running, schema="cancel")
+        self.assertEqual(cancelled["cancel"]["charged"], "official")
+        self.assertEqual(self.quota()[0]["official"]["per_day"]["used"], 1)
+        # One that has not begun yet: others have all the slots.
+        stubborn = [self.submit("stubborn", team=team) for team in ("x", "y")]
+        for other in stubborn:
+            self.wait(f"/v1/submissions/{other}", lambda b: b["state"] == "running")
+        waiting = self.submit("ok")
+        cancelled = self.ask("cancel", waiting)
+        self.assertIsNone(cancelled["cancel"]["charged"])
+        self.assertEqual(self.quota()[0]["official"]["per_day"]["used"], 1)
+
     def test_a_submission_is_charged_and_the_graders_fault_is_not(self):
         self.played("ok")
         self.played("grader")
@@ -76,7 +91,7 @@ class Quotas(OrganiserCase):
         body = {"artefact": self.upload("slow"), "team": "alpha", "track": TRACK}
         status, answer = self.call("POST", "/v1/submissions", body)
         self.assertEqual((status, answer["error"]["code"]), (409, "quota"), answer)
-        self.assertIn("all 1 official evaluations", answer["error"]["message"])
+        self.assertIn("used up its 1 official evaluation of", answer["error"]["message"])
         self.assertIn("the next day begins at", answer["error"]["message"])
         self.assertEqual(self.cli("quota", "--team", "alpha", "--grant", 1,
                                   check=False).returncode, 2)
@@ -131,7 +146,7 @@ class Quotas(OrganiserCase):
                             ({"tracks": {TRACK: {"colour": 1}}}, '"colour"')):
             self.configure(quota={"waiting": 200, "tracks": {}})
             self.configure(quota=quota)
-            self.assertEqual(self.launch().wait(timeout=20), 4)
+            self.assertEqual(self.launch().wait(timeout=20), 2)
             self.assertIn(word, (self.folder / "log").read_text().splitlines()[-1])
 
     def test_a_second_official_evaluation_is_the_first(self):

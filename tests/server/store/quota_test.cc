@@ -104,7 +104,7 @@ TEST_F(QuotaTest, AFailedTryGoesToABudgetOfItsOwn) {
   EXPECT_EQ(Use().today_of(Budget::kOfficial).charged, 0);
   EXPECT_EQ(Use().today_of(Budget::kFailed).charged, 1);
   const auto next = TrySubmit("alpha", 'b', true, Rules(5, 5, /*failed=*/1));
-  EXPECT_THAT(std::string(next.status().message()), HasSubstr("all 1 failed tries"));
+  EXPECT_THAT(std::string(next.status().message()), HasSubstr("used up its 1 failed try of"));
   ASSERT_TRUE(store_->Write([&](Writer& writer) {
     return writer.ChargeFailure("beta", kTrack, "uid 0", "upload refused: it is empty");
   }).ok());
@@ -117,8 +117,8 @@ TEST_F(QuotaTest, TheDayAndTheTotalAreLimitedAndADayLaterThereIsMore) {
   ASSERT_TRUE(absl::IsFailedPrecondition(second.status()));
   EXPECT_EQ(ErrorCodeOf(second.status()), "quota");
   EXPECT_THAT(std::string(second.status().message()),
-              HasSubstr("all 1 official evaluations of track \"manipulation\" (1 of them wait or "
-                        "run) for 2023-11-14 (UTC); the next day begins at 2023-11-15T00:00:00Z"));
+              HasSubstr("its 1 official evaluation of track \"manipulation\" (1 of them waits or "
+                        "runs) for 2023-11-14 (UTC); the next day begins at 2023-11-15T00:00:00Z"));
   EXPECT_TRUE(TrySubmit("alpha", 'b', false, Rules(1, 2)).ok()) << "practice is another budget";
   EXPECT_TRUE(TrySubmit("beta", 'b', true, Rules(1, 2)).ok()) << "another team";
   clock_.Advance(absl::Hours(24));
@@ -134,7 +134,7 @@ TEST_F(QuotaTest, TheDayAndTheTotalAreLimitedAndADayLaterThereIsMore) {
 TEST_F(QuotaTest, OnlySoManyMayWait) {
   ASSERT_TRUE(TrySubmit("alpha", 'a', true, Rules(9, 9, 9, /*waiting=*/1)).ok());
   const auto second = TrySubmit("alpha", 'b', true, Rules(9, 9, 9, /*waiting=*/1));
-  EXPECT_THAT(std::string(second.status().message()), HasSubstr("1 evaluations of track"));
+  EXPECT_THAT(std::string(second.status().message()), HasSubstr("1 evaluation of track"));
 }
 
 // However the clock is set, each day gives its allowance once.

@@ -1,0 +1,43 @@
+// Files that the command line tool writes and that may hold secrets.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "protocol/base/fd.h"
+#include "protocol/sha256.h"
+
+namespace myograde::server {
+
+// InvalidArgumentError with `path`, the reason in errno and what to do.
+absl::Status CantWrite(const std::string& path);
+
+// A file that appears under its name only when it is whole and on the disk, and that nobody
+// but its owner can read at any time: it is a new one even if something has its name already.
+class NewFile {
+ public:
+  // Sets errno if the file can't be opened.
+  explicit NewFile(std::string path);
+  NewFile(const NewFile&) = delete;
+  NewFile& operator=(const NewFile&) = delete;
+  ~NewFile();  // takes away what was not kept
+
+  bool opened() const { return fd_.valid(); }
+  bool Write(std::string_view text);
+  // 0, or why a Write failed.
+  int error() const { return error_; }
+  // Gives the file its name, in place of what had it; the digest of what was written.
+  absl::StatusOr<std::string> Keep();
+
+ private:
+  const std::string path_;
+  const std::string part_;
+  Fd fd_;
+  Sha256 hash_;
+  int error_ = 0;
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,55 @@
+// How far something is.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+#include <absl/time/time.h>
+
+namespace myograde::server {
+
+// A line on standard error: drawn over on a terminal, in which it always fits; elsewhere lines
+// of their own, one each 2 s at most.
+class Progress {
+ public:
+  enum class Unit {
+    kEpisodes,  // the last line stays
+    kBytes,     // shown only if it takes a while, and gone in the end
+  };
+  explicit Progress(std::string what, Unit unit = Unit::kEpisodes);
+  ~Progress();
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+
+  // `note` stands behind the counts: what is going on, in a few words. `total` 0: not known.
+  void Show(int64_t done, int64_t total, const std::string& note);
+
+  // The same while nothing can go on (a queue): that time says nothing of the pace.
+  void ShowWaiting(int64_t done, int64_t total, const std::string& note);
+
+ private:
+  void Pace(int64_t done, absl::Time now);
+  std::string Counts(int64_t done, int64_t total) const;
+  std::string Rate() const;
+  // "3 min left" as of the last change, less what has gone by; "" if nothing is known.
+  std::string Left(int64_t done, int64_t total, absl::Time now) const;
+  std::string Line(int64_t done, int64_t total, const std::string& note, absl::Time now,
+                   size_t columns) const;
+  void Print(int64_t done, int64_t total, const std::string& note);
+
+  const std::string what_;
+  const Unit unit_;
+  const bool terminal_;
+  const absl::Time begun_;
+  bool drawn_ = false;
+  absl::Time last_ = absl::InfinitePast();  // something was printed
+  std::string last_key_;
+  // The pace: since first_ at first_done_, measured when the count last rose.
+  absl::Time first_;
+  absl::Time risen_;
+  int64_t first_done_ = -1;
+  int64_t risen_done_ = -1;
+};
+
+}  // namespace myograde::server
