@@ -136,10 +136,12 @@ void PolicyRun::Look() {
   disk_ = Stage::UsageOf(scratch_);
   const NetworkUse use = sandbox_->network()->Look();
   sockets_ = std::max(sockets_, use.sockets);
+  all_sockets_ = std::max(all_sockets_, use.all_sockets);
   pool_full_ = pool_full_ || use.pool_full;
   if (use.sockets > kFewSockets && looks_++ % kLooksForEachCount == 0) CountSocketBytes();
   // What they hold is taken from others, so it can't wait for somebody to notice.
-  if (sockets_ > context_.config.policy.sockets) sandbox_->Strike();
+  const PolicySandboxConfig& config = context_.config.policy;
+  if (sockets_ > config.sockets || all_sockets_ > config.all_sockets) sandbox_->Strike();
 }
 
 
@@ -170,6 +172,13 @@ bool PolicyRun::KernelCause(FaultEvidence& evidence) const {
     evidence.detail = absl::StrCat("the policy had ", sockets_, " network sockets of the ", most,
                                    " that it may use at one time, whose buffers are the whole ",
                                    "host's memory, and was stopped; ", seen);
+  } else if (const int64_t all = context_.config.policy.all_sockets; all_sockets_ > all) {
+    evidence.outcome = Outcome::kMemoryLimit;
+    evidence.limit = "all_sockets";
+    evidence.limit_value = static_cast<double>(all);
+    evidence.value = static_cast<double>(all_sockets_);
+    evidence.detail = absl::StrCat("the policy had ", all_sockets_, " sockets of the ", all,
+                                   " that it may have open at one time, and was stopped; ", seen);
   } else if (overdrawn_ || group_->oom_kills() > 0) {
     evidence.outcome = Outcome::kMemoryLimit;
     evidence.limit = "memory_bytes";

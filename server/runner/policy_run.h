@@ -96,6 +96,7 @@ class PolicyRun {
   Fd stderr_;
   ScratchUsage disk_;
   int64_t sockets_ = 0;      // the most that were seen
+  int64_t all_sockets_ = 0;  // ... of all kinds
   int64_t looks_ = 0;
   int64_t socket_bytes_ = 0;  // the most that were seen
   bool overdrawn_ = false;    // these and the rest were more than its memory

@@ -19,6 +19,8 @@ struct NetworkUse {
   // UDP and TCP sockets in it that have an address, which are those that can hold
   // data for a reader.
   int64_t sockets = 0;
+  // Sockets of all kinds that processes in it have open.
+  int64_t all_sockets = 0;
   // The UDP sockets of the whole host hold so much that the kernel begins to
   // drop messages (the second number of net.ipv4.udp_mem).
   bool pool_full = false;

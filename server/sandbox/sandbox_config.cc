@@ -14,6 +14,7 @@ namespace {
 
 // Of a policy.json that does not name the key.
 constexpr int64_t kUsualSockets = 256;
+constexpr int64_t kUsualAllSockets = 2048;
 
 // A list of system calls; one that is empty or holds another word is a mistake,
 // as a filter that lacks a call by a slip of the pen looks like any other.
@@ -45,6 +46,8 @@ absl::StatusOr<PolicySandboxConfig> LoadPolicy(const std::string& path) {
     config.socket_families.push_back(family->second);
   }
   config.sockets = reader.Has("sockets") ? reader.Integer("sockets", 16, 65536) : kUsualSockets;
+  config.all_sockets =
+      reader.Has("all_sockets") ? reader.Integer("all_sockets", 16, 1048576) : kUsualAllSockets;
   config.cpu_refresh_s = reader.Number("cpu_refresh_s", {0.001, 1});
   config.kill_s = reader.Number("kill_s", {1, 60});
   // Files of earlier versions have none.

@@ -15,6 +15,7 @@ struct PolicySandboxConfig {
   std::vector<std::string> unimplemented_system_calls;  // fail with ENOSYS
   std::vector<int> socket_families;                     // AF_* that are allowed
   int64_t sockets = 0;       // UDP and TCP sockets in use at one time, the bridge's included
+  int64_t all_sockets = 0;   // open at one time, of all kinds
   double cpu_refresh_s = 0;  // s between readings of the CPU time and looks at other limits
   double kill_s = 0;         // s for a killed sandbox to be gone
   double farewell_s = 0;     // s for a policy to end by itself after its last episode

@@ -95,4 +95,6 @@ MORE = (
     Case(99, "memory in its sockets", "c99_memory_in_sockets.c",
          (Variant(expect=("memory_limit",), track="rt-memory", limit="memory_bytes",
                   detail="in its sockets", lacking=LACKING_MEMORY_GROUP),)),
+    Case(100, "fills the kernel's memory for filters", "c100_fills_filter_memory.c",
+         (Variant(expect=("memory_limit",), limit="all_sockets"),)),
 )

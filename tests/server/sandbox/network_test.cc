@@ -73,7 +73,13 @@ class BusNetworkTest : public ::testing::Test {
 TEST_F(BusNetworkTest, IsNotTheCallersAndTellsItsSockets) {
   const ino_t outside = OwnNetwork();
   EXPECT_EQ(network_->Look().sockets, 0);
+  const int64_t few = network_->Look().all_sockets;
   Inside([&] {
+    {
+      const Fd unix_socket(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+      EXPECT_EQ(network_->Look().all_sockets, few + 1);
+      EXPECT_EQ(network_->Look().sockets, 0);
+    }
     EXPECT_NE(OwnNetwork(), outside);
     std::vector<Fd> sockets;
     for (const auto& [family, type] : {std::pair(AF_INET, SOCK_DGRAM), {AF_INET, SOCK_STREAM},
