@@ -92,13 +92,18 @@ TEST(Board, TellsItsOrderInWords) {
   using testing::HasSubstr;
   EXPECT_THAT(DescribeOrder(TieredBoard{.line_successes = 8, .line_episodes = 9}),
               AllOf(HasSubstr("at least 8 of 9 successes"), HasSubstr("bands of mean time"),
-                    HasSubstr("1.1 times"), HasSubstr("effort does not count below that line"),
+                    HasSubstr("1.1 times"), HasSubstr("equal by less mean time, then by less effort"),
                     HasSubstr("order of acceptance")));
+  const TieredBoard by_acceptance{.ties = Ties::kAcceptance};
+  EXPECT_THAT(DescribeOrder(by_acceptance), HasSubstr("effort does not count below that line"));
   EXPECT_THAT(DescribeOrder(TieredBoard{.bands = BandsOver::kSuccess}),
               HasSubstr("bands of the success rate"));
   EXPECT_THAT(DescribeOrder(DistanceBoard{.time_from_m = 25}), HasSubstr("at least 25 m"));
-  EXPECT_THAT(DescribeOrder(PhysiologicalBoard{}), HasSubstr("less mean pain"));
-  // The words of the line hold: below it neither time nor effort moves anybody. Whoever changes
+  EXPECT_THAT(DescribeOrder(DistanceBoard{.band = 0.25}), HasSubstr("distance times 1.25"));
+  EXPECT_THAT(DescribeOrder(PhysiologicalBoard{}), HasSubstr("both over all steps"));
+  EXPECT_THAT(DescribeOrder(PhysiologicalBoard{.means = MeansOver::kEpisodes}),
+              HasSubstr("both over episodes"));
+  // The words of the line hold: by acceptance neither time nor effort moves anybody. Whoever changes
   // that changes the words.
   BoardEntry first{.submission = "first", .team = "a", .acceptance = 1};
   first.successes = 1;
@@ -110,9 +115,12 @@ TEST(Board, TellsItsOrderInWords) {
   second.team = "b";
   second.acceptance = 2;
   second.time = second.effort.emplace(0.1);
-  const auto board = Rank({second, first}, TieredBoard{}, TeamRule::kBest);
+  const auto board = Rank({second, first}, by_acceptance, TeamRule::kBest);
   ASSERT_TRUE(board.ok()) << board.status();
   EXPECT_EQ(Names(*board), (std::vector<std::string>{"first", "second"}));
+  const auto by_time = Rank({second, first}, TieredBoard{}, TeamRule::kBest);
+  ASSERT_TRUE(by_time.ok()) << by_time.status();
+  EXPECT_EQ(Names(*by_time), (std::vector<std::string>{"second", "first"}));
 }
 
 TEST(Board, RefusesNumbersThatAreNone) {
