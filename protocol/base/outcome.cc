@@ -24,7 +24,7 @@ constexpr std::array<std::pair<Outcome, std::string_view>, 15> kOutcomes = {{
     {Outcome::kGraderError, "grader_error"},
 }};
 
-constexpr std::array<std::pair<FailureReason, std::string_view>, 9> kReasons = {{
+constexpr std::array<std::pair<FailureReason, std::string_view>, 10> kReasons = {{
     {FailureReason::kNone, ""},
     {FailureReason::kDropped, "dropped"},
     {FailureReason::kTime, "time"},

@@ -205,7 +205,7 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
 
 int Local(const LocalOptions& options) {
   CatchSignals();
-  const absl::Time start = absl::Now();
+  const absl::Duration start = SystemClock().Monotonic();
   absl::StatusOr<TempFolder> temp = TempFolder::Make("local");
   if (!temp.ok()) return Complain(temp.status());
   absl::StatusOr<LocalOrder> order = Prepare(options, temp->path());

@@ -8,8 +8,8 @@
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
-#include <absl/time/clock.h>
 
+#include "protocol/base/clock.h"
 #include "server/cli/screen.h"
 #include "server/cli/terminal.h"
 
@@ -37,14 +37,14 @@ Progress::Progress(std::string what, Unit unit)
     : what_(std::move(what)),
       unit_(unit),
       terminal_(::isatty(STDERR_FILENO) == 1),
-      begun_(absl::Now()) {}
+      begun_(SystemClock().Monotonic()) {}
 
 Progress::~Progress() {
   if (!drawn_) return;
   std::cerr << (unit_ == Unit::kBytes ? "\r\033[K" : "\n") << std::flush;
 }
 
-void Progress::Pace(int64_t done, absl::Time now) {
+void Progress::Pace(int64_t done, absl::Duration now) {
   if (first_done_ < 0) {
     first_ = risen_ = now;
     first_done_ = risen_done_ = done;
@@ -67,7 +67,7 @@ std::string Progress::Rate() const {
   return Bytes(static_cast<int64_t>(fresh / seconds)) + "/s";
 }
 
-std::string Progress::Left(int64_t done, int64_t total, absl::Time now) const {
+std::string Progress::Left(int64_t done, int64_t total, absl::Duration now) const {
   const auto fresh = static_cast<double>(risen_done_ - first_done_);
   if (fresh <= 0 || done >= total) return "";
   const double seconds = absl::ToDoubleSeconds(risen_ - first_) / fresh *
@@ -77,7 +77,7 @@ std::string Progress::Left(int64_t done, int64_t total, absl::Time now) const {
   return seconds < 1 ? "" : Span(seconds) + " left";
 }
 
-std::string Progress::Line(int64_t done, int64_t total, const std::string& note, absl::Time now,
+std::string Progress::Line(int64_t done, int64_t total, const std::string& note, absl::Duration now,
                            size_t columns) const {
   const std::string counts = Counts(done, total);
   std::string left = Left(done, total, now);
@@ -109,18 +109,18 @@ std::string Progress::Line(int64_t done, int64_t total, const std::string& note,
 }
 
 void Progress::Show(int64_t done, int64_t total, const std::string& note) {
-  Pace(done, absl::Now());
+  Pace(done, SystemClock().Monotonic());
   Print(done, total, note);
 }
 
 void Progress::ShowWaiting(int64_t done, int64_t total, const std::string& note) {
   first_done_ = -1;
-  Pace(done, absl::Now());
+  Pace(done, SystemClock().Monotonic());
   Print(done, total, note);
 }
 
 void Progress::Print(int64_t done, int64_t total, const std::string& note) {
-  const absl::Time now = absl::Now();
+  const absl::Duration now = SystemClock().Monotonic();
   if (unit_ == Unit::kBytes && now - begun_ < kShortBytes) return;
   const std::string key = absl::StrCat(done, "/", total, note);
   if (terminal_) {

@@ -29,25 +29,26 @@ class Progress {
   void ShowWaiting(int64_t done, int64_t total, const std::string& note);
 
  private:
-  void Pace(int64_t done, absl::Time now);
+  void Pace(int64_t done, absl::Duration now);
   std::string Counts(int64_t done, int64_t total) const;
   std::string Rate() const;
   // "3 min left" as of the last change, less what has gone by; "" if nothing is known.
-  std::string Left(int64_t done, int64_t total, absl::Time now) const;
-  std::string Line(int64_t done, int64_t total, const std::string& note, absl::Time now,
+  std::string Left(int64_t done, int64_t total, absl::Duration now) const;
+  std::string Line(int64_t done, int64_t total, const std::string& note, absl::Duration now,
                    size_t columns) const;
   void Print(int64_t done, int64_t total, const std::string& note);
 
   const std::string what_;
   const Unit unit_;
   const bool terminal_;
-  const absl::Time begun_;
+  // Moments of the monotonic clock.
+  const absl::Duration begun_;
   bool drawn_ = false;
-  absl::Time last_ = absl::InfinitePast();  // something was printed
+  absl::Duration last_ = -absl::InfiniteDuration();  // something was printed
   std::string last_key_;
   // The pace: since first_ at first_done_, measured when the count last rose.
-  absl::Time first_;
-  absl::Time risen_;
+  absl::Duration first_;
+  absl::Duration risen_;
   int64_t first_done_ = -1;
   int64_t risen_done_ = -1;
 };

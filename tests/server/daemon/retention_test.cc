@@ -233,7 +233,7 @@ TEST_F(RetentionFolder, LogsGoThatNobodyNeedsAndTheNeededAndTheFreshStay) {
 TEST_F(RetentionFolder, AFreshLogStays) {
   const std::string old = MakeLog('1');
   absl::SleepFor(absl::Milliseconds(50));
-  const absl::Time between = absl::Now();
+  const absl::Time between = SystemClock().Now();
   absl::SleepFor(absl::Milliseconds(50));
   const std::string fresh = MakeLog('2');
   clock_.still = between + absl::Minutes(10);
@@ -251,7 +251,7 @@ TEST_F(RetentionFolder, NothingIsAcceptedWhoseFilesAreGone) {
   RunEngine();
   const auto refused = engine_->Submit(SubmissionOf('a'), Rules(), "uid 0", absl::Minutes(5));
   EXPECT_TRUE(absl::IsNotFound(refused.status())) << refused.status();
-  const auto rerun = engine_->Rerun({1, std::string(64, 'a'), "{}", {{0, 0}}}, "uid 0",
+  const auto rerun = engine_->Rerun({1, std::string(64, 'a'), "{}", {{0, 0}}}, "uid 0", true, {},
                                     absl::Minutes(5));
   EXPECT_TRUE(absl::IsNotFound(rerun.status())) << rerun.status();
   SQLite::Database db(dir_ + "/store.db");

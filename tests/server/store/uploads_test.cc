@@ -118,7 +118,7 @@ class RerunsTest : public StoreTest {
       if (auto status = writer.CheckReruns(submission, who, organiser, kReruns); !status.ok()) {
         return status;
       }
-      auto added = writer.AddRerun({submission, "{}", {{0, 1}}}, who);
+      auto added = writer.AddRerun({submission, "", "{}", {{0, 1}}}, who);
       if (added.ok()) last_ = *added;
       return added.status();
     });
