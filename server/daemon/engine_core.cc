@@ -16,6 +16,7 @@ namespace {
 constexpr absl::Duration kRetry = absl::Seconds(1);
 constexpr absl::Duration kLongestWait = absl::Seconds(1);
 constexpr absl::Duration kReapWait = absl::Milliseconds(10);
+constexpr absl::Duration kStayWait = absl::Milliseconds(500);
 
 }  // namespace
 
@@ -59,7 +60,10 @@ absl::Duration EngineCore::TimeToNext(absl::Duration now) const {
     // Both streams are at their end: only the process itself is waited for.
     if (run.runner->stdout_fd() < 0 && run.runner->stderr_fd() < 0) wait = kReapWait;
   }
-  if (!ending_.empty() || !cancels_.empty()) wait = kReapWait;
+  for (const Ending& ending : ending_) {
+    wait = std::min(wait, ending.stays ? kStayWait : kReapWait);
+  }
+  if (!cancels_.empty()) wait = kReapWait;
   if (!closed_slots_.empty()) wait = std::min(wait, next_slot_look_ - now);
   if (test_ != nullptr) {
     const bool quiet = test_->runner() == nullptr || test_->runner()->stdout_fd() < 0;
@@ -213,7 +217,12 @@ void EngineCore::WriteTogether(const std::vector<Request>& requests,
 
 void EngineCore::BeginShutdown() {
   stopping_ = true;
-  for (Ending& ending : ending_) ending.runner->AskToEnd();
+  for (Ending& ending : ending_) {
+    if (!ending.stays) continue;
+    ending.stays = false;
+    ending.kill_at = clock_.Monotonic() + Runner::kCleanUpGrace;
+    ending.runner->AskToEnd();
+  }
   std::vector<int64_t> leases;
   for (const auto& [lease, run] : running_) {
     leases.push_back(lease);

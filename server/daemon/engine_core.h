@@ -184,6 +184,7 @@ class EngineCore {
     std::string work_dir;
     std::unique_ptr<Runner> runner;
     absl::Duration kill_at;
+    bool stays = false;  // it was not asked to end
     bool killed = false;
     int64_t late = 0;  // records that came too late
   };

@@ -230,7 +230,8 @@ void EngineCore::TakeBack(int64_t lease, bool ask) {
   LeaseRun& run = node.mapped();
   if (ask) run.runner->AskToEnd();
   ending_.push_back({lease, run.attempt, run.slot, run.work_dir, std::move(run.runner),
-                     clock_.Monotonic() + (ask ? Runner::kCleanUpGrace : kLongestStay)});
+                     clock_.Monotonic() + (ask ? Runner::kCleanUpGrace : kLongestStay),
+                     /*stays=*/!ask});
   const std::lock_guard lock(mutex_);
   live_.erase(lease);
   ending_count_ = static_cast<int>(ending_.size());
@@ -249,6 +250,7 @@ void EngineCore::SeeEnding() {
     if (!ending.runner->dead()) {
       if (!ending.killed && now >= ending.kill_at) {
         ending.killed = true;
+        ending.stays = false;
         ending.runner->KillNow();
       }
       ++it;

@@ -144,7 +144,6 @@ void PolicyRun::Look() {
   if (sockets_ > config.sockets || all_sockets_ > config.all_sockets) sandbox_->Strike();
 }
 
-
 void PolicyRun::DrainOutput() {
   Drain(stdout_, out_);
   Drain(stderr_, err_);

@@ -15,6 +15,7 @@ from system import BIN, DEADLINE_S, POLICIES, SystemTest, track_config
 from whole_system_test import identities
 
 STEPS_S = (200, 0, -200, 90000, 0)
+ENOUGH = 4 * len(STEPS_S)
 
 
 class Calendar(SystemTest):
@@ -44,7 +45,7 @@ class Calendar(SystemTest):
         steps, stop = [], threading.Event()
 
         def step():
-            while not stop.wait(0.4):
+            while not stop.wait(0.1):
                 steps.append(STEPS_S[len(steps) % len(STEPS_S)])
                 self.set_calendar(steps[-1])
 
@@ -74,25 +75,26 @@ class Calendar(SystemTest):
     def test_a_healthy_lease_stays_healthy_and_comes_out_the_same(self):
         quiet = self.ask("submit", POLICIES / "zero", "--track", "short", "--team", "quiet",
                          "--wait")["submission"]
+        stepped = []
         with self.stepping() as steps:
-            stepped = self.ask("submit", POLICIES / "zero", "--track", "short", "--team", "stepped",
-                               "--wait")["submission"]
-        self.assertGreater(len(steps), len(STEPS_S))
-        status = self.ask("status", stepped)
-        self.assertEqual([lease["faults"] for lease in status["leases"]], [0, 0])
-        self.assertEqual(self.rows(stepped), self.rows(quiet))
+            while len(steps) <= ENOUGH:  # however quick the host is
+                stepped.append(self.ask("submit", POLICIES / "zero", "--track", "short", "--team",
+                                        f"stepped {len(stepped)}", "--wait")["submission"])
+        for submission in stepped:
+            status = self.ask("status", submission)
+            self.assertEqual([lease["faults"] for lease in status["leases"]], [0, 0])
+            self.assertEqual(self.rows(submission), self.rows(quiet))
 
     def test_a_run_without_a_daemon_does_too(self):
         with self.stepping() as steps:
-            result = subprocess.run(
-                [BIN / "myograde", "local", POLICIES / "zero", "--track", "short", "--json"],
-                env=self.environment, capture_output=True, text=True, timeout=DEADLINE_S,
-                stdin=subprocess.DEVNULL)
-        self.assertEqual(result.returncode, 0, result.stderr)
-        self.assertGreater(len(steps), len(STEPS_S))
-        self.assertNotIn("fault of the grader", result.stderr)
-        # Its own count of time is of what passed, too.
-        self.assertLess(json.loads(result.stdout)["wall"]["wall_s"], 80000)
+            while len(steps) <= ENOUGH:
+                result = subprocess.run(
+                    [BIN / "myograde", "local", POLICIES / "zero", "--track", "short", "--json"],
+                    env=self.environment, capture_output=True, text=True, timeout=DEADLINE_S,
+                    stdin=subprocess.DEVNULL)
+                self.assertEqual(result.returncode, 0, result.stderr)
+                # Its own count of time is of what passed, too.
+                self.assertLess(abs(json.loads(result.stdout)["wall"]["wall_s"]), 80000)
 
 
 if __name__ == "__main__":

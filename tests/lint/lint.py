@@ -59,6 +59,7 @@ CALENDAR_USERS = {
     "tests/server/store/quota_test.cc": "compares with stored times of day",
 }
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
+LOOSE_PROPERTY = re.compile(r"^\s*rc::check\(", re.MULTILINE)
 UNFINISHED = re.compile(r"\b(TO" r"DO|FIX" r"ME|XX" r"X)\b")
 
 
@@ -106,6 +107,8 @@ def check_file(root, file):
                         "(protocol/base/clock.h), or say in lint.py why it needs the date")
     if file.name == "CMakeLists.txt":
         problems += check_links(path, text)
+    if LOOSE_PROPERTY.search(text):
+        problems.append("has an rc::check whose result is dropped, so it can't fail: EXPECT_TRUE it")
     if file.suffix == ".cc" and path.startswith("tests/"):
         near = [p / "CMakeLists.txt" for p in file.parents if root in (p, *p.parents)]
         lists = "".join(p.read_text() for p in near if p.exists())

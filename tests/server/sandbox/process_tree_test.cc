@@ -278,7 +278,7 @@ TEST(ProcessTree, CountsTheDeadOfARealParent) {
   for (const int64_t life_ns : {3000000, 40000000}) {
     const Sum lost = PlayReal(/*waits=*/false, life_ns, 3000000000);
     EXPECT_GT(lost.charged_s, 0.4 * lost.used_s - 0.6) << life_ns;
-    const Sum kept = PlayReal(/*waits=*/true, life_ns, 1000000000);
+    const Sum kept = PlayReal(/*waits=*/true, life_ns, 500000000);
     EXPECT_GT(kept.charged_s, kept.used_s - 0.05) << life_ns;
     EXPECT_LT(kept.charged_s, 1.02 * kept.used_s + 0.1) << life_ns;
     std::printf("%g ms: %g s charged of %g s that nobody waited for, %g s of %g s\n",
