@@ -41,6 +41,17 @@ def _crowd(path, count, text):
             client.close()
 
 
+def _asked_until(over, ask):
+    """The answer, asked again where 429 says to: a crowd of one's own uid takes one's own places."""
+    while True:
+        try:
+            return ask()
+        except ApiError as error:
+            if error.status != 429 or time.monotonic() > over:
+                raise
+            time.sleep(1)
+
+
 def run_crowds(suite):
     host = suite.host
     mistakes = []
@@ -48,7 +59,8 @@ def run_crowds(suite):
         with _crowd(str(host.data / "myograde.sock"), count, text) as clients:
             begun = time.monotonic()
             try:
-                if host.get("/v1/health")["status"] != "ok":
+                health = _asked_until(begun + SOON_S, lambda: host.get("/v1/health"))
+                if health["status"] != "ok":
                     mistakes.append(f"{name}: the daemon is not well")
                 done = host.cli("submit", host.root / "absent", "--track", "rt", "--team", "Crowd")
                 if done.returncode != 2:
