@@ -111,7 +111,8 @@ def commands(build):
     compiles = {entry["file"]: entry["command"] for entry in compdb if " -c " in entry["command"]}
     links = {}
     for target in {mutant[0] for mutant in MUTANTS}:
-        out = subprocess.check_output(["ninja", "-C", build, "-t", "commands", "-s", target], text=True)
+        out = subprocess.check_output(["ninja", "-C", build, "-t", "commands", "-s",
+                                       f"tests/{target}"], text=True)
         links[target] = out.strip().splitlines()[-1]
     return compiles, links
 
