@@ -156,7 +156,7 @@ TEST_F(EngineCoreTest, ARunnerThatStaysAfterItsLastWordKeepsItsSlotAndNothingEls
   RunFor(world, absl::Minutes(6));
   EXPECT_EQ(StateOf(world, second), EvaluationState::kDone);
   ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
-    EXPECT_EQ(reader.Leases(first).front().faults, 0);
+    EXPECT_EQ(reader.Leases(first).value().front().faults, 0);
     return absl::OkStatus();
   }).ok());
   world.CheckStore();

@@ -152,7 +152,8 @@ class RetentionFolder : public testing::Test {
   }
   RetentionLimits Unlimited() const {
     return {.artefact_age = absl::Hours(24 * 365), .artefact_bytes = INT64_MAX,
-            .log_age = absl::Hours(24 * 365), .log_bytes = INT64_MAX, .every = absl::Hours(1)};
+            .log_age = absl::Hours(24 * 365), .log_bytes = INT64_MAX, .every = absl::Hours(1),
+            .upload_age = absl::Hours(24 * 365)};
   }
   std::vector<std::string> Removals() {
     std::vector<std::string> names;

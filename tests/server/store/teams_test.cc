@@ -24,7 +24,7 @@ class TeamsTest : public StoreTest {
   }
   std::string TeamOfLast() {
     std::string team;
-    Read([&](Reader& reader) { team = reader.Submissions({}).front().team; });
+    Read([&](Reader& reader) { team = reader.Submissions({}).rows.front().team; });
     return team;
   }
   int64_t Count(const std::string& table) {
@@ -115,7 +115,7 @@ TEST_F(TeamsTest, TeamsOfEarlierStoresKeepTheirNames) {
     Read([&](Reader& reader) {
       EXPECT_EQ(reader.TeamOf(name), name);
       EXPECT_TRUE(reader.CheckTeam(name).ok());
-      EXPECT_EQ(reader.Submissions({.team = name}).size(), 1u);
+      EXPECT_EQ(reader.Submissions({.team = name}).rows.size(), 1u);
     });
   }
   EXPECT_EQ(Count("team"), 4);
