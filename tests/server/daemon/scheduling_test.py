@@ -73,7 +73,7 @@ class Scheduling(DaemonCase):
         self.assertLess(places[official], places[practice], "official goes before practice")
         # Between two leases the slot is free for a moment.
         waits = self.wait(f"/v1/submissions/{practice}",
-                          lambda b: "1 of 1 are taken" in (b["waiting"] or ""))
+                          lambda b: "1 of 1 is taken" in (b["waiting"] or ""))
         self.assertIsNotNone(waits["estimated_end_at"])
         health = self.get("/v1/health")
         self.assertEqual([l["slot"] for l in health["leases"]], [0])
