@@ -31,7 +31,7 @@ struct BoardOptions {
 struct Column {
   const char* title;
   const char* key;
-  int digits = 3;
+  int digits = 4;
 };
 
 // The columns of numbers: what the board ranks by, and where a profile's figures are compared

@@ -123,6 +123,7 @@ RESULT = {"evaluation": 9, "submission": 7, "kind": "original", "team": "alpha",
           "comparison": None}
 BOARD = {"track": "t", "profile": "paper", "board": "main", "config": "c" * 64, "episodes": 2,
          "other_config": 0, "disqualified": [], "rules": {}, "official_figures": False,
+         "unreadable": [],
          "rows": [{"rank": 1, "baseline": False, "team": "alpha", "submission": 7, "evaluation": 9,
                    "name": "walker", "aggregate": AGGREGATE}]}
 LONG_BOARD = {**BOARD, "track": "locomotion", "order": "By mean distance. " * 12, "other_config": 1,

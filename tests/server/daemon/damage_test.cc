@@ -177,9 +177,10 @@ TEST_F(DamageTest, AnEvaluationThatCantBeReadEndsWithTheReasonAndGivesItsQuotaBa
 // What the journal holds of an evaluation can be refused as well.
 TEST_F(DamageTest, DamageWhileItRunsIsTheSame) {
   const std::string open = absl::StrCat(teams_.victim.open);
+  const std::string one = "WHERE id = (SELECT min(id) FROM lease WHERE state = 'running' AND "
+                          "evaluation = " + open + ")";
   for (const std::string& damage :
-       {"UPDATE lease SET state = 'asleep' WHERE state = 'running' AND evaluation = " + open,
-        "UPDATE lease SET attempt = 7 WHERE state = 'running' AND evaluation = " + open,
+       {"UPDATE lease SET state = 'asleep' " + one, "UPDATE lease SET attempt = 7 " + one,
         "UPDATE evaluation SET state = 'asleep' WHERE id = " + open}) {
     SCOPED_TRACE(damage);
     World world(folder_ + "/world", {}, 2, teams_.store);
