@@ -218,7 +218,7 @@ absl::Status DecodeGiveUp(std::span<const std::byte> payload, GiveUpFrame& frame
   if (!FingerprintFits<give_up_t>(cursor)) return WrongFingerprint("give_up_t");
   cursor.Skip(2 * sizeof(int64_t));
   if (absl::Status status = WalkEnd(cursor); !status.ok()) return status;
-  give_up_t message;
+  give_up_t message{};
   if (absl::Status status = Decode(payload, message); !status.ok()) return status;
   frame.episode = message.episode;
   frame.step = message.step;

@@ -137,7 +137,7 @@ Connection::Next Connection::Refuse(ApiError why) {
   error = std::move(why);
   drain_left = rule.most + kDrainBytes;
   if (head.has_value() && !head->chunked && reader.has_value()) {
-    drain_left = std::min(drain_left, head->length - reader->size() - std::ssize(in));
+    drain_left = std::min(drain_left, head->length - reader->size());
   }
   body.Drop();
   return Next::kRefuse;

@@ -124,7 +124,7 @@ class Connection {
   absl::Duration waiting_since;  // for the other end
   absl::Duration waited;         // for it, in this window
   int64_t moved = 0;             // bytes in this window
-  int64_t drain_left = 0;        // bytes to be read and dropped
+  int64_t drain_left = 0;        // bytes to be dropped, those in `in` among them
 
  private:
   Next Refuse(ApiError why);
