@@ -2,8 +2,6 @@
 // api_views.cc; uploads: api_uploads.cc.
 #include "server/api/api.h"
 
-#include <filesystem>
-
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
