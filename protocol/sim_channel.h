@@ -22,7 +22,7 @@
 // shared memory (CpuPage) that the simulator reads without a system call. It is
 // as old as cpu_refresh_s of sandbox/policy.json, so where that matters the
 // simulator asks for a new one. In the same page the simulator says when it waits for an
-// answer, and the runner how long the policy was idle then.
+// answer and for which, and the runner how long the policy was idle then.
 #pragma once
 
 #include <atomic>
@@ -52,6 +52,9 @@ struct CpuPage {
   std::atomic<uint64_t> updates;  // counts refreshes; 0: never measured
   std::atomic<uint64_t> waits;    // the simulator's: odd while an answer is waited for
   std::atomic<uint64_t> idle_ns;  // wall time of such waits in which the policy wanted no processor
+  std::atomic<uint64_t> starts;   // the simulator's: odd while it waits for a policy to start up
+  // Wall time of that in which the policy wanted neither a processor nor a disk.
+  std::atomic<uint64_t> start_idle_ns;
 };
 
 struct SimMessage {

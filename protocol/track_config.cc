@@ -45,6 +45,7 @@ absl::StatusOr<Budgets> ParseBudgets(const nlohmann::json& json, const std::stri
   ConfigReader reader(json, where);
   Budgets b;
   b.startup_s = reader.Number("startup_s", {0.01, 3600});
+  b.startup_wall_s = reader.Number("startup_wall_s", {0.01, kDay});
   b.step_s = reader.Number("step_s", {0.0001, 600});
   b.overtime_s = reader.Number("overtime_s", {0.0001, kDay});
   b.wall_factor = reader.Number("wall_factor", {1, 1000});

@@ -22,7 +22,9 @@ std::string TrackKindName(TrackKind kind);  // "manipulation", "locomotion"
 // What a participant's processes may use. Every number is a limit that is
 // enforced; none can be zero, absent or "unlimited". RULES: 'Budgets'.
 struct Budgets {
-  double startup_s;          // s of wall time until the policy has said hello and is ready
+  double startup_s;          // s until the policy has said hello and is ready in which it ran or
+                             // wanted no processor; waiting for processors and disks is not counted
+  double startup_wall_s;     // s of wall time of the same
   double step_s;             // s of the policy's CPU time for a step without overtime
   double overtime_s;         // s of CPU time: the bank of overtime of an episode
   double wall_factor;        // wall caps of step and bank: this many times their CPU budgets

@@ -21,10 +21,11 @@ void Give(Json& config, const char* pointer, const Json& value) {
 // the earlier form meant without it.
 void FromForm1(Json& config) {
   config["form"] = 2;
-  // No bound of its own: what the whole lease may take.
-  if (const auto it = config.find("budgets");
-      it != config.end() && it->is_object() && it->contains("lease_wall_s")) {
-    (*it)["lease_idle_s"] = (*it)["lease_wall_s"];
+  if (const auto it = config.find("budgets"); it != config.end() && it->is_object()) {
+    // No bound of its own: what the whole lease may take.
+    if (it->contains("lease_wall_s")) (*it)["lease_idle_s"] = (*it)["lease_wall_s"];
+    // All of the start-up's wall time counted.
+    if (it->contains("startup_s")) (*it)["startup_wall_s"] = (*it)["startup_s"];
   }
   config.emplace("policy_seed_secret", nullptr);  // seeds of the data folder's own secret
   const Json track = config.value("track", Json());

@@ -39,16 +39,21 @@ void LeaseRunner::LookAtPolicy() {
 }
 
 // Idle is who was asked for an answer and wants no processor: neither a busy host nor a pause
-// of all of it makes a policy idle.
+// of all of it makes a policy idle. Nor, while it starts up, does a slow disk.
 void LeaseRunner::CountIdle() {
   const absl::Duration now = SystemClock().Monotonic();
   const absl::Duration since = std::min(now - last_idle_look_, kMostIdle);
   last_idle_look_ = now;
-  const uint64_t wait = cpu_page_->waits.load();
-  // The simulator may have its answer already and wait for a processor itself.
-  if (wait % 2 == 0 || SimRuns() || policy_->Runs() || SimRuns()) return;
-  if (cpu_page_->waits.load() != wait) return;
-  cpu_page_->idle_ns.fetch_add(static_cast<uint64_t>(absl::ToInt64Nanoseconds(since)));
+  const auto count = [&](const std::atomic<uint64_t>& asked, auto&& busy,
+                         std::atomic<uint64_t>& idle_ns) {
+    const uint64_t wait = asked.load();
+    // The simulator may have its answer already and wait for a processor itself.
+    if (wait % 2 == 0 || SimRuns() || busy(policy_->Processes()) || SimRuns()) return;
+    if (asked.load() != wait) return;
+    idle_ns.fetch_add(static_cast<uint64_t>(absl::ToInt64Nanoseconds(since)));
+  };
+  count(cpu_page_->waits, AnyRuns, cpu_page_->idle_ns);
+  count(cpu_page_->starts, AnyRunsOrReads, cpu_page_->start_idle_ns);
 }
 
 bool LeaseRunner::SimRuns() {

@@ -156,8 +156,8 @@ int64_t PolicyRun::CpuNs(bool by_chance) {
   return cpu_ns_;
 }
 
-bool PolicyRun::Runs() const {
-  return AnyRuns(tree_.has_value() ? tree_->members() : group_->Members());
+std::vector<pid_t> PolicyRun::Processes() const {
+  return tree_.has_value() ? tree_->members() : group_->Members();
 }
 
 bool PolicyRun::KernelCause(FaultEvidence& evidence) const {

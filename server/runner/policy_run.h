@@ -62,8 +62,8 @@ class PolicyRun {
   // CPU time of everything in the sandbox until now, never less than before.
   // `by_chance`: nobody in it could foresee this moment.
   int64_t CpuNs(bool by_chance = false);
-  // True if something in the sandbox runs or waits for a processor.
-  bool Runs() const;
+  // All in the sandbox, as of the last reading of its CPU time where that is made of looks.
+  std::vector<pid_t> Processes() const;
   int64_t peak_memory_bytes() const { return group_->peak_memory_bytes(); }
 
   // Ends the run and judges the fault that the simulator saw: what the kernel

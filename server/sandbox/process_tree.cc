@@ -242,15 +242,23 @@ std::vector<pid_t> ProcessTree::members() const {
   return members;
 }
 
-bool AnyRuns(const std::vector<pid_t>& processes) {
+namespace {
+
+bool AnyThreadIs(std::string_view states, const std::vector<pid_t>& processes) {
   for (const pid_t pid : processes) {
     const std::string folder = absl::StrCat("/proc/", pid, "/task");
     for (const pid_t thread : Numbers(folder)) {
       const auto seen = ReadStat(absl::StrCat(folder, "/", thread, "/stat"));
-      if (seen.has_value() && seen->state == 'R') return true;
+      if (seen.has_value() && states.find(seen->state) != states.npos) return true;
     }
   }
   return false;
 }
+
+}  // namespace
+
+bool AnyRuns(const std::vector<pid_t>& processes) { return AnyThreadIs("R", processes); }
+
+bool AnyRunsOrReads(const std::vector<pid_t>& processes) { return AnyThreadIs("RD", processes); }
 
 }  // namespace myograde::server

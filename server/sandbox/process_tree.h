@@ -82,4 +82,8 @@ class ProcessTree {
 // True if a thread of one of the processes runs or waits for a processor.
 bool AnyRuns(const std::vector<pid_t>& processes);
 
+// The same, or waits in the kernel for what it can't be woken from, as a disk is waited for. A
+// process can stay so for as long as it likes (vfork).
+bool AnyRunsOrReads(const std::vector<pid_t>& processes);
+
 }  // namespace myograde::server

@@ -64,6 +64,7 @@ class PolicySession {
   OrFault<BridgeFrame> Await(const Waiting& waiting);
   OrFault<BridgeFrame> Receive(const Waiting& waiting, bool& again);
   std::optional<FaultEvidence> OverBudget(const Waiting& waiting) const;
+  std::optional<FaultEvidence> OverStartUp() const;
   std::optional<FaultEvidence> OverLease(int64_t step) const;
   void Charge(const Waiting& waiting);
   Waiting BeginStep(int64_t step) const;
@@ -78,6 +79,7 @@ class PolicySession {
   const std::function<void()> measure_;
   const absl::Duration began_;
   const uint64_t cpu_at_start_ns_;
+  const uint64_t idle_at_start_ns_;
   absl::Duration overtime_cpu_;   // left in the episode's bank
   absl::Duration overtime_wall_;
   bool first_episode_ = true;

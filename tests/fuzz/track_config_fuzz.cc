@@ -43,8 +43,8 @@ const fuzz::Folder& Tracks() {
 }
 
 void CheckBudgets(const Budgets& b) {
-  for (const double limit : {b.startup_s, b.step_s, b.overtime_s, b.wall_factor, b.lease_cpu_s,
-                             b.lease_wall_s, b.lease_idle_s, b.cpus}) {
+  for (const double limit : {b.startup_s, b.startup_wall_s, b.step_s, b.overtime_s, b.wall_factor,
+                             b.lease_cpu_s, b.lease_wall_s, b.lease_idle_s, b.cpus}) {
     Require(limit > 0 && limit < 1e9, "a budget of time is a limit");
   }
   for (const int64_t limit :

@@ -22,7 +22,7 @@ def track_config(base, **changes):
         "extends": base,
         "seeds": {"first": 7000, "count": 3},
         "episodes_per_lease": 3,
-        "budgets": {"startup_s": 20, "step_s": 0.2, "overtime_s": 0.5, "wall_factor": 4},
+        "budgets": {"startup_s": 20, "startup_wall_s": 100, "step_s": 0.2, "overtime_s": 0.5, "wall_factor": 4},
     }
     config.update(changes)
     return config

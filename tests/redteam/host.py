@@ -21,7 +21,7 @@ STOP_S = 30
 SEEDS = [914207635518432 + i for i in range(20)]
 
 BUDGETS = {
-    "startup_s": 20, "step_s": 0.2, "overtime_s": 0.8, "wall_factor": 6, "lease_cpu_s": 40,
+    "startup_s": 20, "startup_wall_s": 80, "step_s": 0.2, "overtime_s": 0.8, "wall_factor": 6, "lease_cpu_s": 40,
     "lease_wall_s": 90, "memory_bytes": 256 << 20, "cpus": 1, "tasks": 128,
     "scratch_bytes": 32 << 20, "scratch_files": 2000, "output_bytes": 65536, "open_files": 256,
     "stray_messages": 1000, "wrong_answers": 16, "restarts": 1,
@@ -35,7 +35,7 @@ def _track(base="locomotion", **budgets):
 
 TRACKS = {
     "rt": _track(),
-    "rt-start": _track(startup_s=4),
+    "rt-start": _track(startup_s=4, startup_wall_s=40),
     "rt-spin": _track(wall_factor=60),  # a busy host gives a spinner little of its time
     "rt-patient": _track(overtime_s=10),
     "rt-lease": _track(lease_wall_s=8),

@@ -8,9 +8,11 @@
 #include <array>
 #include <cstdio>
 #include <cstring>
+#include <thread>
 
 #include <nlohmann/json.hpp>
 
+#include "protocol/base/clock.h"
 #include "protocol/sim_channel.h"
 #include "tests/server/runner/runner_world.h"
 
@@ -168,6 +170,43 @@ TEST_F(LimitsTest, StartUp) {
   budgets_["startup_s"] = 1;
   ExpectEvidence(Play(ScriptOrder("echo last words >&2; kill -STOP $$")), Outcome::kInitTimeout,
                  "startup_s", 1);
+}
+
+// Processes that keep all processors busy until its end.
+class BusyHost {
+ public:
+  explicit BusyHost(int processes) {
+    for (int i = 0; i < processes; ++i) {
+      spinners_.push_back(fork());
+      if (spinners_.back() != 0) continue;
+      setsid();  // where the kernel shares out processors by session, a share for each
+      while (true) continue;
+    }
+  }
+  ~BusyHost() {
+    for (const pid_t spinner : spinners_) {
+      kill(spinner, SIGKILL);
+      waitpid(spinner, nullptr, 0);
+    }
+  }
+
+ private:
+  std::vector<pid_t> spinners_;
+};
+
+TEST_F(LimitsTest, ABusyHostDoesNotDecideAStart) {
+  const int processors = static_cast<int>(std::thread::hardware_concurrency());
+  const BusyHost busy(5 * processors);
+  budgets_["startup_s"] = 2;
+  budgets_["startup_wall_s"] = 300;
+  const absl::Duration start = SystemClock().Monotonic();
+  const Outcomes outcomes = Play(
+      ScriptOrder("exec /usr/bin/python3 -c 'import time; "
+                  "any(time.process_time() > 0.7 for _ in iter(int, 1)); exit(7)'"));
+  EXPECT_GT(SystemClock().Monotonic() - start, absl::Seconds(2)) << "the host was not busy";
+  ASSERT_EQ(outcomes.episodes.size(), 1u);
+  EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash)
+      << outcomes.episodes[0].fault.detail;
 }
 
 TEST_F(LimitsTest, LastWordsAreOfThisRunAndHarmless) {

@@ -96,6 +96,29 @@ TEST(ProcessTree, SleepersDoNotRunAndSpinnersDo) {
   }
 }
 
+TEST(ProcessTree, WhoWaitsInTheKernelReadsAndDoesNotRun) {
+  // A parent in vfork waits as one for a disk does, until its child is gone.
+  const pid_t parent = fork();
+  if (parent == 0) {
+    if (vfork() == 0) {
+      sleep(1000);
+      _exit(0);
+    }
+    _exit(0);
+  }
+  bool waits = false;
+  for (int i = 0; i < 1000 && !waits; ++i) {
+    waits = !AnyRuns({parent}) && AnyRunsOrReads({parent});
+    usleep(5000);
+  }
+  EXPECT_TRUE(waits);
+  ProcessTree tree(parent, kApart);
+  tree.CpuNs(false);
+  for (const pid_t one : tree.members()) kill(one, SIGKILL);
+  waitpid(parent, nullptr, 0);
+  EXPECT_FALSE(AnyRunsOrReads({parent}));
+}
+
 // A host of one parent whose children follow each other, told to a ledger at moments by chance
 // and, as a step's answer does, at moments of the children's own choice.
 struct Churn {

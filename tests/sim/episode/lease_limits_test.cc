@@ -9,10 +9,10 @@ using ::testing::HasSubstr;
 
 TEST_F(LeasePlayerTest, SilenceAtTheStartIsAnInitTimeout) {
   order_.episodes.resize(1);
-  order_.track.budgets.startup_s = 1.2;
+  order_.track.budgets.startup_wall_s = 1.2;
   const LeaseResult silent = Play({[](Sandbox& sandbox) { sandbox.Hear(); }});
   EXPECT_THAT(Outcomes(silent), ElementsAre(Outcome::kInitTimeout));
-  EXPECT_EQ(silent.episodes[0].fault.limit, "startup_s");
+  EXPECT_EQ(silent.episodes[0].fault.limit, "startup_wall_s");
   EXPECT_GT(silent.episodes[0].fault.value, 1.2);
   EXPECT_GE(silent.progress, 2);  // the runner hears from us while we wait
   // A hello alone is not enough.
@@ -22,6 +22,35 @@ TEST_F(LeasePlayerTest, SilenceAtTheStartIsAnInitTimeout) {
     }
   }});
   EXPECT_THAT(Outcomes(half), ElementsAre(Outcome::kInitTimeout));
+}
+
+TEST_F(LeasePlayerTest, AStartMayTakeItsProcessorTimeAndItsIdleTimeTogether) {
+  order_.episodes.resize(1);
+  order_.track.budgets.startup_s = 0.2;
+  const auto uses = [this](double cpu_s, double idle_s) {
+    return [=, this](Sandbox& sandbox) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(500));
+      EXPECT_EQ(cpu_.waits, 0u) << "that idling is another's";
+      // As the runner does, while the simulator says that it waits.
+      while (cpu_.starts % 2 == 0) std::this_thread::yield();
+      cpu_.cpu_ns += static_cast<uint64_t>(1e9 * cpu_s);
+      cpu_.start_idle_ns += static_cast<uint64_t>(1e9 * idle_s);
+      sandbox.PlayWell();
+    };
+  };
+  // Half a second of wall time: a busy host's.
+  EXPECT_THAT(Outcomes(Play({uses(0.09, 0.09)})), ElementsAre(Outcome::kFailure));
+  for (const auto& [cpu_s, idle_s] : {std::pair(0.12, 0.12), {0.3, 0.0}, {0.0, 0.3}}) {
+    cpu_.waits = 0;
+    const LeaseResult over = Play({uses(cpu_s, idle_s)});
+    EXPECT_THAT(Outcomes(over), ElementsAre(Outcome::kInitTimeout));
+    EXPECT_EQ(over.episodes[0].fault.limit, "startup_s");
+    EXPECT_NEAR(over.episodes[0].fault.value, cpu_s + idle_s, 1e-9);
+  }
+  // Two processors for a fifth of a second are no half second.
+  order_.track.budgets.startup_s = 3;
+  cpu_.waits = 0;
+  EXPECT_THAT(Outcomes(Play({uses(4, 0)})), ElementsAre(Outcome::kFailure));
 }
 
 TEST_F(LeasePlayerTest, CpuTimeBeyondTheBankIsAStepTimeout) {

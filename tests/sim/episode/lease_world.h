@@ -183,6 +183,7 @@ class LeasePlayerTest : public ::testing::Test {
     Budgets& budgets = order_.track.budgets;
     budgets = {};
     budgets.startup_s = 20;
+    budgets.startup_wall_s = 20;
     budgets.step_s = 1;
     budgets.overtime_s = 60;
     budgets.wall_factor = 10;
@@ -258,7 +259,7 @@ class LeasePlayerTest : public ::testing::Test {
 
   LeaseOrder order_;
   CountingEnvironment environment_;
-  CpuPage cpu_ = {0, 1, 0, 0};
+  CpuPage cpu_ = {0, 1, 0, 0, 0, 0};
   std::atomic<uint64_t> read_when_asked_ = 0;  // ns of CPU time that the page has not yet
   LogWriter* log_ = nullptr;
   std::optional<FaultEvidence> refuse_;
