@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-absl::Status WriteAll(int fd, std::string_view text) {
+absl::Status WriteText(int fd, std::string_view text) {
   while (!text.empty()) {
     const ssize_t n = write(fd, text.data(), text.size());
     if (n < 0 && errno == EINTR) continue;
@@ -59,13 +59,13 @@ absl::Status Api::MakeExport(const std::string& path) {
     return reader.Export([&](std::string_view text) {
       buffer.append(text);
       if (buffer.size() < (1 << 16)) return true;
-      written = WriteAll(fd.get(), buffer);
+      written = WriteText(fd.get(), buffer);
       buffer.clear();
       return written.ok();
     });
   });
   written.Update(status);
-  if (written.ok()) written = WriteAll(fd.get(), buffer);
+  if (written.ok()) written = WriteText(fd.get(), buffer);
   return written;
 }
 

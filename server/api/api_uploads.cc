@@ -22,14 +22,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kStopping[] = "the daemon is about to stop; nothing was changed";
-constexpr size_t kPiece = 256 << 10;
+constexpr char kStopsNow[] = "the daemon is about to stop; nothing was changed";
+constexpr size_t kCopiedAtOnce = 256 << 10;
 
 absl::StatusOr<std::string> HashOf(const Body& body) {
   Sha256 hash;
-  std::string piece(std::min(kPiece, static_cast<size_t>(body.size())), '\0');
+  std::string piece(std::min(kCopiedAtOnce, static_cast<size_t>(body.size())), '\0');
   for (int64_t done = 0; done < body.size();) {
-    if (UnixHttpServer::Stopping()) return absl::CancelledError(kStopping);
+    if (UnixHttpServer::Stopping()) return absl::CancelledError(kStopsNow);
     const ssize_t n = body.ReadAt(piece.data(), piece.size(), done);
     if (n <= 0) return absl::UnavailableError("the upload can't be read back from the disk");
     hash.Update(std::string_view(piece.data(), static_cast<size_t>(n)));
@@ -40,7 +40,7 @@ absl::StatusOr<std::string> HashOf(const Body& body) {
 
 // Whether an upload may go on: not on a full disk, and not when the daemon is asked to end.
 absl::Status MayGoOn(const std::string& folder, int64_t disk_reserve) {
-  if (UnixHttpServer::Stopping()) return absl::CancelledError(kStopping);
+  if (UnixHttpServer::Stopping()) return absl::CancelledError(kStopsNow);
   struct statvfs disk;
   if (statvfs(folder.c_str(), &disk) != 0) {
     return absl::ErrnoToStatus(errno, absl::StrCat(folder, ": can't be looked at"));

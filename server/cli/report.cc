@@ -55,7 +55,7 @@ void PrintOutput(const Json& outputs) {
 }
 
 // "3", or "0, 1, 2 and 7 more".
-std::string Listed(const std::vector<std::string>& numbers) {
+std::string EnumeratedEpisodes(const std::vector<std::string>& numbers) {
   constexpr size_t kMost = 8;
   const size_t shown = std::min(numbers.size(), kMost);
   std::string text =
@@ -79,7 +79,7 @@ void PrintFaults(const Json& rows) {
   const size_t shown = std::min(details.size(), kMaxFaultsShown);
   for (size_t i = 0; i < shown; ++i) {
     const std::vector<std::string>& same = episodes[details[i]];
-    std::cout << (same.size() == 1 ? "episode " : "episodes ") << Listed(same) << ": "
+    std::cout << (same.size() == 1 ? "episode " : "episodes ") << EnumeratedEpisodes(same) << ": "
               << details[i] << '\n';
   }
   if (details.size() > shown) {

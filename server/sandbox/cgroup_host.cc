@@ -1,5 +1,6 @@
 #include "server/sandbox/cgroup_host.h"
 
+#include <fcntl.h>
 #include <signal.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -8,29 +9,35 @@
 #include <cerrno>
 #include <charconv>
 #include <cstdint>
-#include <fstream>
 #include <sstream>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
+#include "protocol/base/fd.h"
+
 namespace myograde::server {
+
+std::string ReadKernelFile(const std::string& path) {
+  Fd file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  std::string text;
+  char buffer[4096];
+  ssize_t n;
+  while (file.valid() && (n = read(file.get(), buffer, sizeof(buffer))) > 0) {
+    text.append(buffer, static_cast<size_t>(n));
+  }
+  return text;
+}
+
 namespace {
 
 constexpr std::string_view kPrefix = "myograde.";
 
-std::string ReadAll(const std::string& path) {
-  std::ifstream file(path);
-  std::ostringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
 // This process' group in each hierarchy: "0::/path" or "3:cpu,cpuacct:/path".
 std::vector<std::pair<std::set<std::string>, std::string>> OwnGroups(const CgroupHost& host) {
   std::vector<std::pair<std::set<std::string>, std::string>> groups;
-  std::istringstream lines(ReadAll(host.membership));
+  std::istringstream lines(ReadKernelFile(host.membership));
   for (std::string line; std::getline(lines, line);) {
     const std::vector<std::string> parts = absl::StrSplit(line, absl::MaxSplits(':', 2));
     if (parts.size() != 3) continue;
@@ -44,7 +51,7 @@ std::vector<std::pair<std::set<std::string>, std::string>> OwnGroups(const Cgrou
 // that names it for good. -1: there is none. A dead one that nobody collected
 // counts as gone.
 int64_t StartOf(pid_t pid) {
-  const std::string text = ReadAll(absl::StrCat("/proc/", pid, "/stat"));
+  const std::string text = ReadKernelFile(absl::StrCat("/proc/", pid, "/stat"));
   // The name, in brackets, may hold anything; field 3 follows its last one.
   const size_t name_end = text.rfind(')');
   if (name_end == std::string::npos) return -1;
@@ -76,7 +83,7 @@ const CgroupHost& ThisCgroupHost() {
 std::vector<CgroupHierarchy> CgroupHierarchies(const CgroupHost& host) {
   const auto own = OwnGroups(host);
   std::vector<CgroupHierarchy> found;
-  std::istringstream lines(ReadAll(host.mounts));
+  std::istringstream lines(ReadKernelFile(host.mounts));
   for (std::string line; std::getline(lines, line);) {
     const std::vector<std::string> halves = absl::StrSplit(line, absl::MaxSplits(" - ", 1));
     if (halves.size() != 2) continue;

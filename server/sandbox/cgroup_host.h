@@ -34,6 +34,10 @@ std::vector<CgroupHierarchy> CgroupHierarchies(const CgroupHost& host);
 // controllers can't hold processes itself: beside the own group, or at the top.
 std::vector<std::string> CgroupParents(const CgroupHierarchy& hierarchy);
 
+// All of a small file of the kernel's; empty if it can't be read. Without streams, as it is
+// called many times in each second of a lease.
+std::string ReadKernelFile(const std::string& path);
+
 // A name for the group `what` of this process, from which any other process
 // can tell later whether this one is still there.
 std::string GroupName(const std::string& what);

@@ -23,18 +23,6 @@ namespace {
 
 constexpr int kCpuPeriodUs = 100000;
 
-// Read many times in each second of a lease, so without streams.
-std::string ReadAll(const std::string& path) {
-  Fd file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  std::string text;
-  char buffer[4096];
-  ssize_t n;
-  while (file.valid() && (n = read(file.get(), buffer, sizeof(buffer))) > 0) {
-    text.append(buffer, static_cast<size_t>(n));
-  }
-  return text;
-}
-
 bool Write(const std::string& path, const std::string& text) {
   Fd file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
   return file.valid() &&
@@ -42,14 +30,14 @@ bool Write(const std::string& path, const std::string& text) {
 }
 
 int64_t ReadNumber(const std::string& path, int64_t otherwise) {
-  const std::string text = ReadAll(path);
+  const std::string text = ReadKernelFile(path);
   int64_t value = otherwise;
   return absl::SimpleAtoi(text, &value) ? value : otherwise;
 }
 
 // The number behind `key` in a file of "key number" lines.
 int64_t ReadKey(const std::string& path, const std::string& key) {
-  std::istringstream lines(ReadAll(path));
+  std::istringstream lines(ReadKernelFile(path));
   std::string name;
   int64_t value = 0;
   while (lines >> name >> value) {
@@ -82,7 +70,7 @@ bool ControlGroup::TryVersion2(const std::string& name, const GroupLimits& limit
     if (hierarchy.version != 2) continue;
     for (const std::string& parent : CgroupParents(hierarchy)) {
       const std::set<std::string> offered = absl::StrSplit(
-          ReadAll(parent + "/cgroup.subtree_control"), absl::ByAnyChar(" \n"), absl::SkipEmpty());
+          ReadKernelFile(parent + "/cgroup.subtree_control"), absl::ByAnyChar(" \n"), absl::SkipEmpty());
       if (!offered.contains("memory") || !offered.contains("pids")) continue;
       // Joining asks for the right to move processes out of the common parent.
       if (access((parent + "/cgroup.procs").c_str(), W_OK) != 0) continue;
@@ -193,7 +181,7 @@ int64_t ControlGroup::refused_tasks() const {
 std::vector<pid_t> ControlGroup::Members() const {
   std::vector<pid_t> members;
   for (const std::string& folder : folders_) {
-    std::istringstream list(ReadAll(folder + "/cgroup.procs"));
+    std::istringstream list(ReadKernelFile(folder + "/cgroup.procs"));
     for (pid_t pid = 0; list >> pid;) {
       if (pid > 0) members.push_back(pid);
     }

@@ -33,7 +33,6 @@
 namespace myograde::server {
 namespace {
 
-constexpr absl::Duration kQuick = absl::Seconds(10);
 constexpr absl::Duration kSandboxTime = absl::Seconds(30);
 constexpr char kBubblewrap[] = "/usr/bin/bwrap";
 

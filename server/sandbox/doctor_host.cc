@@ -27,7 +27,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kGiB = 1024.0 * 1024.0 * 1024.0;
-constexpr absl::Duration kQuick = absl::Seconds(10);
 // Compiling both models takes seconds; a host that is busy takes longer.
 constexpr absl::Duration kCompileTime = absl::Seconds(300);
 constexpr char kSetUp[] = "run ./dev setup, or name the folder that it filled with --cache";

@@ -3,6 +3,8 @@
 
 #include <vector>
 
+#include <absl/time/time.h>
+
 #include "server/sandbox/doctor.h"
 
 namespace myograde::server {
@@ -12,6 +14,9 @@ void CheckPrograms(const DoctorOptions& options, std::vector<Check>& checks);
 void CheckMujocoAndModels(const DoctorOptions& options, std::vector<Check>& checks);
 void CheckMachine(const DoctorOptions& options, std::vector<Check>& checks);
 void CheckSystem(const DoctorOptions& options, std::vector<Check>& checks);
+
+// How long a program that has next to nothing to do may take.
+inline constexpr absl::Duration kQuick = absl::Seconds(10);
 
 // A check in the state kOk, kDegraded or kMissing.
 Check Fine(std::string name, std::string found);

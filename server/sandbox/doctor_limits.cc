@@ -18,7 +18,6 @@
 namespace myograde::server {
 namespace {
 
-constexpr absl::Duration kQuick = absl::Seconds(10);
 // The largest datagram, which the kernel takes beyond a buffer that is not full yet.
 constexpr int64_t kDatagramBytes = 65536;
 // SCM_MAX_FD: descriptors in one message.

@@ -10,7 +10,6 @@ namespace myograde::server {
 namespace {
 
 constexpr char kMarkColumns[] = "SELECT m.id, m.at, m.submission, m.mark, m.set_to, m.who, m.why ";
-constexpr int64_t kMany = int64_t{1} << 40;
 
 std::optional<std::string> ParseMarkName(std::string_view name) {
   for (const std::string_view known : {"hidden", "disqualified", "baseline"}) {

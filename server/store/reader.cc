@@ -13,7 +13,6 @@ namespace {
 // Connections that are kept open between requests; each has a cache of some 2 MiB.
 constexpr size_t kKept = 16;
 
-constexpr int64_t kMany = int64_t{1} << 40;
 
 constexpr char kSubmissionColumns[] =
     "SELECT s.id, t.name, s.artefact, a.name, s.track, s.profile, s.config, s.seeds, s.ranked, "

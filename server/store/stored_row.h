@@ -22,6 +22,9 @@
 
 namespace myograde::server {
 
+// More than there can be of anything that is counted.
+inline constexpr int64_t kMany = int64_t{1} << 40;
+
 class StoredRow {
  public:
   // `select` stands on the row and outlives this. Table and key name it in errors.

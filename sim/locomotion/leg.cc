@@ -13,8 +13,6 @@ namespace {
 constexpr double kBodyMass = 78.66887849930261;
 constexpr double kBodyWeight = kBodyMass * 9.81;
 
-constexpr double Radians(double degrees) { return degrees * (std::numbers::pi / 180.0); }
-
 constexpr auto kUnused = static_cast<uint8_t>(ThresholdKind::kUnused);
 constexpr auto kAbove = static_cast<uint8_t>(ThresholdKind::kAbove);
 constexpr auto kBelow = static_cast<uint8_t>(ThresholdKind::kBelow);

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <numbers>
 
 #include <absl/status/status.h>
 
@@ -12,6 +13,8 @@
 #include "protocol/rules_locomotion.h"
 
 namespace myograde::sim {
+
+constexpr double Radians(double degrees) { return degrees * (std::numbers::pi / 180.0); }
 
 enum class LegState { kEarlyStance = 0, kLateStance = 1, kEarlySwing = 2, kLateSwing = 3 };
 

@@ -17,8 +17,6 @@ constexpr double kControlPeriod = 0.005;  // s
 constexpr int kKeyframes = 3;             // standing, leg behind, leg ahead
 constexpr int kKeyframeInSwing = 1;
 
-constexpr double Radians(double degrees) { return degrees * (std::numbers::pi / 180.0); }
-
 // A normalised action entry as a muscle's control.
 double MuscleSigmoid(double action) { return 1.0 / (1.0 + std::exp(-5.0 * (action - 0.5))); }
 
