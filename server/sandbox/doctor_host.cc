@@ -20,6 +20,7 @@
 #include <absl/strings/str_replace.h>
 
 #include "server/sandbox/child.h"
+#include "server/sandbox/doctor_messages.h"
 
 namespace myograde::server {
 namespace {
@@ -309,6 +310,7 @@ void CheckMujocoAndModels(const DoctorOptions& options, std::vector<Check>& chec
 void CheckMachine(const DoctorOptions& options, std::vector<Check>& checks) {
   CheckProcessor(options, checks);
   CheckFrequency(checks);
+  CheckMessages(checks);
   CheckMemory(options, checks);
   CheckDisk("disk_data", options.data_dir, 2.0 * static_cast<double>(options.submission_bytes),
             true, checks);
