@@ -1,7 +1,6 @@
 """Clients that do harm without a rule of HTTP broken: they are silent, slow, many, never submit, or
 ask for the same again and again. While they do, an organiser and another user are answered."""
 
-import contextlib
 import json
 import os
 import pathlib
@@ -15,6 +14,9 @@ import time
 import unittest
 
 import daemon_test
+
+sys.path.append(str(daemon_test.SOURCE / "tests/integration"))
+from crowd import UPLOAD, crowd
 
 ROOT = os.geteuid() == 0
 STRANGER = 64099  # a user that no daemon and no slot has
@@ -34,33 +36,6 @@ connection.request(method, address, sys.stdin.buffer.read() if body == "-" else 
                    {"Content-Type": kind} if kind else {})
 answer = connection.getresponse()
 sys.stdout.write(json.dumps([answer.status, json.loads(answer.read())]))
-"""
-
-CROWD = r"""
-import os, socket, sys, time
-path, uid, count, text = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), sys.argv[4].encode()
-text = text.decode("unicode_escape").encode()
-if uid >= 0:
-    os.setgid(uid); os.setuid(uid)
-crowd = []
-for _ in range(count):
-    one = socket.socket(socket.AF_UNIX)
-    one.settimeout(60)
-    try:
-        one.connect(path)
-        one.sendall(text)
-    except OSError:
-        pass  # was asked to go
-    crowd.append(one)
-print("there", flush=True)
-slow = "slow" in sys.argv
-while True:
-    time.sleep(0.2)
-    for one in crowd if slow else ():
-        try:
-            one.send(b"x" * 2000)
-        except OSError:
-            pass
 """
 
 
@@ -97,19 +72,8 @@ class Attacked(daemon_test.DaemonCase):
             raise OSError(done.stderr.decode()[-300:])
         return tuple(json.loads(done.stdout))
 
-    @contextlib.contextmanager
-    def crowd(self, count, text, uid=-1, slow=False):
-        """Clients that connect, say `text`, and then nothing, or a little from time to time."""
-        process = subprocess.Popen(
-            [sys.executable, "-c", CROWD, self.path, str(uid), str(count), text]
-            + ["slow"] * slow, stdout=subprocess.PIPE)
-        try:
-            self.assertEqual(process.stdout.readline(), b"there\n")
-            yield
-        finally:
-            process.kill()
-            process.wait()
-            process.stdout.close()
+    def crowd(self, count, text=b"", uid=-1, slow=False):
+        return crowd(self.path, count, text, uid, slow)
 
     def users(self):
         """The daemon's own user, who is an organiser, and where that can be, another one."""
@@ -126,9 +90,6 @@ class Attacked(daemon_test.DaemonCase):
             self.assertLess(time.monotonic() - begun, SOON_S)
 
 
-UPLOAD = r"POST /v1/artefacts HTTP/1.1\r\nContent-Length: %d\r\n\r\nx"
-
-
 class Crowds(Attacked):
     def test_silent_uploads(self):
         with self.crowd(70, UPLOAD % 1000):
@@ -143,7 +104,7 @@ class Crowds(Attacked):
 
     def test_idle_connections_and_half_heads(self):
         for attacker in (-1, STRANGER - 1) if ROOT else (-1,):
-            for text in ("", "GET /v1/hea", r"GET /v1/tracks HTTP/1.1\r\n\r\n"):
+            for text in (b"", b"GET /v1/hea", b"GET /v1/tracks HTTP/1.1\r\n\r\n"):
                 with self.crowd(300, text, uid=attacker):
                     self.others_are_answered()
 
@@ -154,7 +115,7 @@ class Crowds(Attacked):
 
     def test_a_stop_waits_for_no_upload(self):
         with self.crowd(3, UPLOAD % (1 << 30), slow=True), self.crowd(3, UPLOAD % 1000), \
-                self.crowd(3, ""):
+                self.crowd(3):
             time.sleep(1)
             begun = time.monotonic()
             self.assertEqual(self.stop(signal.SIGTERM), 0)
@@ -312,7 +273,7 @@ class Descriptors(Attacked):
         pid = self.daemon.pid
         open_now = len(os.listdir(f"/proc/{pid}/fd"))
         subprocess.run(["prlimit", f"--pid={pid}", f"--nofile={open_now + 20}:"], check=True)
-        with self.crowd(100, "", uid=STRANGER if ROOT else -1):
+        with self.crowd(100, uid=STRANGER if ROOT else -1):
             def cpu():
                 fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
                 return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
