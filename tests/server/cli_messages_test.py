@@ -76,7 +76,8 @@ class MessagesTest(CliCase):
         socket = self.serve({"GET /v1/leaderboard?track=locomotion&board=main": (200, LONG_BOARD)})
         done = myograde("leaderboard", "--track", "locomotion", "--socket", socket)
         self.assertIn("  By mean distance. By mean", done.stdout)
-        self.assertIn("1 evaluation under an earlier config of this track is not on it", done.stdout)
+        self.assertIn("1 evaluation under an earlier config of this track is not on it",
+                      done.stdout)
 
     def test_participants_hear_of_blocks_of_episodes(self):
         for verb in ("submit", "status", "cancel", "leaderboard", "show", "rerun", "local", "spec"):

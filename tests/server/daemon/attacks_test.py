@@ -67,7 +67,8 @@ class Attacked(daemon_test.DaemonCase):
         given = body.encode() if isinstance(body, str) else body
         done = subprocess.run(
             [sys.executable, "-c", ASK, self.path, str(uid), method, path, kind,
-             "-" if given is not None else ""], input=given, capture_output=True, timeout=120, check=False)
+             "-" if given is not None else ""], input=given, capture_output=True, timeout=120,
+            check=False)
         if done.returncode != 0:
             raise OSError(done.stderr.decode()[-300:])
         return tuple(json.loads(done.stdout))
@@ -195,7 +196,8 @@ class Charges(Attacked):
 
 class Hoards(Attacked):
     def start(self):
-        self.configure(artefacts={"uploader_unsubmitted": 2, "unsubmitted": 3, "unsubmitted_s": 3600},
+        self.configure(artefacts={"uploader_unsubmitted": 2, "unsubmitted": 3,
+                                  "unsubmitted_s": 3600},
                        reruns={"of_organisers": 3, "of_a_submission": 1, "of_one": 2})
         return super().start()
 
@@ -228,8 +230,8 @@ class Hoards(Attacked):
         while set(os.listdir(self.data / "artefacts")) != {artefacts[0]}:
             self.assertLess(time.monotonic(), deadline, os.listdir(self.data / "artefacts"))
             time.sleep(0.1)
-        self.assertEqual(self.call("POST", "/v1/submissions", {**request, "artefact": artefacts[1]})[0],
-                         404)
+        request["artefact"] = artefacts[1]
+        self.assertEqual(self.call("POST", "/v1/submissions", request)[0], 404)
 
     @unittest.skipUnless(ROOT, "only root can be somebody else")
     def test_one_uploader_has_a_bound_of_its_own(self):
@@ -261,8 +263,9 @@ class Descriptors(Attacked):
         self.stop(signal.SIGTERM)
         keep = (["setpriv", "--bounding-set=-sys_resource"] if ROOT else [])
         done = subprocess.run(
-            keep + ["prlimit", "--nofile=300:300", daemon_test.BIN / "myograded", "--data", self.data,
-                    "--configs", self.configs, "--cache", self.folder / "cache"],
+            keep + ["prlimit", "--nofile=300:300", daemon_test.BIN / "myograded",
+                    "--data", self.data, "--configs", self.configs,
+                    "--cache", self.folder / "cache"],
             capture_output=True, text=True, timeout=60, check=False)
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("256 clients", done.stderr)

@@ -258,7 +258,8 @@ class Files(OrganiserCase):
         self.cli("export", out)
         text = out.read_text()
         bad = self.folder / "bad.json"
-        for content in (text[:-1], text[: len(text) // 2], text.replace("alpha", "omega"), "", "{}"):
+        for content in (text[:-1], text[: len(text) // 2], text.replace("alpha", "omega"), "",
+                        "{}"):
             bad.write_text(content)
             result = self.cli("import", bad, data=self.folder / "new", check=False)
             self.assertEqual(result.returncode, 2, result.stderr)
