@@ -13,6 +13,7 @@
 #include "server/counted.h"
 #include "server/daemon/results.h"
 #include "server/daemon/stored.h"
+#include "server/peer_key.h"
 
 namespace myograde::server {
 namespace {
@@ -52,7 +53,7 @@ ApiError ErrorOf(const absl::Status& status) {
   }
 }
 
-std::string Api::Who() { return absl::StrCat("uid ", UnixHttpServer::PeerUid()); }
+std::string Api::Who() { return PeerKey(UnixHttpServer::PeerUid()); }
 
 Api::Api(Options options, const Tracks& tracks, Engine& engine, ReaderPool& readers,
          KeyFile& receipts_key, const Clock& clock)

@@ -15,6 +15,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
+#include "server/peer_key.h"
 
 namespace myograde::server {
 namespace {
@@ -98,7 +99,8 @@ std::optional<Peer> PeerOf(int fd) {
   ucred peer = {};
   socklen_t size = sizeof(peer);
   if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0) return std::nullopt;
-  return Peer{absl::StrCat("uid ", peer.uid), peer.uid == 0 || peer.uid == geteuid(), peer.uid};
+  const std::string key = PeerKey(peer.uid);
+  return Peer{key, IsOrganiser(key), peer.uid};
 }
 
 // Small numbers of workers are shared out so that no kind of work is left without one.

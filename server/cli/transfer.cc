@@ -21,6 +21,7 @@
 #include "server/cli/screen.h"
 #include "server/counted.h"
 #include "server/daemon/standings.h"
+#include "server/peer_key.h"
 #include "server/store/lock.h"
 #include "server/store/transfer.h"
 
@@ -180,7 +181,7 @@ absl::Status ImportHere(const std::string& data, const std::string& file,
   absl::StatusOr<std::unique_ptr<Store>> store = Store::Open(path, SystemClock());
   if (!store.ok()) return HostStatus("import", store.status());
   absl::Status status = (*store)->Write([&](Writer& writer) {
-    return writer.Import(file, info, absl::StrCat("uid ", getuid()));
+    return writer.Import(file, info, PeerKey(getuid()));
   });
   ReaderPool readers(path);
   // A board makes on the spot what the view lacks.

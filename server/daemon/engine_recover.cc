@@ -1,7 +1,5 @@
 // Taking evaluations up from the store: new ones, and after a start those that
 // an earlier daemon left unfinished. One way for both.
-#include <unistd.h>
-
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
@@ -10,25 +8,18 @@
 #include "protocol/config_reader.h"
 #include "server/daemon/engine_core.h"
 #include "server/daemon/results.h"
+#include "server/peer_key.h"
 
 namespace myograde::server {
-namespace {
-
-// An organiser's shell, or a service of the daemon's own user, hands in what many people made.
-std::string PartyOf(const std::string& accepted_by) {
-  const bool organiser =
-      accepted_by == "uid 0" || accepted_by == absl::StrCat("uid ", geteuid());
-  return organiser ? "" : accepted_by;
-}
-
-}  // namespace
 
 EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) const {
   const auto context = std::make_shared<Context>();
   context->evaluation = stored.evaluation.id;
   context->submission = stored.submission.id;
   context->team = stored.submission.team;
-  context->party = PartyOf(stored.submission.accepted_by);
+  // What an organiser hands in, many people made: it is nobody's share.
+  const std::string& who = stored.submission.accepted_by;
+  context->party = IsOrganiser(who) ? "" : who;
   context->priority = stored.evaluation.rerun    ? Priority::kRerun
                       : stored.submission.ranked ? Priority::kOfficial
                                                  : Priority::kPractice;

@@ -91,13 +91,6 @@ int64_t Reader::QuotaDayAt(int64_t now_ms) { return QuotaDay(db_, now_ms); }
 
 namespace {
 
-std::optional<std::string> ParseEntry(std::string_view name) {
-  for (const std::string_view known : {"charge", "refund", "grant"}) {
-    if (name == known) return std::string(name);
-  }
-  return std::nullopt;
-}
-
 StoredRow LedgerRowOf(SQLite::Statement& select, LedgerRow& entry) {
   StoredRow row(select, "ledger", Shown(select.getColumn(0)));
   entry.id = row.Number(0, 1, INT64_MAX);
@@ -105,7 +98,7 @@ StoredRow LedgerRowOf(SQLite::Statement& select, LedgerRow& entry) {
   entry.day = row.Number(2, 0, kLastDay);
   entry.track = row.Text(3);
   entry.budget = BudgetName(row.Named(4, ParseBudget));
-  entry.entry = row.Named(5, ParseEntry);
+  entry.entry = row.OneOf(5, {"charge", "refund", "grant"});
   entry.amount = row.Number(6, 1, kMostUnits);
   entry.submission = row.NumberOr(7, 1, INT64_MAX, 0);
   entry.who = row.Text(8);
@@ -122,19 +115,9 @@ Listed<LedgerRow> Reader::Ledger(const std::string& team, const std::string& tra
            "l.why FROM ledger AS l WHERE l.team_id = (SELECT id FROM team WHERE name = ?1) AND "
            "(?2 = '' OR l.track = ?2) AND l.id < ?3 ORDER BY l.id DESC LIMIT ?4");
   SQLite::bind(select, team, track, before, limit);
-  Listed<LedgerRow> listed;
-  while (select.executeStep()) {
-    listed.last_id = select.getColumn(0).getInt64();
-    LedgerRow entry;
-    entry.team = team;
-    const StoredRow row = LedgerRowOf(select, entry);
-    if (row.ok()) {
-      listed.rows.push_back(std::move(entry));
-    } else {
-      listed.damaged.push_back(*row.damage());
-    }
-  }
-  return listed;
+  LedgerRow empty;
+  empty.team = team;
+  return ListOf(select, empty, LedgerRowOf);
 }
 
 }  // namespace myograde::server

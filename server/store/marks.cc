@@ -11,19 +11,12 @@ namespace {
 
 constexpr char kMarkColumns[] = "SELECT m.id, m.at, m.submission, m.mark, m.set_to, m.who, m.why ";
 
-std::optional<std::string> ParseMarkName(std::string_view name) {
-  for (const std::string_view known : {"hidden", "disqualified", "baseline"}) {
-    if (name == known) return std::string(name);
-  }
-  return std::nullopt;
-}
-
 StoredRow MarkOf(SQLite::Statement& select, MarkRow& mark) {
   StoredRow row(select, "mark", Shown(select.getColumn(0)));
   mark.id = row.Number(0, 1, INT64_MAX);
   mark.at = row.Time(1);
   mark.submission = row.Number(2, 1, INT64_MAX);
-  mark.mark = row.Named(3, ParseMarkName);
+  mark.mark = row.OneOf(3, {"hidden", "disqualified", "baseline"});
   mark.set = row.Flag(4);
   mark.who = row.Text(5);
   mark.why = row.Text(6);
@@ -132,13 +125,7 @@ absl::StatusOr<std::vector<MarkRow>> Reader::MarkHistory(int64_t submission) {
   SQLite::Statement select(
       db_, absl::StrCat(kMarkColumns, "FROM mark AS m WHERE m.submission = ? ORDER BY m.id"));
   select.bind(1, submission);
-  std::vector<MarkRow> marks;
-  while (select.executeStep()) {
-    MarkRow mark;
-    if (const StoredRow row = MarkOf(select, mark); !row.ok()) return row.status();
-    marks.push_back(std::move(mark));
-  }
-  return marks;
+  return AllOf<MarkRow>(select, {}, MarkOf);
 }
 
 int64_t Reader::BoardChanges() {

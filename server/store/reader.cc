@@ -103,34 +103,6 @@ StoredRow EpisodeOf(SQLite::Statement& select, EpisodeRow& episode) {
   return row;
 }
 
-// All rows, or the damage of the first that can't be read.
-template <typename Row, typename Parse>
-absl::StatusOr<std::vector<Row>> AllOf(SQLite::Statement& select, const Row& empty, Parse parse) {
-  std::vector<Row> rows;
-  while (select.executeStep()) {
-    Row row = empty;
-    if (const StoredRow read = parse(select, row); !read.ok()) return read.status();
-    rows.push_back(std::move(row));
-  }
-  return rows;
-}
-
-template <typename Row, typename Parse>
-Listed<Row> ListOf(SQLite::Statement& select, Parse parse) {
-  Listed<Row> listed;
-  while (select.executeStep()) {
-    listed.last_id = select.getColumn(0).getInt64();
-    Row row;
-    const StoredRow read = parse(select, row);
-    if (read.ok()) {
-      listed.rows.push_back(std::move(row));
-    } else {
-      listed.damaged.push_back(*read.damage());
-    }
-  }
-  return listed;
-}
-
 // Content is found by its hash, so what has another one is not what was put there.
 absl::StatusOr<std::string> Content(SQLite::Database& db, const char* table, const char* column,
                                     const std::string& hash) {
@@ -191,7 +163,7 @@ Listed<SubmissionRow> Reader::Submissions(const SubmissionFilter& filter) {
   SQLite::bind(select, filter.before, filter.team, filter.track, filter.profile,
                filter.state ? std::string(EvaluationStateName(*filter.state)) : std::string(),
                filter.limit);
-  return ListOf<SubmissionRow>(select, SubmissionOf);
+  return ListOf<SubmissionRow>(select, {}, SubmissionOf);
 }
 
 absl::StatusOr<EvaluationRow> Reader::Evaluation(int64_t id) {
@@ -229,7 +201,7 @@ Listed<EvaluationRow> Reader::Unfinished() {
   SQLite::Statement select(
       db_, absl::StrCat(kEvaluationColumns, "WHERE e.finished_at IS NULL OR (e.state IN ('done', "
                         "'failed', 'cancelled', 'grader_error')) IS NOT TRUE ORDER BY e.id"));
-  return ListOf<EvaluationRow>(select, EvaluationOf);
+  return ListOf<EvaluationRow>(select, {}, EvaluationOf);
 }
 
 absl::StatusOr<std::vector<LeaseRow>> Reader::Leases(int64_t evaluation) {

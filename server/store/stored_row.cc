@@ -1,5 +1,6 @@
 #include "server/store/stored_row.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <absl/strings/escaping.h>
@@ -59,6 +60,13 @@ void StoredRow::Fail(std::string what) {
 
 absl::Status StoredRow::status() const {
   return damage_ ? DamagedRow(*damage_) : absl::OkStatus();
+}
+
+std::string StoredRow::OneOf(int column, std::initializer_list<std::string_view> names) {
+  std::string name = Text(column);
+  if (!ok() || std::find(names.begin(), names.end(), name) != names.end()) return name;
+  Fail(column, "no such name is known");
+  return "";
 }
 
 int64_t StoredRow::Number(int column, int64_t min, int64_t max) {

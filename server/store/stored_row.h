@@ -9,14 +9,17 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <map>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <absl/status/status.h>
+#include <absl/status/statusor.h>
 
 #include "server/store/damage.h"
 
@@ -48,6 +51,8 @@ class StoredRow {
   std::vector<std::string> Strings(int column);  // of a JSON array of strings
   std::map<std::string, std::string> Texts(int column);  // of a JSON object of strings
 
+  // One of a few names.
+  std::string OneOf(int column, std::initializer_list<std::string_view> names);
   // `parse` gives nullopt for what is no such name.
   template <typename Value>
   Value Named(int column, std::optional<Value> (*parse)(std::string_view)) {
@@ -74,6 +79,36 @@ class StoredRow {
   bool joined_ = false;
   std::optional<Damage> damage_;
 };
+
+// All rows, or the damage of the first that can't be read. `parse` fills in a row, which begins as
+// `empty`, and returns the StoredRow that it read it with.
+template <typename Row, typename Parse>
+absl::StatusOr<std::vector<Row>> AllOf(SQLite::Statement& select, const Row& empty, Parse parse) {
+  std::vector<Row> rows;
+  while (select.executeStep()) {
+    Row row = empty;
+    if (const StoredRow read = parse(select, row); !read.ok()) return read.status();
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+// The rows that can be read, and the damage of the others; the first column is their id.
+template <typename Row, typename Parse>
+Listed<Row> ListOf(SQLite::Statement& select, const Row& empty, Parse parse) {
+  Listed<Row> listed;
+  while (select.executeStep()) {
+    listed.last_id = select.getColumn(0).getInt64();
+    Row row = empty;
+    const StoredRow read = parse(select, row);
+    if (read.ok()) {
+      listed.rows.push_back(std::move(row));
+    } else {
+      listed.damaged.push_back(*read.damage());
+    }
+  }
+  return listed;
+}
 
 // A column's value as people may read it, for keys and errors.
 std::string Shown(const SQLite::Column& column);

@@ -211,7 +211,8 @@ def log_bytes(shown):
 
 
 def table(result):
-    lines = [f"{'control steps per second':34}" + "".join(f"{kind:>14}" for kind in result["tracks"])]
+    lines = [f"{'control steps per second':34}"
+             + "".join(f"{kind:>14}" for kind in result["tracks"])]
     names = {
         "mjstep_1core": "five plain mj_step, one core", "engine_1core": "engine calls, one core",
         "env_1core": "environment, one core", "mjstep_all": "five plain mj_step, all cores",
@@ -237,7 +238,8 @@ def table(result):
     lines.append(f"{'log of an episode, KB':34}" + "".join(
         f"{(t['log_bytes_per_episode'] or 0) / 1e3:14.1f}" for t in result["tracks"].values()))
     for row in (result["store"] or {}).get("sizes", []):
-        lines.append(f"{row['episode_rows']:>9} rows: submit {1e3 * row['submit_s']['median']:.1f} ms, "
+        lines.append(f"{row['episode_rows']:>9} rows: "
+                     f"submit {1e3 * row['submit_s']['median']:.1f} ms, "
                      f"leaderboard {1e3 * row['leaderboard_s']['median']:.1f} ms, "
                      f"{row['bytes_per_row']:.0f} bytes a row")
     return "\n".join(lines + growth_lines(result["growth"]))
@@ -255,8 +257,9 @@ def growth_lines(grown):
         cost = row["daemon_cpu_s_per_episode"]["median"]
         lines.append(f"{row['teams']:>9} teams: {1e3 * cost:.2f} ms of the daemon for an episode")
     for row in grown["scheduler"]["by_leases"]:
-        lines.append(f"{row['leases']:>9} queued leases: next start {1e6 * row['next_s']['median']:.1f}"
-                     f" us, place in the queue {1e6 * row['place_of_s']['median']:.1f} us")
+        lines.append(f"{row['leases']:>9} queued leases: "
+                     f"next start {1e6 * row['next_s']['median']:.1f} us, "
+                     f"place in the queue {1e6 * row['place_of_s']['median']:.1f} us")
     return lines
 
 

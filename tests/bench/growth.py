@@ -23,8 +23,9 @@ EPISODES_PER_LEASE = 10
 TEAM_EPISODES = 10  # of each submission when teams are counted
 DEADLINE_S = 600
 # Nothing that is measured here may be refused.
-QUOTA = {name: 1_000_000 for name in ("official_per_day", "official_total", "practice_per_day",
-                                      "practice_total", "failed_per_day", "failed_total", "waiting")}
+QUOTA = {name: 1_000_000 for name in (
+    "official_per_day", "official_total", "practice_per_day", "practice_total", "failed_per_day",
+    "failed_total", "waiting")}
 
 
 def spread(values):
@@ -42,7 +43,8 @@ class Stage:
         for program in self.grader.bin.iterdir():
             if program.name != "myograde-runner":
                 (programs / program.name).symlink_to(program)
-        shutil.copy(self.source / "tests/server/daemon/fake_runner.py", programs / "myograde-runner")
+        shutil.copy(self.source / "tests/server/daemon/fake_runner.py",
+                    programs / "myograde-runner")
         (programs / "myograde-runner").chmod(0o755)
         self.grader.environment["MYOGRADE_BIN_DIR"] = str(programs)
         self.made = 0  # artefacts

@@ -3,8 +3,8 @@
 
     plots.py JSON DIR
 
-JSON is what `bench.py --json` wrote. Points are medians, bars around them reach from the smallest to
-the largest measurement. Needs matplotlib (Debian package python3-matplotlib)."""
+JSON is what `bench.py --json` wrote. Points are medians, bars around them reach from the smallest
+to the largest measurement. Needs matplotlib (Debian package python3-matplotlib)."""
 
 import json
 import pathlib
@@ -123,7 +123,8 @@ def growth(result, folder):
     physics = [STEPS[kind] / figures["engine_1core"] for kind, figures in result["tracks"].items()]
     # A thousandth of so many seconds is so many milliseconds.
     limits = [(min(physics), "1 ‰ of an episode's physics")]
-    curve(folder, "growth_episodes", "What an episode costs the daemon, by length of the evaluation",
+    curve(folder, "growth_episodes",
+          "What an episode costs the daemon, by length of the evaluation",
           "episodes of the evaluation", "daemon's processor time per episode, ms",
           {"all of it": points(grown["by_episodes"], "episodes", "daemon_cpu_s_per_episode", 1e3),
            "each after the first": points(grown["by_episodes"], "episodes",

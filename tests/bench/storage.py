@@ -33,7 +33,8 @@ def fill(path, rows):
         for number in range(have + 1, rows // EPISODES + 1):
             team = (number - 1) % TEAMS + 1
             artefact = f"{number:064x}"
-            copy_rows(database, "team", f"id = 1 AND NOT EXISTS (SELECT 1 FROM team WHERE id = {team})",
+            copy_rows(database, "team",
+                      f"id = 1 AND NOT EXISTS (SELECT 1 FROM team WHERE id = {team})",
                       {"id": str(team), "name": f"'Team {team}'"})
             copy_rows(database, "artefact", "hash = (SELECT artefact FROM submission WHERE id = 1)",
                       {"hash": f"'{artefact}'"})

@@ -30,8 +30,9 @@ def missing():
         probe = pathlib.Path(folder, "probe.cc")
         probe.write_text("#include <cstddef>\n#include <cstdint>\nextern \"C\" int "
                          "LLVMFuzzerTestOneInput(const uint8_t*, size_t) { return 0; }\n")
-        done = subprocess.run([CLANG, "-fsanitize=fuzzer,address", probe, "-o", probe.with_suffix("")],
-                              capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [CLANG, "-fsanitize=fuzzer,address", probe, "-o", probe.with_suffix("")],
+            capture_output=True, text=True, check=False)
     if done.returncode != 0:
         return f"{CLANG} has no libFuzzer (Debian package libclang-rt-14-dev)"
     return ""

@@ -1,5 +1,5 @@
-"""Everything in a fence of the documents is tried: manifests, policies, commands. What is copied from
-a page works as it stands there."""
+"""Everything in a fence of the documents is tried: manifests, policies, commands. What is copied
+from a page works as it stands there."""
 
 import json
 import re
@@ -60,7 +60,8 @@ class Documents(SystemTest):
 
     def test_no_fence_is_of_a_kind_that_nobody_tries(self):
         for page, text in pages():
-            self.assertEqual(text.count("\n```") + text.startswith("```"), 2 * len(FENCE.findall(text)),
+            self.assertEqual(text.count("\n```") + text.startswith("```"),
+                             2 * len(FENCE.findall(text)),
                              f"{page}: a fence without an end")
             for language, body in FENCE.findall(text):
                 self.assertIn(language, ("", "cpp", "json", "python", "sh"), page)
@@ -86,7 +87,8 @@ class Documents(SystemTest):
                     continue
                 count += 1
                 with self.subTest(page=page, manifest=manifest):
-                    folder = self.python_policy(f"manifest-{count}", "raise SystemExit(3)", manifest)
+                    folder = self.python_policy(f"manifest-{count}", "raise SystemExit(3)",
+                                                manifest)
                     for word in manifest["command"]:
                         if word.startswith("./"):
                             (folder / word).write_text("#!/bin/sh\nexit 3\n")
@@ -127,7 +129,8 @@ class Documents(SystemTest):
         policy = self.python_policy("last-words", "import atexit, os\n"
                                     "atexit.register(print, 'goodbye', os.environ['POLICY_WHO'])\n"
                                     "print('hello')\n" + still,
-                                    {**STILL, "env": {"PYTHONUNBUFFERED": "", "POLICY_WHO": "judge"}})
+                                    {**STILL, "env": {"PYTHONUNBUFFERED": "",
+                                                      "POLICY_WHO": "judge"}})
         output = self.play(policy)["output"]
         self.assertEqual([lease["stdout_tail"] for lease in output], ["hello\ngoodbye judge\n"])
 
@@ -158,8 +161,10 @@ class Documents(SystemTest):
         still = next(body for language, body in self.section("In Python") if language == "python")
         policy = self.python_policy("compiled", "import big\nprint(hasattr(big, 'kept'))\n" + still)
         (policy / "big.py").write_text("seen = 1\n")
-        subprocess.run(["/usr/bin/python3", "-m", "compileall", "-q", policy / "big.py"], check=True)
-        # What was compiled says another name; with another time of the source Python would not look.
+        subprocess.run(["/usr/bin/python3", "-m", "compileall", "-q", policy / "big.py"],
+                       check=True)
+        # What was compiled says another name; with another time of the source Python would not
+        # look.
         cached = next((policy / "__pycache__").glob("big.*.pyc"))
         cached.write_bytes(cached.read_bytes().replace(b"seen", b"kept"))
         self.assertEqual(self.play(policy)["output"][0]["stdout_tail"], "True\n")

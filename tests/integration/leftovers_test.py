@@ -44,6 +44,36 @@ def below(pid):
     return found + [other for child in found for other in below(child)]
 
 
+class Freezer:
+    """A control group whose processes stand still, so that not even SIGKILL ends them."""
+
+    def __init__(self):
+        self.folder = pathlib.Path(f"/sys/fs/cgroup/freezer/myograde-test-{os.getpid()}")
+        self.folder.mkdir()
+
+    def freeze(self, pid):
+        (self.folder / "cgroup.procs").write_text(str(pid))
+        self._become("FROZEN")
+
+    def thaw(self):
+        self._become("THAWED")
+
+    def _become(self, state):
+        (self.folder / "freezer.state").write_text(state)
+        deadline = time.monotonic() + 60
+        while (self.folder / "freezer.state").read_text().strip() != state:
+            if time.monotonic() > deadline:
+                raise AssertionError(f"the freezer does not become {state}")
+            time.sleep(0.01)
+
+    def remove(self):
+        self.thaw()
+        deadline = time.monotonic() + 60
+        while (self.folder / "cgroup.procs").read_text() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        self.folder.rmdir()
+
+
 class Leftovers(SystemTest):
     tracks = {"long": track_config("locomotion", budgets={"startup_s": 600})}
 
@@ -96,6 +126,66 @@ class Leftovers(SystemTest):
         if os.geteuid() == 0:
             self.wait_for("processes outlived the daemon",
                           lambda: not self.processes_of_slots(), 10)
+
+    def sleepers(self, seconds):
+        return [pid for pid in (int(entry.name) for entry in pathlib.Path("/proc").iterdir()
+                                if entry.name.isdigit())
+                if says(pid, f"sleep\0{seconds}\0") and not says(pid, "sh\0")]
+
+    def closed_slots(self):
+        return self.ask("status")["daemon"]["closed_slots"]
+
+    def crashing(self, seconds):
+        """A submission that ends with status 7 on SIGUSR1, beside a child that sleeps so long."""
+        folder = self.root / "crashing"
+        folder.mkdir()
+        (folder / "run").write_text(f"#!/bin/sh\ntrap 'exit 7' USR1; sleep {seconds} &\n"
+                                    "while :; do sleep 0.1; done\n")
+        (folder / "run").chmod(0o755)
+        (folder / "policy.json").write_text(json.dumps({"name": "c", "command": ["./run"]}))
+        return folder
+
+    def crash(self, sleeper):
+        stat = pathlib.Path(f"/proc/{sleeper}/stat").read_text()
+        os.kill(int(stat.rpartition(")")[2].split()[1]), signal.SIGUSR1)
+
+    @unittest.skipUnless(os.geteuid() == 0 and os.path.isdir("/sys/fs/cgroup/freezer"),
+                         "no slots with users of their own, or no groups that stop processes")
+    def test_a_verdict_stays_and_its_slot_is_closed_over_the_death_of_runner_and_daemon(self):
+        path = self.root / "configs" / "server.json"
+        path.write_text(json.dumps({**json.loads(path.read_text()), "slots": 1}))
+        freezer, seconds = Freezer(), 20_000_000 + os.getpid()
+        self.addCleanup(freezer.remove)
+        self.start_daemon()
+        submission = self.ask("submit", self.crashing(seconds), "--track", "long", "--team",
+                              "crash")["submission"]
+        self.wait_for("no policy was started", lambda: self.sleepers(seconds))
+        left, = self.sleepers(seconds)
+        freezer.freeze(left)
+        self.crash(left)
+        self.wait_for("nothing was recorded",
+                      lambda: self.ask("status", submission)["episodes"]["done"] == 1)
+        for pid in children_of(self.daemon.pid):
+            os.kill(pid, signal.SIGKILL)
+        self.stop_daemon(signal.SIGKILL)
+        self.start_daemon()
+        until = time.monotonic() + 5
+        while time.monotonic() < until:
+            self.assertEqual([entry["slot"] for entry in self.closed_slots()], [0])
+            self.assertEqual(self.sleepers(seconds), [left])
+            time.sleep(0.5)
+        freezer.thaw()
+        self.wait_for("the slot stays closed", lambda: not self.closed_slots())
+
+        def over():
+            for pid in self.sleepers(seconds):
+                self.crash(pid)
+            return self.ask("status", submission)["state"] == "failed"
+        self.wait_for("it does not go on", over, 300)
+        first = self.ask("show", submission, "--episodes")["episode_rows"][0]
+        self.assertEqual((first["outcome"], first["attempt"]), ("crash", 1))
+        self.assertIn("status 7", first["fault"]["detail"])
+        self.assertEqual(self.stop_daemon(), 0)
 
 
 if __name__ == "__main__":

@@ -339,9 +339,10 @@ class Processors(SystemTest):
             cls.logs[track] = folder / f"{row['log']['sha256']}.lcmlog.zst"
 
     def replay(self, track, before=(), **environment):
-        result = subprocess.run([*before, BIN / "myograde-sim", "--replay", self.logs[track], CACHE],
-                                env=dict(self.environment, **environment), capture_output=True,
-                                text=True, timeout=1500)
+        result = subprocess.run(
+            [*before, BIN / "myograde-sim", "--replay", self.logs[track], CACHE],
+            env=dict(self.environment, **environment), capture_output=True, text=True,
+            timeout=1500)
         self.assertTrue(result.stdout, result.stderr)
         return json.loads(result.stdout)
 

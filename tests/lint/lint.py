@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Checks what the compiler does not: who may include and link whom, the length of files, marks
 of unfinished work, that every test is built, that ./dev knows each verb that its help names,
-that nothing strays into the root folder, and that nothing is timed by the calendar. Prints one line per mistake; exit status 1 if there is
-one. Use: lint.py ROOT"""
+that nothing strays into the root folder, and that nothing is timed by the calendar. Prints one line
+per mistake; exit status 1 if there is one. Use: lint.py ROOT"""
 
 import pathlib
 import re
@@ -109,7 +109,8 @@ def check_file(root, file):
     if file.name == "CMakeLists.txt":
         problems += check_links(path, text)
     if LOOSE_PROPERTY.search(text):
-        problems.append("has an rc::check whose result is dropped, so it can't fail: EXPECT_TRUE it")
+        problems.append("has an rc::check whose result is dropped, so it can't fail: "
+                        "EXPECT_TRUE it")
     if file.suffix == ".cc" and path.startswith("tests/"):
         near = [p / "CMakeLists.txt" for p in file.parents if root in (p, *p.parents)]
         lists = "".join(p.read_text() for p in near if p.exists())
@@ -122,7 +123,8 @@ def check_verbs(script):
     """A verb of ./dev that is only described, or only there."""
     text = script.read_text(encoding="utf-8")
     described = set(re.findall(r"^  ([a-z]+)(?= |$)", text.split("USAGE")[1], re.MULTILINE))
-    known = set(re.findall(r"^  ([a-z]+)[a-z |-]*\) ", text.split("case $verb in")[1], re.MULTILINE))
+    known = set(re.findall(r"^  ([a-z]+)[a-z |-]*\) ", text.split("case $verb in")[1],
+                           re.MULTILINE))
     return [f"dev: the verb {verb} is not both described and known"
             for verb in sorted(described ^ (known - {"help"}))]
 

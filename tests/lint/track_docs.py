@@ -50,7 +50,8 @@ def leaves(value, path=""):
 
 def effective(config):
     """Profile -> leaves of what is in force in it."""
-    base = {k: v for k, v in config.items() if k not in ("profiles", "default_profile", "track", "form")}
+    base = {k: v for k, v in config.items()
+            if k not in ("profiles", "default_profile", "track", "form")}
     profiles = {name: leaves(merged(base, patch)) for name, patch in config["profiles"].items()
                 if not name.startswith("//")}
     for found in profiles.values():
@@ -70,9 +71,11 @@ def check_sets(rows, sets):
     for index, chosen in enumerate(sets):
         for state in ("e_stance", "l_stance", "e_swing", "l_swing"):
             said = chosen[state]
-            joints = [", ".join(number(said[joint][key]) for key in ("stiffness", "damping", "target_deg"))
+            joints = [", ".join(number(said[joint][key])
+                                for key in ("stiffness", "damping", "target_deg"))
                       for joint in ("knee", "ankle")]
-            until = ", ".join(f"`{key}` {number(value)}" for key, value in sorted(said["until"].items()))
+            until = ", ".join(f"`{key}` {number(value)}"
+                              for key, value in sorted(said["until"].items()))
             expected.append([f"{index} {chosen['name']}", f"`{state}`", *joints, until])
     got = [row[:5] for row in rows]
     for want in expected:
@@ -82,7 +85,8 @@ def check_sets(rows, sets):
         yield f'"Parameter sets of the prosthesis" has {len(got)} rows, must have {len(expected)}'
     for row in rows:
         if len(row) != 6 or not row[5]:
-            yield f'"Parameter sets of the prosthesis": {row[0]} {row[1]} does not say where it is from'
+            yield (f'"Parameter sets of the prosthesis": {row[0]} {row[1]} does not say where it '
+                   'is from')
 
 
 def schema_keys(schema, node, path):

@@ -57,7 +57,8 @@ class Seeding(unittest.TestCase):
         tensorflow = importlib.import_module("tensorflow")
         self.assertEqual(torch.seeds, [2**63 - 1])
         self.assertEqual(tensorflow.seeds, [2**31 - 1])
-        self.assertEqual(torch.__spec__.origin, str(pathlib.Path(self.folder.name, "torch/__init__.py")))
+        self.assertEqual(torch.__spec__.origin,
+                         str(pathlib.Path(self.folder.name, "torch/__init__.py")))
 
     def test_the_real_torch(self):
         sys.path.remove(self.folder.name)

@@ -1,19 +1,20 @@
-"""Cases 85 and 86: clients of the API that break no rule and want to freeze it or fill its queue. An
-organiser and an honest submission are served all the same. Where root runs the suite, the crowd is
-another user's: limits are each user's own."""
+"""Cases 85 and 86: clients of the API that break no rule and want to freeze it or fill its queue.
+An organiser and an honest submission are served all the same. Where root runs the suite, the crowd
+is another user's: limits are each user's own."""
 
 import contextlib
 import json
 import os
+import pathlib
 import shutil
-import subprocess
 import sys
 import time
 
+sys.path.append(str(pathlib.Path(__file__).resolve().parents[1] / "integration"))
+from crowd import UPLOAD, crowd
 from host import ApiError
 
 SOON_S = 30
-UPLOAD = b"POST /v1/artefacts HTTP/1.1\r\nContent-Length: %d\r\n\r\nx"
 # Name, how many, and what each says before it falls silent.
 CROWDS = (
     ("silent uploads", 70, UPLOAD % 1000),
@@ -26,35 +27,7 @@ CROWDS = (
     ("broken heads", 300, b"GET / HTTP/1.1\n\n\0\xff" * 50),
 )
 
-
 STRANGER = 61990
-# Becomes the stranger, connects and speaks; "slow" adds a little from time to time.
-CROWD = r"""
-import os, socket, sys, time
-path, count, text = sys.argv[1], int(sys.argv[2]), bytes.fromhex(sys.argv[3])
-if os.geteuid() == 0:
-    os.setgid(int(sys.argv[4])); os.setuid(int(sys.argv[4]))
-clients = []
-for _ in range(count):
-    client = socket.socket(socket.AF_UNIX)
-    client.settimeout(30)
-    try:
-        client.connect(path)
-        client.sendall(text)
-    except PermissionError:
-        sys.exit("may not connect")
-    except OSError:
-        pass  # it was asked to go
-    clients.append(client)
-print("there", flush=True)
-while True:
-    time.sleep(0.2)
-    for client in clients if "slow" in sys.argv else ():
-        try:
-            client.send(b"x" * 3000)
-        except OSError:
-            pass
-"""
 
 
 @contextlib.contextmanager
@@ -72,21 +45,6 @@ def _open_to_all(host):
     finally:
         for path, mode in modes:
             path.chmod(mode)
-
-
-@contextlib.contextmanager
-def _crowd(host, name, count, text):
-    process = subprocess.Popen(
-        [sys.executable, "-c", CROWD, host.data / "myograde.sock", str(count), text.hex(),
-         str(STRANGER)] + ["slow"] * (name == "slow uploads"), stdout=subprocess.PIPE)
-    try:
-        if process.stdout.readline() != b"there\n":
-            raise OSError(f"{name}: the crowd could not connect")
-        yield
-    finally:
-        process.kill()
-        process.wait()
-        process.stdout.close()
 
 
 def _answers(host, name, begun):
@@ -108,7 +66,8 @@ def run_crowds(suite):
     mistakes = []
     with _open_to_all(suite.host):
         for name, count, text in CROWDS:
-            with _crowd(suite.host, name, count, text):
+            with crowd(suite.host.data / "myograde.sock", count, text,
+                       uid=STRANGER if os.geteuid() == 0 else -1, slow=name == "slow uploads"):
                 mistakes += _answers(suite.host, name, time.monotonic())
     return mistakes
 

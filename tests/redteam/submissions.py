@@ -1,5 +1,5 @@
-"""Cases 47, 48, 73, 74 and 105: what must be refused when it is handed in, with a reason, before anything
-of it runs. 85 and 86 are in crowds.py."""
+"""Cases 47, 48, 73, 74 and 105: what must be refused when it is handed in, with a reason, before
+anything of it runs. 85 and 86 are in crowds.py."""
 
 import contextlib
 import dataclasses

@@ -1,4 +1,5 @@
-"""The suite must be able to fail: results and hosts with something wrong, and what is said of them."""
+"""The suite must be able to fail: results and hosts with something wrong, and what is said of
+them."""
 
 import contextlib
 import copy

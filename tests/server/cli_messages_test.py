@@ -1,12 +1,16 @@
 """What the command line tool says: one clear sentence with what to do, in participants' words.
 usage: cli_messages_test.py BIN_DIR SOURCE_DIR"""
+import fcntl
 import json
 import os
 import re
 import shutil
+import signal
 import stat
 import subprocess
 import sys
+import tarfile
+import time
 import unittest
 
 from cli_test import (BIN_DIR, COUNTS, HASHES, LONG_BOARD, RESULT, SOURCE_DIR, STATUS, CliCase,
@@ -72,7 +76,8 @@ class MessagesTest(CliCase):
         socket = self.serve({"GET /v1/leaderboard?track=locomotion&board=main": (200, LONG_BOARD)})
         done = myograde("leaderboard", "--track", "locomotion", "--socket", socket)
         self.assertIn("  By mean distance. By mean", done.stdout)
-        self.assertIn("1 evaluation under an earlier config of this track is not on it", done.stdout)
+        self.assertIn("1 evaluation under an earlier config of this track is not on it",
+                      done.stdout)
 
     def test_participants_hear_of_blocks_of_episodes(self):
         for verb in ("submit", "status", "cancel", "leaderboard", "show", "rerun", "local", "spec"):
@@ -95,6 +100,50 @@ class MessagesTest(CliCase):
         self.assertFalse(os.path.exists(f"{seeds}.part"))
         with open(seeds, encoding="utf-8") as file:
             self.assertEqual(len(json.load(file)), 3)
+
+    def test_what_local_took_has_the_packing_in_it(self):
+        """Packing opens the archive, and the kernel holds it up there until this process gives its
+        lease on the file back."""
+        os.mkdir(self.path("bin"))
+        runner = shutil.copy(f"{SOURCE_DIR}/tests/server/daemon/fake_runner.py",
+                             self.path("bin/myograde-runner"))
+        os.chmod(runner, 0o755)
+        self.path("policy", "#!/bin/sh\n", 0o755)
+        self.path("policy.json", json.dumps({"name": "p", "command": ["./policy", "ok"]}))
+        archive = self.path("policy.tar")
+        with tarfile.open(archive, "w") as tar:
+            for name in ("policy", "policy.json"):
+                tar.add(self.path(name), name)
+        words = ("local", archive, "--track", "manipulation", "--episodes", "2")
+        told = json.loads(self.packed_slowly(archive, 2, *words, "--json"))
+        self.assertGreaterEqual(told["wall"]["wall_s"], 2)
+        told = self.packed_slowly(archive, 2, *words)
+        self.assertRegex(told, "took [0-9.]+ s\n$")
+        self.assertGreaterEqual(float(told.split()[-2]), 2, told)
+
+    def packed_slowly(self, archive, seconds, *args):
+        """What the tool prints if its first look into `archive` takes so long."""
+        asked = []
+        before = signal.signal(signal.SIGIO, lambda *_: asked.append(True))
+        self.addCleanup(signal.signal, signal.SIGIO, before)
+        with open(archive, "r+b") as file:
+            try:
+                fcntl.fcntl(file, fcntl.F_SETLEASE, fcntl.F_WRLCK)
+            except OSError as error:
+                self.skipTest(f"no leases on files here: {error}")
+            tool = subprocess.Popen([f"{BIN_DIR}/myograde", *args], stdout=subprocess.PIPE,
+                                    stderr=subprocess.PIPE, text=True, env=dict(
+                                        os.environ, MYOGRADE_BIN_DIR=self.path("bin"),
+                                        MYOGRADE_CONFIG_DIR=f"{SOURCE_DIR}/configs"))
+            deadline = time.monotonic() + 60
+            while not asked and tool.poll() is None and time.monotonic() < deadline:
+                time.sleep(0.01)
+            time.sleep(seconds)
+            fcntl.fcntl(file, fcntl.F_SETLEASE, fcntl.F_UNLCK)
+        said, complaint = tool.communicate(timeout=60)
+        self.assertTrue(asked, complaint)
+        self.assertEqual(tool.returncode, 0, complaint)
+        return said
 
     def test_the_daemons_config_errors_are_wrong_use(self):
         shutil.copytree(f"{SOURCE_DIR}/configs", self.path("configs"))

@@ -11,8 +11,8 @@ import termios
 import unicodedata
 import unittest
 
-from cli_test import (BIN_DIR, COUNTS, HASHES, LONG_BOARD, RESULT, SOURCE_DIR, STATUS, VERBS, CliCase,
-                      Handler, myograde)
+from cli_test import (BIN_DIR, COUNTS, HASHES, LONG_BOARD, RESULT, SOURCE_DIR, STATUS, VERBS,
+                      CliCase, Handler, myograde)
 
 ROWS = [{"index": i, "seed": 2**62 + i, "outcome": "crash", "reason": "-", "steps": 100,
          "metrics": {"time_s": 1.5, "distance_m": 2.25, "effort": 0.01}, "digest": "d" * 64,
@@ -126,8 +126,8 @@ class TerminalTest(CliCase):
             drawn = [row for row in screen.rows if row.startswith("submission 7 ")]
             self.assertEqual(len(drawn), 1, screen.rows)
             self.assertIn("100/100", drawn[0])
-            self.assertIn("episodes 0, 1, 2, 3, 4, 5, 6, 7 and 1 more: the policy died of signal 11",
-                          " ".join(row.strip() for row in screen.rows))
+            self.assertIn("episodes 0, 1, 2, 3, 4, 5, 6, 7 and 1 more: the policy died of signal "
+                          "11", " ".join(row.strip() for row in screen.rows))
             self.assertIn("episode 9: it left with status 3", text)
             os.remove(socket)
             left = {}  # by the count: the estimates that stood beside it
@@ -152,7 +152,8 @@ class TerminalTest(CliCase):
         self.assertEqual(status, 0, text)
         self.assertRegex(text, r"sending  .*[0-9.]+ MB of 4\.2 MB")
         self.assertEqual(screen.too_long, [])
-        self.assertFalse([row for row in screen.rows if "sending" in row], "it goes when it is over")
+        self.assertFalse([row for row in screen.rows if "sending" in row],
+                         "it goes when it is over")
         quiet = myograde(*submit)
         self.assertEqual(quiet.stderr, "")
 

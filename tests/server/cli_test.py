@@ -58,8 +58,8 @@ def schema_of(verb):
 
 
 def myograde(*args, **env):
-    return subprocess.run([f"{BIN_DIR}/myograde", *args], capture_output=True, text=True, timeout=60,
-                          stdin=subprocess.DEVNULL, check=False,
+    return subprocess.run([f"{BIN_DIR}/myograde", *args], capture_output=True, text=True,
+                          timeout=60, stdin=subprocess.DEVNULL, check=False,
                           env={**os.environ, "MYOGRADE_CONFIG_DIR": f"{SOURCE_DIR}/configs", **env})
 
 
@@ -207,7 +207,8 @@ class CliTest(CliCase):
         self.refused(2, "no policy.json", *local, self.path("folder"))
         self.path("folder/policy.json", '{"name": "a", "command": ["./gone"]}')
         self.refused(2, "is not there", *local, self.path("folder"))
-        self.path("folder/policy.json", '{"name": "a", "command": ["/bin/true"], "runtimes": ["r"]}')
+        self.path("folder/policy.json",
+                  '{"name": "a", "command": ["/bin/true"], "runtimes": ["r"]}')
         self.refused(2, "asks for the runtime", *local, self.path("folder"))
 
     def test_bad_seed_files(self):

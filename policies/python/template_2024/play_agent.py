@@ -22,7 +22,8 @@ def main():
     agent = pathlib.Path(sys.argv[1]).resolve()
     changes = "change_osl_mode" in agent.read_text(encoding="utf-8", errors="replace")
     os.environ["MYOGRADE_TEMPLATE_CHANGES_SETS"] = str(int(changes))
-    # Until the first episode brings its own: what an agent draws before is the same in each process.
+    # Until the first episode brings its own: what an agent draws before is the same in each
+    # process.
     seeding.seed(0)
     # The real packages win over the stand-ins, our utils over the template's.
     sys.path[:] = [str(HERE), str(agent.parent), *sys.path[1:], str(HERE / "standins")]

@@ -3,13 +3,13 @@
 
 Starts the real daemon on a temporary data folder and lets CLIENTS processes at once upload
 policies that do nothing, submit them for TEAMS teams, and read the leaderboard, over the real
-socket; runners are played by fake_runner.py unless --runner real. Every submission is an artefact of
-its own, so each is official. Afterwards the store is compared with what the clients were told.
+socket; runners are played by fake_runner.py unless --runner real. Every submission is an artefact
+of its own, so each is official. Afterwards the store is compared with what the clients were told.
 
     MYOGRADE_TEST_BIN=build/release/bin tests/bench/load/load.py --submissions 10000 --teams 200
 
-Times are wall-clock milliseconds as a client sees them; on a busy host they say more about the host.
-Exit status 1 if the store and the clients disagree."""
+Times are wall-clock milliseconds as a client sees them; on a busy host they say more about the
+host. Exit status 1 if the store and the clients disagree."""
 
 import argparse
 import http.client

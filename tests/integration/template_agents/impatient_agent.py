@@ -1,4 +1,5 @@
-"""An agent that asks for the next trial long before the end of this one: after three steps, or none."""
+"""An agent that asks for the next trial long before the end of this one: after three steps, or
+none."""
 
 import numpy as np
 from utils import RemoteConnection

@@ -1,4 +1,5 @@
-"""A locomotion agent in the form that the 2024 template asks for, with parameter sets of its own."""
+"""A locomotion agent in the form that the 2024 template asks for, with parameter sets of its
+own."""
 
 import sys
 

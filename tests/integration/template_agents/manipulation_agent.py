@@ -1,4 +1,5 @@
-"""An agent in the form that the 2024 template asks for: it asks for its environment and steps it."""
+"""An agent in the form that the 2024 template asks for: it asks for its environment and steps
+it."""
 
 import sys
 import time

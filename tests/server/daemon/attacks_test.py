@@ -1,7 +1,6 @@
 """Clients that do harm without a rule of HTTP broken: they are silent, slow, many, never submit, or
 ask for the same again and again. While they do, an organiser and another user are answered."""
 
-import contextlib
 import json
 import os
 import pathlib
@@ -15,6 +14,9 @@ import time
 import unittest
 
 import daemon_test
+
+sys.path.append(str(daemon_test.SOURCE / "tests/integration"))
+from crowd import UPLOAD, crowd
 
 ROOT = os.geteuid() == 0
 STRANGER = 64099  # a user that no daemon and no slot has
@@ -34,33 +36,6 @@ connection.request(method, address, sys.stdin.buffer.read() if body == "-" else 
                    {"Content-Type": kind} if kind else {})
 answer = connection.getresponse()
 sys.stdout.write(json.dumps([answer.status, json.loads(answer.read())]))
-"""
-
-CROWD = r"""
-import os, socket, sys, time
-path, uid, count, text = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), sys.argv[4].encode()
-text = text.decode("unicode_escape").encode()
-if uid >= 0:
-    os.setgid(uid); os.setuid(uid)
-crowd = []
-for _ in range(count):
-    one = socket.socket(socket.AF_UNIX)
-    one.settimeout(60)
-    try:
-        one.connect(path)
-        one.sendall(text)
-    except OSError:
-        pass  # was asked to go
-    crowd.append(one)
-print("there", flush=True)
-slow = "slow" in sys.argv
-while True:
-    time.sleep(0.2)
-    for one in crowd if slow else ():
-        try:
-            one.send(b"x" * 2000)
-        except OSError:
-            pass
 """
 
 
@@ -92,24 +67,14 @@ class Attacked(daemon_test.DaemonCase):
         given = body.encode() if isinstance(body, str) else body
         done = subprocess.run(
             [sys.executable, "-c", ASK, self.path, str(uid), method, path, kind,
-             "-" if given is not None else ""], input=given, capture_output=True, timeout=120, check=False)
+             "-" if given is not None else ""], input=given, capture_output=True, timeout=120,
+            check=False)
         if done.returncode != 0:
             raise OSError(done.stderr.decode()[-300:])
         return tuple(json.loads(done.stdout))
 
-    @contextlib.contextmanager
-    def crowd(self, count, text, uid=-1, slow=False):
-        """Clients that connect, say `text`, and then nothing, or a little from time to time."""
-        process = subprocess.Popen(
-            [sys.executable, "-c", CROWD, self.path, str(uid), str(count), text]
-            + ["slow"] * slow, stdout=subprocess.PIPE)
-        try:
-            self.assertEqual(process.stdout.readline(), b"there\n")
-            yield
-        finally:
-            process.kill()
-            process.wait()
-            process.stdout.close()
+    def crowd(self, count, text=b"", uid=-1, slow=False):
+        return crowd(self.path, count, text, uid, slow)
 
     def users(self):
         """The daemon's own user, who is an organiser, and where that can be, another one."""
@@ -126,9 +91,6 @@ class Attacked(daemon_test.DaemonCase):
             self.assertLess(time.monotonic() - begun, SOON_S)
 
 
-UPLOAD = r"POST /v1/artefacts HTTP/1.1\r\nContent-Length: %d\r\n\r\nx"
-
-
 class Crowds(Attacked):
     def test_silent_uploads(self):
         with self.crowd(70, UPLOAD % 1000):
@@ -143,7 +105,7 @@ class Crowds(Attacked):
 
     def test_idle_connections_and_half_heads(self):
         for attacker in (-1, STRANGER - 1) if ROOT else (-1,):
-            for text in ("", "GET /v1/hea", r"GET /v1/tracks HTTP/1.1\r\n\r\n"):
+            for text in (b"", b"GET /v1/hea", b"GET /v1/tracks HTTP/1.1\r\n\r\n"):
                 with self.crowd(300, text, uid=attacker):
                     self.others_are_answered()
 
@@ -154,7 +116,7 @@ class Crowds(Attacked):
 
     def test_a_stop_waits_for_no_upload(self):
         with self.crowd(3, UPLOAD % (1 << 30), slow=True), self.crowd(3, UPLOAD % 1000), \
-                self.crowd(3, ""):
+                self.crowd(3):
             time.sleep(1)
             begun = time.monotonic()
             self.assertEqual(self.stop(signal.SIGTERM), 0)
@@ -234,7 +196,8 @@ class Charges(Attacked):
 
 class Hoards(Attacked):
     def start(self):
-        self.configure(artefacts={"uploader_unsubmitted": 2, "unsubmitted": 3, "unsubmitted_s": 3600},
+        self.configure(artefacts={"uploader_unsubmitted": 2, "unsubmitted": 3,
+                                  "unsubmitted_s": 3600},
                        reruns={"of_organisers": 3, "of_a_submission": 1, "of_one": 2})
         return super().start()
 
@@ -267,8 +230,8 @@ class Hoards(Attacked):
         while set(os.listdir(self.data / "artefacts")) != {artefacts[0]}:
             self.assertLess(time.monotonic(), deadline, os.listdir(self.data / "artefacts"))
             time.sleep(0.1)
-        self.assertEqual(self.call("POST", "/v1/submissions", {**request, "artefact": artefacts[1]})[0],
-                         404)
+        request["artefact"] = artefacts[1]
+        self.assertEqual(self.call("POST", "/v1/submissions", request)[0], 404)
 
     @unittest.skipUnless(ROOT, "only root can be somebody else")
     def test_one_uploader_has_a_bound_of_its_own(self):
@@ -300,8 +263,9 @@ class Descriptors(Attacked):
         self.stop(signal.SIGTERM)
         keep = (["setpriv", "--bounding-set=-sys_resource"] if ROOT else [])
         done = subprocess.run(
-            keep + ["prlimit", "--nofile=300:300", daemon_test.BIN / "myograded", "--data", self.data,
-                    "--configs", self.configs, "--cache", self.folder / "cache"],
+            keep + ["prlimit", "--nofile=300:300", daemon_test.BIN / "myograded",
+                    "--data", self.data, "--configs", self.configs,
+                    "--cache", self.folder / "cache"],
             capture_output=True, text=True, timeout=60, check=False)
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("256 clients", done.stderr)
@@ -312,7 +276,7 @@ class Descriptors(Attacked):
         pid = self.daemon.pid
         open_now = len(os.listdir(f"/proc/{pid}/fd"))
         subprocess.run(["prlimit", f"--pid={pid}", f"--nofile={open_now + 20}:"], check=True)
-        with self.crowd(100, "", uid=STRANGER if ROOT else -1):
+        with self.crowd(100, uid=STRANGER if ROOT else -1):
             def cpu():
                 fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
                 return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -1,5 +1,5 @@
-"""What the API and the tool answer when rows of the store can't be read. That everything else goes on
-is damage_test's."""
+"""What the API and the tool answer when rows of the store can't be read. That everything else goes
+on is damage_test's."""
 
 import signal
 import sqlite3
@@ -71,7 +71,8 @@ class DamagedStore(OrganiserCase):
     def test_lists_and_boards_show_what_can_be_read_and_name_the_rest(self):
         first, second = self.played("ok"), self.played("ok", team="beta")
         evaluation = self.get(f"/v1/submissions/{first}")["evaluation"]
-        self.damage(f"UPDATE episode SET facts_json = 'x' WHERE evaluation = {evaluation} AND idx = 3")
+        self.damage("UPDATE episode SET facts_json = 'x' "
+                    f"WHERE evaluation = {evaluation} AND idx = 3")
         self.damage("UPDATE ledger SET why = CAST(x'ff' AS TEXT) WHERE submission = "
                     f"{first} AND entry = 'charge'")
         self.refused("GET", f"/v1/submissions/{first}/result", table="episode")

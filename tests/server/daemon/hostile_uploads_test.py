@@ -48,8 +48,8 @@ def hungry():
     """The map of a sparse file: some kilobytes that take a gigabyte of memory."""
     body = b"20000000\n" + b"0\n0\n" * 20_000_000
     info = tarfile.TarInfo("holes")
-    info.pax_headers = {"GNU.sparse.major": "1", "GNU.sparse.minor": "0", "GNU.sparse.name": "holes",
-                        "GNU.sparse.realsize": "1000"}
+    info.pax_headers = {"GNU.sparse.major": "1", "GNU.sparse.minor": "0",
+                        "GNU.sparse.name": "holes", "GNU.sparse.realsize": "1000"}
     info.size = len(body)
     return gzip.compress(tar((info, body)), 1)
 
@@ -87,7 +87,8 @@ HOSTILE = {
 
 class HostileUploads(daemon_test.DaemonCase):
     def start(self):
-        self.configure(artefacts={"bytes": 1 << 20, "files": 1000, "unpack_memory_bytes": 256 << 20})
+        self.configure(artefacts={"bytes": 1 << 20, "files": 1000,
+                                  "unpack_memory_bytes": 256 << 20})
         return super().start()
 
     def upload(self, content):
@@ -139,8 +140,9 @@ class HostileUploads(daemon_test.DaemonCase):
             path.write_bytes(content)
             with self.subTest(name):
                 done = subprocess.run(
-                    [BIN / "myograde", "submit", path, "--track", "demo-manipulation", "--team", "t",
-                     "--data", self.data], capture_output=True, text=True, timeout=60, check=False,
+                    [BIN / "myograde", "submit", path, "--track", "demo-manipulation",
+                     "--team", "t", "--data", self.data],
+                    capture_output=True, text=True, timeout=60, check=False,
                     env=dict(os.environ, MYOGRADE_CONFIG_DIR=str(self.configs)))
                 self.assertEqual(done.returncode, 2, done.stdout + done.stderr)
                 self.assertIn(sentence, done.stderr)

@@ -1,5 +1,6 @@
 """What an organiser sets and sees: quotas, marks, explanations, exports, imports, backups."""
 
+import contextlib
 import json
 import os
 import pathlib
@@ -7,6 +8,7 @@ import shutil
 import signal
 import sqlite3
 import subprocess
+import time
 import unittest
 import urllib.parse
 
@@ -256,7 +258,8 @@ class Files(OrganiserCase):
         self.cli("export", out)
         text = out.read_text()
         bad = self.folder / "bad.json"
-        for content in (text[:-1], text[: len(text) // 2], text.replace("alpha", "omega"), "", "{}"):
+        for content in (text[:-1], text[: len(text) // 2], text.replace("alpha", "omega"), "",
+                        "{}"):
             bad.write_text(content)
             result = self.cli("import", bad, data=self.folder / "new", check=False)
             self.assertEqual(result.returncode, 2, result.stderr)
@@ -298,6 +301,17 @@ class Files(OrganiserCase):
         self.assertEqual(result.returncode, 2, result.stderr)
         self.assertEqual(list(self.data.glob("spool/*")), [])
 
+    def removals(self):
+        """The rows of removals, once there is one: a file leaves its place within the transaction
+        that adds its row, and a moment before others see the row."""
+        deadline = time.monotonic() + 60
+        while True:
+            with contextlib.closing(sqlite3.connect(self.data / "store.db")) as db:
+                rows = db.execute("SELECT kind, name, bytes > 0 FROM removal").fetchall()
+            if rows or time.monotonic() > deadline:
+                return rows
+            time.sleep(0.05)
+
     def test_files_that_no_board_needs_go_by_the_policy(self):
         official = self.upload("ok")
         self.ended(self.submit("ok"))
@@ -308,9 +322,7 @@ class Files(OrganiserCase):
         self.start()
         self.wait("/v1/health", lambda _: not (self.data / "artefacts" / failed).exists())
         self.assertTrue((self.data / "artefacts" / official).exists())
-        with sqlite3.connect(self.data / "store.db") as db:
-            rows = db.execute("SELECT kind, name, bytes > 0 FROM removal").fetchall()
-        self.assertEqual(rows, [("artefact", failed, 1)])
+        self.assertEqual(self.removals(), [("artefact", failed, 1)])
         status, answer = self.call("POST", "/v1/submissions/2/rerun", {})
         self.assertEqual(status, 404, answer)
         self.assertIn("upload it again", answer["error"]["message"])

@@ -56,7 +56,8 @@ class PolicySeeds(OrganiserCase):
         policy.mkdir(exist_ok=True)
         (policy / "policy").write_text("#!/bin/sh\n")
         (policy / "policy").chmod(0o755)
-        (policy / "policy.json").write_text(json.dumps({"name": "l", "command": ["./policy", "ok"]}))
+        (policy / "policy.json").write_text(
+            json.dumps({"name": "l", "command": ["./policy", "ok"]}))
         done = subprocess.run(
             [BIN / "myograde", "local", policy, "--track", TRACK, "--configs", self.configs,
              "--cache", self.folder / "cache", "--json", *words], capture_output=True, text=True,

@@ -248,16 +248,20 @@ TEST_F(RetentionFolder, AFreshLogStays) {
 // The files are looked for when the row is made, not only before.
 TEST_F(RetentionFolder, NothingIsAcceptedWhoseFilesAreGone) {
   MakeArtefact('a');
+  MakeArtefact('b');
+  Accept('b');
   fs::remove(FolderOf('a'));
+  fs::remove(FolderOf('b'));
   RunEngine();
   const auto refused = engine_->Submit(SubmissionOf('a'), Rules(), "uid 0", absl::Minutes(5));
   EXPECT_TRUE(absl::IsNotFound(refused.status())) << refused.status();
-  const auto rerun = engine_->Rerun({1, std::string(64, 'a'), "{}", {{0, 0}}}, "uid 0", true, {},
+  // Of a submission that there is, so that only its files are missing.
+  const auto rerun = engine_->Rerun({1, std::string(64, 'b'), "{}", {{0, 0}}}, "uid 0", true, {},
                                     absl::Minutes(5));
   EXPECT_TRUE(absl::IsNotFound(rerun.status())) << rerun.status();
   SQLite::Database db(dir_ + "/store.db");
-  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM submission").getInt(), 0);
-  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM evaluation").getInt(), 0);
+  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM submission").getInt(), 1);
+  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM evaluation").getInt(), 1);
 }
 
 // Removal and submission meet in one transaction, in either order: never an evaluation without

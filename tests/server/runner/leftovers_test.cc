@@ -2,15 +2,18 @@
 // that nobody waited for.
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 
+#include <cerrno>
 #include <cstdlib>
 #include <fstream>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include <absl/cleanup/cleanup.h>
 #include <absl/strings/str_cat.h>
 
 #include "tests/server/runner/runner_world.h"
@@ -20,34 +23,68 @@ namespace {
 
 constexpr absl::Duration kLong = absl::Seconds(200);
 
-// A control group whose processes stand still, so that not even SIGKILL ends them.
+// A control group whose processes stand still, so that not even SIGKILL ends them. A child of this
+// process does what it is asked for, as root and in sight of the groups, whatever this process
+// becomes afterwards.
 class Freezer {
  public:
-  Freezer() : folder_(absl::StrCat("/sys/fs/cgroup/freezer/myograde-test-", getpid())) {
-    there_ = mkdir(folder_.c_str(), 0755) == 0;
+  Freezer() {
+    int ends[2];
+    if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0) return;
+    asks_ = Fd(ends[0]);
+    child_ = fork();
+    if (child_ == 0) {
+      asks_.reset();
+      Serve(ends[1]);
+      _exit(0);
+    }
+    close(ends[1]);
+    there_ = Hear();
   }
   ~Freezer() {
-    Thaw();
-    const Deadline deadline(kLong);
-    while (there_ && rmdir(folder_.c_str()) != 0 && !deadline.over()) usleep(10000);
+    asks_.reset();
+    if (child_ > 0) waitpid(child_, nullptr, 0);
   }
   bool there() const { return there_; }
-  void Freeze(pid_t pid) {
-    std::ofstream(folder_ + "/cgroup.procs") << pid << std::flush;
-    std::ofstream(folder_ + "/freezer.state") << "FROZEN" << std::flush;
-    const Deadline deadline(kLong);
-    while (State() != "FROZEN" && !deadline.over()) usleep(10000);
-    ASSERT_EQ(State(), "FROZEN");
-  }
-  void Thaw() { std::ofstream(folder_ + "/freezer.state") << "THAWED" << std::flush; }
+  // True once the process stands still.
+  bool Freeze(pid_t pid) { return Ask(pid); }
+  bool Thaw() { return Ask(0); }
 
  private:
-  std::string State() const {
-    std::string state;
-    std::ifstream(folder_ + "/freezer.state") >> state;
-    return state;
+  static bool WaitFor(const std::string& folder, const std::string& wanted) {
+    const Deadline deadline(kLong);
+    for (std::string state; !deadline.over(); usleep(10000)) {
+      std::ifstream(folder + "/freezer.state") >> state;
+      if (state == wanted) return true;
+    }
+    return false;
   }
-  const std::string folder_;
+  // The child's part, until this end is closed.
+  static void Serve(int fd) {
+    const std::string folder = absl::StrCat("/sys/fs/cgroup/freezer/myograde-test-", getpid());
+    signal(SIGPIPE, SIG_IGN);
+    char answer = mkdir(folder.c_str(), 0755) == 0;
+    pid_t pid = 0;
+    while (write(fd, &answer, 1) == 1 && read(fd, &pid, sizeof(pid)) == sizeof(pid)) {
+      if (pid != 0) std::ofstream(folder + "/cgroup.procs") << pid << std::flush;
+      const std::string state = pid != 0 ? "FROZEN" : "THAWED";
+      std::ofstream(folder + "/freezer.state") << state << std::flush;
+      answer = WaitFor(folder, state);
+    }
+    std::ofstream(folder + "/freezer.state") << "THAWED" << std::flush;
+    const Deadline deadline(kLong);
+    while (rmdir(folder.c_str()) != 0 && errno == EBUSY && !deadline.over()) usleep(10000);
+  }
+  bool Ask(pid_t pid) {
+    return write(asks_.get(), &pid, sizeof(pid)) == sizeof(pid) && Hear();
+  }
+  bool Hear() {
+    char answer = 0;
+    return read(asks_.get(), &answer, 1) == 1 && answer == 1;
+  }
+
+  Fd asks_;
+  pid_t child_ = -1;
   bool there_ = false;
 };
 
@@ -62,10 +99,16 @@ pid_t ParentOf(pid_t pid) {
 
 class LeftoversTest : public RunnerTest {
  protected:
+  static void SetUpTestSuite() {
+    freezer_ = std::make_unique<Freezer>();  // before this process becomes what it is asked to be
+    RunnerTest::SetUpTestSuite();
+  }
+  static void TearDownTestSuite() { freezer_ = nullptr; }
+
   void SetUp() override {
     RunnerTest::SetUp();
     if (IsSkipped()) return;
-    if (geteuid() != 0 || !freezer_.there()) {
+    if (!freezer_->there()) {
       GTEST_SKIP() << "no control group of version 1 here that stops processes";
     }
     fs::copy(MYOGRADE_SOURCE_DIR "/configs", root_ + "/configs", fs::copy_options::recursive);
@@ -77,6 +120,7 @@ class LeftoversTest : public RunnerTest {
     budgets_["startup_s"] = 150;
   }
   void TearDown() override {
+    (void)freezer_->Thaw();
     unsetenv("MYOGRADE_CONFIG_DIR");
     RunnerTest::TearDown();
   }
@@ -107,45 +151,56 @@ class LeftoversTest : public RunnerTest {
     return done();
   }
 
-  // The policy's `sleep 1000`, once there is one that was not there before.
+  // Pids of the policy's sleepers, whoever's they are.
+  std::vector<int> Sleepers() const {
+    std::vector<int> found;
+    for (const int pid : ProcessesWith(seconds_)) {
+      std::ifstream file(absl::StrCat("/proc/", pid, "/cmdline"));
+      const std::string line((std::istreambuf_iterator<char>(file)), {});
+      if (line == std::string("sleep\0", 6) + seconds_ + '\0') found.push_back(pid);
+    }
+    return found;
+  }
+
+  // One of them, once there is one that was not there before; 0 if none comes.
   pid_t AwaitSleeper(pid_t before = 0, absl::Duration limit = kLong) {
     pid_t found = 0;
     ListenUntil([&] {
-      for (const pid_t pid : ProcessesOfSlot()) {
-        std::ifstream file(absl::StrCat("/proc/", pid, "/cmdline"));
-        const std::string line((std::istreambuf_iterator<char>(file)), {});
-        if (line == std::string("sleep\0001000\0", 11) && pid != before) found = pid;
-      }
+      for (const pid_t pid : Sleepers()) found = pid != before ? pid : found;
       return found != 0;
     }, limit);
     return found;
   }
 
   // Ends with status 7 when it is told to, beside a child that stays.
-  static constexpr char kScript[] =
-      "trap 'exit 7' USR1; sleep 1000 & echo last words >&2; while :; do sleep 0.1; done";
+  std::string Script() const {
+    return absl::StrCat("trap 'exit 7' USR1; sleep ", seconds_,
+                        " & echo last words >&2; while :; do sleep 0.1; done");
+  }
 
-  Freezer freezer_;
+  inline static std::unique_ptr<Freezer> freezer_;
+  // Of this process' policies alone.
+  const std::string seconds_ = absl::StrCat(10'000'000 + getpid());
   std::unique_ptr<RunnerProcess> runner_;
   Outcomes heard_;
 };
 
 TEST_F(LeftoversTest, TheFirstCauseStaysTheVerdictAndNothingIsPlayedBesideThem) {
-  Start(ScriptOrder(kScript, 2));
+  Start(ScriptOrder(Script(), 2));
   const pid_t first = AwaitSleeper();
   ASSERT_NE(first, 0);
-  freezer_.Freeze(first);
+  ASSERT_TRUE(freezer_->Freeze(first));
   kill(ParentOf(first), SIGUSR1);
   ASSERT_TRUE(ListenUntil([&] { return heard_.episodes.size() == 1; }));
   EXPECT_EQ(heard_.episodes[0].fault.outcome, Outcome::kCrash);
   EXPECT_THAT(heard_.episodes[0].fault.detail, HasSubstr("status 7"));
   // The next run of the policy waits.
   EXPECT_EQ(AwaitSleeper(first, absl::Seconds(3)), 0);
-  EXPECT_THAT(ProcessesOfSlot(), ::testing::Contains(first));
-  freezer_.Thaw();
+  EXPECT_THAT(Sleepers(), ::testing::ElementsAre(first));
+  ASSERT_TRUE(freezer_->Thaw());
   const pid_t second = AwaitSleeper(first);
   ASSERT_NE(second, 0);
-  EXPECT_THAT(ProcessesOfSlot(), ::testing::Not(::testing::Contains(first)));
+  EXPECT_THAT(Sleepers(), ::testing::ElementsAre(second));
   kill(ParentOf(second), SIGUSR1);
   ASSERT_TRUE(ListenUntil([&] { return runner_->finished(); }));
   ASSERT_TRUE(heard_.end.has_value());
@@ -156,34 +211,55 @@ TEST_F(LeftoversTest, TheFirstCauseStaysTheVerdictAndNothingIsPlayedBesideThem) 
 }
 
 TEST_F(LeftoversTest, TheLeaseEndsWellAndItsSlotStaysTakenUntilTheyAreGone) {
-  Start(ScriptOrder(kScript));
+  Start(ScriptOrder(Script()));
   const pid_t left = AwaitSleeper();
   ASSERT_NE(left, 0);
-  freezer_.Freeze(left);
+  ASSERT_TRUE(freezer_->Freeze(left));
   kill(ParentOf(left), SIGUSR1);
   ASSERT_TRUE(ListenUntil([&] { return heard_.end.has_value(); }));
   EXPECT_TRUE(heard_.end->ok) << heard_.end->detail;
   ASSERT_EQ(heard_.episodes.size(), 1u);
   EXPECT_EQ(heard_.episodes[0].fault.outcome, Outcome::kCrash);
   EXPECT_FALSE(ListenUntil([&] { return runner_->finished(); }, absl::Seconds(3)));
-  freezer_.Thaw();
+  ASSERT_TRUE(freezer_->Thaw());
   ASSERT_TRUE(ListenUntil([&] { return runner_->finished(); }));
   ExpectNothingLeft(runner_->pid());
 }
 
 TEST_F(LeftoversTest, ARunnerThatIsToldToEndDoesNotWaitForThem) {
-  Start(ScriptOrder(kScript));
+  Start(ScriptOrder(Script()));
   const pid_t left = AwaitSleeper();
   ASSERT_NE(left, 0);
-  freezer_.Freeze(left);
+  ASSERT_TRUE(freezer_->Freeze(left));
   const absl::Duration start = SystemClock().Monotonic();
   runner_->Kill();
   EXPECT_LT(SystemClock().Monotonic() - start, absl::Seconds(30));
   EXPECT_TRUE(runner_->dead());
-  freezer_.Thaw();
+  ASSERT_TRUE(freezer_->Thaw());
   const Deadline deadline(kLong);
-  while (!ProcessesOfSlot().empty() && !deadline.over()) usleep(10000);
-  EXPECT_THAT(ProcessesOfSlot(), ::testing::IsEmpty());
+  while (!Sleepers().empty() && !deadline.over()) usleep(10000);
+  EXPECT_THAT(Sleepers(), ::testing::IsEmpty());
+}
+
+// What was found is told before anything is waited for, so it outlives the runner.
+TEST_F(LeftoversTest, TheFirstCauseStaysTheVerdictIfTheRunnerDiesBesideThem) {
+  Start(ScriptOrder(Script(), 2));
+  const pid_t left = AwaitSleeper();
+  ASSERT_NE(left, 0);
+  ASSERT_TRUE(freezer_->Freeze(left));
+  kill(ParentOf(left), SIGUSR1);
+  ASSERT_TRUE(ListenUntil([&] { return heard_.episodes.size() == 1; }));
+  kill(runner_->pid(), SIGKILL);
+  ASSERT_TRUE(ListenUntil([&] { return runner_->finished(); }));
+  EXPECT_FALSE(heard_.end.has_value());
+  ASSERT_EQ(heard_.episodes.size(), 1u);
+  EXPECT_EQ(heard_.episodes[0].fault.outcome, Outcome::kCrash);
+  EXPECT_THAT(heard_.episodes[0].fault.detail, HasSubstr("status 7"));
+  EXPECT_THAT(Sleepers(), ::testing::ElementsAre(left));
+  ASSERT_TRUE(freezer_->Thaw());
+  const Deadline deadline(kLong);
+  while (!Sleepers().empty() && !deadline.over()) usleep(10000);
+  EXPECT_THAT(Sleepers(), ::testing::IsEmpty()) << "they had had their SIGKILL";
 }
 
 using LostTimeTest = RunnerTest;

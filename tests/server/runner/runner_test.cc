@@ -54,6 +54,32 @@ TEST_F(RunnerTest, PolicyThatIsNotExecutable) {
   EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
 }
 
+// The dynamic loader tells of the first library that it does not find.
+TEST_F(RunnerTest, PolicyWithoutItsLibraryIsToldWhatIsMissingAndWhereItBelongs) {
+  std::ifstream shell("/bin/sh", std::ios::binary);
+  std::string program((std::istreambuf_iterator<char>(shell)), {});
+  const std::string known("libc.so.6\0", 10);
+  const std::string unknown("libq.so.6\0", 10);
+  ASSERT_NE(program.find(known), std::string::npos) << "this host's shell is linked in another way";
+  for (size_t at; (at = program.find(known)) != std::string::npos;) {
+    program.replace(at, known.size(), unknown);
+  }
+  LeaseOrder order = ScriptOrder("exec ./program");
+  std::ofstream(root_ + "/policy/program", std::ios::binary) << program;
+  fs::permissions(root_ + "/policy/program", fs::perms(0755));
+  for (const char* command : {"./program", "./run"}) {
+    order.command = {command};
+    const Outcomes outcomes = Play(order);
+    ASSERT_EQ(outcomes.episodes.size(), 1u) << outcomes.end->detail;
+    const FaultEvidence& fault = outcomes.episodes[0].fault;
+    EXPECT_EQ(fault.outcome, Outcome::kCrash) << fault.detail;
+    EXPECT_THAT(fault.detail, HasSubstr("./program: error while loading shared libraries"));
+    EXPECT_THAT(fault.detail,
+                HasSubstr("the sandbox does not have libq.so.6: put it into the submission, and its "
+                          "folder (as /policy/lib) into LD_LIBRARY_PATH"));
+  }
+}
+
 TEST_F(RunnerTest, FloodOfOutputIsCutAndNotedAndSpoilsNoRecord) {
   budgets_["output_bytes"] = 65536;
   const Outcomes outcomes = Play(ScriptOrder("head -c 3000000 /dev/urandom; echo END; exit 3"));

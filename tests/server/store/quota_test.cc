@@ -1,6 +1,7 @@
 // Quotas: what is charged, given back and refused; what one artefact may have; marks.
 #include "server/store/quota.h"
 
+#include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 
 #include "tests/server/store/store_fixture.h"
@@ -222,6 +223,17 @@ TEST_F(QuotaTest, ADamagedAccountIsNamedAndStopsNoDay) {
     EXPECT_EQ(ledger.damaged[0].table, "ledger");
     EXPECT_EQ(ledger.damaged[0].key, "1");
   });
+}
+
+TEST_F(QuotaTest, AnAmountOutsideItsRangeCountsForNothing) {
+  Grant(Budget::kOfficial, kMostUnits);
+  EXPECT_EQ(Use().total_of(Budget::kOfficial).granted, kMostUnits);
+  for (const int64_t amount : {int64_t{-5}, int64_t{0}, kMostUnits + 1}) {
+    ASSERT_EQ(SqlError(absl::StrCat("DROP TRIGGER IF EXISTS ledger_fixed; "
+                                    "PRAGMA ignore_check_constraints = ON; "
+                                    "UPDATE ledger SET amount = ", amount)), "");
+    EXPECT_EQ(Use().total_of(Budget::kOfficial).granted, 0) << amount;
+  }
 }
 
 TEST_F(QuotaTest, CancellingIsNoWayToASecondTry) {

@@ -3,6 +3,7 @@
 
 #include <fstream>
 
+#include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 
 #include "protocol/sha256.h"
@@ -129,6 +130,28 @@ TEST_F(TransferTest, OtherSchemasFilledStoresAndRowsThatDoNotFitAreRefused) {
   ASSERT_TRUE(Import(text, "g.db").ok());
   EXPECT_THAT(refusal(text, "g.db"), HasSubstr("has rows already"));
   EXPECT_EQ(Export(dir_ + "/g.db"), text);
+}
+
+// Files are found by these hashes, so none may be a path.
+TEST_F(TransferTest, HashesThatAreNoneAreRefused) {
+  Fill();
+  const std::string text = Export(path_);
+  const std::string good = "\"" + std::string(64, 'a') + "\"";
+  const std::string digits(64, 'a');
+  for (const std::string& bad :
+       {"\"" + digits.substr(1) + "\"", "\"" + digits + "a\"", "\"" + digits.substr(1) + "g\"",
+        "\"" + std::string(64, 'A') + "\"", "\"" + digits.substr(1) + "/\"",
+        std::string("\"../../../etc\""), std::string("\"\""), std::string("7"),
+        std::string("null")}) {
+    for (const char* column : {"artefact", "hash"}) {
+      const std::string key = absl::StrCat("\"", column, "\":");
+      const absl::Status status = Import(Sealed(text, key + good, key + bad), "a.db");
+      EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+      EXPECT_THAT(status.message(), HasSubstr(absl::StrCat("\"", column, "\" not 64 lower-case")))
+          << bad;
+    }
+  }
+  EXPECT_TRUE(Import(text, "a.db").ok()) << "what was refused left nothing";
 }
 
 TEST_F(TransferTest, ABackupIsOneStateWhileOthersWrite) {
