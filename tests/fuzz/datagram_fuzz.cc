@@ -8,7 +8,7 @@
 using namespace myograde;
 using fuzz::Require;
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(datagram)(const uint8_t* data, size_t size) {
   const auto bytes = std::as_bytes(std::span<const uint8_t>(data, size));
   const std::optional<Datagram> datagram = ParseDatagram(bytes);
   if (!datagram) return 0;

@@ -81,7 +81,7 @@ void CheckGiveUp(const Payload& payload) {
 
 // The first byte: bits 0-1 the message, bit 2 whether the fingerprint is put in
 // front of the rest, bits 3-7 the size of action that is asked for.
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(decode)(const uint8_t* data, size_t size) {
   fuzz::Input input(data, size);
   const uint8_t choice = input.Byte();
   const auto rest = input.Rest();

@@ -140,7 +140,7 @@ void CheckLog(std::string_view bytes) {
 }  // namespace
 
 // The first byte: whether the rest is a file or a recipe.
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(episode_log)(const uint8_t* data, size_t size) {
   fuzz::Input input(data, size);
   const uint8_t choice = input.Byte();
   if ((choice & 1) != 0) {

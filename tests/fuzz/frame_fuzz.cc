@@ -82,7 +82,7 @@ void CheckAs(FrameType type, std::span<const std::byte> body) {
 }  // namespace
 
 // The first byte chooses: raw bytes, or the body of a frame of one type.
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(frame)(const uint8_t* data, size_t size) {
   fuzz::Input input(data, size);
   const uint8_t kind = input.Byte();
   const auto rest = input.Rest();

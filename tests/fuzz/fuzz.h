@@ -1,6 +1,9 @@
-// What the fuzz targets share. A target is one file with LLVMFuzzerTestOneInput:
-// libFuzzer feeds it mutations (preset `fuzz`), replay_main.cc the files of its
-// corpus (every other build).
+// What the fuzz targets share. A target is one file with a function of its name:
+//
+//   MYOGRADE_FUZZ_TARGET(frame)(const uint8_t* data, size_t size) { ...; return 0; }
+//
+// libFuzzer feeds it mutations in a program of its own (preset `fuzz`); in every other build
+// replay_main.cc feeds all targets the files of their corpora.
 #pragma once
 
 #include <algorithm>
@@ -10,6 +13,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <span>
 #include <string>
 #include <string_view>
@@ -97,6 +101,23 @@ inline void WriteFile(const std::string& path, std::string_view content) {
   Require(file.good(), "a temporary file can be written");
 }
 
+using Target = int (*)(const uint8_t* data, size_t size);
+
+// The targets that are linked in, by name.
+inline std::map<std::string, Target>& Targets() {
+  static std::map<std::string, Target> targets;
+  return targets;
+}
+
 }  // namespace myograde::fuzz
 
+#if defined(MYOGRADE_FUZZ_REPLAY)
+#define MYOGRADE_FUZZ_TARGET(name)                                                        \
+  static int Fuzz_##name(const uint8_t* data, size_t size);                               \
+  [[maybe_unused]] static const bool fuzz_##name##_listed =                               \
+      ::myograde::fuzz::Targets().emplace(#name, Fuzz_##name).second;                     \
+  static int Fuzz_##name
+#else
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);
+#define MYOGRADE_FUZZ_TARGET(name) extern "C" int LLVMFuzzerTestOneInput
+#endif

@@ -116,7 +116,7 @@ class World {
 
 }  // namespace
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(http)(const uint8_t* data, size_t size) {
   static const World world;
   const std::string answer = world.Talk({reinterpret_cast<const char*>(data), size});
   Require(answer.empty() || answer.starts_with("HTTP/1.1 "), "an answer is one of HTTP");

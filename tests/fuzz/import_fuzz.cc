@@ -175,7 +175,7 @@ std::string Import(const std::string& path, const ExportInfo& info) {
 }  // namespace
 
 // The first byte: whether the rest is a file or changes of one.
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {
   fuzz::Input input(data, size);
   const bool changes = (input.Byte() & 1) != 0;
   const std::string path = TempFolder() / "import.json";

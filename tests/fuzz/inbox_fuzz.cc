@@ -69,11 +69,11 @@ class Conversation {
   }
 
   void Take(const Packet& packet) {
-    const Verdict verdict = inbox_.Take(packet);
-    Require(!faulted_ || verdict == Verdict::kDropped, "after a fault nothing is taken");
+    const bridge::Verdict verdict = inbox_.Take(packet);
+    Require(!faulted_ || verdict == bridge::Verdict::kDropped, "after a fault nothing is taken");
     ++messages_;
-    if (verdict == Verdict::kFrame || verdict == Verdict::kFault) Check(verdict);
-    if (verdict == Verdict::kFault) faulted_ = true;
+    if (verdict == bridge::Verdict::kFrame || verdict == bridge::Verdict::kFault) Check(verdict);
+    if (verdict == bridge::Verdict::kFault) faulted_ = true;
     // Every message but the answer uses up one of the allowances.
     Require(faulted_ || messages_ <= 1 + kLimits.stray_messages + kLimits.wrong_answers + 1 +
                                          again_,
@@ -81,12 +81,12 @@ class Conversation {
   }
 
  private:
-  void Check(Verdict verdict) {
+  void Check(bridge::Verdict verdict) {
     const auto frame = ParseBridgeFrame(inbox_.frame());
     Require(frame.ok(), "the simulator takes the frame");
-    Require(std::holds_alternative<FaultFrame>(*frame) == (verdict == Verdict::kFault),
+    Require(std::holds_alternative<FaultFrame>(*frame) == (verdict == bridge::Verdict::kFault),
             "a fault is told as a fault");
-    if (verdict == Verdict::kFault) return;
+    if (verdict == bridge::Verdict::kFault) return;
     if (std::holds_alternative<HelloFrame>(*frame)) {
       Require(!greeted_, "there is one hello");
       greeted_ = true;
@@ -123,7 +123,7 @@ class Conversation {
 
 }  // namespace
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(inbox)(const uint8_t* data, size_t size) {
   fuzz::Input input(data, size);
   const auto conversation = std::make_unique<Conversation>();
   while (!input.empty()) {

@@ -29,7 +29,7 @@ const nlohmann::json& GoodOrder() {
 
 }  // namespace
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(lease_order)(const uint8_t* data, size_t size) {
   const auto json = ParseJson({reinterpret_cast<const char*>(data), size}, "order");
   if (!json.ok()) return 0;
   nlohmann::json patched = GoodOrder();

@@ -30,7 +30,7 @@ const fuzz::Folder& Submission() {
 
 }  // namespace
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(manifest)(const uint8_t* data, size_t size) {
   fuzz::WriteFile(Submission() / "policy.json", {reinterpret_cast<const char*>(data), size});
   const auto manifest = server::ReadManifest(Submission().path().string());
   if (!manifest.ok()) {

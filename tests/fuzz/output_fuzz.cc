@@ -21,7 +21,7 @@ void CheckHarmless(const std::string& text) {
 }  // namespace
 
 // The first byte is the size of the pieces in which the rest arrives.
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(output)(const uint8_t* data, size_t size) {
   myograde::fuzz::Input input(data, size);
   const size_t piece = input.Byte() + size_t{1};
   const std::string all = input.RestText();

@@ -46,7 +46,7 @@ void Check(const std::string& text, bool may_be_signed) {
 }  // namespace
 
 // The first byte: a file, or the part of one that is signed, which is signed here.
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(receipt)(const uint8_t* data, size_t size) {
   fuzz::Input input(data, size);
   const bool whole = (input.Byte() & 1) == 0;
   const std::string text = input.RestText();

@@ -5,7 +5,7 @@
 
 using namespace myograde;
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(record)(const uint8_t* data, size_t size) {
   const std::string_view line(reinterpret_cast<const char*>(data), size);
   const absl::StatusOr<LeaseRecord> record = LeaseRecordFromLine(line);
   if (!record.ok()) {

@@ -1,7 +1,8 @@
 // Runs a fuzz target over files, where there is no libFuzzer:
-//   fuzz_TARGET FILE|FOLDER ...
+//   fuzz_replay TARGET FILE|FOLDER ...
 // A broken property or a sanitizer's finding ends the process; the last file
 // named on standard error is the one that did it.
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -17,7 +18,7 @@ namespace fs = std::filesystem;
 
 std::vector<std::string> FilesOf(int argc, char** argv) {
   std::vector<std::string> files;
-  for (int i = 1; i < argc; ++i) {
+  for (int i = 2; i < argc; ++i) {
     if (!fs::is_directory(argv[i])) {
       files.emplace_back(argv[i]);
       continue;
@@ -31,21 +32,26 @@ std::vector<std::string> FilesOf(int argc, char** argv) {
 }
 
 // The whole input and, of a short one, everything that is cut off somewhere.
-void Replay(const std::string& bytes) {
+void Replay(myograde::fuzz::Target target, const std::string& bytes) {
   constexpr size_t kCutUpTo = 64;
   const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());
-  LLVMFuzzerTestOneInput(data, bytes.size());
+  target(data, bytes.size());
   for (size_t size = 0; size < bytes.size() && bytes.size() <= kCutUpTo; ++size) {
-    LLVMFuzzerTestOneInput(data, size);
+    target(data, size);
   }
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  const auto& targets = myograde::fuzz::Targets();
+  const auto target = targets.find(argc > 1 ? argv[1] : "");
   const std::vector<std::string> files = FilesOf(argc, argv);
-  if (files.empty()) {
-    std::fprintf(stderr, "usage: %s FILE|FOLDER ...  (no file found)\n", argv[0]);
+  if (target == targets.end() || files.empty()) {
+    std::fprintf(stderr, "usage: %s TARGET FILE|FOLDER ...  (%s)\ntargets:", argv[0],
+                 target == targets.end() ? "no such target" : "no file found");
+    for (const auto& [name, unused] : targets) std::fprintf(stderr, " %s", name.c_str());
+    std::fprintf(stderr, "\n");
     return 2;
   }
   for (const std::string& path : files) {
@@ -55,7 +61,7 @@ int main(int argc, char** argv) {
       return 2;
     }
     std::fprintf(stderr, "%s\n", path.c_str());
-    Replay({std::istreambuf_iterator<char>(file), {}});
+    Replay(target->second, {std::istreambuf_iterator<char>(file), {}});
   }
   std::fprintf(stderr, "%zu files, nothing broken\n", files.size());
   return 0;

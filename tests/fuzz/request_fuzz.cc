@@ -62,7 +62,7 @@ void CheckFilter(const std::string& query) {
 }  // namespace
 
 // The first byte chooses the kind of request.
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(request)(const uint8_t* data, size_t size) {
   fuzz::Input input(data, size);
   const uint8_t kind = input.Byte();
   const std::string text = input.RestText();

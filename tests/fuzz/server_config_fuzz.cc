@@ -67,7 +67,7 @@ void CheckSandboxes() {
 }  // namespace
 
 // The first byte chooses the file, and whether the input is a patch or a whole.
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(server_config)(const uint8_t* data, size_t size) {
   fuzz::Input input(data, size);
   const uint8_t choice = input.Byte();
   const std::string text = input.RestText();

@@ -13,7 +13,7 @@ using fuzz::Require;
 
 namespace {
 
-const std::pair<Fd, Fd>& Channel() {
+const std::pair<Fd, Fd>& SocketPair() {
   static const std::pair<Fd, Fd> ends = [] {
     int fds[2] = {-1, -1};
     Require(socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, fds) == 0, "there are sockets");
@@ -24,8 +24,8 @@ const std::pair<Fd, Fd>& Channel() {
 
 }  // namespace
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-  const auto& [here, there] = Channel();
+MYOGRADE_FUZZ_TARGET(sim_message)(const uint8_t* data, size_t size) {
+  const auto& [here, there] = SocketPair();
   // An empty packet can't be told from the channel's end.
   if (size == 0 || send(here.get(), data, size, MSG_DONTWAIT) != static_cast<ssize_t>(size)) return 0;
   const absl::StatusOr<SimMessage> message = ReceiveSimMessage(there.get(), absl::Seconds(10));

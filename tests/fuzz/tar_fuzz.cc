@@ -18,7 +18,7 @@ constexpr std::string_view kTypes = "0125KLxgS34670V";
 
 }  // namespace
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+MYOGRADE_FUZZ_TARGET(tar)(const uint8_t* data, size_t size) {
   static const myograde::fuzz::Folder folder;
   Input input(data, size);
   std::string tar;

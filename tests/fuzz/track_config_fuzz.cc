@@ -26,7 +26,7 @@ void DropComments(nlohmann::json& value) {
 }
 
 // A folder with the shipped configs, into which the input goes as fuzzed.json.
-const fuzz::Folder& Tracks() {
+const fuzz::Folder& TracksFolder() {
   static const fuzz::Folder folder;
   static const bool filled = [] {
     for (const char* name : {"manipulation", "locomotion"}) {
@@ -56,9 +56,9 @@ void CheckBudgets(const Budgets& b) {
 
 }  // namespace
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-  fuzz::WriteFile(Tracks() / "fuzzed.json", {reinterpret_cast<const char*>(data), size});
-  const std::string folder = Tracks().path().string();
+MYOGRADE_FUZZ_TARGET(track_config)(const uint8_t* data, size_t size) {
+  fuzz::WriteFile(TracksFolder() / "fuzzed.json", {reinterpret_cast<const char*>(data), size});
+  const std::string folder = TracksFolder().path().string();
   const absl::StatusOr<TrackConfig> config = LoadTrackConfig(folder, "fuzzed", "");
   if (!config.ok()) {
     Require(config.status().message().size() < 20'000, "a refusal is bearable");

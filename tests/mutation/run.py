@@ -10,7 +10,9 @@ Use: run.py --build build/asan [WORD ...]   only mutants with one of the words i
 import argparse
 import concurrent.futures
 import json
+import os
 import pathlib
+import re
 import shlex
 import subprocess
 import sys
@@ -22,98 +24,107 @@ STORE, DAEMON = "server/store/", "server/daemon/"
 # Test program, what of it to run, file, the text, what stands in its place.
 MUTANTS = [
     # What may be removed.
-    ("removal_test", "*", STORE + "store_files.cc", "if (select.executeStep()) return false;", ""),
-    ("removal_test", "*", STORE + "store_files.cc", "e.finished_at IS NOT NULL AND ", "TRUE AND "),
-    ("removal_test", "*", STORE + "store_files.cc", "s.ranked = 0 OR ", ""),
-    ("removal_test", "*", STORE + "store_files.cc",
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc", "if (select.executeStep()) return false;", ""),
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc", "e.finished_at IS NOT NULL AND ", "TRUE AND "),
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc", "s.ranked = 0 OR ", ""),
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc",
      "OR e.state IN ('failed', 'cancelled', 'grader_error')", ""),
-    ("removal_test", "*", STORE + "store_files.cc", "'failed', 'cancelled', 'grader_error')))",
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc", "'failed', 'cancelled', 'grader_error')))",
      "'done', 'failed', 'cancelled', 'grader_error')))"),
-    ("removal_test", "*", STORE + "store_files.cc", 'WHERE s.artefact = ?1 AND ", kOver',
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc", 'WHERE s.artefact = ?1 AND ", kOver',
      'WHERE s.artefact = ?1 AND NOT ", kOver'),
-    ("removal_test", "*", STORE + "store_files.cc", 'kLog, ") = ?1 AND ", kOver,\n                          " IS NOT TRUE UNION',
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc", 'kLog, ") = ?1 AND ", kOver,\n                          " IS NOT TRUE UNION',
      'kLog, ") = ?1 AND NOT ", kOver,\n                          " IS NOT TRUE UNION'),
-    ("removal_test", "*", STORE + "store_files.cc", '") IS NULL AND instr(p.facts_json, ?1) > 0',
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc", '") IS NULL AND instr(p.facts_json, ?1) > 0',
      '") IS NULL AND instr(p.facts_json, ?1) < 0'),
-    ("removal_test", "*", STORE + "store_files.cc", "if (end - begin == 64) hashes", "if (end - begin == 63) hashes"),
-    ("removal_test", "*", STORE + "store_files.cc", "  insert.exec();\n  return true;", "  return true;"),
-    ("removal_test", "*", STORE + "store_files.cc", 'upload || kind == "artefact"',
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc", "if (end - begin == 64) hashes", "if (end - begin == 63) hashes"),
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc", "  insert.exec();\n  return true;", "  return true;"),
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc", 'upload || kind == "artefact"',
      'upload || kind != "artefact"'),
-    ("uploads_test", "*", STORE + "store_files.cc",
+    ("store_test", "UploadsTest.*:RerunsTest.*", STORE + "store_files.cc",
      "if (taken.exec() == 0 && upload) return false;", "taken.exec();"),
-    ("uploads_test", "*", STORE + "store_files.cc",
+    ("store_test", "UploadsTest.*:RerunsTest.*", STORE + "store_files.cc",
      "if (taken.exec() == 0 && upload) return false;", "if (upload) return false;"),
-    ("retention_test", "*", DAEMON + "retention.cc", "if (file.needed) continue;", ""),
-    ("retention_test", "*", DAEMON + "retention.cc", "if (unused > age)", "if (unused > age * 100)"),
-    ("retention_test", "*", DAEMON + "retention.cc", "else if (sum > bytes)", "else if (false)"),
-    ("retention_test", "*", DAEMON + "retention.cc", "    sum -= file.bytes;\n", ""),
-    ("retention_test", "*", DAEMON + "retention.cc", "needed.contains(file.name) || ", ""),
-    ("retention_test", "*", DAEMON + "retention.cc", " || file.last_use > old", ""),
-    ("retention_test", "*", DAEMON + "retention.cc",
+    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "if (file.needed) continue;", ""),
+    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "if (unused > age)", "if (unused > age * 100)"),
+    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "else if (sum > bytes)", "else if (false)"),
+    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "    sum -= file.bytes;\n", ""),
+    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "needed.contains(file.name) || ", ""),
+    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", " || file.last_use > old", ""),
+    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc",
      "file.last_use = std::max(file.last_use, ChangedAt(file.path));", ""),
-    ("retention_test", "*", DAEMON + "retention.cc",
+    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc",
      "if (name.size() <= kHashDigits || name[kHashDigits] != '.') continue;", ""),
-    ("retention_test", "*", DAEMON + "retention.cc", "logs = WithNeeded(*std::move(logs));", ""),
-    ("retention_test", "*", DAEMON + "retention.cc",
+    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "logs = WithNeeded(*std::move(logs));", ""),
+    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc",
      "if (*removed && rename(from.c_str(), to.c_str()) != 0", "if (rename(from.c_str(), to.c_str()) != 0"),
-    ("retention_test", "*", DAEMON + "retention.cc", "fs::remove_all(to, error);", ""),
-    ("retention_test", "*", DAEMON + "retention.cc", "if (!fs::exists(file.path, error)) continue;", ""),
+    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "fs::remove_all(to, error);", ""),
+    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "if (!fs::exists(file.path, error)) continue;", ""),
     # What is accepted.
-    ("retention_test", "*AreGone*", DAEMON + "engine_requests.cc",
+    ("daemon_unit_test", "*AreGone*", DAEMON + "engine_requests.cc",
      "HasArtefactFiles(data_dir_, submission.artefact)", "absl::OkStatus()"),
-    ("retention_test", "*AreGone*", DAEMON + "engine_requests.cc",
+    ("daemon_unit_test", "*AreGone*", DAEMON + "engine_requests.cc",
      "HasArtefactFiles(data_dir_, rerun.artefact)", "absl::OkStatus()"),
     ("store_test", "*", STORE + "admission.cc", "if (!artefact.executeStep())", "if (false)"),
-    ("quota_test", "*", STORE + "admission.cc", "if (first->has_value()) return **first;", ""),
-    ("quota_test", "*", STORE + "admission.cc", "  if (submission.ranked) {\n", "  if (true) {\n"),
-    ("quota_test", "*", STORE + "admission.cc", "e.state != 'grader_error' AND ", ""),
-    ("quota_test", "*", STORE + "admission.cc",
+    ("store_test", "QuotaTest.*", STORE + "admission.cc", "if (first->has_value()) return **first;", ""),
+    ("store_test", "QuotaTest.*", STORE + "admission.cc", "  if (submission.ranked) {\n", "  if (true) {\n"),
+    ("store_test", "QuotaTest.*", STORE + "admission.cc", "e.state != 'grader_error' AND ", ""),
+    ("store_test", "QuotaTest.*", STORE + "admission.cc",
      "(e.state != 'cancelled' OR EXISTS (SELECT 1 FROM episode WHERE evaluation = e.id)) ", "TRUE "),
-    ("quota_test", "*", STORE + "admission.cc",
+    ("store_test", "QuotaTest.*", STORE + "admission.cc",
      "e.state != 'cancelled' OR EXISTS (SELECT 1 FROM episode WHERE evaluation = e.id)",
      "e.state != 'cancelled'"),
-    ("quota_test", "*", STORE + "admission.cc", "AND s.ranked = 1 AND", "AND"),
-    ("quota_test", "*", STORE + "admission.cc", "AND s.config = ? AND", "AND ? != '' AND"),
-    ("quota_test", "*", STORE + "admission.cc",
+    ("store_test", "QuotaTest.*", STORE + "admission.cc", "AND s.ranked = 1 AND", "AND"),
+    ("store_test", "QuotaTest.*", STORE + "admission.cc", "AND s.config = ? AND", "AND ? != '' AND"),
+    ("store_test", "QuotaTest.*", STORE + "admission.cc",
      "if (!rules.one_for_everyone) return std::optional<Accepted>();", ""),
-    ("quota_test", "*", STORE + "admission.cc",
+    ("store_test", "QuotaTest.*", STORE + "admission.cc",
      "if (!any.executeStep()) return std::optional<Accepted>();", "return std::optional<Accepted>();"),
-    ("quota_test", "*", STORE + "admission.cc",
+    ("store_test", "QuotaTest.*", STORE + "admission.cc",
      "CheckQuota(use, rules.quota, budget, submission.team, submission.track)", "absl::OkStatus()"),
-    ("quota_test", "*", STORE + "admission.cc",
+    ("store_test", "QuotaTest.*", STORE + "admission.cc",
      "if (absl::Status status = AddContent(db_, submission, now_ms_); !status.ok()) return status;",
      "(void)AddContent(db_, submission, now_ms_);"),
-    ("quota_test", "*", STORE + "quota.cc", "if (use.waiting >= limits.waiting)", "if (false)"),
-    ("quota_test", "*", STORE + "quota.cc", "use.waiting >= limits.waiting", "use.waiting > limits.waiting"),
-    ("quota_test", "*", STORE + "quota.cc", "sum.left(allowance.total) < 1", "sum.left(allowance.total) < 0"),
-    ("quota_test", "*", STORE + "quota.cc", "sum.left(allowance.per_day) < 1", "sum.left(allowance.per_day) < 0"),
-    ("quota_test", "*", STORE + "quota.cc", "  return CheckFailures(use, limits, team, track);\n",
+    ("store_test", "QuotaTest.*", STORE + "quota.cc", "if (use.waiting >= limits.waiting)", "if (false)"),
+    ("store_test", "QuotaTest.*", STORE + "quota.cc", "use.waiting >= limits.waiting", "use.waiting > limits.waiting"),
+    ("store_test", "QuotaTest.*", STORE + "quota.cc", "sum.left(allowance.total) < 1", "sum.left(allowance.total) < 0"),
+    ("store_test", "QuotaTest.*", STORE + "quota.cc", "sum.left(allowance.per_day) < 1", "sum.left(allowance.per_day) < 0"),
+    ("store_test", "QuotaTest.*", STORE + "quota.cc", "  return CheckFailures(use, limits, team, track);\n",
      "  return absl::OkStatus();\n"),
-    ("quota_test", "*", STORE + "quota.cc", "std::max(select.getColumn(0).getInt64(), now_ms / kDayMs)",
+    ("store_test", "QuotaTest.*", STORE + "quota.cc", "std::max(select.getColumn(0).getInt64(), now_ms / kDayMs)",
      "now_ms / kDayMs"),
-    ("quota_test", "*", STORE + "quota.cc", "sum.charged -= amount;", ";"),
-    ("quota_test", "*", STORE + "quota.cc", "use.total[Index(*budget)].open += 1;", ""),
-    ("quota_test", "*", STORE + "quota.cc", "if (!budget || select.getColumn(3).getInt() != 0) continue;",
+    ("store_test", "QuotaTest.*", STORE + "quota.cc", "sum.charged -= amount;", ";"),
+    ("store_test", "QuotaTest.*", STORE + "quota.cc", "use.total[Index(*budget)].open += 1;", ""),
+    ("store_test", "QuotaTest.*", STORE + "quota.cc", "if (!budget || select.getColumn(3).getInt() != 0) continue;",
      "if (!budget) continue;"),
-    ("quota_test", "*", STORE + "quota.cc", "amount BETWEEN 1 AND ?", "amount < ?"),
-    ("quota_test", "*", STORE + "quota.cc", "admission WHERE day <= ?1", "admission WHERE day != ?1"),
+    ("store_test", "QuotaTest.*", STORE + "quota.cc", "amount BETWEEN 1 AND ?", "amount < ?"),
+    ("store_test", "QuotaTest.*", STORE + "quota.cc", "admission WHERE day <= ?1", "admission WHERE day != ?1"),
     # What is done with a damaged row.
-    ("damage_test", "-*ADamagedRow*", DAEMON + "engine_core.cc",
+    ("engine_test", "-*ADamagedRow*", DAEMON + "engine_core.cc",
      "if (!status.ok()) GiveUpUnreadable(entry.evaluation, std::string(status.message()));",
      "if (!status.ok()) return status;"),
-    ("damage_test", "-*ADamagedRow*", DAEMON + "engine_recover.cc",
+    ("engine_test", "-*ADamagedRow*", DAEMON + "engine_recover.cc",
      "  if (!loaded.ok()) {\n    GiveUpUnreadable(id, std::string(loaded.status().message()));\n    return absl::OkStatus();\n  }",
      "  if (!loaded.ok()) return loaded.status();"),
-    ("damage_test", "-*ADamagedRow*", STORE + "reader.cc",
+    ("engine_test", "-*ADamagedRow*", STORE + "reader.cc",
      'if (row.ok() && Sha256Hex(text) != hash)', 'if (false)'),
-    ("damage_test", "-*ADamagedRow*", DAEMON + "engine_ends.cc", "  to_take_up_.erase(evaluation);\n", ""),
+    ("engine_test", "-*ADamagedRow*", DAEMON + "engine_ends.cc", "  to_take_up_.erase(evaluation);\n", ""),
 ]
 
 
 def commands(build):
-    """File -> its compile command; target -> its link command."""
+    """Source -> (the file that is compiled with it in it, its command); target -> its link
+    command. A build may compile many sources together, in a file that includes them."""
     compdb = json.loads(subprocess.check_output(["ninja", "-C", build, "-t", "compdb"], text=True))
-    compiles = {entry["file"]: entry["command"] for entry in compdb if " -c " in entry["command"]}
+    compiles = {}
+    for entry in compdb:
+        if " -c " not in entry["command"]:
+            continue
+        unit = pathlib.Path(build, entry["file"])
+        compiles[str(unit)] = (unit, entry["command"])
+        if "/Unity/" in str(unit):
+            for source in re.findall(r'#include "([^"]+)"', unit.read_text()):
+                compiles[source] = (unit, entry["command"])
     links = {}
     for target in {mutant[0] for mutant in MUTANTS}:
         out = subprocess.check_output(["ninja", "-C", build, "-t", "commands", "-s",
@@ -122,36 +133,52 @@ def commands(build):
     return compiles, links
 
 
+def compile_mutant(source, changed, folder, build, compiles):
+    """Makes folder/mutant.o with the changed text in place of the source; "" or what is wrong."""
+    unit, command = compiles[str(source)]
+    mutant = folder / "mutant.cc"
+    mutant.write_text(changed)
+    if unit != source:
+        together = folder / "together.cc"
+        together.write_text(unit.read_text().replace(f'"{source}"', f'"{mutant}"'))
+        mutant = together
+    words = shlex.split(command)
+    words[words.index("-c") + 1] = str(mutant)
+    words[words.index("-o") + 1] = f"{folder}/mutant.o"
+    for option in ("-MF", "-MT"):
+        if option in words:
+            words[words.index(option) + 1] = f"{folder}/mutant.d"
+    # Unused names are no mistake of a mutant's, and sanitizers look for none.
+    words += ["-O0", "-w", "-fno-sanitize=all"]
+    done = subprocess.run(words, cwd=build, capture_output=True, text=True, check=False)
+    return "" if done.returncode == 0 else done.stderr[:2000]
+
+
 def try_mutant(mutant, build, compiles, links):
     """"killed", or what is wrong."""
     target, tests, file, text, instead = mutant
-    source = (ROOT / file).read_text()
-    if source.count(text) != 1:
-        return f"the text is there {source.count(text)} times"
+    source = ROOT / file
+    if source.read_text().count(text) != 1:
+        return f"the text is there {source.read_text().count(text)} times"
     with tempfile.TemporaryDirectory() as folder:
-        changed = pathlib.Path(folder, "mutant.cc")
-        changed.write_text(source.replace(text, instead))
-        compile_words = shlex.split(compiles[str(ROOT / file)])
-        compile_words[compile_words.index("-c") + 1] = str(changed)
-        compile_words[compile_words.index("-o") + 1] = f"{folder}/mutant.o"
-        for option in ("-MF", "-MT"):
-            if option in compile_words:
-                compile_words[compile_words.index(option) + 1] = f"{folder}/mutant.d"
-        # Unused names are no mistake of a mutant's.
-        compile_words += ["-O0", "-w"]
-        done = subprocess.run(compile_words, cwd=build, capture_output=True, text=True)
-        if done.returncode:
-            return "does not compile: " + done.stderr[:2000]
+        wrong = compile_mutant(source, source.read_text().replace(text, instead),
+                               pathlib.Path(folder), build, compiles)
+        if wrong:
+            return "does not compile: " + wrong
         # An object before the archives: the archive's own is not asked for any more.
         link = links[target].replace(" -o ", f" {folder}/mutant.o -o ", 1)
         words = shlex.split(link.removeprefix(": && ").removesuffix(" && :"))
         words[words.index("-o") + 1] = f"{folder}/test"
-        done = subprocess.run(words, cwd=build, capture_output=True, text=True)
+        done = subprocess.run(words, cwd=build, capture_output=True, text=True, check=False)
         if done.returncode:
             return "does not link: " + done.stderr[:2000]
         try:
+            # The one object without a sanitizer does not mark its containers' ends.
             done = subprocess.run([f"{folder}/test", f"--gtest_filter={tests}"], cwd=folder,
-                                  capture_output=True, text=True, timeout=600)
+                                  capture_output=True, text=True, timeout=600, check=False,
+                                  env={**os.environ,
+                                       "ASAN_OPTIONS": "detect_container_overflow=0",
+                                       "RC_PARAMS": "max_success=150"})
         except subprocess.TimeoutExpired:
             return "killed"
         return "killed" if done.returncode else "SURVIVES"

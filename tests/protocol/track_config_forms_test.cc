@@ -23,7 +23,7 @@ using nlohmann::json;
 using testing::HasSubstr;
 namespace fs = std::filesystem;
 
-const char kTracks[] = MYOGRADE_SOURCE_DIR "/configs/tracks";
+const char kShippedTracks[] = MYOGRADE_SOURCE_DIR "/configs/tracks";
 
 std::string FolderOf(int64_t form) {
   return absl::StrCat(MYOGRADE_SOURCE_DIR "/tests/protocol/forms/", form);
@@ -117,7 +117,7 @@ TEST_P(EarlierForms, MayExtendTodaysFiles) {
   const std::string dir = absl::StrCat(testing::TempDir(), "/forms-extended-", GetParam());
   fs::remove_all(dir);
   fs::create_directories(dir);
-  fs::copy(absl::StrCat(kTracks, "/manipulation.json"), dir);
+  fs::copy(absl::StrCat(kShippedTracks, "/manipulation.json"), dir);
   fs::copy(FolderOf(GetParam()) + "/tracks/demo-manipulation.json", dir);
   const auto config = LoadTrackConfig(dir, "demo-manipulation", "");
   ASSERT_TRUE(config.ok()) << config.status();
@@ -135,7 +135,7 @@ TEST(TrackConfigForms, AChainOfFilesIsOfOneForm) {
   const auto write = [&](const char* name, const char* text) {
     std::ofstream(absl::StrCat(dir, "/", name, ".json")) << text;
   };
-  fs::copy(absl::StrCat(kTracks, "/manipulation.json"), dir);
+  fs::copy(absl::StrCat(kShippedTracks, "/manipulation.json"), dir);
   fs::copy(FolderOf(1) + "/tracks/locomotion.json", dir);
   write("older", R"({"extends": "manipulation", "form": 1})");
   write("newer", R"({"extends": "locomotion", "form": 2})");

@@ -11,17 +11,17 @@
 namespace myograde {
 namespace {
 
-const char kTracks[] = MYOGRADE_SOURCE_DIR "/configs/tracks";
+const char kTrackFolder[] = MYOGRADE_SOURCE_DIR "/configs/tracks";
 
 TEST(TrackConfig, EveryShippedConfigParsesInEveryProfile) {
-  const auto tracks = ListTracks(kTracks);
+  const auto tracks = ListTracks(kTrackFolder);
   ASSERT_TRUE(tracks.ok()) << tracks.status();
   EXPECT_GE(tracks->size(), 4u);
   for (const std::string& track : *tracks) {
-    const auto profiles = ListProfiles(kTracks, track);
+    const auto profiles = ListProfiles(kTrackFolder, track);
     ASSERT_TRUE(profiles.ok()) << profiles.status();
     for (const std::string& profile : *profiles) {
-      const auto config = LoadTrackConfig(kTracks, track, profile);
+      const auto config = LoadTrackConfig(kTrackFolder, track, profile);
       ASSERT_TRUE(config.ok()) << config.status();
       const bool arm = config->kind == TrackKind::kManipulation;
       const absl::Status rules = arm ? ParseManipulationRules(config->rules, track).status()
@@ -35,7 +35,7 @@ TEST(TrackConfig, EveryShippedConfigParsesInEveryProfile) {
 }
 
 TEST(TrackConfig, RefusesBadLimitsUnknownKeysAndNames) {
-  const auto good = LoadTrackConfig(kTracks, "manipulation", "");
+  const auto good = LoadTrackConfig(kTrackFolder, "manipulation", "");
   ASSERT_TRUE(good.ok()) << good.status();
   EXPECT_EQ(good->profile, "paper");
   for (const char* limit : {"step_s", "memory_bytes", "restarts"}) {
@@ -48,8 +48,8 @@ TEST(TrackConfig, RefusesBadLimitsUnknownKeysAndNames) {
   nlohmann::json unknown = good->effective;
   unknown["seed"] = 1;
   EXPECT_FALSE(ParseTrackConfig(unknown, "test").ok());
-  EXPECT_FALSE(LoadTrackConfig(kTracks, "../tracks/manipulation", "").ok());
-  EXPECT_FALSE(LoadTrackConfig(kTracks, "manipulation", "none").ok());
+  EXPECT_FALSE(LoadTrackConfig(kTrackFolder, "../tracks/manipulation", "").ok());
+  EXPECT_FALSE(LoadTrackConfig(kTrackFolder, "manipulation", "none").ok());
 }
 
 TEST(Seeds, AreWholeNumbersWithoutRepetition) {

@@ -18,14 +18,14 @@ namespace {
 using nlohmann::json;
 using testing::HasSubstr;
 
-const char kTracks[] = MYOGRADE_SOURCE_DIR "/configs/tracks";
+const char kTrackFiles[] = MYOGRADE_SOURCE_DIR "/configs/tracks";
 
 class TrackFiles : public testing::Test {
  protected:
   TrackFiles() {
     std::filesystem::remove_all(dir_);
     std::filesystem::create_directory(dir_);
-    std::filesystem::copy(std::string(kTracks) + "/manipulation.json", dir_);
+    std::filesystem::copy(std::string(kTrackFiles) + "/manipulation.json", dir_);
   }
   ~TrackFiles() override { std::filesystem::remove_all(dir_); }
 
@@ -58,9 +58,9 @@ TEST_F(TrackFiles, AnExtensionChangesWhatItNamesAndNothingElse) {
 
 // What was published of the leg's track belongs to the name as-graded; it is what the code does.
 TEST(ShippedTracks, AsGradedOfTheLegIsMyosuiteUnderThatName) {
-  const auto graded = LoadTrackConfig(kTracks, "locomotion", "as-graded");
+  const auto graded = LoadTrackConfig(kTrackFiles, "locomotion", "as-graded");
   ASSERT_TRUE(graded.ok()) << graded.status();
-  json effective = LoadTrackConfig(kTracks, "locomotion", "myosuite").value().effective;
+  json effective = LoadTrackConfig(kTrackFiles, "locomotion", "myosuite").value().effective;
   EXPECT_NE(graded->effective, effective);
   effective["profile"] = "as-graded";
   EXPECT_EQ(graded->effective, effective);
@@ -128,7 +128,7 @@ json SchemaOf(const std::string& part) {
 }
 
 TEST(TrackSchema, HasTheParsersRangesOfBudgets) {
-  const auto good = LoadTrackConfig(kTracks, "manipulation", "").value();
+  const auto good = LoadTrackConfig(kTrackFiles, "manipulation", "").value();
   std::map<std::string, json> bounded;
   Bounded(SchemaOf("budgets"), "/budgets", bounded);
   EXPECT_EQ(bounded.size(), good.effective["budgets"].size());
@@ -154,7 +154,7 @@ TEST(TrackSchema, HasTheParsersRangesOfBudgets) {
 // Rules depend on each other, so only what lies outside of the schema is tried here.
 TEST(TrackSchema, RefusesNoRuleThatTheParserAccepts) {
   for (const std::string track : {"manipulation", "locomotion"}) {
-    const auto good = LoadTrackConfig(kTracks, track, "").value();
+    const auto good = LoadTrackConfig(kTrackFiles, track, "").value();
     std::map<std::string, json> bounded;
     Bounded(SchemaOf(track + "_rules"), "", bounded);
     EXPECT_GE(bounded.size(), 18u);

@@ -20,12 +20,12 @@ namespace fs = std::filesystem;
 using ::testing::AnyOf;
 using ::testing::HasSubstr;
 
-constexpr char kManifest[] = R"({"name": "walker", "command": ["./policy"]})";
+constexpr char kOwnManifest[] = R"({"name": "walker", "command": ["./policy"]})";
 // Generous for a slow host with sanitizers; an unbounded one takes minutes.
 constexpr std::chrono::seconds kSoon{30};
 
 std::string Honest() {
-  return TarEntry('0', "policy.json", kManifest) + TarEntry('0', "policy", "#!/bin/sh\n", {}, 0755);
+  return TarEntry('0', "policy.json", kOwnManifest) + TarEntry('0', "policy", "#!/bin/sh\n", {}, 0755);
 }
 std::string End() { return std::string(2 * kTarBlock, '\0'); }
 
@@ -72,7 +72,7 @@ std::string RefusalOfPacked(std::string_view bytes, Kind kind, const ArtefactLim
 
 std::string RefusalOfWritten(std::vector<Raw> entries, Kind kind, const ArtefactLimits& limits = {}) {
   const TempFolder temp;
-  entries.insert(entries.begin(), {{.path = "policy.json", .content = kManifest},
+  entries.insert(entries.begin(), {{.path = "policy.json", .content = kOwnManifest},
                                    {.path = "policy", .content = "x", .mode = AE_IFREG | 0755}});
   WriteArchive(temp / "a", entries, kind);
   return Refusal(temp, limits);
@@ -108,7 +108,7 @@ TEST(HostileArchives, BombsStopAtTheLimit) {
 
 TEST(HostileArchives, AZipThatHoldsMoreThanItSaysStopsAtTheLimit) {
   const TempFolder temp;
-  WriteArchive(temp / "a", {{.path = "policy.json", .content = kManifest},
+  WriteArchive(temp / "a", {{.path = "policy.json", .content = kOwnManifest},
                             {.path = "bomb", .content = std::string(8 << 20, '\0')}}, Kind::kZip);
   std::string bytes = ReadBytes(temp / "a");
   const std::string honest("\0\0\x80\0", 4), lie("\1\0\0\0", 4);
@@ -268,7 +268,7 @@ TEST(HostileArchives, ZipsTooKeepTheRules) {
 
 TEST(HostileArchives, DamagedZipsAreRefusedOrHarmless) {
   const TempFolder temp;
-  WriteArchive(temp / "good", {{.path = "policy.json", .content = kManifest},
+  WriteArchive(temp / "good", {{.path = "policy.json", .content = kOwnManifest},
                                {.path = "policy", .content = "x", .mode = AE_IFREG | 0755}},
                Kind::kZip);
   const std::string good = ReadBytes(temp / "good");

@@ -36,14 +36,14 @@ using ::testing::HasSubstr;
 
 const UnpackBudget kBudget = {.time = absl::Seconds(60), .memory_bytes = 256 << 20};
 
-std::string Honest() {
+std::string HonestArchive() {
   return TarEntry('0', "policy.json", R"({"name": "ü", "command": ["./policy", "a b"], "env": {"POLICY_A": "ü"}})") +
          TarEntry('0', "policy", "#!/bin/sh\n", {}, 0755);
 }
 
 TEST(UnpackProcess, AnswersAsUnpackArtefactDoes) {
   const TempFolder temp;
-  WritePacked(temp / "a", Honest() + std::string(1024, '\0'), Kind::kTarGz);
+  WritePacked(temp / "a", HonestArchive() + std::string(1024, '\0'), Kind::kTarGz);
   const auto apart = UnpackInProcess(temp / "a", temp / "out", {}, kBudget);
   ASSERT_TRUE(apart.ok()) << apart.status();
   const auto here = UnpackArtefact(temp / "a", temp / "out2", {});
@@ -138,7 +138,7 @@ TEST(ConfineUnpacking, LeavesNoFileButThoseOfItsFolder) {
 
 TEST(UnpackProcess, RefusalsArriveWithTheirSentence) {
   const TempFolder temp;
-  WritePacked(temp / "a", Honest() + TarEntry('0', "../evil", "x"), Kind::kTarGz);
+  WritePacked(temp / "a", HonestArchive() + TarEntry('0', "../evil", "x"), Kind::kTarGz);
   const auto artefact = UnpackInProcess(temp / "a", temp / "out", {}, kBudget);
   EXPECT_TRUE(absl::IsInvalidArgument(artefact.status()));
   EXPECT_THAT(artefact.status().message(), HasSubstr("\"..\" in its path"));
@@ -265,7 +265,7 @@ TEST(UnpackProcess, MemoryIsLimited) {
   // The map of a sparse file: 48 bytes of memory for each 4 bytes that pack to nothing.
   std::string map = "20000000\n";
   for (int i = 0; i < 20'000'000; ++i) map += "0\n0\n";
-  std::string tar = Honest() + PaxHeader("GNU.sparse.major", "1") +
+  std::string tar = HonestArchive() + PaxHeader("GNU.sparse.major", "1") +
                     PaxHeader("GNU.sparse.minor", "0") + PaxHeader("GNU.sparse.realsize", "1000") +
                     TarHeader('0', "holes", "", 0644, map.size());
   tar += map + TarPadding(map.size());
