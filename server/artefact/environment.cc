@@ -56,8 +56,9 @@ std::map<std::string, std::string> ReadEnvironment(ConfigReader& reader) {
                                       Known(), " (POLICY_* for names of your own)"));
     }
     if (value.size() > kMaxValueBytes || value.find('\0') != std::string::npos) {
-      reader.Fail("env", absl::StrCat("has a value of ", Quoted(name), " with a zero byte or of more "
-                                      "than ", kMaxValueBytes, " bytes"));
+      reader.Fail("env", absl::StrCat("has a value of ", Quoted(name),
+                                      " with a zero byte or of more than ", kMaxValueBytes,
+                                      " bytes"));
     }
     bytes += name.size() + value.size() + 2;
   }

@@ -233,8 +233,9 @@ LeasePlayer::Result LeasePlayer::RunSteps() {
     }
     ++step_;
     if (result.overflow) {
-      return absl::InternalError(absl::StrCat("a contact or constraint buffer was too small in step ",
-                                              step_ - 1, " of episode ", index_));
+      return absl::InternalError(
+          absl::StrCat("a contact or constraint buffer was too small in step ", step_ - 1,
+                       " of episode ", index_));
     }
     if (result.unstable) {
       FaultEvidence evidence;
