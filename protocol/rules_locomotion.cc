@@ -91,8 +91,8 @@ void ReadShapes(ConfigReader& reader, CourseRules& course) {
 // Whether a hand that holds every kind of a mixed course often enough can be dealt.
 void CheckHand(ConfigReader& reader, const CourseRules& course) {
   if (course.mixed_at_least == 0) return;
-  const auto obstacles =
-      std::ssize(course.difficulty) - std::count(course.difficulty.begin(), course.difficulty.end(), 0);
+  const auto obstacles = std::ssize(course.difficulty) -
+                         std::count(course.difficulty.begin(), course.difficulty.end(), 0);
   const auto held = course.mixed_at_least * std::ssize(course.mixed_kinds);
   if (held > obstacles) {
     reader.Fail("mixed_at_least", absl::StrCat("makes a hand of ", held, ", the course has only ",

@@ -47,6 +47,9 @@ inline constexpr int kSimLogFd = 6;      // the logs' pipe, non-blocking; if the
 // The bridge inherits its socket to the simulator as this descriptor.
 inline constexpr int kBridgeSocketFd = 3;
 
+// The simulator sends progress records no further apart, while it plays and while it waits.
+inline constexpr absl::Duration kProgressPeriod = absl::Milliseconds(500);
+
 struct CpuPage {
   std::atomic<uint64_t> cpu_ns;   // CPU time of everything in the policy's sandbox
   std::atomic<uint64_t> updates;  // counts refreshes; 0: never measured

@@ -91,7 +91,9 @@ absl::Status AllowOnly(const std::vector<std::string>& names) {
     result |= Allow(filter.get(), name, number);
   }
   result |= AllowSanitizer(filter.get());
-  if (result != 0) return absl::InternalError("libseccomp refuses a rule of the simulator's filter");
+  if (result != 0) {
+    return absl::InternalError("libseccomp refuses a rule of the simulator's filter");
+  }
   if (const int error = seccomp_load(filter.get()); error != 0) {
     return absl::InternalError(
         absl::StrCat("the kernel refuses the simulator's filter: ", strerror(-error)));

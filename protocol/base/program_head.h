@@ -20,7 +20,8 @@ struct ProgramHead {
 };
 
 // Reads at most a few kilobytes of the file `fd`, wherever its offset is. Anybody may have written
-// the file: nothing in it is believed beyond these strings. Never fails; what can't be read is text.
+// the file: nothing in it is believed beyond these strings. Never fails; what can't be read is
+// text.
 ProgramHead ReadProgramHead(int fd);
 
 }  // namespace myograde

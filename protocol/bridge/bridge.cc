@@ -283,9 +283,10 @@ absl::Status Bridge::ReapChildren() {
   if (absl::Status status = HearBus(kDatagramsAfterExit); !status.ok() || faulted_) {
     return status;
   }
-  const std::string how = WIFSIGNALED(policy_status)
-                              ? absl::StrCat("was ended by SIG", SignalName(WTERMSIG(policy_status)))
-                              : absl::StrCat("exited with status ", WEXITSTATUS(policy_status));
+  const std::string how =
+      WIFSIGNALED(policy_status)
+          ? absl::StrCat("was ended by SIG", SignalName(WTERMSIG(policy_status)))
+          : absl::StrCat("exited with status ", WEXITSTATUS(policy_status));
   return TellFault(MakeFault(BridgeFault::kPolicyExit, policy_status,
                              absl::StrCat("the policy's process ", how)));
 }

@@ -14,8 +14,8 @@ namespace myograde::bridge {
 // How a bridge serves.
 struct BridgeOptions {
   InboxLimits limits;
-  // How long a policy may still be about its end after the simulator hung up: it is asked by SIGTERM,
-  // and then left so much time at the most. Zero: none.
+  // How long a policy may still be about its end after the simulator hung up: it is asked by
+  // SIGTERM, and then left so much time at the most. Zero: none.
   absl::Duration farewell;
 };
 

@@ -1,6 +1,7 @@
 // myograde-bridge: process 1 of a participant's sandbox. See bridge.h.
 //
-//   myograde-bridge --stray N --wrong N [--farewell MS] [--env NAME=VALUE]... -- COMMAND ARGUMENTS...
+//   myograde-bridge --stray N --wrong N [--farewell MS] [--env NAME=VALUE]... --
+//                   COMMAND ARGUMENTS...
 //
 // Exit status: 0 the simulator hung up, 2 wrong use, 70 the sandbox can't be
 // used (no bus, no process).

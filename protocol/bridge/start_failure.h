@@ -5,8 +5,8 @@
 
 namespace myograde::bridge {
 
-// Where execvp(3) finds a program: `word` itself if it has a slash, else the first file of that name
-// on the PATH; "" if there is none.
+// Where execvp(3) finds a program: `word` itself if it has a slash, else the first file of that
+// name on the PATH; "" if there is none.
 std::string FindProgram(const std::string& word);
 
 // True for a program of another processor, which must not be handed to a shell as a script.

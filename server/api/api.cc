@@ -215,8 +215,8 @@ Api::Result Api::Submit(const Request&, const Json& body) {
       artefact->files > config.budgets.submission_files) {
     return ApiError{400, "bad_artefact",
                     absl::StrCat("the artefact has ", artefact->bytes, " bytes in ",
-                                 Counted(artefact->files, "file"), "; track \"", config.id, "\" allows ",
-                                 config.budgets.submission_bytes, " bytes and ",
+                                 Counted(artefact->files, "file"), "; track \"", config.id,
+                                 "\" allows ", config.budgets.submission_bytes, " bytes and ",
                                  config.budgets.submission_files, " files")};
   }
   for (const std::string& runtime : artefact->runtimes) {

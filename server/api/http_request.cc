@@ -171,7 +171,8 @@ size_t HeadScanner::Scan(std::string_view bytes) {
     const char c = bytes[seen_];
     const bool after_return = seen_ > begin_ && bytes[seen_ - 1] == '\r';
     if ((c == '\n') != after_return) {
-      error_ = Bad("every line of a request's head ends in CR and LF, and neither stands elsewhere");
+      error_ =
+          Bad("every line of a request's head ends in CR and LF, and neither stands elsewhere");
     } else if (c == '\n' && seen_ == begin_ + 1) {
       begin_ = seen_ + 1;  // an empty line before the request, as an end of an earlier one
     } else if (c == '\n' && seen_ >= begin_ + 3 && bytes[seen_ - 2] == '\n') {
@@ -248,7 +249,9 @@ BodyReader::BodyReader(const RequestHead& head, int64_t most)
   if (chunked_) return;
   left_ = head.length;
   if (left_ == 0) state_ = State::kDone;
-  if (left_ > most_) Fail(413, "too_large", absl::StrCat("the body is larger than ", most_, " bytes"));
+  if (left_ > most_) {
+    Fail(413, "too_large", absl::StrCat("the body is larger than ", most_, " bytes"));
+  }
 }
 
 void BodyReader::Fail(int http, const char* code, std::string message) {
@@ -280,10 +283,11 @@ std::optional<std::string> BodyReader::TakeLine(std::string_view bytes, size_t& 
 void BodyReader::ReadSizeLine(const std::string& line) {
   const std::string digits(Stripped(std::string_view(line).substr(0, line.find(';'))));
   uint64_t size = 0;
-  const bool good = !digits.empty() && digits.size() <= 15 &&
-                    std::all_of(digits.begin(), digits.end(),
-                                [](char c) { return absl::ascii_isxdigit(static_cast<unsigned char>(c)); }) &&
-                    absl::SimpleHexAtoi(digits, &size);
+  const bool good =
+      !digits.empty() && digits.size() <= 15 &&
+      std::all_of(digits.begin(), digits.end(),
+                  [](char c) { return absl::ascii_isxdigit(static_cast<unsigned char>(c)); }) &&
+      absl::SimpleHexAtoi(digits, &size);
   if (!good) return Fail(400, "bad_request", "a chunk of the body has no size");
   left_ = static_cast<int64_t>(size);
   if (left_ > most_ - size_) {

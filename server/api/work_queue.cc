@@ -5,7 +5,8 @@
 namespace myograde::server {
 
 bool WorkQueue::Line::empty() const {
-  return busy == 0 && std::all_of(jobs.begin(), jobs.end(), [](const auto& q) { return q.empty(); });
+  return busy == 0 &&
+         std::all_of(jobs.begin(), jobs.end(), [](const auto& q) { return q.empty(); });
 }
 
 void WorkQueue::Push(Job job) {

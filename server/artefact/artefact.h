@@ -44,8 +44,8 @@ using ByteProgress = std::function<void(int64_t done, int64_t total)>;
 
 // Writes what a participant has at `path` to the file `archive` (made or
 // replaced) as a canonical tar: entries sorted, no owners, modes 0755 or 0644,
-// times of files in whole seconds and no others. `path` is a folder with policy.json at its top, a single executable
-// file (a manifest that runs it is added), or an archive (.tar, .tar.gz, .tgz,
+// times of files in whole seconds and no others. `path` is a folder with policy.json at its top, a
+// single executable file (a manifest that runs it is added), or an archive (.tar, .tar.gz, .tgz,
 // .tar.zst, .zip). The same rules hold as in UnpackArtefact, so most mistakes
 // are told before anything is sent. InvalidArgumentError: `path` breaks a rule
 // (NotFoundError: isn't there); other codes: this host is in trouble.

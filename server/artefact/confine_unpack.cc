@@ -127,7 +127,9 @@ absl::Status LoadFilter() {
     result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, 0);
   }
 #endif
-  if (result != 0) return absl::InternalError("libseccomp refuses a rule of the unpacking's filter");
+  if (result != 0) {
+    return absl::InternalError("libseccomp refuses a rule of the unpacking's filter");
+  }
   if (const int error = seccomp_load(filter.get()); error != 0) {
     errno = -error;
     return HostError("the kernel refuses the unpacking's filter of system calls");

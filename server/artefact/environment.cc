@@ -12,9 +12,9 @@ namespace myograde::server {
 namespace {
 
 constexpr size_t kMaxVariables = 64;
-constexpr size_t kMaxNameBytes = 64;
+constexpr size_t kMaxVariableNameBytes = 64;
 constexpr size_t kMaxValueBytes = 4096;
-constexpr size_t kMaxBytes = 32 << 10;
+constexpr size_t kMaxEnvironmentBytes = 32 << 10;
 
 // A list of what may be set rather than of what may not: a variable that means something to the
 // sandbox (PATH, HOME, MYOGRADE_*) or to the C library's maths (GLIBC_TUNABLES) stays the grader's.
@@ -32,7 +32,7 @@ bool MayBeSet(std::string_view name) {
 }
 
 bool IsName(std::string_view name) {
-  return !name.empty() && name.size() <= kMaxNameBytes &&
+  return !name.empty() && name.size() <= kMaxVariableNameBytes &&
          name.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_") == std::string_view::npos;
 }
 
@@ -56,14 +56,15 @@ std::map<std::string, std::string> ReadEnvironment(ConfigReader& reader) {
                                       Known(), " (POLICY_* for names of your own)"));
     }
     if (value.size() > kMaxValueBytes || value.find('\0') != std::string::npos) {
-      reader.Fail("env", absl::StrCat("has a value of ", Quoted(name), " with a zero byte or of more "
-                                      "than ", kMaxValueBytes, " bytes"));
+      reader.Fail("env", absl::StrCat("has a value of ", Quoted(name),
+                                      " with a zero byte or of more than ", kMaxValueBytes,
+                                      " bytes"));
     }
     bytes += name.size() + value.size() + 2;
   }
-  if (variables.size() > kMaxVariables || bytes > kMaxBytes) {
+  if (variables.size() > kMaxVariables || bytes > kMaxEnvironmentBytes) {
     reader.Fail("env", absl::StrCat("must have at most ", kMaxVariables, " variables and ",
-                                    kMaxBytes, " bytes together"));
+                                    kMaxEnvironmentBytes, " bytes together"));
   }
   return variables;
 }

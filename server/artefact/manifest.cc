@@ -112,7 +112,8 @@ void CheckName(ConfigReader& reader, const std::string& name) {
     reader.Fail("name", absl::StrCat("has ", harm, ", which is not seen, or changes how others are "
                                      "seen; leave it out"));
   } else if (!IsPlainText(name, kMaxNameBytes)) {
-    reader.Fail("name", absl::StrCat("must have 1 to ", kMaxNameBytes, " bytes without a space at its "
+    reader.Fail("name", absl::StrCat("must have 1 to ", kMaxNameBytes,
+                                     " bytes without a space at its "
                                      "ends"));
   }
 }

@@ -266,7 +266,9 @@ absl::StatusOr<UnpackPlace> OpenUnpackPlace(const std::string& archive,
     status = HostError(absl::StrCat("can't open the folder ", destination));
   } else {
     place.archive = Fd(::open(archive.c_str(), O_RDONLY | O_CLOEXEC));
-    if (!place.archive.valid()) status = HostError(absl::StrCat("can't open the archive ", archive));
+    if (!place.archive.valid()) {
+      status = HostError(absl::StrCat("can't open the archive ", archive));
+    }
   }
   if (status.ok()) return place;
   ::rmdir(destination.c_str());
@@ -282,8 +284,8 @@ absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLim
   const auto reader = MakeReader(compression);
   const auto broken = [&](std::string_view what) {
     if (HostFailed(reader.get())) return HostError("can't read the archive");
-    return absl::InvalidArgumentError(absl::StrCat(absl::string_view(what.data(), what.size()), ": ",
-                                                   ReasonOf(reader.get())));
+    return absl::InvalidArgumentError(
+        absl::StrCat(absl::string_view(what.data(), what.size()), ": ", ReasonOf(reader.get())));
   };
   if (archive_read_open_fd(reader.get(), archive, 64 << 10) != ARCHIVE_OK) {
     return broken("this is no archive of a kind that is accepted (tar, tar.gz, tar.zst, zip)");
@@ -302,7 +304,8 @@ absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLim
     archive_entry* entry = nullptr;
     const int result = archive_read_next_header(reader.get(), &entry);
     if (result == ARCHIVE_EOF) break;
-    // ARCHIVE_RETRY too: libarchive would go on behind a damaged header, and a file would be missing.
+    // ARCHIVE_RETRY too: libarchive would go on behind a damaged header, and a file would be
+    // missing.
     if (result != ARCHIVE_OK && result != ARCHIVE_WARN) {
       return broken(
           "the archive is broken or of a kind that is not accepted (tar, tar.gz, tar.zst, zip)");

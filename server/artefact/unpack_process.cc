@@ -150,9 +150,9 @@ absl::StatusOr<std::string> ReadAnswer(const Process& process, const UnpackBudge
   while (answer.size() <= kMaxAnswer) {
     const absl::Duration left = deadline - SystemClock().Monotonic();
     if (left <= absl::ZeroDuration()) {
-      return absl::DeadlineExceededError(
-          absl::StrCat("the archive could not be unpacked within ",
-                       absl::FormatDuration(budget.time), ", as the host is too busy; send it again"));
+      return absl::DeadlineExceededError(absl::StrCat("the archive could not be unpacked within ",
+                                                      absl::FormatDuration(budget.time),
+                                                      ", as the host is too busy; send it again"));
     }
     if (absl::Status status = budget.go_on(); !status.ok()) return status;
     pollfd entry = {process.answer.get(), POLLIN, 0};

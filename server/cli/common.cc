@@ -134,7 +134,8 @@ void AddSubmissionId(CLI::App& verb, int64_t& id, bool required, const std::stri
 }
 
 void AddFullHashes(CLI::App& verb, bool& full) {
-  verb.add_flag("--full-hashes", full, "All digits of hashes, not the first 12 (--json has them all)");
+  verb.add_flag("--full-hashes", full,
+                "All digits of hashes, not the first 12 (--json has them all)");
 }
 
 void AddHostOptions(CLI::App& verb, HostOptions& options) {

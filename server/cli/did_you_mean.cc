@@ -45,7 +45,9 @@ std::string OnlyOne(const std::vector<std::string>& candidates, const Fits& fits
 std::string NearestOf(std::string_view word, const std::vector<std::string>& candidates) {
   if (word.empty() || word.size() > kLongestWord) return "";
   size_t least = std::max<size_t>(1, word.size() / 3) + 1;
-  for (const std::string& candidate : candidates) least = std::min(least, Distance(word, candidate));
+  for (const std::string& candidate : candidates) {
+    least = std::min(least, Distance(word, candidate));
+  }
   if (least <= std::max<size_t>(1, word.size() / 3)) {
     return OnlyOne(candidates, [&](const std::string& c) { return Distance(word, c) == least; });
   }

@@ -58,7 +58,9 @@ void PrintBoard(const Json& board) {
   const Json rows = board.value("rows", Json::array());
   const auto aggregate_of = [](const Json& row) { return row.value("aggregate", Json::object()); };
   bool locomotion = false;
-  for (const Json& row : rows) locomotion |= !aggregate_of(row).value("distance_m", Json()).is_null();
+  for (const Json& row : rows) {
+    locomotion |= !aggregate_of(row).value("distance_m", Json()).is_null();
+  }
   if (rows.empty()) {
     std::cout << "  Nobody is on it yet: only whole evaluations rank.\n";
   } else {

@@ -253,8 +253,9 @@ Action AddLocal(CLI::App& verb) {
       ->check(CLI::Range(1, 10'000));
   verb.add_option("--logs", options->logs,
                   "Folder for the log of each episode, which \"myograde replay\" plays again");
-  verb.add_option("--slots", options->slots,
-                  "Blocks of episodes at once (default: as server.json says, one for each processor)")
+  verb.add_option(
+          "--slots", options->slots,
+          "Blocks of episodes at once (default: as server.json says, one for each processor)")
       ->check(CLI::Range(1, 1024));
   AddFullHashes(verb, options->full_hashes);
   verb.add_flag("--json", options->json, "Print JSON (configs/schema/local.json)");

@@ -86,7 +86,9 @@ std::string Progress::Line(int64_t done, int64_t total, const std::string& note,
   std::string bar;
   if (columns > 0) {
     // By importance: what and how many, how long, the note, the bar, the pace.
-    const auto taken = [](const std::string& part) { return part.empty() ? 0 : TextWidth(part) + 2; };
+    const auto taken = [](const std::string& part) {
+      return part.empty() ? 0 : TextWidth(part) + 2;
+    };
     size_t room = columns - std::min(columns, TextWidth(what_) + taken(counts));
     if (taken(left) > room) left.clear();
     room -= taken(left);

@@ -32,7 +32,9 @@ Json LayoutJson(std::span<const Part> parts, std::span<const std::string_view> n
   Json list = Json::array();
   for (const Part& part : parts) {
     Json entries = Json::array();
-    for (int i = 0; i < part.size; ++i) entries.push_back(names[static_cast<size_t>(part.offset + i)]);
+    for (int i = 0; i < part.size; ++i) {
+      entries.push_back(names[static_cast<size_t>(part.offset + i)]);
+    }
     list.push_back({{"name", part.name},
                     {"offset", part.offset},
                     {"size", part.size},
@@ -133,10 +135,11 @@ std::string JointText(const Json& joint) {
 void PrintSets(const Json& rules) {
   const Json sets = rules.value("/leg/parameter_sets"_json_pointer, Json::array());
   if (sets.empty()) return;
-  std::cout << '\n'
-            << Bold("Parameter sets of the prosthesis until a policy uploads its own") << '\n'
-            << "  (stiffness in N m/rad, damping in N m s/rad, target in degrees; loads in parts of "
-               "the person's weight)\n";
+  std::cout
+      << '\n'
+      << Bold("Parameter sets of the prosthesis until a policy uploads its own") << '\n'
+      << "  (stiffness in N m/rad, damping in N m s/rad, target in degrees; loads in parts of "
+         "the person's weight)\n";
   Table table({"set", "state", "knee", "ankle", "left when"});
   for (size_t i = 0; i < sets.size(); ++i) {
     for (const char* state : kLegStateKeys) {
@@ -195,9 +198,10 @@ void PrintSpec(const TrackConfig& config, const Tracks::Offer& offer, bool full_
             << "  config hash " << HashText(config.hash, full_hashes) << '\n';
   PrintLayout("Observation", ObservationLayout(config.kind), ObservationSize(config.kind));
   PrintLayout("Action", ActionLayout(config.kind), ActionSize(config.kind));
-  std::cout << "\nA policy chooses at the handshake how it acts: normalized (every number in [-1, 1])\n"
-               "or direct (muscles in [0, 1], prosthesis targets in rad); --json has the bounds and\n"
-               "the name of every entry.\n";
+  std::cout
+      << "\nA policy chooses at the handshake how it acts: normalized (every number in [-1, 1])\n"
+         "or direct (muscles in [0, 1], prosthesis targets in rad); --json has the bounds and\n"
+         "the name of every entry.\n";
   PrintValues("Budgets", config.effective.value("budgets", Json::object()));
   PrintValues("Rules", WithoutSets(config.rules));
   PrintSets(config.rules);

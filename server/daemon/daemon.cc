@@ -143,9 +143,9 @@ absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
   if (setrlimit(RLIMIT_NOFILE, &limit) == 0) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(
       "server.json: ", config.scheduler.slots, " slots, ", config.http.clients, " clients and ",
-      config.http.workers, " workers may need ", needed, " open files at once, and this process may "
-      "have ", allowed, "; raise that (ulimit -n, LimitNOFILE= of a service), or lower one of the "
-      "three"));
+      config.http.workers, " workers may need ", needed, " open files at once, and this process ",
+      "may have ", allowed, "; raise that (ulimit -n, LimitNOFILE= of a service), or lower one of ",
+      "the three"));
 }
 
 }  // namespace
@@ -174,7 +174,8 @@ absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
 }
 
 absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& configs) {
-  // With a heap for each of its many threads, each heap would keep as much as its largest answer took.
+  // With a heap for each of its many threads, each heap would keep as much as its largest answer
+  // took.
   mallopt(M_ARENA_MAX, 4);
   const Clock& clock = SystemClock();
   const ServerConfig& config = configs.server;

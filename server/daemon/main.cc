@@ -18,8 +18,9 @@ int main(int argc, char** argv) {
                  "Folder of the store and the submissions (default: MYOGRADE_DATA, else "
                  "/var/lib/myograde for root, the XDG data folder for others)");
   app.add_option("--socket", options.socket, "Socket to listen on (default: DATA/myograde.sock)");
-  app.add_option("--configs", options.configs_dir,
-                 "Folder with server.json and tracks/ (default: MYOGRADE_CONFIG_DIR, else as built)");
+  app.add_option(
+      "--configs", options.configs_dir,
+      "Folder with server.json and tracks/ (default: MYOGRADE_CONFIG_DIR, else as built)");
   app.add_option("--cache", options.cache_dir,
                  "Folder of the models and the physics library (default: MYOGRADE_CACHE, else "
                  "/var/cache/myograde for root, the XDG cache folder for others)");

@@ -50,8 +50,8 @@ std::map<int64_t, std::string> SystemProcesses::ProcessesOf(int64_t first, int64
     if (index >= kSimUsers) index -= kSimUsers;
     if (index < 0 || index >= count) continue;
     std::string& words = found[first + index];
-    absl::StrAppend(&words, words.empty() ? "" : ", ", pid, " (", PrintableUtf8(name), ", state ", state,
-                    ")");
+    absl::StrAppend(&words, words.empty() ? "" : ", ", pid, " (", PrintableUtf8(name), ", state ",
+                    state, ")");
   }
   return found;
 }

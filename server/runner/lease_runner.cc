@@ -296,7 +296,9 @@ absl::Status LeaseRunner::RuleOn(const nlohmann::json& json) {
     return absl::InternalError(
         absl::StrCat("the simulator sent broken evidence: ", seen.status().message()));
   }
-  if (policy_ == nullptr) return absl::InternalError("the simulator blames a policy that it has not");
+  if (policy_ == nullptr) {
+    return absl::InternalError("the simulator blames a policy that it has not");
+  }
   const FaultEvidence ruled = policy_->Rule(*std::move(seen));
   last_ruling_ = ruled;
   EndPolicy();
@@ -354,7 +356,8 @@ absl::Status LeaseRunner::GiveCpu() {
 absl::Status LeaseRunner::SimEnded() {
   sim_->Wait(kSimFarewell);
   char buffer[4096];
-  for (ssize_t n; sim_stderr_.valid() && (n = read(sim_stderr_.get(), buffer, sizeof(buffer))) > 0;) {
+  for (ssize_t n;
+       sim_stderr_.valid() && (n = read(sim_stderr_.get(), buffer, sizeof(buffer))) > 0;) {
     sim_errors_.Append(std::string_view(buffer, static_cast<size_t>(n)));
   }
   const SandboxEnd end = sim_->end();
@@ -394,7 +397,8 @@ absl::Status LeaseRunner::CheckDeadlines() const {
 }
 
 absl::Status LeaseRunner::Beat() {
-  return SystemClock().Monotonic() - last_printed_ < kBeatPeriod ? absl::OkStatus() : Print(progress_);
+  return SystemClock().Monotonic() - last_printed_ < kBeatPeriod ? absl::OkStatus()
+                                                                 : Print(progress_);
 }
 
 absl::Status LeaseRunner::Print(const LeaseRecord& record) {

@@ -39,7 +39,9 @@ size_t SequenceLength(std::string_view bytes) {
 // Control characters: C0 but newline and tab, DEL, and C1 in their two-byte form.
 bool IsControl(std::string_view sequence) {
   const auto first = static_cast<unsigned char>(sequence[0]);
-  if (sequence.size() == 1) return (first < 0x20 && first != '\n' && first != '\t') || first == 0x7F;
+  if (sequence.size() == 1) {
+    return (first < 0x20 && first != '\n' && first != '\t') || first == 0x7F;
+  }
   return sequence.size() == 2 && first == 0xC2 && static_cast<unsigned char>(sequence[1]) < 0xA0;
 }
 

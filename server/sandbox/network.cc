@@ -44,7 +44,8 @@ int SetUp(int socket) {
   ifreq request = {};
   std::memcpy(request.ifr_name, "lo", 3);
   if (ioctl(socket, SIOCGIFFLAGS, &request) != 0) return errno;
-  request.ifr_flags = static_cast<int16_t>(request.ifr_flags | IFF_UP | IFF_RUNNING | IFF_MULTICAST);
+  request.ifr_flags =
+      static_cast<int16_t>(request.ifr_flags | IFF_UP | IFF_RUNNING | IFF_MULTICAST);
   if (ioctl(socket, SIOCSIFFLAGS, &request) != 0) return errno;
   char device[] = "lo";
   rtentry route = {};

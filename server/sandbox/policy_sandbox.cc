@@ -175,8 +175,9 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig
   spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(order.artefact_dir), "/policy"});
   Seal(spec);
 
-  // A message wakes up one process after the other on the slot's processor. That none of them pushes
-  // its waker aside before that one has gone to sleep saves a third of the switches of a step.
+  // A message wakes up one process after the other on the slot's processor. That none of them
+  // pushes its waker aside before that one has gone to sleep saves a third of the switches of a
+  // step.
   spec.batch = true;
   const std::string processors =
       std::to_string(std::max<int64_t>(1, static_cast<int64_t>(std::ceil(budgets.cpus))));

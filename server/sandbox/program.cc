@@ -50,7 +50,8 @@ class SandboxView {
     host_.insert(host_.end(), runtimes.begin(), runtimes.end());
   }
 
-  // What an absolute path leads to; if there is nothing, `missing` is the place where the way ended.
+  // What an absolute path leads to; if there is nothing, `missing` is the place where the way
+  // ended.
   std::optional<Found> Find(const std::string& path, std::string& missing) const {
     std::deque<std::string> names;
     for (const absl::string_view name : absl::StrSplit(path, '/')) names.emplace_back(name);
@@ -160,7 +161,8 @@ class ProgramCheck {
   absl::Status Check(const std::string& path, int depth) const {
     std::string missing;
     const std::optional<Found> found = view_.Find(path, missing);
-    const std::string start = depth == 0 ? "" : absl::StrCat("is a script for ", Quoted(path), ", which ");
+    const std::string start =
+        depth == 0 ? "" : absl::StrCat("is a script for ", Quoted(path), ", which ");
     if (!found) return Refused(absl::StrCat(start, Absent(path, missing)));
     if (!S_ISREG(found->mode)) {
       return Refused(absl::StrCat(start, S_ISDIR(found->mode) ? "is a folder, not a program"
@@ -253,8 +255,8 @@ class ProgramCheck {
       return absl::StrCat("is not there: the sandbox has the submission in ", kPolicy,
                           ", the host's /usr and the runtimes that policy.json names");
     }
-    return absl::StrCat("leads to ", Quoted(missing), ", which the sandbox does not have: it has the "
-                        "submission in ", kPolicy, ", the host's /usr and the runtimes that "
+    return absl::StrCat("leads to ", Quoted(missing), ", which the sandbox does not have: it has "
+                        "the submission in ", kPolicy, ", the host's /usr and the runtimes that "
                         "policy.json names");
   }
 

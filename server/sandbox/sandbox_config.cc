@@ -23,7 +23,8 @@ std::vector<std::string> SystemCalls(ConfigReader& reader, const char* key) {
   if (names.empty()) reader.Fail(key, "must hold at least one system call");
   for (const std::string& name : names) {
     if (IsSystemCall(name)) continue;
-    reader.Fail(key, absl::StrCat("holds \"", name, "\", which is no system call; see syscalls(2)"));
+    reader.Fail(key,
+                absl::StrCat("holds \"", name, "\", which is no system call; see syscalls(2)"));
   }
   return names;
 }

@@ -40,7 +40,8 @@ constexpr uint64_t kLowHalf = 0xffffffff;
 // lists (Linux 6.1). Numbers from here on are alike on all architectures.
 constexpr uint32_t kNewestKnownCall = 450;
 // Below them each architecture had left numbers free, which newer kernels begin to use. (On x86-64
-// 335 and 336 are the kernel's own for probes: no filter is asked, and they end whoever tries them.)
+// 335 and 336 are the kernel's own for probes: no filter is asked, and they end whoever tries
+// them.)
 constexpr uint32_t kLastFreeCall = 423;
 #if defined(__x86_64__)
 constexpr uint32_t kFirstFreeCall = 335;  // behind rseq

@@ -80,7 +80,8 @@ absl::Status EnterNamespaces() {
   const gid_t gid = getegid();
   if (uid != 0) {
     if (unshare(CLONE_NEWUSER) != 0) {
-      return Errno("this host lets ordinary users make no user namespace (`myograde doctor` says more)");
+      return Errno(
+          "this host lets ordinary users make no user namespace (`myograde doctor` says more)");
     }
     if (!WriteFile("/proc/self/setgroups", "deny") ||
         !WriteFile("/proc/self/uid_map", absl::StrCat(uid, " ", uid, " 1")) ||
@@ -101,7 +102,8 @@ absl::StatusOr<Stage> Stage::Enter(const std::vector<std::string>& sources) {
   if (absl::Status status = EnterNamespaces(); !status.ok()) return status;
   std::map<std::string, Fd> trees;
   for (const std::string& source : sources) {
-    Fd tree(open_tree(AT_FDCWD, source.c_str(), OPEN_TREE_CLONE | OPEN_TREE_CLOEXEC | AT_RECURSIVE));
+    Fd tree(
+        open_tree(AT_FDCWD, source.c_str(), OPEN_TREE_CLONE | OPEN_TREE_CLOEXEC | AT_RECURSIVE));
     if (!tree.valid()) return Errno(absl::StrCat("can't mount ", source));
     trees[source] = std::move(tree);
   }

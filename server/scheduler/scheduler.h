@@ -8,9 +8,9 @@
 // leases, of those to the one whose last start is longest ago, of those to the one
 // that came first. A team counts as what it has or as what the party has that handed its
 // evaluation in, a person with several teams for one, whichever is more: neither several teams of a
-// party nor several members of a team get more than one share. Within a team: the older evaluation, then the earlier lease. So a
-// team with a thousand submissions delays another team's first lease by one lease at
-// most, and whoever waits for longer than `queue_wait` goes ahead of all classes.
+// party nor several members of a team get more than one share. Within a team: the older evaluation,
+// then the earlier lease. So a team with a thousand submissions delays another team's first lease
+// by one lease at most, and whoever waits for longer than `queue_wait` goes ahead of all classes.
 //
 // A slot is taken from the start of a lease until Free() says that nothing of it runs
 // there any more, however long ago the lease was taken back.

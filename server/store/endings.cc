@@ -72,7 +72,8 @@ absl::Status Writer::EndUnreadable(int64_t evaluation, const std::string& why,
   StoredRow row(select, "evaluation", absl::StrCat(evaluation));
   const std::string before(EvaluationStateName(row.Named(0, ParseEvaluationState)));
   select.reset();
-  // From here on each step is a part of its own: what is refused must not keep the rest from its end.
+  // From here on each step is a part of its own: what is refused must not keep the rest from its
+  // end.
   const auto part = [&](auto change) {
     return Part([&](Writer&) -> absl::Status {
       change();
@@ -87,8 +88,9 @@ absl::Status Writer::EndUnreadable(int64_t evaluation, const std::string& why,
     (void)part([&] { MendTypes("lease", lease); });
     (void)Part([&](Writer& writer) -> absl::Status {
       SQLite::Statement update(
-          db_, "UPDATE lease SET state = 'cancelled', slot = NULL, owner = NULL, started_at = NULL, "
-               "deadline_at = NULL, finished_at = ?, detail = ? WHERE id = ?");
+          db_,
+          "UPDATE lease SET state = 'cancelled', slot = NULL, owner = NULL, started_at = NULL, "
+          "deadline_at = NULL, finished_at = ?, detail = ? WHERE id = ?");
       SQLite::bind(update, now_ms_, why, lease);
       update.exec();
       return writer.Audit("lease", lease, "", "cancelled", who, why);

@@ -83,8 +83,10 @@ absl::Status CheckBudget(const QuotaUse& use, const QuotaLimits& limits, Budget 
   const auto rest = [&](const BudgetUse& sum, int64_t limit) {
     std::string text = absl::StrCat(CountedUnits(limit + sum.granted, budget), " of track \"",
                                     track, "\"");
-    if (sum.open > 0) absl::StrAppend(&text, " (", sum.open, sum.open == 1 ? " of them waits or runs)"
-                                                                          : " of them wait or run)");
+    if (sum.open > 0) {
+      absl::StrAppend(&text, " (", sum.open,
+                      sum.open == 1 ? " of them waits or runs)" : " of them wait or run)");
+    }
     return text;
   };
   if (const BudgetUse& sum = use.total_of(budget); sum.left(allowance.total) < 1) {
@@ -117,8 +119,9 @@ const Allowance& QuotaLimits::of(Budget budget) const {
 
 int64_t QuotaDay(SQLite::Database& db, int64_t now_ms) {
   // One that no calendar has must not stop the days of all.
-  SQLite::Statement select(db, "SELECT max(ifnull((SELECT max(day) FROM admission WHERE day <= ?1), "
-                               "0), ifnull((SELECT max(day) FROM ledger WHERE day <= ?1), 0))");
+  SQLite::Statement select(db,
+                           "SELECT max(ifnull((SELECT max(day) FROM admission WHERE day <= ?1), "
+                           "0), ifnull((SELECT max(day) FROM ledger WHERE day <= ?1), 0))");
   select.bind(1, kLastDay);
   select.executeStep();
   return std::max(select.getColumn(0).getInt64(), now_ms / kDayMs);

@@ -74,7 +74,8 @@ absl::StatusOr<RankedNumbers> ParseRankedNumbers(const std::string& aggregate_js
   };
   const auto time = json.is_object() ? number("time_s") : std::nullopt;
   if (!time || !number("episodes") || !number("successes")) {
-    return absl::InvalidArgumentError("an aggregate has no numbers of successes, episodes and time");
+    return absl::InvalidArgumentError(
+        "an aggregate has no numbers of successes, episodes and time");
   }
   return RankedNumbers{.successes = json["successes"].get<int64_t>(),
                        .episodes = json["episodes"].get<int64_t>(),

@@ -12,7 +12,6 @@ namespace myograde::sim {
 namespace {
 
 // The runner promises to hear from us every second.
-constexpr absl::Duration kProgressPeriod = absl::Milliseconds(500);
 // For building a sandbox or taking one down; the runner has deadlines of its
 // own for both, far below these.
 constexpr absl::Duration kSandboxDeadline = absl::Minutes(5);
@@ -233,8 +232,9 @@ LeasePlayer::Result LeasePlayer::RunSteps() {
     }
     ++step_;
     if (result.overflow) {
-      return absl::InternalError(absl::StrCat("a contact or constraint buffer was too small in step ",
-                                              step_ - 1, " of episode ", index_));
+      return absl::InternalError(
+          absl::StrCat("a contact or constraint buffer was too small in step ", step_ - 1,
+                       " of episode ", index_));
     }
     if (result.unstable) {
       FaultEvidence evidence;

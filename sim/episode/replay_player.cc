@@ -14,7 +14,6 @@
 namespace myograde::sim {
 namespace {
 
-constexpr absl::Duration kProgressPeriod = absl::Milliseconds(500);
 constexpr absl::Duration kLogDeadline = absl::Minutes(1);
 
 // One episode's comparison, from its reset to its end.

@@ -142,7 +142,8 @@ absl::Status PatchLocomotion(std::string& main, std::string& assets) {
   auto field = Cut(main, "<hfield name=\"terrain\"", "/>");
   if (!field.ok()) return field.status();
   constexpr const char* kWideField =
-      "<asset><hfield name=\"terrain\" size=\"1.5 60 1 0.001\" nrow=\"600\" ncol=\"30\"/></asset>\n";
+      "<asset><hfield name=\"terrain\" size=\"1.5 60 1 0.001\" nrow=\"600\" "
+      "ncol=\"30\"/></asset>\n";
   if (auto status = InsertBefore(main, "<worldbody>", kWideField); !status.ok()) return status;
   auto block = Cut(assets, "<actuator>", "</actuator>");
   if (!block.ok()) return block.status();

@@ -74,8 +74,9 @@ Options Parse(int argc, char** argv) {
                                                 {"--repetitions", &options.repetitions},
                                                 {"--environment-only", &options.environment_only}};
   for (int i = 3; i < argc; i += 2) {
-    const auto flag = std::find_if(std::begin(flags), std::end(flags),
-                                   [&](const auto& known) { return argv[i] == std::string(known.first); });
+    const auto flag = std::find_if(std::begin(flags), std::end(flags), [&](const auto& known) {
+      return argv[i] == std::string(known.first);
+    });
     if (flag == std::end(flags) || i + 1 == argc ||
         !absl::SimpleAtoi(argv[i + 1], flag->second) || *flag->second < 1) {
       Fail(std::string("wrong option ") + argv[i] + ": each takes a number from 1 on");
@@ -220,9 +221,10 @@ Rates Measure(std::vector<Player>& players, const Options& options, const TrackC
       });
     };
     // First, as it leaves the controls for the other two.
-    const double env = Together(players, leases, options.steps, [&](Player& player, Episode& episode) {
-      return PlayEnvironment(player, episode, options.steps);
-    });
+    const double env =
+        Together(players, leases, options.steps, [&](Player& player, Episode& episode) {
+          return PlayEnvironment(player, episode, options.steps);
+        });
     const bool engine_too = options.environment_only == 0;
     const double engine = engine_too ? replay(EngineStep) : 0;
     const double mjstep = engine_too ? replay(PlainStep) : 0;
@@ -276,15 +278,16 @@ int Main(int argc, char** argv) {
   for (const Player& player : players) {
     latency.insert(latency.end(), player.latency.begin(), player.latency.end());
   }
-  nlohmann::json result = {
-      {"track", TrackKindName(config->kind)},
-      {"threads", options.threads},
-      {"leases", options.leases},
-      {"episodes", options.episodes},
-      {"steps", options.steps},
-      {"env", Summary(rates.env)},
-      {"env_step_s",
-       {{"p50", Quantile(latency, 0.5)}, {"p99", Quantile(latency, 0.99)}, {"max", Quantile(latency, 1)}}}};
+  nlohmann::json result = {{"track", TrackKindName(config->kind)},
+                           {"threads", options.threads},
+                           {"leases", options.leases},
+                           {"episodes", options.episodes},
+                           {"steps", options.steps},
+                           {"env", Summary(rates.env)},
+                           {"env_step_s",
+                            {{"p50", Quantile(latency, 0.5)},
+                             {"p99", Quantile(latency, 0.99)},
+                             {"max", Quantile(latency, 1)}}}};
   if (options.environment_only == 0) {
     result["engine"] = Summary(rates.engine);
     result["mjstep"] = Summary(rates.mjstep);

@@ -75,7 +75,8 @@ void CheckAs(FrameType type, std::span<const std::byte> body) {
   const FrameHeader header = MakeHeader<F>(type);
   auto* bytes = reinterpret_cast<std::byte*>(&frame);
   std::memcpy(bytes, &header, sizeof(header));
-  std::memcpy(bytes + sizeof(header), body.data(), std::min(body.size(), sizeof(F) - sizeof(header)));
+  std::memcpy(bytes + sizeof(header), body.data(),
+              std::min(body.size(), sizeof(F) - sizeof(header)));
   Check({bytes, sizeof(F)});
 }
 

@@ -56,7 +56,8 @@ void Install(UnixHttpServer& server) {
     response.set_content("{}", "application/json");
   });
   // Large enough to go by the disk.
-  server.SetBodyRule("/v1/artefacts", {.most = 1 << 20, .upload = true, .types = {"application/x-tar"}});
+  server.SetBodyRule("/v1/artefacts",
+                     {.most = 1 << 20, .upload = true, .types = {"application/x-tar"}});
   server.Post("/v1/artefacts", [](const Request&, Response& response,
                                   const httplib::ContentReader&) {
     const Body& body = UnixHttpServer::RequestBody();

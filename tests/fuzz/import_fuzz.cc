@@ -23,7 +23,8 @@ using fuzz::Require;
 
 namespace {
 
-constexpr char kFacts[] = R"({"clipped":0,"digest":"aa","sim_time":10.0,"steps":1000,"wall_s":1.5})";
+constexpr char kFacts[] =
+    R"({"clipped":0,"digest":"aa","sim_time":10.0,"steps":1000,"wall_s":1.5})";
 
 const fuzz::Folder& TempFolder() {
   static const fuzz::Folder folder;

@@ -27,7 +27,9 @@ const std::pair<Fd, Fd>& SocketPair() {
 MYOGRADE_FUZZ_TARGET(sim_message)(const uint8_t* data, size_t size) {
   const auto& [here, there] = SocketPair();
   // An empty packet can't be told from the channel's end.
-  if (size == 0 || send(here.get(), data, size, MSG_DONTWAIT) != static_cast<ssize_t>(size)) return 0;
+  if (size == 0 || send(here.get(), data, size, MSG_DONTWAIT) != static_cast<ssize_t>(size)) {
+    return 0;
+  }
   const absl::StatusOr<SimMessage> message = ReceiveSimMessage(there.get(), absl::Seconds(10));
   if (!message.ok()) {
     Require(absl::IsInvalidArgument(message.status()), "nonsense is a mistake of its sender");

@@ -174,7 +174,8 @@ TEST_F(BridgeProcessTest, APolicyMayWriteOutWhatItPrintedBeforeItEnds) {
   const auto words = [&](const std::string& trap, const std::vector<std::string>& options) {
     std::filesystem::remove(file);
     const std::string loop = "; echo begun >> " + file + "; while :; do sleep 0.05; done";
-    world_.emplace(std::vector<std::string>{"/bin/sh", "-c", "trap " + trap + " TERM" + loop}, options);
+    world_.emplace(std::vector<std::string>{"/bin/sh", "-c", "trap " + trap + " TERM" + loop},
+                   options);
     for (int i = 0; i < 500 && !std::filesystem::exists(file); ++i) usleep(10000);
     usleep(50000);
     const absl::Duration start = SystemClock().Monotonic();

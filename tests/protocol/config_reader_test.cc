@@ -115,7 +115,8 @@ TEST(ParseJson, RefusesWhatIsNestedTooDeeply) {
   EXPECT_FALSE(ParseJson(nested(kMaxJsonDepth + 1), "f.json").ok());
   // As much as a body of the API may hold; written again, it would overflow a stack.
   const auto deep = ParseJson(nested(1'000'000), "f.json");
-  EXPECT_THAT(std::string(deep.status().message()), HasSubstr("f.json: is nested more than 64 deep"));
+  EXPECT_THAT(std::string(deep.status().message()),
+              HasSubstr("f.json: is nested more than 64 deep"));
   std::string objects;
   for (int i = 0; i < 100'000; ++i) objects += R"({"k":)";
   EXPECT_FALSE(ParseJson(objects, "f.json").ok());

@@ -210,8 +210,9 @@ TEST_F(InboxTest, NumbersThatAreNoneAreABreach) {
   action_t action = GoodAction(0, 0);
   action.values[3] = std::numeric_limits<double>::quiet_NaN();
   ASSERT_EQ(Take(kActionChannel, action), Verdict::kFault);
-  EXPECT_EQ(Fault(),
-            "sent a wrong message on MYOGRADE_ACTION: entry 3 of the action is not a finite number");
+  EXPECT_EQ(
+      Fault(),
+      "sent a wrong message on MYOGRADE_ACTION: entry 3 of the action is not a finite number");
 }
 
 TEST_F(InboxTest, InfinityIsABreachToo) {

@@ -39,7 +39,8 @@ TEST(TrackConfig, RefusesBadLimitsUnknownKeysAndNames) {
   ASSERT_TRUE(good.ok()) << good.status();
   EXPECT_EQ(good->profile, "paper");
   for (const char* limit : {"step_s", "memory_bytes", "restarts"}) {
-    for (const nlohmann::json& bad : {nlohmann::json(0), nlohmann::json(-1), nlohmann::json(1e18)}) {
+    for (const nlohmann::json& bad :
+         {nlohmann::json(0), nlohmann::json(-1), nlohmann::json(1e18)}) {
       nlohmann::json effective = good->effective;
       effective["budgets"][limit] = bad;
       EXPECT_FALSE(ParseTrackConfig(effective, "test").ok()) << limit << " " << bad;

@@ -90,10 +90,11 @@ TEST(Board, AgreesWithTheTables) {
 TEST(Board, TellsItsOrderInWords) {
   using testing::AllOf;
   using testing::HasSubstr;
-  EXPECT_THAT(DescribeOrder(TieredBoard{.line_successes = 8, .line_episodes = 9}),
-              AllOf(HasSubstr("at least 8 of 9 successes"), HasSubstr("bands of mean time"),
-                    HasSubstr("1.1 times"), HasSubstr("equal by less mean time, then by less effort"),
-                    HasSubstr("order of acceptance")));
+  EXPECT_THAT(
+      DescribeOrder(TieredBoard{.line_successes = 8, .line_episodes = 9}),
+      AllOf(HasSubstr("at least 8 of 9 successes"), HasSubstr("bands of mean time"),
+            HasSubstr("1.1 times"), HasSubstr("equal by less mean time, then by less effort"),
+            HasSubstr("order of acceptance")));
   const TieredBoard by_acceptance{.ties = Ties::kAcceptance};
   EXPECT_THAT(DescribeOrder(by_acceptance), HasSubstr("effort does not count below that line"));
   EXPECT_THAT(DescribeOrder(TieredBoard{.bands = BandsOver::kSuccess}),
@@ -103,8 +104,8 @@ TEST(Board, TellsItsOrderInWords) {
   EXPECT_THAT(DescribeOrder(PhysiologicalBoard{}), HasSubstr("both over all steps"));
   EXPECT_THAT(DescribeOrder(PhysiologicalBoard{.means = MeansOver::kEpisodes}),
               HasSubstr("both over episodes"));
-  // The words of the line hold: by acceptance neither time nor effort moves anybody. Whoever changes
-  // that changes the words.
+  // The words of the line hold: by acceptance neither time nor effort moves anybody. Whoever
+  // changes that changes the words.
   BoardEntry first{.submission = "first", .team = "a", .acceptance = 1};
   first.successes = 1;
   first.episodes = 100;

@@ -40,7 +40,8 @@ EpisodeFacts FactsOf(const json& j, bool manipulation) {
 }
 
 Judgement JudgeBy(const json& rules, const EpisodeFacts& facts, bool manipulation) {
-  const TimeSource time = rules.at("time") == "played" ? TimeSource::kPlayed : TimeSource::kReported;
+  const TimeSource time =
+      rules.at("time") == "played" ? TimeSource::kPlayed : TimeSource::kReported;
   if (!manipulation) return Judge(facts, LocomotionJudging{.time = time});
   const std::string success = rules.at("success");
   ManipulationJudging judging;
@@ -62,7 +63,8 @@ TEST(Judge, AgreesWithTheTables) {
     ASSERT_TRUE(table.ok()) << table.status();
     const bool manipulation = table->at("track") == "manipulation";
     for (const json& expected : table->at("cases")) {
-      SCOPED_TRACE(file.path().filename().string() + ": " + expected.at("about").get<std::string>());
+      SCOPED_TRACE(file.path().filename().string() + ": " +
+                   expected.at("about").get<std::string>());
       const EpisodeFacts facts = FactsOf(expected.at("facts"), manipulation);
       const Judgement got = JudgeBy(table->at("rules"), facts, manipulation);
       EXPECT_EQ(OutcomeName(got.outcome), expected.at("outcome").get<std::string>());

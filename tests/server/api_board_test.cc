@@ -65,8 +65,8 @@ TEST(Board, HonoursEveryMark) {
 TEST(Board, AFastBaselineOpensNoBand) {
   // By itself 2 opens the band that holds 3, whose effort is less. The baseline is so fast that
   // with it 2 and 3 would be in no band of its.
-  const std::vector<StandingRow> rows = {Row(1, "ours", 95, 2.0, 0.5), Row(2, "alpha", 95, 4.0, 0.2),
-                                         Row(3, "beta", 95, 4.3, 0.1)};
+  const std::vector<StandingRow> rows = {
+      Row(1, "ours", 95, 2.0, 0.5), Row(2, "alpha", 95, 4.0, 0.2), Row(3, "beta", 95, 4.3, 0.1)};
   Marks marks;
   Set(marks, 1, kBaseline);
   EXPECT_THAT(Places(Make(rows, marks)), ElementsAre("0:1", "1:3", "2:2"));

@@ -34,7 +34,8 @@ Read ReadHead(const std::string& bytes, size_t piece = 1) {
     }
   }
   if (read.size > 0) {
-    read.good = ParseRequestHead(std::string_view(bytes).substr(0, read.size), read.head, read.error);
+    read.good =
+        ParseRequestHead(std::string_view(bytes).substr(0, read.size), read.head, read.error);
   }
   return read;
 }

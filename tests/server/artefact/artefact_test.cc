@@ -27,7 +27,9 @@ using ::testing::HasSubstr;
 
 constexpr char kManifest[] = R"({"name": "walker", "command": ["./policy"]})";
 
-Raw Manifest(const std::string& text = kManifest) { return {.path = "policy.json", .content = text}; }
+Raw Manifest(const std::string& text = kManifest) {
+  return {.path = "policy.json", .content = text};
+}
 Raw Program() { return {.path = "policy", .content = "#!/bin/sh\n", .mode = AE_IFREG | 0755}; }
 
 absl::StatusOr<Artefact> Unpack(const std::vector<Raw>& entries, Kind kind = Kind::kTar,
@@ -64,7 +66,8 @@ void WriteFile(const std::string& path, const std::string& content, mode_t mode)
 }
 
 TEST(UnpackArtefact, EveryKindOfArchiveGivesTheSameDigest) {
-  const std::vector<Raw> entries = {Manifest(), Program(), {.path = "data/weights", .content = "w"}};
+  const std::vector<Raw> entries = {
+      Manifest(), Program(), {.path = "data/weights", .content = "w"}};
   const auto tar = Unpack(entries);
   ASSERT_TRUE(tar.ok()) << tar.status();
   EXPECT_EQ(tar->manifest.name, "walker");
@@ -102,9 +105,11 @@ TEST(UnpackArtefact, DigestLooksAtContentNotAtTheArchive) {
 TEST(UnpackArtefact, KeepsLinksAsLinksAndFollowsNone) {
   const TempFolder temp;
   WriteFile(temp / "victim/secret", "untouched", 0644);
-  WriteArchive(temp / "a", {Manifest(), Program(),
-                            {.path = "lib64", .mode = AE_IFLNK | 0777, .link = "lib"},
-                            {.path = "python3", .mode = AE_IFLNK | 0777, .link = "/usr/bin/python3"}});
+  WriteArchive(temp / "a",
+               {Manifest(),
+                Program(),
+                {.path = "lib64", .mode = AE_IFLNK | 0777, .link = "lib"},
+                {.path = "python3", .mode = AE_IFLNK | 0777, .link = "/usr/bin/python3"}});
   const auto artefact = UnpackArtefact(temp / "a", temp / "out", {});
   ASSERT_TRUE(artefact.ok()) << artefact.status();
   EXPECT_EQ(fs::read_symlink(temp / "out/lib64"), "lib");
@@ -172,7 +177,8 @@ TEST(UnpackArtefact, RefusesWhatIsNoArchive) {
 
 TEST(UnpackArtefact, SurvivesEveryTruncationAndRandomDamage) {
   const TempFolder temp;
-  WriteArchive(temp / "a", {Manifest(), Program(), {.path = "w", .content = std::string(5000, 'w')}},
+  WriteArchive(temp / "a",
+               {Manifest(), Program(), {.path = "w", .content = std::string(5000, 'w')}},
                Kind::kTarGz);
   std::ifstream file(temp / "a", std::ios::binary);
   const std::string good((std::istreambuf_iterator<char>(file)), {});
@@ -192,8 +198,9 @@ TEST(UnpackArtefact, SurvivesEveryTruncationAndRandomDamage) {
 }
 
 TEST(ReadManifest, IsStrict) {
-  EXPECT_EQ(ManifestComplaint(R"({"name": "a", "command": ["policy", "x"], "runtimes": ["python"]})"),
-            "");
+  EXPECT_EQ(
+      ManifestComplaint(R"({"name": "a", "command": ["policy", "x"], "runtimes": ["python"]})"),
+      "");
   EXPECT_THAT(ManifestComplaint("{"), HasSubstr("policy.json: is not valid JSON"));
   EXPECT_THAT(ManifestComplaint("[]"), HasSubstr("must be an object"));
   EXPECT_THAT(ManifestComplaint(R"({"name": "a"})"), HasSubstr("\"command\" is missing"));
@@ -201,8 +208,10 @@ TEST(ReadManifest, IsStrict) {
   EXPECT_THAT(ManifestComplaint(R"({"name": "", "command": ["./policy"]})"), HasSubstr("\"name\""));
   // Boards show it: it must not hide, turn round or obey.
   for (const char* name : {"a\\u001b[2J", "a\\u202eb", "a\\u009b2J", "\\u200b", "a\\u00adb"}) {
-    EXPECT_THAT(ManifestComplaint(R"({"command": ["./policy"], "name": ")" + std::string(name) + "\"}"),
-                HasSubstr("\"name\" has U+")) << name;
+    EXPECT_THAT(
+        ManifestComplaint(R"({"command": ["./policy"], "name": ")" + std::string(name) + "\"}"),
+        HasSubstr("\"name\" has U+"))
+        << name;
   }
   EXPECT_THAT(ManifestComplaint(R"({"name": " a", "command": ["./policy"]})"),
               HasSubstr("\"name\" must have 1 to 64 bytes"));
@@ -258,10 +267,9 @@ TEST(ReadManifest, SetsVariablesOfThePolicysOwn) {
   const auto environment = [](const std::string& env) {
     return ManifestComplaint(R"({"name": "a", "command": ["./policy"], "env": )" + env + "}");
   };
-  const auto artefact = Unpack(
-      {Manifest(R"({"name": "a", "command": ["./policy"],
+  const auto artefact = Unpack({Manifest(R"({"name": "a", "command": ["./policy"],
                     "env": {"OMP_NUM_THREADS": "2", "POLICY_MODE": "", "LD_LIBRARY_PATH": "lib"}})"),
-       Program()});
+                                Program()});
   ASSERT_TRUE(artefact.ok()) << artefact.status();
   EXPECT_EQ(artefact->manifest.environment,
             (std::map<std::string, std::string>{
@@ -278,7 +286,9 @@ TEST(ReadManifest, SetsVariablesOfThePolicysOwn) {
   EXPECT_THAT(environment("{\"POLICY_A\": \"" + std::string(4097, 'x') + "\"}"),
               HasSubstr("more than 4096 bytes"));
   std::string many = "{";
-  for (int i = 0; i < 65; ++i) many += (i > 0 ? ", " : "") + ("\"POLICY_" + std::to_string(i)) + "\": \"\"";
+  for (int i = 0; i < 65; ++i) {
+    many += (i > 0 ? ", " : "") + ("\"POLICY_" + std::to_string(i)) + "\": \"\"";
+  }
   EXPECT_THAT(environment(many + "}"), HasSubstr("at most 64 variables"));
 }
 

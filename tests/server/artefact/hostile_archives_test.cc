@@ -30,7 +30,8 @@ std::string Honest() {
 std::string End() { return std::string(2 * kTarBlock, '\0'); }
 
 void WriteBytes(const std::string& path, std::string_view bytes) {
-  std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  std::ofstream(path, std::ios::binary)
+      .write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
 }
 
 std::string ReadBytes(const std::string& path) {
@@ -70,7 +71,8 @@ std::string RefusalOfPacked(std::string_view bytes, Kind kind, const ArtefactLim
   return Refusal(temp, limits);
 }
 
-std::string RefusalOfWritten(std::vector<Raw> entries, Kind kind, const ArtefactLimits& limits = {}) {
+std::string RefusalOfWritten(std::vector<Raw> entries, Kind kind,
+                             const ArtefactLimits& limits = {}) {
   const TempFolder temp;
   entries.insert(entries.begin(), {{.path = "policy.json", .content = kOwnManifest},
                                    {.path = "policy", .content = "x", .mode = AE_IFREG | 0755}});
@@ -117,7 +119,8 @@ TEST(HostileArchives, AZipThatHoldsMoreThanItSaysStopsAtTheLimit) {
     bytes.replace(at, lie.size(), lie);
   }
   ASSERT_GE(changed, 1);
-  EXPECT_THAT(RefusalOf(bytes, {.bytes = 1 << 20}), AnyOf(HasSubstr("larger"), HasSubstr("broken")));
+  EXPECT_THAT(RefusalOf(bytes, {.bytes = 1 << 20}),
+              AnyOf(HasSubstr("larger"), HasSubstr("broken")));
 }
 
 TEST(HostileArchives, OneLayerOfCompressionIsEnough) {
@@ -164,14 +167,16 @@ TEST(HostileArchives, SpecialBitsAndKinds) {
     EXPECT_THAT(RefusalOfEntry(TarEntry('5', "bits/", "", "", mode)), HasSubstr(name));
   }
   EXPECT_THAT(RefusalOfEntry(TarEntry('1', "hard", "", "policy")), HasSubstr("is a hard link"));
-  EXPECT_THAT(RefusalOfEntry(TarEntry('1', "hard", "", "/etc/shadow")), HasSubstr("is a hard link"));
+  EXPECT_THAT(RefusalOfEntry(TarEntry('1', "hard", "", "/etc/shadow")),
+              HasSubstr("is a hard link"));
   EXPECT_THAT(RefusalOfEntry(TarEntry('3', "null")), HasSubstr("a device node"));
   EXPECT_THAT(RefusalOfEntry(TarEntry('4', "disk")), HasSubstr("a device node"));
   EXPECT_THAT(RefusalOfEntry(TarEntry('6', "pipe")), HasSubstr("a named pipe"));
 }
 
 TEST(HostileArchives, NamesThatPlayTricks) {
-  EXPECT_THAT(RefusalOfEntry(TarEntry('0', "two\nlines")), HasSubstr("\"two?lines\" has a control"));
+  EXPECT_THAT(RefusalOfEntry(TarEntry('0', "two\nlines")),
+              HasSubstr("\"two?lines\" has a control"));
   EXPECT_THAT(RefusalOfEntry(TarEntry('0', "\x1b[2J")), HasSubstr("control character"));
   EXPECT_NE(RefusalOfEntry(TarEntry('0', "bad\xff\xfe")), "");
   EXPECT_NE(RefusalOfEntry(PaxHeader("hdrcharset", "BINARY") + TarEntry('0', "bad\xc3(")), "");
@@ -216,7 +221,8 @@ TEST(HostileArchives, EntriesThatContradictEachOther) {
 TEST(HostileArchives, LinksAreKeptAndNeverFollowed) {
   const TempFolder temp;
   WriteBytes(temp / "a", Honest() + TarEntry('2', "python", "", "/usr/bin/python3") +
-                             TarEntry('2', "self", "", "self") + TarEntry('2', "root", "", "/") + End());
+                             TarEntry('2', "self", "", "self") + TarEntry('2', "root", "", "/") +
+                             End());
   EXPECT_EQ(Refusal(temp), "");
   EXPECT_EQ(fs::read_symlink(temp / "out/python"), "/usr/bin/python3");
   EXPECT_EQ(fs::read_symlink(temp / "out/root"), "/");
@@ -227,7 +233,8 @@ TEST(HostileArchives, ExtendedHeadersWithoutEnd) {
   for (int i = 0; i < 100'000; ++i) chain += PaxHeader("comment", "x");
   EXPECT_NE(RefusalOfPacked(Honest() + chain, Kind::kTarGz), "");
   EXPECT_NE(RefusalOfEntry(TarHeader('L', "long", "", 0644, 1 << 30)), "");
-  EXPECT_NE(RefusalOfEntry(TarEntry('L', "long", std::string(4 << 20, 'n')) + TarEntry('0', "x")), "");
+  EXPECT_NE(RefusalOfEntry(TarEntry('L', "long", std::string(4 << 20, 'n')) + TarEntry('0', "x")),
+            "");
   // A header of nonsense changes nothing: the entry keeps its plain name, and that is judged.
   for (const char* nonsense : {"999999999 path=ok\n", "nonsense", "-5 path=ok\n", "10 path"}) {
     const std::string header = TarEntry('x', "pax", nonsense);
@@ -246,24 +253,28 @@ TEST(HostileArchives, BrokenAndEmptyOnes) {
   EXPECT_NE(RefusalOf(End()), "");
   EXPECT_NE(RefusalOf(std::string("PK\5\6", 4) + std::string(18, '\0')), "");
   EXPECT_NE(RefusalOf(""), "");
-  EXPECT_THAT(RefusalOf(TarEntry('0', "policy", "x", "", 0755) + End()), HasSubstr("no policy.json"));
+  EXPECT_THAT(RefusalOf(TarEntry('0', "policy", "x", "", 0755) + End()),
+              HasSubstr("no policy.json"));
 }
 
 TEST(HostileArchives, ZipsTooKeepTheRules) {
   EXPECT_THAT(RefusalOfWritten({{.path = "x", .content = "secret"}}, Kind::kEncryptedZip),
               HasSubstr("is encrypted; make the archive without a password"));
-  EXPECT_THAT(RefusalOfWritten({{.path = "../x", .content = "x"}}, Kind::kZip), HasSubstr("\"..\""));
-  EXPECT_THAT(RefusalOfWritten({{.path = "/x", .content = "x"}}, Kind::kZip), HasSubstr("absolute"));
-  EXPECT_THAT(RefusalOfWritten({{.path = "l", .mode = AE_IFLNK | 0777, .link = "../x"}}, Kind::kZip),
-              HasSubstr("targets with \"..\""));
+  EXPECT_THAT(RefusalOfWritten({{.path = "../x", .content = "x"}}, Kind::kZip),
+              HasSubstr("\"..\""));
+  EXPECT_THAT(RefusalOfWritten({{.path = "/x", .content = "x"}}, Kind::kZip),
+              HasSubstr("absolute"));
+  EXPECT_THAT(
+      RefusalOfWritten({{.path = "l", .mode = AE_IFLNK | 0777, .link = "../x"}}, Kind::kZip),
+      HasSubstr("targets with \"..\""));
   EXPECT_THAT(RefusalOfWritten({{.path = "su", .mode = AE_IFREG | 04755}}, Kind::kZip),
               HasSubstr("setuid"));
   EXPECT_THAT(RefusalOfWritten({{.path = "n"}, {.path = "n"}}, Kind::kZip), HasSubstr("twice"));
   // A zip in a zip is a file like any other.
   const TempFolder temp;
   WriteArchive(temp / "inner", {{.path = "../x", .content = "x"}}, Kind::kZip);
-  EXPECT_EQ(RefusalOfWritten({{.path = "in.zip", .content = ReadBytes(temp / "inner")}}, Kind::kZip),
-            "");
+  EXPECT_EQ(
+      RefusalOfWritten({{.path = "in.zip", .content = ReadBytes(temp / "inner")}}, Kind::kZip), "");
 }
 
 TEST(HostileArchives, DamagedZipsAreRefusedOrHarmless) {

@@ -21,7 +21,9 @@ inline std::string TarHeader(char type, std::string_view name, std::string_view 
     std::copy_n(text.begin(), std::min<size_t>(text.size(), 100), head.begin() + at);
   };
   const auto put_octal = [&](uint64_t number, size_t at, size_t width) {
-    for (size_t i = width; i-- > 0; number >>= 3) head[at + i] = static_cast<char>('0' + (number & 7));
+    for (size_t i = width; i-- > 0; number >>= 3) {
+      head[at + i] = static_cast<char>('0' + (number & 7));
+    }
   };
   put_text(name, 0);
   put_octal(mode, 100, 7);

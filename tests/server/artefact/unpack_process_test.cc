@@ -37,7 +37,8 @@ using ::testing::HasSubstr;
 const UnpackBudget kBudget = {.time = absl::Seconds(60), .memory_bytes = 256 << 20};
 
 std::string HonestArchive() {
-  return TarEntry('0', "policy.json", R"({"name": "ü", "command": ["./policy", "a b"], "env": {"POLICY_A": "ü"}})") +
+  return TarEntry('0', "policy.json",
+                  R"({"name": "ü", "command": ["./policy", "a b"], "env": {"POLICY_A": "ü"}})") +
          TarEntry('0', "policy", "#!/bin/sh\n", {}, 0755);
 }
 
@@ -130,7 +131,8 @@ TEST(ConfineUnpacking, LeavesNoFileButThoseOfItsFolder) {
   const std::string folder = temp.path().string();
   EXPECT_EQ(StatusOf(folder, opens("/mine", O_RDWR)), 0);
   EXPECT_EQ(StatusOf(folder, opens("/new", O_WRONLY | O_CREAT | O_EXCL)), 0);
-  for (const char* path : {"/etc/passwd", "../../../../etc/passwd", "/proc/self/exe", "/dev/null"}) {
+  for (const char* path :
+       {"/etc/passwd", "../../../../etc/passwd", "/proc/self/exe", "/dev/null"}) {
     const int status = StatusOf(folder, opens(path, O_RDONLY));
     EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 1) << path << ": " << status;
   }
@@ -224,7 +226,8 @@ TEST(UnpackProcess, ProcessorTimeIsLimited) {
   const TempFolder temp;
   constexpr size_t kBytes = size_t{6} << 30;
   {
-    const std::unique_ptr<archive, int (*)(archive*)> writer(archive_write_new(), archive_write_free);
+    const std::unique_ptr<archive, int (*)(archive*)> writer(archive_write_new(),
+                                                             archive_write_free);
     archive_write_add_filter_zstd(writer.get());
     archive_write_set_format_pax(writer.get());
     ASSERT_EQ(archive_write_open_filename(writer.get(), (temp / "a").c_str()), ARCHIVE_OK);
@@ -279,10 +282,10 @@ TEST(UnpackProcess, MemoryIsLimited) {
 
 TEST(UnpackProcess, BudgetsMustBeAboveZero) {
   const TempFolder temp;
-  for (const UnpackBudget& budget : {UnpackBudget{absl::ZeroDuration(), 1 << 30},
-                                     UnpackBudget{absl::Seconds(1), 0},
-                                     UnpackBudget{absl::Seconds(-1), -1},
-                                     UnpackBudget{absl::Seconds(1), 1 << 30, absl::ZeroDuration()}}) {
+  for (const UnpackBudget& budget :
+       {UnpackBudget{absl::ZeroDuration(), 1 << 30}, UnpackBudget{absl::Seconds(1), 0},
+        UnpackBudget{absl::Seconds(-1), -1},
+        UnpackBudget{absl::Seconds(1), 1 << 30, absl::ZeroDuration()}}) {
     EXPECT_TRUE(absl::IsFailedPrecondition(
         UnpackInProcess(temp / "a", temp / "out", {}, budget).status()));
   }

@@ -163,8 +163,10 @@ TEST_F(DamageTest, AnEvaluationThatCantBeReadEndsWithTheReasonAndGivesItsQuotaBa
   ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
     const EvaluationRow row = *reader.Evaluation(teams_.victim.open);
     EXPECT_EQ(row.state, EvaluationState::kGraderError);
+    // Told by its hash, before anybody looks for what is wrong with the text.
     EXPECT_THAT(row.reason, HasSubstr(absl::StrCat("config ", teams_.victim.config,
-                                                   " of the store can't be read")));
+                                                   " of the store can't be read: its content has "
+                                                   "another hash")));
     const std::vector<LeaseRow> leases = *reader.Leases(row.id);
     for (const LeaseRow& lease : leases) EXPECT_TRUE(IsFinal(lease.state));
     const Listed<LedgerRow> ledger = reader.Ledger("victim", "", INT64_MAX, 1);

@@ -106,8 +106,9 @@ std::vector<Target> TargetsIn(const TwoTeams& teams) {
   std::vector<std::pair<std::string, std::string>> rows = {
       {"meta", "key = 'policy_secret'"},
       {"meta", "key = 'team_looks'"},
-      {"team_look", "team = (SELECT id FROM team WHERE name = 'victim') AND look = (SELECT min(look) "
-                    "FROM team_look WHERE team = (SELECT id FROM team WHERE name = 'victim'))"},
+      {"team_look",
+       "team = (SELECT id FROM team WHERE name = 'victim') AND look = (SELECT min(look) "
+       "FROM team_look WHERE team = (SELECT id FROM team WHERE name = 'victim'))"},
       {"team", "name = 'victim'"},
       {"config", absl::StrCat("hash = '", teams.victim.config, "'")},
       {"board_state", "1"},
@@ -129,8 +130,10 @@ std::vector<Target> TargetsIn(const TwoTeams& teams) {
     rows.emplace_back("ledger", "submission = " + of(evaluation, "id"));
     rows.emplace_back("evaluation", "id = " + evaluation);
     rows.emplace_back("episode", absl::StrCat("evaluation = ", evaluation, " AND idx = 0"));
-    rows.emplace_back("transition", absl::StrCat("id = (SELECT max(id) FROM transition WHERE entity = "
-                                                 "'evaluation' AND entity_id = ", evaluation, ")"));
+    rows.emplace_back("transition",
+                      absl::StrCat("id = (SELECT max(id) FROM transition WHERE entity = "
+                                   "'evaluation' AND entity_id = ",
+                                   evaluation, ")"));
   }
   std::vector<Target> targets;
   SQLite::Database db(teams.store);
@@ -168,16 +171,19 @@ bool Overwrite(const std::string& store, const Target& target, const std::string
   const auto set_text = [&](const std::string& to) {
     SQLite::Database db(store, SQLite::OPEN_READWRITE);
     db.exec("PRAGMA writable_schema = ON");
-    SQLite::Statement update(db, "UPDATE sqlite_schema SET sql = ? WHERE type = 'table' AND name = ?");
+    SQLite::Statement update(db,
+                             "UPDATE sqlite_schema SET sql = ? WHERE type = 'table' AND name = ?");
     update.bind(1, to);
     update.bind(2, target.table);
     update.exec();
   };
-  with_schema(absl::StrCat("UPDATE sqlite_schema SET sql = replace(replace(sql, ') STRICT, ', ') '), ",
-                           "') STRICT', ')') WHERE type = 'table' AND name = '", target.table, "'"));
-  with_schema(absl::StrCat("UPDATE sqlite_schema SET sql = replace(replace(replace(sql, 'IS NOT NULL'",
-                           ", 'IS_NOT_NULL'), ' NOT NULL', ''), 'IS_NOT_NULL', 'IS NOT NULL') WHERE ",
-                           "type = 'table' AND name = '", target.table, "'"));
+  with_schema(
+      absl::StrCat("UPDATE sqlite_schema SET sql = replace(replace(sql, ') STRICT, ', ') '), ",
+                   "') STRICT', ')') WHERE type = 'table' AND name = '", target.table, "'"));
+  with_schema(
+      absl::StrCat("UPDATE sqlite_schema SET sql = replace(replace(replace(sql, 'IS NOT NULL'",
+                   ", 'IS_NOT_NULL'), ' NOT NULL', ''), 'IS_NOT_NULL', 'IS NOT NULL') WHERE ",
+                   "type = 'table' AND name = '", target.table, "'"));
   bool written = false;
   {
     SQLite::Database db(store, SQLite::OPEN_READWRITE);

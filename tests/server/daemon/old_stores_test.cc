@@ -55,8 +55,9 @@ class OldStores : public testing::TestWithParam<int> {
       EXPECT_THAT(list.damaged, IsEmpty());
       for (const SubmissionRow& row : list.rows) {
         const EvaluationRow original = *reader.Original(row.id);
-        states.push_back(absl::StrCat(row.team, " ", std::string(EvaluationStateName(original.state)),
-                                      " ", reader.Counts(original.id).done));
+        states.push_back(absl::StrCat(row.team, " ",
+                                      std::string(EvaluationStateName(original.state)), " ",
+                                      reader.Counts(original.id).done));
       }
       return absl::OkStatus();
     }).ok());
@@ -75,7 +76,8 @@ std::string AsItWas(const std::string& board, const std::string& old) {
   std::string text;
   for (size_t i = 0; i < lines.size(); ++i) {
     const size_t brace = lines[i].find('{');
-    if (brace == std::string::npos || i >= before.size() || before[i].find('{') == std::string::npos) {
+    if (brace == std::string::npos || i >= before.size() ||
+        before[i].find('{') == std::string::npos) {
       absl::StrAppend(&text, i > 0 ? "\n" : "", lines[i]);
       continue;
     }

@@ -86,7 +86,8 @@ TEST(JudgedRow, RefusesWhatIsNoPlayedEpisodeOfTheTrack) {
 }
 
 TEST(JudgementOf, TellsARowThatCanNotBeRead) {
-  for (const char* text : {"", "{", "[]", "null", "{}", R"({"time_s": "1"})", R"({"time_s": null})"}) {
+  for (const char* text :
+       {"", "{", "[]", "null", "{}", R"({"time_s": "1"})", R"({"time_s": null})"}) {
     EpisodeRow row;
     row.metrics_json = text;
     EXPECT_TRUE(absl::IsDataLoss(JudgementOf(row).status())) << text;

@@ -158,7 +158,8 @@ class RetentionFolder : public testing::Test {
   std::vector<std::string> Removals() {
     std::vector<std::string> names;
     SQLite::Database db(dir_ + "/store.db");
-    SQLite::Statement select(db, "SELECT kind || ' ' || substr(name, 1, 1) FROM removal ORDER BY id");
+    SQLite::Statement select(db,
+                             "SELECT kind || ' ' || substr(name, 1, 1) FROM removal ORDER BY id");
     while (select.executeStep()) names.push_back(select.getColumn(0).getString());
     return names;
   }
@@ -274,7 +275,8 @@ TEST_F(RetentionFolder, ARemovalAndASubmissionAtOnceLeaveNoEvaluationWithoutFile
     std::vector<std::thread> askers;
     const auto submit = [&] {
       askers.emplace_back([&] {
-        accepted = engine_->Submit(SubmissionOf(letter), Rules(), "uid 0", absl::Minutes(5)).status();
+        accepted =
+            engine_->Submit(SubmissionOf(letter), Rules(), "uid 0", absl::Minutes(5)).status();
       });
       absl::SleepFor(absl::Milliseconds(300));  // it waits in the queue
     };

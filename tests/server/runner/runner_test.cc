@@ -74,9 +74,10 @@ TEST_F(RunnerTest, PolicyWithoutItsLibraryIsToldWhatIsMissingAndWhereItBelongs) 
     const FaultEvidence& fault = outcomes.episodes[0].fault;
     EXPECT_EQ(fault.outcome, Outcome::kCrash) << fault.detail;
     EXPECT_THAT(fault.detail, HasSubstr("./program: error while loading shared libraries"));
-    EXPECT_THAT(fault.detail,
-                HasSubstr("the sandbox does not have libq.so.6: put it into the submission, and its "
-                          "folder (as /policy/lib) into LD_LIBRARY_PATH"));
+    EXPECT_THAT(
+        fault.detail,
+        HasSubstr("the sandbox does not have libq.so.6: put it into the submission, and its "
+                  "folder (as /policy/lib) into LD_LIBRARY_PATH"));
   }
 }
 

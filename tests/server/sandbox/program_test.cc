@@ -116,7 +116,8 @@ TEST_F(ProgramTest, AScriptNeedsItsInterpreter) {
   Write("twice", "#!/policy/elsewhere\n");
   EXPECT_EQ(Complaint("./shell"), "");
   EXPECT_EQ(Complaint("./found"), "");
-  EXPECT_THAT(Complaint("./elsewhere"), HasSubstr("is a script for \"/opt/conda/bin/python3\", which"));
+  EXPECT_THAT(Complaint("./elsewhere"),
+              HasSubstr("is a script for \"/opt/conda/bin/python3\", which"));
   EXPECT_THAT(Complaint("./lost"), HasSubstr("is a script for \"no-such-python\""));
   EXPECT_THAT(Complaint("./twice"), HasSubstr("\"/opt/conda/bin/python3\""));
 }

@@ -180,8 +180,8 @@ TEST(SeccompFilter, HasNoHugePagesOfTheHost) {
   // The kernel's own answer to no length, or no name, is another one.
   EXPECT_EQ(Behind([] {
               const auto error = [](int flags) {
-                return ErrorOf(syscall(SYS_mmap, 0, 0, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS | flags,
-                                       -1, 0));
+                return ErrorOf(
+                    syscall(SYS_mmap, 0, 0, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS | flags, -1, 0));
               };
               return error(MAP_HUGETLB) == ENOMEM && error(0) == EINVAL ? 0 : 1;
             }),

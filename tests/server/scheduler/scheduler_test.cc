@@ -192,8 +192,8 @@ TEST(SchedulerTest, ThePlaceIsTheOrderInWhichEvaluationsStart) {
 }
 
 // Leases that the first `count` starts gave to each team, all others staying.
-std::map<std::string, int> FirstStarts(Scheduler& scheduler, const std::map<int64_t, std::string>& of,
-                                       int count) {
+std::map<std::string, int> FirstStarts(Scheduler& scheduler,
+                                       const std::map<int64_t, std::string>& of, int count) {
   std::map<std::string, int> starts;
   for (int i = 0; i < count; ++i) {
     const auto start = scheduler.Next(absl::Seconds(1));

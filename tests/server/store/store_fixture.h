@@ -17,7 +17,8 @@ inline constexpr char kFacts[] =
     R"({"clipped":0,"digest":"aa","sim_time":10.0,"steps":1000,"wall_s":1.5,"policy_cpu_s":1})";
 
 inline constexpr AdmissionRules kRules = {
-    .quota = {.official = {100, 100}, .practice = {100, 100}, .failed = {100, 100}, .waiting = 100}};
+    .quota = {
+        .official = {100, 100}, .practice = {100, 100}, .failed = {100, 100}, .waiting = 100}};
 
 class StoreTest : public ::testing::Test {
  protected:

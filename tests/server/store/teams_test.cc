@@ -139,7 +139,8 @@ TEST_F(TeamsTest, ThousandsOfTeamsAreLookedUpByAnIndex) {
   ASSERT_TRUE(store_->Write([](Writer& writer) -> absl::Status {
     for (int i = 0; i < 10'000; ++i) {
       absl::Status status = writer.Grant(
-          {absl::StrCat("Team ", i * 2 + 1'000'002), "manipulation", Budget::kOfficial, 1, "w"}, "u");
+          {absl::StrCat("Team ", i * 2 + 1'000'002), "manipulation", Budget::kOfficial, 1, "w"},
+          "u");
       // 0 and O, 1 and l are alike, two numbers never.
       if (!status.ok()) return status;
     }

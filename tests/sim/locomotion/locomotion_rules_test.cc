@@ -111,7 +111,8 @@ TEST(LocomotionRules, AHandMustBeThereToDeal) {
 TEST(LocomotionRules, ParameterSetsAreToldWithTheirPlace) {
   const std::string first = "/leg/parameter_sets/1/l_stance";
   const std::string place = "rules.leg.parameter_sets[1].l_stance";
-  EXPECT_THAT(MistakeWith("/leg/sets", 4), HasSubstr("has 5 entries, must have one for each of the 4"));
+  EXPECT_THAT(MistakeWith("/leg/sets", 4),
+              HasSubstr("has 5 entries, must have one for each of the 4"));
   EXPECT_THAT(MistakeWith("/leg/parameter_sets", 3), HasSubstr("must be an array"));
   EXPECT_THAT(MistakeWith("/leg/parameter_sets/2", 3), HasSubstr("parameter_sets[2]"));
   EXPECT_THAT(MistakeWith(first, 3), HasSubstr("rules.leg.parameter_sets[1]: \"l_stance\""));
@@ -125,7 +126,8 @@ TEST(LocomotionRules, ParameterSetsAreToldWithTheirPlace) {
               HasSubstr("to leave the state"));
   EXPECT_THAT(MistakeWith(first + "/until", {{"load_above", 1}, {"load_below", 2}}),
               HasSubstr("can't both be there"));
-  EXPECT_THAT(MistakeWith(first + "/until", {{"hip_deg_above", 1}, {"load_above", 1}}), HasSubstr("hip_deg_above"));
+  EXPECT_THAT(MistakeWith(first + "/until", {{"hip_deg_above", 1}, {"load_above", 1}}),
+              HasSubstr("hip_deg_above"));
 }
 
 TEST(LocomotionRules, TheModelMustHaveRoomForTheField) {
