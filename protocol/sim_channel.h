@@ -47,7 +47,8 @@ inline constexpr int kSimLogFd = 6;      // the logs' pipe, non-blocking; if the
 // The bridge inherits its socket to the simulator as this descriptor.
 inline constexpr int kBridgeSocketFd = 3;
 
-// The simulator sends progress records no further apart, while it plays and while it waits.
+// The simulator sends progress records this often, while it plays and while it waits: the runner
+// is to hear from it every second.
 inline constexpr absl::Duration kProgressPeriod = absl::Milliseconds(500);
 
 struct CpuPage {

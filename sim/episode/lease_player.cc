@@ -11,7 +11,6 @@
 namespace myograde::sim {
 namespace {
 
-// The runner promises to hear from us every second.
 // For building a sandbox or taking one down; the runner has deadlines of its
 // own for both, far below these.
 constexpr absl::Duration kSandboxDeadline = absl::Minutes(5);
