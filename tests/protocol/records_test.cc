@@ -184,10 +184,10 @@ LeaseOrder DemoOrder() {
 
 TEST(LeaseOrder, ComesBack) {
   const LeaseOrder order = DemoOrder();
-  const nlohmann::json json = LeaseOrderToJson(order);
-  const auto back = LeaseOrderFromJson(json, "order");
+  const nlohmann::json written = LeaseOrderToJson(order);
+  const auto back = LeaseOrderFromJson(written, "order");
   ASSERT_TRUE(back.ok()) << back.status();
-  EXPECT_EQ(LeaseOrderToJson(*back), json);
+  EXPECT_EQ(LeaseOrderToJson(*back), written);
   EXPECT_EQ(back->track.hash, order.track.hash);
   EXPECT_EQ(back->episodes[0].policy_seed, std::numeric_limits<uint64_t>::max());
 }
