@@ -1,6 +1,7 @@
 """Cases 85 and 86: clients of the API that break no rule and want to freeze it or fill its queue. An
-organiser and an honest submission are served all the same. Where root runs the suite, the crowd is
-another user's: limits are each user's own."""
+organiser and an honest submission are served all the same, and so is the user whose crowd it is.
+Where root runs the suite, the crowd is another user's, as limits are each user's own, and that user
+asks too; else the crowd, the organiser and the honest one are all the same ordinary user."""
 
 import contextlib
 import json
@@ -57,6 +58,19 @@ while True:
 """
 
 
+# Asks once as the stranger, and prints the answer's status.
+ASK = r"""
+import http.client, os, socket, sys
+os.setgid(int(sys.argv[2])); os.setuid(int(sys.argv[2]))
+connection = http.client.HTTPConnection("myograde", timeout=60)
+connection.sock = socket.socket(socket.AF_UNIX)
+connection.sock.settimeout(60)
+connection.sock.connect(sys.argv[1])
+connection.request("GET", "/v1/health")
+print(connection.getresponse().status)
+"""
+
+
 @contextlib.contextmanager
 def _open_to_all(host):
     """The socket and the way to it, for as long as the crowds are there."""
@@ -90,7 +104,7 @@ def _crowd(host, name, count, text):
 
 
 def _answers(host, name, begun):
-    """What an organiser finds amiss while the crowd is there."""
+    """What an organiser and the crowd's own user find amiss while the crowd is there."""
     try:
         if host.get("/v1/health")["status"] != "ok":
             yield f"{name}: the daemon is not well"
@@ -100,8 +114,15 @@ def _answers(host, name, begun):
         host.get("/v1/tracks")
     except (OSError, ApiError) as error:
         yield f"{name}: an organiser is not answered: {error}"
+    if os.geteuid() == 0:
+        done = subprocess.run(
+            [sys.executable, "-c", ASK, host.data / "myograde.sock", str(STRANGER)],
+            capture_output=True, text=True, timeout=120, check=False)
+        if done.stdout.strip() != "200":
+            yield (f"{name}: the crowd's own user is not answered: {done.stdout.strip()} "
+                   f"{done.stderr[-300:]}")
     if time.monotonic() - begun > SOON_S:
-        yield f"{name}: an organiser waited for {time.monotonic() - begun:.0f} s"
+        yield f"{name}: they waited for {time.monotonic() - begun:.0f} s"
 
 
 def run_crowds(suite):
