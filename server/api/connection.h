@@ -90,6 +90,9 @@ class Connection {
   size_t unsent() const { return out.size() - sent; }
   // Moves a piece of a large body to the disk. As Feed, or kClose.
   Next Spool(const SpoolOptions& options);
+  // Its request can't be taken: kRefuse, with what is still to be read of it for its sender to
+  // hear why.
+  Next Refuse(ApiError why);
   // Makes ready for the next request; what has come of it stays.
   void Forget();
   WorkKind work() const;
@@ -127,7 +130,6 @@ class Connection {
   int64_t drain_left = 0;        // bytes to be dropped, those in `in` among them
 
  private:
-  Next Refuse(ApiError why);
   Next StartBody(const std::function<BodyRule(const RequestHead&)>& rule_of,
                  const SpoolOptions& spool);
   bool Reserve(int64_t bytes, const SpoolOptions& spool);

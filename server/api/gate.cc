@@ -247,10 +247,7 @@ void Gate::Do(Connection& connection, Next next) {
   }
   const bool receives = connection.reader.has_value() &&
                         (next == Next::kRead || next == Next::kSpool || next == Next::kServe);
-  if (receives && draining_) {
-    connection.error = kStopping;
-    next = Next::kRefuse;
-  }
+  if (receives && draining_) next = connection.Refuse(kStopping);
   switch (next) {
     case Next::kRead:
       if (!CountBody(connection, receives)) return;
@@ -281,8 +278,8 @@ bool Gate::CountBody(Connection& connection, bool receiving) {
   const int most = (connection.peer->peer.organiser ? options_.limits.clients
                                                     : options_.limits.peer_clients) / 2;
   if (!receiving || connection.peer->bodies <= most) return true;
-  connection.error = {429, "too_many",
-                      "too many requests of yours arrive at once; let some of them end first"};
+  connection.Refuse({429, "too_many",
+                     "too many requests of yours arrive at once; let some of them end first"});
   Refuse(connection, /*read_on=*/true);
   return false;
 }
