@@ -94,7 +94,7 @@ class Attacked(daemon_test.DaemonCase):
             [sys.executable, "-c", ASK, self.path, str(uid), method, path, kind,
              "-" if given is not None else ""], input=given, capture_output=True, timeout=120, check=False)
         if done.returncode != 0:
-            raise OSError(done.stderr.decode()[-300:])
+            raise OSError(f"{done.stderr.decode()[-300:]}\nthe daemon: {self.state_of_daemon()}")
         return tuple(json.loads(done.stdout))
 
     @contextlib.contextmanager
@@ -146,6 +146,16 @@ class Crowds(Attacked):
             for text in ("", "GET /v1/hea", r"GET /v1/tracks HTTP/1.1\r\n\r\n"):
                 with self.crowd(300, text, uid=attacker):
                     self.others_are_answered()
+
+    def test_pipelined_requests_leave_their_own_user_a_place(self):
+        text = r"GET /v1/tracks HTTP/1.1\r\n\r\n" * 100
+        for user in self.users():
+            with self.crowd(300, text, uid=user):
+                for _ in range(5):
+                    begun = time.monotonic()
+                    status, body = self.call("GET", "/v1/health", uid=user)
+                    self.assertEqual((status, body.get("status")), (200, "ok"), (user, body))
+                    self.assertLess(time.monotonic() - begun, SOON_S)
 
     def test_announced_gigabytes(self):
         with self.crowd(20, UPLOAD % (4 << 30)):
