@@ -44,27 +44,38 @@ void Door::RestoreSpare() {
 }
 
 Door::Found Door::Accept(int listener, Newcomer& newcomer) {
+  RestoreSpare();
   newcomer.socket = AcceptFrom(listener);
-  bool spare = false;
   if (!newcomer.socket.valid()) {
     const int error = errno;
     if (error == EINTR || error == ECONNABORTED) return Found::kSentAway;
     if (NobodyWaits(error)) return Found::kNobody;
-    // One of the spare descriptors is for an organiser; whoever else it is hears why not.
-    spare = (error == EMFILE || error == ENFILE) && !spare_.empty();
-    if (spare) {
-      spare_.pop_back();
-      newcomer.socket = AcceptFrom(listener);
-      if (!newcomer.socket.valid() && NobodyWaits(errno)) return Found::kNobody;
+    if ((error == EMFILE || error == ENFILE) && !spare_.empty()) {
+      return AcceptWithSpare(listener, newcomer);
     }
-    if (!newcomer.socket.valid()) {
-      spdlog::warn("no connection can be accepted for now: {}",
-                   std::generic_category().message(error));
-      return Found::kCantAccept;
-    }
+    spdlog::warn("no connection can be accepted for now: {}",
+                 std::generic_category().message(error));
+    return Found::kCantAccept;
   }
   std::optional<Peer> peer = peer_of_(newcomer.socket.get());
-  if (peer.has_value() && (!spare || peer->organiser)) {
+  if (!peer.has_value()) {
+    newcomer.socket.reset();
+    return Found::kSentAway;
+  }
+  newcomer.peer = *std::move(peer);
+  return Found::kNewcomer;
+}
+
+// One of the spare descriptors is for an organiser; whoever else it is hears why not. It is taken
+// back at once where it is not needed, which may well be: without descriptors, the kernel does not
+// even look whether somebody waits.
+Door::Found Door::AcceptWithSpare(int listener, Newcomer& newcomer) {
+  spare_.pop_back();
+  newcomer.socket = AcceptFrom(listener);
+  const int error = newcomer.socket.valid() ? 0 : errno;
+  std::optional<Peer> peer;
+  if (error == 0) peer = peer_of_(newcomer.socket.get());
+  if (peer.has_value() && peer->organiser) {
     newcomer.peer = *std::move(peer);
     return Found::kNewcomer;
   }
@@ -73,8 +84,9 @@ Door::Found Door::Accept(int listener, Newcomer& newcomer) {
          {503, "too_many", "the server has no descriptors left for you; try again later"});
   }
   newcomer.socket.reset();
-  if (spare) RestoreSpare();
-  return Found::kSentAway;
+  RestoreSpare();
+  if (NobodyWaits(error)) return Found::kNobody;
+  return error == EMFILE || error == ENFILE ? Found::kCantAccept : Found::kSentAway;
 }
 
 }  // namespace myograde::server

@@ -32,10 +32,12 @@ class Door {
   enum class Found { kNewcomer, kSentAway, kNobody, kCantAccept };
   // `listener` must not block.
   Found Accept(int listener, Newcomer& newcomer);
-  // Opens the kept descriptors that were given up, as far as there are any again.
+  // Opens the kept descriptors that were given up, as far as there are any again. Accept does so
+  // too, as whatever gets free is theirs first.
   void RestoreSpare();
 
  private:
+  Found AcceptWithSpare(int listener, Newcomer& newcomer);
   const std::function<std::optional<Peer>(int fd)> peer_of_;
   std::vector<Fd> spare_;  // descriptors to give up when there are no others
 };
