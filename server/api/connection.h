@@ -71,6 +71,13 @@ class Body {
   int64_t size_ = 0;
 };
 
+// What of a file is still to be sent.
+struct FilePart {
+  Fd fd;
+  int64_t at = 0;    // bytes
+  int64_t left = 0;  // bytes
+};
+
 class Connection {
  public:
   enum class State { kIdle, kReceiving, kAnswering, kRefused };
@@ -93,6 +100,9 @@ class Connection {
   // Its request can't be taken: kRefuse, with what is still to be read of it for its sender to
   // hear why.
   Next Refuse(ApiError why);
+  // Fills `out`, all of which was sent, with the next piece of the file. kSend, or kClose if it
+  // can't be read.
+  Next ReadFile();
   // Makes ready for the next request; what has come of it stays.
   void Forget();
   WorkKind work() const;
@@ -110,6 +120,7 @@ class Connection {
   std::string out;
   size_t sent = 0;
   int64_t counted_unsent = 0;  // among its peer's
+  FilePart file;               // follows `out`
 
   // The request.
   HeadScanner scanner;

@@ -256,7 +256,7 @@ void Gate::Do(Connection& connection, Next next) {
       return Answer(connection);
     case Next::kSpool:
       if (!CountBody(connection, true)) return;
-      return Lend(connection, WorkKind::kSpool);
+      return Lend(connection, WorkKind::kDisk);
     case Next::kServe:
       CountBody(connection, false);
       if (connection.peer->unsent > kMaxUnsent) {
@@ -300,6 +300,7 @@ void Gate::Answer(Connection& connection) {
   if (!connection.Send()) return Close(connection);
   CountUnsent(connection);
   if (connection.unsent() > 0) return Wait(connection, /*to_send=*/true);
+  if (connection.file.left > 0) return Lend(connection, WorkKind::kDisk);
   if (connection.close_after) return Close(connection);
   connection.Forget();
   Enter(connection, State::kIdle);

@@ -1,4 +1,7 @@
-// Refusals that are to be heard.
+// Answers that are large, and refusals that are to be heard.
+#include <fcntl.h>
+#include <sys/resource.h>
+
 #include "tests/server/api/gate_world.h"
 
 namespace myograde::server {
@@ -44,6 +47,49 @@ TEST_F(GateTest, WhoBringsTooManyBodiesHearsSoAfterTheRestOfItToo) {
   EXPECT_THAT(client.Receive(1 << 20), StartsWith("HTTP/1.1 429"));
   EXPECT_FALSE(client.Closed(absl::Milliseconds(300)));
   client.Send(std::string(999, 'x'));
+  EXPECT_TRUE(client.Closed(absl::Seconds(60)));
+}
+
+TEST_F(GateTest, AFileOfAnySizeTakesLittleMemory) {
+  {
+    const Fd made(::open(file().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
+    ASSERT_EQ(::ftruncate(made.get(), kHuge), 0);
+    ASSERT_EQ(::pwrite(made.get(), "end", 3, kHuge - 3), 3);
+  }
+  Start(Limits());
+  // Those who do not read it hold up nobody.
+  const auto crowd = Many(5, "crowd", "GET /file HTTP/1.1\r\n\r\n");
+  OthersAreServed();
+  rusage before = {};
+  ASSERT_EQ(getrusage(RUSAGE_SELF, &before), 0);
+  Client client(path(), "a");
+  client.Send(absl::StrCat("GET /file HTTP/1.1\r\n\r\n", kGet));
+  EXPECT_THAT(client.Receive(15), "HTTP/1.1 200 OK");
+  while (client.Receive(1) != "\r" || client.Receive(3) != "\n\r\n") {
+  }
+  std::string piece(256 << 10, '\0');
+  for (int64_t left = kHuge - 3; left > 0;) {
+    const auto most = static_cast<size_t>(std::min(std::ssize(piece), left));
+    const ssize_t n = recv(client.fd(), piece.data(), most, 0);
+    ASSERT_GT(n, 0) << left;
+    left -= n;
+  }
+  EXPECT_EQ(client.Receive(3), "end");
+  EXPECT_EQ(client.Receive(sizeof(kOk) - 1), kOk) << "the next request is answered after it";
+  rusage after = {};
+  ASSERT_EQ(getrusage(RUSAGE_SELF, &after), 0);
+  EXPECT_LT(after.ru_maxrss - before.ru_maxrss, 32 << 10) << "KiB";
+}
+
+TEST_F(GateTest, AFileThatIsCutEndsTheConnection) {
+  {
+    const Fd made(::open(file().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
+    ASSERT_EQ(::ftruncate(made.get(), 1000), 0);
+  }
+  Start(Limits());
+  Client client(path(), "a");
+  client.Send("GET /file HTTP/1.1\r\n\r\n");
+  EXPECT_LT(client.Receive(1 << 20).size(), 1100u);
   EXPECT_TRUE(client.Closed(absl::Seconds(60)));
 }
 

@@ -2,6 +2,7 @@
 // address that its socket is bound to.
 #pragma once
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <poll.h>
@@ -157,8 +158,9 @@ class GateTest : public ::testing::Test {
   void WorkAt(const SpoolOptions& spool) {
     while (std::optional<Job> job = queue_.Pop()) {
       Connection& connection = *job->connection;
-      if (job->work == WorkKind::kSpool) {
-        connection.next = connection.Spool(spool);
+      if (job->work == WorkKind::kDisk) {
+        connection.next =
+            connection.file.left > 0 ? connection.ReadFile() : connection.Spool(spool);
       } else {
         if (connection.head->path == "/wait") permits_.acquire();
         const absl::StatusOr<std::string> body = connection.body.Text();
@@ -172,13 +174,15 @@ class GateTest : public ::testing::Test {
     }
   }
 
-  std::string AnswerTo(const Connection& connection) const {
+  std::string AnswerTo(Connection& connection) const {
     const auto head = [](int64_t size) {
       return absl::StrCat("HTTP/1.1 200 OK\r\nContent-Length: ", size, "\r\n\r\n");
     };
     const std::string& asked = connection.head->path;
     if (asked == "/large") return head(kLarge) + std::string(kLarge, 'x');
-    return kOk;
+    if (asked != "/file") return kOk;
+    connection.file = {Fd(::open(file().c_str(), O_RDONLY | O_CLOEXEC)), 0, kHuge};
+    return head(kHuge);
   }
 
   static std::optional<Peer> PeerOf(int fd) {
@@ -191,11 +195,12 @@ class GateTest : public ::testing::Test {
   }
 
   std::string path() const { return folder_ + "/s"; }
+  std::string file() const { return folder_ + "/file"; }  // what "/file" is answered with
   std::vector<std::string> Spooled() const {
     std::vector<std::string> names;
     for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
       const std::string name = entry.path().filename();
-      if (name != "s") names.push_back(name);
+      if (name != "s" && name != "file") names.push_back(name);
     }
     return names;
   }
@@ -224,6 +229,7 @@ class GateTest : public ::testing::Test {
   }
 
   static constexpr size_t kLarge = 4 << 20;
+  static constexpr int64_t kHuge = int64_t{1} << 30;
   std::counting_semaphore<> permits_{0};
   std::string folder_;
   SpoolBudget budget_{64 << 20, 16 << 20};
