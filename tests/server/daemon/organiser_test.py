@@ -7,6 +7,7 @@ import shutil
 import signal
 import sqlite3
 import subprocess
+import time
 import unittest
 import urllib.parse
 
@@ -308,8 +309,12 @@ class Files(OrganiserCase):
         self.start()
         self.wait("/v1/health", lambda _: not (self.data / "artefacts" / failed).exists())
         self.assertTrue((self.data / "artefacts" / official).exists())
-        with sqlite3.connect(self.data / "store.db") as db:
-            rows = db.execute("SELECT kind, name, bytes > 0 FROM removal").fetchall()
+        # The row is there once the folder has left its place and the store has kept that.
+        deadline = time.monotonic() + 20
+        rows = []
+        while not rows and time.monotonic() < deadline:
+            with sqlite3.connect(self.data / "store.db") as db:
+                rows = db.execute("SELECT kind, name, bytes > 0 FROM removal").fetchall()
         self.assertEqual(rows, [("artefact", failed, 1)])
         status, answer = self.call("POST", "/v1/submissions/2/rerun", {})
         self.assertEqual(status, 404, answer)
