@@ -1,6 +1,6 @@
 """Cases 85 and 86: clients of the API that break no rule and want to freeze it or fill its queue. An
 organiser and an honest submission are served all the same, and so is the user whose crowd it is.
-Where root runs the suite, the crowd is another user's, as limits are each user's own, and that user
+Where root runs the daemon, the crowd is another user's, as limits are each user's own, and that user
 asks too; else the crowd, the organiser and the honest one are all the same ordinary user."""
 
 import contextlib
@@ -29,7 +29,7 @@ CROWDS = (
 
 
 STRANGER = 61990
-# Becomes the stranger, connects and speaks; "slow" adds a little from time to time.
+# Becomes the crowd's user, connects and speaks; "slow" adds a little from time to time.
 CROWD = r"""
 import os, socket, sys, time
 path, count, text = sys.argv[1], int(sys.argv[2]), bytes.fromhex(sys.argv[3])
@@ -58,7 +58,7 @@ while True:
 """
 
 
-# Asks once as the stranger, and prints the answer's status.
+# Asks once as the crowd's user, and prints the answer's status.
 ASK = r"""
 import http.client, os, socket, sys
 os.setgid(int(sys.argv[2])); os.setuid(int(sys.argv[2]))
@@ -71,10 +71,15 @@ print(connection.getresponse().status)
 """
 
 
+def _crowds_user(host):
+    """An ordinary daemon's own, as nobody else may talk to it."""
+    return STRANGER if host.user is None else host.user
+
+
 @contextlib.contextmanager
 def _open_to_all(host):
     """The socket and the way to it, for as long as the crowds are there."""
-    if os.geteuid() != 0:
+    if os.geteuid() != 0 or host.user is not None:
         yield
         return
     modes = [(path, path.stat().st_mode & 0o7777)
@@ -92,7 +97,7 @@ def _open_to_all(host):
 def _crowd(host, name, count, text):
     process = subprocess.Popen(
         [sys.executable, "-c", CROWD, host.data / "myograde.sock", str(count), text.hex(),
-         str(STRANGER)] + ["slow"] * (name == "slow uploads"), stdout=subprocess.PIPE)
+         str(_crowds_user(host))] + ["slow"] * (name == "slow uploads"), stdout=subprocess.PIPE)
     try:
         if process.stdout.readline() != b"there\n":
             raise OSError(f"{name}: the crowd could not connect")
@@ -116,7 +121,7 @@ def _answers(host, name, begun):
         yield f"{name}: an organiser is not answered: {error}"
     if os.geteuid() == 0:
         done = subprocess.run(
-            [sys.executable, "-c", ASK, host.data / "myograde.sock", str(STRANGER)],
+            [sys.executable, "-c", ASK, host.data / "myograde.sock", str(_crowds_user(host))],
             capture_output=True, text=True, timeout=120, check=False)
         if done.stdout.strip() != "200":
             yield (f"{name}: the crowd's own user is not answered: {done.stdout.strip()} "
