@@ -22,34 +22,41 @@ constexpr size_t kPieceBytes = 64 << 10;
 // 32 MiB of what was unpacked last may be referred to; the simulator's packer takes 2 MiB.
 constexpr int kMaxWindowLog = 25;
 
-// Takes a log piece by piece, and no more of it than it can have.
-class Collector {
+// Hands a log on piece by piece, and no more of it than it can have.
+class Bounded {
  public:
+  explicit Bounded(LogUnpacker::Sink sink) : sink_(std::move(sink)) {}
+
   absl::Status Take(std::string_view piece) {
-    log_.append(piece);
+    size_ += std::ssize(piece);
     if (!limit_.has_value()) {
-      absl::StatusOr<std::optional<int64_t>> limit = LogBytesLimit(log_);
+      begin_.append(piece);
+      absl::StatusOr<std::optional<int64_t>> limit = LogBytesLimit(begin_);
       if (!limit.ok()) return limit.status();
-      if (limit->has_value()) limit_ = std::min(**limit, kMaxLogBytes);
+      if (limit->has_value()) {
+        limit_ = std::min(**limit, kMaxLogBytes);
+        begin_ = std::string();
+      }
     }
-    if (limit_.has_value() && std::ssize(log_) > *limit_) {
+    if (limit_.has_value() && size_ > *limit_) {
       return absl::DataLossError(
           absl::StrCat("the log is larger than the ", *limit_, " bytes that an episode of its "
                        "track can have; it was altered, or is none"));
     }
-    return absl::OkStatus();
+    return sink_(piece);
   }
-  std::string Finish() { return std::move(log_); }
 
  private:
-  std::string log_;
-  std::optional<int64_t> limit_;  // unknown until the header is there
+  const LogUnpacker::Sink sink_;
+  std::string begin_;  // until its header is there
+  int64_t size_ = 0;
+  std::optional<int64_t> limit_;  // unknown until then
 };
 
 class Unpacker {
  public:
-  explicit Unpacker(Collector& collector)
-      : collector_(collector), context_(ZSTD_createDCtx(), ZSTD_freeDCtx),
+  explicit Unpacker(Bounded& log)
+      : log_(log), context_(ZSTD_createDCtx(), ZSTD_freeDCtx),
         block_(ZSTD_DStreamOutSize(), '\0') {
     ZSTD_DCtx_setParameter(context_.get(), ZSTD_d_windowLogMax, kMaxWindowLog);
   }
@@ -65,7 +72,7 @@ class Unpacker {
             absl::StrCat("the log can't be unpacked (", ZSTD_getErrorName(left_),
                          "); the file was altered or damaged"));
       }
-      if (absl::Status status = collector_.Take({block_.data(), out.pos}); !status.ok()) {
+      if (absl::Status status = log_.Take({block_.data(), out.pos}); !status.ok()) {
         return status;
       }
       full = out.pos == out.size && left_ != 0;  // more may come of what was taken
@@ -79,29 +86,77 @@ class Unpacker {
   }
 
  private:
-  Collector& collector_;
+  Bounded& log_;
   const std::unique_ptr<ZSTD_DCtx, size_t (*)(ZSTD_DCtx*)> context_;
   std::string block_;
   size_t left_ = 1;
 };
 
-// `next` gives the next piece, "" at the end; all but the last have the magic's length at least.
+}  // namespace
+
+class LogUnpacker::Impl {
+ public:
+  explicit Impl(Sink sink) : log_(std::move(sink)) {}
+
+  absl::Status Take(std::string_view piece) {
+    if (known_) return Pass(piece);
+    // Whether it is packed is in the first bytes, which may come one by one.
+    begin_.append(piece);
+    if (begin_.size() < kZstdMagic.size() && kZstdMagic.starts_with(begin_)) {
+      return absl::OkStatus();
+    }
+    return PassBegin();
+  }
+  absl::Status End() {
+    if (!known_) {
+      if (absl::Status status = PassBegin(); !status.ok()) return status;
+    }
+    return unpacker_ ? unpacker_->End() : absl::OkStatus();
+  }
+
+ private:
+  absl::Status PassBegin() {
+    known_ = true;
+    if (begin_.starts_with(kZstdMagic)) unpacker_.emplace(log_);
+    const std::string begin = std::move(begin_);
+    return Pass(begin);
+  }
+  absl::Status Pass(std::string_view piece) {
+    if (piece.empty()) return absl::OkStatus();
+    return unpacker_ ? unpacker_->Take(piece) : log_.Take(piece);
+  }
+
+  Bounded log_;
+  std::optional<Unpacker> unpacker_;
+  std::string begin_;
+  bool known_ = false;  // whether it is packed
+};
+
+LogUnpacker::LogUnpacker(Sink sink) : impl_(std::make_unique<Impl>(std::move(sink))) {}
+LogUnpacker::~LogUnpacker() = default;
+
+absl::Status LogUnpacker::Take(std::string_view piece) { return impl_->Take(piece); }
+
+absl::Status LogUnpacker::End() { return impl_->End(); }
+
+namespace {
+
+// `next` gives the next piece, "" at the end.
 absl::StatusOr<std::string> Collect(
     const std::function<absl::StatusOr<std::string_view>()>& next) {
-  Collector collector;
-  std::optional<Unpacker> unpacker;
-  for (bool first = true;; first = false) {
+  std::string log;
+  LogUnpacker unpacker([&](std::string_view piece) {
+    log.append(piece);
+    return absl::OkStatus();
+  });
+  for (;;) {
     absl::StatusOr<std::string_view> piece = next();
     if (!piece.ok()) return piece.status();
     if (piece->empty()) break;
-    if (first && piece->starts_with(kZstdMagic)) unpacker.emplace(collector);
-    absl::Status status = unpacker ? unpacker->Take(*piece) : collector.Take(*piece);
-    if (!status.ok()) return status;
+    if (absl::Status status = unpacker.Take(*piece); !status.ok()) return status;
   }
-  if (unpacker) {
-    if (absl::Status status = unpacker->End(); !status.ok()) return status;
-  }
-  return collector.Finish();
+  if (absl::Status status = unpacker.End(); !status.ok()) return status;
+  return log;
 }
 
 }  // namespace

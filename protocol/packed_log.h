@@ -4,9 +4,12 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <string>
 #include <string_view>
 
+#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
 namespace myograde {
@@ -14,6 +17,26 @@ namespace myograde {
 // A log larger than this, unpacked, is refused, whatever its header says. The
 // longest episode of the challenge's tracks takes 40 MB.
 inline constexpr int64_t kMaxLogBytes = int64_t{512} << 20;
+
+// Unpacks a log that comes piece by piece, in little memory.
+class LogUnpacker {
+ public:
+  // Takes what was unpacked, piece by piece; an error ends the unpacking.
+  using Sink = std::function<absl::Status(std::string_view)>;
+
+  explicit LogUnpacker(Sink sink);
+  ~LogUnpacker();
+
+  // The next piece of any size. DataLossError as ReadPackedLog, or what the sink said; nothing may
+  // come after an error.
+  absl::Status Take(std::string_view piece);
+  // Nothing is to come.
+  absl::Status End();
+
+ private:
+  class Impl;
+  const std::unique_ptr<Impl> impl_;
+};
 
 // Reads `fd` to its end, or until it can be no log any more. DataLossError: damaged,
 // cut, or larger than the episode that its header tells of can have made it.

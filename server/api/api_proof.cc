@@ -1,8 +1,4 @@
 // What shows a result again: the logs of episodes, receipts and the key that they are signed with.
-#include <cerrno>
-#include <cstring>
-#include <fstream>
-
 #include <absl/strings/str_cat.h>
 
 #include "protocol/config_reader.h"
@@ -107,16 +103,12 @@ Api::Result Api::GetKey(const Request&) {
 void Api::SendLog(const Request& request, httplib::Response& response) {
   const std::string path =
       absl::StrCat(options_.data_dir, "/logs/", LogFileName(request.matches[1]));
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    const std::string message = absl::StrCat("there is no log ", std::string(request.matches[1]),
-                                             " here; it was never kept, or was removed");
-    response.status = 404;
-    const Json error = {{"error", {{"code", "not_found"}, {"message", message}}}};
-    return response.set_content(CanonicalJson(error) + "\n", "application/json");
+  absl::Status sent = UnixHttpServer::AnswerWithFile(path, "application/zstd", response);
+  if (absl::IsNotFound(sent)) {
+    sent = absl::NotFoundError(absl::StrCat("there is no log ", std::string(request.matches[1]),
+                                            " here; it was never kept, or was removed"));
   }
-  std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  response.set_content(std::move(bytes), "application/zstd");
+  if (!sent.ok()) SendError(response, ErrorOf(sent));
 }
 
 }  // namespace myograde::server

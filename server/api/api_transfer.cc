@@ -1,6 +1,5 @@
 // Export, import and backup: whole stores as files.
 #include <fcntl.h>
-#include <sys/stat.h>
 
 #include <filesystem>
 
@@ -23,24 +22,6 @@ absl::Status WriteText(int fd, std::string_view text) {
     if (n < 0) return absl::ErrnoToStatus(errno, "the server's disk does not take the file");
     text.remove_prefix(static_cast<size_t>(n));
   }
-  return absl::OkStatus();
-}
-
-// Sends a file that lies in the spool; it is removed when the answer is out.
-absl::Status SendFile(const std::string& path, const char* type, httplib::Response& response) {
-  const auto fd = std::make_shared<Fd>(open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  struct stat info;
-  if (!fd->valid() || fstat(fd->get(), &info) != 0) {
-    return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be read"));
-  }
-  response.set_content_provider(
-      static_cast<size_t>(info.st_size), type,
-      [fd](size_t offset, size_t length, httplib::DataSink& sink) {
-        char buffer[1 << 16];
-        const ssize_t n = pread(fd->get(), buffer, std::min(length, sizeof(buffer)),
-                                static_cast<off_t>(offset));
-        return n > 0 && sink.write(buffer, static_cast<size_t>(n));
-      });
   return absl::OkStatus();
 }
 
@@ -81,7 +62,7 @@ void Api::SendMade(const char* type, httplib::Response& response,
     fs::remove(path, error);
   };
   absl::Status status = make(path);
-  if (status.ok()) status = SendFile(path, type, response);
+  if (status.ok()) status = UnixHttpServer::AnswerWithFile(path, type, response);
   if (!status.ok()) SendError(response, ErrorOf(status));
 }
 

@@ -255,7 +255,24 @@ Connection::Next Connection::Spool(const SpoolOptions& options) {
   return Next::kRead;
 }
 
+Connection::Next Connection::ReadFile() {
+  const auto most = static_cast<size_t>(std::min<int64_t>(file.left, kPiece));
+  out.resize(most);
+  ssize_t n;
+  do {
+    n = ::pread(file.fd.get(), out.data(), most, static_cast<off_t>(file.at));
+  } while (n < 0 && errno == EINTR);
+  // The length was told already, so only the end of the connection tells that it is less.
+  if (n <= 0) return Next::kClose;
+  out.resize(static_cast<size_t>(n));
+  file.at += n;
+  file.left -= n;
+  return Next::kSend;
+}
+
 void Connection::Forget() {
+  file = FilePart();
+  if (out.empty()) out.shrink_to_fit();
   body.Drop();
   if (reserved > 0) budget_->Give(*peer, reserved);
   reserved = 0;

@@ -71,6 +71,13 @@ class Body {
   int64_t size_ = 0;
 };
 
+// What of a file is still to be sent.
+struct FilePart {
+  Fd fd;
+  int64_t at = 0;    // bytes
+  int64_t left = 0;  // bytes
+};
+
 class Connection {
  public:
   enum class State { kIdle, kReceiving, kAnswering, kRefused };
@@ -90,6 +97,12 @@ class Connection {
   size_t unsent() const { return out.size() - sent; }
   // Moves a piece of a large body to the disk. As Feed, or kClose.
   Next Spool(const SpoolOptions& options);
+  // Its request can't be taken: kRefuse, with what is still to be read of it for its sender to
+  // hear why.
+  Next Refuse(ApiError why);
+  // Fills `out`, all of which was sent, with the next piece of the file. kSend, or kClose if it
+  // can't be read.
+  Next ReadFile();
   // Makes ready for the next request; what has come of it stays.
   void Forget();
   WorkKind work() const;
@@ -107,6 +120,7 @@ class Connection {
   std::string out;
   size_t sent = 0;
   int64_t counted_unsent = 0;  // among its peer's
+  FilePart file;               // follows `out`
 
   // The request.
   HeadScanner scanner;
@@ -127,7 +141,6 @@ class Connection {
   int64_t drain_left = 0;        // bytes to be dropped, those in `in` among them
 
  private:
-  Next Refuse(ApiError why);
   Next StartBody(const std::function<BodyRule(const RequestHead&)>& rule_of,
                  const SpoolOptions& spool);
   bool Reserve(int64_t bytes, const SpoolOptions& spool);

@@ -1,6 +1,5 @@
 #include "server/api/gate.h"
 
-#include <fcntl.h>
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
@@ -8,13 +7,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <system_error>
-#include <tuple>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
-#include <spdlog/spdlog.h>
 
 #include "protocol/base/clock.h"
 
@@ -27,7 +22,6 @@ constexpr uint64_t kFirstId = 2;
 constexpr size_t kReadAtOnce = 64 << 10;
 constexpr size_t kDropAtOnce = 256 << 10;
 constexpr int kAcceptAtOnce = 64;
-constexpr size_t kSpareDescriptors = 8;
 constexpr absl::Duration kLookEvery = absl::Milliseconds(200);
 // After an accept that failed for want of descriptors or memory.
 constexpr absl::Duration kBackOff = absl::Milliseconds(200);
@@ -35,12 +29,6 @@ constexpr absl::Duration kBackOff = absl::Milliseconds(200);
 constexpr int64_t kMaxUnsent = int64_t{64} << 20;
 
 absl::Duration Now() { return SystemClock().Monotonic(); }
-
-void Tell(int socket, const ApiError& error) {
-  const std::string text = RefusalBytes(error);
-  [[maybe_unused]] const ssize_t n =
-      ::send(socket, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
-}
 
 const ApiError kStopping = {503, "stopping", "the daemon is about to stop; nothing was changed"};
 
@@ -51,17 +39,9 @@ Gate::Gate(Options options, WorkQueue& queue)
       queue_(queue),
       epoll_(::epoll_create1(EPOLL_CLOEXEC)),
       wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
-      next_id_(kFirstId) {
-  RestoreSpare();
-}
-
-void Gate::RestoreSpare() {
-  while (spare_.size() < kSpareDescriptors) {
-    Fd fd(::open("/dev/null", O_RDONLY | O_CLOEXEC));
-    if (!fd.valid()) return;
-    spare_.push_back(std::move(fd));
-  }
-}
+      door_(options_.peer_of),
+      places_(options_.limits, kFirstId),
+      line_(options_.limits.waiting(), options_.limits.peer_waiting()) {}
 
 Gate::~Gate() = default;
 
@@ -89,44 +69,56 @@ void Gate::Return(Connection* connection) {
   Wake();
 }
 
+void Gate::Watch(int fd, uint64_t id) {
+  epoll_event event = {EPOLLIN, {.u64 = id}};
+  ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &event);
+}
+
 void Gate::Run(int listener) {
-  const auto watch = [this](int fd, uint64_t id) {
-    epoll_event event = {EPOLLIN, {.u64 = id}};
-    ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &event);
-  };
-  watch(wake_.get(), kWakeId);
-  watch(listener, kListenerId);
-  std::array<epoll_event, 64> events;
+  Watch(wake_.get(), kWakeId);
+  Watch(listener, kListenerId);
   while (!stop_) {
-    const bool sleep = connections_.empty() && accepting_;
-    const int n = ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()),
-                               sleep ? -1 : static_cast<int>(absl::ToInt64Milliseconds(kLookEvery)));
-    bool accept = false;
-    for (int i = 0; i < n; ++i) {
-      const uint64_t id = events[static_cast<size_t>(i)].data.u64;
-      if (id == kWakeId) {
-        uint64_t count;
-        [[maybe_unused]] const ssize_t got = ::read(wake_.get(), &count, sizeof(count));
-      } else if (id == kListenerId) {
-        accept = true;
-      } else if (const auto it = connections_.find(id);
-                 it != connections_.end() && !it->second->lent) {
-        OnReady(*it->second);
-      }
-    }
+    const bool sleep = places_.all().empty() && line_.empty() && accepting_;
+    bool newcomers = false;
+    SeeEvents(sleep ? -1 : static_cast<int>(absl::ToInt64Milliseconds(kLookEvery)), newcomers);
     TakeReturned();
-    if (!accepting_ && Now() >= accept_again_) {
-      accepting_ = true;
-      watch(listener, kListenerId);
-    }
-    if (accept && accepting_) Accept(listener);
     if (Now() - looked_at_ >= kLookEvery) {
       LookAtClocks();
-      RestoreSpare();
+      door_.RestoreSpare();
+    }
+    LetWaitingIn();
+    GoOn();
+    if (!accepting_ && Now() >= accept_again_) {
+      accepting_ = true;
+      Watch(listener, kListenerId);
+    }
+    if (newcomers && accepting_) Accept(listener);
+  }
+  HangUpOnAll();
+}
+
+void Gate::SeeEvents(int timeout_ms, bool& newcomers) {
+  std::array<epoll_event, 64> events;
+  const int n =
+      ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), timeout_ms);
+  for (int i = 0; i < n; ++i) {
+    const uint64_t id = events[static_cast<size_t>(i)].data.u64;
+    if (id == kWakeId) {
+      uint64_t count;
+      [[maybe_unused]] const ssize_t got = ::read(wake_.get(), &count, sizeof(count));
+    } else if (id == kListenerId) {
+      newcomers = true;
+    } else if (Connection* connection = places_.Find(id);
+               connection != nullptr && !connection->lent) {
+      OnReady(*connection);
     }
   }
+}
+
+void Gate::HangUpOnAll() {
+  line_.SendAway(kStopping);
   std::vector<Connection*> left;
-  for (const auto& [id, connection] : connections_) {
+  for (const auto& [id, connection] : places_.all()) {
     if (!connection->lent) left.push_back(connection.get());
   }
   for (Connection* connection : left) {
@@ -154,107 +146,57 @@ void Gate::TakeReturned() {
 
 void Gate::Accept(int listener) {
   for (int i = 0; i < kAcceptAtOnce; ++i) {
-    if (!AcceptOne(listener)) return;
+    Newcomer newcomer;
+    switch (door_.Accept(listener, newcomer)) {
+      case Door::Found::kNewcomer:
+        Receive(std::move(newcomer));
+        break;
+      case Door::Found::kSentAway:
+        break;
+      case Door::Found::kNobody:
+        return;
+      case Door::Found::kCantAccept:
+        // Those who wait stay readable.
+        ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, listener, nullptr);
+        accepting_ = false;
+        accept_again_ = Now() + kBackOff;
+        return;
+    }
   }
 }
 
-bool Gate::AcceptOne(int listener) {
-  Fd socket(::accept4(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
-  bool spare = false;
-  if (!socket.valid()) {
-    if (errno == EINTR || errno == ECONNABORTED) return true;
-    if (errno == EAGAIN || errno == EWOULDBLOCK) return false;
-    const int error = errno;
-    // One of the spare descriptors is for an organiser; whoever else it is hears why not.
-    spare = (error == EMFILE || error == ENFILE) && !spare_.empty();
-    if (spare) {
-      spare_.pop_back();
-      socket = Fd(::accept4(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
-    }
-    if (!socket.valid()) {
-      if (spare && errno == EAGAIN) return false;
-      // Those who wait stay readable, and asking at once again would only burn time.
-      spdlog::warn("no connection can be accepted for now: {}",
-                   std::generic_category().message(error));
-      ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, listener, nullptr);
-      accepting_ = false;
-      accept_again_ = Now() + kBackOff;
-      return false;
-    }
+void Gate::Receive(Newcomer newcomer) {
+  // Nobody overtakes those of the same peer who came before.
+  if (!line_.Has(newcomer.peer) && places_.MakeRoom(newcomer.peer)) {
+    return Admit(std::move(newcomer));
   }
-  const std::optional<Peer> peer = options_.peer_of(socket.get());
-  if (spare && peer.has_value() && !peer->organiser) {
-    Tell(socket.get(),
-         {503, "too_many", "the server has no descriptors left for you; try again later"});
-    socket.reset();
-    RestoreSpare();
-  } else if (peer.has_value()) {
-    Admit(std::move(socket), *peer);
-  }
-  return true;
+  if (draining_) return Tell(newcomer.socket.get(), kStopping);
+  line_.Add(std::move(newcomer), Now() + options_.limits.request);
 }
 
-void Gate::Admit(Fd socket, const Peer& peer) {
-  std::shared_ptr<PeerLoad>& load = peers_[peer.key];
-  if (load == nullptr) load = std::make_shared<PeerLoad>(peer);
-  const std::shared_ptr<PeerLoad> held = load;  // the entry may go with a victim
-  if (!MakeRoom(*held)) {
-    Tell(socket.get(), {429, "too_many",
-                        "all connections that you may have are busy; let one of them end first"});
-    if (held->connections == 0) peers_.erase(peer.key);
-    return;
+void Gate::Admit(Newcomer newcomer) {
+  Connection& connection = places_.Add(std::move(newcomer.socket), newcomer.peer);
+  epoll_event event = {EPOLLONESHOT, {.u64 = connection.id}};
+  if (::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, connection.fd.get(), &event) != 0) {
+    return Close(connection);
   }
-  peers_[peer.key] = held;
-  const uint64_t id = next_id_++;
-  auto made = std::make_unique<Connection>(id, std::move(socket), held);
-  Connection& connection = *made;
-  epoll_event event = {EPOLLONESHOT, {.u64 = id}};
-  if (::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, connection.fd.get(), &event) != 0) return;
-  connections_.emplace(id, std::move(made));
-  ++held->connections;
-  if (!peer.organiser) ++others_;
   Enter(connection, State::kIdle);
   OnReady(connection);  // a request is often there already
 }
 
-bool Gate::MakeRoom(const PeerLoad& load) {
-  const HttpLimits& limits = options_.limits;
-  const auto full = [&] { return static_cast<int>(connections_.size()) >= limits.clients; };
-  Connection* victim = nullptr;
-  if (!load.peer.organiser && load.connections >= limits.peer_clients) {
-    victim = Victim([&](const PeerLoad& other) { return &other == &load; });
-  } else if (full() ||
-             (!load.peer.organiser && others_ >= limits.clients - limits.organiser_clients)) {
-    // Who has most gives way; organisers only to organisers.
-    int most = 0;
-    for (const auto& [key, other] : peers_) {
-      if (load.peer.organiser || !other->peer.organiser) most = std::max(most, other->connections);
-    }
-    victim = Victim([&](const PeerLoad& other) {
-      return other.connections >= most && (load.peer.organiser || !other.peer.organiser);
-    });
-  } else {
-    return true;
-  }
-  if (victim != nullptr) Close(*victim);
-  return victim != nullptr;
+void Gate::LetWaitingIn() {
+  if (line_.empty()) return;
+  if (draining_) return line_.SendAway(kStopping);
+  line_.LetIn([this](const Peer& peer) { return places_.MakeRoom(peer); },
+              [this](Newcomer newcomer) { Admit(std::move(newcomer)); });
 }
 
-// Of those that wait for their other end: the ones that have asked for nothing first, then those
-// that do not read, then half requests; each time who has been so for the longest.
-Connection* Gate::Victim(const std::function<bool(const PeerLoad&)>& among) const {
-  Connection* victim = nullptr;
-  std::pair<int, absl::Duration> best;
-  for (const auto& [id, connection] : connections_) {
-    if (connection->lent || connection->counted || !among(*connection->peer)) continue;
-    int rank = 0;
-    if (connection->state == State::kRefused) rank = 1;
-    if (connection->state == State::kAnswering) rank = 2;
-    if (connection->state == State::kReceiving) rank = 3;
-    const auto place = std::pair(rank, connection->since);
-    if (victim == nullptr || place < best) std::tie(victim, best) = std::pair(connection.get(), place);
+void Gate::GoOn() {
+  std::vector<uint64_t> answered;
+  answered.swap(answered_);
+  for (const uint64_t id : answered) {
+    if (Connection* connection = places_.Find(id)) Do(*connection, Next::kRead);
   }
-  return victim;
 }
 
 // --- what comes and goes ------------------------------------------------------
@@ -305,10 +247,7 @@ void Gate::Do(Connection& connection, Next next) {
   }
   const bool receives = connection.reader.has_value() &&
                         (next == Next::kRead || next == Next::kSpool || next == Next::kServe);
-  if (receives && draining_) {
-    connection.error = kStopping;
-    next = Next::kRefuse;
-  }
+  if (receives && draining_) next = connection.Refuse(kStopping);
   switch (next) {
     case Next::kRead:
       if (!CountBody(connection, receives)) return;
@@ -317,7 +256,7 @@ void Gate::Do(Connection& connection, Next next) {
       return Answer(connection);
     case Next::kSpool:
       if (!CountBody(connection, true)) return;
-      return Lend(connection, WorkKind::kSpool);
+      return Lend(connection, WorkKind::kDisk);
     case Next::kServe:
       CountBody(connection, false);
       if (connection.peer->unsent > kMaxUnsent) {
@@ -339,8 +278,8 @@ bool Gate::CountBody(Connection& connection, bool receiving) {
   const int most = (connection.peer->peer.organiser ? options_.limits.clients
                                                     : options_.limits.peer_clients) / 2;
   if (!receiving || connection.peer->bodies <= most) return true;
-  connection.error = {429, "too_many",
-                      "too many requests of yours arrive at once; let some of them end first"};
+  connection.Refuse({429, "too_many",
+                     "too many requests of yours arrive at once; let some of them end first"});
   Refuse(connection, /*read_on=*/true);
   return false;
 }
@@ -361,10 +300,11 @@ void Gate::Answer(Connection& connection) {
   if (!connection.Send()) return Close(connection);
   CountUnsent(connection);
   if (connection.unsent() > 0) return Wait(connection, /*to_send=*/true);
+  if (connection.file.left > 0) return Lend(connection, WorkKind::kDisk);
   if (connection.close_after) return Close(connection);
   connection.Forget();
   Enter(connection, State::kIdle);
-  Do(connection, Next::kRead);
+  answered_.push_back(connection.id);  // those who wait for its place come first
 }
 
 // Tells the error and, where the other end may still be sending, reads on so that it gets to hear
@@ -401,13 +341,7 @@ void Gate::DrainOne(Connection& connection) {
   Wait(connection, /*to_send=*/false);
 }
 
-void Gate::Close(Connection& connection) {
-  const std::shared_ptr<PeerLoad> load = connection.peer;
-  if (connection.counted) --load->bodies;
-  if (!load->peer.organiser) --others_;
-  connections_.erase(connection.id);
-  if (--load->connections == 0) peers_.erase(load->peer.key);
-}
+void Gate::Close(Connection& connection) { places_.Remove(connection); }
 
 // --- clocks -------------------------------------------------------------------
 
@@ -425,8 +359,9 @@ bool Gate::TooSlow(Connection& connection, absl::Duration now) {
 
 void Gate::LookAtClocks() {
   const absl::Duration now = looked_at_ = Now();
+  line_.LookAtClocks(now);
   std::vector<Connection*> over;
-  for (const auto& [id, connection] : connections_) {
+  for (const auto& [id, connection] : places_.all()) {
     if (connection->lent) continue;
     const bool slow = connection->state != State::kIdle && TooSlow(*connection, now);
     const bool stops = draining_ && connection->reader.has_value();

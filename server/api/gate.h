@@ -2,22 +2,24 @@
 // requests and sends what workers left unsent, so that workers only ever have
 // whole requests to do. Connections that do nothing, dribble or do not read cost
 // a descriptor and at most some hundred kilobytes, have deadlines, a least speed
-// and limits per peer, and give way to newcomers where there is no room.
+// and limits per peer, and give way to newcomers where there is no room (places.h).
+// A newcomer that finds everybody busy waits in line (waiting_line.h); whoever has
+// its answer then gives way to it, whatever else it has asked for.
 #pragma once
 
 #include <atomic>
 #include <functional>
-#include <map>
-#include <memory>
 #include <mutex>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include <absl/time/time.h>
 
 #include "protocol/base/fd.h"
 #include "server/api/connection.h"
+#include "server/api/door.h"
+#include "server/api/places.h"
+#include "server/api/waiting_line.h"
 #include "server/api/work_queue.h"
 #include "server/daemon/server_config.h"
 
@@ -50,14 +52,16 @@ class Gate {
   using State = Connection::State;
   using Next = Connection::Next;
 
+  void Watch(int fd, uint64_t id);
+  void SeeEvents(int timeout_ms, bool& newcomers);
   void Accept(int listener);
-  // One connection; false: there is none to accept now.
-  bool AcceptOne(int listener);
-  void RestoreSpare();
-  void Admit(Fd socket, const Peer& peer);
-  // Makes room for one more of `load`'s; false: nobody can be asked to go.
-  bool MakeRoom(const PeerLoad& load);
-  Connection* Victim(const std::function<bool(const PeerLoad&)>& among) const;
+  // Gives the newcomer a place, or has it wait for one.
+  void Receive(Newcomer newcomer);
+  void Admit(Newcomer newcomer);
+  void LetWaitingIn();
+  // Those that have had an answer go on with their next request, if they still have their place.
+  void GoOn();
+  void HangUpOnAll();
   void TakeReturned();
 
   void OnReady(Connection& connection);
@@ -81,14 +85,13 @@ class Gate {
   WorkQueue& queue_;
   Fd epoll_;
   Fd wake_;
-  std::map<uint64_t, std::unique_ptr<Connection>> connections_;
-  std::map<std::string, std::shared_ptr<PeerLoad>> peers_;
-  uint64_t next_id_;
-  int others_ = 0;                // connections of those who are no organisers
-  std::vector<Fd> spare_;         // descriptors to give up when there are no others
-  absl::Duration accept_again_;   // not before
+  Door door_;
+  Places places_;
+  WaitingLine line_;                // for places
+  std::vector<uint64_t> answered_;  // connections to go on with
+  absl::Duration accept_again_;     // not before
   bool accepting_ = true;
-  absl::Duration looked_at_;      // the clocks
+  absl::Duration looked_at_;        // the clocks
   std::atomic<bool> draining_ = false;
   std::atomic<bool> stop_ = false;
   std::mutex mutex_;

@@ -1,5 +1,6 @@
 #include "server/api/unix_http_server.h"
 
+#include <fcntl.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -26,7 +27,7 @@ constexpr int kBacklog = 1024;
 constexpr size_t kSendFrom = 256 << 10;
 constexpr size_t kMaxUnsent = 16 << 20;
 constexpr int kSmallUploads = 8;
-constexpr int kSpoolers = 4;
+constexpr int kDiskWorkers = 4;
 
 absl::Duration Now() { return SystemClock().Monotonic(); }
 
@@ -111,7 +112,7 @@ WorkQueue::Limits QueueLimits(const HttpLimits& limits) {
   return {.workers = limits.workers,
           .kept = limits.workers - others,
           .of_a_peer = (others + 1) / 2,
-          .of_a_kind = {limits.workers, std::min(kSpoolers, half), std::min(kSmallUploads, half),
+          .of_a_kind = {limits.workers, std::min(kDiskWorkers, half), std::min(kSmallUploads, half),
                         std::min(limits.large_uploads, half)}};
 }
 
@@ -168,6 +169,20 @@ bool UnixHttpServer::Stopping() { return *current.stopping; }
 
 Body& UnixHttpServer::RequestBody() { return current.connection->body; }
 
+absl::Status UnixHttpServer::AnswerWithFile(const std::string& path, const char* type,
+                                            httplib::Response& response) {
+  Fd file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  struct stat info;
+  if (!file.valid() || fstat(file.get(), &info) != 0) {
+    return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be read"));
+  }
+  response.set_header("Content-Type", type);
+  response.set_header("Content-Length", absl::StrCat(info.st_size));
+  if (current.connection->head->method == "HEAD") return absl::OkStatus();
+  current.connection->file = {std::move(file), 0, info.st_size};
+  return absl::OkStatus();
+}
+
 void UnixHttpServer::AllowUploadTime() { current.deadline = Now() + current.upload; }
 
 uid_t UnixHttpServer::PeerUid() { return current.connection->peer->peer.uid; }
@@ -211,8 +226,10 @@ absl::Status UnixHttpServer::Start(const std::string& path) {
 void UnixHttpServer::Work() {
   while (std::optional<Job> job = queue_.Pop()) {
     Connection& connection = *job->connection;
-    if (job->work == WorkKind::kSpool) {
-      connection.next = connection.Spool({spool_, limits_.disk_reserve, &budget_});
+    if (job->work == WorkKind::kDisk) {
+      connection.next = connection.file.left > 0
+                            ? connection.ReadFile()
+                            : connection.Spool({spool_, limits_.disk_reserve, &budget_});
     } else {
       Serve(connection);
     }

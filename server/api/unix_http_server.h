@@ -47,6 +47,11 @@ class UnixHttpServer : public httplib::Server {
   static bool Stopping();
   // The body of the request that this thread handles.
   static Body& RequestBody();
+  // Answers with a whole file, in pieces that are read when those before are sent, so that it may
+  // be of any size and no worker waits for the client. It stays open until then; its name may go.
+  // NotFoundError: there is none.
+  static absl::Status AnswerWithFile(const std::string& path, const char* type,
+                                     httplib::Response& response);
   // Gives the client more time to take a long answer: `limits.upload` in place of
   // `limits.request`.
   static void AllowUploadTime();

@@ -17,8 +17,9 @@ namespace myograde::server {
 
 class Connection;
 
-// kSpool moves what has arrived of a large body to the disk; the others answer a whole request.
-enum class WorkKind { kServe, kSpool, kSmallUpload, kLargeUpload };
+// kDisk moves what has arrived of a large body to the disk, or the next piece of a file that is
+// sent off it; the others answer a whole request.
+enum class WorkKind { kServe, kDisk, kSmallUpload, kLargeUpload };
 inline constexpr size_t kWorkKinds = 4;
 
 struct Job {

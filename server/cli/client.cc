@@ -102,16 +102,6 @@ absl::StatusOr<Json> Client::Get(const std::string& path) const {
   return AnswerOf(http.Get(path), socket_);
 }
 
-absl::StatusOr<std::string> Client::GetBytes(const std::string& path) const {
-  if (absl::Status status = CheckSocket(); !status.ok()) return status;
-  httplib::ClientImpl http(socket_);
-  Prepare(http, kAnswerSeconds);
-  httplib::Result result = http.Get(path);
-  if (result && result->status == 200) return std::move(result->body);
-  const absl::StatusOr<Json> refused = AnswerOf(result, socket_);
-  return refused.ok() ? absl::InternalError("the daemon gave no answer") : refused.status();
-}
-
 absl::StatusOr<Json> Client::Post(const std::string& path, const Json& body) const {
   if (absl::Status status = CheckSocket(); !status.ok()) return status;
   httplib::ClientImpl http(socket_);

@@ -21,16 +21,14 @@ class Client {
   absl::StatusOr<nlohmann::json> Get(const std::string& path) const;
   absl::StatusOr<nlohmann::json> Post(const std::string& path, const nlohmann::json& body) const;
 
-  // The body as it is, for answers that are not JSON.
-  absl::StatusOr<std::string> GetBytes(const std::string& path) const;
-
   // Sends `file`, whose content is of `type`; `progress` hears the bytes sent so far, of how many.
   absl::StatusOr<nlohmann::json> Upload(
       const std::string& path, const std::string& file,
       const std::function<void(int64_t done, int64_t total)>& progress,
       const std::string& type = "application/x-tar") const;
 
-  // Writes the answer's bytes to `sink` (false: stop) and says how many they were.
+  // Gives the answer's bytes to `sink` piece by piece (false: stop) and says how many they were.
+  // Whatever its size, little of it is in memory at a time.
   absl::StatusOr<int64_t> Download(
       const std::string& path, const std::function<bool(const char*, size_t)>& sink,
       const std::function<void(int64_t done, int64_t total)>& progress) const;

@@ -1,7 +1,5 @@
 // myograde log
 #include <cerrno>
-#include <cstring>
-#include <fstream>
 #include <iostream>
 #include <memory>
 
@@ -10,6 +8,7 @@
 #include "server/cli/client.h"
 #include "server/cli/common.h"
 #include "server/cli/logs_of.h"
+#include "server/cli/new_file.h"
 #include "server/cli/terminal.h"
 
 namespace myograde::server {
@@ -25,13 +24,16 @@ struct LogOptions {
   bool json = false;
 };
 
-absl::Status WriteFile(const std::string& path, const std::string& bytes) {
-  std::ofstream file(path, std::ios::binary | std::ios::trunc);
-  file.write(bytes.data(), std::ssize(bytes));
-  file.close();
-  if (file) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat(path, ": can't be written: ", std::strerror(errno)));
+// The file is there only if the log is, whole and unaltered.
+absl::Status Fetch(const Client& client, const Json& row, const std::string& path) {
+  NewFile file(path, /*mode=*/0666);
+  if (!file.opened()) return CantWrite(path);
+  const absl::Status status = ReadLogOf(client, row, [&](std::string_view piece) {
+    if (file.Write(piece)) return absl::OkStatus();
+    errno = file.error();
+    return CantWrite(path);
+  });
+  return status.ok() ? file.Keep().status() : status;
 }
 
 int Log(const LogOptions& options) {
@@ -41,14 +43,9 @@ int Log(const LogOptions& options) {
   if (!evaluation.ok()) return Complain(evaluation.status());
   const absl::StatusOr<Json> row = RowOf(*evaluation, options.episode);
   if (!row.ok()) return Complain(row.status());
-  const absl::StatusOr<std::string> bytes = LogBytesOf(client, *row);
-  if (absl::IsDataLoss(bytes.status())) {
-    Complain(bytes.status());
-    return kNoScore;
-  }
-  if (!bytes.ok()) return Complain(bytes.status());
-  if (absl::Status status = WriteFile(options.file, *bytes); !status.ok()) {
-    return Complain(status);
+  if (absl::Status status = Fetch(client, *row, options.file); !status.ok()) {
+    const int trouble = Complain(status);
+    return absl::IsDataLoss(status) ? kNoScore : trouble;
   }
   const Json& log = (*row)["log"];
   const bool complete = log.value("steps", int64_t{0}) == row->value("steps", int64_t{-1});

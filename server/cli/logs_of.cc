@@ -2,6 +2,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/sha256.h"
 #include "server/proof/unpack_log.h"
 
 namespace myograde::server {
@@ -33,22 +34,46 @@ absl::StatusOr<Json> RowOf(const Json& evaluation, int64_t episode) {
                                             " has no recorded episode ", episode));
 }
 
-absl::StatusOr<std::string> PackedLogOf(const Client& client, const Json& row) {
+absl::Status ReadLogOf(const Client& client, const std::string& sha256,
+                       const LogUnpacker::Sink& sink) {
+  Sha256 hash;
+  LogUnpacker unpacker([&](std::string_view piece) {
+    hash.Update(piece);
+    return sink(piece);
+  });
+  absl::Status status;
+  const absl::StatusOr<int64_t> got = client.Download(
+      "/v1/logs/" + sha256,
+      [&](const char* data, size_t size) {
+        status = unpacker.Take({data, size});
+        return status.ok();
+      },
+      [](int64_t, int64_t) {});
+  if (!status.ok()) return status;
+  if (!got.ok()) return got.status();
+  if (status = unpacker.End(); !status.ok()) return status;
+  return CheckLogHash(sha256, hash.FinishHex());
+}
+
+absl::Status ReadLogOf(const Client& client, const Json& row, const LogUnpacker::Sink& sink) {
   const std::string hash = HashOf(row);
+  const int64_t episode = row.value("index", int64_t{-1});
   if (hash.empty()) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("no log of episode ", row.value("index", -1), " was kept"));
+    return absl::FailedPreconditionError(absl::StrCat("no log of episode ", episode, " was kept"));
   }
-  return client.GetBytes("/v1/logs/" + hash);
+  const absl::Status status = ReadLogOf(client, hash, sink);
+  if (!absl::IsDataLoss(status)) return status;
+  return absl::DataLossError(absl::StrCat("episode ", episode, ": ", status.message()));
 }
 
 absl::StatusOr<std::string> LogBytesOf(const Client& client, const Json& row) {
-  absl::StatusOr<std::string> packed = PackedLogOf(client, row);
-  if (!packed.ok()) return packed.status();
-  absl::StatusOr<std::string> log = UnpackLogOf(HashOf(row), *packed);
-  if (log.ok()) return log;
-  return absl::Status(log.status().code(), absl::StrCat("episode ", row.value("index", -1), ": ",
-                                                        log.status().message()));
+  std::string log;
+  const absl::Status status = ReadLogOf(client, row, [&](std::string_view piece) {
+    log.append(piece);
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  return log;
 }
 
 absl::StatusOr<EpisodeLog> LogOf(const Client& client, const Json& row) {

@@ -3,10 +3,12 @@
 
 #include <string>
 
+#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/episode_log.h"
+#include "protocol/packed_log.h"
 #include "server/cli/client.h"
 
 namespace myograde::server {
@@ -17,12 +19,18 @@ absl::StatusOr<nlohmann::json> EvaluationWithRows(const Client& client, const st
 // The row of one episode of such an evaluation. OutOfRangeError if it has none.
 absl::StatusOr<nlohmann::json> RowOf(const nlohmann::json& evaluation, int64_t episode);
 
-// The log that a row names, packed as it is stored. FailedPreconditionError if
-// the row names none; the daemon's error if it is gone.
-absl::StatusOr<std::string> PackedLogOf(const Client& client, const nlohmann::json& row);
+// Gets the log of that SHA-256 and gives it to `sink` unpacked, piece by piece. It is the right one
+// only if that is OK: DataLossError if it was altered, the daemon's error if it is gone, or what
+// `sink` said.
+absl::Status ReadLogOf(const Client& client, const std::string& sha256,
+                       const LogUnpacker::Sink& sink);
 
-// The same, unpacked and held against the row's hash: DataLossError names an
-// altered log.
+// The same of the log that a row names. FailedPreconditionError if the row names none;
+// DataLossError names the episode.
+absl::Status ReadLogOf(const Client& client, const nlohmann::json& row,
+                       const LogUnpacker::Sink& sink);
+
+// The whole log that a row names.
 absl::StatusOr<std::string> LogBytesOf(const Client& client, const nlohmann::json& row);
 absl::StatusOr<EpisodeLog> LogOf(const Client& client, const nlohmann::json& row);
 

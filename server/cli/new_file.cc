@@ -1,6 +1,7 @@
 #include "server/cli/new_file.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -10,20 +11,33 @@
 #include <absl/strings/str_cat.h>
 
 namespace myograde::server {
+namespace {
+
+bool IsNoFile(const std::string& path) {
+  struct stat info;
+  return stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode) && !S_ISDIR(info.st_mode);
+}
+
+}  // namespace
 
 absl::Status CantWrite(const std::string& path) {
   return absl::InvalidArgumentError(absl::StrCat(
       path, ": can't be written: ", std::strerror(errno), "; choose another place or make room"));
 }
 
-NewFile::NewFile(std::string path) : path_(std::move(path)), part_(path_ + ".part") {
+NewFile::NewFile(std::string path, mode_t mode)
+    : path_(std::move(path)), in_place_(IsNoFile(path_)), part_(path_ + ".part") {
+  if (in_place_) {
+    fd_ = Fd(open(path_.c_str(), O_WRONLY | O_CLOEXEC));
+    return;
+  }
   // One that an earlier run left, or that another user has put there to read along.
   unlink(part_.c_str());
-  fd_ = Fd(open(part_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
+  fd_ = Fd(open(part_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, mode));
 }
 
 NewFile::~NewFile() {
-  if (fd_.valid()) unlink(part_.c_str());
+  if (fd_.valid() && !in_place_) unlink(part_.c_str());
 }
 
 bool NewFile::Write(std::string_view text) {
@@ -41,7 +55,7 @@ bool NewFile::Write(std::string_view text) {
 }
 
 absl::StatusOr<std::string> NewFile::Keep() {
-  if (fsync(fd_.get()) != 0 || rename(part_.c_str(), path_.c_str()) != 0) {
+  if (!in_place_ && (fsync(fd_.get()) != 0 || rename(part_.c_str(), path_.c_str()) != 0)) {
     return CantWrite(path_);
   }
   fd_.reset();

@@ -1,5 +1,7 @@
-// Files that the command line tool writes and that may hold secrets.
+// Files that the command line tool writes, some of which hold secrets.
 #pragma once
+
+#include <sys/types.h>
 
 #include <string>
 #include <string_view>
@@ -15,12 +17,13 @@ namespace myograde::server {
 // InvalidArgumentError with `path`, the reason in errno and what to do.
 absl::Status CantWrite(const std::string& path);
 
-// A file that appears under its name only when it is whole and on the disk, and that nobody
-// but its owner can read at any time: it is a new one even if something has its name already.
+// A file that appears under its name only when it is whole and on the disk: it is a new one even if
+// another file has its name already. A device or a pipe of that name is written to as it is.
 class NewFile {
  public:
-  // Sets errno if the file can't be opened.
-  explicit NewFile(std::string path);
+  // Nobody but its owner can read it at any time, if `mode` does not say otherwise. Sets errno if
+  // the file can't be opened.
+  explicit NewFile(std::string path, mode_t mode = 0600);
   NewFile(const NewFile&) = delete;
   NewFile& operator=(const NewFile&) = delete;
   ~NewFile();  // takes away what was not kept
@@ -34,6 +37,7 @@ class NewFile {
 
  private:
   const std::string path_;
+  const bool in_place_;  // it is no file
   const std::string part_;
   Fd fd_;
   Sha256 hash_;

@@ -15,6 +15,7 @@
 #include "protocol/sha256.h"
 #include "server/cli/client.h"
 #include "server/cli/common.h"
+#include "server/cli/logs_of.h"
 #include "server/cli/replay.h"
 #include "server/cli/terminal.h"
 #include "server/daemon/results.h"
@@ -109,9 +110,13 @@ class LogSource {
     if (given_) {
       return absl::NotFoundError(absl::StrCat("the log ", hash, " is not among those of --logs"));
     }
-    absl::StatusOr<std::string> packed = client_.GetBytes("/v1/logs/" + hash);
-    if (!packed.ok()) return packed.status();
-    return UnpackLogOf(hash, *packed);
+    std::string log;
+    const absl::Status status = ReadLogOf(client_, hash, [&](std::string_view piece) {
+      log.append(piece);
+      return absl::OkStatus();
+    });
+    if (!status.ok()) return status;
+    return log;
   }
 
  private:

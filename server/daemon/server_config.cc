@@ -200,7 +200,7 @@ int64_t DescriptorsNeeded(const ServerConfig& config) {
   // A connection to the store with its logs, a file in work, a pipe to what unpacks.
   constexpr int64_t kOfAWorker = 8;
   return kBase + kOfASlot * config.scheduler.slots + kOfAClient * config.http.clients +
-         kOfAWorker * config.http.workers;
+         config.http.waiting() + kOfAWorker * config.http.workers;
 }
 
 absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,

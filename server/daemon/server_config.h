@@ -33,6 +33,10 @@ struct HttpLimits {
   int64_t peer_spool_bytes = int64_t{16} << 30;
   int64_t disk_reserve = 0;        // UploadLimits::disk_reserve
   int large_uploads = 1;           // UploadLimits::uploads
+
+  // Newcomers who wait while all connections that they may have are busy: of all and of one user.
+  int waiting() const { return clients; }
+  int peer_waiting() const { return clients * 3 / 4; }
 };
 
 struct UploadLimits {

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <string>
-#include <string_view>
 
+#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
 #include "protocol/episode_log.h"
@@ -15,8 +15,7 @@ namespace myograde::server {
 // else as ReadPackedLog.
 absl::StatusOr<std::string> ReadLog(const std::string& path);
 
-// Unpacks a log and holds it against the hash that its record names:
-// DataLossError if it is another.
-absl::StatusOr<std::string> UnpackLogOf(const std::string& sha256, std::string_view packed);
+// DataLossError if a log's SHA-256 is `found` in place of that which its record names.
+absl::Status CheckLogHash(const std::string& named, const std::string& found);
 
 }  // namespace myograde::server

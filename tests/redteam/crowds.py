@@ -1,12 +1,14 @@
 """Cases 85 and 86: clients of the API that break no rule and want to freeze it or fill its queue.
-An organiser and an honest submission are served all the same. Where root runs the suite, the crowd
-is another user's: limits are each user's own."""
+An organiser and an honest submission are served all the same, and so is the user whose crowd it
+is. Where root runs the daemon, the crowd is another user's, as limits are each user's own, and that
+user asks too; else the crowd, the organiser and the honest one are all the same ordinary user."""
 
 import contextlib
 import json
 import os
 import pathlib
 import shutil
+import subprocess
 import sys
 import time
 
@@ -29,11 +31,28 @@ CROWDS = (
 
 STRANGER = 61990
 
+# Asks once as the crowd's user, and prints the answer's status.
+ASK = r"""
+import http.client, os, socket, sys
+os.setgid(int(sys.argv[2])); os.setuid(int(sys.argv[2]))
+connection = http.client.HTTPConnection("myograde", timeout=60)
+connection.sock = socket.socket(socket.AF_UNIX)
+connection.sock.settimeout(60)
+connection.sock.connect(sys.argv[1])
+connection.request("GET", "/v1/health")
+print(connection.getresponse().status)
+"""
+
+
+def _crowds_user(host):
+    """An ordinary daemon's own, as nobody else may talk to it."""
+    return STRANGER if host.user is None else host.user
+
 
 @contextlib.contextmanager
 def _open_to_all(host):
     """The socket and the way to it, for as long as the crowds are there."""
-    if os.geteuid() != 0:
+    if os.geteuid() != 0 or host.user is not None:
         yield
         return
     modes = [(path, path.stat().st_mode & 0o7777)
@@ -48,7 +67,7 @@ def _open_to_all(host):
 
 
 def _answers(host, name, begun):
-    """What an organiser finds amiss while the crowd is there."""
+    """What an organiser and the crowd's own user find amiss while the crowd is there."""
     try:
         if host.get("/v1/health")["status"] != "ok":
             yield f"{name}: the daemon is not well"
@@ -58,8 +77,15 @@ def _answers(host, name, begun):
         host.get("/v1/tracks")
     except (OSError, ApiError) as error:
         yield f"{name}: an organiser is not answered: {error}"
+    if os.geteuid() == 0:
+        done = subprocess.run(
+            [sys.executable, "-c", ASK, host.data / "myograde.sock", str(_crowds_user(host))],
+            capture_output=True, text=True, timeout=120, check=False)
+        if done.stdout.strip() != "200":
+            yield (f"{name}: the crowd's own user is not answered: {done.stdout.strip()} "
+                   f"{done.stderr[-300:]}")
     if time.monotonic() - begun > SOON_S:
-        yield f"{name}: an organiser waited for {time.monotonic() - begun:.0f} s"
+        yield f"{name}: they waited for {time.monotonic() - begun:.0f} s"
 
 
 def run_crowds(suite):
@@ -67,7 +93,8 @@ def run_crowds(suite):
     with _open_to_all(suite.host):
         for name, count, text in CROWDS:
             with crowd(suite.host.data / "myograde.sock", count, text,
-                       uid=STRANGER if os.geteuid() == 0 else -1, slow=name == "slow uploads"):
+                       uid=_crowds_user(suite.host) if os.geteuid() == 0 else -1,
+                       slow=name == "slow uploads"):
                 mistakes += _answers(suite.host, name, time.monotonic())
     return mistakes
 

@@ -32,7 +32,7 @@ void Set(Marks& marks, int64_t submission, const std::string& mark, const std::s
   marks[submission][mark] = {1, 1, submission, mark, true, "uid 0", why};
 }
 
-std::vector<std::string> Places(const Board& board) {
+std::vector<std::string> PlacesOf(const Board& board) {
   std::vector<std::string> places;
   for (const BoardRow& row : board.rows) {
     places.push_back(absl::StrCat(row.ranked.rank, ":", row.source.submission));
@@ -49,15 +49,15 @@ Board Make(const std::vector<StandingRow>& rows, const Marks& marks) {
 TEST(Board, HonoursEveryMark) {
   const std::vector<StandingRow> rows = {Row(1, "alpha", 40, 9, 0.1), Row(2, "alpha", 30, 9, 0.1),
                                          Row(3, "beta", 35, 9, 0.1), Row(4, "gamma", 20, 9, 0.1)};
-  EXPECT_THAT(Places(Make(rows, {})), ElementsAre("1:1", "2:3", "3:4"));
+  EXPECT_THAT(PlacesOf(Make(rows, {})), ElementsAre("1:1", "2:3", "3:4"));
   Marks marks;
   Set(marks, 1, kHidden);
-  EXPECT_THAT(Places(Make(rows, marks)), ElementsAre("1:3", "2:2", "3:4"));
+  EXPECT_THAT(PlacesOf(Make(rows, marks)), ElementsAre("1:3", "2:2", "3:4"));
   Set(marks, 3, kBaseline);
-  EXPECT_THAT(Places(Make(rows, marks)), ElementsAre("0:3", "1:2", "2:4"));
+  EXPECT_THAT(PlacesOf(Make(rows, marks)), ElementsAre("0:3", "1:2", "2:4"));
   Set(marks, 4, kDisqualified, "reads the seeds");
   const Board board = Make(rows, marks);
-  EXPECT_THAT(Places(board), ElementsAre("0:3", "1:2"));
+  EXPECT_THAT(PlacesOf(board), ElementsAre("0:3", "1:2"));
   ASSERT_EQ(board.disqualified.size(), 1u);
   EXPECT_EQ(board.disqualified[0].mark.why, "reads the seeds");
 }
@@ -69,7 +69,7 @@ TEST(Board, AFastBaselineOpensNoBand) {
       Row(1, "ours", 95, 2.0, 0.5), Row(2, "alpha", 95, 4.0, 0.2), Row(3, "beta", 95, 4.3, 0.1)};
   Marks marks;
   Set(marks, 1, kBaseline);
-  EXPECT_THAT(Places(Make(rows, marks)), ElementsAre("0:1", "1:3", "2:2"));
+  EXPECT_THAT(PlacesOf(Make(rows, marks)), ElementsAre("0:1", "1:3", "2:2"));
 }
 
 TEST(Board, DamagedAggregatesAreToldAndTheOthersStand) {
@@ -143,7 +143,7 @@ RC_GTEST_PROP(BoardProperty, MarksTakeAwayAndChangeNoOrder, ()) {
       ranked.push_back(absl::StrCat(row.ranked.rank, ":", row.source.submission));
     }
   }
-  RC_ASSERT(ranked == Places(Make(rest, {})));
+  RC_ASSERT(ranked == PlacesOf(Make(rest, {})));
   RC_ASSERT(baselines == static_cast<size_t>(std::count_if(
                              marks.begin(), marks.end(), [](const auto& entry) {
                                return entry.second.contains(kBaseline);
@@ -151,7 +151,7 @@ RC_GTEST_PROP(BoardProperty, MarksTakeAwayAndChangeNoOrder, ()) {
   // The order of the rows that it is made of does not matter.
   std::vector<StandingRow> shuffled = rows;
   std::reverse(shuffled.begin(), shuffled.end());
-  RC_ASSERT(Places(Make(shuffled, marks)) == Places(marked));
+  RC_ASSERT(PlacesOf(Make(shuffled, marks)) == PlacesOf(marked));
 }
 
 }  // namespace

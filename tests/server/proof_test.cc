@@ -363,10 +363,38 @@ TEST(CompareLogs, TellsThePolicyFromTheSimulator) {
   EXPECT_EQ(CompareLogs(TwoSteps(), other).cause, Cause::kSimulator);
 }
 
+TEST(LogUnpacker, PiecesOfAnySizeMakeTheSameLog) {
+  const std::string path = MYOGRADE_SOURCE_DIR "/configs/reference/manipulation.lcmlog.zst";
+  std::ifstream file(path, std::ios::binary);
+  const std::string packed{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  const absl::StatusOr<std::string> log = ReadLog(path);
+  ASSERT_TRUE(log.ok()) << log.status();
+  for (const std::string& sent : {packed, *log}) {
+    for (const size_t size : {size_t{1000}, size_t{7}, sent.size()}) {
+      std::string got;
+      LogUnpacker unpacker([&](std::string_view piece) {
+        got.append(piece);
+        return absl::OkStatus();
+      });
+      for (size_t at = 0; at < sent.size(); at += size) {
+        ASSERT_TRUE(unpacker.Take(std::string_view(sent).substr(at, size)).ok());
+      }
+      ASSERT_TRUE(unpacker.End().ok());
+      EXPECT_TRUE(got == *log) << size;
+    }
+  }
+}
+
+TEST(LogUnpacker, WhatTheSinkSaysEndsIt) {
+  LogUnpacker unpacker([](std::string_view) { return absl::ResourceExhaustedError("full"); });
+  EXPECT_TRUE(absl::IsResourceExhausted(unpacker.Take("plain")));
+}
+
 TEST(UnpackLog, DamageIsAnError) {
   EXPECT_EQ(*UnpackLog("plain"), "plain");
   EXPECT_FALSE(UnpackLog(std::string_view("\x28\xb5\x2f\xfdxyz")).ok());
-  EXPECT_FALSE(UnpackLogOf(std::string(64, '0'), "plain").ok());
+  EXPECT_TRUE(CheckLogHash(Sha256Hex("plain"), Sha256Hex("plain")).ok());
+  EXPECT_TRUE(absl::IsDataLoss(CheckLogHash(std::string(64, '0'), Sha256Hex("plain"))));
 }
 
 }  // namespace

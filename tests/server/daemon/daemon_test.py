@@ -95,9 +95,15 @@ class DaemonCase(unittest.TestCase):
             try:
                 return self.get("/v1/health")
             except OSError:
-                self.assertIsNone(self.daemon.poll(), (self.folder / "log").read_text())
+                self.assertIsNone(self.daemon.poll(), self.state_of_daemon())
                 time.sleep(0.05)
-        return self.fail("the daemon does not answer")
+        return self.fail(f"the daemon does not answer; {self.state_of_daemon()}")
+
+    def state_of_daemon(self):
+        """Whether it still runs, and the end of what it has said."""
+        status = self.daemon.poll()
+        log = (self.folder / "log").read_text(errors="replace")[-4000:]
+        return f"it {'runs' if status is None else f'has ended as {status}'}; its log:\n{log}"
 
     def stop(self, how):
         self.daemon.send_signal(how)

@@ -1,0 +1,106 @@
+#include "server/api/waiting_line.h"
+
+#include <poll.h>
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+namespace myograde::server {
+namespace {
+
+const ApiError kAllBusy = {429, "too_many",
+                           "all connections that you may have are busy; let one of them end first"};
+
+// Who only sends no more still waits for an answer.
+bool HasHungUp(int socket) {
+  pollfd entry = {socket, 0, 0};
+  return ::poll(&entry, 1, 0) == 1 && (entry.revents & (POLLHUP | POLLERR)) != 0;
+}
+
+}  // namespace
+
+void WaitingLine::Add(Newcomer newcomer, absl::Duration until) {
+  const auto own = lines_.find(newcomer.peer.key);
+  const size_t length = own == lines_.end() ? 0 : own->second.size();
+  if (length >= of_a_peer_ || (waiting_ >= most_ && !SendLastAway(length + 1))) {
+    return Tell(newcomer.socket.get(), kAllBusy);
+  }
+  lines_[newcomer.peer.key].push_back({std::move(newcomer), until});
+  ++waiting_;
+}
+
+bool WaitingLine::SendLastAway(size_t than) {
+  const auto longest =
+      std::max_element(lines_.begin(), lines_.end(), [](const auto& a, const auto& b) {
+        return a.second.size() < b.second.size();
+      });
+  if (longest == lines_.end() || longest->second.size() <= than) return false;
+  Tell(longest->second.back().who.socket.get(), kAllBusy);
+  longest->second.pop_back();
+  --waiting_;
+  return true;
+}
+
+std::vector<std::string> WaitingLine::KeysInTurn() const {
+  std::vector<std::string> keys;
+  auto it = lines_.upper_bound(last_);
+  for (size_t i = 0; i < lines_.size(); ++i, ++it) {
+    if (it == lines_.end()) it = lines_.begin();
+    keys.push_back(it->first);
+  }
+  std::stable_partition(keys.begin(), keys.end(), [this](const std::string& key) {
+    return lines_.at(key).front().who.peer.organiser;
+  });
+  return keys;
+}
+
+WaitingLine::Waiting WaitingLine::TakeFirst(const std::string& key) {
+  const auto it = lines_.find(key);
+  Waiting first = std::move(it->second.front());
+  it->second.pop_front();
+  --waiting_;
+  if (it->second.empty()) lines_.erase(it);
+  last_ = key;
+  return first;
+}
+
+void WaitingLine::LetIn(const std::function<bool(const Peer&)>& make_room,
+                        const std::function<void(Newcomer)>& let_in) {
+  for (bool moved = true; moved && !empty();) {
+    moved = false;
+    for (const std::string& key : KeysInTurn()) {
+      // Nobody gives a place up to somebody who has left.
+      while (lines_.contains(key) && HasHungUp(lines_.at(key).front().who.socket.get())) {
+        TakeFirst(key);
+      }
+      if (!lines_.contains(key) || !make_room(lines_.at(key).front().who.peer)) continue;
+      let_in(TakeFirst(key).who);
+      moved = true;
+    }
+  }
+}
+
+void WaitingLine::LookAtClocks(absl::Duration now) {
+  for (auto it = lines_.begin(); it != lines_.end();) {
+    Line& line = it->second;
+    waiting_ -= line.size();
+    std::erase_if(line, [&](const Waiting& one) {
+      const int socket = one.who.socket.get();
+      if (now >= one.until) Tell(socket, kAllBusy);
+      return now >= one.until || HasHungUp(socket);
+    });
+    waiting_ += line.size();
+    it = line.empty() ? lines_.erase(it) : std::next(it);
+  }
+}
+
+void WaitingLine::SendAway(const ApiError& error) {
+  for (const auto& [key, line] : lines_) {
+    for (const Waiting& one : line) Tell(one.who.socket.get(), error);
+  }
+  lines_.clear();
+  waiting_ = 0;
+}
+
+}  // namespace myograde::server

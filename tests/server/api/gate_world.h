@@ -1,0 +1,248 @@
+// The gate with workers that answer "ok", and clients of it. A peer is named by the
+// address that its socket is bound to.
+#pragma once
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstddef>
+#include <filesystem>
+#include <semaphore>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
+
+#include "protocol/base/clock.h"
+#include "server/api/gate.h"
+
+namespace myograde::server {
+
+inline constexpr char kGet[] = "GET / HTTP/1.1\r\n\r\n";
+// Is answered when the test permits it.
+inline constexpr char kWait[] = "GET /wait HTTP/1.1\r\n\r\n";
+inline constexpr char kOk[] = "HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nok";
+
+inline HttpLimits Limits() {
+  HttpLimits limits;
+  limits.workers = 2;
+  limits.clients = 20;
+  limits.organiser_clients = 4;
+  limits.peer_clients = 10;
+  limits.request = absl::Seconds(60);
+  limits.upload = absl::Seconds(60);
+  limits.idle = absl::Seconds(60);
+  limits.body_bytes = 1 << 20;
+  limits.min_bytes_per_s = 1;
+  limits.speed_window = absl::Seconds(60);
+  return limits;
+}
+
+class Client {
+ public:
+  Client(const std::string& server, const std::string& peer) {
+    static std::atomic<int> number = 0;
+    fd_ = Fd(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    const std::string name = absl::StrCat(std::string(1, '\0'), "gate-", getpid(), "-", ++number, "-", peer);
+    sockaddr_un own = {};
+    own.sun_family = AF_UNIX;
+    name.copy(own.sun_path, sizeof(own.sun_path));
+    const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + name.size());
+    EXPECT_EQ(bind(fd_.get(), reinterpret_cast<const sockaddr*>(&own), size), 0);
+    sockaddr_un to = {};
+    to.sun_family = AF_UNIX;
+    server.copy(to.sun_path, sizeof(to.sun_path) - 1);
+    EXPECT_EQ(connect(fd_.get(), reinterpret_cast<const sockaddr*>(&to), sizeof(to)), 0);
+  }
+  void Send(std::string_view text) {
+    // A server that has hung up takes nothing, and what it said is still to be read.
+    while (!text.empty()) {
+      const ssize_t n = send(fd_.get(), text.data(), text.size(), MSG_NOSIGNAL);
+      if (n <= 0) return;
+      text.remove_prefix(static_cast<size_t>(n));
+    }
+  }
+  // Waits until as many bytes are there, or the other end hung up.
+  std::string Receive(size_t size, absl::Duration patience = absl::Seconds(60)) {
+    const absl::Duration end = SystemClock().Monotonic() + patience;
+    std::string text;
+    while (text.size() < size && SystemClock().Monotonic() < end) {
+      pollfd entry = {fd_.get(), POLLIN, 0};
+      if (poll(&entry, 1, 50) <= 0) continue;
+      char buffer[4096];
+      const ssize_t n = recv(fd_.get(), buffer, std::min(sizeof(buffer), size - text.size()), 0);
+      if (n <= 0) break;
+      text.append(buffer, static_cast<size_t>(n));
+    }
+    return text;
+  }
+  std::string Ask() {
+    Send(kGet);
+    return Receive(sizeof(kOk) - 1);
+  }
+  bool HungUp(absl::Duration patience) {
+    const absl::Duration end = SystemClock().Monotonic() + patience;
+    while (SystemClock().Monotonic() < end) {
+      pollfd entry = {fd_.get(), POLLIN, 0};
+      char byte;
+      if (poll(&entry, 1, 50) > 0 && recv(fd_.get(), &byte, 1, 0) <= 0) return true;
+    }
+    return false;
+  }
+  // Without reading.
+  void AwaitHangUp() { EXPECT_TRUE(Closed(absl::Seconds(60))); }
+  // Whether the other end has hung up, and not only says no more.
+  bool Closed(absl::Duration patience) {
+    pollfd entry = {fd_.get(), 0, 0};
+    return poll(&entry, 1, static_cast<int>(absl::ToInt64Milliseconds(patience))) == 1;
+  }
+  void EndSending() { shutdown(fd_.get(), SHUT_WR); }
+  int fd() const { return fd_.get(); }
+
+ private:
+  Fd fd_;
+};
+
+class GateTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (std::filesystem::temp_directory_path() / "gate-test-XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    folder_ = name;
+  }
+  void TearDown() override {
+    if (gate_ != nullptr) {
+      permits_.release(1000);
+      gate_->Stop();
+      queue_.Close();
+      runner_.join();
+      for (std::thread& worker : workers_) worker.join();
+      gate_.reset();
+    }
+    EXPECT_THAT(Spooled(), ::testing::IsEmpty());
+    std::filesystem::remove_all(folder_);
+  }
+
+  void Start(const HttpLimits& limits) {
+    listener_ = Fd(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+    sockaddr_un own = {};
+    own.sun_family = AF_UNIX;
+    path().copy(own.sun_path, sizeof(own.sun_path) - 1);
+    ASSERT_EQ(bind(listener_.get(), reinterpret_cast<const sockaddr*>(&own), sizeof(own)), 0);
+    ASSERT_EQ(listen(listener_.get(), 1024), 0);
+    const SpoolOptions spool = {folder_, 1, &budget_};
+    gate_ = std::make_unique<Gate>(
+        Gate::Options{.limits = limits, .spool = spool, .peer_of = PeerOf,
+                      .rule_of = [](const RequestHead& head) {
+                        if (head.path == "/upload") {
+                          return BodyRule{.most = 8 << 20, .upload = true, .types = {"application/x-tar"}};
+                        }
+                        return BodyRule{.most = 100'000, .types = {"application/json"}};
+                      }},
+        queue_);
+    runner_ = std::thread([this] { gate_->Run(listener_.get()); });
+    for (int i = 0; i < limits.workers; ++i) {
+      workers_.emplace_back([this, spool] { WorkAt(spool); });
+    }
+  }
+
+  void WorkAt(const SpoolOptions& spool) {
+    while (std::optional<Job> job = queue_.Pop()) {
+      Connection& connection = *job->connection;
+      if (job->work == WorkKind::kDisk) {
+        connection.next =
+            connection.file.left > 0 ? connection.ReadFile() : connection.Spool(spool);
+      } else {
+        if (connection.head->path == "/wait") permits_.acquire();
+        const absl::StatusOr<std::string> body = connection.body.Text();
+        body_bytes_ += body.ok() ? std::ssize(*body) : -1'000'000'000;
+        connection.out += AnswerTo(connection);
+        connection.close_after = !connection.head->keep_alive;
+        connection.next = connection.Send() ? Connection::Next::kSend : Connection::Next::kClose;
+      }
+      queue_.Done(*job);
+      gate_->Return(&connection);
+    }
+  }
+
+  std::string AnswerTo(Connection& connection) const {
+    const auto head = [](int64_t size) {
+      return absl::StrCat("HTTP/1.1 200 OK\r\nContent-Length: ", size, "\r\n\r\n");
+    };
+    const std::string& asked = connection.head->path;
+    if (asked == "/large") return head(kLarge) + std::string(kLarge, 'x');
+    if (asked != "/file") return kOk;
+    connection.file = {Fd(::open(file().c_str(), O_RDONLY | O_CLOEXEC)), 0, kHuge};
+    return head(kHuge);
+  }
+
+  static std::optional<Peer> PeerOf(int fd) {
+    sockaddr_un other = {};
+    socklen_t size = sizeof(other);
+    if (getpeername(fd, reinterpret_cast<sockaddr*>(&other), &size) != 0) return std::nullopt;
+    const std::string name(other.sun_path, size - offsetof(sockaddr_un, sun_path));
+    const std::string key = name.substr(name.rfind('-') + 1);
+    return Peer{key, key == "root", 1};
+  }
+
+  std::string path() const { return folder_ + "/s"; }
+  std::string file() const { return folder_ + "/file"; }  // what "/file" is answered with
+  std::vector<std::string> Spooled() const {
+    std::vector<std::string> names;
+    for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
+      const std::string name = entry.path().filename();
+      if (name != "s" && name != "file") names.push_back(name);
+    }
+    return names;
+  }
+  std::vector<std::unique_ptr<Client>> Many(int count, const std::string& peer, const std::string& text) {
+    std::vector<std::unique_ptr<Client>> clients;
+    for (int i = 0; i < count; ++i) {
+      clients.push_back(std::make_unique<Client>(path(), peer));
+      clients.back()->Send(text);
+    }
+    return clients;
+  }
+  void OthersAreServed() {
+    EXPECT_EQ(Client(path(), "honest").Ask(), kOk);
+    EXPECT_EQ(Client(path(), "root").Ask(), kOk);
+  }
+
+  // Once an organiser is answered, the gate has seen all that was sent before it came.
+  void AwaitAllSeen() { EXPECT_EQ(Client(path(), "root").Ask(), kOk); }
+  // All places of a peer, each with three requests that end only when they are permitted to.
+  std::vector<std::unique_ptr<Client>> AllBusy(const std::string& peer) {
+    std::vector<std::unique_ptr<Client>> clients = Many(Limits().peer_clients, peer, "");
+    for (const auto& client : clients) EXPECT_EQ(client->Ask(), kOk);
+    for (const auto& client : clients) client->Send(absl::StrCat(kWait, kWait, kWait));
+    AwaitAllSeen();
+    return clients;
+  }
+
+  static constexpr size_t kLarge = 4 << 20;
+  static constexpr int64_t kHuge = int64_t{1} << 30;
+  std::counting_semaphore<> permits_{0};
+  std::string folder_;
+  SpoolBudget budget_{64 << 20, 16 << 20};
+  WorkQueue queue_{{.workers = 2, .kept = 1, .of_a_peer = 1, .of_a_kind = {2, 1, 1, 1}}};
+  std::unique_ptr<Gate> gate_;
+  Fd listener_;
+  std::thread runner_;
+  std::vector<std::thread> workers_;
+  std::atomic<int64_t> body_bytes_ = 0;
+};
+
+inline std::string Upload(int64_t size) {
+  return absl::StrCat("POST /upload HTTP/1.1\r\nContent-Length: ", size, "\r\n\r\n");
+}
+
+}  // namespace myograde::server
