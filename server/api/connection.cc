@@ -250,9 +250,10 @@ Connection::Next Connection::Spool(const SpoolOptions& options) {
       return ended ? Refuse({400, "bad_request", "the request did not arrive whole; send it again"})
                    : Next::kClose;
     }
-    if (in.empty()) break;
+    if (in.empty()) return Next::kRead;
   }
-  return Next::kRead;
+  // The others' turn. What is read already may be all that comes, so nobody waits for more.
+  return Next::kSpool;
 }
 
 Connection::Next Connection::ReadFile() {

@@ -1,0 +1,47 @@
+#include "server/api/connection.h"
+
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include <absl/strings/str_cat.h>
+#include <gtest/gtest.h>
+
+namespace myograde::server {
+namespace {
+
+using Next = Connection::Next;
+
+// What a worker moves to the disk before others have a turn.
+constexpr size_t kTurnBytes = 4 << 20;
+
+TEST(ConnectionTest, WhatWasReadAtATurnsEndIsNotWaitedFor) {
+  int ends[2];
+  ASSERT_EQ(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, ends), 0);
+  const Fd client(ends[1]);
+  const std::string folder = absl::StrCat(testing::TempDir(), "/connection-", getpid());
+  std::filesystem::create_directory(folder);
+  SpoolBudget budget(int64_t{64} << 20, int64_t{64} << 20);
+  const SpoolOptions spool = {folder, /*disk_reserve=*/0, &budget};
+  {
+    Connection connection(1, Fd(ends[0]), std::make_shared<PeerLoad>(Peer{"a"}));
+    const std::string last(1000, 'z');
+    connection.in = absl::StrCat("POST /upload HTTP/1.1\r\nContent-Length: ",
+                                 kTurnBytes + last.size(), "\r\n\r\n",
+                                 std::string(kTurnBytes, 'x'));
+    const auto rule_of = [](const RequestHead&) {
+      return BodyRule{.most = int64_t{16} << 20, .upload = true};
+    };
+    ASSERT_EQ(connection.Feed(rule_of, spool), Next::kSpool);
+    // The last bytes arrive while the turn goes on, and no more will.
+    ASSERT_EQ(write(client.get(), last.data(), last.size()), std::ssize(last));
+    EXPECT_EQ(connection.Spool(spool), Next::kSpool);
+    EXPECT_EQ(connection.Spool(spool), Next::kServe);
+    EXPECT_EQ(connection.body.size(), std::ssize(last) + static_cast<int64_t>(kTurnBytes));
+  }
+  std::filesystem::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace myograde::server
