@@ -31,7 +31,10 @@ TEST(ConnectionTest, WhatWasReadAtATurnsEndIsNotWaitedFor) {
                                  kTurnBytes + last.size(), "\r\n\r\n",
                                  std::string(kTurnBytes, 'x'));
     const auto rule_of = [](const RequestHead&) {
-      return BodyRule{.most = int64_t{16} << 20, .upload = true};
+      BodyRule rule;
+      rule.most = int64_t{16} << 20;
+      rule.upload = true;
+      return rule;
     };
     ASSERT_EQ(connection.Feed(rule_of, spool), Next::kSpool);
     // The last bytes arrive while the turn goes on, and no more will.
