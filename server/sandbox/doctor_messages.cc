@@ -64,7 +64,7 @@ std::string Mitigations() {
     std::getline(file, line);
     // Those that cost at each entry into the kernel or each change of process.
     for (const char* known : {"Safe RET", "Retpolines", "PTI", "IBRS", "IBPB", "untrained return",
-                              "Clear CPU buffers"}) {
+                              "Clear CPU buffers", "prctl and seccomp"}) {
       if (absl::StrContains(line, known)) active.insert(known);
     }
   }

@@ -297,7 +297,9 @@ std::function<void(pid_t)> Crowd(size_t bytes) {
   return [=, done = false](pid_t runner) mutable {
     if (done) return;
     for (const pid_t sim : ProcessesBelow(runner, "myograde-sim")) {
-      const std::string procs = MemoryGroupOf(sim) + "/cgroup.procs";
+      const std::string group = MemoryGroupOf(sim);
+      if (group == MemoryGroupOf(runner)) continue;  // it has yet to join its own
+      const std::string procs = group + "/cgroup.procs";
       const pid_t child = fork();
       if (child == 0) {
         std::ofstream(absl::StrCat("/proc/", sim, "/oom_score_adj")) << 1000;
