@@ -223,10 +223,9 @@ TEST_F(SlotProcessesTest, ASlotsUsersAreFoundAndWhoIsDeadIsNot) {
   for (const uid_t simulators : {0u, 4096u}) {
     const pid_t child = fork();
     if (child == 0) {
-      prctl(PR_SET_PDEATHSIG, SIGKILL);
-      if (setresuid(kOrdinary + simulators, kOrdinary + simulators, kOrdinary + simulators) != 0) {
-        _exit(2);
-      }
+      const uid_t user = kOrdinary + simulators;
+      // In this order, as a change of user takes the wish back.
+      if (setresuid(user, user, user) != 0 || prctl(PR_SET_PDEATHSIG, SIGKILL) != 0) _exit(2);
       std::thread([] { sleep(1000); }).detach();
       syscall(SYS_exit, 0);  // the first thread alone
     }
