@@ -116,6 +116,7 @@ nlohmann::json LeaseOrderToJson(const LeaseOrder& order) {
           {"episodes", std::move(episodes)},
           {"uid", order.uid},
           {"slot", order.slot},
+          {"slot_mark", order.slot_mark},
           {"pinned", order.pinned},
           {"work_dir", order.work_dir},
           {"cache_dir", order.cache_dir},
@@ -138,6 +139,8 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
   const Json& episodes = reader.Array("episodes");
   order.uid = reader.Integer("uid", -1, INT32_MAX);
   order.slot = reader.Integer("slot", 0, INT32_MAX);
+  // Orders of earlier versions have none.
+  if (reader.Has("slot_mark")) order.slot_mark = reader.String("slot_mark");
   order.pinned = reader.Boolean("pinned");
   order.work_dir = reader.String("work_dir");
   order.cache_dir = reader.String("cache_dir");

@@ -35,6 +35,9 @@ struct LeaseOrder {
   std::vector<EpisodeOrder> episodes;  // consecutive indices
   int64_t uid = -1;                // unprivileged uid and gid of the slot; -1: the caller's own
   int64_t slot = 0;
+  // Empty folder of the slot that its sandboxes show, by which their processes are known from
+  // outside; "": none.
+  std::string slot_mark;
   bool pinned = false;             // the slot keeps to one processor, the slot-th of the runner's
   std::string work_dir;            // empty folder of the lease, owned by the caller
   std::string cache_dir;           // models (MYOGRADE_CACHE)

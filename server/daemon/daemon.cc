@@ -54,7 +54,7 @@ void Fill(std::string& option, const char* variable, const std::function<std::st
 absl::Status MakeFolders(const std::string& data) {
   std::error_code error;
   fs::create_directories(data, error);
-  for (const char* part : {"", "/artefacts", "/logs", "/selftest", "/spool", "/work"}) {
+  for (const char* part : {"", "/artefacts", "/logs", "/selftest", "/slots", "/spool", "/work"}) {
     const std::string path = data + part;
     if (!error) fs::create_directory(path, error);
     // The slots' users look into the self-test's artefact as they do into every other.
@@ -199,9 +199,9 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   if (!damaged.ok()) return damaged.status();
   for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
   StoreDisk disk(**store);
-  SystemProcesses processes;
-  Engine engine({config, options.data_dir, options.cache_dir, geteuid() == 0}, disk, readers,
-                processes, clock);
+  SystemProcesses processes(SlotProcesses(geteuid() == 0 ? config.uid_base : -1,
+                                          options.data_dir + "/slots"));
+  Engine engine({config, options.data_dir, options.cache_dir}, disk, readers, processes, clock);
   // Grading needs no key: without one, the daemon serves all but receipts.
   KeyFile receipts_key(options.data_dir + "/receipts.key");
   if (absl::Status status = receipts_key.Get().status(); !status.ok()) {

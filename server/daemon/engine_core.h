@@ -15,8 +15,8 @@
 //
 // A lease that is taken back (silent, over its time, wrong records, cancelled) has ended from
 // that moment on: what its runner still says is refused. Its slot stays taken until the runner
-// is dead, and as long as a process of the slot's users lives, whoever started it: what can't be
-// killed yet still has the user's memory and disk.
+// is dead, and as long as a process of the slot's sandboxes lives, whichever daemon's they were:
+// what can't be killed yet still has memory, disk and maybe a processor.
 #pragma once
 
 #include <poll.h>
@@ -52,7 +52,6 @@ struct EngineOptions {
   ServerConfig config;
   std::string data_dir;   // artefacts/, work/ and selftest/ lie in it
   std::string cache_dir;
-  bool slot_uids = false;  // run slot N as uid_base + N (root only)
 };
 
 // A running lease, as it was a moment ago.
@@ -241,7 +240,6 @@ class EngineCore {
   void StartLeases();
   void StartLease(const Start& start);
   LeaseOrder OrderFor(const LeaseRun& run) const;
-  int64_t UidOf(int slot) const;
   void Listen(LeaseRun& run);
   void OnProgress(LeaseRun& run, const ProgressRecord& record);
   void OnEpisode(LeaseRun& run, const EpisodeFacts& facts);

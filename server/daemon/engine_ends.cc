@@ -105,26 +105,18 @@ void EngineCore::TakeBackOverdue() {
 }
 
 void EngineCore::FreeSlot(int slot) {
-  std::string left;
-  if (options_.slot_uids) {
-    const int64_t user = UidOf(slot);
-    std::map<int64_t, std::string> found = processes_.ProcessesOf(user, 1);
-    if (found.contains(user)) left = found[user];
-  }
+  const std::map<int, std::string> left = processes_.ProcessesOf(slot, 1);
   const std::lock_guard lock(mutex_);
   if (left.empty()) return scheduler_.Free(slot);
-  spdlog::warn("slot {} is closed until {} is gone", slot, left);
-  closed_slots_[slot] = left;
+  closed_slots_[slot] = left.at(slot);
+  spdlog::warn("slot {} is closed until {} is gone", slot, closed_slots_[slot]);
 }
 
 // What an earlier daemon's leases left, if its runners were killed before they could bury it.
 void EngineCore::CloseSlots() {
-  if (!options_.slot_uids) return;
-  const int64_t first = UidOf(0);
-  const auto found = processes_.ProcessesOf(first, options_.config.scheduler.slots);
+  const auto found = processes_.ProcessesOf(0, options_.config.scheduler.slots);
   const std::lock_guard lock(mutex_);
-  for (const auto& [user, left] : found) {
-    const auto slot = static_cast<int>(user - first);
+  for (const auto& [slot, left] : found) {
     spdlog::warn("slot {} is closed until {} is gone", slot, left);
     scheduler_.Close(slot);
     closed_slots_[slot] = left;
@@ -136,11 +128,10 @@ void EngineCore::SeeClosedSlots() {
   // Only this thread changes them.
   if (closed_slots_.empty() || now < next_slot_look_) return;
   next_slot_look_ = now + kSlotLook;
-  const int64_t first = UidOf(0);
-  const auto found = processes_.ProcessesOf(first, options_.config.scheduler.slots);
+  const auto found = processes_.ProcessesOf(0, options_.config.scheduler.slots);
   const std::lock_guard lock(mutex_);
   for (auto closed = closed_slots_.begin(); closed != closed_slots_.end();) {
-    if (const auto left = found.find(first + closed->first); left != found.end()) {
+    if (const auto left = found.find(closed->first); left != found.end()) {
       closed->second = left->second;
       ++closed;
       continue;

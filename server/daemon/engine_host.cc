@@ -31,7 +31,6 @@ void EngineCore::BeginSelfTest() {
   LeaseOrder order =
       SelfTestOrder(suspect_track_->config, absl::StrCat(options_.data_dir, "/selftest"),
                     absl::StrCat(options_.data_dir, "/work/selftest"), options_.cache_dir);
-  order.uid = UidOf(*slot);
   order.slot = *slot;
   spdlog::info("self-test on slot {}", *slot);
   test_ = SelfTest::Begin(processes_, order,

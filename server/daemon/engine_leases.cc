@@ -8,10 +8,6 @@
 
 namespace myograde::server {
 
-int64_t EngineCore::UidOf(int slot) const {
-  return options_.slot_uids ? options_.config.uid_base + slot : -1;
-}
-
 LeaseOrder EngineCore::OrderFor(const LeaseRun& run) const {
   LeaseOrder order;
   order.lease = absl::StrCat(run.lease, "-", run.attempt);
@@ -25,7 +21,6 @@ LeaseOrder EngineCore::OrderFor(const LeaseRun& run) const {
     order.episodes.push_back({index, (*run.context->seeds)[static_cast<size_t>(index)],
                               PolicySeed(order.track, form1, index)});
   }
-  order.uid = UidOf(run.slot);
   order.slot = run.slot;
   order.pinned = PinsSlots(options_.config, options_.config.scheduler.slots, order.track);
   order.work_dir = run.work_dir;

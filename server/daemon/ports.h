@@ -7,12 +7,14 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
 #include "protocol/lease.h"
 #include "server/runner/runner.h"
+#include "server/sandbox/slot_processes.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
@@ -21,16 +23,16 @@ class Processes {
  public:
   virtual ~Processes() = default;
 
-  // Makes the order's work folder and starts a runner on it. An error is the
-  // grader's; nothing is left of it then.
+  // Makes the order's work folder and starts a runner on it, which takes the order's slot. An error
+  // is the grader's; nothing is left of it then.
   virtual absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order) = 0;
 
   // Removes the work folder of a runner that is dead.
   virtual void CleanUp(const std::string& work_dir) = 0;
 
-  // Living processes of the users `first` to `first + count - 1` of policies, and of their
-  // simulators' users, by the policy's user: in words, for people.
-  virtual std::map<int64_t, std::string> ProcessesOf(int64_t first, int64_t count) {
+  // Living processes of the sandboxes of slots `first` to `first + count - 1`, whoever started
+  // them, by slot: in words, for people.
+  virtual std::map<int, std::string> ProcessesOf(int first, int count) {
     (void)first, (void)count;
     return {};
   }
@@ -51,9 +53,13 @@ class Disk {
 // The real ones.
 class SystemProcesses : public Processes {
  public:
+  explicit SystemProcesses(SlotProcesses slots) : slots_(std::move(slots)) {}
   absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order) override;
   void CleanUp(const std::string& work_dir) override;
-  std::map<int64_t, std::string> ProcessesOf(int64_t first, int64_t count) override;
+  std::map<int, std::string> ProcessesOf(int first, int count) override;
+
+ private:
+  const SlotProcesses slots_;
 };
 
 class StoreDisk : public Disk {

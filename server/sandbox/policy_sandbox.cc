@@ -46,6 +46,13 @@ void AddSystem(const EtcFiles& etc, SandboxSpec& spec) {
   add(Kind::kDev, "", "/dev");
 }
 
+// By which the daemon knows the sandbox' processes; see slot_processes.h.
+void AddMark(const LeaseOrder& order, const Stage& stage, SandboxSpec& spec) {
+  if (order.slot_mark.empty()) return;
+  spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(order.slot_mark),
+                         absl::StrCat(kPrograms, "/slot")});
+}
+
 // Last of all: what bubblewrap made itself lies on a tmpfs of the sandbox' uid.
 void Seal(SandboxSpec& spec) {
   spec.mounts.push_back({Kind::kSealed, "", "/dev"});
@@ -114,6 +121,7 @@ std::vector<std::string> StagedSources(const LeaseOrder& order, const std::strin
   std::vector<std::string> sources = {bin_dir, order.cache_dir};
   // An order that only replays logs has no artefact.
   if (order.replay.empty()) sources.push_back(order.artefact_dir);
+  if (!order.slot_mark.empty()) sources.push_back(order.slot_mark);
   sources.insert(sources.end(), order.runtimes.begin(), order.runtimes.end());
   return sources;
 }
@@ -173,6 +181,7 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig
     spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(runtime), runtime});
   }
   spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(order.artefact_dir), "/policy"});
+  AddMark(order, stage, spec);
   Seal(spec);
 
   // A message wakes up one process after the other on the slot's processor. That none of them
@@ -239,6 +248,7 @@ SandboxSpec MakeSimSandbox(const LeaseOrder& order, const SimSandboxConfig& conf
   const std::string sim = absl::StrCat(kPrograms, "/myograde-sim");
   spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(bin_dir) + "/myograde-sim", sim});
   spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(order.cache_dir), order.cache_dir});
+  AddMark(order, stage, spec);
   Seal(spec);
   spec.environment = {
       {"PATH", "/usr/bin:/bin"},

@@ -21,7 +21,8 @@ struct EtcFiles {
 };
 absl::StatusOr<EtcFiles> StageEtcFiles(const Stage& stage);
 
-// What a lease's sandboxes need to be staged: programs, artefact, runtimes, cache.
+// What a lease's sandboxes need to be staged: programs, artefact, runtimes, cache, the
+// slot's mark.
 std::vector<std::string> StagedSources(const LeaseOrder& order, const std::string& bin_dir);
 
 // The order's folders that no sandbox could be built with: relative paths, or

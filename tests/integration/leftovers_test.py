@@ -74,7 +74,12 @@ class Freezer:
         self.folder.rmdir()
 
 
-class Leftovers(SystemTest):
+STOPS_PROCESSES = os.geteuid() == 0 and os.path.isdir("/sys/fs/cgroup/freezer")
+
+
+class LeftoversTest(SystemTest):
+    """What both kinds of daemons share."""
+
     tracks = {"long": track_config("locomotion", budgets={"startup_s": 600})}
 
     def wait_for(self, what, condition, seconds=60):
@@ -83,6 +88,75 @@ class Leftovers(SystemTest):
             self.assertLess(time.monotonic(), deadline, what)
             time.sleep(0.1)
 
+    def sleepers(self, seconds):
+        return [pid for pid in (int(entry.name) for entry in pathlib.Path("/proc").iterdir()
+                                if entry.name.isdigit())
+                if says(pid, f"sleep\0{seconds}\0") and not says(pid, "sh\0")]
+
+    def closed_slots(self):
+        return self.ask("status")["daemon"]["closed_slots"]
+
+    def crashing(self, seconds):
+        """A submission that ends with status 7 on SIGUSR1, beside a child that sleeps so long."""
+        folder = self.root / "crashing"
+        folder.mkdir()
+        (folder / "run").write_text(f"#!/bin/sh\ntrap 'exit 7' USR1; sleep {seconds} &\n"
+                                    "while :; do sleep 0.1; done\n")
+        (folder / "run").chmod(0o755)
+        (folder / "policy.json").write_text(json.dumps({"name": "c", "command": ["./run"]}))
+        return folder
+
+    def crash(self, sleeper):
+        stat = pathlib.Path(f"/proc/{sleeper}/stat").read_text()
+        os.kill(int(stat.rpartition(")")[2].split()[1]), signal.SIGUSR1)
+
+    def see_a_slot_closed(self):
+        """A verdict stays, and its slot is closed over the death of runner and daemon."""
+        path = self.root / "configs" / "server.json"
+        path.write_text(json.dumps({**json.loads(path.read_text()), "slots": 1}))
+        freezer, seconds = Freezer(), 20_000_000 + os.getpid()
+        self.addCleanup(freezer.remove)
+        self.start_daemon()
+        submission = self.ask("submit", self.crashing(seconds), "--track", "long", "--team",
+                              "crash")["submission"]
+        self.wait_for("no policy was started", lambda: self.sleepers(seconds))
+        left, = self.sleepers(seconds)
+        freezer.freeze(left)
+        self.crash(left)
+        self.wait_for("nothing was recorded",
+                      lambda: self.ask("status", submission)["episodes"]["done"] == 1)
+        for pid in children_of(self.daemon.pid):
+            os.kill(pid, signal.SIGKILL)
+        self.expect_closed(seconds, left, 3)
+        self.stop_daemon(signal.SIGKILL)
+        self.start_daemon()
+        self.expect_closed(seconds, left, 5)
+        freezer.thaw()
+        self.wait_for("the slot stays closed", lambda: not self.closed_slots())
+
+        def over():
+            for pid in self.sleepers(seconds):
+                self.crash(pid)
+            return self.ask("status", submission)["state"] == "failed"
+        self.wait_for("it does not go on", over, 300)
+        first = self.ask("show", submission, "--episodes")["episode_rows"][0]
+        self.assertEqual((first["outcome"], first["attempt"]), ("crash", 1))
+        self.assertIn("status 7", first["fault"]["detail"])
+        self.assertEqual(self.stop_daemon(), 0)
+
+    def expect_closed(self, seconds, left, for_seconds):
+        """Slot 0 is, for that long, and nothing is played."""
+        self.wait_for("the slot is not closed", self.closed_slots, 10)
+        until = time.monotonic() + for_seconds
+        while time.monotonic() < until:
+            slot, = self.closed_slots()
+            self.assertEqual(slot["slot"], 0)
+            self.assertIn(f"{left} (sleep, state ", json.dumps(slot))
+            self.assertEqual(self.sleepers(seconds), [left])
+            time.sleep(0.5)
+
+
+class Leftovers(LeftoversTest):
     def processes_of_slots(self):
         base = int(self.ask_config("uid_base"))
         found = []
@@ -127,65 +201,24 @@ class Leftovers(SystemTest):
             self.wait_for("processes outlived the daemon",
                           lambda: not self.processes_of_slots(), 10)
 
-    def sleepers(self, seconds):
-        return [pid for pid in (int(entry.name) for entry in pathlib.Path("/proc").iterdir()
-                                if entry.name.isdigit())
-                if says(pid, f"sleep\0{seconds}\0") and not says(pid, "sh\0")]
-
-    def closed_slots(self):
-        return self.ask("status")["daemon"]["closed_slots"]
-
-    def crashing(self, seconds):
-        """A submission that ends with status 7 on SIGUSR1, beside a child that sleeps so long."""
-        folder = self.root / "crashing"
-        folder.mkdir()
-        (folder / "run").write_text(f"#!/bin/sh\ntrap 'exit 7' USR1; sleep {seconds} &\n"
-                                    "while :; do sleep 0.1; done\n")
-        (folder / "run").chmod(0o755)
-        (folder / "policy.json").write_text(json.dumps({"name": "c", "command": ["./run"]}))
-        return folder
-
-    def crash(self, sleeper):
-        stat = pathlib.Path(f"/proc/{sleeper}/stat").read_text()
-        os.kill(int(stat.rpartition(")")[2].split()[1]), signal.SIGUSR1)
-
-    @unittest.skipUnless(os.geteuid() == 0 and os.path.isdir("/sys/fs/cgroup/freezer"),
+    @unittest.skipUnless(STOPS_PROCESSES,
                          "no slots with users of their own, or no groups that stop processes")
     def test_a_verdict_stays_and_its_slot_is_closed_over_the_death_of_runner_and_daemon(self):
-        path = self.root / "configs" / "server.json"
-        path.write_text(json.dumps({**json.loads(path.read_text()), "slots": 1}))
-        freezer, seconds = Freezer(), 20_000_000 + os.getpid()
-        self.addCleanup(freezer.remove)
-        self.start_daemon()
-        submission = self.ask("submit", self.crashing(seconds), "--track", "long", "--team",
-                              "crash")["submission"]
-        self.wait_for("no policy was started", lambda: self.sleepers(seconds))
-        left, = self.sleepers(seconds)
-        freezer.freeze(left)
-        self.crash(left)
-        self.wait_for("nothing was recorded",
-                      lambda: self.ask("status", submission)["episodes"]["done"] == 1)
-        for pid in children_of(self.daemon.pid):
-            os.kill(pid, signal.SIGKILL)
-        self.stop_daemon(signal.SIGKILL)
-        self.start_daemon()
-        until = time.monotonic() + 5
-        while time.monotonic() < until:
-            self.assertEqual([entry["slot"] for entry in self.closed_slots()], [0])
-            self.assertEqual(self.sleepers(seconds), [left])
-            time.sleep(0.5)
-        freezer.thaw()
-        self.wait_for("the slot stays closed", lambda: not self.closed_slots())
+        self.see_a_slot_closed()
 
-        def over():
-            for pid in self.sleepers(seconds):
-                self.crash(pid)
-            return self.ask("status", submission)["state"] == "failed"
-        self.wait_for("it does not go on", over, 300)
-        first = self.ask("show", submission, "--episodes")["episode_rows"][0]
-        self.assertEqual((first["outcome"], first["attempt"]), ("crash", 1))
-        self.assertIn("status 7", first["fault"]["detail"])
-        self.assertEqual(self.stop_daemon(), 0)
+
+@unittest.skipUnless(STOPS_PROCESSES, "only root can become a user and stop processes")
+class LeftoversOfAUser(LeftoversTest):
+    """A daemon without users of its own for its slots."""
+
+    user = 71997
+
+    def test_a_verdict_stays_and_its_slot_is_closed_over_the_death_of_runner_and_daemon(self):
+        self.see_a_slot_closed()
+        # What the sandboxes show is empty, and no more of them than slots.
+        marks = self.data / "slots"
+        self.assertEqual([(path.name, list(path.iterdir())) for path in marks.iterdir()],
+                         [("0", [])])
 
 
 if __name__ == "__main__":

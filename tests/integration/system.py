@@ -32,6 +32,7 @@ class SystemTest(unittest.TestCase):
     """A temporary data folder and config folder for each class."""
 
     tracks = {}
+    user = None  # an ordinary one, as whom root starts the daemon; None: as whoever tests
 
     @classmethod
     def setUpClass(cls):
@@ -45,6 +46,10 @@ class SystemTest(unittest.TestCase):
         cls.environment = dict(os.environ, MYOGRADE_DATA=str(cls.data),
                                MYOGRADE_CONFIG_DIR=str(cls.root / "configs"))
         cls.daemon = None
+        if cls.user is not None:
+            cls.root.chmod(0o755)
+            cls.data.mkdir()
+            os.chown(cls.data, cls.user, cls.user)
 
     @classmethod
     def own_users(cls):
@@ -62,9 +67,11 @@ class SystemTest(unittest.TestCase):
 
     @classmethod
     def start_daemon(cls):
+        become = [] if cls.user is None else [
+            "setpriv", f"--reuid={cls.user}", f"--regid={cls.user}", "--clear-groups"]
         with open(cls.root / "daemon.log", "ab") as log:
-            cls.daemon = subprocess.Popen([BIN / "myograde", "serve"], env=cls.environment,
-                                          stdout=log, stderr=log, stdin=subprocess.DEVNULL)
+            cls.daemon = subprocess.Popen([*become, BIN / "myograde", "serve"],
+                                          env=cls.environment, stdout=log, stderr=log, stdin=subprocess.DEVNULL)
         deadline = time.monotonic() + 30
         while cls.run_cli("status", check=False).returncode != 0:
             if cls.daemon.poll() is not None or time.monotonic() > deadline:

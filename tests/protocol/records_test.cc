@@ -173,6 +173,7 @@ LeaseOrder DemoOrder() {
   order.episodes = {{3, 11, std::numeric_limits<uint64_t>::max()}, {4, 12, 0}};
   order.uid = 60001;
   order.slot = 1;
+  order.slot_mark = "/somewhere/slots/1";
   order.work_dir = "/somewhere/work";
   order.cache_dir = "/somewhere/cache";
   const auto track =

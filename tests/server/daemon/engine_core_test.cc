@@ -117,12 +117,11 @@ TEST_F(EngineCoreTest, WhatAnExpiredLeaseSaysLaterIsRefused) {
   EXPECT_EQ(world.broken, "");
 }
 
-TEST_F(EngineCoreTest, ASlotStaysClosedAsLongAsAProcessOfItsUserLives) {
+TEST_F(EngineCoreTest, ASlotStaysClosedAsLongAsAProcessOfItsSandboxesLives) {
   World world(Folder(), {}, 1);
   const int64_t first = world.Submit("a", 2);
   RunFor(world, absl::Seconds(1));
-  const int64_t user = ServerConfig().uid_base;
-  world.left[user] = "71 (reader, state D)";
+  world.left[0] = "71 (reader, state D)";
   const int64_t second = world.Submit("b", 2);
   RunFor(world, absl::Minutes(2));
   EXPECT_EQ(StateOf(world, first), EvaluationState::kDone) << "what it recorded counts";
@@ -140,6 +139,23 @@ TEST_F(EngineCoreTest, ASlotStaysClosedAsLongAsAProcessOfItsUserLives) {
   RunFor(world, absl::Minutes(2));
   EXPECT_EQ(StateOf(world, second), EvaluationState::kDone);
   EXPECT_TRUE(world.core->Health().closed_slots.empty());
+  world.CheckStore();
+  EXPECT_EQ(world.broken, "");
+}
+
+TEST_F(EngineCoreTest, AClosedSlotKeepsNoOtherFromPlaying) {
+  World world(Folder(), {}, 2);
+  world.left[1] = "72 (reader, state D)";
+  world.Boot();
+  const int64_t id = world.Submit("a", 4);
+  const absl::Duration until = world.clock.Monotonic() + absl::Minutes(2);
+  while (world.clock.Monotonic() < until) {
+    world.Turn();
+    ASSERT_FALSE(world.slots_in_use.contains(1));
+  }
+  EXPECT_EQ(StateOf(world, id), EvaluationState::kDone);
+  EXPECT_EQ(world.core->Health().closed_slots.size(), 1u);
+  EXPECT_EQ(world.core->Health().closed_slots[1], "72 (reader, state D)");
   world.CheckStore();
   EXPECT_EQ(world.broken, "");
 }

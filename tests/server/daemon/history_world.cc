@@ -155,10 +155,10 @@ absl::StatusOr<std::unique_ptr<Runner>> FakeProcesses::Start(const LeaseOrder& o
   return std::make_unique<FakeRunner>(world_, order);
 }
 
-std::map<int64_t, std::string> FakeProcesses::ProcessesOf(int64_t first, int64_t count) {
-  std::map<int64_t, std::string> found;
-  for (const auto& [user, words] : world_.left) {
-    if (user >= first && user < first + count) found[user] = words;
+std::map<int, std::string> FakeProcesses::ProcessesOf(int first, int count) {
+  std::map<int, std::string> found;
+  for (const auto& [slot, words] : world_.left) {
+    if (slot >= first && slot < first + count) found[slot] = words;
   }
   return found;
 }
@@ -208,7 +208,6 @@ void World::Boot() {
   readers = std::make_unique<ReaderPool>(path);
   disk_ = std::make_unique<FakeDisk>(*this, *store);
   EngineOptions options;
-  options.slot_uids = true;
   options.data_dir = folder_;
   options.config.scheduler = {.slots = slots_, .team_running = 1 + slots_ / 2,
                               .queue_wait = absl::Minutes(5)};

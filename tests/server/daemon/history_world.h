@@ -78,7 +78,7 @@ class FakeProcesses : public Processes {
   explicit FakeProcesses(World& world) : world_(world) {}
   absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order) override;
   void CleanUp(const std::string&) override {}
-  std::map<int64_t, std::string> ProcessesOf(int64_t first, int64_t count) override;
+  std::map<int, std::string> ProcessesOf(int first, int count) override;
 
  private:
   World& world_;
@@ -133,7 +133,7 @@ class World {
   absl::Duration next_dies_late = absl::ZeroDuration();
   // The next runner's process stays so much longer after its last word.
   absl::Duration next_lingers = absl::ZeroDuration();
-  std::map<int64_t, std::string> left;  // living processes, by the policy's user
+  std::map<int, std::string> left;  // living processes, by slot
   std::set<int64_t> slots_in_use;
   std::string broken;           // the first broken promise of the engine, in words
   int cancels_open = 0;

@@ -1,5 +1,6 @@
 // Whole leases with the real simulator, bridge and sandboxes: what honest and
 // broken policies get, and that nothing of a lease is left.
+#include "server/sandbox/slot_processes.h"
 #include "tests/server/runner/runner_world.h"
 
 namespace myograde::server {
@@ -135,6 +136,26 @@ TEST_F(RunnerTest, NothingSurvivesTheRunnersSigkill) {
   // Its control groups go with the next lease.
   const Outcomes next = Play(ScriptOrder("exit 0"));
   EXPECT_THAT(LeftGroups(first), ::testing::IsEmpty());
+}
+
+TEST_F(RunnerTest, AllThatALeaseStartsIsKnownByTheMarkOfItsSlot) {
+  const SlotProcesses slots(-1, root_ + "/slots");
+  LeaseOrder order = ScriptOrder("setsid sleep 1000 & sleep 2; exit 7");
+  order.slot = 1;
+  ASSERT_TRUE(slots.Claim(order).ok());
+  std::string seen;
+  meddle_ = [&](pid_t) {
+    for (const auto& [slot, words] : slots.Find(0, 3)) absl::StrAppend(&seen, slot, ": ", words);
+  };
+  const Outcomes outcomes = Play(order);
+  ASSERT_EQ(outcomes.episodes.size(), 1u) << outcomes.end->detail;
+  EXPECT_THAT(outcomes.episodes[0].fault.detail, HasSubstr("status 7"));
+  for (const char* name : {"myograde-runner", "myograde-sim", "myograde-bridge", "sleep"}) {
+    EXPECT_THAT(seen, HasSubstr(absl::StrCat("(", name, ", state ")));
+  }
+  EXPECT_THAT(seen, HasSubstr("1: "));
+  EXPECT_THAT(seen, ::testing::Not(::testing::AnyOf(HasSubstr("0: "), HasSubstr("2: "))));
+  EXPECT_THAT(slots.Find(0, 3), ::testing::IsEmpty());
 }
 
 TEST_F(RunnerTest, BrokenOrdersAreToldInOneSentence) {

@@ -1,0 +1,267 @@
+#include "server/sandbox/slot_processes.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <optional>
+#include <sstream>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/runner/output_tail.h"
+#include "server/sandbox/users.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+// What the kernel adds to the place of a folder that was removed.
+constexpr std::string_view kDeleted = "//deleted";
+
+// Where something lies: a file system by its device, and a path from its root.
+using Place = std::pair<std::string, std::string>;
+
+struct MountLine {
+  int64_t id = 0;
+  Place root;         // what is mounted
+  std::string point;  // where
+};
+
+struct StatusFacts {
+  std::string name;
+  std::string state;
+  int64_t user = -1;
+  int64_t threads = 0;
+
+  bool dead() const { return state.empty() || state == "Z" || state == "X"; }
+};
+
+// What follows `key` on its line. Names are escaped, so no process can write such a line.
+std::string LineValue(const std::string& text, std::string_view key) {
+  const size_t at = text.find(key);
+  if (at == std::string::npos) return "";
+  const size_t begin = text.find_first_not_of(" \t", at + key.size());
+  return text.substr(begin, text.find('\n', begin) - begin);
+}
+
+// `path`: the folder of a process or a thread. All is empty if it is gone.
+StatusFacts StatusOf(const std::string& path) {
+  // The file's owner says nothing: that of a process that can't be looked into is root.
+  std::ifstream file(path + "/status");
+  const std::string text((std::istreambuf_iterator<char>(file)), {});
+  StatusFacts facts;
+  if (text.empty()) return facts;
+  facts.name = LineValue(text, "Name:");
+  facts.state = LineValue(text, "\nState:").substr(0, 1);
+  facts.user = std::strtoll(LineValue(text, "\nUid:").c_str(), nullptr, 10);
+  facts.threads = std::strtoll(LineValue(text, "\nThreads:").c_str(), nullptr, 10);
+  return facts;
+}
+
+// Numbers that a folder of /proc lists.
+void ForEachNumber(const std::string& folder, const std::function<void(const std::string&)>& use) {
+  std::error_code error;
+  for (auto it = fs::directory_iterator(folder, error); it != fs::directory_iterator();
+       it.increment(error)) {
+    const std::string name = it->path().filename();
+    if (name.find_first_not_of("0123456789") == std::string::npos) use(name);
+  }
+}
+
+// Nothing if the process is dead. One whose first thread has ended looks dead, and lives as long
+// as it has another: a thread that can't be killed yet is as a rule not the first.
+std::optional<StatusFacts> Living(const std::string& path) {
+  StatusFacts facts = StatusOf(path);
+  if (!facts.dead()) return facts;
+  if (facts.threads < 2) return std::nullopt;
+  std::optional<StatusFacts> living;
+  ForEachNumber(path + "/task", [&](const std::string& thread) {
+    if (living.has_value()) return;
+    StatusFacts other = StatusOf(absl::StrCat(path, "/task/", thread));
+    if (!other.dead()) living = std::move(other);
+  });
+  return living;
+}
+
+void Append(const std::string& pid, const StatusFacts& facts, std::string& words) {
+  absl::StrAppend(&words, words.empty() ? "" : ", ", pid, " (", PrintableUtf8(facts.name),
+                  ", state ", facts.state, ")");
+}
+
+// Blanks and the like are octal numbers in mountinfo.
+std::string Unescaped(const std::string& text) {
+  std::string plain;
+  for (size_t i = 0; i < text.size(); ++i) {
+    if (text[i] != '\\' || i + 3 >= text.size()) {
+      plain += text[i];
+      continue;
+    }
+    plain += static_cast<char>(std::strtol(text.substr(i + 1, 3).c_str(), nullptr, 8));
+    i += 3;
+  }
+  return plain;
+}
+
+// The mounts that a process or thread sees; nothing if it has none any more. Never waits for a
+// file system.
+std::vector<MountLine> MountsOf(const std::string& path) {
+  std::ifstream file(path + "/mountinfo");
+  std::vector<MountLine> mounts;
+  for (std::string line; std::getline(file, line);) {
+    std::istringstream words(line);
+    MountLine mount;
+    std::string parent, root, point;
+    words >> mount.id >> parent >> mount.root.first >> root >> point;
+    mount.root.second = Unescaped(root);
+    mount.point = Unescaped(point);
+    mounts.push_back(std::move(mount));
+  }
+  return mounts;
+}
+
+// Returns an error number: ENOENT if it has none any more.
+int MountNamespaceOf(const std::string& path, std::string& space) {
+  char name[64];
+  const std::string link = path + "/ns/mnt";
+  const ssize_t size = readlink(link.c_str(), name, sizeof(name));
+  if (size < 0) return errno;
+  space.assign(name, static_cast<size_t>(size));
+  return 0;
+}
+
+// Of a folder that is there, as it is mounted here.
+std::optional<Place> PlaceOf(const std::string& folder) {
+  std::error_code error;
+  const std::string path = fs::canonical(folder, error);
+  struct statx facts = {};
+  if (error || statx(AT_FDCWD, path.c_str(), AT_STATX_DONT_SYNC, STATX_MNT_ID, &facts) != 0) {
+    return std::nullopt;
+  }
+  for (const MountLine& mount : MountsOf("/proc/self")) {
+    if (mount.id != static_cast<int64_t>(facts.stx_mnt_id)) continue;
+    const fs::path inside = fs::path(path).lexically_relative(mount.point);
+    std::string whole = (fs::path(mount.root.second) / inside).lexically_normal();
+    if (whole.ends_with('/')) whole.pop_back();  // so that names can be added
+    return Place(mount.root.first, whole);
+  }
+  return std::nullopt;
+}
+
+// Slots by the places of their marks.
+using Marks = std::map<Place, int>;
+
+std::optional<int> MarkedAmong(const std::vector<MountLine>& mounts, const Marks& marks) {
+  for (MountLine mount : mounts) {
+    std::string& path = mount.root.second;
+    if (path.ends_with(kDeleted)) path.resize(path.size() - kDeleted.size());
+    if (const auto mark = marks.find(mount.root); mark != marks.end()) return mark->second;
+  }
+  return std::nullopt;
+}
+
+// Looks at each mount namespace once, however many processes live in it.
+class MarkSearch {
+ public:
+  explicit MarkSearch(Marks marks) : marks_(std::move(marks)) {
+    // Nothing of a sandbox lives in our own.
+    std::string own;
+    if (MountNamespaceOf("/proc/self", own) == 0) known_[own] = std::nullopt;
+  }
+
+  std::optional<int> SlotOf(const std::string& pid) {
+    const std::string path = absl::StrCat("/proc/", pid);
+    std::string space;
+    const int error = MountNamespaceOf(path, space);
+    if (error == 0) return SlotOfNamespace(space, path);
+    if (error != ENOENT) return std::nullopt;  // somebody else's
+    // Its first thread has ended; the others tell more. One that has left its namespaces too, on
+    // its way out, has given back its memory before, and is nobody's any longer.
+    std::optional<int> slot;
+    ForEachNumber(path + "/task", [&](const std::string& thread) {
+      if (slot.has_value() || thread == pid) return;
+      const std::string task = absl::StrCat(path, "/task/", thread);
+      std::string other;
+      if (MountNamespaceOf(task, other) == 0) slot = SlotOfNamespace(other, task);
+    });
+    return slot;
+  }
+
+ private:
+  std::optional<int> SlotOfNamespace(const std::string& space, const std::string& path) {
+    if (const auto known = known_.find(space); known != known_.end()) return known->second;
+    const std::vector<MountLine> mounts = MountsOf(path);
+    // It died meanwhile, which says nothing of the others.
+    if (mounts.empty()) return std::nullopt;
+    return known_[space] = MarkedAmong(mounts, marks_);
+  }
+
+  const Marks marks_;
+  std::map<std::string, std::optional<int>> known_;
+};
+
+}  // namespace
+
+SlotProcesses::SlotProcesses(int64_t uid_base, std::string folder)
+    : uid_base_(uid_base), folder_(std::move(folder)) {}
+
+absl::Status SlotProcesses::Claim(LeaseOrder& order) const {
+  if (uid_base_ >= 0) {
+    order.uid = uid_base_ + order.slot;
+    return absl::OkStatus();
+  }
+  std::error_code error;
+  order.slot_mark = absl::StrCat(folder_, "/", order.slot);
+  fs::create_directories(order.slot_mark, error);
+  if (!error) return absl::OkStatus();
+  return absl::UnavailableError(
+      absl::StrCat(order.slot_mark, ": can't be made: ", error.message()));
+}
+
+std::map<int, std::string> SlotProcesses::Find(int first, int count) const {
+  return uid_base_ >= 0 ? FindUsers(first, count) : FindMarks(first, count);
+}
+
+std::map<int, std::string> SlotProcesses::FindUsers(int first, int count) const {
+  std::map<int, std::string> found;
+  ForEachNumber("/proc", [&](const std::string& pid) {
+    const std::optional<StatusFacts> facts = Living(absl::StrCat("/proc/", pid));
+    if (!facts.has_value()) return;
+    int64_t slot = facts->user - uid_base_;
+    if (slot >= kSimUsers) slot -= kSimUsers;
+    if (slot < first || slot >= first + count) return;
+    Append(pid, *facts, found[static_cast<int>(slot)]);
+  });
+  return found;
+}
+
+std::map<int, std::string> SlotProcesses::FindMarks(int first, int count) const {
+  std::map<int, std::string> found;
+  // Where no lease has ever been, there is none.
+  const std::optional<Place> place = PlaceOf(folder_);
+  if (!place.has_value()) return found;
+  Marks marks;
+  for (int slot = first; slot < first + count; ++slot) {
+    marks[{place->first, absl::StrCat(place->second, "/", slot)}] = slot;
+  }
+  MarkSearch search(std::move(marks));
+  ForEachNumber("/proc", [&](const std::string& pid) {
+    const std::optional<int> slot = search.SlotOf(pid);
+    if (!slot.has_value()) return;
+    const std::optional<StatusFacts> facts = Living(absl::StrCat("/proc/", pid));
+    if (facts.has_value()) Append(pid, *facts, found[*slot]);
+  });
+  return found;
+}
+
+}  // namespace myograde::server
