@@ -110,7 +110,7 @@ class Crowds(Attacked):
                     self.others_are_answered()
 
     def test_pipelined_requests_leave_their_own_user_a_place(self):
-        text = r"GET /v1/tracks HTTP/1.1\r\n\r\n" * 100
+        text = b"GET /v1/tracks HTTP/1.1\r\n\r\n" * 100
         for user in self.users():
             with self.crowd(300, text, uid=user):
                 for _ in range(5):
