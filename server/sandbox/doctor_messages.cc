@@ -25,11 +25,11 @@ namespace {
 
 constexpr int kBatches = 5;
 constexpr int kMessages = 1000;  // of a batch
-// As many as a graded step is made of: two between simulator, bridge and policy, and what
-// multicast and the bookkeeping around them cost more (sim/README.md).
-constexpr double kOfAStep = 8;
-// Above it a step of the faster model loses more than a tenth to messages.
-constexpr absl::Duration kSlow = absl::Microseconds(8);
+// As many as a graded step costs: two between simulator, bridge and policy, and what multicast
+// and the caches add (sim/README.md).
+constexpr double kOfAStep = 6;
+// Above it a step, which is a millisecond of physics, loses a tenth to messages.
+constexpr absl::Duration kSlow = absl::Microseconds(15);
 
 void Keep(int processor) {
   cpu_set_t set;

@@ -101,15 +101,16 @@ class Bench:
         return rate, shown, alone
 
     def whole(self, grader, kind, policy):
-        """Rates of whole evaluations, and what was measured alone right before each."""
+        """Rates of whole evaluations, and what was measured alone before the first and after
+        each."""
         leases, episodes = (4, 2) if self.quick else (10, 10)
-        rates, alone = [], []
-        # A minute and more each.
-        for turn in range(3 if policy == "cpp" and not self.quick else 1):
-            alone.append(self.alone(grader, kind, self.cores, leases, episodes,
-                                    engine=policy == "cpp" and turn == 0))
+        rates = []
+        alone = [self.alone(grader, kind, self.cores, leases, episodes, engine=policy == "cpp")]
+        # A quick one takes seconds, a whole one a minute and more.
+        for _ in range(3 if policy == "cpp" or self.quick else 1):
             shown, seconds = self.evaluate(grader, kind, policy, self.cores, leases, episodes)
             rates.append(sum(row["steps"] for row in shown["episode_rows"]) / seconds)
+            alone.append(self.alone(grader, kind, self.cores, leases, episodes))
         return rates, alone
 
     def lease_start(self, grader, kind):
@@ -138,7 +139,7 @@ class Bench:
             cpp, shown, env_step = self.one_lease(grader, kind, "cpp")
             self.say(f"{kind}: one lease, Python policy")
             python, _, _ = self.one_lease(grader, kind, "python")
-            self.say(f"{kind}: whole evaluations on {self.cores} cores, C++ policy, each after "
+            self.say(f"{kind}: whole evaluations on {self.cores} cores, C++ policy, each between "
                      "the same leases without all but the environment")
             rates, measured = self.whole(grader, kind, "cpp")
             self.say(f"{kind}: whole evaluations, Python policy")
@@ -148,7 +149,8 @@ class Bench:
         many = measured[0]
         alone, python_alone = ([run["env"]["median"] for run in runs]
                                for runs in (measured, python_measured))
-        over, python_over = ratios(rates, alone), ratios(python_rates, python_alone)
+        over = ratios(rates, between(alone))
+        python_over = ratios(python_rates, between(python_alone))
         seen = processes.last_json(shown["output"][0]["stderr_tail"])
         return {
             **{f"{name}_1core": one[name]["median"] for name in ("mjstep", "engine", "env")},
@@ -193,6 +195,11 @@ def epoch(text):
 
 def seconds_between(first, last):
     return epoch(last) - epoch(first)
+
+
+def between(values):
+    """The means of neighbours: a machine's speed changes from one minute to the next."""
+    return [(before + after) / 2 for before, after in zip(values, values[1:])]
 
 
 def ratios(over, under):
