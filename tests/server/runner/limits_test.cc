@@ -302,6 +302,8 @@ std::function<void(pid_t)> Crowd(size_t bytes) {
       const std::string procs = group + "/cgroup.procs";
       const pid_t child = fork();
       if (child == 0) {
+        // This process is large, and all of it counts where the kernel chooses.
+        std::ofstream("/proc/self/oom_score_adj") << -1000;
         std::ofstream(absl::StrCat("/proc/", sim, "/oom_score_adj")) << 1000;
         std::ofstream(procs) << getpid();
         void* memory =
