@@ -302,14 +302,13 @@ std::function<void(pid_t)> Crowd(size_t bytes) {
       const std::string procs = group + "/cgroup.procs";
       const pid_t child = fork();
       if (child == 0) {
-        // This process is large, and all of it counts where the kernel chooses.
-        std::ofstream("/proc/self/oom_score_adj") << -1000;
         std::ofstream(absl::StrCat("/proc/", sim, "/oom_score_adj")) << 1000;
         std::ofstream(procs) << getpid();
-        void* memory =
-            mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-        if (memory != MAP_FAILED) memset(memory, 1, bytes);
-        sleep(2);  // for a simulator that has yet to load its model
+        // A small program: all of this process would count where the kernel chooses. It stays for
+        // a simulator that has yet to load its model.
+        const std::string program =
+            absl::StrCat("import time; held = b'x' * ", bytes, "; time.sleep(2)");
+        execl("/usr/bin/python3", "python3", "-c", program.c_str(), nullptr);
         _exit(0);
       }
       done = child > 0 && waitpid(child, nullptr, 0) == child;
