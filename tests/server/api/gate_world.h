@@ -171,6 +171,7 @@ class GateTest : public ::testing::Test {
       }
       queue_.Done(*job);
       gate_->Return(&connection);
+      ++returned_;
     }
   }
 
@@ -222,7 +223,10 @@ class GateTest : public ::testing::Test {
   // All places of a peer, each with three requests that end only when they are permitted to.
   std::vector<std::unique_ptr<Client>> AllBusy(const std::string& peer) {
     std::vector<std::unique_ptr<Client>> clients = Many(Limits().peer_clients, peer, "");
+    const int64_t before = returned_;
     for (const auto& client : clients) EXPECT_EQ(client->Ask(), kOk);
+    // A client has its answer before the gate has the connection, which would give way meanwhile.
+    while (returned_ < before + std::ssize(clients)) std::this_thread::yield();
     for (const auto& client : clients) client->Send(absl::StrCat(kWait, kWait, kWait));
     AwaitAllSeen();
     return clients;
@@ -231,6 +235,7 @@ class GateTest : public ::testing::Test {
   static constexpr size_t kLarge = 4 << 20;
   static constexpr int64_t kHuge = int64_t{1} << 30;
   std::counting_semaphore<> permits_{0};
+  std::atomic<int64_t> returned_ = 0;  // connections, by workers
   std::string folder_;
   SpoolBudget budget_{64 << 20, 16 << 20};
   WorkQueue queue_{{.workers = 2, .kept = 1, .of_a_peer = 1, .of_a_kind = {2, 1, 1, 1}}};
