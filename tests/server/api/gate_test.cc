@@ -69,7 +69,7 @@ TEST_F(GateTest, SilentBodiesHalfHeadsAndIdleConnectionsHoldUpNobody) {
                                   std::string()}) {
     const auto crowd = Many(30, "crowd", text);
     const auto more = Many(30, "root", text);
-    OthersAreServed();
+    OthersAreServedSoon();
     // Those of the crowd's own user too, once what it has asked nothing with gives way.
     if (text.empty()) {
       EXPECT_EQ(Client(path(), "crowd").Ask(), kOk);

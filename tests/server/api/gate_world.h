@@ -217,6 +217,18 @@ class GateTest : public ::testing::Test {
     EXPECT_EQ(Client(path(), "honest").Ask(), kOk);
     EXPECT_EQ(Client(path(), "root").Ask(), kOk);
   }
+  // The same where the crowd is the organiser's too: until the gate has seen all of it, another of
+  // the organiser's may be told to come again.
+  void OthersAreServedSoon() {
+    EXPECT_EQ(Client(path(), "honest").Ask(), kOk);
+    std::string answer;
+    const absl::Duration end = SystemClock().Monotonic() + absl::Seconds(30);
+    while ((answer = Client(path(), "root").Ask()) != kOk && SystemClock().Monotonic() < end) {
+      ASSERT_THAT(answer, ::testing::StartsWith("HTTP/1.1 429 "));
+      absl::SleepFor(absl::Milliseconds(10));
+    }
+    EXPECT_EQ(answer, kOk);
+  }
 
   // Once an organiser is answered, the gate has seen all that was sent before it came.
   void AwaitAllSeen() { EXPECT_EQ(Client(path(), "root").Ask(), kOk); }
