@@ -1,6 +1,7 @@
 """The host's side of the suite: a daemon of its own in a temporary folder, and a look at what of
 it is left on the host."""
 
+import contextlib
 import http.client
 import json
 import os
@@ -17,6 +18,7 @@ SLOTS = 3
 UID_RANGE = 8192
 START_S = 30
 STOP_S = 30
+MOST_READERS = 64
 # Large and unlike anything that would turn up by chance, so that they can be looked for.
 SEEDS = [914207635518432 + i for i in range(20)]
 
@@ -289,10 +291,26 @@ class Host:
                 return left, spent
             time.sleep(0.02)
 
+    def _descriptors(self):
+        """Those of the daemon, but for the store's: it keeps a reader for each request that was
+        ever answered at one time, which are no more than it has workers."""
+        folder = pathlib.Path(f"/proc/{self.daemon.pid}/fd")
+        of_store, others = 0, 0
+        for fd in os.listdir(folder):
+            with contextlib.suppress(FileNotFoundError):
+                if "/store.db" in os.readlink(folder / fd):
+                    of_store += 1
+                else:
+                    others += 1
+        # A reader has the file, its log and its index open.
+        if of_store > 3 * MOST_READERS:
+            raise RuntimeError(f"the daemon has {of_store} descriptors of its store")
+        return others
+
     def daemon_use(self):
         """Resident memory in MiB, open descriptors and threads of the daemon."""
         status = pathlib.Path(f"/proc/{self.daemon.pid}/status").read_text()
         entries = dict(line.split(":", 1) for line in status.splitlines() if ":" in line)
         return {"memory_mib": int(entries["VmRSS"].split()[0]) / 1024,
-                "descriptors": len(os.listdir(f"/proc/{self.daemon.pid}/fd")),
+                "descriptors": self._descriptors(),
                 "threads": int(entries["Threads"])}
