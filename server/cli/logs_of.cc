@@ -16,6 +16,18 @@ std::string HashOf(const Json& row) {
   return log->value("sha256", "");
 }
 
+// `log`: a SHA-256, or the row that names one.
+template <typename Log>
+absl::StatusOr<std::string> Collected(const Client& client, const Log& log) {
+  std::string bytes;
+  const absl::Status status = ReadLogOf(client, log, [&](std::string_view piece) {
+    bytes.append(piece);
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  return bytes;
+}
+
 }  // namespace
 
 absl::StatusOr<Json> EvaluationWithRows(const Client& client, const std::string& path) {
@@ -66,14 +78,12 @@ absl::Status ReadLogOf(const Client& client, const Json& row, const LogUnpacker:
   return absl::DataLossError(absl::StrCat("episode ", episode, ": ", status.message()));
 }
 
+absl::StatusOr<std::string> LogBytesOf(const Client& client, const std::string& sha256) {
+  return Collected(client, sha256);
+}
+
 absl::StatusOr<std::string> LogBytesOf(const Client& client, const Json& row) {
-  std::string log;
-  const absl::Status status = ReadLogOf(client, row, [&](std::string_view piece) {
-    log.append(piece);
-    return absl::OkStatus();
-  });
-  if (!status.ok()) return status;
-  return log;
+  return Collected(client, row);
 }
 
 absl::StatusOr<EpisodeLog> LogOf(const Client& client, const Json& row) {

@@ -30,7 +30,8 @@ absl::Status ReadLogOf(const Client& client, const std::string& sha256,
 absl::Status ReadLogOf(const Client& client, const nlohmann::json& row,
                        const LogUnpacker::Sink& sink);
 
-// The whole log that a row names.
+// The whole log of that SHA-256, or that a row names; errors as above.
+absl::StatusOr<std::string> LogBytesOf(const Client& client, const std::string& sha256);
 absl::StatusOr<std::string> LogBytesOf(const Client& client, const nlohmann::json& row);
 absl::StatusOr<EpisodeLog> LogOf(const Client& client, const nlohmann::json& row);
 

@@ -110,13 +110,7 @@ class LogSource {
     if (given_) {
       return absl::NotFoundError(absl::StrCat("the log ", hash, " is not among those of --logs"));
     }
-    std::string log;
-    const absl::Status status = ReadLogOf(client_, hash, [&](std::string_view piece) {
-      log.append(piece);
-      return absl::OkStatus();
-    });
-    if (!status.ok()) return status;
-    return log;
+    return LogBytesOf(client_, hash);
   }
 
  private:
