@@ -1,14 +1,14 @@
 #include "protocol/config_reader.h"
 
-#include <array>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <iterator>
 #include <memory>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
+
+#include "protocol/base/file.h"
 
 namespace myograde {
 namespace {
@@ -232,23 +232,8 @@ absl::StatusOr<nlohmann::json> ParseJson(std::string_view text, std::string_view
 }
 
 absl::StatusOr<nlohmann::json> ReadJsonFile(const std::string& path, size_t max_bytes) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    return absl::NotFoundError(absl::StrCat(path, ": can't be opened; check the path"));
-  }
-  // Piece by piece: room for the largest file costs more than reading the usual one.
-  std::string text;
-  std::array<char, 16 << 10> piece;
-  while (file && text.size() <= max_bytes) {
-    file.read(piece.data(), std::ssize(piece));
-    text.append(piece.data(), static_cast<size_t>(file.gcount()));
-  }
-  if (file.bad()) return absl::UnavailableError(absl::StrCat(path, ": reading failed"));
-  if (text.size() > max_bytes) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": is larger than ", max_bytes, " bytes"));
-  }
-  return ParseJson(text, path);
+  const absl::StatusOr<std::string> text = ReadFile(path, max_bytes);
+  return text.ok() ? ParseJson(*text, path) : text.status();
 }
 
 std::string CanonicalJson(const nlohmann::json& value) {

@@ -7,6 +7,7 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/file.h"
 #include "server/api/api.h"
 #include "server/daemon/standings.h"
 
@@ -14,16 +15,6 @@ namespace myograde::server {
 namespace {
 
 namespace fs = std::filesystem;
-
-absl::Status WriteText(int fd, std::string_view text) {
-  while (!text.empty()) {
-    const ssize_t n = write(fd, text.data(), text.size());
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return absl::ErrnoToStatus(errno, "the server's disk does not take the file");
-    text.remove_prefix(static_cast<size_t>(n));
-  }
-  return absl::OkStatus();
-}
 
 }  // namespace
 
@@ -40,13 +31,13 @@ absl::Status Api::MakeExport(const std::string& path) {
     return reader.Export([&](std::string_view text) {
       buffer.append(text);
       if (buffer.size() < (1 << 16)) return true;
-      written = WriteText(fd.get(), buffer);
+      written = WriteAll(fd.get(), buffer);
       buffer.clear();
       return written.ok();
     });
   });
   written.Update(status);
-  if (written.ok()) written = WriteText(fd.get(), buffer);
+  if (written.ok()) written = WriteAll(fd.get(), buffer);
   return written;
 }
 

@@ -12,6 +12,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/file.h"
+
 namespace myograde::server {
 namespace {
 
@@ -22,14 +24,10 @@ constexpr int64_t kLookAtDisk = 16 << 20;      // written between two looks at w
 constexpr int64_t kSmallUpload = 1 << 20;
 constexpr int64_t kDrainBytes = int64_t{64} << 20;
 
-absl::Status WriteAll(int fd, std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return absl::ErrnoToStatus(errno, "the server's disk does not take the request");
-    bytes.remove_prefix(static_cast<size_t>(n));
-  }
-  return absl::OkStatus();
+absl::Status WriteToDisk(int fd, std::string_view bytes) {
+  const absl::Status status = WriteAll(fd, bytes);
+  if (status.ok()) return status;
+  return absl::Status(status.code(), "the server's disk does not take the request");
 }
 
 absl::StatusOr<Fd> NewFile(const std::string& path) {
@@ -60,7 +58,7 @@ absl::Status Body::MoveTo(const std::string& path) {
   if (!spooled()) {
     absl::StatusOr<Fd> fd = NewFile(path);
     if (!fd.ok()) return fd.status();
-    const absl::Status written = WriteAll(fd->get(), memory_);
+    const absl::Status written = WriteToDisk(fd->get(), memory_);
     if (!written.ok()) ::unlink(path.c_str());
     return written;
   }
@@ -77,14 +75,14 @@ absl::Status Body::Spool(const std::string& path) {
   if (!fd.ok()) return fd.status();
   file_ = *std::move(fd);
   path_ = path;
-  const absl::Status written = WriteAll(file_.get(), memory_);
+  const absl::Status written = WriteToDisk(file_.get(), memory_);
   memory_ = std::string();
   return written;
 }
 
 absl::Status Body::Write(std::string_view bytes) {
   size_ += std::ssize(bytes);
-  return WriteAll(file_.get(), bytes);
+  return WriteToDisk(file_.get(), bytes);
 }
 
 void Body::Drop() {

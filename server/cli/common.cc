@@ -14,6 +14,7 @@
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/file.h"
 #include "protocol/config_reader.h"
 #include "protocol/track_config.h"
 #include "server/cli/screen.h"
@@ -148,16 +149,9 @@ void AddHostOptions(CLI::App& verb, HostOptions& options) {
 }
 
 absl::StatusOr<std::vector<uint64_t>> ReadSeeds(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string text(kMaxSeedFileBytes + 1, '\0');
-  if (!file || !(file.read(text.data(), std::ssize(text)) || file.eof())) {
-    return absl::NotFoundError(
-        absl::StrCat(path, ": the seed file can't be read: ", std::strerror(errno)));
-  }
-  text.resize(static_cast<size_t>(file.gcount()));
-  if (text.size() > kMaxSeedFileBytes) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": is too large for a seed file"));
-  }
+  const absl::StatusOr<std::string> read = ReadFile(path, kMaxSeedFileBytes);
+  if (!read.ok()) return read.status();
+  const std::string& text = *read;
   const size_t begin = text.find_first_not_of(" \t\r\n");
   if (begin != std::string::npos && (text[begin] == '[' || text[begin] == '{')) {
     const absl::StatusOr<nlohmann::json> json = ParseJson(text, path);

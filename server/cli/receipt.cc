@@ -1,12 +1,10 @@
 // myograde receipt, myograde key
-#include <cerrno>
-#include <cstring>
-#include <fstream>
 #include <iostream>
 #include <memory>
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/file.h"
 #include "protocol/config_reader.h"
 #include "server/cli/client.h"
 #include "server/cli/common.h"
@@ -24,15 +22,6 @@ struct ReceiptOptions {
   bool json = false;
 };
 
-absl::Status WriteText(const std::string& path, const std::string& text) {
-  std::ofstream file(path, std::ios::binary | std::ios::trunc);
-  file << text;
-  file.close();
-  if (file) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat(path, ": can't be written: ", std::strerror(errno)));
-}
-
 int Receipt(const ReceiptOptions& options) {
   const Client client(options.daemon.path());
   const absl::StatusOr<Json> receipt =
@@ -40,7 +29,7 @@ int Receipt(const ReceiptOptions& options) {
   if (!receipt.ok()) return Complain(receipt.status());
   // The file is canonical JSON whichever way the daemon had sent it.
   const std::string text = CanonicalJson(*receipt) + "\n";
-  if (absl::Status status = WriteText(options.file, text); !status.ok()) return Complain(status);
+  if (absl::Status status = WriteFile(options.file, text); !status.ok()) return Complain(status);
   const Json& body = (*receipt)["receipt"];
   if (options.json) {
     PrintJson({{"submission", options.id},
@@ -61,7 +50,7 @@ int Key(const ReceiptOptions& options) {
   if (!key.ok()) return Complain(key.status());
   const std::string pem = key->value("key", "");
   if (!options.file.empty()) {
-    if (absl::Status status = WriteText(options.file, pem); !status.ok()) return Complain(status);
+    if (absl::Status status = WriteFile(options.file, pem); !status.ok()) return Complain(status);
   }
   if (options.json) {
     PrintJson({{"algorithm", (*key)["algorithm"]},

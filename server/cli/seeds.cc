@@ -5,7 +5,6 @@
 
 #include <cerrno>
 #include <cstring>
-#include <fstream>
 #include <iostream>
 #include <memory>
 
@@ -14,6 +13,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
+#include "protocol/base/file.h"
 #include "protocol/sha256.h"
 #include "server/cli/common.h"
 #include "server/cli/new_file.h"
@@ -28,6 +28,7 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr size_t kSecretDigits = 2 * kSeedSecretBytes;
+constexpr size_t kMaxSecretFileBytes = 4096;
 
 struct SeedOptions {
   std::string secret;      // a file; for check, a file or the digits
@@ -59,13 +60,8 @@ absl::StatusOr<std::string> SecretOfDigits(const std::string& text, const std::s
 }
 
 absl::StatusOr<std::string> ReadSecret(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string text(4096, '\0');
-  if (!file || !(file.read(text.data(), std::ssize(text)) || file.eof())) {
-    return absl::NotFoundError(absl::StrCat(path, ": can't be read: ", std::strerror(errno)));
-  }
-  text.resize(static_cast<size_t>(file.gcount()));
-  return SecretOfDigits(text, path);
+  const absl::StatusOr<std::string> text = ReadFile(path, kMaxSecretFileBytes);
+  return text.ok() ? SecretOfDigits(*text, path) : text;
 }
 
 // A new secret in a new file that only its owner may read; never over an old one.

@@ -12,6 +12,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/file.h"
 #include "protocol/sha256.h"
 #include "server/cli/client.h"
 #include "server/cli/common.h"
@@ -41,24 +42,6 @@ struct VerifyOptions {
   int slots = 0;
   bool json = false;
 };
-
-absl::StatusOr<std::string> ReadText(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file || std::filesystem::is_directory(path)) {
-    return absl::NotFoundError(absl::StrCat(path, ": can't be read: ", std::strerror(errno)));
-  }
-  std::string text;
-  std::string piece(64 << 10, '\0');
-  while (file && text.size() <= kMaxReceiptBytes) {
-    file.read(piece.data(), std::ssize(piece));
-    text.append(piece, 0, static_cast<size_t>(file.gcount()));
-  }
-  if (text.size() > kMaxReceiptBytes) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": is larger than ", kMaxReceiptBytes,
-                                                   " bytes, so it is no receipt"));
-  }
-  return text;
-}
 
 // Finds logs by the hash of their content, in the files and folders that were given, else at the
 // daemon. What is found is held against the hash, so it need not be trusted.
@@ -249,7 +232,7 @@ int Verify(const VerifyOptions& options) {
   }
   const absl::StatusOr<PublicKey> key = PublicKey::Read(options.key);
   if (!key.ok()) return Complain(key.status());
-  const absl::StatusOr<std::string> text = ReadText(options.file);
+  const absl::StatusOr<std::string> text = ReadFile(options.file, kMaxReceiptBytes);
   if (!text.ok()) return Complain(text.status());
   const absl::StatusOr<Json> receipt = ParseReceipt(*text);
   if (!receipt.ok()) {

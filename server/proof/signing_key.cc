@@ -11,12 +11,12 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
+#include "protocol/base/file.h"
 #include "protocol/sha256.h"
 
 namespace myograde::server {
@@ -32,27 +32,6 @@ std::string TextOf(BIO* bio) {
   char* data = nullptr;
   const long size = BIO_get_mem_data(bio, &data);
   return std::string(data, static_cast<size_t>(size));
-}
-
-absl::StatusOr<std::string> ReadFile(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string text(kMaxPemBytes, '\0');
-  if (!file || !(file.read(text.data(), std::ssize(text)) || file.eof())) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": the key can't be read: ", std::strerror(errno)));
-  }
-  text.resize(static_cast<size_t>(file.gcount()));
-  return text;
-}
-
-bool WriteAll(int fd, std::string_view text) {
-  while (!text.empty()) {
-    const ssize_t n = write(fd, text.data(), text.size());
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return false;
-    text.remove_prefix(static_cast<size_t>(n));
-  }
-  return true;
 }
 
 absl::Status CantWrite(const std::string& path) {
@@ -98,7 +77,7 @@ class KeyMaker {
     const Fd file(open(draft.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
     if (!file.valid()) return CantWrite(path_);
     absl::Status status;
-    if (!WriteAll(file.get(), TextOf(bio.get())) || fsync(file.get()) != 0 ||
+    if (!WriteAll(file.get(), TextOf(bio.get())).ok() || fsync(file.get()) != 0 ||
         link(draft.c_str(), path_.c_str()) != 0 || fsync(lock_.get()) != 0) {
       status = CantWrite(path_);
     }
@@ -126,7 +105,7 @@ absl::StatusOr<SigningKey> SigningKey::LoadOrMake(const std::string& path) {
   if (struct stat info; lstat(path.c_str(), &info) != 0 && errno == ENOENT) {
     if (absl::Status status = maker->Make(); !status.ok()) return status;
   }
-  absl::StatusOr<std::string> text = ReadFile(path);
+  absl::StatusOr<std::string> text = ReadFile(path, kMaxPemBytes);
   if (!text.ok()) return absl::InternalError(text.status().message());
   const BioPtr bio(BIO_new_mem_buf(text->data(), static_cast<int>(text->size())), BIO_free);
   KeyPtr key(PEM_read_bio_PrivateKey(bio.get(), nullptr, nullptr, nullptr));
@@ -168,7 +147,7 @@ std::string SigningKey::PublicPem() const {
 }
 
 absl::StatusOr<PublicKey> PublicKey::Read(const std::string& path) {
-  absl::StatusOr<std::string> text = ReadFile(path);
+  absl::StatusOr<std::string> text = ReadFile(path, kMaxPemBytes);
   if (!text.ok()) return text.status();
   return Parse(*text, path);
 }

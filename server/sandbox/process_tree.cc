@@ -16,7 +16,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
-#include "protocol/base/fd.h"
+#include "protocol/base/file.h"
 
 namespace myograde::server {
 namespace {
@@ -43,18 +43,9 @@ struct ProcessTimes {
   int64_t children_ticks = 0;
 };
 
-std::optional<std::string> ReadShort(const std::string& path) {
-  const Fd file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  if (!file.valid()) return std::nullopt;
-  char text[1024];
-  const ssize_t n = read(file.get(), text, sizeof(text));
-  if (n <= 0) return std::nullopt;
-  return std::string(text, static_cast<size_t>(n));
-}
-
 std::optional<ProcessTimes> ReadStat(const std::string& path) {
-  const std::optional<std::string> text = ReadShort(path);
-  if (!text.has_value()) return std::nullopt;
+  const absl::StatusOr<std::string> text = ReadFile(path);
+  if (!text.ok()) return std::nullopt;
   // The name, in brackets, may hold anything; the numbers follow its last one.
   const size_t name_end = text->rfind(')');
   if (name_end == std::string::npos) return std::nullopt;
@@ -107,9 +98,9 @@ std::vector<pid_t> Numbers(const std::string& folder) {
 // on one now. Of a thread in `folder`.
 double OnProcessor(const std::string& folder, char state) {
   if (state != 'R') return 0;
-  const std::optional<std::string> text = ReadShort(folder + "/schedstat");
+  const absl::StatusOr<std::string> text = ReadFile(folder + "/schedstat");
   unsigned long long ran = 0, waited = 0;
-  if (!text.has_value() || std::sscanf(text->c_str(), "%llu %llu", &ran, &waited) != 2) return 1;
+  if (!text.ok() || std::sscanf(text->c_str(), "%llu %llu", &ran, &waited) != 2) return 1;
   if (ran == 0) return 0;
   return static_cast<double>(ran) / (static_cast<double>(ran) + static_cast<double>(waited));
 }

@@ -7,9 +7,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <functional>
-#include <iterator>
 #include <optional>
 #include <sstream>
 #include <string_view>
@@ -18,6 +16,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/file.h"
 #include "server/runner/output_tail.h"
 #include "server/sandbox/users.h"
 
@@ -58,8 +57,7 @@ std::string LineValue(const std::string& text, std::string_view key) {
 // `path`: the folder of a process or a thread. All is empty if it is gone.
 StatusFacts StatusOf(const std::string& path) {
   // The file's owner says nothing: that of a process that can't be looked into is root.
-  std::ifstream file(path + "/status");
-  const std::string text((std::istreambuf_iterator<char>(file)), {});
+  const std::string text = ReadFile(path + "/status").value_or("");
   StatusFacts facts;
   if (text.empty()) return facts;
   facts.name = LineValue(text, "Name:");
@@ -116,7 +114,7 @@ std::string Unescaped(const std::string& text) {
 // The mounts that a process or thread sees; nothing if it has none any more. Never waits for a
 // file system.
 std::vector<MountLine> MountsOf(const std::string& path) {
-  std::ifstream file(path + "/mountinfo");
+  std::istringstream file(ReadFile(path + "/mountinfo").value_or(""));
   std::vector<MountLine> mounts;
   for (std::string line; std::getline(file, line);) {
     std::istringstream words(line);

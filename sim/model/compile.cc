@@ -3,7 +3,6 @@
 #include <stdlib.h>
 
 #include <filesystem>
-#include <fstream>
 #include <span>
 #include <string_view>
 #include <system_error>
@@ -13,8 +12,8 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
+#include "protocol/base/file.h"
 #include "protocol/sha256.h"
-#include "sim/model/file.h"
 #include "sim/model/inertials.h"
 #include "sim/model/pins.h"
 
@@ -185,14 +184,6 @@ class ScratchFolder {
 
 bool IsXml(std::string_view path) { return path.ends_with(".xml"); }
 
-absl::Status WriteText(const fs::path& path, std::string_view text) {
-  std::ofstream file(path, std::ios::binary);
-  file.write(text.data(), static_cast<std::streamsize>(text.size()));
-  file.close();
-  if (!file) return absl::UnavailableError(absl::StrCat("can't write ", path.string()));
-  return absl::OkStatus();
-}
-
 // Fills `scratch` with patched XML files and links to everything else.
 absl::Status FillScratch(TrackKind kind, const std::string& package_dir, const fs::path& scratch) {
   const Source& source = SourceOf(kind);
@@ -210,7 +201,7 @@ absl::Status FillScratch(TrackKind kind, const std::string& package_dir, const f
     } else if (pin.path == source.actuator_file) {
       assets = *std::move(text);
     } else if (IsXml(pin.path)) {
-      if (auto status = WriteText(to, *text); !status.ok()) return status;
+      if (auto status = WriteFile(to, *text); !status.ok()) return status;
     } else {
       fs::create_symlink(fs::absolute(package_dir) / pin.path, to, error);
       if (error) return absl::UnavailableError(absl::StrCat("can't make ", to.string()));
@@ -219,8 +210,8 @@ absl::Status FillScratch(TrackKind kind, const std::string& package_dir, const f
   const auto patched = kind == TrackKind::kManipulation ? PatchManipulation(main, assets)
                                                         : PatchLocomotion(main, assets);
   if (!patched.ok()) return patched;
-  if (auto status = WriteText(scratch / source.main_file, main); !status.ok()) return status;
-  return WriteText(scratch / source.actuator_file, assets);
+  if (auto status = WriteFile(scratch / source.main_file, main); !status.ok()) return status;
+  return WriteFile(scratch / source.actuator_file, assets);
 }
 
 absl::Status SetInertials(mjModel* model, std::span<const Inertial> inertials) {

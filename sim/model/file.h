@@ -1,4 +1,4 @@
-// Reading whole files.
+// Files as memory.
 #pragma once
 
 #include <string>
@@ -9,15 +9,11 @@
 
 namespace myograde::sim {
 
-// The whole content of a file. NotFoundError if it can't be opened,
-// DataLossError if reading fails.
-absl::StatusOr<std::string> ReadFile(const std::string& path);
-
 // A file's content without a copy of it. Whoever writes such files gives them
 // another name first: one that shrinks under its reader ends the process.
 class MappedFile {
  public:
-  // Errors as above.
+  // NotFoundError if it can't be opened, DataLossError if it can't be mapped.
   static absl::StatusOr<MappedFile> Open(const std::string& path);
   MappedFile(MappedFile&& other) noexcept : content_(std::exchange(other.content_, {})) {}
   MappedFile& operator=(MappedFile&&) = delete;

@@ -94,6 +94,9 @@ class SystemTest(unittest.TestCase):
                                 stdin=subprocess.DEVNULL)
         if check and result.returncode != 0:
             said = result.stdout + result.stderr
+            if cls.daemon is not None and cls.daemon.poll() is not None:
+                log = (cls.root / "daemon.log").read_text(errors="replace")[-4000:]
+                said += f"the daemon has ended as {cls.daemon.returncode}; its log:\n{log}"
             raise AssertionError(f"{words}: exit {result.returncode}\n{said}")
         return result
 

@@ -60,6 +60,8 @@ CALENDAR_USERS = {
     "tests/server/store/quota_test.cc": "compares with stored times of day",
 }
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
+# It throws where reading fails, which a file of /proc does whose process has ended.
+THROWING_READ = re.compile(r"istreambuf_iterator")
 LOOSE_PROPERTY = re.compile(r"^\s*rc::check\(", re.MULTILINE)
 UNFINISHED = re.compile(r"\b(TO" r"DO|FIX" r"ME|XX" r"X)\b")
 
@@ -108,6 +110,9 @@ def check_file(root, file):
                         "(protocol/base/clock.h), or say in lint.py why it needs the date")
     if file.name == "CMakeLists.txt":
         problems += check_links(path, text)
+    if THROWING_READ.search(text) and not path.startswith("tests/"):
+        problems.append("reads with std::istreambuf_iterator, which throws; use ReadFile of "
+                        "protocol/base/file.h")
     if LOOSE_PROPERTY.search(text):
         problems.append("has an rc::check whose result is dropped, so it can't fail: "
                         "EXPECT_TRUE it")

@@ -11,7 +11,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/model/file.h"
+#include "protocol/base/file.h"
 
 namespace myograde::sim {
 namespace {

@@ -117,6 +117,10 @@ class DaemonCase(unittest.TestCase):
             connection.request(method, path, body)
             answer = connection.getresponse()
             return answer.status, json.loads(answer.read())
+        except OSError as error:
+            if self.daemon.poll() is not None:
+                error.add_note(self.state_of_daemon())
+            raise
         finally:
             connection.close()
 

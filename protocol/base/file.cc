@@ -1,0 +1,67 @@
+#include "protocol/base/file.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/fd.h"
+
+namespace myograde {
+namespace {
+
+std::string CantBe(const std::string& path, const char* what) {
+  return absl::StrCat(path, ": can't be ", what, ": ", std::strerror(errno));
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> ReadAll(int fd, const std::string& name, size_t max_bytes) {
+  // Piece by piece: room for the largest file costs more than reading the usual one.
+  constexpr size_t kPiece = 16 << 10;
+  std::string text;
+  while (true) {
+    const size_t size = text.size();
+    text.resize(size + std::max(kPiece, size));
+    const ssize_t n = ::read(fd, text.data() + size, text.size() - size);
+    text.resize(size + static_cast<size_t>(std::max<ssize_t>(n, 0)));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return absl::UnavailableError(CantBe(name, "read"));
+    if (text.size() > max_bytes) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(name, ": is larger than ", max_bytes, " bytes"));
+    }
+    if (n == 0) return text;
+  }
+}
+
+absl::StatusOr<std::string> ReadFile(const std::string& path, size_t max_bytes) {
+  const Fd file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!file.valid()) return absl::NotFoundError(CantBe(path, "read"));
+  return ReadAll(file.get(), path, max_bytes);
+}
+
+absl::Status WriteAll(int fd, std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t n = ::write(fd, text.data(), text.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return absl::ErrnoToStatus(n == 0 ? EIO : errno, "the disk does not take the file");
+    text.remove_prefix(static_cast<size_t>(n));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status WriteFile(const std::string& path, std::string_view text) {
+  Fd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
+  // Some file systems only tell at the end that they have no room.
+  if (!file.valid() || !WriteAll(file.get(), text).ok() || ::close(file.release()) != 0) {
+    return absl::InvalidArgumentError(CantBe(path, "written"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace myograde
