@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <string_view>
 
 #include <absl/strings/str_cat.h>
 
@@ -50,28 +52,36 @@ bool HasResult(const JudgedEpisode& episode) {
          episode.judgement.outcome != Outcome::kGraderError;
 }
 
-// The mean of what `metric` returns (a double or an optional of one) over the episodes.
-template <typename Metric>
-Mean MeanOver(const std::vector<JudgedEpisode>& episodes, Metric metric) {
+std::optional<double> ValueOf(const JudgedEpisode& episode, size_t metric) {
+  const auto& values = episode.judgement.metrics;
+  return metric < values.size() ? values[metric] : std::nullopt;
+}
+
+Mean MeanOver(const std::vector<JudgedEpisode>& episodes, size_t metric) {
   std::vector<double> values;
   for (const JudgedEpisode& episode : episodes) {
-    const std::optional<double> value = metric(episode.judgement.metrics);
+    const std::optional<double> value = ValueOf(episode, metric);
     if (value.has_value()) values.push_back(*value);
   }
   return MeanOf(values);
 }
 
-// The sum of one metric over all episodes by the steps of all; nullopt without a step.
-std::optional<double> OverSteps(const std::vector<JudgedEpisode>& episodes,
-                                double Metrics::* sum_of) {
+// The sum of one metric over all episodes by the steps of all; none without a step.
+Mean MeanOverSteps(const std::vector<JudgedEpisode>& episodes, size_t summed) {
   double sum = 0;
   int64_t steps = 0;
   for (const JudgedEpisode& episode : episodes) {
-    sum += episode.judgement.metrics.*sum_of;
-    steps += episode.judgement.metrics.steps;
+    sum += ValueOf(episode, summed).value_or(0);
+    steps += episode.judgement.steps;
   }
-  if (steps == 0) return std::nullopt;
-  return sum / static_cast<double>(steps);
+  if (steps == 0) return {};
+  return {.value = sum / static_cast<double>(steps), .count = 1, .spread = {}};
+}
+
+size_t PlaceOf(std::span<const Metric> metrics, std::string_view name) {
+  const auto it = std::find_if(metrics.begin(), metrics.end(),
+                               [&](const Metric& metric) { return metric.name == name; });
+  return static_cast<size_t>(it - metrics.begin());
 }
 
 absl::Status CheckIndices(const std::vector<JudgedEpisode>& sorted) {
@@ -90,7 +100,8 @@ absl::Status CheckIndices(const std::vector<JudgedEpisode>& sorted) {
 
 }  // namespace
 
-absl::StatusOr<Aggregate> AggregateEpisodes(std::vector<JudgedEpisode> episodes) {
+absl::StatusOr<Aggregate> AggregateEpisodes(std::span<const Metric> metrics,
+                                            std::vector<JudgedEpisode> episodes) {
   std::sort(episodes.begin(), episodes.end(),
             [](const auto& a, const auto& b) { return a.index < b.index; });
   if (absl::Status status = CheckIndices(episodes); !status.ok()) return status;
@@ -105,17 +116,11 @@ absl::StatusOr<Aggregate> AggregateEpisodes(std::vector<JudgedEpisode> episodes)
   }
   result.failed = result.participant_faults == result.episodes;
   result.success_spread = SuccessSpread(result.successes, result.episodes);
-  result.time = MeanOver(episodes, [](const Metrics& m) { return m.time; });
-  result.effort = MeanOver(episodes, [](const Metrics& m) { return m.effort; });
-  result.pain = MeanOver(episodes, [](const Metrics& m) { return m.pain; });
-  result.distance = MeanOver(episodes, [](const Metrics& m) { return m.distance; });
-  result.effort_sum = MeanOver(episodes, [](const Metrics& m) { return m.effort_sum; });
-  result.pain_sum = MeanOver(episodes, [](const Metrics& m) { return m.pain_sum; });
-  result.reported_time = MeanOver(episodes, [](const Metrics& m) { return m.reported_time; });
-  result.peak_force = MeanOver(episodes, [](const Metrics& m) { return m.peak_force; });
-  result.max_touch = MeanOver(episodes, [](const Metrics& m) { return m.max_touch; });
-  result.effort_over_steps = OverSteps(episodes, &Metrics::effort_sum);
-  result.pain_over_steps = OverSteps(episodes, &Metrics::pain_sum);
+  for (size_t i = 0; i < metrics.size(); ++i) {
+    result.means.push_back(metrics[i].source == Metric::Source::kOverSteps
+                               ? MeanOverSteps(episodes, PlaceOf(metrics, metrics[i].of))
+                               : MeanOver(episodes, i));
+  }
   return result;
 }
 

@@ -2,12 +2,13 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
+#include <span>
 #include <vector>
 
 #include <absl/status/statusor.h>
 
-#include "scoring/judge.h"
+#include "scoring/judgement.h"
+#include "scoring/metric.h"
 
 namespace myograde::scoring {
 
@@ -36,19 +37,8 @@ struct Aggregate {
   int64_t participant_faults = 0;
   bool failed = false;     // every episode is a participant's fault (or there is none): no rank
   Spread success_spread;   // of the success rate: Wilson's interval
-  Mean time;               // s
-  Mean effort;
-  Mean pain;
-  Mean distance;           // m
-  Mean effort_sum;
-  Mean pain_sum;
-  Mean reported_time;      // s
-  Mean peak_force;         // N
-  Mean max_touch;          // N, the official code's peak
-  // Means over all steps of all episodes: a long episode weighs more than one that ends at once.
-  // None without a step.
-  std::optional<double> effort_over_steps;
-  std::optional<double> pain_over_steps;
+  // In the order of the track's metrics. Of one over steps, count is 1 and there is no spread.
+  std::vector<Mean> means;
 
   // k/n for display; ranking compares the whole numbers.
   double success_rate() const {
@@ -58,7 +48,9 @@ struct Aggregate {
 
 // Sums in the order of the episodes' indices, so the same episodes in any order give the same
 // bits. Cancelled episodes and the grader's faults have no result and are left out.
+// `metrics` are those of the track, and each judgement has as many.
 // InvalidArgumentError if two rows have the same index or an index is negative.
-absl::StatusOr<Aggregate> AggregateEpisodes(std::vector<JudgedEpisode> episodes);
+absl::StatusOr<Aggregate> AggregateEpisodes(std::span<const Metric> metrics,
+                                            std::vector<JudgedEpisode> episodes);
 
 }  // namespace myograde::scoring

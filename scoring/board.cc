@@ -14,8 +14,13 @@ namespace {
 
 using Ranked = std::vector<RankedEntry>;
 
-double OrWorst(const std::optional<double>& value) {
-  return value.value_or(std::numeric_limits<double>::infinity());
+// Where less is better, none is the worst.
+double Number(const BoardEntry& entry, size_t place) {
+  return entry.numbers.at(place).value_or(std::numeric_limits<double>::infinity());
+}
+
+double Distance(const BoardEntry& entry, size_t place) {
+  return entry.numbers.at(place).value_or(0);
 }
 
 // k/n >= k'/n' without rounding.
@@ -41,13 +46,14 @@ void SortBy(Ranked::iterator begin, Ranked::iterator end, Less less) {
   });
 }
 
-bool LessEffort(const BoardEntry& a, const BoardEntry& b) {
-  return OrWorst(a.effort) < OrWorst(b.effort);
-}
-
 bool HigherRate(const BoardEntry& a, const BoardEntry& b) { return RateLess(b, a); }
 
-bool Faster(const BoardEntry& a, const BoardEntry& b) { return a.time < b.time; }
+// The order by a number of which less is better.
+auto LessOf(size_t place) {
+  return [place](const BoardEntry& a, const BoardEntry& b) {
+    return Number(a, place) < Number(b, place);
+  };
+}
 
 // Cuts [begin, end), sorted by what the bands are made of, into bands and sorts each by `less`.
 // `value` is what opens a band, `belongs` whether another value belongs to the band of it.
@@ -71,53 +77,57 @@ void SortIntoBands(Ranked::iterator begin, Ranked::iterator end, Value value, Be
 }
 
 void Order(Ranked& board, const TieredBoard& rules) {
+  const auto faster = LessOf(rules.time);
+  const auto less_effort = LessOf(rules.effort);
   const auto line = std::partition(board.begin(), board.end(), [&](const RankedEntry& ranked) {
     return RateAtLeast(ranked.entry, rules.line_successes, rules.line_episodes);
   });
   if (rules.bands == BandsOver::kTime) {
-    SortBy(board.begin(), line, Faster);
+    SortBy(board.begin(), line, faster);
     SortIntoBands(
-        board.begin(), line, [](const BoardEntry& entry) { return entry.time; },
+        board.begin(), line, [&](const BoardEntry& entry) { return Number(entry, rules.time); },
         [&](double time, double opener) { return time <= rules.band_factor * opener; },
-        LessEffort);
+        less_effort);
   } else {
     SortBy(board.begin(), line, HigherRate);
     SortIntoBands(
         board.begin(), line, Rate,
         [&](double rate, double opener) { return rules.band_factor * rate >= opener; },
-        LessEffort);
+        less_effort);
   }
   SortBy(line, board.end(), [&](const BoardEntry& a, const BoardEntry& b) {
     if (HigherRate(a, b) || HigherRate(b, a)) return HigherRate(a, b);
     if (rules.ties == Ties::kAcceptance) return false;
-    if (a.time != b.time) return Faster(a, b);
-    return LessEffort(a, b);
+    if (faster(a, b) || faster(b, a)) return faster(a, b);
+    return less_effort(a, b);
   });
 }
 
 void Order(Ranked& board, const DistanceBoard& rules) {
-  SortBy(board.begin(), board.end(),
-         [](const BoardEntry& a, const BoardEntry& b) { return a.distance > b.distance; });
+  const auto distance = [&](const BoardEntry& entry) { return Distance(entry, rules.distance); };
+  const auto farther = [&](const BoardEntry& a, const BoardEntry& b) {
+    return distance(a) > distance(b);
+  };
+  const auto faster = LessOf(rules.time);
+  SortBy(board.begin(), board.end(), farther);
   const auto line = std::partition_point(board.begin(), board.end(), [&](const auto& ranked) {
-    return ranked.entry.distance >= rules.time_from_m;
+    return distance(ranked.entry) >= rules.time_from_m;
   });
   SortIntoBands(
-      board.begin(), line, [](const BoardEntry& entry) { return entry.distance; },
-      [&](double distance, double opener) { return distance * (1 + rules.band) >= opener; },
-      [](const BoardEntry& a, const BoardEntry& b) {
-        if (a.time != b.time) return Faster(a, b);
-        return a.distance > b.distance;
+      board.begin(), line, distance,
+      [&](double value, double opener) { return value * (1 + rules.band) >= opener; },
+      [&](const BoardEntry& a, const BoardEntry& b) {
+        if (faster(a, b) || faster(b, a)) return faster(a, b);
+        return farther(a, b);
       });
 }
 
 void Order(Ranked& board, const PhysiologicalBoard& rules) {
   std::erase_if(board, [&](const RankedEntry& ranked) {
-    return ranked.entry.distance < rules.qualify_m;
+    return Distance(ranked.entry, rules.distance) < rules.qualify_m;
   });
   const auto numbers = [&](const BoardEntry& entry) {
-    return rules.means == MeansOver::kSteps
-               ? std::pair(OrWorst(entry.pain_over_steps), OrWorst(entry.effort_over_steps))
-               : std::pair(OrWorst(entry.pain), OrWorst(entry.effort));
+    return std::pair(Number(entry, rules.pain), Number(entry, rules.effort));
   };
   SortBy(board.begin(), board.end(), [&](const BoardEntry& a, const BoardEntry& b) {
     return numbers(a) < numbers(b);
@@ -147,15 +157,29 @@ std::optional<RankedEntry> Standing(const Ranked& own, const BoardRules& rules, 
   return standing;
 }
 
-absl::Status Check(const BoardEntry& entry) {
-  const auto finite = [](const std::optional<double>& value) {
-    return !value.has_value() || std::isfinite(*value);
-  };
-  if (!finite(entry.time) || !finite(entry.effort) || !finite(entry.pain) ||
-      !finite(entry.distance) || !finite(entry.effort_over_steps) ||
-      !finite(entry.pain_over_steps)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("submission ", entry.submission, ": a mean is not a finite number"));
+// How many numbers the board looks at.
+size_t PlacesOf(const BoardRules& rules) {
+  if (const auto* tiered = std::get_if<TieredBoard>(&rules)) {
+    return std::max(tiered->time, tiered->effort) + 1;
+  }
+  if (const auto* distance = std::get_if<DistanceBoard>(&rules)) {
+    return std::max(distance->distance, distance->time) + 1;
+  }
+  const auto& body = std::get<PhysiologicalBoard>(rules);
+  return std::max({body.distance, body.pain, body.effort}) + 1;
+}
+
+absl::Status Check(const BoardEntry& entry, const BoardRules& rules) {
+  if (entry.numbers.size() < PlacesOf(rules)) {
+    return absl::InvalidArgumentError(absl::StrCat("submission ", entry.submission, ": has ",
+                                                   entry.numbers.size(),
+                                                   " numbers, and the board ranks by more"));
+  }
+  for (const std::optional<double>& number : entry.numbers) {
+    if (number.has_value() && !std::isfinite(*number)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("submission ", entry.submission, ": a mean is not a finite number"));
+    }
   }
   if (entry.episodes < 1 || entry.successes < 0 || entry.successes > entry.episodes) {
     return absl::InvalidArgumentError(absl::StrCat("submission ", entry.submission, ": ",
@@ -167,21 +191,28 @@ absl::Status Check(const BoardEntry& entry) {
 
 }  // namespace
 
-BoardEntry MakeEntry(const Aggregate& aggregate) {
-  const auto value_of = [](const Mean& mean) {
-    return mean.count == 0 ? std::nullopt : std::optional<double>(mean.value);
-  };
+BoardEntry MakeEntry(std::span<const Metric> metrics, const Aggregate& aggregate) {
   BoardEntry entry;
   entry.failed = aggregate.failed;
   entry.successes = aggregate.successes;
   entry.episodes = aggregate.episodes;
-  entry.time = aggregate.time.value;
-  entry.effort = value_of(aggregate.effort);
-  entry.pain = value_of(aggregate.pain);
-  entry.distance = aggregate.distance.value;
-  entry.effort_over_steps = aggregate.effort_over_steps;
-  entry.pain_over_steps = aggregate.pain_over_steps;
+  for (size_t i = 0; i < metrics.size(); ++i) {
+    if (!metrics[i].ranked) continue;
+    const Mean& mean = aggregate.means[i];
+    entry.numbers.push_back(mean.count == 0 ? std::nullopt : std::optional(mean.value));
+  }
   return entry;
+}
+
+bool IsQualified(const BoardEntry& entry, const BoardRules& rules) {
+  if (const auto* tiered = std::get_if<TieredBoard>(&rules)) {
+    return RateAtLeast(entry, tiered->line_successes, tiered->line_episodes);
+  }
+  if (const auto* distance = std::get_if<DistanceBoard>(&rules)) {
+    return Distance(entry, distance->distance) >= distance->time_from_m;
+  }
+  const auto& body = std::get<PhysiologicalBoard>(rules);
+  return Distance(entry, body.distance) >= body.qualify_m;
 }
 
 absl::StatusOr<std::vector<RankedEntry>> Rank(const std::vector<BoardEntry>& entries,
@@ -195,7 +226,7 @@ absl::StatusOr<std::vector<RankedEntry>> Rank(const std::vector<BoardEntry>& ent
                                                      " is another's too"));
     }
     if (entry.failed) continue;
-    if (absl::Status status = Check(entry); !status.ok()) return status;
+    if (absl::Status status = Check(entry, rules); !status.ok()) return status;
     teams[entry.team].push_back(RankedEntry{entry});
   }
   Ranked board;

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <variant>
 #include <vector>
@@ -22,19 +23,14 @@ struct BoardEntry {
   bool failed = false;     // Aggregate::failed: not on the board
   int64_t successes = 0;
   int64_t episodes = 0;
-  double time = 0;               // s, mean
-  std::optional<double> effort = std::nullopt;  // mean; none ranks behind every number
-  std::optional<double> pain = std::nullopt;    // mean; none ranks behind every number
-  double distance = 0;           // m, mean
-  // The same over all steps of the evaluation instead of as means of episodes' means.
-  std::optional<double> effort_over_steps = std::nullopt;
-  std::optional<double> pain_over_steps = std::nullopt;
+  // The means of the track's ranked metrics, in their order; none ranks behind every number.
+  std::vector<std::optional<double>> numbers = {};
 };
 
-// An entry with the ranked numbers of `aggregate`; the caller names submission, team,
-// acceptance and choice.
-BoardEntry MakeEntry(const Aggregate& aggregate);
+// The entry of an evaluation; the caller names submission, team, acceptance and choice.
+BoardEntry MakeEntry(std::span<const Metric> metrics, const Aggregate& aggregate);
 
+// Boards name the numbers that they rank by: places in BoardEntry::numbers.
 enum class BandsOver { kTime, kSuccess };
 
 // What decides where success rates below the line are exactly equal: mean time, then effort,
@@ -52,6 +48,8 @@ struct TieredBoard {
   BandsOver bands = BandsOver::kTime;
   double band_factor = 1.1;
   Ties ties = Ties::kTime;
+  size_t time = 0;
+  size_t effort = 1;
 };
 
 // (1) mean distance, more is better; (2) where it is equal and at least time_from_m: mean time,
@@ -61,6 +59,8 @@ struct TieredBoard {
 struct DistanceBoard {
   double time_from_m = 20;
   double band = 0;
+  size_t distance = 0;
+  size_t time = 1;
 };
 
 // Whether pain and effort are means over all steps of an evaluation, in which an episode that
@@ -70,7 +70,10 @@ enum class MeansOver { kSteps, kEpisodes };
 // Only those with mean distance >= qualify_m: (1) pain, (2) effort, less is better.
 struct PhysiologicalBoard {
   double qualify_m = 20;
-  MeansOver means = MeansOver::kSteps;
+  MeansOver means = MeansOver::kSteps;  // which `pain` and `effort` are
+  size_t distance = 0;
+  size_t pain = 1;
+  size_t effort = 2;
 };
 
 using BoardRules = std::variant<TieredBoard, DistanceBoard, PhysiologicalBoard>;
@@ -99,6 +102,9 @@ absl::StatusOr<std::vector<RankedEntry>> Rank(const std::vector<BoardEntry>& ent
 // Why `above` stands above `below`, two entries of one board as Rank made it: one sentence
 // with unrounded numbers.
 std::string Explain(const RankedEntry& above, const RankedEntry& below, const BoardRules& rules);
+
+// True if an entry is at or above the line that the board draws.
+bool IsQualified(const BoardEntry& entry, const BoardRules& rules);
 
 // The order of a board under `rules` in a few sentences, for those who read it.
 std::string DescribeOrder(const BoardRules& rules);

@@ -41,21 +41,25 @@ std::string AcceptedFirst(const std::string& equal, const BoardEntry& above,
                       " against ", below.acceptance);
 }
 
-std::string ByEffort(const std::string& equal, const BoardEntry& a, const BoardEntry& b) {
-  if (a.effort != b.effort) {
-    return absl::StrCat(equal, ", and its effort is less, ", Exact(a.effort), " against ",
-                        Exact(b.effort));
+std::string ByEffort(const std::string& equal, const BoardEntry& a, const BoardEntry& b,
+                     size_t place) {
+  const std::optional<double>& effort = a.numbers[place];
+  if (effort != b.numbers[place]) {
+    return absl::StrCat(equal, ", and its effort is less, ", Exact(effort), " against ",
+                        Exact(b.numbers[place]));
   }
-  return AcceptedFirst(absl::StrCat(equal, ", both efforts are ", Exact(a.effort)), a, b);
+  return AcceptedFirst(absl::StrCat(equal, ", both efforts are ", Exact(effort)), a, b);
 }
 
-std::string ByTimeThenEffort(const std::string& equal, const BoardEntry& a,
-                             const BoardEntry& b) {
-  if (a.time != b.time) {
-    return absl::StrCat(equal, ", and its mean time is ", Exact(a.time), " s against ",
-                        Exact(b.time), " s");
+std::string ByTimeThenEffort(const std::string& equal, const BoardEntry& a, const BoardEntry& b,
+                             const TieredBoard& rules) {
+  const std::optional<double>& time = a.numbers[rules.time];
+  if (time != b.numbers[rules.time]) {
+    return absl::StrCat(equal, ", and its mean time is ", Exact(time), " s against ",
+                        Exact(b.numbers[rules.time]), " s");
   }
-  return ByEffort(absl::StrCat(equal, ", both mean times are ", Exact(a.time), " s"), a, b);
+  return ByEffort(absl::StrCat(equal, ", both mean times are ", Exact(time), " s"), a, b,
+                  rules.effort);
 }
 
 std::string WhyInBands(const RankedEntry& above, const RankedEntry& below,
@@ -65,9 +69,11 @@ std::string WhyInBands(const RankedEntry& above, const RankedEntry& below,
   const std::string opener = Exact(above.band_opener);
   const BoardEntry& a = above.entry;
   const BoardEntry& b = below.entry;
+  const std::string time_a = Exact(a.numbers[rules.time]);
+  const std::string time_b = Exact(b.numbers[rules.time]);
   if (above.band != below.band) {
     const std::string numbers =
-        over_time ? absl::StrCat("its mean time is ", Exact(a.time), " s against ", Exact(b.time),
+        over_time ? absl::StrCat("its mean time is ", time_a, " s against ", time_b,
                                  " s, which is more than ", factor, " times the ", opener,
                                  " s that opened its band")
                   : absl::StrCat("it succeeded in ", Successes(a), " episodes against ",
@@ -76,13 +82,12 @@ std::string WhyInBands(const RankedEntry& above, const RankedEntry& below,
     return absl::StrCat(numbers, " (band ", above.band + 1, " against ", below.band + 1, ")");
   }
   const std::string band =
-      over_time ? absl::StrCat("both mean times, ", Exact(a.time), " s and ", Exact(b.time),
-                               " s, are at most ", factor, " times the ", opener,
+      over_time ? absl::StrCat("both mean times, ", time_a, " s and ", time_b, " s, are at most ", factor, " times the ", opener,
                                " s that opened band ", above.band + 1)
                 : absl::StrCat("both success rates, ", Successes(a), " and ", Successes(b),
                                ", times ", factor, " are at least the ", opener,
                                " that opened band ", above.band + 1);
-  return ByEffort(band, a, b);
+  return ByEffort(band, a, b, rules.effort);
 }
 
 std::string Why(const RankedEntry& above, const RankedEntry& below, const TieredBoard& rules) {
@@ -100,16 +105,17 @@ std::string Why(const RankedEntry& above, const RankedEntry& below, const Tiered
   const std::string equal = absl::StrCat("both succeeded at the same rate, ", Successes(a),
                                          " and ", Successes(b), " episodes");
   if (rules.ties == Ties::kAcceptance) return AcceptedFirst(equal, a, b);
-  return ByTimeThenEffort(equal, a, b);
+  return ByTimeThenEffort(equal, a, b, rules);
 }
 
-std::string ByTime(const std::string& equal, const BoardEntry& a, const BoardEntry& b) {
-  if (a.time != b.time) {
-    return absl::StrCat(equal, ", and its mean time is ", Exact(a.time), " s against ",
-                        Exact(b.time), " s");
+std::string ByTime(const std::string& equal, const BoardEntry& a, const BoardEntry& b,
+                   const DistanceBoard& rules) {
+  if (a.numbers[rules.time] != b.numbers[rules.time]) {
+    return absl::StrCat(equal, ", and its mean time is ", Exact(a.numbers[rules.time]), " s against ",
+                        Exact(b.numbers[rules.time]), " s");
   }
-  const std::string still = absl::StrCat(equal, ", both mean times are ", Exact(a.time), " s");
-  if (a.distance != b.distance) {
+  const std::string still = absl::StrCat(equal, ", both mean times are ", Exact(a.numbers[rules.time]), " s");
+  if (a.numbers[rules.distance] != b.numbers[rules.distance]) {
     return absl::StrCat(still, ", and its mean distance is larger");
   }
   return AcceptedFirst(still, a, b);
@@ -118,16 +124,18 @@ std::string ByTime(const std::string& equal, const BoardEntry& a, const BoardEnt
 std::string Why(const RankedEntry& above, const RankedEntry& below, const DistanceBoard& rules) {
   const BoardEntry& a = above.entry;
   const BoardEntry& b = below.entry;
-  const std::string equal = absl::StrCat("both mean distances are ", Exact(a.distance), " m");
-  const std::string farther = absl::StrCat("its mean distance is ", Exact(a.distance),
-                                           " m against ", Exact(b.distance), " m");
+  const std::string distance_a = Exact(a.numbers[rules.distance]);
+  const std::string distance_b = Exact(b.numbers[rules.distance]);
+  const std::string equal = absl::StrCat("both mean distances are ", distance_a, " m");
+  const std::string farther = absl::StrCat("its mean distance is ", distance_a,
+                                           " m against ", distance_b, " m");
   if (below.band < 0) {  // one of them, or both, did not come as far as time counts
-    if (a.distance != b.distance) return farther;
+    if (a.numbers[rules.distance] != b.numbers[rules.distance]) return farther;
     return AcceptedFirst(absl::StrCat(equal, ", less than the ", Exact(rules.time_from_m),
                                       " m from which time decides"),
                          a, b);
   }
-  if (rules.band == 0) return a.distance != b.distance ? farther : ByTime(equal, a, b);
+  if (rules.band == 0) return a.numbers[rules.distance] != b.numbers[rules.distance] ? farther : ByTime(equal, a, b, rules);
   const std::string factor = Exact(1 + rules.band);
   const std::string opener = Exact(above.band_opener);
   if (above.band != below.band) {
@@ -135,20 +143,18 @@ std::string Why(const RankedEntry& above, const RankedEntry& below, const Distan
                         " m that opened its band (band ", above.band + 1, " against ",
                         below.band + 1, ")");
   }
-  return ByTime(absl::StrCat("both mean distances, ", Exact(a.distance), " m and ",
-                             Exact(b.distance), " m, times ", factor, " are at least the ",
+  return ByTime(absl::StrCat("both mean distances, ", distance_a, " m and ",
+                             distance_b, " m, times ", factor, " are at least the ",
                              opener, " m that opened band ", above.band + 1),
-                a, b);
+                a, b, rules);
 }
 
 std::string Why(const RankedEntry& above, const RankedEntry& below,
                 const PhysiologicalBoard& rules) {
   const bool steps = rules.means == MeansOver::kSteps;
-  const auto pain = [&](const RankedEntry& ranked) {
-    return steps ? ranked.entry.pain_over_steps : ranked.entry.pain;
-  };
+  const auto pain = [&](const RankedEntry& ranked) { return ranked.entry.numbers[rules.pain]; };
   const auto effort = [&](const RankedEntry& ranked) {
-    return steps ? ranked.entry.effort_over_steps : ranked.entry.effort;
+    return ranked.entry.numbers[rules.effort];
   };
   const std::string over = steps ? " over all steps" : "";
   if (pain(above) != pain(below)) {

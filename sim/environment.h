@@ -8,8 +8,8 @@
 
 #include <absl/status/status.h>
 
-#include "protocol/base/episode_facts.h"
-#include "protocol/frames.h"
+#include "protocol/tracks/episode_facts.h"
+#include "protocol/bridge/frames.h"
 
 namespace myograde::sim {
 
@@ -29,19 +29,19 @@ class Environment {
   // and their selection go back to the defaults.
   virtual void Reset(uint64_t seed) = 0;
 
-  // Locomotion: stores sets uploaded by the policy, after Reset. An error names
-  // the set, the state and the number that is out of range; nothing is stored then.
-  // Manipulation: an error if any set is present.
+  // Stores sets uploaded by the policy, after Reset. An error names the set, the
+  // state and the number that is out of range; nothing is stored then. On a track
+  // without a leg, any set is an error.
   virtual absl::Status SetLegParameters(const LegParameterSets& sets) = 0;
 
   virtual void SetConvention(ActionConvention convention) = 0;
 
-  // Sizes of observation and action vectors: 222 and 80, 365 and 55.
+  // Sizes of observation and action vectors.
   virtual int observation_size() const = 0;
   virtual int action_size() const = 0;
 
   // Writes the observation of the current state; `out` has observation_size()
-  // entries, in the order of protocol/layout.h.
+  // entries, in the order of the layout of its track (protocol/tracks).
   virtual void Observe(std::span<double> out) const = 0;
 
   // Plays one control step. REQUIRES: action.size() == action_size(), finite.

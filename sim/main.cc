@@ -1,5 +1,5 @@
 // myograde-sim: plays one lease. Started by the runner, which hands it the
-// descriptors of protocol/sim_channel.h.
+// descriptors of protocol/lease/sim_channel.h.
 //
 //   myograde-sim --allow CALLS            plays the lease whose order it inherits
 //   myograde-sim --allow CALLS --try      sets its system call filter and ends
@@ -33,19 +33,17 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
-#include "protocol/config_reader.h"
-#include "protocol/layout.h"
-#include "protocol/lease.h"
-#include "protocol/packed_log.h"
-#include "protocol/pinned_maths.h"
-#include "protocol/rules_locomotion.h"
-#include "protocol/rules_manipulation.h"
-#include "protocol/sim_channel.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/policy/layout.h"
+#include "protocol/lease/lease.h"
+#include "protocol/log/packed_log.h"
+#include "protocol/base/pinned_maths.h"
+#include "protocol/lease/sim_channel.h"
 #include "sim/confine.h"
 #include "sim/episode/lease_player.h"
 #include "sim/episode/log_writer.h"
 #include "sim/episode/replay_player.h"
-#include "sim/factory.h"
+#include "sim/tracks.h"
 #include "sim/model/model.h"
 
 namespace myograde::sim {
@@ -80,21 +78,10 @@ CpuPage* MapCpuPage(int fd) {
   return page == MAP_FAILED ? nullptr : static_cast<CpuPage*>(page);
 }
 
-absl::StatusOr<int64_t> MaxSteps(const TrackConfig& track) {
-  if (track.kind == TrackKind::kManipulation) {
-    const auto rules = ParseManipulationRules(track.rules, "rules");
-    if (!rules.ok()) return rules.status();
-    return rules->max_steps;
-  }
-  const auto rules = ParseLocomotionRules(track.rules, "rules");
-  if (!rules.ok()) return rules.status();
-  return std::llround(rules->end.time_limit_s / ControlPeriod(track.kind));
-}
-
 absl::Status PlayLease(const std::vector<std::string>& system_calls) {
   absl::StatusOr<LeaseOrder> order = ReadOrder(kSimOrderFd);
   if (!order.ok()) return order.status();
-  absl::StatusOr<int64_t> max_steps = MaxSteps(order->track);
+  absl::StatusOr<int64_t> max_steps = order->track.kind->max_steps(order->track.rules);
   if (!max_steps.ok()) return max_steps.status();
   absl::StatusOr<std::unique_ptr<Environment>> environment =
       MakeEnvironment(order->track, order->cache_dir);
@@ -106,7 +93,7 @@ absl::Status PlayLease(const std::vector<std::string>& system_calls) {
   }
   std::optional<LogWriter> log;
   if (!order->log_dir.empty()) {
-    log.emplace(kSimLogFd, order->log_bytes, ControlPeriod(order->track.kind));
+    log.emplace(kSimLogFd, order->log_bytes, order->track.kind->control_period_s);
   }
   LeasePlayer player(*order, **environment, *max_steps, kSimChannelFd, MapCpuPage(kSimCpuPageFd),
                      SystemClock(), log.has_value() ? &*log : nullptr);

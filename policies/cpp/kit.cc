@@ -13,8 +13,8 @@
 #include "myograde/give_up_t.hpp"
 #include "myograde/hello_t.hpp"
 #include "myograde/observation_t.hpp"
-#include "protocol/bus/bus.h"
-#include "protocol/channels.h"
+#include "protocol/bridge/bus.h"
+#include "protocol/policy/channels.h"
 
 namespace myograde {
 namespace {

@@ -24,19 +24,6 @@ constexpr std::array<std::pair<Outcome, std::string_view>, 15> kOutcomes = {{
     {Outcome::kGraderError, "grader_error"},
 }};
 
-constexpr std::array<std::pair<FailureReason, std::string_view>, 10> kReasons = {{
-    {FailureReason::kNone, ""},
-    {FailureReason::kDropped, "dropped"},
-    {FailureReason::kTime, "time"},
-    {FailureReason::kForce, "force"},
-    {FailureReason::kHandover, "handover"},
-    {FailureReason::kContact, "contact"},
-    {FailureReason::kPhantom, "phantom"},
-    {FailureReason::kFell, "fell"},
-    {FailureReason::kOffTrack, "off-track"},
-    {FailureReason::kGivenUp, "given-up"},
-}};
-
 }  // namespace
 
 std::string_view OutcomeName(Outcome outcome) {
@@ -48,20 +35,6 @@ std::string_view OutcomeName(Outcome outcome) {
 
 std::optional<Outcome> ParseOutcome(std::string_view name) {
   for (const auto& [value, known] : kOutcomes) {
-    if (known == name) return value;
-  }
-  return std::nullopt;
-}
-
-std::string_view FailureReasonName(FailureReason reason) {
-  for (const auto& [value, name] : kReasons) {
-    if (value == reason) return name;
-  }
-  return "";
-}
-
-std::optional<FailureReason> ParseFailureReason(std::string_view name) {
-  for (const auto& [value, known] : kReasons) {
     if (known == name) return value;
   }
   return std::nullopt;

@@ -1,5 +1,5 @@
-// How an episode ended, whose fault it was, and the words for it. One list for
-// records, JSON and leaderboards.
+// How an episode ended, whose fault it was, and the words for it: the same in records, JSON and
+// leaderboards.
 #pragma once
 
 #include <optional>
@@ -27,29 +27,48 @@ enum class Outcome {
   kGraderError,    // sim, runner, daemon or host failed: played again
 };
 
-// Why a played episode is a failure. kNone belongs to every other outcome.
-enum class FailureReason {
-  kNone,
-  kDropped,   // manipulation: object below the drop height
-  kTime,      // the episode's simulated time was over
-  kForce,     // manipulation: contact force above the limit ('throwing')
-  kHandover,  // manipulation: a limb touched for too short, or goal not held
-  kContact,   // manipulation: the object touched something it must not
-  kPhantom,   // manipulation, as-graded only: ended at once by the episode before
-  kFell,      // locomotion
-  kOffTrack,  // locomotion
-  kGivenUp,   // the policy ended the episode by its own will
+// A word from a fixed list: of every track, or of one (protocol/tracks/<track>/facts.h). Compared by
+// the word, and valid for ever: `name` must be a literal.
+template <typename Tag>
+class Word {
+ public:
+  constexpr Word() = default;
+  explicit constexpr Word(std::string_view name) : name_(name) {}
+
+  constexpr std::string_view name() const { return name_; }
+  friend constexpr bool operator==(const Word&, const Word&) = default;
+
+ private:
+  std::string_view name_;
 };
+
+// Why a played episode is a failure. kNone ("") belongs to every other outcome.
+struct FailureReason : Word<FailureReason> {
+  using Word::Word;
+  static const FailureReason kNone;
+  static const FailureReason kTime;     // the episode's simulated time was over
+  static const FailureReason kGivenUp;  // the policy ended the episode by its own will
+};
+inline constexpr FailureReason FailureReason::kNone;
+inline constexpr FailureReason FailureReason::kTime("time");
+inline constexpr FailureReason FailureReason::kGivenUp("given-up");
+
+// How the simulator saw the episode come to its end.
+struct EpisodeEnd : Word<EpisodeEnd> {
+  using Word::Word;
+  static const EpisodeEnd kTime;     // the episode's simulated time was over
+  static const EpisodeEnd kGivenUp;  // the policy asked to end it here
+  static const EpisodeEnd kFault;    // not played to its end: see EpisodeFacts::fault
+};
+inline constexpr EpisodeEnd EpisodeEnd::kTime("time");
+inline constexpr EpisodeEnd EpisodeEnd::kGivenUp("given-up");
+inline constexpr EpisodeEnd EpisodeEnd::kFault("fault");
 
 enum class Fault { kNobody, kParticipant, kGrader };
 
 // The word used in JSON, the store and on boards ("success", "init_timeout").
 std::string_view OutcomeName(Outcome outcome);
 std::optional<Outcome> ParseOutcome(std::string_view name);
-
-// The word for a reason; "" for kNone.
-std::string_view FailureReasonName(FailureReason reason);
-std::optional<FailureReason> ParseFailureReason(std::string_view name);
 
 // Whose fault an outcome is. kUnstable is the participant's.
 Fault FaultOf(Outcome outcome);

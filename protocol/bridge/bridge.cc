@@ -22,8 +22,8 @@
 #include "protocol/base/clock.h"
 #include "protocol/bridge/child.h"
 #include "protocol/bridge/start_failure.h"
-#include "protocol/bus/bus.h"
-#include "protocol/channels.h"
+#include "protocol/bridge/bus.h"
+#include "protocol/policy/channels.h"
 
 namespace myograde::bridge {
 namespace {

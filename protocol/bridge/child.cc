@@ -13,7 +13,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/bridge/start_failure.h"
-#include "protocol/channels.h"
+#include "protocol/policy/channels.h"
 
 namespace myograde::bridge {
 namespace {

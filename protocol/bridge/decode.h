@@ -9,7 +9,7 @@
 #include <absl/status/status.h>
 
 #include "myograde/action_t.hpp"
-#include "protocol/frames.h"
+#include "protocol/bridge/frames.h"
 
 namespace myograde::bridge {
 

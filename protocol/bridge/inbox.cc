@@ -8,7 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/bridge/decode.h"
-#include "protocol/channels.h"
+#include "protocol/policy/channels.h"
 
 namespace myograde::bridge {
 namespace {

@@ -9,8 +9,8 @@
 #include <absl/status/status.h>
 
 #include "myograde/action_t.hpp"
-#include "protocol/bus/datagram.h"
-#include "protocol/frames.h"
+#include "protocol/bridge/datagram.h"
+#include "protocol/bridge/frames.h"
 
 namespace myograde::bridge {
 

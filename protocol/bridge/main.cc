@@ -20,7 +20,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/bridge/bridge.h"
-#include "protocol/sim_channel.h"
+#include "protocol/lease/sim_channel.h"
 
 namespace myograde::bridge {
 namespace {

@@ -6,14 +6,15 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
-#include "protocol/config_reader.h"
-#include "protocol/sha256.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
-#include "server/counted.h"
-#include "server/daemon/results.h"
-#include "server/daemon/stored.h"
-#include "server/peer_key.h"
+#include "server/base/counted.h"
+#include "server/base/peer_key.h"
+#include "server/engine/stored.h"
+#include "server/grading/results.h"
+#include "server/proof/grader_build.h"
 
 namespace myograde::server {
 namespace {

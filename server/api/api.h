@@ -17,7 +17,7 @@
 #include "server/api/api_error.h"
 #include "server/api/unix_http_server.h"
 #include "server/artefact/known_archives.h"
-#include "server/daemon/engine.h"
+#include "server/engine/engine.h"
 #include "server/proof/reference_check.h"
 #include "server/proof/signing_key.h"
 
@@ -96,7 +96,7 @@ class Api {
   struct Asked {
     TrackPtr track;
     std::string board;
-    const scoring::BoardRules* rules = nullptr;
+    const scoring::Board* rules = nullptr;
   };
   std::variant<Asked, ApiError> BoardAsked(const Request& request);
   absl::StatusOr<std::string> MakeBoardText(Reader& reader, const Asked& asked);

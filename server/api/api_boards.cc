@@ -1,12 +1,12 @@
 // Leaderboards, why they are as they are, and the marks that change them.
 #include <absl/strings/str_cat.h>
 
-#include "protocol/config_reader.h"
+#include "protocol/base/config_reader.h"
 #include "server/api/api.h"
-#include "server/api/board.h"
+#include "server/grading/board.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
-#include "server/daemon/standings.h"
+#include "server/engine/standings.h"
 
 namespace myograde::server {
 namespace {
@@ -20,23 +20,21 @@ struct Source {
   std::vector<Damage> damaged;
 };
 
-// What the view lacks is made of the episode rows on the spot.
-absl::Status FillRow(Reader& reader, StandingRow& row) {
-  if (!row.aggregate_json.empty()) return absl::OkStatus();
-  absl::StatusOr<std::string> standing = StandingOf(reader, row.evaluation);
-  if (!standing.ok()) return standing.status();
-  row.aggregate_json = *std::move(standing);
-  absl::StatusOr<RankedNumbers> numbers = ParseRankedNumbers(row.aggregate_json);
-  if (!numbers.ok()) {
-    return DamagedRow({"evaluation", absl::StrCat(row.evaluation),
-                       std::string(numbers.status().message())});
+// What the view lacks, or has of other numbers than today's, is made of the episode rows on the
+// spot.
+absl::Status FillRow(Reader& reader, const std::string& names, StandingRow& row) {
+  if (!row.standing.aggregate_json.empty() && row.standing.ranked.names == names) {
+    return absl::OkStatus();
   }
-  row.numbers = *std::move(numbers);
+  absl::StatusOr<Standing> standing = ReadStanding(reader, row.evaluation);
+  if (!standing.ok()) return standing.status();
+  row.standing = *std::move(standing);
   return absl::OkStatus();
 }
 
-absl::StatusOr<Source> SourceOf(Reader& reader, const std::string& config) {
-  Listed<StandingRow> listed = reader.Standings(config);
+absl::StatusOr<Source> SourceOf(Reader& reader, const Track& track) {
+  const std::string names = scoring::RankedNames(*track.scoring.track);
+  Listed<StandingRow> listed = reader.Standings(track.config.hash);
   MarksInForce marks = reader.Marks();
   Source source{{}, std::move(marks.by_submission), std::move(listed.damaged)};
   for (StandingRow& row : listed.rows) {
@@ -45,7 +43,7 @@ absl::StatusOr<Source> SourceOf(Reader& reader, const std::string& config) {
       source.damaged.push_back(mark->second);
       continue;
     }
-    const absl::Status filled = FillRow(reader, row);
+    const absl::Status filled = FillRow(reader, names, row);
     if (filled.ok()) {
       source.standings.push_back(std::move(row));
     } else if (const std::optional<Damage> damage = DamageOf(filled)) {
@@ -70,6 +68,13 @@ Json RowToJson(const BoardRow& row) {
           {"name", row.source.artefact_name},
           {"qualified", row.qualified},
           {"aggregate", row.aggregate}};
+}
+
+// The numbers that the board shows beside the successes.
+Json ColumnsToJson(const scoring::ScoredTrack& track, const scoring::Board& board) {
+  Json columns = Json::array();
+  for (const size_t place : board.columns) columns.push_back(MetricToJson(track.metrics[place]));
+  return columns;
 }
 
 Json BoardToJson(const Board& board) {
@@ -100,7 +105,8 @@ std::variant<Api::Asked, ApiError> Api::BoardAsked(const Request& request) {
     return ApiError{400, tracks_.offers().contains(name) ? "unknown_profile" : "unknown_track",
                     std::string(track.status().message())};
   }
-  Asked asked{*track, request.has_param("board") ? request.get_param_value("board") : kMainBoard};
+  Asked asked{*track, request.has_param("board") ? request.get_param_value("board")
+                                                                : scoring::kMainBoard};
   const auto rules = asked.track->scoring.boards.find(asked.board);
   if (rules == asked.track->scoring.boards.end()) {
     return ApiError{400, "bad_request",
@@ -112,21 +118,22 @@ std::variant<Api::Asked, ApiError> Api::BoardAsked(const Request& request) {
 
 absl::StatusOr<std::string> Api::MakeBoardText(Reader& reader, const Asked& asked) {
   const TrackConfig& config = asked.track->config;
-  absl::StatusOr<Source> source = SourceOf(reader, config.hash);
+  absl::StatusOr<Source> source = SourceOf(reader, *asked.track);
   if (!source.ok()) return source.status();
   absl::StatusOr<Board> board =
-      MakeBoard(source->standings, source->marks, *asked.rules, asked.track->scoring.team);
+      MakeBoard(source->standings, source->marks, asked.rules->rules, asked.track->scoring.team);
   if (!board.ok()) return board.status();
   Json json = BoardToJson(*board);
   source->damaged.insert(source->damaged.end(), board->damaged.begin(), board->damaged.end());
   json["unreadable"] = DamagedToJson(source->damaged);
   json["track"] = config.id;
-  json["track_kind"] = TrackKindName(config.kind);
+  json["track_kind"] = config.kind->name;
   json["profile"] = config.profile;
   json["board"] = asked.board;
   json["rules"] = config.scoring["boards"][asked.board];
-  json["official_figures"] = HasOfficialFigures(config);
-  json["order"] = scoring::DescribeOrder(*asked.rules);
+  json["official_figures"] = asked.track->scoring.official_figures;
+  json["columns"] = ColumnsToJson(*asked.track->scoring.track, *asked.rules);
+  json["order"] = scoring::DescribeOrder(asked.rules->rules);
   json["config"] = config.hash;
   json["episodes"] = config.seeds.size();
   json["other_config"] = reader.RankedElsewhere(config.id, config.profile, config.hash);
@@ -177,9 +184,9 @@ Api::Result Api::Explain(const Request& request) {
   const Asked& board = std::get<Asked>(asked);
   Answer answer;
   status = readers_.Read([&](Reader& reader) -> absl::Status {
-    const absl::StatusOr<Source> source = SourceOf(reader, board.track->config.hash);
+    const absl::StatusOr<Source> source = SourceOf(reader, *board.track);
     if (!source.ok()) return source.status();
-    const auto explanation = ExplainOrder(source->standings, source->marks, *board.rules,
+    const auto explanation = ExplainOrder(source->standings, source->marks, board.rules->rules,
                                           board.track->scoring.team,
                                           reader.TeamOf(request.get_param_value("a")),
                                           reader.TeamOf(request.get_param_value("b")));

@@ -1,11 +1,11 @@
 // What shows a result again: the logs of episodes, receipts and the key that they are signed with.
 #include <absl/strings/str_cat.h>
 
-#include "protocol/config_reader.h"
-#include "protocol/policy_seed.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/lease/policy_seed.h"
 #include "server/api/api.h"
-#include "server/daemon/results.h"
-#include "server/daemon/stored.h"
+#include "server/grading/results.h"
+#include "server/engine/stored.h"
 #include "server/proof/receipt.h"
 #include "server/runner/log_keeper.h"
 
@@ -31,7 +31,8 @@ absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
   const absl::StatusOr<std::vector<EpisodeRow>> read = reader.Episodes(evaluation.id);
   if (!read.ok()) return read.status();
   const std::vector<EpisodeRow>& rows = *read;
-  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(rows);
+  const scoring::ScoredTrack& scored = *scoring::FindScoredTrack(track->kind->name);
+  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(scored, rows);
   if (!aggregate.ok()) return aggregate.status();
   nlohmann::json episodes = nlohmann::json::array();
   nlohmann::json policy_seeds;  // null: they follow from the store's secret
@@ -47,7 +48,7 @@ absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
       {"team", submission->team},
       {"name", submission->artefact_name},
       {"track", submission->track},
-      {"track_kind", TrackKindName(track->kind)},
+      {"track_kind", track->kind->name},
       {"profile", submission->profile},
       {"ranked", submission->ranked},
       {"state", EvaluationStateName(evaluation.state)},
@@ -57,7 +58,7 @@ absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
       {"seeds", submission->seeds},
       {"policy_seeds", std::move(policy_seeds)},
       {"grader", nlohmann::json::parse(evaluation.grader_json, nullptr, false)},
-      {"aggregate", AggregateToJson(track->kind, *aggregate)},
+      {"aggregate", AggregateToJson(scored, *aggregate)},
       {"results", ResultsHash(rows)},
       {"merkle_root", MerkleRootOf(rows)},
       {"episodes", std::move(episodes)}};

@@ -9,7 +9,7 @@
 
 #include "protocol/base/file.h"
 #include "server/api/api.h"
-#include "server/daemon/standings.h"
+#include "server/engine/standings.h"
 
 namespace myograde::server {
 namespace {

@@ -9,12 +9,12 @@
 #include <absl/cleanup/cleanup.h>
 #include <absl/strings/str_cat.h>
 
-#include "protocol/sha256.h"
+#include "protocol/base/sha256.h"
 #include "server/api/api.h"
 #include "server/api/requests.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/unpack_process.h"
-#include "server/names.h"
+#include "server/base/names.h"
 #include "server/sandbox/program.h"
 
 namespace myograde::server {

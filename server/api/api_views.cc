@@ -3,14 +3,14 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/config_reader.h"
+#include "protocol/base/config_reader.h"
 #include "server/api/api.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
-#include "server/daemon/results.h"
-#include "server/daemon/stored.h"
+#include "server/engine/stored.h"
+#include "server/grading/results.h"
+#include "server/proof/grader_build.h"
 #include "server/store/schema.h"
-#include "server/track_scoring.h"
 
 namespace myograde::server {
 namespace {
@@ -158,12 +158,14 @@ absl::StatusOr<Json> Api::Breakdown(Reader& reader, int64_t id, bool episodes) {
   if (!evaluation.ok()) return evaluation.status();
   absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation->submission);
   if (!submission.ok()) return submission.status();
-  absl::StatusOr<TrackConfig> config = StoredConfig(reader, submission->config);
-  if (!config.ok()) return config.status();
+  const absl::StatusOr<TrackPtr> track = StoredTrack(reader, submission->config);
+  if (!track.ok()) return track.status();
+  const TrackConfig* config = &(*track)->config;
+  const scoring::TrackScoring& scoring = (*track)->scoring;
   const absl::StatusOr<std::vector<EpisodeRow>> read = reader.Episodes(id);
   if (!read.ok()) return read.status();
   const std::vector<EpisodeRow>& rows = *read;
-  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(rows);
+  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(*scoring.track, rows);
   if (!aggregate.ok()) return aggregate.status();
   const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(id);
   if (!leases.ok()) return leases.status();
@@ -173,7 +175,7 @@ absl::StatusOr<Json> Api::Breakdown(Reader& reader, int64_t id, bool episodes) {
   Json json = SubmissionToJson(*submission, *evaluation, reader.Counts(id));
   json["kind"] = evaluation->rerun ? "rerun" : "original";
   json["ranked"] = submission->ranked && !evaluation->rerun;
-  json["track_kind"] = TrackKindName(config->kind);
+  json["track_kind"] = config->kind->name;
   json["reason"] = TextOrNull(evaluation->reason);
   json["first"] = evaluation->first;
   json["last"] = evaluation->last;
@@ -186,10 +188,11 @@ absl::StatusOr<Json> Api::Breakdown(Reader& reader, int64_t id, bool episodes) {
       entry = entry.is_null() ? 1 : entry.get<int64_t>() + 1;
     };
     count(json["outcomes"], OutcomeName(row.outcome));
-    if (row.reason != FailureReason::kNone) count(json["reasons"], FailureReasonName(row.reason));
+    if (row.reason != FailureReason::kNone) count(json["reasons"], row.reason.name());
   }
-  json["aggregate"] = AggregateToJson(config->kind, *aggregate);
-  json["official_figures"] = HasOfficialFigures(*config);
+  json["aggregate"] = AggregateToJson(*scoring.track, *aggregate);
+  json["official_figures"] = scoring.official_figures;
+  json["metrics"] = ShownMetrics(scoring);
   json["hashes"] = {{"artefact", submission->artefact},
                     {"config", submission->config},
                     {"seeds", submission->seeds},
@@ -308,8 +311,13 @@ Api::Result Api::ListTracks(const Request&) {
                           {"episodes", track->config.seeds.size()},
                           {"episodes_per_lease", track->config.episodes_per_lease}});
     }
+    Json boards = Json::array();
+    for (const auto& [board, unused] : offer.profiles.begin()->second->scoring.boards) {
+      boards.push_back(board);
+    }
     list.push_back({{"track", name},
-                    {"kind", TrackKindName(offer.profiles.begin()->second->config.kind)},
+                    {"boards", std::move(boards)},
+                    {"kind", offer.profiles.begin()->second->config.kind->name},
                     {"default_profile", offer.default_profile},
                     {"profiles", std::move(profiles)}});
   }

@@ -21,7 +21,7 @@
 #include "server/api/places.h"
 #include "server/api/waiting_line.h"
 #include "server/api/work_queue.h"
-#include "server/daemon/server_config.h"
+#include "server/config/server_config.h"
 
 namespace myograde::server {
 

@@ -11,7 +11,7 @@
 #include <absl/strings/str_split.h>
 #include <nlohmann/json.hpp>
 
-#include "protocol/config_reader.h"
+#include "protocol/base/config_reader.h"
 
 namespace myograde::server {
 namespace {

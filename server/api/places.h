@@ -10,7 +10,7 @@
 #include "protocol/base/fd.h"
 #include "server/api/connection.h"
 #include "server/api/peer.h"
-#include "server/daemon/server_config.h"
+#include "server/config/server_config.h"
 
 namespace myograde::server {
 

@@ -6,10 +6,10 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
-#include "protocol/config_reader.h"
-#include "protocol/track_config.h"
-#include "server/api/board.h"
-#include "server/names.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/lease/track_config.h"
+#include "server/grading/board.h"
+#include "server/base/names.h"
 
 namespace myograde::server {
 namespace {

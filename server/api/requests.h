@@ -11,7 +11,7 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
-#include "server/plain_text.h"
+#include "server/base/plain_text.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
 

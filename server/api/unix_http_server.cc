@@ -16,7 +16,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
-#include "server/peer_key.h"
+#include "server/base/peer_key.h"
 
 namespace myograde::server {
 namespace {

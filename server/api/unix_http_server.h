@@ -19,7 +19,7 @@
 
 #include "protocol/base/fd.h"
 #include "server/api/gate.h"
-#include "server/daemon/server_config.h"
+#include "server/config/server_config.h"
 
 namespace myograde::server {
 

@@ -23,7 +23,7 @@ Json KeyOrNull(const Json& object, const char* key) {
 Json SideToJson(const EpisodeRow& row) {
   const Json facts = Parse(row.facts_json);
   return {{"outcome", OutcomeName(row.outcome)},
-          {"reason", FailureReasonName(row.reason)},
+          {"reason", row.reason.name()},
           {"steps", KeyOrNull(facts, "steps")},
           {"digest", KeyOrNull(facts, "digest")},
           {"metrics", Parse(row.metrics_json)}};
@@ -58,10 +58,11 @@ nlohmann::json CountsToJson(int64_t total, const EpisodeCounts& counts) {
 
 nlohmann::json EpisodeToJson(const EpisodeRow& row) {
   const Json facts = Parse(row.facts_json);
+  const Json track = KeyOrNull(facts, "track");
   return {{"index", row.index},
           {"seed", row.seed},
           {"outcome", OutcomeName(row.outcome)},
-          {"reason", FailureReasonName(row.reason)},
+          {"reason", row.reason.name()},
           {"metrics", Parse(row.metrics_json)},
           {"steps", KeyOrNull(facts, "steps")},
           {"sim_time_s", KeyOrNull(facts, "sim_time")},
@@ -71,8 +72,7 @@ nlohmann::json EpisodeToJson(const EpisodeRow& row) {
           {"log", KeyOrNull(facts, "log")},
           {"end", KeyOrNull(facts, "end")},
           {"fault", KeyOrNull(facts, "fault")},
-          {"facts", KeyOrNull(facts, KeyOrNull(facts, "manipulation").is_null() ? "locomotion"
-                                                                                : "manipulation")},
+          {"facts", KeyOrNull(facts, track.is_string() ? track.get<std::string>().c_str() : "")},
           {"wall_s", KeyOrNull(facts, "wall_s")},
           {"policy_cpu_s", KeyOrNull(facts, "policy_cpu_s")},
           {"attempt", row.attempt}};

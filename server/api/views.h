@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "server/daemon/tracks.h"
+#include "server/grading/tracks.h"
 #include "server/store/damage.h"
 #include "server/store/rows.h"
 

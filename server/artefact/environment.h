@@ -4,7 +4,7 @@
 #include <map>
 #include <string>
 
-#include "protocol/config_reader.h"
+#include "protocol/base/config_reader.h"
 
 namespace myograde::server {
 

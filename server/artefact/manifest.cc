@@ -11,12 +11,12 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
-#include "protocol/config_reader.h"
+#include "protocol/base/config_reader.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/environment.h"
 #include "server/artefact/listing.h"
-#include "server/plain_text.h"
+#include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {

@@ -19,8 +19,8 @@
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
-#include "server/names.h"
-#include "server/plain_text.h"
+#include "server/base/names.h"
+#include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {

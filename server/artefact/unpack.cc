@@ -14,7 +14,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
-#include "protocol/sha256.h"
+#include "protocol/base/sha256.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"

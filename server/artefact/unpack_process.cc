@@ -24,7 +24,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
-#include "protocol/config_reader.h"
+#include "protocol/base/config_reader.h"
 #include "server/artefact/confine_unpack.h"
 #include "server/artefact/listing.h"
 

@@ -15,11 +15,11 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
-#include "protocol/config_reader.h"
-#include "protocol/track_config.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/lease/track_config.h"
 #include "server/cli/screen.h"
 #include "server/cli/terminal.h"
-#include "server/paths.h"
+#include "server/base/paths.h"
 
 namespace myograde::server {
 namespace {

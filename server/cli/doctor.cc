@@ -10,9 +10,9 @@
 #include "server/cli/common.h"
 #include "server/cli/table.h"
 #include "server/cli/terminal.h"
-#include "server/daemon/server_config.h"
-#include "server/daemon/tracks.h"
-#include "server/paths.h"
+#include "server/config/server_config.h"
+#include "server/grading/tracks.h"
+#include "server/base/paths.h"
 #include "server/sandbox/doctor.h"
 
 namespace myograde::server {

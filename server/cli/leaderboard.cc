@@ -1,4 +1,5 @@
 // myograde leaderboard
+#include <algorithm>
 #include <iostream>
 #include <memory>
 
@@ -10,7 +11,7 @@
 #include "server/cli/report.h"
 #include "server/cli/table.h"
 #include "server/cli/terminal.h"
-#include "server/counted.h"
+#include "server/base/counted.h"
 
 namespace myograde::server {
 namespace {
@@ -27,29 +28,6 @@ struct BoardOptions {
   bool json = false;
 };
 
-// A column of a board that shows a number of each row's aggregate.
-struct Column {
-  const char* title;
-  const char* key;
-  int digits = 4;
-};
-
-// The columns of numbers: what the board ranks by, and where a profile's figures are compared
-// with published ones, those of the official kind.
-std::vector<Column> ColumnsOf(const Json& board, bool locomotion) {
-  const bool over_steps = board.value("rules", Json::object()).value("means", "") == "steps";
-  std::vector<Column> columns = {{"success", "successes"}};
-  if (locomotion) columns.push_back({"distance m", "distance_m"});
-  columns.push_back({"time s", "time_s"});
-  columns.push_back({"effort", over_steps ? "effort_over_steps" : "effort", 6});
-  if (locomotion) {
-    columns.push_back({"pain", over_steps ? "pain_over_steps" : "pain", 6});
-  } else if (board.value("official_figures", false)) {
-    columns.push_back({"touch N", "max_touch_n", 1});
-  }
-  return columns;
-}
-
 void PrintBoard(const Json& board) {
   std::cout << Bold(absl::StrCat("Leaderboard of ", Cell(board, "track"), ", profile ",
                                  Cell(board, "profile"), ", board ", Cell(board, "board"), ", ",
@@ -57,16 +35,12 @@ void PrintBoard(const Json& board) {
             << '\n';
   const Json rows = board.value("rows", Json::array());
   const auto aggregate_of = [](const Json& row) { return row.value("aggregate", Json::object()); };
-  bool locomotion = false;
-  for (const Json& row : rows) {
-    locomotion |= !aggregate_of(row).value("distance_m", Json()).is_null();
-  }
   if (rows.empty()) {
     std::cout << "  Nobody is on it yet: only whole evaluations rank.\n";
   } else {
-    const std::vector<Column> columns = ColumnsOf(board, locomotion);
-    std::vector<std::string> head = {"rank", "team", "policy", "id"};
-    for (const Column& column : columns) head.emplace_back(column.title);
+    const std::vector<MetricColumn> columns = MetricColumns(board.value("columns", Json::array()));
+    std::vector<std::string> head = {"rank", "team", "policy", "id", "success"};
+    for (const MetricColumn& column : columns) head.push_back(column.title);
     Table table(std::move(head));
     bool baselines = false;
     for (const Json& row : rows) {
@@ -75,8 +49,8 @@ void PrintBoard(const Json& board) {
       baselines = baselines || baseline;
       std::vector<std::string> cells = {baseline ? "base" : Cell(row, "rank"),
                                         Cell(row, "team"), Cell(row, "name"),
-                                        Cell(row, "submission")};
-      for (const Column& column : columns) {
+                                        Cell(row, "submission"), Cell(aggregate, "successes")};
+      for (const MetricColumn& column : columns) {
         cells.push_back(Cell(aggregate, column.key, column.digits));
       }
       table.Add(std::move(cells));
@@ -155,7 +129,8 @@ int AllBoards(const Client& client, const BoardOptions& options) {
   Json boards = Json::array();
   for (const Json& track : tracks->value("tracks", Json::array())) {
     // Asked for by name, a profile or board that a track lacks is a mistake; here it is skipped.
-    if (options.board != "main" && track.value("kind", "") != "locomotion") continue;
+    const Json names = track.value("boards", Json::array());
+    if (std::find(names.begin(), names.end(), options.board) == names.end()) continue;
     bool has_profile = options.profile.empty();
     for (const Json& profile : track.value("profiles", Json::array())) {
       has_profile |= profile.value("profile", "") == options.profile;
@@ -201,8 +176,7 @@ Action AddLeaderboard(CLI::App& verb) {
   auto options = std::make_shared<BoardOptions>();
   verb.add_option("--track", options->track, "Name of the track (default: all)");
   verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
-  verb.add_option("--board", options->board, "main, or for locomotion physiological")
-      ->check(CLI::IsMember({"main", "physiological"}));
+  verb.add_option("--board", options->board, "Name of the board (default: main, which all have)");
   verb.add_option("--explain", options->explain,
                   "Say why one of two submissions (or teams) stands above the other")
       ->expected(2)

@@ -13,14 +13,15 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/outcome.h"
-#include "protocol/config_reader.h"
-#include "protocol/sha256.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "server/cli/common.h"
 #include "server/cli/local_run.h"
 #include "server/cli/progress.h"
 #include "server/cli/report.h"
 #include "server/cli/terminal.h"
-#include "server/daemon/results.h"
+#include "server/grading/results.h"
+#include "server/proof/grader_build.h"
 #include "server/sandbox/program.h"
 #include "server/sandbox/sandbox_config.h"
 
@@ -155,7 +156,7 @@ Json RowJson(const EpisodeRow& row) {
   Json json = {{"index", row.index},
                {"seed", row.seed},
                {"outcome", OutcomeName(row.outcome)},
-               {"reason", FailureReasonName(row.reason)},
+               {"reason", row.reason.name()},
                {"metrics", Json::parse(row.metrics_json)},
                {"facts", facts}};
   const std::pair<const char*, const char*> copied[] = {
@@ -169,7 +170,8 @@ Json RowJson(const EpisodeRow& row) {
 
 absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& result,
                                 absl::Duration wall) {
-  const absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(result.rows);
+  const scoring::TrackScoring& scoring = order.track->scoring;
+  const absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(*scoring.track, result.rows);
   if (!aggregate.ok()) return aggregate.status();
   const TrackConfig& config = order.track->config;
   std::map<std::string, int64_t> outcomes;
@@ -177,18 +179,19 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
   Json rows = Json::array();
   for (const EpisodeRow& row : result.rows) {
     ++outcomes[std::string(OutcomeName(row.outcome))];
-    if (row.reason != FailureReason::kNone) ++reasons[std::string(FailureReasonName(row.reason))];
+    if (row.reason != FailureReason::kNone) ++reasons[std::string(row.reason.name())];
     rows.push_back(RowJson(row));
   }
   const char* state = result.interrupted ? "cancelled" : aggregate->failed ? "failed" : "done";
   return Json{{"track", config.id},
-              {"track_kind", TrackKindName(config.kind)},
+              {"track_kind", config.kind->name},
               {"profile", config.profile},
               {"state", state},
               {"name", order.artefact.manifest.name},
               {"planned", order.seeds.size()},
-              {"aggregate", AggregateToJson(config.kind, *aggregate)},
-              {"official_figures", HasOfficialFigures(config)},
+              {"aggregate", AggregateToJson(*scoring.track, *aggregate)},
+              {"official_figures", scoring.official_figures},
+              {"metrics", ShownMetrics(scoring)},
               {"outcomes", outcomes},
               {"reasons", reasons},
               {"hashes",
@@ -230,7 +233,7 @@ int Local(const LocalOptions& options) {
                                    ", profile ", Cell(*json, "profile"), ": ", state))
               << '\n';
     PrintResult(*json, options.full_hashes);
-    PrintEpisodes((*json)["episodes"], options.full_hashes);
+    PrintEpisodes((*json)["episodes"], (*json)["metrics"], options.full_hashes);
     std::cout << "took " << Span((*json)["wall"]["wall_s"].get<double>()) << std::endl;
   }
   if (result->interrupted) std::cerr << "myograde: interrupted" << std::endl;

@@ -11,8 +11,8 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
-#include "protocol/policy_seed.h"
-#include "server/daemon/results.h"
+#include "protocol/lease/policy_seed.h"
+#include "server/grading/results.h"
 #include "server/sandbox/users.h"
 
 namespace myograde::server {

@@ -15,8 +15,8 @@
 #include <nlohmann/json.hpp>
 
 #include "server/artefact/artefact.h"
-#include "server/daemon/server_config.h"
-#include "server/daemon/tracks.h"
+#include "server/config/server_config.h"
+#include "server/grading/tracks.h"
 #include "server/runner/runner_process.h"
 #include "server/store/rows.h"
 

@@ -2,7 +2,7 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/sha256.h"
+#include "protocol/base/sha256.h"
 #include "server/proof/unpack_log.h"
 
 namespace myograde::server {

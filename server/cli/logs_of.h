@@ -7,8 +7,8 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
-#include "protocol/episode_log.h"
-#include "protocol/packed_log.h"
+#include "protocol/log/episode_log.h"
+#include "protocol/log/packed_log.h"
 #include "server/cli/client.h"
 
 namespace myograde::server {

@@ -8,7 +8,9 @@
 #include <iostream>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_replace.h>
 
+#include "protocol/tracks/registry.h"
 #include "server/cli/common.h"
 #include "server/cli/did_you_mean.h"
 #include "server/cli/screen.h"
@@ -20,7 +22,7 @@ namespace {
 struct Verb {
   const char* name;
   const char* does;
-  const char* example;
+  const char* example;  // TRACK stands for the name of a track
   Action (*add)(CLI::App& verb);
 };
 
@@ -28,17 +30,17 @@ constexpr Verb kVerbs[] = {
     {"serve", "Run the daemon, in the foreground; SIGTERM stops it and loses nothing",
      "myograde serve --data /srv/myograde", AddServe},
     {"submit", "Hand in a policy to be graded",
-     "myograde submit ./my_policy --track manipulation --team \"Team Blue\" --wait", AddSubmit},
+     "myograde submit ./my_policy --track TRACK --team \"Team Blue\" --wait", AddSubmit},
     {"status", "Show the daemon and its submissions, or how far one is",
      "myograde status 7", AddStatus},
     {"cancel", "End a submission that waits or runs", "myograde cancel 7", AddCancel},
     {"leaderboard", "Show the ranking of the submissions",
-     "myograde leaderboard --track locomotion --board physiological", AddLeaderboard},
+     "myograde leaderboard --track TRACK", AddLeaderboard},
     {"show", "Show the result of a submission", "myograde show 7 --episodes", AddShow},
     {"rerun", "Play a submission's episodes again and print what differs",
      "myograde rerun 7 --episodes 10..19 --verify", AddRerun},
     {"quota", "Show what a team may still hand in, and its ledger",
-     "myograde quota --team \"Team Blue\" --track manipulation", AddQuota},
+     "myograde quota --team \"Team Blue\" --track TRACK", AddQuota},
     {"hide", "Take a submission off the boards", "myograde hide 7 --reason \"wrong file\"", AddHide},
     {"unhide", "Put a hidden submission back on the boards", "myograde unhide 7", AddUnhide},
     {"disqualify", "List a submission apart, without a rank and with the reason",
@@ -64,9 +66,9 @@ constexpr Verb kVerbs[] = {
     {"seeds", "Fix a phase's seeds ahead of it, reveal them after it, and check",
      "myograde seeds commit --phase final --secret final.secret", AddSeeds},
     {"local", "Grade a policy here and now, without a daemon",
-     "myograde local ./my_policy --track locomotion --episodes 5", AddLocal},
+     "myograde local ./my_policy --track TRACK --episodes 5", AddLocal},
     {"spec", "Print what a track observes, wants, allows and counts",
-     "myograde spec --track manipulation --json", AddSpec},
+     "myograde spec --track TRACK --json", AddSpec},
     {"doctor", "Tell what this host has, what it lacks and what that costs", "myograde doctor",
      AddDoctor},
 };
@@ -144,7 +146,9 @@ int Run(int argc, char** argv) {
   Action chosen;
   for (const Verb& verb : kVerbs) {
     CLI::App* sub = app.add_subcommand(verb.name, verb.does);
-    sub->footer(std::string("Example:\n  ") + verb.example + "\n\n" + kStatuses);
+    const std::string example =
+        absl::StrReplaceAll(verb.example, {{"TRACK", TrackNames().front()}});
+    sub->footer(absl::StrCat("Example:\n  ", example, "\n\n", kStatuses));
     sub->callback([&chosen, action = verb.add(*sub)] { chosen = action; });
   }
   try {

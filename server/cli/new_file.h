@@ -10,7 +10,7 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/base/fd.h"
-#include "protocol/sha256.h"
+#include "protocol/base/sha256.h"
 
 namespace myograde::server {
 

@@ -5,7 +5,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
-#include "protocol/config_reader.h"
+#include "protocol/base/config_reader.h"
 #include "server/cli/client.h"
 #include "server/cli/common.h"
 #include "server/cli/screen.h"

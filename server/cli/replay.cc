@@ -18,8 +18,8 @@
 #include "server/cli/replay.h"
 #include "server/cli/progress.h"
 #include "server/cli/terminal.h"
-#include "server/counted.h"
-#include "server/daemon/server_config.h"
+#include "server/base/counted.h"
+#include "server/config/server_config.h"
 #include "server/proof/unpack_log.h"
 #include "server/sandbox/users.h"
 

@@ -7,7 +7,7 @@
 
 #include <absl/status/statusor.h>
 
-#include "protocol/episode_log.h"
+#include "protocol/log/episode_log.h"
 #include "server/cli/common.h"
 #include "server/proof/replay_run.h"
 

@@ -9,7 +9,7 @@
 
 #include "server/cli/table.h"
 #include "server/cli/terminal.h"
-#include "server/counted.h"
+#include "server/base/counted.h"
 
 namespace myograde::server {
 namespace {
@@ -24,10 +24,12 @@ void PrintPair(const std::string& name, const std::string& value) {
             << value << '\n';
 }
 
-void PrintMean(const Json& aggregate, const char* key, const char* name, const char* unit,
-               int digits) {
-  if (!aggregate.contains(key) || aggregate[key].is_null()) return;
-  PrintPair(name, Cell(aggregate, key, digits) + unit);
+// "1.25 s", or "" if there is none.
+std::string ValueText(const Json& values, const Json& metric) {
+  const std::string name = metric.value("name", "");
+  if (!values.contains(name) || values[name].is_null()) return "";
+  const std::string unit = Harmless(metric.value("unit", ""));
+  return absl::StrCat(Cell(values, name, metric.value("digits", 4)), unit.empty() ? "" : " ", unit);
 }
 
 std::string CountsOf(const Json& counts) {
@@ -106,13 +108,9 @@ void PrintResult(const Json& result, bool full_hashes) {
   } else {
     PrintPair("successes", absl::StrCat(Cell(aggregate, "successes"), " of ",
                                         CountCell(aggregate, "episodes", "episode")));
-    PrintMean(aggregate, "distance_m", "distance", " m", 3);
-    PrintMean(aggregate, "time_s", "time", " s", 3);
-    PrintMean(aggregate, "effort", "effort", "", 5);
-    PrintMean(aggregate, "pain", "pain", "", 5);
-    PrintMean(aggregate, "peak_force_n", "peak force", " N", 1);
-    if (result.value("official_figures", false)) {
-      PrintMean(aggregate, "max_touch_n", "peak touch", " N (the official code's peak force)", 1);
+    for (const Json& metric : result.value("metrics", Json::array())) {
+      const std::string text = ValueText(aggregate, metric);
+      if (!text.empty()) PrintPair(Harmless(metric.value("title", "")), text);
     }
   }
   if (result.contains("outcomes")) PrintPair("outcomes", CountsOf(result["outcomes"]));
@@ -128,20 +126,35 @@ void PrintResult(const Json& result, bool full_hashes) {
   std::cout.flush();
 }
 
-void PrintEpisodes(const Json& rows, bool full_hashes) {
-  const bool locomotion =
-      !rows.empty() && !rows[0].value("metrics", Json::object()).value("distance_m", Json()).is_null();
-  std::vector<std::string> head = {"episode", "seed", "outcome", "reason", "steps", "time s"};
-  if (locomotion) head.push_back("distance m");
-  head.insert(head.end(), {"effort", "digest"});
+std::vector<MetricColumn> MetricColumns(const Json& metrics) {
+  std::vector<MetricColumn> columns;
+  for (const Json& metric : metrics) {
+    const std::string unit = Harmless(metric.value("unit", ""));
+    columns.push_back({.key = metric.value("name", ""),
+                       .title = absl::StrCat(Harmless(metric.value("title", "")),
+                                             unit.empty() ? "" : " ", unit),
+                       .digits = metric.value("digits", 4)});
+  }
+  return columns;
+}
+
+void PrintEpisodes(const Json& rows, const Json& metrics, bool full_hashes) {
+  Json ranked = Json::array();  // the others are only told of the whole evaluation
+  for (const Json& metric : metrics) {
+    if (metric.value("better", "") != "neither") ranked.push_back(metric);
+  }
+  const std::vector<MetricColumn> columns = MetricColumns(ranked);
+  std::vector<std::string> head = {"episode", "seed", "outcome", "reason", "steps"};
+  for (const MetricColumn& column : columns) head.push_back(column.title);
+  head.emplace_back("digest");
   Table table(std::move(head));
   for (const Json& row : rows) {
-    const Json metrics = row.value("metrics", Json::object());
-    std::vector<std::string> cells = {Cell(row, "index"),   Cell(row, "seed"),
-                                      Cell(row, "outcome"), Cell(row, "reason"),
-                                      Cell(row, "steps"),   Cell(metrics, "time_s", 3)};
-    if (locomotion) cells.push_back(Cell(metrics, "distance_m", 3));
-    cells.push_back(Cell(metrics, "effort", 5));
+    const Json values = row.value("metrics", Json::object());
+    std::vector<std::string> cells = {Cell(row, "index"), Cell(row, "seed"), Cell(row, "outcome"),
+                                      Cell(row, "reason"), Cell(row, "steps")};
+    for (const MetricColumn& column : columns) {
+      cells.push_back(Cell(values, column.key, column.digits));
+    }
     cells.push_back(HashText(Cell(row, "digest"), full_hashes));
     table.Add(std::move(cells));
   }

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <iostream>
 
-#include "server/plain_text.h"
+#include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {

@@ -14,12 +14,12 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
-#include "protocol/sha256.h"
+#include "protocol/base/sha256.h"
 #include "server/cli/common.h"
 #include "server/cli/new_file.h"
 #include "server/cli/screen.h"
 #include "server/cli/terminal.h"
-#include "server/counted.h"
+#include "server/base/counted.h"
 #include "server/proof/seed_list.h"
 
 namespace myograde::server {

@@ -8,7 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/cli/common.h"
-#include "server/paths.h"
+#include "server/base/paths.h"
 
 namespace myograde::server {
 namespace {

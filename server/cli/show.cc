@@ -46,7 +46,8 @@ int Show(const ShowOptions& options) {
   }
   PrintResult(*result, options.full_hashes);
   if (options.episodes) {
-    PrintEpisodes(result->value("episode_rows", Json::array()), options.full_hashes);
+    PrintEpisodes(result->value("episode_rows", Json::array()),
+                  result->value("metrics", Json::array()), options.full_hashes);
   }
   return kDone;
 }

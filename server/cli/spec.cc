@@ -6,13 +6,12 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
-#include "protocol/layout.h"
-#include "protocol/rules_leg.h"
+#include "protocol/policy/layout.h"
 #include "server/cli/common.h"
 #include "server/cli/table.h"
 #include "server/cli/terminal.h"
-#include "server/counted.h"
-#include "server/daemon/tracks.h"
+#include "server/base/counted.h"
+#include "server/grading/tracks.h"
 
 namespace myograde::server {
 namespace {
@@ -45,7 +44,7 @@ Json LayoutJson(std::span<const Part> parts, std::span<const std::string_view> n
   return list;
 }
 
-Json BoundsJson(const std::vector<Bounds>& bounds) {
+Json BoundsJson(std::span<const Bounds> bounds) {
   Json low = Json::array();
   Json high = Json::array();
   for (const Bounds& bound : bounds) {
@@ -65,27 +64,27 @@ Json SpecJson(const TrackConfig& config, const Tracks::Offer& offer) {
                       {"scoring", track->config.scoring}};
   }
   return {{"track", config.id},
-          {"kind", TrackKindName(config.kind)},
+          {"kind", config.kind->name},
           {"profile", config.profile},
           {"default_profile", offer.default_profile},
           {"config", config.hash},
           {"protocol_version", 1},
-          {"control_period_s", ControlPeriod(config.kind)},
+          {"control_period_s", config.kind->control_period_s},
           {"episodes", config.seeds.size()},
           {"episodes_per_lease", config.episodes_per_lease},
           {"seeds", config.seeds},
           {"policy_seed_secret", config.policy_seed_secret.has_value()
                                      ? Json(*config.policy_seed_secret) : Json()},
           {"observation",
-           {{"size", ObservationSize(config.kind)},
-            {"parts", LayoutJson(ObservationLayout(config.kind), ObservationNames(config.kind))},
-            {"bounds", BoundsJson(ObservationBounds(config.kind))}}},
+           {{"size", ObservationOf(*config.kind).size()},
+            {"parts", LayoutJson(ObservationOf(*config.kind).parts(), ObservationOf(*config.kind).names())},
+            {"bounds", BoundsJson(ObservationOf(*config.kind).bounds())}}},
           {"action",
-           {{"size", ActionSize(config.kind)},
-            {"parts", LayoutJson(ActionLayout(config.kind), ActionNames(config.kind))},
+           {{"size", ActionOf(*config.kind).size()},
+            {"parts", LayoutJson(ActionOf(*config.kind).parts(), ActionOf(*config.kind).names())},
             {"bounds",
-             {{"normalized", BoundsJson(ActionBounds(config.kind, ActionConvention::kNormalized))},
-              {"direct", BoundsJson(ActionBounds(config.kind, ActionConvention::kDirect))}}}}},
+             {{"normalized", BoundsJson(config.kind->layout().action_bounds(ActionConvention::kNormalized))},
+              {"direct", BoundsJson(config.kind->layout().action_bounds(ActionConvention::kDirect))}}}}},
           {"budgets", config.effective.value("budgets", Json::object())},
           {"rules", config.rules},
           {"scoring", config.scoring},
@@ -117,42 +116,33 @@ void Flatten(const Json& json, const std::string& prefix, std::map<std::string, 
   }
 }
 
-// The prosthesis' parameter sets are too much for a line; they are told in a table of their own.
-Json WithoutSets(Json rules) {
-  const Json::json_pointer place("/leg/parameter_sets");
-  if (!rules.contains(place)) return rules;
-  std::vector<std::string> names;
-  for (const Json& set : rules[place]) names.push_back(set.value("name", ""));
-  rules[place] = names.empty() ? "all the official default" : absl::StrJoin(names, ", ");
+std::vector<RulesTable> TablesOf(const TrackConfig& config) {
+  return config.kind->tables == nullptr ? std::vector<RulesTable>()
+                                        : config.kind->tables(config.rules);
+}
+
+// What has a table of its own is too much for a line.
+Json WithoutTables(const TrackConfig& config) {
+  Json rules = config.rules;
+  for (const RulesTable& table : TablesOf(config)) {
+    const Json::json_pointer place(table.key);
+    if (rules.contains(place)) rules[place] = table.summary;
+  }
   return rules;
 }
 
-std::string JointText(const Json& joint) {
-  return absl::StrCat(joint["stiffness"].dump(), ", ", joint["damping"].dump(), ", ",
-                      joint["target_deg"].dump());
-}
-
-void PrintSets(const Json& rules) {
-  const Json sets = rules.value("/leg/parameter_sets"_json_pointer, Json::array());
-  if (sets.empty()) return;
-  std::cout
-      << '\n'
-      << Bold("Parameter sets of the prosthesis until a policy uploads its own") << '\n'
-      << "  (stiffness in N m/rad, damping in N m s/rad, target in degrees; loads in parts of "
-         "the person's weight)\n";
-  Table table({"set", "state", "knee", "ankle", "left when"});
-  for (size_t i = 0; i < sets.size(); ++i) {
-    for (const char* state : kLegStateKeys) {
-      const Json& said = sets[i][state];
-      std::vector<std::string> until;
-      for (const auto& [key, value] : said["until"].items()) {
-        until.push_back(absl::StrCat(key, " ", value.dump()));
-      }
-      table.Add({absl::StrCat(i, " ", Harmless(sets[i].value("name", ""))), state,
-                 JointText(said["knee"]), JointText(said["ankle"]), absl::StrJoin(until, ", or ")});
+void PrintTables(const TrackConfig& config) {
+  for (const RulesTable& said : TablesOf(config)) {
+    if (said.rows.empty()) continue;
+    std::cout << '\n' << Bold(said.title) << '\n' << "  (" << said.note << ")\n";
+    Table table(said.head);
+    for (const std::vector<std::string>& row : said.rows) {
+      std::vector<std::string> cells;
+      for (const std::string& cell : row) cells.push_back(Harmless(cell));
+      table.Add(std::move(cells));
     }
+    table.Print();
   }
-  table.Print();
 }
 
 void PrintValues(const char* title, const Json& json) {
@@ -168,7 +158,7 @@ void PrintDifferences(const Tracks::Offer& offer) {
   std::map<std::string, std::map<std::string, std::string>> by_profile;
   std::map<std::string, std::string> all;
   for (const auto& [name, track] : offer.profiles) {
-    Json said = {{"rules", WithoutSets(track->config.rules)},
+    Json said = {{"rules", WithoutTables(track->config)},
                  {"scoring", track->config.scoring},
                  {"episodes_per_lease", track->config.episodes_per_lease}};
     Flatten(said, "", by_profile[name]);
@@ -194,17 +184,17 @@ void PrintSpec(const TrackConfig& config, const Tracks::Offer& offer, bool full_
   std::cout << Bold(absl::StrCat("Track ", config.id, " in the profile ", config.profile)) << '\n'
             << "  " << Counted(std::ssize(config.seeds), "episode") << " in blocks of "
             << config.episodes_per_lease << ", each played by a fresh process of the policy; a "
-            << "control step every " << ControlPeriod(config.kind) << " s\n"
+            << "control step every " << config.kind->control_period_s << " s\n"
             << "  config hash " << HashText(config.hash, full_hashes) << '\n';
-  PrintLayout("Observation", ObservationLayout(config.kind), ObservationSize(config.kind));
-  PrintLayout("Action", ActionLayout(config.kind), ActionSize(config.kind));
+  PrintLayout("Observation", ObservationOf(*config.kind).parts(), ObservationOf(*config.kind).size());
+  PrintLayout("Action", ActionOf(*config.kind).parts(), ActionOf(*config.kind).size());
   std::cout
       << "\nA policy chooses at the handshake how it acts: normalized (every number in [-1, 1])\n"
          "or direct (muscles in [0, 1], prosthesis targets in rad); --json has the bounds and\n"
          "the name of every entry.\n";
   PrintValues("Budgets", config.effective.value("budgets", Json::object()));
-  PrintValues("Rules", WithoutSets(config.rules));
-  PrintSets(config.rules);
+  PrintValues("Rules", WithoutTables(config));
+  PrintTables(config);
   PrintValues("Scoring", config.scoring);
   PrintDifferences(offer);
 }
@@ -218,10 +208,10 @@ int ListTracksOnOffer(const Tracks& tracks, bool json) {
       if (profile != offer.default_profile) profiles.push_back(profile);
     }
     const TrackConfig& config = offer.profiles.at(offer.default_profile)->config;
-    table.Add({name, TrackKindName(config.kind), absl::StrCat(config.seeds.size()),
+    table.Add({name, std::string(config.kind->name), absl::StrCat(config.seeds.size()),
                absl::StrJoin(profiles, ", ")});
     list.push_back({{"track", name},
-                    {"kind", TrackKindName(config.kind)},
+                    {"kind", config.kind->name},
                     {"default_profile", offer.default_profile},
                     {"episodes", config.seeds.size()},
                     {"profiles", profiles}});

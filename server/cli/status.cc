@@ -10,7 +10,7 @@
 #include "server/cli/report.h"
 #include "server/cli/table.h"
 #include "server/cli/terminal.h"
-#include "server/counted.h"
+#include "server/base/counted.h"
 
 namespace myograde::server {
 namespace {

@@ -9,8 +9,8 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
-#include "server/counted.h"
-#include "server/plain_text.h"
+#include "server/base/counted.h"
+#include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {

@@ -13,13 +13,14 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
-#include "protocol/sha256.h"
+#include "protocol/base/sha256.h"
 #include "server/cli/client.h"
 #include "server/cli/common.h"
 #include "server/cli/logs_of.h"
 #include "server/cli/replay.h"
 #include "server/cli/terminal.h"
-#include "server/daemon/results.h"
+#include "server/grading/results.h"
+#include "server/proof/grader_build.h"
 #include "server/proof/receipt.h"
 #include "server/proof/unpack_log.h"
 #include "server/runner/log_keeper.h"
@@ -233,6 +234,10 @@ int Verify(const VerifyOptions& options) {
   const absl::StatusOr<PublicKey> key = PublicKey::Read(options.key);
   if (!key.ok()) return Complain(key.status());
   const absl::StatusOr<std::string> text = ReadFile(options.file, kMaxReceiptBytes);
+  if (absl::IsInvalidArgument(text.status())) {
+    return Complain(absl::InvalidArgumentError(
+        absl::StrCat(text.status().message(), ", so it is no receipt")));
+  }
   if (!text.ok()) return Complain(text.status());
   const absl::StatusOr<Json> receipt = ParseReceipt(*text);
   if (!receipt.ok()) {

@@ -18,10 +18,10 @@
 #include <spdlog/spdlog.h>
 
 #include "server/api/api.h"
-#include "server/daemon/engine.h"
-#include "server/daemon/retention.h"
-#include "server/daemon/standings.h"
-#include "server/paths.h"
+#include "server/engine/engine.h"
+#include "server/engine/retention.h"
+#include "server/engine/standings.h"
+#include "server/base/paths.h"
 #include "server/proof/reference_check.h"
 #include "server/proof/signing_key.h"
 #include "server/sandbox/control_group.h"

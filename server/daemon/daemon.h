@@ -6,8 +6,8 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#include "server/daemon/server_config.h"
-#include "server/daemon/tracks.h"
+#include "server/config/server_config.h"
+#include "server/grading/tracks.h"
 
 namespace myograde::server {
 

@@ -5,9 +5,9 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/episode_facts.h"
-#include "protocol/config_reader.h"
-#include "protocol/leg_sets_json.h"
+#include "protocol/tracks/registry.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/log/leg_sets_json.h"
 
 namespace myograde::server {
 namespace {

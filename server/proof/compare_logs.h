@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <string>
 
-#include "protocol/episode_log.h"
+#include "protocol/log/episode_log.h"
 
 namespace myograde::server {
 

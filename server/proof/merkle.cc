@@ -4,7 +4,7 @@
 #include <span>
 #include <string_view>
 
-#include "protocol/sha256.h"
+#include "protocol/base/sha256.h"
 
 namespace myograde::server {
 namespace {

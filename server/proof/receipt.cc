@@ -6,10 +6,10 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/config_reader.h"
-#include "protocol/policy_seed.h"
-#include "protocol/sha256.h"
-#include "protocol/track_config.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/lease/policy_seed.h"
+#include "protocol/base/sha256.h"
+#include "protocol/lease/track_config.h"
 #include "server/proof/merkle.h"
 #include "server/proof/seed_list.h"
 

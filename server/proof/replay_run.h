@@ -9,7 +9,7 @@
 #include <absl/status/statusor.h>
 #include <absl/time/time.h>
 
-#include "protocol/lease.h"
+#include "protocol/lease/lease.h"
 #include "server/runner/runner_process.h"
 
 namespace myograde::server {

@@ -8,8 +8,8 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/config_reader.h"
-#include "protocol/sha256.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 
 namespace myograde::server {
 

@@ -6,8 +6,8 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#include "protocol/episode_log.h"
-#include "protocol/packed_log.h"
+#include "protocol/log/episode_log.h"
+#include "protocol/log/packed_log.h"
 
 namespace myograde::server {
 

@@ -11,8 +11,8 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/fd.h"
-#include "protocol/lease.h"
-#include "protocol/sim_channel.h"
+#include "protocol/lease/lease.h"
+#include "protocol/lease/sim_channel.h"
 #include "server/runner/leftovers.h"
 #include "server/runner/policy_run.h"
 

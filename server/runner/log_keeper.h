@@ -9,7 +9,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#include "protocol/base/episode_facts.h"
+#include "protocol/tracks/episode_facts.h"
 #include "protocol/base/fd.h"
 
 namespace myograde::server {

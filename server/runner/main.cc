@@ -2,7 +2,7 @@
 //
 //   myograde-runner [--lifeline] ORDER.json
 //
-// ORDER.json is a LeaseOrder (protocol/lease.h). One record a line on stdout,
+// ORDER.json is a LeaseOrder (protocol/lease/lease.h). One record a line on stdout,
 // the last one always a lease_end. With --lifeline the lease ends when stdin
 // does. SIGTERM and SIGINT end it too. Exit status: 0 all episodes were
 // recorded, 2 wrong use, 4 the grader or its host is in trouble.
@@ -25,9 +25,9 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/config_reader.h"
-#include "protocol/lease.h"
-#include "server/paths.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/lease/lease.h"
+#include "server/base/paths.h"
 #include "server/runner/lease_runner.h"
 #include "server/runner/log_keeper.h"
 #include "server/sandbox/control_group.h"

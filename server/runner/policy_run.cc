@@ -13,7 +13,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
-#include "protocol/sim_channel.h"
+#include "protocol/lease/sim_channel.h"
 #include "server/sandbox/seccomp_filter.h"
 
 namespace myograde::server {

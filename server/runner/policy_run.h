@@ -9,11 +9,11 @@
 
 #include <absl/status/statusor.h>
 
-#include "protocol/base/episode_facts.h"
+#include "protocol/tracks/episode_facts.h"
 #include "protocol/base/fd.h"
-#include "protocol/lease.h"
+#include "protocol/lease/lease.h"
 #include "server/runner/log_keeper.h"
-#include "server/runner/output_tail.h"
+#include "server/base/output_tail.h"
 #include "server/sandbox/policy_sandbox.h"
 #include "server/sandbox/process_tree.h"
 

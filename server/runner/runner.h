@@ -10,7 +10,7 @@
 #include <absl/status/statusor.h>
 #include <absl/time/time.h>
 
-#include "protocol/lease.h"
+#include "protocol/lease/lease.h"
 
 namespace myograde::server {
 

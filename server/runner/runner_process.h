@@ -24,9 +24,9 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/fd.h"
-#include "protocol/lease.h"
-#include "server/paths.h"
-#include "server/runner/output_tail.h"
+#include "protocol/lease/lease.h"
+#include "server/base/paths.h"
+#include "server/base/output_tail.h"
 #include "server/runner/runner.h"
 
 namespace myograde::server {

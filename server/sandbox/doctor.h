@@ -11,7 +11,7 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
-#include "protocol/track_config.h"
+#include "protocol/lease/track_config.h"
 
 namespace myograde::server {
 

@@ -11,8 +11,8 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
-#include "protocol/channels.h"
-#include "protocol/pinned_maths.h"
+#include "protocol/policy/channels.h"
+#include "protocol/base/pinned_maths.h"
 #include "server/sandbox/users.h"
 
 namespace myograde::server {

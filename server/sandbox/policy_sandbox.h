@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "protocol/lease.h"
+#include "protocol/lease/lease.h"
 #include "server/sandbox/control_group.h"
 #include "server/sandbox/sandbox.h"
 #include "server/sandbox/sandbox_config.h"

@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "protocol/bus/bus.h"
-#include "protocol/channels.h"
+#include "protocol/bridge/bus.h"
+#include "protocol/policy/channels.h"
 #include "server/sandbox/doctor.h"
 
 namespace myograde::server {

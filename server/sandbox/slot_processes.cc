@@ -17,7 +17,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
-#include "server/runner/output_tail.h"
+#include "server/base/output_tail.h"
 #include "server/sandbox/users.h"
 
 namespace myograde::server {

@@ -13,7 +13,7 @@
 
 #include <absl/status/status.h>
 
-#include "protocol/lease.h"
+#include "protocol/lease/lease.h"
 
 namespace myograde::server {
 

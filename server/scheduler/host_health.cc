@@ -4,7 +4,7 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "server/counted.h"
+#include "server/base/counted.h"
 
 namespace myograde::server {
 

@@ -1,4 +1,10 @@
 // Marks on submissions, and the view that boards are made of.
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
 #include <absl/strings/str_cat.h>
 
 #include "server/store/connection.h"
@@ -23,21 +29,32 @@ StoredRow MarkOf(SQLite::Statement& select, MarkRow& mark) {
   return row;
 }
 
+// The numbers as they are in memory.
+std::string BytesOf(const std::vector<double>& numbers) {
+  static_assert(std::endian::native == std::endian::little && sizeof(double) == 8);
+  return std::string(reinterpret_cast<const char*>(numbers.data()), numbers.size() * 8);
+}
+
+std::vector<double> NumbersIn(StoredRow& row, int column) {
+  const std::string bytes = row.Blob(column);
+  std::vector<double> numbers(bytes.size() / 8);
+  if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * 8);
+  const bool any_infinite = std::any_of(numbers.begin(), numbers.end(),
+                                        [](double number) { return std::isinf(number); });
+  if (bytes.size() % 8 != 0 || any_infinite) row.Fail(column, "numbers belong there");
+  return numbers;
+}
+
 // The numbers and the text of the view, or nothing of them: they are made again of the rows.
-void ReadView(SQLite::Statement& select, StandingRow& standing) {
+void ReadView(SQLite::Statement& select, Standing& standing) {
   StoredRow row(select, "standing", "");
-  const std::string aggregate = row.Text(4);
-  const RankedNumbers numbers = {.successes = row.Number(5, 0, kMany),
-                                 .episodes = row.Number(6, 0, kMany),
-                                 .time_s = row.Real(7),
-                                 .effort = row.RealOrNull(8),
-                                 .pain = row.RealOrNull(9),
-                                 .distance_m = row.RealOrNull(10),
-                                 .effort_over_steps = row.RealOrNull(11),
-                                 .pain_over_steps = row.RealOrNull(12)};
-  if (!row.ok()) return;
-  standing.aggregate_json = aggregate;
-  standing.numbers = numbers;
+  Standing read;
+  read.aggregate_json = row.Text(4);
+  read.ranked.successes = row.Number(5, 0, kMany);
+  read.ranked.episodes = row.Number(6, 0, kMany);
+  read.ranked.names = row.Text(7);
+  read.ranked.numbers = NumbersIn(row, 8);
+  if (row.ok()) standing = std::move(read);
 }
 
 }  // namespace
@@ -64,27 +81,18 @@ absl::StatusOr<bool> Writer::Mark(int64_t submission, const std::string& mark, b
   return true;
 }
 
-absl::Status Writer::SetStanding(int64_t evaluation, const std::string& aggregate_json) {
-  const absl::StatusOr<RankedNumbers> numbers = ParseRankedNumbers(aggregate_json);
-  if (!numbers.ok()) {
-    return DamagedRow({"evaluation", absl::StrCat(evaluation),
-                       std::string(numbers.status().message())});
-  }
+absl::Status Writer::SetStanding(int64_t evaluation, const Standing& standing) {
   MendBoardState();
   SQLite::Statement insert(
-      db_, "INSERT INTO standing VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation) "
-           "DO UPDATE SET successes = excluded.successes, episodes = excluded.episodes, time_s = "
-           "excluded.time_s, effort = excluded.effort, pain = excluded.pain, distance_m = "
-           "excluded.distance_m, effort_over_steps = excluded.effort_over_steps, "
-           "pain_over_steps = excluded.pain_over_steps, aggregate_json = excluded.aggregate_json");
-  SQLite::bind(insert, evaluation, numbers->successes, numbers->episodes, numbers->time_s);
-  int column = 5;
-  for (const auto& number : {numbers->effort, numbers->pain, numbers->distance_m,
-                             numbers->effort_over_steps, numbers->pain_over_steps}) {
-    if (number) insert.bind(column, *number);  // unbound is NULL
-    ++column;
-  }
-  insert.bind(column, aggregate_json);
+      db_, "INSERT INTO standing VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation) "
+           "DO UPDATE SET successes = excluded.successes, episodes = excluded.episodes, "
+           "names = excluded.names, numbers = excluded.numbers, "
+           "aggregate_json = excluded.aggregate_json");
+  const RankedNumbers& ranked = standing.ranked;
+  const std::string numbers = BytesOf(ranked.numbers);
+  SQLite::bind(insert, evaluation, ranked.successes, ranked.episodes, ranked.names);
+  insert.bind(5, numbers.data(), static_cast<int>(numbers.size()));
+  insert.bind(6, standing.aggregate_json);
   insert.exec();
   return absl::OkStatus();
 }
@@ -136,8 +144,7 @@ int64_t Reader::BoardChanges() {
 Listed<StandingRow> Reader::Standings(const std::string& config) {
   SQLite::Statement select(
       db_, "SELECT s.id, e.id, t.name, a.name, v.aggregate_json, v.successes, v.episodes, "
-           "v.time_s, v.effort, v.pain, v.distance_m, v.effort_over_steps, v.pain_over_steps, "
-           "s.team_id, s.artefact, e.state "
+           "v.names, v.numbers, s.team_id, s.artefact, e.state "
            "FROM submission AS s "
            "LEFT JOIN team AS t ON t.id = s.team_id LEFT JOIN artefact AS a ON a.hash = s.artefact "
            "LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
@@ -153,16 +160,16 @@ Listed<StandingRow> Reader::Standings(const std::string& config) {
     if (select.isColumnNull(1)) row.Fail("it has no original evaluation");
     standing.evaluation = row.NumberOr(1, 1, INT64_MAX, 0);
     row.Joined("evaluation", 1);
-    (void)row.Named(15, ParseEvaluationState);
-    row.Joined("team", 13);
+    (void)row.Named(11, ParseEvaluationState);
+    row.Joined("team", 9);
     standing.team = row.Text(2);
-    row.Joined("artefact", 14);
+    row.Joined("artefact", 10);
     standing.artefact_name = row.Text(3);
     if (!row.ok()) {
       listed.damaged.push_back(*row.damage());
       continue;
     }
-    ReadView(select, standing);
+    ReadView(select, standing.standing);
     listed.rows.push_back(std::move(standing));
   }
   return listed;

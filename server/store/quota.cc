@@ -7,7 +7,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/time/time.h>
 
-#include "server/counted.h"
+#include "server/base/counted.h"
 
 namespace myograde::server {
 namespace {

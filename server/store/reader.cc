@@ -2,8 +2,9 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/sha256.h"
-#include "protocol/track_config.h"
+#include "protocol/base/sha256.h"
+#include "protocol/lease/track_config.h"
+#include "protocol/tracks/registry.h"
 #include "server/store/connection.h"
 #include "server/store/stored_row.h"
 

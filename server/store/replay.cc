@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "protocol/config_reader.h"
+#include "protocol/base/config_reader.h"
 
 namespace myograde::server {
 namespace {
@@ -68,7 +68,7 @@ std::string CanonicalResult(const EpisodeRow& row) {
   return CanonicalJson({{"index", row.index},
                         {"seed", row.seed},
                         {"outcome", OutcomeName(row.outcome)},
-                        {"reason", FailureReasonName(row.reason)},
+                        {"reason", row.reason.name()},
                         {"metrics", Parse(row.metrics_json)},
                         {"steps", steps},
                         {"digest", digest}});

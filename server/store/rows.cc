@@ -65,26 +65,4 @@ bool IsFinal(EvaluationState state) {
   return state != EvaluationState::kQueued && state != EvaluationState::kRunning;
 }
 
-absl::StatusOr<RankedNumbers> ParseRankedNumbers(const std::string& aggregate_json) {
-  const auto json = nlohmann::json::parse(aggregate_json, nullptr, /*allow_exceptions=*/false);
-  const auto number = [&](const char* key) -> std::optional<double> {
-    const auto it = json.find(key);
-    if (it == json.end() || !it->is_number()) return std::nullopt;
-    return it->get<double>();
-  };
-  const auto time = json.is_object() ? number("time_s") : std::nullopt;
-  if (!time || !number("episodes") || !number("successes")) {
-    return absl::InvalidArgumentError(
-        "an aggregate has no numbers of successes, episodes and time");
-  }
-  return RankedNumbers{.successes = json["successes"].get<int64_t>(),
-                       .episodes = json["episodes"].get<int64_t>(),
-                       .time_s = *time,
-                       .effort = number("effort"),
-                       .pain = number("pain"),
-                       .distance_m = number("distance_m"),
-                       .effort_over_steps = number("effort_over_steps"),
-                       .pain_over_steps = number("pain_over_steps")};
-}
-
 }  // namespace myograde::server

@@ -88,7 +88,7 @@ struct EpisodeRow {
   int64_t attempt = 0;
   uint64_t seed = 0;
   Outcome outcome = Outcome::kFailure;
-  FailureReason reason = FailureReason::kNone;
+  FailureReason reason;
   std::string facts_json;
   std::string metrics_json;
 };
@@ -116,19 +116,19 @@ struct TransitionRow {
   std::string why;
 };
 
-// The numbers of an aggregate that boards rank by.
+// The means that boards rank by. Which they are is scoring's to say (RankedNames).
 struct RankedNumbers {
   int64_t successes = 0;
   int64_t episodes = 0;
-  double time_s = 0;
-  std::optional<double> effort = std::nullopt;
-  std::optional<double> pain = std::nullopt;
-  std::optional<double> distance_m = std::nullopt;
-  std::optional<double> effort_over_steps = std::nullopt;
-  std::optional<double> pain_over_steps = std::nullopt;
+  std::string names;            // of the numbers, joined with commas
+  std::vector<double> numbers;  // NaN: there is none
 };
-// Of the text of an aggregate; InvalidArgumentError if it lacks them.
-absl::StatusOr<RankedNumbers> ParseRankedNumbers(const std::string& aggregate_json);
+
+// What a finished evaluation is ranked by.
+struct Standing {
+  RankedNumbers ranked;
+  std::string aggregate_json;  // canonical; it holds the same numbers
+};
 
 // What a board is made of.
 struct StandingRow {
@@ -136,8 +136,7 @@ struct StandingRow {
   int64_t evaluation = 0;
   std::string team;
   std::string artefact_name;
-  std::string aggregate_json;  // "" until the view has it
-  RankedNumbers numbers = {};  // of `aggregate_json`
+  Standing standing;  // without a text until the view has it
 };
 
 // What an artefact's files are still of use for.

@@ -187,7 +187,7 @@ class Writer {
   absl::StatusOr<bool> Mark(int64_t submission, const std::string& mark, bool set,
                             const std::string& who, const std::string& why);
   // What a finished evaluation is ranked by; replaces what was there.
-  absl::Status SetStanding(int64_t evaluation, const std::string& aggregate_json);
+  absl::Status SetStanding(int64_t evaluation, const Standing& standing);
   absl::Status DropStandings();
   // The row of a removal of the files of an artefact or of a log (`name` is its hash); false,
   // and no row, if they are needed.

@@ -87,20 +87,6 @@ int64_t StoredRow::TimeOr0(int column) {
   return NumberOr(column, -kYear9999Ms, kYear9999Ms, 0);
 }
 
-double StoredRow::Real(int column) {
-  const SQLite::Column value = select_.getColumn(column);
-  if ((value.isFloat() || value.isInteger()) && std::isfinite(value.getDouble())) {
-    return value.getDouble();
-  }
-  Fail(column, "a number belongs there");
-  return 0;
-}
-
-std::optional<double> StoredRow::RealOrNull(int column) {
-  if (select_.isColumnNull(column)) return std::nullopt;
-  return Real(column);
-}
-
 std::string StoredRow::Text(int column) {
   const SQLite::Column value = select_.getColumn(column);
   if (value.isText()) {
@@ -108,6 +94,16 @@ std::string StoredRow::Text(int column) {
     if (IsUtf8(text)) return text;
   }
   Fail(column, "text belongs there");
+  return "";
+}
+
+std::string StoredRow::Blob(int column) {
+  const SQLite::Column value = select_.getColumn(column);
+  if (value.isBlob()) {
+    return std::string(static_cast<const char*>(value.getBlob()),
+                       static_cast<size_t>(value.getBytes()));
+  }
+  Fail(column, "bytes belong there");
   return "";
 }
 

@@ -41,8 +41,7 @@ class StoredRow {
   int64_t NumberOr(int column, int64_t min, int64_t max, int64_t if_null);
   int64_t Time(int column);     // ms since 1970, up to the year 9999
   int64_t TimeOr0(int column);  // 0 if it is NULL
-  double Real(int column);
-  std::optional<double> RealOrNull(int column);
+  std::string Blob(int column);  // bytes
   bool Flag(int column) { return Number(column, 0, 1) != 0; }
   std::string Text(int column);    // valid UTF-8
   std::string TextOr(int column);  // "" if it is NULL

@@ -6,7 +6,7 @@
 #include <absl/strings/cord.h>
 #include <absl/strings/str_cat.h>
 
-#include "server/names.h"
+#include "server/base/names.h"
 #include "server/store/quota.h"
 #include "server/store/reader.h"
 

@@ -10,8 +10,8 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
-#include "protocol/config_reader.h"
-#include "protocol/sha256.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "server/store/connection.h"
 #include "server/store/schema.h"
 #include "server/store/stored_row.h"

@@ -2,8 +2,9 @@
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
-#include "protocol/config_reader.h"
-#include "protocol/track_config.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/lease/track_config.h"
+#include "protocol/tracks/registry.h"
 #include "server/store/connection.h"
 #include "server/store/replay.h"
 #include "server/store/store.h"
@@ -132,7 +133,7 @@ absl::StatusOr<Recorded> Writer::RecordEpisode(const EpisodeRow& row) {
                            "ON CONFLICT (evaluation, idx) DO NOTHING");
   SQLite::bind(insert, row.evaluation, row.index, row.lease, row.attempt,
                static_cast<int64_t>(row.seed), Text(OutcomeName(row.outcome)),
-               Text(FailureReasonName(row.reason)), row.facts_json, row.metrics_json, now_ms_);
+               Text(row.reason.name()), row.facts_json, row.metrics_json, now_ms_);
   if (insert.exec() == 1) {
     ChargeFirstEpisode(row.evaluation, absl::StrCat("episode ", row.index, " ended as ",
                                                     Text(OutcomeName(row.outcome))));

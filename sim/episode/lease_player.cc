@@ -6,7 +6,7 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/channels.h"
+#include "protocol/policy/channels.h"
 
 namespace myograde::sim {
 namespace {
@@ -45,26 +45,17 @@ bool MakeFinite(EpisodeFacts& facts) {
     changed = true;
   };
   fix(facts.sim_time);
-  if (auto* arm = std::get_if<ManipulationFacts>(&facts.track)) {
-    for (double* value : {&arm->peak_force, &arm->max_touch, &arm->goal_distance_sum,
-                          &arm->final_goal_distance, &arm->final_hand_distance, &arm->max_height,
-                          &arm->effort_sum, &arm->reported_time}) {
-      fix(*value);
-    }
-  } else {
-    auto& leg = std::get<LocomotionFacts>(facts.track);
-    for (double* value : {&leg.distance, &leg.start_y, &leg.min_y, &leg.final_y, &leg.effort_sum,
-                          &leg.pain_sum, &leg.reported_time}) {
-      fix(*value);
-    }
-  }
+  const auto look = [&fix](const char*, auto& value) {
+    if constexpr (std::is_same_v<decltype(value), double&>) fix(value);
+  };
+  std::visit([&look](auto& measured) { measured.Visit(measured, look); }, facts.track);
   return changed;
 }
 
 // Facts of an episode that was never begun.
-EpisodeFacts NothingPlayed(TrackKind kind) {
+EpisodeFacts NothingPlayed(const TrackKind& kind) {
   EpisodeFacts facts;
-  if (kind == TrackKind::kLocomotion) facts.track.emplace<LocomotionFacts>();
+  facts.track = kind.no_facts;
   return facts;
 }
 
@@ -288,7 +279,7 @@ absl::Status LeasePlayer::EndLog(EpisodeFacts& facts) {
   LogEnd end;
   end.steps = facts.steps;
   end.end = std::string(facts.end == EpisodeEnd::kFault ? OutcomeName(facts.fault.outcome)
-                                                        : EpisodeEndName(facts.end));
+                                                        : facts.end.name());
   end.digest = facts.digest;
   absl::StatusOr<EpisodeLogInfo> info = log_->End(std::move(end));
   if (!info.ok()) return info.status();
@@ -298,7 +289,7 @@ absl::Status LeasePlayer::EndLog(EpisodeFacts& facts) {
 
 absl::Status LeasePlayer::Record(const EpisodeOrder& episode,
                                  const std::optional<FaultEvidence>& fault) {
-  EpisodeFacts facts = reset_ ? environment_.facts() : NothingPlayed(order_.track.kind);
+  EpisodeFacts facts = reset_ ? environment_.facts() : NothingPlayed(*order_.track.kind);
   facts.index = episode.index;
   facts.seed = episode.seed;
   facts.digest = digest_.FinishHex();

@@ -11,9 +11,9 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
-#include "protocol/lease.h"
-#include "protocol/sha256.h"
-#include "protocol/sim_channel.h"
+#include "protocol/lease/lease.h"
+#include "protocol/base/sha256.h"
+#include "protocol/lease/sim_channel.h"
 #include "sim/environment.h"
 #include "sim/episode/log_writer.h"
 #include "sim/episode/messages.h"
@@ -23,7 +23,7 @@ namespace myograde::sim {
 
 class LeasePlayer {
  public:
-  // `runner`: the SOCK_SEQPACKET channel of protocol/sim_channel.h, not owned.
+  // `runner`: the SOCK_SEQPACKET channel of protocol/lease/sim_channel.h, not owned.
   // `cpu`: null where CPU time is not measured. `max_steps` is told to the
   // policy. `log`: where the episodes' logs go, null if none are kept.
   // References must outlive the player.

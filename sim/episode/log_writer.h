@@ -10,9 +10,9 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#include "protocol/base/episode_facts.h"
-#include "protocol/episode_log.h"
-#include "protocol/sha256.h"
+#include "protocol/tracks/episode_facts.h"
+#include "protocol/log/episode_log.h"
+#include "protocol/base/sha256.h"
 
 namespace myograde::sim {
 

@@ -7,8 +7,8 @@
 #include "myograde/episode_end_t.hpp"
 #include "myograde/episode_start_t.hpp"
 #include "myograde/welcome_t.hpp"
-#include "protocol/channels.h"
-#include "protocol/layout.h"
+#include "protocol/policy/channels.h"
+#include "protocol/policy/layout.h"
 
 namespace myograde::sim {
 namespace {
@@ -27,7 +27,7 @@ std::vector<part_t> Parts(std::span<const Part> layout) {
   return parts;
 }
 
-void Split(const std::vector<Bounds>& bounds, std::vector<double>& low,
+void Split(std::span<const Bounds> bounds, std::vector<double>& low,
            std::vector<double>& high) {
   for (const Bounds& bound : bounds) {
     low.push_back(bound.low);
@@ -59,21 +59,21 @@ const PublishFrame& Messages::Welcome(const TrackConfig& track, const WelcomeInf
   message.protocol_version = kProtocolVersion;
   message.accepted = info.accepted ? 1 : 0;
   message.reason = info.reason;
-  message.track = TrackKindName(track.kind);
+  message.track = track.kind->name;
   message.profile = track.profile;
   message.direct = info.convention == ActionConvention::kDirect ? 1 : 0;
-  message.control_period_s = ControlPeriod(track.kind);
+  message.control_period_s = track.kind->control_period_s;
   message.max_steps = static_cast<int32_t>(info.max_steps);
   message.step_budget_s = track.budgets.step_s;
   message.overtime_s = track.budgets.overtime_s;
-  message.observation_parts = Parts(ObservationLayout(track.kind));
+  message.observation_parts = Parts(ObservationOf(*track.kind).parts());
   message.num_observation_parts = static_cast<int32_t>(message.observation_parts.size());
-  message.action_parts = Parts(ActionLayout(track.kind));
+  message.action_parts = Parts(ActionOf(*track.kind).parts());
   message.num_action_parts = static_cast<int32_t>(message.action_parts.size());
-  message.observation_size = ObservationSize(track.kind);
-  message.action_size = ActionSize(track.kind);
-  Split(ObservationBounds(track.kind), message.observation_low, message.observation_high);
-  Split(ActionBounds(track.kind, info.convention), message.action_low, message.action_high);
+  message.observation_size = ObservationOf(*track.kind).size();
+  message.action_size = ActionOf(*track.kind).size();
+  Split(ObservationOf(*track.kind).bounds(), message.observation_low, message.observation_high);
+  Split(track.kind->layout().action_bounds(info.convention), message.action_low, message.action_high);
   return Fill(Channel::kWelcome, Expect::kNothing, -1, -1, 0, message);
 }
 

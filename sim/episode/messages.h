@@ -7,8 +7,8 @@
 #include <string>
 
 #include "myograde/observation_t.hpp"
-#include "protocol/frames.h"
-#include "protocol/track_config.h"
+#include "protocol/bridge/frames.h"
+#include "protocol/lease/track_config.h"
 
 namespace myograde::sim {
 

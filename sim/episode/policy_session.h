@@ -12,11 +12,11 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
-#include "protocol/base/episode_facts.h"
+#include "protocol/tracks/episode_facts.h"
 #include "protocol/base/fd.h"
-#include "protocol/frames.h"
-#include "protocol/sim_channel.h"
-#include "protocol/track_config.h"
+#include "protocol/bridge/frames.h"
+#include "protocol/lease/sim_channel.h"
+#include "protocol/lease/track_config.h"
 
 namespace myograde::sim {
 

@@ -7,9 +7,10 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/packed_log.h"
-#include "protocol/sha256.h"
-#include "protocol/sim_channel.h"
+#include "protocol/log/packed_log.h"
+#include "protocol/base/sha256.h"
+#include "protocol/lease/sim_channel.h"
+#include "protocol/tracks/registry.h"
 
 namespace myograde::sim {
 namespace {
@@ -97,7 +98,7 @@ class Comparison {
     if (by_itself && environment_.facts().end != *logged) {
       Differ(-1, "end",
              absl::StrCat("the episode ended by \"",
-                          std::string(EpisodeEndName(environment_.facts().end)),
+                          std::string(environment_.facts().end.name()),
                           "\", the log says \"", log_.end.end, "\""));
     }
   }

@@ -9,8 +9,8 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
-#include "protocol/episode_log.h"
-#include "protocol/lease.h"
+#include "protocol/log/episode_log.h"
+#include "protocol/lease/lease.h"
 #include "sim/environment.h"
 
 namespace myograde::sim {

@@ -4,7 +4,7 @@
 
 #include <span>
 
-#include "protocol/rules_locomotion.h"
+#include "sim/locomotion/rules.h"
 #include "sim/locomotion/terrain.h"
 
 namespace myograde::sim {

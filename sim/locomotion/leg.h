@@ -9,8 +9,8 @@
 
 #include <absl/status/status.h>
 
-#include "protocol/frames.h"
-#include "protocol/rules_locomotion.h"
+#include "protocol/bridge/frames.h"
+#include "sim/locomotion/rules.h"
 
 namespace myograde::sim {
 

@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "sim/locomotion/height_map.h"
+#include "sim/locomotion/model.h"
 
 namespace myograde::sim {
 namespace {
@@ -56,7 +57,7 @@ absl::StatusOr<std::unique_ptr<Environment>> MakeLocomotion(const TrackConfig& c
                                                             const std::string& cache_dir) {
   auto rules = ParseLocomotionRules(config.rules, absl::StrCat(config.id, ": rules"));
   if (!rules.ok()) return rules.status();
-  auto model = LoadModel(TrackKind::kLocomotion, cache_dir);
+  auto model = LoadModel(LocomotionModel(), cache_dir);
   if (!model.ok()) return model.status();
   auto environment = Locomotion::Make(*rules, *std::move(model));
   if (!environment.ok()) return environment.status();
@@ -331,9 +332,9 @@ bool Locomotion::JudgeStep() {
       now.lost && end.lost_reports_time_limit ? end.time_limit_s : data_->time;
   facts_.sim_time = data_->time;
   if (now.solved) {
-    facts_.end = EpisodeEnd::kFinished;
+    facts_.end = LocomotionEnd::kFinished;
   } else if (now.lost) {
-    facts_.end = Fallen() ? EpisodeEnd::kFell : EpisodeEnd::kOffTrack;
+    facts_.end = Fallen() ? LocomotionEnd::kFell : LocomotionEnd::kOffTrack;
   } else if (facts_.steps >= MaxSteps()) {
     facts_.end = EpisodeEnd::kTime;
   } else {

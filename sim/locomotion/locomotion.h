@@ -13,8 +13,8 @@
 #include <absl/status/statusor.h>
 #include <mujoco/mujoco.h>
 
-#include "protocol/rules_locomotion.h"
-#include "protocol/track_config.h"
+#include "sim/locomotion/rules.h"
+#include "protocol/lease/track_config.h"
 #include "sim/environment.h"
 #include "sim/locomotion/indices.h"
 #include "sim/locomotion/leg.h"

@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-#include "protocol/rules_locomotion.h"
+#include "sim/locomotion/rules.h"
 #include "sim/random/numpy.h"
 
 namespace myograde::sim {

@@ -7,8 +7,8 @@
 
 #include <mujoco/mujoco.h>
 
-#include "protocol/base/episode_facts.h"
-#include "protocol/rules_manipulation.h"
+#include "protocol/tracks/episode_facts.h"
+#include "sim/manipulation/rules.h"
 #include "sim/manipulation/scene.h"
 
 namespace myograde::sim {

@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "sim/manipulation/manipulation.h"
+#include "sim/manipulation/model.h"
 
 namespace myograde::sim {
 namespace {
@@ -46,7 +47,7 @@ absl::StatusOr<std::unique_ptr<Environment>> MakeManipulation(const TrackConfig&
         absl::StrCat(where, ": one_environment plays every episode in one lease, so "
                      "episodes_per_lease must be at least ", config.seeds.size()));
   }
-  auto model = LoadModel(TrackKind::kManipulation, cache_dir);
+  auto model = LoadModel(ManipulationModel(), cache_dir);
   if (!model.ok()) return model.status();
   return ManipulationEnvironment::Make(*rules, *std::move(model));
 }
@@ -278,13 +279,13 @@ void ManipulationEnvironment::Judge(StepResult& result) {
   if (data_->time > rules_.max_time_s) {
     facts_.end = EpisodeEnd::kTime;
   } else if (ObjectPlace()[2] < rules_.drop_height_m) {
-    facts_.end = EpisodeEnd::kDropped;
+    facts_.end = ManipulationEnd::kDropped;
     facts.reported_time = rules_.max_time_s;
   } else if (EndsSolved(solved_before)) {
     // A flag that is older than the episode: left over from the one before.
     const bool phantom = rules_.end_rule == ManipulationRules::EndRule::kSolved &&
                          solved_before && facts_.steps == 1;
-    facts_.end = phantom ? EpisodeEnd::kPhantom : EpisodeEnd::kPlaced;
+    facts_.end = phantom ? ManipulationEnd::kPhantom : ManipulationEnd::kPlaced;
   } else if (facts_.steps >= rules_.max_steps) {
     facts_.end = EpisodeEnd::kTime;
   } else {
@@ -309,7 +310,7 @@ void ManipulationEnvironment::SaveState() {
 
 // ---- Observation ----
 
-// Order and sizes: protocol/layout.h.
+// Order and sizes: protocol/policy/layout.h.
 void ManipulationEnvironment::Observe(std::span<double> out) const {
   assert(static_cast<int>(out.size()) == observation_size());
   const mjData& d = *data_;

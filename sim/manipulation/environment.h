@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "protocol/rules_manipulation.h"
+#include "sim/manipulation/rules.h"
 #include "sim/environment.h"
 #include "sim/manipulation/contacts.h"
 #include "sim/manipulation/official.h"

@@ -6,7 +6,7 @@
 
 #include <mujoco/mujoco.h>
 
-#include "protocol/rules_manipulation.h"
+#include "sim/manipulation/rules.h"
 #include "sim/manipulation/scene.h"
 #include "sim/random/numpy.h"
 

@@ -13,9 +13,7 @@
 #include <absl/strings/str_format.h>
 
 #include "protocol/base/file.h"
-#include "protocol/sha256.h"
-#include "sim/model/inertials.h"
-#include "sim/model/pins.h"
+#include "protocol/base/sha256.h"
 
 namespace myograde::sim {
 namespace {
@@ -29,37 +27,6 @@ struct Pin {
   std::string_view digest;
   std::string_view path;  // relative to the package
 };
-
-// Buffers of mjData. The XML files ask for enough to fill hundreds of
-// megabytes; these are several times what the models were ever seen to use.
-// An overflow is reported by the environment as the grader's fault.
-struct Buffers {
-  int constraints;
-  int contacts;
-  int stack;  // doubles
-};
-
-struct Source {
-  std::string_view pins;
-  std::string main_file;
-  std::string actuator_file;
-  std::span<const Inertial> inertials;
-  Buffers buffers;
-};
-
-const Source& SourceOf(TrackKind kind) {
-  static const Source manipulation = {kManipulationPins,
-                                      "envs/myo/assets/arm/myoarm_bionic_bimanual.xml",
-                                      "simhive/myo_sim/arm/assets/myoarm_assets.xml",
-                                      kManipulationInertials,
-                                      {1000, 400, 3'000'000}};
-  static const Source locomotion = {kLocomotionPins,
-                                    "envs/myo/assets/leg/myoosl_runtrack.xml",
-                                    "simhive/myo_sim/osl/assets/myolegs_osl_assets.xml",
-                                    kLocomotionInertials,
-                                    {2000, 500, 5'000'000}};
-  return kind == TrackKind::kManipulation ? manipulation : locomotion;
-}
 
 std::vector<Pin> Pins(std::string_view text) {
   constexpr size_t kDigits = 64;
@@ -88,29 +55,6 @@ absl::StatusOr<std::string> ReadPinned(const Pin& pin, const std::string& packag
   return text;
 }
 
-// Cuts the one `begin`...`end` piece out of `text` and returns it.
-absl::StatusOr<std::string> Cut(std::string& text, const std::string& begin,
-                                const std::string& end) {
-  const size_t from = text.find(begin);
-  const size_t to = from == std::string::npos ? from : text.find(end, from);
-  if (to == std::string::npos || text.find(begin, to) != std::string::npos) {
-    return absl::InternalError(
-        absl::StrFormat("model patch: expected exactly one %s ... %s", begin, end));
-  }
-  std::string piece = text.substr(from, to + end.size() - from);
-  text.erase(from, piece.size());
-  return piece;
-}
-
-absl::Status InsertBefore(std::string& text, const std::string& marker, const std::string& piece) {
-  const size_t at = text.rfind(marker);
-  if (at == std::string::npos) {
-    return absl::InternalError(absl::StrFormat("model patch: no %s to insert before", marker));
-  }
-  text.insert(at, piece);
-  return absl::OkStatus();
-}
-
 // Pictures don't move anything and are nine tenths of the compiled arm model.
 void DropTextures(std::string& text) {
   for (size_t at; (at = text.find("<texture ")) != std::string::npos;) {
@@ -122,38 +66,6 @@ void DropTextures(std::string& text) {
       text.erase(at, text.find(quote, at + attribute.size()) + 1 - at);
     }
   }
-}
-
-// MuJoCo 2.2.2 wants actuators without activation before those with one.
-// The arm's muscles come from a file before the prosthesis' servos: the whole
-// block moves to the end of the main file. (Moving the includes instead would
-// change which defaults apply and the order of tendons and meshes.)
-absl::Status PatchManipulation(std::string& main, std::string& assets) {
-  auto actuators = Cut(assets, "<actuator>", "</actuator>");
-  if (!actuators.ok()) return actuators.status();
-  return InsertBefore(main, "</mujoco>", *actuators);
-}
-
-// The leg's two motors stand behind the muscles in the same block. The height
-// field gets room for the widest course; the environment sets how much of it
-// is used, and where.
-absl::Status PatchLocomotion(std::string& main, std::string& assets) {
-  auto field = Cut(main, "<hfield name=\"terrain\"", "/>");
-  if (!field.ok()) return field.status();
-  constexpr const char* kWideField =
-      "<asset><hfield name=\"terrain\" size=\"1.5 60 1 0.001\" nrow=\"600\" "
-      "ncol=\"30\"/></asset>\n";
-  if (auto status = InsertBefore(main, "<worldbody>", kWideField); !status.ok()) return status;
-  auto block = Cut(assets, "<actuator>", "</actuator>");
-  if (!block.ok()) return block.status();
-  std::string motors;
-  for (const char* name : {"<motor name=\"osl_knee", "<motor name=\"osl_ankle"}) {
-    auto motor = Cut(*block, name, "/>");
-    if (!motor.ok()) return motor.status();
-    absl::StrAppend(&motors, *motor, "\n");
-  }
-  block->insert(std::string_view("<actuator>").size(), "\n" + motors);
-  return InsertBefore(assets, "</mujocoinclude>", *block);
 }
 
 // A folder that is gone with its owner.
@@ -185,8 +97,7 @@ class ScratchFolder {
 bool IsXml(std::string_view path) { return path.ends_with(".xml"); }
 
 // Fills `scratch` with patched XML files and links to everything else.
-absl::Status FillScratch(TrackKind kind, const std::string& package_dir, const fs::path& scratch) {
-  const Source& source = SourceOf(kind);
+absl::Status FillScratch(const ModelSource& source, const std::string& package_dir, const fs::path& scratch) {
   std::string main;
   std::string assets;
   for (const Pin& pin : Pins(source.pins)) {
@@ -207,8 +118,7 @@ absl::Status FillScratch(TrackKind kind, const std::string& package_dir, const f
       if (error) return absl::UnavailableError(absl::StrCat("can't make ", to.string()));
     }
   }
-  const auto patched = kind == TrackKind::kManipulation ? PatchManipulation(main, assets)
-                                                        : PatchLocomotion(main, assets);
+  const absl::Status patched = source.patch(main, assets);
   if (!patched.ok()) return patched;
   if (auto status = WriteFile(scratch / source.main_file, main); !status.ok()) return status;
   return WriteFile(scratch / source.actuator_file, assets);
@@ -230,11 +140,32 @@ absl::Status SetInertials(mjModel* model, std::span<const Inertial> inertials) {
 
 }  // namespace
 
-absl::StatusOr<ModelPtr> CompileFromSources(TrackKind kind, const std::string& package_dir) {
-  const Source& source = SourceOf(kind);
+absl::StatusOr<std::string> Cut(std::string& text, const std::string& begin,
+                                const std::string& end) {
+  const size_t from = text.find(begin);
+  const size_t to = from == std::string::npos ? from : text.find(end, from);
+  if (to == std::string::npos || text.find(begin, to) != std::string::npos) {
+    return absl::InternalError(
+        absl::StrFormat("model patch: expected exactly one %s ... %s", begin, end));
+  }
+  std::string piece = text.substr(from, to + end.size() - from);
+  text.erase(from, piece.size());
+  return piece;
+}
+
+absl::Status InsertBefore(std::string& text, const std::string& marker, const std::string& piece) {
+  const size_t at = text.rfind(marker);
+  if (at == std::string::npos) {
+    return absl::InternalError(absl::StrFormat("model patch: no %s to insert before", marker));
+  }
+  text.insert(at, piece);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<ModelPtr> CompileFromSources(const ModelSource& source, const std::string& package_dir) {
   auto scratch = ScratchFolder::Make();
   if (!scratch.ok()) return scratch.status();
-  if (auto status = FillScratch(kind, package_dir, scratch->path()); !status.ok()) return status;
+  if (auto status = FillScratch(source, package_dir, scratch->path()); !status.ok()) return status;
 
   char error[1000] = "";
   ModelPtr model(mj_loadXML((scratch->path() / source.main_file).c_str(), nullptr, error,
@@ -257,8 +188,7 @@ absl::StatusOr<ModelPtr> CompileFromSources(TrackKind kind, const std::string& p
   return model;
 }
 
-std::string ModelKey(TrackKind kind) {
-  const Source& source = SourceOf(kind);
+std::string ModelKey(const ModelSource& source) {
   Sha256 hash;
   hash.Update(source.pins);
   hash.Update(absl::StrFormat("patch %d mujoco %d %s buffers %d %d %d\n", kPatchRevision,

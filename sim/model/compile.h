@@ -7,20 +7,20 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#include "protocol/track_config.h"
 #include "sim/model/model.h"
+#include "sim/model/source.h"
 
 namespace myograde::sim {
 
-// Compiles the track's model from sources, each of which is checked against its
+// Compiles a model from sources, each of which is checked against its
 // pinned SHA-256: NotFoundError or DataLossError name the first bad file. The
 // package itself is not touched: patched files and links to the others go to a
 // temporary folder that is gone afterwards, so MuJoCo reads nothing but pinned
 // files.
-absl::StatusOr<ModelPtr> CompileFromSources(TrackKind kind, const std::string& package_dir);
+absl::StatusOr<ModelPtr> CompileFromSources(const ModelSource& source, const std::string& package_dir);
 
 // SHA-256 over everything that a compiled model is a function of: the pinned
 // sources, the patches, MuJoCo's version and build.
-std::string ModelKey(TrackKind kind);
+std::string ModelKey(const ModelSource& source);
 
 }  // namespace myograde::sim

@@ -13,7 +13,7 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/sha256.h"
+#include "protocol/base/sha256.h"
 #include "sim/model/compile.h"
 #include "sim/model/file.h"
 
@@ -81,9 +81,9 @@ std::string PackageDir(const std::string& cache_dir) {
   return absl::StrCat(cache_dir, "/myosuite-2.8.4/myosuite");
 }
 
-fs::path CompiledPath(TrackKind kind, const std::string& cache_dir) {
+fs::path CompiledPath(const ModelSource& source, const std::string& cache_dir) {
   return fs::path(cache_dir) / "models" /
-         absl::StrCat(TrackKindName(kind), "-", ModelKey(kind).substr(0, 16), ".mjb");
+         absl::StrCat(absl::string_view(source.name.data(), source.name.size()), "-", ModelKey(source).substr(0, 16), ".mjb");
 }
 
 // A compiled model's file: the SHA-256 of the rest in hexadecimal digits, a
@@ -137,14 +137,14 @@ absl::Status Store(std::string_view sealed, const fs::path& path) {
 
 }  // namespace
 
-absl::StatusOr<ModelPtr> LoadModel(TrackKind kind, const std::string& cache_dir) {
+absl::StatusOr<ModelPtr> LoadModel(const ModelSource& source, const std::string& cache_dir) {
   InstallCallbacks();
   const std::string package = PackageDir(cache_dir);
-  const fs::path path = CompiledPath(kind, cache_dir);
+  const fs::path path = CompiledPath(source, cache_dir);
   if (auto sealed = MappedFile::Open(path.string()); sealed.ok()) {
     return Unseal(sealed->content(), path);
   }
-  auto model = CompileFromSources(kind, package);
+  auto model = CompileFromSources(source, package);
   if (!model.ok()) return model.status();
   // The compiled file only saves time: a cache that can't be written is fine.
   const std::string sealed = Seal(model->get());
@@ -154,15 +154,11 @@ absl::StatusOr<ModelPtr> LoadModel(TrackKind kind, const std::string& cache_dir)
   return Unseal(sealed, path);
 }
 
-absl::Status CompileModels(const std::string& cache_dir) {
+absl::Status CompileModel(const ModelSource& source, const std::string& cache_dir) {
   InstallCallbacks();
-  for (const TrackKind kind : {TrackKind::kManipulation, TrackKind::kLocomotion}) {
-    auto model = CompileFromSources(kind, PackageDir(cache_dir));
-    if (!model.ok()) return model.status();
-    auto status = Store(Seal(model->get()), CompiledPath(kind, cache_dir));
-    if (!status.ok()) return status;
-  }
-  return absl::OkStatus();
+  auto model = CompileFromSources(source, PackageDir(cache_dir));
+  if (!model.ok()) return model.status();
+  return Store(Seal(model->get()), CompiledPath(source, cache_dir));
 }
 
 }  // namespace myograde::sim

@@ -10,7 +10,7 @@
 #include <absl/status/statusor.h>
 #include <mujoco/mujoco.h>
 
-#include "protocol/track_config.h"
+#include "sim/model/source.h"
 
 namespace myograde::sim {
 
@@ -23,7 +23,7 @@ struct DataDeleter {
 using ModelPtr = std::unique_ptr<mjModel, ModelDeleter>;
 using DataPtr = std::unique_ptr<mjData, DataDeleter>;
 
-// Loads the model of a track from `cache_dir` (which holds the unpacked
+// Loads a model from `cache_dir` (which holds the unpacked
 // package under myosuite-2.8.4/ and compiled models under models/). A compiled
 // model is used if its name's hash of pinned sources, patches and MuJoCo
 // version fits; else it is compiled and, where the folder can be written, kept.
@@ -32,9 +32,9 @@ using DataPtr = std::unique_ptr<mjData, DataDeleter>;
 // Errors: NotFoundError names the missing file and `./dev setup`;
 // DataLossError names an altered source file (every one has a pinned SHA-256)
 // or a damaged compiled model (it carries its own).
-absl::StatusOr<ModelPtr> LoadModel(TrackKind kind, const std::string& cache_dir);
+absl::StatusOr<ModelPtr> LoadModel(const ModelSource& source, const std::string& cache_dir);
 
-// Compiles and stores both models (`myograde-sim --compile-models`).
-absl::Status CompileModels(const std::string& cache_dir);
+// Compiles it anew and stores it (`myograde-sim --compile-models`).
+absl::Status CompileModel(const ModelSource& source, const std::string& cache_dir);
 
 }  // namespace myograde::sim

@@ -34,9 +34,9 @@
 #include <mujoco/mujoco.h>
 #include <nlohmann/json.hpp>
 
-#include "protocol/pinned_maths.h"
-#include "protocol/track_config.h"
-#include "sim/factory.h"
+#include "protocol/base/pinned_maths.h"
+#include "protocol/lease/track_config.h"
+#include "sim/tracks.h"
 #include "sim/locomotion/locomotion.h"
 #include "sim/manipulation/environment.h"
 
@@ -278,7 +278,7 @@ int Main(int argc, char** argv) {
   for (const Player& player : players) {
     latency.insert(latency.end(), player.latency.begin(), player.latency.end());
   }
-  nlohmann::json result = {{"track", TrackKindName(config->kind)},
+  nlohmann::json result = {{"track", config->kind->name},
                            {"threads", options.threads},
                            {"leases", options.leases},
                            {"episodes", options.episodes},

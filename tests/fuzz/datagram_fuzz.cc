@@ -2,7 +2,7 @@
 #include <array>
 #include <cstring>
 
-#include "protocol/bus/datagram.h"
+#include "protocol/bridge/datagram.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace myograde;

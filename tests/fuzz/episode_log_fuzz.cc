@@ -4,11 +4,11 @@
 #include <cmath>
 #include <cstring>
 
-#include "protocol/config_reader.h"
-#include "protocol/channels.h"
-#include "protocol/episode_log.h"
-#include "protocol/event_log.h"
-#include "protocol/layout.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/policy/channels.h"
+#include "protocol/log/episode_log.h"
+#include "protocol/log/event_log.h"
+#include "protocol/policy/layout.h"
 #include "server/proof/compare_logs.h"
 #include "server/proof/unpack_log.h"
 #include "tests/fuzz/fuzz.h"
@@ -52,12 +52,12 @@ std::string Cook(fuzz::Input& input) {
   const bool locomotion = (input.Byte() & 1) != 0;
   LogHeader header{.track = Track(locomotion), .config = "c", .episode = input.Byte(),
                    .first = true, .seed = 7, .begun = (input.Byte() & 1) == 0};
-  const double period = ControlPeriod(header.track.kind);
+  const double period = header.track.kind->control_period_s;
   EpisodeLogEncoder encoder(period);
   std::string log;
   encoder.Header(header, log);
   const std::string fingerprint = log.substr(kEventHeadBytes + kLogHeaderChannel.size(), 8);
-  const int size = ActionSize(header.track.kind);
+  const int size = ActionOf(*header.track.kind).size();
   int64_t steps = 0;
   int64_t events = 1;
   const size_t seal = input.Byte();
@@ -107,7 +107,7 @@ std::string Cook(fuzz::Input& input) {
 
 std::string Encode(const EpisodeLog& log) {
   std::string bytes;
-  EpisodeLogEncoder encoder(ControlPeriod(log.header.track.kind));
+  EpisodeLogEncoder encoder(log.header.track.kind->control_period_s);
   encoder.Header(log.header, bytes);
   if (log.start.has_value()) encoder.Start(*log.start, bytes);
   for (int64_t step = 0; step < log.steps(); ++step) {
@@ -124,7 +124,7 @@ void CheckLog(std::string_view bytes) {
     Require(!log.status().message().empty(), "a refusal says why");
     return;
   }
-  Require(log->action_size == ActionSize(log->header.track.kind), "actions have the track's size");
+  Require(log->action_size == ActionOf(*log->header.track.kind).size(), "actions have the track's size");
   Require(log->observations.size() == log->states.size() &&
               log->actions.size() == log->states.size() * static_cast<size_t>(log->action_size),
           "every step is whole");

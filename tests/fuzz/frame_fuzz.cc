@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "protocol/frames.h"
+#include "protocol/bridge/frames.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {

@@ -11,7 +11,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
-#include "protocol/config_reader.h"
+#include "protocol/base/config_reader.h"
 #include "server/api/requests.h"
 #include "server/api/unix_http_server.h"
 #include "tests/fuzz/fuzz.h"

@@ -7,10 +7,10 @@
 #include <absl/strings/str_split.h>
 
 #include "protocol/base/clock.h"
-#include "protocol/config_reader.h"
-#include "protocol/sha256.h"
-#include "server/daemon/results.h"
-#include "server/daemon/standings.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
+#include "server/grading/results.h"
+#include "server/engine/standings.h"
 #include "server/store/connection.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
@@ -134,7 +134,7 @@ void ReadAll(SQLite::Database& db) {
     for (const EvaluationRow& evaluation : evaluations.value_or(std::vector<EvaluationRow>())) {
       const auto read = reader.Episodes(evaluation.id);
       const std::vector<EpisodeRow> rows = read.value_or(std::vector<EpisodeRow>());
-      (void)StandingOf(reader, evaluation.id);
+      (void)ReadStanding(reader, evaluation.id);
       (void)ResultsHash(rows);
       (void)MerkleRootOf(rows);
       for (const EpisodeRow& row : rows) (void)ReceiptEntry(row);

@@ -6,9 +6,9 @@
 #include <memory>
 
 #include "protocol/bridge/inbox.h"
-#include "protocol/channels.h"
+#include "protocol/policy/channels.h"
 #include "tests/fuzz/fuzz.h"
-#include "tests/protocol/messages.h"
+#include "tests/protocol/bridge/messages.h"
 
 using namespace myograde;
 using namespace myograde::bridge;

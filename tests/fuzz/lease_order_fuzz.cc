@@ -1,7 +1,7 @@
 // The order for a lease, a file that another host may have written. The input
 // is a patch over a good order; what is accepted is written and read again.
-#include "protocol/config_reader.h"
-#include "protocol/lease.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/lease/lease.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace myograde;

@@ -1,7 +1,7 @@
 // What a policy prints, on its way into a record and from there onto terminals.
 #include <nlohmann/json.hpp>
 
-#include "server/runner/output_tail.h"
+#include "server/base/output_tail.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace myograde::server;

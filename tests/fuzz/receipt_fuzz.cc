@@ -1,6 +1,6 @@
 // Receipts, which `verify` takes from anybody: parsed, and every claim in them
 // held against what they hold.
-#include "protocol/config_reader.h"
+#include "protocol/base/config_reader.h"
 #include "server/proof/receipt.h"
 #include "tests/fuzz/fuzz.h"
 

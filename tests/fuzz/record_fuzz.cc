@@ -1,6 +1,6 @@
 // Lines that a runner prints: a record that is accepted is written and read
 // again to the same line.
-#include "protocol/lease.h"
+#include "protocol/lease/lease.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace myograde;

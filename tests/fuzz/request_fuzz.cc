@@ -1,8 +1,8 @@
 // What clients send to the API: bodies in JSON and parameters of addresses.
-#include "protocol/config_reader.h"
-#include "protocol/track_config.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/lease/track_config.h"
 #include "server/api/requests.h"
-#include "server/names.h"
+#include "server/base/names.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace myograde;

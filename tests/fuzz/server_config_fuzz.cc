@@ -4,8 +4,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "protocol/config_reader.h"
-#include "server/daemon/server_config.h"
+#include "protocol/base/config_reader.h"
+#include "server/config/server_config.h"
 #include "server/sandbox/sandbox_config.h"
 #include "tests/fuzz/fuzz.h"
 

@@ -4,8 +4,8 @@
 
 #include <utility>
 
-#include "protocol/config_reader.h"
-#include "protocol/sim_channel.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/lease/sim_channel.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace myograde;

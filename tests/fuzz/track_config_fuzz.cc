@@ -1,11 +1,10 @@
 // Track configs as an organiser may write them. Each input is a file that may
 // extend the shipped ones; what is accepted has limits above zero, and its
 // effective form is accepted again with the same hash.
-#include "protocol/config_reader.h"
-#include "protocol/rules_locomotion.h"
-#include "protocol/rules_manipulation.h"
-#include "protocol/track_config.h"
-#include "server/track_scoring.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/lease/track_config.h"
+#include "server/grading/tracks.h"
+#include "sim/tracks.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace myograde;
@@ -72,11 +71,9 @@ MYOGRADE_FUZZ_TARGET(track_config)(const uint8_t* data, size_t size) {
   Require(config->episodes_per_lease >= 1, "a lease has episodes");
   const absl::StatusOr<TrackConfig> again = ParseTrackConfig(config->effective, "again");
   Require(again.ok() && again->hash == config->hash, "the effective config is one of its own");
-  (void)server::ParseTrackScoring(*config);
-  if (config->kind == TrackKind::kManipulation) {
-    (void)ParseManipulationRules(config->rules, "rules");
-  } else {
-    (void)ParseLocomotionRules(config->rules, "rules");
-  }
+  (void)server::MakeTrack(*config);
+  (void)config->kind->max_steps(config->rules);
+  // Parses the rules; there are no models to load.
+  (void)sim::MakeEnvironment(*config, "/nowhere");
   return 0;
 }

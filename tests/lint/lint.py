@@ -18,24 +18,50 @@ ROOT = PARTS | {"configs", "docker", "CMakeLists.txt", "CMakePresets.json", "REA
 # Folder -> (folders of the project it may include, patterns of foreign headers it must not).
 # The longest matching folder counts.
 RULES = {
-    "protocol/base": ({"protocol/base"},
-                      r"lcm/|nlohmann/|mujoco/|openssl/|SQLiteCpp/|httplib|CLI/|spdlog/|sqlite3"),
+    "protocol/base": ({"protocol/base"}, r"lcm/|mujoco/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/"),
+    "protocol/policy": ({"protocol/base", "protocol/policy"},
+                        r"nlohmann/|mujoco/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|archive"),
+    "protocol/tracks": ({"protocol/base", "protocol/policy", "protocol/tracks"},
+                        r"lcm/|mujoco/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|archive"),
+    "protocol/lease": ({"protocol/base", "protocol/policy", "protocol/tracks", "protocol/lease"},
+                       r"lcm/|mujoco/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|archive"),
+    "protocol/log": ({"protocol/base", "protocol/policy", "protocol/tracks", "protocol/lease",
+                      "protocol/log"},
+                     r"mujoco/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|archive"),
     "protocol": ({"protocol"}, r"mujoco/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|archive"),
     "sim": ({"protocol", "sim"}, r"SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|archive|lcm/"),
-    "scoring": ({"protocol/base", "scoring"},
-                r"lcm/|nlohmann/|mujoco/|openssl/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|"
+    # What a track is judged by is read from its config, so JSON is not foreign here.
+    "scoring": ({"protocol/base", "protocol/tracks/episode_facts.h", "scoring"},
+                r"lcm/|mujoco/|openssl/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|"
                 r"absl/time|absl/random|chrono$|random$|fstream$|filesystem$|ctime$|unistd"),
+    "server/base": ({"protocol/base", "server/base"}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
+    "server/scheduler": ({"protocol/base", "server/base", "server/scheduler"},
+                         r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/|fstream$|filesystem$|unistd"),
+    "server/store": ({"protocol", "server/base", "server/store"}, r"mujoco/|lcm/|httplib|CLI/"),
+    "server/config": ({"protocol", "server/base", "server/scheduler", "server/store",
+                       "server/config"}, r"mujoco/|lcm/|httplib|CLI/"),
+    "server/grading": ({"protocol", "scoring", "server/base", "server/store", "server/proof",
+                        "server/grading"}, r"mujoco/|lcm/|httplib|CLI/|fstream$|filesystem$|unistd"),
+    "server/engine": ({"protocol", "scoring"} | {f"server/{part}" for part in (
+        "base", "artefact", "sandbox", "runner", "proof", "scheduler", "store", "config", "grading",
+        "engine")}, r"mujoco/|lcm/|httplib|CLI/"),
+    "server/api": ({"protocol", "scoring"} | {f"server/{part}" for part in (
+        "base", "artefact", "sandbox", "runner", "proof", "scheduler", "store", "config", "grading",
+        "engine", "api")}, r"mujoco/|lcm/|CLI/"),
+    "server/cli": ({"protocol", "scoring"} | {f"server/{part}" for part in (
+        "base", "artefact", "sandbox", "runner", "proof", "scheduler", "store", "config", "grading",
+        "engine", "cli")}, r"mujoco/|lcm/"),
     "server": ({"protocol", "scoring", "server"}, r"mujoco/|lcm/"),
     "policies": ({"protocol", "policies"}, r"mujoco/|SQLiteCpp/|sqlite3|httplib|spdlog/"),
     "tests": (PARTS, r"$^"),
 }
 # Targets of the project that a folder must not link.
 FORBIDDEN_LINKS = {
-    "protocol": r"myograde_(sim|scoring|server|mujoco)\b",
-    "sim": r"myograde_(server|scoring)\b|SQLiteCpp|SQLite",
-    "scoring": r"myograde_(sim|server|protocol|mujoco)\b|LCM|SQLite|nlohmann",
+    "protocol": r"myograde_(sim|scoring|mujoco)\b",
+    "sim": r"myograde_(scoring|store|runner|sandbox|engine|grading)\b|SQLiteCpp|SQLite",
+    "scoring": r"myograde_(sim|lease|episode_log|store|mujoco)\b|LCM|SQLite",
     "server": r"myograde_(sim|mujoco)\b|PkgConfig::LCM",
-    "policies": r"myograde_(sim|server|scoring|mujoco)\b",
+    "policies": r"myograde_(sim|lease|scoring|store|mujoco)\b",
 }
 # The calendar can be set while a deadline runs, so whatever waits or measures counts on the
 # monotonic clock (protocol/base/clock.h). These files alone may ask for the date, and why.
@@ -48,17 +74,24 @@ CALENDAR_USERS = {
     "server/api/api_quota.cc": "quotas are of a day",
     "server/api/api_views.cc": "shows times of day",
     "server/daemon/daemon.cc": "shows when it started",
-    "server/daemon/engine_leases.cc": "stores when a lease will be over, for people to read",
-    "server/daemon/retention.cc": "compares with stored times of day",
+    "server/engine/engine_leases.cc": "stores when a lease will be over, for people to read",
+    "server/engine/retention.cc": "compares with stored times of day",
     "server/store/store.cc": "stamps rows",
     "tests/bench/latency_policy.cc": "is compared with stored times of day",
     "tests/integration/shifted_calendar.c": "shifts it",
     "tests/integration/soak.py": "draws a seed",
     "tests/lint/lint.py": "names them",
     "tests/redteam/programs/c44_guesses_seeds.py": "prints it, to see that no result hangs on it",
-    "tests/server/daemon/retention_test.cc": "compares with times of files",
+    "tests/server/engine/retention_test.cc": "compares with times of files",
     "tests/server/store/quota_test.cc": "compares with stored times of day",
 }
+# A track lives in folders of its own name (protocol/tracks/<track>, sim/<track>, scoring/<track>).
+# These files list the tracks; nothing else in these parts names one.
+TRACKS = {folder.name for folder in pathlib.Path(__file__).parents[2].glob("protocol/tracks/*/")}
+TRACKLESS = {"protocol", "sim", "scoring", "server"}
+REGISTRIES = {"protocol/tracks/CMakeLists.txt", "protocol/tracks/episode_facts.h",
+              "protocol/tracks/registry.cc", "scoring/CMakeLists.txt", "scoring/track.cc",
+              "sim/CMakeLists.txt", "sim/tracks.cc"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 # It throws where reading fails, which a file of /proc does whose process has ended.
 THROWING_READ = re.compile(r"istreambuf_iterator")
@@ -78,10 +111,19 @@ def check_includes(path, text):
     allowed, foreign = RULES[folder]
     for header in INCLUDE.findall(text):
         own = header.split("/")[0] in PARTS and "/" in header
-        if own and not any(header.startswith(part + "/") for part in allowed):
+        if own and not any(header == part or header.startswith(part + "/") for part in allowed):
             yield f"includes {header}, which {folder}/ must not"
         elif not own and re.match(foreign, header):
             yield f"includes <{header}>, which {folder}/ must not"
+
+
+def check_tracks(path, text):
+    folders = path.split("/")
+    if folders[0] not in TRACKLESS or TRACKS & set(folders) or path in REGISTRIES:
+        return
+    for name in sorted(TRACKS):
+        if re.search(name, text, re.IGNORECASE):
+            yield f"names the track {name}, which its own folders and the registries alone may"
 
 
 def check_links(path, text):
@@ -105,6 +147,7 @@ def check_file(root, file):
         problems.append("has a mark of unfinished work")
     if file.suffix in (".h", ".cc"):
         problems += check_includes(path, text)
+    problems += check_tracks(path, text)
     if CALENDAR.search(text) and path not in CALENDAR_USERS:
         problems.append("asks the calendar for the time; count on the monotonic clock "
                         "(protocol/base/clock.h), or say in lint.py why it needs the date")
@@ -144,7 +187,7 @@ def check_root(root):
 
 def main():
     root = pathlib.Path(sys.argv[1]).resolve()
-    suffixes = {".h", ".cc", ".c", ".py", ".lcm", ".txt", ".cmake"}
+    suffixes = {".h", ".cc", ".c", ".py", ".lcm", ".txt", ".cmake", ".in", ".sql"}
     files = sorted(f for part in PARTS for f in (root / part).rglob("*")
                    if f.is_file() and f.suffix in suffixes)
     if not files:

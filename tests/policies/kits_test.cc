@@ -14,10 +14,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "protocol/channels.h"
-#include "protocol/layout.h"
+#include "protocol/policy/channels.h"
+#include "protocol/tracks/locomotion/track.h"
+#include "protocol/tracks/manipulation/track.h"
+#include "protocol/tracks/registry.h"
 #include "sim/episode/messages.h"
-#include "tests/protocol/bridge_world.h"
+#include "tests/protocol/bridge/bridge_world.h"
 
 namespace myograde {
 namespace {
@@ -31,13 +33,13 @@ std::string PoliciesDir() { return MYOGRADE_POLICIES_DIR; }
 class Grader {
  public:
   // Starts the policy in the folder that it would be submitted as.
-  Grader(const std::string& folder, const std::vector<std::string>& command, TrackKind track,
+  Grader(const std::string& folder, const std::vector<std::string>& command, const TrackKind& track,
          const std::vector<std::string>& options = {}) {
     const std::filesystem::path before = std::filesystem::current_path();
     std::filesystem::current_path(PoliciesDir() + "/" + folder);
     world_.emplace(command, options);
     std::filesystem::current_path(before);
-    config_.kind = track;
+    config_.kind = &track;
     config_.profile = "paper";
     config_.budgets = {};
     config_.budgets.step_s = 1;
@@ -58,9 +60,9 @@ class Grader {
   }
   // Asks with an observation whose entries are all `value`.
   void SendObservation(int64_t episode, int64_t step, double value) {
-    const int size = ObservationSize(config_.kind);
+    const int size = ObservationOf(*config_.kind).size();
     for (double& entry : messages_.ObservationValues(size)) entry = value;
-    const auto action_size = static_cast<uint32_t>(ActionSize(config_.kind));
+    const auto action_size = static_cast<uint32_t>(ActionOf(*config_.kind).size());
     Send(messages_.Observation(episode, step, action_size));
   }
   // True if the policy gives up when it is asked so.
@@ -138,9 +140,13 @@ class EveryPolicyTest : public KitsTest, public ::testing::WithParamInterface<Bu
 
 // Same step asked again: same answer, and the policy has not moved on.
 TEST_P(EveryPolicyTest, AnswersTheSameStepTwiceAlikeAndTheNextOnesAsIfNothingWas) {
-  for (const TrackKind track : {TrackKind::kManipulation, TrackKind::kLocomotion}) {
-    if (GetParam().folder == "scripted-manipulation" && track == TrackKind::kLocomotion) continue;
-    if (GetParam().folder == "scripted-locomotion" && track == TrackKind::kManipulation) continue;
+  for (const TrackKind* kind : AllTracks()) {
+    const TrackKind& track = *kind;
+    // A scripted policy plays the track of its name.
+    if (GetParam().folder.starts_with("scripted-") &&
+        GetParam().folder != "scripted-" + std::string(track.name)) {
+      continue;
+    }
     std::vector<Values> once;
     {
       Grader grader(GetParam().folder, GetParam().command, track);
@@ -152,7 +158,7 @@ TEST_P(EveryPolicyTest, AnswersTheSameStepTwiceAlikeAndTheNextOnesAsIfNothingWas
     ASSERT_TRUE(grader.Start(0, 42).ok());
     for (int step = 0; step < 4; ++step) {
       const Values first = grader.Ask(0, step, 0.1 * step);
-      EXPECT_EQ(first.size(), static_cast<size_t>(ActionSize(track)));
+      EXPECT_EQ(first.size(), static_cast<size_t>(ActionOf(track).size()));
       EXPECT_EQ(grader.Ask(0, step, 0.1 * step), first);
       EXPECT_EQ(first, once[static_cast<size_t>(step)]) << step;
     }
@@ -175,14 +181,14 @@ INSTANTIATE_TEST_SUITE_P(
     });
 
 TEST_F(KitsTest, ZeroIsZero) {
-  Grader grader("zero", {"./zero"}, TrackKind::kManipulation);
+  Grader grader("zero", {"./zero"}, ManipulationTrack());
   grader.Begin(1);
   EXPECT_THAT(grader.Ask(0, 0, 0.5), Each(0.0));
 }
 
 TEST_F(KitsTest, RandomFollowsItsSeedAndNothingElse) {
   const auto first_action = [](uint64_t seed) {
-    Grader grader("random", {"./random"}, TrackKind::kLocomotion);
+    Grader grader("random", {"./random"}, LocomotionTrack());
     grader.Begin(seed);
     return grader.Ask(0, 0, 0);
   };
@@ -208,7 +214,7 @@ TEST_F(KitsTest, TheProtocolPagesExampleCanBeGraded) {
   // `import myograde` finds what lcm-gen made, in the kit's folder.
   const std::string path = absl::StrCat(PoliciesDir(), "/kit-python:", std::getenv("PYTHONPATH"));
   setenv("PYTHONPATH", path.c_str(), 1);
-  Grader grader("zero", {MYOGRADE_PYTHON, file}, TrackKind::kLocomotion);
+  Grader grader("zero", {MYOGRADE_PYTHON, file}, LocomotionTrack());
   grader.Begin(1);
   const Values first = grader.Ask(0, 0, 0.5);
   EXPECT_EQ(first, Values(55, 0.0));
@@ -219,7 +225,7 @@ TEST_F(KitsTest, TheProtocolPagesExampleCanBeGraded) {
 }
 
 TEST_F(KitsTest, ThePoliciesPagesExampleInCppCanBeGraded) {
-  Grader grader("zero", {MYOGRADE_DOCUMENTED}, TrackKind::kManipulation);
+  Grader grader("zero", {MYOGRADE_DOCUMENTED}, ManipulationTrack());
   grader.Begin(1);
   EXPECT_EQ(grader.Ask(0, 0, 0.5), Values(80, -1.0));
 }
@@ -253,7 +259,7 @@ myograde_kit.run(Impatient())
 TEST_F(KitsTest, APolicyMayGiveAnEpisodeUp) {
   for (const std::vector<std::string>& command :
        {std::vector<std::string>{MYOGRADE_GIVES_UP}, PythonPolicy("gives_up", kGivesUp)}) {
-    Grader grader("zero", command, TrackKind::kManipulation);
+    Grader grader("zero", command, ManipulationTrack());
     grader.Begin(1);
     EXPECT_EQ(grader.Ask(0, 0, 0.25), Values(80, 1));
     EXPECT_TRUE(grader.GivesUp(0, 1, 0.75));
@@ -286,7 +292,7 @@ TEST_F(KitsTest, APolicyEndsInOrderAfterItsLastEpisode) {
   for (const std::vector<std::string>& command :
        {std::vector<std::string>{MYOGRADE_GIVES_UP, file}, python}) {
     std::filesystem::remove(file);
-    Grader grader("zero", command, TrackKind::kManipulation, {"--farewell", "20000"});
+    Grader grader("zero", command, ManipulationTrack(), {"--farewell", "20000"});
     grader.Begin(1);
     grader.Ask(0, 0, 0.25);
     grader.HangUp();
@@ -298,7 +304,7 @@ TEST_F(KitsTest, APolicyEndsInOrderAfterItsLastEpisode) {
 TEST_F(KitsTest, ARefusedPolicyEndsWithAnError) {
   for (const Bundled& policy : {Bundled{"zero", {"./zero"}},
                                 Bundled{"python-example", {MYOGRADE_PYTHON, "policy.py"}}}) {
-    Grader grader(policy.folder, policy.command, TrackKind::kManipulation);
+    Grader grader(policy.folder, policy.command, ManipulationTrack());
     ASSERT_TRUE(grader.AwaitHello().ok());
     grader.Welcome(false);
     EXPECT_EQ(grader.AwaitFault(), "the policy's process exited with status 1");

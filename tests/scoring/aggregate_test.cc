@@ -8,28 +8,47 @@
 namespace myograde::scoring {
 namespace {
 
+// What a track could be judged by.
+constexpr Metric kMetrics[] = {
+    {.name = "time_s", .title = "time", .unit = "s"},
+    {.name = "effort", .title = "effort", .unit = ""},
+    {.name = "pain", .title = "pain", .unit = ""},
+    {.name = "effort_sum", .title = "effort sum", .unit = ""},
+    {.name = "pain_sum", .title = "pain sum", .unit = ""},
+    {.name = "effort_over_steps", .title = "effort", .unit = "",
+     .source = Metric::Source::kOverSteps, .of = "effort_sum"},
+    {.name = "pain_over_steps", .title = "pain", .unit = "",
+     .source = Metric::Source::kOverSteps, .of = "pain_sum"},
+};
+enum Place : size_t { kTime, kEffort, kPain, kEffortSum, kPainSum, kEffortOverSteps, kPainOverSteps };
+
+absl::StatusOr<Aggregate> AggregateOf(std::vector<JudgedEpisode> episodes) {
+  return AggregateEpisodes(kMetrics, std::move(episodes));
+}
+
 JudgedEpisode Episode(int64_t index, Outcome outcome, double time,
                       std::optional<double> effort = std::nullopt) {
   JudgedEpisode episode{.index = index, .judgement = {}};
   episode.judgement.outcome = outcome;
-  episode.judgement.metrics.time = time;
-  episode.judgement.metrics.effort = effort;
+  episode.judgement.metrics.resize(std::size(kMetrics));
+  episode.judgement.metrics[kTime] = time;
+  episode.judgement.metrics[kEffort] = effort;
   return episode;
 }
 
 TEST(Aggregate, MeansLeaveOutWhatHasNoResultAndNoSteps) {
-  const auto got = AggregateEpisodes({Episode(0, Outcome::kSuccess, 4, 0.2),
+  const auto got = AggregateOf({Episode(0, Outcome::kSuccess, 4, 0.2),
                                       Episode(1, Outcome::kCrash, 10),
                                       Episode(2, Outcome::kGraderError, 1e9, 7),
                                       Episode(3, Outcome::kCancelled, 1e9, 7)});
   ASSERT_TRUE(got.ok());
   EXPECT_EQ(got->episodes, 2);
   EXPECT_EQ(got->successes, 1);
-  EXPECT_EQ(got->time.value, 7);
-  EXPECT_EQ(got->effort.value, 0.2);
-  EXPECT_EQ(got->effort.count, 1);
+  EXPECT_EQ(got->means[kTime].value, 7);
+  EXPECT_EQ(got->means[kEffort].value, 0.2);
+  EXPECT_EQ(got->means[kEffort].count, 1);
   EXPECT_FALSE(got->failed);
-  EXPECT_NEAR(got->time.spread.deviation, 4.242640687119285, 1e-12);
+  EXPECT_NEAR(got->means[kTime].spread.deviation, 4.242640687119285, 1e-12);
 }
 
 // A walk of 60,000 steps and four falls: means of episodes' means would make the pain of the
@@ -38,37 +57,39 @@ TEST(Aggregate, MeansOverStepsDoNotRewardFallingAtOnce) {
   std::vector<JudgedEpisode> episodes;
   for (int64_t i = 0; i < 5; ++i) {
     JudgedEpisode episode = Episode(i, Outcome::kFailure, 1);
-    Metrics& metrics = episode.judgement.metrics;
-    metrics.steps = i == 0 ? 60000 : 10;
-    metrics.pain_sum = i == 0 ? 6000 : 0;
-    metrics.effort_sum = i == 0 ? 12000 : 0;
-    metrics.pain = metrics.pain_sum / static_cast<double>(metrics.steps);
+    const int64_t steps = i == 0 ? 60000 : 10;
+    episode.judgement.steps = steps;
+    auto& metrics = episode.judgement.metrics;
+    metrics[kPainSum] = i == 0 ? 6000 : 0;
+    metrics[kEffortSum] = i == 0 ? 12000 : 0;
+    metrics[kPain] = *metrics[kPainSum] / static_cast<double>(steps);
     episodes.push_back(episode);
   }
-  const auto got = AggregateEpisodes(episodes);
+  const auto got = AggregateOf(episodes);
   ASSERT_TRUE(got.ok());
-  EXPECT_DOUBLE_EQ(got->pain.value, 0.02);
-  EXPECT_DOUBLE_EQ(*got->pain_over_steps, 6000.0 / 60040);
-  EXPECT_DOUBLE_EQ(*got->effort_over_steps, 12000.0 / 60040);
+  EXPECT_DOUBLE_EQ(got->means[kPain].value, 0.02);
+  EXPECT_DOUBLE_EQ(got->means[kPainOverSteps].value, 6000.0 / 60040);
+  EXPECT_DOUBLE_EQ(got->means[kEffortOverSteps].value, 12000.0 / 60040);
 }
 
 TEST(Aggregate, WithoutAStepThereIsNoMeanOverSteps) {
-  const auto got = AggregateEpisodes({Episode(0, Outcome::kCrash, 10)});
+  const auto got = AggregateOf({Episode(0, Outcome::kCrash, 10)});
   ASSERT_TRUE(got.ok());
-  EXPECT_FALSE(got->effort_over_steps || got->pain_over_steps);
-  EXPECT_EQ(got->max_touch.count, 0);
+  EXPECT_EQ(got->means[kEffortOverSteps].count, 0);
+  EXPECT_EQ(got->means[kPainOverSteps].count, 0);
+  EXPECT_EQ(got->means[kEffort].count, 0);
 }
 
 TEST(Aggregate, FailsWhenEveryEpisodeIsTheParticipantsFault) {
-  EXPECT_TRUE(AggregateEpisodes({Episode(0, Outcome::kCrash, 10)})->failed);
-  EXPECT_TRUE(AggregateEpisodes({})->failed);
-  EXPECT_FALSE(AggregateEpisodes({Episode(0, Outcome::kFailure, 10)})->failed);
+  EXPECT_TRUE(AggregateOf({Episode(0, Outcome::kCrash, 10)})->failed);
+  EXPECT_TRUE(AggregateOf({})->failed);
+  EXPECT_FALSE(AggregateOf({Episode(0, Outcome::kFailure, 10)})->failed);
 }
 
 TEST(Aggregate, RefusesAnEpisodeThatIsThereTwice) {
   EXPECT_FALSE(
-      AggregateEpisodes({Episode(1, Outcome::kCrash, 1), Episode(1, Outcome::kCrash, 1)}).ok());
-  EXPECT_FALSE(AggregateEpisodes({Episode(-1, Outcome::kCrash, 1)}).ok());
+      AggregateOf({Episode(1, Outcome::kCrash, 1), Episode(1, Outcome::kCrash, 1)}).ok());
+  EXPECT_FALSE(AggregateOf({Episode(-1, Outcome::kCrash, 1)}).ok());
 }
 
 RC_GTEST_PROP(Aggregate, GivesTheSameBitsInAnyOrder, (const std::vector<int>& values)) {
@@ -77,12 +98,12 @@ RC_GTEST_PROP(Aggregate, GivesTheSameBitsInAnyOrder, (const std::vector<int>& va
     const auto index = static_cast<int64_t>(episodes.size());
     episodes.push_back(Episode(index, Outcome::kFailure, value / 7.0, value / 3.0));
   }
-  const auto forward = AggregateEpisodes(episodes);
+  const auto forward = AggregateOf(episodes);
   std::reverse(episodes.begin(), episodes.end());
-  const auto backward = AggregateEpisodes(episodes);
-  RC_ASSERT(forward->time.value == backward->time.value);
-  RC_ASSERT(forward->effort.value == backward->effort.value);
-  RC_ASSERT(forward->time.spread.deviation == backward->time.spread.deviation);
+  const auto backward = AggregateOf(episodes);
+  RC_ASSERT(forward->means[kTime].value == backward->means[kTime].value);
+  RC_ASSERT(forward->means[kEffort].value == backward->means[kEffort].value);
+  RC_ASSERT(forward->means[kTime].spread.deviation == backward->means[kTime].spread.deviation);
 }
 
 }  // namespace

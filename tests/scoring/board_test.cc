@@ -10,12 +10,35 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include "protocol/config_reader.h"
+#include "protocol/base/config_reader.h"
 
 namespace myograde::scoring {
 namespace {
 
 using nlohmann::json;
+
+// The numbers of the tests' entries, and boards over them.
+enum Number : size_t { kMeanDistance, kMeanTime, kMeanEffort, kMeanPain, kEffortOfSteps, kPainOfSteps, kNumbers };
+
+TieredBoard Tiered(TieredBoard board = {}) {
+  board.time = kMeanTime;
+  board.effort = kMeanEffort;
+  return board;
+}
+
+DistanceBoard OfDistance(DistanceBoard board = {}) {
+  board.distance = kMeanDistance;
+  board.time = kMeanTime;
+  return board;
+}
+
+PhysiologicalBoard Physiological(MeansOver means = MeansOver::kSteps) {
+  const bool steps = means == MeansOver::kSteps;
+  return {.means = means,
+          .distance = kMeanDistance,
+          .pain = steps ? kPainOfSteps : kMeanPain,
+          .effort = steps ? kEffortOfSteps : kMeanEffort};
+}
 
 BoardEntry EntryOf(const json& row) {
   BoardEntry entry;
@@ -26,23 +49,28 @@ BoardEntry EntryOf(const json& row) {
   entry.failed = row.value("failed", false);
   entry.successes = row.value("successes", 0);
   entry.episodes = 100;
-  entry.time = row.value("time", 0.0);
-  entry.distance = row.value("distance", 0.0);
-  if (row.contains("effort")) entry.effort = row["effort"].get<double>();
-  if (row.contains("pain")) entry.pain = row["pain"].get<double>();
-  if (row.contains("effort_over_steps")) entry.effort_over_steps = row["effort_over_steps"];
-  if (row.contains("pain_over_steps")) entry.pain_over_steps = row["pain_over_steps"];
+  entry.numbers.resize(kNumbers);
+  entry.numbers[kMeanTime] = row.value("time", 0.0);
+  entry.numbers[kMeanDistance] = row.value("distance", 0.0);
+  if (row.contains("effort")) entry.numbers[kMeanEffort] = row["effort"].get<double>();
+  if (row.contains("pain")) entry.numbers[kMeanPain] = row["pain"].get<double>();
+  if (row.contains("effort_over_steps")) {
+    entry.numbers[kEffortOfSteps] = row["effort_over_steps"].get<double>();
+  }
+  if (row.contains("pain_over_steps")) {
+    entry.numbers[kPainOfSteps] = row["pain_over_steps"].get<double>();
+  }
   return entry;
 }
 
 BoardRules RulesOf(const json& board) {
   const std::string kind = board.at("kind");
-  if (kind == "distance") return DistanceBoard{.band = board.value("band", 0.0)};
+  if (kind == "distance") return OfDistance({.band = board.value("band", 0.0)});
   if (kind == "physiological") {
     const bool steps = board.value("means", "steps") == "steps";
-    return PhysiologicalBoard{.means = steps ? MeansOver::kSteps : MeansOver::kEpisodes};
+    return Physiological(steps ? MeansOver::kSteps : MeansOver::kEpisodes);
   }
-  TieredBoard tiered;
+  TieredBoard tiered = Tiered();
   if (board.value("bands", "time") == "success") tiered.bands = BandsOver::kSuccess;
   if (board.value("ties", "time") == "acceptance") tiered.ties = Ties::kAcceptance;
   return tiered;
@@ -91,47 +119,50 @@ TEST(Board, TellsItsOrderInWords) {
   using testing::AllOf;
   using testing::HasSubstr;
   EXPECT_THAT(
-      DescribeOrder(TieredBoard{.line_successes = 8, .line_episodes = 9}),
+      DescribeOrder(Tiered({.line_successes = 8, .line_episodes = 9})),
       AllOf(HasSubstr("at least 8 of 9 successes"), HasSubstr("bands of mean time"),
             HasSubstr("1.1 times"), HasSubstr("equal by less mean time, then by less effort"),
             HasSubstr("order of acceptance")));
-  const TieredBoard by_acceptance{.ties = Ties::kAcceptance};
+  const TieredBoard by_acceptance = Tiered({.ties = Ties::kAcceptance});
   EXPECT_THAT(DescribeOrder(by_acceptance), HasSubstr("effort does not count below that line"));
-  EXPECT_THAT(DescribeOrder(TieredBoard{.bands = BandsOver::kSuccess}),
+  EXPECT_THAT(DescribeOrder(Tiered({.bands = BandsOver::kSuccess})),
               HasSubstr("bands of the success rate"));
-  EXPECT_THAT(DescribeOrder(DistanceBoard{.time_from_m = 25}), HasSubstr("at least 25 m"));
-  EXPECT_THAT(DescribeOrder(DistanceBoard{.band = 0.25}), HasSubstr("distance times 1.25"));
-  EXPECT_THAT(DescribeOrder(PhysiologicalBoard{}), HasSubstr("both over all steps"));
-  EXPECT_THAT(DescribeOrder(PhysiologicalBoard{.means = MeansOver::kEpisodes}),
+  EXPECT_THAT(DescribeOrder(OfDistance({.time_from_m = 25})), HasSubstr("at least 25 m"));
+  EXPECT_THAT(DescribeOrder(OfDistance({.band = 0.25})), HasSubstr("distance times 1.25"));
+  EXPECT_THAT(DescribeOrder(Physiological()), HasSubstr("both over all steps"));
+  EXPECT_THAT(DescribeOrder(Physiological(MeansOver::kEpisodes)),
               HasSubstr("both over episodes"));
   // The words of the line hold: by acceptance neither time nor effort moves anybody. Whoever
   // changes that changes the words.
   BoardEntry first{.submission = "first", .team = "a", .acceptance = 1};
   first.successes = 1;
   first.episodes = 100;
-  first.time = 9;
-  first.effort = 0.9;
+  first.numbers.resize(kNumbers);
+  first.numbers[kMeanTime] = 9;
+  first.numbers[kMeanEffort] = 0.9;
   BoardEntry second = first;
   second.submission = "second";
   second.team = "b";
   second.acceptance = 2;
-  second.time = second.effort.emplace(0.1);
+  second.numbers[kMeanTime] = second.numbers[kMeanEffort] = 0.1;
   const auto board = Rank({second, first}, by_acceptance, TeamRule::kBest);
   ASSERT_TRUE(board.ok()) << board.status();
   EXPECT_EQ(Names(*board), (std::vector<std::string>{"first", "second"}));
-  const auto by_time = Rank({second, first}, TieredBoard{}, TeamRule::kBest);
+  const auto by_time = Rank({second, first}, Tiered(), TeamRule::kBest);
   ASSERT_TRUE(by_time.ok()) << by_time.status();
   EXPECT_EQ(Names(*by_time), (std::vector<std::string>{"second", "first"}));
 }
 
 TEST(Board, RefusesNumbersThatAreNone) {
   BoardEntry entry{.submission = "s", .team = "t", .episodes = 100};
-  entry.time = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_FALSE(Rank({entry}, TieredBoard{}, TeamRule::kBest).ok());
-  entry.time = 1;
-  EXPECT_FALSE(Rank({entry, entry}, TieredBoard{}, TeamRule::kBest).ok()) << "same acceptance";
+  EXPECT_FALSE(Rank({entry}, Tiered(), TeamRule::kBest).ok()) << "none of the numbers";
+  entry.numbers.resize(kNumbers);
+  entry.numbers[kMeanTime] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(Rank({entry}, Tiered(), TeamRule::kBest).ok());
+  entry.numbers[kMeanTime] = 1;
+  EXPECT_FALSE(Rank({entry, entry}, Tiered(), TeamRule::kBest).ok()) << "same acceptance";
   entry.successes = 101;
-  EXPECT_FALSE(Rank({entry}, TieredBoard{}, TeamRule::kBest).ok());
+  EXPECT_FALSE(Rank({entry}, Tiered(), TeamRule::kBest).ok());
 }
 
 // Few different values, so that ties, zeros of both signs and the smallest doubles are common.
@@ -150,12 +181,13 @@ std::vector<BoardEntry> SomeEntries() {
     entry.chosen = *rc::gen::arbitrary<bool>();
     entry.episodes = 100;
     entry.successes = *rc::gen::inRange(85, 96);
-    entry.time = *Values();
-    if (*rc::gen::inRange(0, 9) > 0) entry.effort = *Values();
-    if (*rc::gen::inRange(0, 9) > 0) entry.pain = *Values();
-    if (*rc::gen::inRange(0, 9) > 0) entry.effort_over_steps = *Values();
-    if (*rc::gen::inRange(0, 9) > 0) entry.pain_over_steps = *Values();
-    entry.distance = *Values();
+    entry.numbers.resize(kNumbers);
+    entry.numbers[kMeanTime] = *Values();
+    if (*rc::gen::inRange(0, 9) > 0) entry.numbers[kMeanEffort] = *Values();
+    if (*rc::gen::inRange(0, 9) > 0) entry.numbers[kMeanPain] = *Values();
+    if (*rc::gen::inRange(0, 9) > 0) entry.numbers[kEffortOfSteps] = *Values();
+    if (*rc::gen::inRange(0, 9) > 0) entry.numbers[kPainOfSteps] = *Values();
+    entry.numbers[kMeanDistance] = *Values();
     entries.push_back(entry);
   }
   return entries;
@@ -163,13 +195,13 @@ std::vector<BoardEntry> SomeEntries() {
 
 BoardRules SomeRules() {
   return *rc::gen::element<BoardRules>(
-      TieredBoard{}, TieredBoard{.bands = BandsOver::kSuccess},
-      TieredBoard{.ties = Ties::kAcceptance}, DistanceBoard{}, PhysiologicalBoard{},
-      PhysiologicalBoard{.means = MeansOver::kEpisodes});
+      Tiered(), Tiered({.bands = BandsOver::kSuccess}),
+      Tiered({.ties = Ties::kAcceptance}), OfDistance(), Physiological(),
+      Physiological(MeansOver::kEpisodes));
 }
 
 BoardRules RulesWithBands() {
-  return *rc::gen::element<BoardRules>(TieredBoard{}, DistanceBoard{.band = 0.1});
+  return *rc::gen::element<BoardRules>(Tiered(), OfDistance({.band = 0.1}));
 }
 
 RC_GTEST_PROP(Board, DoesNotDependOnTheOrderOfItsInput, ()) {
@@ -185,7 +217,7 @@ RC_GTEST_PROP(Board, DoesNotDependOnTheOrderOfItsInput, ()) {
 
 RC_GTEST_PROP(Board, HasEveryTeamOnceAndRanksWithoutGaps, ()) {
   const std::vector<BoardEntry> entries = SomeEntries();
-  const auto board = *Rank(entries, TieredBoard{}, TeamRule::kBest);
+  const auto board = *Rank(entries, Tiered(), TeamRule::kBest);
   std::set<std::string> expected, got;
   for (const BoardEntry& entry : entries) expected.insert(entry.team);
   for (size_t i = 0; i < board.size(); ++i) {
@@ -203,15 +235,16 @@ RC_GTEST_PROP(Board, ANewTeamLeavesTheOrderOfTheOthers, ()) {
   const BoardRules rules = SomeRules();
   const auto before = Names(*Rank(entries, rules, TeamRule::kBest));
   BoardEntry added{.submission = "new", .team = "new", .acceptance = 99, .episodes = 100};
-  added.time = 1000;
-  added.effort = 1000;
+  added.numbers.resize(kNumbers);
+  added.numbers[kMeanTime] = 1000;
+  added.numbers[kMeanEffort] = 1000;
   if (std::holds_alternative<TieredBoard>(rules)) {
     added.successes = *rc::gen::element(0, 85);
   } else {
-    added.time = *Values();
-    added.pain = *Values();
-    added.pain_over_steps = *Values();
-    added.distance = *Values();
+    added.numbers[kMeanTime] = *Values();
+    added.numbers[kMeanPain] = *Values();
+    added.numbers[kPainOfSteps] = *Values();
+    added.numbers[kMeanDistance] = *Values();
   }
   entries.push_back(added);
   auto after = Names(*Rank(entries, rules, TeamRule::kBest));
@@ -222,23 +255,23 @@ RC_GTEST_PROP(Board, ANewTeamLeavesTheOrderOfTheOthers, ()) {
 // Whoever opens a band of distance is followed by nobody of it who is faster, and nobody of a
 // later band is within the factor of what opened the one before.
 RC_GTEST_PROP(Board, BandsOfDistanceHoldWhatIsNear, ()) {
-  const DistanceBoard rules{.band = 0.1};
+  const DistanceBoard rules = OfDistance({.band = 0.1});
   const auto board = *Rank(SomeEntries(), rules, TeamRule::kBest);
   for (size_t i = 1; i < board.size(); ++i) {
     const RankedEntry& above = board[i - 1];
     const RankedEntry& below = board[i];
     if (below.band < 0) {
-      RC_ASSERT(above.entry.distance >= below.entry.distance);
+      RC_ASSERT(*above.entry.numbers[kMeanDistance] >= *below.entry.numbers[kMeanDistance]);
       continue;
     }
     RC_ASSERT(above.band >= 0);
-    RC_ASSERT(above.entry.distance >= 20);
+    RC_ASSERT(*above.entry.numbers[kMeanDistance] >= 20);
     if (above.band == below.band) {
-      RC_ASSERT(above.entry.time <= below.entry.time);
-      RC_ASSERT(below.entry.distance * 1.1 >= above.band_opener);
+      RC_ASSERT(*above.entry.numbers[kMeanTime] <= *below.entry.numbers[kMeanTime]);
+      RC_ASSERT(*below.entry.numbers[kMeanDistance] * 1.1 >= above.band_opener);
     } else {
       RC_ASSERT(below.band == above.band + 1);
-      RC_ASSERT(below.entry.distance * 1.1 < above.band_opener);
+      RC_ASSERT(*below.entry.numbers[kMeanDistance] * 1.1 < above.band_opener);
     }
   }
 }
@@ -255,19 +288,20 @@ RC_GTEST_PROP(Board, PairsThatFollowEachOtherMakeTheWholeBoard, ()) {
     entry.submission = entry.team = std::string(1, static_cast<char>('a' + i));
     entry.episodes = 100;
     entry.acceptance = i;
-    entry.effort = *Values();
-    entry.pain = *Values();
-    entry.effort_over_steps = *Values();
-    entry.pain_over_steps = *Values();
-    entry.distance = *rc::gen::element(20.0, 100.0);  // all qualify for the physiological board
-    entry.time = *Values();
+    entry.numbers.resize(kNumbers);
+    entry.numbers[kMeanEffort] = *Values();
+    entry.numbers[kMeanPain] = *Values();
+    entry.numbers[kEffortOfSteps] = *Values();
+    entry.numbers[kPainOfSteps] = *Values();
+    entry.numbers[kMeanDistance] = *rc::gen::element(20.0, 100.0);  // all qualify for the physiological board
+    entry.numbers[kMeanTime] = *Values();
     entries.push_back(entry);
   }
   if (std::holds_alternative<TieredBoard>(rules)) {
     const bool below = *rc::gen::arbitrary<bool>();
     for (BoardEntry& entry : entries) {
       entry.successes = below ? *rc::gen::inRange(80, 90) : 95;
-      if (!below) entry.time = *rc::gen::element(10.0, 10.5, 11.0);
+      if (!below) entry.numbers[kMeanTime] = *rc::gen::element(10.0, 10.5, 11.0);
     }
   }
   const auto above = [&](const BoardEntry& x, const BoardEntry& y) {

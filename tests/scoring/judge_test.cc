@@ -1,10 +1,11 @@
-#include "scoring/judge.h"
-
 #include <filesystem>
 
 #include <gtest/gtest.h>
 
-#include "protocol/config_reader.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/tracks/registry.h"
+#include "scoring/locomotion/judge.h"
+#include "scoring/manipulation/judge.h"
 
 namespace myograde::scoring {
 namespace {
@@ -68,12 +69,14 @@ TEST(Judge, AgreesWithTheTables) {
       const EpisodeFacts facts = FactsOf(expected.at("facts"), manipulation);
       const Judgement got = JudgeBy(table->at("rules"), facts, manipulation);
       EXPECT_EQ(OutcomeName(got.outcome), expected.at("outcome").get<std::string>());
-      EXPECT_EQ(FailureReasonName(got.reason), expected.at("reason").get<std::string>());
+      EXPECT_EQ(got.reason.name(), expected.at("reason").get<std::string>());
       if (expected.contains("time")) {
-        EXPECT_EQ(got.metrics.time, expected["time"].get<double>());
+        const size_t time = manipulation ? size_t{ManipulationMetric::kTime}
+                                         : size_t{LocomotionMetric::kTime};
+        EXPECT_EQ(got.metrics[time], expected["time"].get<double>());
       }
       if (expected.contains("distance")) {
-        EXPECT_EQ(got.metrics.distance, expected["distance"].get<double>());
+        EXPECT_EQ(got.metrics[LocomotionMetric::kDistance], expected["distance"].get<double>());
       }
       ++cases;
     }
@@ -86,10 +89,10 @@ TEST(Judge, AFaultBeforeTheFirstStepHasNeitherEffortNorPain) {
   facts.fault.outcome = Outcome::kInitTimeout;
   const Judgement got = Judge(facts, LocomotionJudging{});
   EXPECT_EQ(got.outcome, Outcome::kInitTimeout);
-  EXPECT_FALSE(got.metrics.effort.has_value());
-  EXPECT_FALSE(got.metrics.pain.has_value());
-  EXPECT_EQ(got.metrics.time, 300);
-  EXPECT_EQ(got.metrics.distance, 0);
+  EXPECT_FALSE(got.metrics[LocomotionMetric::kEffort].has_value());
+  EXPECT_FALSE(got.metrics[LocomotionMetric::kPain].has_value());
+  EXPECT_EQ(got.metrics[LocomotionMetric::kTime], 300);
+  EXPECT_EQ(got.metrics[LocomotionMetric::kDistance], 0);
 }
 
 }  // namespace

@@ -30,8 +30,8 @@
 
 #include <absl/strings/str_format.h>
 
-#include "protocol/config_reader.h"
-#include "protocol/sim_channel.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/lease/sim_channel.h"
 
 namespace myograde::sim {
 namespace {

@@ -12,7 +12,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "protocol/layout.h"
+#include "protocol/tracks/locomotion/track.h"
+#include "protocol/tracks/manipulation/track.h"
+#include "sim/locomotion/model.h"
+#include "sim/manipulation/model.h"
+#include "sim/tracks.h"
 #include "tests/sim/golden.h"
 
 namespace myograde::sim {
@@ -46,13 +50,13 @@ class CacheCopy : public ::testing::Test {
     std::ofstream(path, std::ios::app) << " ";
   }
 
-  absl::StatusOr<ModelPtr> Load(TrackKind kind) { return LoadModel(kind, dir_.string()); }
+  absl::StatusOr<ModelPtr> Load(const ModelSource& source) { return LoadModel(source, dir_.string()); }
 
   fs::path dir_;
 };
 
 TEST(Model, ManipulationHasTheDocumentedSizes) {
-  const auto loaded = LoadModel(TrackKind::kManipulation, CacheDir());
+  const auto loaded = LoadModel(ManipulationModel(), CacheDir());
   ASSERT_TRUE(loaded.ok()) << loaded.status();
   const mjModel& m = **loaded;
   EXPECT_EQ(m.nq, 71);
@@ -76,7 +80,7 @@ TEST(Model, ManipulationHasTheDocumentedSizes) {
 }
 
 TEST(Model, LocomotionHasTheDocumentedSizes) {
-  const auto loaded = LoadModel(TrackKind::kLocomotion, CacheDir());
+  const auto loaded = LoadModel(LocomotionModel(), CacheDir());
   ASSERT_TRUE(loaded.ok()) << loaded.status();
   const mjModel& m = **loaded;
   EXPECT_EQ(m.nq, 30);
@@ -96,7 +100,7 @@ TEST(Model, LocomotionHasTheDocumentedSizes) {
 }
 
 TEST(Model, AMuscleBelowItsShortestLengthDoesNotPush) {
-  const auto loaded = LoadModel(TrackKind::kManipulation, CacheDir());
+  const auto loaded = LoadModel(ManipulationModel(), CacheDir());
   ASSERT_TRUE(loaded.ok()) << loaded.status();
   mjModel* m = loaded->get();
   DataPtr d(mj_makeData(m));
@@ -130,7 +134,7 @@ bool InHugePages(const void* address) {
 
 TEST(Model, LargeBlocksAreAskedForInHugePages) {
   if (!fs::exists("/sys/kernel/mm/transparent_hugepage")) GTEST_SKIP() << "no such kernel";
-  const auto loaded = LoadModel(TrackKind::kManipulation, CacheDir());
+  const auto loaded = LoadModel(ManipulationModel(), CacheDir());
   ASSERT_TRUE(loaded.ok()) << loaded.status();
   const DataPtr d(mj_makeData(loaded->get()));
   EXPECT_TRUE(InHugePages((*loaded)->buffer));
@@ -139,12 +143,12 @@ TEST(Model, LargeBlocksAreAskedForInHugePages) {
 
 TEST_F(CacheCopy, CompilesOnceAndLoadsTheSameModel) {
   CopyPackage();
-  const auto compiled = Load(TrackKind::kLocomotion);
+  const auto compiled = Load(LocomotionModel());
   ASSERT_TRUE(compiled.ok()) << compiled.status();
   const auto models = fs::directory_iterator(dir_ / "models");
   const fs::path file = models->path();
   const auto written = fs::last_write_time(file);
-  const auto loaded = Load(TrackKind::kLocomotion);
+  const auto loaded = Load(LocomotionModel());
   ASSERT_TRUE(loaded.ok()) << loaded.status();
   EXPECT_EQ(fs::last_write_time(file), written);
   std::string one(static_cast<size_t>(mj_sizeModel(compiled->get())), '\0');
@@ -155,7 +159,7 @@ TEST_F(CacheCopy, CompilesOnceAndLoadsTheSameModel) {
 }
 
 TEST_F(CacheCopy, NamesAMissingFile) {
-  const auto loaded = Load(TrackKind::kManipulation);
+  const auto loaded = Load(ManipulationModel());
   EXPECT_EQ(loaded.status().code(), absl::StatusCode::kNotFound);
   EXPECT_THAT(std::string(loaded.status().message()), HasSubstr("is missing"));
   EXPECT_THAT(std::string(loaded.status().message()), HasSubstr("./dev setup"));
@@ -163,9 +167,9 @@ TEST_F(CacheCopy, NamesAMissingFile) {
 
 TEST_F(CacheCopy, ACompiledModelNeedsItsSourcesNoMore) {
   CopyPackage();
-  ASSERT_TRUE(Load(TrackKind::kLocomotion).ok());
+  ASSERT_TRUE(Load(LocomotionModel()).ok());
   fs::remove_all(dir_ / kPackage);
-  EXPECT_TRUE(Load(TrackKind::kLocomotion).ok());
+  EXPECT_TRUE(Load(LocomotionModel()).ok());
 }
 
 TEST_F(CacheCopy, NamesAnAlteredFileAndCompilesNothing) {
@@ -173,7 +177,7 @@ TEST_F(CacheCopy, NamesAnAlteredFileAndCompilesNothing) {
   const fs::path mesh = dir_ / kPackage / "simhive/myo_sim/meshes/l_bofoot.stl";
   ASSERT_TRUE(fs::exists(mesh));
   Append(mesh);
-  const auto loaded = Load(TrackKind::kLocomotion);
+  const auto loaded = Load(LocomotionModel());
   EXPECT_FALSE(fs::exists(dir_ / "models"));
   EXPECT_EQ(loaded.status().code(), absl::StatusCode::kDataLoss);
   EXPECT_THAT(std::string(loaded.status().message()), HasSubstr(mesh.filename().string()));
@@ -182,14 +186,14 @@ TEST_F(CacheCopy, NamesAnAlteredFileAndCompilesNothing) {
 
 TEST_F(CacheCopy, NamesADamagedCompiledModel) {
   CopyPackage();
-  ASSERT_TRUE(Load(TrackKind::kLocomotion).ok());
+  ASSERT_TRUE(Load(LocomotionModel()).ok());
   const fs::path file = fs::directory_iterator(dir_ / "models")->path();
   Append(file);
-  const auto loaded = Load(TrackKind::kLocomotion);
+  const auto loaded = Load(LocomotionModel());
   EXPECT_EQ(loaded.status().code(), absl::StatusCode::kDataLoss);
   EXPECT_THAT(std::string(loaded.status().message()), HasSubstr(file.filename().string()));
   fs::resize_file(file, 10);
-  EXPECT_EQ(Load(TrackKind::kLocomotion).status().code(), absl::StatusCode::kDataLoss);
+  EXPECT_EQ(Load(LocomotionModel()).status().code(), absl::StatusCode::kDataLoss);
 }
 
 // The part of an entry's name that names an actuator or a joint of the model.
@@ -199,49 +203,51 @@ std::string ModelName(std::string_view entry, std::string_view prefix) {
 }
 
 TEST(Layout, DirectBoundsOfActionsAreTheModelsControlRanges) {
-  for (const TrackKind kind : {TrackKind::kManipulation, TrackKind::kLocomotion}) {
-    const auto model = LoadModel(kind, CacheDir());
+  for (const SimulatedTrack& track : SimulatedTracks()) {
+    const TrackKind& kind = *track.kind;
+    const auto model = LoadModel(*track.model, CacheDir());
     ASSERT_TRUE(model.ok()) << model.status();
-    const std::vector<Bounds> bounds = ActionBounds(kind, ActionConvention::kDirect);
+    const std::span<const Bounds> bounds = kind.layout().action_bounds(ActionConvention::kDirect);
     int found = 0;
-    for (int i = 0; i < ActionSize(kind); ++i) {
+    for (int i = 0; i < ActionOf(kind).size(); ++i) {
       int actuator = -1;
       for (const char* prefix : {"", "prosthesis/"}) {
-        const std::string name = ModelName(ActionNames(kind)[i], prefix);
+        const std::string name = ModelName(ActionOf(kind).names()[i], prefix);
         if (actuator < 0) actuator = mj_name2id(model->get(), mjOBJ_ACTUATOR, name.c_str());
       }
       if (actuator < 0) continue;
       ++found;
-      EXPECT_EQ(bounds[i].low, (*model)->actuator_ctrlrange[2 * actuator]) << ActionNames(kind)[i];
+      EXPECT_EQ(bounds[i].low, (*model)->actuator_ctrlrange[2 * actuator]) << ActionOf(kind).names()[i];
       EXPECT_EQ(bounds[i].high, (*model)->actuator_ctrlrange[2 * actuator + 1])
-          << ActionNames(kind)[i];
+          << ActionOf(kind).names()[i];
     }
     // All but the choice of the leg's set; the leg's two motors are the controller's.
-    EXPECT_EQ(found, ActionSize(kind) - (kind == TrackKind::kLocomotion ? 1 : 0));
+    EXPECT_EQ(found, ActionOf(kind).size() - (&kind == &LocomotionTrack() ? 1 : 0));
   }
 }
 
 TEST(Layout, BoundsOfJointPositionsAreTheModelsRanges) {
   const struct {
-    TrackKind kind;
+    const TrackKind& kind;
+    const ModelSource& source;
     std::string_view part;
     std::string_view prefix;
-  } parts[] = {{TrackKind::kManipulation, "myohand_qpos", ""},
-               {TrackKind::kManipulation, "pros_hand_qpos", "prosthesis/"},
-               {TrackKind::kLocomotion, "internal_qpos", ""}};
-  for (const auto& [kind, part_name, prefix] : parts) {
-    const auto model = LoadModel(kind, CacheDir());
+  } parts[] = {{ManipulationTrack(), ManipulationModel(), "myohand_qpos", ""},
+               {ManipulationTrack(), ManipulationModel(), "pros_hand_qpos", "prosthesis/"},
+               {LocomotionTrack(), LocomotionModel(), "internal_qpos", ""}};
+  for (const auto& [kind, source, part_name, prefix] : parts) {
+    const auto model = LoadModel(source, CacheDir());
     ASSERT_TRUE(model.ok()) << model.status();
-    const auto layout = ObservationLayout(kind);
+    const auto layout = ObservationOf(kind).parts();
     const auto part = std::find_if(layout.begin(), layout.end(),
                                    [&](const Part& p) { return p.name == part_name; });
     ASSERT_NE(part, layout.end()) << part_name;
     for (int i = part->offset; i < part->offset + part->size; ++i) {
-      const std::string name = ModelName(ObservationNames(kind)[i], prefix);
+      const std::string name = ModelName(ObservationOf(kind).names()[i], prefix);
       const int joint = mj_name2id(model->get(), mjOBJ_JOINT, name.c_str());
       ASSERT_GE(joint, 0) << name;
-      EXPECT_EQ(ObservationBounds(kind)[i].low, (*model)->jnt_range[2 * joint]) << name;
-      EXPECT_EQ(ObservationBounds(kind)[i].high, (*model)->jnt_range[2 * joint + 1]) << name;
+      EXPECT_EQ(ObservationOf(kind).bounds()[i].low, (*model)->jnt_range[2 * joint]) << name;
+      EXPECT_EQ(ObservationOf(kind).bounds()[i].high, (*model)->jnt_range[2 * joint + 1]) << name;
     }
   }
 }

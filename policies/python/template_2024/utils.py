@@ -11,7 +11,7 @@ import connection
 import leg_sets as legs
 from myograde_kit import seeding
 
-# The dictionary's entries in the order of the observation vector (protocol/layout.h), with sizes.
+# The dictionary's entries in the order of the observation vector (protocol/policy/layout.h), with sizes.
 _MANIPULATION = (
     ("time", 1), ("myohand_qpos", 38), ("myohand_qvel", 38), ("pros_hand_qpos", 26),
     ("pros_hand_qvel", 26), ("object_qpos", 7), ("object_qvel", 6), ("start_pos", 3),

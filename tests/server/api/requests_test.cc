@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
 
-#include "protocol/track_config.h"
+#include "protocol/lease/track_config.h"
 
 namespace myograde::server {
 namespace {

@@ -13,7 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/clock.h"
-#include "protocol/sim_channel.h"
+#include "protocol/lease/sim_channel.h"
 #include "tests/server/runner/runner_world.h"
 
 namespace myograde::server {

@@ -6,7 +6,7 @@
 #include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 
-#include "protocol/sha256.h"
+#include "protocol/base/sha256.h"
 #include "server/store/schema.h"
 #include "tests/server/store/store_fixture.h"
 

@@ -4,7 +4,7 @@
 
 #include <thread>
 
-#include "protocol/packed_log.h"
+#include "protocol/log/packed_log.h"
 #include "tests/sim/episode/lease_world.h"
 #include "sim/episode/replay_player.h"
 

@@ -2,6 +2,7 @@
 // sandbox played by a thread on a socket pair, and a runner played by another.
 #pragma once
 
+#include "protocol/tracks/manipulation/track.h"
 #include "sim/episode/lease_player.h"
 
 #include <sys/socket.h>
@@ -178,7 +179,7 @@ struct LeaseResult {
 class LeasePlayerTest : public ::testing::Test {
  protected:
   LeasePlayerTest() {
-    order_.track.kind = TrackKind::kManipulation;
+    order_.track.kind = &ManipulationTrack();
     order_.track.profile = "paper";
     Budgets& budgets = order_.track.budgets;
     budgets = {};

@@ -3,7 +3,8 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "protocol/track_config.h"
+#include "protocol/lease/track_config.h"
+#include "sim/locomotion/model.h"
 #include "tests/sim/golden.h"
 
 namespace myograde::sim {
@@ -40,7 +41,7 @@ LocomotionRules OfficialRules(const std::string& environment, const std::string&
 }
 
 std::unique_ptr<Locomotion> MakeEnvironment(const LocomotionRules& rules) {
-  return Get(Locomotion::Make(rules, Get(LoadModel(TrackKind::kLocomotion, CacheDir()))));
+  return Get(Locomotion::Make(rules, Get(LoadModel(LocomotionModel(), CacheDir()))));
 }
 
 std::vector<double> SineAction(int t) {

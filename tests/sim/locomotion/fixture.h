@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "protocol/rules_locomotion.h"
+#include "sim/locomotion/rules.h"
 #include "sim/locomotion/locomotion.h"
 
 namespace myograde::sim {

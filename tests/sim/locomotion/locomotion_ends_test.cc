@@ -61,7 +61,7 @@ TEST(PaperEnds, GoesOnWhileUprightOnTheTrack) {
 TEST(PaperEnds, FinishesAfterAHundredMetres) {
   Probe probe("paper", "flat");
   EXPECT_TRUE(probe.StepAt(0, -45.001).ended);
-  EXPECT_EQ(probe.facts().end, EpisodeEnd::kFinished);
+  EXPECT_EQ(probe.facts().end, LocomotionEnd::kFinished);
   EXPECT_EQ(probe.walk().distance, 100);
   EXPECT_TRUE(probe.walk().solved);
   EXPECT_DOUBLE_EQ(probe.walk().reported_time, probe.facts().sim_time);
@@ -72,7 +72,7 @@ TEST(PaperEnds, LeavesTheTrackAtTheSidesAndBehind) {
            {1.51, 40}, {-1.51, 40}, {0, 56.01}}) {
     Probe probe("paper", "flat");
     EXPECT_TRUE(probe.StepAt(x, y).ended) << x << " " << y;
-    EXPECT_EQ(probe.facts().end, EpisodeEnd::kOffTrack) << x << " " << y;
+    EXPECT_EQ(probe.facts().end, LocomotionEnd::kOffTrack) << x << " " << y;
   }
 }
 
@@ -80,7 +80,7 @@ TEST(PaperEnds, FallsWhenTheHeadIsLow) {
   Probe probe("paper", "flat");
   EXPECT_FALSE(probe.StepAt(0, 40, 0, 0.8).ended);
   EXPECT_TRUE(probe.StepAt(0, 40, 0, 1.3).ended);
-  EXPECT_EQ(probe.facts().end, EpisodeEnd::kFell);
+  EXPECT_EQ(probe.facts().end, LocomotionEnd::kFell);
   EXPECT_DOUBLE_EQ(probe.walk().reported_time, probe.facts().sim_time);
 }
 
@@ -90,7 +90,7 @@ TEST(PaperEnds, MeasuresTheHeadFromTheGroundUnderThePelvis) {
   Probe hill("paper", "hilly");
   EXPECT_FALSE(hill.StepAt(0, 55 - 97.5, 1.6, 0.3).ended);
   EXPECT_TRUE(hill.StepAt(0, 55 - 97.5, 1.6, 1.45).ended);
-  EXPECT_EQ(hill.facts().end, EpisodeEnd::kFell);
+  EXPECT_EQ(hill.facts().end, LocomotionEnd::kFell);
   const mjData& data = hill.environment().data();
   EXPECT_GT(data.site_xpos[3 * hill.environment().indices().head_site + 2], 1.5);
 }
@@ -99,7 +99,7 @@ TEST(PaperEnds, FallsWhenTheFeetAreAsHighAsTheHead) {
   // In the air, head down: the head is 1.5 m above the ground, the feet higher.
   Probe probe("paper", "flat");
   EXPECT_TRUE(probe.StepAt(0, 40, 4, 2.6).ended);
-  EXPECT_EQ(probe.facts().end, EpisodeEnd::kFell);
+  EXPECT_EQ(probe.facts().end, LocomotionEnd::kFell);
 }
 
 TEST(PaperEnds, TimeRunsOutAfterItsSteps) {
@@ -122,12 +122,12 @@ TEST(PaperEnds, DistanceIsTheLargestProgress) {
 TEST(MyosuiteEnds, AbsoluteHeadNarrowTrackAndTimeOfALoss) {
   Probe hill("myosuite", "hilly");
   EXPECT_TRUE(hill.StepAt(1.01, 40).ended);
-  EXPECT_EQ(hill.facts().end, EpisodeEnd::kOffTrack);
+  EXPECT_EQ(hill.facts().end, LocomotionEnd::kOffTrack);
   EXPECT_EQ(hill.walk().reported_time, 300);
   // The same step reaches the end and leaves the track: solved, with the time of a loss.
   Probe both("myosuite", "hilly");
   EXPECT_TRUE(both.StepAt(1.2, -45.5).ended);
-  EXPECT_EQ(both.facts().end, EpisodeEnd::kFinished);
+  EXPECT_EQ(both.facts().end, LocomotionEnd::kFinished);
   EXPECT_TRUE(both.walk().solved);
   EXPECT_EQ(both.walk().reported_time, 300);
   EXPECT_EQ(both.walk().distance, 100);

@@ -20,7 +20,7 @@
 #include <absl/strings/str_cat.h>
 #include <gtest/gtest.h>
 
-#include "protocol/sha256.h"
+#include "protocol/base/sha256.h"
 #include "tests/sim/golden.h"
 #include "tests/sim/locomotion/fixture.h"
 

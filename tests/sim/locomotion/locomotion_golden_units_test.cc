@@ -7,7 +7,7 @@
 #include <absl/strings/str_cat.h>
 #include <gtest/gtest.h>
 
-#include "protocol/sha256.h"
+#include "protocol/base/sha256.h"
 #include "sim/locomotion/height_map.h"
 #include "tests/sim/golden.h"
 #include "tests/sim/locomotion/fixture.h"
@@ -189,7 +189,7 @@ void PlayEpisode(Locomotion& environment, const nlohmann::json& file, const nloh
   }
   const EpisodeFacts facts = environment.facts();
   const auto& walk = std::get<LocomotionFacts>(facts.track);
-  EXPECT_EQ(facts.end, EpisodeEnd::kFell) << where;
+  EXPECT_EQ(facts.end, LocomotionEnd::kFell) << where;
   table.CompareExact("steps", static_cast<double>(facts.steps), want.at("steps"), where);
   table.Compare("simulated time (s)", facts.sim_time, want.at("sim_time_last"), 0, where);
   table.CompareExact("reported time (s)", walk.reported_time, want.at("obs_time_last"), where);

@@ -1,5 +1,5 @@
 // The rules objects of the shipped config, and what a wrong one is told.
-#include "protocol/rules_locomotion.h"
+#include "sim/locomotion/rules.h"
 
 #include <string>
 #include <vector>

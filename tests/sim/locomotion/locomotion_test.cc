@@ -9,7 +9,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "protocol/layout.h"
+#include "protocol/tracks/locomotion/track.h"
+#include "sim/locomotion/model.h"
 #include "tests/sim/golden.h"
 #include "tests/sim/locomotion/allocations.h"
 #include "tests/sim/locomotion/fixture.h"
@@ -152,10 +153,10 @@ TEST(LocomotionObservation, IsOrderedAsTheLayoutSays) {
   auto environment = Profile("paper");
   const mjModel& m = environment->model();
   const LocomotionIndices& at = environment->indices();
-  ASSERT_EQ(ObservationSize(TrackKind::kLocomotion), Locomotion::kObservationSize);
-  ASSERT_EQ(ActionSize(TrackKind::kLocomotion), Locomotion::kActionSize);
-  const auto names = ObservationNames(TrackKind::kLocomotion);
-  for (const Part& part : ObservationLayout(TrackKind::kLocomotion)) {
+  ASSERT_EQ(ObservationOf(LocomotionTrack()).size(), Locomotion::kObservationSize);
+  ASSERT_EQ(ActionOf(LocomotionTrack()).size(), Locomotion::kActionSize);
+  const auto names = ObservationOf(LocomotionTrack()).names();
+  for (const Part& part : ObservationOf(LocomotionTrack()).parts()) {
     for (int i = 0; i < part.size; ++i) {
       const std::string name = ModelName(names[part.offset + i]);
       if (part.name == "internal_qpos") {
@@ -170,7 +171,7 @@ TEST(LocomotionObservation, IsOrderedAsTheLayoutSays) {
     }
   }
   for (int i = 0; i < kLegMuscles; ++i) {
-    const std::string name = ModelName(ActionNames(TrackKind::kLocomotion)[i]);
+    const std::string name = ModelName(ActionOf(LocomotionTrack()).names()[i]);
     EXPECT_EQ(mj_name2id(&m, mjOBJ_ACTUATOR, name.c_str()), at.muscle[i]) << name;
   }
 }
@@ -247,7 +248,7 @@ TEST(LocomotionFaults, BadNumbersResetTheOfficialSimulation) {
 }
 
 TEST(LocomotionFaults, AFullContactBufferIsAnOverflow) {
-  auto model = LoadModel(TrackKind::kLocomotion, CacheDir());
+  auto model = LoadModel(LocomotionModel(), CacheDir());
   ASSERT_TRUE(model.ok()) << model.status();
   (*model)->nconmax = 2;
   auto environment = Locomotion::Make(ParsedRules(ShippedRules("paper")), *std::move(model));

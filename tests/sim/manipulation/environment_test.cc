@@ -173,7 +173,7 @@ TEST(ManipulationEnd, PaperEndsWhenTheObjectWasPlacedForEightFrames) {
   const StepResult result = PlayOn(*env, 100);
   const EpisodeFacts facts = env->facts();
   ASSERT_TRUE(result.ended);
-  EXPECT_EQ(facts.end, EpisodeEnd::kPlaced);
+  EXPECT_EQ(facts.end, ManipulationEnd::kPlaced);
   EXPECT_GE(facts.steps, 8);
   EXPECT_LT(facts.steps, 60);
   EXPECT_TRUE(Facts(facts).placed);
@@ -191,7 +191,7 @@ TEST(ManipulationEnd, PaperJudgesEachAxisByTheBoxCentre) {
   EXPECT_FALSE(Facts(env->facts()).placed);
   PutOnGoal(*env, 0.09);
   EXPECT_TRUE(PlayOn(*env, 60).ended);
-  EXPECT_EQ(env->facts().end, EpisodeEnd::kPlaced);
+  EXPECT_EQ(env->facts().end, ManipulationEnd::kPlaced);
 }
 
 TEST(ManipulationEnd, OfficialEndComesOneStepAfterTheFlag) {
@@ -203,7 +203,7 @@ TEST(ManipulationEnd, OfficialEndComesOneStepAfterTheFlag) {
     PutOnGoal(*env);
     PlayOn(*env, 100);
     const EpisodeFacts facts = env->facts();
-    EXPECT_EQ(facts.end, EpisodeEnd::kPlaced);
+    EXPECT_EQ(facts.end, ManipulationEnd::kPlaced);
     EXPECT_TRUE(Facts(facts).solved);
     EXPECT_EQ(Facts(facts).solved_steps, lags ? 2 : 1);
   }
@@ -217,7 +217,7 @@ TEST(ManipulationEnd, ADropIsBelowTheHeightOnly) {
     EXPECT_FALSE(env->Step(Zeros()).ended) << profile;
     const StepResult result = PlayOn(*env, 30);
     EXPECT_TRUE(result.ended);
-    EXPECT_EQ(env->facts().end, EpisodeEnd::kDropped);
+    EXPECT_EQ(env->facts().end, ManipulationEnd::kDropped);
     EXPECT_EQ(Facts(env->facts()).reported_time, 10);
     EXPECT_LT(env->facts().sim_time, 1);
   }
@@ -252,7 +252,7 @@ TEST(ManipulationEnd, ThePhantomEpisodeFollowsASolvedOne) {
     env->Reset(4);
     EXPECT_EQ(env->Step(Zeros()).ended, phantom);
     if (phantom) {
-      EXPECT_EQ(env->facts().end, EpisodeEnd::kPhantom);
+      EXPECT_EQ(env->facts().end, ManipulationEnd::kPhantom);
       EXPECT_FALSE(Facts(env->facts()).solved);
       env->Reset(5);
       EXPECT_FALSE(env->Step(Zeros()).ended) << "only the next episode is one";

@@ -92,7 +92,7 @@ void CheckDrop(GoldenTable& table, const json& file, const json& golden, const s
     table.Compare("drop: height", env->official().view.object[2], step.at("obj_z"),
                   kStrict.position, name);
   }
-  EXPECT_EQ(env->facts().end, phantom ? EpisodeEnd::kPhantom : EpisodeEnd::kDropped);
+  EXPECT_EQ(env->facts().end, phantom ? ManipulationEnd::kPhantom : ManipulationEnd::kDropped);
 }
 
 // The file's actions go before an episode's own, and both before the name of its policy.

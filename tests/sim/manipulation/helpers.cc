@@ -4,7 +4,8 @@
 #include <span>
 #include <stdexcept>
 
-#include "protocol/track_config.h"
+#include "protocol/lease/track_config.h"
+#include "sim/manipulation/model.h"
 #include "tests/sim/golden.h"
 
 namespace myograde::sim {
@@ -26,7 +27,7 @@ ManipulationRules RulesOf(const std::string& profile) {
 
 std::unique_ptr<ManipulationEnvironment> MakeEnvironmentWith(const ManipulationRules& rules) {
   return OrThrow(ManipulationEnvironment::Make(
-      rules, OrThrow(LoadModel(TrackKind::kManipulation, CacheDir()))));
+      rules, OrThrow(LoadModel(ManipulationModel(), CacheDir()))));
 }
 
 std::unique_ptr<ManipulationEnvironment> MakeProfile(const std::string& profile) {

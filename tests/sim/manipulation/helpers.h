@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "protocol/rules_manipulation.h"
+#include "sim/manipulation/rules.h"
 #include "sim/manipulation/environment.h"
 
 namespace myograde::sim {

@@ -1,11 +1,11 @@
 // The rules of the three profiles and what a wrong one is told.
-#include "protocol/rules_manipulation.h"
+#include "sim/manipulation/rules.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "protocol/track_config.h"
-#include "sim/factory.h"
+#include "protocol/lease/track_config.h"
+#include "sim/tracks.h"
 #include "tests/sim/golden.h"
 #include "tests/sim/manipulation/helpers.h"
 

@@ -2,7 +2,7 @@
 // the simulator counts, scoring judges.
 #include <gtest/gtest.h>
 
-#include "scoring/judge.h"
+#include "scoring/manipulation/judge.h"
 #include "tests/sim/golden.h"
 #include "tests/sim/manipulation/helpers.h"
 
@@ -27,7 +27,7 @@ ContactHistory Play(const json& runs, const json& labels, int64_t hold_frames) {
 // The verdict on an episode whose object was solved in all but its contacts.
 FailureReason Verdict(const ContactHistory& history) {
   EpisodeFacts episode;
-  episode.end = EpisodeEnd::kPlaced;
+  episode.end = ManipulationEnd::kPlaced;
   episode.steps = 500;
   ManipulationFacts facts;
   facts.solved = true;
@@ -53,9 +53,9 @@ TEST(ContactTrajectory, VerdictsAreTheOfficialOnes) {
       const std::string want =
           golden.at("result").is_null() ? "OK" : golden.at("result").get<std::string>();
       const FailureReason reason = want == "OK"            ? FailureReason::kNone
-                                   : want == "ENV_CONTACT" ? FailureReason::kContact
-                                                           : FailureReason::kHandover;
-      EXPECT_EQ(FailureReasonName(verdict), FailureReasonName(reason))
+                                   : want == "ENV_CONTACT" ? ManipulationReason::kContact
+                                                           : ManipulationReason::kHandover;
+      EXPECT_EQ(verdict.name(), reason.name())
           << file.name << ": " << golden.at("desc") << ", golden " << want;
       ++checked;
     }
@@ -67,11 +67,11 @@ TEST(ContactTrajectory, EveryBranch) {
   const json labels = {{"M", 0}, {"P", 1}, {"S", 2}, {"G", 3}, {"E", 4}};
   const std::pair<const char*, FailureReason> histories[] = {
       {R"([["M", 100], ["P", 100], ["G", 8]])", FailureReason::kNone},
-      {R"([["M", 99], ["P", 100], ["G", 8]])", FailureReason::kHandover},
-      {R"([["M", 100], ["P", 99], ["G", 8]])", FailureReason::kHandover},
-      {R"([["M", 100], ["P", 100], ["G", 7]])", FailureReason::kHandover},
-      {R"([["M", 100], ["P", 100], ["G", 8], ["PG", 1]])", FailureReason::kHandover},
-      {R"([["E", 1], ["M", 100], ["P", 100], ["G", 8]])", FailureReason::kContact}};
+      {R"([["M", 99], ["P", 100], ["G", 8]])", ManipulationReason::kHandover},
+      {R"([["M", 100], ["P", 99], ["G", 8]])", ManipulationReason::kHandover},
+      {R"([["M", 100], ["P", 100], ["G", 7]])", ManipulationReason::kHandover},
+      {R"([["M", 100], ["P", 100], ["G", 8], ["PG", 1]])", ManipulationReason::kHandover},
+      {R"([["E", 1], ["M", 100], ["P", 100], ["G", 8]])", ManipulationReason::kContact}};
   for (const auto& [runs, want] : histories) {
     EXPECT_EQ(Verdict(Play(json::parse(runs), labels, 8)), want) << runs;
   }

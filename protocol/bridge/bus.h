@@ -1,0 +1,55 @@
+// One program's two UDP sockets on an LCM bus: one that speaks and one that
+// hears all but what the first one says. For the bridge, which must not parse
+// packets with liblcm, and for the C++ kit, which saves liblcm's reading thread
+// and its pipe at every step. Needs the C++ library alone.
+//
+// A packet that can't be sent counts as lost, since the bridge asks again anyway.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "protocol/base/fd.h"
+#include "protocol/bridge/datagram.h"
+
+namespace myograde {
+
+class Bus {
+ public:
+  // Joins the bus of an LCM URL, udpm://GROUP:PORT?ttl=N (N is 1 without it); `patience` is how
+  // long Await() waits. If there is none, `problem` says in a sentence which part of the URL or
+  // which step in the kernel was refused.
+  static std::optional<Bus> Open(const std::string& url, std::chrono::milliseconds patience,
+                                 std::string& problem);
+
+  // For poll: readable when a datagram of another sender waits.
+  int fd() const { return receiver_.get(); }
+
+  // The next datagram of another sender, empty if none waits. Valid until the
+  // next call.
+  std::span<const std::byte> Receive();
+  // The same, but waits for one as long as Open() was told; may be empty sooner.
+  std::span<const std::byte> Await();
+
+  // Sends one short message with the next sequence number.
+  void Send(std::string_view channel, std::span<const std::byte> payload);
+
+ private:
+  std::span<const std::byte> ReceiveWith(int flags);
+
+  Bus(Fd receiver, Fd sender) : receiver_(std::move(receiver)), sender_(std::move(sender)) {}
+
+  Fd receiver_;
+  Fd sender_;
+  uint32_t sequence_ = 0;
+  std::vector<std::byte> buffer_ = std::vector<std::byte>(kMaxDatagram + 1);
+};
+
+}  // namespace myograde

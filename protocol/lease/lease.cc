@@ -1,0 +1,196 @@
+#include "protocol/lease/lease.h"
+
+#include <cfloat>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/config_reader.h"
+
+namespace myograde {
+namespace {
+
+using Json = nlohmann::json;
+
+// ConfigReader's integers are signed; seeds use all 64 bits.
+uint64_t ReadUnsigned(ConfigReader& reader, const Json& json, const char* key) {
+  reader.Ignore(key);
+  if (json.is_object() && json.contains(key) && json[key].is_number_unsigned()) {
+    return json[key].get<uint64_t>();
+  }
+  reader.Fail(key, "must be a whole number from 0 to 2^64 - 1");
+  return 0;
+}
+
+absl::StatusOr<std::vector<EpisodeOrder>> ReadEpisodes(const Json& array,
+                                                       const std::string& where) {
+  std::vector<EpisodeOrder> episodes;
+  for (const Json& entry : array) {
+    ConfigReader reader(entry, absl::StrCat(where, ": episodes[", episodes.size(), "]"));
+    EpisodeOrder episode;
+    episode.index = reader.Integer("index", 0, INT64_MAX);
+    episode.seed = ReadUnsigned(reader, entry, "seed");
+    episode.policy_seed = ReadUnsigned(reader, entry, "policy_seed");
+    if (!episodes.empty() && episode.index != episodes.back().index + 1) {
+      reader.Fail("index", "must follow the index of the episode before it");
+    }
+    if (absl::Status status = reader.Finish(); !status.ok()) return status;
+    episodes.push_back(episode);
+  }
+  if (episodes.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(where, ": \"episodes\" is empty; a lease needs at least one"));
+  }
+  return episodes;
+}
+
+LeaseEndRecord ReadLeaseEnd(ConfigReader& reader) {
+  LeaseEndRecord record;
+  record.ok = reader.Boolean("ok");
+  record.detail = reader.String("detail");
+  record.stdout_tail = reader.String("stdout_tail");
+  record.stderr_tail = reader.String("stderr_tail");
+  record.stdout_truncated = reader.Boolean("stdout_truncated");
+  record.stderr_truncated = reader.Boolean("stderr_truncated");
+  record.policy_cpu_s = reader.Number("policy_cpu_s", {0, DBL_MAX});
+  record.wall_s = reader.Number("wall_s", {0, DBL_MAX});
+  record.peak_memory_bytes = reader.Integer("peak_memory_bytes", 0, INT64_MAX);
+  return record;
+}
+
+Json RecordToJson(const ProgressRecord& record) {
+  return {{"type", "progress"}, {"episode", record.episode}, {"step", record.step}};
+}
+
+Json RecordToJson(const EpisodeFacts& facts) {
+  Json json = EpisodeFactsToJson(facts);
+  json["type"] = "episode";
+  return json;
+}
+
+ReplayRecord ReadReplay(ConfigReader& reader) {
+  ReplayRecord record;
+  record.episode = reader.Integer("episode", 0, INT64_MAX);
+  record.equal = reader.Boolean("equal");
+  record.steps = reader.Integer("steps", 0, INT64_MAX);
+  record.step = reader.Integer("step", -1, INT64_MAX);
+  record.differs = reader.Strings("differs");
+  record.detail = reader.String("detail");
+  return record;
+}
+
+Json RecordToJson(const ReplayRecord& record) {
+  return {{"type", "replay"},     {"episode", record.episode}, {"equal", record.equal},
+          {"steps", record.steps}, {"step", record.step},       {"differs", record.differs},
+          {"detail", record.detail}};
+}
+
+Json RecordToJson(const LeaseEndRecord& record) {
+  return {{"type", "lease_end"},
+          {"ok", record.ok},
+          {"detail", record.detail},
+          {"stdout_tail", record.stdout_tail},
+          {"stderr_tail", record.stderr_tail},
+          {"stdout_truncated", record.stdout_truncated},
+          {"stderr_truncated", record.stderr_truncated},
+          {"policy_cpu_s", record.policy_cpu_s},
+          {"wall_s", record.wall_s},
+          {"peak_memory_bytes", record.peak_memory_bytes}};
+}
+
+}  // namespace
+
+nlohmann::json LeaseOrderToJson(const LeaseOrder& order) {
+  Json episodes = Json::array();
+  for (const EpisodeOrder& episode : order.episodes) {
+    episodes.push_back({{"index", episode.index},
+                        {"seed", episode.seed},
+                        {"policy_seed", episode.policy_seed}});
+  }
+  return {{"lease", order.lease},
+          {"artefact_dir", order.artefact_dir},
+          {"command", order.command},
+          {"environment", order.environment},
+          {"runtimes", order.runtimes},
+          {"track", order.track.effective},
+          {"episodes", std::move(episodes)},
+          {"uid", order.uid},
+          {"slot", order.slot},
+          {"slot_mark", order.slot_mark},
+          {"pinned", order.pinned},
+          {"work_dir", order.work_dir},
+          {"cache_dir", order.cache_dir},
+          {"log_dir", order.log_dir},
+          {"log_bytes", order.log_bytes},
+          {"replay", order.replay}};
+}
+
+absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
+                                              const std::string& where) {
+  ConfigReader reader(json, where);
+  LeaseOrder order;
+  order.lease = reader.String("lease");
+  order.artefact_dir = reader.String("artefact_dir");
+  order.command = reader.Strings("command");
+  // Orders of earlier versions have none.
+  if (reader.Has("environment")) order.environment = reader.StringsByName("environment");
+  order.runtimes = reader.Strings("runtimes");
+  const Json& track = reader.Object("track");
+  const Json& episodes = reader.Array("episodes");
+  order.uid = reader.Integer("uid", -1, INT32_MAX);
+  order.slot = reader.Integer("slot", 0, INT32_MAX);
+  // Orders of earlier versions have none.
+  if (reader.Has("slot_mark")) order.slot_mark = reader.String("slot_mark");
+  order.pinned = reader.Boolean("pinned");
+  order.work_dir = reader.String("work_dir");
+  order.cache_dir = reader.String("cache_dir");
+  order.log_dir = reader.String("log_dir");
+  order.log_bytes = reader.Integer("log_bytes", 0, INT64_MAX);
+  order.replay = reader.Strings("replay");
+  if (!order.replay.empty() && order.replay.size() != episodes.size()) {
+    reader.Fail("replay", "must name one log for each episode");
+  }
+  if (order.command.empty() && order.replay.empty()) {
+    reader.Fail("command", "is empty; it must name the policy's program");
+  }
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  absl::StatusOr<TrackConfig> config = ParseTrackConfig(track, absl::StrCat(where, ": track"));
+  if (!config.ok()) return config.status();
+  order.track = *std::move(config);
+  absl::StatusOr<std::vector<EpisodeOrder>> list = ReadEpisodes(episodes, where);
+  if (!list.ok()) return list.status();
+  order.episodes = *std::move(list);
+  return order;
+}
+
+std::string LeaseRecordToLine(const LeaseRecord& record) {
+  return CanonicalJson(std::visit([](const auto& body) { return RecordToJson(body); }, record));
+}
+
+absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line) {
+  absl::StatusOr<Json> json = ParseJson(line, "lease record");
+  if (!json.ok()) return json.status();
+  ConfigReader reader(*json, "lease record");
+  const std::string type = reader.Choice("type", {"progress", "episode", "replay", "lease_end"});
+  if (!json->is_object()) return reader.Finish();
+  if (type == "episode") {
+    absl::StatusOr<EpisodeFacts> facts = EpisodeFactsFromJson(*json);
+    if (!facts.ok()) return facts.status();
+    return LeaseRecord(*std::move(facts));
+  }
+  LeaseRecord record;
+  if (type == "progress") {
+    ProgressRecord progress;
+    progress.episode = reader.Integer("episode", 0, INT64_MAX);
+    progress.step = reader.Integer("step", 0, INT64_MAX);
+    record = progress;
+  } else if (type == "replay") {
+    record = ReadReplay(reader);
+  } else {
+    record = ReadLeaseEnd(reader);
+  }
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return record;
+}
+
+}  // namespace myograde

@@ -1,0 +1,96 @@
+// The order for one lease and what comes back of it. The daemon (or `myograde
+// local`, or a Slurm job) writes a LeaseOrder as a JSON file and starts
+// `myograde-runner FILE`; the runner prints one LeaseRecord a line on stdout.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/tracks/episode_facts.h"
+#include "protocol/lease/track_config.h"
+
+namespace myograde {
+
+struct EpisodeOrder {
+  int64_t index = 0;         // in the evaluation, from 0
+  uint64_t seed = 0;         // of the environment; never shown to the policy
+  uint64_t policy_seed = 0;  // for the policy's own randomness
+};
+
+struct LeaseOrder {
+  std::string lease;               // id, for messages and names of temporary things
+  std::string artefact_dir;        // unpacked submission, mounted read-only at /policy
+  // Run in /policy; command[0] is relative to it, absolute, or a word looked up on the PATH.
+  std::vector<std::string> command;
+  std::map<std::string, std::string> environment;  // variables that the policy finds set
+  std::vector<std::string> runtimes;  // host folders mounted read-only at their own path
+  TrackConfig track;
+  std::vector<EpisodeOrder> episodes;  // consecutive indices
+  int64_t uid = -1;                // unprivileged uid and gid of the slot; -1: the caller's own
+  int64_t slot = 0;
+  // Empty folder of the slot that its sandboxes show, by which their processes are known from
+  // outside; "": none.
+  std::string slot_mark;
+  bool pinned = false;             // the slot keeps to one processor, the slot-th of the runner's
+  std::string work_dir;            // empty folder of the lease, owned by the caller
+  std::string cache_dir;           // models (MYOGRADE_CACHE)
+  std::string log_dir;             // where the episodes' logs are kept; "": none is
+  int64_t log_bytes = 0;           // budget of a log; filled in by the runner from its config
+  // Files of logs, packed or not, one for each episode: play them again without a policy, and
+  // compare. Then neither an artefact nor a command is needed.
+  std::vector<std::string> replay;
+};
+
+nlohmann::json LeaseOrderToJson(const LeaseOrder& order);
+absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
+                                              const std::string& where);
+
+// The runner is alive; at least one every second. Doubles as the heartbeat.
+struct ProgressRecord {
+  int64_t episode = 0;  // index in the evaluation
+  int64_t step = 0;
+};
+
+// What came of an episode that was played again from its log.
+struct ReplayRecord {
+  int64_t episode = 0;
+  bool equal = false;
+  int64_t steps = 0;      // that were compared
+  int64_t step = -1;      // if not equal: the first that differs, -1 if it is none of them
+  // What differs there: "observation", "state", "digest", "end", "steps"; or "log": it can't be
+  // played at all.
+  std::vector<std::string> differs;
+  std::string detail;     // if not equal: one sentence
+};
+
+// The last record of a lease, always.
+struct LeaseEndRecord {
+  bool ok = false;          // all episodes were recorded
+  std::string detail;       // if not ok: the grader's fault in one sentence
+  std::string stdout_tail;  // last 4 KiB of the policy's output, made valid UTF-8
+  std::string stderr_tail;
+  bool stdout_truncated = false;  // more than Budgets::output_bytes came
+  bool stderr_truncated = false;
+  double policy_cpu_s = 0;
+  double wall_s = 0;
+  int64_t peak_memory_bytes = 0;  // 0: not measured on this host
+};
+
+using LeaseRecord = std::variant<ProgressRecord, EpisodeFacts, LeaseEndRecord, ReplayRecord>;
+
+// One line of JSON without the newline, and back. Non-finite numbers never
+// occur. `type` is "progress", "episode", "replay" or "lease_end".
+std::string LeaseRecordToLine(const LeaseRecord& record);
+absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line);
+
+nlohmann::json EpisodeFactsToJson(const EpisodeFacts& facts);
+absl::StatusOr<EpisodeFacts> EpisodeFactsFromJson(const nlohmann::json& json);
+
+}  // namespace myograde

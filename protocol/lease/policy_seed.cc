@@ -1,0 +1,32 @@
+#include "protocol/lease/policy_seed.h"
+
+#include <openssl/evp.h>
+#include <openssl/hmac.h>
+
+#include <absl/strings/str_cat.h>
+
+namespace myograde {
+namespace {
+
+uint64_t SeedOf(const std::string& key, const std::string& message) {
+  unsigned char digest[EVP_MAX_MD_SIZE];
+  unsigned int size = 0;
+  HMAC(EVP_sha256(), key.data(), static_cast<int>(key.size()),
+       reinterpret_cast<const unsigned char*>(message.data()), message.size(), digest, &size);
+  uint64_t seed = 0;
+  for (unsigned i = size - 8; i < size; ++i) seed = seed << 8 | digest[i];
+  return seed & (~uint64_t{0} >> 1);
+}
+
+}  // namespace
+
+uint64_t PolicySeed(const std::string& secret, int64_t episode) {
+  return SeedOf(secret, absl::StrCat("myograde policy seed/", episode));
+}
+
+uint64_t PolicySeed(const TrackConfig& config, const Form1PolicySeeds& form1, int64_t episode) {
+  if (config.policy_seed_secret.has_value()) return PolicySeed(*config.policy_seed_secret, episode);
+  return SeedOf(form1.host_secret, absl::StrCat(form1.artefact, "/", episode));
+}
+
+}  // namespace myograde

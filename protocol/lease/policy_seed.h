@@ -1,0 +1,31 @@
+// The seed of a policy's own randomness, one for each episode of an evaluation.
+//
+// It follows from the track config's "policy_seed_secret" and the episode's index alone, so
+// all teams play the same luck in every data folder and in local runs, and no byte added to a
+// submission draws another. The secret is as public as the seeds beside it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "protocol/lease/track_config.h"
+
+namespace myograde {
+
+// What the policy seeds of configs of form 1 follow from: a secret of the data folder and the
+// hash of the artefact.
+struct Form1PolicySeeds {
+  std::string host_secret;
+  std::string artefact;
+};
+
+// The last 8 bytes (big endian, without their highest bit) of HMAC-SHA256 over
+// "myograde policy seed/INDEX", keyed with `secret`. `episode` is the index in the evaluation's
+// list of seeds, from 0.
+uint64_t PolicySeed(const std::string& secret, int64_t episode);
+
+// The policy seed of an episode under `config`: of its secret, or if it is of form 1 the same
+// bytes of HMAC-SHA256 over "ARTEFACT/INDEX", keyed with the host's secret.
+uint64_t PolicySeed(const TrackConfig& config, const Form1PolicySeeds& form1, int64_t episode);
+
+}  // namespace myograde

@@ -1,0 +1,154 @@
+#include <array>
+
+#include "protocol/tracks/manipulation/track.h"
+
+namespace myograde {
+namespace manipulation {
+namespace {
+
+using Entry = LayoutEntry;
+
+// Joints with their ranges (rad), in the order of the model's positions.
+constexpr Entry kArmJoints[] = {
+    {"sternoclavicular_r2", {-0.75, 0}}, {"sternoclavicular_r3", {0, 0.318}}, {"unrotscap_r3",
+    {-0.318, 0}}, {"unrotscap_r2", {0, 0.75}}, {"acromioclavicular_r2", {-0.152, 0}},
+    {"acromioclavicular_r3", {0, 1.228}}, {"acromioclavicular_r1", {0, 0.552}}, {"unrothum_r1",
+    {-0.552, 0}}, {"unrothum_r3", {-1.228, 0}}, {"unrothum_r2", {0, 0.152}}, {"elv_angle", {-1.658,
+    2.269}}, {"shoulder_elv", {0, 3.142}}, {"shoulder1_r2", {-2.242, 1.658}}, {"shoulder_rot",
+    {-1.571, 2.094}}, {"elbow_flexion", {0, 2.269}}, {"pro_sup", {-1.5708, 1.5708}}, {"deviation",
+    {-0.174533, 0.436332}}, {"flexion", {-0.785398, 0.785398}}, {"cmc_abduction", {-0.5, 0.78}},
+    {"cmc_flexion", {-0.78, 0.7}}, {"mp_flexion", {-0.785398, 0.698132}}, {"ip_flexion", {-1.309,
+    0.436332}}, {"mcp2_flexion", {0, 1.5708}}, {"mcp2_abduction", {-0.261799, 0.261799}},
+    {"pm2_flexion", {0, 1.5708}}, {"md2_flexion", {0, 1.5708}}, {"mcp3_flexion", {0, 1.5708}},
+    {"mcp3_abduction", {-0.261799, 0.261799}}, {"pm3_flexion", {0, 1.5708}}, {"md3_flexion", {0,
+    1.5708}}, {"mcp4_flexion", {0, 1.5708}}, {"mcp4_abduction", {-0.261799, 0.261799}},
+    {"pm4_flexion", {0, 1.5708}}, {"md4_flexion", {0, 1.5708}}, {"mcp5_flexion", {0, 1.5708}},
+    {"mcp5_abduction", {-0.261799, 0.261799}}, {"pm5_flexion", {0, 1.5708}}, {"md5_flexion", {0,
+    1.5708}},
+};
+
+constexpr Entry kProsthesisJoints[] = {
+    {"Lshoulder_fe", {-0.611, 2.792}}, {"Lshoulder_abad", {-2.792, 0}}, {"Lhumeral_rot", {-0.524,
+    1.483}}, {"Lelbow", {0.05, 2.356}}, {"wrist_PRO", {-1.57, 1.57}}, {"wrist_UDEV", {-0.261,
+    0.785}}, {"wrist_FLEX", {-1.04, 1.04}}, {"thumb_ABD", {0, 2.07}}, {"thumb_MCP", {0, 1.03}},
+    {"thumb_PIP", {0, 1.03}}, {"thumb_DIP", {-0.819, 1.28}}, {"index_ABD", {0, 0.345}},
+    {"index_MCP", {-0.785, 1.57}}, {"index_PIP", {0, 1.72}}, {"index_DIP", {0, 1.38}},
+    {"middle_MCP", {-0.785, 1.57}}, {"middle_PIP", {0, 1.73}}, {"middle_DIP", {0, 1.38}},
+    {"ring_ABD", {0, 0.345}}, {"ring_MCP", {-0.785, 1.57}}, {"ring_PIP", {0, 1.72}}, {"ring_DIP",
+    {0, 1.38}}, {"pinky_ABD", {0, 0.345}}, {"pinky_MCP", {-0.785, 1.57}}, {"pinky_PIP", {0, 1.72}},
+    {"pinky_DIP", {0, 1.38}},
+};
+
+// Muscles in the order of the official model's actuators.
+constexpr std::string_view kMuscles[] = {
+    "DELT1", "DELT2", "DELT3", "SUPSP", "INFSP", "SUBSC", "TMIN", "TMAJ", "PECM1", "PECM2", "PECM3",
+    "LAT1", "LAT2", "LAT3", "CORB", "TRIlong", "TRIlat", "TRImed", "ANC", "SUP", "BIClong",
+    "BICshort", "BRA", "BRD", "ECRL", "ECRB", "ECU", "FCR", "FCU", "PL", "PT", "PQ", "FDS5", "FDS4",
+    "FDS3", "FDS2", "FDP5", "FDP4", "FDP3", "FDP2", "EDC5", "EDC4", "EDC3", "EDC2", "EDM", "EIP",
+    "EPL", "EPB", "FPL", "APL", "OP", "RI2", "LU_RB2", "UI_UB2", "RI3", "LU_RB3", "UI_UB3", "RI4",
+    "LU_RB4", "UI_UB4", "RI5", "LU_RB5", "UI_UB5",
+};
+
+// The prosthesis' position servos with the ranges of their targets (rad). They differ a little
+// from the ranges of the joints that they drive.
+constexpr Entry kServos[] = {
+    {"Lshoulder_fe", {-0.611, 2.792}}, {"Lshoulder_abad", {-2.792, 0}}, {"Lhumeral_rot", {-0.524,
+    1.483}}, {"Lelbow", {0.05, 2.356}}, {"A_wrist_PRO", {-1.57, 1.57}}, {"A_wrist_UDEV", {-0.26,
+    0.79}}, {"A_wrist_FLEX", {-1, 1}}, {"A_thumb_ABD", {0, 2.1}}, {"A_thumb_MCP", {0, 1.0}},
+    {"A_thumb_PIP", {0, 1.0}}, {"A_thumb_DIP", {-0.82, 1.3}}, {"A_index_ABD", {0, 0.34}},
+    {"A_index_MCP", {0, 1.6}}, {"A_middle_MCP", {0, 1.6}}, {"A_ring_MCP", {0, 1.6}}, {"A_pinky_ABD",
+    {0, 0.34}}, {"A_pinky_MCP", {0, 1.6}},
+};
+
+constexpr std::string_view kAxes[] = {"x", "y", "z"};
+constexpr std::string_view kTouching[] = {"arm", "prosthesis", "start_pillar", "goal_pillar",
+                                          "anything_else"};
+constexpr Bounds kPlace{-3, 3};      // m: everything happens well inside
+constexpr Bounds kSpeed{-100, 100};  // m/s and rad/s: far above ordinary play
+
+template <size_t n>
+std::vector<Entry> All(const Entry (&entries)[n]) {
+  return {entries, entries + n};
+}
+
+// The same entries with other bounds: the joints of a position part in its velocity part.
+template <size_t n>
+std::vector<Entry> With(const Entry (&entries)[n], Bounds bounds) {
+  std::vector<Entry> result = All(entries);
+  for (Entry& entry : result) entry.bounds = bounds;
+  return result;
+}
+
+VectorLayout Observation() {
+  VectorLayout v;
+  v.Add("time", "s", "Simulated time since the start of the episode.", {{"", {0, 10.01}}});
+  v.Add("myohand_qpos", "rad", "Joint angles of the muscle arm and hand.", All(kArmJoints));
+  v.Add("myohand_qvel", "rad/s", "Velocities of the same joints.", With(kArmJoints, kSpeed));
+  v.Add("pros_hand_qpos", "rad", "Joint angles of the prosthetic arm and hand.",
+        All(kProsthesisJoints));
+  v.Add("pros_hand_qvel", "rad/s", "Velocities of the same joints.",
+        With(kProsthesisJoints, kSpeed));
+  v.Add("object_qpos", "m, 1",
+        "Position of the object's frame in the world, then its orientation as a quaternion w, x, "
+        "y, z.",
+        {{"x", kPlace},
+         {"y", kPlace},
+         {"z", kPlace},
+         {"qw", {-1, 1}},
+         {"qx", {-1, 1}},
+         {"qy", {-1, 1}},
+         {"qz", {-1, 1}}});
+  v.Add("object_qvel", "m/s, rad/s",
+        "Linear velocity of the object in the world's frame, then angular velocity in its own.",
+        {{"vx", kSpeed},
+         {"vy", kSpeed},
+         {"vz", kSpeed},
+         {"wx", kSpeed},
+         {"wy", kSpeed},
+         {"wz", kSpeed}});
+  v.Add("start_pos", "m", "Centre of the start pillar's body in the world, 0.04 m below its face.",
+        LayoutEntries(kAxes, kPlace));
+  v.Add("goal_pos", "m", "Centre of the goal pillar's body in the world, 0.04 m below its face.",
+        LayoutEntries(kAxes, kPlace));
+  v.Add("touching_body", "1",
+        "1 where the object touches it, else 0; floor and stage are anything else (in the profiles "
+        "that follow the official code they count as the arm).",
+        LayoutEntries(kTouching, {0, 1}));
+  v.Add("act", "1", "Activations of the muscles.", LayoutEntries(kMuscles, {0, 1}));
+  v.Add("reach_err", "m", "From the object's touch site to the arm's palm, in the world's axes.",
+        LayoutEntries(kAxes, kPlace));
+  v.Add("pass_err", "m",
+        "From the object's touch site to the prosthesis' palm, in the world's axes.",
+        LayoutEntries(kAxes, kPlace));
+  return v;
+}
+
+VectorLayout Action() {
+  VectorLayout v;
+  v.Add("muscles", "1",
+        "Excitation of each muscle. Normalized: a in [-1, 1] excites by 1/(1 + exp(-5(a - 0.5))); "
+        "direct: the excitation itself, in [0, 1].",
+        LayoutEntries(kMuscles, {-1, 1}));
+  v.Add("prosthesis", "1 or rad",
+        "Target angle of each servo. Normalized: -1 to 1 from the lowest to the highest target; "
+        "direct: the target itself, in rad.",
+        With(kServos, {-1, 1}));
+  return v;
+}
+
+TrackLayout Layout() {
+  TrackLayout layout{.observation = Observation(), .action = Action(), .direct_bounds = {}};
+  layout.direct_bounds.assign(std::size(kMuscles), Bounds{0, 1});
+  for (const Entry& servo : kServos) layout.direct_bounds.push_back(servo.bounds);
+  return layout;
+}
+
+}  // namespace
+}  // namespace manipulation
+
+const TrackLayout& ManipulationLayout() {
+  static const TrackLayout layout = manipulation::Layout();
+  return layout;
+}
+
+}  // namespace myograde

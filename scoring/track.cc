@@ -1,0 +1,38 @@
+#include "scoring/track.h"
+
+#include <array>
+
+#include "scoring/locomotion/track.h"
+#include "scoring/manipulation/track.h"
+
+namespace myograde::scoring {
+
+std::span<const ScoredTrack* const> ScoredTracks() {
+  static const std::array all = {&ScoredManipulation(), &ScoredLocomotion()};
+  return all;
+}
+
+const ScoredTrack* FindScoredTrack(std::string_view name) {
+  for (const ScoredTrack* track : ScoredTracks()) {
+    if (track->name == name) return track;
+  }
+  return nullptr;
+}
+
+std::string RankedNames(const ScoredTrack& track) {
+  std::string names;
+  for (const Metric& metric : track.metrics) {
+    if (!metric.ranked) continue;
+    if (!names.empty()) names += ',';
+    names += metric.name;
+  }
+  return names;
+}
+
+size_t RankedPlace(std::span<const Metric> metrics, size_t metric) {
+  size_t place = 0;
+  for (size_t i = 0; i < metric; ++i) place += metrics[i].ranked ? 1 : 0;
+  return place;
+}
+
+}  // namespace myograde::scoring

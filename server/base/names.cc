@@ -1,0 +1,211 @@
+#include "server/base/names.h"
+
+#include <unicode/normalizer2.h>
+#include <unicode/uchar.h>
+#include <unicode/unistr.h>
+#include <unicode/uspoof.h>
+#include <unicode/uvernum.h>
+
+#include <cstdlib>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+
+#include "server/base/plain_text.h"
+
+namespace myograde::server {
+namespace {
+
+// Counted up whenever LooksOf changes.
+constexpr int kLooksRule = 1;
+// A letter with more than these reaches into the lines above and below.
+constexpr int kMaxMarks = 4;
+
+// ICU's data is part of its library, so it fails at nothing but a lack of memory.
+void Need(UErrorCode error) {
+  if (U_FAILURE(error)) std::abort();
+}
+
+const icu::Normalizer2& Compatible() {
+  UErrorCode error = U_ZERO_ERROR;
+  const icu::Normalizer2* normalizer = icu::Normalizer2::getNFKCInstance(error);
+  Need(error);
+  return *normalizer;
+}
+
+const icu::Normalizer2& Decomposed() {
+  UErrorCode error = U_ZERO_ERROR;
+  const icu::Normalizer2* normalizer = icu::Normalizer2::getNFDInstance(error);
+  Need(error);
+  return *normalizer;
+}
+
+const icu::Normalizer2& CaseFolded() {
+  UErrorCode error = U_ZERO_ERROR;
+  const icu::Normalizer2* normalizer = icu::Normalizer2::getNFKCCasefoldInstance(error);
+  Need(error);
+  return *normalizer;
+}
+
+// Never changed after it was made, so any thread may use it.
+const USpoofChecker* Spoof() {
+  static const USpoofChecker* const checker = [] {
+    UErrorCode error = U_ZERO_ERROR;
+    USpoofChecker* made = uspoof_open(&error);
+    uspoof_setChecks(made, USPOOF_HIDDEN_OVERLAY, &error);
+    Need(error);
+    return made;
+  }();
+  return checker;
+}
+
+icu::UnicodeString Normal(const icu::Normalizer2& normalizer, const icu::UnicodeString& text) {
+  UErrorCode error = U_ZERO_ERROR;
+  icu::UnicodeString normal = normalizer.normalize(text, error);
+  Need(error);
+  return normal;
+}
+
+// Taken apart first, as the iota below Greek letters becomes one beside them.
+icu::UnicodeString Folded(const icu::UnicodeString& text) {
+  return Normal(CaseFolded(), Normal(Decomposed(), text));
+}
+
+icu::UnicodeString Skeleton(const icu::UnicodeString& text) {
+  UErrorCode error = U_ZERO_ERROR;
+  icu::UnicodeString skeleton;
+  uspoof_getSkeletonUnicodeString(Spoof(), 0, text, skeleton, &error);
+  Need(error);
+  return skeleton;
+}
+
+icu::UnicodeString FromUtf8(std::string_view text) {
+  return icu::UnicodeString::fromUTF8({text.data(), static_cast<int32_t>(text.size())});
+}
+
+std::string ToUtf8(const icu::UnicodeString& text) {
+  std::string utf8;
+  text.toUTF8String(utf8);
+  return utf8;
+}
+
+bool IsMark(UChar32 c) { return (U_GET_GC_MASK(c) & (U_GC_MN_MASK | U_GC_ME_MASK)) != 0; }
+
+// Symbols and letters whose glyph is a blank or a place for something else. Unicode has no
+// property for them.
+bool IsBlank(UChar32 c) {
+  switch (c) {
+    case 0x2800:   // Braille pattern blank
+    case 0xfffc:   // object replacement character
+    case 0x13441:  // Egyptian hieroglyph full blank
+    case 0x13442:  // ... and half blank
+    case 0x16fe4:  // Khitan small script filler
+    case 0x1d159:  // musical symbol null notehead
+      return true;
+    default:
+      return c != ' ' && (U_GET_GC_MASK(c) & U_GC_ZS_MASK) != 0;
+  }
+}
+
+// "" or what is wrong with a character wherever it stands.
+const char* FaultOf(UChar32 c) {
+  if (u_hasBinaryProperty(c, UCHAR_DEFAULT_IGNORABLE_CODE_POINT) ||
+      IsHarmful(static_cast<char32_t>(c)) ||
+      (U_GET_GC_MASK(c) & (U_GC_CC_MASK | U_GC_CF_MASK | U_GC_ZL_MASK | U_GC_ZP_MASK)) != 0) {
+    return "which is not seen, or changes how others are seen; leave it out";
+  }
+  if ((U_GET_GC_MASK(c) & (U_GC_CN_MASK | U_GC_CO_MASK | U_GC_CS_MASK)) != 0 || c == 0xfffd) {
+    return "which stands for no character; write another";
+  }
+  return "";
+}
+
+absl::Status Bad(std::string_view what, UChar32 c, std::string_view why) {
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "%s has U+%04X, %s", std::string(what), static_cast<uint32_t>(c), std::string(why)));
+}
+
+// As it came: what normalising would drop or replace without a word.
+absl::Status CheckEach(const icu::UnicodeString& text, std::string_view what) {
+  for (int32_t i = 0; i < text.length(); i = text.moveIndex32(i, 1)) {
+    const UChar32 c = text.char32At(i);
+    if (const char* fault = FaultOf(c); *fault != '\0') return Bad(what, c, fault);
+  }
+  return absl::OkStatus();
+}
+
+// Spaces and marks of a normalised name.
+absl::Status CheckShape(const icu::UnicodeString& text, std::string_view what) {
+  for (int32_t i = 0; i < text.length(); i = text.moveIndex32(i, 1)) {
+    const UChar32 c = text.char32At(i);
+    if (IsBlank(c)) return Bad(what, c, "which looks like a space; write a space or leave it out");
+  }
+  // Apart from their letters, as nobody sees whether a mark belongs to one or stands behind it.
+  const icu::UnicodeString apart = Normal(Decomposed(), text);
+  UChar32 before = ' ';
+  int marks = 0;
+  for (int32_t i = 0; i < apart.length(); i = apart.moveIndex32(i, 1)) {
+    const UChar32 c = apart.char32At(i);
+    marks = IsMark(c) ? marks + 1 : 0;
+    if (marks == 1 && before == ' ') return Bad(what, c, "a mark that has no letter before it");
+    if (marks > 1 && c == before) return Bad(what, c, "a mark, twice on one letter");
+    if (marks > kMaxMarks) {
+      return Bad(what, c, absl::StrCat("a mark on a letter that has ", kMaxMarks, " others"));
+    }
+    before = c;
+  }
+  UErrorCode error = U_ZERO_ERROR;
+  if (uspoof_checkUnicodeString(Spoof(), text, nullptr, &error) != 0) {
+    return Bad(what, 0x307, "a dot that is not seen on the letter before it; leave it out");
+  }
+  Need(error);
+  return absl::OkStatus();
+}
+
+void JoinSpaces(icu::UnicodeString& text) {
+  for (int32_t i = text.length() - 1; i > 0; --i) {
+    if (text[i] == u' ' && text[i - 1] == u' ') text.remove(i, 1);
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> CleanName(std::string_view name, std::string_view what) {
+  const std::string_view rule = "; it must be 1 to 64 bytes of text without a space at its ends";
+  static_assert(kMaxNameBytes == 64);
+  const auto bad = [&](std::string_view why) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(std::string(what), " ", std::string(why), std::string(rule)));
+  };
+  for (size_t at = 0; at < name.size();) {
+    if (TakeCodePoint(name, at) == kBroken) return bad("is not UTF-8");
+  }
+  if (name.size() > kMaxNameBytes) return bad("is too long");
+  const icu::UnicodeString raw = FromUtf8(name);
+  if (absl::Status status = CheckEach(raw, what); !status.ok()) return status;
+  icu::UnicodeString text = Normal(Compatible(), raw);
+  if (absl::Status status = CheckEach(text, what); !status.ok()) return status;
+  JoinSpaces(text);
+  std::string clean = ToUtf8(text);
+  if (clean.empty()) return bad("is empty");
+  if (clean.front() == ' ' || clean.back() == ' ') return bad("begins or ends with a space");
+  if (clean.size() > kMaxNameBytes) return bad("is too long when it is normalised");
+  if (absl::Status status = CheckShape(text, what); !status.ok()) return status;
+  return clean;
+}
+
+std::set<std::string> LooksOf(std::string_view name) {
+  icu::UnicodeString text = Normal(Compatible(), FromUtf8(name));
+  // "MIX" and "mix" are alike as they are the same in lower case, "AIpha" and "Alpha" as they
+  // are drawn the same: neither order of the two steps finds both.
+  icu::UnicodeString first = Skeleton(Folded(text));
+  icu::UnicodeString second = Skeleton(Folded(Skeleton(text)));
+  JoinSpaces(first);
+  JoinSpaces(second);
+  return {ToUtf8(first), ToUtf8(second)};
+}
+
+std::string LooksVersion() { return absl::StrCat(kLooksRule, "/", U_ICU_VERSION); }
+
+}  // namespace myograde::server

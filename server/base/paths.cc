@@ -1,0 +1,59 @@
+#include "server/base/paths.h"
+
+#include <limits.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+
+#include <absl/strings/str_cat.h>
+
+namespace myograde::server {
+namespace {
+
+std::string UsualDir(const char* of_root, const char* variable, const char* in_home) {
+  if (::geteuid() == 0) return of_root;
+  // The XDG rules: a relative path there is to be ignored.
+  const char* folder = std::getenv(variable);
+  if (folder != nullptr && *folder == '/') return absl::StrCat(folder, "/myograde");
+  const char* home = std::getenv("HOME");
+  return absl::StrCat(home != nullptr && *home == '/' ? home : "", "/", in_home, "/myograde");
+}
+
+}  // namespace
+
+std::string UsualDataDir() {
+  return UsualDir("/var/lib/myograde", "XDG_DATA_HOME", ".local/share");
+}
+
+std::string UsualCacheDir() {
+  return UsualDir("/var/cache/myograde", "XDG_CACHE_HOME", ".cache");
+}
+
+absl::StatusOr<std::string> BinDir() {
+  if (const char* dir = std::getenv("MYOGRADE_BIN_DIR"); dir != nullptr && *dir != '\0') {
+    return std::string(dir);
+  }
+  char path[PATH_MAX];
+  const ssize_t length = ::readlink("/proc/self/exe", path, sizeof(path));
+  if (length <= 0 || length >= static_cast<ssize_t>(sizeof(path))) {
+    return absl::InternalError(
+        absl::StrCat("can't tell where the running program lies: ", std::strerror(errno)));
+  }
+  const std::string program(path, static_cast<size_t>(length));
+  return program.substr(0, program.rfind('/'));
+}
+
+std::string ConfigDir() {
+  if (const char* dir = std::getenv("MYOGRADE_CONFIG_DIR"); dir != nullptr && *dir != '\0') {
+    return dir;
+  }
+  if (absl::StatusOr<std::string> bin_dir = BinDir(); bin_dir.ok()) {
+    const std::string installed = *bin_dir + "/../share/myograde/configs";
+    if (::access(installed.c_str(), R_OK) == 0) return installed;
+  }
+  return MYOGRADE_SOURCE_CONFIG_DIR;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,236 @@
+#include "server/config/server_config.h"
+
+#include <algorithm>
+#include <thread>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_replace.h>
+
+#include "protocol/base/config_reader.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr int64_t kTiB = int64_t{1} << 40;
+constexpr int64_t kMany = 1'000'000'000;
+
+// Keys that server.json of an earlier version lacks.
+int64_t IntegerOr(ConfigReader& reader, std::string_view key, int64_t usual, int64_t min,
+                  int64_t max) {
+  return reader.Has(key) ? reader.Integer(key, min, max) : usual;
+}
+
+absl::Duration SecondsOr(ConfigReader& reader, std::string_view key, absl::Duration usual,
+                         NumberRange range) {
+  return reader.Has(key) ? absl::Seconds(reader.Number(key, range)) : usual;
+}
+
+int ReadSlots(ConfigReader& reader, const nlohmann::json& json) {
+  const bool cores = json.is_object() && json.contains("slots") && json["slots"].is_string();
+  if (!cores) return static_cast<int>(reader.Integer("slots", 1, 1024));
+  reader.Choice("slots", {"cores"});
+  return static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1u, 1024u));
+}
+
+absl::Status ReadRuntimes(const nlohmann::json& json, const std::string& where,
+                          const std::string& cache_dir, ServerConfig& config) {
+  for (const auto& [name, entry] : json.items()) {
+    if (name.starts_with("//")) continue;
+    ConfigReader reader(entry, absl::StrCat(where, ": ", name));
+    const std::string path =
+        absl::StrReplaceAll(reader.String("path"), {{"${cache}", cache_dir}});
+    if (!path.starts_with('/')) reader.Fail("path", "must be absolute, or begin with ${cache}");
+    if (absl::Status status = reader.Finish(); !status.ok()) return status;
+    config.runtimes[name] = path;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ReadScheduler(const nlohmann::json& json, const std::string& where,
+                           ServerConfig& config) {
+  ConfigReader reader(json, where);
+  config.scheduler.max_replays = static_cast<int>(reader.Integer("max_replays", 1, 100));
+  config.scheduler.replay_delay = absl::Seconds(reader.Number("replay_delay_s", {0.001, 3600}));
+  config.scheduler.heartbeat = absl::Seconds(reader.Number("heartbeat_s", {2, 3600}));
+  config.scheduler.team_running = static_cast<int>(reader.Integer("team_running", 1, 1024));
+  config.scheduler.queue_wait = absl::Seconds(reader.Number("queue_wait_s", {1, 30.0 * 86400}));
+  config.host.suspect_after = static_cast<int>(reader.Integer("suspect_after", 1, 100));
+  config.self_test_deadline = absl::Seconds(reader.Number("self_test_s", {1, 3600}));
+  config.host.test_every = absl::Seconds(reader.Number("self_test_every_s", {1, 86400}));
+  config.lease_grace = absl::Seconds(reader.Number("lease_grace_s", {1, 86400}));
+  return reader.Finish();
+}
+
+absl::Status ReadArtefacts(const nlohmann::json& json, const std::string& where,
+                           ServerConfig& config) {
+  ConfigReader reader(json, where);
+  config.artefacts.archive_bytes = reader.Integer("archive_bytes", 4096, kTiB);
+  config.artefacts.bytes = reader.Integer("bytes", 4096, kTiB);
+  config.artefacts.files = reader.Integer("files", 1, 10'000'000);
+  config.artefacts.unpack_memory_bytes =
+      reader.Integer("unpack_memory_bytes", int64_t{128} << 20, kTiB);
+  UploadLimits& limits = config.artefacts;
+  limits.uploads = static_cast<int>(reader.Integer("uploads", 1, 1000));
+  limits.unpack_cpu = SecondsOr(reader, "unpack_cpu_s", limits.unpack_cpu, {1, 86400});
+  limits.disk_reserve = IntegerOr(reader, "disk_reserve_bytes", limits.disk_reserve, 1, kTiB);
+  UnsubmittedLimits& unsubmitted = limits.unsubmitted;
+  unsubmitted.count = IntegerOr(reader, "unsubmitted", unsubmitted.count, 1, kMany);
+  unsubmitted.bytes = IntegerOr(reader, "unsubmitted_bytes", unsubmitted.bytes, 1, 1024 * kTiB);
+  unsubmitted.of_one = IntegerOr(reader, "uploader_unsubmitted", unsubmitted.of_one, 1, kMany);
+  unsubmitted.bytes_of_one =
+      IntegerOr(reader, "uploader_unsubmitted_bytes", unsubmitted.bytes_of_one, 1, 1024 * kTiB);
+  unsubmitted.age =
+      SecondsOr(reader, "unsubmitted_s", unsubmitted.age, {1, 36500.0 * 86400});
+  return reader.Finish();
+}
+
+absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, ServerConfig& config) {
+  ConfigReader reader(json, where);
+  // Two at least, so that an upload does not keep everybody else waiting.
+  config.http.workers = static_cast<int>(reader.Integer("workers", 2, 1000));
+  config.http.clients = static_cast<int>(reader.Integer("clients", 1, 100'000));
+  config.http.request = absl::Seconds(reader.Number("request_s", {0.1, 3600}));
+  config.http.upload = absl::Seconds(reader.Number("upload_s", {1, 86400}));
+  config.http.idle = absl::Seconds(reader.Number("idle_s", {1, 86400}));
+  config.http.body_bytes = reader.Integer("body_bytes", 1024, int64_t{1} << 30);
+  HttpLimits& limits = config.http;
+  const int64_t archive = config.artefacts.archive_bytes;
+  limits.organiser_workers = static_cast<int>(
+      IntegerOr(reader, "organiser_workers", std::min(4, limits.workers / 2), 1, limits.workers / 2));
+  limits.organiser_clients = static_cast<int>(IntegerOr(
+      reader, "organiser_clients", std::min(16, limits.clients / 2), 1, std::max(limits.clients - 1, 1)));
+  limits.peer_clients = static_cast<int>(
+      IntegerOr(reader, "peer_clients", std::max(limits.clients / 2, 1), 1, limits.clients));
+  limits.min_bytes_per_s =
+      IntegerOr(reader, "min_bytes_per_s", limits.min_bytes_per_s, 1, int64_t{1} << 30);
+  limits.speed_window = SecondsOr(reader, "speed_window_s", limits.speed_window, {1, 86400});
+  limits.spool_bytes = IntegerOr(reader, "spool_bytes", 8 * archive, archive, 1024 * kTiB);
+  limits.peer_spool_bytes =
+      IntegerOr(reader, "peer_spool_bytes", 4 * archive, archive, 1024 * kTiB);
+  limits.disk_reserve = config.artefacts.disk_reserve;
+  limits.large_uploads = config.artefacts.uploads;
+  const std::string mode = reader.String("socket_mode");
+  if (mode.size() != 4 || mode[0] != '0' ||
+      mode.find_first_not_of("01234567") != std::string::npos) {
+    reader.Fail("socket_mode", "must be four octal digits that begin with 0, as in \"0660\"");
+  } else {
+    config.http.socket_mode = static_cast<unsigned>(std::stoul(mode, nullptr, 8));
+  }
+  return reader.Finish();
+}
+
+absl::Status ReadReruns(const nlohmann::json& json, const std::string& where,
+                        ServerConfig& config) {
+  ConfigReader reader(json, where);
+  RerunLimits& limits = config.reruns;
+  limits.unfinished = IntegerOr(reader, "unfinished", limits.unfinished, 1, kMany);
+  limits.of_one = IntegerOr(reader, "of_one", limits.of_one, 1, kMany);
+  limits.of_a_submission = IntegerOr(reader, "of_a_submission", limits.of_a_submission, 1, kMany);
+  limits.of_organisers = IntegerOr(reader, "of_organisers", limits.of_organisers, 1, kMany);
+  return reader.Finish();
+}
+
+absl::Status ReadRetention(const nlohmann::json& json, const std::string& where,
+                           ServerConfig& config) {
+  constexpr double kCentury = 36500;
+  ConfigReader reader(json, where);
+  config.retention.artefact_age = absl::Hours(24 * reader.Number("artefact_days", {1, kCentury}));
+  config.retention.artefact_bytes = reader.Integer("artefact_bytes", 1, 1024 * kTiB);
+  config.retention.log_age = absl::Hours(24 * reader.Number("log_days", {1, kCentury}));
+  config.retention.log_bytes = reader.Integer("log_bytes", 1, 1024 * kTiB);
+  config.retention.every = absl::Seconds(reader.Number("every_s", {1, 86400}));
+  config.retention.upload_age = config.artefacts.unsubmitted.age;
+  return reader.Finish();
+}
+
+absl::StatusOr<AdmissionRules> ReadAdmission(ConfigReader& reader) {
+  constexpr int64_t kMax = 1'000'000'000;
+  AdmissionRules rules;
+  rules.quota.official.per_day = reader.Integer("official_per_day", 1, kMax);
+  rules.quota.official.total = reader.Integer("official_total", 1, kMax);
+  rules.quota.practice.per_day = reader.Integer("practice_per_day", 1, kMax);
+  rules.quota.practice.total = reader.Integer("practice_total", 1, kMax);
+  rules.quota.failed.per_day = reader.Integer("failed_per_day", 1, kMax);
+  rules.quota.failed.total = reader.Integer("failed_total", 1, kMax);
+  rules.quota.waiting = reader.Integer("waiting", 1, kMax);
+  rules.one_for_everyone = reader.Choice("same_artefact", {"team", "everyone"}) == "everyone";
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return rules;
+}
+
+// A track's own keys lie over the usual ones.
+absl::Status ReadQuota(const nlohmann::json& json, const std::string& where,
+                       ServerConfig& config) {
+  ConfigReader reader(json, where);
+  const nlohmann::json tracks = reader.Object("tracks");
+  absl::StatusOr<AdmissionRules> usual = ReadAdmission(reader);
+  if (!usual.ok()) return usual.status();
+  config.quota.usual = *usual;
+  for (const auto& [name, own] : tracks.items()) {
+    if (name.starts_with("//")) continue;
+    const std::string place = absl::StrCat(where, ": tracks: ", name);
+    if (!own.is_object()) {
+      return absl::InvalidArgumentError(absl::StrCat(place, ": must be an object"));
+    }
+    nlohmann::json merged = json;
+    merged.erase("tracks");
+    merged.update(own);  // no merge patch: null must not take a limit away
+    ConfigReader track(merged, place);
+    absl::StatusOr<AdmissionRules> rules = ReadAdmission(track);
+    if (!rules.ok()) return rules.status();
+    config.quota.tracks[name] = *rules;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+bool PinsSlots(const ServerConfig& config, int slots, const TrackConfig& track) {
+  return config.pin_slots && track.budgets.cpus <= 1 &&
+         static_cast<unsigned>(slots) >= std::thread::hardware_concurrency();
+}
+
+int64_t DescriptorsNeeded(const ServerConfig& config) {
+  // Logs, the store, the lock, the listener, and what has not been thought of.
+  constexpr int64_t kBase = 128;
+  // A runner's three pipes; six ends more while it is started.
+  constexpr int64_t kOfASlot = 4;
+  // A connection and the body that it brings.
+  constexpr int64_t kOfAClient = 2;
+  // A connection to the store with its logs, a file in work, a pipe to what unpacks.
+  constexpr int64_t kOfAWorker = 8;
+  return kBase + kOfASlot * config.scheduler.slots + kOfAClient * config.http.clients +
+         config.http.waiting() + kOfAWorker * config.http.workers;
+}
+
+absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
+                                              const std::string& cache_dir) {
+  absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
+  if (!json.ok()) return json.status();
+  ConfigReader reader(*json, path);
+  ServerConfig config;
+  config.scheduler.slots = ReadSlots(reader, *json);
+  config.uid_base = reader.Integer("uid_base", 1000, 2'000'000'000);
+  config.pin_slots = reader.Boolean("pin_slots");
+  config.log_level = reader.Choice("log_level", {"debug", "info", "warn", "error"});
+  const nlohmann::json& runtimes = reader.Object("runtimes");
+  const nlohmann::json& scheduler = reader.Object("scheduler");
+  const nlohmann::json& artefacts = reader.Object("artefacts");
+  const nlohmann::json& http = reader.Object("http");
+  const nlohmann::json& quota = reader.Object("quota");
+  const nlohmann::json& retention = reader.Object("retention");
+  const nlohmann::json reruns =
+      reader.Has("reruns") ? reader.Object("reruns") : nlohmann::json::object();
+  absl::Status status = reader.Finish();
+  if (status.ok()) status = ReadRuntimes(runtimes, path + ": runtimes", cache_dir, config);
+  if (status.ok()) status = ReadScheduler(scheduler, path + ": scheduler", config);
+  if (status.ok()) status = ReadArtefacts(artefacts, path + ": artefacts", config);
+  if (status.ok()) status = ReadHttp(http, path + ": http", config);
+  if (status.ok()) status = ReadQuota(quota, path + ": quota", config);
+  if (status.ok()) status = ReadReruns(reruns, path + ": reruns", config);
+  if (status.ok()) status = ReadRetention(retention, path + ": retention", config);
+  if (!status.ok()) return status;
+  return config;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,62 @@
+// The loop around the core. The requests of other threads: engine_requests.cc.
+#include "server/engine/engine.h"
+
+#include <poll.h>
+
+#include <algorithm>
+
+namespace myograde::server {
+namespace {
+
+constexpr size_t kMaxCommands = 1024;
+// A runner that was asked to end is killed after its grace, and dead soon after.
+constexpr absl::Duration kAfterGrace = absl::Milliseconds(250);
+
+}  // namespace
+
+Engine::Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Processes& processes,
+               const Clock& clock)
+    : data_dir_(options.data_dir),
+      clock_(clock),
+      commands_(kMaxCommands),
+      core_(std::move(options), disk, readers, processes, clock) {}
+
+Engine::~Engine() = default;
+
+void Engine::Stop() {
+  stop_ = true;
+  commands_.Wake();
+}
+
+absl::Status Engine::Run() {
+  while (!stop_) {
+    commands_.RunAll();
+    const absl::StatusOr<absl::Duration> wait = core_.Turn();
+    if (!wait.ok()) {
+      commands_.Close();
+      (void)core_.FinishShutdown();  // the error is the one that counts
+      return wait.status();
+    }
+    Poll(*wait);
+  }
+  commands_.Close();
+  core_.BeginShutdown();
+  const absl::Duration deadline = clock_.Monotonic() + Runner::kCleanUpGrace + kAfterGrace;
+  while (!core_.idle() && clock_.Monotonic() < deadline) {
+    const absl::StatusOr<absl::Duration> wait = core_.Turn();
+    if (!wait.ok()) break;
+    Poll(std::min(*wait, deadline - clock_.Monotonic()));
+  }
+  return core_.FinishShutdown();
+}
+
+void Engine::Poll(absl::Duration timeout) {
+  std::vector<pollfd> fds = {{commands_.wake_fd(), POLLIN, 0}};
+  core_.AddDescriptors(fds);
+  // Rounded up: a deadline that is 0.3 ms away must not spin.
+  const int ms = static_cast<int>(absl::ToInt64Milliseconds(
+      absl::Ceil(std::max(timeout, absl::ZeroDuration()), absl::Milliseconds(1))));
+  poll(fds.data(), fds.size(), ms);
+}
+
+}  // namespace myograde::server

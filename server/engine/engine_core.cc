@@ -1,0 +1,252 @@
+// The turn, the journal and the requests. Leases: engine_leases.cc; how they end:
+// engine_ends.cc; what is taken up from the store: engine_recover.cc; what others see of it
+// and the host's health: engine_views.cc and engine_host.cc.
+#include "server/engine/engine_core.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+
+#include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
+
+namespace myograde::server {
+namespace {
+
+constexpr absl::Duration kRetry = absl::Seconds(1);
+constexpr absl::Duration kLongestWait = absl::Seconds(1);
+constexpr absl::Duration kReapWait = absl::Milliseconds(10);
+constexpr absl::Duration kStayWait = absl::Milliseconds(500);
+
+}  // namespace
+
+EngineCore::EngineCore(EngineOptions options, Disk& disk, ReaderPool& readers,
+                       Processes& processes, const Clock& clock)
+    : options_(std::move(options)),
+      disk_(disk),
+      readers_(readers),
+      processes_(processes),
+      clock_(clock),
+      owner_(absl::StrCat("daemon ", getpid())),
+      scheduler_(options_.config.scheduler),
+      host_(options_.config.host) {}
+
+EngineCore::~EngineCore() = default;
+
+absl::StatusOr<absl::Duration> EngineCore::Turn() {
+  WriteRequests();
+  for (auto& [id, run] : running_) Listen(run);
+  SeeEnds();
+  TakeBackOverdue();
+  SeeEnding();
+  SeeClosedSlots();
+  AnswerCancels();
+  SeeSelfTest();
+  Escalate();
+  if (absl::Status status = Flush(); !status.ok()) return status;
+  if (journal_.empty()) {
+    ProbeStore();
+    if (absl::Status status = TakeUpLate(); !status.ok()) return status;
+    if (absl::Status status = SettleAll(); !status.ok()) return status;
+    if (!stopping_) StartLeases();
+    if (absl::Status status = Flush(); !status.ok()) return status;
+  }
+  return TimeToNext(clock_.Monotonic());
+}
+
+absl::Duration EngineCore::TimeToNext(absl::Duration now) const {
+  absl::Duration wait = kLongestWait;
+  for (const auto& [id, run] : running_) {
+    // Both streams are at their end: only the process itself is waited for.
+    if (run.runner->stdout_fd() < 0 && run.runner->stderr_fd() < 0) wait = kReapWait;
+  }
+  for (const Ending& ending : ending_) {
+    wait = std::min(wait, ending.stays ? kStayWait : kReapWait);
+  }
+  if (!cancels_.empty()) wait = kReapWait;
+  if (!closed_slots_.empty()) wait = std::min(wait, next_slot_look_ - now);
+  if (test_ != nullptr) {
+    const bool quiet = test_->runner() == nullptr || test_->runner()->stdout_fd() < 0;
+    wait = quiet ? kReapWait : std::min(wait, test_->deadline() - now);
+  }
+  const std::lock_guard lock(mutex_);
+  if (const auto next = scheduler_.NextDeadline(now)) wait = std::min(wait, *next - now);
+  return std::max(wait, absl::ZeroDuration());
+}
+
+void EngineCore::AddDescriptors(std::vector<pollfd>& fds) const {
+  const auto add = [&fds](const Runner& runner) {
+    for (const int fd : {runner.stdout_fd(), runner.stderr_fd()}) {
+      if (fd >= 0) fds.push_back({fd, POLLIN, 0});
+    }
+  };
+  for (const auto& [id, run] : running_) add(*run.runner);
+  if (test_ != nullptr && test_->runner() != nullptr) add(*test_->runner());
+}
+
+// After a failure that may pass, further ones are not tried for a second: each may take as
+// long as the store waits for a lock, and the loop waits with it.
+absl::Status EngineCore::WriteNow(const StoreChange& change) {
+  const absl::Duration now = clock_.Monotonic();
+  absl::Status status;
+  if (now >= write_after_) {
+    status = disk_.Write(change);
+    if (!MayPass(status)) {
+      const std::lock_guard lock(mutex_);
+      if (!store_trouble_.empty()) spdlog::info("the store can be written again");
+      store_trouble_.clear();
+      return status;
+    }
+    write_after_ = clock_.Monotonic() + kRetry;
+    const std::lock_guard lock(mutex_);
+    if (store_trouble_ != status.message()) spdlog::error("{}", std::string(status.message()));
+    store_trouble_ = std::string(status.message());
+  }
+  const std::lock_guard lock(mutex_);
+  return absl::UnavailableError(
+      absl::StrCat("the store can't be written, nothing was changed: ", store_trouble_));
+}
+
+// In one transaction, so that all of it waits for the disk once.
+absl::Status EngineCore::Flush() {
+  if (journal_.empty()) return absl::OkStatus();
+  absl::Status status = WriteNow([this](Writer& writer) { return WriteJournal(writer); });
+  if (status.ok()) journal_.clear();
+  if (status.ok() || MayPass(status)) return absl::OkStatus();
+  // One of them is refused: its evaluation ends by that, and all others are to stand.
+  while (!journal_.empty()) {
+    const Entry entry = journal_.front();
+    status = WriteNow(entry.change);
+    if (MayPass(status)) return absl::OkStatus();
+    if (IsBrokenStore(status)) return status;
+    journal_.pop_front();
+    if (!status.ok()) GiveUpUnreadable(entry.evaluation, std::string(status.message()));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status EngineCore::WriteJournal(Writer& writer) const {
+  for (const Entry& entry : journal_) {
+    if (absl::Status status = entry.change(writer); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+// What is in the journal happened before a request that comes now, and is written first.
+absl::Status EngineCore::RequireWritable() {
+  if (absl::Status status = Flush(); !status.ok()) return status;
+  if (journal_.empty()) return absl::OkStatus();
+  const std::lock_guard lock(mutex_);
+  return absl::UnavailableError(
+      absl::StrCat("the store can't be written, nothing was changed: ", store_trouble_));
+}
+
+// Nothing is to be written, and the trouble may be over: looks.
+void EngineCore::ProbeStore() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (store_trouble_.empty()) return;
+  }
+  if (clock_.Monotonic() < write_after_) return;
+  (void)WriteNow([](Writer&) { return absl::OkStatus(); });
+}
+
+absl::Status EngineCore::SettleAll() {
+  while (!to_settle_.empty()) {
+    const int64_t evaluation = *to_settle_.begin();
+    const absl::Status status = Settle(evaluation);
+    if (MayPass(status)) return absl::OkStatus();  // it stays in the set, for the next round
+    if (IsBrokenStore(status)) return status;
+    if (!status.ok()) GiveUpUnreadable(evaluation, std::string(status.message()));
+    to_settle_.erase(evaluation);
+    contexts_.erase(evaluation);
+  }
+  return absl::OkStatus();
+}
+
+void EngineCore::Escalate() {
+  std::vector<int64_t> late;
+  {
+    const std::lock_guard lock(mutex_);
+    late = scheduler_.Escalate(clock_.Monotonic());
+  }
+  const std::string waited =
+      absl::FormatDuration(options_.config.scheduler.queue_wait);
+  for (const int64_t id : late) {
+    spdlog::warn("evaluation {} has waited for {}: it goes ahead of all that has not", id, waited);
+    Later(id, [id, waited, who = owner_](Writer& writer) {
+      return writer.NoteEvaluation(
+          id, who, absl::StrCat("waited for ", waited, " and goes ahead of all that has not"));
+    });
+  }
+}
+
+void EngineCore::WriteRequests() {
+  if (requests_.empty()) return;
+  const std::vector<Request> requests = std::exchange(requests_, {});
+  std::vector<absl::Status> statuses(
+      requests.size(),
+      absl::CancelledError("the daemon is stopping; try again when it is back"));
+  if (!stopping_) WriteTogether(requests, statuses);
+  for (size_t i = 0; i < requests.size(); ++i) {
+    if (statuses[i].ok() && requests[i].effect) statuses[i] = requests[i].effect();
+    requests[i].answer(statuses[i]);
+  }
+}
+
+// What is in the journal happened before, and goes first. All of it in one transaction, so that
+// it waits for the disk once.
+void EngineCore::WriteTogether(const std::vector<Request>& requests,
+                               std::vector<absl::Status>& statuses) {
+  const absl::Status all = WriteNow([&](Writer& writer) {
+    absl::Status status = WriteJournal(writer);
+    for (size_t i = 0; i < requests.size() && status.ok(); ++i) {
+      statuses[i] = writer.Part(requests[i].change);
+    }
+    return status;
+  });
+  if (all.ok()) return journal_.clear();
+  statuses.assign(requests.size(), all);
+  if (MayPass(all)) return;
+  // What only one of them did wrong must not be the others' harm.
+  const absl::Status ready = RequireWritable();
+  for (size_t i = 0; i < requests.size(); ++i) {
+    statuses[i] = ready.ok() ? WriteNow(requests[i].change) : ready;
+  }
+}
+
+void EngineCore::BeginShutdown() {
+  stopping_ = true;
+  for (Ending& ending : ending_) {
+    if (!ending.stays) continue;
+    ending.stays = false;
+    ending.kill_at = clock_.Monotonic() + Runner::kCleanUpGrace;
+    ending.runner->AskToEnd();
+  }
+  std::vector<int64_t> leases;
+  for (const auto& [lease, run] : running_) {
+    leases.push_back(lease);
+    Later(run.context->evaluation,
+          [id = lease, attempt = run.attempt, who = owner_](Writer& writer) {
+      return writer.ReturnLease(id, attempt, /*fault=*/false, who, "the daemon stopped");
+    });
+  }
+  for (const int64_t lease : leases) TakeBack(lease);
+  if (test_ != nullptr) EndSelfTest("the daemon stopped");
+  write_after_ = absl::ZeroDuration();
+}
+
+absl::Status EngineCore::FinishShutdown() {
+  stopping_ = true;
+  WriteRequests();  // answers them
+  for (Ending& ending : ending_) {
+    ending.runner->KillNow();
+    processes_.CleanUp(ending.work_dir);
+  }
+  ending_.clear();
+  AnswerCancels();
+  write_after_ = absl::ZeroDuration();
+  return Flush();
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,341 @@
+// How leases end, and what follows from it.
+#include <algorithm>
+
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+#include <spdlog/spdlog.h>
+
+#include "protocol/base/config_reader.h"
+#include "server/base/counted.h"
+#include "server/engine/engine_core.h"
+
+namespace myograde::server {
+namespace {
+
+// A cancel is answered by then, whatever a dying process does.
+constexpr absl::Duration kCancelAnswer = absl::Milliseconds(950);
+// For a runner to end once it has said its last word.
+constexpr absl::Duration kFarewell = absl::Seconds(3);
+// For a runner that stays until it has buried what it started; whatever lives on then keeps the
+// slot closed itself.
+constexpr absl::Duration kLongestStay = absl::Minutes(10);
+// How often closed slots are looked at.
+constexpr absl::Duration kSlotLook = absl::Milliseconds(500);
+// How much the last lease weighs in the mean of their durations.
+constexpr double kNewest = 0.2;
+
+// Reasons are one sentence; the whole output is in the log.
+std::string LastLineOf(const std::string& text) {
+  const size_t end = text.find_last_not_of(" \n");
+  if (end == std::string::npos) return "nothing";
+  const size_t begin = text.rfind('\n', end);
+  const size_t first = begin == std::string::npos ? 0 : begin + 1;
+  return text.substr(first, end - first + 1);
+}
+
+nlohmann::json OutputJson(const LeaseEndRecord& end) {
+  return {{"stdout_tail", end.stdout_tail},
+          {"stderr_tail", end.stderr_tail},
+          {"stdout_truncated", end.stdout_truncated},
+          {"stderr_truncated", end.stderr_truncated},
+          {"policy_cpu_s", end.policy_cpu_s},
+          {"wall_s", end.wall_s},
+          {"peak_memory_bytes", end.peak_memory_bytes}};
+}
+
+}  // namespace
+
+// Runners that ended by themselves, and those whose records show a fault.
+void EngineCore::SeeEnds() {
+  const absl::Duration now = clock_.Monotonic();
+  std::vector<int64_t> faulty;
+  std::vector<int64_t> lingering;
+  for (auto it = running_.begin(); it != running_.end();) {
+    LeaseRun& run = it->second;
+    if (!run.runner->finished()) {
+      if (!run.fault.empty()) {
+        faulty.push_back(it->first);
+      } else if (run.end.has_value() && now - run.end_heard >= kFarewell) {
+        lingering.push_back(it->first);
+      }
+      ++it;
+      continue;
+    }
+    Listen(run);  // what came between the last reading and the end
+    FreeSlot(run.slot);
+    EndOf(run);
+    processes_.CleanUp(run.work_dir);
+    it = running_.erase(it);
+  }
+  // All is said; what keeps the runner is none of the lease's business, only of its slot's.
+  for (const int64_t lease : lingering) {
+    const auto it = running_.find(lease);
+    if (it == running_.end()) continue;
+    spdlog::warn("lease {} has ended, and its runner stays on slot {}: something that it started "
+                 "can't be killed yet", lease, it->second.slot);
+    EndOf(it->second);
+    TakeBack(lease, /*ask=*/false);
+  }
+  for (const int64_t lease : faulty) {
+    // A give-up of an earlier one may have taken it back.
+    const auto it = running_.find(lease);
+    if (it == running_.end()) continue;
+    Fault(it->second, it->second.fault);
+    TakeBack(lease);
+  }
+}
+
+void EngineCore::TakeBackOverdue() {
+  std::vector<Overdue> overdue;
+  {
+    const std::lock_guard lock(mutex_);
+    overdue = scheduler_.OverdueAt(clock_.Monotonic());
+  }
+  for (const Overdue& late : overdue) {
+    const auto it = running_.find(late.lease);
+    if (it == running_.end()) continue;
+    // One that has said its last word is done, though its process does not end.
+    if (it->second.end.has_value()) {
+      EndOf(it->second);
+    } else {
+      Fault(it->second, late.why);
+    }
+    TakeBack(late.lease);
+  }
+}
+
+void EngineCore::FreeSlot(int slot) {
+  const std::map<int, std::string> left = processes_.ProcessesOf(slot, 1);
+  const std::lock_guard lock(mutex_);
+  if (left.empty()) return scheduler_.Free(slot);
+  closed_slots_[slot] = left.at(slot);
+  spdlog::warn("slot {} is closed until {} is gone", slot, closed_slots_[slot]);
+}
+
+// What an earlier daemon's leases left, if its runners were killed before they could bury it.
+void EngineCore::CloseSlots() {
+  const auto found = processes_.ProcessesOf(0, options_.config.scheduler.slots);
+  const std::lock_guard lock(mutex_);
+  for (const auto& [slot, left] : found) {
+    spdlog::warn("slot {} is closed until {} is gone", slot, left);
+    scheduler_.Close(slot);
+    closed_slots_[slot] = left;
+  }
+}
+
+void EngineCore::SeeClosedSlots() {
+  const absl::Duration now = clock_.Monotonic();
+  // Only this thread changes them.
+  if (closed_slots_.empty() || now < next_slot_look_) return;
+  next_slot_look_ = now + kSlotLook;
+  const auto found = processes_.ProcessesOf(0, options_.config.scheduler.slots);
+  const std::lock_guard lock(mutex_);
+  for (auto closed = closed_slots_.begin(); closed != closed_slots_.end();) {
+    if (const auto left = found.find(closed->first); left != found.end()) {
+      closed->second = left->second;
+      ++closed;
+      continue;
+    }
+    spdlog::info("slot {} is open again", closed->first);
+    scheduler_.Free(closed->first);
+    closed = closed_slots_.erase(closed);
+  }
+}
+
+void EngineCore::EndOf(LeaseRun& run) {
+  if (run.fault.empty() && !run.end.has_value()) {
+    spdlog::error("lease {}: the runner wrote: {}", run.lease, run.runner->stderr_tail());
+    run.fault = absl::StrCat("the runner ended (wait status ", run.runner->wait_status(),
+                             ") without its last record; its last words: ",
+                             LastLineOf(run.runner->stderr_tail()));
+  } else if (run.fault.empty() && !run.end->ok) {
+    run.fault = run.end->detail;
+  } else if (run.fault.empty() &&
+             static_cast<int64_t>(run.recorded.size()) != run.last - run.first + 1) {
+    run.fault = absl::StrCat("the runner said done after ", run.recorded.size(), " of ",
+                             run.last - run.first + 1, " episodes");
+  }
+  if (!run.fault.empty()) return Fault(run, run.fault);
+  Later(run.context->evaluation, [lease = run.lease, attempt = run.attempt,
+                                  output = CanonicalJson(OutputJson(*run.end)),
+                                  who = owner_](Writer& writer) {
+    return writer.FinishLease(lease, attempt, output, who);
+  });
+  const std::lock_guard lock(mutex_);
+  const absl::Duration now = clock_.Monotonic();
+  const absl::Duration took = now - live_.at(run.lease).since;
+  mean_lease_ = mean_lease_ == absl::ZeroDuration()
+                    ? took
+                    : mean_lease_ * (1 - kNewest) + took * kNewest;
+  live_.erase(run.lease);
+  host_.LeaseDone();
+  const Verdict verdict = scheduler_.Finished(run.lease, run.attempt, now);
+  if (verdict.kind == Verdict::Kind::kEvaluationEnds) to_settle_.insert(verdict.evaluation);
+}
+
+void EngineCore::Fault(LeaseRun& run, const std::string& why) {
+  spdlog::error("lease {}, attempt {}: fault of the grader: {}", run.lease, run.attempt, why);
+  suspect_track_ = run.context->track;
+  Verdict verdict;
+  {
+    const std::lock_guard lock(mutex_);
+    const absl::Duration now = clock_.Monotonic();
+    live_.erase(run.lease);
+    host_.LeaseFaulted(now, why);
+    verdict = scheduler_.Faulted(run.lease, run.attempt, now);
+  }
+  if (verdict.kind == Verdict::Kind::kReplay) {
+    Later(run.context->evaluation,
+          [lease = run.lease, attempt = run.attempt, why, who = owner_](Writer& writer) {
+      return writer.ReturnLease(lease, attempt, /*fault=*/true, who, why);
+    });
+  } else if (verdict.kind == Verdict::Kind::kGiveUp) {
+    GiveUp(verdict, run.lease, why);
+  }
+}
+
+void EngineCore::GiveUp(const Verdict& verdict, int64_t failed, const std::string& why) {
+  const std::string reason =
+      absl::StrCat("a block of episodes failed ",
+                   Counted(options_.config.scheduler.max_replays + 1, "time"),
+                   " by the grader's fault, the last time: ", why);
+  std::vector<int64_t> others = verdict.pending;
+  others.insert(others.end(), verdict.running.begin(), verdict.running.end());
+  Later(verdict.evaluation, [=, evaluation = verdict.evaluation, who = owner_](Writer& writer) {
+    absl::Status status = writer.EndLease(failed, LeaseState::kFailed, /*fault=*/true, who, why);
+    for (const int64_t lease : others) {
+      status.Update(writer.EndLease(lease, LeaseState::kCancelled, /*fault=*/false, who,
+                                    absl::StrCat("lease ", failed, " could not be played")));
+    }
+    status.Update(
+        writer.EndEvaluation(evaluation, EvaluationState::kGraderError, reason, "", who));
+    return status;
+  });
+  for (const int64_t lease : verdict.running) TakeBack(lease);
+  contexts_.erase(verdict.evaluation);
+}
+
+void EngineCore::TakeBack(int64_t lease, bool ask) {
+  auto node = running_.extract(lease);
+  if (node.empty()) return;
+  LeaseRun& run = node.mapped();
+  if (ask) run.runner->AskToEnd();
+  ending_.push_back({lease, run.attempt, run.slot, run.work_dir, std::move(run.runner),
+                     clock_.Monotonic() + (ask ? Runner::kCleanUpGrace : kLongestStay),
+                     /*stays=*/!ask});
+  const std::lock_guard lock(mutex_);
+  live_.erase(lease);
+  ending_count_ = static_cast<int>(ending_.size());
+}
+
+// Runners on their way out: their slots are free when they are dead, and what they say is
+// refused.
+void EngineCore::SeeEnding() {
+  const absl::Duration now = clock_.Monotonic();
+  for (auto it = ending_.begin(); it != ending_.end();) {
+    Ending& ending = *it;
+    // Kept reading, so that a runner that writes can come to its end.
+    if (const auto records = ending.runner->Read(); records.ok()) {
+      ending.late += static_cast<int64_t>(records->size());
+    }
+    if (!ending.runner->dead()) {
+      if (!ending.killed && now >= ending.kill_at) {
+        ending.killed = true;
+        ending.stays = false;
+        ending.runner->KillNow();
+      }
+      ++it;
+      continue;
+    }
+    if (ending.late > 0) {
+      spdlog::info("lease {}, attempt {}: {} records that came after it was taken back are refused",
+                   ending.lease, ending.attempt, ending.late);
+    }
+    FreeSlot(ending.slot);
+    processes_.CleanUp(ending.work_dir);
+    it = ending_.erase(it);
+  }
+  const std::lock_guard lock(mutex_);
+  ending_count_ = static_cast<int>(ending_.size());
+}
+
+// Nothing of an evaluation is to be played or settled any more. The leases of it that ran are
+// taken back, and returned.
+std::set<int64_t> EngineCore::Forget(int64_t evaluation) {
+  Verdict verdict;
+  {
+    const std::lock_guard lock(mutex_);
+    verdict = scheduler_.Cancel(evaluation);
+  }
+  for (const int64_t lease : verdict.running) TakeBack(lease);
+  to_take_up_.erase(evaluation);
+  to_settle_.erase(evaluation);
+  contexts_.erase(evaluation);
+  return {verdict.running.begin(), verdict.running.end()};
+}
+
+void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
+  const auto [known, is_new] = given_up_.try_emplace(evaluation, why);
+  if (!is_new) {
+    // This was its end, which is refused too.
+    spdlog::error("evaluation {} can't be ended: {}", evaluation, why);
+    const std::lock_guard lock(mutex_);
+    unreadable_[evaluation] = known->second;
+    return;
+  }
+  spdlog::error("evaluation {} can't be gone on with: {}", evaluation, why);
+  Forget(evaluation);
+  std::erase_if(journal_, [&](const Entry& entry) { return entry.evaluation == evaluation; });
+  Later(evaluation, [evaluation, why, who = owner_](Writer& writer) {
+    return writer.EndUnreadable(evaluation, why, who);
+  });
+}
+
+absl::Status EngineCore::CancelEvaluations(int64_t submission, const std::string& why,
+                                           const std::string& who, std::set<int64_t>& killed) {
+  // Episodes that ended before the cancel stay, and an evaluation whose leases have all ended
+  // is about to get its result.
+  if (absl::Status status = RequireWritable(); !status.ok()) return status;
+  if (absl::Status status = TakeUpLate(); !status.ok()) return status;
+  if (absl::Status status = SettleAll(); !status.ok()) return status;
+  if (absl::Status status = RequireWritable(); !status.ok()) return status;
+  std::vector<int64_t> open;
+  const absl::Status status = WriteNow([&](Writer& writer) -> absl::Status {
+    open = writer.OpenEvaluations(submission);
+    for (const int64_t evaluation : open) {
+      const absl::Status ended =
+          writer.EndWithLeases(evaluation, EvaluationState::kCancelled, why, who);
+      if (!ended.ok()) return ended;
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  if (open.empty()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("submission ", submission, " has ended; there is nothing to cancel"));
+  }
+  for (const int64_t evaluation : open) killed.merge(Forget(evaluation));
+  return absl::OkStatus();
+}
+
+void EngineCore::Cancel(int64_t submission, const std::string& why, const std::string& who,
+                        CancelAnswer answer) {
+  CancelWait wait{{}, clock_.Monotonic(), std::move(answer)};
+  const absl::Status status = CancelEvaluations(submission, why, who, wait.leases);
+  if (!status.ok()) return wait.answer(status);
+  cancels_.push_back(std::move(wait));
+  AnswerCancels();
+}
+
+void EngineCore::AnswerCancels() {
+  const absl::Duration now = clock_.Monotonic();
+  std::erase_if(cancels_, [&](const CancelWait& wait) {
+    CancelReport report{static_cast<int>(wait.leases.size()), now - wait.begin, 0};
+    for (const Ending& ending : ending_) report.still_ending += wait.leases.contains(ending.lease);
+    if (report.still_ending > 0 && report.took < kCancelAnswer) return false;
+    wait.answer(report);
+    return true;
+  });
+}
+
+}  // namespace myograde::server

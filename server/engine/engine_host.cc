@@ -1,0 +1,63 @@
+// The host's health: when the grader's own faults repeat, it tests itself.
+#include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
+
+#include "server/engine/engine_core.h"
+
+namespace myograde::server {
+
+void EngineCore::SeeSelfTest() {
+  if (test_ != nullptr) {
+    const std::optional<std::string> verdict = test_->Look(clock_.Monotonic());
+    if (verdict.has_value()) EndSelfTest(*verdict);
+    return;
+  }
+  bool due = false;
+  {
+    const std::lock_guard lock(mutex_);
+    due = host_.TestDue(clock_.Monotonic());
+  }
+  if (due && !stopping_) BeginSelfTest();
+}
+
+void EngineCore::BeginSelfTest() {
+  std::optional<int> slot;
+  {
+    const std::lock_guard lock(mutex_);
+    slot = scheduler_.TakeSlot();
+    if (slot.has_value()) host_.TestBegins();
+  }
+  if (!slot.has_value()) return;  // the next one that gets free is for it, as no lease starts
+  LeaseOrder order =
+      SelfTestOrder(suspect_track_->config, absl::StrCat(options_.data_dir, "/selftest"),
+                    absl::StrCat(options_.data_dir, "/work/selftest"), options_.cache_dir);
+  order.slot = *slot;
+  spdlog::info("self-test on slot {}", *slot);
+  test_ = SelfTest::Begin(processes_, order,
+                          clock_.Monotonic() + options_.config.self_test_deadline);
+}
+
+void EngineCore::EndSelfTest(const std::string& fault) {
+  const LeaseOrder order = test_->order();
+  std::unique_ptr<Runner> runner = test_->TakeRunner();
+  test_ = nullptr;
+  if (stopping_) {
+    spdlog::info("self-test ended with the daemon");
+  } else if (fault.empty()) {
+    spdlog::info("self-test passed");
+  } else {
+    spdlog::error("self-test failed: {}", fault);
+  }
+  if (runner != nullptr && !runner->dead()) {
+    runner->AskToEnd();
+    ending_.push_back({0, 0, static_cast<int>(order.slot), order.work_dir, std::move(runner),
+                       clock_.Monotonic() + Runner::kCleanUpGrace});
+  } else {
+    if (runner != nullptr) processes_.CleanUp(order.work_dir);
+    FreeSlot(static_cast<int>(order.slot));
+  }
+  const std::lock_guard lock(mutex_);
+  host_.TestEnded(clock_.Monotonic(), fault);
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,184 @@
+// Taking evaluations up from the store: new ones, and after a start those that
+// an earlier daemon left unfinished. One way for both.
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+#include <spdlog/spdlog.h>
+
+#include "protocol/base/config_reader.h"
+#include "server/engine/engine_core.h"
+#include "server/grading/results.h"
+#include "server/base/peer_key.h"
+
+namespace myograde::server {
+
+EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) const {
+  const auto context = std::make_shared<Context>();
+  context->evaluation = stored.evaluation.id;
+  context->submission = stored.submission.id;
+  context->team = stored.submission.team;
+  // What an organiser hands in, many people made: it is nobody's share.
+  const std::string& who = stored.submission.accepted_by;
+  context->party = IsOrganiser(who) ? "" : who;
+  context->priority = stored.evaluation.rerun    ? Priority::kRerun
+                      : stored.submission.ranked ? Priority::kOfficial
+                                                 : Priority::kPractice;
+  context->artefact = stored.artefact.hash;
+  context->command = stored.artefact.command;
+  context->environment = stored.artefact.environment;
+  for (const std::string& runtime : stored.artefact.runtimes) {
+    const auto it = options_.config.runtimes.find(runtime);
+    // A runtime that was taken out of the settings is the grader's fault, told by the runner.
+    context->runtimes.push_back(it == options_.config.runtimes.end() ? "/nonexistent/" + runtime
+                                                                     : it->second);
+  }
+  context->track = stored.track;
+  context->seeds = stored.seeds;
+  for (const LeaseRow& lease : stored.leases) {
+    context->leases[lease.id] = {lease.first, lease.last};
+  }
+  context->row = stored.evaluation;
+  return context;
+}
+
+absl::StatusOr<EngineCore::Loaded> EngineCore::Load(int64_t id) {
+  Loaded loaded;
+  const absl::Status status = readers_.Read([&](Reader& reader) -> absl::Status {
+    absl::StatusOr<StoredEvaluation> stored = LoadEvaluation(reader, id, content_);
+    if (!stored.ok()) return stored.status();
+    loaded.context = ContextOf(*stored);
+    for (const LeaseRow& lease : stored->leases) {
+      if (!IsFinal(lease.state)) loaded.open.push_back(lease);
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  return loaded;
+}
+
+absl::Status EngineCore::TakeUp(int64_t id) {
+  absl::StatusOr<Loaded> loaded = Load(id);
+  if (MayPass(loaded.status())) {
+    spdlog::warn("evaluation {} is taken up later: {}", id,
+                 std::string(loaded.status().message()));
+    to_take_up_.insert(id);
+    return absl::OkStatus();
+  }
+  if (IsBrokenStore(loaded.status())) return loaded.status();
+  if (!loaded.ok()) {
+    GiveUpUnreadable(id, std::string(loaded.status().message()));
+    return absl::OkStatus();
+  }
+  const Context& context = *loaded->context;
+  contexts_[id] = loaded->context;
+  if (loaded->open.empty()) {
+    to_settle_.insert(id);
+    return absl::OkStatus();
+  }
+  EvaluationSpec spec;
+  spec.id = id;
+  spec.team = context.team;
+  spec.party = context.party;
+  spec.priority = context.priority;
+  spec.lease_wall =
+      absl::Seconds(context.track->config.budgets.lease_wall_s) + options_.config.lease_grace;
+  for (const LeaseRow& lease : loaded->open) {
+    spec.leases.push_back({lease.id, lease.attempt, lease.faults});
+  }
+  const std::lock_guard lock(mutex_);
+  scheduler_.Add(spec, clock_.Monotonic());
+  return absl::OkStatus();
+}
+
+absl::Status EngineCore::TakeUpLate() {
+  for (const int64_t id : std::exchange(to_take_up_, {})) {
+    if (absl::Status status = TakeUp(id); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status EngineCore::Recover() {
+  CloseSlots();
+  Listed<EvaluationRow> unfinished;
+  std::map<int64_t, std::vector<LeaseRow>> interrupted;  // by evaluation
+  absl::Status status = readers_.Read([&](Reader& reader) {
+    unfinished = reader.Unfinished();
+    for (const EvaluationRow& evaluation : unfinished.rows) {
+      const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(evaluation.id);
+      if (!leases.ok()) continue;  // TakeUp finds the same
+      for (const LeaseRow& lease : *leases) {
+        if (lease.state == LeaseState::kRunning) interrupted[evaluation.id].push_back(lease);
+      }
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  std::map<int64_t, absl::Status> refused;
+  status = disk_.Write([&](Writer& writer) {
+    refused.clear();
+    for (const auto& [evaluation, leases] : interrupted) {
+      refused[evaluation] = writer.Part([&](Writer& part) {
+        absl::Status returned;
+        for (const LeaseRow& lease : leases) {
+          returned.Update(part.ReturnLease(lease.id, lease.attempt, /*fault=*/false, owner_,
+                                           "an earlier daemon ended while it ran"));
+        }
+        return returned;
+      });
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  for (const auto& [evaluation, why] : refused) {
+    if (!why.ok()) GiveUpUnreadable(evaluation, std::string(why.message()));
+  }
+  for (const Damage& damage : unfinished.damaged) {
+    int64_t id = 0;
+    if (absl::SimpleAtoi(damage.key, &id)) GiveUpUnreadable(id, DamageText(damage));
+  }
+  for (const EvaluationRow& evaluation : unfinished.rows) {
+    if (given_up_.contains(evaluation.id)) continue;
+    if (status = TakeUp(evaluation.id); !status.ok()) return status;
+  }
+  if (!unfinished.rows.empty()) {
+    spdlog::info("{} unfinished evaluations taken up, leases of {} of them were running",
+                 unfinished.rows.size(), interrupted.size());
+  }
+  return status;
+}
+
+// The evaluation's leases are all done: its rows make it done or failed.
+absl::Status EngineCore::Settle(int64_t evaluation) {
+  const Context& context = *contexts_.at(evaluation);
+  std::vector<EpisodeRow> rows;
+  absl::Status status = readers_.Read([&](Reader& reader) -> absl::Status {
+    absl::StatusOr<std::vector<EpisodeRow>> read =
+        WholeEpisodes(reader, context.row, *context.seeds);
+    if (read.ok()) rows = *std::move(read);
+    return read.status();
+  });
+  if (!status.ok()) return status;
+  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(*context.track->scoring.track, rows);
+  if (!aggregate.ok()) return aggregate.status();
+  const EvaluationState state =
+      aggregate->failed ? EvaluationState::kFailed : EvaluationState::kDone;
+  const std::string reason =
+      aggregate->failed ? "every episode ended by a fault of the participant's program" : "";
+  const Standing standing = StandingOf(*context.track->scoring.track, *aggregate);
+  status = WriteNow([&](Writer& writer) {
+    absl::Status written =
+        writer.EndEvaluation(evaluation, state, reason, ResultsHash(rows), owner_);
+    if (state == EvaluationState::kDone && context.priority != Priority::kRerun) {
+      written.Update(writer.SetStanding(evaluation, standing));
+    }
+    return written;
+  });
+  if (status.ok()) {
+    spdlog::info("evaluation {}: {}, {} of {} episodes are successes", evaluation,
+                 std::string(EvaluationStateName(state)), aggregate->successes,
+                 aggregate->episodes);
+  }
+  return status;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,98 @@
+// Requests that change the store: those that come together are written together.
+#include <absl/strings/str_cat.h>
+
+#include "server/engine/engine.h"
+
+namespace myograde::server {
+
+absl::Status Engine::Ask(StoreChange change, std::function<absl::Status()> effect,
+                         absl::Duration timeout) {
+  return commands_.CallLater(
+      [this, change = std::move(change), effect = std::move(effect)](CommandQueue::Answer answer) {
+        core_.Ask({change, effect, std::move(answer)});
+      },
+      timeout);
+}
+
+absl::StatusOr<bool> Engine::AddArtefact(const ArtefactRow& artefact, const NewUpload& upload,
+                                         const UnsubmittedLimits& limits, absl::Duration timeout) {
+  const auto is_new = std::make_shared<bool>(false);
+  const absl::Status status = Ask(
+      [artefact, upload, limits, is_new](Writer& writer) {
+        absl::StatusOr<bool> added = writer.AddArtefact(artefact);
+        if (!added.ok()) return added.status();
+        *is_new = *added;
+        return writer.AddUpload(artefact, upload, limits);
+      },
+      nullptr, timeout);
+  if (!status.ok()) return status;
+  return *is_new;
+}
+
+absl::StatusOr<Accepted> Engine::Admit(std::function<absl::StatusOr<Accepted>(Writer&)> add,
+                                       absl::Duration timeout) {
+  const auto accepted = std::make_shared<Accepted>();
+  const absl::Status status = Ask(
+      [add = std::move(add), accepted](Writer& writer) {
+        absl::StatusOr<Accepted> added = add(writer);
+        if (added.ok()) *accepted = *std::move(added);
+        return added.status();
+      },
+      [this, accepted] {
+        return accepted->linked ? absl::OkStatus() : core_.TakeUp(accepted->evaluation);
+      },
+      timeout);
+  if (!status.ok()) return status;
+  return *accepted;
+}
+
+absl::StatusOr<Accepted> Engine::Submit(const NewSubmission& submission,
+                                        const AdmissionRules& rules, const std::string& who,
+                                        absl::Duration timeout) {
+  // On the loop's thread, where files are removed too: those that are there now stay.
+  return Admit([this, submission, rules, who](Writer& writer) -> absl::StatusOr<Accepted> {
+    if (absl::Status status = HasArtefactFiles(data_dir_, submission.artefact); !status.ok()) {
+      return status;
+    }
+    return writer.Accept(submission, rules, who);
+  }, timeout);
+}
+
+absl::Status Engine::Change(StoreChange change, absl::Duration timeout,
+                            std::function<absl::Status()> effect) {
+  return Ask(std::move(change), std::move(effect), timeout);
+}
+
+absl::StatusOr<Accepted> Engine::Rerun(const NewRerun& rerun, const std::string& who,
+                                       bool organiser, const RerunLimits& limits,
+                                       absl::Duration timeout) {
+  return Admit(
+      [this, rerun, who, organiser, limits](Writer& writer) -> absl::StatusOr<Accepted> {
+        if (absl::Status status = HasArtefactFiles(data_dir_, rerun.artefact); !status.ok()) {
+          return status;
+        }
+        if (absl::Status status = writer.CheckReruns(rerun.submission, who, organiser, limits);
+            !status.ok()) {
+          return status;
+        }
+        return writer.AddRerun(rerun, who);
+      },
+      timeout);
+}
+
+absl::StatusOr<CancelReport> Engine::Cancel(int64_t submission, const std::string& why,
+                                            const std::string& who, absl::Duration timeout) {
+  const auto report = std::make_shared<CancelReport>();
+  const absl::Status status = commands_.CallLater(
+      [this, submission, why, who, report](CommandQueue::Answer answer) {
+        core_.Cancel(submission, why, who, [report, answer](absl::StatusOr<CancelReport> done) {
+          if (done.ok()) *report = *done;
+          answer(done.status());
+        });
+      },
+      timeout);
+  if (!status.ok()) return status;
+  return *report;
+}
+
+}  // namespace myograde::server

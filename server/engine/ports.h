@@ -1,0 +1,78 @@
+// What the engine needs of the world outside: processes and a store that is written.
+// Time comes through Clock. Tests put fakes in their places and turn the world as they like.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "protocol/lease/lease.h"
+#include "server/runner/runner.h"
+#include "server/sandbox/slot_processes.h"
+#include "server/store/store.h"
+
+namespace myograde::server {
+
+class Processes {
+ public:
+  virtual ~Processes() = default;
+
+  // Makes the order's work folder and starts a runner on it, which takes the order's slot. An error
+  // is the grader's; nothing is left of it then.
+  virtual absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order) = 0;
+
+  // Removes the work folder of a runner that is dead.
+  virtual void CleanUp(const std::string& work_dir) = 0;
+
+  // Living processes of the sandboxes of slots `first` to `first + count - 1`, whoever started
+  // them, by slot: in words, for people.
+  virtual std::map<int, std::string> ProcessesOf(int first, int count) {
+    (void)first, (void)count;
+    return {};
+  }
+};
+
+// A change of the store; what it touches is its own or outlives it.
+using StoreChange = std::function<absl::Status(Writer&)>;
+
+class Disk {
+ public:
+  virtual ~Disk() = default;
+
+  // As Store::Write and Store::policy_secret.
+  virtual absl::Status Write(const StoreChange& change) = 0;
+  virtual const std::string& policy_secret() const = 0;
+};
+
+// The real ones.
+class SystemProcesses : public Processes {
+ public:
+  explicit SystemProcesses(SlotProcesses slots) : slots_(std::move(slots)) {}
+  absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order) override;
+  void CleanUp(const std::string& work_dir) override;
+  std::map<int, std::string> ProcessesOf(int first, int count) override;
+
+ private:
+  const SlotProcesses slots_;
+};
+
+class StoreDisk : public Disk {
+ public:
+  // `store` must outlive it.
+  explicit StoreDisk(Store& store) : store_(store) {}
+  absl::Status Write(const StoreChange& change) override {
+    return store_.Write(change);
+  }
+  const std::string& policy_secret() const override { return store_.policy_secret(); }
+
+ private:
+  Store& store_;
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,214 @@
+#include "server/engine/retention.h"
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cstring>
+#include <filesystem>
+#include <tuple>
+
+#include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
+
+#include "server/engine/stored.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr absl::Duration kChange = absl::Seconds(30);
+constexpr size_t kHashDigits = 64;
+// The row that names a log comes after its file.
+constexpr int64_t kFreshMs = 10 * 60 * 1000;
+
+int64_t ToMs(const timespec& time) {
+  return static_cast<int64_t>(time.tv_sec) * 1000 + time.tv_nsec / 1'000'000;
+}
+
+// When the entry got its present place and content: a renamed folder counts as new.
+int64_t ChangedAt(const fs::path& path) {
+  struct stat info;
+  return lstat(path.c_str(), &info) == 0 ? ToMs(info.st_ctim) : INT64_MAX;
+}
+
+}  // namespace
+
+std::vector<Choice> ChooseRemovals(std::vector<KeptFile> files, absl::Duration age, int64_t bytes,
+                                   int64_t now_ms) {
+  std::sort(files.begin(), files.end(), [](const KeptFile& a, const KeptFile& b) {
+    return std::tie(a.last_use, a.name) < std::tie(b.last_use, b.name);
+  });
+  int64_t sum = 0;
+  for (const KeptFile& file : files) sum += file.bytes;
+  std::vector<Choice> choices;
+  for (const KeptFile& file : files) {
+    if (file.needed) continue;
+    const absl::Duration unused = absl::Milliseconds(now_ms - file.last_use);
+    std::string why;
+    if (unused > age) {
+      why = absl::StrCat("of no use for ", absl::ToInt64Hours(unused) / 24, " days, kept for ",
+                         absl::ToInt64Hours(age) / 24);
+    } else if (sum > bytes) {
+      why = absl::StrCat("all together had ", sum, " bytes, ", bytes, " are kept");
+    } else {
+      continue;
+    }
+    sum -= file.bytes;
+    choices.push_back({file, std::move(why)});
+  }
+  return choices;
+}
+
+Retention::Retention(RetentionLimits limits, std::string data_dir, Engine& engine,
+                     ReaderPool& readers, const Clock& clock)
+    : limits_(limits),
+      data_dir_(std::move(data_dir)),
+      engine_(engine),
+      readers_(readers),
+      clock_(clock),
+      thread_([this] { Loop(); }) {}
+
+Retention::~Retention() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  wake_.notify_all();
+  thread_.join();
+}
+
+void Retention::Loop() {
+  std::unique_lock lock(mutex_);
+  while (!stop_) {
+    lock.unlock();
+    Sweep();
+    lock.lock();
+    wake_.wait_for(lock, absl::ToChronoMilliseconds(limits_.every), [this] { return stop_; });
+  }
+}
+
+void Retention::Sweep() {
+  const int64_t now = absl::ToUnixMillis(clock_.Now());
+  const auto look = [&](const char* kind, absl::StatusOr<std::vector<KeptFile>> files,
+                        absl::Duration age, int64_t bytes) {
+    if (!files.ok()) {
+      spdlog::warn("retention of {}s: {}", kind, std::string(files.status().message()));
+      return;
+    }
+    Remove(kind, ChooseRemovals(*std::move(files), age, bytes, now));
+  };
+  absl::StatusOr<std::vector<Choice>> unsubmitted = Unsubmitted(now);
+  if (unsubmitted.ok()) {
+    Remove(kUploadKind, *unsubmitted);
+  } else {
+    spdlog::warn("retention of uploads: {}", std::string(unsubmitted.status().message()));
+  }
+  look("artefact", Artefacts(), limits_.artefact_age, limits_.artefact_bytes);
+  absl::StatusOr<std::vector<KeptFile>> logs = Logs();  // none of them known to be needed
+  // Which logs are needed is in every episode's row; nobody asks while there is room for all.
+  if (!ChooseRemovals(*logs, limits_.log_age, limits_.log_bytes, now).empty()) {
+    logs = WithNeeded(*std::move(logs));
+  }
+  look("log", std::move(logs), limits_.log_age, limits_.log_bytes);
+}
+
+absl::StatusOr<std::vector<Choice>> Retention::Unsubmitted(int64_t now_ms) {
+  std::vector<Choice> choices;
+  const absl::Status status = readers_.Read([&](Reader& reader) {
+    for (const UploadRow& upload : reader.Uploads()) {
+      if (absl::Milliseconds(now_ms - upload.at) <= limits_.upload_age) break;
+      choices.push_back({{upload.hash, absl::StrCat(data_dir_, "/artefacts/", upload.hash),
+                          upload.bytes, upload.at, /*needed=*/false},
+                         absl::StrCat("was not submitted within ",
+                                      absl::FormatDuration(limits_.upload_age))});
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  return choices;
+}
+
+absl::StatusOr<std::vector<KeptFile>> Retention::Artefacts() {
+  std::vector<KeptFile> files;
+  const absl::Status status = readers_.Read([&](Reader& reader) {
+    for (const ArtefactUse& use : reader.ArtefactUses()) {
+      KeptFile file{use.hash, ArtefactFolder(data_dir_, use.hash), use.bytes, use.last_use,
+                    use.needed};
+      std::error_code error;
+      if (!fs::exists(file.path, error)) continue;
+      file.last_use = std::max(file.last_use, ChangedAt(file.path));
+      files.push_back(std::move(file));
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  return files;
+}
+
+std::vector<KeptFile> Retention::Logs() {
+  std::vector<KeptFile> files;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(data_dir_ + "/logs", error)) {
+    const std::string name = entry.path().filename().string();
+    // Others are logs in work.
+    if (name.size() <= kHashDigits || name[kHashDigits] != '.') continue;
+    std::error_code gone;
+    const auto bytes = static_cast<int64_t>(entry.file_size(gone));
+    if (gone) continue;
+    files.push_back({name.substr(0, kHashDigits), entry.path().string(), bytes,
+                     ChangedAt(entry.path()), /*needed=*/false});
+  }
+  return files;
+}
+
+absl::StatusOr<std::vector<KeptFile>> Retention::WithNeeded(std::vector<KeptFile> files) {
+  const absl::Status status = readers_.Read([&](Reader& reader) {
+    const std::set<std::string> needed = reader.NeededLogs();
+    const int64_t old = absl::ToUnixMillis(clock_.Now()) - kFreshMs;
+    for (KeptFile& file : files) {
+      file.needed = needed.contains(file.name) || file.last_use > old;
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  return files;
+}
+
+// Row and file go together, on the engine's thread, and only if the file is still not needed: what
+// is accepted before keeps it, and what comes after finds that it is gone. If the row can't be kept
+// after all, the file comes back.
+void Retention::Remove(const std::string& kind, const std::vector<Choice>& choices) {
+  for (const Choice& choice : choices) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (stop_) return;
+    }
+    const std::string& from = choice.file.path;
+    const std::string to = absl::StrCat(data_dir_, "/spool/removed-", choice.file.name);
+    const auto removed = std::make_shared<bool>(false);
+    const absl::Status status = engine_.Change(
+        [=](Writer& writer) {
+          absl::StatusOr<bool> row =
+              writer.Remove(kind, choice.file.name, choice.file.bytes, choice.why);
+          if (!row.ok()) return row.status();
+          *removed = *row;
+          if (*removed && rename(from.c_str(), to.c_str()) != 0 && errno != ENOENT) {
+            return absl::InternalError(
+                absl::StrCat(from, ": can't be removed: ", std::strerror(errno)));
+          }
+          return absl::OkStatus();
+        },
+        kChange);
+    if (!status.ok()) {
+      rename(to.c_str(), from.c_str());  // if it had left its place
+      spdlog::warn("retention: {}", std::string(status.message()));
+      return;
+    }
+    std::error_code error;
+    fs::remove_all(to, error);
+    if (*removed) spdlog::info("{} {} is removed: {}", kind, choice.file.name, choice.why);
+  }
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,51 @@
+// The grader's test of itself on this host: one episode of a track by a policy that ends at
+// once, through the same runner, sandboxes, simulator and bridge as any lease. It is known how
+// that must come out: one record, of a crash with the policy's exit status, and a lease that
+// ended well.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+
+#include "protocol/lease/lease.h"
+#include "server/engine/ports.h"
+
+namespace myograde::server {
+
+// The order of the self-test; the caller adds uid and slot. `artefact_dir` is an empty folder.
+LeaseOrder SelfTestOrder(const TrackConfig& track, const std::string& artefact_dir,
+                         const std::string& work_dir, const std::string& cache_dir);
+
+class SelfTest {
+ public:
+  // Begins; `deadline` is when it has failed if it has not ended.
+  static std::unique_ptr<SelfTest> Begin(Processes& processes, const LeaseOrder& order,
+                                         absl::Duration deadline);
+
+  // Takes what the runner said. nullopt: still at work. Else the verdict: "" if the host
+  // passed, or what went wrong, in one sentence.
+  std::optional<std::string> Look(absl::Duration now);
+
+  const Runner* runner() const { return runner_.get(); }  // null if it could not be started
+  std::unique_ptr<Runner> TakeRunner() { return std::move(runner_); }
+  const LeaseOrder& order() const { return order_; }
+  absl::Duration deadline() const { return deadline_; }
+
+ private:
+  SelfTest(const LeaseOrder& order, absl::Duration deadline)
+      : order_(order), deadline_(deadline) {}
+  std::string Verdict() const;
+
+  const LeaseOrder order_;
+  const absl::Duration deadline_;
+  std::unique_ptr<Runner> runner_;
+  std::string fault_;
+  std::optional<EpisodeFacts> facts_;
+  std::optional<LeaseEndRecord> end_;
+};
+
+}  // namespace myograde::server

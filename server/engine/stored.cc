@@ -1,0 +1,138 @@
+#include "server/engine/stored.h"
+
+#include <filesystem>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/config_reader.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr size_t kSeedListsKept = 64;
+
+absl::Status Unreadable(const char* table, const std::string& key, const absl::Status& why) {
+  return DamagedRow({table, key, std::string(why.message())});
+}
+
+}  // namespace
+
+absl::StatusOr<TrackConfig> StoredConfig(Reader& reader, const std::string& hash) {
+  absl::StatusOr<std::string> text = reader.ConfigJson(hash);
+  if (!text.ok()) return text.status();
+  absl::StatusOr<nlohmann::json> json = ParseJson(*text, "its content");
+  if (!json.ok()) return Unreadable("config", hash, json.status());
+  absl::StatusOr<TrackConfig> config = ParseTrackConfig(*json, "its content");
+  if (!config.ok()) return Unreadable("config", hash, config.status());
+  return config;
+}
+
+absl::StatusOr<TrackPtr> StoredTrack(Reader& reader, const std::string& hash) {
+  absl::StatusOr<TrackConfig> config = StoredConfig(reader, hash);
+  if (!config.ok()) return config.status();
+  absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
+  if (!track.ok()) return Unreadable("config", hash, track.status());
+  return track;
+}
+
+absl::StatusOr<TrackPtr> StoredContent::Track(Reader& reader, const std::string& hash) {
+  if (const auto it = tracks_.find(hash); it != tracks_.end()) return it->second;
+  absl::StatusOr<TrackPtr> track = StoredTrack(reader, hash);
+  if (!track.ok()) return track.status();
+  tracks_[hash] = *track;
+  return track;
+}
+
+absl::StatusOr<SeedsPtr> StoredContent::Seeds(Reader& reader, const std::string& hash) {
+  if (SeedsPtr known = seeds_[hash].lock()) return known;
+  if (seeds_.size() > kSeedListsKept) {
+    std::erase_if(seeds_, [](const auto& entry) { return entry.second.expired(); });
+  }
+  absl::StatusOr<std::string> text = reader.SeedsJson(hash);
+  if (!text.ok()) return text.status();
+  absl::StatusOr<nlohmann::json> json = ParseJson(*text, "its content");
+  if (!json.ok()) return Unreadable("seed_list", hash, json.status());
+  absl::StatusOr<std::vector<uint64_t>> parsed = ParseSeeds(*json, "its content");
+  if (!parsed.ok()) return Unreadable("seed_list", hash, parsed.status());
+  const auto seeds = std::make_shared<const std::vector<uint64_t>>(*std::move(parsed));
+  seeds_[hash] = seeds;
+  return seeds;
+}
+
+absl::StatusOr<StoredEvaluation> LoadEvaluation(Reader& reader, int64_t id,
+                                                StoredContent& content) {
+  StoredEvaluation stored;
+  absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
+  if (!evaluation.ok()) return evaluation.status();
+  stored.evaluation = *std::move(evaluation);
+  const std::string key = absl::StrCat(id);
+  // A row that is missing though this one names it is this one's damage.
+  absl::StatusOr<SubmissionRow> submission = reader.Submission(stored.evaluation.submission);
+  if (absl::IsNotFound(submission.status())) {
+    return Unreadable("evaluation", key, submission.status());
+  }
+  if (!submission.ok()) return submission.status();
+  stored.submission = *std::move(submission);
+  absl::StatusOr<ArtefactRow> artefact = reader.Artefact(stored.submission.artefact);
+  if (!artefact.ok()) return artefact.status();
+  stored.artefact = *std::move(artefact);
+  absl::StatusOr<TrackPtr> track = content.Track(reader, stored.submission.config);
+  if (!track.ok()) return track.status();
+  stored.track = *std::move(track);
+  absl::StatusOr<SeedsPtr> seeds = content.Seeds(reader, stored.submission.seeds);
+  if (!seeds.ok()) return seeds.status();
+  stored.seeds = *std::move(seeds);
+  if (stored.evaluation.last >= static_cast<int64_t>(stored.seeds->size())) {
+    return DamagedRow({"evaluation", key, absl::StrCat("it ends with episode ",
+                                                       stored.evaluation.last, ", and there are ",
+                                                       stored.seeds->size(), " seeds")});
+  }
+  absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(id);
+  if (!leases.ok()) return leases.status();
+  stored.leases = *std::move(leases);
+  int64_t next = stored.evaluation.first;
+  for (const LeaseRow& lease : stored.leases) {
+    if (lease.first != next) break;
+    next = lease.last + 1;
+  }
+  if (next != stored.evaluation.last + 1) {
+    return DamagedRow({"evaluation", key, absl::StrCat("no lease of it holds episode ", next,
+                                                       ", or two do")});
+  }
+  return stored;
+}
+
+absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(Reader& reader,
+                                                      const EvaluationRow& evaluation,
+                                                      const std::vector<uint64_t>& seeds) {
+  absl::StatusOr<std::vector<EpisodeRow>> rows = reader.Episodes(evaluation.id);
+  if (!rows.ok()) return rows;
+  int64_t next = evaluation.first;
+  for (const EpisodeRow& row : *rows) {
+    if (row.index != next) break;
+    if (row.seed != seeds.at(static_cast<size_t>(next))) {
+      return DamagedRow({"episode", absl::StrCat(evaluation.id, "/", next),
+                         absl::StrCat("its seed is ", row.seed, " and not that of the seed list")});
+    }
+    ++next;
+  }
+  if (next != evaluation.last + 1 ||
+      std::ssize(*rows) != evaluation.last - evaluation.first + 1) {
+    return DamagedRow({"episode", absl::StrCat(evaluation.id, "/", next),
+                       "it is missing, though its lease is done"});
+  }
+  return rows;
+}
+
+std::string ArtefactFolder(const std::string& data_dir, const std::string& hash) {
+  return absl::StrCat(data_dir, "/artefacts/", hash);
+}
+
+absl::Status HasArtefactFiles(const std::string& data_dir, const std::string& hash) {
+  std::error_code error;
+  if (std::filesystem::exists(ArtefactFolder(data_dir, hash), error)) return absl::OkStatus();
+  return absl::NotFoundError(absl::StrCat("the files of artefact ", hash,
+                                          " are not on this host any more; upload it again"));
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,212 @@
+#include "server/grading/board.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+
+namespace myograde::server {
+namespace {
+
+using scoring::BoardEntry;
+using scoring::BoardRules;
+using scoring::RankedEntry;
+using scoring::TeamRule;
+using Json = nlohmann::json;
+
+// Everything that may stand on a board, sorted by what the marks make of it. Points into the
+// standings that it was made of.
+struct Sorted {
+  std::vector<BoardEntry> ranked;
+  std::vector<BoardEntry> baselines;  // each as a team of its own
+  std::map<int64_t, const StandingRow*> sources;
+  std::vector<DisqualifiedRow> disqualified;
+  std::vector<Damage> damaged;
+};
+
+BoardEntry EntryOf(const StandingRow& row) {
+  const RankedNumbers& ranked = row.standing.ranked;
+  BoardEntry entry;
+  entry.submission = absl::StrCat(row.submission);
+  entry.team = row.team;
+  entry.acceptance = row.submission;
+  entry.successes = ranked.successes;
+  entry.episodes = ranked.episodes;
+  for (const double number : ranked.numbers) {
+    entry.numbers.push_back(std::isnan(number) ? std::nullopt : std::optional(number));
+  }
+  return entry;
+}
+
+// Only what is shown is parsed.
+std::optional<Json> AggregateOf(const StandingRow& row, std::vector<Damage>& damaged) {
+  Json aggregate = Json::parse(row.standing.aggregate_json, nullptr, /*allow_exceptions=*/false);
+  if (aggregate.is_object()) return aggregate;
+  damaged.push_back({"standing", absl::StrCat(row.evaluation),
+                     "its aggregate is no JSON object; the boards can be rebuilt"});
+  return std::nullopt;
+}
+
+Sorted Sort(const std::vector<StandingRow>& standings, const Marks& marks) {
+  Sorted sorted;
+  static const std::map<std::string, MarkRow> kNone;
+  for (const StandingRow& row : standings) {
+    const auto found = marks.find(row.submission);
+    const auto& own = found == marks.end() ? kNone : found->second;
+    if (own.contains(kHidden)) continue;
+    if (const auto mark = own.find(kDisqualified); mark != own.end()) {
+      std::optional<Json> aggregate = AggregateOf(row, sorted.damaged);
+      if (aggregate) sorted.disqualified.push_back({row, *std::move(aggregate), mark->second});
+      continue;
+    }
+    BoardEntry entry = EntryOf(row);
+    sorted.sources[row.submission] = &row;
+    if (own.contains(kBaseline)) {
+      // No team's name has a control character, so this is nobody else's.
+      entry.team = absl::StrCat("\x01", row.submission);
+      entry.chosen = true;
+      sorted.baselines.push_back(std::move(entry));
+    } else {
+      sorted.ranked.push_back(std::move(entry));
+    }
+  }
+  return sorted;
+}
+
+void AddRow(const Sorted& sorted, const RankedEntry& ranked, const BoardRules& rules,
+            Board& board) {
+  const StandingRow& source = *sorted.sources.at(ranked.entry.acceptance);
+  std::optional<Json> aggregate = AggregateOf(source, board.damaged);
+  if (!aggregate) return;
+  board.rows.push_back({ranked, source, *std::move(aggregate), scoring::IsQualified(ranked.entry, rules)});
+}
+
+// Where a baseline stands among the ranked: how many of them are above it.
+absl::StatusOr<std::optional<size_t>> PlaceOf(const BoardEntry& baseline,
+                                              const std::vector<RankedEntry>& ranked,
+                                              const BoardRules& rules, TeamRule team) {
+  std::vector<BoardEntry> entries = {baseline};
+  for (const RankedEntry& entry : ranked) entries.push_back(entry.entry);
+  absl::StatusOr<std::vector<RankedEntry>> with = scoring::Rank(entries, rules, team);
+  if (!with.ok()) return with.status();
+  for (size_t i = 0; i < with->size(); ++i) {
+    if ((*with)[i].entry.acceptance == baseline.acceptance) return std::optional(i);
+  }
+  return std::optional<size_t>();  // below the line of a board that has only those above it
+}
+
+}  // namespace
+
+absl::StatusOr<Board> MakeBoard(const std::vector<StandingRow>& standings, const Marks& marks,
+                                const BoardRules& rules, TeamRule team) {
+  Sorted sorted = Sort(standings, marks);
+  absl::StatusOr<std::vector<RankedEntry>> ranked = scoring::Rank(sorted.ranked, rules, team);
+  if (!ranked.ok()) return ranked.status();
+  // By place, then by acceptance: two baselines at one place stay in a fixed order.
+  std::vector<std::pair<size_t, BoardEntry>> baselines;
+  for (const BoardEntry& baseline : sorted.baselines) {
+    absl::StatusOr<std::optional<size_t>> place = PlaceOf(baseline, *ranked, rules, team);
+    if (!place.ok()) return place.status();
+    if (place->has_value()) baselines.emplace_back(**place, baseline);
+  }
+  std::sort(baselines.begin(), baselines.end(), [](const auto& a, const auto& b) {
+    return std::pair(a.first, a.second.acceptance) < std::pair(b.first, b.second.acceptance);
+  });
+  Board board{.rows = {}, .disqualified = std::move(sorted.disqualified),
+              .damaged = std::move(sorted.damaged)};
+  auto next = baselines.begin();
+  for (size_t i = 0; i <= ranked->size(); ++i) {
+    for (; next != baselines.end() && next->first == i; ++next) {
+      RankedEntry unranked;
+      unranked.entry = next->second;
+      AddRow(sorted, unranked, rules, board);
+    }
+    if (i < ranked->size()) AddRow(sorted, (*ranked)[i], rules, board);
+  }
+  return board;
+}
+
+namespace {
+
+std::string WhyAbsent(int64_t id, const std::vector<StandingRow>& standings, const Marks& marks,
+                      const Board& board) {
+  const auto own = marks.find(id);
+  const auto row = std::find_if(standings.begin(), standings.end(),
+                                [&](const StandingRow& s) { return s.submission == id; });
+  if (row == standings.end()) {
+    return "it has no finished official evaluation under the present config of this track";
+  }
+  if (own != marks.end() && own->second.contains(kHidden)) return "it is hidden";
+  if (own != marks.end() && own->second.contains(kDisqualified)) return "it is disqualified";
+  for (const BoardRow& other : board.rows) {
+    if (other.source.team == row->team && other.ranked.rank != 0) {
+      return absl::StrCat("its team stands with submission ", other.source.submission);
+    }
+  }
+  return "it does not reach what this board asks for";
+}
+
+absl::StatusOr<const BoardRow*> FindRow(const Board& board, const std::string& name,
+                                        const std::vector<StandingRow>& standings,
+                                        const Marks& marks) {
+  int64_t id = 0;
+  const bool is_number = absl::SimpleAtoi(name, &id);
+  for (const BoardRow& row : board.rows) {
+    if (is_number && row.source.submission == id) return &row;
+  }
+  for (const BoardRow& row : board.rows) {  // a baseline's team may have a ranked row as well
+    if (row.source.team == name && row.ranked.rank != 0) return &row;
+  }
+  for (const BoardRow& row : board.rows) {
+    if (row.source.team == name) return &row;
+  }
+  if (is_number) {
+    return absl::NotFoundError(absl::StrCat("submission ", id, " is not on this board: ",
+                                            WhyAbsent(id, standings, marks, board)));
+  }
+  return absl::NotFoundError(absl::StrCat("no team \"", name, "\" is on this board"));
+}
+
+}  // namespace
+
+absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standings,
+                                         const Marks& marks, const BoardRules& rules,
+                                         TeamRule team, const std::string& a,
+                                         const std::string& b) {
+  absl::StatusOr<Board> board = MakeBoard(standings, marks, rules, team);
+  if (!board.ok()) return board.status();
+  absl::StatusOr<const BoardRow*> first = FindRow(*board, a, standings, marks);
+  if (!first.ok()) return first.status();
+  absl::StatusOr<const BoardRow*> second = FindRow(*board, b, standings, marks);
+  if (!second.ok()) return second.status();
+  if (*first == *second) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"", a, "\" and \"", b, "\" are the same row; name two"));
+  }
+  // The bands that decide are those of a ranking in which both are.
+  std::vector<BoardEntry> entries;
+  for (const BoardRow& row : board->rows) {
+    if (row.ranked.rank != 0 || &row == *first || &row == *second) {
+      entries.push_back(row.ranked.entry);
+    }
+  }
+  absl::StatusOr<std::vector<RankedEntry>> ranked = scoring::Rank(entries, rules, team);
+  if (!ranked.ok()) return ranked.status();
+  const auto place = [&](const BoardRow& row) {
+    return std::find_if(ranked->begin(), ranked->end(), [&](const RankedEntry& entry) {
+      return entry.entry.acceptance == row.ranked.entry.acceptance;
+    });
+  };
+  const bool in_order = place(**first) < place(**second);
+  const BoardRow& above = in_order ? **first : **second;
+  const BoardRow& below = in_order ? **second : **first;
+  RankedEntry upper = *place(above);
+  RankedEntry lower = *place(below);
+  upper.entry.team = above.source.team;  // a baseline's own name
+  lower.entry.team = below.source.team;
+  return Explanation{above, below, scoring::Explain(upper, lower, rules)};
+}
+
+}  // namespace myograde::server

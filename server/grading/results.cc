@@ -1,0 +1,209 @@
+#include "server/grading/results.h"
+
+#include <limits>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/lease/lease.h"
+#include "protocol/tracks/registry.h"
+#include "protocol/base/sha256.h"
+#include "server/proof/merkle.h"
+#include "server/store/damage.h"
+#include "server/store/replay.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+using Source = scoring::Metric::Source;
+
+// The metric that every track has.
+constexpr std::string_view kTimeMetric = "time_s";
+
+Json OrNull(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
+
+std::optional<double> Optional(const Json& json, std::string_view key) {
+  const auto it = json.find(key);
+  if (it == json.end() || !it->is_number()) return std::nullopt;
+  return it->get<double>();
+}
+
+Json MeanOrNull(const scoring::Mean& mean) { return mean.count == 0 ? Json() : Json(mean.value); }
+
+Json SpreadToJson(const scoring::Spread& spread) {
+  return {{"deviation", spread.deviation}, {"low", spread.low}, {"high", spread.high}};
+}
+
+Json SpreadOrNull(const scoring::Mean& mean) {
+  return mean.count == 0 ? Json() : SpreadToJson(mean.spread);
+}
+
+}  // namespace
+
+absl::StatusOr<EpisodeRow> JudgedRow(const Track& track, const EpisodeFacts& facts) {
+  if (!AreFactsOf(*track.config.kind, facts.track)) {
+    return absl::InternalError(
+        absl::StrCat("episode ", facts.index, " came with the facts of another track"));
+  }
+  const scoring::Judgement judgement = track.scoring.judge(facts);
+  if (judgement.outcome == Outcome::kGraderError || judgement.outcome == Outcome::kCancelled) {
+    return absl::InternalError(absl::StrCat("episode ", facts.index, ": ",
+                                            facts.fault.detail.empty()
+                                                ? "its facts contradict themselves"
+                                                : facts.fault.detail.c_str()));
+  }
+  EpisodeRow row;
+  row.index = facts.index;
+  row.seed = facts.seed;
+  row.outcome = judgement.outcome;
+  row.reason = judgement.reason;
+  row.facts_json = CanonicalJson(EpisodeFactsToJson(facts));
+  row.metrics_json = CanonicalJson(MetricsToJson(*track.scoring.track, judgement));
+  return row;
+}
+
+nlohmann::json MetricsToJson(const scoring::ScoredTrack& track,
+                             const scoring::Judgement& judgement) {
+  Json json = {{"success", judgement.outcome == Outcome::kSuccess ? 1 : 0}};
+  for (size_t i = 0; i < track.metrics.size(); ++i) {
+    const scoring::Metric& metric = track.metrics[i];
+    if (metric.source != Source::kJudged) continue;
+    json[std::string(metric.name)] = OrNull(judgement.metrics.at(i));
+  }
+  for (const std::string_view key : track.null_metrics) json[std::string(key)] = nullptr;
+  return json;
+}
+
+namespace {
+
+// A judgement as far as the row's text of metrics tells it.
+absl::StatusOr<scoring::Judgement> KeptJudgement(const scoring::ScoredTrack& track,
+                                                 const EpisodeRow& row) {
+  const Json json = Json::parse(row.metrics_json, nullptr, /*allow_exceptions=*/false);
+  scoring::Judgement judgement;
+  judgement.outcome = row.outcome;
+  judgement.reason = row.reason;
+  bool readable = json.is_object();
+  for (const scoring::Metric& metric : track.metrics) {
+    const bool kept = readable && metric.source == Source::kJudged;
+    judgement.metrics.push_back(kept ? Optional(json, metric.name) : std::nullopt);
+    // Every episode took its time.
+    if (kept && metric.name == kTimeMetric) readable = judgement.metrics.back().has_value();
+  }
+  if (readable) return judgement;
+  return DamagedRow({"episode", absl::StrCat(row.evaluation, "/", row.index),
+                     "its \"metrics_json\" has no time"});
+}
+
+}  // namespace
+
+absl::StatusOr<scoring::Judgement> JudgementOf(const scoring::ScoredTrack& track,
+                                               const EpisodeRow& row) {
+  absl::StatusOr<scoring::Judgement> judgement = KeptJudgement(track, row);
+  if (!judgement.ok()) return judgement;
+  // What is taken from the facts whenever it is needed: metrics are part of what a result is
+  // compared by, so they stay as they were first written.
+  const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
+  const std::optional<double> steps = facts.is_object() ? Optional(facts, "steps") : std::nullopt;
+  if (!steps.has_value()) {
+    return absl::DataLossError(absl::StrCat("the facts of episode ", row.index, " of evaluation ",
+                                            row.evaluation, " can't be read"));
+  }
+  judgement->steps = static_cast<int64_t>(*steps);
+  const auto part = facts.find(track.name);
+  for (size_t i = 0; i < track.metrics.size(); ++i) {
+    if (track.metrics[i].source != Source::kFacts) continue;
+    if (part == facts.end() || !part->is_object()) continue;
+    judgement->metrics[i] = Optional(*part, track.metrics[i].of);
+  }
+  return judgement;
+}
+
+absl::StatusOr<scoring::Aggregate> AggregateRows(const scoring::ScoredTrack& track,
+                                                 const std::vector<EpisodeRow>& rows) {
+  std::vector<scoring::JudgedEpisode> episodes;
+  for (const EpisodeRow& row : rows) {
+    absl::StatusOr<scoring::Judgement> judgement = JudgementOf(track, row);
+    if (!judgement.ok()) return judgement.status();
+    episodes.push_back({row.index, *std::move(judgement)});
+  }
+  return scoring::AggregateEpisodes(track.metrics, std::move(episodes));
+}
+
+nlohmann::json AggregateToJson(const scoring::ScoredTrack& track,
+                               const scoring::Aggregate& aggregate) {
+  if (aggregate.episodes == 0) return nullptr;
+  Json json = {{"episodes", aggregate.episodes},
+               {"successes", aggregate.successes},
+               {"success_rate", aggregate.success_rate()}};
+  Json spread = {{"success_rate", SpreadToJson(aggregate.success_spread)}};
+  for (size_t i = 0; i < track.metrics.size(); ++i) {
+    const std::string name(track.metrics[i].name);
+    json[name] = MeanOrNull(aggregate.means.at(i));
+    if (track.metrics[i].spread) spread[name] = SpreadOrNull(aggregate.means[i]);
+  }
+  for (const std::string_view key : track.null_means) json[std::string(key)] = nullptr;
+  for (const std::string_view key : track.null_spreads) spread[std::string(key)] = nullptr;
+  json["spread"] = std::move(spread);
+  return json;
+}
+
+Standing StandingOf(const scoring::ScoredTrack& track, const scoring::Aggregate& aggregate) {
+  const scoring::BoardEntry entry = scoring::MakeEntry(track.metrics, aggregate);
+  Standing standing;
+  standing.ranked = {.successes = entry.successes,
+                     .episodes = entry.episodes,
+                     .names = scoring::RankedNames(track),
+                     .numbers = {}};
+  for (const std::optional<double>& number : entry.numbers) {
+    standing.ranked.numbers.push_back(number.value_or(std::numeric_limits<double>::quiet_NaN()));
+  }
+  standing.aggregate_json = CanonicalJson(AggregateToJson(track, aggregate));
+  return standing;
+}
+
+nlohmann::json MetricToJson(const scoring::Metric& metric) {
+  const char* better = metric.better == scoring::Better::kLess   ? "less"
+                       : metric.better == scoring::Better::kMore ? "more"
+                                                                 : "neither";
+  return {{"name", metric.name},
+          {"title", metric.title},
+          {"unit", metric.unit},
+          {"better", better},
+          {"digits", metric.digits}};
+}
+
+nlohmann::json ShownMetrics(const scoring::TrackScoring& scoring) {
+  Json shown = Json::array();
+  for (const scoring::Metric& metric : scoring.track->metrics) {
+    const bool is_shown =
+        metric.shown == scoring::Metric::Shown::kAlways ||
+        (metric.shown == scoring::Metric::Shown::kWithOfficialFigures && scoring.official_figures);
+    if (is_shown) shown.push_back(MetricToJson(metric));
+  }
+  return shown;
+}
+
+std::string ResultsHash(const std::vector<EpisodeRow>& rows) {
+  Sha256 hash;
+  for (const EpisodeRow& row : rows) hash.Update(CanonicalResult(row) + "\n");
+  return hash.FinishHex();
+}
+
+std::string MerkleRootOf(const std::vector<EpisodeRow>& rows) {
+  std::vector<std::string> leaves;
+  for (const EpisodeRow& row : rows) leaves.push_back(CanonicalResult(row));
+  return MerkleRoot(leaves);
+}
+
+nlohmann::json ReceiptEntry(const EpisodeRow& row) {
+  Json entry = Json::parse(CanonicalResult(row));
+  const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
+  const bool object = facts.is_object();
+  entry["actions_digest"] = object ? facts.value("actions_digest", Json()) : Json();
+  entry["log"] = object && facts.contains("log") ? facts["log"].value("sha256", Json()) : Json();
+  return entry;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,71 @@
+#include "server/grading/tracks.h"
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
+namespace myograde::server {
+namespace {
+
+template <typename Map>
+std::string Keys(const Map& map) {
+  return absl::StrJoin(map, ", ",
+                       [](std::string* out, const auto& entry) { out->append(entry.first); });
+}
+
+}  // namespace
+
+absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config) {
+  const scoring::ScoredTrack* track = scoring::FindScoredTrack(config.kind->name);
+  if (track == nullptr) {
+    return absl::InternalError(absl::StrCat("track config ", config.id, ": its track is in the "
+                                            "registry of the protocol, and not in scoring's"));
+  }
+  absl::StatusOr<scoring::TrackScoring> scoring = track->parse(
+      config.scoring,
+      absl::StrCat("track config ", config.id, " (profile ", config.profile, "): scoring"));
+  if (!scoring.ok()) return scoring.status();
+  return std::make_shared<const Track>(Track{std::move(config), *std::move(scoring)});
+}
+
+absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {
+  absl::StatusOr<std::vector<std::string>> names = ListTracks(dir);
+  if (!names.ok()) return names.status();
+  if (names->empty()) {
+    return absl::NotFoundError(absl::StrCat(dir, ": holds no track config; give --configs the "
+                                            "folder that has tracks/ in it"));
+  }
+  Tracks tracks;
+  for (const std::string& name : *names) {
+    absl::StatusOr<TrackConfig> usual = LoadTrackConfig(dir, name, "");
+    if (!usual.ok()) return usual.status();
+    Offer& offer = tracks.offers_[name];
+    offer.default_profile = usual->profile;
+    absl::StatusOr<std::vector<std::string>> profiles = ListProfiles(dir, name);
+    if (!profiles.ok()) return profiles.status();
+    for (const std::string& profile : *profiles) {
+      absl::StatusOr<TrackConfig> config = LoadTrackConfig(dir, name, profile);
+      if (!config.ok()) return config.status();
+      absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
+      if (!track.ok()) return track.status();
+      offer.profiles[profile] = *std::move(track);
+    }
+  }
+  return tracks;
+}
+
+absl::StatusOr<TrackPtr> Tracks::Find(const std::string& track, const std::string& profile) const {
+  const auto offer = offers_.find(track);
+  if (offer == offers_.end()) {
+    return absl::NotFoundError(
+        absl::StrCat("there is no track \"", track, "\"; known: ", Keys(offers_)));
+  }
+  const std::string& wanted = profile.empty() ? offer->second.default_profile : profile;
+  const auto found = offer->second.profiles.find(wanted);
+  if (found == offer->second.profiles.end()) {
+    return absl::NotFoundError(absl::StrCat("track \"", track, "\" has no profile \"", wanted,
+                                            "\"; known: ", Keys(offer->second.profiles)));
+  }
+  return found->second;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,46 @@
+// Track configs as the daemon holds them: those on offer, read and checked at
+// start, and those that accepted submissions were made under.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+
+#include "protocol/lease/track_config.h"
+#include "scoring/track.h"
+
+namespace myograde::server {
+
+// One profile of a track. Immutable and shared.
+struct Track {
+  TrackConfig config;
+  scoring::TrackScoring scoring;
+};
+using TrackPtr = std::shared_ptr<const Track>;
+
+// Errors name the config, the key and its range.
+absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config);
+
+// The tracks on offer. Immutable after Load; safe to use from any thread.
+class Tracks {
+ public:
+  // Reads every config of `dir` in every profile. The error names the file.
+  static absl::StatusOr<Tracks> Load(const std::string& dir);
+
+  // `profile` "" is the track's default. NotFoundError names what is known.
+  absl::StatusOr<TrackPtr> Find(const std::string& track, const std::string& profile) const;
+
+  struct Offer {
+    std::string default_profile;
+    std::map<std::string, TrackPtr> profiles;
+  };
+  const std::map<std::string, Offer>& offers() const { return offers_; }
+
+ private:
+  std::map<std::string, Offer> offers_;
+};
+
+}  // namespace myograde::server

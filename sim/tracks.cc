@@ -1,0 +1,41 @@
+#include "sim/tracks.h"
+
+#include <array>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/tracks/locomotion/track.h"
+#include "protocol/tracks/manipulation/track.h"
+#include "sim/locomotion/locomotion.h"
+#include "sim/locomotion/model.h"
+#include "sim/manipulation/manipulation.h"
+#include "sim/manipulation/model.h"
+#include "sim/model/model.h"
+
+namespace myograde::sim {
+
+std::span<const SimulatedTrack> SimulatedTracks() {
+  static const std::array tracks = {
+      SimulatedTrack{&ManipulationTrack(), &ManipulationModel(), MakeManipulation},
+      SimulatedTrack{&LocomotionTrack(), &LocomotionModel(), MakeLocomotion},
+  };
+  return tracks;
+}
+
+absl::StatusOr<std::unique_ptr<Environment>> MakeEnvironment(const TrackConfig& config,
+                                                             const std::string& cache_dir) {
+  for (const SimulatedTrack& track : SimulatedTracks()) {
+    if (track.kind == config.kind) return track.make(config, cache_dir);
+  }
+  return absl::InternalError(absl::StrCat("track config ", config.id, ": its track is in the "
+                                          "registry of the protocol, and not in the simulator's"));
+}
+
+absl::Status CompileModels(const std::string& cache_dir) {
+  for (const SimulatedTrack& track : SimulatedTracks()) {
+    if (absl::Status status = CompileModel(*track.model, cache_dir); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace myograde::sim

@@ -1,0 +1,35 @@
+// The registry of the simulated tracks.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+
+#include <absl/status/statusor.h>
+
+#include "protocol/lease/track_config.h"
+#include "sim/environment.h"
+#include "sim/model/source.h"
+
+namespace myograde::sim {
+
+// What the simulator has of a track; its folder is sim/<track>/.
+struct SimulatedTrack {
+  const TrackKind* kind;
+  const ModelSource* model;
+  absl::StatusOr<std::unique_ptr<Environment>> (*make)(const TrackConfig& config,
+                                                       const std::string& cache_dir);
+};
+
+std::span<const SimulatedTrack> SimulatedTracks();
+
+// Makes the environment that a track config asks for. `cache_dir` holds the
+// challenge's models (see sim/model/model.h). Errors: the rules are wrong
+// (InvalidArgumentError), or the model can't be loaded.
+absl::StatusOr<std::unique_ptr<Environment>> MakeEnvironment(const TrackConfig& config,
+                                                             const std::string& cache_dir);
+
+// Compiles and stores the models of all tracks (`myograde-sim --compile-models`).
+absl::Status CompileModels(const std::string& cache_dir);
+
+}  // namespace myograde::sim

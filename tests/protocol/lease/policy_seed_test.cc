@@ -1,0 +1,78 @@
+#include "protocol/lease/policy_seed.h"
+
+#include <set>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace myograde {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+const char kTracks[] = MYOGRADE_SOURCE_DIR "/configs/tracks";
+const Form1PolicySeeds kForm1 = {std::string(32, 'k'), std::string(64, 'a')};
+
+// What the config was before it named a form.
+json Form1(json effective) {
+  effective.erase("form");
+  effective.erase("policy_seed_secret");
+  return effective;
+}
+
+// Numbers of Python's hmac module over the same bytes.
+TEST(PolicySeed, IsThePublishedFunctionOfSecretAndIndex) {
+  EXPECT_EQ(PolicySeed("MyoGrade's public policy seeds", 0), 8683974859599755511u);
+  EXPECT_EQ(PolicySeed("MyoGrade's public policy seeds", 99), 4505263906467807247u);
+  EXPECT_EQ(PolicySeed("another", 0), 226077730172020953u);
+  std::set<uint64_t> seen;
+  for (int64_t episode = 0; episode < 1000; ++episode) seen.insert(PolicySeed("s", episode));
+  EXPECT_EQ(seen.size(), 1000u);
+  EXPECT_LE(*seen.rbegin(), static_cast<uint64_t>(INT64_MAX));
+}
+
+TEST(PolicySeed, KnowsNeitherHostNorArtefactNorSeeds) {
+  for (const char* track : {"manipulation", "locomotion", "demo-locomotion"}) {
+    const TrackConfig config = LoadTrackConfig(kTracks, track, "").value();
+    ASSERT_TRUE(config.policy_seed_secret.has_value());
+    const uint64_t seed = PolicySeed(config, kForm1, 7);
+    EXPECT_EQ(seed, PolicySeed(*config.policy_seed_secret, 7));
+    EXPECT_EQ(seed, PolicySeed(config, {"another host", kForm1.artefact}, 7));
+    EXPECT_EQ(seed, PolicySeed(config, {kForm1.host_secret, "padded"}, 7));
+    EXPECT_EQ(seed, PolicySeed(WithSeeds(config, {5, 3, 1}).value(), kForm1, 7));
+  }
+}
+
+TEST(PolicySeed, KeepsWhatConfigsOfForm1Meant) {
+  const TrackConfig today = LoadTrackConfig(kTracks, "manipulation", "").value();
+  const TrackConfig old = ParseTrackConfig(Form1(today.effective), "t").value();
+  EXPECT_FALSE(old.policy_seed_secret.has_value());
+  EXPECT_EQ(PolicySeed(old, kForm1, 0), 7674208203994250921u);
+  EXPECT_EQ(PolicySeed(old, kForm1, 12), 3350931641249901744u);
+  EXPECT_EQ(PolicySeed(WithSeeds(old, {5, 3, 1}).value(), kForm1, 12), 3350931641249901744u);
+  EXPECT_NE(PolicySeed(old, {kForm1.host_secret, "padded"}, 0), PolicySeed(old, kForm1, 0));
+}
+
+TEST(PolicySeed, OnlyForm1CanBeWithoutASecret) {
+  const json good = LoadTrackConfig(kTracks, "locomotion", "").value().effective;
+  const auto mistake = [](const json& effective) {
+    return std::string(ParseTrackConfig(effective, "t").status().message());
+  };
+  json config = good;
+  config.erase("policy_seed_secret");
+  EXPECT_THAT(mistake(config), HasSubstr("\"policy_seed_secret\" is missing"));
+  for (const json& bad : {json(nullptr), json(""), json(7), json(std::string(201, 's'))}) {
+    config = good;
+    config["policy_seed_secret"] = bad;
+    EXPECT_THAT(mistake(config), HasSubstr("\"policy_seed_secret\" must")) << bad;
+  }
+  for (const json& value : {json("text"), json(nullptr)}) {
+    config = Form1(good);
+    config["policy_seed_secret"] = value;
+    EXPECT_THAT(mistake(config), HasSubstr("\"form\": 2")) << value;
+  }
+}
+
+}  // namespace
+}  // namespace myograde

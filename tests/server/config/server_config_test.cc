@@ -1,0 +1,149 @@
+// Every number of the shipped server.json is a limit that can't be left out, be
+// zero, negative or absurd; the mistake is told with file and key.
+#include "server/config/server_config.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/config_reader.h"
+
+namespace myograde::server {
+namespace {
+
+using ::testing::HasSubstr;
+using Json = nlohmann::json;
+using Pointer = Json::json_pointer;
+
+class ServerConfigTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    path_ = std::filesystem::temp_directory_path() / absl::StrCat("server-", getpid(), ".json");
+    shipped_ = ReadJsonFile(MYOGRADE_SOURCE_DIR "/configs/server.json").value();
+  }
+  void TearDown() override { std::filesystem::remove(path_); }
+
+  absl::Status Load(const std::string& text) const {
+    std::ofstream(path_) << text;
+    return LoadServerConfig(path_.string(), "/cache").status();
+  }
+
+  // Keys that server.json of an earlier version lacks.
+  static bool CameLater(const Pointer& place) {
+    static const std::set<std::string> later = {
+        "unpack_cpu_s", "disk_reserve_bytes", "unsubmitted", "unsubmitted_bytes",
+        "uploader_unsubmitted", "uploader_unsubmitted_bytes", "unsubmitted_s",
+        "organiser_workers", "organiser_clients", "peer_clients", "min_bytes_per_s",
+        "speed_window_s", "spool_bytes", "peer_spool_bytes", "unfinished", "of_one",
+        "of_a_submission", "of_organisers"};
+    return later.contains(place.back());
+  }
+
+  // Places of all numbers.
+  std::vector<Pointer> Numbers() const {
+    std::vector<Pointer> found;
+    const Json flat = shipped_.flatten();
+    for (const auto& [place, value] : flat.items()) {
+      if (value.is_number()) found.emplace_back(place);
+    }
+    return found;
+  }
+
+  std::filesystem::path path_;
+  Json shipped_;
+};
+
+TEST_F(ServerConfigTest, ReadsTheShippedOne) {
+  EXPECT_TRUE(Load(shipped_.dump()).ok()) << Load(shipped_.dump());
+  EXPECT_GT(Numbers().size(), 10u);
+}
+
+TEST_F(ServerConfigTest, NoLimitIsZeroAbsentNegativeOrAbsurd) {
+  for (const Pointer& place : Numbers()) {
+    const std::string key = place.back();
+    Json json = shipped_;
+    json.at(place.parent_pointer()).erase(key);
+    if (!CameLater(place)) {
+      EXPECT_THAT(std::string(Load(json.dump()).message()), HasSubstr(key)) << "absent";
+    } else {
+      EXPECT_TRUE(Load(json.dump()).ok()) << key;
+    }
+    for (const char* value : {"0", "-1", "1e18", "1e999", "null", "true", "\"many\"", "[5]"}) {
+      json = shipped_;
+      json.at(place) = "stands here";
+      std::string text = json.dump();
+      text.replace(text.find("\"stands here\""), 13, value);
+      const absl::Status status = Load(text);
+      EXPECT_FALSE(status.ok()) << place << " = " << value;
+      // What is not JSON at all is told by its place in the file.
+      if (Json::accept(text)) {
+        EXPECT_THAT(std::string(status.message()), HasSubstr(key)) << value;
+      }
+    }
+  }
+}
+
+TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
+  std::ofstream(path_) << shipped_.dump();
+  const ServerConfig now = LoadServerConfig(path_.string(), "/cache").value();
+  Json json = shipped_;
+  for (const Pointer& place : Numbers()) {
+    if (CameLater(place)) json.at(place.parent_pointer()).erase(place.back());
+  }
+  json.erase("reruns");
+  std::ofstream(path_) << json.dump();
+  const ServerConfig old = LoadServerConfig(path_.string(), "/cache").value();
+  const auto numbers = [](const ServerConfig& config) {
+    const HttpLimits& http = config.http;
+    const UploadLimits& uploads = config.artefacts;
+    return std::vector<int64_t>{
+        http.organiser_workers, http.organiser_clients, http.peer_clients, http.min_bytes_per_s,
+        absl::ToInt64Seconds(http.speed_window), http.spool_bytes, http.peer_spool_bytes,
+        http.disk_reserve, http.large_uploads, absl::ToInt64Seconds(uploads.unpack_cpu),
+        uploads.disk_reserve, uploads.unsubmitted.count, uploads.unsubmitted.bytes,
+        uploads.unsubmitted.of_one, uploads.unsubmitted.bytes_of_one,
+        absl::ToInt64Seconds(uploads.unsubmitted.age),
+        absl::ToInt64Seconds(config.retention.upload_age), config.reruns.unfinished,
+        config.reruns.of_one, config.reruns.of_a_submission, config.reruns.of_organisers};
+  };
+  EXPECT_EQ(numbers(old), numbers(now));
+}
+
+TEST_F(ServerConfigTest, SlotsAndClientsTakeDescriptors) {
+  ServerConfig config;
+  config.scheduler.slots = 1024;
+  config.http.clients = 256;
+  config.http.workers = 64;
+  EXPECT_GT(DescriptorsNeeded(config), 3 * 1024 + 2 * 256 + config.http.waiting());
+  const int64_t many = DescriptorsNeeded(config);
+  config.http.clients += 100;
+  EXPECT_GE(DescriptorsNeeded(config), many + 300) << "connections, bodies and those in line";
+}
+
+TEST_F(ServerConfigTest, SlotsAreANumberOrTheWordCores) {
+  for (const char* value : {"0", "-1", "1025", "1.5", "\"all\"", "null"}) {
+    Json json = shipped_;
+    json["slots"] = Json::parse(value);
+    EXPECT_THAT(std::string(Load(json.dump()).message()), HasSubstr("slots")) << value;
+  }
+}
+
+TEST_F(ServerConfigTest, AnUnknownKeyIsAMistake) {
+  for (const char* place : {"/slot", "/scheduler/replays", "/http/worker", "/artefacts/byte"}) {
+    Json json = shipped_;
+    json[Pointer(place)] = 1;
+    EXPECT_THAT(std::string(Load(json.dump()).message()), HasSubstr(Pointer(place).back()));
+  }
+}
+
+}  // namespace
+}  // namespace myograde::server

@@ -1,0 +1,233 @@
+// One damaged row: whoever needs it is told so and by name, its evaluation ends, and all else goes
+// on as if nothing had happened. Every column of every table is overwritten.
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <absl/strings/str_cat.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "damaged_store.h"
+#include "server/engine/standings.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AnyOf;
+using testing::HasSubstr;
+
+const char* const kValues[] = {"NULL", "'garbage'", "x'00ff'", "9223372036854775807", "-1"};
+
+class DamageTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    const bool memory = access("/dev/shm", W_OK) == 0;
+    folder_ = absl::StrCat(memory ? "/dev/shm" : testing::TempDir(), "/damage-test-", getpid());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+    teams_ = MakeTwoTeams(folder_);
+    World undisturbed(folder_ + "/world", {}, 2, teams_.store);
+    RunFor(undisturbed, absl::Minutes(1));
+    board_ = BoardText(*undisturbed.readers, teams_.other.config);
+  }
+  static void TearDownTestSuite() { fs::remove_all(folder_); }
+
+  static std::string Copy() {
+    const std::string copy = folder_ + "/copy.db";
+    fs::copy_file(teams_.store, copy, fs::copy_options::overwrite_existing);
+    return copy;
+  }
+
+  static void RunFor(World& world, absl::Duration time) {
+    const absl::Duration until = world.clock.Monotonic() + time;
+    while (world.clock.Monotonic() < until && world.broken.empty()) world.Turn();
+  }
+
+  // The state, or what is wrong with its row.
+  static std::string StateOf(World& world, int64_t evaluation) {
+    std::string state;
+    const absl::Status status = world.readers->Read([&](Reader& reader) {
+      const absl::StatusOr<EvaluationRow> row = reader.Evaluation(evaluation);
+      state = row.ok() ? std::string(EvaluationStateName(row->state))
+                       : std::string(row.status().message());
+      return absl::OkStatus();
+    });
+    return status.ok() ? state : std::string(status.message());
+  }
+
+  // What a damaged row must not stop.
+  static void CheckReading(World& world) {
+    const absl::Status status = world.readers->Read([&](Reader& reader) -> absl::Status {
+      const Listed<SubmissionRow> list = reader.Submissions({});
+      EXPECT_GE(list.rows.size() + list.damaged.size(), 4u);
+      for (const SubmissionRow& row : list.rows) {
+        for (const absl::Status& read :
+             {reader.Original(row.id).status(), reader.MarkHistory(row.id).status(),
+              reader.Artefact(row.artefact).status(), reader.ConfigJson(row.config).status()}) {
+          EXPECT_TRUE(read.ok() || DamageOf(read)) << read;
+        }
+        (void)reader.Ledger(row.team, "", INT64_MAX, 100);
+        EXPECT_LT(reader.Quota(row.team, row.track, 0).day, 30'000) << "of year 2052";
+      }
+      (void)reader.NeededLogs();
+      (void)reader.ArtefactUses();
+      return reader.Export([](std::string_view) { return true; });
+    });
+    EXPECT_TRUE(status.ok()) << status;
+    EXPECT_TRUE(MakeStandings(*world.readers, /*missing_only=*/false).ok());
+    const std::string backup = folder_ + "/backup.db";
+    fs::remove(backup);
+    const absl::Status kept = world.readers->Backup(
+        backup, [](int64_t, int64_t) {}, [](const std::string&) {});
+    EXPECT_TRUE(kept.ok()) << kept;
+  }
+
+  static void CheckOthers(World& world) {
+    EXPECT_EQ(StateOf(world, teams_.other.done), "done");
+    EXPECT_EQ(StateOf(world, teams_.other.open), "done");
+    EXPECT_EQ(StateOf(world, teams_.other.queued), "done");
+    EXPECT_EQ(BoardText(*world.readers, teams_.other.config), board_);
+  }
+
+  static void CheckVictim(World& world) {
+    const LiveHealth health = world.core->Health();
+    if (health.unreadable.contains(teams_.victim.open)) return;  // it is told
+    EXPECT_THAT(StateOf(world, teams_.victim.open),
+                AnyOf("done", "grader_error", HasSubstr("can't be read"),
+                      HasSubstr("there is no evaluation")));
+  }
+
+  static void Try(const Target& target, const std::string& value) {
+    SCOPED_TRACE(absl::StrCat("UPDATE ", target.table, " SET ", target.column, " = ", value,
+                              " WHERE ", target.where));
+    const std::string store = Copy();
+    if (!Overwrite(store, target, value)) return;
+    ++tried_;
+    World world(folder_ + "/world", {}, 2, store);
+    world.JumpClock(absl::Hours(24 * 20'000));
+    RunFor(world, absl::Minutes(1));
+    EXPECT_EQ(world.broken, "");
+    if (!world.broken.empty()) return;
+    CheckOthers(world);
+    CheckVictim(world);
+    CheckReading(world);
+    world.Boot();
+    RunFor(world, absl::Seconds(5));
+    EXPECT_EQ(world.broken, "") << "at the next start";
+    EXPECT_NE(world.Submit("new", 2), 0) << "others can hand in";
+  }
+
+  static inline std::string folder_;
+  static inline TwoTeams teams_;
+  static inline std::string board_;  // the other team's, when all has ended
+  static inline int tried_ = 0;
+};
+
+TEST_F(DamageTest, WithoutItAllEnds) {
+  EXPECT_THAT(board_, HasSubstr("1 other "));
+  World world(folder_ + "/world", {}, 2, teams_.store);
+  RunFor(world, absl::Minutes(1));
+  EXPECT_EQ(world.broken, "");
+  CheckOthers(world);
+  EXPECT_EQ(StateOf(world, teams_.victim.open), "done");
+  CheckReading(world);
+}
+
+// Each column with one of the values; with all of them in the test of the slow ones.
+TEST_F(DamageTest, ADamagedRowIsItsOwnersHarmAlone) {
+  const bool all = std::getenv("MYOGRADE_ALL_DAMAGE") != nullptr;
+  const std::vector<Target> targets = TargetsIn(teams_);
+  EXPECT_GT(targets.size(), 150u);
+  size_t number = 0;
+  for (const Target& target : targets) {
+    const size_t one = number++ % std::size(kValues);
+    for (size_t i = 0; i < std::size(kValues); ++i) {
+      if (all || i == one) Try(target, kValues[i]);
+    }
+    if (HasFailure()) break;
+  }
+  EXPECT_GT(tried_, all ? 600 : 120);
+}
+
+TEST_F(DamageTest, AnEvaluationThatCantBeReadEndsWithTheReasonAndGivesItsQuotaBack) {
+  const std::string store = Copy();
+  ASSERT_TRUE(Overwrite(store, {"config", absl::StrCat("hash = '", teams_.victim.config, "'"),
+                                "effective_json"}, "'{\"form\": 1}'"));
+  World world(folder_ + "/world", {}, 2, store);
+  RunFor(world, absl::Minutes(1));
+  EXPECT_EQ(world.broken, "");
+  ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
+    const EvaluationRow row = *reader.Evaluation(teams_.victim.open);
+    EXPECT_EQ(row.state, EvaluationState::kGraderError);
+    // Told by its hash, before anybody looks for what is wrong with the text.
+    EXPECT_THAT(row.reason, HasSubstr(absl::StrCat("config ", teams_.victim.config,
+                                                   " of the store can't be read: its content has "
+                                                   "another hash")));
+    const std::vector<LeaseRow> leases = *reader.Leases(row.id);
+    for (const LeaseRow& lease : leases) EXPECT_TRUE(IsFinal(lease.state));
+    const Listed<LedgerRow> ledger = reader.Ledger("victim", "", INT64_MAX, 1);
+    EXPECT_EQ(ledger.rows.front().entry, "refund");
+    EXPECT_EQ(ledger.rows.front().submission, row.submission);
+    return absl::OkStatus();
+  }).ok());
+}
+
+// What the journal holds of an evaluation can be refused as well.
+TEST_F(DamageTest, DamageWhileItRunsIsTheSame) {
+  const std::string open = absl::StrCat(teams_.victim.open);
+  const std::string one = "WHERE id = (SELECT min(id) FROM lease WHERE state = 'running' AND "
+                          "evaluation = " + open + ")";
+  for (const std::string& damage :
+       {"UPDATE lease SET state = 'asleep' " + one, "UPDATE lease SET attempt = 7 " + one,
+        "UPDATE evaluation SET state = 'asleep' WHERE id = " + open}) {
+    SCOPED_TRACE(damage);
+    World world(folder_ + "/world", {}, 2, teams_.store);
+    RunFor(world, absl::Seconds(2));
+    {
+      SQLite::Database db(folder_ + "/world/store.db", SQLite::OPEN_READWRITE);
+      db.exec("PRAGMA ignore_check_constraints = ON");
+      ASSERT_EQ(db.exec(damage), 1);
+    }
+    RunFor(world, absl::Minutes(1));
+    EXPECT_EQ(world.broken, "");
+    CheckOthers(world);
+    EXPECT_EQ(StateOf(world, teams_.victim.open), "grader_error");
+    EXPECT_TRUE(world.core->idle());
+  }
+}
+
+TEST_F(DamageTest, WhatWaitsToBeTakenUpCanBeCancelled) {
+  World world(folder_ + "/world", {}, 2);
+  // The daemon's own connection goes on; whoever opens the file now does not find it.
+  EXPECT_FALSE(world.readers->Read([](Reader&) -> absl::Status {
+    throw SQLite::Exception("this connection is given up");
+  }).ok());
+  const std::string path = folder_ + "/world/store.db";
+  fs::rename(path, path + ".away");
+  const int64_t evaluation = world.Submit("a", 4);
+  ASSERT_NE(evaluation, 0);
+  EXPECT_TRUE(world.core->Running().empty()) << "it could not be read";
+  std::optional<absl::Status> answer;
+  const auto cancel = [&] {
+    world.core->Cancel(1, "why", "who",
+                       [&](absl::StatusOr<CancelReport> report) { answer = report.status(); });
+  };
+  cancel();
+  ASSERT_TRUE(answer.has_value());
+  EXPECT_TRUE(answer->ok()) << *answer;
+  fs::rename(path + ".away", path);
+  RunFor(world, absl::Seconds(5));
+  EXPECT_EQ(StateOf(world, evaluation), "cancelled");
+  EXPECT_TRUE(world.core->idle());
+  EXPECT_TRUE(world.core->Health().unreadable.empty());
+  cancel();
+  EXPECT_TRUE(absl::IsFailedPrecondition(*answer)) << *answer;
+  EXPECT_EQ(world.broken, "");
+}
+
+}  // namespace
+}  // namespace myograde::server

@@ -1,0 +1,202 @@
+#include "damaged_store.h"
+
+#include <filesystem>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <absl/strings/str_cat.h>
+
+#include "server/grading/board.h"
+#include "server/engine/standings.h"
+#include "server/engine/stored.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+void RunFor(World& world, absl::Duration time) {
+  const absl::Duration until = world.clock.Monotonic() + time;
+  while (world.clock.Monotonic() < until) world.Turn();
+}
+
+void Require(const absl::Status& status) {
+  if (!status.ok()) throw std::runtime_error(std::string(status.message()));
+}
+
+}  // namespace
+
+std::string BoardText(ReaderPool& readers, const std::string& config) {
+  std::string text;
+  Require(readers.Read([&](Reader& reader) -> absl::Status {
+    StoredContent content;
+    const absl::StatusOr<TrackPtr> track = content.Track(reader, config);
+    if (!track.ok()) {
+      text = std::string(track.status().message());
+      return DamageOf(track.status()) ? absl::OkStatus() : track.status();
+    }
+    Listed<StandingRow> listed = reader.Standings(config);
+    for (StandingRow& row : listed.rows) {
+      if (!row.standing.aggregate_json.empty()) continue;
+      const absl::StatusOr<Standing> standing = ReadStanding(reader, row.evaluation);
+      if (!standing.ok() && !DamageOf(standing.status())) return standing.status();
+      row.standing = standing.value_or(Standing());
+    }
+    const MarksInForce marks = reader.Marks();
+    const absl::StatusOr<Board> board =
+        MakeBoard(listed.rows, marks.by_submission, (*track)->scoring.boards.at(scoring::kMainBoard).rules,
+                  (*track)->scoring.team);
+    if (!board.ok()) return board.status();
+    for (const BoardRow& row : board->rows) {
+      absl::StrAppend(&text, row.ranked.rank, " ", row.source.team, " ", row.source.submission, " ",
+                      row.source.standing.aggregate_json, "\n");
+    }
+    for (const Damage& damage : listed.damaged) absl::StrAppend(&text, DamageText(damage), "\n");
+    for (const Damage& damage : board->damaged) absl::StrAppend(&text, DamageText(damage), "\n");
+    return absl::OkStatus();
+  }));
+  return text;
+}
+
+TwoTeams MakeTwoTeams(const std::string& folder) {
+  TwoTeams teams;
+  teams.store = folder + "/two-teams.db";
+  World world(folder + "/world", {}, 2);
+  world.JumpClock(absl::Hours(24 * 20'000));
+  const TrackConfig config = world.track->config;
+  const auto play = [&](TwoTeams::Team& team, const std::string& name, uint64_t first_seed) {
+    world.track = *MakeTrack(*WithSeeds(config, {first_seed, first_seed + 1, first_seed + 2}));
+    team.config = world.track->config.hash;
+    team.done = world.Submit(name, 6);
+    RunFor(world, absl::Minutes(1));
+  };
+  play(teams.victim, "victim", 100);
+  play(teams.other, "other", 200);
+  world.track = *MakeTrack(*WithSeeds(config, {100, 101, 102}));
+  teams.victim.open = world.Submit("victim", 4);
+  world.track = *MakeTrack(*WithSeeds(config, {200, 201, 202}));
+  teams.other.open = world.Submit("other", 4);
+  teams.other.queued = world.Submit("other", 2);  // both slots are taken
+  RunFor(world, absl::Seconds(7));  // each has an episode, and a lease that runs
+  Require(world.store->Write([&](Writer& writer) -> absl::Status {
+    absl::Status status = writer.Grant({"victim", world.track->config.id, Budget::kOfficial, 1,
+                                        "the grid was down"}, "uid 0");
+    status.Update(writer.Mark(1, "baseline", true, "uid 0", "ours").status());
+    status.Update(writer.Remove("log", std::string(64, 'f'), 10, "too old").status());
+    return status;
+  }));
+  if (!world.broken.empty()) throw std::runtime_error(world.broken);
+  teams.victim.board = BoardText(*world.readers, teams.victim.config);
+  teams.other.board = BoardText(*world.readers, teams.other.config);
+  world.Cut();
+  SQLite::Database db(folder + "/world/store.db", SQLite::OPEN_READWRITE);
+  db.exec(absl::StrCat("INSERT INTO replay VALUES (1, ", teams.victim.done,
+                       ", 0, 2, '[\"digest\"]', '{}', 6)"));
+  db.exec("PRAGMA journal_mode = DELETE");
+  fs::copy_file(folder + "/world/store.db", teams.store, fs::copy_options::overwrite_existing);
+  return teams;
+}
+
+std::vector<Target> TargetsIn(const TwoTeams& teams) {
+  const std::string done = absl::StrCat(teams.victim.done), open = absl::StrCat(teams.victim.open);
+  const auto of = [](const std::string& evaluation, const char* column) {
+    return absl::StrCat("(SELECT s.", column, " FROM submission AS s JOIN evaluation AS e ON ",
+                        "e.submission = s.id WHERE e.id = ", evaluation, ")");
+  };
+  std::vector<std::pair<std::string, std::string>> rows = {
+      {"meta", "key = 'policy_secret'"},
+      {"meta", "key = 'team_looks'"},
+      {"team_look",
+       "team = (SELECT id FROM team WHERE name = 'victim') AND look = (SELECT min(look) "
+       "FROM team_look WHERE team = (SELECT id FROM team WHERE name = 'victim'))"},
+      {"team", "name = 'victim'"},
+      {"config", absl::StrCat("hash = '", teams.victim.config, "'")},
+      {"board_state", "1"},
+      {"removal", "id = 1"},
+      {"mark", "id = 1"},
+      {"ledger", "entry = 'grant'"},
+      {"replay", "id = 1"},
+      {"standing", "evaluation = " + done},
+      {"lease", absl::StrCat("id = (SELECT min(id) FROM lease WHERE evaluation = ", open,
+                             " AND state = 'pending')")},
+      {"lease", absl::StrCat("id = (SELECT min(id) FROM lease WHERE evaluation = ", open,
+                             " AND state = 'running')")},
+      {"lease", absl::StrCat("id = (SELECT min(id) FROM lease WHERE evaluation = ", done, ")")}};
+  for (const std::string& evaluation : {done, open}) {
+    rows.emplace_back("artefact", "hash = " + of(evaluation, "artefact"));
+    rows.emplace_back("seed_list", "hash = " + of(evaluation, "seeds"));
+    rows.emplace_back("submission", "id = " + of(evaluation, "id"));
+    rows.emplace_back("admission", "submission = " + of(evaluation, "id"));
+    rows.emplace_back("ledger", "submission = " + of(evaluation, "id"));
+    rows.emplace_back("evaluation", "id = " + evaluation);
+    rows.emplace_back("episode", absl::StrCat("evaluation = ", evaluation, " AND idx = 0"));
+    rows.emplace_back("transition",
+                      absl::StrCat("id = (SELECT max(id) FROM transition WHERE entity = "
+                                   "'evaluation' AND entity_id = ",
+                                   evaluation, ")"));
+  }
+  std::vector<Target> targets;
+  SQLite::Database db(teams.store);
+  for (const auto& [table, where] : rows) {
+    SQLite::Statement columns(db, "SELECT name FROM pragma_table_info(?) WHERE NOT (pk = 1 AND "
+                                  "type = 'INTEGER' AND ?1 != 'episode')");
+    columns.bind(1, table);
+    while (columns.executeStep()) {
+      targets.push_back({table, where, columns.getColumn(0).getString()});
+    }
+  }
+  return targets;
+}
+
+bool Overwrite(const std::string& store, const Target& target, const std::string& value) {
+  const auto with_schema = [&](const std::string& sql) {
+    SQLite::Database db(store, SQLite::OPEN_READWRITE);
+    db.exec("PRAGMA writable_schema = ON");
+    db.exec(sql);
+  };
+  // Types and NOT NULL are words of the table's text; triggers and checks can be left out.
+  std::vector<std::pair<std::string, std::string>> triggers;
+  std::string text;
+  {
+    SQLite::Database db(store);
+    SQLite::Statement names(db, "SELECT name, sql FROM sqlite_schema WHERE type = 'trigger'");
+    while (names.executeStep()) {
+      triggers.emplace_back(names.getColumn(0).getString(), names.getColumn(1).getString());
+    }
+    SQLite::Statement table(db, "SELECT sql FROM sqlite_schema WHERE type = 'table' AND name = ?");
+    table.bind(1, target.table);
+    if (!table.executeStep()) return false;
+    text = table.getColumn(0).getString();
+  }
+  const auto set_text = [&](const std::string& to) {
+    SQLite::Database db(store, SQLite::OPEN_READWRITE);
+    db.exec("PRAGMA writable_schema = ON");
+    SQLite::Statement update(db,
+                             "UPDATE sqlite_schema SET sql = ? WHERE type = 'table' AND name = ?");
+    update.bind(1, to);
+    update.bind(2, target.table);
+    update.exec();
+  };
+  with_schema(
+      absl::StrCat("UPDATE sqlite_schema SET sql = replace(replace(sql, ') STRICT, ', ') '), ",
+                   "') STRICT', ')') WHERE type = 'table' AND name = '", target.table, "'"));
+  with_schema(
+      absl::StrCat("UPDATE sqlite_schema SET sql = replace(replace(replace(sql, 'IS NOT NULL'",
+                   ", 'IS_NOT_NULL'), ' NOT NULL', ''), 'IS_NOT_NULL', 'IS NOT NULL') WHERE ",
+                   "type = 'table' AND name = '", target.table, "'"));
+  bool written = false;
+  {
+    SQLite::Database db(store, SQLite::OPEN_READWRITE);
+    db.exec("PRAGMA ignore_check_constraints = ON");
+    for (const auto& [name, sql] : triggers) db.exec("DROP TRIGGER " + name);
+    try {
+      written = db.exec(absl::StrCat("UPDATE ", target.table, " SET ", target.column, " = ", value,
+                                     " WHERE ", target.where)) == 1;
+    } catch (const SQLite::Exception&) {  // a key that is there already
+    }
+    for (const auto& [name, sql] : triggers) db.exec(sql);
+  }
+  set_text(text);
+  return written;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,161 @@
+// A world for the engine's core in which everything can go wrong and time is turned by hand:
+// runners that die, stall, lie, double or lose records and refuse to go; a store whose writes
+// fail, and a power that fails before or after one. What goes wrong is read off a tape of
+// bytes, so that a failing history can be shrunk; where the tape ends all goes well.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "protocol/base/clock.h"
+#include "server/engine/engine_core.h"
+#include "server/grading/tracks.h"
+
+namespace myograde::server {
+
+class Tape {
+ public:
+  explicit Tape(std::vector<uint8_t> bytes) : bytes_(std::move(bytes)) {}
+  // True with a chance of `of_256`, until the tape ends.
+  bool Happens(int of_256) { return Next() >= 256 - of_256; }
+  // From 0 to n - 1.
+  int Below(int n) { return Next() % n; }
+  bool over() const { return at_ >= bytes_.size(); }
+  void Stop() { at_ = bytes_.size(); }
+
+ private:
+  int Next() { return over() ? 0 : bytes_[at_++]; }
+  std::vector<uint8_t> bytes_;
+  size_t at_ = 0;
+};
+
+// Thrown by the disk when the power fails: whatever the engine was about to do is not done.
+struct PowerCut {};
+
+class World;
+
+// The facts that an honest playing of an episode gives: a function of the order alone.
+EpisodeFacts FactsOf(const EpisodeOrder& episode);
+
+class FakeRunner : public Runner {
+ public:
+  FakeRunner(World& world, const LeaseOrder& order);
+  ~FakeRunner() override;
+  // Nobody polls them; the engine sees that the streams are not at their end.
+  int stdout_fd() const override { return 0; }
+  int stderr_fd() const override { return 0; }
+  absl::StatusOr<std::vector<LeaseRecord>> Read() override;
+  bool finished() override;
+  bool dead() override;
+  void AskToEnd() override;
+  void KillNow() override;
+  pid_t pid() const override { return 1; }
+  int wait_status() const override { return 9; }
+  std::string stderr_tail() const override { return "last words"; }
+
+ private:
+  void WriteScript(const LeaseOrder& order);
+  void Say(absl::Duration at, const LeaseRecord& record);
+
+  World& world_;
+  const int64_t slot_;
+  std::vector<std::pair<absl::Duration, LeaseRecord>> script_;  // what it says when
+  size_t said_ = 0;
+  bool garbage_ = false;
+  bool stubborn_ = false;
+  absl::Duration kill_takes_;
+  absl::Duration dies_at_ = absl::InfiniteDuration();
+};
+
+class FakeProcesses : public Processes {
+ public:
+  explicit FakeProcesses(World& world) : world_(world) {}
+  absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order) override;
+  void CleanUp(const std::string&) override {}
+  std::map<int, std::string> ProcessesOf(int first, int count) override;
+
+ private:
+  World& world_;
+};
+
+// The real store, with a power that fails and writes that are refused.
+class FakeDisk : public Disk {
+ public:
+  FakeDisk(World& world, Store& store) : world_(world), store_(store) {}
+  absl::Status Write(const StoreChange& change) override;
+  const std::string& policy_secret() const override { return store_.policy_secret(); }
+
+ private:
+  World& world_;
+  Store& store_;
+  int bad_for_ = 0;
+};
+
+class World {
+ public:
+  // `folder` is made and removed with it. Begins with an empty store, or a copy of `store_file`.
+  World(std::string folder, std::vector<uint8_t> tape, int slots,
+        const std::string& store_file = "");
+  ~World();
+
+  // A daemon's start on what is there; a running one's power fails first.
+  void Boot();
+  // The power of the running one fails.
+  void Cut();
+  // One turn of the engine, and a while until the next. A power cut on the way is followed
+  // by a start.
+  void Turn();
+  // As an administrator does.
+  void JumpClock(absl::Duration step) { clock.Jump(step); }
+
+  // The id of its evaluation; 0 if it was refused.
+  int64_t Submit(const std::string& team, int episodes);
+  void Cancel(int64_t submission);
+
+  // All final states by evaluation, once all have one.
+  bool AllEnded();
+  // What has not ended, and why, in words.
+  std::string WhatIsOpen();
+  // Throws a sentence if the store breaks what it promises.
+  void CheckStore();
+
+  ManualClock clock;
+  Tape tape;
+  // The next runner says all that it has to say so much later, and dies so much later when it
+  // is killed.
+  absl::Duration next_is_late = absl::ZeroDuration();
+  absl::Duration next_dies_late = absl::ZeroDuration();
+  // The next runner's process stays so much longer after its last word.
+  absl::Duration next_lingers = absl::ZeroDuration();
+  std::map<int, std::string> left;  // living processes, by slot
+  std::set<int64_t> slots_in_use;
+  std::string broken;           // the first broken promise of the engine, in words
+  int cancels_open = 0;
+  int power_cuts = 0;
+  int submits = 0;  // each with an artefact of its own
+  TrackPtr track;
+  std::unique_ptr<EngineCore> core;
+  std::unique_ptr<Store> store;
+  std::unique_ptr<ReaderPool> readers;
+  std::set<int64_t> evaluations;  // all that were accepted
+
+ private:
+  void CheckEvaluation(Reader& reader, int64_t id);
+  void CheckHistory(Reader& reader, const std::string& entity, int64_t id,
+                    const std::string& state);
+  void Promise(bool kept, const std::string& what);
+
+  const std::string folder_;
+  const int slots_;
+  FakeProcesses processes_{*this};
+  std::unique_ptr<FakeDisk> disk_;
+  std::map<std::pair<int64_t, int64_t>, std::string> seen_;  // episodes, with their facts
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,305 @@
+// Which files a policy lets go, and what a look after a data folder does with them.
+#include "server/engine/retention.h"
+
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <absl/strings/str_cat.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
+#include "server/runner/log_keeper.h"
+
+namespace myograde::server {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+constexpr int64_t kDay = 24 * 60 * 60 * 1000;
+
+std::vector<std::string> Chosen(std::vector<KeptFile> files, int days, int64_t bytes) {
+  std::vector<std::string> names;
+  for (const Choice& choice : ChooseRemovals(std::move(files), absl::Hours(24 * days), bytes,
+                                             /*now_ms=*/100 * kDay)) {
+    EXPECT_FALSE(choice.why.empty());
+    names.push_back(choice.file.name);
+  }
+  return names;
+}
+
+TEST(Retention, TheOldGoAndTheNeededStay) {
+  const std::vector<KeptFile> files = {{"old", "", 10, 10 * kDay, false},
+                                       {"needed", "", 10, 5 * kDay, true},
+                                       {"new", "", 10, 95 * kDay, false},
+                                       {"older", "", 10, 1 * kDay, false}};
+  EXPECT_THAT(Chosen(files, 30, 1000), ElementsAre("older", "old"));
+  EXPECT_THAT(Chosen(files, 100, 1000), IsEmpty());
+}
+
+TEST(Retention, TheOldestGoUntilTheRestIsSmallEnough) {
+  const std::vector<KeptFile> files = {{"c", "", 10, 30 * kDay, false},
+                                       {"needed", "", 50, 5 * kDay, true},
+                                       {"b", "", 10, 20 * kDay, false},
+                                       {"a", "", 10, 20 * kDay, false}};
+  EXPECT_THAT(Chosen(files, 365, 80), IsEmpty());
+  EXPECT_THAT(Chosen(files, 365, 79), ElementsAre("a"));
+  EXPECT_THAT(Chosen(files, 365, 60), ElementsAre("a", "b"));
+  EXPECT_THAT(Chosen(files, 365, 1), ElementsAre("a", "b", "c"));
+}
+
+TEST(Retention, ALastUseInTheFutureIsNoReasonToGo) {
+  EXPECT_THAT(Chosen({{"jumped", "", 10, 900 * kDay, false}}, 1, 1000), IsEmpty());
+}
+
+namespace fs = std::filesystem;
+
+// Nothing is played here.
+class NoProcesses : public Processes {
+ public:
+  absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder&) override {
+    return absl::UnavailableError("nothing is played here");
+  }
+  void CleanUp(const std::string&) override {}
+};
+
+// A calendar that is ahead of the files' times by as much as it is told, or stands still.
+class LaterClock : public Clock {
+ public:
+  absl::Duration Monotonic() const override { return SystemClock().Monotonic(); }
+  absl::Time Now() const override {
+    return still == absl::InfinitePast() ? SystemClock().Now() + ahead : still;
+  }
+  absl::Duration ahead = absl::ZeroDuration();
+  absl::Time still = absl::InfinitePast();
+};
+
+class RetentionFolder : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "retention-test-XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    dir_ = name;
+    for (const char* part : {"artefacts", "logs", "spool"}) fs::create_directory(dir_ + "/" + part);
+    store_ = *Store::Open(dir_ + "/store.db", clock_);
+    readers_ = std::make_unique<ReaderPool>(dir_ + "/store.db");
+    disk_ = std::make_unique<StoreDisk>(*store_);
+    EngineOptions options;
+    options.data_dir = dir_;
+    options.config.scheduler.slots = 0;
+    engine_ = std::make_unique<Engine>(options, *disk_, *readers_, processes_, clock_);
+  }
+  void TearDown() override {
+    StopEngine();
+    engine_ = nullptr;
+    fs::remove_all(dir_);
+  }
+
+  void RunEngine() {
+    if (!loop_.joinable()) loop_ = std::thread([this] { (void)engine_->Run(); });
+  }
+  void StopEngine() {
+    engine_->Stop();
+    if (loop_.joinable()) loop_.join();
+  }
+
+  void MakeArtefact(char letter) {
+    const std::string hash(64, letter);
+    fs::create_directory(FolderOf(letter));
+    ASSERT_TRUE(store_->Write([&](Writer& writer) {
+      return writer.AddArtefact({hash, "walker", {"./policy"}, {}, 100, 2}).status();
+    }).ok());
+  }
+  std::string FolderOf(char letter) const {
+    return absl::StrCat(dir_, "/artefacts/", std::string(64, letter));
+  }
+  std::string MakeLog(char letter) {
+    const std::string path = absl::StrCat(dir_, "/logs/", LogFileName(std::string(64, letter)));
+    std::ofstream(path) << std::string(100, 'x');
+    return path;
+  }
+
+  static NewSubmission SubmissionOf(char artefact) {
+    static const TrackConfig config =
+        LoadTrackConfig(MYOGRADE_SOURCE_DIR "/configs/tracks", "demo-manipulation", "").value();
+    return {.team = "alpha", .artefact = std::string(64, artefact), .track = config.id,
+            .profile = config.profile, .config = config.hash,
+            .config_json = CanonicalJson(config.effective), .seeds = Sha256Hex("[1]"),
+            .seeds_json = "[1]", .seed_count = 1, .ranked = true, .grader_json = "{}",
+            .blocks = {{0, 0}}};
+  }
+  static AdmissionRules Rules() {
+    return {.quota = {.official = {9, 9}, .practice = {9, 9}, .failed = {9, 9}, .waiting = 9}};
+  }
+  void Accept(char artefact) {
+    ASSERT_TRUE(store_->Write([&](Writer& writer) {
+      return writer.Accept(SubmissionOf(artefact), Rules(), "uid 0").status();
+    }).ok());
+  }
+
+  // One look, until `gone` is not there any more.
+  void Sweep(RetentionLimits limits, const std::string& gone) {
+    limits.every = absl::Hours(1);
+    RunEngine();
+    const Retention retention(limits, dir_, *engine_, *readers_, clock_);
+    for (int i = 0; i < 3000 && fs::exists(gone); ++i) absl::SleepFor(absl::Milliseconds(10));
+    EXPECT_FALSE(fs::exists(gone)) << gone;
+    absl::SleepFor(absl::Milliseconds(200));  // for what should not go
+  }
+  RetentionLimits Unlimited() const {
+    return {.artefact_age = absl::Hours(24 * 365), .artefact_bytes = INT64_MAX,
+            .log_age = absl::Hours(24 * 365), .log_bytes = INT64_MAX, .every = absl::Hours(1),
+            .upload_age = absl::Hours(24 * 365)};
+  }
+  std::vector<std::string> Removals() {
+    std::vector<std::string> names;
+    SQLite::Database db(dir_ + "/store.db");
+    SQLite::Statement select(db,
+                             "SELECT kind || ' ' || substr(name, 1, 1) FROM removal ORDER BY id");
+    while (select.executeStep()) names.push_back(select.getColumn(0).getString());
+    return names;
+  }
+
+  std::string dir_;
+  LaterClock clock_;
+  NoProcesses processes_;
+  std::unique_ptr<Store> store_;
+  std::unique_ptr<ReaderPool> readers_;
+  std::unique_ptr<StoreDisk> disk_;
+  std::unique_ptr<Engine> engine_;
+  std::thread loop_;
+};
+
+TEST_F(RetentionFolder, ArtefactsGoThatNobodyNeedsAndTheNeededStay) {
+  MakeArtefact('a');
+  MakeArtefact('b');
+  Accept('a');
+  clock_.ahead = absl::Hours(24 * 40);
+  RetentionLimits limits = Unlimited();
+  limits.artefact_age = absl::Hours(24 * 30);
+  Sweep(limits, FolderOf('b'));
+  EXPECT_TRUE(fs::exists(FolderOf('a')));
+  EXPECT_THAT(Removals(), ElementsAre("artefact b"));
+  EXPECT_TRUE(fs::is_empty(dir_ + "/spool"));
+}
+
+// The row is as old as the clock says; the folder was put in its place just now.
+TEST_F(RetentionFolder, AFolderThatCameAgainIsNew) {
+  clock_.ahead = -absl::Hours(24 * 40);
+  MakeArtefact('a');
+  MakeArtefact('b');
+  fs::remove(FolderOf('b'));
+  clock_.ahead = absl::ZeroDuration();
+  RetentionLimits limits = Unlimited();
+  limits.artefact_age = absl::Hours(24 * 30);
+  limits.artefact_bytes = 100;  // those that are not there take no room
+  limits.log_bytes = 0;
+  const std::string log = MakeLog('1');
+  clock_.ahead = absl::Hours(1);
+  Sweep(limits, log);  // artefacts are looked after before logs
+  EXPECT_TRUE(fs::exists(FolderOf('a')));
+  EXPECT_THAT(Removals(), ElementsAre("log 1"));
+}
+
+TEST_F(RetentionFolder, LogsGoThatNobodyNeedsAndTheNeededAndTheFreshStay) {
+  MakeArtefact('a');
+  const std::string log(64, '1');
+  ASSERT_TRUE(store_->Write([&](Writer& writer) -> absl::Status {
+    const auto accepted = writer.Accept(SubmissionOf('a'), Rules(), "uid 0");
+    if (!accepted.ok()) return accepted.status();
+    absl::Status status = writer.StartLease(accepted->leases[0], 1, 0, 99, "daemon");
+    status.Update(writer.RecordEpisode({accepted->evaluation, 0, accepted->leases[0], 1, 1,
+                                        Outcome::kFailure, FailureReason::kTime,
+                                        R"({"log":{"sha256":")" + log + R"("}})",
+                                        R"({"time_s":10.0})"}).status());
+    return status;
+  }).ok());
+  const std::string needed = MakeLog('1');
+  absl::SleepFor(absl::Milliseconds(20));  // the needed one is the older
+  const std::string unneeded = MakeLog('2');
+  std::ofstream(dir_ + "/logs/.draft-1") << "in work";
+  RetentionLimits limits = Unlimited();
+  limits.log_bytes = 100;  // room for one
+  clock_.ahead = absl::Hours(1);
+  Sweep(limits, unneeded);
+  EXPECT_TRUE(fs::exists(needed));
+  EXPECT_TRUE(fs::exists(dir_ + "/logs/.draft-1"));
+  EXPECT_THAT(Removals(), ElementsAre("log 2"));
+}
+
+// The row that needs a log comes after its file.
+TEST_F(RetentionFolder, AFreshLogStays) {
+  const std::string old = MakeLog('1');
+  absl::SleepFor(absl::Milliseconds(50));
+  const absl::Time between = SystemClock().Now();
+  absl::SleepFor(absl::Milliseconds(50));
+  const std::string fresh = MakeLog('2');
+  clock_.still = between + absl::Minutes(10);
+  RetentionLimits limits = Unlimited();
+  limits.log_bytes = 0;
+  Sweep(limits, old);
+  EXPECT_TRUE(fs::exists(fresh));
+  EXPECT_THAT(Removals(), ElementsAre("log 1"));
+}
+
+// The files are looked for when the row is made, not only before.
+TEST_F(RetentionFolder, NothingIsAcceptedWhoseFilesAreGone) {
+  MakeArtefact('a');
+  MakeArtefact('b');
+  Accept('b');
+  fs::remove(FolderOf('a'));
+  fs::remove(FolderOf('b'));
+  RunEngine();
+  const auto refused = engine_->Submit(SubmissionOf('a'), Rules(), "uid 0", absl::Minutes(5));
+  EXPECT_TRUE(absl::IsNotFound(refused.status())) << refused.status();
+  // Of a submission that there is, so that only its files are missing.
+  const auto rerun = engine_->Rerun({1, std::string(64, 'b'), "{}", {{0, 0}}}, "uid 0", true, {},
+                                    absl::Minutes(5));
+  EXPECT_TRUE(absl::IsNotFound(rerun.status())) << rerun.status();
+  SQLite::Database db(dir_ + "/store.db");
+  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM submission").getInt(), 1);
+  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM evaluation").getInt(), 1);
+}
+
+// Removal and submission meet in one transaction, in either order: never an evaluation without
+// its files.
+TEST_F(RetentionFolder, ARemovalAndASubmissionAtOnceLeaveNoEvaluationWithoutFiles) {
+  for (const bool removal_first : {true, false}) {
+    const char letter = removal_first ? 'a' : 'b';
+    MakeArtefact(letter);
+    absl::Status accepted;
+    std::vector<std::thread> askers;
+    const auto submit = [&] {
+      askers.emplace_back([&] {
+        accepted =
+            engine_->Submit(SubmissionOf(letter), Rules(), "uid 0", absl::Minutes(5)).status();
+      });
+      absl::SleepFor(absl::Milliseconds(300));  // it waits in the queue
+    };
+    StopEngine();
+    engine_ = nullptr;
+    EngineOptions options;
+    options.data_dir = dir_;
+    options.config.scheduler.slots = 0;
+    engine_ = std::make_unique<Engine>(options, *disk_, *readers_, processes_, clock_);
+    RetentionLimits limits = Unlimited();
+    limits.artefact_bytes = 0;
+    if (!removal_first) submit();
+    std::unique_ptr<Retention> retention =
+        std::make_unique<Retention>(limits, dir_, *engine_, *readers_, clock_);
+    absl::SleepFor(absl::Milliseconds(300));
+    if (removal_first) submit();
+    loop_ = std::thread([this] { (void)engine_->Run(); });
+    for (std::thread& asker : askers) asker.join();
+    retention = nullptr;
+    EXPECT_EQ(accepted.ok(), fs::exists(FolderOf(letter))) << accepted;
+    StopEngine();
+  }
+}
+
+}  // namespace
+}  // namespace myograde::server

@@ -1,0 +1,156 @@
+// Boards as a function of aggregates and marks.
+#include "server/grading/board.h"
+
+#include <algorithm>
+#include <set>
+
+#include <absl/strings/str_cat.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+namespace myograde::server {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using scoring::TeamRule;
+
+constexpr scoring::TieredBoard kTiered;
+
+StandingRow Row(int64_t submission, const std::string& team, int successes, double time,
+                double effort) {
+  const nlohmann::json aggregate = {{"episodes", 100}, {"successes", successes},
+                                    {"time_s", time},  {"effort", effort},
+                                    {"pain", nullptr}, {"distance_m", nullptr}};
+  const RankedNumbers ranked = {
+      .successes = successes, .episodes = 100, .names = "time_s,effort", .numbers = {time, effort}};
+  return {submission, submission + 100, team, "policy", {ranked, aggregate.dump()}};
+}
+
+void Set(Marks& marks, int64_t submission, const std::string& mark, const std::string& why = "") {
+  marks[submission][mark] = {1, 1, submission, mark, true, "uid 0", why};
+}
+
+std::vector<std::string> PlacesOf(const Board& board) {
+  std::vector<std::string> places;
+  for (const BoardRow& row : board.rows) {
+    places.push_back(absl::StrCat(row.ranked.rank, ":", row.source.submission));
+  }
+  return places;
+}
+
+Board Make(const std::vector<StandingRow>& rows, const Marks& marks) {
+  absl::StatusOr<Board> board = MakeBoard(rows, marks, kTiered, TeamRule::kBest);
+  EXPECT_TRUE(board.ok()) << board.status();
+  return board.ok() ? *std::move(board) : Board();
+}
+
+TEST(Board, HonoursEveryMark) {
+  const std::vector<StandingRow> rows = {Row(1, "alpha", 40, 9, 0.1), Row(2, "alpha", 30, 9, 0.1),
+                                         Row(3, "beta", 35, 9, 0.1), Row(4, "gamma", 20, 9, 0.1)};
+  EXPECT_THAT(PlacesOf(Make(rows, {})), ElementsAre("1:1", "2:3", "3:4"));
+  Marks marks;
+  Set(marks, 1, kHidden);
+  EXPECT_THAT(PlacesOf(Make(rows, marks)), ElementsAre("1:3", "2:2", "3:4"));
+  Set(marks, 3, kBaseline);
+  EXPECT_THAT(PlacesOf(Make(rows, marks)), ElementsAre("0:3", "1:2", "2:4"));
+  Set(marks, 4, kDisqualified, "reads the seeds");
+  const Board board = Make(rows, marks);
+  EXPECT_THAT(PlacesOf(board), ElementsAre("0:3", "1:2"));
+  ASSERT_EQ(board.disqualified.size(), 1u);
+  EXPECT_EQ(board.disqualified[0].mark.why, "reads the seeds");
+}
+
+TEST(Board, AFastBaselineOpensNoBand) {
+  // By itself 2 opens the band that holds 3, whose effort is less. The baseline is so fast that
+  // with it 2 and 3 would be in no band of its.
+  const std::vector<StandingRow> rows = {
+      Row(1, "ours", 95, 2.0, 0.5), Row(2, "alpha", 95, 4.0, 0.2), Row(3, "beta", 95, 4.3, 0.1)};
+  Marks marks;
+  Set(marks, 1, kBaseline);
+  EXPECT_THAT(PlacesOf(Make(rows, marks)), ElementsAre("0:1", "1:3", "2:2"));
+}
+
+TEST(Board, DamagedAggregatesAreToldAndTheOthersStand) {
+  StandingRow broken = Row(1, "alpha", 2, 1, 1);
+  StandingRow disqualified = Row(2, "beta", 2, 1, 1);
+  broken.standing.aggregate_json = disqualified.standing.aggregate_json = "{";
+  Marks marks;
+  Set(marks, 2, kDisqualified);
+  const auto board =
+      MakeBoard({broken, disqualified, Row(3, "gamma", 1, 1, 1)}, marks, kTiered, TeamRule::kBest);
+  ASSERT_TRUE(board.ok()) << board.status();
+  ASSERT_EQ(board->rows.size(), 1u);
+  EXPECT_EQ(board->rows[0].source.submission, 3);
+  EXPECT_TRUE(board->disqualified.empty());
+  ASSERT_EQ(board->damaged.size(), 2u);
+  for (const Damage& damage : board->damaged) EXPECT_EQ(damage.table, "standing");
+}
+
+TEST(Board, ExplainsByNumberAndByTeamAndSaysWhyNot) {
+  const std::vector<StandingRow> rows = {Row(1, "alpha", 40, 9, 0.1), Row(2, "alpha", 30, 9, 0.1),
+                                         Row(3, "beta", 35, 9, 0.1), Row(4, "7", 20, 9, 0.1),
+                                         Row(5, "gamma", 10, 9, 0.1)};
+  Marks marks;
+  Set(marks, 5, kHidden);
+  const auto explain = [&](const std::string& a, const std::string& b) {
+    const auto found = ExplainOrder(rows, marks, kTiered, TeamRule::kBest, a, b);
+    return found.ok() ? found->sentence : std::string(found.status().message());
+  };
+  EXPECT_THAT(explain("3", "1"), HasSubstr("1 (alpha) stands above 3 (beta)"));
+  EXPECT_THAT(explain("beta", "alpha"), HasSubstr("40 of 100 episodes against 35 of 100"));
+  EXPECT_THAT(explain("beta", "7"), HasSubstr("3 (beta) stands above 4 (7)"));
+  EXPECT_THAT(explain("2", "3"), HasSubstr("its team stands with submission 1"));
+  EXPECT_THAT(explain("5", "3"), HasSubstr("it is hidden"));
+  EXPECT_THAT(explain("99", "3"), HasSubstr("no finished official evaluation"));
+  EXPECT_THAT(explain("nobody", "3"), HasSubstr("no team \"nobody\""));
+  EXPECT_THAT(explain("1", "alpha"), HasSubstr("the same row"));
+  Set(marks, 1, kBaseline);
+  EXPECT_THAT(explain("1", "3"), HasSubstr("1 (alpha) stands above 3 (beta)"));
+}
+
+RC_GTEST_PROP(BoardProperty, MarksTakeAwayAndChangeNoOrder, ()) {
+  const int count = *rc::gen::inRange(1, 12);
+  std::vector<StandingRow> rows;
+  Marks marks;
+  std::set<int64_t> out;
+  for (int64_t id = 1; id <= count; ++id) {
+    rows.push_back(Row(id, absl::StrCat("team ", *rc::gen::inRange(0, 5)),
+                       *rc::gen::inRange(85, 100), *rc::gen::inRange(1, 6),
+                       *rc::gen::inRange(0, 4) / 8.0));
+    const int mark = *rc::gen::inRange(0, 6);
+    if (mark == 0) Set(marks, id, kHidden);
+    if (mark == 1) Set(marks, id, kDisqualified, "why");
+    if (mark == 2) Set(marks, id, kBaseline);
+    if (mark <= 2) out.insert(id);
+  }
+  const Board marked = Make(rows, marks);
+  // The ranked are those of a board on which the marked never were.
+  std::vector<StandingRow> rest;
+  for (const StandingRow& row : rows) {
+    if (!out.contains(row.submission)) rest.push_back(row);
+  }
+  std::vector<std::string> ranked;
+  size_t baselines = 0;
+  for (const BoardRow& row : marked.rows) {
+    if (row.ranked.rank == 0) {
+      ++baselines;
+      RC_ASSERT(marks.at(row.source.submission).contains(kBaseline));
+    } else {
+      ranked.push_back(absl::StrCat(row.ranked.rank, ":", row.source.submission));
+    }
+  }
+  RC_ASSERT(ranked == PlacesOf(Make(rest, {})));
+  RC_ASSERT(baselines == static_cast<size_t>(std::count_if(
+                             marks.begin(), marks.end(), [](const auto& entry) {
+                               return entry.second.contains(kBaseline);
+                             })));
+  // The order of the rows that it is made of does not matter.
+  std::vector<StandingRow> shuffled = rows;
+  std::reverse(shuffled.begin(), shuffled.end());
+  RC_ASSERT(PlacesOf(Make(shuffled, marks)) == PlacesOf(marked));
+}
+
+}  // namespace
+}  // namespace myograde::server

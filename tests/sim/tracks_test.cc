@@ -1,0 +1,59 @@
+// The registry of the simulated tracks, and the rules of all configs that there are.
+#include "sim/tracks.h"
+
+#include <filesystem>
+#include <fstream>
+
+#include <gtest/gtest.h>
+
+#include "protocol/lease/track_config_forms.h"
+#include "protocol/tracks/registry.h"
+
+namespace myograde::sim {
+namespace {
+
+// The simulator reads the rules before it looks for the model, which is not there.
+void ExpectRulesAreRead(const TrackConfig& config) {
+  const absl::Status status = MakeEnvironment(config, "/nowhere").status();
+  EXPECT_TRUE(absl::IsNotFound(status)) << config.id << ", " << config.profile << ": " << status;
+}
+
+TEST(SimulatedTracks, EveryTrackOfTheProtocolIsSimulated) {
+  ASSERT_EQ(SimulatedTracks().size(), AllTracks().size());
+  for (size_t i = 0; i < AllTracks().size(); ++i) {
+    EXPECT_EQ(SimulatedTracks()[i].kind, AllTracks()[i]);
+    EXPECT_EQ(SimulatedTracks()[i].model->name, AllTracks()[i]->name);
+  }
+}
+
+TEST(SimulatedTracks, RulesOfEveryShippedConfigAreRead) {
+  const std::string folder = MYOGRADE_SOURCE_DIR "/configs/tracks";
+  const auto tracks = ListTracks(folder);
+  ASSERT_TRUE(tracks.ok()) << tracks.status();
+  for (const std::string& track : *tracks) {
+    const auto profiles = ListProfiles(folder, track);
+    ASSERT_TRUE(profiles.ok()) << profiles.status();
+    for (const std::string& profile : *profiles) {
+      const auto config = LoadTrackConfig(folder, track, profile);
+      ASSERT_TRUE(config.ok()) << config.status();
+      ExpectRulesAreRead(*config);
+    }
+  }
+}
+
+TEST(SimulatedTracks, RulesOfEveryEarlierFormAreRead) {
+  for (int64_t form = 1; form < kTrackConfigForm; ++form) {
+    std::ifstream file(MYOGRADE_SOURCE_DIR "/tests/protocol/lease/forms/" + std::to_string(form) +
+                       "/effective.jsonl");
+    int read = 0;
+    for (std::string line; std::getline(file, line); ++read) {
+      const auto config = ParseTrackConfig(nlohmann::json::parse(line)["config"], "test");
+      ASSERT_TRUE(config.ok()) << config.status();
+      ExpectRulesAreRead(*config);
+    }
+    EXPECT_GE(read, 5) << form;
+  }
+}
+
+}  // namespace
+}  // namespace myograde::sim
