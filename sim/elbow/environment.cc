@@ -1,0 +1,223 @@
+#include "sim/elbow/environment.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <initializer_list>
+#include <numbers>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "sim/elbow/elbow.h"
+
+namespace myograde::sim {
+namespace {
+
+ElbowFacts& OfElbow(EpisodeFacts& facts) { return std::get<ElbowFacts>(facts.track); }
+
+// The official map of a normalised muscle action: half at 0.5, never quite 0 or 1.
+double MuscleExcitation(double action) { return 1 / (1 + std::exp(-5 * (action - 0.5))); }
+
+bool WarnedOfAny(const mjData& data, std::initializer_list<mjtWarning> kinds) {
+  return std::ranges::any_of(kinds,
+                             [&](mjtWarning kind) { return data.warning[kind].number > 0; });
+}
+
+bool WarnedOfNumbers(const mjData& data) {
+  return WarnedOfAny(data, {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC});
+}
+
+bool WarnedOfBuffers(const mjData& data) {
+  return WarnedOfAny(data, {mjWARN_CONTACTFULL, mjWARN_CNSTRFULL});
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Environment>> MakeElbow(const TrackConfig& config,
+                                                       const std::string& cache_dir) {
+  auto rules = ParseElbowRules(
+      config.rules, absl::StrCat(config.id, ", profile ", config.profile, ": rules"));
+  if (!rules.ok()) return rules.status();
+  auto model = LoadModel(TrackKind::kElbow, cache_dir);
+  if (!model.ok()) return model.status();
+  return ElbowEnvironment::Make(*rules, *std::move(model));
+}
+
+absl::StatusOr<std::unique_ptr<ElbowEnvironment>> ElbowEnvironment::Make(const ElbowRules& rules,
+                                                                         ModelPtr model) {
+  if (model->nq != 1 || model->nv != 1 || model->nu != kMuscleCount ||
+      model->na != kMuscleCount || mj_name2id(model.get(), mjOBJ_JOINT, "r_elbow_flex") != 0 ||
+      mj_name2id(model.get(), mjOBJ_ACTUATOR, "TRIlong") != 0) {
+    return absl::InternalError("the elbow model does not have the expected joint and muscles");
+  }
+  DataPtr data(mj_makeData(model.get()));
+  if (data == nullptr) return absl::ResourceExhaustedError("no memory for MuJoCo's data");
+  return std::unique_ptr<ElbowEnvironment>(
+      new ElbowEnvironment(rules, std::move(model), std::move(data)));
+}
+
+ElbowEnvironment::ElbowEnvironment(const ElbowRules& rules, ModelPtr model, DataPtr data)
+    : rules_(rules), model_(std::move(model)), data_(std::move(data)) {
+  facts_.track = ElbowFacts{};
+}
+
+absl::Status ElbowEnvironment::SetLegParameters(const LegParameterSets& sets) {
+  if (sets.present == 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      "the policy uploaded leg parameter sets, but the elbow track has no leg: send none");
+}
+
+// ---- Reset ----
+
+// The official order: the target is drawn first, then the start.
+void ElbowEnvironment::Reset(uint64_t seed) {
+  generator_ = NumpyGenerator(seed);
+  target_ = generator_.Uniform(rules_.target_range_rad[0], rules_.target_range_rad[1]);
+  const double start = generator_.Uniform(model_->jnt_range[0], model_->jnt_range[1]);
+  StartFromDefaults();
+  data_->qpos[0] = start;
+  mj_forward(model_.get(), data_.get());
+  mj_forward(model_.get(), data_.get());
+  StartFacts();
+  SaveState();
+}
+
+// The passive forward step leaves nothing but the solver's warm start behind,
+// which the next one begins from.
+void ElbowEnvironment::StartFromDefaults() {
+  mj_resetData(model_.get(), data_.get());
+  const int flags = std::exchange(model_->opt.disableflags,
+                                  model_->opt.disableflags | mjDSBL_ACTUATION);
+  mj_forward(model_.get(), data_.get());
+  model_->opt.disableflags = flags;
+}
+
+void ElbowEnvironment::StartFacts() {
+  facts_ = EpisodeFacts{};
+  facts_.track = ElbowFacts{};
+  ElbowFacts& facts = OfElbow(facts_);
+  facts.start_angle = data_->qpos[0];
+  facts.target_angle = target_;
+  facts.final_error = Error();
+  facts.smallest_error = Error();
+  run_ = 0;
+}
+
+// ---- Step ----
+
+StepResult ElbowEnvironment::Step(std::span<const double> action) {
+  assert(static_cast<int>(action.size()) == action_size());
+  SetControls(action);
+  StepResult result = Simulate();
+  ++facts_.steps;
+  facts_.sim_time = data_->time;
+  if (!result.unstable && !result.overflow) {
+    Measure();
+    Judge(result);
+  }
+  SaveState();
+  return result;
+}
+
+void ElbowEnvironment::SetControls(std::span<const double> action) {
+  const bool normalized = convention_ == ActionConvention::kNormalized;
+  for (int i = 0; i < kMuscleCount; ++i) {
+    double value = action[i];
+    if (!rules_.actions_unclipped) {
+      value = std::clamp(value, normalized ? -1.0 : 0.0, 1.0);
+      facts_.clipped += value != action[i];
+    }
+    data_->ctrl[i] = normalized ? MuscleExcitation(value) : value;
+  }
+}
+
+StepResult ElbowEnvironment::Simulate() {
+  // Positions, velocities and what follows from them are there from the last
+  // evaluation, so the first integration only needs its second half.
+  mj_step2(model_.get(), data_.get());
+  for (int i = 1; i < kPhysicsSteps; ++i) mj_step(model_.get(), data_.get());
+  mj_checkPos(model_.get(), data_.get());
+  mj_checkVel(model_.get(), data_.get());
+  StepResult result;
+  result.overflow = WarnedOfBuffers(*data_);
+  if (rules_.warnings_reset_simulation && !result.overflow && WarnedOfNumbers(*data_)) {
+    StartFromDefaults();
+  }
+  mj_forward(model_.get(), data_.get());
+  result.overflow = result.overflow || WarnedOfBuffers(*data_);
+  result.unstable = WarnedOfNumbers(*data_);
+  return result;
+}
+
+double ElbowEnvironment::Error() const { return std::abs(target_ - data_->qpos[0]); }
+
+double ElbowEnvironment::Effort() const { return mju_norm(data_->act, kMuscleCount) / kMuscleCount; }
+
+void ElbowEnvironment::Measure() {
+  ElbowFacts& facts = OfElbow(facts_);
+  const double error = Error();
+  facts.final_error = error;
+  facts.smallest_error = facts_.steps == 1 ? error : std::min(facts.smallest_error, error);
+  facts.error_sum += error;
+  const bool within = error <= rules_.tolerance_rad;
+  run_ = within ? run_ + 1 : 0;
+  facts.tolerance_steps += within;
+  facts.longest_run = std::max(facts.longest_run, run_);
+  facts.held = facts.longest_run >= rules_.hold_steps;
+  facts.solved = error < rules_.solved_distance_rad;
+  facts.solved_steps += facts.solved;
+  facts.effort_sum += Effort();
+  facts.reported_time = data_->time;
+}
+
+void ElbowEnvironment::Judge(StepResult& result) {
+  result.ended = true;
+  if (rules_.end_rule == ElbowRules::EndRule::kHeld && OfElbow(facts_).held) {
+    facts_.end = EpisodeEnd::kHeld;
+  } else if (facts_.steps >= rules_.max_steps) {
+    facts_.end = EpisodeEnd::kTime;
+  } else {
+    result.ended = false;
+  }
+}
+
+void ElbowEnvironment::SynchroniseState() {
+  mj_forward(model_.get(), data_.get());
+  SaveState();
+}
+
+void ElbowEnvironment::SaveState() {
+  state_[0] = data_->time;
+  state_[1] = data_->qpos[0];
+  state_[2] = data_->qvel[0];
+  std::copy_n(data_->act, kMuscleCount, state_.begin() + 3);
+}
+
+// ---- Observation ----
+
+// Order and sizes: protocol/tracks/elbow/layout.cc.
+void ElbowEnvironment::Observe(std::span<double> out) const {
+  assert(static_cast<int>(out.size()) == observation_size());
+  const double period = model_->opt.timestep * kPhysicsSteps;
+  out[0] = data_->qpos[0];
+  out[1] = rules_.velocities_times_step ? data_->qvel[0] * period : data_->qvel[0];
+  out[2] = target_ - data_->qpos[0];
+  std::copy_n(data_->act, kMuscleCount, out.begin() + 3);
+}
+
+ElbowEnvironment::Official ElbowEnvironment::official() const {
+  const double error = Error();
+  Official official;
+  official.pose = -error;
+  official.bonus = (error < rules_.solved_distance_rad) +
+                   (error < 1.5 * rules_.solved_distance_rad);
+  official.done = error > 2 * std::numbers::pi;
+  official.penalty = official.done ? -1 : 0;
+  official.act_reg = -Effort();
+  official.dense = official.pose + 4 * official.bonus + official.act_reg + 50 * official.penalty;
+  official.solved = error < rules_.solved_distance_rad;
+  return official;
+}
+
+}  // namespace myograde::sim
