@@ -2,13 +2,14 @@
 
 #include <array>
 
+#include "scoring/elbow/track.h"
 #include "scoring/locomotion/track.h"
 #include "scoring/manipulation/track.h"
 
 namespace myograde::scoring {
 
 std::span<const ScoredTrack* const> ScoredTracks() {
-  static const std::array all = {&ScoredManipulation(), &ScoredLocomotion()};
+  static const std::array all = {&ScoredManipulation(), &ScoredLocomotion(), &ScoredElbow()};
   return all;
 }
 

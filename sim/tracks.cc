@@ -4,8 +4,11 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/tracks/elbow/track.h"
 #include "protocol/tracks/locomotion/track.h"
 #include "protocol/tracks/manipulation/track.h"
+#include "sim/elbow/elbow.h"
+#include "sim/elbow/model.h"
 #include "sim/locomotion/locomotion.h"
 #include "sim/locomotion/model.h"
 #include "sim/manipulation/manipulation.h"
@@ -18,6 +21,7 @@ std::span<const SimulatedTrack> SimulatedTracks() {
   static const std::array tracks = {
       SimulatedTrack{&ManipulationTrack(), &ManipulationModel(), MakeManipulation},
       SimulatedTrack{&LocomotionTrack(), &LocomotionModel(), MakeLocomotion},
+      SimulatedTrack{&ElbowTrack(), &ElbowModel(), MakeElbow},
   };
   return tracks;
 }

@@ -9,6 +9,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <string_view>
 
 #include "policies/cpp/kit.h"
 
@@ -19,7 +22,7 @@ constexpr size_t kAngle = 0;  // observation: angle of the elbow, rad
 constexpr size_t kError = 2;  // observation: target minus angle, rad
 
 constexpr double kStiffness = 15.0;    // N m/rad
-constexpr double kDamping = 1.5;       // N m s/rad
+constexpr double kDampingTime = 0.1;   // s: damping by stiffness
 constexpr double kIntegral = 10.0;     // N m/(rad s)
 constexpr double kNear = 0.15;         // rad: farther away nothing is summed up
 
@@ -59,6 +62,8 @@ struct Place {
 
 class HoldElbow : public myograde::Policy {
  public:
+  explicit HoldElbow(double stiffness) : stiffness_(stiffness) {}
+
   std::string Name() const override { return "scripted-elbow"; }
   bool Direct() const override { return true; }
 
@@ -79,7 +84,7 @@ class HoldElbow : public myograde::Policy {
 
     const Place place(angle);
     const double rest = place.Between(kRest[place.row], kRest[place.row + 1]);
-    const double torque = kStiffness * error - kDamping * speed + kIntegral * summed_ - rest;
+    const double torque = stiffness_ * (error - kDampingTime * speed) + kIntegral * summed_ - rest;
     std::array<double, kMuscles> pull{};
     double square = 0;
     for (size_t i = 0; i < kMuscles; ++i) {
@@ -93,7 +98,8 @@ class HoldElbow : public myograde::Policy {
   }
 
  private:
-  double period_ = 0.02;  // s
+  const double stiffness_;  // N m/rad
+  double period_ = 0.02;    // s
   bool first_ = true;
   double last_angle_ = 0;  // rad
   double summed_ = 0;      // rad s
@@ -101,7 +107,14 @@ class HoldElbow : public myograde::Policy {
 
 }  // namespace
 
-int main() {
-  HoldElbow policy;
+// usage: scripted-elbow [--stiffness N]    (a softer spring is slower and takes less effort)
+int main(int argc, char** argv) {
+  const bool asked = argc == 3 && std::string_view(argv[1]) == "--stiffness";
+  const double stiffness = asked ? std::atof(argv[2]) : kStiffness;
+  if ((argc != 1 && !asked) || !(stiffness > 0)) {
+    std::fprintf(stderr, "usage: scripted-elbow [--stiffness N], in N m/rad\n");
+    return 2;
+  }
+  HoldElbow policy(stiffness);
   return myograde::RunPolicy(policy);
 }

@@ -6,7 +6,7 @@
 namespace myograde {
 namespace {
 
-constexpr std::array<std::pair<Outcome, std::string_view>, 15> kOutcomes = {{
+constexpr std::array<std::pair<Outcome, std::string_view>, 14> kOutcomes = {{
     {Outcome::kSuccess, "success"},
     {Outcome::kFailure, "failure"},
     {Outcome::kUnstable, "unstable"},
@@ -17,7 +17,6 @@ constexpr std::array<std::pair<Outcome, std::string_view>, 15> kOutcomes = {{
     {Outcome::kMemoryLimit, "memory_limit"},
     {Outcome::kProcessLimit, "process_limit"},
     {Outcome::kDiskLimit, "disk_limit"},
-    {Outcome::kOutputLimit, "output_limit"},
     {Outcome::kProtocol, "protocol"},
     {Outcome::kCrash, "crash"},
     {Outcome::kCancelled, "cancelled"},

@@ -20,7 +20,6 @@ enum class Outcome {
   kMemoryLimit,
   kProcessLimit,
   kDiskLimit,
-  kOutputLimit,
   kProtocol,       // wrong size, wrong step, NaN, malformed or too many messages
   kCrash,          // exit or signal inside the participant's sandbox
   kCancelled,      // by the team or an organiser

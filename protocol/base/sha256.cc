@@ -11,6 +11,7 @@
 #include <cstring>
 #include <vector>
 
+#include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
@@ -80,14 +81,8 @@ Sha256Digest Sha256::Peek() const {
 std::string Sha256::FinishHex() { return HexOf(Finish()); }
 
 std::string HexOf(std::span<const uint8_t> bytes) {
-  static constexpr char kDigits[] = "0123456789abcdef";
-  std::string hex;
-  hex.reserve(2 * bytes.size());
-  for (const uint8_t byte : bytes) {
-    hex.push_back(kDigits[byte >> 4]);
-    hex.push_back(kDigits[byte & 15]);
-  }
-  return hex;
+  return absl::BytesToHexString(
+      absl::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
 }
 
 Sha256Digest Sha256Of(std::string_view data) {

@@ -6,8 +6,6 @@
 #include <absl/strings/str_cat.h>
 
 namespace myograde {
-namespace {
-
 uint64_t SeedOf(const std::string& key, const std::string& message) {
   unsigned char digest[EVP_MAX_MD_SIZE];
   unsigned int size = 0;
@@ -17,8 +15,6 @@ uint64_t SeedOf(const std::string& key, const std::string& message) {
   for (unsigned i = size - 8; i < size; ++i) seed = seed << 8 | digest[i];
   return seed & (~uint64_t{0} >> 1);
 }
-
-}  // namespace
 
 uint64_t PolicySeed(const std::string& secret, int64_t episode) {
   return SeedOf(secret, absl::StrCat("myograde policy seed/", episode));

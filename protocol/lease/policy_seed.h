@@ -19,13 +19,16 @@ struct Form1PolicySeeds {
   std::string artefact;
 };
 
-// The last 8 bytes (big endian, without their highest bit) of HMAC-SHA256 over
-// "myograde policy seed/INDEX", keyed with `secret`. `episode` is the index in the evaluation's
+// The last 8 bytes (big endian, without their highest bit) of HMAC-SHA256 over `message`, keyed
+// with `key`.
+uint64_t SeedOf(const std::string& key, const std::string& message);
+
+// The seed of "myograde policy seed/INDEX", keyed with `secret`. `episode` is the index in the evaluation's
 // list of seeds, from 0.
 uint64_t PolicySeed(const std::string& secret, int64_t episode);
 
-// The policy seed of an episode under `config`: of its secret, or if it is of form 1 the same
-// bytes of HMAC-SHA256 over "ARTEFACT/INDEX", keyed with the host's secret.
+// The policy seed of an episode under `config`: of its secret, or if it is of form 1 that
+// of "ARTEFACT/INDEX", keyed with the host's secret.
 uint64_t PolicySeed(const TrackConfig& config, const Form1PolicySeeds& form1, int64_t episode);
 
 }  // namespace myograde

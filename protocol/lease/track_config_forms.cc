@@ -51,7 +51,7 @@ absl::StatusOr<Json> UpgradeTrackConfig(Json effective, const std::string& where
   const TrackKind* track = name.is_string() ? FindTrack(name.get<std::string>()) : nullptr;
   for (; form < kTrackConfigForm; ++form) {
     kSteps[form - 1](effective);
-    if (track != nullptr) track->upgrade(form, effective);
+    if (track != nullptr && track->upgrade != nullptr) track->upgrade(form, effective);
   }
   return effective;
 }

@@ -11,13 +11,14 @@
 
 #include "protocol/base/fault_evidence.h"
 #include "protocol/base/outcome.h"
+#include "protocol/tracks/elbow/facts.h"
 #include "protocol/tracks/locomotion/facts.h"
 #include "protocol/tracks/manipulation/facts.h"
 
 namespace myograde {
 
 // The registry of facts: a track's line. Of the first, nothing was measured.
-using TrackFacts = std::variant<ManipulationFacts, LocomotionFacts>;
+using TrackFacts = std::variant<ManipulationFacts, LocomotionFacts, ElbowFacts>;
 
 // Entries of the longest action.
 inline constexpr int kMaxActionSize = []<typename... Facts>(std::variant<Facts...>*) {

@@ -3,6 +3,7 @@
 #include <array>
 #include <utility>
 
+#include "protocol/tracks/elbow/track.h"
 #include "protocol/tracks/locomotion/track.h"
 #include "protocol/tracks/manipulation/track.h"
 
@@ -29,7 +30,7 @@ constexpr TrackFacts* kEveryFacts = nullptr;
 }  // namespace
 
 std::span<const TrackKind* const> AllTracks() {
-  static const std::array all = {&ManipulationTrack(), &LocomotionTrack()};
+  static const std::array all = {&ManipulationTrack(), &LocomotionTrack(), &ElbowTrack()};
   return all;
 }
 

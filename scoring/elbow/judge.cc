@@ -1,59 +1,50 @@
 #include "scoring/elbow/judge.h"
 
-#include <variant>
-
 namespace myograde::scoring {
+namespace elbow {
 namespace {
 
-// Evidence that names a played outcome contradicts itself, which is the grader's doing.
-Outcome ElbowFault(const FaultEvidence& fault) {
-  const bool played = fault.outcome == Outcome::kSuccess || fault.outcome == Outcome::kFailure;
-  return played ? Outcome::kGraderError : fault.outcome;
+bool IsReached(EpisodeEnd end, const ElbowFacts& facts, const ElbowJudging& rules) {
+  return rules.success == ElbowSuccess::kHeld ? end == ElbowEnd::kHeld
+                                              : facts.solved_steps >= rules.solved_steps;
 }
 
-bool ElbowReached(EpisodeEnd end, const ElbowFacts& facts, const ElbowJudging& rules) {
-  switch (rules.success) {
-    case ElbowSuccess::kHeld: return end == EpisodeEnd::kHeld;
-    case ElbowSuccess::kSolved: return facts.solved_steps >= rules.solved_steps;
-  }
-  return false;
-}
-
-bool FitsElbow(EpisodeEnd end, const ElbowFacts& facts) {
-  if (end == EpisodeEnd::kHeld) return facts.held;
+bool CanBe(EpisodeEnd end, const ElbowFacts& facts) {
+  if (end == ElbowEnd::kHeld) return facts.held;
   return end == EpisodeEnd::kTime || end == EpisodeEnd::kGivenUp;
 }
 
+FailureReason ReasonOf(EpisodeEnd end) {
+  return end == EpisodeEnd::kGivenUp ? FailureReason::kGivenUp : FailureReason::kTime;
+}
+
 }  // namespace
+}  // namespace elbow
 
 Judgement Judge(const EpisodeFacts& episode, const ElbowJudging& rules) {
-  // A fault that came before the first step may have no facts, and then nothing was measured.
-  const auto* measured = std::get_if<ElbowFacts>(&episode.track);
-  if (measured == nullptr && episode.end != EpisodeEnd::kFault) return {};
-  const ElbowFacts facts = measured == nullptr ? ElbowFacts{} : *measured;
+  using At = ElbowMetric;
+  const std::optional<ElbowFacts> facts = FactsOf<ElbowFacts>(episode);
+  if (!facts.has_value()) return {};
   Judgement judgement;
-  judgement.metrics.time = rules.full_time_s;
-  if (episode.steps > 0) {
-    judgement.metrics.effort = facts.effort_sum / static_cast<double>(episode.steps);
-  }
-  judgement.metrics.effort_sum = facts.effort_sum;
-  judgement.metrics.reported_time = facts.reported_time;
-  judgement.metrics.steps = episode.steps;
+  judgement.steps = episode.steps;
+  std::vector<std::optional<double>>& metrics = judgement.metrics;
+  metrics.resize(At::kCount);
+  metrics[At::kTime] = rules.full_time_s;
+  metrics[At::kEffort] = MeanOverSteps(facts->effort_sum, episode.steps);
+  metrics[At::kEffortSum] = facts->effort_sum;
+  metrics[At::kReportedTime] = facts->reported_time;
+  metrics[At::kFinalError] = facts->final_error;
   if (episode.end == EpisodeEnd::kFault) {
-    judgement.outcome = ElbowFault(episode.fault);
+    judgement.outcome = OutcomeOfFault(episode);
     return judgement;
   }
-  if (!FitsElbow(episode.end, facts)) return {};
-  const bool reached = ElbowReached(episode.end, facts, rules);
-  judgement.outcome = reached ? Outcome::kSuccess : Outcome::kFailure;
-  if (!reached) {
-    judgement.reason = episode.end == EpisodeEnd::kGivenUp ? FailureReason::kGivenUp
-                                                           : FailureReason::kTime;
-  }
+  if (!elbow::CanBe(episode.end, *facts)) return {};
+  const bool reached = elbow::IsReached(episode.end, *facts, rules);
+  SetPlayed(reached ? FailureReason::kNone : elbow::ReasonOf(episode.end), judgement);
   if (rules.time == TimeSource::kReported) {
-    judgement.metrics.time = facts.reported_time;
+    metrics[At::kTime] = facts->reported_time;
   } else if (reached) {
-    judgement.metrics.time = episode.sim_time;
+    metrics[At::kTime] = episode.sim_time;
   }
   return judgement;
 }

@@ -1,10 +1,9 @@
-// From the facts of one elbow episode to its verdict and its metrics.
+// From the facts of an episode of elbow to its verdict and its metrics.
 #pragma once
 
 #include <cstdint>
 
-#include "protocol/base/episode_facts.h"
-#include "scoring/judge.h"
+#include "scoring/judgement.h"
 
 namespace myograde::scoring {
 
@@ -17,14 +16,26 @@ enum class ElbowSuccess {
 struct ElbowJudging {
   ElbowSuccess success = ElbowSuccess::kHeld;
   int64_t solved_steps = 6;  // control steps of 0.02 s
-  TimeSource time = TimeSource::kPlayed;
+  TimeSource time = TimeSource::kPlayed;  // a failure counts full_time_s
   double full_time_s = 2;    // s, counted for failures and the participant's faults
+};
+
+// Places of the metrics in Judgement::metrics and in the track's list.
+struct ElbowMetric {
+  enum Place : size_t {
+    kTime,          // s
+    kEffort,        // mean over the steps of |activations| / 6; none without a step
+    kEffortSum,     // the same, summed
+    kReportedTime,  // s, the official code's time
+    kFinalError,    // rad, |target - angle| at the end
+    kCount,
+  };
 };
 
 // A fault has the outcome that its evidence names. An episode that was played is a success by the
 // rule above, however it ended; else it failed by how it ended: time or given-up. Facts that
 // contradict themselves (an end that the track does not have, held without having held) are
-// kGraderError. Time: see TimeSource. Effort: mean over the steps of |activations| / 6.
+// kGraderError.
 Judgement Judge(const EpisodeFacts& facts, const ElbowJudging& rules);
 
 }  // namespace myograde::scoring

@@ -9,6 +9,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {
@@ -16,16 +17,6 @@ namespace {
 absl::Status Broken(std::string_view path, std::string_view rule) {
   return absl::InvalidArgumentError(
       absl::StrCat("the entry ", Quoted(path), " ", absl::string_view(rule.data(), rule.size())));
-}
-
-bool IsUtf8(std::string_view text) {
-  try {
-    // The strict error handler throws at the first byte that is not UTF-8.
-    (void)nlohmann::json(std::string(text)).dump();
-    return true;
-  } catch (const nlohmann::json::exception&) {
-    return false;
-  }
 }
 
 bool HasControlCharacter(std::string_view text) {

@@ -2,47 +2,16 @@
 
 #include <algorithm>
 
+#include "server/base/plain_text.h"
+
 namespace myograde::server {
 namespace {
 
 constexpr std::string_view kReplacement = "\xEF\xBF\xBD";
 
-// Length of the well-formed UTF-8 sequence at the start of `bytes`, 0 if there
-// is none (overlong forms, surrogates and values above U+10FFFF are none).
-size_t SequenceLength(std::string_view bytes) {
-  const auto at = [&](size_t i) { return static_cast<unsigned char>(bytes[i]); };
-  const unsigned char first = at(0);
-  if (first < 0x80) return 1;
-  size_t length = 0;
-  unsigned char low = 0x80;
-  unsigned char high = 0xBF;
-  if (first >= 0xC2 && first <= 0xDF) {
-    length = 2;
-  } else if (first >= 0xE0 && first <= 0xEF) {
-    length = 3;
-    if (first == 0xE0) low = 0xA0;
-    if (first == 0xED) high = 0x9F;
-  } else if (first >= 0xF0 && first <= 0xF4) {
-    length = 4;
-    if (first == 0xF0) low = 0x90;
-    if (first == 0xF4) high = 0x8F;
-  } else {
-    return 0;
-  }
-  if (bytes.size() < length || at(1) < low || at(1) > high) return 0;
-  for (size_t i = 2; i < length; ++i) {
-    if (at(i) < 0x80 || at(i) > 0xBF) return 0;
-  }
-  return length;
-}
-
-// Control characters: C0 but newline and tab, DEL, and C1 in their two-byte form.
-bool IsControl(std::string_view sequence) {
-  const auto first = static_cast<unsigned char>(sequence[0]);
-  if (sequence.size() == 1) {
-    return (first < 0x20 && first != '\n' && first != '\t') || first == 0x7F;
-  }
-  return sequence.size() == 2 && first == 0xC2 && static_cast<unsigned char>(sequence[1]) < 0xA0;
+// C0 but newline and tab, DEL, and C1.
+bool IsControl(char32_t c) {
+  return (c < 0x20 && c != '\n' && c != '\t') || (c >= 0x7f && c < 0xa0);
 }
 
 }  // namespace
@@ -50,14 +19,14 @@ bool IsControl(std::string_view sequence) {
 std::string PrintableUtf8(std::string_view bytes) {
   std::string text;
   text.reserve(bytes.size());
-  while (!bytes.empty()) {
-    const size_t length = SequenceLength(bytes);
-    if (length == 0 || IsControl(bytes.substr(0, length))) {
+  for (size_t at = 0; at < bytes.size();) {
+    const size_t begin = at;
+    const char32_t c = TakeCodePoint(bytes, at);
+    if (c == kBroken || IsControl(c)) {
       text += kReplacement;
     } else {
-      text += bytes.substr(0, length);
+      text += bytes.substr(begin, at - begin);
     }
-    bytes.remove_prefix(std::max<size_t>(length, 1));
   }
   return text;
 }

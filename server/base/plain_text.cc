@@ -1,5 +1,7 @@
 #include "server/base/plain_text.h"
 
+#include <unicode/utf8.h>
+
 #include <cstdio>
 
 namespace myograde::server {
@@ -12,20 +14,14 @@ bool IsHarmful(char32_t c) {
 }
 
 char32_t TakeCodePoint(std::string_view text, size_t& at) {
-  const auto first = static_cast<unsigned char>(text[at++]);
-  if (first < 0x80) return first;
-  const size_t more = first >= 0xf0 ? 3 : first >= 0xe0 ? 2 : 1;
-  if (first < 0xc2 || first > 0xf4 || more > text.size() - at) return kBroken;
-  char32_t c = first & (0x3fu >> more);
-  for (size_t k = 0; k < more; ++k) {
-    const auto next = static_cast<unsigned char>(text[at + k]);
-    if ((next & 0xc0) != 0x80) return kBroken;
-    c = c << 6 | (next & 0x3fu);
-  }
-  constexpr char32_t kFirst[] = {0, 0x80, 0x800, 0x10000};  // with that many bytes more
-  if (c < kFirst[more] || c > 0x10ffff || (c >= 0xd800 && c < 0xe000)) return kBroken;
-  at += more;
-  return c;
+  size_t next = at;
+  UChar32 c = 0;
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wconversion"  // the macro's own
+  U8_NEXT(text.data(), next, text.size(), c);
+#pragma GCC diagnostic pop
+  at = c < 0 ? at + 1 : next;
+  return c < 0 ? kBroken : static_cast<char32_t>(c);
 }
 
 std::string FirstHarm(std::string_view text) {
@@ -37,6 +33,13 @@ std::string FirstHarm(std::string_view text) {
     return name;
   }
   return "";
+}
+
+bool IsUtf8(std::string_view text) {
+  for (size_t at = 0; at < text.size();) {
+    if (TakeCodePoint(text, at) == kBroken) return false;
+  }
+  return true;
 }
 
 bool IsPlainText(std::string_view text, size_t max) {

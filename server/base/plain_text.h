@@ -19,6 +19,8 @@ char32_t TakeCodePoint(std::string_view text, size_t& at);
 // The first harmful code point of valid UTF-8 as U+XXXX; "" if there is none.
 std::string FirstHarm(std::string_view text);
 
+bool IsUtf8(std::string_view text);
+
 // 1 to `max` bytes of valid UTF-8 without harmful code points, with no space at
 // either end.
 bool IsPlainText(std::string_view text, size_t max);

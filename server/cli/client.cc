@@ -179,17 +179,7 @@ absl::StatusOr<int64_t> Client::Download(
 }
 
 std::string QueryValue(const std::string& value) {
-  static constexpr char kDigits[] = "0123456789ABCDEF";
-  std::string query;
-  for (const char c : value) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (std::isalnum(byte) != 0 || c == '-' || c == '_' || c == '.') {
-      query += c;
-    } else {
-      query += {'%', kDigits[byte >> 4], kDigits[byte & 15]};
-    }
-  }
-  return query;
+  return httplib::detail::encode_query_param(value);
 }
 
 }  // namespace myograde::server

@@ -41,13 +41,8 @@ struct SeedOptions {
   bool json = false;
 };
 
-std::string HexOfText(const std::string& bytes) {
-  const std::string_view view(bytes);
-  return HexOf({reinterpret_cast<const uint8_t*>(view.data()), view.size()});
-}
-
 // The commitment is taken over the digits, so that `sha256sum` of them agrees.
-std::string CommitmentOf(const std::string& secret) { return Sha256Hex(HexOfText(secret)); }
+std::string CommitmentOf(const std::string& secret) { return Sha256Hex(absl::BytesToHexString(secret)); }
 
 absl::StatusOr<std::string> SecretOfDigits(const std::string& text, const std::string& where) {
   const std::string digits = absl::AsciiStrToLower(absl::StripAsciiWhitespace(text));
@@ -69,7 +64,7 @@ absl::StatusOr<std::string> MakeSecret(const std::string& path) {
   absl::StatusOr<std::string> secret = NewSeedSecret();
   if (!secret.ok()) return secret;
   const Fd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
-  const std::string text = HexOfText(*secret) + "\n";
+  const std::string text = absl::BytesToHexString(*secret) + "\n";
   if (!file.valid() || ::write(file.get(), text.data(), text.size()) != std::ssize(text) ||
       ::fsync(file.get()) != 0) {
     return absl::InvalidArgumentError(
@@ -97,7 +92,7 @@ int Tell(const SeedOptions& options, const std::string& secret, bool reveal) {
                {"commitment", CommitmentOf(secret)},
                {"seeds_sha256", SeedListHash(seeds)}};
   if (reveal) {
-    json["secret"] = HexOfText(secret);
+    json["secret"] = absl::BytesToHexString(secret);
     json["seeds"] = seeds;
   }
   if (options.json) {

@@ -1,7 +1,5 @@
 #include "server/proof/seed_list.h"
 
-#include <openssl/evp.h>
-#include <openssl/hmac.h>
 #include <openssl/rand.h>
 
 #include <set>
@@ -10,6 +8,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "protocol/lease/policy_seed.h"
 
 namespace myograde::server {
 
@@ -27,14 +26,7 @@ std::vector<uint64_t> DeriveSeeds(const std::string& secret, const std::string& 
   std::vector<uint64_t> seeds;
   std::set<uint64_t> seen;
   for (int64_t candidate = 0; std::ssize(seeds) < count; ++candidate) {
-    const std::string message = absl::StrCat("myograde seeds/", phase, "/", candidate);
-    unsigned char digest[EVP_MAX_MD_SIZE];
-    unsigned int size = 0;
-    HMAC(EVP_sha256(), secret.data(), static_cast<int>(secret.size()),
-         reinterpret_cast<const unsigned char*>(message.data()), message.size(), digest, &size);
-    uint64_t seed = 0;
-    for (unsigned i = size - 8; i < size; ++i) seed = seed << 8 | digest[i];
-    seed &= ~uint64_t{0} >> 1;
+    const uint64_t seed = SeedOf(secret, absl::StrCat("myograde seeds/", phase, "/", candidate));
     if (seen.insert(seed).second) seeds.push_back(seed);
   }
   return seeds;

@@ -1,5 +1,5 @@
 // A sandbox as a value, and the process that lives in it. The value says all
-// that a sandbox is; policy_sandbox.h and sim_sandbox.h make the two kinds.
+// that a sandbox is; policy_sandbox.h makes the two kinds.
 #pragma once
 
 #include <sys/types.h>

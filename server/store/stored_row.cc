@@ -7,20 +7,13 @@
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
+#include "server/base/plain_text.h"
+
 namespace myograde::server {
 namespace {
 
 constexpr int64_t kYear9999Ms = 253'402'300'799'999;
 constexpr size_t kShownBytes = 40;
-
-bool IsUtf8(const std::string& text) {
-  try {
-    (void)nlohmann::json(text).dump();
-    return true;
-  } catch (const nlohmann::json::exception&) {
-    return false;
-  }
-}
 
 }  // namespace
 

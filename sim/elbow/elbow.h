@@ -6,7 +6,7 @@
 
 #include <absl/status/statusor.h>
 
-#include "protocol/track_config.h"
+#include "protocol/lease/track_config.h"
 #include "sim/environment.h"
 
 namespace myograde::sim {

@@ -10,6 +10,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "sim/elbow/elbow.h"
+#include "sim/elbow/model.h"
 
 namespace myograde::sim {
 namespace {
@@ -39,7 +40,7 @@ absl::StatusOr<std::unique_ptr<Environment>> MakeElbow(const TrackConfig& config
   auto rules = ParseElbowRules(
       config.rules, absl::StrCat(config.id, ", profile ", config.profile, ": rules"));
   if (!rules.ok()) return rules.status();
-  auto model = LoadModel(TrackKind::kElbow, cache_dir);
+  auto model = LoadModel(ElbowModel(), cache_dir);
   if (!model.ok()) return model.status();
   return ElbowEnvironment::Make(*rules, *std::move(model));
 }
@@ -174,7 +175,7 @@ void ElbowEnvironment::Measure() {
 void ElbowEnvironment::Judge(StepResult& result) {
   result.ended = true;
   if (rules_.end_rule == ElbowRules::EndRule::kHeld && OfElbow(facts_).held) {
-    facts_.end = EpisodeEnd::kHeld;
+    facts_.end = ElbowEnd::kHeld;
   } else if (facts_.steps >= rules_.max_steps) {
     facts_.end = EpisodeEnd::kTime;
   } else {

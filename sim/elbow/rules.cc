@@ -5,7 +5,7 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/config_reader.h"
+#include "protocol/base/config_reader.h"
 
 namespace myograde::sim {
 namespace {

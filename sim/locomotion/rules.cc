@@ -210,8 +210,6 @@ void Take(absl::StatusOr<T> value, T& out, absl::Status& status) {
 
 }  // namespace
 
-std::string CourseKindName(CourseKind kind) { return kKindNames[static_cast<size_t>(kind)]; }
-
 absl::StatusOr<LocomotionRules> ParseLocomotionRules(const nlohmann::json& rules,
                                                      const std::string& where) {
   ConfigReader reader(rules, where);

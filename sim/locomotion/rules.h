@@ -17,8 +17,6 @@ namespace myograde {
 // The kinds of course; the values are the codes that the observation shows.
 enum class CourseKind { kFlat = 0, kHilly = 1, kRough = 2, kStairs = 3, kMixed = 4 };
 
-std::string CourseKindName(CourseKind kind);  // "flat", "hilly", "rough", "stairs", "mixed"
-
 // The grid of heights that the course is laid on, centred at the origin: rows
 // along y, columns along x.
 struct FieldRules {

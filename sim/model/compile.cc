@@ -60,6 +60,8 @@ void DropTextures(std::string& text) {
   for (size_t at; (at = text.find("<texture ")) != std::string::npos;) {
     text.erase(at, text.find('>', at) + 1 - at);
   }
+  constexpr std::string_view kEnd = "</texture>";
+  for (size_t at; (at = text.find(kEnd)) != std::string::npos;) text.erase(at, kEnd.size());
   for (const char quote : {'"', '\''}) {
     const std::string attribute = absl::StrCat(" texture=", std::string(1, quote));
     for (size_t at; (at = text.find(attribute)) != std::string::npos;) {
@@ -118,7 +120,8 @@ absl::Status FillScratch(const ModelSource& source, const std::string& package_d
       if (error) return absl::UnavailableError(absl::StrCat("can't make ", to.string()));
     }
   }
-  const absl::Status patched = source.patch(main, assets);
+  const absl::Status patched =
+      source.patch == nullptr ? absl::OkStatus() : source.patch(main, assets);
   if (!patched.ok()) return patched;
   if (auto status = WriteFile(scratch / source.main_file, main); !status.ok()) return status;
   return WriteFile(scratch / source.actuator_file, assets);

@@ -39,7 +39,7 @@ struct ModelSource {
   std::string actuator_file;
   std::span<const Inertial> inertials;
   Buffers buffers;
-  // Changes the text of the two files.
+  // Changes the text of the two files; null: nothing needs to be.
   absl::Status (*patch)(std::string& main, std::string& actuators) = nullptr;
 };
 

@@ -9,7 +9,7 @@ import subprocess
 
 from system import BIN, POLICIES, SOURCE, SystemTest, track_config
 
-TRACKS = ("manipulation", "locomotion")
+TRACKS = ("manipulation", "locomotion", "elbow")
 CACHE = os.environ["MYOGRADE_CACHE"]
 GOLDEN = SOURCE / "tests/golden/submissions"
 

@@ -1,12 +1,14 @@
 """The whole system as its users meet it: real daemon, sandboxes, models, policies."""
 
+import json
+import shutil
 import signal
 import time
 import unittest
 
 from system import POLICIES, SystemTest, track_config
 
-TRACKS = ("manipulation", "locomotion")
+TRACKS = ("manipulation", "locomotion", "elbow")
 
 
 def identities(rows):
@@ -44,6 +46,26 @@ class GradeAndRank(SystemTest):
                 self.assertIn("Random", ranks)
                 again = self.ask("rerun", random, "--episodes", "1..1", "--wait")
                 self.assertEqual(again["comparison"]["equal"], 3, "a lease is run again whole")
+
+    def test_the_warm_up_tells_controllers_apart(self):
+        gentle = self.root / "gentle"
+        shutil.copytree(POLICIES / "scripted-elbow", gentle)
+        (gentle / "policy.json").write_text(json.dumps({
+            "name": "gentle", "command": ["./scripted-elbow", "--stiffness", "10"]}))
+        for team, policy in (("Chance", "random"), ("Script", "scripted-elbow"), ("Gentle", gentle)):
+            self.submit(policy, "elbow", team)
+        board = self.ask("leaderboard", "--track", "elbow")
+        self.assertEqual([column["name"] for column in board["columns"]], ["time_s", "effort"])
+        rows = {row["team"]: row["aggregate"] for row in board["rows"]}
+        self.assertEqual([row["team"] for row in board["rows"]], ["Script", "Gentle", "Chance"])
+        self.assertGreaterEqual(rows["Script"]["successes"], 95)
+        self.assertGreaterEqual(rows["Gentle"]["successes"], 95)
+        self.assertLessEqual(rows["Chance"]["successes"], 5)
+        self.assertLess(rows["Script"]["time_s"], rows["Gentle"]["time_s"])
+        self.assertLess(rows["Gentle"]["effort"], rows["Script"]["effort"])
+        shown = self.run_cli("leaderboard", "--track", "elbow").stdout
+        self.assertIn("time s", shown)
+        self.assertNotIn("distance", shown)
 
     def test_a_python_policy_is_graded(self):
         result = self.submit("python-example", "short-locomotion", "Python")

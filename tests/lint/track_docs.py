@@ -16,7 +16,8 @@ try:
 except ImportError:
     sys.exit("the Python package jsonschema is missing; install Debian's python3-jsonschema")
 
-TRACKS = ("manipulation", "locomotion")
+TRACKS = ("manipulation", "locomotion")  # with tables of the whole config in configs/README.md
+OTHERS = ("elbow",)  # with tables of their own: the rules in sim/<track>/README.md
 SECTIONS = ("budgets", "rules", "scoring")
 # Values that are leaves of a config although they are objects.
 WHOLE = {"seeds"}
@@ -188,6 +189,31 @@ def check_schema_refuses(validator, good):
             yield f"configs/schema/track.json accepts an extension with a mistake: {what} {patch}"
 
 
+def check_other(root, track, config, found, validator, schema):
+    """A track whose profiles stand side by side in one table of rules and one of scoring."""
+    yield from check_schema_refuses(validator, config)
+    profiles = effective(config)
+    names = [config["default_profile"]] + sorted(set(profiles) - {config["default_profile"]})
+    rules = tables((root / f"sim/{track}/README.md").read_text()).get("Rules", [])
+    for section, heading, rows, first in (("rules", "Rules", rules, 3),
+                                          ("scoring", f"The track {track}",
+                                           found.get(f"The track {track}", []), 3)):
+        expected = {}
+        for path in set().union(*profiles.values()):
+            key = path.removeprefix(section + ".")
+            if key == path or (section == "scoring" and key not in rows_by_key(rows)):
+                continue  # what it shares with the other tracks stands there
+            expected[key] = [(first + i, [profiles[name][path]] if path in profiles[name] else [])
+                             for i, name in enumerate(names)]
+        yield from check_rows(heading, rows, expected)
+    everything = set().union(*profiles.values())
+    for section in ("rules", "scoring"):
+        allowed = schema_keys(schema, schema["$defs"][f"{track}_{section}"], section)
+        used = {path for path in everything if path.startswith(section + ".")}
+        for path in sorted(allowed ^ used):
+            yield f"{track}: {path} is in only one of configs/schema/track.json and the config"
+
+
 def check(root):
     schema = json.loads((root / "configs/schema/track.json").read_text())
     jsonschema.Draft202012Validator.check_schema(schema)
@@ -214,6 +240,8 @@ def check(root):
                 yield f"{track}: {path} is in only one of configs/schema/track.json and the config"
         heading = f"Differences on the {track} track"
         yield from check_differences(heading, found.get(heading, []), profiles)
+    for track in OTHERS:
+        yield from check_other(root, track, configs[track], found, validator, schema)
     yield from check_key_tables(found, defaults)
     paper = merged(configs["locomotion"], configs["locomotion"]["profiles"]["paper"])
     yield from check_sets(found.get("Parameter sets of the prosthesis", []),

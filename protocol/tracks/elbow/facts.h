@@ -1,14 +1,24 @@
-// What the simulator measured in one episode of the elbow track.
+// What the simulator measures in an episode of elbow, and the words for how it ends.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string_view>
 
+#include "protocol/base/outcome.h"
+
 namespace myograde {
+
+struct ElbowEnd {
+  static constexpr EpisodeEnd kHeld{"held"};  // the target was held
+};
 
 // The error is |target - angle| at the end of a control step of 0.02 s.
 struct ElbowFacts {
   static constexpr std::string_view kTrack = "elbow";
+  static constexpr std::array kEnds = {ElbowEnd::kHeld};
+  static constexpr std::array<FailureReason, 0> kReasons = {};  // none of its own
+  static constexpr int kActionSize = 6;
 
   double start_angle = 0;       // rad, of the elbow after the reset
   double target_angle = 0;      // rad
@@ -22,23 +32,23 @@ struct ElbowFacts {
   int64_t solved_steps = 0;     // steps with the official flag
   double effort_sum = 0;        // sum over steps of |activations| / 6
   double reported_time = 0;     // s, simulated time that the official code reports last
-};
 
-// Calls visit(key, field) for every field, in the order of the record.
-template <typename Facts, typename Visitor>
-void VisitElbow(Facts& facts, Visitor&& visit) {
-  visit("start_angle", facts.start_angle);
-  visit("target_angle", facts.target_angle);
-  visit("final_error", facts.final_error);
-  visit("smallest_error", facts.smallest_error);
-  visit("error_sum", facts.error_sum);
-  visit("tolerance_steps", facts.tolerance_steps);
-  visit("longest_run", facts.longest_run);
-  visit("held", facts.held);
-  visit("solved", facts.solved);
-  visit("solved_steps", facts.solved_steps);
-  visit("effort_sum", facts.effort_sum);
-  visit("reported_time", facts.reported_time);
-}
+  // Every fact with its key in JSON; `self` is const or not.
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    visit("start_angle", self.start_angle);
+    visit("target_angle", self.target_angle);
+    visit("final_error", self.final_error);
+    visit("smallest_error", self.smallest_error);
+    visit("error_sum", self.error_sum);
+    visit("tolerance_steps", self.tolerance_steps);
+    visit("longest_run", self.longest_run);
+    visit("held", self.held);
+    visit("solved", self.solved);
+    visit("solved_steps", self.solved_steps);
+    visit("effort_sum", self.effort_sum);
+    visit("reported_time", self.reported_time);
+  }
+};
 
 }  // namespace myograde

@@ -9,7 +9,8 @@ import random
 import struct
 import sys
 
-SHAPES = {"manipulation": (3, 400, 80), "locomotion": (3, 400, 55)}
+SHAPES = {"manipulation": (3, 400, 80), "locomotion": (3, 400, 55),
+          "elbow": (3, 100, 6)}
 
 
 def actions(episodes, steps, entries):

@@ -13,7 +13,7 @@ constexpr ElbowJudging kByTheFlag = {.success = ElbowSuccess::kSolved,
 // 40 steps that ended by holding, with the official flag in 30 of them.
 EpisodeFacts Held() {
   EpisodeFacts facts;
-  facts.end = EpisodeEnd::kHeld;
+  facts.end = ElbowEnd::kHeld;
   facts.steps = 40;
   facts.sim_time = 0.8;
   facts.track = ElbowFacts{.held = true,
@@ -39,10 +39,10 @@ TEST(ElbowJudge, HoldingIsASuccessInTheTimeThatItTook) {
   const Judgement judgement = Judge(Held(), kByHolding);
   EXPECT_EQ(judgement.outcome, Outcome::kSuccess);
   EXPECT_EQ(judgement.reason, FailureReason::kNone);
-  EXPECT_EQ(judgement.metrics.time, 0.8);
-  EXPECT_EQ(judgement.metrics.effort, 0.1);
-  EXPECT_EQ(judgement.metrics.effort_sum, 4);
-  EXPECT_EQ(judgement.metrics.steps, 40);
+  EXPECT_EQ(judgement.metrics[ElbowMetric::kTime], 0.8);
+  EXPECT_EQ(judgement.metrics[ElbowMetric::kEffort], 0.1);
+  EXPECT_EQ(judgement.metrics[ElbowMetric::kEffortSum], 4);
+  EXPECT_EQ(judgement.steps, 40);
 }
 
 TEST(ElbowJudge, TimeThatIsUpIsAFailureThatCountsInFull) {
@@ -51,16 +51,16 @@ TEST(ElbowJudge, TimeThatIsUpIsAFailureThatCountsInFull) {
   const Judgement judgement = Judge(TimeUp(100), rules);
   EXPECT_EQ(judgement.outcome, Outcome::kFailure);
   EXPECT_EQ(judgement.reason, FailureReason::kTime);
-  EXPECT_EQ(judgement.metrics.time, 3);
-  EXPECT_EQ(judgement.metrics.effort, 0.05);
+  EXPECT_EQ(judgement.metrics[ElbowMetric::kTime], 3);
+  EXPECT_EQ(judgement.metrics[ElbowMetric::kEffort], 0.05);
 }
 
 TEST(ElbowJudge, TheFlagMustBeUpInEnoughSteps) {
   EXPECT_EQ(Judge(TimeUp(5), kByTheFlag).outcome, Outcome::kFailure);
   EXPECT_EQ(Judge(TimeUp(5), kByTheFlag).reason, FailureReason::kTime);
   EXPECT_EQ(Judge(TimeUp(6), kByTheFlag).outcome, Outcome::kSuccess);
-  EXPECT_EQ(Judge(TimeUp(6), kByTheFlag).metrics.time, 2);
-  EXPECT_EQ(Judge(Held(), kByTheFlag).metrics.time, 0.8);
+  EXPECT_EQ(Judge(TimeUp(6), kByTheFlag).metrics[ElbowMetric::kTime], 2);
+  EXPECT_EQ(Judge(Held(), kByTheFlag).metrics[ElbowMetric::kTime], 0.8);
 }
 
 TEST(ElbowJudge, AnEpisodeThatWasGivenUpFailsByItUnlessItWasSolved) {
@@ -78,7 +78,7 @@ TEST(ElbowJudge, AFaultHasItsOwnOutcomeAndTheFullTime) {
     const Judgement judgement = Judge(facts, rules);
     EXPECT_EQ(judgement.outcome, Outcome::kStepTimeout);
     EXPECT_EQ(judgement.reason, FailureReason::kNone);
-    EXPECT_EQ(judgement.metrics.time, 2);
+    EXPECT_EQ(judgement.metrics[ElbowMetric::kTime], 2);
   }
 }
 
@@ -87,14 +87,14 @@ TEST(ElbowJudge, AFaultBeforeTheFirstStepHasNoEffort) {
   facts.fault.outcome = Outcome::kInitTimeout;
   const Judgement judgement = Judge(facts, kByHolding);
   EXPECT_EQ(judgement.outcome, Outcome::kInitTimeout);
-  EXPECT_EQ(judgement.metrics.effort, std::nullopt);
+  EXPECT_EQ(judgement.metrics[ElbowMetric::kEffort], std::nullopt);
 }
 
 TEST(ElbowJudge, FactsThatContradictThemselvesAreTheGradersError) {
   EpisodeFacts dropped = Held();
-  dropped.end = EpisodeEnd::kDropped;
+  dropped.end = ManipulationEnd::kDropped;
   EpisodeFacts not_held = TimeUp(100);
-  not_held.end = EpisodeEnd::kHeld;
+  not_held.end = ElbowEnd::kHeld;
   EpisodeFacts of_another_track = Held();
   of_another_track.track = ManipulationFacts{};
   EpisodeFacts played_fault = Held();

@@ -168,7 +168,7 @@ TEST(ElbowEnd, HoldingTheTargetEndsTheEpisode) {
   env->Reset(2);
   const StepResult result = StayAt(*env, 0, 100);
   EXPECT_TRUE(result.ended);
-  EXPECT_EQ(env->facts().end, EpisodeEnd::kHeld);
+  EXPECT_EQ(env->facts().end, ElbowEnd::kHeld);
   EXPECT_EQ(env->facts().steps, 25);
   EXPECT_TRUE(FactsOf(*env).held);
   EXPECT_EQ(FactsOf(*env).longest_run, 25);
@@ -206,7 +206,7 @@ TEST(ElbowEnd, HoldingCountsInTheLastStepToo) {
   const auto env = MakeElbowWith(rules);
   env->Reset(2);
   StayAt(*env, 0, 100);
-  EXPECT_EQ(env->facts().end, EpisodeEnd::kHeld);
+  EXPECT_EQ(env->facts().end, ElbowEnd::kHeld);
 }
 
 TEST(ElbowEnd, HoldingDoesNotEndAnOfficialEpisode) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "sim/elbow/model.h"
 #include "tests/sim/golden.h"
 
 namespace myograde::sim {
@@ -27,7 +28,7 @@ ElbowRules ElbowRulesOf(const std::string& profile) {
 
 std::unique_ptr<ElbowEnvironment> MakeElbowWith(const ElbowRules& rules) {
   return ValueOrThrow(
-      ElbowEnvironment::Make(rules, ValueOrThrow(LoadModel(TrackKind::kElbow, CacheDir()))));
+      ElbowEnvironment::Make(rules, ValueOrThrow(LoadModel(ElbowModel(), CacheDir()))));
 }
 
 std::unique_ptr<ElbowEnvironment> MakeElbowProfile(const std::string& profile) {

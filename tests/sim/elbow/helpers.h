@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "protocol/track_config.h"
+#include "protocol/lease/track_config.h"
 #include "sim/elbow/environment.h"
 
 namespace myograde::sim {

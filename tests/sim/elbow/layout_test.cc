@@ -1,5 +1,5 @@
 // The tables of the elbow's vectors against the environment, and its facts as JSON.
-#include "protocol/tracks/elbow/layout.h"
+#include "protocol/tracks/elbow/track.h"
 
 #include <cmath>
 #include <set>
@@ -7,17 +7,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "protocol/lease.h"
-#include "protocol/sim_channel.h"
+#include "protocol/lease/lease.h"
+#include "protocol/lease/sim_channel.h"
 #include "tests/sim/elbow/helpers.h"
 
 namespace myograde::sim {
 namespace {
 
-using layout_tables::ElbowLayout;
-
 TEST(ElbowLayout, HasTheSizesOfTheEnvironment) {
-  const auto layout = ElbowLayout();
+  const TrackLayout& layout = ElbowLayout();
   const auto env = MakeElbowProfile("hold");
   EXPECT_EQ(layout.observation.names().size(), env->observation_size());
   EXPECT_EQ(layout.action.names().size(), env->action_size());
@@ -25,18 +23,18 @@ TEST(ElbowLayout, HasTheSizesOfTheEnvironment) {
 }
 
 TEST(ElbowLayout, NamesTheMusclesAsTheModelDoes) {
-  const auto layout = ElbowLayout();
+  const TrackLayout& layout = ElbowLayout();
   const auto env = MakeElbowProfile("hold");
   for (int i = 0; i < env->action_size(); ++i) {
     const std::string muscle = mj_id2name(&env->model(), mjOBJ_ACTUATOR, i);
-    EXPECT_EQ(layout.action.names().at(i), "muscles." + muscle);
-    EXPECT_EQ(layout.observation.names().at(3 + i), "act." + muscle);
+    EXPECT_EQ(layout.action.names()[i], "muscles." + muscle);
+    EXPECT_EQ(layout.observation.names()[3 + i], "act." + muscle);
   }
 }
 
 TEST(ElbowLayout, TheControlPeriodIsThatOfTheEnvironment) {
   const auto env = MakeElbowProfile("hold");
-  EXPECT_DOUBLE_EQ(kElbowControlPeriod,
+  EXPECT_DOUBLE_EQ(ElbowTrack().control_period_s,
                    ElbowEnvironment::kPhysicsSteps * env->model().opt.timestep);
 }
 
@@ -59,18 +57,18 @@ TEST(ElbowLayout, ObservationsStayWithinTheirBounds) {
 
 TEST(ElbowFacts, SurviveTheirJson) {
   EpisodeFacts facts;
-  facts.end = EpisodeEnd::kHeld;
+  facts.end = ElbowEnd::kHeld;
   auto& elbow = facts.track.emplace<ElbowFacts>();
   double next = 0.5;
   std::set<std::string> keys;
-  VisitElbow(elbow, [&](const char* key, auto& value) {
+  ElbowFacts::Visit(elbow, [&](const char* key, auto& value) {
     value = static_cast<std::remove_reference_t<decltype(value)>>(next++);
     keys.insert(key);
   });
   EXPECT_EQ(keys.size(), 12);
   const auto back = EpisodeFactsFromJson(EpisodeFactsToJson(facts));
   ASSERT_TRUE(back.ok()) << back.status();
-  EXPECT_EQ(back->end, EpisodeEnd::kHeld);
+  EXPECT_EQ(back->end, ElbowEnd::kHeld);
   EXPECT_EQ(EpisodeFactsToJson(*back), EpisodeFactsToJson(facts));
   EXPECT_EQ(std::get<ElbowFacts>(back->track).reported_time, elbow.reported_time);
 }

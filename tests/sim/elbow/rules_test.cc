@@ -4,8 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "protocol/config_reader.h"
-#include "sim/factory.h"
+#include "protocol/base/config_reader.h"
+#include "sim/tracks.h"
 #include "tests/sim/elbow/helpers.h"
 #include "tests/sim/golden.h"
 
