@@ -82,7 +82,8 @@ std::string WhyInBands(const RankedEntry& above, const RankedEntry& below,
     return absl::StrCat(numbers, " (band ", above.band + 1, " against ", below.band + 1, ")");
   }
   const std::string band =
-      over_time ? absl::StrCat("both mean times, ", time_a, " s and ", time_b, " s, are at most ", factor, " times the ", opener,
+      over_time ? absl::StrCat("both mean times, ", time_a, " s and ", time_b,
+                               " s, are at most ", factor, " times the ", opener,
                                " s that opened band ", above.band + 1)
                 : absl::StrCat("both success rates, ", Successes(a), " and ", Successes(b),
                                ", times ", factor, " are at least the ", opener,
@@ -111,10 +112,11 @@ std::string Why(const RankedEntry& above, const RankedEntry& below, const Tiered
 std::string ByTime(const std::string& equal, const BoardEntry& a, const BoardEntry& b,
                    const DistanceBoard& rules) {
   if (a.numbers[rules.time] != b.numbers[rules.time]) {
-    return absl::StrCat(equal, ", and its mean time is ", Exact(a.numbers[rules.time]), " s against ",
-                        Exact(b.numbers[rules.time]), " s");
+    return absl::StrCat(equal, ", and its mean time is ", Exact(a.numbers[rules.time]),
+                        " s against ", Exact(b.numbers[rules.time]), " s");
   }
-  const std::string still = absl::StrCat(equal, ", both mean times are ", Exact(a.numbers[rules.time]), " s");
+  const std::string still =
+      absl::StrCat(equal, ", both mean times are ", Exact(a.numbers[rules.time]), " s");
   if (a.numbers[rules.distance] != b.numbers[rules.distance]) {
     return absl::StrCat(still, ", and its mean distance is larger");
   }
@@ -135,7 +137,10 @@ std::string Why(const RankedEntry& above, const RankedEntry& below, const Distan
                                       " m from which time decides"),
                          a, b);
   }
-  if (rules.band == 0) return a.numbers[rules.distance] != b.numbers[rules.distance] ? farther : ByTime(equal, a, b, rules);
+  if (rules.band == 0) {
+    const bool differ = a.numbers[rules.distance] != b.numbers[rules.distance];
+    return differ ? farther : ByTime(equal, a, b, rules);
+  }
   const std::string factor = Exact(1 + rules.band);
   const std::string opener = Exact(above.band_opener);
   if (above.band != below.band) {

@@ -26,8 +26,8 @@ enum class Outcome {
   kGraderError,    // sim, runner, daemon or host failed: played again
 };
 
-// A word from a fixed list: of every track, or of one (protocol/tracks/<track>/facts.h). Compared by
-// the word, and valid for ever: `name` must be a literal.
+// A word from a fixed list: of every track, or of one (protocol/tracks/<track>/facts.h). `name` must
+// be a literal, as it is kept as it is.
 template <typename Tag>
 class Word {
  public:

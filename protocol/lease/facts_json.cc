@@ -77,7 +77,8 @@ uint64_t ReadSeed(ConfigReader& reader, const Json& json) {
 
 // The facts of the variant's alternative whose track has this name.
 template <typename... Facts>
-absl::Status ReadFactsOf(const std::string& track, const Json& json, std::variant<Facts...>& facts) {
+absl::Status ReadFactsOf(const std::string& track, const Json& json,
+                         std::variant<Facts...>& facts) {
   absl::Status status;
   const auto read = [&]<typename One>(One one) {
     if (track != One::kTrack) return;

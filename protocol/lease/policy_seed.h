@@ -23,8 +23,8 @@ struct Form1PolicySeeds {
 // with `key`.
 uint64_t SeedOf(const std::string& key, const std::string& message);
 
-// The seed of "myograde policy seed/INDEX", keyed with `secret`. `episode` is the index in the evaluation's
-// list of seeds, from 0.
+// The seed of "myograde policy seed/INDEX", keyed with `secret`. `episode` is the index in the
+// evaluation's list of seeds, from 0.
 uint64_t PolicySeed(const std::string& secret, int64_t episode);
 
 // The policy seed of an episode under `config`: of its secret, or if it is of form 1 that

@@ -37,7 +37,7 @@ struct TrackKind {
   // Tables of a config's "rules"; null if there are none.
   std::vector<RulesTable> (*tables)(const nlohmann::json& rules) = nullptr;
   // Takes an effective config from a form to the next (protocol/lease/track_config_forms.h): gives
-  // the track's own new keys the values that say what the earlier form meant. Null if there are none.
+  // the track's own new keys the values that say what the earlier form meant. Null: it has none.
   void (*upgrade)(int64_t form, nlohmann::json& config) = nullptr;
 };
 

@@ -72,7 +72,8 @@ absl::StatusOr<TrackScoring> ParseLocomotion(const nlohmann::json& scoring,
     if (absl::Status status = part->Finish(); !status.ok()) return status;
   }
   const bool steps = body.means == MeansOver::kSteps;
-  result.boards[kMainBoard] = {distance, {Step::kDistance, Step::kTime, Step::kEffort, Step::kPain}};
+  result.boards[kMainBoard] = {distance,
+                               {Step::kDistance, Step::kTime, Step::kEffort, Step::kPain}};
   result.boards["physiological"] = {body,
                                     {Step::kDistance, Step::kTime,
                                      steps ? Step::kEffortOverSteps : Step::kEffort,

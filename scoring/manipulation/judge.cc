@@ -7,7 +7,9 @@ namespace {
 
 // What no later step could mend. kNone if there is no such thing.
 FailureReason IrreparableCause(const ManipulationFacts& facts, const ManipulationJudging& rules) {
-  if (rules.force_enforced && facts.peak_force > rules.force_limit_n) return ManipulationReason::kForce;
+  if (rules.force_enforced && facts.peak_force > rules.force_limit_n) {
+    return ManipulationReason::kForce;
+  }
   if (rules.success != SuccessRule::kSolved && facts.frames_other > 0) {
     return ManipulationReason::kContact;
   }
@@ -29,7 +31,8 @@ FailureReason CauseOfFailure(const EpisodeFacts& episode, const ManipulationFact
     return cause;
   }
   const bool reached =
-      rules.success == SuccessRule::kPlaced ? episode.end == ManipulationEnd::kPlaced : facts.solved;
+      rules.success == SuccessRule::kPlaced ? episode.end == ManipulationEnd::kPlaced
+                                            : facts.solved;
   if (!reached || episode.end == ManipulationEnd::kDropped) return CauseOfEnd(episode.end, rules);
   if (rules.success == SuccessRule::kSolved) return FailureReason::kNone;
   if (std::min(facts.frames_arm, facts.frames_prosthesis) < rules.contact_frames) {
@@ -41,8 +44,9 @@ FailureReason CauseOfFailure(const EpisodeFacts& episode, const ManipulationFact
 }
 
 bool IsManipulationEnd(EpisodeEnd end) {
-  return end == EpisodeEnd::kTime || end == ManipulationEnd::kPlaced || end == ManipulationEnd::kDropped ||
-         end == ManipulationEnd::kPhantom || end == EpisodeEnd::kGivenUp;
+  return end == EpisodeEnd::kTime || end == EpisodeEnd::kGivenUp ||
+         end == ManipulationEnd::kPlaced || end == ManipulationEnd::kDropped ||
+         end == ManipulationEnd::kPhantom;
 }
 
 }  // namespace

@@ -42,7 +42,9 @@ struct SeedOptions {
 };
 
 // The commitment is taken over the digits, so that `sha256sum` of them agrees.
-std::string CommitmentOf(const std::string& secret) { return Sha256Hex(absl::BytesToHexString(secret)); }
+std::string CommitmentOf(const std::string& secret) {
+  return Sha256Hex(absl::BytesToHexString(secret));
+}
 
 absl::StatusOr<std::string> SecretOfDigits(const std::string& text, const std::string& where) {
   const std::string digits = absl::AsciiStrToLower(absl::StripAsciiWhitespace(text));

@@ -27,12 +27,12 @@ struct SpecOptions {
   bool json = false;
 };
 
-Json LayoutJson(std::span<const Part> parts, std::span<const std::string_view> names) {
+Json LayoutJson(const VectorLayout& vector) {
   Json list = Json::array();
-  for (const Part& part : parts) {
+  for (const Part& part : vector.parts()) {
     Json entries = Json::array();
     for (int i = 0; i < part.size; ++i) {
-      entries.push_back(names[static_cast<size_t>(part.offset + i)]);
+      entries.push_back(vector.names()[static_cast<size_t>(part.offset + i)]);
     }
     list.push_back({{"name", part.name},
                     {"offset", part.offset},
@@ -63,6 +63,8 @@ Json SpecJson(const TrackConfig& config, const Tracks::Offer& offer) {
                       {"rules", track->config.rules},
                       {"scoring", track->config.scoring}};
   }
+  const VectorLayout& observation = ObservationOf(*config.kind);
+  const VectorLayout& action = ActionOf(*config.kind);
   return {{"track", config.id},
           {"kind", config.kind->name},
           {"profile", config.profile},
@@ -76,25 +78,25 @@ Json SpecJson(const TrackConfig& config, const Tracks::Offer& offer) {
           {"policy_seed_secret", config.policy_seed_secret.has_value()
                                      ? Json(*config.policy_seed_secret) : Json()},
           {"observation",
-           {{"size", ObservationOf(*config.kind).size()},
-            {"parts", LayoutJson(ObservationOf(*config.kind).parts(), ObservationOf(*config.kind).names())},
-            {"bounds", BoundsJson(ObservationOf(*config.kind).bounds())}}},
+           {{"size", observation.size()},
+            {"parts", LayoutJson(observation)},
+            {"bounds", BoundsJson(observation.bounds())}}},
           {"action",
-           {{"size", ActionOf(*config.kind).size()},
-            {"parts", LayoutJson(ActionOf(*config.kind).parts(), ActionOf(*config.kind).names())},
+           {{"size", action.size()},
+            {"parts", LayoutJson(action)},
             {"bounds",
-             {{"normalized", BoundsJson(config.kind->layout().action_bounds(ActionConvention::kNormalized))},
-              {"direct", BoundsJson(config.kind->layout().action_bounds(ActionConvention::kDirect))}}}}},
+             {{"normalized", BoundsJson(action.bounds())},
+              {"direct", BoundsJson(config.kind->layout().direct_bounds)}}}}},
           {"budgets", config.effective.value("budgets", Json::object())},
           {"rules", config.rules},
           {"scoring", config.scoring},
           {"profiles", profiles}};
 }
 
-void PrintLayout(const char* title, std::span<const Part> parts, int size) {
-  std::cout << '\n' << Bold(absl::StrCat(title, ": ", size, " numbers")) << '\n';
+void PrintLayout(const char* title, const VectorLayout& vector) {
+  std::cout << '\n' << Bold(absl::StrCat(title, ": ", vector.size(), " numbers")) << '\n';
   Table table({"entries", "name", "unit", "meaning"});
-  for (const Part& part : parts) {
+  for (const Part& part : vector.parts()) {
     const std::string range =
         part.size == 1 ? absl::StrCat(part.offset)
                        : absl::StrCat(part.offset, "..", part.offset + part.size - 1);
@@ -186,8 +188,8 @@ void PrintSpec(const TrackConfig& config, const Tracks::Offer& offer, bool full_
             << config.episodes_per_lease << ", each played by a fresh process of the policy; a "
             << "control step every " << config.kind->control_period_s << " s\n"
             << "  config hash " << HashText(config.hash, full_hashes) << '\n';
-  PrintLayout("Observation", ObservationOf(*config.kind).parts(), ObservationOf(*config.kind).size());
-  PrintLayout("Action", ActionOf(*config.kind).parts(), ActionOf(*config.kind).size());
+  PrintLayout("Observation", ObservationOf(*config.kind));
+  PrintLayout("Action", ActionOf(*config.kind));
   std::cout
       << "\nA policy chooses at the handshake how it acts: normalized (every number in [-1, 1])\n"
          "or direct (muscles in [0, 1], prosthesis targets in rad); --json has the bounds and\n"

@@ -80,7 +80,8 @@ void AddRow(const Sorted& sorted, const RankedEntry& ranked, const BoardRules& r
   const StandingRow& source = *sorted.sources.at(ranked.entry.acceptance);
   std::optional<Json> aggregate = AggregateOf(source, board.damaged);
   if (!aggregate) return;
-  board.rows.push_back({ranked, source, *std::move(aggregate), scoring::IsQualified(ranked.entry, rules)});
+  board.rows.push_back(
+      {ranked, source, *std::move(aggregate), scoring::IsQualified(ranked.entry, rules)});
 }
 
 // Where a baseline stands among the ranked: how many of them are above it.

@@ -99,7 +99,8 @@ class ScratchFolder {
 bool IsXml(std::string_view path) { return path.ends_with(".xml"); }
 
 // Fills `scratch` with patched XML files and links to everything else.
-absl::Status FillScratch(const ModelSource& source, const std::string& package_dir, const fs::path& scratch) {
+absl::Status FillScratch(const ModelSource& source, const std::string& package_dir,
+                         const fs::path& scratch) {
   std::string main;
   std::string assets;
   for (const Pin& pin : Pins(source.pins)) {
@@ -165,7 +166,8 @@ absl::Status InsertBefore(std::string& text, const std::string& marker, const st
   return absl::OkStatus();
 }
 
-absl::StatusOr<ModelPtr> CompileFromSources(const ModelSource& source, const std::string& package_dir) {
+absl::StatusOr<ModelPtr> CompileFromSources(const ModelSource& source,
+                                            const std::string& package_dir) {
   auto scratch = ScratchFolder::Make();
   if (!scratch.ok()) return scratch.status();
   if (auto status = FillScratch(source, package_dir, scratch->path()); !status.ok()) return status;

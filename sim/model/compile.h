@@ -17,7 +17,8 @@ namespace myograde::sim {
 // package itself is not touched: patched files and links to the others go to a
 // temporary folder that is gone afterwards, so MuJoCo reads nothing but pinned
 // files.
-absl::StatusOr<ModelPtr> CompileFromSources(const ModelSource& source, const std::string& package_dir);
+absl::StatusOr<ModelPtr> CompileFromSources(const ModelSource& source,
+                                            const std::string& package_dir);
 
 // SHA-256 over everything that a compiled model is a function of: the pinned
 // sources, the patches, MuJoCo's version and build.

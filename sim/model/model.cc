@@ -83,7 +83,7 @@ std::string PackageDir(const std::string& cache_dir) {
 
 fs::path CompiledPath(const ModelSource& source, const std::string& cache_dir) {
   return fs::path(cache_dir) / "models" /
-         absl::StrCat(absl::string_view(source.name.data(), source.name.size()), "-", ModelKey(source).substr(0, 16), ".mjb");
+         absl::StrCat(std::string(source.name), "-", ModelKey(source).substr(0, 16), ".mjb");
 }
 
 // A compiled model's file: the SHA-256 of the rest in hexadecimal digits, a

@@ -57,7 +57,7 @@ class GradeAndRank(SystemTest):
         board = self.ask("leaderboard", "--track", "elbow")
         self.assertEqual([column["name"] for column in board["columns"]], ["time_s", "effort"])
         rows = {row["team"]: row["aggregate"] for row in board["rows"]}
-        self.assertEqual([row["team"] for row in board["rows"]], ["Script", "Gentle", "Chance"])
+        self.assertEqual([row["team"] for row in board["rows"]], ["Gentle", "Script", "Chance"])
         self.assertGreaterEqual(rows["Script"]["successes"], 95)
         self.assertGreaterEqual(rows["Gentle"]["successes"], 95)
         self.assertLessEqual(rows["Chance"]["successes"], 5)

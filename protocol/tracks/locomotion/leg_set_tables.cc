@@ -36,8 +36,8 @@ std::vector<RulesTable> LegSetTables(const nlohmann::json& rules) {
   RulesTable table{.key = "/leg/parameter_sets",
                    .summary = "all the official default",
                    .title = "Parameter sets of the prosthesis until a policy uploads its own",
-                   .note = "stiffness in N m/rad, damping in N m s/rad, target in degrees; loads in "
-                           "parts of the person's weight",
+                   .note = "stiffness in N m/rad, damping in N m s/rad, target in degrees; loads "
+                           "in parts of the person's weight",
                    .head = {"set", "state", "knee", "ankle", "left when"},
                    .rows = {}};
   const nlohmann::json sets =

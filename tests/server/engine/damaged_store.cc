@@ -43,8 +43,8 @@ std::string BoardText(ReaderPool& readers, const std::string& config) {
     }
     const MarksInForce marks = reader.Marks();
     const absl::StatusOr<Board> board =
-        MakeBoard(listed.rows, marks.by_submission, (*track)->scoring.boards.at(scoring::kMainBoard).rules,
-                  (*track)->scoring.team);
+        MakeBoard(listed.rows, marks.by_submission,
+                  (*track)->scoring.boards.at(scoring::kMainBoard).rules, (*track)->scoring.team);
     if (!board.ok()) return board.status();
     for (const BoardRow& row : board->rows) {
       absl::StrAppend(&text, row.ranked.rank, " ", row.source.team, " ", row.source.submission, " ",
