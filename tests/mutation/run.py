@@ -19,7 +19,7 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-STORE, DAEMON = "server/store/", "server/daemon/"
+STORE, ENGINE = "server/store/", "server/engine/"
 
 # Test program, what of it to run, file, the text, what stands in its place.
 MUTANTS = [
@@ -45,25 +45,25 @@ MUTANTS = [
      "if (taken.exec() == 0 && upload) return false;", "taken.exec();"),
     ("store_test", "UploadsTest.*:RerunsTest.*", STORE + "store_files.cc",
      "if (taken.exec() == 0 && upload) return false;", "if (upload) return false;"),
-    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "if (file.needed) continue;", ""),
-    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "if (unused > age)", "if (unused > age * 100)"),
-    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "else if (sum > bytes)", "else if (false)"),
-    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "    sum -= file.bytes;\n", ""),
-    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "needed.contains(file.name) || ", ""),
-    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", " || file.last_use > old", ""),
-    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc",
+    ("engine_test", "Retention*", ENGINE + "retention.cc", "if (file.needed) continue;", ""),
+    ("engine_test", "Retention*", ENGINE + "retention.cc", "if (unused > age)", "if (unused > age * 100)"),
+    ("engine_test", "Retention*", ENGINE + "retention.cc", "else if (sum > bytes)", "else if (false)"),
+    ("engine_test", "Retention*", ENGINE + "retention.cc", "    sum -= file.bytes;\n", ""),
+    ("engine_test", "Retention*", ENGINE + "retention.cc", "needed.contains(file.name) || ", ""),
+    ("engine_test", "Retention*", ENGINE + "retention.cc", " || file.last_use > old", ""),
+    ("engine_test", "Retention*", ENGINE + "retention.cc",
      "file.last_use = std::max(file.last_use, ChangedAt(file.path));", ""),
-    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc",
+    ("engine_test", "Retention*", ENGINE + "retention.cc",
      "if (name.size() <= kHashDigits || name[kHashDigits] != '.') continue;", ""),
-    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "logs = WithNeeded(*std::move(logs));", ""),
-    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc",
+    ("engine_test", "Retention*", ENGINE + "retention.cc", "logs = WithNeeded(*std::move(logs));", ""),
+    ("engine_test", "Retention*", ENGINE + "retention.cc",
      "if (*removed && rename(from.c_str(), to.c_str()) != 0", "if (rename(from.c_str(), to.c_str()) != 0"),
-    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "fs::remove_all(to, error);", ""),
-    ("daemon_unit_test", "Retention*", DAEMON + "retention.cc", "if (!fs::exists(file.path, error)) continue;", ""),
+    ("engine_test", "Retention*", ENGINE + "retention.cc", "fs::remove_all(to, error);", ""),
+    ("engine_test", "Retention*", ENGINE + "retention.cc", "if (!fs::exists(file.path, error)) continue;", ""),
     # What is accepted.
-    ("daemon_unit_test", "*AreGone*", DAEMON + "engine_requests.cc",
+    ("engine_test", "*AreGone*", ENGINE + "engine_requests.cc",
      "HasArtefactFiles(data_dir_, submission.artefact)", "absl::OkStatus()"),
-    ("daemon_unit_test", "*AreGone*", DAEMON + "engine_requests.cc",
+    ("engine_test", "*AreGone*", ENGINE + "engine_requests.cc",
      "HasArtefactFiles(data_dir_, rerun.artefact)", "absl::OkStatus()"),
     ("store_test", "*", STORE + "admission.cc", "if (!artefact.executeStep())", "if (false)"),
     ("store_test", "QuotaTest.*", STORE + "admission.cc", "if (first->has_value()) return **first;", ""),
@@ -100,15 +100,15 @@ MUTANTS = [
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "amount BETWEEN 1 AND ?", "amount < ?"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "admission WHERE day <= ?1", "admission WHERE day != ?1"),
     # What is done with a damaged row.
-    ("engine_test", "-*ADamagedRow*", DAEMON + "engine_core.cc",
+    ("engine_test", "-*ADamagedRow*", ENGINE + "engine_core.cc",
      "if (!status.ok()) GiveUpUnreadable(entry.evaluation, std::string(status.message()));",
      "if (!status.ok()) return status;"),
-    ("engine_test", "-*ADamagedRow*", DAEMON + "engine_recover.cc",
+    ("engine_test", "-*ADamagedRow*", ENGINE + "engine_recover.cc",
      "  if (!loaded.ok()) {\n    GiveUpUnreadable(id, std::string(loaded.status().message()));\n    return absl::OkStatus();\n  }",
      "  if (!loaded.ok()) return loaded.status();"),
     ("engine_test", "-*ADamagedRow*", STORE + "reader.cc",
      'if (row.ok() && Sha256Hex(text) != hash)', 'if (false)'),
-    ("engine_test", "-*ADamagedRow*", DAEMON + "engine_ends.cc", "  to_take_up_.erase(evaluation);\n", ""),
+    ("engine_test", "-*ADamagedRow*", ENGINE + "engine_ends.cc", "  to_take_up_.erase(evaluation);\n", ""),
 ]
 
 

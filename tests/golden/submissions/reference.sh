@@ -24,5 +24,5 @@ for track in manipulation locomotion elbow; do
     > "$work/$track/policy.json"
   MYOGRADE_CONFIG_DIR="$work/configs" "$bin/myograde" local "$work/$track" \
     --track "reference-$track" --logs "$work/logs-$track"
-  cp "$work/logs-$track"/*.lcmlog.zst "$source/configs/reference/$track.lcmlog.zst"
+  install -m 644 "$work/logs-$track"/*.lcmlog.zst "$source/configs/reference/$track.lcmlog.zst"
 done
