@@ -324,8 +324,7 @@ class Golden(SystemTest):
 class Processors(SystemTest):
     """The same states whatever features of the processor the C library sees."""
 
-    tracks = {"short-locomotion": track_config("locomotion"),
-              "short-manipulation": track_config("manipulation")}
+    tracks = {f"short-{track}": track_config(track) for track in TRACKS}
     PINNED = "-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL,-AVX"
 
     @classmethod
