@@ -17,7 +17,7 @@
 
 namespace myograde {
 
-// The registry of facts: a track's line. Of the first, nothing was measured.
+// The registry of facts: an alternative for each track.
 using TrackFacts = std::variant<ManipulationFacts, LocomotionFacts, ElbowFacts>;
 
 // Entries of the longest action.

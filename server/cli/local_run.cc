@@ -11,8 +11,8 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
-#include "protocol/lease/policy_seed.h"
 #include "server/grading/results.h"
+#include "server/runner/lease_order.h"
 #include "server/sandbox/users.h"
 
 namespace myograde::server {
@@ -71,25 +71,21 @@ absl::StatusOr<LocalResult> LocalRun::Run() {
 }
 
 LeaseOrder LocalRun::OrderFor(const Lease& lease) const {
-  LeaseOrder order;
-  order.lease = absl::StrCat("local-", lease.first, "-", lease.faults);
-  order.artefact_dir = order_.artefact_dir;
-  order.command = order_.artefact.manifest.command;
-  order.environment = order_.artefact.manifest.environment;
-  order.runtimes = order_.runtimes;
-  order.track = order_.track->config;
+  const TrackConfig& track = order_.track->config;
   const Form1PolicySeeds form1 = {kLocalPolicyKey, order_.artefact.digest};
-  for (int64_t index = lease.first; index <= lease.last; ++index) {
-    order.episodes.push_back({index, order_.seeds[static_cast<size_t>(index)],
-                              PolicySeed(order.track, form1, index)});
-  }
-  order.uid = ::geteuid() == 0 ? order_.config.uid_base + kLocalUsers + lease.slot : -1;
-  order.slot = lease.slot;
-  order.pinned = PinsSlots(order_.config, order_.slots, order.track);
-  order.work_dir = lease.work_dir;
-  order.cache_dir = order_.cache_dir;
-  order.log_dir = order_.log_dir;
-  return order;
+  return MakeLeaseOrder(
+      absl::StrCat("local-", lease.first, "-", lease.faults), track,
+      EpisodesOf(track, order_.seeds, form1, lease.first, lease.last),
+      {.artefact_dir = order_.artefact_dir,
+       .command = order_.artefact.manifest.command,
+       .environment = order_.artefact.manifest.environment,
+       .runtimes = order_.runtimes},
+      {.slot = lease.slot,
+       .uid = ::geteuid() == 0 ? order_.config.uid_base + kLocalUsers + lease.slot : -1,
+       .pinned = PinsSlots(order_.config, order_.slots, track),
+       .work_dir = lease.work_dir,
+       .cache_dir = order_.cache_dir,
+       .log_dir = order_.log_dir});
 }
 
 absl::Status LocalRun::StartWaiting() {
@@ -112,12 +108,16 @@ absl::Status LocalRun::Start(Lease& lease, int slot) {
   if (!std::filesystem::create_directory(lease.work_dir, error)) {
     return absl::InternalError(absl::StrCat(lease.work_dir, ": can't be made: ", error.message()));
   }
-  absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(OrderFor(lease));
+  const LeaseOrder order = OrderFor(lease);
+  absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(order);
   if (!runner.ok()) return absl::InternalError(runner.status().message());
   lease.runner = *std::move(runner);
-  lease.heard = SystemClock().Monotonic();
-  lease.deadline = lease.heard + absl::Seconds(order_.track->config.budgets.lease_wall_s) +
-                   order_.config.lease_grace;
+  const absl::Duration now = SystemClock().Monotonic();
+  lease.report = LeaseReport(
+      order.episodes,
+      {.deadline = now + absl::Seconds(order.track.budgets.lease_wall_s) + order_.config.lease_grace,
+       .silence = order_.config.scheduler.heartbeat},
+      now);
   return absl::OkStatus();
 }
 
@@ -137,67 +137,37 @@ void LocalRun::Listen(Lease& lease) {
   const absl::Duration now = SystemClock().Monotonic();
   absl::StatusOr<std::vector<LeaseRecord>> records = lease.runner->Read();
   if (!records.ok()) {
-    lease.fault = std::string(records.status().message());
+    lease.report.Fail(std::string(records.status().message()));
   } else {
-    if (!records->empty()) lease.heard = now;
-    for (const LeaseRecord& record : *records) TakeRecord(lease, record);
+    const LeaseReport::News news = lease.report.Take(*records, now);
+    for (const EpisodeFacts& facts : news.episodes) {
+      absl::StatusOr<EpisodeRow> row = JudgedRow(*order_.track, facts);
+      if (!row.ok()) {
+        lease.report.Fail(std::string(row.status().message()));
+      } else {
+        lease.rows.try_emplace(facts.index, *std::move(row));  // what an earlier try told stays
+      }
+    }
   }
-  if (lease.fault.empty() && now > lease.deadline) {
-    lease.fault = "the runner did not end in its time";
-  }
-  if (lease.fault.empty() && now - lease.heard > order_.config.scheduler.heartbeat) {
-    lease.fault = absl::StrCat("the runner was silent for ",
-                               absl::FormatDuration(order_.config.scheduler.heartbeat));
-  }
-  if (!lease.fault.empty()) lease.runner->Kill();
-}
-
-void LocalRun::TakeRecord(Lease& lease, const LeaseRecord& record) {
-  if (const auto* end = std::get_if<LeaseEndRecord>(&record)) {
-    lease.end = std::make_unique<LeaseEndRecord>(*end);
-  }
-  const auto* facts = std::get_if<EpisodeFacts>(&record);
-  if (facts == nullptr || !lease.fault.empty()) return;
-  if (facts->index < lease.first || facts->index > lease.last ||
-      facts->seed != order_.seeds[static_cast<size_t>(facts->index)]) {
-    lease.fault = absl::StrCat("the runner told of episode ", facts->index,
-                               ", which the lease did not ask for");
-    return;
-  }
-  absl::StatusOr<EpisodeRow> row = JudgedRow(*order_.track, *facts);
-  if (!row.ok()) {
-    lease.fault = std::string(row.status().message());
-  } else {
-    // What an earlier try recorded stays.
-    lease.recorded.insert(facts->index);
-    lease.rows.try_emplace(facts->index, *std::move(row));
-  }
+  lease.report.Tick(now);
+  if (lease.report.faulty() || lease.report.lingers(now)) lease.runner->Kill();
 }
 
 absl::Status LocalRun::Finish(Lease& lease) {
-  if (lease.fault.empty() && lease.end == nullptr) {
-    lease.fault = absl::StrCat("the runner ended without a last record: ",
-                               lease.runner->stderr_tail());
-  }
-  if (lease.fault.empty() && !lease.end->ok) lease.fault = lease.end->detail;
-  if (lease.fault.empty() && std::ssize(lease.recorded) != lease.last - lease.first + 1) {
-    lease.fault = "the runner left out episodes";
-  }
+  lease.report.Conclude(lease.runner->wait_status(), lease.runner->stderr_tail());
   lease.runner.reset();
   lease.slot = -1;
   std::error_code ignored;  // the whole folder is removed at the end again
   std::filesystem::remove_all(lease.work_dir, ignored);
-  if (lease.fault.empty()) {
+  if (!lease.report.faulty()) {
     lease.done = true;
     return absl::OkStatus();
   }
   if (++lease.faults > order_.config.scheduler.max_replays) {
     return absl::InternalError(absl::StrCat("episodes ", lease.first, " to ", lease.last,
-                                            " failed by a fault of the grader: ", lease.fault));
+                                            " failed by a fault of the grader: ",
+                                            lease.report.fault()));
   }
-  lease.fault.clear();
-  lease.end.reset();
-  lease.recorded.clear();
   return absl::OkStatus();
 }
 
@@ -215,8 +185,8 @@ LocalResult LocalRun::Collect(bool interrupted) const {
   result.outputs = nlohmann::json::array();
   for (const Lease& lease : leases_) {
     for (const auto& [index, row] : lease.rows) result.rows.push_back(row);
-    if (lease.end != nullptr) {
-      result.outputs.push_back(OutputJson(lease.first, lease.last, *lease.end));
+    if (lease.report.end().has_value()) {
+      result.outputs.push_back(OutputJson(lease.first, lease.last, *lease.report.end()));
     }
   }
   return result;

@@ -6,7 +6,6 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -17,6 +16,7 @@
 #include "server/artefact/artefact.h"
 #include "server/config/server_config.h"
 #include "server/grading/tracks.h"
+#include "server/runner/lease_report.h"
 #include "server/runner/runner_process.h"
 #include "server/store/rows.h"
 
@@ -68,13 +68,9 @@ class LocalRun {
     int64_t faults = 0;
     std::unique_ptr<RunnerProcess> runner;
     int slot = -1;
-    std::set<int64_t> recorded;  // by this try
-    absl::Duration deadline;     // moments of the monotonic clock
-    absl::Duration heard;
     std::string work_dir;
-    std::string fault;  // the grader's, of this attempt
+    LeaseReport report;  // of this try
     std::map<int64_t, EpisodeRow> rows;
-    std::unique_ptr<LeaseEndRecord> end;
     bool done = false;
   };
 
@@ -83,7 +79,6 @@ class LocalRun {
   absl::Status Start(Lease& lease, int slot);
   void WaitForRecords();
   void Listen(Lease& lease);
-  void TakeRecord(Lease& lease, const LeaseRecord& record);
   absl::Status Finish(Lease& lease);
   void KillAll();
   LocalResult Collect(bool interrupted) const;

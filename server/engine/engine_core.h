@@ -36,11 +36,12 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/base/clock.h"
+#include "server/config/server_config.h"
 #include "server/engine/ports.h"
 #include "server/engine/self_test.h"
-#include "server/config/server_config.h"
 #include "server/engine/stored.h"
 #include "server/grading/tracks.h"
+#include "server/runner/lease_report.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
 #include "server/store/reader.h"
@@ -170,10 +171,7 @@ class EngineCore {
     int64_t last = 0;
     std::string work_dir;
     std::unique_ptr<Runner> runner;
-    std::set<int64_t> recorded;
-    std::optional<LeaseEndRecord> end;
-    absl::Duration end_heard;
-    std::string fault;  // set: the grader's, why
+    LeaseReport report;
   };
   // A runner of a lease that was taken back, on its way out.
   struct Ending {

@@ -14,8 +14,6 @@ namespace {
 
 // A cancel is answered by then, whatever a dying process does.
 constexpr absl::Duration kCancelAnswer = absl::Milliseconds(950);
-// For a runner to end once it has said its last word.
-constexpr absl::Duration kFarewell = absl::Seconds(3);
 // For a runner that stays until it has buried what it started; whatever lives on then keeps the
 // slot closed itself.
 constexpr absl::Duration kLongestStay = absl::Minutes(10);
@@ -23,15 +21,6 @@ constexpr absl::Duration kLongestStay = absl::Minutes(10);
 constexpr absl::Duration kSlotLook = absl::Milliseconds(500);
 // How much the last lease weighs in the mean of their durations.
 constexpr double kNewest = 0.2;
-
-// Reasons are one sentence; the whole output is in the log.
-std::string LastLineOf(const std::string& text) {
-  const size_t end = text.find_last_not_of(" \n");
-  if (end == std::string::npos) return "nothing";
-  const size_t begin = text.rfind('\n', end);
-  const size_t first = begin == std::string::npos ? 0 : begin + 1;
-  return text.substr(first, end - first + 1);
-}
 
 nlohmann::json OutputJson(const LeaseEndRecord& end) {
   return {{"stdout_tail", end.stdout_tail},
@@ -53,9 +42,9 @@ void EngineCore::SeeEnds() {
   for (auto it = running_.begin(); it != running_.end();) {
     LeaseRun& run = it->second;
     if (!run.runner->finished()) {
-      if (!run.fault.empty()) {
+      if (run.report.faulty()) {
         faulty.push_back(it->first);
-      } else if (run.end.has_value() && now - run.end_heard >= kFarewell) {
+      } else if (run.report.lingers(now)) {
         lingering.push_back(it->first);
       }
       ++it;
@@ -80,7 +69,7 @@ void EngineCore::SeeEnds() {
     // A give-up of an earlier one may have taken it back.
     const auto it = running_.find(lease);
     if (it == running_.end()) continue;
-    Fault(it->second, it->second.fault);
+    Fault(it->second, it->second.report.fault());
     TakeBack(lease);
   }
 }
@@ -95,7 +84,7 @@ void EngineCore::TakeBackOverdue() {
     const auto it = running_.find(late.lease);
     if (it == running_.end()) continue;
     // One that has said its last word is done, though its process does not end.
-    if (it->second.end.has_value()) {
+    if (it->second.report.end().has_value()) {
       EndOf(it->second);
     } else {
       Fault(it->second, late.why);
@@ -143,21 +132,13 @@ void EngineCore::SeeClosedSlots() {
 }
 
 void EngineCore::EndOf(LeaseRun& run) {
-  if (run.fault.empty() && !run.end.has_value()) {
+  if (!run.report.end().has_value() && !run.report.faulty()) {
     spdlog::error("lease {}: the runner wrote: {}", run.lease, run.runner->stderr_tail());
-    run.fault = absl::StrCat("the runner ended (wait status ", run.runner->wait_status(),
-                             ") without its last record; its last words: ",
-                             LastLineOf(run.runner->stderr_tail()));
-  } else if (run.fault.empty() && !run.end->ok) {
-    run.fault = run.end->detail;
-  } else if (run.fault.empty() &&
-             static_cast<int64_t>(run.recorded.size()) != run.last - run.first + 1) {
-    run.fault = absl::StrCat("the runner said done after ", run.recorded.size(), " of ",
-                             run.last - run.first + 1, " episodes");
   }
-  if (!run.fault.empty()) return Fault(run, run.fault);
+  run.report.Conclude(run.runner->wait_status(), run.runner->stderr_tail());
+  if (run.report.faulty()) return Fault(run, run.report.fault());
   Later(run.context->evaluation, [lease = run.lease, attempt = run.attempt,
-                                  output = CanonicalJson(OutputJson(*run.end)),
+                                  output = CanonicalJson(OutputJson(*run.report.end())),
                                   who = owner_](Writer& writer) {
     return writer.FinishLease(lease, attempt, output, who);
   });

@@ -2,31 +2,30 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
-#include "protocol/lease/policy_seed.h"
 #include "server/engine/engine_core.h"
+#include "server/engine/stored.h"
 #include "server/grading/results.h"
+#include "server/runner/lease_order.h"
 
 namespace myograde::server {
 
 LeaseOrder EngineCore::OrderFor(const LeaseRun& run) const {
-  LeaseOrder order;
-  order.lease = absl::StrCat(run.lease, "-", run.attempt);
-  order.artefact_dir = absl::StrCat(options_.data_dir, "/artefacts/", run.context->artefact);
-  order.command = run.context->command;
-  order.environment = run.context->environment;
-  order.runtimes = run.context->runtimes;
-  order.track = run.context->track->config;
-  const Form1PolicySeeds form1 = {disk_.policy_secret(), run.context->artefact};
-  for (int64_t index = run.first; index <= run.last; ++index) {
-    order.episodes.push_back({index, (*run.context->seeds)[static_cast<size_t>(index)],
-                              PolicySeed(order.track, form1, index)});
-  }
-  order.slot = run.slot;
-  order.pinned = PinsSlots(options_.config, options_.config.scheduler.slots, order.track);
-  order.work_dir = run.work_dir;
-  order.cache_dir = options_.cache_dir;
-  order.log_dir = options_.data_dir + "/logs";
-  return order;
+  const Context& context = *run.context;
+  const TrackConfig& track = context.track->config;
+  const Form1PolicySeeds form1 = {disk_.policy_secret(), context.artefact};
+  return MakeLeaseOrder(
+      absl::StrCat(run.lease, "-", run.attempt), track,
+      EpisodesOf(track, *context.seeds, form1, run.first, run.last),
+      {.artefact_dir = ArtefactFolder(options_.data_dir, context.artefact),
+       .command = context.command,
+       .environment = context.environment,
+       .runtimes = context.runtimes},
+      {.slot = run.slot,
+       .uid = -1,
+       .pinned = PinsSlots(options_.config, options_.config.scheduler.slots, track),
+       .work_dir = run.work_dir,
+       .cache_dir = options_.cache_dir,
+       .log_dir = options_.data_dir + "/logs"});
 }
 
 void EngineCore::StartLeases() {
@@ -53,7 +52,10 @@ void EngineCore::StartLease(const Start& start) {
   Later(start.evaluation, [start, deadline, who = owner_](Writer& writer) {
     return writer.StartLease(start.lease, start.attempt, start.slot, deadline, who);
   });
-  absl::StatusOr<std::unique_ptr<Runner>> runner = processes_.Start(OrderFor(run));
+  const LeaseOrder order = OrderFor(run);
+  // Lateness and silence are the scheduler's to see.
+  run.report = LeaseReport(order.episodes, {}, clock_.Monotonic());
+  absl::StatusOr<std::unique_ptr<Runner>> runner = processes_.Start(order);
   if (!runner.ok()) {
     FreeSlot(run.slot);
     Fault(run, absl::StrCat("the runner did not start: ", runner.status().message()));
@@ -72,23 +74,15 @@ void EngineCore::StartLease(const Start& start) {
 
 void EngineCore::Listen(LeaseRun& run) {
   absl::StatusOr<std::vector<LeaseRecord>> records = run.runner->Read();
-  if (!records.ok()) {
-    if (run.fault.empty()) run.fault = std::string(records.status().message());
-    return;
-  }
-  for (const LeaseRecord& record : *records) {
-    if (!run.fault.empty()) return;  // nothing counts after the grader's fault
-    if (const auto* progress = std::get_if<ProgressRecord>(&record)) OnProgress(run, *progress);
-    if (const auto* facts = std::get_if<EpisodeFacts>(&record)) OnEpisode(run, *facts);
-    const absl::Duration now = clock_.Monotonic();
-    if (const auto* end = std::get_if<LeaseEndRecord>(&record)) {
-      run.end = *end;
-      run.end_heard = now;
-    }
-    const std::lock_guard lock(mutex_);
-    scheduler_.Heartbeat(run.lease, run.attempt, now);
-    live_.at(run.lease).heard = now;
-  }
+  if (!records.ok()) return run.report.Fail(std::string(records.status().message()));
+  if (records->empty() || run.report.faulty()) return;
+  const absl::Duration now = clock_.Monotonic();
+  const LeaseReport::News news = run.report.Take(*records, now);
+  if (news.progress.has_value()) OnProgress(run, *news.progress);
+  for (const EpisodeFacts& facts : news.episodes) OnEpisode(run, facts);
+  const std::lock_guard lock(mutex_);
+  scheduler_.Heartbeat(run.lease, run.attempt, now);
+  live_.at(run.lease).heard = now;
 }
 
 void EngineCore::OnProgress(LeaseRun& run, const ProgressRecord& record) {
@@ -99,21 +93,11 @@ void EngineCore::OnProgress(LeaseRun& run, const ProgressRecord& record) {
 }
 
 void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
-  if (facts.index < run.first || facts.index > run.last || run.recorded.contains(facts.index) ||
-      facts.seed != (*run.context->seeds)[static_cast<size_t>(facts.index)]) {
-    run.fault = absl::StrCat("the runner told of episode ", facts.index, " with seed ", facts.seed,
-                             ", which the lease did not ask for");
-    return;
-  }
   absl::StatusOr<EpisodeRow> row = JudgedRow(*run.context->track, facts);
-  if (!row.ok()) {
-    run.fault = std::string(row.status().message());
-    return;
-  }
+  if (!row.ok()) return run.report.Fail(std::string(row.status().message()));
   row->evaluation = run.context->evaluation;
   row->lease = run.lease;
   row->attempt = run.attempt;
-  run.recorded.insert(facts.index);
   Later(run.context->evaluation, [row = *std::move(row)](Writer& writer) -> absl::Status {
     absl::StatusOr<Recorded> recorded = writer.RecordEpisode(row);
     if (!recorded.ok()) return recorded.status();

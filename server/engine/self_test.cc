@@ -4,6 +4,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/runner/lease_order.h"
+
 namespace myograde::server {
 namespace {
 
@@ -14,15 +16,12 @@ constexpr int kWaitStatus = W_EXITCODE(kExitStatus, 0);  // as records tell it
 
 LeaseOrder SelfTestOrder(const TrackConfig& track, const std::string& artefact_dir,
                          const std::string& work_dir, const std::string& cache_dir) {
-  LeaseOrder order;
-  order.lease = "selftest-1";
-  order.artefact_dir = artefact_dir;
-  order.command = {"/bin/sh", "-c", absl::StrCat("exit ", kExitStatus)};
-  order.track = track;
-  order.episodes = {{0, 0, 0}};
-  order.work_dir = work_dir;
-  order.cache_dir = cache_dir;
-  return order;
+  return MakeLeaseOrder("selftest-1", track, {{0, 0, 0}},
+                        {.artefact_dir = artefact_dir,
+                         .command = {"/bin/sh", "-c", absl::StrCat("exit ", kExitStatus)},
+                         .environment = {},
+                         .runtimes = {}},
+                        {.work_dir = work_dir, .cache_dir = cache_dir, .log_dir = ""});
 }
 
 std::unique_ptr<SelfTest> SelfTest::Begin(Processes& processes, const LeaseOrder& order,
@@ -32,31 +31,27 @@ std::unique_ptr<SelfTest> SelfTest::Begin(Processes& processes, const LeaseOrder
   if (runner.ok()) {
     test->runner_ = *std::move(runner);
   } else {
-    test->fault_ = absl::StrCat("the runner did not start: ", runner.status().message());
+    test->report_.Fail(absl::StrCat("the runner did not start: ", runner.status().message()));
   }
   return test;
 }
 
 std::optional<std::string> SelfTest::Look(absl::Duration now) {
-  if (runner_ == nullptr) return fault_;
+  if (runner_ == nullptr) return report_.fault();
   absl::StatusOr<std::vector<LeaseRecord>> records = runner_->Read();
   if (!records.ok()) return std::string(records.status().message());
-  for (const LeaseRecord& record : *records) {
-    if (const auto* facts = std::get_if<EpisodeFacts>(&record)) facts_ = *facts;
-    if (const auto* end = std::get_if<LeaseEndRecord>(&record)) end_ = *end;
-  }
+  const LeaseReport::News news = report_.Take(*records, now);
+  if (!news.episodes.empty()) facts_ = news.episodes.back();
   if (runner_->finished()) return Verdict();
+  report_.Tick(now);
+  if (report_.faulty()) return report_.fault();
   if (now >= deadline_) return "it was not over in its time";
   return std::nullopt;
 }
 
-std::string SelfTest::Verdict() const {
-  if (!end_.has_value()) {
-    return absl::StrCat("the runner ended (wait status ", runner_->wait_status(),
-                        ") without its last record");
-  }
-  if (!end_->ok) return end_->detail;
-  if (!facts_.has_value()) return "no episode was recorded";
+std::string SelfTest::Verdict() {
+  report_.Conclude(runner_->wait_status(), runner_->stderr_tail());
+  if (report_.faulty()) return report_.fault();
   if (facts_->fault.outcome != Outcome::kCrash || facts_->fault.value != kWaitStatus) {
     return absl::StrCat("its policy ends at once with status ", kExitStatus,
                         ", and the record says otherwise: ",

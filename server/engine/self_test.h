@@ -13,6 +13,7 @@
 
 #include "protocol/lease/lease.h"
 #include "server/engine/ports.h"
+#include "server/runner/lease_report.h"
 
 namespace myograde::server {
 
@@ -37,15 +38,14 @@ class SelfTest {
 
  private:
   SelfTest(const LeaseOrder& order, absl::Duration deadline)
-      : order_(order), deadline_(deadline) {}
-  std::string Verdict() const;
+      : order_(order), deadline_(deadline), report_(order.episodes, {}, absl::ZeroDuration()) {}
+  std::string Verdict();
 
   const LeaseOrder order_;
   const absl::Duration deadline_;
   std::unique_ptr<Runner> runner_;
-  std::string fault_;
+  LeaseReport report_;
   std::optional<EpisodeFacts> facts_;
-  std::optional<LeaseEndRecord> end_;
 };
 
 }  // namespace myograde::server

@@ -8,6 +8,8 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
+#include "server/runner/lease_order.h"
+#include "server/runner/lease_report.h"
 
 namespace myograde::server {
 namespace {
@@ -19,8 +21,7 @@ constexpr absl::Duration kGrace = absl::Minutes(5);
 struct Running {
   size_t block = 0;
   std::unique_ptr<RunnerProcess> runner;
-  absl::Duration deadline;  // on the monotonic clock
-  std::optional<LeaseEndRecord> end;
+  LeaseReport report;
 };
 
 class Run {
@@ -60,15 +61,14 @@ class Run {
  private:
   absl::Status Start(size_t slot) {
     const ReplayBlock& block = order_.blocks[next_];
-    LeaseOrder lease;
-    lease.lease = absl::StrCat("replay-", next_);
-    lease.track = order_.track;
-    lease.episodes = block.episodes;
-    lease.uid = order_.uid_base < 0 ? -1 : order_.uid_base + static_cast<int64_t>(slot);
-    lease.slot = static_cast<int64_t>(slot);
-    lease.work_dir = absl::StrCat(order_.work_dir, "/", lease.lease);
-    lease.cache_dir = order_.cache_dir;
-    lease.replay = block.logs;
+    const std::string id = absl::StrCat("replay-", next_);
+    const int64_t user = order_.uid_base < 0 ? -1 : order_.uid_base + static_cast<int64_t>(slot);
+    const LeaseOrder lease = MakeReplayOrder(id, order_.track, block.episodes, block.logs,
+                                             {.slot = static_cast<int64_t>(slot),
+                                              .uid = user,
+                                              .work_dir = absl::StrCat(order_.work_dir, "/", id),
+                                              .cache_dir = order_.cache_dir,
+                                              .log_dir = ""});
     std::error_code error;
     if (!std::filesystem::create_directory(lease.work_dir, error)) {
       return absl::InternalError(
@@ -79,8 +79,10 @@ class Run {
     slots_[slot].emplace();
     slots_[slot]->block = next_++;
     slots_[slot]->runner = *std::move(runner);
-    slots_[slot]->deadline =
-        SystemClock().Monotonic() + absl::Seconds(order_.track.budgets.lease_wall_s) + kGrace;
+    const absl::Duration now = SystemClock().Monotonic();
+    slots_[slot]->report = LeaseReport(
+        lease.episodes,
+        {.deadline = now + absl::Seconds(order_.track.budgets.lease_wall_s) + kGrace}, now);
     return absl::OkStatus();
   }
 
@@ -100,26 +102,19 @@ class Run {
     const bool finished = slot->runner->finished();
     absl::StatusOr<std::vector<LeaseRecord>> records = slot->runner->Read();
     if (!records.ok()) return absl::InternalError(records.status().message());
-    for (const LeaseRecord& record : *records) {
-      if (const auto* replay = std::get_if<ReplayRecord>(&record)) {
-        records_[slot->block].push_back(*replay);
-        ++done_;
-      }
-      if (const auto* end = std::get_if<LeaseEndRecord>(&record)) slot->end = *end;
-    }
-    if (SystemClock().Monotonic() > slot->deadline) {
-      return absl::InternalError("the replay did not end in its time");
+    const absl::Duration now = SystemClock().Monotonic();
+    LeaseReport& report = slot->report;
+    const LeaseReport::News news = report.Take(*records, now);
+    for (const ReplayRecord& replay : news.replays) records_[slot->block].push_back(replay);
+    done_ += std::ssize(news.replays);
+    report.Tick(now);
+    if (report.lingers(now)) slot->runner->KillNow();
+    if (finished) report.Conclude(slot->runner->wait_status(), slot->runner->stderr_tail());
+    if (report.faulty()) {
+      return absl::InternalError(
+          absl::StrCat("the replay failed by a fault of the grader: ", report.fault()));
     }
     if (!finished) return absl::OkStatus();
-    const size_t wanted = order_.blocks[slot->block].episodes.size();
-    if (!slot->end.has_value()) {
-      return absl::InternalError(absl::StrCat("the runner ended without a last record: ",
-                                              slot->runner->stderr_tail()));
-    }
-    if (!slot->end->ok || records_[slot->block].size() != wanted) {
-      return absl::InternalError(absl::StrCat("the replay failed by a fault of the grader: ",
-                                              slot->end->detail));
-    }
     slot.reset();
     return absl::OkStatus();
   }
