@@ -1,17 +1,9 @@
 #include "scoring/config.h"
 
+#include "scoring/track.h"
+
 namespace myograde::scoring {
-
-TimeSource ReadTime(ConfigReader& reader) {
-  return reader.Choice("time", {"played", "reported"}) == "played" ? TimeSource::kPlayed
-                                                                   : TimeSource::kReported;
-}
-
-TeamRule ReadTeam(ConfigReader& reader) {
-  const std::string team = reader.Choice("team", {"best", "last", "chosen"});
-  if (team == "last") return TeamRule::kLast;
-  return team == "chosen" ? TeamRule::kChosen : TeamRule::kBest;
-}
+namespace {
 
 absl::StatusOr<TieredBoard> ReadTieredBoard(const nlohmann::json& json, const std::string& where,
                                             size_t time, size_t effort) {
@@ -28,6 +20,29 @@ absl::StatusOr<TieredBoard> ReadTieredBoard(const nlohmann::json& json, const st
   board.time = time;
   board.effort = effort;
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return board;
+}
+
+}  // namespace
+
+TimeSource ReadTime(ConfigReader& reader) {
+  return reader.Choice("time", {"played", "reported"}) == "played" ? TimeSource::kPlayed
+                                                                   : TimeSource::kReported;
+}
+
+TeamRule ReadTeam(ConfigReader& reader) {
+  const std::string team = reader.Choice("team", {"best", "last", "chosen"});
+  if (team == "last") return TeamRule::kLast;
+  return team == "chosen" ? TeamRule::kChosen : TeamRule::kBest;
+}
+
+absl::StatusOr<TieredBoard> FinishWithTieredBoard(ConfigReader& reader, size_t time,
+                                                  size_t effort) {
+  const std::string where = reader.where() + ": boards";
+  ConfigReader boards(reader.Object("boards"), where);
+  const auto board = ReadTieredBoard(boards.Object(kMainBoard), where + ": main", time, effort);
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  if (absl::Status status = boards.Finish(); !status.ok()) return status;
   return board;
 }
 

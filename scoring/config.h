@@ -10,9 +10,8 @@ namespace myograde::scoring {
 TimeSource ReadTime(ConfigReader& reader);  // "time"
 TeamRule ReadTeam(ConfigReader& reader);    // "team"
 
-// The main board of a track with tiers; `time` and `effort` are the places of the numbers that it
-// ranks by.
-absl::StatusOr<TieredBoard> ReadTieredBoard(const nlohmann::json& json, const std::string& where,
-                                            size_t time, size_t effort);
+// Reads "boards" of a track whose only board has tiers, and with it finishes `reader`, from which
+// all else has been read. `time` and `effort` are the places of the numbers that the board ranks by.
+absl::StatusOr<TieredBoard> FinishWithTieredBoard(ConfigReader& reader, size_t time, size_t effort);
 
 }  // namespace myograde::scoring

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstring>
 
@@ -22,20 +21,18 @@ std::string CantBe(const std::string& path, const char* what) {
 
 absl::StatusOr<std::string> ReadAll(int fd, const std::string& name, size_t max_bytes) {
   // Piece by piece: room for the largest file costs more than reading the usual one.
-  constexpr size_t kPiece = 16 << 10;
+  char piece[16 << 10];
   std::string text;
   while (true) {
-    const size_t size = text.size();
-    text.resize(size + std::max(kPiece, size));
-    const ssize_t n = ::read(fd, text.data() + size, text.size() - size);
-    text.resize(size + static_cast<size_t>(std::max<ssize_t>(n, 0)));
+    const ssize_t n = ::read(fd, piece, sizeof(piece));
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) return absl::UnavailableError(CantBe(name, "read"));
+    if (n == 0) return text;
+    text.append(piece, static_cast<size_t>(n));
     if (text.size() > max_bytes) {
       return absl::InvalidArgumentError(
           absl::StrCat(name, ": is larger than ", max_bytes, " bytes"));
     }
-    if (n == 0) return text;
   }
 }
 

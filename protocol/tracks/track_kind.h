@@ -41,6 +41,9 @@ struct TrackKind {
   void (*upgrade)(int64_t form, nlohmann::json& config) = nullptr;
 };
 
+// TrackKind::max_steps of a track whose rules have it as the key "max_steps".
+absl::StatusOr<int64_t> MaxStepsKey(const nlohmann::json& rules);
+
 inline const VectorLayout& ObservationOf(const TrackKind& kind) {
   return kind.layout().observation;
 }

@@ -41,14 +41,9 @@ absl::StatusOr<TrackScoring> Parse(const nlohmann::json& scoring, const std::str
   result.judge = [judging](const EpisodeFacts& facts) { return Judge(facts, judging); };
   result.official_figures = judging.time == TimeSource::kReported;
   result.team = ReadTeam(reader);
-
-  const std::string boards_where = where + ": boards";
-  ConfigReader boards(reader.Object("boards"), boards_where);
-  const auto board = ReadTieredBoard(boards.Object(kMainBoard), boards_where + ": main",
-                                     RankedPlace(kMetrics, Place::kTime),
-                                     RankedPlace(kMetrics, Place::kEffort));
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
-  if (absl::Status status = boards.Finish(); !status.ok()) return status;
+  const absl::StatusOr<TieredBoard> board =
+      FinishWithTieredBoard(reader, RankedPlace(kMetrics, Place::kTime),
+                            RankedPlace(kMetrics, Place::kEffort));
   if (!board.ok()) return board.status();
   result.boards[kMainBoard] = {*board, {Place::kTime, Place::kEffort}};
   return result;

@@ -46,14 +46,9 @@ absl::StatusOr<TrackScoring> ParseManipulation(const nlohmann::json& scoring,
   result.judge = [judging](const EpisodeFacts& facts) { return Judge(facts, judging); };
   result.official_figures = judging.time == TimeSource::kReported;
   result.team = ReadTeam(reader);
-
-  const std::string boards_where = where + ": boards";
-  ConfigReader boards(reader.Object("boards"), boards_where);
-  const auto board = ReadTieredBoard(boards.Object(kMainBoard), boards_where + ": main",
-                                     RankedPlace(kManipulationMetrics, Place::kTime),
-                                     RankedPlace(kManipulationMetrics, Place::kEffort));
-  if (absl::Status status = reader.Finish(); !status.ok()) return status;
-  if (absl::Status status = boards.Finish(); !status.ok()) return status;
+  const absl::StatusOr<TieredBoard> board =
+      FinishWithTieredBoard(reader, RankedPlace(kManipulationMetrics, Place::kTime),
+                            RankedPlace(kManipulationMetrics, Place::kEffort));
   if (!board.ok()) return board.status();
   std::vector<size_t> columns = {Place::kTime, Place::kEffort};
   if (result.official_figures) columns.push_back(Place::kMaxTouch);

@@ -6,13 +6,6 @@ namespace myograde {
 namespace manipulation {
 namespace {
 
-absl::StatusOr<int64_t> MaxSteps(const nlohmann::json& rules) {
-  ConfigReader reader(rules, "rules");
-  const int64_t steps = reader.Integer("max_steps", 1, 1'000'000);
-  if (!reader.mistake().ok()) return reader.mistake();
-  return steps;
-}
-
 void Upgrade(int64_t form, nlohmann::json& config) {
   if (form != 1) return;
   GiveKey(config, "/rules/torso_contact", "arm");
@@ -28,7 +21,7 @@ const TrackKind& ManipulationTrack() {
                                   .control_period_s = 0.01,
                                   .layout = ManipulationLayout,
                                   .no_facts = ManipulationFacts(),
-                                  .max_steps = manipulation::MaxSteps,
+                                  .max_steps = MaxStepsKey,
                                   .tables = nullptr,
                                   .upgrade = manipulation::Upgrade};
   return track;
