@@ -117,7 +117,8 @@ class Kills(Disturbed):
                     self.assertEqual(self.outcome(1), expected)
                 self.stop(signal.SIGTERM)
                 self.assertLess(number, 200, "every start of the daemon is killed")
-            self.assertGreater(number, 12, "accepting, 3 leases of 4 commits each, the end")
+            # How many records share a commit is up to the host's speed.
+            self.assertGreater(number, 5, "accepting, beginning, three leases, the end")
 
     def test_kill_at_random_times(self):
         moments = random.Random(7)
