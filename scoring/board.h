@@ -93,7 +93,7 @@ struct RankedEntry {
   double band_opener = 0;
 };
 
-// The board: every team's standing submission, first place first. A function of the set of
+// The board: every team's entry, first place first. A function of the set of
 // entries alone: their order does not matter. Numbers must be finite and acceptance numbers
 // unique (InvalidArgumentError names the submission).
 absl::StatusOr<std::vector<RankedEntry>> Rank(const std::vector<BoardEntry>& entries,

@@ -37,7 +37,7 @@ struct ScoredTrack {
   absl::StatusOr<TrackScoring> (*parse)(const nlohmann::json& scoring, const std::string& where);
 };
 
-struct Board {
+struct BoardSpec {
   BoardRules rules;
   std::vector<size_t> columns;  // places of the metrics that it shows beside the successes
 };
@@ -48,7 +48,7 @@ struct TrackScoring {
   // The verdict on an episode by these rules.
   std::function<Judgement(const EpisodeFacts&)> judge;
   TeamRule team = TeamRule::kBest;
-  std::map<std::string, Board> boards;  // by name; one is kMainBoard
+  std::map<std::string, BoardSpec> boards;  // by name; one is kMainBoard
   // The profile reports what the official code reports, so that its figures are for comparing
   // with those that were published of it.
   bool official_figures = false;

@@ -73,7 +73,7 @@ class Bridge {
 
  private:
   absl::Status QuickTurn();
-  absl::Status Turn();
+  absl::Status RunOnce();
   int PollTimeout() const;
   absl::StatusOr<bool> HearSimulator(int flags);
   absl::Status HearBus(int most);
@@ -111,7 +111,7 @@ absl::Status Bridge::Run(Child policy) {
   while (!done_) {
     if (absl::Status status = QuickTurn(); !status.ok()) return status;
     if (done_) break;
-    if (absl::Status status = Turn(); !status.ok()) return status;
+    if (absl::Status status = RunOnce(); !status.ok()) return status;
   }
   // Who was at fault is not waited for.
   if (!faulted_) SeeOff();
@@ -135,7 +135,7 @@ void Bridge::SeeOff() {
 }
 
 // Steps that are answered at once, each with nothing but the calls that move its bytes. Back when
-// one takes longer or anything else happens, for Turn to look at all there is.
+// one takes longer or anything else happens, for RunOnce to look at all there is.
 absl::Status Bridge::QuickTurn() {
   int unheeded = 0;
   while (!faulted_ && !done_ && outbound_.channel == Channel::kObservation &&
@@ -161,7 +161,7 @@ int Bridge::PollTimeout() const {
   return static_cast<int>(absl::ToInt64Milliseconds(std::max(left, absl::ZeroDuration()))) + 1;
 }
 
-absl::Status Bridge::Turn() {
+absl::Status Bridge::RunOnce() {
   // A negative descriptor is left out of the poll.
   std::array<pollfd, 4> entries = {{{simulator_.get(), POLLIN, 0},
                                     {faulted_ ? -1 : bus_.fd(), POLLIN, 0},
@@ -236,15 +236,15 @@ absl::Status Bridge::HearBus(int most) {
 
 absl::Status Bridge::Hear(std::span<const std::byte> datagram) {
   switch (inbox_.Take(datagram)) {
-    case Verdict::kDropped:
+    case Disposition::kDropped:
       break;
-    case Verdict::kSayAgain:
+    case Disposition::kSayAgain:
       if (!welcome_.empty()) bus_.Send(kWelcomeChannel, welcome_);
       break;
-    case Verdict::kFault:
+    case Disposition::kFault:
       faulted_ = true;
       return Tell(inbox_.frame());
-    case Verdict::kFrame:
+    case Disposition::kFrame:
       return Tell(inbox_.frame());
   }
   return absl::OkStatus();

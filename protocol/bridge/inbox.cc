@@ -49,8 +49,8 @@ void Inbox::Ask(const PublishFrame& frame) {
   expect_ = frame.expect;
 }
 
-Verdict Inbox::Take(std::span<const std::byte> datagram) {
-  if (faulted_) return Verdict::kDropped;
+Disposition Inbox::Take(std::span<const std::byte> datagram) {
+  if (faulted_) return Disposition::kDropped;
   const std::optional<Datagram> parsed = ParseDatagram(datagram);
   if (!parsed) return Stray();
   if (parsed->channel == kActionChannel) return TakeAction(parsed->payload);
@@ -65,19 +65,19 @@ Verdict Inbox::Take(std::span<const std::byte> datagram) {
   return Stray();
 }
 
-Verdict Inbox::TakeHello(std::span<const std::byte> payload) {
+Disposition Inbox::TakeHello(std::span<const std::byte> payload) {
   // Later hellos are only looked at for their form: the first one holds.
   HelloFrame later = {};
   HelloFrame& frame = greeted_ ? later : hello_;
   if (absl::Status status = DecodeHello(payload, frame); !status.ok()) {
     return Breach(kHelloChannel, status);
   }
-  if (greeted_) return Stray() == Verdict::kFault ? Verdict::kFault : Verdict::kSayAgain;
+  if (greeted_) return Stray() == Disposition::kFault ? Disposition::kFault : Disposition::kSayAgain;
   greeted_ = true;
   return Answer(hello_, FrameType::kHello);
 }
 
-Verdict Inbox::TakeReady(std::span<const std::byte> payload) {
+Disposition Inbox::TakeReady(std::span<const std::byte> payload) {
   if (absl::Status status = DecodeReady(payload, ready_); !status.ok()) {
     return Breach(kReadyChannel, status);
   }
@@ -89,7 +89,7 @@ Verdict Inbox::TakeReady(std::span<const std::byte> payload) {
                                   episode_, " was asked"));
 }
 
-Verdict Inbox::TakeAction(std::span<const std::byte> payload) {
+Disposition Inbox::TakeAction(std::span<const std::byte> payload) {
   if (absl::Status status = DecodeAction(payload, action_size_, scratch_, action_);
       !status.ok()) {
     return Breach(kActionChannel, status);
@@ -97,7 +97,7 @@ Verdict Inbox::TakeAction(std::span<const std::byte> payload) {
   return TakeStep(action_, FrameType::kAction);
 }
 
-Verdict Inbox::TakeGiveUp(std::span<const std::byte> payload) {
+Disposition Inbox::TakeGiveUp(std::span<const std::byte> payload) {
   if (absl::Status status = DecodeGiveUp(payload, give_up_); !status.ok()) {
     return Breach(kGiveUpChannel, status);
   }
@@ -106,7 +106,7 @@ Verdict Inbox::TakeGiveUp(std::span<const std::byte> payload) {
 
 // An answer to a step, of either kind.
 template <typename F>
-Verdict Inbox::TakeStep(F& frame, FrameType type) {
+Disposition Inbox::TakeStep(F& frame, FrameType type) {
   const auto answered = std::tie(frame.episode, frame.step);
   const auto asked = std::tie(episode_, step_);
   if (expect_ == Expect::kAction && answered == asked) return Answer(frame, type);
@@ -117,43 +117,43 @@ Verdict Inbox::TakeStep(F& frame, FrameType type) {
                                   " while ", now, " was asked"));
 }
 
-Verdict Inbox::Stray() {
-  if (++stray_ <= limits_.stray_messages) return Verdict::kDropped;
+Disposition Inbox::Stray() {
+  if (++stray_ <= limits_.stray_messages) return Disposition::kDropped;
   return Fault(BridgeFault::kStrayLimit, stray_,
                absl::StrCat("sent ", stray_, " messages that answer nothing, more than the ",
                             limits_.stray_messages, " that an episode allows"));
 }
 
-Verdict Inbox::LateCopy() {
+Disposition Inbox::LateCopy() {
   if (free_duplicates_ == 0) return Stray();
   --free_duplicates_;
-  return Verdict::kDropped;
+  return Disposition::kDropped;
 }
 
-Verdict Inbox::WrongAnswer(const std::string& sentence) {
-  if (++wrong_ <= limits_.wrong_answers) return Verdict::kDropped;
+Disposition Inbox::WrongAnswer(const std::string& sentence) {
+  if (++wrong_ <= limits_.wrong_answers) return Disposition::kDropped;
   return Fault(BridgeFault::kProtocol, wrong_, absl::StrCat(sentence, ", ", wrong_, " times"));
 }
 
-Verdict Inbox::Breach(std::string_view channel, const absl::Status& status) {
+Disposition Inbox::Breach(std::string_view channel, const absl::Status& status) {
   return Fault(BridgeFault::kProtocol, 0,
                absl::StrCat("sent a wrong message on ", View(channel), ": ", status.message()));
 }
 
-Verdict Inbox::Fault(BridgeFault fault, int64_t value, std::string_view sentence) {
+Disposition Inbox::Fault(BridgeFault fault, int64_t value, std::string_view sentence) {
   faulted_ = true;
   expect_ = Expect::kNothing;
   fault_ = MakeFault(fault, value, sentence);
   frame_ = BytesOf(fault_);
-  return Verdict::kFault;
+  return Disposition::kFault;
 }
 
 template <typename F>
-Verdict Inbox::Answer(F& frame, FrameType type) {
+Disposition Inbox::Answer(F& frame, FrameType type) {
   expect_ = Expect::kNothing;
   frame.header = MakeHeader<F>(type);
   frame_ = BytesOf(frame);
-  return Verdict::kFrame;
+  return Disposition::kFrame;
 }
 
 }  // namespace myograde::bridge

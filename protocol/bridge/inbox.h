@@ -20,7 +20,7 @@ struct InboxLimits {
   int64_t wrong_answers;   // answers to a step or an episode that was not asked
 };
 
-enum class Verdict {
+enum class Disposition {
   kDropped,     // nothing to do
   kFrame,       // frame() goes to the simulator; the waiting is over
   kSayAgain,    // the policy missed the welcome: send it again
@@ -42,25 +42,25 @@ class Inbox {
   bool waiting() const { return expect_ != Expect::kNothing; }
 
   // Judges one datagram of another sender.
-  Verdict Take(std::span<const std::byte> datagram);
+  Disposition Take(std::span<const std::byte> datagram);
 
   // The frame of the last verdict; valid until the next call of Take.
   std::span<const std::byte> frame() const { return frame_; }
 
  private:
-  Verdict TakeHello(std::span<const std::byte> payload);
-  Verdict TakeReady(std::span<const std::byte> payload);
-  Verdict TakeAction(std::span<const std::byte> payload);
-  Verdict TakeGiveUp(std::span<const std::byte> payload);
+  Disposition TakeHello(std::span<const std::byte> payload);
+  Disposition TakeReady(std::span<const std::byte> payload);
+  Disposition TakeAction(std::span<const std::byte> payload);
+  Disposition TakeGiveUp(std::span<const std::byte> payload);
   template <typename F>
-  Verdict TakeStep(F& frame, FrameType type);
-  Verdict Stray();
-  Verdict LateCopy();
-  Verdict WrongAnswer(const std::string& sentence);
-  Verdict Breach(std::string_view channel, const absl::Status& status);
-  Verdict Fault(BridgeFault fault, int64_t value, std::string_view sentence);
+  Disposition TakeStep(F& frame, FrameType type);
+  Disposition Stray();
+  Disposition LateCopy();
+  Disposition WrongAnswer(const std::string& sentence);
+  Disposition Breach(std::string_view channel, const absl::Status& status);
+  Disposition Fault(BridgeFault fault, int64_t value, std::string_view sentence);
   template <typename F>
-  Verdict Answer(F& frame, FrameType type);
+  Disposition Answer(F& frame, FrameType type);
 
   const InboxLimits limits_;
   Expect expect_ = Expect::kHello;  // the first thing that a policy says

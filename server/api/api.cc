@@ -191,7 +191,7 @@ Api::Result Api::Submit(const Request&, const Json& body) {
   if (!request.ok()) return ErrorOf(request.status());
   absl::StatusOr<TrackPtr> track = tracks_.Find(request->track, request->profile);
   if (!track.ok()) {
-    const bool known = tracks_.offers().contains(request->track);
+    const bool known = tracks_.entries().contains(request->track);
     return ApiError{400, known ? "unknown_profile" : "unknown_track",
                     std::string(track.status().message())};
   }
@@ -240,7 +240,7 @@ Api::Result Api::Submit(const Request&, const Json& body) {
   submission.grader_json = CanonicalJson(GraderBuild(options_.cache_dir));
   submission.blocks = BlocksOf(submission.seed_count, config.episodes_per_lease);
   if (submission.ranked) {
-    if (std::optional<ApiError> error = Unofficial(); error.has_value()) return *std::move(error);
+    if (std::optional<ApiError> error = RefuseRanked(); error.has_value()) return *std::move(error);
   }
   absl::StatusOr<Accepted> accepted =
       engine_.Submit(submission, options_.config.quota.of(config.id), Who(),

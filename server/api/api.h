@@ -32,7 +32,7 @@ class Api {
     ServerConfig config;
     std::string data_dir;
     std::string cache_dir;
-    const ReferenceCheck* reference = nullptr;  // null: whatever comes out here is official
+    const ReferenceCheck* reference = nullptr;  // null: every result of this host may rank
     absl::Time started_at;
   };
 
@@ -76,8 +76,8 @@ class Api {
   Result Mark(const Request& request, const Json& body);
   Result RebuildBoards(const Request& request, const Json& body);
   Result Grant(const Request& request, const Json& body);
-  // What forbids to grade officially here; waits for it if need be.
-  std::optional<ApiError> Unofficial() const;
+  // What forbids to grade ranked submissions here; waits for it if need be.
+  std::optional<ApiError> RefuseRanked() const;
   Result GetReceipt(const Request& request);
   Result GetKey(const Request& request);
   void SendLog(const Request& request, httplib::Response& response);
@@ -93,13 +93,13 @@ class Api {
   absl::StatusOr<Json> Status(Reader& reader, int64_t submission);
   absl::StatusOr<Json> Breakdown(Reader& reader, int64_t evaluation, bool episodes);
   // The track and board that the parameters name.
-  struct Asked {
+  struct BoardQuery {
     TrackPtr track;
     std::string board;
-    const scoring::Board* rules = nullptr;
+    const scoring::BoardSpec* rules = nullptr;
   };
-  std::variant<Asked, ApiError> BoardAsked(const Request& request);
-  absl::StatusOr<std::string> MakeBoardText(Reader& reader, const Asked& asked);
+  std::variant<BoardQuery, ApiError> ParseBoardQuery(const Request& request);
+  absl::StatusOr<std::string> MakeBoardText(Reader& reader, const BoardQuery& asked);
   // NotFoundError if the artefact is known and its files were removed, or it came
   // with an import.
   absl::Status HasFiles(const std::string& artefact) const;

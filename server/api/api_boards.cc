@@ -3,7 +3,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "server/api/api.h"
-#include "server/grading/board.h"
+#include "server/grading/leaderboard.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/engine/standings.h"
@@ -58,7 +58,7 @@ absl::StatusOr<Source> SourceOf(Reader& reader, const Track& track) {
   return source;
 }
 
-Json RowToJson(const BoardRow& row) {
+Json RowToJson(const LeaderboardRow& row) {
   const bool baseline = row.ranked.rank == 0;
   return {{"rank", baseline ? Json() : Json(row.ranked.rank)},
           {"baseline", baseline},
@@ -71,15 +71,15 @@ Json RowToJson(const BoardRow& row) {
 }
 
 // The numbers that the board shows beside the successes.
-Json ColumnsToJson(const scoring::ScoredTrack& track, const scoring::Board& board) {
+Json ColumnsToJson(const scoring::ScoredTrack& track, const scoring::BoardSpec& board) {
   Json columns = Json::array();
   for (const size_t place : board.columns) columns.push_back(MetricToJson(track.metrics[place]));
   return columns;
 }
 
-Json BoardToJson(const Board& board) {
+Json BoardToJson(const Leaderboard& board) {
   Json rows = Json::array();
-  for (const BoardRow& row : board.rows) rows.push_back(RowToJson(row));
+  for (const LeaderboardRow& row : board.rows) rows.push_back(RowToJson(row));
   Json disqualified = Json::array();
   for (const DisqualifiedRow& row : board.disqualified) {
     disqualified.push_back({{"team", row.source.team},
@@ -95,17 +95,17 @@ Json BoardToJson(const Board& board) {
 
 }  // namespace
 
-std::variant<Api::Asked, ApiError> Api::BoardAsked(const Request& request) {
+std::variant<Api::BoardQuery, ApiError> Api::ParseBoardQuery(const Request& request) {
   if (!request.has_param("track")) {
     return ApiError{400, "bad_request", "\"track\" is missing: a board is of one track"};
   }
   const std::string name = request.get_param_value("track");
   absl::StatusOr<TrackPtr> track = tracks_.Find(name, request.get_param_value("profile"));
   if (!track.ok()) {
-    return ApiError{400, tracks_.offers().contains(name) ? "unknown_profile" : "unknown_track",
+    return ApiError{400, tracks_.entries().contains(name) ? "unknown_profile" : "unknown_track",
                     std::string(track.status().message())};
   }
-  Asked asked{*track, request.has_param("board") ? request.get_param_value("board")
+  BoardQuery asked{*track, request.has_param("board") ? request.get_param_value("board")
                                                                 : scoring::kMainBoard};
   const auto rules = asked.track->scoring.boards.find(asked.board);
   if (rules == asked.track->scoring.boards.end()) {
@@ -116,12 +116,12 @@ std::variant<Api::Asked, ApiError> Api::BoardAsked(const Request& request) {
   return asked;
 }
 
-absl::StatusOr<std::string> Api::MakeBoardText(Reader& reader, const Asked& asked) {
+absl::StatusOr<std::string> Api::MakeBoardText(Reader& reader, const BoardQuery& asked) {
   const TrackConfig& config = asked.track->config;
   absl::StatusOr<Source> source = SourceOf(reader, *asked.track);
   if (!source.ok()) return source.status();
-  absl::StatusOr<Board> board =
-      MakeBoard(source->standings, source->marks, asked.rules->rules, asked.track->scoring.team);
+  absl::StatusOr<Leaderboard> board =
+      MakeLeaderboard(source->standings, source->marks, asked.rules->rules, asked.track->scoring.team);
   if (!board.ok()) return board.status();
   Json json = BoardToJson(*board);
   source->damaged.insert(source->damaged.end(), board->damaged.begin(), board->damaged.end());
@@ -143,9 +143,9 @@ absl::StatusOr<std::string> Api::MakeBoardText(Reader& reader, const Asked& aske
 Api::Result Api::GetLeaderboard(const Request& request) {
   absl::Status status = CheckParameters(request, {"track", "profile", "board"});
   if (!status.ok()) return ErrorOf(status);
-  const std::variant<Asked, ApiError> asked = BoardAsked(request);
+  const std::variant<BoardQuery, ApiError> asked = ParseBoardQuery(request);
   if (const auto* error = std::get_if<ApiError>(&asked)) return *error;
-  const Asked& board = std::get<Asked>(asked);
+  const BoardQuery& board = std::get<BoardQuery>(asked);
   const std::pair key(board.track->config.hash, board.board);
   Answer answer;
   status = readers_.Read([&](Reader& reader) -> absl::Status {
@@ -179,9 +179,9 @@ Api::Result Api::Explain(const Request& request) {
     }
   }
   if (!status.ok()) return ErrorOf(status);
-  const std::variant<Asked, ApiError> asked = BoardAsked(request);
+  const std::variant<BoardQuery, ApiError> asked = ParseBoardQuery(request);
   if (const auto* error = std::get_if<ApiError>(&asked)) return *error;
-  const Asked& board = std::get<Asked>(asked);
+  const BoardQuery& board = std::get<BoardQuery>(asked);
   Answer answer;
   status = readers_.Read([&](Reader& reader) -> absl::Status {
     const absl::StatusOr<Source> source = SourceOf(reader, *board.track);

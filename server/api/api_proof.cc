@@ -66,13 +66,13 @@ absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
 
 }  // namespace
 
-std::optional<ApiError> Api::Unofficial() const {
+std::optional<ApiError> Api::RefuseRanked() const {
   if (options_.reference == nullptr) return std::nullopt;
   const std::optional<std::string> verdict =
-      options_.reference->Verdict(options_.config.http.request * 0.8);
+      options_.reference->Result(options_.config.http.request * 0.8);
   if (!verdict.has_value()) {
     return ApiError{503, "not_official",
-                    "the reference episodes, which say whether this host may grade officially, "
+                    "the reference episodes, which say whether this host may grade ranked submissions, "
                     "are still being played; try again in a few seconds"};
   }
   if (verdict->empty()) return std::nullopt;

@@ -47,7 +47,7 @@ absl::StatusOr<Json> Api::QuotaOf(Reader& reader, const std::string& team,
                {"day", DayName(day)},
                {"next_day_at", DayName(day + 1) + "T00:00:00.000Z"},
                {"tracks", Json::array()}};
-  for (const auto& [name, offer] : tracks_.offers()) {
+  for (const auto& [name, offer] : tracks_.entries()) {
     if (!track.empty() && track != name) continue;
     const QuotaLimits& limits = options_.config.quota.of(name).quota;
     const QuotaUse use = reader.Quota(team, name, now);
@@ -76,7 +76,7 @@ Api::Result Api::GetQuota(const Request& request) {
   status.Update(ReadNumber(request, "before", INT64_MAX, before));
   status.Update(ReadNumber(request, "limit", 1000, limit));
   if (!status.ok()) return ErrorOf(status);
-  if (!track.empty() && !tracks_.offers().contains(track)) {
+  if (!track.empty() && !tracks_.entries().contains(track)) {
     return ApiError{400, "unknown_track", std::string(tracks_.Find(track, "").status().message())};
   }
   Answer answer;
@@ -99,7 +99,7 @@ Api::Result Api::Grant(const Request&, const Json& body) {
   if (const auto error = OnlyOrganiser()) return *error;
   absl::StatusOr<NewGrant> grant = ParseGrant(body);
   if (!grant.ok()) return ErrorOf(grant.status());
-  if (!tracks_.offers().contains(grant->track)) {
+  if (!tracks_.entries().contains(grant->track)) {
     return ApiError{400, "unknown_track",
                     std::string(tracks_.Find(grant->track, "").status().message())};
   }

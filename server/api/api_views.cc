@@ -113,7 +113,7 @@ absl::StatusOr<Json> Api::Status(Reader& reader, int64_t id) {
   const EpisodeCounts counts = reader.Counts(original.id);
   const int64_t now = absl::ToUnixMillis(clock_.Now());
   Json json = SubmissionToJson(*row, original, counts);
-  const Prospect prospect = engine_.ProspectOf(original.id);
+  const QueueOutlook prospect = engine_.OutlookOf(original.id);
   json["queue"] = nullptr;
   if (prospect.place && original.state == EvaluationState::kQueued) {
     json["queue"] = {{"position", prospect.place->position},
@@ -169,7 +169,7 @@ absl::StatusOr<Json> Api::Breakdown(Reader& reader, int64_t id, bool episodes) {
   if (!aggregate.ok()) return aggregate.status();
   const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(id);
   if (!leases.ok()) return leases.status();
-  const absl::StatusOr<std::vector<ReplayRow>> replays = reader.Replays(id);
+  const absl::StatusOr<std::vector<RepeatRow>> replays = reader.Repeats(id);
   if (!replays.ok()) return replays.status();
 
   Json json = SubmissionToJson(*submission, *evaluation, reader.Counts(id));
@@ -210,7 +210,7 @@ absl::StatusOr<Json> Api::Breakdown(Reader& reader, int64_t id, bool episodes) {
     json["output"].push_back(std::move(output));
   }
   json["not_repeatable"] = Json::array();
-  for (const ReplayRow& replay : *replays) {
+  for (const RepeatRow& replay : *replays) {
     json["not_repeatable"].push_back({{"index", replay.index}, {"differs", replay.differs}});
   }
   json["comparison"] = nullptr;
@@ -303,7 +303,7 @@ Api::Result Api::ListSubmissions(const Request& request) {
 
 Api::Result Api::ListTracks(const Request&) {
   Json list = Json::array();
-  for (const auto& [name, offer] : tracks_.offers()) {
+  for (const auto& [name, offer] : tracks_.entries()) {
     Json profiles = Json::array();
     for (const auto& [profile, track] : offer.profiles) {
       profiles.push_back({{"profile", profile},

@@ -8,7 +8,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/lease/track_config.h"
-#include "server/grading/board.h"
+#include "server/grading/leaderboard.h"
 #include "server/base/names.h"
 
 namespace myograde::server {
@@ -110,7 +110,7 @@ absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body) {
   grant.team = reader.String("team");
   grant.track = reader.String("track");
   grant.budget = ParseBudget(reader.Choice("budget", {"official", "practice", "failed"}))
-                     .value_or(Budget::kOfficial);
+                     .value_or(Budget::kRanked);
   grant.amount = reader.Integer("amount", 1, 1'000'000);
   grant.why = ReadReason(reader);
   if (absl::Status status = reader.Finish(); !status.ok()) return status;

@@ -4,7 +4,7 @@
 
 #include <absl/time/time.h>
 
-#include "server/store/replay.h"
+#include "server/store/differences.h"
 
 namespace myograde::server {
 namespace {

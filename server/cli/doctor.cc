@@ -56,11 +56,11 @@ DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks) {
   const absl::StatusOr<Tracks> tracks = Tracks::Load(options.config_dir + "/tracks");
   if (!tracks.ok()) {
     mistake = std::string(tracks.status().message());
-  } else if (tracks->offers().empty()) {
+  } else if (tracks->entries().empty()) {
     mistake = options.config_dir + "/tracks holds no track";
   } else {
     // The largest budget of memory is the one that a host must be able to give.
-    for (const auto& [name, offer] : tracks->offers()) {
+    for (const auto& [name, offer] : tracks->entries()) {
       const TrackConfig& track = offer.profiles.at(offer.default_profile)->config;
       if (!options.track || track.budgets.memory_bytes > options.track->budgets.memory_bytes) {
         options.track = track;
@@ -69,7 +69,7 @@ DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks) {
   }
   if (mistake.empty()) {
     checks.push_back({"configs", CheckState::kOk,
-                      absl::StrCat(tracks->offers().size(), " tracks in ", options.config_dir), "",
+                      absl::StrCat(tracks->entries().size(), " tracks in ", options.config_dir), "",
                       ""});
   } else {
     checks.push_back({"configs", CheckState::kMissing, mistake, "no daemon and no local run starts",

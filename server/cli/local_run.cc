@@ -163,7 +163,7 @@ absl::Status LocalRun::Finish(Lease& lease) {
     lease.done = true;
     return absl::OkStatus();
   }
-  if (++lease.faults > order_.config.scheduler.max_replays) {
+  if (++lease.faults > order_.config.scheduler.max_retries) {
     return absl::InternalError(absl::StrCat("episodes ", lease.first, " to ", lease.last,
                                             " failed by a fault of the grader: ",
                                             lease.report.fault()));

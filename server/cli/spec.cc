@@ -54,9 +54,9 @@ Json BoundsJson(std::span<const Bounds> bounds) {
   return {{"low", low}, {"high", high}};
 }
 
-Json SpecJson(const TrackConfig& config, const Tracks::Offer& offer) {
+Json SpecJson(const TrackConfig& config, const Tracks::Entry& entry) {
   Json profiles = Json::object();
-  for (const auto& [name, track] : offer.profiles) {
+  for (const auto& [name, track] : entry.profiles) {
     profiles[name] = {{"config", track->config.hash},
                       {"episodes", track->config.seeds.size()},
                       {"episodes_per_lease", track->config.episodes_per_lease},
@@ -68,7 +68,7 @@ Json SpecJson(const TrackConfig& config, const Tracks::Offer& offer) {
   return {{"track", config.id},
           {"kind", config.kind->name},
           {"profile", config.profile},
-          {"default_profile", offer.default_profile},
+          {"default_profile", entry.default_profile},
           {"config", config.hash},
           {"protocol_version", 1},
           {"control_period_s", config.kind->control_period_s},
@@ -156,10 +156,10 @@ void PrintValues(const char* title, const Json& json) {
   table.Print();
 }
 
-void PrintDifferences(const Tracks::Offer& offer) {
+void PrintDifferences(const Tracks::Entry& entry) {
   std::map<std::string, std::map<std::string, std::string>> by_profile;
   std::map<std::string, std::string> all;
-  for (const auto& [name, track] : offer.profiles) {
+  for (const auto& [name, track] : entry.profiles) {
     Json said = {{"rules", WithoutTables(track->config)},
                  {"scoring", track->config.scoring},
                  {"episodes_per_lease", track->config.episodes_per_lease}};
@@ -182,7 +182,7 @@ void PrintDifferences(const Tracks::Offer& offer) {
   table.Print();
 }
 
-void PrintSpec(const TrackConfig& config, const Tracks::Offer& offer, bool full_hashes) {
+void PrintSpec(const TrackConfig& config, const Tracks::Entry& entry, bool full_hashes) {
   std::cout << Bold(absl::StrCat("Track ", config.id, " in the profile ", config.profile)) << '\n'
             << "  " << Counted(std::ssize(config.seeds), "episode") << " in blocks of "
             << config.episodes_per_lease << ", each played by a fresh process of the policy; a "
@@ -198,23 +198,23 @@ void PrintSpec(const TrackConfig& config, const Tracks::Offer& offer, bool full_
   PrintValues("Rules", WithoutTables(config));
   PrintTables(config);
   PrintValues("Scoring", config.scoring);
-  PrintDifferences(offer);
+  PrintDifferences(entry);
 }
 
 int ListTracksOnOffer(const Tracks& tracks, bool json) {
   Json list = Json::array();
   Table table({"track", "kind", "episodes", "profiles (the first is the default)"});
-  for (const auto& [name, offer] : tracks.offers()) {
-    std::vector<std::string> profiles = {offer.default_profile};
-    for (const auto& [profile, track] : offer.profiles) {
-      if (profile != offer.default_profile) profiles.push_back(profile);
+  for (const auto& [name, entry] : tracks.entries()) {
+    std::vector<std::string> profiles = {entry.default_profile};
+    for (const auto& [profile, track] : entry.profiles) {
+      if (profile != entry.default_profile) profiles.push_back(profile);
     }
-    const TrackConfig& config = offer.profiles.at(offer.default_profile)->config;
+    const TrackConfig& config = entry.profiles.at(entry.default_profile)->config;
     table.Add({name, std::string(config.kind->name), absl::StrCat(config.seeds.size()),
                absl::StrJoin(profiles, ", ")});
     list.push_back({{"track", name},
                     {"kind", config.kind->name},
-                    {"default_profile", offer.default_profile},
+                    {"default_profile", entry.default_profile},
                     {"episodes", config.seeds.size()},
                     {"profiles", profiles}});
   }
@@ -232,11 +232,11 @@ int Spec(const SpecOptions& options) {
   if (options.track.empty()) return ListTracksOnOffer(*tracks, options.json);
   const absl::StatusOr<TrackPtr> track = tracks->Find(options.track, options.profile);
   if (!track.ok()) return Complain(track.status());
-  const Tracks::Offer& offer = tracks->offers().at(options.track);
+  const Tracks::Entry& entry = tracks->entries().at(options.track);
   if (options.json) {
-    PrintJson(SpecJson((*track)->config, offer));
+    PrintJson(SpecJson((*track)->config, entry));
   } else {
-    PrintSpec((*track)->config, offer, options.full_hashes);
+    PrintSpec((*track)->config, entry, options.full_hashes);
   }
   return kDone;
 }

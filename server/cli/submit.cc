@@ -110,7 +110,7 @@ int Submit(const SubmitOptions& options) {
   }
   if (submission->value("linked", false)) {
     if (!options.json) {
-      std::cout << "Submission " << id << " of " << Cell(*submission, "team") << " is the official "
+      std::cout << "Submission " << id << " of " << Cell(*submission, "team") << " is the ranked "
                 << "evaluation of this very policy on this board already; nothing new is played, "
                 << "as each policy has one." << std::endl;
     }

@@ -49,8 +49,8 @@ absl::Status ReadRuntimes(const nlohmann::json& json, const std::string& where,
 absl::Status ReadScheduler(const nlohmann::json& json, const std::string& where,
                            ServerConfig& config) {
   ConfigReader reader(json, where);
-  config.scheduler.max_replays = static_cast<int>(reader.Integer("max_replays", 1, 100));
-  config.scheduler.replay_delay = absl::Seconds(reader.Number("replay_delay_s", {0.001, 3600}));
+  config.scheduler.max_retries = static_cast<int>(reader.Integer("max_replays", 1, 100));
+  config.scheduler.retry_delay = absl::Seconds(reader.Number("replay_delay_s", {0.001, 3600}));
   config.scheduler.heartbeat = absl::Seconds(reader.Number("heartbeat_s", {2, 3600}));
   config.scheduler.team_running = static_cast<int>(reader.Integer("team_running", 1, 1024));
   config.scheduler.queue_wait = absl::Seconds(reader.Number("queue_wait_s", {1, 30.0 * 86400}));
@@ -146,8 +146,8 @@ absl::Status ReadRetention(const nlohmann::json& json, const std::string& where,
 absl::StatusOr<AdmissionRules> ReadAdmission(ConfigReader& reader) {
   constexpr int64_t kMax = 1'000'000'000;
   AdmissionRules rules;
-  rules.quota.official.per_day = reader.Integer("official_per_day", 1, kMax);
-  rules.quota.official.total = reader.Integer("official_total", 1, kMax);
+  rules.quota.ranked.per_day = reader.Integer("official_per_day", 1, kMax);
+  rules.quota.ranked.total = reader.Integer("official_total", 1, kMax);
   rules.quota.practice.per_day = reader.Integer("practice_per_day", 1, kMax);
   rules.quota.practice.total = reader.Integer("practice_total", 1, kMax);
   rules.quota.failed.per_day = reader.Integer("failed_per_day", 1, kMax);

@@ -223,7 +223,7 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   server_to_stop = &server;
   const Retention retention(config.retention, options.data_dir, engine, readers, clock);
   spdlog::info("listening on {}, {} slots, {} tracks", options.socket,
-               config.scheduler.slots, tracks.offers().size());
+               config.scheduler.slots, tracks.entries().size());
   const absl::Status status = engine.Run();
   EndSoon(status.ok() ? 0 : 4);
   server_to_stop = nullptr;

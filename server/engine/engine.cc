@@ -31,7 +31,7 @@ void Engine::Stop() {
 absl::Status Engine::Run() {
   while (!stop_) {
     commands_.RunAll();
-    const absl::StatusOr<absl::Duration> wait = core_.Turn();
+    const absl::StatusOr<absl::Duration> wait = core_.RunOnce();
     if (!wait.ok()) {
       commands_.Close();
       (void)core_.FinishShutdown();  // the error is the one that counts
@@ -43,7 +43,7 @@ absl::Status Engine::Run() {
   core_.BeginShutdown();
   const absl::Duration deadline = clock_.Monotonic() + Runner::kCleanUpGrace + kAfterGrace;
   while (!core_.idle() && clock_.Monotonic() < deadline) {
-    const absl::StatusOr<absl::Duration> wait = core_.Turn();
+    const absl::StatusOr<absl::Duration> wait = core_.RunOnce();
     if (!wait.ok()) break;
     Poll(std::min(*wait, deadline - clock_.Monotonic()));
   }

@@ -47,7 +47,7 @@ class Engine {
                                       const std::string& who, absl::Duration timeout);
 
   // Views for answers; safe from any thread, never wait for a runner or the disk.
-  Prospect ProspectOf(int64_t evaluation) const { return core_.ProspectOf(evaluation); }
+  QueueOutlook OutlookOf(int64_t evaluation) const { return core_.OutlookOf(evaluation); }
   std::map<int64_t, LiveLease> Running() const { return core_.Running(); }
   LiveHealth Health() const { return core_.Health(); }
 

@@ -33,7 +33,7 @@ EngineCore::EngineCore(EngineOptions options, Disk& disk, ReaderPool& readers,
 
 EngineCore::~EngineCore() = default;
 
-absl::StatusOr<absl::Duration> EngineCore::Turn() {
+absl::StatusOr<absl::Duration> EngineCore::RunOnce() {
   WriteRequests();
   for (auto& [id, run] : running_) Listen(run);
   SeeEnds();
@@ -174,7 +174,7 @@ void EngineCore::Escalate() {
       absl::FormatDuration(options_.config.scheduler.queue_wait);
   for (const int64_t id : late) {
     spdlog::warn("evaluation {} has waited for {}: it goes ahead of all that has not", id, waited);
-    Later(id, [id, waited, who = owner_](Writer& writer) {
+    AddToJournal(id, [id, waited, who = owner_](Writer& writer) {
       return writer.NoteEvaluation(
           id, who, absl::StrCat("waited for ", waited, " and goes ahead of all that has not"));
     });
@@ -226,7 +226,7 @@ void EngineCore::BeginShutdown() {
   std::vector<int64_t> leases;
   for (const auto& [lease, run] : running_) {
     leases.push_back(lease);
-    Later(run.context->evaluation,
+    AddToJournal(run.context->evaluation,
           [id = lease, attempt = run.attempt, who = owner_](Writer& writer) {
       return writer.ReturnLease(id, attempt, /*fault=*/false, who, "the daemon stopped");
     });

@@ -1,4 +1,4 @@
-// What the daemon decides and does, without threads and without waiting: Turn() does all
+// What the daemon decides and does, without threads and without waiting: RunOnce() does all
 // that there is to do at one moment. It runs leases, listens to their runners, writes what
 // happened into the store and keeps the deadlines.
 //
@@ -81,7 +81,7 @@ struct LiveHealth {
 };
 
 // What the engine knows of an unfinished evaluation.
-struct Prospect {
+struct QueueOutlook {
   std::optional<QueuePlace> place;        // if something of it waits
   std::string waiting;                    // in words, why; "" if nothing waits
   std::string owner;                      // who has to do something about it
@@ -111,19 +111,19 @@ class EngineCore {
 
   // All that there is to do now. Returns how long nothing needs to be done unless a runner
   // speaks or a request comes. An error: the store is beyond repair.
-  absl::StatusOr<absl::Duration> Turn();
+  absl::StatusOr<absl::Duration> RunOnce();
 
-  // Adds the descriptors that Turn() wants to hear of.
+  // Adds the descriptors that RunOnce() wants to hear of.
   void AddDescriptors(std::vector<pollfd>& fds) const;
 
   // No lease starts any more; those that run are put back into the queue, and their runners
-  // asked to end. Turn() until idle(), or give up: what was written is enough.
+  // asked to end. RunOnce() until idle(), or give up: what was written is enough.
   void BeginShutdown();
   bool idle() const { return running_.empty() && ending_.empty() && test_ == nullptr; }
   // The journal, one last time. Kills what still runs.
   absl::Status FinishShutdown();
 
-  // A request's change of the store. Turn() writes it; then comes `effect`, if there is one,
+  // A request's change of the store. RunOnce() writes it; then comes `effect`, if there is one,
   // and then the answer, in any case.
   struct Request {
     StoreChange change;
@@ -140,7 +140,7 @@ class EngineCore {
               CancelAnswer answer);
 
   // Views; safe from any thread, never wait for a runner or the disk.
-  Prospect ProspectOf(int64_t evaluation) const;
+  QueueOutlook OutlookOf(int64_t evaluation) const;
   std::map<int64_t, LiveLease> Running() const;  // by lease
   LiveHealth Health() const;
 
@@ -151,7 +151,7 @@ class EngineCore {
     int64_t submission = 0;
     std::string team;
     std::string party;  // who handed it in; "" for the organiser, who does so for anybody
-    Priority priority = Priority::kOfficial;
+    Priority priority = Priority::kRanked;
     std::string artefact;
     std::vector<std::string> command;
     std::vector<std::string> runtimes;  // host folders
@@ -212,7 +212,7 @@ class EngineCore {
   void ProbeStore();
   absl::Status Flush();
   absl::Status WriteJournal(Writer& writer) const;
-  void Later(int64_t evaluation, StoreChange change) {
+  void AddToJournal(int64_t evaluation, StoreChange change) {
     journal_.push_back({evaluation, std::move(change)});
   }
   absl::Status RequireWritable();
@@ -245,7 +245,7 @@ class EngineCore {
   void SeeEnds();
   void EndOf(LeaseRun& run);
   void Fault(LeaseRun& run, const std::string& why);
-  void GiveUp(const Verdict& verdict, int64_t lease, const std::string& why);
+  void GiveUp(const Decision& decision, int64_t lease, const std::string& why);
   void FreeSlot(int slot);
   void CloseSlots();
   void SeeClosedSlots();

@@ -137,7 +137,7 @@ void EngineCore::EndOf(LeaseRun& run) {
   }
   run.report.Conclude(run.runner->wait_status(), run.runner->stderr_tail());
   if (run.report.faulty()) return Fault(run, run.report.fault());
-  Later(run.context->evaluation, [lease = run.lease, attempt = run.attempt,
+  AddToJournal(run.context->evaluation, [lease = run.lease, attempt = run.attempt,
                                   output = CanonicalJson(OutputJson(*run.report.end())),
                                   who = owner_](Writer& writer) {
     return writer.FinishLease(lease, attempt, output, who);
@@ -150,39 +150,39 @@ void EngineCore::EndOf(LeaseRun& run) {
                     : mean_lease_ * (1 - kNewest) + took * kNewest;
   live_.erase(run.lease);
   host_.LeaseDone();
-  const Verdict verdict = scheduler_.Finished(run.lease, run.attempt, now);
-  if (verdict.kind == Verdict::Kind::kEvaluationEnds) to_settle_.insert(verdict.evaluation);
+  const Decision decision = scheduler_.Finished(run.lease, run.attempt, now);
+  if (decision.kind == Decision::Kind::kEvaluationEnds) to_settle_.insert(decision.evaluation);
 }
 
 void EngineCore::Fault(LeaseRun& run, const std::string& why) {
   spdlog::error("lease {}, attempt {}: fault of the grader: {}", run.lease, run.attempt, why);
   suspect_track_ = run.context->track;
-  Verdict verdict;
+  Decision decision;
   {
     const std::lock_guard lock(mutex_);
     const absl::Duration now = clock_.Monotonic();
     live_.erase(run.lease);
     host_.LeaseFaulted(now, why);
-    verdict = scheduler_.Faulted(run.lease, run.attempt, now);
+    decision = scheduler_.Faulted(run.lease, run.attempt, now);
   }
-  if (verdict.kind == Verdict::Kind::kReplay) {
-    Later(run.context->evaluation,
+  if (decision.kind == Decision::Kind::kRetry) {
+    AddToJournal(run.context->evaluation,
           [lease = run.lease, attempt = run.attempt, why, who = owner_](Writer& writer) {
       return writer.ReturnLease(lease, attempt, /*fault=*/true, who, why);
     });
-  } else if (verdict.kind == Verdict::Kind::kGiveUp) {
-    GiveUp(verdict, run.lease, why);
+  } else if (decision.kind == Decision::Kind::kGiveUp) {
+    GiveUp(decision, run.lease, why);
   }
 }
 
-void EngineCore::GiveUp(const Verdict& verdict, int64_t failed, const std::string& why) {
+void EngineCore::GiveUp(const Decision& decision, int64_t failed, const std::string& why) {
   const std::string reason =
       absl::StrCat("a block of episodes failed ",
-                   Counted(options_.config.scheduler.max_replays + 1, "time"),
+                   Counted(options_.config.scheduler.max_retries + 1, "time"),
                    " by the grader's fault, the last time: ", why);
-  std::vector<int64_t> others = verdict.pending;
-  others.insert(others.end(), verdict.running.begin(), verdict.running.end());
-  Later(verdict.evaluation, [=, evaluation = verdict.evaluation, who = owner_](Writer& writer) {
+  std::vector<int64_t> others = decision.pending;
+  others.insert(others.end(), decision.running.begin(), decision.running.end());
+  AddToJournal(decision.evaluation, [=, evaluation = decision.evaluation, who = owner_](Writer& writer) {
     absl::Status status = writer.EndLease(failed, LeaseState::kFailed, /*fault=*/true, who, why);
     for (const int64_t lease : others) {
       status.Update(writer.EndLease(lease, LeaseState::kCancelled, /*fault=*/false, who,
@@ -192,8 +192,8 @@ void EngineCore::GiveUp(const Verdict& verdict, int64_t failed, const std::strin
         writer.EndEvaluation(evaluation, EvaluationState::kGraderError, reason, "", who));
     return status;
   });
-  for (const int64_t lease : verdict.running) TakeBack(lease);
-  contexts_.erase(verdict.evaluation);
+  for (const int64_t lease : decision.running) TakeBack(lease);
+  contexts_.erase(decision.evaluation);
 }
 
 void EngineCore::TakeBack(int64_t lease, bool ask) {
@@ -243,16 +243,16 @@ void EngineCore::SeeEnding() {
 // Nothing of an evaluation is to be played or settled any more. The leases of it that ran are
 // taken back, and returned.
 std::set<int64_t> EngineCore::Forget(int64_t evaluation) {
-  Verdict verdict;
+  Decision decision;
   {
     const std::lock_guard lock(mutex_);
-    verdict = scheduler_.Cancel(evaluation);
+    decision = scheduler_.Cancel(evaluation);
   }
-  for (const int64_t lease : verdict.running) TakeBack(lease);
+  for (const int64_t lease : decision.running) TakeBack(lease);
   to_take_up_.erase(evaluation);
   to_settle_.erase(evaluation);
   contexts_.erase(evaluation);
-  return {verdict.running.begin(), verdict.running.end()};
+  return {decision.running.begin(), decision.running.end()};
 }
 
 void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
@@ -267,7 +267,7 @@ void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
   spdlog::error("evaluation {} can't be gone on with: {}", evaluation, why);
   Forget(evaluation);
   std::erase_if(journal_, [&](const Entry& entry) { return entry.evaluation == evaluation; });
-  Later(evaluation, [evaluation, why, who = owner_](Writer& writer) {
+  AddToJournal(evaluation, [evaluation, why, who = owner_](Writer& writer) {
     return writer.EndUnreadable(evaluation, why, who);
   });
 }

@@ -49,7 +49,7 @@ void EngineCore::StartLease(const Start& start) {
   run.work_dir = absl::StrCat(options_.data_dir, "/work/", run.lease, "-", run.attempt);
   std::tie(run.first, run.last) = run.context->leases.at(start.lease);
   const int64_t deadline = absl::ToUnixMillis(clock_.Now() + start.lease_wall);
-  Later(start.evaluation, [start, deadline, who = owner_](Writer& writer) {
+  AddToJournal(start.evaluation, [start, deadline, who = owner_](Writer& writer) {
     return writer.StartLease(start.lease, start.attempt, start.slot, deadline, who);
   });
   const LeaseOrder order = OrderFor(run);
@@ -98,7 +98,7 @@ void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
   row->evaluation = run.context->evaluation;
   row->lease = run.lease;
   row->attempt = run.attempt;
-  Later(run.context->evaluation, [row = *std::move(row)](Writer& writer) -> absl::Status {
+  AddToJournal(run.context->evaluation, [row = *std::move(row)](Writer& writer) -> absl::Status {
     absl::StatusOr<Recorded> recorded = writer.RecordEpisode(row);
     if (!recorded.ok()) return recorded.status();
     if (!recorded->differs.empty()) {

@@ -21,7 +21,7 @@ EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) con
   const std::string& who = stored.submission.accepted_by;
   context->party = IsOrganiser(who) ? "" : who;
   context->priority = stored.evaluation.rerun    ? Priority::kRerun
-                      : stored.submission.ranked ? Priority::kOfficial
+                      : stored.submission.ranked ? Priority::kRanked
                                                  : Priority::kPractice;
   context->artefact = stored.artefact.hash;
   context->command = stored.artefact.command;

@@ -7,10 +7,10 @@
 
 namespace myograde::server {
 
-Prospect EngineCore::ProspectOf(int64_t evaluation) const {
+QueueOutlook EngineCore::OutlookOf(int64_t evaluation) const {
   const std::lock_guard lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
-  Prospect prospect;
+  QueueOutlook prospect;
   const std::optional<absl::Duration> deadline = scheduler_.DeadlineOf(evaluation);
   if (!deadline.has_value()) return prospect;
   prospect.deadline = std::max(*deadline - now, absl::ZeroDuration());
@@ -18,7 +18,7 @@ Prospect EngineCore::ProspectOf(int64_t evaluation) const {
   prospect.waiting = scheduler_.WhyWaiting(evaluation, now);
   prospect.owner = owner_;
   if (!prospect.waiting.empty()) {
-    if (const std::string why = host_.WhyNot(now); !why.empty()) {
+    if (const std::string why = host_.PauseReason(now); !why.empty()) {
       absl::StrAppend(&prospect.waiting, "; nothing starts: ", why);
     }
     for (const auto& [slot, why] : closed_slots_) {
@@ -59,7 +59,7 @@ LiveHealth EngineCore::Health() const {
   health.store_trouble = store_trouble_;
   health.unreadable = unreadable_;
   health.host = host_.state();
-  health.host_trouble = host_.WhyNot(now);
+  health.host_trouble = host_.PauseReason(now);
   if (health.host == HostHealth::State::kPaused) health.paused_for = now - host_.paused_since();
   if (const auto next = host_.NextTest()) {
     health.next_test = std::max(*next - now, absl::ZeroDuration());

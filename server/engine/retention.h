@@ -1,6 +1,6 @@
 // Removing files that the organiser's policy no longer keeps: those of submissions
 // that can't stand on a board, and logs of their episodes. What has not ended, and
-// whatever is done and official, stays. The rows of the store stay as well, and
+// whatever is done and ranked, stays. The rows of the store stay as well, and
 // each removal is one.
 #pragma once
 

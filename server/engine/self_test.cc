@@ -42,14 +42,14 @@ std::optional<std::string> SelfTest::Look(absl::Duration now) {
   if (!records.ok()) return std::string(records.status().message());
   const LeaseReport::News news = report_.Take(*records, now);
   if (!news.episodes.empty()) facts_ = news.episodes.back();
-  if (runner_->finished()) return Verdict();
+  if (runner_->finished()) return Result();
   report_.Tick(now);
   if (report_.faulty()) return report_.fault();
   if (now >= deadline_) return "it was not over in its time";
   return std::nullopt;
 }
 
-std::string SelfTest::Verdict() {
+std::string SelfTest::Result() {
   report_.Conclude(runner_->wait_status(), runner_->stderr_tail());
   if (report_.faulty()) return report_.fault();
   if (facts_->fault.outcome != Outcome::kCrash || facts_->fault.value != kWaitStatus) {

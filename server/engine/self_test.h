@@ -39,7 +39,7 @@ class SelfTest {
  private:
   SelfTest(const LeaseOrder& order, absl::Duration deadline)
       : order_(order), deadline_(deadline), report_(order.episodes, {}, absl::ZeroDuration()) {}
-  std::string Verdict();
+  std::string Result();
 
   const LeaseOrder order_;
   const absl::Duration deadline_;

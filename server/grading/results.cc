@@ -10,7 +10,7 @@
 #include "protocol/base/sha256.h"
 #include "server/proof/merkle.h"
 #include "server/store/damage.h"
-#include "server/store/replay.h"
+#include "server/store/differences.h"
 
 namespace myograde::server {
 namespace {

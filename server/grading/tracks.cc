@@ -38,7 +38,7 @@ absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {
   for (const std::string& name : *names) {
     absl::StatusOr<TrackConfig> usual = LoadTrackConfig(dir, name, "");
     if (!usual.ok()) return usual.status();
-    Offer& offer = tracks.offers_[name];
+    Entry& offer = tracks.entries_[name];
     offer.default_profile = usual->profile;
     absl::StatusOr<std::vector<std::string>> profiles = ListProfiles(dir, name);
     if (!profiles.ok()) return profiles.status();
@@ -54,10 +54,10 @@ absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {
 }
 
 absl::StatusOr<TrackPtr> Tracks::Find(const std::string& track, const std::string& profile) const {
-  const auto offer = offers_.find(track);
-  if (offer == offers_.end()) {
+  const auto offer = entries_.find(track);
+  if (offer == entries_.end()) {
     return absl::NotFoundError(
-        absl::StrCat("there is no track \"", track, "\"; known: ", Keys(offers_)));
+        absl::StrCat("there is no track \"", track, "\"; known: ", Keys(entries_)));
   }
   const std::string& wanted = profile.empty() ? offer->second.default_profile : profile;
   const auto found = offer->second.profiles.find(wanted);

@@ -33,14 +33,14 @@ class Tracks {
   // `profile` "" is the track's default. NotFoundError names what is known.
   absl::StatusOr<TrackPtr> Find(const std::string& track, const std::string& profile) const;
 
-  struct Offer {
+  struct Entry {
     std::string default_profile;
     std::map<std::string, TrackPtr> profiles;
   };
-  const std::map<std::string, Offer>& offers() const { return offers_; }
+  const std::map<std::string, Entry>& entries() const { return entries_; }
 
  private:
-  std::map<std::string, Offer> offers_;
+  std::map<std::string, Entry> entries_;
 };
 
 }  // namespace myograde::server

@@ -73,7 +73,7 @@ ReferenceCheck::ReferenceCheck(ReferenceOptions options)
           spdlog::warn("the reference episodes could not be played: {}",
                        std::string(verdict.status().message()));
         } else if (verdict.ok() && !verdict->empty()) {
-          spdlog::error("no official grading here: {}", *verdict);
+          spdlog::error("no ranked submission is graded here: {}", *verdict);
         }
         const std::lock_guard lock(mutex_);
         verdict_ = verdict.ok() ? *verdict : "";
@@ -85,7 +85,7 @@ ReferenceCheck::~ReferenceCheck() {
   thread_.join();
 }
 
-std::optional<std::string> ReferenceCheck::Verdict(absl::Duration timeout) const {
+std::optional<std::string> ReferenceCheck::Result(absl::Duration timeout) const {
   std::unique_lock lock(mutex_);
   known_.wait_for(lock, absl::ToChronoNanoseconds(timeout),
                   [this] { return verdict_.has_value(); });

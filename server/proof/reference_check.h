@@ -1,6 +1,6 @@
 // Does this host compute what every other does? Plays the reference episodes,
 // logs whose states are known, and compares. A daemon whose host fails grades
-// nothing officially.
+// no ranked submission.
 #pragma once
 
 #include <atomic>
@@ -35,9 +35,9 @@ class ReferenceCheck {
   ~ReferenceCheck();
 
   // Waits for the verdict: nullopt if it is not known in time; "" if the host may
-  // grade officially; else why not. A check that could not be made forbids
+  // grade ranked submissions; else why not. A check that could not be made forbids
   // nothing: what keeps it from playing keeps leases from it as well.
-  std::optional<std::string> Verdict(absl::Duration timeout) const;
+  std::optional<std::string> Result(absl::Duration timeout) const;
 
  private:
   const ReferenceOptions options_;

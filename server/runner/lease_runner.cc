@@ -106,7 +106,7 @@ absl::Status LeaseRunner::Play() {
     if (absl::Status status = PreparePolicy(); !status.ok()) return status;
   }
   while (!done_) {
-    if (absl::Status status = Turn(); !status.ok()) return status;
+    if (absl::Status status = RunOnce(); !status.ok()) return status;
   }
   SeeOffPolicy();
   sim_->Wait(kSimFarewell);
@@ -156,7 +156,7 @@ absl::Status LeaseRunner::StartSim() {
   return absl::OkStatus();
 }
 
-absl::Status LeaseRunner::Turn() {
+absl::Status LeaseRunner::RunOnce() {
   // A flood beyond what is kept is only read once in a refresh, so that the
   // policy waits for us and not a processor for it.
   const bool heard = policy_ != nullptr && !stdout_.truncated() && !stderr_.truncated();

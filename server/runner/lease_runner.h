@@ -34,7 +34,7 @@ class LeaseRunner {
   absl::Status Play();
   absl::Status StartSim();
   // Waits for something to happen and sees to it. Sets done_.
-  absl::Status Turn();
+  absl::Status RunOnce();
   absl::Status HandleSimMessage();
   absl::Status HandleRecord(const nlohmann::json& json);
   absl::Status PreparePolicy();

@@ -52,7 +52,7 @@ std::optional<absl::Duration> HostHealth::NextTest() const {
   return next_test_;
 }
 
-std::string HostHealth::WhyNot(absl::Duration now) const {
+std::string HostHealth::PauseReason(absl::Duration now) const {
   if (state_ == State::kWell) return "";
   if (state_ == State::kSuspected) {
     return absl::StrCat("the host is being tested after ", Counted(faults_, "fault"),

@@ -43,7 +43,7 @@ class HostHealth {
   // When to look again, though nothing happens.
   std::optional<absl::Duration> NextTest() const;
   // Why nothing starts, in words; "" if kWell.
-  std::string WhyNot(absl::Duration now) const;
+  std::string PauseReason(absl::Duration now) const;
   // When the host was paused; only if kPaused.
   absl::Duration paused_since() const { return paused_since_; }
 

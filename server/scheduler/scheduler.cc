@@ -63,8 +63,8 @@ std::optional<int> Scheduler::TakeSlot() {
   return slot;
 }
 
-Scheduler::Turn Scheduler::TurnOf(const Team& team, const Evaluation& evaluation) const {
-  Turn turn = {team.running, team.last_start, team.joined};
+Scheduler::Precedence Scheduler::PrecedenceOf(const Team& team, const Evaluation& evaluation) const {
+  Precedence turn = {team.running, team.last_start, team.joined};
   const auto party = parties_.find(evaluation.spec.party);
   if (party == parties_.end()) return turn;
   turn.running = std::max(turn.running, party->second.running);
@@ -77,15 +77,15 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
   if (slot < 0) return std::nullopt;
   Team* best_team = nullptr;
   Lease* best = nullptr;
-  Turn first = {};
+  Precedence first = {};
   for (int priority = 0; priority < kPriorities && best == nullptr; ++priority) {
     for (auto& [name, team] : teams_) {
       if (team.running >= limits_.team_running) continue;
       // What a party has can only put its teams behind.
-      if (best != nullptr && first <= Turn{team.running, team.last_start, team.joined}) continue;
+      if (best != nullptr && first <= Precedence{team.running, team.last_start, team.joined}) continue;
       Lease* lease = FirstReady(team, Priority(priority), now);
       if (lease == nullptr) continue;
-      const Turn turn = TurnOf(team, evaluations_.at(lease->evaluation));
+      const Precedence turn = PrecedenceOf(team, evaluations_.at(lease->evaluation));
       if (best != nullptr && first <= turn) continue;
       best_team = &team;
       best = lease;
@@ -154,59 +154,59 @@ void Scheduler::Remove(int64_t id) {
   evaluations_.erase(it);
 }
 
-Verdict Scheduler::Finished(int64_t id, int64_t attempt, absl::Duration now) {
+Decision Scheduler::Finished(int64_t id, int64_t attempt, absl::Duration now) {
   Lease* lease = Current(id, attempt);
   if (lease == nullptr) return {};
-  Verdict verdict{.kind = Verdict::Kind::kEvaluationRuns, .evaluation = lease->evaluation};
+  Decision decision{.kind = Decision::Kind::kEvaluationRuns, .evaluation = lease->evaluation};
   StopRunning(*lease);
   leases_.erase(id);
-  Evaluation& evaluation = evaluations_.at(verdict.evaluation);
+  Evaluation& evaluation = evaluations_.at(decision.evaluation);
   if (evaluation.waiting.empty() && evaluation.running.empty()) {
-    Remove(verdict.evaluation);
-    verdict.kind = Verdict::Kind::kEvaluationEnds;
+    Remove(decision.evaluation);
+    decision.kind = Decision::Kind::kEvaluationEnds;
   } else {
     Wait(evaluation, now + limits_.queue_wait);
   }
-  return verdict;
+  return decision;
 }
 
-Verdict Scheduler::Faulted(int64_t id, int64_t attempt, absl::Duration now) {
+Decision Scheduler::Faulted(int64_t id, int64_t attempt, absl::Duration now) {
   Lease* lease = Current(id, attempt);
   if (lease == nullptr) return {};
   const int64_t owner = lease->evaluation;
   Evaluation& evaluation = evaluations_.at(owner);
   lease->faults += 1;
   StopRunning(*lease);
-  if (lease->faults <= limits_.max_replays) {
+  if (lease->faults <= limits_.max_retries) {
     const int64_t doublings = std::min<int64_t>(lease->faults - 1, 20);
-    lease->not_before = now + limits_.replay_delay * static_cast<double>(int64_t{1} << doublings);
+    lease->not_before = now + limits_.retry_delay * static_cast<double>(int64_t{1} << doublings);
     delayed_.emplace(lease->not_before, id);
     evaluation.waiting.insert(id);
     UpdateLine(evaluation);
     Wait(evaluation, now + limits_.queue_wait);
-    return {.kind = Verdict::Kind::kReplay, .evaluation = owner};
+    return {.kind = Decision::Kind::kRetry, .evaluation = owner};
   }
   leases_.erase(id);
-  Verdict verdict = Cancel(owner);
-  verdict.kind = Verdict::Kind::kGiveUp;
-  return verdict;
+  Decision decision = Cancel(owner);
+  decision.kind = Decision::Kind::kGiveUp;
+  return decision;
 }
 
-Verdict Scheduler::Cancel(int64_t id) {
+Decision Scheduler::Cancel(int64_t id) {
   const auto it = evaluations_.find(id);
   if (it == evaluations_.end()) return {};
   const Evaluation& evaluation = it->second;
-  Verdict verdict{.kind = Verdict::Kind::kEvaluationEnds, .evaluation = id};
-  verdict.pending.assign(evaluation.waiting.begin(), evaluation.waiting.end());
-  verdict.running.assign(evaluation.running.begin(), evaluation.running.end());
-  for (const int64_t lease : verdict.running) StopRunning(leases_.at(lease));
-  for (const int64_t lease : verdict.running) leases_.erase(lease);
-  for (const int64_t lease : verdict.pending) {
+  Decision decision{.kind = Decision::Kind::kEvaluationEnds, .evaluation = id};
+  decision.pending.assign(evaluation.waiting.begin(), evaluation.waiting.end());
+  decision.running.assign(evaluation.running.begin(), evaluation.running.end());
+  for (const int64_t lease : decision.running) StopRunning(leases_.at(lease));
+  for (const int64_t lease : decision.running) leases_.erase(lease);
+  for (const int64_t lease : decision.pending) {
     delayed_.erase({leases_.at(lease).not_before, lease});
     leases_.erase(lease);
   }
   Remove(id);
-  return verdict;
+  return decision;
 }
 
 std::vector<Overdue> Scheduler::OverdueAt(absl::Duration now) const {
@@ -273,7 +273,7 @@ std::optional<QueuePlace> Scheduler::PlaceOf(int64_t id) const {
   const Evaluation& evaluation = it->second;
   const Team& own = teams_.at(evaluation.spec.team);
   const int64_t rank = own.line.RankOf(evaluation.priority, id);
-  const Turn turn = TurnOf(own, evaluation);
+  const Precedence turn = PrecedenceOf(own, evaluation);
   QueuePlace place{.position = 1};
   for (const auto& [name, team] : teams_) {
     for (int i = 0; i < static_cast<int>(evaluation.priority); ++i) {
@@ -283,7 +283,7 @@ std::optional<QueuePlace> Scheduler::PlaceOf(int64_t id) const {
     }
     const auto line = team.line.In(evaluation.priority).begin();
     const bool earlier = &team != &own && line != team.line.In(evaluation.priority).end() &&
-                         TurnOf(team, evaluations_.at(line->first)) < turn;
+                         PrecedenceOf(team, evaluations_.at(line->first)) < turn;
     const int64_t before = rank + (earlier ? 1 : 0);
     place.position += std::min(before, team.line.size(evaluation.priority));
     place.leases_ahead += team.line.LeasesOfFirst(evaluation.priority, before);

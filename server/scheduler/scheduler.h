@@ -34,8 +34,8 @@ namespace myograde::server {
 struct SchedulerLimits {
   int slots = 1;                                       // leases at once
   int team_running = 1024;                             // of one team
-  int max_replays = 3;                                 // after faults of the grader, per lease
-  absl::Duration replay_delay = absl::Seconds(2);      // doubled after each further fault
+  int max_retries = 3;                                 // after faults of the grader, per lease
+  absl::Duration retry_delay = absl::Seconds(2);      // doubled after each further fault
   absl::Duration heartbeat = absl::Seconds(30);        // longest silence of a runner
   absl::Duration queue_wait = absl::Hours(1);          // then it goes ahead of the others
 };
@@ -50,7 +50,7 @@ struct EvaluationSpec {
   int64_t id = 0;
   std::string team;
   std::string party;              // who handed it in; "": nobody knows, so the team stands for it
-  Priority priority = Priority::kOfficial;
+  Priority priority = Priority::kRanked;
   absl::Duration lease_wall;      // after this a lease is taken back
   std::vector<LeaseSpec> leases;  // those that have not ended; played in the order of their ids
 };
@@ -72,12 +72,12 @@ struct Overdue {
 };
 
 // What a lease's end means.
-struct Verdict {
+struct Decision {
   enum class Kind {
     kStale,            // of an attempt that does not run (any more): to be ignored
     kEvaluationRuns,   // other leases of the evaluation are still to be done
     kEvaluationEnds,   // this was the last one
-    kReplay,           // the lease waits to be played again
+    kRetry,           // the lease waits to be played again
     kGiveUp,           // too many faults: end the evaluation as grader_error
   };
   Kind kind = Kind::kStale;
@@ -113,12 +113,12 @@ class Scheduler {
   bool IsCurrent(int64_t lease, int64_t attempt) const;
 
   // The attempt ended with all of its episodes.
-  Verdict Finished(int64_t lease, int64_t attempt, absl::Duration now);
+  Decision Finished(int64_t lease, int64_t attempt, absl::Duration now);
   // The attempt ended, or is ended now, by a fault of the grader.
-  Verdict Faulted(int64_t lease, int64_t attempt, absl::Duration now);
+  Decision Faulted(int64_t lease, int64_t attempt, absl::Duration now);
   // The evaluation ends now, whatever it does; both lists of the answer name what was open.
   // kStale if it has ended or never was.
-  Verdict Cancel(int64_t evaluation);
+  Decision Cancel(int64_t evaluation);
 
   // Takes a free slot for something else than a lease; nullopt if there is none.
   std::optional<int> TakeSlot();
@@ -166,7 +166,7 @@ class Scheduler {
   };
   struct Evaluation {
     EvaluationSpec spec;
-    Priority priority = Priority::kOfficial;  // now: kOverdue after its wait's deadline
+    Priority priority = Priority::kRanked;  // now: kOverdue after its wait's deadline
     std::set<int64_t> waiting;
     std::set<int64_t> running;
     absl::Duration wait_over = absl::InfiniteDuration();  // infinite while nothing waits
@@ -180,11 +180,11 @@ class Scheduler {
     int64_t joined = 0;
   };
   // What is compared between teams; the least is next.
-  struct Turn {
+  struct Precedence {
     int running;
     int64_t last_start;
     int64_t joined;
-    auto operator<=>(const Turn&) const = default;
+    auto operator<=>(const Precedence&) const = default;
   };
 
   Lease* Current(int64_t lease, int64_t attempt);
@@ -193,7 +193,7 @@ class Scheduler {
   void UpdateLine(Evaluation& evaluation);
   void Remove(int64_t evaluation);
   Share* PartyOf(const Evaluation& evaluation);  // null if nobody knows
-  Turn TurnOf(const Team& team, const Evaluation& evaluation) const;
+  Precedence PrecedenceOf(const Team& team, const Evaluation& evaluation) const;
   Lease* FirstReady(const Team& team, Priority priority, absl::Duration now);
   int FreeSlot() const;
 

@@ -10,9 +10,9 @@
 
 namespace myograde::server {
 
-// What goes first. kOverdue: whatever has waited for too long. kOfficial: it may rank.
+// What goes first. kOverdue: whatever has waited for too long. kRanked: it may rank.
 // kPractice: it may not. kRerun: a playing again.
-enum class Priority { kOverdue = 0, kOfficial = 1, kPractice = 2, kRerun = 3 };
+enum class Priority { kOverdue = 0, kRanked = 1, kPractice = 2, kRerun = 3 };
 constexpr int kPriorities = 4;
 
 class TeamLine {

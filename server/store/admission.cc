@@ -1,4 +1,4 @@
-// Accepting submissions: their rows, their quota, and one official evaluation for an artefact.
+// Accepting submissions: their rows, their quota, and one ranked evaluation for an artefact.
 #include <absl/strings/str_cat.h>
 
 #include "server/store/connection.h"
@@ -8,7 +8,7 @@
 namespace myograde::server {
 namespace {
 
-// Official evaluations of an artefact in a config. Those that ended by the grader's fault, or
+// Ranked evaluations of an artefact in a config. Those that ended by the grader's fault, or
 // were cancelled before an episode had ended, showed their team nothing and count for nothing.
 constexpr char kOfficial[] =
     "SELECT s.id, e.id FROM submission AS s "
@@ -156,7 +156,7 @@ absl::StatusOr<std::optional<Accepted>> Writer::FindOfficial(const NewSubmission
   return WithErrorCode(
       absl::FailedPreconditionError(absl::StrCat(
           "another team has handed in exactly this artefact for track \"", submission.track,
-          "\", profile \"", submission.profile, "\", and an artefact has one official evaluation "
+          "\", profile \"", submission.profile, "\", and an artefact has one ranked evaluation "
           "there; hand in a policy of your own, or practise with fewer episodes")),
       "same_artefact");
 }
@@ -179,7 +179,7 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
     if (!first.ok()) return first.status();
     if (first->has_value()) return **first;
   }
-  const Budget budget = submission.ranked ? Budget::kOfficial : Budget::kPractice;
+  const Budget budget = submission.ranked ? Budget::kRanked : Budget::kPractice;
   const QuotaUse use = ReadQuotaUse(db_, submission.team, submission.track, now_ms_);
   if (absl::Status status =
           CheckQuota(use, rules.quota, budget, submission.team, submission.track);

@@ -19,10 +19,10 @@ constexpr std::array<std::string_view, 3> kNames = {"official", "practice", "fai
 
 size_t Index(Budget budget) { return static_cast<size_t>(budget); }
 
-// "1 official evaluation".
+// "1 ranked evaluation".
 std::string CountedUnits(int64_t count, Budget budget) {
   switch (budget) {
-    case Budget::kOfficial: return Counted(count, "official evaluation");
+    case Budget::kRanked: return Counted(count, "ranked evaluation");
     case Budget::kPractice: return Counted(count, "practice evaluation");
     case Budget::kFailed: break;
   }
@@ -113,7 +113,7 @@ std::optional<Budget> ParseBudget(std::string_view name) {
 }
 
 const Allowance& QuotaLimits::of(Budget budget) const {
-  if (budget == Budget::kOfficial) return official;
+  if (budget == Budget::kRanked) return ranked;
   return budget == Budget::kPractice ? practice : failed;
 }
 

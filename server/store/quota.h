@@ -1,12 +1,12 @@
 // Quotas: what a team may hand in on a track, as a function of the store's rows.
 //
-// Each ranked submission is charged to the budget `official`, each other one to
-// `practice`: one unit, when its first episode has ended in any outcome but the
-// grader's fault, for the day on which it was accepted. What was accepted and is
-// not charged yet counts as used. An evaluation that ends as grader_error gets its
-// unit back. One that ends as failed (there was no episode that the policy did not
-// spoil) gets it back as well and is charged to the budget `failed` in its place,
-// to which refused uploads go too. A cancelled one gets nothing back.
+// Each ranked submission is charged to the ranked budget (`official` in requests and
+// rows), each other one to `practice`: one unit, when its first episode has ended in
+// any outcome but the grader's fault, for the day on which it was accepted. What was
+// accepted and is not charged yet counts as used. An evaluation that ends as
+// grader_error gets its unit back. One that ends as failed (there was no episode that
+// the policy did not spoil) gets it back as well and is charged to the budget `failed`
+// in its place, to which refused uploads go too. A cancelled one gets nothing back.
 //
 // Days are whole days of UTC. Time that goes back makes no new day (schema_v2.sql,
 // invariant 9); time that goes forward starts a day early, which then has its one
@@ -27,8 +27,8 @@ class Database;
 
 namespace myograde::server {
 
-enum class Budget { kOfficial, kPractice, kFailed };
-inline constexpr std::array kBudgets = {Budget::kOfficial, Budget::kPractice, Budget::kFailed};
+enum class Budget { kRanked, kPractice, kFailed };
+inline constexpr std::array kBudgets = {Budget::kRanked, Budget::kPractice, Budget::kFailed};
 
 std::string_view BudgetName(Budget budget);
 std::optional<Budget> ParseBudget(std::string_view name);
@@ -41,7 +41,7 @@ struct Allowance {
 
 // Of one team on one track.
 struct QuotaLimits {
-  Allowance official;
+  Allowance ranked;
   Allowance practice;
   Allowance failed;
   int64_t waiting = 0;  // evaluations that wait for their first lease at one time

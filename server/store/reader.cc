@@ -224,11 +224,11 @@ absl::StatusOr<std::vector<EpisodeRow>> Reader::Episodes(int64_t evaluation) {
   return AllOf(select, empty, EpisodeOf);
 }
 
-absl::StatusOr<std::vector<ReplayRow>> Reader::Replays(int64_t evaluation) {
+absl::StatusOr<std::vector<RepeatRow>> Reader::Repeats(int64_t evaluation) {
   SQLite::Statement select(db_, "SELECT idx, attempt, differs_json, id FROM replay "
                                 "WHERE evaluation = ? ORDER BY idx, attempt");
   select.bind(1, evaluation);
-  return AllOf<ReplayRow>(select, {}, [](SQLite::Statement& read, ReplayRow& replay) {
+  return AllOf<RepeatRow>(select, {}, [](SQLite::Statement& read, RepeatRow& replay) {
     StoredRow row(read, "replay", Shown(read.getColumn(3)));
     replay.index = row.Number(0, 0, kMaxEpisodes - 1);
     replay.attempt = row.Number(1, 1, kMany);

@@ -63,7 +63,7 @@ class Reader {
   Listed<EvaluationRow> Unfinished();
   absl::StatusOr<std::vector<LeaseRow>> Leases(int64_t evaluation);    // by first episode
   absl::StatusOr<std::vector<EpisodeRow>> Episodes(int64_t evaluation);  // by index
-  absl::StatusOr<std::vector<ReplayRow>> Replays(int64_t evaluation);
+  absl::StatusOr<std::vector<RepeatRow>> Repeats(int64_t evaluation);
   EpisodeCounts Counts(int64_t evaluation);
   absl::StatusOr<std::vector<TransitionRow>> Transitions(const std::string& entity, int64_t id);
   // The effective config, and the seeds, as canonical JSON whose hash is the one asked for.
@@ -100,7 +100,7 @@ class Reader {
   std::vector<ArtefactUse> ArtefactUses();
   // What nobody has submitted, the oldest first.
   std::vector<UploadRow> Uploads();
-  // Hashes of logs of what has not ended, or is done and official.
+  // Hashes of logs of what has not ended, or is done and ranked.
   std::set<std::string> NeededLogs();
   // Evaluations that are done and have no standing, or all that are done.
   std::vector<int64_t> DoneEvaluations(bool without_standing);

@@ -93,7 +93,7 @@ struct EpisodeRow {
   std::string metrics_json;
 };
 
-struct ReplayRow {
+struct RepeatRow {
   int64_t index = 0;
   int64_t attempt = 0;
   std::vector<std::string> differs;
@@ -144,7 +144,7 @@ struct ArtefactUse {
   std::string hash;
   int64_t bytes = 0;
   int64_t last_use = 0;  // upload, acceptance or end of an evaluation, whichever was last
-  bool needed = false;   // of what has not ended, or is done and official
+  bool needed = false;   // of what has not ended, or is done and ranked
 };
 
 // An artefact whose files are here and that nobody has submitted.

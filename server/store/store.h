@@ -53,7 +53,7 @@ struct NewSubmission {
 // What a submission must fit into to be accepted.
 struct AdmissionRules {
   QuotaLimits quota;
-  // An artefact has one official evaluation in a config: for each team, or (true)
+  // An artefact has one ranked evaluation in a config: for each team, or (true)
   // for all teams together.
   bool one_for_everyone = false;
 };
@@ -96,7 +96,7 @@ struct Accepted {
   int64_t submission = 0;
   int64_t evaluation = 0;
   std::vector<int64_t> leases;  // in the order of the blocks
-  // True: nothing is new. The team has this artefact's official evaluation
+  // True: nothing is new. The team has this artefact's ranked evaluation
   // already, and `submission` and `evaluation` are that one's; no leases here.
   bool linked = false;
 };
@@ -105,7 +105,7 @@ struct Accepted {
 struct NewGrant {
   std::string team;
   std::string track;
-  Budget budget = Budget::kOfficial;
+  Budget budget = Budget::kRanked;
   int64_t amount = 0;
   std::string why;
 };
@@ -135,7 +135,7 @@ class Writer {
                          const UnsubmittedLimits& limits);
   // NotFoundError if the artefact is not in the store; a damaged row (damage.h) if the config
   // or the seeds are there and are not those given. What is over a quota, a
-  // second official evaluation of an artefact that is another team's, and a new
+  // second ranked evaluation of an artefact that is another team's, and a new
   // team whose name looks like another's, is a FailedPreconditionError with the
   // code "quota", "same_artefact" or "look_alike" (ResembledTeam). A name that no
   // new team may have is an InvalidArgumentError. So are those of the other
@@ -207,7 +207,7 @@ class Writer {
   absl::Status RunEvaluation(int64_t evaluation, const std::string& who);
   void MendTypes(const char* table, int64_t id);
   void MendBoardState();
-  // The official evaluation that stands in the way of another; nullopt: none.
+  // The ranked evaluation that stands in the way of another; nullopt: none.
   absl::StatusOr<std::optional<Accepted>> FindOfficial(const NewSubmission& submission,
                                                        const AdmissionRules& rules);
   void ChargeFirstEpisode(int64_t evaluation, const std::string& why);

@@ -6,7 +6,7 @@
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
 #include "server/store/connection.h"
-#include "server/store/replay.h"
+#include "server/store/differences.h"
 #include "server/store/store.h"
 #include "server/store/stored_row.h"
 

@@ -50,7 +50,7 @@ class Queue {
   }
 
   void Play(int64_t ends) {
-    for (int64_t i = 0; i < ends; ++i) Turn();
+    for (int64_t i = 0; i < ends; ++i) RunOnce();
   }
 
   const Calls& calls() const { return calls_; }
@@ -65,7 +65,7 @@ class Queue {
     Timed(calls_["add"], [&] { return scheduler_.Add(spec, now_), true; });
   }
 
-  void Turn() {
+  void RunOnce() {
     now_ += absl::Milliseconds(1);
     Timed(calls_["escalate"], [&] { return scheduler_.Escalate(now_); });
     const auto start = Timed(calls_["next"], [&] { return scheduler_.Next(now_); });
@@ -74,11 +74,11 @@ class Queue {
     Timed(calls_["place_of"], [&] { return scheduler_.PlaceOf(start->evaluation); });
     Timed(calls_["place_of"], [&] { return scheduler_.PlaceOf(evaluations_); });
     Timed(calls_["deadline"], [&] { return scheduler_.NextDeadline(now_); });
-    const Verdict verdict = Timed(calls_["finished"], [&] {
+    const Decision verdict = Timed(calls_["finished"], [&] {
       return scheduler_.Finished(start->lease, start->attempt, now_);
     });
     scheduler_.Free(start->slot);
-    if (verdict.kind == Verdict::Kind::kEvaluationEnds) Add();
+    if (verdict.kind == Decision::Kind::kEvaluationEnds) Add();
   }
 
   const int64_t teams_;

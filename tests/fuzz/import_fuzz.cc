@@ -52,7 +52,7 @@ absl::Status Fill(Writer& writer) {
                                  .seeds_json = "[1,2]", .seed_count = 2, .ranked = true,
                                  .grader_json = "{}", .blocks = {{0, 1}}};
   const AdmissionRules rules = {
-      .quota = {.official = {9, 9}, .practice = {9, 9}, .failed = {9, 9}, .waiting = 9}};
+      .quota = {.ranked = {9, 9}, .practice = {9, 9}, .failed = {9, 9}, .waiting = 9}};
   const absl::StatusOr<Accepted> accepted = writer.Accept(submission, rules, "uid 0");
   if (!accepted.ok()) return accepted.status();
   const int64_t lease = accepted->leases[0];
@@ -139,7 +139,7 @@ void ReadAll(SQLite::Database& db) {
       (void)MerkleRootOf(rows);
       for (const EpisodeRow& row : rows) (void)ReceiptEntry(row);
       (void)reader.Leases(evaluation.id).status();
-      (void)reader.Replays(evaluation.id).status();
+      (void)reader.Repeats(evaluation.id).status();
     }
     (void)reader.Ledger(submission.team, submission.track, INT64_MAX, 100);
     (void)reader.Quota(submission.team, submission.track, 1700000000000);

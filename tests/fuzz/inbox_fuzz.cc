@@ -69,11 +69,11 @@ class Conversation {
   }
 
   void Take(const Packet& packet) {
-    const bridge::Verdict verdict = inbox_.Take(packet);
-    Require(!faulted_ || verdict == bridge::Verdict::kDropped, "after a fault nothing is taken");
+    const bridge::Disposition verdict = inbox_.Take(packet);
+    Require(!faulted_ || verdict == bridge::Disposition::kDropped, "after a fault nothing is taken");
     ++messages_;
-    if (verdict == bridge::Verdict::kFrame || verdict == bridge::Verdict::kFault) Check(verdict);
-    if (verdict == bridge::Verdict::kFault) faulted_ = true;
+    if (verdict == bridge::Disposition::kFrame || verdict == bridge::Disposition::kFault) Check(verdict);
+    if (verdict == bridge::Disposition::kFault) faulted_ = true;
     // Every message but the answer uses up one of the allowances.
     Require(faulted_ || messages_ <= 1 + kLimits.stray_messages + kLimits.wrong_answers + 1 +
                                          again_,
@@ -81,12 +81,12 @@ class Conversation {
   }
 
  private:
-  void Check(bridge::Verdict verdict) {
+  void Check(bridge::Disposition verdict) {
     const auto frame = ParseBridgeFrame(inbox_.frame());
     Require(frame.ok(), "the simulator takes the frame");
-    Require(std::holds_alternative<FaultFrame>(*frame) == (verdict == bridge::Verdict::kFault),
+    Require(std::holds_alternative<FaultFrame>(*frame) == (verdict == bridge::Disposition::kFault),
             "a fault is told as a fault");
-    if (verdict == bridge::Verdict::kFault) return;
+    if (verdict == bridge::Disposition::kFault) return;
     if (std::holds_alternative<HelloFrame>(*frame)) {
       Require(!greeted_, "there is one hello");
       greeted_ = true;

@@ -38,9 +38,9 @@ const fuzz::Folder& Configs() {
 void CheckServer() {
   const auto config = LoadServerConfig(Configs() / "server.json", "/cache");
   if (!config.ok()) return;
-  Require(config->scheduler.slots >= 1 && config->scheduler.max_replays >= 1, "there are slots");
+  Require(config->scheduler.slots >= 1 && config->scheduler.max_retries >= 1, "there are slots");
   for (const absl::Duration time :
-       {config->scheduler.heartbeat, config->scheduler.replay_delay, config->lease_grace,
+       {config->scheduler.heartbeat, config->scheduler.retry_delay, config->lease_grace,
         config->http.request, config->http.upload, config->http.idle}) {
     Require(time > absl::ZeroDuration() && time < absl::Hours(1000), "every wait has an end");
   }

@@ -111,7 +111,7 @@ def submissions_of(host, rounds):
     made = []
     for number in range(rounds):
         policy = ("zero", "random", "scripted-locomotion")[number % 3]
-        # A team's policy has one official evaluation, so later rounds are other teams'.
+        # A team's policy has one ranked evaluation, so later rounds are other teams'.
         made.append(host.submit(policy, f"team {number % 4}.{number // 12}, {policy}"))
     return made
 

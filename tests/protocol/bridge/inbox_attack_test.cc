@@ -53,16 +53,16 @@ Packet Fragment(uint32_t message_size, uint32_t offset, uint16_t number, uint16_
 // An inbox that waits for the action of a step.
 Inbox AtStep(int64_t episode, int64_t step, InboxLimits limits = kLimits) {
   Inbox inbox(limits);
-  EXPECT_EQ(inbox.Take(Wrap(kHelloChannel, Encode(GoodHello()))), Verdict::kFrame);
+  EXPECT_EQ(inbox.Take(Wrap(kHelloChannel, Encode(GoodHello()))), Disposition::kFrame);
   inbox.Ask(Question(Channel::kWelcome, Expect::kNothing, -1, -1));
   inbox.Ask(Question(Channel::kEpisodeStart, Expect::kReady, episode, -1));
-  EXPECT_EQ(inbox.Take(Wrap(kReadyChannel, Encode(GoodReady(episode)))), Verdict::kFrame);
+  EXPECT_EQ(inbox.Take(Wrap(kReadyChannel, Encode(GoodReady(episode)))), Disposition::kFrame);
   inbox.Ask(Question(Channel::kObservation, Expect::kAction, episode, step));
   return inbox;
 }
 
 bool Answers(Inbox& inbox, int64_t episode, int64_t step) {
-  if (inbox.Take(Wrap(kActionChannel, Encode(GoodAction(episode, step)))) != Verdict::kFrame) {
+  if (inbox.Take(Wrap(kActionChannel, Encode(GoodAction(episode, step)))) != Disposition::kFrame) {
     return false;
   }
   const auto frame = ParseBridgeFrame(inbox.frame());
@@ -95,7 +95,7 @@ TEST(InboxAttack, FragmentsTakeNoMemoryWhateverTheyClaim) {
   };
   const int64_t before = ResidentBytes();
   for (int i = 0; i < 1000; ++i) {
-    for (const Packet& packet : packets) ASSERT_EQ(inbox.Take(packet), Verdict::kDropped);
+    for (const Packet& packet : packets) ASSERT_EQ(inbox.Take(packet), Disposition::kDropped);
   }
   EXPECT_LT(ResidentBytes() - before, 16 << 20);
   EXPECT_TRUE(Answers(inbox, 0, 0));
@@ -106,10 +106,10 @@ TEST(InboxAttack, FragmentsOfEveryFormAreStrays) {
     Inbox inbox = AtStep(0, 0);
     const Packet packet = Fragment(size, offset, number, count, bytes);
     for (int64_t i = 0; i < kLimits.stray_messages; ++i) {
-      RC_ASSERT(inbox.Take(packet) == Verdict::kDropped);
+      RC_ASSERT(inbox.Take(packet) == Disposition::kDropped);
     }
     RC_ASSERT(inbox.waiting());
-    RC_ASSERT(inbox.Take(packet) == Verdict::kFault);
+    RC_ASSERT(inbox.Take(packet) == Disposition::kFault);
   }));
 }
 
@@ -124,8 +124,8 @@ TEST(InboxAttack, LcmsOwnSequenceNumbersMeanNothing) {
     for (const uint32_t sequence : sequences) {
       inbox.Ask(Question(Channel::kObservation, Expect::kAction, 0, step));
       const Packet packet = Wrap(kActionChannel, Encode(GoodAction(0, step)), sequence);
-      RC_ASSERT(inbox.Take(packet) == Verdict::kFrame);
-      RC_ASSERT(inbox.Take(packet) == Verdict::kDropped);
+      RC_ASSERT(inbox.Take(packet) == Disposition::kFrame);
+      RC_ASSERT(inbox.Take(packet) == Disposition::kDropped);
       ++step;
     }
   }));
@@ -138,7 +138,7 @@ TEST(InboxAttack, OnlyTheAskedStepIsAnsweredWhateverIsSentBefore) {
     for (const auto& [episode, step] : answers) {
       if (episode == kEpisode && step == kStep) continue;
       RC_ASSERT(inbox.Take(Wrap(kActionChannel, Encode(GoodAction(episode, step)))) ==
-                Verdict::kDropped);
+                Disposition::kDropped);
       RC_ASSERT(inbox.waiting());
     }
     RC_ASSERT(Answers(inbox, kEpisode, kStep));
@@ -153,12 +153,12 @@ TEST(InboxAttack, OutOfRangeEpisodesAndStepsAreNoAnswers) {
   for (const int64_t episode : {kLow, int64_t{-1}, int64_t{0}, kHigh}) {
     for (const int64_t step : {kLow, int64_t{-1}, int64_t{1}, kHigh}) {
       EXPECT_EQ(inbox.Take(Wrap(kActionChannel, Encode(GoodAction(episode, step)))),
-                Verdict::kDropped);
+                Disposition::kDropped);
     }
     if (episode != 0) {
       EXPECT_FALSE(Answers(inbox, episode, 0));
     }
-    EXPECT_EQ(inbox.Take(Wrap(kReadyChannel, Encode(GoodReady(episode)))), Verdict::kDropped);
+    EXPECT_EQ(inbox.Take(Wrap(kReadyChannel, Encode(GoodReady(episode)))), Disposition::kDropped);
   }
   EXPECT_TRUE(Answers(inbox, 0, 0));
 }
@@ -181,29 +181,29 @@ TEST(InboxAttack, CountsAndLengthsAreCheckedBeforeAnythingIsTaken) {
                                std::numeric_limits<int32_t>::max()}) {
     // Behind fingerprint, episode and step: the action's size.
     Inbox one = AtStep(0, 0);
-    EXPECT_EQ(one.Take(Wrap(kActionChannel, WithNumber(action, 24, number))), Verdict::kFault);
+    EXPECT_EQ(one.Take(Wrap(kActionChannel, WithNumber(action, 24, number))), Disposition::kFault);
     EXPECT_THAT(FaultText(one), HasSubstr("entries, must have 55"));
     // Behind fingerprint and version: the name's length; at the end: the number of leg sets.
     for (const size_t at : {size_t{12}, hello.size() - 4}) {
       Inbox two(kLimits);
-      EXPECT_EQ(two.Take(Wrap(kHelloChannel, WithNumber(hello, at, number))), Verdict::kFault);
+      EXPECT_EQ(two.Take(Wrap(kHelloChannel, WithNumber(hello, at, number))), Disposition::kFault);
     }
     Inbox three(kLimits);
     three.Ask(Question(Channel::kEpisodeStart, Expect::kReady, 0, -1));
     EXPECT_EQ(three.Take(Wrap(kReadyChannel, WithNumber(ready, ready.size() - 4, number))),
-              Verdict::kFault);
+              Disposition::kFault);
     EXPECT_THAT(FaultText(three), HasSubstr("num_leg_sets"));
   }
   EXPECT_LT(ResidentBytes() - before, 16 << 20);
   // A name of length 0 has not even its NUL.
   Inbox empty(kLimits);
-  EXPECT_EQ(empty.Take(Wrap(kHelloChannel, WithNumber(hello, 12, 0))), Verdict::kFault);
+  EXPECT_EQ(empty.Take(Wrap(kHelloChannel, WithNumber(hello, 12, 0))), Disposition::kFault);
   EXPECT_THAT(FaultText(empty), HasSubstr("name"));
   // An empty name is one: its NUL alone.
   hello_t nameless = GoodHello();
   nameless.name.clear();
   Inbox allowed(kLimits);
-  EXPECT_EQ(allowed.Take(Wrap(kHelloChannel, Encode(nameless))), Verdict::kFrame);
+  EXPECT_EQ(allowed.Take(Wrap(kHelloChannel, Encode(nameless))), Disposition::kFrame);
 }
 
 TEST(InboxAttack, EveryOtherFingerprintIsRefused) {
@@ -213,11 +213,11 @@ TEST(InboxAttack, EveryOtherFingerprintIsRefused) {
     for (size_t i = 0; i < 8; ++i) packet[i] = static_cast<std::byte>(fingerprint >> (56 - 8 * i));
     RC_PRE(packet != good);
     Inbox inbox = AtStep(0, 0);
-    RC_ASSERT(inbox.Take(Wrap(kActionChannel, packet)) == Verdict::kFault);
+    RC_ASSERT(inbox.Take(Wrap(kActionChannel, packet)) == Disposition::kFault);
   }));
   // Messages of the right kind on each other's channels.
   Inbox inbox = AtStep(0, 0);
-  EXPECT_EQ(inbox.Take(Wrap(kActionChannel, Encode(GoodHello()))), Verdict::kFault);
+  EXPECT_EQ(inbox.Take(Wrap(kActionChannel, Encode(GoodHello()))), Disposition::kFault);
   EXPECT_THAT(FaultText(inbox), HasSubstr("fingerprint"));
 }
 
@@ -231,14 +231,14 @@ TEST(InboxAttack, NumbersThatAreNoneNeverPassAndHugeOnesDo) {
     const uint64_t chosen = none ? bits | 0x7ff0000000000000u : bits;
     std::memcpy(&action.values[at], &chosen, sizeof(chosen));
     Inbox inbox = AtStep(0, 0);
-    const Verdict verdict = inbox.Take(Wrap(kActionChannel, Encode(action)));
-    RC_ASSERT(verdict == (std::isfinite(action.values[at]) ? Verdict::kFrame : Verdict::kFault));
+    const Disposition verdict = inbox.Take(Wrap(kActionChannel, Encode(action)));
+    RC_ASSERT(verdict == (std::isfinite(action.values[at]) ? Disposition::kFrame : Disposition::kFault));
   }));
   for (const double number : {1e308, -1e308, 5e-324, -0.0}) {
     action_t action = GoodAction(0, 0);
     action.values[0] = number;
     Inbox inbox = AtStep(0, 0);
-    ASSERT_EQ(inbox.Take(Wrap(kActionChannel, Encode(action))), Verdict::kFrame);
+    ASSERT_EQ(inbox.Take(Wrap(kActionChannel, Encode(action))), Disposition::kFrame);
     const auto frame = ParseBridgeFrame(inbox.frame());
     ASSERT_TRUE(frame.ok()) << frame.status();
     EXPECT_EQ(std::get<ActionFrame>(*frame).values[0], number);
@@ -247,9 +247,9 @@ TEST(InboxAttack, NumbersThatAreNoneNeverPassAndHugeOnesDo) {
 
 TEST(InboxAttack, AnswersBeforeAQuestionEndAtTheLimit) {
   Inbox inbox(kLimits);
-  ASSERT_EQ(inbox.Take(Wrap(kHelloChannel, Encode(GoodHello()))), Verdict::kFrame);
+  ASSERT_EQ(inbox.Take(Wrap(kHelloChannel, Encode(GoodHello()))), Disposition::kFrame);
   int64_t taken = 0;
-  while (inbox.Take(Wrap(kActionChannel, Encode(GoodAction(0, taken)))) == Verdict::kDropped) {
+  while (inbox.Take(Wrap(kActionChannel, Encode(GoodAction(0, taken)))) == Disposition::kDropped) {
     ASSERT_LE(++taken, kLimits.wrong_answers);
   }
   EXPECT_EQ(taken, kLimits.wrong_answers);
@@ -261,14 +261,14 @@ TEST(InboxAttack, AFloodOfAnythingEndsInAFaultOrCostsLittle) {
     Packet packet = short_message ? Wrap("ANYTHING", {}) : Packet();
     for (const uint8_t byte : noise) packet.push_back(static_cast<std::byte>(byte));
     int64_t taken = 0;
-    while (inbox.Take(packet) != Verdict::kFault) RC_ASSERT(++taken <= kLimits.stray_messages);
+    while (inbox.Take(packet) != Disposition::kFault) RC_ASSERT(++taken <= kLimits.stray_messages);
     RC_ASSERT(!inbox.waiting());
   }));
   // A second's flood of the largest packets is judged in less than a second.
   Inbox inbox = AtStep(0, 0, kWide);
   Packet large = Wrap("FLOOD", Packet(65'000));
   const auto start = std::chrono::steady_clock::now();
-  for (int i = 0; i < 10'000; ++i) ASSERT_EQ(inbox.Take(large), Verdict::kDropped);
+  for (int i = 0; i < 10'000; ++i) ASSERT_EQ(inbox.Take(large), Disposition::kDropped);
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(1));
   EXPECT_TRUE(Answers(inbox, 0, 0));
 }
@@ -279,10 +279,10 @@ TEST(InboxAttack, ASecondPublisherCannotChangeAnAnswer) {
   const Packet first(inbox.frame().begin(), inbox.frame().end());
   action_t other = GoodAction(0, 0);
   std::fill(other.values.begin(), other.values.end(), -1.0);
-  EXPECT_EQ(inbox.Take(Wrap(kActionChannel, Encode(other))), Verdict::kDropped);
+  EXPECT_EQ(inbox.Take(Wrap(kActionChannel, Encode(other))), Disposition::kDropped);
   // The next step is the next question's alone.
   inbox.Ask(Question(Channel::kObservation, Expect::kAction, 0, 1));
-  EXPECT_EQ(inbox.Take(Wrap(kActionChannel, Encode(other))), Verdict::kDropped);
+  EXPECT_EQ(inbox.Take(Wrap(kActionChannel, Encode(other))), Disposition::kDropped);
   EXPECT_TRUE(Answers(inbox, 0, 1));
   EXPECT_NE(Packet(inbox.frame().begin(), inbox.frame().end()), first);
 }

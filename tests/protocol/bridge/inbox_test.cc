@@ -34,19 +34,19 @@ class InboxTest : public ::testing::Test {
  protected:
   // Past the handshake and ready for steps of episode 0.
   void Begin() {
-    EXPECT_EQ(Take(kHelloChannel, GoodHello()), Verdict::kFrame);
+    EXPECT_EQ(Take(kHelloChannel, GoodHello()), Disposition::kFrame);
     inbox_.Ask(Question(Channel::kWelcome, Expect::kNothing, -1, -1));
     Start(0);
   }
   void Start(int64_t episode) {
     inbox_.Ask(Question(Channel::kEpisodeStart, Expect::kReady, episode, -1));
-    EXPECT_EQ(Take(kReadyChannel, GoodReady(episode)), Verdict::kFrame);
+    EXPECT_EQ(Take(kReadyChannel, GoodReady(episode)), Disposition::kFrame);
   }
   void AskStep(int64_t episode, int64_t step) {
     inbox_.Ask(Question(Channel::kObservation, Expect::kAction, episode, step));
   }
   template <typename Message>
-  Verdict Take(std::string_view channel, const Message& message) {
+  Disposition Take(std::string_view channel, const Message& message) {
     return inbox_.Take(Wrap(channel, Encode(message)));
   }
   std::string Fault() const {
@@ -63,7 +63,7 @@ TEST_F(InboxTest, AnswersBecomeFramesThatTheSimulatorTakes) {
   Begin();
   AskStep(0, 0);
   EXPECT_TRUE(inbox_.waiting());
-  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kFrame);
+  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Disposition::kFrame);
   EXPECT_FALSE(inbox_.waiting());
   const auto frame = ParseBridgeFrame(inbox_.frame());
   ASSERT_TRUE(frame.ok()) << frame.status();
@@ -75,23 +75,23 @@ TEST_F(InboxTest, AnswersBecomeFramesThatTheSimulatorTakes) {
 TEST_F(InboxTest, AStepIsAnsweredByGivingUpToo) {
   Begin();
   AskStep(0, 3);
-  ASSERT_EQ(Take(kGiveUpChannel, GivingUp(0, 3)), Verdict::kFrame);
+  ASSERT_EQ(Take(kGiveUpChannel, GivingUp(0, 3)), Disposition::kFrame);
   EXPECT_FALSE(inbox_.waiting());
   const auto frame = ParseBridgeFrame(inbox_.frame());
   ASSERT_TRUE(frame.ok()) << frame.status();
   EXPECT_EQ(std::get<GiveUpFrame>(*frame).episode, 0);
   EXPECT_EQ(std::get<GiveUpFrame>(*frame).step, 3);
   // The first answer won; an action that comes behind it is a copy like any other.
-  EXPECT_EQ(Take(kActionChannel, GoodAction(0, 3)), Verdict::kDropped);
+  EXPECT_EQ(Take(kActionChannel, GoodAction(0, 3)), Disposition::kDropped);
   Start(1);
   AskStep(1, 0);
-  EXPECT_EQ(Take(kActionChannel, GoodAction(1, 0)), Verdict::kFrame);
+  EXPECT_EQ(Take(kActionChannel, GoodAction(1, 0)), Disposition::kFrame);
 }
 
 TEST_F(InboxTest, GivingUpWhatWasNotAskedIsAWrongAnswer) {
   Begin();
-  for (int i = 0; i < 15; ++i) ASSERT_EQ(Take(kGiveUpChannel, GivingUp(0, 0)), Verdict::kDropped);
-  EXPECT_EQ(Take(kGiveUpChannel, GivingUp(0, 0)), Verdict::kFault);
+  for (int i = 0; i < 15; ++i) ASSERT_EQ(Take(kGiveUpChannel, GivingUp(0, 0)), Disposition::kDropped);
+  EXPECT_EQ(Take(kGiveUpChannel, GivingUp(0, 0)), Disposition::kFault);
   EXPECT_THAT(Fault(), HasSubstr("answered step 0 of episode 0 while no step was asked"));
 }
 
@@ -100,17 +100,17 @@ TEST_F(InboxTest, AMalformedGivingUpIsABreach) {
     Inbox inbox({.stray_messages = 20, .wrong_answers = 15});
     Packet payload = Encode(GivingUp(0, 0));
     payload.resize(size);
-    EXPECT_EQ(inbox.Take(Wrap(kGiveUpChannel, payload)), Verdict::kFault) << size;
+    EXPECT_EQ(inbox.Take(Wrap(kGiveUpChannel, payload)), Disposition::kFault) << size;
   }
-  EXPECT_EQ(Take(kGiveUpChannel, GoodReady(0)), Verdict::kFault);
+  EXPECT_EQ(Take(kGiveUpChannel, GoodReady(0)), Disposition::kFault);
   EXPECT_THAT(Fault(), HasSubstr("MYOGRADE_GIVE_UP"));
 }
 
 TEST_F(InboxTest, TheFirstValidAnswerWins) {
   Begin();
   AskStep(0, 0);
-  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kFrame);
-  EXPECT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kDropped);
+  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Disposition::kFrame);
+  EXPECT_EQ(Take(kActionChannel, GoodAction(0, 0)), Disposition::kDropped);
 }
 
 TEST_F(InboxTest, HelloCarriesConventionAndLegSets) {
@@ -118,7 +118,7 @@ TEST_F(InboxTest, HelloCarriesConventionAndLegSets) {
   hello.direct = 1;
   hello.leg_sets = {LegSet(2)};
   hello.num_leg_sets = 1;
-  ASSERT_EQ(Take(kHelloChannel, hello), Verdict::kFrame);
+  ASSERT_EQ(Take(kHelloChannel, hello), Disposition::kFrame);
   const auto frame = ParseBridgeFrame(inbox_.frame());
   ASSERT_TRUE(frame.ok()) << frame.status();
   const auto& greeting = std::get<HelloFrame>(*frame);
@@ -135,61 +135,61 @@ TEST_F(InboxTest, ANameWithoutItsEndingZeroIsABreach) {
   const size_t zero = 8 + 4 + 4 + std::string_view("test").size();
   ASSERT_EQ(payload[zero], std::byte{0});
   payload[zero] = std::byte{'x'};
-  EXPECT_EQ(inbox_.Take(Wrap(kHelloChannel, payload)), Verdict::kFault);
+  EXPECT_EQ(inbox_.Take(Wrap(kHelloChannel, payload)), Disposition::kFault);
   EXPECT_THAT(Fault(), HasSubstr("no ending zero byte"));
 }
 
 TEST_F(InboxTest, ALaterHelloAsksForTheWelcomeAgainUntilItIsAFlood) {
-  ASSERT_EQ(Take(kHelloChannel, GoodHello()), Verdict::kFrame);
+  ASSERT_EQ(Take(kHelloChannel, GoodHello()), Disposition::kFrame);
   for (int i = 0; i < 20; ++i) {
-    ASSERT_EQ(Take(kHelloChannel, GoodHello()), Verdict::kSayAgain) << i;
+    ASSERT_EQ(Take(kHelloChannel, GoodHello()), Disposition::kSayAgain) << i;
   }
-  EXPECT_EQ(Take(kHelloChannel, GoodHello()), Verdict::kFault);
+  EXPECT_EQ(Take(kHelloChannel, GoodHello()), Disposition::kFault);
 }
 
 TEST_F(InboxTest, LateCopiesAreFreeAsOftenAsWasAsked) {
   Begin();
   AskStep(0, 0);
   for (int i = 0; i < 30; ++i) inbox_.AskedAgain();
-  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kFrame);
+  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Disposition::kFrame);
   for (int i = 0; i < 30; ++i) {
-    ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kDropped) << i;
+    ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Disposition::kDropped) << i;
   }
   // From here on they count as strays: 20 are allowed.
   for (int i = 0; i < 20; ++i) {
-    ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kDropped) << i;
+    ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Disposition::kDropped) << i;
   }
-  EXPECT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kFault);
+  EXPECT_EQ(Take(kActionChannel, GoodAction(0, 0)), Disposition::kFault);
 }
 
 TEST_F(InboxTest, AnswersToStepsNeverAskedAreCounted) {
   Begin();
   AskStep(0, 8);
   for (int i = 0; i < 15; ++i) {
-    ASSERT_EQ(Take(kActionChannel, GoodAction(0, 9)), Verdict::kDropped) << i;
+    ASSERT_EQ(Take(kActionChannel, GoodAction(0, 9)), Disposition::kDropped) << i;
   }
-  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 9)), Verdict::kFault);
+  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 9)), Disposition::kFault);
   EXPECT_EQ(Fault(), "answered step 9 of episode 0 while step 8 of episode 0 was asked, 16 times");
 }
 
 TEST_F(InboxTest, ANewEpisodeCountsAfresh) {
   Begin();
   AskStep(0, 0);
-  for (int i = 0; i < 15; ++i) ASSERT_EQ(Take(kActionChannel, GoodAction(7, 0)), Verdict::kDropped);
+  for (int i = 0; i < 15; ++i) ASSERT_EQ(Take(kActionChannel, GoodAction(7, 0)), Disposition::kDropped);
   for (int i = 0; i < 20; ++i) {
-    ASSERT_EQ(inbox_.Take(Wrap("SOMETHING_ELSE", {})), Verdict::kDropped);
+    ASSERT_EQ(inbox_.Take(Wrap("SOMETHING_ELSE", {})), Disposition::kDropped);
   }
   Start(1);
   AskStep(1, 0);
-  EXPECT_EQ(Take(kActionChannel, GoodAction(7, 0)), Verdict::kDropped);
-  EXPECT_EQ(inbox_.Take(Wrap("SOMETHING_ELSE", {})), Verdict::kDropped);
-  EXPECT_EQ(Take(kActionChannel, GoodAction(1, 0)), Verdict::kFrame);
+  EXPECT_EQ(Take(kActionChannel, GoodAction(7, 0)), Disposition::kDropped);
+  EXPECT_EQ(inbox_.Take(Wrap("SOMETHING_ELSE", {})), Disposition::kDropped);
+  EXPECT_EQ(Take(kActionChannel, GoodAction(1, 0)), Disposition::kFrame);
 }
 
 TEST_F(InboxTest, AnAnswerBeforeAnyStepIsWrong) {
   Begin();
-  for (int i = 0; i < 15; ++i) ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kDropped);
-  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Verdict::kFault);
+  for (int i = 0; i < 15; ++i) ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Disposition::kDropped);
+  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0)), Disposition::kFault);
   EXPECT_THAT(Fault(), HasSubstr("while no step was asked"));
 }
 
@@ -198,7 +198,7 @@ class ActionSizeTest : public InboxTest, public ::testing::WithParamInterface<in
 TEST_P(ActionSizeTest, AnActionOfAnotherSizeIsABreach) {
   Begin();
   AskStep(0, 0);
-  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0, GetParam())), Verdict::kFault);
+  ASSERT_EQ(Take(kActionChannel, GoodAction(0, 0, GetParam())), Disposition::kFault);
   EXPECT_THAT(Fault(), HasSubstr(absl::StrCat("has ", GetParam(), " entries, must have 55")));
 }
 
@@ -209,7 +209,7 @@ TEST_F(InboxTest, NumbersThatAreNoneAreABreach) {
   AskStep(0, 0);
   action_t action = GoodAction(0, 0);
   action.values[3] = std::numeric_limits<double>::quiet_NaN();
-  ASSERT_EQ(Take(kActionChannel, action), Verdict::kFault);
+  ASSERT_EQ(Take(kActionChannel, action), Disposition::kFault);
   EXPECT_EQ(
       Fault(),
       "sent a wrong message on MYOGRADE_ACTION: entry 3 of the action is not a finite number");
@@ -220,23 +220,23 @@ TEST_F(InboxTest, InfinityIsABreachToo) {
   AskStep(0, 0);
   action_t action = GoodAction(0, 0);
   action.values[54] = -std::numeric_limits<double>::infinity();
-  EXPECT_EQ(Take(kActionChannel, action), Verdict::kFault);
+  EXPECT_EQ(Take(kActionChannel, action), Disposition::kFault);
 }
 
 TEST_F(InboxTest, TheGradersOwnChannelsAreForbidden) {
   for (const std::string_view channel :
        {kWelcomeChannel, kStartChannel, kObservationChannel, kEndChannel}) {
     Inbox inbox({.stray_messages = 20, .wrong_answers = 15});
-    EXPECT_EQ(inbox.Take(Wrap(channel, {})), Verdict::kFault) << channel;
+    EXPECT_EQ(inbox.Take(Wrap(channel, {})), Disposition::kFault) << channel;
   }
 }
 
 TEST_F(InboxTest, StraysAreCounted) {
   for (int i = 0; i < 10; ++i) {
-    ASSERT_EQ(inbox_.Take(Wrap("LCM_SELF_TEST", {})), Verdict::kDropped);
-    ASSERT_EQ(inbox_.Take(Packet(30, std::byte{'x'})), Verdict::kDropped);
+    ASSERT_EQ(inbox_.Take(Wrap("LCM_SELF_TEST", {})), Disposition::kDropped);
+    ASSERT_EQ(inbox_.Take(Packet(30, std::byte{'x'})), Disposition::kDropped);
   }
-  ASSERT_EQ(inbox_.Take(Packet(30, std::byte{'x'})), Verdict::kFault);
+  ASSERT_EQ(inbox_.Take(Packet(30, std::byte{'x'})), Disposition::kFault);
   FaultFrame frame;
   std::memcpy(&frame, inbox_.frame().data(), sizeof(frame));
   EXPECT_EQ(frame.fault, BridgeFault::kStrayLimit);
@@ -244,9 +244,9 @@ TEST_F(InboxTest, StraysAreCounted) {
 }
 
 TEST_F(InboxTest, NothingIsTakenAfterAFault) {
-  ASSERT_EQ(inbox_.Take(Wrap(kWelcomeChannel, {})), Verdict::kFault);
-  EXPECT_EQ(Take(kHelloChannel, GoodHello()), Verdict::kDropped);
-  EXPECT_EQ(inbox_.Take(Wrap(kWelcomeChannel, {})), Verdict::kDropped);
+  ASSERT_EQ(inbox_.Take(Wrap(kWelcomeChannel, {})), Disposition::kFault);
+  EXPECT_EQ(Take(kHelloChannel, GoodHello()), Disposition::kDropped);
+  EXPECT_EQ(inbox_.Take(Wrap(kWelcomeChannel, {})), Disposition::kDropped);
 }
 
 // Every truncation of a good message, and every single byte changed: a frame
@@ -257,18 +257,18 @@ void Mutilate(std::string_view channel, const Message& message) {
   for (size_t size = 0; size < good.size(); ++size) {
     Inbox inbox({.stray_messages = 20, .wrong_answers = 15});
     const Packet cut(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size));
-    EXPECT_EQ(inbox.Take(Wrap(channel, cut)), Verdict::kFault) << size;
+    EXPECT_EQ(inbox.Take(Wrap(channel, cut)), Disposition::kFault) << size;
   }
   Inbox longer({.stray_messages = 20, .wrong_answers = 15});
   Packet more = good;
   more.push_back(std::byte{0});
-  EXPECT_EQ(longer.Take(Wrap(channel, more)), Verdict::kFault);
+  EXPECT_EQ(longer.Take(Wrap(channel, more)), Disposition::kFault);
   for (size_t at = 0; at < good.size(); ++at) {
     for (const int value : {0x00, 0x01, 0x7f, 0x80, 0xff}) {
       Packet changed = good;
       changed[at] = static_cast<std::byte>(value);
       Inbox inbox({.stray_messages = 20, .wrong_answers = 15});
-      if (inbox.Take(Wrap(channel, changed)) == Verdict::kFrame) {
+      if (inbox.Take(Wrap(channel, changed)) == Disposition::kFrame) {
         EXPECT_TRUE(ParseBridgeFrame(inbox.frame()).ok()) << at << " " << value;
       }
     }
@@ -295,7 +295,7 @@ TEST_F(InboxTest, LegSetsAreCheckedInForm) {
     change(hello.leg_sets[1]);
     hello.num_leg_sets = 2;
     Inbox inbox({.stray_messages = 20, .wrong_answers = 15});
-    if (inbox.Take(Wrap(kHelloChannel, Encode(hello))) != Verdict::kFault) {
+    if (inbox.Take(Wrap(kHelloChannel, Encode(hello))) != Disposition::kFault) {
       return std::string("none");
     }
     FaultFrame frame;
@@ -337,7 +337,7 @@ TEST_F(InboxTest, RandomPayloadsOnKnownChannelsAreHarmless) {
     for (const uint8_t byte : noise) payload.push_back(static_cast<std::byte>(byte));
     Inbox inbox({.stray_messages = 20, .wrong_answers = 15});
     inbox.Ask(Question(Channel::kObservation, Expect::kAction, 0, 0));
-    if (inbox.Take(Wrap(channels[which % 3], payload)) == Verdict::kFrame) {
+    if (inbox.Take(Wrap(channels[which % 3], payload)) == Disposition::kFrame) {
       RC_ASSERT(ParseBridgeFrame(inbox.frame()).ok());
     }
   }));

@@ -93,7 +93,7 @@ class Quotas(OrganiserCase):
         body = {"artefact": self.upload("slow"), "team": "alpha", "track": TRACK}
         status, answer = self.call("POST", "/v1/submissions", body)
         self.assertEqual((status, answer["error"]["code"]), (409, "quota"), answer)
-        self.assertIn("used up its 1 official evaluation of", answer["error"]["message"])
+        self.assertIn("used up its 1 ranked evaluation of", answer["error"]["message"])
         self.assertIn("the next day begins at", answer["error"]["message"])
         self.assertEqual(self.cli("quota", "--team", "alpha", "--grant", 1,
                                   check=False).returncode, 2)

@@ -44,7 +44,7 @@ class DamageTest : public testing::Test {
 
   static void RunFor(World& world, absl::Duration time) {
     const absl::Duration until = world.clock.Monotonic() + time;
-    while (world.clock.Monotonic() < until && world.broken.empty()) world.Turn();
+    while (world.clock.Monotonic() < until && world.broken.empty()) world.RunOnce();
   }
 
   // The state, or what is wrong with its row.

@@ -5,7 +5,7 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <absl/strings/str_cat.h>
 
-#include "server/grading/board.h"
+#include "server/grading/leaderboard.h"
 #include "server/engine/standings.h"
 #include "server/engine/stored.h"
 
@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 
 void RunFor(World& world, absl::Duration time) {
   const absl::Duration until = world.clock.Monotonic() + time;
-  while (world.clock.Monotonic() < until) world.Turn();
+  while (world.clock.Monotonic() < until) world.RunOnce();
 }
 
 void Require(const absl::Status& status) {
@@ -42,11 +42,11 @@ std::string BoardText(ReaderPool& readers, const std::string& config) {
       row.standing = standing.value_or(Standing());
     }
     const MarksInForce marks = reader.Marks();
-    const absl::StatusOr<Board> board =
-        MakeBoard(listed.rows, marks.by_submission,
+    const absl::StatusOr<Leaderboard> board =
+        MakeLeaderboard(listed.rows, marks.by_submission,
                   (*track)->scoring.boards.at(scoring::kMainBoard).rules, (*track)->scoring.team);
     if (!board.ok()) return board.status();
-    for (const BoardRow& row : board->rows) {
+    for (const LeaderboardRow& row : board->rows) {
       absl::StrAppend(&text, row.ranked.rank, " ", row.source.team, " ", row.source.submission, " ",
                       row.source.standing.aggregate_json, "\n");
     }
@@ -78,7 +78,7 @@ TwoTeams MakeTwoTeams(const std::string& folder) {
   teams.other.queued = world.Submit("other", 2);  // both slots are taken
   RunFor(world, absl::Seconds(7));  // each has an episode, and a lease that runs
   Require(world.store->Write([&](Writer& writer) -> absl::Status {
-    absl::Status status = writer.Grant({"victim", world.track->config.id, Budget::kOfficial, 1,
+    absl::Status status = writer.Grant({"victim", world.track->config.id, Budget::kRanked, 1,
                                         "the grid was down"}, "uid 0");
     status.Update(writer.Mark(1, "baseline", true, "uid 0", "ours").status());
     status.Update(writer.Remove("log", std::string(64, 'f'), 10, "too old").status());

@@ -27,7 +27,7 @@ class EngineCoreTest : public ::testing::Test {
  protected:
   static void RunFor(World& world, absl::Duration time) {
     const absl::Duration until = world.clock.Monotonic() + time;
-    while (world.clock.Monotonic() < until) world.Turn();
+    while (world.clock.Monotonic() < until) world.RunOnce();
   }
   static EvaluationState StateOf(World& world, int64_t evaluation) {
     EvaluationState state = EvaluationState::kQueued;
@@ -128,7 +128,7 @@ TEST_F(EngineCoreTest, ASlotStaysClosedAsLongAsAProcessOfItsSandboxesLives) {
   EXPECT_EQ(StateOf(world, second), EvaluationState::kQueued);
   ASSERT_EQ(world.core->Health().closed_slots.count(0), 1u);
   EXPECT_EQ(world.core->Health().closed_slots[0], "71 (reader, state D)");
-  EXPECT_NE(world.core->ProspectOf(second).waiting.find("slot 0 is closed until 71"),
+  EXPECT_NE(world.core->OutlookOf(second).waiting.find("slot 0 is closed until 71"),
             std::string::npos);
   // The next daemon sees it too.
   world.Cut();
@@ -150,7 +150,7 @@ TEST_F(EngineCoreTest, AClosedSlotKeepsNoOtherFromPlaying) {
   const int64_t id = world.Submit("a", 4);
   const absl::Duration until = world.clock.Monotonic() + absl::Minutes(2);
   while (world.clock.Monotonic() < until) {
-    world.Turn();
+    world.RunOnce();
     ASSERT_FALSE(world.slots_in_use.contains(1));
   }
   EXPECT_EQ(StateOf(world, id), EvaluationState::kDone);
@@ -215,12 +215,12 @@ RC_GTEST_FIXTURE_PROP(EngineCoreTest, WhateverHappensEveryEpisodeCountsOnceAndAl
       world.Cancel(1 + world.tape.Below(static_cast<int>(world.evaluations.size())));
     }
     if (world.tape.Happens(8)) world.JumpClock(absl::Hours(world.tape.Below(200) - 100));
-    world.Turn();
+    world.RunOnce();
   }
   // From here on all goes well, and all must come to its end.
   world.tape.Stop();
   for (int i = 0; i < 1000 && world.broken.empty() && !world.AllEnded(); ++i) {
-    for (int turns = 0; turns < 20; ++turns) world.Turn();
+    for (int turns = 0; turns < 20; ++turns) world.RunOnce();
   }
   RunFor(world, absl::Seconds(1));  // a cancel may still wait for a runner's death
   world.CheckStore();

@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 constexpr absl::Duration kEpisode = absl::Seconds(5);
 constexpr int64_t kEnough = 1'000'000;
-constexpr AdmissionRules kRules = {.quota = {.official = {kEnough, kEnough},
+constexpr AdmissionRules kRules = {.quota = {.ranked = {kEnough, kEnough},
                                              .practice = {kEnough, kEnough},
                                              .failed = {kEnough, kEnough},
                                              .waiting = kEnough}};
@@ -226,9 +226,9 @@ void World::Boot() {
   Promise(false, absl::StrCat("the engine does not start: ", status.message()));
 }
 
-void World::Turn() {
+void World::RunOnce() {
   try {
-    const absl::StatusOr<absl::Duration> wait = core->Turn();
+    const absl::StatusOr<absl::Duration> wait = core->RunOnce();
     Promise(wait.ok(), absl::StrCat("the engine gave up: ", wait.status().message()));
     if (!wait.ok()) return;
     Promise(static_cast<int>(slots_in_use.size()) <= slots_, "more runners than slots");
@@ -277,7 +277,7 @@ int64_t World::Submit(const std::string& team, int episodes) {
                [&](const absl::Status& status) {
                  if (status.ok()) evaluations.insert(id);
                }});
-    const absl::StatusOr<absl::Duration> wait = core->Turn();
+    const absl::StatusOr<absl::Duration> wait = core->RunOnce();
     Promise(wait.ok(), absl::StrCat("the engine gave up: ", wait.status().message()));
   } catch (const PowerCut&) {
     ++power_cuts;
@@ -318,7 +318,7 @@ std::string World::WhatIsOpen() {
                                   health.host_trouble);
   (void)readers->Read([&](Reader& reader) {
     for (const EvaluationRow& row : reader.Unfinished().rows) {
-      absl::StrAppend(&open, "; evaluation ", row.id, ": ", core->ProspectOf(row.id).waiting);
+      absl::StrAppend(&open, "; evaluation ", row.id, ": ", core->OutlookOf(row.id).waiting);
       const auto leases = reader.Leases(row.id);
       for (const LeaseRow& lease : leases.value_or(std::vector<LeaseRow>())) {
         absl::StrAppend(&open, ", lease ", lease.id, " ", std::string(LeaseStateName(lease.state)),
@@ -358,7 +358,7 @@ void World::CheckEvaluation(Reader& reader, int64_t id) {
   int64_t known = 0;
   for (const auto& [key, facts] : seen_) known += key.first == id;
   Promise(known == std::ssize(rows), absl::StrCat("an episode of ", id, " was lost"));
-  Promise(reader.Replays(id)->empty(), absl::StrCat("an episode of ", id, " came out otherwise"));
+  Promise(reader.Repeats(id)->empty(), absl::StrCat("an episode of ", id, " came out otherwise"));
   if (evaluation->state == EvaluationState::kDone) {
     Promise(rows.size() == seeds.size(), absl::StrCat(id, " is done without all its episodes"));
     Promise(evaluation->results_hash == ResultsHash(rows), "another hash than its rows have");

@@ -110,7 +110,7 @@ class World {
   void Cut();
   // One turn of the engine, and a while until the next. A power cut on the way is followed
   // by a start.
-  void Turn();
+  void RunOnce();
   // As an administrator does.
   void JumpClock(absl::Duration step) { clock.Jump(step); }
 

@@ -102,13 +102,13 @@ TEST_P(OldStores, ShowTheSameBoardsAndPlayOn) {
   EXPECT_EQ(AsItWas(board, old), old);
   EXPECT_THAT(States(world), ElementsAre("other queued 0", "other queued 0", "victim running 2",
                                          "other done 6", "victim done 6"));
-  for (int i = 0; i < 1000 && !world.AllEnded(); ++i) world.Turn();
+  for (int i = 0; i < 1000 && !world.AllEnded(); ++i) world.RunOnce();
   EXPECT_EQ(world.broken, "");
   EXPECT_THAT(States(world), ElementsAre("other done 2", "other done 4", "victim done 4",
                                          "other done 6", "victim done 6"));
   ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
     for (const int64_t evaluation : {1, 2, 3, 4, 5}) {
-      EXPECT_THAT(*reader.Replays(evaluation), IsEmpty()) << "played as before";
+      EXPECT_THAT(*reader.Repeats(evaluation), IsEmpty()) << "played as before";
     }
     return reader.Export([](std::string_view) { return true; });
   }).ok());

@@ -133,7 +133,7 @@ class RetentionFolder : public testing::Test {
             .blocks = {{0, 0}}};
   }
   static AdmissionRules Rules() {
-    return {.quota = {.official = {9, 9}, .practice = {9, 9}, .failed = {9, 9}, .waiting = 9}};
+    return {.quota = {.ranked = {9, 9}, .practice = {9, 9}, .failed = {9, 9}, .waiting = 9}};
   }
   void Accept(char artefact) {
     ASSERT_TRUE(store_->Write([&](Writer& writer) {

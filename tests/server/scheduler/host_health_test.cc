@@ -24,7 +24,7 @@ TEST(HostHealthTest, FaultsInARowBringATestAndOneLeaseWellPlayedForgetsThem) {
   EXPECT_EQ(host.state(), State::kSuspected);
   EXPECT_FALSE(host.may_start());
   EXPECT_TRUE(host.TestDue(kMinute));
-  EXPECT_THAT(host.WhyNot(kMinute), HasSubstr("the simulator vanished"));
+  EXPECT_THAT(host.PauseReason(kMinute), HasSubstr("the simulator vanished"));
 }
 
 TEST(HostHealthTest, AHostThatPassesGoesOnAndIsNotTestedAtEveryFurtherFault) {
@@ -34,7 +34,7 @@ TEST(HostHealthTest, AHostThatPassesGoesOnAndIsNotTestedAtEveryFurtherFault) {
   EXPECT_FALSE(host.TestDue(kMinute)) << "one at a time";
   host.TestEnded(kMinute, "");
   EXPECT_TRUE(host.may_start());
-  EXPECT_EQ(host.WhyNot(kMinute), "");
+  EXPECT_EQ(host.PauseReason(kMinute), "");
   for (int i = 0; i < 5; ++i) host.LeaseFaulted(2 * kMinute, "x");
   EXPECT_TRUE(host.may_start());
   host.LeaseFaulted(5 * kMinute, "x");
@@ -49,7 +49,7 @@ TEST(HostHealthTest, AHostThatFailsIsPausedUntilALaterTestPasses) {
   EXPECT_EQ(host.state(), State::kPaused);
   EXPECT_EQ(host.paused_since(), kMinute);
   EXPECT_EQ(host.NextTest(), 4 * kMinute);
-  EXPECT_THAT(host.WhyNot(2 * kMinute), HasSubstr("no models; it is tested again in 2m"));
+  EXPECT_THAT(host.PauseReason(2 * kMinute), HasSubstr("no models; it is tested again in 2m"));
   EXPECT_FALSE(host.TestDue(4 * kMinute - absl::Seconds(1)));
   ASSERT_TRUE(host.TestDue(4 * kMinute));
   host.TestBegins();

@@ -13,10 +13,10 @@
 namespace myograde::server {
 namespace {
 
-using Kind = Verdict::Kind;
+using Kind = Decision::Kind;
 
 EvaluationSpec Spec(int64_t id, const std::string& team, int leases,
-                    Priority priority = Priority::kOfficial) {
+                    Priority priority = Priority::kRanked) {
   EvaluationSpec spec{id, team, "", priority, absl::Seconds(100), {}};
   for (int i = 0; i < leases; ++i) spec.leases.push_back({id * 1000 + i, 0, 0});
   return spec;
@@ -58,7 +58,7 @@ TEST(SchedulerTest, ATeamsRerunsWaitForItsOriginals) {
 }
 
 TEST(SchedulerTest, PlaysAgainThreeTimesWithGrowingDelaysAndThenGivesUp) {
-  Scheduler scheduler({.slots = 1, .max_replays = 3, .replay_delay = absl::Seconds(2)});
+  Scheduler scheduler({.slots = 1, .max_retries = 3, .retry_delay = absl::Seconds(2)});
   scheduler.Add(Spec(1, "a", 2), absl::ZeroDuration());
   absl::Duration now = absl::ZeroDuration();
   for (int64_t attempt = 1; attempt <= 3; ++attempt) {
@@ -68,14 +68,14 @@ TEST(SchedulerTest, PlaysAgainThreeTimesWithGrowingDelaysAndThenGivesUp) {
     ASSERT_TRUE(start);
     ASSERT_EQ(start->lease, 1000);
     EXPECT_EQ(start->attempt, attempt);
-    EXPECT_EQ(scheduler.Faulted(1000, attempt, now).kind, Kind::kReplay);
+    EXPECT_EQ(scheduler.Faulted(1000, attempt, now).kind, Kind::kRetry);
     scheduler.Free(start->slot);
     now += absl::Seconds(2) * (1 << (attempt - 1));
   }
   ASSERT_EQ(scheduler.Next(now)->attempt, 4);
-  const Verdict verdict = scheduler.Faulted(1000, 4, now);
-  EXPECT_EQ(verdict.kind, Kind::kGiveUp);
-  EXPECT_EQ(verdict.pending, std::vector<int64_t>{1001});
+  const Decision decision = scheduler.Faulted(1000, 4, now);
+  EXPECT_EQ(decision.kind, Kind::kGiveUp);
+  EXPECT_EQ(decision.pending, std::vector<int64_t>{1001});
   EXPECT_EQ(scheduler.pending(), 0);
   EXPECT_FALSE(scheduler.Next(now + absl::Hours(1)));
 }
@@ -170,7 +170,7 @@ TEST(SchedulerTest, ThePlaceIsTheOrderInWhichEvaluationsStart) {
   Scheduler scheduler({.slots = 1});
   for (int64_t id = 1; id <= 12; ++id) {
     const std::string team(1, static_cast<char>('a' + id * id % 5));
-    scheduler.Add(Spec(id, team, 1, id % 4 == 0 ? Priority::kPractice : Priority::kOfficial),
+    scheduler.Add(Spec(id, team, 1, id % 4 == 0 ? Priority::kPractice : Priority::kRanked),
                   absl::ZeroDuration());
   }
   for (int left = 12; left > 0; --left) {
@@ -262,13 +262,13 @@ struct Model {
   std::vector<int> to_free;                            // slots whose lease is over
 };
 
-void CheckVerdict(Model& model, int64_t lease, const Verdict& verdict) {
+void CheckDecision(Model& model, int64_t lease, const Decision& decision) {
   const int64_t evaluation = lease / 1000;
-  switch (verdict.kind) {
+  switch (decision.kind) {
     case Kind::kEvaluationEnds:
     case Kind::kGiveUp:
       RC_ASSERT(model.ended.insert(evaluation).second);  // once only
-      for (const int64_t other : verdict.running) {
+      for (const int64_t other : decision.running) {
         model.to_free.push_back(model.running.at(other).second);
         model.running.erase(other);
       }
@@ -283,7 +283,7 @@ void CheckVerdict(Model& model, int64_t lease, const Verdict& verdict) {
 
 RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
   const int slots = *rc::gen::inRange(1, 5);
-  Scheduler scheduler({.slots = slots, .max_replays = 3, .replay_delay = absl::Seconds(1),
+  Scheduler scheduler({.slots = slots, .max_retries = 3, .retry_delay = absl::Seconds(1),
                        .heartbeat = absl::Seconds(10),
                        .queue_wait = absl::Seconds(20)});
   Model model;
@@ -307,11 +307,11 @@ RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
     model.running.erase(lease);
     if (fault) {
       RC_ASSERT(++model.faults[lease] <= 4);
-      CheckVerdict(model, lease, scheduler.Faulted(lease, attempt, now));
+      CheckDecision(model, lease, scheduler.Faulted(lease, attempt, now));
     } else {
       RC_ASSERT(model.done.insert(lease).second);
       model.open.at(lease / 1000).erase(lease);
-      CheckVerdict(model, lease, scheduler.Finished(lease, attempt, now));
+      CheckDecision(model, lease, scheduler.Finished(lease, attempt, now));
     }
     RC_ASSERT(scheduler.Finished(lease, attempt, now).kind == Kind::kStale);
   };
@@ -330,7 +330,7 @@ RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
       const int leases = *rc::gen::inRange(1, 5);
       const std::string team(1, static_cast<char>('a' + *rc::gen::inRange(0, 4)));
       const EvaluationSpec spec = Spec(next_id++, team, leases, *rc::gen::element(
-          Priority::kOfficial, Priority::kPractice, Priority::kRerun));
+          Priority::kRanked, Priority::kPractice, Priority::kRerun));
       for (const LeaseSpec& lease : spec.leases) model.open[spec.id].insert(lease.id);
       scheduler.Add(spec, now);
     } else if (what <= 2) {
@@ -339,11 +339,11 @@ RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
       end(some_running(), /*fault=*/true);
     } else if (what == 4) {
       const int64_t id = *rc::gen::inRange<int64_t>(1, next_id);
-      const Verdict verdict = scheduler.Cancel(id);
-      RC_ASSERT((verdict.kind == Kind::kStale) == model.ended.contains(id));
-      if (verdict.kind != Kind::kStale) {
-        RC_ASSERT(verdict.running.size() + verdict.pending.size() == model.open.at(id).size());
-        CheckVerdict(model, id * 1000, verdict);
+      const Decision decision = scheduler.Cancel(id);
+      RC_ASSERT((decision.kind == Kind::kStale) == model.ended.contains(id));
+      if (decision.kind != Kind::kStale) {
+        RC_ASSERT(decision.running.size() + decision.pending.size() == model.open.at(id).size());
+        CheckDecision(model, id * 1000, decision);
       }
     } else {
       now += absl::Seconds(11);  // all runners were silent

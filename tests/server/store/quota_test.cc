@@ -17,7 +17,7 @@ constexpr char kTrack[] = "manipulation";
 
 AdmissionRules Rules(int64_t per_day, int64_t total, int64_t failed = 100, int64_t waiting = 100) {
   AdmissionRules rules = kRules;
-  rules.quota.official = {per_day, total};
+  rules.quota.ranked = {per_day, total};
   rules.quota.failed = {failed, 100};
   rules.quota.waiting = waiting;
   return rules;
@@ -70,14 +70,14 @@ class QuotaTest : public StoreTest {
 
 TEST_F(QuotaTest, ASubmissionIsChargedOnceWhenItsFirstEpisodeEnds) {
   const Accepted accepted = Submit();
-  EXPECT_EQ(Use().today_of(Budget::kOfficial).open, 1);
+  EXPECT_EQ(Use().today_of(Budget::kRanked).open, 1);
   EXPECT_THAT(Entries(), IsEmpty());
   PlayFirst(accepted);
   EXPECT_THAT(Entries(), ElementsAre("charge official"));
   ASSERT_TRUE(Record(accepted, 1, 1).ok());
   EXPECT_THAT(Entries(), ElementsAre("charge official"));
-  EXPECT_EQ(Use().today_of(Budget::kOfficial).open, 0);
-  EXPECT_EQ(Use().total_of(Budget::kOfficial).charged, 1);
+  EXPECT_EQ(Use().today_of(Budget::kRanked).open, 0);
+  EXPECT_EQ(Use().total_of(Budget::kRanked).charged, 1);
   End(accepted, EvaluationState::kCancelled);
   EXPECT_THAT(Entries(), ElementsAre("charge official")) << "who cancels has seen an episode";
 }
@@ -85,7 +85,7 @@ TEST_F(QuotaTest, ASubmissionIsChargedOnceWhenItsFirstEpisodeEnds) {
 TEST_F(QuotaTest, WhatIsCancelledBeforeItsFirstEpisodeCostsNothing) {
   End(Submit(), EvaluationState::kCancelled);
   EXPECT_THAT(Entries(), IsEmpty());
-  EXPECT_EQ(Use().total_of(Budget::kOfficial).open, 0);
+  EXPECT_EQ(Use().total_of(Budget::kRanked).open, 0);
 }
 
 TEST_F(QuotaTest, TheGradersFaultIsGivenBack) {
@@ -93,8 +93,8 @@ TEST_F(QuotaTest, TheGradersFaultIsGivenBack) {
   PlayFirst(accepted);
   End(accepted, EvaluationState::kGraderError);
   EXPECT_THAT(Entries(), ElementsAre("charge official", "refund official"));
-  EXPECT_EQ(Use().today_of(Budget::kOfficial).charged, 0);
-  EXPECT_FALSE(Submit().linked) << "the artefact has had no official evaluation";
+  EXPECT_EQ(Use().today_of(Budget::kRanked).charged, 0);
+  EXPECT_FALSE(Submit().linked) << "the artefact has had no ranked evaluation";
 }
 
 TEST_F(QuotaTest, AFailedTryGoesToABudgetOfItsOwn) {
@@ -102,7 +102,7 @@ TEST_F(QuotaTest, AFailedTryGoesToABudgetOfItsOwn) {
   PlayFirst(accepted);
   End(accepted, EvaluationState::kFailed);
   EXPECT_THAT(Entries(), ElementsAre("charge official", "refund official", "charge failed"));
-  EXPECT_EQ(Use().today_of(Budget::kOfficial).charged, 0);
+  EXPECT_EQ(Use().today_of(Budget::kRanked).charged, 0);
   EXPECT_EQ(Use().today_of(Budget::kFailed).charged, 1);
   const auto next = TrySubmit("alpha", 'b', true, Rules(5, 5, /*failed=*/1));
   EXPECT_THAT(std::string(next.status().message()), HasSubstr("used up its 1 failed try of"));
@@ -118,7 +118,7 @@ TEST_F(QuotaTest, TheDayAndTheTotalAreLimitedAndADayLaterThereIsMore) {
   ASSERT_TRUE(absl::IsFailedPrecondition(second.status()));
   EXPECT_EQ(ErrorCodeOf(second.status()), "quota");
   EXPECT_THAT(std::string(second.status().message()),
-              HasSubstr("its 1 official evaluation of track \"manipulation\" (1 of them waits or "
+              HasSubstr("its 1 ranked evaluation of track \"manipulation\" (1 of them waits or "
                         "runs) for 2023-11-14 (UTC); the next day begins at 2023-11-15T00:00:00Z"));
   EXPECT_TRUE(TrySubmit("alpha", 'b', false, Rules(1, 2)).ok()) << "practice is another budget";
   EXPECT_TRUE(TrySubmit("beta", 'b', true, Rules(1, 2)).ok()) << "another team";
@@ -127,9 +127,9 @@ TEST_F(QuotaTest, TheDayAndTheTotalAreLimitedAndADayLaterThereIsMore) {
   clock_.Advance(absl::Hours(24));
   const auto third = TrySubmit("alpha", 'e', true, Rules(1, 2));
   EXPECT_THAT(std::string(third.status().message()), HasSubstr("only a grant"));
-  Grant(Budget::kOfficial, 1);
+  Grant(Budget::kRanked, 1);
   EXPECT_TRUE(TrySubmit("alpha", 'e', true, Rules(1, 2)).ok());
-  EXPECT_EQ(Use().total_of(Budget::kOfficial).granted, 1);
+  EXPECT_EQ(Use().total_of(Budget::kRanked).granted, 1);
 }
 
 TEST_F(QuotaTest, OnlySoManyMayWait) {
@@ -214,7 +214,7 @@ TEST_F(QuotaTest, ADamagedAccountIsNamedAndStopsNoDay) {
                      "UPDATE ledger SET amount = 9000000000000000000, day = 9000000000000000000; "
                      "UPDATE admission SET day = 9000000000000000000"), "");
   EXPECT_EQ(Use().day, today);
-  EXPECT_EQ(Use().total_of(Budget::kOfficial).charged, 0);
+  EXPECT_EQ(Use().total_of(Budget::kRanked).charged, 0);
   EXPECT_TRUE(TrySubmit("alpha", 'b', true, Rules(1, 1)).ok());
   Read([&](Reader& reader) {
     const Listed<LedgerRow> ledger = reader.Ledger("alpha", "", INT64_MAX, 10);
@@ -226,13 +226,13 @@ TEST_F(QuotaTest, ADamagedAccountIsNamedAndStopsNoDay) {
 }
 
 TEST_F(QuotaTest, AnAmountOutsideItsRangeCountsForNothing) {
-  Grant(Budget::kOfficial, kMostUnits);
-  EXPECT_EQ(Use().total_of(Budget::kOfficial).granted, kMostUnits);
+  Grant(Budget::kRanked, kMostUnits);
+  EXPECT_EQ(Use().total_of(Budget::kRanked).granted, kMostUnits);
   for (const int64_t amount : {int64_t{-5}, int64_t{0}, kMostUnits + 1}) {
     ASSERT_EQ(SqlError(absl::StrCat("DROP TRIGGER IF EXISTS ledger_fixed; "
                                     "PRAGMA ignore_check_constraints = ON; "
                                     "UPDATE ledger SET amount = ", amount)), "");
-    EXPECT_EQ(Use().total_of(Budget::kOfficial).granted, 0) << amount;
+    EXPECT_EQ(Use().total_of(Budget::kRanked).granted, 0) << amount;
   }
 }
 
@@ -298,7 +298,7 @@ TEST_F(QuotaTest, APartThatFailsLeavesTheOthers) {
   const absl::Status status = store_->Write([&](Writer& writer) {
     const auto grant = [](int64_t amount) {
       return [amount](Writer& part) {
-        return part.Grant({"alpha", kTrack, Budget::kOfficial, amount, "why"}, "uid 0");
+        return part.Grant({"alpha", kTrack, Budget::kRanked, amount, "why"}, "uid 0");
       };
     };
     EXPECT_TRUE(writer.Part(grant(1)).ok());
@@ -310,7 +310,7 @@ TEST_F(QuotaTest, APartThatFailsLeavesTheOthers) {
     return absl::OkStatus();
   });
   ASSERT_TRUE(status.ok()) << status;
-  EXPECT_EQ(Use().total_of(Budget::kOfficial).granted, 101);
+  EXPECT_EQ(Use().total_of(Budget::kRanked).granted, 101);
 }
 
 }  // namespace

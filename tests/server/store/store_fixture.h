@@ -18,7 +18,7 @@ inline constexpr char kFacts[] =
 
 inline constexpr AdmissionRules kRules = {
     .quota = {
-        .official = {100, 100}, .practice = {100, 100}, .failed = {100, 100}, .waiting = 100}};
+        .ranked = {100, 100}, .practice = {100, 100}, .failed = {100, 100}, .waiting = 100}};
 
 class StoreTest : public ::testing::Test {
  protected:

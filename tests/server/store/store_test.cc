@@ -79,7 +79,7 @@ TEST_F(StoreTest, AnEpisodeCountsOnceAndADifferenceIsRemembered) {
     ASSERT_EQ(rows.size(), 1u);
     EXPECT_EQ(rows[0].facts_json, kFacts);
     EXPECT_EQ(rows[0].attempt, 1);
-    ASSERT_EQ(reader.Replays(accepted.evaluation)->size(), 1u);
+    ASSERT_EQ(reader.Repeats(accepted.evaluation)->size(), 1u);
     EXPECT_EQ((*reader.Leases(accepted.evaluation))[0].faults, 1);
   });
 }

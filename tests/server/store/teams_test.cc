@@ -63,7 +63,7 @@ TEST_F(TeamsTest, ALookAlikeIsRefusedWhereverATeamIsMade) {
       return writer.ChargeFailure(name, "manipulation", "uid 0", "upload refused");
     }));
     refusals.push_back(store_->Write([&](Writer& writer) {
-      return writer.Grant({name, "manipulation", Budget::kOfficial, 1, "why"}, "uid 0");
+      return writer.Grant({name, "manipulation", Budget::kRanked, 1, "why"}, "uid 0");
     }));
     Read([&](Reader& reader) { refusals.push_back(reader.CheckTeam(name)); });
     for (const absl::Status& refused : refusals) {
@@ -86,7 +86,7 @@ TEST_F(TeamsTest, OfTwoFirstSubmissionsAtOnceOneIsRefused) {
   ASSERT_TRUE(store_->Write([&](Writer& writer) {
     for (const char* name : {"alpha", kCyrillic, "Alpha", "beta"}) {
       statuses.push_back(writer.Part([&](Writer& part) {
-        return part.Grant({name, "manipulation", Budget::kOfficial, 1, "why"}, "uid 0");
+        return part.Grant({name, "manipulation", Budget::kRanked, 1, "why"}, "uid 0");
       }));
     }
     return absl::OkStatus();
@@ -99,7 +99,7 @@ TEST_F(TeamsTest, OfTwoFirstSubmissionsAtOnceOneIsRefused) {
 
 TEST_F(TeamsTest, AChangeThatFailsLeavesNoLook) {
   EXPECT_FALSE(store_->Write([&](Writer& writer) -> absl::Status {
-    EXPECT_TRUE(writer.Grant({"alpha", "manipulation", Budget::kOfficial, 1, "why"}, "u").ok());
+    EXPECT_TRUE(writer.Grant({"alpha", "manipulation", Budget::kRanked, 1, "why"}, "u").ok());
     return absl::UnavailableError("the disk is gone");
   }).ok());
   EXPECT_EQ(Count("team_look"), 0);
@@ -139,7 +139,7 @@ TEST_F(TeamsTest, ThousandsOfTeamsAreLookedUpByAnIndex) {
   ASSERT_TRUE(store_->Write([](Writer& writer) -> absl::Status {
     for (int i = 0; i < 10'000; ++i) {
       absl::Status status = writer.Grant(
-          {absl::StrCat("Team ", i * 2 + 1'000'002), "manipulation", Budget::kOfficial, 1, "w"},
+          {absl::StrCat("Team ", i * 2 + 1'000'002), "manipulation", Budget::kRanked, 1, "w"},
           "u");
       // 0 and O, 1 and l are alike, two numbers never.
       if (!status.ok()) return status;

@@ -1,5 +1,5 @@
 // Boards as a function of aggregates and marks.
-#include "server/grading/board.h"
+#include "server/grading/leaderboard.h"
 
 #include <algorithm>
 #include <set>
@@ -32,21 +32,21 @@ void Set(Marks& marks, int64_t submission, const std::string& mark, const std::s
   marks[submission][mark] = {1, 1, submission, mark, true, "uid 0", why};
 }
 
-std::vector<std::string> PlacesOf(const Board& board) {
+std::vector<std::string> PlacesOf(const Leaderboard& board) {
   std::vector<std::string> places;
-  for (const BoardRow& row : board.rows) {
+  for (const LeaderboardRow& row : board.rows) {
     places.push_back(absl::StrCat(row.ranked.rank, ":", row.source.submission));
   }
   return places;
 }
 
-Board Make(const std::vector<StandingRow>& rows, const Marks& marks) {
-  absl::StatusOr<Board> board = MakeBoard(rows, marks, kTiered, TeamRule::kBest);
+Leaderboard Make(const std::vector<StandingRow>& rows, const Marks& marks) {
+  absl::StatusOr<Leaderboard> board = MakeLeaderboard(rows, marks, kTiered, TeamRule::kBest);
   EXPECT_TRUE(board.ok()) << board.status();
-  return board.ok() ? *std::move(board) : Board();
+  return board.ok() ? *std::move(board) : Leaderboard();
 }
 
-TEST(Board, HonoursEveryMark) {
+TEST(Leaderboard, HonoursEveryMark) {
   const std::vector<StandingRow> rows = {Row(1, "alpha", 40, 9, 0.1), Row(2, "alpha", 30, 9, 0.1),
                                          Row(3, "beta", 35, 9, 0.1), Row(4, "gamma", 20, 9, 0.1)};
   EXPECT_THAT(PlacesOf(Make(rows, {})), ElementsAre("1:1", "2:3", "3:4"));
@@ -56,13 +56,13 @@ TEST(Board, HonoursEveryMark) {
   Set(marks, 3, kBaseline);
   EXPECT_THAT(PlacesOf(Make(rows, marks)), ElementsAre("0:3", "1:2", "2:4"));
   Set(marks, 4, kDisqualified, "reads the seeds");
-  const Board board = Make(rows, marks);
+  const Leaderboard board = Make(rows, marks);
   EXPECT_THAT(PlacesOf(board), ElementsAre("0:3", "1:2"));
   ASSERT_EQ(board.disqualified.size(), 1u);
   EXPECT_EQ(board.disqualified[0].mark.why, "reads the seeds");
 }
 
-TEST(Board, AFastBaselineOpensNoBand) {
+TEST(Leaderboard, AFastBaselineOpensNoBand) {
   // By itself 2 opens the band that holds 3, whose effort is less. The baseline is so fast that
   // with it 2 and 3 would be in no band of its.
   const std::vector<StandingRow> rows = {
@@ -72,14 +72,14 @@ TEST(Board, AFastBaselineOpensNoBand) {
   EXPECT_THAT(PlacesOf(Make(rows, marks)), ElementsAre("0:1", "1:3", "2:2"));
 }
 
-TEST(Board, DamagedAggregatesAreToldAndTheOthersStand) {
+TEST(Leaderboard, DamagedAggregatesAreToldAndTheOthersStand) {
   StandingRow broken = Row(1, "alpha", 2, 1, 1);
   StandingRow disqualified = Row(2, "beta", 2, 1, 1);
   broken.standing.aggregate_json = disqualified.standing.aggregate_json = "{";
   Marks marks;
   Set(marks, 2, kDisqualified);
   const auto board =
-      MakeBoard({broken, disqualified, Row(3, "gamma", 1, 1, 1)}, marks, kTiered, TeamRule::kBest);
+      MakeLeaderboard({broken, disqualified, Row(3, "gamma", 1, 1, 1)}, marks, kTiered, TeamRule::kBest);
   ASSERT_TRUE(board.ok()) << board.status();
   ASSERT_EQ(board->rows.size(), 1u);
   EXPECT_EQ(board->rows[0].source.submission, 3);
@@ -88,7 +88,7 @@ TEST(Board, DamagedAggregatesAreToldAndTheOthersStand) {
   for (const Damage& damage : board->damaged) EXPECT_EQ(damage.table, "standing");
 }
 
-TEST(Board, ExplainsByNumberAndByTeamAndSaysWhyNot) {
+TEST(Leaderboard, ExplainsByNumberAndByTeamAndSaysWhyNot) {
   const std::vector<StandingRow> rows = {Row(1, "alpha", 40, 9, 0.1), Row(2, "alpha", 30, 9, 0.1),
                                          Row(3, "beta", 35, 9, 0.1), Row(4, "7", 20, 9, 0.1),
                                          Row(5, "gamma", 10, 9, 0.1)};
@@ -103,7 +103,7 @@ TEST(Board, ExplainsByNumberAndByTeamAndSaysWhyNot) {
   EXPECT_THAT(explain("beta", "7"), HasSubstr("3 (beta) stands above 4 (7)"));
   EXPECT_THAT(explain("2", "3"), HasSubstr("its team stands with submission 1"));
   EXPECT_THAT(explain("5", "3"), HasSubstr("it is hidden"));
-  EXPECT_THAT(explain("99", "3"), HasSubstr("no finished official evaluation"));
+  EXPECT_THAT(explain("99", "3"), HasSubstr("no finished ranked evaluation"));
   EXPECT_THAT(explain("nobody", "3"), HasSubstr("no team \"nobody\""));
   EXPECT_THAT(explain("1", "alpha"), HasSubstr("the same row"));
   Set(marks, 1, kBaseline);
@@ -125,7 +125,7 @@ RC_GTEST_PROP(BoardProperty, MarksTakeAwayAndChangeNoOrder, ()) {
     if (mark == 2) Set(marks, id, kBaseline);
     if (mark <= 2) out.insert(id);
   }
-  const Board marked = Make(rows, marks);
+  const Leaderboard marked = Make(rows, marks);
   // The ranked are those of a board on which the marked never were.
   std::vector<StandingRow> rest;
   for (const StandingRow& row : rows) {
@@ -133,7 +133,7 @@ RC_GTEST_PROP(BoardProperty, MarksTakeAwayAndChangeNoOrder, ()) {
   }
   std::vector<std::string> ranked;
   size_t baselines = 0;
-  for (const BoardRow& row : marked.rows) {
+  for (const LeaderboardRow& row : marked.rows) {
     if (row.ranked.rank == 0) {
       ++baselines;
       RC_ASSERT(marks.at(row.source.submission).contains(kBaseline));

@@ -1,4 +1,4 @@
-#include "server/store/replay.h"
+#include "server/store/differences.h"
 
 #include <initializer_list>
 

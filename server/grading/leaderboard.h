@@ -24,7 +24,7 @@ inline constexpr char kBaseline[] = "baseline";
 // The marks in force, by submission and name.
 using Marks = std::map<int64_t, std::map<std::string, MarkRow>>;
 
-struct BoardRow {
+struct LeaderboardRow {
   scoring::RankedEntry ranked;  // rank 0: a baseline, which has none
   StandingRow source;
   nlohmann::json aggregate;     // AggregateToJson
@@ -37,8 +37,8 @@ struct DisqualifiedRow {
   MarkRow mark;
 };
 
-struct Board {
-  std::vector<BoardRow> rows;                 // in the board's order, baselines among them
+struct Leaderboard {
+  std::vector<LeaderboardRow> rows;                 // in the board's order, baselines among them
   std::vector<DisqualifiedRow> disqualified;  // by submission
   std::vector<Damage> damaged;                // what would be here, and can't be read
 };
@@ -49,15 +49,15 @@ struct Board {
 // the board without baselines. Every submission marked as baseline is shown; its
 // team's others rank as usual. What has an aggregate that can't be read is as if it weren't
 // there, and told apart.
-absl::StatusOr<Board> MakeBoard(const std::vector<StandingRow>& standings, const Marks& marks,
+absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& standings, const Marks& marks,
                                 const scoring::BoardRules& rules, scoring::TeamRule team);
 
 // Why one of two stands above the other, in a sentence with unrounded numbers.
 // Each is named by its submission's number, or else by its team. A NotFoundError
 // says which is not on the board and why.
 struct Explanation {
-  BoardRow above;
-  BoardRow below;
+  LeaderboardRow above;
+  LeaderboardRow below;
   std::string sentence;
 };
 absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standings,

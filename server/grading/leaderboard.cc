@@ -1,4 +1,4 @@
-#include "server/grading/board.h"
+#include "server/grading/leaderboard.h"
 
 #include <algorithm>
 #include <cmath>
@@ -76,7 +76,7 @@ Sorted Sort(const std::vector<StandingRow>& standings, const Marks& marks) {
 }
 
 void AddRow(const Sorted& sorted, const RankedEntry& ranked, const BoardRules& rules,
-            Board& board) {
+            Leaderboard& board) {
   const StandingRow& source = *sorted.sources.at(ranked.entry.acceptance);
   std::optional<Json> aggregate = AggregateOf(source, board.damaged);
   if (!aggregate) return;
@@ -100,7 +100,7 @@ absl::StatusOr<std::optional<size_t>> PlaceOf(const BoardEntry& baseline,
 
 }  // namespace
 
-absl::StatusOr<Board> MakeBoard(const std::vector<StandingRow>& standings, const Marks& marks,
+absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& standings, const Marks& marks,
                                 const BoardRules& rules, TeamRule team) {
   Sorted sorted = Sort(standings, marks);
   absl::StatusOr<std::vector<RankedEntry>> ranked = scoring::Rank(sorted.ranked, rules, team);
@@ -115,7 +115,7 @@ absl::StatusOr<Board> MakeBoard(const std::vector<StandingRow>& standings, const
   std::sort(baselines.begin(), baselines.end(), [](const auto& a, const auto& b) {
     return std::pair(a.first, a.second.acceptance) < std::pair(b.first, b.second.acceptance);
   });
-  Board board{.rows = {}, .disqualified = std::move(sorted.disqualified),
+  Leaderboard board{.rows = {}, .disqualified = std::move(sorted.disqualified),
               .damaged = std::move(sorted.damaged)};
   auto next = baselines.begin();
   for (size_t i = 0; i <= ranked->size(); ++i) {
@@ -132,16 +132,16 @@ absl::StatusOr<Board> MakeBoard(const std::vector<StandingRow>& standings, const
 namespace {
 
 std::string WhyAbsent(int64_t id, const std::vector<StandingRow>& standings, const Marks& marks,
-                      const Board& board) {
+                      const Leaderboard& board) {
   const auto own = marks.find(id);
   const auto row = std::find_if(standings.begin(), standings.end(),
                                 [&](const StandingRow& s) { return s.submission == id; });
   if (row == standings.end()) {
-    return "it has no finished official evaluation under the present config of this track";
+    return "it has no finished ranked evaluation under the present config of this track";
   }
   if (own != marks.end() && own->second.contains(kHidden)) return "it is hidden";
   if (own != marks.end() && own->second.contains(kDisqualified)) return "it is disqualified";
-  for (const BoardRow& other : board.rows) {
+  for (const LeaderboardRow& other : board.rows) {
     if (other.source.team == row->team && other.ranked.rank != 0) {
       return absl::StrCat("its team stands with submission ", other.source.submission);
     }
@@ -149,18 +149,18 @@ std::string WhyAbsent(int64_t id, const std::vector<StandingRow>& standings, con
   return "it does not reach what this board asks for";
 }
 
-absl::StatusOr<const BoardRow*> FindRow(const Board& board, const std::string& name,
+absl::StatusOr<const LeaderboardRow*> FindRow(const Leaderboard& board, const std::string& name,
                                         const std::vector<StandingRow>& standings,
                                         const Marks& marks) {
   int64_t id = 0;
   const bool is_number = absl::SimpleAtoi(name, &id);
-  for (const BoardRow& row : board.rows) {
+  for (const LeaderboardRow& row : board.rows) {
     if (is_number && row.source.submission == id) return &row;
   }
-  for (const BoardRow& row : board.rows) {  // a baseline's team may have a ranked row as well
+  for (const LeaderboardRow& row : board.rows) {  // a baseline's team may have a ranked row as well
     if (row.source.team == name && row.ranked.rank != 0) return &row;
   }
-  for (const BoardRow& row : board.rows) {
+  for (const LeaderboardRow& row : board.rows) {
     if (row.source.team == name) return &row;
   }
   if (is_number) {
@@ -176,11 +176,11 @@ absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standin
                                          const Marks& marks, const BoardRules& rules,
                                          TeamRule team, const std::string& a,
                                          const std::string& b) {
-  absl::StatusOr<Board> board = MakeBoard(standings, marks, rules, team);
+  absl::StatusOr<Leaderboard> board = MakeLeaderboard(standings, marks, rules, team);
   if (!board.ok()) return board.status();
-  absl::StatusOr<const BoardRow*> first = FindRow(*board, a, standings, marks);
+  absl::StatusOr<const LeaderboardRow*> first = FindRow(*board, a, standings, marks);
   if (!first.ok()) return first.status();
-  absl::StatusOr<const BoardRow*> second = FindRow(*board, b, standings, marks);
+  absl::StatusOr<const LeaderboardRow*> second = FindRow(*board, b, standings, marks);
   if (!second.ok()) return second.status();
   if (*first == *second) {
     return absl::InvalidArgumentError(
@@ -188,21 +188,21 @@ absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standin
   }
   // The bands that decide are those of a ranking in which both are.
   std::vector<BoardEntry> entries;
-  for (const BoardRow& row : board->rows) {
+  for (const LeaderboardRow& row : board->rows) {
     if (row.ranked.rank != 0 || &row == *first || &row == *second) {
       entries.push_back(row.ranked.entry);
     }
   }
   absl::StatusOr<std::vector<RankedEntry>> ranked = scoring::Rank(entries, rules, team);
   if (!ranked.ok()) return ranked.status();
-  const auto place = [&](const BoardRow& row) {
+  const auto place = [&](const LeaderboardRow& row) {
     return std::find_if(ranked->begin(), ranked->end(), [&](const RankedEntry& entry) {
       return entry.entry.acceptance == row.ranked.entry.acceptance;
     });
   };
   const bool in_order = place(**first) < place(**second);
-  const BoardRow& above = in_order ? **first : **second;
-  const BoardRow& below = in_order ? **second : **first;
+  const LeaderboardRow& above = in_order ? **first : **second;
+  const LeaderboardRow& below = in_order ? **second : **first;
   RankedEntry upper = *place(above);
   RankedEntry lower = *place(below);
   upper.entry.team = above.source.team;  // a baseline's own name
