@@ -32,10 +32,7 @@ class Documents(SystemTest):
         cls.work = cls.root / "clone"
         (cls.work / "build").mkdir(parents=True)
         (cls.work / "build/release").symlink_to(POLICIES.parent)
-        path = cls.root / "configs/tracks/locomotion.json"
-        config = json.loads(path.read_text())
-        config["seeds"] = {"first": 7000, "count": 10}
-        path.write_text(json.dumps(config))
+        cls.daemon.change_config("tracks/locomotion.json", seeds={"first": 7000, "count": 10})
 
     def bash(self, script):
         result = subprocess.run(["bash", "-e", "-c", script], cwd=self.work, env=self.environment,

@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-import pathlib
 import shutil
 import signal
 import sqlite3
@@ -148,8 +147,8 @@ class Quotas(OrganiserCase):
                             ({"tracks": {TRACK: {"colour": 1}}}, '"colour"')):
             self.configure(quota={"waiting": 200, "tracks": {}})
             self.configure(quota=quota)
-            self.assertEqual(self.launch().wait(timeout=20), 2)
-            self.assertIn(word, (self.folder / "log").read_text().splitlines()[-1])
+            self.assertEqual(self.daemon.launch().wait(timeout=20), 2)
+            self.assertIn(word, self.daemon.log().splitlines()[-1])
 
     def test_a_second_official_evaluation_is_the_first(self):
         first = self.submit("ok")
@@ -242,7 +241,7 @@ class Files(OrganiserCase):
         self.stop(signal.SIGTERM)
         third = self.folder / "third"
         for data, with_daemon in ((other, False), (third, True)):
-            self.data = data
+            self.daemon.data = data
             self.start()
             if with_daemon:
                 self.ask("import", out, schema="import")

@@ -6,15 +6,15 @@ import hashlib
 import hmac
 import json
 import os
-import pathlib
 import shutil
 import signal
 import sqlite3
 import subprocess
 import unittest
 
-from daemon_test import BIN, archive
+from daemon_test import BIN
 from organiser_test import OrganiserCase, TRACK
+from support.submission import played_by_stand_in
 
 
 def seed_of(key, message):
@@ -48,7 +48,7 @@ class PolicySeeds(OrganiserCase):
     def elsewhere(self):
         """The daemon goes on in another, empty data folder."""
         self.stop(signal.SIGTERM)
-        self.data = pathlib.Path(f"{self.data}-2")
+        self.daemon.data = f"{self.data}-2"
         self.start()
 
     def local(self, *words):
@@ -67,7 +67,7 @@ class PolicySeeds(OrganiserCase):
         return json.loads(done.stdout)
 
     def upload_named(self, name):
-        status, body = self.call("POST", "/v1/artefacts", archive("ok", name))
+        status, body = self.call("POST", "/v1/artefacts", played_by_stand_in("ok", name))
         self.assertEqual(status, 201, body)
         return body["artefact"]
 
