@@ -6,12 +6,12 @@ import os
 import pathlib
 import shutil
 import signal
-import time
 import unittest
 
 from soak import soak
-from system import BIN, POLICIES, SystemTest, track_config
+from support.waiting import wait_until
 from support import proc
+from system import BIN, POLICIES, SystemTest, track_config
 from whole_system_test import identities
 
 TRACKS = {"short": track_config("locomotion", seeds={"first": 30, "count": 4},
@@ -36,11 +36,7 @@ class BrokenHost(SystemTest):
         cls.start_daemon()
 
     def wait(self, what, condition):
-        deadline = time.monotonic() + 240
-        while not condition(found := what()):
-            self.assertLess(time.monotonic(), deadline, found)
-            time.sleep(0.3)
-        return found
+        return wait_until(what, 240, "it stays", condition, every_s=0.3)
 
     def host(self):
         return self.ask("status")["daemon"]["host"]

@@ -7,8 +7,9 @@ import signal
 import time
 import unittest
 
-from system import SystemTest, track_config
+from support.waiting import wait_until
 from support import proc
+from system import SystemTest, track_config
 
 
 def groups_of(pid):
@@ -41,17 +42,13 @@ class Freezer:
 
     def _become(self, state):
         (self.folder / "freezer.state").write_text(state)
-        deadline = time.monotonic() + 60
-        while (self.folder / "freezer.state").read_text().strip() != state:
-            if time.monotonic() > deadline:
-                raise AssertionError(f"the freezer does not become {state}")
-            time.sleep(0.01)
+        wait_until(lambda: (self.folder / "freezer.state").read_text().strip() == state, 60,
+                   f"the freezer does not become {state}")
 
     def remove(self):
         self.thaw()
-        deadline = time.monotonic() + 60
-        while (self.folder / "cgroup.procs").read_text() and time.monotonic() < deadline:
-            time.sleep(0.01)
+        wait_until(lambda: not (self.folder / "cgroup.procs").read_text(), 60,
+                   "the freezer is not empty")
         self.folder.rmdir()
 
 
@@ -64,10 +61,7 @@ class LeftoversTest(SystemTest):
     tracks = {"long": track_config("locomotion", budgets={"startup_s": 600})}
 
     def wait_for(self, what, condition, seconds=60):
-        deadline = time.monotonic() + seconds
-        while not condition():
-            self.assertLess(time.monotonic(), deadline, what)
-            time.sleep(0.1)
+        wait_until(condition, seconds, what)
 
     def sleepers(self, seconds):
         return [pid for pid in (int(entry.name) for entry in pathlib.Path("/proc").iterdir()

@@ -14,9 +14,9 @@ import sqlite3
 import sys
 import time
 
-from system import BIN, POLICIES, SOURCE, track_config
-from support import proc
 from support.daemon import Daemon
+from support import proc
+from system import BIN, POLICIES, SOURCE, track_config
 
 TRACK = "soak"
 # A bridge lives in the participant's sandbox: its death is a crash there and belongs to the

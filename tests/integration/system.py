@@ -9,6 +9,7 @@ import unittest
 
 from support.daemon import Daemon
 
+HERE = pathlib.Path(__file__).resolve().parent
 BIN = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"])
 POLICIES = pathlib.Path(os.environ["MYOGRADE_TEST_POLICIES"])
 SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
@@ -59,15 +60,19 @@ class SystemTest(unittest.TestCase):
         """The JSON that a verb prints."""
         return cls.daemon.ask(*words, check=check)
 
+    def python_policy(self, name, words, *files, kit="kit-python"):
+        """A submission folder of a kit and copies of `files`, made once for each name; Python is
+        started with `words`."""
+        folder = self.root / name
+        if not folder.exists():
+            shutil.copytree(POLICIES / kit, folder)
+            for file in files:
+                shutil.copy(file, folder)
+            (folder / "policy.json").write_text(json.dumps({
+                "name": name, "command": ["/usr/bin/python3", *words], "runtimes": ["python"]}))
+        return folder
+
     def misbehaving(self, mode):
         """A submission folder of misbehaving_policy.py in a mode."""
-        folder = self.root / f"misbehaving-{mode}"
-        if not folder.exists():
-            shutil.copytree(POLICIES / "kit-python", folder)
-            shutil.copy(SOURCE / "tests/integration/misbehaving_policy.py", folder)
-            (folder / "policy.json").write_text(json.dumps({
-                "name": f"misbehaving-{mode}",
-                "command": ["/usr/bin/python3", "misbehaving_policy.py", mode],
-                "runtimes": ["python"],
-            }))
-        return folder
+        return self.python_policy(f"misbehaving-{mode}", ["misbehaving_policy.py", mode],
+                                  HERE / "misbehaving_policy.py")

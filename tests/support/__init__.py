@@ -6,6 +6,7 @@
 | `client` | HTTP over its Unix socket, also as another user |
 | `crowd` | many clients at once that hold on to the socket |
 | `submission` | archives of submissions, honest or not |
+| `waiting` | deadlines |
 | `proc` | what the kernel tells of processes |
 | `fake_runner.py` | a stand-in for myograde-runner that plays without physics |
 

@@ -16,6 +16,7 @@ from daemon_test import BIN, DaemonCase
 from support import client
 from support.crowd import UPLOAD, crowd
 from support.submission import played_by_stand_in
+from support.waiting import wait_until
 
 ROOT = os.geteuid() == 0
 STRANGER = 64099  # a user that no daemon and no slot has
@@ -111,10 +112,8 @@ class Crowds(Attacked):
         try:
             sender.stdin.write(hostile_uploads_test.many())
             sender.stdin.close()
-            deadline = time.monotonic() + 60
-            while not any(name.endswith(".folder") for name in os.listdir(self.data / "spool")):
-                self.assertLess(time.monotonic(), deadline)
-                time.sleep(0.02)
+            wait_until(lambda: list((self.data / "spool").glob("*.folder")), 60,
+                       "it is not being unpacked", every_s=0.02)
             begun = time.monotonic()
             self.assertEqual(self.stop(signal.SIGTERM), 0)
             self.assertLess(time.monotonic() - begun, SOON_S)
@@ -200,10 +199,8 @@ class Hoards(Attacked):
         self.stop(signal.SIGTERM)
         self.configure(artefacts={"unsubmitted_s": 1}, retention={"every_s": 1})
         DaemonCase.start(self)
-        deadline = time.monotonic() + 60
-        while set(os.listdir(self.data / "artefacts")) != {artefacts[0]}:
-            self.assertLess(time.monotonic(), deadline, os.listdir(self.data / "artefacts"))
-            time.sleep(0.1)
+        wait_until(lambda: os.listdir(self.data / "artefacts"), 60, "more are left",
+                   lambda names: names == [artefacts[0]])
         request["artefact"] = artefacts[1]
         self.assertEqual(self.call("POST", "/v1/submissions", request)[0], 404)
 
@@ -247,12 +244,10 @@ class Descriptors(Attacked):
         self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
 
     def test_it_does_not_spin_without_descriptors(self):
-        # A sanitised daemon needs a pipe to look at an object of a kind that is new to it, and takes
-        # the object for a wrong one if it gets none: all that it does beside has to be over.
-        deadline = time.monotonic() + 60
-        while "the reference episodes" not in self.daemon.log():
-            self.assertLess(time.monotonic(), deadline, self.daemon.state())
-            time.sleep(0.05)
+        # A sanitised daemon needs a pipe to look at an object of a kind that is new to it, and
+        # takes the object for a wrong one if it gets none: all that it does beside has to be over.
+        wait_until(self.daemon.log, 60, "it is not done with its start",
+                   lambda log: "the reference episodes" in log)
         pid = self.daemon.pid
         open_now = len(os.listdir(f"/proc/{pid}/fd"))
         subprocess.run(["prlimit", f"--pid={pid}", f"--nofile={open_now + 20}:"], check=True)

@@ -11,6 +11,7 @@ import unittest
 from support.client import Connection, exchange
 from support.daemon import Daemon
 from support.submission import played_by_stand_in
+from support.waiting import wait_until
 
 BIN = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"])
 SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
@@ -70,12 +71,7 @@ class DaemonCase(unittest.TestCase):
         return body["submission"]
 
     def wait(self, path, condition):
-        for _ in range(600):
-            body = self.get(path)
-            if condition(body):
-                return body
-            time.sleep(0.05)
-        return self.fail(f"{path} stays {str(body)[:600]}")
+        return wait_until(lambda: self.get(path), 60, f"{path} stays", condition)
 
     def ended(self, submission):
         return self.wait(f"/v1/submissions/{submission}", lambda b: b["state"] in FINAL)

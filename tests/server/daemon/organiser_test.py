@@ -7,13 +7,13 @@ import shutil
 import signal
 import sqlite3
 import subprocess
-import time
 import unittest
 import urllib.parse
 
 import jsonschema
 
 from daemon_test import BIN, SOURCE, DaemonCase
+from support.waiting import wait_until
 
 TRACK = "demo-manipulation"
 
@@ -303,13 +303,10 @@ class Files(OrganiserCase):
     def removals(self):
         """The rows of removals, once there is one: a file leaves its place within the transaction
         that adds its row, and a moment before others see the row."""
-        deadline = time.monotonic() + 60
-        while True:
+        def rows():
             with contextlib.closing(sqlite3.connect(self.data / "store.db")) as db:
-                rows = db.execute("SELECT kind, name, bytes > 0 FROM removal").fetchall()
-            if rows or time.monotonic() > deadline:
-                return rows
-            time.sleep(0.05)
+                return db.execute("SELECT kind, name, bytes > 0 FROM removal").fetchall()
+        return wait_until(rows, 60, "nothing was removed")
 
     def test_files_that_no_board_needs_go_by_the_policy(self):
         official = self.upload("ok")
