@@ -3,7 +3,6 @@ is refused with one sentence, nothing of it is left, and the daemon goes on."""
 
 import gzip
 import os
-import subprocess
 import tarfile
 import time
 import unittest
@@ -124,11 +123,8 @@ class HostileUploads(DaemonCase):
             path = self.folder / f"{name}.tar"
             path.write_bytes(content)
             with self.subTest(name):
-                done = subprocess.run(
-                    [BIN / "myograde", "submit", path, "--track", "demo-manipulation",
-                     "--team", "t", "--data", self.data],
-                    capture_output=True, text=True, timeout=60, check=False,
-                    env=dict(os.environ, MYOGRADE_CONFIG_DIR=str(self.configs)))
+                done = self.daemon.cli("submit", path, "--track", "demo-manipulation", "--team",
+                                       "t", check=False)
                 self.assertEqual(done.returncode, 2, done.stdout + done.stderr)
                 self.assertIn(sentence, done.stderr)
                 self.assertEqual(done.stderr.count("\n"), 1, done.stderr)

@@ -12,7 +12,7 @@ import urllib.parse
 
 import jsonschema
 
-from daemon_test import BIN, SOURCE, DaemonCase
+from daemon_test import SOURCE, DaemonCase
 from support.waiting import wait_until
 
 TRACK = "demo-manipulation"
@@ -20,9 +20,7 @@ TRACK = "demo-manipulation"
 
 class OrganiserCase(DaemonCase):
     def cli(self, *words, data=None, check=True):
-        result = subprocess.run(
-            [BIN / "myograde", *map(str, words), "--data", data or self.data],
-            capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL)
+        result = self.daemon.run_verb(*words, "--data", data or self.data, timeout_s=60, text=True)
         if check:
             self.assertEqual(result.returncode, 0, result.stderr)
         return result

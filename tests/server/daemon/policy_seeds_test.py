@@ -5,14 +5,11 @@ digests are of the episode's seed and its policy seed."""
 import hashlib
 import hmac
 import json
-import os
 import shutil
 import signal
 import sqlite3
-import subprocess
 import unittest
 
-from daemon_test import BIN
 from organiser_test import OrganiserCase, TRACK
 from support.submission import played_by_stand_in
 
@@ -58,13 +55,7 @@ class PolicySeeds(OrganiserCase):
         (policy / "policy").chmod(0o755)
         (policy / "policy.json").write_text(
             json.dumps({"name": "l", "command": ["./policy", "ok"]}))
-        done = subprocess.run(
-            [BIN / "myograde", "local", policy, "--track", TRACK, "--configs", self.configs,
-             "--cache", self.folder / "cache", "--json", *words], capture_output=True, text=True,
-            timeout=60, stdin=subprocess.DEVNULL,
-            env=dict(os.environ, MYOGRADE_BIN_DIR=str(self.folder / "bin")))
-        self.assertEqual(done.returncode, 0, done.stderr)
-        return json.loads(done.stdout)
+        return self.daemon.ask("local", policy, "--track", TRACK, *words)
 
     def upload_named(self, name):
         status, body = self.call("POST", "/v1/artefacts", played_by_stand_in("ok", name))
