@@ -18,9 +18,10 @@ STOP_S = 60
 VERB_S = 3600  # for a verb that waits for an evaluation
 LOG_TAIL = 4000
 # Users of the slots: limits on processes count by user, and other daemons may be at work on this
-# host. A daemon takes a range for policies and, SIM_UIDS above, one for simulators; PLACES of
-# them fit into what a process of tests has.
-UIDS, SIM_UIDS, PLACES = 512, 4096, 8
+# host. Each process of tests has a range of PROCESS_UIDS, and each of its daemons UIDS in it for
+# policies and as many for simulators, which the server sets SIM_UIDS above (server/sandbox).
+PROCESS_UIDS, SIM_UIDS, UIDS = 8192, 4096, 512
+FIRST_UID = 100000
 
 _numbers = itertools.count()
 
@@ -43,7 +44,8 @@ class Daemon:
         self.root = pathlib.Path(tempfile.mkdtemp(prefix=f"myograde-{name}-"))
         self.configs = self.root / "configs"
         shutil.copytree(pathlib.Path(source) / "configs", self.configs)
-        self.uid_base = 100000 + os.getpid() % 100000 * 8192 + next(_numbers) % PLACES * UIDS
+        self.uid_base = (FIRST_UID + os.getpid() % 100000 * PROCESS_UIDS
+                         + next(_numbers) * UIDS % SIM_UIDS)
         self.environment = dict(os.environ, MYOGRADE_CONFIG_DIR=str(self.configs))
         self.command = [self.programs / "myograde", "serve"]
         self.data = self.root / "data"
@@ -92,7 +94,7 @@ class Daemon:
         (self.configs / "tracks" / f"{name}.json").write_text(json.dumps(config))
 
     def use_stand_in_runner(self):
-        """Leases are played by fake_runner.py; a copy of the programs' folder, which it returns."""
+        """Has fake_runner.py play the leases, in a folder with links to all other programs."""
         folder = self.root / "bin"
         folder.mkdir()
         for program in self.programs.iterdir():
@@ -101,7 +103,6 @@ class Daemon:
         runner = shutil.copy(HERE / "fake_runner.py", folder / "myograde-runner")
         os.chmod(runner, 0o755)
         self.environment["MYOGRADE_BIN_DIR"] = str(folder)
-        return folder
 
     def has_user(self, uid):
         """True if `uid` is of one of its slots."""
@@ -188,7 +189,7 @@ class Daemon:
     # --- asking it ---
 
     def call(self, method, path, body=None, kind=None, uid=None):
-        """Status and JSON of an answer, to another user if `uid` says so. An OSError tells the
+        """Status and JSON of an answer, to the user `uid` if there is one. An OSError tells the
         daemon's state."""
         try:
             if uid is not None:

@@ -47,5 +47,5 @@ def memory_bytes(pid, which="VmRSS"):
     """Resident memory of a process: now, or the most that it had (VmHWM). 0 if it has ended."""
     try:
         return 1024 * int(status(pid)[which].split()[0])
-    except (OSError, KeyError):  # one that nobody waited for yet has no memory
+    except (OSError, KeyError):  # KeyError: it has ended, and nobody has waited for it yet
         return 0
