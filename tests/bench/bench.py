@@ -17,10 +17,11 @@ import subprocess
 import sys
 import time
 
-import growth
-import processes
-import storage
-from grader import Grader
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+import growth  # noqa: E402  (needs the folder above)
+import processes  # noqa: E402
+import storage  # noqa: E402
+from grader import Grader  # noqa: E402
 
 TRACKS = ("manipulation", "locomotion")
 EPISODE_STEPS = {"manipulation": 1000, "locomotion": 2000}
@@ -75,9 +76,9 @@ class Bench:
         """A whole evaluation through a new daemon. Returns its result and its seconds."""
         track = self.run_track(grader, kind, leases, episodes)
         grader.choose_data(f"data-{time.monotonic_ns()}")
-        with grader.running(slots=slots):
+        with grader.running_with(slots=slots):
             if watch is not None:
-                watch.start(grader.daemon.pid)
+                watch.start(grader.pid)
             result = grader.ask("submit", self.policies[policy], "--track", track, "--team",
                                 "Bench", "--wait")
             if watch is not None:

@@ -6,18 +6,15 @@ submission is accepted until its evaluation has ended, divided by the episodes p
 
 import json
 import pathlib
-import shutil
 import sqlite3
 import statistics
 import subprocess
-import sys
 import time
 
-import processes
 from grader import Grader
-
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "load"))
-import load  # noqa: E402  (its client of the daemon's socket)
+from processes import cpu_seconds
+from support import client, proc
+from support.submission import played_by_stand_in
 
 EPISODES_PER_LEASE = 10
 TEAM_EPISODES = 10  # of each submission when teams are counted
@@ -32,77 +29,58 @@ def spread(values):
     return {"median": statistics.median(values), "min": min(values), "max": max(values)}
 
 
-class Stage:
-    """A daemon whose runner is the stand-in. A context, as Grader is."""
+class Stage(Grader):
+    """A grader whose runner is the stand-in."""
 
     def __init__(self, build, source):
-        self.source = pathlib.Path(source).absolute()
-        self.grader = Grader(pathlib.Path(build).absolute() / "bin", self.source)
-        programs = self.grader.root / "bin"
-        programs.mkdir()
-        for program in self.grader.bin.iterdir():
-            if program.name != "myograde-runner":
-                (programs / program.name).symlink_to(program)
-        shutil.copy(self.source / "tests/server/daemon/fake_runner.py",
-                    programs / "myograde-runner")
-        (programs / "myograde-runner").chmod(0o755)
-        self.grader.environment["MYOGRADE_BIN_DIR"] = str(programs)
+        super().__init__(pathlib.Path(build) / "bin", source)
+        self.use_stand_in_runner()
         self.made = 0  # artefacts
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.grader.__exit__()
 
     def track(self, episodes):
         name = f"growth-{episodes}"
-        self.grader.add_track(name, {
+        self.add_track(name, {
             "extends": "manipulation", "episodes_per_lease": min(EPISODES_PER_LEASE, episodes),
             "seeds": {"first": 0, "count": episodes}})
         return name
 
-    def running(self, slots):
-        self.grader.choose_data(f"data-{time.monotonic_ns()}")
-        quota = json.loads((self.source / "configs/server.json").read_text())["quota"]
-        return self.grader.running(slots=slots, quota=dict(quota, **QUOTA))
-
-    def connect(self):
-        return load.Connection(str(self.grader.data / "myograde.sock"))
+    def with_slots(self, slots):
+        """Runs the daemon on an empty store."""
+        self.choose_data(f"data-{time.monotonic_ns()}")
+        return self.running_with(slots=slots, quota=QUOTA)
 
     @staticmethod
-    def post(connection, path, body):
-        connection.request("POST", path, body)
-        answer = connection.getresponse()
-        text = answer.read()
-        if answer.status not in (200, 201):
-            raise RuntimeError(f"POST {path}: {answer.status} {text.decode()[:300]}")
+    def send(connection, path, body):
+        status, text = client.exchange(connection, "POST", path, body)
+        if status not in (200, 201):
+            raise RuntimeError(f"POST {path}: {status} {text.decode()[:300]}")
         return json.loads(text)
 
     def upload(self, connection):
         """A policy like no other, so that its evaluation is official."""
         self.made += 1
-        return self.post(connection, "/v1/artefacts", load.archive(self.made))["artefact"]
+        policy = played_by_stand_in("ok", f"noop-{self.made}")
+        return self.send(connection, "/v1/artefacts", policy)["artefact"]
 
     def submit(self, connection, artefact, track, team):
-        return self.post(connection, "/v1/submissions", json.dumps(
-            {"artefact": artefact, "team": team, "track": track}))
+        return self.send(connection, "/v1/submissions",
+                         {"artefact": artefact, "team": team, "track": track})
 
     def wait(self):
         """Until nothing waits or runs. Looks into the store, which costs the daemon nothing."""
         deadline = time.monotonic() + DEADLINE_S
-        database = sqlite3.connect(self.grader.data / "store.db", timeout=30)
+        database = sqlite3.connect(self.data / "store.db", timeout=30)
         try:
             database.execute("PRAGMA query_only = ON")
             query = "SELECT count(*) FROM evaluation WHERE finished_at IS NULL"
             while database.execute(query).fetchone()[0] != 0:
                 if time.monotonic() > deadline:
                     raise RuntimeError("growth: the leases were not played within "
-                                       f"{DEADLINE_S} s\n" + self.grader.log_tail())
+                                       f"{DEADLINE_S} s\n" + self.state())
                 time.sleep(0.02)
             states = database.execute("SELECT state, count(*) FROM evaluation GROUP BY state")
             if any(state != "done" for state, _ in states):
-                raise RuntimeError("growth: an evaluation was not done\n" + self.grader.log_tail())
+                raise RuntimeError("growth: an evaluation was not done\n" + self.state())
             return [row[0] * row[1] for row in database.execute(
                 "SELECT p.page_count, s.page_size FROM pragma_page_count AS p, "
                 "pragma_page_size AS s")][0]
@@ -111,10 +89,10 @@ class Stage:
 
     def cost(self, track, teams, submissions):
         """Processor seconds of the daemon for so many submissions by so many teams."""
-        connection = self.connect()
+        connection = client.Connection(self.socket_path)
         try:
             artefacts = [self.upload(connection) for _ in range(submissions)]
-            before = processes.cpu_seconds(self.grader.daemon.pid)
+            before = cpu_seconds(self.pid)
             for place, artefact in enumerate(artefacts):
                 self.submit(connection, artefact, track, f"Team {place % teams + 1}")
         finally:
@@ -122,7 +100,7 @@ class Stage:
         store_bytes = self.wait()
         # What follows an evaluation's end on other threads belongs to it.
         time.sleep(0.05)
-        return processes.cpu_seconds(self.grader.daemon.pid) - before, store_bytes
+        return cpu_seconds(self.pid) - before, store_bytes
 
 
 def by_episodes(stage, counts, slots, repetitions):
@@ -131,13 +109,13 @@ def by_episodes(stage, counts, slots, repetitions):
     for episodes in counts:
         track = stage.track(episodes)
         costs = []
-        with stage.running(slots):
+        with stage.with_slots(slots):
             _, start_bytes = stage.cost(least, 1, 1)  # warm-up
             for _ in range(repetitions if episodes < 1000 else min(2, repetitions)):
                 seconds, store_bytes = stage.cost(track, 1, 1)
                 costs.append(seconds / episodes)
             row = {"episodes": episodes, "daemon_cpu_s_per_episode": spread(costs),
-                   "daemon_bytes": processes.resident_bytes(stage.grader.daemon.pid)}
+                   "daemon_bytes": proc.memory_bytes(stage.pid)}
         if rows:
             # Without what an evaluation costs by itself, however short it is.
             first = rows[0]["daemon_cpu_s_per_episode"]["median"] * counts[0]
@@ -155,10 +133,10 @@ def by_teams(stage, counts, slots, repetitions, submissions):
     for teams in counts:
         costs = []
         for _ in range(repetitions):
-            with stage.running(slots):
+            with stage.with_slots(slots):
                 seconds, _ = stage.cost(track, teams, submissions)
                 costs.append(seconds / (submissions * TEAM_EPISODES))
-                memory = processes.resident_bytes(stage.grader.daemon.pid)
+                memory = proc.memory_bytes(stage.pid)
         rows.append({"teams": teams, "daemon_cpu_s_per_episode": spread(costs),
                      "daemon_bytes": memory})
     return rows

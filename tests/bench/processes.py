@@ -5,6 +5,8 @@ import pathlib
 import threading
 import time
 
+from support import proc
+
 PERIOD_S = 0.2
 
 
@@ -25,16 +27,6 @@ def drop_file_caches():
         return False
 
 
-def children(pid):
-    found = []
-    for task in pathlib.Path(f"/proc/{pid}/task").glob("*/children"):
-        try:
-            found += [int(word) for word in task.read_text().split()]
-        except OSError:
-            pass
-    return found
-
-
 def proportional_bytes(pid):
     """Memory of a process, what it shares counted in shares (PSS); 0 if it is gone."""
     try:
@@ -46,29 +38,11 @@ def proportional_bytes(pid):
     return 0
 
 
-def resident_bytes(pid):
-    """Memory of a process that is there now; 0 if it is gone."""
-    try:
-        for line in pathlib.Path(f"/proc/{pid}/status").read_text().splitlines():
-            if line.startswith("VmRSS:"):
-                return 1024 * int(line.split()[1])
-    except OSError:
-        pass
-    return 0
-
-
 def cpu_seconds(pid):
     """Processor time of a process, its ended threads included, its children not."""
     # The kernel's number of a process's clock: see clock_getcpuclockid(3). To the nanosecond, where
     # /proc/PID/stat counts in hundredths of a second.
     return time.clock_gettime(~pid << 3 | 2)
-
-
-def name_of(pid):
-    try:
-        return pathlib.Path(f"/proc/{pid}/comm").read_text().strip()
-    except OSError:
-        return ""
 
 
 class MemoryWatch:
@@ -91,10 +65,7 @@ class MemoryWatch:
 
     def _watch(self, root):
         while not self._stopped.is_set():
-            waiting = [root]
-            while waiting:
-                pid = waiting.pop()
-                if name_of(pid) == self.name:
+            for pid, name in proc.below(root):
+                if name == self.name:
                     self.largest = max(self.largest, proportional_bytes(pid))
-                waiting += children(pid)
             time.sleep(PERIOD_S)

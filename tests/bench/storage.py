@@ -69,14 +69,14 @@ def measure(grader, policy, counts):
         "extends": "bench-manipulation", "seeds": {"first": 0, "count": EPISODES},
         "episodes_per_lease": EPISODES, "profiles": {"paper": {"rules": {"max_steps": 1}}}})
     grader.choose_data("store")
-    with grader.running(slots=1):
+    with grader.running_with(slots=1):
         grader.ask("submit", policy, "--track", "tiny", "--team", "Team 1", "--wait")
     sizes = []
     for count in counts:
         path = grader.data / "store.db"
         fill(path, count)
         os.sync()  # or the kernel would write what was filled in while commands are timed
-        with grader.running(slots=1):
+        with grader.running_with(slots=1):
             board = timed(grader, REPETITIONS, "leaderboard", "--track", "tiny")
             submit = timed(grader, REPETITIONS, "submit", policy, "--track", "tiny", "--team",
                            "Newcomer NUMBER", "--episodes", "1")

@@ -2,15 +2,15 @@
 from all sides."""
 
 import contextlib
-import json
 import os
 import pathlib
 import shutil
 import signal
-import time
 import unittest
 
-from soak import processes_below, soak
+from soak import soak
+from support.waiting import wait_until
+from support import proc
 from system import BIN, POLICIES, SystemTest, track_config
 from whole_system_test import identities
 
@@ -32,18 +32,11 @@ class BrokenHost(SystemTest):
             if program.name.startswith("myograde"):
                 shutil.copy2(program, cls.bin)
         cls.environment["MYOGRADE_BIN_DIR"] = str(cls.bin)
-        path = cls.root / "configs" / "server.json"
-        config = json.loads(path.read_text())
-        config["scheduler"].update(replay_delay_s=0.5, self_test_every_s=3)
-        path.write_text(json.dumps(config))
+        cls.daemon.configure(scheduler={"replay_delay_s": 0.5, "self_test_every_s": 3})
         cls.start_daemon()
 
     def wait(self, what, condition):
-        deadline = time.monotonic() + 240
-        while not condition(found := what()):
-            self.assertLess(time.monotonic(), deadline, found)
-            time.sleep(0.3)
-        return found
+        return wait_until(what, 240, "it stays", condition, every_s=0.3)
 
     def host(self):
         return self.ask("status")["daemon"]["host"]
@@ -73,7 +66,7 @@ class BrokenHost(SystemTest):
                               "c")["submission"]
 
         def kill_bridges():
-            for pid, name in processes_below(self.daemon.pid):
+            for pid, name in proc.below(self.daemon.pid):
                 if name == "myograde-bridge":
                     with contextlib.suppress(ProcessLookupError):
                         os.kill(pid, signal.SIGKILL)
@@ -88,13 +81,13 @@ class BrokenHost(SystemTest):
     def test_cancel_leaves_no_process(self):
         submission = self.ask("submit", POLICIES / "random", "--track", "locomotion", "--team", "d"
                               )["submission"]
-        self.wait(lambda: [name for _, name in processes_below(self.daemon.pid)],
+        self.wait(lambda: [name for _, name in proc.below(self.daemon.pid)],
                   lambda names: "myograde-bridge" in names)
         status = self.ask("cancel", submission, "--reason", "a mistake")
         self.assertEqual((status["state"], status["reason"]), ("cancelled", "a mistake"))
         self.assertGreaterEqual(status["cancel"]["killed"], 1)
         self.assertLess(status["cancel"]["took_wall_s"], 1)
-        self.assertEqual(processes_below(self.daemon.pid), [])
+        self.assertEqual(proc.below(self.daemon.pid), [])
         self.assertEqual(list(pathlib.Path(self.data / "work").iterdir()), [])
 
 

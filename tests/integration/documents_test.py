@@ -32,10 +32,7 @@ class Documents(SystemTest):
         cls.work = cls.root / "clone"
         (cls.work / "build").mkdir(parents=True)
         (cls.work / "build/release").symlink_to(POLICIES.parent)
-        path = cls.root / "configs/tracks/locomotion.json"
-        config = json.loads(path.read_text())
-        config["seeds"] = {"first": 7000, "count": 10}
-        path.write_text(json.dumps(config))
+        cls.daemon.change_config("tracks/locomotion.json", seeds={"first": 7000, "count": 10})
 
     def bash(self, script):
         result = subprocess.run(["bash", "-e", "-c", script], cwd=self.work, env=self.environment,
@@ -51,9 +48,8 @@ class Documents(SystemTest):
             self.assertIn(row["outcome"], ("success", "failure"), row)
         return result
 
-    def python_policy(self, name, source, manifest=None):
-        folder = self.root / name
-        shutil.copytree(POLICIES / "kit-python", folder)
+    def fenced_policy(self, name, source, manifest=None):
+        folder = self.python_policy(name, ["policy.py"])
         (folder / "policy.py").write_text(source)
         (folder / "policy.json").write_text(json.dumps(manifest or STILL))
         return folder
@@ -74,7 +70,7 @@ class Documents(SystemTest):
             for source in blocks(text, "python"):
                 count += 1
                 with self.subTest(page=page):
-                    self.play(self.python_policy(f"documented-{count}", source))
+                    self.play(self.fenced_policy(f"documented-{count}", source))
         self.assertGreaterEqual(count, 3)
 
     def test_every_manifest_is_taken(self):
@@ -87,7 +83,7 @@ class Documents(SystemTest):
                     continue
                 count += 1
                 with self.subTest(page=page, manifest=manifest):
-                    folder = self.python_policy(f"manifest-{count}", "raise SystemExit(3)",
+                    folder = self.fenced_policy(f"manifest-{count}", "raise SystemExit(3)",
                                                 manifest)
                     for word in manifest["command"]:
                         if word.startswith("./"):
@@ -126,7 +122,7 @@ class Documents(SystemTest):
     def test_what_a_policy_still_holds_at_its_end_is_kept_and_its_variables_are_set(self):
         still = next(body for language, body in self.section("In Python") if language == "python")
         # Without PYTHONUNBUFFERED the interpreter holds what it printed, until it ends in order.
-        policy = self.python_policy("last-words", "import atexit, os\n"
+        policy = self.fenced_policy("last-words", "import atexit, os\n"
                                     "atexit.register(print, 'goodbye', os.environ['POLICY_WHO'])\n"
                                     "print('hello')\n" + still,
                                     {**STILL, "env": {"PYTHONUNBUFFERED": "",
@@ -137,7 +133,7 @@ class Documents(SystemTest):
     def test_a_program_that_is_not_there_is_refused_with_the_reason(self):
         for program, reason in (("python4", "no program of the sandbox"),
                                 ("venv/bin/python3", "/usr/local/bin/python3.99")):
-            folder = self.python_policy(f"lost-{program[:4]}", "", {**STILL, "command": [program]})
+            folder = self.fenced_policy(f"lost-{program[:4]}", "", {**STILL, "command": [program]})
             (folder / "venv/bin").mkdir(parents=True)
             (folder / "venv/bin/python3").symlink_to("/usr/local/bin/python3.99")
             said = self.run_cli("local", folder, "--track", "short-leg", check=False)
@@ -146,7 +142,7 @@ class Documents(SystemTest):
 
     def test_a_virtual_environment_of_the_hosts_python_plays(self):
         still = next(body for language, body in self.section("In Python") if language == "python")
-        policy = self.python_policy("own-packages", "import own\n" + still,
+        policy = self.fenced_policy("own-packages", "import own\n" + still,
                                     {**STILL, "command": ["venv/bin/python3", "policy.py"]})
         made = subprocess.run(["/usr/bin/python3", "-m", "venv", "--without-pip", policy / "venv"],
                               capture_output=True, text=True, timeout=120)
@@ -159,7 +155,7 @@ class Documents(SystemTest):
 
     def test_a_compiled_module_is_used_as_it_is(self):
         still = next(body for language, body in self.section("In Python") if language == "python")
-        policy = self.python_policy("compiled", "import big\nprint(hasattr(big, 'kept'))\n" + still)
+        policy = self.fenced_policy("compiled", "import big\nprint(hasattr(big, 'kept'))\n" + still)
         (policy / "big.py").write_text("seen = 1\n")
         subprocess.run(["/usr/bin/python3", "-m", "compileall", "-q", policy / "big.py"],
                        check=True)

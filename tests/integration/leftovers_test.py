@@ -7,21 +7,9 @@ import signal
 import time
 import unittest
 
+from support.waiting import wait_until
+from support import proc
 from system import SystemTest, track_config
-
-
-def children_of(pid):
-    """Processes whose parent is `pid`."""
-    found = []
-    for entry in pathlib.Path("/proc").iterdir():
-        try:
-            stat = (entry / "stat").read_text() if entry.name.isdigit() else ""
-        except OSError:
-            continue
-        fields = stat.rpartition(")")[2].split()
-        if fields and int(fields[1]) == pid:
-            found.append(int(entry.name))
-    return found
 
 
 def groups_of(pid):
@@ -36,12 +24,6 @@ def says(pid, words):
         return words.encode() in pathlib.Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:
         return False
-
-
-def below(pid):
-    """All that descend of a process."""
-    found = children_of(pid)
-    return found + [other for child in found for other in below(child)]
 
 
 class Freezer:
@@ -60,17 +42,13 @@ class Freezer:
 
     def _become(self, state):
         (self.folder / "freezer.state").write_text(state)
-        deadline = time.monotonic() + 60
-        while (self.folder / "freezer.state").read_text().strip() != state:
-            if time.monotonic() > deadline:
-                raise AssertionError(f"the freezer does not become {state}")
-            time.sleep(0.01)
+        wait_until(lambda: (self.folder / "freezer.state").read_text().strip() == state, 60,
+                   f"the freezer does not become {state}")
 
     def remove(self):
         self.thaw()
-        deadline = time.monotonic() + 60
-        while (self.folder / "cgroup.procs").read_text() and time.monotonic() < deadline:
-            time.sleep(0.01)
+        wait_until(lambda: not (self.folder / "cgroup.procs").read_text(), 60,
+                   "the freezer is not empty")
         self.folder.rmdir()
 
 
@@ -83,10 +61,7 @@ class LeftoversTest(SystemTest):
     tracks = {"long": track_config("locomotion", budgets={"startup_s": 600})}
 
     def wait_for(self, what, condition, seconds=60):
-        deadline = time.monotonic() + seconds
-        while not condition():
-            self.assertLess(time.monotonic(), deadline, what)
-            time.sleep(0.1)
+        wait_until(condition, seconds, what)
 
     def sleepers(self, seconds):
         return [pid for pid in (int(entry.name) for entry in pathlib.Path("/proc").iterdir()
@@ -112,8 +87,7 @@ class LeftoversTest(SystemTest):
 
     def see_a_slot_closed(self):
         """A verdict stays, and its slot is closed over the death of runner and daemon."""
-        path = self.root / "configs" / "server.json"
-        path.write_text(json.dumps({**json.loads(path.read_text()), "slots": 1}))
+        self.daemon.configure(slots=1)
         freezer, seconds = Freezer(), 20_000_000 + os.getpid()
         self.addCleanup(freezer.remove)
         self.start_daemon()
@@ -125,7 +99,7 @@ class LeftoversTest(SystemTest):
         self.crash(left)
         self.wait_for("nothing was recorded",
                       lambda: self.ask("status", submission)["episodes"]["done"] == 1)
-        for pid in children_of(self.daemon.pid):
+        for pid in proc.children(self.daemon.pid):
             os.kill(pid, signal.SIGKILL)
         self.expect_closed(seconds, left, 3)
         self.stop_daemon(signal.SIGKILL)
@@ -158,25 +132,21 @@ class LeftoversTest(SystemTest):
 
 class Leftovers(LeftoversTest):
     def processes_of_slots(self):
-        base = int(self.ask_config("uid_base"))
         found = []
         for entry in pathlib.Path("/proc").iterdir():
             try:
-                if entry.name.isdigit() and base <= entry.stat().st_uid < base + 8192:
+                if entry.name.isdigit() and self.daemon.has_user(entry.stat().st_uid):
                     found.append(int(entry.name))
             except OSError:
                 continue
         return found
 
-    def ask_config(self, key):
-        return json.loads((self.root / "configs" / "server.json").read_text())[key]
-
     def test_the_next_start_removes_what_killed_runners_left(self):
         self.start_daemon()
         self.ask("submit", self.misbehaving("silent"), "--track", "long", "--team", "silent")
         self.wait_for("no policy was started", lambda: any(
-            says(pid, "misbehaving_policy") for pid in below(self.daemon.pid)))
-        runners = children_of(self.daemon.pid)
+            says(pid, "misbehaving_policy") for pid, _ in proc.below(self.daemon.pid)))
+        runners = proc.children(self.daemon.pid)
         self.assertTrue(runners)
         # The runners first, so that none of them hears that the daemon is gone.
         for pid in runners:

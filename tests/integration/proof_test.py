@@ -137,11 +137,7 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
         self.assertEqual(len(again["verify"]["episodes"]), 3)
 
     def test_a_policy_that_is_not_repeatable_is_told_from_the_simulator(self):
-        folder = self.root / "unrepeatable"
-        shutil.copytree(POLICIES / "kit-python", folder)
-        (folder / "policy.json").write_text(json.dumps({
-            "name": "unrepeatable", "command": ["/usr/bin/python3", "policy.py"],
-            "runtimes": ["python"]}))
+        folder = self.python_policy("unrepeatable", ["policy.py"])
         (folder / "policy.py").write_text(
             "import os, myograde_kit\n"
             "class Chance(myograde_kit.Policy):\n"
@@ -297,15 +293,8 @@ class Golden(SystemTest):
     tracks = {f"golden-{track}": track_config(track, episodes_per_lease=2) for track in TRACKS}
 
     def folder(self, track):
-        folder = self.root / f"golden-{track}"
-        if not folder.exists():
-            shutil.copytree(POLICIES / "kit-python", folder)
-            shutil.copy(GOLDEN / "player.py", folder)
-            shutil.copy(GOLDEN / track / "actions.gz", folder)
-            (folder / "policy.json").write_text(json.dumps({
-                "name": f"golden-{track}", "command": ["/usr/bin/python3", "player.py"],
-                "runtimes": ["python"]}))
-        return folder
+        return self.python_policy(f"golden-{track}", ["player.py"], GOLDEN / "player.py",
+                                  GOLDEN / track / "actions.gz")
 
     def test_one_merkle_root_with_any_number_of_workers(self):
         recorded = json.loads((GOLDEN / "merkle_roots.json").read_text())

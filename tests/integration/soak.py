@@ -7,16 +7,16 @@ have the same rows, the same hashes and the same board.
 usage: soak.py MINUTES [SEED]   (with the environment of CMakeLists.txt; root or not)
 """
 
-import json
 import os
-import pathlib
 import random
 import signal
 import sqlite3
 import sys
 import time
 
-from system import POLICIES, SystemTest, track_config
+from support.daemon import Daemon
+from support import proc
+from system import BIN, POLICIES, SOURCE, track_config
 
 TRACK = "soak"
 # A bridge lives in the participant's sandbox: its death is a crash there and belongs to the
@@ -24,81 +24,44 @@ TRACK = "soak"
 KINDS = ("myograde-runner", "myograde-sim", "myograded", "stop-runner", "stop-sim")
 
 
-def processes_below(root):
-    """Ids and names of all processes that descend from a process."""
-    children = {}
-    names = {}
-    for entry in pathlib.Path("/proc").iterdir():
-        if not entry.name.isdigit():
-            continue
-        try:
-            stat = (entry / "stat").read_text()
-        except OSError:
-            continue  # it ended
-        name = stat[stat.index("(") + 1:stat.rindex(")")]
-        parent = int(stat[stat.rindex(")") + 2:].split()[1])
-        children.setdefault(parent, []).append(int(entry.name))
-        names[int(entry.name)] = name
-    found = []
-    queue = [root]
-    while queue:
-        for child in children.get(queue.pop(), []):
-            found.append((child, names[child]))
-            queue.append(child)
-    return found
+class Host(Daemon):
+    """A daemon of its own, with few faults allowed to last long. Not started yet."""
 
-
-class Host(SystemTest):
-    """A daemon on folders of its own."""
-
-    @classmethod
-    def make(cls, slots):
-        # The class attributes that SystemTest works on, once for each host.
-        host = type("Host", (Host,), {"tracks": {TRACK: track_config(
+    def __init__(self, slots):
+        super().__init__(BIN, SOURCE, "soak")
+        self.add_track(TRACK, track_config(
             "locomotion", seeds={"first": 400, "count": 8}, episodes_per_lease=2,
-            budgets={"startup_s": 120})}})
-        host.setUpClass()
-        path = host.root / "configs" / "server.json"
-        config = json.loads(path.read_text())
-        config["slots"] = slots
-        config["uid_base"] += 512 if slots == 1 else 0
+            budgets={"startup_s": 120}))
         # Kills come faster here than faults ever do: the most replays that can be configured.
-        config["scheduler"].update(heartbeat_s=4, replay_delay_s=0.1, max_replays=100,
-                                   self_test_every_s=5)
-        path.write_text(json.dumps(config))
-        path = host.root / "configs" / "sandbox" / "sim.json"
-        path.write_text(json.dumps({**json.loads(path.read_text()), "silence_s": 10}))
-        host.start_daemon()
-        return host
+        self.configure(slots=slots, scheduler={"heartbeat_s": 4, "replay_delay_s": 0.1,
+                                               "max_replays": 100, "self_test_every_s": 5})
+        self.change_config("sandbox/sim.json", silence_s=10)
 
-    @classmethod
-    def submit(cls, policy, team):
-        return cls.ask("submit", POLICIES / policy, "--track", TRACK, "--team",
+    def submit(self, policy, team):
+        return self.ask("submit", POLICIES / policy, "--track", TRACK, "--team",
                        team)["submission"]
 
-    @classmethod
-    def results(cls, submissions):
+    def results(self, submissions):
         """Rows, hashes and the board, without what clocks and loads decide."""
         found = {}
         for submission in submissions:
-            result = cls.ask("show", submission, "--episodes")
+            result = self.ask("show", submission, "--episodes")
             rows = [(row["index"], row["outcome"], row["digest"], row["steps"], row["metrics"])
                     for row in result["episode_rows"]]
             found[submission] = {"rows": rows, "state": result["state"],
                                  "hash": result["hashes"]["results"],
                                  "not_repeatable": result["not_repeatable"]}
-        board = cls.ask("leaderboard", "--track", TRACK)["rows"]
+        board = self.ask("leaderboard", "--track", TRACK)["rows"]
         found["board"] = [(row["rank"], row["team"], row["submission"], row["aggregate"])
                           for row in board]
         return found
 
-    @classmethod
-    def wait_all(cls, submissions, limit_s):
+    def wait_all(self, submissions, limit_s):
         deadline = time.monotonic() + limit_s
         open_ = set(submissions)
         while open_:
             for submission in sorted(open_):
-                state = cls.ask("status", submission)["state"]
+                state = self.ask("status", submission)["state"]
                 if state not in ("queued", "running"):
                     open_.discard(submission)
             if time.monotonic() > deadline:
@@ -120,12 +83,11 @@ def disturb(host, chance):
     """One random blow. Its name."""
     kind = chance.choice(KINDS)
     if kind == "myograded":
-        host.stop_daemon(chance.choice((signal.SIGKILL, signal.SIGTERM)))
-        host.start_daemon()
+        host.restart(chance.choice((signal.SIGKILL, signal.SIGTERM)))
         return kind
     name = kind.replace("stop-", "myograde-")
     # The kernel keeps 15 characters of a name.
-    found = [pid for pid, told in processes_below(host.daemon.pid) if told == name[:15]]
+    found = [pid for pid, told in proc.below(host.pid) if told == name[:15]]
     if not found:
         return None
     try:
@@ -139,19 +101,22 @@ def disturb(host, chance):
 def soak(minutes, seed, rounds=6):
     chance = random.Random(seed)
     blows = {}
-    calm, shaken = Host.make(slots=1), Host.make(slots=2)
+    calm, shaken = Host(slots=1), Host(slots=2)
     try:
+        calm.start()
+        shaken.start()
         expected_ids = submissions_of(calm, rounds)
         calm.wait_all(expected_ids, 1800)
         expected = calm.results(expected_ids)
-        calm.stop_daemon()
+        calm.stop()
         end = time.monotonic() + minutes * 60
         turns = 0
         while time.monotonic() < end:
             turns += 1
             if turns > 1:  # a store of its own for each turn
-                shaken.tearDownClass()
-                shaken = Host.make(slots=2)
+                shaken.close()
+                shaken = Host(slots=2)
+                shaken.start()
             ids = submissions_of(shaken, rounds)
             states = {}
             while time.monotonic() < end + 600:
@@ -179,7 +144,7 @@ def soak(minutes, seed, rounds=6):
         return blows
     finally:
         for host in (calm, shaken):
-            host.tearDownClass()
+            host.close()
 
 
 def main():

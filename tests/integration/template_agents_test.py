@@ -1,10 +1,9 @@
 """Agents written for the template of 2024, on the real tracks, by the kit that stands in for it."""
 
-import json
 import shutil
 import unittest
 
-from system import POLICIES, SOURCE, SystemTest, track_config
+from system import HERE, POLICIES, SystemTest, track_config
 
 
 class TemplateAgents(SystemTest):
@@ -14,15 +13,9 @@ class TemplateAgents(SystemTest):
     }
 
     def agent(self, name, *arguments):
-        folder = self.root / "-".join([name, *arguments])
-        shutil.copytree(POLICIES / "kit-template-2024", folder)
-        shutil.copy(SOURCE / f"tests/integration/template_agents/{name}.py", folder)
-        (folder / "policy.json").write_text(json.dumps({
-            "name": name,
-            "command": ["/usr/bin/python3", "play_agent.py", f"{name}.py", *arguments],
-            "runtimes": ["python"],
-        }))
-        return folder
+        return self.python_policy("-".join([name, *arguments]),
+                                  ["play_agent.py", f"{name}.py", *arguments],
+                                  HERE / f"template_agents/{name}.py", kit="kit-template-2024")
 
     def play(self, policy, track, profile):
         result = self.ask("local", policy, "--track", track, "--profile", profile)
@@ -50,8 +43,7 @@ class TemplateAgents(SystemTest):
     def test_an_agent_that_samples_from_torch_repeats(self):
         agent = self.agent("sampling_agent")
         (agent / "torch").mkdir()
-        shutil.copy(SOURCE / "tests/integration/template_agents/fake_torch.py",
-                    agent / "torch/__init__.py")
+        shutil.copy(HERE / "template_agents/fake_torch.py", agent / "torch/__init__.py")
         first = [row["digest"] for row in self.play(agent, "short-leg", "myosuite")]
         again = [row["digest"] for row in self.play(agent, "short-leg", "myosuite")]
         self.assertEqual(first, again)

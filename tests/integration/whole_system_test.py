@@ -3,9 +3,9 @@
 import json
 import shutil
 import signal
-import time
 import unittest
 
+from support.waiting import wait_until
 from system import POLICIES, SystemTest, track_config
 
 TRACKS = ("manipulation", "locomotion", "elbow")
@@ -141,13 +141,8 @@ class Survive(SystemTest):
                                    episodes_per_lease=3)}
 
     def wait_done(self, submission):
-        deadline = time.monotonic() + 240
-        while True:
-            status = self.ask("status", submission)
-            if status["state"] not in ("queued", "running"):
-                return status
-            self.assertLess(time.monotonic(), deadline, status)
-            time.sleep(0.2)
+        return wait_until(lambda: self.ask("status", submission), 240, "it does not end",
+                          lambda status: status["state"] not in ("queued", "running"), every_s=0.2)
 
     def test_a_killed_daemon_carries_on(self):
         undisturbed = self.ask("local", POLICIES / "zero", "--track", "long")
@@ -156,10 +151,8 @@ class Survive(SystemTest):
                 self.start_daemon()
                 submission = self.ask("submit", POLICIES / "zero", "--track", "long",
                                       "--team", number.name)["submission"]
-                deadline = time.monotonic() + 120
-                while self.ask("status", submission)["episodes"]["done"] < 2:
-                    self.assertLess(time.monotonic(), deadline)
-                    time.sleep(0.05)
+                wait_until(lambda: self.ask("status", submission), 120, "it does not get on",
+                           lambda status: status["episodes"]["done"] >= 2)
                 status = self.stop_daemon(number)
                 if number == signal.SIGTERM:
                     self.assertEqual(status, 0)

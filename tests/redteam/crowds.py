@@ -6,15 +6,11 @@ user asks too; else the crowd, the organiser and the honest one are all the same
 import contextlib
 import json
 import os
-import pathlib
 import shutil
-import subprocess
-import sys
 import time
 
-sys.path.append(str(pathlib.Path(__file__).resolve().parents[1] / "integration"))
-from crowd import UPLOAD, crowd
-from host import ApiError
+from support.client import ApiError
+from support.crowd import UPLOAD, crowd
 
 SOON_S = 30
 # Name, how many, and what each says before it falls silent.
@@ -31,18 +27,6 @@ CROWDS = (
 
 STRANGER = 61990
 
-# Asks once as the crowd's user, and prints the answer's status.
-ASK = r"""
-import http.client, os, socket, sys
-os.setgid(int(sys.argv[2])); os.setuid(int(sys.argv[2]))
-connection = http.client.HTTPConnection("myograde", timeout=60)
-connection.sock = socket.socket(socket.AF_UNIX)
-connection.sock.settimeout(60)
-connection.sock.connect(sys.argv[1])
-connection.request("GET", "/v1/health")
-print(connection.getresponse().status)
-"""
-
 
 def _crowds_user(host):
     """An ordinary daemon's own, as nobody else may talk to it."""
@@ -56,7 +40,7 @@ def _open_to_all(host):
         yield
         return
     modes = [(path, path.stat().st_mode & 0o7777)
-             for path in (host.root, host.data, host.data / "myograde.sock")]
+             for path in (host.root, host.data, host.socket_path)]
     for (path, _), mode in zip(modes, (0o711, 0o711, 0o666)):
         path.chmod(mode)
     try:
@@ -71,19 +55,19 @@ def _answers(host, name, begun):
     try:
         if host.get("/v1/health")["status"] != "ok":
             yield f"{name}: the daemon is not well"
-        done = host.cli("submit", host.root / "absent", "--track", "rt", "--team", "Crowd")
+        done = host.verb("submit", host.root / "absent", "--track", "rt", "--team", "Crowd")
         if done.returncode != 2:
             yield f"{name}: the command line ended as {done.returncode}"
         host.get("/v1/tracks")
     except (OSError, ApiError) as error:
         yield f"{name}: an organiser is not answered: {error}"
     if os.geteuid() == 0:
-        done = subprocess.run(
-            [sys.executable, "-c", ASK, host.data / "myograde.sock", str(_crowds_user(host))],
-            capture_output=True, text=True, timeout=120, check=False)
-        if done.stdout.strip() != "200":
-            yield (f"{name}: the crowd's own user is not answered: {done.stdout.strip()} "
-                   f"{done.stderr[-300:]}")
+        try:
+            status, answer = host.call("GET", "/v1/health", uid=_crowds_user(host))
+        except OSError as error:
+            status, answer = None, error
+        if status != 200:
+            yield f"{name}: the crowd's own user is not answered: {status} {answer}"
     if time.monotonic() - begun > SOON_S:
         yield f"{name}: they waited for {time.monotonic() - begun:.0f} s"
 
@@ -92,8 +76,8 @@ def run_crowds(suite):
     mistakes = []
     with _open_to_all(suite.host):
         for name, count, text in CROWDS:
-            with crowd(suite.host.data / "myograde.sock", count, text,
-                       uid=_crowds_user(suite.host) if os.geteuid() == 0 else -1,
+            with crowd(suite.host.socket_path, count, text,
+                       uid=_crowds_user(suite.host) if os.geteuid() == 0 else None,
                        slow=name == "slow uploads"):
                 mistakes += _answers(suite.host, name, time.monotonic())
     return mistakes
@@ -114,13 +98,13 @@ def run_hoard(suite):
     refused = None
     for _ in range(400):
         try:
-            host.get(f"/v1/submissions/{submission}/rerun", "POST", "{}")
+            host.post(f"/v1/submissions/{submission}/rerun", {})
         except ApiError as error:
             refused = error
             break
     if refused is None or refused.status != 409:
         mistakes.append(f"400 re-runs at once were not refused: {refused}")
     with contextlib.suppress(ApiError):
-        host.get(f"/v1/submissions/{submission}/cancel", "POST", "{}")
+        host.post(f"/v1/submissions/{submission}/cancel", {})
     shutil.rmtree(folder)
     return mistakes

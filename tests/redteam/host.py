@@ -1,24 +1,18 @@
-"""The host's side of the suite: a daemon of its own in a temporary folder, and a look at what of
+"""The host's side of the suite: a daemon of its own with the suite's tracks, and a look at what of
 it is left on the host."""
 
 import contextlib
-import http.client
 import json
 import os
 import pathlib
-import shutil
-import signal
-import socket
-import subprocess
-import tempfile
 import time
 
+from support import proc
+from support.daemon import Daemon
+
 SLOTS = 3
-# Users of the slots: a range of its own for each run of the suite, as limits count by user.
-UID_RANGE = 8192
-START_S = 30
-STOP_S = 30
 MOST_READERS = 64
+VERB_S = 120
 # Large and unlike anything that would turn up by chance, so that they can be looked for.
 SEEDS = [914207635518432 + i for i in range(20)]
 
@@ -51,113 +45,29 @@ TRACKS = {
 }
 
 
-class ApiError(Exception):
-    """An answer of the daemon that is no success."""
-
-    def __init__(self, status, answer):
-        super().__init__(f"HTTP {status}: {answer}")
-        self.status = status
-        self.answer = answer
-
-
-class _UnixConnection(http.client.HTTPConnection):
-    def __init__(self, path):
-        super().__init__("myograde", timeout=30)
-        self.path = path
-
-    def connect(self):
-        self.sock = socket.socket(socket.AF_UNIX)
-        self.sock.settimeout(self.timeout)
-        self.sock.connect(self.path)
-
-
-class Host:
+class Host(Daemon):
     """A daemon with the suite's tracks. `user`: an ordinary user's id to run it as, or None."""
 
     CANARY = "a file of the host that everybody may write to\n"
 
-
     def __init__(self, programs, source, user=None):
-        self.bin = programs
-        self.user = user
-        self.root = pathlib.Path(tempfile.mkdtemp(prefix="myograde-redteam-"))
-        self.data = self.root / "data"
-        self.data.mkdir()
-        self.configs = self.root / "configs"
-        shutil.copytree(source / "configs", self.configs)
-        self.uid_base = 100000 + os.getpid() % 100000 * UID_RANGE
-        self._write_configs()
-        # AddressSanitizer keeps what was freed for a while: little of it, so that growth is seen.
-        self.environment = dict(os.environ, ASAN_OPTIONS="quarantine_size_mb=16",
-                                MYOGRADE_DATA=str(self.data),
-                                MYOGRADE_CONFIG_DIR=str(self.configs), NO_COLOR="1")
-        self.daemon = None
-        self.runners = set()
-        if user is not None:
-            for path in (self.root, self.data):
-                os.chown(path, user, user)
-
-    def _write_configs(self):
-        path = self.configs / "server.json"
-        config = json.loads(path.read_text())
-        config.update(slots=SLOTS, uid_base=self.uid_base)
-        config["artefacts"].update(bytes=64 << 20, files=1000)
-        config["quota"].update({key: 10**6 for key in config["quota"]
-                                if key.endswith(("_per_day", "_total")) or key == "waiting"})
-        path.write_text(json.dumps(config))
+        super().__init__(programs, source, "redteam", user)
+        self.data.mkdir(exist_ok=True)
+        quota = json.loads((self.configs / "server.json").read_text())["quota"]
+        self.configure(slots=SLOTS, artefacts={"bytes": 64 << 20, "files": 1000},
+                       quota={key: 10**6 for key in quota
+                              if key.endswith(("_per_day", "_total")) or key == "waiting"})
         for name, track in TRACKS.items():
-            (self.configs / "tracks" / f"{name}.json").write_text(json.dumps(track))
-
-    def _as_user(self):
-        return {} if self.user is None else {"user": self.user, "group": self.user,
-                                             "extra_groups": []}
-
-    def start(self):
-        log = open(self.root / "daemon.log", "ab")
-        with log:
-            self.daemon = subprocess.Popen([self.bin / "myograde", "serve"], stdout=log, stderr=log,
-                                           stdin=subprocess.DEVNULL, env=self.environment,
-                                           cwd="/", **self._as_user())
-        deadline = time.monotonic() + START_S
-        while True:
-            try:
-                return self.get("/v1/health")
-            except OSError:
-                if self.daemon.poll() is not None or time.monotonic() > deadline:
-                    raise RuntimeError("the daemon did not start:\n" + self.log()) from None
-                time.sleep(0.05)
-
-    def log(self):
-        return (self.root / "daemon.log").read_text(errors="replace")[-4000:]
-
-    def close(self):
-        if self.daemon is not None and self.daemon.poll() is None:
-            self.daemon.send_signal(signal.SIGTERM)
-            try:
-                self.daemon.wait(timeout=STOP_S)
-            except subprocess.TimeoutExpired:
-                self.daemon.kill()
-                self.daemon.wait()
-        shutil.rmtree(self.root, ignore_errors=True)
+            self.add_track(name, track)
+        # AddressSanitizer keeps what was freed for a while: little of it, so that growth is seen.
+        self.environment.update(ASAN_OPTIONS="quarantine_size_mb=16", NO_COLOR="1")
+        self.runners = set()
 
     # --- asking the daemon ---
 
-    def get(self, path, method="GET", body=None, kind="application/json"):
-        connection = _UnixConnection(str(self.data / "myograde.sock"))
-        try:
-            connection.request(method, path, body, {"Content-Type": kind} if body else {})
-            answer = connection.getresponse()
-            value = json.loads(answer.read().decode("utf-8"))
-        finally:
-            connection.close()
-        if answer.status >= 400:
-            raise ApiError(answer.status, value)
-        return value
-
-    def cli(self, *words):
-        return subprocess.run([self.bin / "myograde", *map(str, words)], env=self.environment,
-                              capture_output=True, timeout=120, stdin=subprocess.DEVNULL,
-                              cwd="/", check=False, **self._as_user())
+    def verb(self, *words):
+        """What a verb did, in bytes, whatever its exit status."""
+        return self.run_verb(*words, timeout_s=VERB_S)
 
     def submit(self, folder, track, team, episodes=None, profile=None):
         """The submission's id."""
@@ -166,7 +76,7 @@ class Host:
             words += ["--episodes", episodes]
         if profile is not None:
             words += ["--profile", profile]
-        done = self.cli(*words)
+        done = self.verb(*words)
         if done.returncode != 0:
             raise RuntimeError(f"submit: {done.stderr.decode(errors='replace').strip()}")
         return json.loads(done.stdout)["submission"]
@@ -188,8 +98,9 @@ class Host:
     # --- what is there, and what is left ---
 
     def note_runners(self):
-        """Remembers the runners' process numbers: control groups are named after them."""
-        for path in pathlib.Path(f"/proc/{self.daemon.pid}/task").glob("*/children"):
+        """Remembers the runners' process numbers: control groups are named after them. The
+        kernel's own list, as it is asked for all the time."""
+        for path in pathlib.Path(f"/proc/{self.pid}/task").glob("*/children"):
             try:
                 self.runners.update(path.read_text().split())
             except OSError:
@@ -204,34 +115,26 @@ class Host:
 
     def _processes(self):
         """Processes of the slots' users, or below the daemon."""
-        parents, suspects = {}, {}
+        suspects = {}
         for name in os.listdir("/proc"):
             if not name.isdigit():
                 continue
             try:
-                fields = pathlib.Path(f"/proc/{name}/status").read_text(errors="replace")
+                entries = proc.status(name)
             except OSError:
                 continue
-            entries = dict(line.split(":", 1) for line in fields.splitlines() if ":" in line)
-            parents[name] = entries["PPid"].strip()
             uid = int(entries["Uid"].split()[0])
             inside = len(entries.get("NSpid", "").split()) > 1
             own_user = self.user if self.user is not None else os.getuid()
             if uid in self._slot_uids() or (own_user != 0 and uid == own_user and inside):
-                suspects[name] = entries["Name"].strip()
-        below = {str(self.daemon.pid)}
-        while True:
-            more = {pid for pid, parent in parents.items() if parent in below} - below
-            if not more:
-                break
-            below |= more
-        for pid in below - {str(self.daemon.pid)}:
-            suspects.setdefault(pid, "child of the daemon")
+                suspects[int(name)] = entries["Name"]
+        for pid, name in proc.below(self.pid):
+            suspects.setdefault(pid, f"{name}, below the daemon")
         return [f"process {pid} ({name})" for pid, name in suspects.items()]
 
     def _mounts(self):
         found = []
-        for pid in ("self", self.daemon.pid):
+        for pid in ("self", self.pid):
             lines = pathlib.Path(f"/proc/{pid}/mountinfo").read_text().splitlines()
             found += [f"mount {line.split()[4]}" for line in lines
                       if str(self.root) in line or " scratch " in line or "newroot" in line]
@@ -294,7 +197,7 @@ class Host:
     def _descriptors(self):
         """Those of the daemon, but for the store's: it keeps a reader for each request that was
         ever answered at one time, which are no more than it has workers."""
-        folder = pathlib.Path(f"/proc/{self.daemon.pid}/fd")
+        folder = pathlib.Path(f"/proc/{self.pid}/fd")
         of_store, others = 0, 0
         for fd in os.listdir(folder):
             with contextlib.suppress(FileNotFoundError):
@@ -309,8 +212,8 @@ class Host:
 
     def daemon_use(self):
         """Resident memory in MiB, open descriptors and threads of the daemon."""
-        status = pathlib.Path(f"/proc/{self.daemon.pid}/status").read_text()
-        entries = dict(line.split(":", 1) for line in status.splitlines() if ":" in line)
-        return {"memory_mib": int(entries["VmRSS"].split()[0]) / 1024,
+        if not self.running:
+            raise RuntimeError(self.state())
+        return {"memory_mib": proc.memory_bytes(self.pid) / 2**20,
                 "descriptors": self._descriptors(),
-                "threads": int(entries["Threads"])}
+                "threads": int(proc.status(self.pid)["Threads"])}

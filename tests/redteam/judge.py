@@ -137,7 +137,7 @@ def _finite(value, path=""):
 
 def _clean_text(host, result):
     for words in (("show", result["submission"], "--episodes"), ("status", result["submission"])):
-        text = host.cli(*words).stdout
+        text = host.verb(*words).stdout
         if any(byte < 32 and byte not in (9, 10) for byte in text) or b"\xc2\x9b" in text:
             yield f"control characters in the output of {words[0]}"
 

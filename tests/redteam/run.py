@@ -12,8 +12,9 @@ import signal
 import sys
 import time
 
-import mix
-import suite as suites
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+import mix  # noqa: E402  (needs the folder above)
+import suite as suites  # noqa: E402
 
 WRONG_USE, HOST_TROUBLE = 2, 4
 SOURCE = pathlib.Path(__file__).resolve().parents[2]

@@ -13,7 +13,7 @@ from typing import Callable
 
 import archives
 import crowds
-from host import ApiError
+from support.client import ApiError
 
 WRONG_USE = 2
 NO_DAEMON = (2, 4)  # a daemon that does not start
@@ -44,7 +44,7 @@ def _refused(name, done, statuses=(WRONG_USE,)):
 
 def _api_refuses(name, host, path, body, kind="application/json"):
     try:
-        answer = host.get(path, "POST", body, kind)
+        answer = host.post(path, body, kind)
     except ApiError as error:
         if not 400 <= error.status < 500 or not error.answer["error"]["message"]:
             yield f"{name}: {error}"
@@ -85,7 +85,7 @@ def run_archives(suite):
     before = _count(host)
     for name, content in archives.bad().items():
         (folder / name).write_bytes(content)
-        done = host.cli("submit", folder / name, "--track", "rt", "--team", "Archives")
+        done = host.verb("submit", folder / name, "--track", "rt", "--team", "Archives")
         mistakes += _refused(name, done)
         if ".tar" in name:
             mistakes += _api_refuses(f"{name} by HTTP", host, "/v1/artefacts", content,
@@ -130,14 +130,14 @@ def _bad_manifests(host, folder):
     for name, text in _manifests().items():
         (folder / "policy.json").write_text(text)
         yield from _refused(f"manifest with {name}",
-                            host.cli("submit", folder, "--track", "rt", "--team", "Manifests"))
+                            host.verb("submit", folder, "--track", "rt", "--team", "Manifests"))
 
 
 def _bad_requests(host, policy):
     for name, value in {**NUMBERS, "huge": "99999999999999999999"}.items():
         words = value.strip('"')
         yield from _refused(f"--episodes {name}",
-                            host.cli("submit", policy, "--track", "rt", "--team", "Requests",
+                            host.verb("submit", policy, "--track", "rt", "--team", "Requests",
                                      f"--episodes={words}"))
         body = ('{"artefact": "%s", "team": "Requests", "track": "rt", "episodes": %s}'
                 % ("0" * 64, value))
@@ -146,7 +146,7 @@ def _bad_requests(host, policy):
         seeds.write_text(f"[1, {value if name != 'zero' else '1'}]")
         if name not in ("large",):  # a whole number that a seed may be, but written as a fraction
             yield from _refused(f"seed {name}",
-                                host.cli("submit", policy, "--track", "rt", "--team", "Requests",
+                                host.verb("submit", policy, "--track", "rt", "--team", "Requests",
                                          "--seeds", seeds))
 
 
@@ -160,11 +160,11 @@ def _bad_tracks(host):
             shutil.copytree(host.configs, configs)
             (configs / "tracks" / "bad.json").write_text(
                 '{"extends": "locomotion", "budgets": {"%s": %s}}' % (key, value))
-            yield from _refused(f"{key} {name}", host.cli("spec", "--track", "bad", "--configs",
+            yield from _refused(f"{key} {name}", host.verb("spec", "--track", "bad", "--configs",
                                                           configs))
             if name == "zero":
                 yield from _refused(f"serve with {key} {name}",
-                                    host.cli("serve", "--data", host.root / "bad-data",
+                                    host.verb("serve", "--data", host.root / "bad-data",
                                              "--configs", configs), NO_DAEMON)
             shutil.rmtree(configs)
 
@@ -180,7 +180,7 @@ def run_manifests(suite):
     mistakes = [*_bad_manifests(host, folder), *_bad_requests(host, policy), *_bad_tracks(host)]
     if _count(host)[1] > before + 1:
         mistakes.append("a refused manifest left something among the artefacts")
-    if json.loads(host.cli("status", "--json").stdout)["daemon"]["status"] != "ok":
+    if json.loads(host.verb("status", "--json").stdout)["daemon"]["status"] != "ok":
         mistakes.append("the daemon is not well")
     shutil.rmtree(folder)
     return mistakes
@@ -217,16 +217,16 @@ def run_names(suite):
     for kind, name in TRICKS.items():
         write(name)
         mistakes += _refused(f"a policy's name: {kind}",
-                             host.cli("submit", folder, "--track", "rt", "--team", "Names"))
+                             host.verb("submit", folder, "--track", "rt", "--team", "Names"))
         write("fine")
         if kind not in ("empty",):
             mistakes += _refused(f"a team's name: {kind}",
-                                 host.cli("submit", folder, "--track", "rt", f"--team={name}"))
+                                 host.verb("submit", folder, "--track", "rt", f"--team={name}"))
         body = json.dumps({"artefact": "0" * 64, "team": name, "track": "rt"})
         mistakes += _api_refuses(f"a team by HTTP: {kind}", host, "/v1/submissions", body)
     for name in ODD:
         write(name)
-        done = host.cli("submit", folder, "--track", "rt-start", f"--team={name}", "--episodes", 1,
+        done = host.verb("submit", folder, "--track", "rt-start", f"--team={name}", "--episodes", 1,
                         "--json")
         if done.returncode != 0:
             mistakes.append(f"{name!r} was refused: {done.stderr.decode(errors='replace')[:200]}")
@@ -236,7 +236,7 @@ def run_names(suite):
             mistakes.append(f"the submission of {name!r} did not end")
         if host.get(f"/v1/submissions/{submission}")["team"] != name:
             mistakes.append(f"{name!r} became another team")
-        shown = host.cli("show", submission, "--episodes").stdout.decode(errors="replace")
+        shown = host.verb("show", submission, "--episodes").stdout.decode(errors="replace")
         if _tricked(shown) or "turned" not in shown:
             mistakes.append(f"show plays the tricks of what a policy printed: {shown[-200:]!r}")
     shutil.rmtree(folder)
@@ -258,7 +258,7 @@ def _hand_in(host, artefact, team, start, teams, mistakes):
     start.wait()
     body = json.dumps({"artefact": artefact, "team": team, "track": "rt-start", "episodes": 1})
     try:
-        teams.append(host.get("/v1/submissions", "POST", body)["team"])
+        teams.append(host.post("/v1/submissions", body)["team"])
     except ApiError as error:
         if error.answer["error"]["code"] not in ("look_alike", "bad_request"):
             mistakes.append(f"{team!r}: {error}")
@@ -268,7 +268,7 @@ def run_look_alikes(suite):
     """First submissions of many teams at once, to be taken for one another."""
     host = suite.host
     archive = archives.good()["plain.tar"]
-    artefact = host.get("/v1/artefacts", "POST", archive, "application/x-tar")["artefact"]
+    artefact = host.post("/v1/artefacts", archive, "application/x-tar")["artefact"]
     names = ("Team Blue", *LOOK_ALIKES)
     start, teams, mistakes = threading.Barrier(len(names)), [], []
     threads = [threading.Thread(target=_hand_in,
@@ -313,7 +313,7 @@ def run_changing(suite):
     changer.start()
     try:
         for i in range(12):
-            done = host.cli("submit", folder, "--track", "rt-start", "--team", "Changing",
+            done = host.verb("submit", folder, "--track", "rt-start", "--team", "Changing",
                             "--episodes", 1, "--json")
             if done.returncode != 0:
                 mistakes += _refused(f"submission {i}", done)

@@ -92,7 +92,7 @@ class Suite:
         (self.host.root / "canary").chmod(0o666)
         self.missing = set()
         self.use = None
-        sanitized = b"__asan_init" in (self.host.bin / "myograded").read_bytes()
+        sanitized = b"__asan_init" in (self.host.programs / "myograded").read_bytes()
         self.memory_slack_mib = SANITIZED_SLACK_MIB if sanitized else MEMORY_SLACK_MIB
         self.honest = Honest(self.host, self.build / "policies" / "random")
         self.places = {
@@ -121,7 +121,7 @@ class Suite:
 
     def _lacking(self):
         """The doctor's checks that are not fine on this host."""
-        done = self.host.cli("doctor", "--json")
+        done = self.host.verb("doctor", "--json")
         checks = json.loads(done.stdout)["checks"]
         return {check["name"] for check in checks if check["state"] != "ok"}
 
@@ -160,7 +160,7 @@ class Suite:
             status = self.host.wait(submission, END_S)
             if status is None:
                 mistakes.append(f"it did not end in {END_S} s")
-                self.host.cli("cancel", submission)
+                self.host.verb("cancel", submission)
                 continue
             mistakes += judge.mistakes(variant, status, self.host.result(submission), self.host,
                                        self.missing)

@@ -7,13 +7,15 @@ import os
 import pathlib
 import signal
 import subprocess
+import sys
 import unittest
 
-import archives
-import judge
-import suite as suites
-from host import Host
-from table import SCORED, Variant, each
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+import archives  # noqa: E402  (needs the folder above)
+import judge  # noqa: E402
+import suite as suites  # noqa: E402
+from host import Host  # noqa: E402
+from table import SCORED, Variant, each  # noqa: E402
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 
@@ -123,13 +125,13 @@ class Leftovers(unittest.TestCase):
         self.host = Host(pathlib.Path("/nonexistent"), SOURCE)
         self.addCleanup(self.host.close)
         script = "sleep 60 & echo started; read word; kill $!; wait $!; echo ended; read word"
-        self.host.daemon = subprocess.Popen(["sh", "-c", script], stdin=subprocess.PIPE,
+        self.host.process = subprocess.Popen(["sh", "-c", script], stdin=subprocess.PIPE,
                                             stdout=subprocess.PIPE,
                                             stderr=subprocess.DEVNULL, start_new_session=True)
-        self.addCleanup(self.end_group, self.host.daemon.pid)
-        for stream in (self.host.daemon.stdin, self.host.daemon.stdout):
+        self.addCleanup(self.end_group, self.host.pid)
+        for stream in (self.host.process.stdin, self.host.process.stdout):
             self.addCleanup(stream.close)
-        self.host.daemon.stdout.readline()
+        self.host.process.stdout.readline()
 
     @staticmethod
     def end_group(group):
@@ -146,9 +148,9 @@ class Leftovers(unittest.TestCase):
         self.assertTrue(any("work/7" in thing for thing in self.host.leftovers()))
 
     def test_nothing_is_nothing(self):
-        self.host.daemon.stdin.write(b"\n")
-        self.host.daemon.stdin.flush()
-        self.assertEqual(self.host.daemon.stdout.readline(), b"ended\n")
+        self.host.process.stdin.write(b"\n")
+        self.host.process.stdin.flush()
+        self.assertEqual(self.host.process.stdout.readline(), b"ended\n")
         self.assertEqual(self.host.wait_clean(5)[0], [])
 
 

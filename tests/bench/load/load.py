@@ -12,67 +12,42 @@ Times are wall-clock milliseconds as a client sees them; on a busy host they say
 host. Exit status 1 if the store and the clients disagree."""
 
 import argparse
-import http.client
-import io
 import json
 import multiprocessing
 import os
 import pathlib
-import shutil
-import signal
-import socket
 import sqlite3
-import subprocess
 import sys
-import tarfile
-import tempfile
 import time
 
 HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parents[1]))
+from support import daemon, proc  # noqa: E402  (needs the folder above)
+from support.client import Connection, exchange  # noqa: E402
+from support.submission import played_by_stand_in  # noqa: E402
+
 SOURCE = pathlib.Path(os.environ.get("MYOGRADE_TEST_SOURCE", HERE.parents[2]))
 TRACK = "demo-manipulation"
+ANSWER_S = 120
 BOARD_EVERY = 4  # submissions of a client between two looks at the board
 
 
-class Connection(http.client.HTTPConnection):
-    def __init__(self, path):
-        super().__init__("myograde", timeout=120)
-        self.path = path
-
-    def connect(self):
-        self.sock = socket.socket(socket.AF_UNIX)
-        self.sock.settimeout(120)
-        self.sock.connect(self.path)
-
-
-def archive(number):
-    """A policy that does nothing, unlike every other by its name."""
-    files = {"policy.json": json.dumps({"name": f"noop-{number}", "command": ["./policy", "ok"],
-                                        "runtimes": []}).encode(),
-             "policy": b"#!/bin/sh\nexec sleep 1000\n"}
-    out = io.BytesIO()
-    with tarfile.open(fileobj=out, mode="w") as tar:
-        for path, content in files.items():
-            info = tarfile.TarInfo(path)
-            info.size = len(content)
-            info.mode = 0o755
-            tar.addfile(info, io.BytesIO(content))
-    return out.getvalue()
+def policy(number):
+    """One that does nothing, unlike every other by its name."""
+    return played_by_stand_in("ok", f"noop-{number}", b"#!/bin/sh\nexec sleep 1000\n")
 
 
 def client(path, numbers, teams, results):
     """One client on one connection; what it was told goes to `results`."""
-    connection = Connection(path)
+    connection = Connection(path, ANSWER_S)
     times = {"upload": [], "submit": [], "leaderboard": []}
     accepted, errors = [], []
 
     def call(kind, method, address, body=None):
         begin = time.monotonic()
-        connection.request(method, address, body)
-        answer = connection.getresponse()
-        text = answer.read()
+        status, text = exchange(connection, method, address, body)
         times[kind].append((time.monotonic() - begin) * 1000)
-        if answer.status not in (200, 201):
+        if status not in (200, 201):
             errors.append(text.decode()[:200])
             return None
         return json.loads(text)
@@ -80,10 +55,10 @@ def client(path, numbers, teams, results):
     try:
         for place, number in enumerate(numbers):
             team = f"team {number % teams}"
-            artefact = call("upload", "POST", "/v1/artefacts", archive(number))
+            artefact = call("upload", "POST", "/v1/artefacts", policy(number))
             if artefact is None:
                 continue
-            body = json.dumps({"artefact": artefact["artefact"], "team": team, "track": TRACK})
+            body = {"artefact": artefact["artefact"], "team": team, "track": TRACK}
             answer = call("submit", "POST", "/v1/submissions", body)
             if answer is not None:
                 accepted.append((answer["submission"], team))
@@ -108,56 +83,19 @@ def summary(values):
             "max_wall_ms": round(max(values), 2)}
 
 
-class Daemon:
-    def __init__(self, options):
-        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="myograde-load-"))
-        self.data = self.folder / "data"
-        self.socket = str(self.data / "myograde.sock")
-        configs = self.folder / "configs"
-        shutil.copytree(SOURCE / "configs", configs)
-        server = json.loads((configs / "server.json").read_text())
-        server["slots"] = options.slots
-        server["uid_base"] = 100000 + os.getpid() % 100000 * 2048
-        (configs / "server.json").write_text(json.dumps(server))
-        environment = dict(os.environ)
-        if options.runner == "fake":
-            runner = self.folder / "bin" / "myograde-runner"
-            runner.parent.mkdir()
-            shutil.copy(SOURCE / "tests/server/daemon/fake_runner.py", runner)
-            runner.chmod(0o755)
-            environment["MYOGRADE_BIN_DIR"] = str(runner.parent)
-        cache = os.environ.get("MYOGRADE_CACHE", str(self.folder / "cache"))
-        with open(self.folder / "log", "wb") as log:
-            self.process = subprocess.Popen(
-                [pathlib.Path(os.environ["MYOGRADE_TEST_BIN"]) / "myograded", "--data", self.data,
-                 "--configs", configs, "--cache", cache], stderr=log, env=environment)
-        for _ in range(600):
-            try:
-                self.get("/v1/health")
-                return
-            except OSError:
-                if self.process.poll() is not None:
-                    sys.exit((self.folder / "log").read_text())
-                time.sleep(0.05)
-        sys.exit("the daemon does not answer")
+class Daemon(daemon.Daemon):
+    """The daemon under load, which can be compared with what its clients were told."""
 
-    def get(self, path):
-        connection = Connection(self.socket)
-        try:
-            connection.request("GET", path)
-            return json.loads(connection.getresponse().read())
-        finally:
-            connection.close()
+    def __init__(self, options):
+        super().__init__(os.environ["MYOGRADE_TEST_BIN"], SOURCE, "load")
+        self.configure(slots=options.slots)
+        self.command = [self.programs / "myograded"]
+        if options.runner == "fake":
+            self.use_stand_in_runner()
+        self.environment.setdefault("MYOGRADE_CACHE", str(self.root / "cache"))
 
     def memory_mib(self):
-        for line in pathlib.Path(f"/proc/{self.process.pid}/status").read_text().splitlines():
-            if line.startswith("VmRSS:"):
-                return round(int(line.split()[1]) / 1024, 1)
-        return None
-
-    def stop(self):
-        self.process.send_signal(signal.SIGTERM)
-        self.process.wait(timeout=60)
+        return round(proc.memory_bytes(self.pid) / 2**20, 1)
 
     def check(self, accepted):
         """What the store has against what the clients were told, as a list of complaints."""
@@ -193,13 +131,13 @@ class Daemon:
 
 
 def run(options):
-    daemon = Daemon(options)
-    try:
+    with Daemon(options) as loaded:
+        loaded.start()
         results = multiprocessing.Queue()
         clients = [multiprocessing.Process(
-            target=client, args=(daemon.socket, range(i, options.submissions, options.clients),
+            target=client, args=(loaded.socket_path, range(i, options.submissions, options.clients),
                                  options.teams, results)) for i in range(options.clients)]
-        memory = [daemon.memory_mib()]
+        memory = [loaded.memory_mib()]
         begin = time.monotonic()
         for process in clients:
             process.start()
@@ -210,7 +148,7 @@ def run(options):
             except multiprocessing.queues.Empty:
                 if not any(process.is_alive() for process in clients) and results.empty():
                     break
-            memory.append(daemon.memory_mib())
+            memory.append(loaded.memory_mib())
         took = time.monotonic() - begin
         for process in clients:
             process.join(timeout=10)
@@ -221,9 +159,9 @@ def run(options):
                 times[kind] += values
             accepted += ids
             errors += failures
-        health = daemon.get("/v1/health")
-        daemon.stop()
-        wrong = daemon.check(accepted)
+        health = loaded.get("/v1/health")
+        loaded.stop()
+        wrong = loaded.check(accepted)
         if len(told) != len(clients):
             wrong.append(f"{len(clients) - len(told)} clients died")
         return {"submissions": options.submissions, "teams": options.teams,
@@ -236,11 +174,6 @@ def run(options):
                 "waiting_leases": health["pending_leases"],
                 "errors": len(errors), "first_error": errors[0] if errors else None,
                 "wrong": wrong}
-    finally:
-        if daemon.process.poll() is None:
-            daemon.process.kill()
-            daemon.process.wait()
-        shutil.rmtree(daemon.folder, ignore_errors=True)
 
 
 def main():

@@ -9,12 +9,12 @@ import signal
 import stat
 import subprocess
 import sys
-import tarfile
 import time
 import unittest
 
 from cli_test import (BIN_DIR, COUNTS, HASHES, LONG_BOARD, RESULT, SOURCE_DIR, STATUS, CliCase,
                       myograde)
+from support.submission import played_by_stand_in
 
 
 class MessagesTest(CliCase):
@@ -105,15 +105,12 @@ class MessagesTest(CliCase):
         """Packing opens the archive, and the kernel holds it up there until this process gives its
         lease on the file back."""
         os.mkdir(self.path("bin"))
-        runner = shutil.copy(f"{SOURCE_DIR}/tests/server/daemon/fake_runner.py",
+        runner = shutil.copy(f"{SOURCE_DIR}/tests/support/fake_runner.py",
                              self.path("bin/myograde-runner"))
         os.chmod(runner, 0o755)
-        self.path("policy", "#!/bin/sh\n", 0o755)
-        self.path("policy.json", json.dumps({"name": "p", "command": ["./policy", "ok"]}))
         archive = self.path("policy.tar")
-        with tarfile.open(archive, "w") as tar:
-            for name in ("policy", "policy.json"):
-                tar.add(self.path(name), name)
+        with open(archive, "wb") as file:
+            file.write(played_by_stand_in("ok"))
         words = ("local", archive, "--track", "manipulation", "--episodes", "2")
         told = json.loads(self.packed_slowly(archive, 2, *words, "--json"))
         self.assertGreaterEqual(told["wall"]["wall_s"], 2)

@@ -8,84 +8,49 @@ import shutil
 import signal
 import socket
 import subprocess
-import sys
 import tempfile
 import time
 import unittest
 
-import daemon_test
-
-sys.path.append(str(daemon_test.SOURCE / "tests/integration"))
-from crowd import UPLOAD, crowd
+from daemon_test import BIN, DaemonCase
+from support import client
+from support.crowd import UPLOAD, crowd
+from support.submission import played_by_stand_in
+from support.waiting import wait_until
 
 ROOT = os.geteuid() == 0
 STRANGER = 64099  # a user that no daemon and no slot has
 # A healthy answer takes milliseconds; without the limits these would take minutes, or for ever.
 SOON_S = 20
 
-ASK = r"""
-import http.client, json, os, socket, sys
-path, uid, method, address, kind, body = sys.argv[1:7]
-if int(uid) >= 0:
-    os.setgid(int(uid)); os.setuid(int(uid))
-connection = http.client.HTTPConnection("myograde", timeout=60)
-connection.sock = socket.socket(socket.AF_UNIX)
-connection.sock.settimeout(60)
-connection.sock.connect(path)
-connection.request(method, address, sys.stdin.buffer.read() if body == "-" else body or None,
-                   {"Content-Type": kind} if kind else {})
-answer = connection.getresponse()
-sys.stdout.write(json.dumps([answer.status, json.loads(answer.read())]))
-"""
 
-
-class Attacked(daemon_test.DaemonCase):
+class Attacked(DaemonCase):
     """A daemon whose socket everybody may use."""
 
     def setUp(self):
         self.open = pathlib.Path(tempfile.mkdtemp(prefix="myograde-open-"))
         self.open.chmod(0o755)
         self.addCleanup(shutil.rmtree, self.open, ignore_errors=True)
-        self.path = str(self.open / "socket")
         super().setUp()
 
     def start(self):
+        self.daemon.socket = self.open / "socket"
         self.configure(http={"socket_mode": "0666"})
-        return super().start()
+        super().start()
 
-    def launch(self):
-        environment = dict(os.environ, MYOGRADE_BIN_DIR=str(self.folder / "bin"))
-        log = open(self.folder / "log", "ab")
-        self.addCleanup(log.close)
-        return subprocess.Popen(
-            [daemon_test.BIN / "myograded", "--data", self.data, "--configs", self.configs,
-             "--cache", self.folder / "cache", "--socket", self.path], stderr=log, env=environment)
-
-    def call(self, method, path, body=None, kind="", uid=-1):
-        if isinstance(body, (dict, list)):
-            body = json.dumps(body)
-        given = body.encode() if isinstance(body, str) else body
-        done = subprocess.run(
-            [sys.executable, "-c", ASK, self.path, str(uid), method, path, kind,
-             "-" if given is not None else ""], input=given, capture_output=True, timeout=120,
-            check=False)
-        if done.returncode != 0:
-            raise OSError(f"{done.stderr.decode()[-300:]}\nthe daemon: {self.state_of_daemon()}")
-        return tuple(json.loads(done.stdout))
-
-    def crowd(self, count, text=b"", uid=-1, slow=False):
-        return crowd(self.path, count, text, uid, slow)
+    def crowd(self, count, text=b"", uid=None, slow=False):
+        return crowd(self.daemon.socket, count, text, uid, slow)
 
     def users(self):
         """The daemon's own user, who is an organiser, and where that can be, another one."""
-        return (-1, STRANGER) if ROOT else (-1,)
+        return (None, STRANGER) if ROOT else (None,)
 
     def others_are_answered(self):
         for uid in self.users():
             begun = time.monotonic()
             status, body = self.call("GET", "/v1/health", uid=uid)
             self.assertEqual((status, body.get("status")), (200, "ok"), (uid, body))
-            status, body = self.call("POST", "/v1/artefacts", daemon_test.archive("ok", str(uid)),
+            status, body = self.call("POST", "/v1/artefacts", played_by_stand_in("ok", str(uid)),
                                      uid=uid)
             self.assertIn(status, (200, 201), (uid, body))
             self.assertLess(time.monotonic() - begun, SOON_S)
@@ -95,16 +60,16 @@ class Crowds(Attacked):
     def test_silent_uploads(self):
         with self.crowd(70, UPLOAD % 1000):
             self.others_are_answered()
-        with self.crowd(70, UPLOAD % 1000, uid=STRANGER - 1 if ROOT else -1):
+        with self.crowd(70, UPLOAD % 1000, uid=STRANGER - 1 if ROOT else None):
             self.others_are_answered()
 
     def test_slow_uploads(self):
-        for attacker in (-1, STRANGER - 1) if ROOT else (-1,):
+        for attacker in (None, STRANGER - 1) if ROOT else (None,):
             with self.crowd(80, UPLOAD % (1 << 20), uid=attacker, slow=True):
                 self.others_are_answered()
 
     def test_idle_connections_and_half_heads(self):
-        for attacker in (-1, STRANGER - 1) if ROOT else (-1,):
+        for attacker in (None, STRANGER - 1) if ROOT else (None,):
             for text in (b"", b"GET /v1/hea", b"GET /v1/tracks HTTP/1.1\r\n\r\n"):
                 with self.crowd(300, text, uid=attacker):
                     self.others_are_answered()
@@ -132,7 +97,7 @@ class Crowds(Attacked):
             self.assertEqual(self.stop(signal.SIGTERM), 0)
             # Five seconds on a quiet host; upload_s is 900.
             self.assertLess(time.monotonic() - begun, SOON_S)
-        self.assertFalse(os.path.exists(self.path))
+        self.assertFalse(self.daemon.socket.exists())
 
     def test_a_stop_waits_for_no_unpacking(self):
         # Ten million entries that are counted in, one after the other.
@@ -141,16 +106,14 @@ class Crowds(Attacked):
         self.start()
         import hostile_uploads_test
         sender = subprocess.Popen(
-            [sys.executable, "-c", ASK, self.path, "-1", "POST",
-             "/v1/artefacts?team=alpha&track=demo-manipulation", "", "-"],
+            client.command(self.daemon.socket, None, "POST",
+                           "/v1/artefacts?team=alpha&track=demo-manipulation"),
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
         try:
             sender.stdin.write(hostile_uploads_test.many())
             sender.stdin.close()
-            deadline = time.monotonic() + 60
-            while not any(name.endswith(".folder") for name in os.listdir(self.data / "spool")):
-                self.assertLess(time.monotonic(), deadline)
-                time.sleep(0.02)
+            wait_until(lambda: list((self.data / "spool").glob("*.folder")), 60,
+                       "it is not being unpacked", every_s=0.02)
             begun = time.monotonic()
             self.assertEqual(self.stop(signal.SIGTERM), 0)
             self.assertLess(time.monotonic() - begun, SOON_S)
@@ -176,14 +139,14 @@ class Charges(Attacked):
     def test_only_what_is_wrong_with_the_bytes_is_a_failed_try(self):
         address = "/v1/artefacts?team=alpha&track=demo-manipulation"
         broken = socket.socket(socket.AF_UNIX)
-        broken.connect(self.path)
+        broken.connect(str(self.daemon.socket))
         broken.sendall(f"POST {address} HTTP/1.1\r\nContent-Length: 9000\r\n\r\nhalf".encode())
         broken.shutdown(socket.SHUT_WR)
         broken.settimeout(60)
         self.assertIn(b"did not arrive whole", broken.recv(4096))
         broken.close()
         gone = socket.socket(socket.AF_UNIX)
-        gone.connect(self.path)
+        gone.connect(str(self.daemon.socket))
         gone.sendall(f"POST {address} HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n".encode()
                      + b"186a0\r\n" + bytes(100_000) + b"\r\n")
         gone.close()
@@ -211,8 +174,8 @@ class Hoards(Attacked):
                        reruns={"of_organisers": 3, "of_a_submission": 1, "of_one": 2})
         return super().start()
 
-    def try_upload(self, name, uid=-1, query=""):
-        return self.call("POST", "/v1/artefacts" + query, daemon_test.archive("ok", name), uid=uid)
+    def try_upload(self, name, uid=None, query=""):
+        return self.call("POST", "/v1/artefacts" + query, played_by_stand_in("ok", name), uid=uid)
 
     def test_uploads_that_are_never_submitted_are_bounded_and_go(self):
         team = "?team=alpha&track=demo-manipulation"
@@ -235,11 +198,9 @@ class Hoards(Attacked):
         self.assertEqual(self.try_upload("e")[0], 409)
         self.stop(signal.SIGTERM)
         self.configure(artefacts={"unsubmitted_s": 1}, retention={"every_s": 1})
-        daemon_test.DaemonCase.start(self)
-        deadline = time.monotonic() + 60
-        while set(os.listdir(self.data / "artefacts")) != {artefacts[0]}:
-            self.assertLess(time.monotonic(), deadline, os.listdir(self.data / "artefacts"))
-            time.sleep(0.1)
+        DaemonCase.start(self)
+        wait_until(lambda: os.listdir(self.data / "artefacts"), 60, "more are left",
+                   lambda names: names == [artefacts[0]])
         request["artefact"] = artefacts[1]
         self.assertEqual(self.call("POST", "/v1/submissions", request)[0], 404)
 
@@ -273,7 +234,7 @@ class Descriptors(Attacked):
         self.stop(signal.SIGTERM)
         keep = (["setpriv", "--bounding-set=-sys_resource"] if ROOT else [])
         done = subprocess.run(
-            keep + ["prlimit", "--nofile=300:300", daemon_test.BIN / "myograded",
+            keep + ["prlimit", "--nofile=300:300", BIN / "myograded",
                     "--data", self.data, "--configs", self.configs,
                     "--cache", self.folder / "cache"],
             capture_output=True, text=True, timeout=60, check=False)
@@ -283,16 +244,14 @@ class Descriptors(Attacked):
         self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
 
     def test_it_does_not_spin_without_descriptors(self):
-        # A sanitised daemon needs a pipe to look at an object of a kind that is new to it, and takes
-        # the object for a wrong one if it gets none: all that it does beside has to be over.
-        deadline = time.monotonic() + 60
-        while "the reference episodes" not in (self.folder / "log").read_text():
-            self.assertLess(time.monotonic(), deadline, self.state_of_daemon())
-            time.sleep(0.05)
+        # A sanitised daemon needs a pipe to look at an object of a kind that is new to it, and
+        # takes the object for a wrong one if it gets none: all that it does beside has to be over.
+        wait_until(self.daemon.log, 60, "it is not done with its start",
+                   lambda log: "the reference episodes" in log)
         pid = self.daemon.pid
         open_now = len(os.listdir(f"/proc/{pid}/fd"))
         subprocess.run(["prlimit", f"--pid={pid}", f"--nofile={open_now + 20}:"], check=True)
-        with self.crowd(100, uid=STRANGER if ROOT else -1):
+        with self.crowd(100, uid=STRANGER if ROOT else None):
             def cpu():
                 fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
                 return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -33,7 +33,7 @@ class Disturbed(DaemonCase):
         self.stop(signal.SIGTERM)
 
     def tearDown(self):
-        self.daemon.send_signal(signal.SIGCONT)
+        self.daemon.process.send_signal(signal.SIGCONT)
         super().tearDown()
 
     def outcome(self, submission):
@@ -61,25 +61,16 @@ class Disturbed(DaemonCase):
         return self.wait(f"/v1/submissions/{submission}",
                          lambda b: b["episodes"]["done"] >= count)
 
-    def log(self):
-        return (self.folder / "log").read_text()
-
 
 class Kills(Disturbed):
     def run_until_killed(self, when):
         """Submits to a daemon that is killed around one of its commits. False: it was not."""
         # A sanitizer's runtime would else refuse to come after the preloaded library.
-        environment = {"LD_PRELOAD": KILLER, "KILL_AT_SYNC": when,
-                       "ASAN_OPTIONS": "verify_asan_link_order=0"}
-        os.environ.update(environment)
-        try:
-            self.daemon = self.launch()
-        finally:
-            for name in environment:
-                del os.environ[name]
+        self.daemon.process = self.daemon.launch(
+            LD_PRELOAD=KILLER, KILL_AT_SYNC=when, ASAN_OPTIONS="verify_asan_link_order=0")
         try:
             deadline = time.monotonic() + 30
-            while self.daemon.poll() is None and time.monotonic() < deadline:
+            while self.daemon.running and time.monotonic() < deadline:
                 try:
                     if not self.get("/v1/submissions")["submissions"]:
                         self.submit("ok")
@@ -89,10 +80,8 @@ class Kills(Disturbed):
                     pass  # not up yet, or killed under the request
                 time.sleep(0.02)
         finally:
-            if self.daemon.poll() is None:
-                self.stop(signal.SIGKILL)
-            self.daemon.wait()
-        self.assertEqual(self.daemon.returncode, -signal.SIGKILL, self.log()[-2000:])
+            status = self.stop(signal.SIGKILL)
+        self.assertEqual(status, -signal.SIGKILL, self.daemon.state())
         return True
 
     def test_kill_at_every_commit(self):
@@ -177,9 +166,9 @@ class Stops(Disturbed):
     def test_stopped_daemon(self):
         submission = self.submit(self.mode)
         self.wait_for_episodes(submission, 1)
-        self.daemon.send_signal(signal.SIGSTOP)
+        self.daemon.process.send_signal(signal.SIGSTOP)
         time.sleep(4)
-        self.daemon.send_signal(signal.SIGCONT)
+        self.daemon.process.send_signal(signal.SIGCONT)
         self.check(submission)
         faults = sum(l["faults"] for l in self.get(f"/v1/submissions/{submission}")["leases"])
         self.assertEqual(faults, 0, "the daemon's own sleep is no runner's silence")
@@ -225,7 +214,7 @@ class StoreTrouble(Disturbed):
             self.skipTest(f"no mount on this host: {mount.stderr}")
         self.addCleanup(subprocess.run, ["umount", "-l", small], check=False)
         shutil.copytree(self.data, small / "data", ignore=shutil.ignore_patterns("*.sock"))
-        self.data = small / "data"
+        self.daemon.data = small / "data"
         self.configure(artefacts={"disk_reserve_bytes": 1})
         submission = self.begin()
         with open(small / "filler", "wb", buffering=0) as filler:
@@ -259,18 +248,18 @@ class StoreTrouble(Disturbed):
         if bound.returncode != 0:
             self.skipTest(f"no mount on this host: {bound.stderr}")
         try:
-            self.assertEqual(self.launch().wait(timeout=20), 4)
+            self.assertEqual(self.daemon.launch().wait(timeout=20), 4)
         finally:
             subprocess.run(["umount", "-l", self.data], check=False)
-        self.assertIn("rights", self.log())
+        self.assertIn("rights", self.daemon.log())
         self.start()
         self.check(self.submit(self.mode))
 
     def test_a_second_daemon_changes_nothing(self):
         submission = self.begin()
-        second = self.launch()
+        second = self.daemon.launch()
         self.assertEqual(second.wait(timeout=20), 4)
-        self.assertIn(f"another daemon (process {self.daemon.pid}) works on", self.log())
+        self.assertIn(f"another daemon (process {self.daemon.pid}) works on", self.daemon.log())
         self.check(submission)
 
 

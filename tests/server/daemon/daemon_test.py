@@ -1,128 +1,58 @@
 """The real daemon on its real socket, with runners that play without physics."""
 
 import concurrent.futures
-import http.client
-import io
-import json
 import os
 import pathlib
-import shutil
 import signal
 import socket
-import subprocess
-import tarfile
-import tempfile
 import time
 import unittest
+
+from support.client import Connection, exchange
+from support.daemon import Daemon
+from support.submission import played_by_stand_in
+from support.waiting import wait_until
 
 BIN = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"])
 SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
 FINAL = ("done", "failed", "cancelled", "grader_error")
 
 
-class Connection(http.client.HTTPConnection):
-    def __init__(self, path):
-        super().__init__("myograde", timeout=30)
-        self.path = path
-
-    def connect(self):
-        self.sock = socket.socket(socket.AF_UNIX)
-        self.sock.settimeout(30)
-        self.sock.connect(self.path)
-
-
-def archive(mode, name="fake"):
-    """A submission whose command tells the fake runner how to play."""
-    files = {"policy.json": json.dumps(
-        {"name": name, "command": ["./policy", mode], "runtimes": []}).encode(),
-             "policy": b"#!/bin/sh\n"}
-    out = io.BytesIO()
-    with tarfile.open(fileobj=out, mode="w") as tar:
-        for path, content in files.items():
-            info = tarfile.TarInfo(path)
-            info.size = len(content)
-            info.mode = 0o755
-            tar.addfile(info, io.BytesIO(content))
-    return out.getvalue()
-
-
 class DaemonCase(unittest.TestCase):
     slots = 2
 
     def setUp(self):
-        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="myograde-daemon-"))
-        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
-        runner = self.folder / "bin" / "myograde-runner"
-        runner.parent.mkdir()
-        shutil.copy(pathlib.Path(__file__).parent / "fake_runner.py", runner)
-        runner.chmod(0o755)
-        self.configs = self.folder / "configs"
-        shutil.copytree(SOURCE / "configs", self.configs)
-        track = self.configs / "tracks" / "demo-manipulation.json"
-        config = json.loads(track.read_text())
-        config.update(episodes_per_lease=2, seeds={"first": 0, "count": 6})
-        track.write_text(json.dumps(config))
+        self.daemon = Daemon(BIN, SOURCE, "daemon")
+        self.addCleanup(self.daemon.close)
+        self.folder, self.configs = self.daemon.root, self.daemon.configs
+        self.daemon.use_stand_in_runner()
+        # Without the command line tool before it, whose start would be disturbed as well.
+        self.daemon.command = [BIN / "myograded"]
+        self.daemon.environment["MYOGRADE_CACHE"] = str(self.folder / "cache")
+        self.daemon.change_config("tracks/demo-manipulation.json", episodes_per_lease=2,
+                                  seeds={"first": 0, "count": 6})
         self.configure(slots=self.slots)
-        self.data = self.folder / "data"
-        self.daemon = None
         self.start()
 
     def tearDown(self):
-        if self.daemon.poll() is None:
-            self.daemon.kill()
-            self.daemon.wait()
+        self.daemon.kill()
+
+    @property
+    def data(self):
+        return self.daemon.data
 
     def configure(self, **changes):
-        path = self.configs / "server.json"
-        config = json.loads(path.read_text())
-        for key, value in changes.items():
-            config[key] = {**config[key], **value} if isinstance(value, dict) else value
-        if "replay_delay_s" not in changes.get("scheduler", {}):
-            config["scheduler"]["replay_delay_s"] = 0.01
-        path.write_text(json.dumps(config))
-
-    def launch(self):
-        environment = dict(os.environ, MYOGRADE_BIN_DIR=str(self.folder / "bin"))
-        log = open(self.folder / "log", "ab")
-        self.addCleanup(log.close)
-        return subprocess.Popen(
-            [BIN / "myograded", "--data", self.data, "--configs", self.configs,
-             "--cache", self.folder / "cache"], stderr=log, env=environment)
+        scheduler = {"replay_delay_s": 0.01, **changes.pop("scheduler", {})}
+        self.daemon.configure(scheduler=scheduler, **changes)
 
     def start(self):
-        self.daemon = self.launch()
-        for _ in range(300):
-            try:
-                return self.get("/v1/health")
-            except OSError:
-                self.assertIsNone(self.daemon.poll(), self.state_of_daemon())
-                time.sleep(0.05)
-        return self.fail(f"the daemon does not answer; {self.state_of_daemon()}")
-
-    def state_of_daemon(self):
-        """Whether it still runs, and the end of what it has said."""
-        status = self.daemon.poll()
-        log = (self.folder / "log").read_text(errors="replace")[-4000:]
-        return f"it {'runs' if status is None else f'has ended as {status}'}; its log:\n{log}"
+        self.daemon.start()
 
     def stop(self, how):
-        self.daemon.send_signal(how)
-        return self.daemon.wait(timeout=20)
+        return self.daemon.stop(how)
 
-    def call(self, method, path, body=None):
-        connection = Connection(str(self.data / "myograde.sock"))
-        try:
-            if isinstance(body, (dict, list)):
-                body = json.dumps(body)
-            connection.request(method, path, body)
-            answer = connection.getresponse()
-            return answer.status, json.loads(answer.read())
-        except OSError as error:
-            if self.daemon.poll() is not None:
-                error.add_note(self.state_of_daemon())
-            raise
-        finally:
-            connection.close()
+    def call(self, method, path, body=None, kind=None, uid=None):
+        return self.daemon.call(method, path, body, kind, uid)
 
     def get(self, path):
         status, body = self.call("GET", path)
@@ -130,7 +60,7 @@ class DaemonCase(unittest.TestCase):
         return body
 
     def upload(self, mode):
-        status, body = self.call("POST", "/v1/artefacts", archive(mode))
+        status, body = self.call("POST", "/v1/artefacts", played_by_stand_in(mode))
         self.assertIn(status, (200, 201), body)
         return body["artefact"]
 
@@ -141,12 +71,7 @@ class DaemonCase(unittest.TestCase):
         return body["submission"]
 
     def wait(self, path, condition):
-        for _ in range(600):
-            body = self.get(path)
-            if condition(body):
-                return body
-            time.sleep(0.05)
-        return self.fail(f"{path} stays {str(body)[:600]}")
+        return wait_until(lambda: self.get(path), 60, f"{path} stays", condition)
 
     def ended(self, submission):
         return self.wait(f"/v1/submissions/{submission}", lambda b: b["state"] in FINAL)
@@ -265,10 +190,9 @@ class Stopping(DaemonCase):
                          [{"index": 0, "differs": ["digest"]}])
 
     def test_a_second_daemon_refuses(self):
-        second = self.launch()
+        second = self.daemon.launch()
         self.assertEqual(second.wait(timeout=20), 4)
-        log = (self.folder / "log").read_text()
-        self.assertIn(f"another daemon (process {self.daemon.pid}) works on", log)
+        self.assertIn(f"another daemon (process {self.daemon.pid}) works on", self.daemon.log())
         self.get("/v1/health")
 
     def test_a_broken_receipt_key_stops_receipts_alone(self):
@@ -294,10 +218,10 @@ class Stopping(DaemonCase):
     def test_a_broken_config_is_told_at_the_start(self):
         self.stop(signal.SIGTERM)
         self.configure(slots=0)
-        self.assertEqual(self.launch().wait(timeout=20), 2)
+        self.assertEqual(self.daemon.launch().wait(timeout=20), 2)
         self.configure(slots=1, http={"colour": "red"})
-        self.assertEqual(self.launch().wait(timeout=20), 2)
-        log = (self.folder / "log").read_text()
+        self.assertEqual(self.daemon.launch().wait(timeout=20), 2)
+        log = self.daemon.log()
         self.assertIn('"slots" is 0, must be from 1 to 1024', log)
         self.assertIn('"colour" is not a known key', log)
 
@@ -351,7 +275,7 @@ class BadRequests(DaemonCase):
         self.assertEqual(self.get("/v1/submissions")["submissions"], [])
 
     def test_bad_archives(self):
-        for body in (b"", b"junk" * 1000, archive("ok")[:700]):
+        for body in (b"", b"junk" * 1000, played_by_stand_in("ok")[:700]):
             status, answer = self.call("POST", "/v1/artefacts", body)
             self.assertEqual((status, answer["error"]["code"]), (400, "bad_artefact"), answer)
         self.assertEqual(os.listdir(self.data / "spool"), [])
@@ -360,7 +284,7 @@ class BadRequests(DaemonCase):
         status, answer = self.call("POST", "/v1/artefacts?team=a&track=none", bytes(80 << 20))
         self.assertEqual((status, answer["error"]["code"]), (400, "unknown_track"), answer)
         self.assertNotEqual(self.upload("ok"), self.upload("slow"))
-        status, answer = self.call("POST", "/v1/artefacts", archive("ok"))
+        status, answer = self.call("POST", "/v1/artefacts", played_by_stand_in("ok"))
         self.assertEqual((status, answer["new"]), (200, False))
 
     def test_rerun_needs_an_end_and_a_range(self):
@@ -375,7 +299,7 @@ class BadRequests(DaemonCase):
 
 class ManyClients(DaemonCase):
     def test_silent_and_slow_clients_do_not_keep_others_waiting(self):
-        path = str(self.data / "myograde.sock")
+        path = str(self.daemon.socket_path)
         silent = [socket.socket(socket.AF_UNIX) for _ in range(100)]
         for index, client in enumerate(silent):
             client.connect(path)
@@ -392,12 +316,9 @@ class ManyClients(DaemonCase):
                 client.close()
 
     def test_one_connection_carries_many_requests(self):
-        connection = Connection(str(self.data / "myograde.sock"))
+        connection = Connection(self.daemon.socket_path)
         for _ in range(20):
-            connection.request("GET", "/v1/tracks")
-            answer = connection.getresponse()
-            self.assertEqual(answer.status, 200)
-            answer.read()
+            self.assertEqual(exchange(connection, "GET", "/v1/tracks")[0], 200)
         connection.close()
 
 

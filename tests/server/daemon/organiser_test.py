@@ -3,27 +3,24 @@
 import contextlib
 import json
 import os
-import pathlib
 import shutil
 import signal
 import sqlite3
 import subprocess
-import time
 import unittest
 import urllib.parse
 
 import jsonschema
 
-from daemon_test import BIN, SOURCE, DaemonCase
+from daemon_test import SOURCE, DaemonCase
+from support.waiting import wait_until
 
 TRACK = "demo-manipulation"
 
 
 class OrganiserCase(DaemonCase):
     def cli(self, *words, data=None, check=True):
-        result = subprocess.run(
-            [BIN / "myograde", *map(str, words), "--data", data or self.data],
-            capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL)
+        result = self.daemon.run_verb(*words, "--data", data or self.data, timeout_s=60, text=True)
         if check:
             self.assertEqual(result.returncode, 0, result.stderr)
         return result
@@ -148,8 +145,8 @@ class Quotas(OrganiserCase):
                             ({"tracks": {TRACK: {"colour": 1}}}, '"colour"')):
             self.configure(quota={"waiting": 200, "tracks": {}})
             self.configure(quota=quota)
-            self.assertEqual(self.launch().wait(timeout=20), 2)
-            self.assertIn(word, (self.folder / "log").read_text().splitlines()[-1])
+            self.assertEqual(self.daemon.launch().wait(timeout=20), 2)
+            self.assertIn(word, self.daemon.log().splitlines()[-1])
 
     def test_a_second_official_evaluation_is_the_first(self):
         first = self.submit("ok")
@@ -242,7 +239,7 @@ class Files(OrganiserCase):
         self.stop(signal.SIGTERM)
         third = self.folder / "third"
         for data, with_daemon in ((other, False), (third, True)):
-            self.data = data
+            self.daemon.data = data
             self.start()
             if with_daemon:
                 self.ask("import", out, schema="import")
@@ -304,13 +301,10 @@ class Files(OrganiserCase):
     def removals(self):
         """The rows of removals, once there is one: a file leaves its place within the transaction
         that adds its row, and a moment before others see the row."""
-        deadline = time.monotonic() + 60
-        while True:
+        def rows():
             with contextlib.closing(sqlite3.connect(self.data / "store.db")) as db:
-                rows = db.execute("SELECT kind, name, bytes > 0 FROM removal").fetchall()
-            if rows or time.monotonic() > deadline:
-                return rows
-            time.sleep(0.05)
+                return db.execute("SELECT kind, name, bytes > 0 FROM removal").fetchall()
+        return wait_until(rows, 60, "nothing was removed")
 
     def test_files_that_no_board_needs_go_by_the_policy(self):
         official = self.upload("ok")

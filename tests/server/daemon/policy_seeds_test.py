@@ -5,16 +5,13 @@ digests are of the episode's seed and its policy seed."""
 import hashlib
 import hmac
 import json
-import os
-import pathlib
 import shutil
 import signal
 import sqlite3
-import subprocess
 import unittest
 
-from daemon_test import BIN, archive
 from organiser_test import OrganiserCase, TRACK
+from support.submission import played_by_stand_in
 
 
 def seed_of(key, message):
@@ -48,7 +45,7 @@ class PolicySeeds(OrganiserCase):
     def elsewhere(self):
         """The daemon goes on in another, empty data folder."""
         self.stop(signal.SIGTERM)
-        self.data = pathlib.Path(f"{self.data}-2")
+        self.daemon.data = f"{self.data}-2"
         self.start()
 
     def local(self, *words):
@@ -58,16 +55,10 @@ class PolicySeeds(OrganiserCase):
         (policy / "policy").chmod(0o755)
         (policy / "policy.json").write_text(
             json.dumps({"name": "l", "command": ["./policy", "ok"]}))
-        done = subprocess.run(
-            [BIN / "myograde", "local", policy, "--track", TRACK, "--configs", self.configs,
-             "--cache", self.folder / "cache", "--json", *words], capture_output=True, text=True,
-            timeout=60, stdin=subprocess.DEVNULL,
-            env=dict(os.environ, MYOGRADE_BIN_DIR=str(self.folder / "bin")))
-        self.assertEqual(done.returncode, 0, done.stderr)
-        return json.loads(done.stdout)
+        return self.daemon.ask("local", policy, "--track", TRACK, *words)
 
     def upload_named(self, name):
-        status, body = self.call("POST", "/v1/artefacts", archive("ok", name))
+        status, body = self.call("POST", "/v1/artefacts", played_by_stand_in("ok", name))
         self.assertEqual(status, 201, body)
         return body["artefact"]
 

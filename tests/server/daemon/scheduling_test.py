@@ -2,14 +2,12 @@
 play without physics."""
 
 import concurrent.futures
-import json
 import os
 import signal
-import subprocess
 import time
 import unittest
 
-from daemon_test import BIN, DaemonCase
+from daemon_test import DaemonCase
 
 
 class Scheduling(DaemonCase):
@@ -105,10 +103,8 @@ class Scheduling(DaemonCase):
         self.assertIn("the models are gone", health["host"]["reason"])
         status = self.get(f"/v1/submissions/{submission}")
         self.assertIn("is paused", status["waiting"])
-        doctor = subprocess.run(
-            [BIN / "myograde", "doctor", "--json", "--data", self.data, "--configs", self.configs,
-             "--cache", self.folder / "cache"], capture_output=True, check=False, timeout=120)
-        check = {c["name"]: c for c in json.loads(doctor.stdout)["checks"]}["daemon"]
+        doctor = self.daemon.ask("doctor", check=False)
+        check = {c["name"]: c for c in doctor["checks"]}["daemon"]
         self.assertEqual(check["state"], "missing")
         self.assertIn("the models are gone", check["found"])
         time.sleep(3)

@@ -37,13 +37,13 @@ UPLOAD = b"POST /v1/artefacts HTTP/1.1\r\nContent-Length: %d\r\n\r\nx"
 
 
 @contextlib.contextmanager
-def crowd(path, count, text=b"", uid=-1, slow=False):
+def crowd(path, count, text=b"", uid=None, slow=False):
     """`count` clients of the socket at `path`, there when this yields, killed afterwards. Each says
     `text`, and then nothing, or where it is `slow`, a little from time to time. With a `uid` they
     are that user's, which only root can ask for. OSError if they may not connect."""
     process = subprocess.Popen(
-        [sys.executable, "-c", _PROGRAM, path, str(uid), str(count), text.hex()]
-        + ["slow"] * slow, stdout=subprocess.PIPE)
+        [sys.executable, "-c", _PROGRAM, str(path), str(-1 if uid is None else uid), str(count),
+         text.hex()] + ["slow"] * slow, stdout=subprocess.PIPE)
     try:
         if process.stdout.readline() != b"there\n":
             raise OSError(f"a crowd of {count} could not connect to {path}")

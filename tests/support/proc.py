@@ -1,0 +1,51 @@
+"""What the kernel tells of processes."""
+
+import pathlib
+
+
+def _processes():
+    """Process -> (its name, its parent). The kernel keeps 15 characters of a name."""
+    found = {}
+    for entry in pathlib.Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            stat = (entry / "stat").read_text(errors="replace")
+        except OSError:
+            continue  # it ended
+        begin, end = stat.index("("), stat.rindex(")")
+        found[int(entry.name)] = stat[begin + 1:end], int(stat[end + 2:].split()[1])
+    return found
+
+
+def children(pid):
+    """Processes whose parent is `pid`."""
+    return [child for child, (_, parent) in _processes().items() if parent == pid]
+
+
+def below(pid):
+    """Ids and names of all processes that descend from `pid`."""
+    processes = _processes()
+    found, queue = [], [pid]
+    while queue:
+        above = queue.pop()
+        for child, (name, parent) in processes.items():
+            if parent == above:
+                found.append((child, name))
+                queue.append(child)
+    return found
+
+
+def status(pid):
+    """The entries of /proc/PID/status as text. OSError if the process is gone."""
+    text = pathlib.Path(f"/proc/{pid}/status").read_text(errors="replace")
+    return {key: value.strip() for key, _, value in
+            (line.partition(":") for line in text.splitlines())}
+
+
+def memory_bytes(pid, which="VmRSS"):
+    """Resident memory of a process: now, or the most that it had (VmHWM). 0 if it has ended."""
+    try:
+        return 1024 * int(status(pid)[which].split()[0])
+    except (OSError, KeyError):  # KeyError: it has ended, and nobody has waited for it yet
+        return 0

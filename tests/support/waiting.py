@@ -1,0 +1,14 @@
+"""Waiting for what another process does."""
+
+import time
+
+
+def wait_until(look, seconds, what, fits=bool, every_s=0.05):
+    """The first value of `look()` that fits. AssertionError with the words `what` and the last
+    value if there is none in time."""
+    deadline = time.monotonic() + seconds
+    while not fits(value := look()):
+        if time.monotonic() > deadline:
+            raise AssertionError(f"{what}: {str(value)[-2000:]}")
+        time.sleep(every_s)
+    return value
