@@ -113,13 +113,13 @@ absl::StatusOr<Json> Api::Status(Reader& reader, int64_t id) {
   const EpisodeCounts counts = reader.Counts(original.id);
   const int64_t now = absl::ToUnixMillis(clock_.Now());
   Json json = SubmissionToJson(*row, original, counts);
-  const QueueOutlook prospect = engine_.OutlookOf(original.id);
+  const QueueOutlook outlook = engine_.OutlookOf(original.id);
   json["queue"] = nullptr;
-  if (prospect.place && original.state == EvaluationState::kQueued) {
-    json["queue"] = {{"position", prospect.place->position},
-                     {"leases_ahead", prospect.place->leases_ahead}};
+  if (outlook.place && original.state == EvaluationState::kQueued) {
+    json["queue"] = {{"position", outlook.place->position},
+                     {"leases_ahead", outlook.place->leases_ahead}};
   }
-  json["waiting"] = TextOrNull(prospect.waiting);
+  json["waiting"] = TextOrNull(outlook.waiting);
   json["reason"] = TextOrNull(original.reason);
   json["started_at"] = TimeToJson(original.started_at);
   const int64_t end = original.finished_at == 0 ? now : original.finished_at;
@@ -127,13 +127,13 @@ absl::StatusOr<Json> Api::Status(Reader& reader, int64_t id) {
                                ? Json()
                                : Json(static_cast<double>(end - original.started_at) / 1000);
   json["remaining_wall_s"] = Remaining(original, counts, now);
-  if (json["remaining_wall_s"].is_null()) json["remaining_wall_s"] = SecondsOrNull(prospect.end);
+  if (json["remaining_wall_s"].is_null()) json["remaining_wall_s"] = SecondsOrNull(outlook.end);
   json["estimated_end_at"] =
       json["remaining_wall_s"].is_null()
           ? Json()
           : Ahead(absl::Seconds(json["remaining_wall_s"].get<double>()), clock_.Now());
-  json["owner"] = TextOrNull(prospect.owner);
-  json["deadline_at"] = Ahead(prospect.deadline, clock_.Now());
+  json["owner"] = TextOrNull(outlook.owner);
+  json["deadline_at"] = Ahead(outlook.deadline, clock_.Now());
   json["history"] = *std::move(history);
   const std::map<int64_t, LiveLease> running = engine_.Running();
   json["leases"] = Json::array();

@@ -62,7 +62,7 @@ void Gate::Stop() {
 
 void Gate::Return(Connection* connection) {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     returned_.push_back(connection);
     if (returned_.size() > 1) return;  // it is awake already
   }
@@ -133,7 +133,7 @@ void Gate::HangUpOnAll() {
 void Gate::TakeReturned() {
   std::vector<Connection*> returned;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     returned.swap(returned_);
   }
   for (Connection* connection : returned) {

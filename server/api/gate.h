@@ -9,13 +9,13 @@
 
 #include <atomic>
 #include <functional>
-#include <mutex>
 #include <optional>
 #include <vector>
 
 #include <absl/time/time.h>
 
 #include "protocol/base/fd.h"
+#include "protocol/base/mutex.h"
 #include "server/api/connection.h"
 #include "server/api/door.h"
 #include "server/api/places.h"
@@ -94,8 +94,8 @@ class Gate {
   absl::Duration looked_at_;        // the clocks
   std::atomic<bool> draining_ = false;
   std::atomic<bool> stop_ = false;
-  std::mutex mutex_;
-  std::vector<Connection*> returned_;  // guarded by mutex_
+  Mutex mutex_;
+  std::vector<Connection*> returned_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace myograde::server

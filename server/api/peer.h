@@ -6,8 +6,9 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <string>
+
+#include "protocol/base/mutex.h"
 
 namespace myograde::server {
 
@@ -38,7 +39,7 @@ class SpoolBudget {
 
   enum class Answer { kTaken, kPeerFull, kAllFull };
   Answer Take(PeerLoad& peer, int64_t bytes) {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (bytes > of_a_peer_ - peer.spooled) return Answer::kPeerFull;
     if (bytes > total_ - taken_) return Answer::kAllFull;
     peer.spooled += bytes;
@@ -46,7 +47,7 @@ class SpoolBudget {
     return Answer::kTaken;
   }
   void Give(PeerLoad& peer, int64_t bytes) {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     peer.spooled -= bytes;
     taken_ -= bytes;
   }
@@ -54,8 +55,8 @@ class SpoolBudget {
  private:
   const int64_t total_;
   const int64_t of_a_peer_;
-  std::mutex mutex_;
-  int64_t taken_ = 0;  // guarded by mutex_
+  Mutex mutex_;
+  int64_t taken_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace myograde::server

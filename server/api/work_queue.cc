@@ -11,13 +11,13 @@ bool WorkQueue::Line::empty() const {
 
 void WorkQueue::Push(Job job) {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     Line& line = lines_[job.peer.key];
     line.organiser = job.peer.organiser;
     line.jobs[static_cast<size_t>(job.work)].push_back(std::move(job));
     ++waiting_;
   }
-  ready_.notify_one();
+  ready_.NotifyOne();
 }
 
 bool WorkQueue::MayWork(const Line& line) const {
@@ -47,21 +47,21 @@ std::optional<Job> WorkQueue::Take() {
 }
 
 std::optional<Job> WorkQueue::Pop() {
-  std::unique_lock lock(mutex_);
+  const MutexLock lock(mutex_);
   for (;;) {
     if (closed_) return std::nullopt;
     if (std::optional<Job> job = Take()) {
       // Each wakes the next, since what one Done allows may be more than one job.
-      if (waiting_ > 0) ready_.notify_one();
+      if (waiting_ > 0) ready_.NotifyOne();
       return job;
     }
-    ready_.wait(lock);
+    ready_.Wait(mutex_);
   }
 }
 
 void WorkQueue::Done(const Job& job) {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const auto it = lines_.find(job.peer.key);
     --it->second.busy;
     --busy_[static_cast<size_t>(job.work)];
@@ -69,15 +69,15 @@ void WorkQueue::Done(const Job& job) {
     if (it->second.empty()) lines_.erase(it);
     if (waiting_ == 0) return;
   }
-  ready_.notify_one();
+  ready_.NotifyOne();
 }
 
 void WorkQueue::Close() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     closed_ = true;
   }
-  ready_.notify_all();
+  ready_.NotifyAll();
 }
 
 }  // namespace myograde::server

@@ -4,13 +4,12 @@
 #pragma once
 
 #include <array>
-#include <condition_variable>
 #include <deque>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <string>
 
+#include "protocol/base/mutex.h"
 #include "server/api/peer.h"
 
 namespace myograde::server {
@@ -54,19 +53,19 @@ class WorkQueue {
     bool empty() const;
   };
 
-  // The next job in turn, taken out. mutex_ is held.
-  std::optional<Job> Take();
-  bool MayWork(const Line& line) const;
+  // The next job in turn, taken out.
+  std::optional<Job> Take() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  bool MayWork(const Line& line) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const Limits limits_;
-  std::mutex mutex_;
-  std::condition_variable ready_;
-  std::map<std::string, Line> lines_;             // by the peer's key
-  std::string last_;                              // whose turn it was
-  std::array<int, kWorkKinds> busy_ = {};
-  int others_busy_ = 0;                           // with those who are no organisers
-  int waiting_ = 0;                               // jobs
-  bool closed_ = false;
+  Mutex mutex_;
+  Condition ready_;
+  std::map<std::string, Line> lines_ ABSL_GUARDED_BY(mutex_);  // by the peer's key
+  std::string last_ ABSL_GUARDED_BY(mutex_);                   // whose turn it was
+  std::array<int, kWorkKinds> busy_ ABSL_GUARDED_BY(mutex_) = {};
+  int others_busy_ ABSL_GUARDED_BY(mutex_) = 0;  // with those who are no organisers
+  int waiting_ ABSL_GUARDED_BY(mutex_) = 0;      // jobs
+  bool closed_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 }  // namespace myograde::server

@@ -4,9 +4,10 @@
 
 #include <deque>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <string>
+
+#include "protocol/base/mutex.h"
 
 namespace myograde::server {
 
@@ -22,9 +23,9 @@ class KnownArchives {
 
  private:
   const size_t most_;
-  mutable std::mutex mutex_;
-  std::map<std::string, std::string> artefacts_;  // by archive; mutex_
-  std::deque<std::string> order_;                 // archives, the oldest first; mutex_
+  mutable Mutex mutex_;
+  std::map<std::string, std::string> artefacts_ ABSL_GUARDED_BY(mutex_);  // by archive
+  std::deque<std::string> order_ ABSL_GUARDED_BY(mutex_);  // archives, the oldest first
 };
 
 }  // namespace myograde::server

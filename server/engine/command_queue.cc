@@ -29,7 +29,7 @@ absl::Status CommandQueue::Call(std::function<absl::Status()> command, absl::Dur
 absl::Status CommandQueue::CallLater(std::function<void(Answer)> command, absl::Duration timeout) {
   std::future<absl::Status> answer;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (closed_) return Stopping();
     if (entries_.size() >= capacity_) {
       return absl::ResourceExhaustedError("too many commands wait already; try again in a second");
@@ -50,7 +50,7 @@ int CommandQueue::RunAll() {
   [[maybe_unused]] const ssize_t n = read(wake_.get(), &count, sizeof(count));
   std::deque<Entry> entries;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     entries.swap(entries_);
   }
   for (Entry& entry : entries) {
@@ -60,7 +60,7 @@ int CommandQueue::RunAll() {
 }
 
 void CommandQueue::Close() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   closed_ = true;
   for (Entry& entry : entries_) entry.answer->set_value(Stopping());
   entries_.clear();

@@ -6,12 +6,12 @@
 #include <functional>
 #include <future>
 #include <memory>
-#include <mutex>
 
 #include <absl/status/status.h>
 #include <absl/time/time.h>
 
 #include "protocol/base/fd.h"
+#include "protocol/base/mutex.h"
 
 namespace myograde::server {
 
@@ -52,9 +52,9 @@ class CommandQueue {
 
   const size_t capacity_;
   Fd wake_;  // an eventfd
-  std::mutex mutex_;
-  std::deque<Entry> entries_;  // guarded by mutex_
-  bool closed_ = false;        // guarded by mutex_
+  Mutex mutex_;
+  std::deque<Entry> entries_ ABSL_GUARDED_BY(mutex_);
+  bool closed_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 }  // namespace myograde::server

@@ -64,12 +64,12 @@ absl::Duration EngineCore::TimeToNext(absl::Duration now) const {
     wait = std::min(wait, ending.stays ? kStayWait : kReapWait);
   }
   if (!cancels_.empty()) wait = kReapWait;
-  if (!closed_slots_.empty()) wait = std::min(wait, next_slot_look_ - now);
   if (test_ != nullptr) {
     const bool quiet = test_->runner() == nullptr || test_->runner()->stdout_fd() < 0;
     wait = quiet ? kReapWait : std::min(wait, test_->deadline() - now);
   }
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
+  if (!closed_slots_.empty()) wait = std::min(wait, next_slot_look_ - now);
   if (const auto next = scheduler_.NextDeadline(now)) wait = std::min(wait, *next - now);
   return std::max(wait, absl::ZeroDuration());
 }
@@ -92,17 +92,17 @@ absl::Status EngineCore::WriteNow(const StoreChange& change) {
   if (now >= write_after_) {
     status = disk_.Write(change);
     if (!MayPass(status)) {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(mutex_);
       if (!store_trouble_.empty()) spdlog::info("the store can be written again");
       store_trouble_.clear();
       return status;
     }
     write_after_ = clock_.Monotonic() + kRetry;
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (store_trouble_ != status.message()) spdlog::error("{}", std::string(status.message()));
     store_trouble_ = std::string(status.message());
   }
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return absl::UnavailableError(
       absl::StrCat("the store can't be written, nothing was changed: ", store_trouble_));
 }
@@ -136,7 +136,7 @@ absl::Status EngineCore::WriteJournal(Writer& writer) const {
 absl::Status EngineCore::RequireWritable() {
   if (absl::Status status = Flush(); !status.ok()) return status;
   if (journal_.empty()) return absl::OkStatus();
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return absl::UnavailableError(
       absl::StrCat("the store can't be written, nothing was changed: ", store_trouble_));
 }
@@ -144,7 +144,7 @@ absl::Status EngineCore::RequireWritable() {
 // Nothing is to be written, and the trouble may be over: looks.
 void EngineCore::ProbeStore() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (store_trouble_.empty()) return;
   }
   if (clock_.Monotonic() < write_after_) return;
@@ -167,7 +167,7 @@ absl::Status EngineCore::SettleAll() {
 void EngineCore::Escalate() {
   std::vector<int64_t> late;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     late = scheduler_.Escalate(clock_.Monotonic());
   }
   const std::string waited =

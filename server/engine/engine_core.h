@@ -25,7 +25,6 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
@@ -36,6 +35,7 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/mutex.h"
 #include "server/config/server_config.h"
 #include "server/engine/ports.h"
 #include "server/engine/self_test.h"
@@ -286,16 +286,16 @@ class EngineCore {
   std::unique_ptr<SelfTest> test_;
   TrackPtr suspect_track_;                     // of the last faulty lease
 
-  mutable std::mutex mutex_;
-  // All guarded by mutex_.
-  Scheduler scheduler_;
-  HostHealth host_;
-  std::map<int64_t, Live> live_;
-  int ending_count_ = 0;
-  std::map<int, std::string> closed_slots_;
-  std::string store_trouble_;
-  std::map<int64_t, std::string> unreadable_;
-  absl::Duration mean_lease_ = absl::ZeroDuration();  // of those played here; 0: none yet
+  mutable Mutex mutex_;
+  Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);
+  HostHealth host_ ABSL_GUARDED_BY(mutex_);
+  std::map<int64_t, Live> live_ ABSL_GUARDED_BY(mutex_);
+  int ending_count_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::map<int, std::string> closed_slots_ ABSL_GUARDED_BY(mutex_);
+  std::string store_trouble_ ABSL_GUARDED_BY(mutex_);
+  std::map<int64_t, std::string> unreadable_ ABSL_GUARDED_BY(mutex_);
+  // Of those played here; 0: none yet.
+  absl::Duration mean_lease_ ABSL_GUARDED_BY(mutex_) = absl::ZeroDuration();
 };
 
 }  // namespace myograde::server

@@ -77,7 +77,7 @@ void EngineCore::SeeEnds() {
 void EngineCore::TakeBackOverdue() {
   std::vector<Overdue> overdue;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     overdue = scheduler_.OverdueAt(clock_.Monotonic());
   }
   for (const Overdue& late : overdue) {
@@ -95,7 +95,7 @@ void EngineCore::TakeBackOverdue() {
 
 void EngineCore::FreeSlot(int slot) {
   const std::map<int, std::string> left = processes_.ProcessesOf(slot, 1);
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (left.empty()) return scheduler_.Free(slot);
   closed_slots_[slot] = left.at(slot);
   spdlog::warn("slot {} is closed until {} is gone", slot, closed_slots_[slot]);
@@ -104,7 +104,7 @@ void EngineCore::FreeSlot(int slot) {
 // What an earlier daemon's leases left, if its runners were killed before they could bury it.
 void EngineCore::CloseSlots() {
   const auto found = processes_.ProcessesOf(0, options_.config.scheduler.slots);
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   for (const auto& [slot, left] : found) {
     spdlog::warn("slot {} is closed until {} is gone", slot, left);
     scheduler_.Close(slot);
@@ -114,11 +114,14 @@ void EngineCore::CloseSlots() {
 
 void EngineCore::SeeClosedSlots() {
   const absl::Duration now = clock_.Monotonic();
-  // Only this thread changes them.
-  if (closed_slots_.empty() || now < next_slot_look_) return;
+  if (now < next_slot_look_) return;
+  {
+    const MutexLock lock(mutex_);
+    if (closed_slots_.empty()) return;
+  }
   next_slot_look_ = now + kSlotLook;
   const auto found = processes_.ProcessesOf(0, options_.config.scheduler.slots);
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   for (auto closed = closed_slots_.begin(); closed != closed_slots_.end();) {
     if (const auto left = found.find(closed->first); left != found.end()) {
       closed->second = left->second;
@@ -142,7 +145,7 @@ void EngineCore::EndOf(LeaseRun& run) {
                                   who = owner_](Writer& writer) {
     return writer.FinishLease(lease, attempt, output, who);
   });
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
   const absl::Duration took = now - live_.at(run.lease).since;
   mean_lease_ = mean_lease_ == absl::ZeroDuration()
@@ -159,7 +162,7 @@ void EngineCore::Fault(LeaseRun& run, const std::string& why) {
   suspect_track_ = run.context->track;
   Decision decision;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const absl::Duration now = clock_.Monotonic();
     live_.erase(run.lease);
     host_.LeaseFaulted(now, why);
@@ -182,7 +185,8 @@ void EngineCore::GiveUp(const Decision& decision, int64_t failed, const std::str
                    " by the grader's fault, the last time: ", why);
   std::vector<int64_t> others = decision.pending;
   others.insert(others.end(), decision.running.begin(), decision.running.end());
-  AddToJournal(decision.evaluation, [=, evaluation = decision.evaluation, who = owner_](Writer& writer) {
+  AddToJournal(decision.evaluation,
+               [=, evaluation = decision.evaluation, who = owner_](Writer& writer) {
     absl::Status status = writer.EndLease(failed, LeaseState::kFailed, /*fault=*/true, who, why);
     for (const int64_t lease : others) {
       status.Update(writer.EndLease(lease, LeaseState::kCancelled, /*fault=*/false, who,
@@ -204,7 +208,7 @@ void EngineCore::TakeBack(int64_t lease, bool ask) {
   ending_.push_back({lease, run.attempt, run.slot, run.work_dir, std::move(run.runner),
                      clock_.Monotonic() + (ask ? Runner::kCleanUpGrace : kLongestStay),
                      /*stays=*/!ask});
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   live_.erase(lease);
   ending_count_ = static_cast<int>(ending_.size());
 }
@@ -236,7 +240,7 @@ void EngineCore::SeeEnding() {
     processes_.CleanUp(ending.work_dir);
     it = ending_.erase(it);
   }
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   ending_count_ = static_cast<int>(ending_.size());
 }
 
@@ -245,7 +249,7 @@ void EngineCore::SeeEnding() {
 std::set<int64_t> EngineCore::Forget(int64_t evaluation) {
   Decision decision;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     decision = scheduler_.Cancel(evaluation);
   }
   for (const int64_t lease : decision.running) TakeBack(lease);
@@ -260,7 +264,7 @@ void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
   if (!is_new) {
     // This was its end, which is refused too.
     spdlog::error("evaluation {} can't be ended: {}", evaluation, why);
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     unreadable_[evaluation] = known->second;
     return;
   }

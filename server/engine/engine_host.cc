@@ -14,7 +14,7 @@ void EngineCore::SeeSelfTest() {
   }
   bool due = false;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     due = host_.TestDue(clock_.Monotonic());
   }
   if (due && !stopping_) BeginSelfTest();
@@ -23,7 +23,7 @@ void EngineCore::SeeSelfTest() {
 void EngineCore::BeginSelfTest() {
   std::optional<int> slot;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     slot = scheduler_.TakeSlot();
     if (slot.has_value()) host_.TestBegins();
   }
@@ -56,7 +56,7 @@ void EngineCore::EndSelfTest(const std::string& fault) {
     if (runner != nullptr) processes_.CleanUp(order.work_dir);
     FreeSlot(static_cast<int>(order.slot));
   }
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   host_.TestEnded(clock_.Monotonic(), fault);
 }
 

@@ -32,7 +32,7 @@ void EngineCore::StartLeases() {
   for (;;) {
     std::optional<Start> start;
     {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(mutex_);
       if (host_.may_start()) start = scheduler_.Next(clock_.Monotonic());
     }
     if (!start.has_value()) return;
@@ -65,7 +65,7 @@ void EngineCore::StartLease(const Start& start) {
   spdlog::info("lease {} (evaluation {}, episodes {} to {}): attempt {} on slot {}, process {}",
                run.lease, start.evaluation, run.first, run.last, run.attempt, start.slot,
                run.runner->pid());
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
   live_[run.lease] = {start.evaluation, run.context->submission, run.slot, run.runner->pid(),
                       run.first, 0, now, now};
@@ -80,13 +80,13 @@ void EngineCore::Listen(LeaseRun& run) {
   const LeaseReport::News news = run.report.Take(*records, now);
   if (news.progress.has_value()) OnProgress(run, *news.progress);
   for (const EpisodeFacts& facts : news.episodes) OnEpisode(run, facts);
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   scheduler_.Heartbeat(run.lease, run.attempt, now);
   live_.at(run.lease).heard = now;
 }
 
 void EngineCore::OnProgress(LeaseRun& run, const ProgressRecord& record) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   Live& live = live_.at(run.lease);
   live.episode = record.episode;
   live.step = record.step;

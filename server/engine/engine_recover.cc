@@ -85,7 +85,7 @@ absl::Status EngineCore::TakeUp(int64_t id) {
   for (const LeaseRow& lease : loaded->open) {
     spec.leases.push_back({lease.id, lease.attempt, lease.faults});
   }
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   scheduler_.Add(spec, clock_.Monotonic());
   return absl::OkStatus();
 }
@@ -116,8 +116,8 @@ absl::Status EngineCore::Recover() {
   std::map<int64_t, absl::Status> refused;
   status = disk_.Write([&](Writer& writer) {
     refused.clear();
-    for (const auto& [evaluation, leases] : interrupted) {
-      refused[evaluation] = writer.Part([&](Writer& part) {
+    for (const auto& [evaluation, open] : interrupted) {
+      refused[evaluation] = writer.Part([&leases = open, this](Writer& part) {
         absl::Status returned;
         for (const LeaseRow& lease : leases) {
           returned.Update(part.ReturnLease(lease.id, lease.attempt, /*fault=*/false, owner_,

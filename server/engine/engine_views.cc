@@ -8,37 +8,37 @@
 namespace myograde::server {
 
 QueueOutlook EngineCore::OutlookOf(int64_t evaluation) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
-  QueueOutlook prospect;
+  QueueOutlook outlook;
   const std::optional<absl::Duration> deadline = scheduler_.DeadlineOf(evaluation);
-  if (!deadline.has_value()) return prospect;
-  prospect.deadline = std::max(*deadline - now, absl::ZeroDuration());
-  prospect.place = scheduler_.PlaceOf(evaluation);
-  prospect.waiting = scheduler_.WhyWaiting(evaluation, now);
-  prospect.owner = owner_;
-  if (!prospect.waiting.empty()) {
+  if (!deadline.has_value()) return outlook;
+  outlook.deadline = std::max(*deadline - now, absl::ZeroDuration());
+  outlook.place = scheduler_.PlaceOf(evaluation);
+  outlook.waiting = scheduler_.WhyWaiting(evaluation, now);
+  outlook.owner = owner_;
+  if (!outlook.waiting.empty()) {
     if (const std::string why = host_.PauseReason(now); !why.empty()) {
-      absl::StrAppend(&prospect.waiting, "; nothing starts: ", why);
+      absl::StrAppend(&outlook.waiting, "; nothing starts: ", why);
     }
     for (const auto& [slot, why] : closed_slots_) {
-      absl::StrAppend(&prospect.waiting, "; slot ", slot, " is closed until ", why, " is gone");
+      absl::StrAppend(&outlook.waiting, "; slot ", slot, " is closed until ", why, " is gone");
     }
     if (!store_trouble_.empty()) {
-      absl::StrAppend(&prospect.waiting,
+      absl::StrAppend(&outlook.waiting,
                       "; nothing starts while the store can't be written: ", store_trouble_);
     }
   }
-  if (prospect.place.has_value() && mean_lease_ > absl::ZeroDuration() && host_.may_start()) {
-    const auto ahead = static_cast<double>(prospect.place->leases_ahead + scheduler_.running());
+  if (outlook.place.has_value() && mean_lease_ > absl::ZeroDuration() && host_.may_start()) {
+    const auto ahead = static_cast<double>(outlook.place->leases_ahead + scheduler_.running());
     const auto own = static_cast<double>(scheduler_.WaitingLeasesOf(evaluation));
-    prospect.end = mean_lease_ * std::max((ahead + own) / options_.config.scheduler.slots, 1.0);
+    outlook.end = mean_lease_ * std::max((ahead + own) / options_.config.scheduler.slots, 1.0);
   }
-  return prospect;
+  return outlook;
 }
 
 std::map<int64_t, LiveLease> EngineCore::Running() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
   std::map<int64_t, LiveLease> leases;
   for (const auto& [id, live] : live_) {
@@ -49,7 +49,7 @@ std::map<int64_t, LiveLease> EngineCore::Running() const {
 }
 
 LiveHealth EngineCore::Health() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
   LiveHealth health;
   health.running = scheduler_.running();

@@ -3,6 +3,7 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <tuple>
@@ -71,21 +72,26 @@ Retention::Retention(RetentionLimits limits, std::string data_dir, Engine& engin
 
 Retention::~Retention() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     stop_ = true;
   }
-  wake_.notify_all();
+  wake_.NotifyAll();
   thread_.join();
 }
 
 void Retention::Loop() {
-  std::unique_lock lock(mutex_);
-  while (!stop_) {
-    lock.unlock();
+  do {
     Sweep();
-    lock.lock();
-    wake_.wait_for(lock, absl::ToChronoMilliseconds(limits_.every), [this] { return stop_; });
+  } while (!WaitForStop());
+}
+
+bool Retention::WaitForStop() {
+  const auto deadline =
+      std::chrono::steady_clock::now() + absl::ToChronoMilliseconds(limits_.every);
+  const MutexLock lock(mutex_);
+  while (!stop_ && wake_.WaitUntil(mutex_, deadline)) {
   }
+  return stop_;
 }
 
 void Retention::Sweep() {
@@ -181,7 +187,7 @@ absl::StatusOr<std::vector<KeptFile>> Retention::WithNeeded(std::vector<KeptFile
 void Retention::Remove(const std::string& kind, const std::vector<Choice>& choices) {
   for (const Choice& choice : choices) {
     {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(mutex_);
       if (stop_) return;
     }
     const std::string& from = choice.file.path;

@@ -4,12 +4,11 @@
 // each removal is one.
 #pragma once
 
-#include <condition_variable>
-#include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "protocol/base/mutex.h"
 #include "server/engine/engine.h"
 #include "server/config/server_config.h"
 #include "server/store/reader.h"
@@ -45,6 +44,8 @@ class Retention {
 
  private:
   void Loop();
+  // Until the next look is due; true: it is to end.
+  bool WaitForStop();
   // One look: what is too old or too much is removed. Trouble is logged.
   void Sweep();
   absl::StatusOr<std::vector<KeptFile>> Artefacts();
@@ -60,9 +61,9 @@ class Retention {
   ReaderPool& readers_;
   const Clock& clock_;
 
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  bool stop_ = false;  // guarded by mutex_
+  Mutex mutex_;
+  Condition wake_;
+  bool stop_ ABSL_GUARDED_BY(mutex_) = false;
   std::thread thread_;
 };
 

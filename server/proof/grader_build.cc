@@ -2,10 +2,10 @@
 
 #include <filesystem>
 #include <map>
-#include <mutex>
 #include <system_error>
 #include <utility>
 
+#include "protocol/base/mutex.h"
 #include "protocol/base/sha256.h"
 #include "server/base/paths.h"
 
@@ -23,13 +23,13 @@ Json FileHash(const fs::path& path) {
     uintmax_t size;
     std::string hash;
   };
-  static std::mutex mutex;
-  static std::map<fs::path, Known> known;
+  static Mutex mutex;
+  static std::map<fs::path, Known> known ABSL_GUARDED_BY(mutex);
   std::error_code error;
   const fs::file_time_type changed = fs::last_write_time(path, error);
   const uintmax_t size = error ? 0 : fs::file_size(path, error);
   if (error) return nullptr;
-  const std::lock_guard lock(mutex);
+  const MutexLock lock(mutex);
   const auto it = known.find(path);
   if (it != known.end() && it->second.changed == changed && it->second.size == size) {
     return it->second.hash;

@@ -1,6 +1,7 @@
 #include "server/proof/reference_check.h"
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <utility>
 #include <vector>
@@ -75,9 +76,9 @@ ReferenceCheck::ReferenceCheck(ReferenceOptions options)
         } else if (verdict.ok() && !verdict->empty()) {
           spdlog::error("no ranked submission is graded here: {}", *verdict);
         }
-        const std::lock_guard lock(mutex_);
+        const MutexLock lock(mutex_);
         verdict_ = verdict.ok() ? *verdict : "";
-        known_.notify_all();
+        known_.NotifyAll();
       }) {}
 
 ReferenceCheck::~ReferenceCheck() {
@@ -86,9 +87,10 @@ ReferenceCheck::~ReferenceCheck() {
 }
 
 std::optional<std::string> ReferenceCheck::Result(absl::Duration timeout) const {
-  std::unique_lock lock(mutex_);
-  known_.wait_for(lock, absl::ToChronoNanoseconds(timeout),
-                  [this] { return verdict_.has_value(); });
+  const auto deadline = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(timeout);
+  const MutexLock lock(mutex_);
+  while (!verdict_.has_value() && known_.WaitUntil(mutex_, deadline)) {
+  }
   return verdict_;
 }
 

@@ -4,15 +4,15 @@
 #pragma once
 
 #include <atomic>
-#include <condition_variable>
 #include <cstdint>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
 
 #include <absl/status/statusor.h>
 #include <absl/time/time.h>
+
+#include "protocol/base/mutex.h"
 
 namespace myograde::server {
 
@@ -42,9 +42,9 @@ class ReferenceCheck {
  private:
   const ReferenceOptions options_;
   std::atomic<bool> stop_ = false;
-  mutable std::mutex mutex_;
-  mutable std::condition_variable known_;
-  std::optional<std::string> verdict_;  // guarded by mutex_
+  mutable Mutex mutex_;
+  mutable Condition known_;
+  std::optional<std::string> verdict_ ABSL_GUARDED_BY(mutex_);
   std::thread thread_;
 };
 

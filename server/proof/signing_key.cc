@@ -119,7 +119,7 @@ absl::StatusOr<SigningKey> SigningKey::LoadOrMake(const std::string& path) {
 }
 
 absl::StatusOr<std::shared_ptr<const SigningKey>> KeyFile::Get() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (key_ == nullptr) {
     absl::StatusOr<SigningKey> key = SigningKey::LoadOrMake(path_);
     if (!key.ok()) return key.status();

@@ -2,11 +2,12 @@
 #pragma once
 
 #include <memory>
-#include <mutex>
 #include <string>
 #include <string_view>
 
 #include <absl/status/statusor.h>
+
+#include "protocol/base/mutex.h"
 
 typedef struct evp_pkey_st EVP_PKEY;
 
@@ -48,8 +49,8 @@ class KeyFile {
 
  private:
   const std::string path_;
-  std::mutex mutex_;
-  std::shared_ptr<const SigningKey> key_;
+  Mutex mutex_;
+  std::shared_ptr<const SigningKey> key_ ABSL_GUARDED_BY(mutex_);
 };
 
 // A public key that somebody published: checks receipts.

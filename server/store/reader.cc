@@ -294,7 +294,7 @@ ReaderPool::~ReaderPool() = default;
 
 absl::StatusOr<std::unique_ptr<SQLite::Database>> ReaderPool::Take() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (!free_.empty()) {
       std::unique_ptr<SQLite::Database> db = std::move(free_.back());
       free_.pop_back();
@@ -316,7 +316,7 @@ absl::Status ReaderPool::Read(const std::function<absl::Status(Reader&)>& body) 
     return absl::OkStatus();
   });
   if (!status.ok()) return status;  // the connection is closed, as its state is not known
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (free_.size() < kKept) free_.push_back(*std::move(db));
   return answer;
 }

@@ -5,7 +5,6 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
@@ -14,6 +13,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include "protocol/base/mutex.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
 #include "server/store/rows.h"
@@ -128,8 +128,8 @@ class ReaderPool {
   absl::StatusOr<std::unique_ptr<SQLite::Database>> Take();
 
   const std::string path_;
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<SQLite::Database>> free_;  // guarded by mutex_
+  Mutex mutex_;
+  std::vector<std::unique_ptr<SQLite::Database>> free_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace myograde::server
