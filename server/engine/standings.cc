@@ -55,11 +55,12 @@ absl::StatusOr<std::vector<Damage>> FillStandings(Store& store, ReaderPool& read
   if (!missing.ok()) return missing.status();
   if (missing->rows.empty()) return std::move(missing->damaged);
   const absl::Status status = store.Write([&](Writer& writer) {
-    for (const auto& [evaluation, standing] : missing->rows) {
-      const absl::Status set =
-          writer.Part([&](Writer& part) { return part.SetStanding(evaluation, standing); });
+    for (const auto& [id, standing] : missing->rows) {
+      const absl::Status set = writer.Part([evaluation = id, &numbers = standing](Writer& part) {
+        return part.SetStanding(evaluation, numbers);
+      });
       if (!set.ok()) {
-        missing->damaged.push_back({"evaluation", absl::StrCat(evaluation),
+        missing->damaged.push_back({"evaluation", absl::StrCat(id),
                                     std::string(set.message())});
       }
     }
