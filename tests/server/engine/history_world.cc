@@ -273,7 +273,7 @@ int64_t World::Submit(const std::string& team, int episodes) {
                  if (accepted.ok()) id = accepted->evaluation;
                  return accepted.status();
                },
-               [&] { return core->TakeUp(id); },
+               [&] { return core->Enqueue(id); },
                [&](const absl::Status& status) {
                  if (status.ok()) evaluations.insert(id);
                }});
