@@ -69,8 +69,7 @@ struct LiveLease {
 struct LiveHealth {
   int running = 0;
   int64_t pending = 0;
-  std::map<int, std::string> closed_slots;  // unused, but closed by surviving processes, described
-                                            // for people
+  std::map<int, std::string> closed_slots;  // slot to the surviving processes' text
   int ending = 0;             // reclaimed leases whose runners are not dead yet
   std::string store_trouble;  // "" while the store is writable
   HostHealth::State host = HostHealth::State::kWell;
