@@ -1,5 +1,5 @@
-// Track configs as the daemon holds them: those on offer, read and checked at
-// start, and those that accepted submissions were made under.
+// Track configs in the daemon: those on offer, loaded and checked at start, and those of accepted
+// submissions.
 #pragma once
 
 #include <map>
@@ -30,7 +30,7 @@ class Tracks {
   // Reads every config of `dir` in every profile. The error names the file.
   static absl::StatusOr<Tracks> Load(const std::string& dir);
 
-  // `profile` "" is the track's default. NotFoundError names what is known.
+  // `profile` "" is the track's default. NotFoundError lists what exists.
   absl::StatusOr<TrackPtr> Find(const std::string& track, const std::string& profile) const;
 
   struct Entry {
