@@ -35,7 +35,7 @@ ReceiptCheck Compare(const char* name, const std::string& said, const std::strin
   return check;
 }
 
-// The policy seeds must follow from the secret that the config names. Configs of format 1 name
+// The policy seeds must follow from the secret that the config names. Configs of form 1 name
 // none.
 std::optional<ReceiptCheck> CheckPolicySeeds(const Json& receipt) {
   const std::string secret = Text(receipt.value("track_config", Json::object()),

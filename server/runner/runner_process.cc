@@ -22,10 +22,10 @@
 namespace myograde::server {
 namespace {
 
-// A record holds two tails of output; one that is longer than this is none.
+// A record holds two tails of output; a longer line is not a record.
 constexpr size_t kMaxRecordBytes = 256 << 10;
-// How much nicer than the daemon a lease is, all of its processes alike: leases fill the processors
-// for days, and whoever asks the daemon meanwhile shall not wait behind them.
+// How much nicer than the daemon a lease is, with all its processes alike: leases keep the
+// processors busy for days, and requests to the daemon must not wait behind them.
 constexpr int kNice = 5;
 
 absl::Status Errno(std::string_view what) {
@@ -43,7 +43,7 @@ absl::StatusOr<Pipe> MakePipe() {
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0) return Errno("can't make a pipe");
   Pipe pipe = {Fd(ends[0]), Fd(ends[1])};
-  // Above the standard streams, so that none is overwritten before it has moved there.
+  // Above the standard streams, so that none is overwritten before it has been moved there.
   for (Fd* end : {&pipe.read, &pipe.write}) {
     if (end->get() <= STDERR_FILENO) *end = Fd(::fcntl(end->get(), F_DUPFD_CLOEXEC, 3));
     if (!end->valid()) return Errno("can't move a pipe");
@@ -69,8 +69,8 @@ absl::Status WriteOrder(const LeaseOrder& order, const std::string& path) {
   return absl::OkStatus();
 }
 
-// Spawned, not forked: a copy of the daemon's page tables would hold up its loop, the longer the
-// more it has in memory.
+// Spawned, not forked: copying the daemon's page tables would stall its loop, the longer the more
+// memory it uses.
 absl::StatusOr<pid_t> SpawnRunner(const std::string& program, const std::string& order_path,
                                   int in, int out, int err) {
   posix_spawn_file_actions_t actions;
@@ -224,7 +224,7 @@ void RunnerProcess::AskToEnd() {
 
 void RunnerProcess::KillNow() {
   if (pid_ <= 0 || dead()) return;
-  // Its children ask the kernel to be killed with it, each of them with its own.
+  // Its children have asked the kernel to be killed when it dies, and theirs likewise.
   ::kill(-pid_, SIGKILL);
 }
 

@@ -223,7 +223,7 @@ class Store {
   // Runs `change` in one transaction; commits if it returns OkStatus().
   absl::Status Write(const std::function<absl::Status(Writer&)>& change);
 
-  // 32 random bytes, created with the store: the key of policy seeds under configs of format 1.
+  // 32 random bytes, created with the store: the key of policy seeds under configs of form 1.
   const std::string& policy_secret() const { return policy_secret_; }
   // What was unreadable on opening, and was rebuilt.
   const std::optional<Damage>& mended() const { return mended_; }

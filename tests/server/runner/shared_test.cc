@@ -132,7 +132,7 @@ class FullPool {
         }
       }
     }).join();
-    full_ = set_ && BusNetwork::Make()->Look().pool_full;
+    full_ = set_ && BusNetwork::Make()->Sample().pool_full;
   }
   ~FullPool() {
     if (set_) Write(mark_);

@@ -72,13 +72,13 @@ class BusNetworkTest : public ::testing::Test {
 
 TEST_F(BusNetworkTest, IsNotTheCallersAndTellsItsSockets) {
   const ino_t outside = OwnNetwork();
-  EXPECT_EQ(network_->Look().sockets, 0);
-  const int64_t few = network_->Look().all_sockets;
+  EXPECT_EQ(network_->Sample().sockets, 0);
+  const int64_t few = network_->Sample().all_sockets;
   Inside([&] {
     {
       const Fd unix_socket(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-      EXPECT_EQ(network_->Look().all_sockets, few + 1);
-      EXPECT_EQ(network_->Look().sockets, 0);
+      EXPECT_EQ(network_->Sample().all_sockets, few + 1);
+      EXPECT_EQ(network_->Sample().sockets, 0);
     }
     EXPECT_NE(OwnNetwork(), outside);
     std::vector<Fd> sockets;
@@ -90,7 +90,7 @@ TEST_F(BusNetworkTest, IsNotTheCallersAndTellsItsSockets) {
       six.sin6_family = AF_INET6;
       sockaddr_in four = {};
       four.sin_family = AF_INET;
-      const int64_t before = network_->Look().sockets;
+      const int64_t before = network_->Sample().sockets;
       const int bound = family == AF_INET
                             ? bind(one.get(), reinterpret_cast<sockaddr*>(&four), sizeof(four))
                             : bind(one.get(), reinterpret_cast<sockaddr*>(&six), sizeof(six));
@@ -98,11 +98,11 @@ TEST_F(BusNetworkTest, IsNotTheCallersAndTellsItsSockets) {
       if (type == SOCK_STREAM) {
         EXPECT_EQ(listen(one.get(), 1), 0);
       }
-      EXPECT_EQ(network_->Look().sockets, before + 1) << family << " " << type;
+      EXPECT_EQ(network_->Sample().sockets, before + 1) << family << " " << type;
     }
   });
-  EXPECT_EQ(network_->Look().sockets, 0);
-  EXPECT_FALSE(network_->Look().pool_full);
+  EXPECT_EQ(network_->Sample().sockets, 0);
+  EXPECT_FALSE(network_->Sample().pool_full);
   EXPECT_EQ(network_->dropped(), 0);
   EXPECT_EQ(OwnNetwork(), outside);
 }

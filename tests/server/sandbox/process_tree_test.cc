@@ -157,7 +157,7 @@ Sum Play(const Churn& churn, double seconds, unsigned seed) {
             static_cast<int64_t>(ran * 1e9), 0, ran > 0 ? 1.0 : 0.0};
       }
     }
-    ledger.Look(seen, {}, absl::Seconds(now), by_chance);
+    ledger.AddSample(seen, {}, absl::Seconds(now), by_chance);
   };
   while (now < seconds) {
     const double end = born + churn.life_s;
@@ -228,22 +228,22 @@ TEST(CpuLedger, WhoeverGoesWhileItIsLookedAtIsSettledLater) {
   CpuLedger ledger(kApart);
   const auto parent = [](int64_t children_ns) { return ProcessSeen{5, children_ns, 0}; };
   const int64_t second = 1000000000;
-  ledger.Look({{{1, 0}, parent(0)}, {{2, 0}, {second, 0, 1}}}, {}, absl::Seconds(1), true);
+  ledger.AddSample({{{1, 0}, parent(0)}, {{2, 0}, {second, 0, 1}}}, {}, absl::Seconds(1), true);
   EXPECT_EQ(ledger.total_ns(), second + 5);
   // Waited for after its parent's account was read, and before its own was.
-  ledger.Look({{{1, 0}, parent(0)}}, {2}, absl::Seconds(2), true);
+  ledger.AddSample({{{1, 0}, parent(0)}}, {2}, absl::Seconds(2), true);
   EXPECT_EQ(ledger.total_ns(), second + 5);
-  ledger.Look({{{1, 0}, parent(second + 30000000)}}, {}, absl::Seconds(3), true);
+  ledger.AddSample({{{1, 0}, parent(second + 30000000)}}, {}, absl::Seconds(3), true);
   EXPECT_EQ(ledger.total_ns(), second + 5 + 30000000);
 }
 
 TEST(CpuLedger, AParentsAccountMovesOnWithIt) {
   CpuLedger ledger(kApart);
   const int64_t second = 1000000000;
-  ledger.Look({{{1, 0}, {0, 0, 0}}, {{2, 0}, {second, 3 * second, 0}}}, {}, absl::Seconds(1),
-              true);
+  ledger.AddSample({{{1, 0}, {0, 0, 0}}, {{2, 0}, {second, 3 * second, 0}}}, {}, absl::Seconds(1),
+                   true);
   EXPECT_EQ(ledger.total_ns(), 4 * second);
-  ledger.Look({{{1, 0}, {0, 4 * second, 0}}}, {}, absl::Seconds(2), true);
+  ledger.AddSample({{{1, 0}, {0, 4 * second, 0}}}, {}, absl::Seconds(2), true);
   EXPECT_EQ(ledger.total_ns(), 4 * second);
 }
 
