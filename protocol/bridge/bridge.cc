@@ -30,13 +30,13 @@ namespace {
 
 constexpr absl::Duration kFirstResend = absl::Milliseconds(50);
 constexpr absl::Duration kLongestResend = absl::Milliseconds(250);
-// How long an answer is waited for on the bus alone. A quick policy answers sooner, which saves
-// the poll; with a slow one this is how late its death or the simulator's is seen.
+// How long to wait for an answer on the bus alone. A quick policy answers sooner, which saves the
+// poll; with a slow one this delays noticing its death or the simulator's.
 constexpr auto kQuickAnswer = std::chrono::milliseconds(10);
-// Datagrams looked at before the simulator is heard again, so that a flood on
-// the bus can't keep it waiting.
+// Datagrams handled before the simulator is read again, so that a flood on the bus can't keep it
+// waiting.
 constexpr int kDatagramsPerTurn = 64;
-// After the policy's exit: what it had sent before is still judged first.
+// After the policy's exit: what it had sent before is still handled first.
 constexpr int kDatagramsAfterExit = 4096;
 
 std::string_view ChannelName(Channel channel) {
@@ -99,7 +99,7 @@ class Bridge {
   const absl::Duration farewell_;
   Inbox inbox_;
   bool done_ = false;     // the simulator hung up
-  bool faulted_ = false;  // the simulator was told; only its hanging up is waited for
+  bool faulted_ = false;  // the simulator was told; wait only for it to hang up
   PublishFrame outbound_;
   std::vector<std::byte> welcome_;  // for a policy that missed it; set once
   absl::Duration resend_wait_ = kFirstResend;
@@ -113,16 +113,16 @@ absl::Status Bridge::Run(Child policy) {
     if (done_) break;
     if (absl::Status status = RunOnce(); !status.ok()) return status;
   }
-  // Who was at fault is not waited for.
+  // A policy at fault gets no farewell.
   if (!faulted_) SeeOff();
   return absl::OkStatus();
 }
 
-// What a process printed may still wait in its own buffers.
+// The policy's processes may still have unflushed output.
 void Bridge::SeeOff() {
   const absl::Duration deadline = SystemClock().Monotonic() + farewell_;
   if (farewell_ > absl::ZeroDuration() && !policy_ended_) {
-    // The session that it was given; itself where it has not come so far as to begin one.
+    // The policy's session; the process alone if it has not created the session yet.
     if (kill(-policy_.pid, SIGTERM) != 0) kill(policy_.pid, SIGTERM);
   }
   while (!policy_ended_) {
@@ -134,14 +134,14 @@ void Bridge::SeeOff() {
   }
 }
 
-// Steps that are answered at once, each with nothing but the calls that move its bytes. Back when
-// one takes longer or anything else happens, for RunOnce to look at all there is.
+// Handles steps that are answered at once, with only the calls that move their bytes. Returns when
+// one takes longer or anything else happens, so that RunOnce handles every event source.
 absl::Status Bridge::QuickTurn() {
   int unheeded = 0;
   while (!faulted_ && !done_ && outbound_.channel == Channel::kObservation &&
          outbound_.header.size != 0 && unheeded < kDatagramsPerTurn) {
     if (!inbox_.waiting()) {
-      // The policy was asked nothing, so only the simulator can go on.
+      // The policy owes no answer, so only the simulator can proceed.
       unheeded = 0;
       absl::StatusOr<bool> heard = HearSimulator(0);
       if (!heard.ok() || !*heard) return heard.status();
@@ -162,7 +162,7 @@ int Bridge::PollTimeout() const {
 }
 
 absl::Status Bridge::RunOnce() {
-  // A negative descriptor is left out of the poll.
+  // poll ignores negative descriptors.
   std::array<pollfd, 4> entries = {{{simulator_.get(), POLLIN, 0},
                                     {faulted_ ? -1 : bus_.fd(), POLLIN, 0},
                                     {children_.get(), POLLIN, 0},
@@ -179,7 +179,7 @@ absl::Status Bridge::RunOnce() {
   return status;
 }
 
-// True if it said something.
+// True if a message arrived.
 absl::StatusOr<bool> Bridge::HearSimulator(int flags) {
   const ssize_t size = recv(simulator_.get(), &outbound_, sizeof(outbound_), flags);
   if (size == 0 || (size < 0 && errno == ECONNRESET)) {
@@ -198,7 +198,7 @@ absl::StatusOr<bool> Bridge::HearSimulator(int flags) {
       outbound_.payload_size != bytes - kHead || ChannelName(outbound_.channel).empty()) {
     return absl::InternalError("the simulator sent a broken frame");
   }
-  // What the policy said before it was asked is no answer.
+  // Anything the policy sent before it was asked is not an answer.
   if (absl::Status status = HearBus(kDatagramsPerTurn); !status.ok()) return status;
   if (faulted_) return true;
   inbox_.Ask(outbound_);
@@ -258,14 +258,14 @@ absl::Status Bridge::HearStart() {
   return TellFault(MakeFault(BridgeFault::kStartFailed, error, ExplainStart(program_, error)));
 }
 
-// The wait status of the policy's process, if it is what ended.
+// The wait status of the policy's process, if that is what exited.
 std::optional<int> Bridge::Reap() {
   signalfd_siginfo information;
   [[maybe_unused]] const ssize_t drained =
       read(children_.get(), &information, sizeof(information));
   int wait_status = 0;
   std::optional<int> policy_status;
-  // As process 1 the bridge also inherits whatever the policy left behind.
+  // As process 1 the bridge also inherits the policy's orphans.
   for (pid_t pid; (pid = waitpid(-1, &wait_status, WNOHANG)) > 0;) {
     if (pid == policy_.pid && !policy_ended_) policy_status = wait_status;
   }
@@ -330,7 +330,7 @@ absl::Status RunBridge(Fd simulator, const BridgeOptions& options, const PolicyC
   if (!children.ok()) return children.status();
   absl::StatusOr<Child> policy = StartPolicy(command);
   if (!policy.ok()) return policy.status();
-  // On the heap: its buffers are larger than a careful stack wants.
+  // On the heap: its buffers are too large for the stack.
   auto bridge = std::make_unique<Bridge>(std::move(simulator), *std::move(bus),
                                          *std::move(children), command.words[0], options);
   return bridge->Run(*std::move(policy));

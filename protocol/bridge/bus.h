@@ -1,9 +1,8 @@
-// One program's two UDP sockets on an LCM bus: one that speaks and one that
-// hears all but what the first one says. For the bridge, which must not parse
-// packets with liblcm, and for the C++ kit, which saves liblcm's reading thread
-// and its pipe at every step. Needs the C++ library alone.
+// A program's two UDP sockets on an LCM bus: one to send, one to receive everything but its own
+// packets. For the bridge, which must not parse packets with liblcm, and for the C++ kit, where it
+// avoids liblcm's reader thread and pipe in every step. Needs only the C++ library.
 //
-// A packet that can't be sent counts as lost, since the bridge asks again anyway.
+// A packet that can't be sent counts as lost, since the bridge resends anyway.
 #pragma once
 
 #include <chrono>
@@ -23,19 +22,18 @@ namespace myograde {
 
 class Bus {
  public:
-  // Joins the bus of an LCM URL, udpm://GROUP:PORT?ttl=N (N is 1 without it); `patience` is how
-  // long Await() waits. If there is none, `problem` says in a sentence which part of the URL or
-  // which step in the kernel was refused.
+  // Joins the bus of an LCM URL, udpm://GROUP:PORT?ttl=N (N defaults to 1); `patience` is how long
+  // Await() waits. On failure returns nullopt, and `problem` says in a sentence which part of the
+  // URL or which kernel call was rejected.
   static std::optional<Bus> Open(const std::string& url, std::chrono::milliseconds patience,
                                  std::string& problem);
 
-  // For poll: readable when a datagram of another sender waits.
+  // For poll: readable when a datagram from another sender is waiting.
   int fd() const { return receiver_.get(); }
 
-  // The next datagram of another sender, empty if none waits. Valid until the
-  // next call.
+  // The next datagram from another sender, empty if none is waiting. Valid until the next call.
   std::span<const std::byte> Receive();
-  // The same, but waits for one as long as Open() was told; may be empty sooner.
+  // The same, but waits for one as long as given to Open(); may return empty earlier.
   std::span<const std::byte> Await();
 
   // Sends one short message with the next sequence number.

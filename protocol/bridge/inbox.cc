@@ -66,7 +66,7 @@ Disposition Inbox::Take(std::span<const std::byte> datagram) {
 }
 
 Disposition Inbox::TakeHello(std::span<const std::byte> payload) {
-  // Later hellos are only looked at for their form: the first one holds.
+  // Later hellos are only checked for their form: the first one holds.
   HelloFrame later = {};
   HelloFrame& frame = greeted_ ? later : hello_;
   if (absl::Status status = DecodeHello(payload, frame); !status.ok()) {
