@@ -1,4 +1,4 @@
-"""What the command line tool says: one clear sentence with what to do, in participants' words.
+"""The command line tool's messages: one clear sentence with what to do, in participants' words.
 usage: cli_messages_test.py BIN_DIR SOURCE_DIR"""
 import fcntl
 import json
@@ -102,8 +102,8 @@ class MessagesTest(CliCase):
             self.assertEqual(len(json.load(file)), 3)
 
     def test_what_local_took_has_the_packing_in_it(self):
-        """Packing opens the archive, and the kernel holds it up there until this process gives its
-        lease on the file back."""
+        """Packing opens the archive, and the kernel blocks it there until this process releases its
+        lease on the file."""
         os.mkdir(self.path("bin"))
         runner = shutil.copy(f"{SOURCE_DIR}/tests/support/fake_runner.py",
                              self.path("bin/myograde-runner"))
@@ -119,7 +119,7 @@ class MessagesTest(CliCase):
         self.assertGreaterEqual(float(told.split()[-2]), 2, told)
 
     def packed_slowly(self, archive, seconds, *args):
-        """What the tool prints if its first look into `archive` takes so long."""
+        """What the tool prints if its first read of `archive` takes this long."""
         asked = []
         before = signal.signal(signal.SIGIO, lambda *_: asked.append(True))
         self.addCleanup(signal.signal, signal.SIGIO, before)

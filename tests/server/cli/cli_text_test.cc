@@ -1,4 +1,4 @@
-// Text on terminals: lines that fit, tables that give way, what a mistyped word was meant to be.
+// Text on terminals: line widths, shrinking tables, and suggestions for mistyped words.
 #include <clocale>
 
 #include <gmock/gmock.h>

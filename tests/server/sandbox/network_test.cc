@@ -1,5 +1,5 @@
-// The network of a sandbox: what is seen of it from outside, and what the doctor
-// makes of the memory that all of them share.
+// A sandbox' network: what can be measured from outside, and the doctor's checks of the memory that
+// all of them share.
 #include "server/sandbox/network.h"
 
 #include <arpa/inet.h>
@@ -59,7 +59,7 @@ class BusNetworkTest : public ::testing::Test {
     network_ = *std::move(made);
   }
 
-  // Runs `work` in there.
+  // Runs `work` inside the namespace.
   void Inside(const std::function<void()>& work) const {
     std::thread([&] {
       ASSERT_EQ(setns(network_->fd(), CLONE_NEWNET), 0);
@@ -152,7 +152,7 @@ TEST(SharedLimits, SocketMemoryOfAllSlotsMustLeaveRoom) {
                          .udp_total = int64_t{1} << 30, .tcp_total = int64_t{1} << 30,
                          .bounded = true};
   EXPECT_EQ(JudgeSocketMemory(memory).state, CheckState::kOk);
-  memory.usual_buffer = 2 << 20;  // as LCM's guide has people set it
+  memory.usual_buffer = 2 << 20;  // as LCM's guide recommends
   const Check poor = JudgeSocketMemory(memory);
   EXPECT_EQ(poor.state, CheckState::kDegraded);
   EXPECT_THAT(poor.todo, HasSubstr("udp_mem"));
