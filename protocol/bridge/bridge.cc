@@ -75,17 +75,17 @@ class Bridge {
   absl::Status QuickTurn();
   absl::Status RunOnce();
   int PollTimeout() const;
-  absl::StatusOr<bool> HearSimulator(int flags);
-  absl::Status HearBus(int most);
-  absl::Status Hear(std::span<const std::byte> datagram);
+  absl::StatusOr<bool> ReadSimulator(int flags);
+  absl::Status ReadBus(int most);
+  absl::Status HandleDatagram(std::span<const std::byte> datagram);
   absl::Status ReapChildren();
   std::optional<int> Reap();
-  absl::Status HearStart();
-  void SeeOff();
-  absl::Status Tell(std::span<const std::byte> frame);
-  absl::Status TellFault(const FaultFrame& frame);
+  absl::Status ReadStartError();
+  void AwaitPolicyExit();
+  absl::Status SendFrame(std::span<const std::byte> frame);
+  absl::Status SendFault(const FaultFrame& frame);
   void Publish();
-  void SayAgainIfDue();
+  void ResendIfDue();
   std::span<const std::byte> payload() const {
     return {outbound_.payload, outbound_.payload_size};
   }
@@ -114,12 +114,12 @@ absl::Status Bridge::Run(Child policy) {
     if (absl::Status status = RunOnce(); !status.ok()) return status;
   }
   // A policy at fault gets no farewell.
-  if (!faulted_) SeeOff();
+  if (!faulted_) AwaitPolicyExit();
   return absl::OkStatus();
 }
 
-// The policy's processes may still have unflushed output.
-void Bridge::SeeOff() {
+// Asks the policy to exit, so that its processes can flush their output, and waits.
+void Bridge::AwaitPolicyExit() {
   const absl::Duration deadline = SystemClock().Monotonic() + farewell_;
   if (farewell_ > absl::ZeroDuration() && !policy_ended_) {
     // The policy's session; the process alone if it has not created the session yet.
@@ -143,14 +143,14 @@ absl::Status Bridge::QuickTurn() {
     if (!inbox_.waiting()) {
       // The policy owes no answer, so only the simulator can proceed.
       unheeded = 0;
-      absl::StatusOr<bool> heard = HearSimulator(0);
+      absl::StatusOr<bool> heard = ReadSimulator(0);
       if (!heard.ok() || !*heard) return heard.status();
       continue;
     }
     const std::span<const std::byte> datagram = bus_.Await();
     if (datagram.empty()) break;
     ++unheeded;
-    if (absl::Status status = Hear(datagram); !status.ok()) return status;
+    if (absl::Status status = HandleDatagram(datagram); !status.ok()) return status;
   }
   return absl::OkStatus();
 }
@@ -171,16 +171,16 @@ absl::Status Bridge::RunOnce() {
     return absl::InternalError(absl::StrCat("poll: ", strerror(errno)));
   }
   absl::Status status;
-  if (entries[0].revents != 0) status.Update(HearSimulator(MSG_DONTWAIT).status());
-  if (entries[1].revents != 0) status.Update(HearBus(kDatagramsPerTurn));
-  if (entries[3].revents != 0) status.Update(HearStart());
+  if (entries[0].revents != 0) status.Update(ReadSimulator(MSG_DONTWAIT).status());
+  if (entries[1].revents != 0) status.Update(ReadBus(kDatagramsPerTurn));
+  if (entries[3].revents != 0) status.Update(ReadStartError());
   if (entries[2].revents != 0) status.Update(ReapChildren());
-  if (!faulted_) SayAgainIfDue();
+  if (!faulted_) ResendIfDue();
   return status;
 }
 
 // True if a message arrived.
-absl::StatusOr<bool> Bridge::HearSimulator(int flags) {
+absl::StatusOr<bool> Bridge::ReadSimulator(int flags) {
   const ssize_t size = recv(simulator_.get(), &outbound_, sizeof(outbound_), flags);
   if (size == 0 || (size < 0 && errno == ECONNRESET)) {
     done_ = true;
@@ -199,7 +199,7 @@ absl::StatusOr<bool> Bridge::HearSimulator(int flags) {
     return absl::InternalError("the simulator sent a broken frame");
   }
   // Anything the policy sent before it was asked is not an answer.
-  if (absl::Status status = HearBus(kDatagramsPerTurn); !status.ok()) return status;
+  if (absl::Status status = ReadBus(kDatagramsPerTurn); !status.ok()) return status;
   if (faulted_) return true;
   inbox_.Ask(outbound_);
   Publish();
@@ -215,7 +215,7 @@ void Bridge::Publish() {
   resend_at_ = SystemClock().Monotonic() + resend_wait_;
 }
 
-void Bridge::SayAgainIfDue() {
+void Bridge::ResendIfDue() {
   if (!inbox_.waiting() || outbound_.header.size == 0) return;
   const absl::Duration now = SystemClock().Monotonic();
   if (now < resend_at_) return;
@@ -225,37 +225,37 @@ void Bridge::SayAgainIfDue() {
   resend_at_ = now + resend_wait_;
 }
 
-absl::Status Bridge::HearBus(int most) {
+absl::Status Bridge::ReadBus(int most) {
   for (int i = 0; i < most && !faulted_; ++i) {
     const std::span<const std::byte> datagram = bus_.Receive();
     if (datagram.empty()) break;
-    if (absl::Status status = Hear(datagram); !status.ok()) return status;
+    if (absl::Status status = HandleDatagram(datagram); !status.ok()) return status;
   }
   return absl::OkStatus();
 }
 
-absl::Status Bridge::Hear(std::span<const std::byte> datagram) {
+absl::Status Bridge::HandleDatagram(std::span<const std::byte> datagram) {
   switch (inbox_.Take(datagram)) {
     case Disposition::kDropped:
       break;
-    case Disposition::kSayAgain:
+    case Disposition::kResendWelcome:
       if (!welcome_.empty()) bus_.Send(kWelcomeChannel, welcome_);
       break;
     case Disposition::kFault:
       faulted_ = true;
-      return Tell(inbox_.frame());
+      return SendFrame(inbox_.frame());
     case Disposition::kFrame:
-      return Tell(inbox_.frame());
+      return SendFrame(inbox_.frame());
   }
   return absl::OkStatus();
 }
 
-absl::Status Bridge::HearStart() {
+absl::Status Bridge::ReadStartError() {
   int error = 0;
   const ssize_t size = read(policy_.start_error.get(), &error, sizeof(error));
   policy_.start_error.reset();
   if (size != static_cast<ssize_t>(sizeof(error))) return absl::OkStatus();
-  return TellFault(MakeFault(BridgeFault::kStartFailed, error, ExplainStart(program_, error)));
+  return SendFault(MakeFault(BridgeFault::kStartFailed, error, ExplainStart(program_, error)));
 }
 
 // The wait status of the policy's process, if that is what exited.
@@ -278,26 +278,26 @@ absl::Status Bridge::ReapChildren() {
   if (!ended.has_value() || faulted_) return absl::OkStatus();
   const int policy_status = *ended;
   if (policy_.start_error.valid()) {
-    if (absl::Status status = HearStart(); !status.ok() || faulted_) return status;
+    if (absl::Status status = ReadStartError(); !status.ok() || faulted_) return status;
   }
-  if (absl::Status status = HearBus(kDatagramsAfterExit); !status.ok() || faulted_) {
+  if (absl::Status status = ReadBus(kDatagramsAfterExit); !status.ok() || faulted_) {
     return status;
   }
   const std::string how =
       WIFSIGNALED(policy_status)
           ? absl::StrCat("was ended by SIG", SignalName(WTERMSIG(policy_status)))
           : absl::StrCat("exited with status ", WEXITSTATUS(policy_status));
-  return TellFault(MakeFault(BridgeFault::kPolicyExit, policy_status,
+  return SendFault(MakeFault(BridgeFault::kPolicyExit, policy_status,
                              absl::StrCat("the policy's process ", how)));
 }
 
-absl::Status Bridge::TellFault(const FaultFrame& frame) {
+absl::Status Bridge::SendFault(const FaultFrame& frame) {
   if (faulted_) return absl::OkStatus();
   faulted_ = true;
-  return Tell(std::as_bytes(std::span<const FaultFrame, 1>(&frame, 1)));
+  return SendFrame(std::as_bytes(std::span<const FaultFrame, 1>(&frame, 1)));
 }
 
-absl::Status Bridge::Tell(std::span<const std::byte> frame) {
+absl::Status Bridge::SendFrame(std::span<const std::byte> frame) {
   const ssize_t sent =
       send(simulator_.get(), frame.data(), frame.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
   if (sent == static_cast<ssize_t>(frame.size())) return absl::OkStatus();

@@ -72,7 +72,9 @@ Disposition Inbox::TakeHello(std::span<const std::byte> payload) {
   if (absl::Status status = DecodeHello(payload, frame); !status.ok()) {
     return Breach(kHelloChannel, status);
   }
-  if (greeted_) return Stray() == Disposition::kFault ? Disposition::kFault : Disposition::kSayAgain;
+  if (greeted_) {
+    return Stray() == Disposition::kFault ? Disposition::kFault : Disposition::kResendWelcome;
+  }
   greeted_ = true;
   return Answer(hello_, FrameType::kHello);
 }

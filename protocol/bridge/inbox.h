@@ -20,10 +20,10 @@ struct InboxLimits {
 };
 
 enum class Disposition {
-  kDropped,     // nothing to do
-  kFrame,       // frame() goes to the simulator, which ends the wait
-  kSayAgain,    // the policy missed the welcome: send it again
-  kFault,       // frame() is a FaultFrame; all later messages are ignored
+  kDropped,        // nothing to do
+  kFrame,          // frame() goes to the simulator, which ends the wait
+  kResendWelcome,  // the policy missed the welcome: send it again
+  kFault,          // frame() is a FaultFrame; all later messages are ignored
 };
 
 class Inbox {

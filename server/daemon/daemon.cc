@@ -127,7 +127,7 @@ class SignalGuard {
 void EndSoon(int exit_status) {
   std::thread([exit_status] {
     std::this_thread::sleep_for(absl::ToChronoMilliseconds(kLeaveWithin));
-    spdlog::warn("stopped, without waiting for what still hung");
+    spdlog::warn("stopped without waiting for hanging threads");
     std::_Exit(exit_status);
   }).detach();
 }

@@ -93,7 +93,7 @@ absl::Status EngineCore::WriteNow(const StoreChange& change) {
     status = disk_.Write(change);
     if (!MayPass(status)) {
       const MutexLock lock(mutex_);
-      if (!store_trouble_.empty()) spdlog::info("the store can be written again");
+      if (!store_trouble_.empty()) spdlog::info("the store is writable again");
       store_trouble_.clear();
       return status;
     }
@@ -173,7 +173,7 @@ void EngineCore::Escalate() {
   const std::string waited =
       absl::FormatDuration(options_.config.scheduler.queue_wait);
   for (const int64_t id : late) {
-    spdlog::warn("evaluation {} has waited for {}: it goes ahead of all that has not", id, waited);
+    spdlog::warn("evaluation {} has waited for {}: it goes ahead of all that have not", id, waited);
     AddToJournal(id, [id, waited, who = owner_](Writer& writer) {
       return writer.NoteEvaluation(
           id, who, absl::StrCat("waited for ", waited, " and goes ahead of all that has not"));

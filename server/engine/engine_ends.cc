@@ -60,7 +60,7 @@ void EngineCore::ReapRunners() {
   for (const int64_t lease : lingering) {
     const auto it = running_.find(lease);
     if (it == running_.end()) continue;
-    spdlog::warn("lease {} has ended, and its runner stays on slot {}: something that it started "
+    spdlog::warn("lease {} has ended, but its runner stays on slot {}: one of its processes "
                  "can't be killed yet", lease, it->second.slot);
     OnRunnerEnd(it->second);
     Reclaim(lease, /*ask=*/false);
@@ -234,7 +234,7 @@ void EngineCore::ReapStopping() {
       continue;
     }
     if (ending.late > 0) {
-      spdlog::info("lease {}, attempt {}: {} records that came after it was taken back are refused",
+      spdlog::info("lease {}, attempt {}: rejected {} records that arrived after it was reclaimed",
                    ending.lease, ending.attempt, ending.late);
     }
     FreeSlot(ending.slot);
@@ -269,7 +269,7 @@ void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
     unreadable_[evaluation] = known->second;
     return;
   }
-  spdlog::error("evaluation {} can't be gone on with: {}", evaluation, why);
+  spdlog::error("evaluation {} can't continue: {}", evaluation, why);
   Forget(evaluation);
   std::erase_if(journal_, [&](const Entry& entry) { return entry.evaluation == evaluation; });
   AddToJournal(evaluation, [evaluation, why, who = owner_](Writer& writer) {

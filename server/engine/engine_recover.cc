@@ -60,7 +60,7 @@ absl::StatusOr<EngineCore::Loaded> EngineCore::Load(int64_t id) {
 absl::Status EngineCore::Enqueue(int64_t id) {
   absl::StatusOr<Loaded> loaded = Load(id);
   if (MayPass(loaded.status())) {
-    spdlog::warn("evaluation {} is taken up later: {}", id,
+    spdlog::warn("evaluation {} is deferred: {}", id,
                  std::string(loaded.status().message()));
     deferred_.insert(id);
     return absl::OkStatus();
@@ -142,7 +142,7 @@ absl::Status EngineCore::Recover() {
     if (status = Enqueue(evaluation.id); !status.ok()) return status;
   }
   if (!unfinished.rows.empty()) {
-    spdlog::info("{} unfinished evaluations taken up, leases of {} of them were running",
+    spdlog::info("resumed {} unfinished evaluations, {} of them with interrupted leases",
                  unfinished.rows.size(), interrupted.size());
   }
   return status;

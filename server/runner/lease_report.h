@@ -1,7 +1,7 @@
 // Checks a runner's records against what was ordered: a state machine over records and times,
 // without a process, clock or store. Whoever plays a lease feeds it and acts on the result.
 //
-//   running ──end record──► told ──the runner exits, or lingers──► done
+//   running ──end record──► reported ──the runner exits, or lingers──► done
 //      └──────── any violation ────────► faulty: the grader's fault, and why
 #pragma once
 
@@ -55,7 +55,7 @@ class LeaseReport {
   bool faulty() const { return !fault_.empty(); }
   const std::string& fault() const { return fault_; }  // one sentence; "" if there is none
   const std::optional<LeaseEndRecord>& end() const { return end_; }
-  int64_t told() const { return static_cast<int64_t>(told_.size()); }  // episodes reported
+  int64_t reported() const { return static_cast<int64_t>(reported_.size()); }  // episodes
   // The end record has arrived, and the time to exit is over.
   bool lingers(absl::Duration now) const {
     return !faulty() && end_.has_value() && now - heard_ >= kFarewell;
@@ -66,7 +66,7 @@ class LeaseReport {
 
   std::map<int64_t, uint64_t> ordered_;  // seeds by index
   Limits limits_;
-  std::set<int64_t> told_;
+  std::set<int64_t> reported_;
   std::optional<LeaseEndRecord> end_;
   absl::Duration heard_;
   std::string fault_;

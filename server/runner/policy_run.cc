@@ -141,7 +141,7 @@ void PolicyRun::Sample() {
   if (use.sockets > kFewSockets && samples_++ % kSamplesPerCount == 0) CountSocketBytes();
   // Enforced at once: what they hold is taken from others.
   const PolicySandboxConfig& config = context_.config.policy;
-  if (sockets_ > config.sockets || all_sockets_ > config.all_sockets) sandbox_->Strike();
+  if (sockets_ > config.sockets || all_sockets_ > config.all_sockets) sandbox_->KillNow();
 }
 
 void PolicyRun::DrainOutput() {
@@ -225,7 +225,7 @@ void PolicyRun::CountSocketBytes() {
   socket_bytes_ = std::max(socket_bytes_, bytes);
   if (group_->Withhold(bytes)) return;
   overdrawn_ = true;
-  sandbox_->Strike();
+  sandbox_->KillNow();
 }
 
 void PolicyRun::EpisodeOver() {

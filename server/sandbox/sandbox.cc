@@ -297,7 +297,7 @@ bool Sandbox::Wait(absl::Duration timeout) {
   return true;
 }
 
-void Sandbox::Strike() {
+void Sandbox::KillNow() {
   if (!Ended() && first_.valid()) {
     syscall(SYS_pidfd_send_signal, first_.get(), SIGKILL, nullptr, 0);
   }

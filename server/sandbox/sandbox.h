@@ -86,7 +86,7 @@ class Sandbox {
   bool Kill(absl::Duration timeout);
 
   // Kills everything in it, without waiting.
-  void Strike();
+  void KillNow();
 
   // True once nothing of it is left; never blocks.
   bool Gone();

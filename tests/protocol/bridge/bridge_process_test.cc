@@ -44,13 +44,13 @@ class BridgeProcessTest : public ::testing::Test {
     for (int i = 0; i < 100; ++i) {
       const hello_t hello = GoodHello();
       bus_->publish(std::string(kHelloChannel), &hello);
-      const auto frame = world_->Hear(absl::Milliseconds(100));
+      const auto frame = world_->Receive(absl::Milliseconds(100));
       if (frame.ok()) return std::get<HelloFrame>(*frame);
     }
     return absl::DeadlineExceededError("no hello came through");
   }
   std::string FaultText(BridgeFault kind) {
-    const auto frame = world_->Hear();
+    const auto frame = world_->Receive();
     if (!frame.ok()) return std::string(frame.status().message());
     const auto* fault = std::get_if<FaultFrame>(&*frame);
     if (fault == nullptr) return "not a fault";
@@ -83,7 +83,7 @@ TEST_F(BridgeProcessTest, AsksUntilItIsAnswered) {
   observation.step = 0;
   observation.size = 365;
   observation.values.assign(365, 1.5);
-  world_->Say(Channel::kObservation, Expect::kAction, 0, 0, 3, Encode(observation));
+  world_->Send(Channel::kObservation, Expect::kAction, 0, 0, 3, Encode(observation));
   // It must have been sent 0, 50, 150 and 350 ms after the question.
   for (int i = 0; i < 50 && counter.heard < 4; ++i) bus_->handleTimeout(100);
   EXPECT_EQ(counter.heard, 4);
@@ -94,7 +94,7 @@ TEST_F(BridgeProcessTest, AsksUntilItIsAnswered) {
   action.size = 3;
   action.values = {0.5, -0.5, 1};
   bus_->publish(std::string(kActionChannel), &action);
-  const auto frame = world_->Hear();
+  const auto frame = world_->Receive();
   ASSERT_TRUE(frame.ok()) << frame.status();
   EXPECT_EQ(std::get<ActionFrame>(*frame).values[1], -0.5);
   // Silence from now on, except for what was sent before the answer arrived.
@@ -113,7 +113,7 @@ TEST_F(BridgeProcessTest, SaysWelcomeAgainToALateHello) {
   bus_->subscribeFunction<int*>(
       std::string(kWelcomeChannel),
       [](const lcm::ReceiveBuffer*, const std::string&, int* count) { ++*count; }, &welcomes);
-  world_->Say(Channel::kWelcome, Expect::kNothing, -1, -1, 0, {std::byte{1}});
+  world_->Send(Channel::kWelcome, Expect::kNothing, -1, -1, 0, {std::byte{1}});
   while (welcomes < 1 && bus_->handleTimeout(2000) > 0) {
   }
   const hello_t hello = GoodHello();

@@ -93,7 +93,7 @@ int BridgeWorld::HangUp() {
   return status;
 }
 
-absl::StatusOr<BridgeFrame> BridgeWorld::Hear(absl::Duration timeout) {
+absl::StatusOr<BridgeFrame> BridgeWorld::Receive(absl::Duration timeout) {
   const timeval limit = absl::ToTimeval(timeout);
   setsockopt(socket_.get(), SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof(limit));
   std::vector<std::byte> bytes(sizeof(PublishFrame));
@@ -103,8 +103,8 @@ absl::StatusOr<BridgeFrame> BridgeWorld::Hear(absl::Duration timeout) {
   return ParseBridgeFrame({bytes.data(), static_cast<size_t>(size)});
 }
 
-void BridgeWorld::Say(Channel channel, Expect expect, int64_t episode, int64_t step,
-                      uint32_t action_size, const std::vector<std::byte>& payload) {
+void BridgeWorld::Send(Channel channel, Expect expect, int64_t episode, int64_t step,
+                       uint32_t action_size, const std::vector<std::byte>& payload) {
   const auto frame = std::make_unique<PublishFrame>();
   const size_t size = offsetof(PublishFrame, payload) + payload.size();
   frame->header = MakeHeader<PublishFrame>(FrameType::kPublish, size);

@@ -34,10 +34,10 @@ class BridgeWorld {
   pid_t pid() const { return pid_; }
 
   // The bridge's next frame, or DeadlineExceededError.
-  absl::StatusOr<BridgeFrame> Hear(absl::Duration timeout = absl::Seconds(10));
+  absl::StatusOr<BridgeFrame> Receive(absl::Duration timeout = absl::Seconds(10));
   // Sends `payload` as the simulator would.
-  void Say(Channel channel, Expect expect, int64_t episode, int64_t step, uint32_t action_size,
-           const std::vector<std::byte>& payload);
+  void Send(Channel channel, Expect expect, int64_t episode, int64_t step, uint32_t action_size,
+            const std::vector<std::byte>& payload);
 
   // Hangs up; returns the bridge's wait status.
   int HangUp();

@@ -142,7 +142,7 @@ TEST_F(InboxTest, ANameWithoutItsEndingZeroIsABreach) {
 TEST_F(InboxTest, ALaterHelloAsksForTheWelcomeAgainUntilItIsAFlood) {
   ASSERT_EQ(Take(kHelloChannel, GoodHello()), Disposition::kFrame);
   for (int i = 0; i < 20; ++i) {
-    ASSERT_EQ(Take(kHelloChannel, GoodHello()), Disposition::kSayAgain) << i;
+    ASSERT_EQ(Take(kHelloChannel, GoodHello()), Disposition::kResendWelcome) << i;
   }
   EXPECT_EQ(Take(kHelloChannel, GoodHello()), Disposition::kFault);
 }
