@@ -102,7 +102,7 @@ void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
     absl::StatusOr<Recorded> recorded = writer.RecordEpisode(row);
     if (!recorded.ok()) return recorded.status();
     if (!recorded->differs.empty()) {
-      spdlog::warn("evaluation {}, episode {}: the retry gave another result (policy not "
+      spdlog::warn("evaluation {}, episode {}: played again with another result (policy not "
                    "repeatable)", row.evaluation, row.index);
     }
     return absl::OkStatus();
