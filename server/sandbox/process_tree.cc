@@ -26,7 +26,7 @@ namespace {
 // processor in use.
 constexpr double kTolerance = 1.25;
 constexpr double kSlackNs = 0.5e9;
-// A delayed runner may sample less often than it should, but only up to this factor.
+// A delayed runner samples less often than it should; the estimated spacing is capped at this factor.
 constexpr double kMostSpacing = 5;
 constexpr double kNewest = 0.05;
 
