@@ -80,8 +80,7 @@ class Conversation {
       if (!Hear()) return false;
     }
     if (welcome_->accepted == 0) {
-      std::fprintf(stderr, "error: the grader refused this policy: %s\n",
-                   welcome_->reason.c_str());
+      std::fprintf(stderr, "error: the grader refused this policy: %s\n", welcome_->reason.c_str());
       return false;
     }
     policy_.Start(*welcome_);

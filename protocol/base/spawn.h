@@ -40,9 +40,9 @@ struct SpawnOrder {
 };
 
 // Starts a program in a process group of its own, with this process' environment, no other
-// descriptor, no signal blocked and none ignored that ends a process or tells of one. InternalError
-// if it can't be executed. Spawned, not forked: a copy of a large process' page tables would hold it
-// up, the longer the more it has in memory.
+// descriptor, no signal blocked, and SIGINT, SIGTERM, SIGPIPE, SIGHUP and SIGCHLD as at the
+// beginning. InternalError if it can't be executed. Spawned, not forked: a copy of a large process'
+// page tables would hold that up, the longer the more it has in memory.
 absl::StatusOr<pid_t> Spawn(SpawnOrder order);
 
 // Waits until `child` of this process has ended, and leaves it to be reaped. False: it still runs

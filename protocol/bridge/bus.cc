@@ -117,8 +117,8 @@ Fd OpenReceiver(const Place& place, const Fd& sender, std::chrono::milliseconds 
 absl::StatusOr<Bus> Bus::Open(const std::string& url, std::chrono::milliseconds patience) {
   const std::optional<Place> place = ParseUrl(url);
   if (!place) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "\"", url, "\" names no LCM bus; it has the form udpm://GROUP:PORT?ttl=N"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"", url, "\" names no LCM bus; it has the form udpm://GROUP:PORT?ttl=N"));
   }
   const char* step = nullptr;
   Fd sender = OpenSender(*place, step);

@@ -327,8 +327,8 @@ TEST_F(KitsTest, NoBusIsAnErrorAtOnce) {
     std::string text;
     for (char piece[256]; std::fgets(piece, sizeof(piece), output) != nullptr;) text += piece;
     EXPECT_EQ(WEXITSTATUS(pclose(output)), 1) << url;
-    EXPECT_THAT(text, ::testing::HasSubstr(
-                          absl::StrCat("error: no LCM bus at \"", url, "\"; set MYOGRADE_LCM_URL")));
+    EXPECT_THAT(text, ::testing::HasSubstr(absl::StrCat("error: no LCM bus at \"", url,
+                                                        "\"; set MYOGRADE_LCM_URL")));
   }
 }
 
