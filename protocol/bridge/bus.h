@@ -1,7 +1,6 @@
 // One program's two UDP sockets on an LCM bus: one that speaks and one that
-// hears all but what the first one says. For the bridge, which must not parse
-// packets with liblcm, and for the C++ kit, which saves liblcm's reading thread
-// and its pipe at every step. Needs the C++ library alone.
+// hears all but what the first one says. For the bridge, which must not parse a
+// participant's packets with liblcm; everybody else takes liblcm.
 //
 // A packet that can't be sent counts as lost, since the bridge asks again anyway.
 #pragma once
@@ -9,12 +8,13 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
+
+#include <absl/status/statusor.h>
 
 #include "protocol/base/fd.h"
 #include "protocol/bridge/datagram.h"
@@ -24,10 +24,9 @@ namespace myograde {
 class Bus {
  public:
   // Joins the bus of an LCM URL, udpm://GROUP:PORT?ttl=N (N is 1 without it); `patience` is how
-  // long Await() waits. If there is none, `problem` says in a sentence which part of the URL or
-  // which step in the kernel was refused.
-  static std::optional<Bus> Open(const std::string& url, std::chrono::milliseconds patience,
-                                 std::string& problem);
+  // long Await() waits. InvalidArgumentError if the URL is of no bus, UnavailableError with the
+  // step that the kernel refused.
+  static absl::StatusOr<Bus> Open(const std::string& url, std::chrono::milliseconds patience);
 
   // For poll: readable when a datagram of another sender waits.
   int fd() const { return receiver_.get(); }

@@ -7,6 +7,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/spawn.h"
 #include "server/cli/common.h"
 #include "server/base/paths.h"
 
@@ -31,10 +32,7 @@ int Serve(const ServeOptions& options) {
   pass("--socket", options.socket);
   pass("--configs", options.configs);
   pass("--cache", options.cache);
-  std::vector<char*> argv;
-  for (std::string& word : words) argv.push_back(word.data());
-  argv.push_back(nullptr);
-  ::execv(argv[0], argv.data());
+  ::execv(words[0].c_str(), ExecVector(words).data());
   return Complain(absl::InternalError(absl::StrCat("the daemon's program ", words[0],
                                                    " can't be started: ", std::strerror(errno))));
 }
