@@ -26,13 +26,13 @@ struct Verb {
 };
 
 constexpr Verb kVerbs[] = {
-    {"serve", "Run the daemon, in the foreground; SIGTERM stops it and loses nothing",
+    {"serve", "Run the daemon in the foreground; SIGTERM stops it without losing anything",
      "myograde serve --data /srv/myograde", AddServe},
     {"submit", "Hand in a policy to be graded",
      "myograde submit ./my_policy --track TRACK --team \"Team Blue\" --wait", AddSubmit},
-    {"status", "Show the daemon and its submissions, or how far one is",
+    {"status", "Show the daemon and its submissions, or the progress of one",
      "myograde status 7", AddStatus},
-    {"cancel", "End a submission that waits or runs", "myograde cancel 7", AddCancel},
+    {"cancel", "Cancel a queued or running submission", "myograde cancel 7", AddCancel},
     {"leaderboard", "Show the ranking of the submissions",
      "myograde leaderboard --track TRACK", AddLeaderboard},
     {"show", "Show the result of a submission", "myograde show 7 --episodes", AddShow},
@@ -47,13 +47,13 @@ constexpr Verb kVerbs[] = {
      "myograde disqualify 7 --reason \"reads the seeds\"", AddDisqualify},
     {"baseline", "Show a submission on the boards without a rank, for comparison",
      "myograde baseline 7", AddBaseline},
-    {"export", "Write all that the store has of teams, results and boards as JSON or CSV",
+    {"export", "Write the teams, results and boards of the store as JSON or CSV",
      "myograde export challenge.json", AddExport},
-    {"import", "Take up an export in an empty data folder",
+    {"import", "Load an export into an empty data folder",
      "myograde import challenge.json --data /srv/copy", AddImport},
     {"backup", "Copy the store while the daemon runs", "myograde backup /srv/backup/store.db",
      AddBackup},
-    {"log", "Write the log of an episode to a file that LCM's tools read",
+    {"log", "Write the log of an episode to a file that LCM's tools can read",
      "myograde log 7 --episode 3 -o episode3.lcmlog", AddLog},
     {"replay", "Simulate episodes again from their logs, without the policy, and compare",
      "myograde replay 7 --episode 3", AddReplay},
@@ -61,15 +61,15 @@ constexpr Verb kVerbs[] = {
      "myograde receipt 7 -o receipt.json", AddReceipt},
     {"verify", "Check a receipt against the organiser's key, without a daemon",
      "myograde verify receipt.json --key organiser.pem --resimulate 3 --logs ./logs", AddVerify},
-    {"key", "Print the key that receipts are checked against, to be published",
+    {"key", "Print the public key that receipts are checked against",
      "myograde key -o organiser.pem", AddKey},
-    {"seeds", "Fix a phase's seeds ahead of it, reveal them after it, and check",
+    {"seeds", "Commit to a phase's seeds, reveal them afterwards, and check them",
      "myograde seeds commit --phase final --secret final.secret", AddSeeds},
-    {"local", "Grade a policy here and now, without a daemon",
+    {"local", "Grade a policy on this host, without a daemon",
      "myograde local ./my_policy --track TRACK --episodes 5", AddLocal},
-    {"spec", "Print what a track observes, wants, allows and counts",
+    {"spec", "Print a track's observations, actions, budgets, rules and scoring",
      "myograde spec --track TRACK --json", AddSpec},
-    {"doctor", "Tell what this host has, what it lacks and what that costs", "myograde doctor",
+    {"doctor", "Check what this host has for grading, what it lacks and what that costs", "myograde doctor",
      AddDoctor},
 };
 
@@ -86,7 +86,7 @@ int Run(int argc, char** argv) {
   CLI::App app("MyoGrade grades policies of the MyoChallenge 2024 tracks and ranks them.",
                "myograde");
   app.set_version_flag("--version", MYOGRADE_VERSION);
-  app.footer(std::string("\"myograde VERB --help\" tells more of each, with an example.\n") +
+  app.footer(std::string("\"myograde VERB --help\" describes each, with an example.\n") +
              kStatuses);
   app.require_subcommand(1);
   Action chosen;

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Checks what the compiler does not: who may include, link and reach whom, the length of files, marks
-of unfinished work, that every test is built, that ./dev knows each verb that its help names,
-that nothing strays into the root folder, and that nothing is timed by the calendar. Prints one line
-per mistake; exit status 1 if there is one. Use: lint.py ROOT"""
+"""Checks what the compiler does not: who may include and link whom, directly or through others, the
+length of files, marks of unfinished work, that every test is built, that ./dev knows each verb that
+its help names, that nothing strays into the root folder, and that nothing is timed by the calendar.
+Prints one line per mistake; exit status 1 if there is one. Use: lint.py ROOT"""
 
 import pathlib
 import re

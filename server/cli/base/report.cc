@@ -45,7 +45,7 @@ void PrintOutput(const Json& outputs) {
     for (const char* stream : {"stderr_tail", "stdout_tail"}) {
       const std::string text = output.value(stream, "");
       if (text.empty()) continue;
-      std::cout << Bold(absl::StrCat("The policy's last words on ",
+      std::cout << Bold(absl::StrCat("The policy's last output on ",
                                      stream[3] == 'e' ? "standard error" : "standard output",
                                      " (episodes ", Cell(output, "first"), " to ",
                                      Cell(output, "last"), ")"))

@@ -22,7 +22,7 @@ std::vector<std::string> NamesOf(const CLI::App& app) {
 // For a word that is no verb of `app`; `known` is what stands before its verbs ("seeds ").
 std::string NoVerb(const CLI::App& app, const std::string& known, const std::string& word) {
   const std::string help = absl::StrCat("\"myograde ", known, "--help\"");
-  if (word.empty()) return absl::StrCat("what to do is missing; ", help, " lists the verbs");
+  if (word.empty()) return absl::StrCat("no verb is given; ", help, " lists them");
   const std::string nearest = NearestOf(word, NamesOf(app));
   return absl::StrCat("there is no verb \"", known, CutText(Harmless(word), 40), "\"; ",
                       nearest.empty() ? absl::StrCat(help, " lists them")

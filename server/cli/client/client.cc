@@ -105,7 +105,7 @@ absl::StatusOr<Json> Client::Post(const std::string& path, const Json& body) con
   if (absl::Status status = CheckSocket(); !status.ok()) return status;
   httplib::ClientImpl http(socket_);
   Prepare(http, kAnswerSeconds);
-  // Invalid UTF-8 from the command line is sent as U+FFFD, not thrown over.
+  // Invalid UTF-8 from the command line is sent as U+FFFD; dump would throw otherwise.
   const std::string text = body.dump(-1, ' ', false, Json::error_handler_t::replace);
   return AnswerOf(http.Post(path, text, "application/json"), socket_);
 }

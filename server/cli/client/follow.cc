@@ -11,8 +11,8 @@
 namespace myograde::server {
 namespace {
 
-// Who has waited for long need not hear of it at once, and each question takes processor time
-// from those who are graded.
+// After a long wait the end need not be noticed at once, and each poll takes processor time from
+// the policies that are graded.
 constexpr absl::Duration kShortestPoll = absl::Milliseconds(250);
 constexpr absl::Duration kLongestPoll = absl::Seconds(1);
 constexpr int kPollsInAWait = 20;

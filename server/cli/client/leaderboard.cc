@@ -38,7 +38,7 @@ void PrintBoard(const Json& board) {
   const Json rows = board.value("rows", Json::array());
   const auto aggregate_of = [](const Json& row) { return row.value("aggregate", Json::object()); };
   if (rows.empty()) {
-    std::cout << "  Nobody is on it yet: only whole evaluations rank.\n";
+    std::cout << "  It is empty: only whole evaluations rank.\n";
   } else {
     const std::vector<MetricColumn> columns = MetricColumns(board.value("columns", Json::array()));
     std::vector<std::string> head = {"rank", "team", "policy", "id", "success"};
@@ -111,7 +111,7 @@ int Explain(const Client& client, BoardOptions options) {
 int Rebuild(const Client& client, bool json) {
   const absl::StatusOr<Json> rebuilt = client.Post("/v1/leaderboard/rebuild", Json::object());
   return PrintAnswer(rebuilt, json, [](const Json& answer) {
-    std::cout << "The boards are made anew of the episodes of "
+    std::cout << "The boards were rebuilt from the episodes of "
               << CountCell(answer, "rebuilt", "evaluation") << "." << std::endl;
     PrintUnreadable(answer);
   });
@@ -169,7 +169,7 @@ Action AddLeaderboard(CLI::App& verb) {
       ->expected(2)
       ->type_name("A B");
   verb.add_flag("--rebuild", options->rebuild,
-                "Organiser: make the boards anew of the episodes' rows; nothing changes by it");
+                "Organiser: rebuild the boards from the episodes' rows, which changes no result");
   AddDaemonOptions(verb, "leaderboard", *options);
   return [options] { return Leaderboard(*options); };
 }

@@ -32,7 +32,7 @@ int Mark(const MarkOptions& options) {
   const bool set = options.set && !options.undo;
   if (set && options.mark == "disqualified" && options.reason.empty()) {
     return ReportError(absl::InvalidArgumentError(
-        "a disqualification needs --reason, which the board shows; --undo brings back"));
+        "a disqualification needs --reason, which the board shows; --undo takes it back"));
   }
   Json body = {{"mark", options.mark}, {"set", set}};
   if (!options.reason.empty()) body["reason"] = options.reason;

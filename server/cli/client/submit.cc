@@ -114,7 +114,7 @@ void PrintAccepted(const Json& submission, int64_t id) {
 }
 
 int Submit(const SubmitOptions& options) {
-  // What can be wrong here is told before the daemon is bothered.
+  // Mistakes that can be found here are reported before the daemon is asked.
   absl::StatusOr<Json> request = RequestOf(options);
   if (!request.ok()) return ReportError(request.status());
   const Client client = options.client();
@@ -130,7 +130,7 @@ int Submit(const SubmitOptions& options) {
   }
   if (!options.json) PrintAccepted(*submission, id);
   if (options.wait) return ReportWaited(options, client, id);
-  std::cout << "See how it goes with: myograde status " << id << std::endl;
+  std::cout << "Follow it with: myograde status " << id << std::endl;
   return kDone;
 }
 

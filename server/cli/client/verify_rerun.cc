@@ -23,7 +23,7 @@ bool Holds(const Json& differs, std::initializer_list<const char*> names) {
   });
 }
 
-// Which came first is only to be seen in the logs.
+// Which difference came first, and so the cause, only the logs tell.
 void Judge(const Client& client, const Json& first, const Json& second, Json& entry) {
   const absl::StatusOr<EpisodeLog> a = LogOf(client, first);
   const absl::StatusOr<EpisodeLog> b = LogOf(client, second);
@@ -101,7 +101,7 @@ void PrintVerify(const Json& verify) {
                     : verdict == "policy"    ? "The policy is not repeatable."
                     : verdict == "simulator" ? "The simulator has changed."
                     : verdict == "scoring"   ? "The rules of scoring have changed."
-                                             : "What differs can't be told.")
+                                             : "The cause of the difference is unknown.")
             << std::endl;
 }
 

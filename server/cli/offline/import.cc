@@ -46,13 +46,13 @@ absl::Status ImportHere(const std::string& data, const std::string& file,
     return writer.Import(file, info, PeerKey(getuid()));
   });
   ReaderPool readers(path);
-  // A board makes on the spot what the view lacks.
+  // Without this, the first board would have to compute what the view lacks.
   if (status.ok()) status = FillStandings(**store, readers).status();
   return HostStatus("import", status);
 }
 
 int Import(const ImportOptions& options) {
-  // Told here before anything is touched.
+  // A bad file is reported before anything is touched.
   const absl::StatusOr<ExportInfo> info = CheckExport(options.file);
   if (!info.ok()) return ReportError(info.status());
   const Client client = options.client();
@@ -60,7 +60,7 @@ int Import(const ImportOptions& options) {
   if (client.Get("/v1/health").ok()) {
     Progress progress("import", Progress::Unit::kBytes);
     status = client.Upload("/v1/import", options.file, [&](int64_t done, int64_t total) {
-      progress.Show(done, total, done < total ? "" : "the daemon takes it up");
+      progress.Show(done, total, done < total ? "" : "the daemon imports it");
     }, "application/json").status();
   } else if (!options.socket.empty()) {
     status = absl::UnavailableError(absl::StrCat("no daemon listens on ", options.socket));

@@ -47,10 +47,10 @@ struct LocalResult {
 
 class LocalRun {
  public:
-  // Called now and then with the episodes done, and from where `Stop` is asked.
+  // Both are called several times a second, by the thread that calls Run.
   struct Hooks {
-    std::function<void(int64_t done, int64_t total)> progress;
-    std::function<bool()> stopped;
+    std::function<void(int64_t done, int64_t total)> progress;  // episodes
+    std::function<bool()> stopped;                              // true ends the run
   };
 
   LocalRun(LocalOrder order, Hooks hooks) : order_(std::move(order)), hooks_(std::move(hooks)) {}

@@ -17,6 +17,8 @@
 namespace myograde::server {
 namespace {
 
+constexpr int kMostSimulators = 64;
+
 // Blocks are leases; where nothing carries over, cut once more so that all slots have work.
 std::vector<ReplayBlock> BlocksOf(const std::map<int64_t, ReplayLogFile>& files,
                                   const TrackConfig& track, int slots) {
@@ -58,6 +60,12 @@ absl::StatusOr<ReplayLogFile> SaveLog(const std::string& folder, std::string_vie
   return ReplayLogFile{path, std::move(header)};
 }
 
+void AddSimulatorSlots(CLI::App& verb, int& slots) {
+  verb.add_option("--slots", slots,
+                  "Simulators at once (default: as server.json says, one for each processor)")
+      ->check(CLI::Range(1, kMostSimulators));
+}
+
 absl::StatusOr<std::vector<ReplayRecord>> PlayLogs(const std::map<int64_t, ReplayLogFile>& files,
                                                    const HostOptions& host, int slots) {
   if (files.empty()) return std::vector<ReplayRecord>();
@@ -71,7 +79,7 @@ absl::StatusOr<std::vector<ReplayRecord>> PlayLogs(const std::map<int64_t, Repla
   if (!config.ok()) return HostStatus("", config.status());
   order.track = files.begin()->second.header.track;
   order.work_dir = temp->path();
-  order.slots = slots > 0 ? slots : std::min(config->scheduler.slots, 64);
+  order.slots = slots > 0 ? slots : std::min(config->scheduler.slots, kMostSimulators);
   if (::geteuid() == 0) order.uid_base = config->uid_base + kReplayUsers;
   order.blocks = BlocksOf(files, order.track, order.slots);
   Progress progress("replay");

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include <CLI/CLI.hpp>
 #include <absl/status/statusor.h>
 
 #include "protocol/lease/track_config.h"
@@ -34,6 +35,9 @@ struct ReplayLogFile {
 // Writes the bytes of a log to a file in `folder`. InternalError if it can't be written.
 absl::StatusOr<ReplayLogFile> SaveLog(const std::string& folder, std::string_view bytes,
                                       LogHeader header);
+
+// Adds --slots, the simulators at once; 0: as server.json says.
+void AddSimulatorSlots(CLI::App& verb, int& slots);
 
 // Plays logs, by episode, all of one config, and returns their records in order. Where state
 // carries over, all of a lease before an episode must be there. `slots` 0: as server.json says.

@@ -196,9 +196,7 @@ Action AddReplay(CLI::App& verb) {
       ->required();
   verb.add_option("--episode", options->episode, "Only this one, counted from 0 (default: all)")
       ->check(WholeNumber(0, "no episode's number, counted from 0"));
-  verb.add_option("--slots", options->slots,
-                  "Simulators at once (default: as server.json says, one for each processor)")
-      ->check(CLI::Range(1, 64));
+  AddSimulatorSlots(verb, options->slots);
   AddDaemonOptions(verb, "replay", *options);
   AddHostOptions(verb, options->host);
   return [options] { return Replay(*options); };

@@ -217,7 +217,7 @@ Action AddSeeds(CLI::App& verb) {
   reveal->callback([=] { *chosen = [=] { return RevealSeeds(*options); }; });
 
   CLI::App* check = AddPart(verb, "check",
-                            "For participants: hold a revealed secret against what was published",
+                            "For participants: check a revealed secret against what was published",
                             "myograde seeds check --phase final --secret 5c0f... "
                             "--commitment 91ab... --seeds played.json", *options);
   check->add_option("--secret", options->secret, "The secret's digits, or a file of them")

@@ -127,7 +127,7 @@ std::vector<RulesTable> TablesOf(const TrackConfig& config) {
                                         : config.kind->tables(config.rules);
 }
 
-// What has a table of its own is too much for a line.
+// Rules with a table of their own would not fit on a line.
 Json WithoutTables(const TrackConfig& config) {
   Json rules = config.rules;
   for (const RulesTable& table : TablesOf(config)) {

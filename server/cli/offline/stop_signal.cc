@@ -13,7 +13,7 @@ void OnStopSignal(int) { g_stop_requested = 1; }
 
 void CatchStopSignals() {
   struct sigaction action = {};
-  action.sa_handler = OnStopSignal;  // no SA_RESTART: poll shall return
+  action.sa_handler = OnStopSignal;  // no SA_RESTART, so that poll returns
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &action, nullptr);
 }
 

@@ -200,7 +200,7 @@ Action AddVerify(CLI::App& verb) {
   verb.add_option("--logs,--log", options->logs,
                   "Files of logs, or folders of them; each is held against the receipt (default: "
                   "the daemon is asked for the logs to play)");
-  verb.add_option("--slots", options->slots, "Simulators at once")->check(CLI::Range(1, 64));
+  AddSimulatorSlots(verb, options->slots);
   AddDaemonOptions(verb, "verify", *options);
   AddHostOptions(verb, options->host);
   return [options] { return Verify(*options); };

@@ -57,7 +57,7 @@ class UsageTest(CliCase):
         self.refused(2, 'did you mean "seeds commit"?', "seeds", "comit")
         self.refused(2, 'did you mean "--episodes"?', "show", "7", "--epsodes")
         self.refused(2, 'there is no verb "paint"; "myograde --help" lists them', "paint")
-        self.refused(2, "what to do is missing")
+        self.refused(2, "no verb is given")
 
     def test_bad_seed_files(self):
         program = self.path("program", "#!/bin/sh\n", 0o755)
