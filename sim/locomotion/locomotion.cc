@@ -22,6 +22,15 @@ constexpr double kControlPeriod = 0.005;  // s
 constexpr int kKeyframes = 3;             // standing, leg behind, leg ahead
 constexpr int kKeyframeInSwing = 1;
 
+// The entries of one of MuJoCo's arrays that stand at `indices`. (Eigen's views of this kind take
+// the compiler seconds.)
+template <size_t n>
+Eigen::Matrix<double, n, 1> Pick(const mjtNum* values, const std::array<int, n>& indices) {
+  Eigen::Matrix<double, n, 1> picked;
+  for (size_t i = 0; i < n; ++i) picked[i] = values[indices[i]];
+  return picked;
+}
+
 // A normalised action entry as a muscle's control.
 double MuscleSigmoid(double action) { return 1.0 / (1.0 + std::exp(-5.0 * (action - 0.5))); }
 
@@ -36,7 +45,7 @@ void TurnTo(double yaw, double* q) {
   const Eigen::Quaterniond turned =
       AngleAxisd(yaw, Vector3d::UnitZ()) *
       (AngleAxisd(pitch, Vector3d::UnitY()) * AngleAxisd(roll, Vector3d::UnitX()));
-  Eigen::Vector4d::Map(q) << turned.w(), turned.vec();
+  VectorXd::Map(q, 4) << turned.w(), turned.x(), turned.y(), turned.z();
 }
 
 bool Warned(const mjData& data, std::initializer_list<mjtWarning> kinds) {
@@ -93,9 +102,9 @@ Locomotion::Locomotion(const LocomotionRules& rules, ModelPtr model, DataPtr dat
   // The grid's size is part of the rules: the model only reserves room for it.
   model_->hfield_nrow[at_.field] = rules_.field.rows;
   model_->hfield_ncol[at_.field] = rules_.field.columns;
-  Eigen::Vector3d::Map(model_->hfield_size + 4 * at_.field) << rules_.field.half_width_m,
+  VectorXd::Map(model_->hfield_size + 4 * at_.field, 3) << rules_.field.half_width_m,
       rules_.field.half_length_m, rules_.field.ceiling_m;
-  Eigen::Vector3d::Map(model_->geom_pos + 3 * at_.field_geom) << 0, 0, rules_.field.offset_m;
+  VectorXd::Map(model_->geom_pos + 3 * at_.field_geom, 3) << 0, 0, rules_.field.offset_m;
   Reset(0);
 }
 
@@ -152,8 +161,9 @@ void Locomotion::ResetEpisode() {
   HardReset(qpos, qvel);
   // The lowest foot marker comes to its clearance above the ground plane; the
   // course is level where people start.
-  const auto sites = Eigen::Matrix3Xd::Map(data_->site_xpos, 3, model_->nsite);
-  data_->qpos[2] += rules_.start.clearance_m - sites.row(2)(at_.foot_sites).minCoeff();
+  double lowest = data_->site_xpos[3 * at_.foot_sites[0] + 2];
+  for (const int site : at_.foot_sites) lowest = std::min(lowest, data_->site_xpos[3 * site + 2]);
+  data_->qpos[2] += rules_.start.clearance_m - lowest;
   mj_forward(model_.get(), data_.get());
   // Read back: MuJoCo normalised the quaternion in place.
   qpos = VectorXd::Map(data_->qpos, model_->nq);
@@ -274,14 +284,13 @@ bool Locomotion::Fallen() const {
 double Locomotion::Pain() const {
   // Torque of the joint limits alone: their rows of the constraint Jacobian
   // (dense for this model) times their forces.
-  Eigen::Array<double, kPainJoints, 1> torque;
+  Eigen::Matrix<double, kPainJoints, 1> torque;
   torque.setZero();
   for (int row = 0; row < data_->nefc; ++row) {
     if (data_->efc_type[row] != mjCNSTR_LIMIT_JOINT) continue;
-    const auto jacobian = Eigen::ArrayXd::Map(data_->efc_J + row * model_->nv, model_->nv);
-    torque += jacobian(at_.pain_dof) * data_->efc_force[row];
+    torque += Pick(data_->efc_J + row * model_->nv, at_.pain_dof) * data_->efc_force[row];
   }
-  return (torque.abs().min(rules_.pain_clip_nm) / 1000).sum() / kPainJoints;
+  return (torque.cwiseAbs().cwiseMin(rules_.pain_clip_nm) / 1000).sum() / kPainJoints;
 }
 
 LocomotionTerms Locomotion::terms() const {
@@ -333,28 +342,24 @@ EpisodeFacts Locomotion::facts() const {
 }
 
 Eigen::Matrix<double, 3 * kLegMuscles, 1> Locomotion::SortedMuscles() const {
-  const auto sorted = [&](const mjtNum* values) {
-    return VectorXd::Map(values, model_->nu)(at_.sorted_muscle);
-  };
   Eigen::Matrix<double, 3 * kLegMuscles, 1> out;
-  out << sorted(data_->actuator_length),
-      sorted(data_->actuator_velocity).cwiseMax(-100).cwiseMin(100),
-      (sorted(data_->actuator_force) / 1000).cwiseMax(-100).cwiseMin(100);
+  out << Pick(data_->actuator_length, at_.sorted_muscle),
+      Pick(data_->actuator_velocity, at_.sorted_muscle),
+      Pick(data_->actuator_force, at_.sorted_muscle) / 1000;
+  out.tail(2 * kLegMuscles) = out.tail(2 * kLegMuscles).cwiseMax(-100).cwiseMin(100);
   return out;
 }
 
 void Locomotion::Observe(std::span<double> out) const {
-  const auto qpos = VectorXd::Map(data_->qpos, model_->nq);
-  const auto qvel = VectorXd::Map(data_->qvel, model_->nv);
-  const auto sensors = VectorXd::Map(data_->sensordata, model_->nsensordata);
   const double scale = rules_.observation.velocities_times_step ? kControlPeriod : 1;
   const std::span<double> map = out.last(kHeightMapSize * kHeightMapSize);
   VectorXd::Map(out.data(), std::ssize(out) - std::ssize(map)) << data_->time,
-      static_cast<double>(terrain_.kind()), qpos(at_.joint_qpos), qvel(at_.joint_dof) * scale,
-      sensors[at_.left_foot_touch], sensors[at_.left_toes_touch],
-      sensors.segment<3>(at_.socket_load), Eigen::Vector4d::Map(data_->xquat + 4 * at_.pelvis_body),
-      VectorXd::Map(data_->act, kLegMuscles), SortedMuscles(), qpos.head<2>(), qvel.head<2>();
-  const Pose pose{qpos.head<2>(), data_->qpos + 3};
+      static_cast<double>(terrain_.kind()), Pick(data_->qpos, at_.joint_qpos),
+      Pick(data_->qvel, at_.joint_dof) * scale, data_->sensordata[at_.left_foot_touch],
+      data_->sensordata[at_.left_toes_touch], VectorXd::Map(data_->sensordata + at_.socket_load, 3),
+      VectorXd::Map(data_->xquat + 4 * at_.pelvis_body, 4), VectorXd::Map(data_->act, kLegMuscles),
+      SortedMuscles(), VectorXd::Map(data_->qpos, 2), VectorXd::Map(data_->qvel, 2);
+  const Pose pose{VectorXd::Map(data_->qpos, 2), data_->qpos + 3};
   if (rules_.observation.height_map == HeightMapKind::kOfficial) {
     OfficialHeightMap(terrain_, pose, map);
   } else {
@@ -363,13 +368,11 @@ void Locomotion::Observe(std::span<double> out) const {
 }
 
 void Locomotion::ObserveOfficial(std::span<double> out) const {
-  const auto qpos = VectorXd::Map(data_->qpos, model_->nq);
-  const auto qvel = VectorXd::Map(data_->qvel, model_->nv);
-  VectorXd::Map(out.data(), std::ssize(out)) << qpos(at_.joint_qpos),
-      qvel(at_.joint_dof) * kControlPeriod, data_->sensordata[at_.left_foot_touch],
-      data_->sensordata[at_.left_toes_touch],
-      Eigen::Vector4d::Map(data_->xquat + 4 * at_.pelvis_body), qpos.head<2>(), qvel.head<2>(),
-      SortedMuscles(), VectorXd::Map(data_->act, kLegMuscles);
+  VectorXd::Map(out.data(), std::ssize(out)) << Pick(data_->qpos, at_.joint_qpos),
+      Pick(data_->qvel, at_.joint_dof) * kControlPeriod, data_->sensordata[at_.left_foot_touch],
+      data_->sensordata[at_.left_toes_touch], VectorXd::Map(data_->xquat + 4 * at_.pelvis_body, 4),
+      VectorXd::Map(data_->qpos, 2), VectorXd::Map(data_->qvel, 2), SortedMuscles(),
+      VectorXd::Map(data_->act, kLegMuscles);
 }
 
 }  // namespace myograde::sim

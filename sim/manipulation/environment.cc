@@ -313,8 +313,8 @@ void ManipulationEnvironment::Observe(std::span<double> out) const {
   VectorXd::Map(out.data(), std::ssize(out)) << d.time, qpos.head(kArmJoints),
       qvel.head(kArmJoints), qpos.segment(kArmJoints, kProsthesisJoints),
       qvel.segment(kArmJoints, kProsthesisJoints), VectorXd::Map(shown + scene_.object_qpos, 7),
-      qvel.segment(scene_.object_qvel, 6), Eigen::Vector3d::Map(d.mocap_pos + 3 * kStartMocap),
-      Eigen::Vector3d::Map(d.mocap_pos + 3 * kGoalMocap),
+      qvel.segment(scene_.object_qvel, 6), VectorXd::Map(d.mocap_pos + 3 * kStartMocap, 3),
+      VectorXd::Map(d.mocap_pos + 3 * kGoalMocap, 3),
       Eigen::Array<bool, kContactLabels, 1>::Map(touch_.data()).cast<double>(),
       VectorXd::Map(d.act, kMuscles), view.reach_error, view.pass_error;
 }
