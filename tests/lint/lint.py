@@ -45,9 +45,12 @@ RULES = {
     "server/engine": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "artefact", "sandbox", "runner", "proof", "scheduler", "store", "config", "grading",
         "engine")}, r"mujoco/|lcm/|httplib|CLI/"),
+    "server/admission": ({"protocol"} | {f"server/{part}" for part in (
+        "base", "artefact", "sandbox", "proof", "store", "config", "grading", "engine",
+        "admission")}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     "server/api": ({"protocol", "scoring"} | {f"server/{part}" for part in (
-        "base", "artefact", "sandbox", "runner", "proof", "scheduler", "store", "config", "grading",
-        "engine", "api")}, r"mujoco/|lcm/|CLI/"),
+        "base", "runner", "proof", "store", "config", "grading", "engine", "admission", "api")},
+        r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
     "server/cli/terminal": ({"protocol/base", "server/base", "server/cli/terminal"},
                             r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     "server/cli/base": ({"protocol/base", "protocol/lease", "server/base", "server/cli/terminal",
@@ -88,8 +91,9 @@ CALENDAR = re.compile(r"absl::Now\(|\b(system_clock|high_resolution_clock|file_c
                       r"\btime\.time(_ns)?\(|\bdate(time)?\.(now|utcnow|today)\(")
 CALENDAR_USERS = {
     "protocol/base/clock.cc": "is the port",
-    "server/api/api_quota.cc": "quotas are of a day",
-    "server/api/api_views.cc": "shows times of day",
+    "server/admission/admission.cc": "quotas are of a day",
+    "server/api/quota_resource.cc": "quotas are of a day",
+    "server/api/submission_view.cc": "shows times of day",
     "server/daemon/daemon.cc": "shows when it started",
     "server/engine/engine_leases.cc": "stores when a lease will be over, for people to read",
     "server/engine/retention.cc": "compares with stored times of day",

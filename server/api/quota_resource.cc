@@ -1,9 +1,13 @@
-// What a team may still hand in, and its ledger.
-#include <absl/strings/str_cat.h>
+#include "server/api/quota_resource.h"
 
-#include "server/api/api.h"
+#include <algorithm>
+#include <functional>
+#include <iterator>
+#include <string>
+
 #include "server/api/requests.h"
 #include "server/api/views.h"
+#include "server/store/quota.h"
 
 namespace myograde::server {
 namespace {
@@ -37,19 +41,18 @@ void AddLedger(const Listed<LedgerRow>& ledger, Json& body) {
   body["unreadable"] = DamagedToJson(ledger.damaged);
 }
 
-}  // namespace
-
-absl::StatusOr<Json> Api::QuotaOf(Reader& reader, const std::string& team,
-                                  const std::string& track) {
-  const int64_t now = absl::ToUnixMillis(clock_.Now());
+// `track` "": on every one.
+Json QuotaOf(Reader& reader, const ApiContext& context, const std::string& team,
+             const std::string& track) {
+  const int64_t now = absl::ToUnixMillis(context.clock.Now());
   const int64_t day = reader.QuotaDayAt(now);
   Json json = {{"team", team},
                {"day", DayName(day)},
                {"next_day_at", DayName(day + 1) + "T00:00:00.000Z"},
                {"tracks", Json::array()}};
-  for (const auto& [name, offer] : tracks_.entries()) {
+  for (const auto& [name, offer] : context.tracks.entries()) {
     if (!track.empty() && track != name) continue;
-    const QuotaLimits& limits = options_.config.quota.of(name).quota;
+    const QuotaLimits& limits = context.config.quota.of(name).quota;
     const QuotaUse use = reader.Quota(team, name, now);
     Json entry = {{"track", name},
                   {"waiting", {{"limit", limits.waiting}, {"used", use.waiting}}}};
@@ -63,7 +66,14 @@ absl::StatusOr<Json> Api::QuotaOf(Reader& reader, const std::string& team,
   return json;
 }
 
-Api::Result Api::GetQuota(const Request& request) {
+}  // namespace
+
+void QuotaResource::Install(Routes& routes) {
+  routes.Get("/v1/quota", std::bind_front(&QuotaResource::Get, this));
+  routes.Post("/v1/quota/grants", std::bind_front(&QuotaResource::Grant, this));
+}
+
+ApiResult QuotaResource::Get(const httplib::Request& request) const {
   absl::Status status = CheckParameters(request, {"team", "track", "before", "limit"});
   if (status.ok() && !request.has_param("team")) {
     status = absl::InvalidArgumentError("\"team\" is missing: a quota is a team's");
@@ -76,15 +86,12 @@ Api::Result Api::GetQuota(const Request& request) {
   status.Update(ReadNumber(request, "before", INT64_MAX, before));
   status.Update(ReadNumber(request, "limit", 1000, limit));
   if (!status.ok()) return ErrorOf(status);
-  if (!track.empty() && !tracks_.entries().contains(track)) {
-    return ApiError{400, "unknown_track", std::string(tracks_.Find(track, "").status().message())};
-  }
-  Answer answer;
-  status = readers_.Read([&](Reader& reader) -> absl::Status {
+  if (!track.empty()) status = context_.tracks.Find(track, "").status();
+  if (!status.ok()) return ErrorOf(status);
+  ApiAnswer answer;
+  status = context_.readers.Read([&](Reader& reader) {
     const std::string team = reader.TeamOf(asked);
-    absl::StatusOr<Json> quota = QuotaOf(reader, team, track);
-    if (!quota.ok()) return quota.status();
-    answer.body = *std::move(quota);
+    answer.body = QuotaOf(reader, context_, team, track);
     const Listed<LedgerRow> ledger = reader.Ledger(team, track, before, limit);
     AddLedger(ledger, answer.body);
     const bool more = std::ssize(ledger.rows) + std::ssize(ledger.damaged) == limit;
@@ -95,38 +102,26 @@ Api::Result Api::GetQuota(const Request& request) {
   return answer;
 }
 
-Api::Result Api::Grant(const Request&, const Json& body) {
+ApiResult QuotaResource::Grant(const httplib::Request&, const Json& body) const {
   if (const auto error = OnlyOrganiser()) return *error;
   absl::StatusOr<NewGrant> grant = ParseGrant(body);
   if (!grant.ok()) return ErrorOf(grant.status());
-  if (!tracks_.entries().contains(grant->track)) {
-    return ApiError{400, "unknown_track",
-                    std::string(tracks_.Find(grant->track, "").status().message())};
-  }
-  absl::Status status = engine_.Change(
-      [row = *grant, who = Who()](Writer& writer) { return writer.Grant(row, who); },
-      options_.config.http.request);
-  Answer answer{201};
+  absl::Status status = context_.tracks.Find(grant->track, "").status();
+  if (!status.ok()) return ErrorOf(status);
+  status = context_.engine.Change(
+      [row = *grant, who = CallerKey()](Writer& writer) { return writer.Grant(row, who); },
+      context_.config.http.request);
+  ApiAnswer answer{201};
   if (status.ok()) {
-    status = readers_.Read([&](Reader& reader) -> absl::Status {
+    status = context_.readers.Read([&](Reader& reader) {
       grant->team = reader.TeamOf(grant->team);
-      absl::StatusOr<Json> quota = QuotaOf(reader, grant->team, grant->track);
-      if (!quota.ok()) return quota.status();
-      answer.body = *std::move(quota);
+      answer.body = QuotaOf(reader, context_, grant->team, grant->track);
       AddLedger(reader.Ledger(grant->team, grant->track, INT64_MAX, 1), answer.body);
       return absl::OkStatus();
     });
   }
   if (!status.ok()) return TeamErrorOf(status, grant->team);
   return answer;
-}
-
-absl::Status Api::CheckTries(const std::string& team, const std::string& track) {
-  return readers_.Read([&](Reader& reader) {
-    if (absl::Status status = reader.CheckTeam(team); !status.ok()) return status;
-    const QuotaUse use = reader.Quota(reader.TeamOf(team), track, absl::ToUnixMillis(clock_.Now()));
-    return CheckFailures(use, options_.config.quota.of(track).quota, team, track);
-  });
 }
 
 }  // namespace myograde::server

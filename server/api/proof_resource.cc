@@ -1,11 +1,18 @@
-// What shows a result again: the logs of episodes, receipts and the key that they are signed with.
+#include "server/api/proof_resource.h"
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
 #include "protocol/lease/policy_seed.h"
-#include "server/api/api.h"
-#include "server/grading/results.h"
+#include "server/api/requests.h"
 #include "server/engine/stored.h"
+#include "server/grading/results.h"
 #include "server/proof/receipt.h"
 #include "server/runner/log_keeper.h"
 
@@ -66,50 +73,45 @@ absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
 
 }  // namespace
 
-std::optional<ApiError> Api::RefuseRanked() const {
-  if (options_.reference == nullptr) return std::nullopt;
-  const std::optional<std::string> verdict =
-      options_.reference->Result(options_.config.http.request * 0.8);
-  if (!verdict.has_value()) {
-    return ApiError{503, "not_official",
-                    "the reference episodes, which say whether this host may grade ranked submissions, "
-                    "are still being played; try again in a few seconds"};
-  }
-  if (verdict->empty()) return std::nullopt;
-  return ApiError{503, "not_official",
-                  absl::StrCat(*verdict, "; only practice (fewer episodes) is graded here")};
+void ProofResource::Install(Routes& routes) {
+  routes.Get(R"(/v1/submissions/(\d{1,18})/receipt)",
+             std::bind_front(&ProofResource::GetReceipt, this));
+  routes.Get("/v1/key", std::bind_front(&ProofResource::GetKey, this));
+  routes.GetFile(R"(/v1/logs/([0-9a-f]{64}))", std::bind_front(&ProofResource::SendLog, this));
 }
 
-Api::Result Api::GetReceipt(const Request& request) {
-  absl::StatusOr<Json> receipt = absl::InternalError("");
-  absl::Status status = readers_.Read([&](Reader& reader) {
-    receipt = ReceiptOf(reader, std::stoll(request.matches[1]));
+ApiResult ProofResource::GetReceipt(const httplib::Request& request) const {
+  absl::StatusOr<nlohmann::json> receipt = absl::InternalError("");
+  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+    receipt = ReceiptOf(reader, IdOf(request));
     return receipt.status();
   });
   if (!status.ok()) return ErrorOf(status);
-  const absl::StatusOr<std::shared_ptr<const SigningKey>> key = receipts_key_.Get();
+  const absl::StatusOr<std::shared_ptr<const SigningKey>> key = context_.receipts_key.Get();
   if (!key.ok()) return ErrorOf(key.status());
   absl::StatusOr<std::string> text = SignReceipt(*receipt, **key);
   if (!text.ok()) return ErrorOf(text.status());
-  return Answer{200, Json::parse(*text)};
+  return ApiAnswer{200, nlohmann::json::parse(*text)};
 }
 
-Api::Result Api::GetKey(const Request&) {
-  const absl::StatusOr<std::shared_ptr<const SigningKey>> key = receipts_key_.Get();
+ApiResult ProofResource::GetKey(const httplib::Request&) const {
+  const absl::StatusOr<std::shared_ptr<const SigningKey>> key = context_.receipts_key.Get();
   if (!key.ok()) return ErrorOf(key.status());
-  return Answer{200, {{"algorithm", "ed25519"}, {"key", (*key)->PublicPem()}}};
+  return ApiAnswer{200, {{"algorithm", "ed25519"}, {"key", (*key)->PublicPem()}}};
 }
 
 // The file as it is stored. Its name is a hash, so no path of a client's making is opened.
-void Api::SendLog(const Request& request, httplib::Response& response) {
+std::optional<ApiError> ProofResource::SendLog(const httplib::Request& request,
+                                               httplib::Response& response) const {
   const std::string path =
-      absl::StrCat(options_.data_dir, "/logs/", LogFileName(request.matches[1]));
+      absl::StrCat(context_.data_dir, "/logs/", LogFileName(request.matches[1]));
   absl::Status sent = UnixHttpServer::AnswerWithFile(path, "application/zstd", response);
   if (absl::IsNotFound(sent)) {
     sent = absl::NotFoundError(absl::StrCat("there is no log ", std::string(request.matches[1]),
                                             " here; it was never kept, or was removed"));
   }
-  if (!sent.ok()) SendError(response, ErrorOf(sent));
+  if (!sent.ok()) return ErrorOf(sent);
+  return std::nullopt;
 }
 
 }  // namespace myograde::server

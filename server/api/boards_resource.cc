@@ -1,12 +1,17 @@
-// Leaderboards, why they are as they are, and the marks that change them.
+#include "server/api/boards_resource.h"
+
+#include <functional>
+#include <optional>
+#include <vector>
+
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
-#include "server/api/api.h"
-#include "server/grading/leaderboard.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/engine/standings.h"
+#include "server/grading/leaderboard.h"
+#include "server/grading/results.h"
 
 namespace myograde::server {
 namespace {
@@ -93,35 +98,37 @@ Json BoardToJson(const Leaderboard& board) {
   return {{"rows", std::move(rows)}, {"disqualified", std::move(disqualified)}};
 }
 
-}  // namespace
+// The track and board that a request names.
+struct BoardQuery {
+  TrackPtr track;
+  std::string board;
+  const scoring::BoardSpec* rules = nullptr;  // the track's
+};
 
-std::variant<Api::BoardQuery, ApiError> Api::ParseBoardQuery(const Request& request) {
+absl::StatusOr<BoardQuery> ParseBoardQuery(const httplib::Request& request, const Tracks& tracks) {
   if (!request.has_param("track")) {
-    return ApiError{400, "bad_request", "\"track\" is missing: a board is of one track"};
+    return absl::InvalidArgumentError("\"track\" is missing: a board is of one track");
   }
   const std::string name = request.get_param_value("track");
-  absl::StatusOr<TrackPtr> track = tracks_.Find(name, request.get_param_value("profile"));
-  if (!track.ok()) {
-    return ApiError{400, tracks_.entries().contains(name) ? "unknown_profile" : "unknown_track",
-                    std::string(track.status().message())};
-  }
+  absl::StatusOr<TrackPtr> track = tracks.Find(name, request.get_param_value("profile"));
+  if (!track.ok()) return track.status();
   BoardQuery asked{*track, request.has_param("board") ? request.get_param_value("board")
-                                                                : scoring::kMainBoard};
+                                                      : scoring::kMainBoard};
   const auto rules = asked.track->scoring.boards.find(asked.board);
   if (rules == asked.track->scoring.boards.end()) {
-    return ApiError{400, "bad_request",
-                    absl::StrCat("track \"", name, "\" has no board \"", asked.board, "\"")};
+    return absl::InvalidArgumentError(
+        absl::StrCat("track \"", name, "\" has no board \"", asked.board, "\""));
   }
   asked.rules = &rules->second;
   return asked;
 }
 
-absl::StatusOr<std::string> Api::MakeBoardText(Reader& reader, const BoardQuery& asked) {
+absl::StatusOr<std::string> MakeBoardText(Reader& reader, const BoardQuery& asked) {
   const TrackConfig& config = asked.track->config;
   absl::StatusOr<Source> source = SourceOf(reader, *asked.track);
   if (!source.ok()) return source.status();
-  absl::StatusOr<Leaderboard> board =
-      MakeLeaderboard(source->standings, source->marks, asked.rules->rules, asked.track->scoring.team);
+  absl::StatusOr<Leaderboard> board = MakeLeaderboard(
+      source->standings, source->marks, asked.rules->rules, asked.track->scoring.team);
   if (!board.ok()) return board.status();
   Json json = BoardToJson(*board);
   source->damaged.insert(source->damaged.end(), board->damaged.begin(), board->damaged.end());
@@ -140,37 +147,48 @@ absl::StatusOr<std::string> Api::MakeBoardText(Reader& reader, const BoardQuery&
   return CanonicalJson(json) + "\n";
 }
 
-Api::Result Api::GetLeaderboard(const Request& request) {
+}  // namespace
+
+void BoardsResource::Install(Routes& routes) {
+  routes.Get("/v1/leaderboard", std::bind_front(&BoardsResource::Get, this));
+  routes.Get("/v1/leaderboard/explain", std::bind_front(&BoardsResource::Explain, this));
+  routes.Post("/v1/leaderboard/rebuild", std::bind_front(&BoardsResource::Rebuild, this));
+}
+
+ApiResult BoardsResource::Get(const httplib::Request& request) {
   absl::Status status = CheckParameters(request, {"track", "profile", "board"});
   if (!status.ok()) return ErrorOf(status);
-  const std::variant<BoardQuery, ApiError> asked = ParseBoardQuery(request);
-  if (const auto* error = std::get_if<ApiError>(&asked)) return *error;
-  const BoardQuery& board = std::get<BoardQuery>(asked);
-  const std::pair key(board.track->config.hash, board.board);
-  Answer answer;
-  status = readers_.Read([&](Reader& reader) -> absl::Status {
+  const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, context_.tracks);
+  if (!asked.ok()) return ErrorOf(asked.status());
+  const Key key(asked->track->config.hash, asked->board);
+  ApiAnswer answer;
+  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     const int64_t changes = reader.BoardChanges();
-    {
-      const std::lock_guard lock(mutex_);
-      const KeptBoard& kept = boards_[key];
-      if (kept.changes == changes) {
-        answer.text = kept.text;
-        return absl::OkStatus();
-      }
-    }
-    absl::StatusOr<std::string> text = MakeBoardText(reader, board);
+    answer.text = Kept(key, changes);
+    if (answer.text != nullptr) return absl::OkStatus();
+    absl::StatusOr<std::string> text = MakeBoardText(reader, *asked);
     if (!text.ok()) return text.status();
     answer.text = std::make_shared<const std::string>(*std::move(text));
-    const std::lock_guard lock(mutex_);
-    KeptBoard& kept = boards_[key];
-    if (changes > kept.changes) kept = {changes, answer.text};
+    Keep(key, {changes, answer.text});
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
   return answer;
 }
 
-Api::Result Api::Explain(const Request& request) {
+std::shared_ptr<const std::string> BoardsResource::Kept(const Key& key, int64_t changes) {
+  const MutexLock lock(mutex_);
+  const KeptBoard& kept = kept_[key];
+  return kept.changes == changes ? kept.text : nullptr;
+}
+
+void BoardsResource::Keep(const Key& key, KeptBoard board) {
+  const MutexLock lock(mutex_);
+  KeptBoard& kept = kept_[key];
+  if (board.changes > kept.changes) kept = std::move(board);
+}
+
+ApiResult BoardsResource::Explain(const httplib::Request& request) const {
   absl::Status status = CheckParameters(request, {"track", "profile", "board", "a", "b"});
   for (const char* key : {"a", "b"}) {
     if (!request.has_param(key)) {
@@ -179,11 +197,11 @@ Api::Result Api::Explain(const Request& request) {
     }
   }
   if (!status.ok()) return ErrorOf(status);
-  const std::variant<BoardQuery, ApiError> asked = ParseBoardQuery(request);
-  if (const auto* error = std::get_if<ApiError>(&asked)) return *error;
-  const BoardQuery& board = std::get<BoardQuery>(asked);
-  Answer answer;
-  status = readers_.Read([&](Reader& reader) -> absl::Status {
+  const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, context_.tracks);
+  if (!asked.ok()) return ErrorOf(asked.status());
+  const BoardQuery& board = *asked;
+  ApiAnswer answer;
+  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     const absl::StatusOr<Source> source = SourceOf(reader, *board.track);
     if (!source.ok()) return source.status();
     const auto explanation = ExplainOrder(source->standings, source->marks, board.rules->rules,
@@ -203,17 +221,17 @@ Api::Result Api::Explain(const Request& request) {
   return answer;
 }
 
-Api::Result Api::RebuildBoards(const Request&, const Json& body) {
+ApiResult BoardsResource::Rebuild(const httplib::Request&, const Json& body) const {
   if (const auto error = OnlyOrganiser()) return *error;
   ConfigReader reader(body, "request");
   if (absl::Status status = reader.Finish(); !status.ok()) return ErrorOf(status);
   UnixHttpServer::AllowUploadTime();
-  auto standings = MakeStandings(readers_, /*missing_only=*/false);
+  auto standings = MakeStandings(context_.readers, /*missing_only=*/false);
   if (!standings.ok()) return ErrorOf(standings.status());
   const size_t count = standings->rows.size();
   const Json unreadable = DamagedToJson(standings->damaged);
   // One that ends in between is made of its rows whenever a board needs it.
-  const absl::Status status = engine_.Change(
+  const absl::Status status = context_.engine.Change(
       [rows = std::move(standings->rows)](Writer& writer) {
         absl::Status written = writer.DropStandings();
         for (const auto& [evaluation, standing] : rows) {
@@ -221,51 +239,9 @@ Api::Result Api::RebuildBoards(const Request&, const Json& body) {
         }
         return written;
       },
-      options_.config.http.upload);
+      context_.config.http.upload);
   if (!status.ok()) return ErrorOf(status);
-  return Answer{200, {{"rebuilt", count}, {"unreadable", unreadable}}};
-}
-
-Api::Result Api::Mark(const Request& request, const Json& body) {
-  if (const auto error = OnlyOrganiser()) return *error;
-  absl::StatusOr<MarkRequest> wanted = ParseMark(body);
-  if (!wanted.ok()) return ErrorOf(wanted.status());
-  const int64_t id = std::stoll(request.matches[1]);
-  const auto changed = std::make_shared<bool>(false);
-  // What can't be answered is not done.
-  absl::Status status = readers_.Read([&](Reader& reader) {
-    absl::Status readable = reader.Submission(id).status();
-    readable.Update(reader.MarkHistory(id).status());
-    return readable;
-  });
-  if (!status.ok()) return ErrorOf(status);
-  status = engine_.Change(
-      [id, changed, who = Who(), mark = *wanted](Writer& writer) {
-        absl::StatusOr<bool> marked = writer.Mark(id, mark.mark, mark.set, who, mark.reason);
-        if (marked.ok()) *changed = *marked;
-        return marked.status();
-      },
-      options_.config.http.request);
-  Answer answer;
-  if (status.ok()) {
-    status = readers_.Read([&](Reader& reader) -> absl::Status {
-      absl::StatusOr<SubmissionRow> submission = reader.Submission(id);
-      if (!submission.ok()) return submission.status();
-      const absl::StatusOr<std::vector<MarkRow>> marks = reader.MarkHistory(id);
-      if (!marks.ok()) return marks.status();
-      answer.body = {{"submission", id},
-                     {"team", submission->team},
-                     {"track", submission->track},
-                     {"profile", submission->profile},
-                     {"mark", wanted->mark},
-                     {"set", wanted->set},
-                     {"changed", *changed},
-                     {"marks", MarksToJson(*marks)}};
-      return absl::OkStatus();
-    });
-  }
-  if (!status.ok()) return ErrorOf(status);
-  return answer;
+  return ApiAnswer{200, {{"rebuilt", count}, {"unreadable", unreadable}}};
 }
 
 }  // namespace myograde::server
