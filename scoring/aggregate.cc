@@ -5,6 +5,7 @@
 #include <optional>
 #include <string_view>
 
+#include <Eigen/Core>
 #include <absl/strings/str_cat.h>
 
 namespace myograde::scoring {
@@ -18,11 +19,9 @@ Mean MeanOf(const std::vector<double>& values) {
   mean.count = static_cast<int64_t>(values.size());
   if (values.empty()) return mean;
   const double n = static_cast<double>(values.size());
-  double sum = 0;
-  for (const double value : values) sum += value;
-  mean.value = sum / n;
-  double squares = 0;
-  for (const double value : values) squares += (value - mean.value) * (value - mean.value);
+  const auto all = Eigen::ArrayXd::Map(values.data(), std::ssize(values));
+  mean.value = all.sum() / n;
+  const double squares = (all - mean.value).square().sum();
   if (values.size() > 1) mean.spread.deviation = std::sqrt(squares / (n - 1));
   const double half = kHalfWidth * mean.spread.deviation / std::sqrt(n);
   mean.spread.low = mean.value - half;

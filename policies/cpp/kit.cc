@@ -1,11 +1,16 @@
 #include "policies/cpp/kit.h"
 
+#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <optional>
-#include <utility>
+#include <string>
+#include <string_view>
+
+#include <lcm/lcm-cpp.hpp>
 
 #include "myograde/action_t.hpp"
 #include "myograde/episode_ready_t.hpp"
@@ -13,7 +18,6 @@
 #include "myograde/give_up_t.hpp"
 #include "myograde/hello_t.hpp"
 #include "myograde/observation_t.hpp"
-#include "protocol/bridge/bus.h"
 #include "protocol/policy/channels.h"
 
 namespace myograde {
@@ -21,7 +25,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kHelloPeriod = std::chrono::milliseconds(100);
+constexpr int kHelloPeriodMs = 100;
 constexpr auto kWelcomeDeadline = std::chrono::seconds(60);
 // The grader asks every 250 ms at the latest while it waits for this policy,
 // and resets and steps in far less than this.
@@ -33,22 +37,30 @@ void CatchEnd() {
   struct sigaction before = {};
   if (::sigaction(SIGTERM, nullptr, &before) != 0 || before.sa_handler != SIG_DFL) return;
   struct sigaction ours = {};
-  ours.sa_handler = [](int) { g_asked_to_end = 1; };  // no SA_RESTART: a wait shall return
+  ours.sa_handler = [](int) { g_asked_to_end = 1; };
   ::sigaction(SIGTERM, &ours, nullptr);
 }
 
+// The handler of every subscription. What a message asks for is done once LCM's call has returned:
+// an exception of the policy must not pass through LCM, which is C and would abort.
 template <typename Message>
-bool Decode(const Datagram& datagram, Message& message) {
-  return message.decode(datagram.payload.data(), 0,
-                        static_cast<int>(datagram.payload.size())) >= 0;
+void Keep(const lcm::ReceiveBuffer*, const std::string&, const Message* message,
+          std::optional<Message>* kept) {
+  if (!*kept) *kept = *message;
 }
 
 // The policy's side of the conversation.
 class Conversation {
  public:
-  Conversation(Bus bus, Policy& policy) : bus_(std::move(bus)), policy_(policy) {}
+  Conversation(lcm::LCM& bus, Policy& policy) : bus_(bus), policy_(policy) {
+    bus_.subscribeFunction(std::string(kWelcomeChannel), &Keep<welcome_t>, &welcome_);
+    bus_.subscribeFunction(std::string(kStartChannel), &Keep<episode_start_t>, &start_);
+    bus_.subscribeFunction(std::string(kObservationChannel), &Keep<observation_t>, &observation_);
+  }
+  Conversation(const Conversation&) = delete;
+  Conversation& operator=(const Conversation&) = delete;
 
-  // Says hello until welcomed. False: refused or no answer; stderr says why.
+  // Says hello until welcomed. False: refused, no answer or asked to end; stderr says why.
   bool Greet() {
     hello_t hello;
     hello.protocol_version = kProtocolVersion;
@@ -57,7 +69,7 @@ class Conversation {
     hello.leg_sets = policy_.LegSets();
     hello.num_leg_sets = static_cast<int32_t>(hello.leg_sets.size());
     const auto deadline = Clock::now() + kWelcomeDeadline;
-    while (!welcomed_) {
+    while (!welcome_) {
       if (g_asked_to_end != 0) return false;
       if (Clock::now() > deadline) {
         std::fprintf(stderr,
@@ -65,70 +77,70 @@ class Conversation {
         return false;
       }
       Say(kHelloChannel, hello);
-      Hear();
+      if (!Hear()) return false;
     }
-    if (welcome_.accepted == 0) {
-      std::fprintf(stderr, "error: the grader refused this policy: %s\n", welcome_.reason.c_str());
+    if (welcome_->accepted == 0) {
+      std::fprintf(stderr, "error: the grader refused this policy: %s\n", welcome_->reason.c_str());
       return false;
     }
-    policy_.Start(welcome_);
+    policy_.Start(*welcome_);
     return true;
   }
 
-  // Answers until the grader ends the process (true) or nothing was heard for kSilenceDeadline.
+  // Answers until the grader ends the process (true), or until nothing was heard for
+  // kSilenceDeadline or the bus is lost.
   bool Play() {
     heard_ = Clock::now();
-    while (g_asked_to_end == 0 && (Hear() || Clock::now() - heard_ < kSilenceDeadline)) {
+    while (g_asked_to_end == 0) {
+      if (!Hear()) return false;
+      if (Clock::now() - heard_ >= kSilenceDeadline) {
+        std::fprintf(stderr, "error: nothing was heard from the grader for 600 s\n");
+        return false;
+      }
     }
-    if (g_asked_to_end != 0) return true;
-    std::fprintf(stderr, "error: nothing was heard from the grader for 600 s\n");
-    return false;
+    return true;
   }
 
  private:
-  // Waits for one message and answers it. False: nothing came for a while.
+  // Answers one message, or none if none comes for a while. False: the bus is lost.
   bool Hear() {
-    const std::span<const std::byte> bytes = bus_.Await();
-    if (bytes.empty()) return false;
-    const std::optional<Datagram> datagram = ParseDatagram(bytes);
-    if (!datagram) return true;
-    if (datagram->channel == kObservationChannel) {
-      if (Decode(*datagram, observation_)) OnObservation();
-    } else if (datagram->channel == kStartChannel) {
-      if (Decode(*datagram, start_)) OnEpisodeStart();
-    } else if (datagram->channel == kWelcomeChannel && !welcomed_) {
-      welcomed_ = Decode(*datagram, welcome_);
+    // LCM's wait reports a signal that the program handles as an error.
+    if (bus_.handleTimeout(kHelloPeriodMs) < 0 && errno != EINTR) {
+      std::fprintf(stderr, "error: the bus was lost: %s\n", std::strerror(errno));
+      return false;
     }
+    if (start_) OnEpisodeStart(*start_);
+    if (observation_) OnObservation(*observation_);
+    if (start_ || observation_) heard_ = Clock::now();
+    start_.reset();
+    observation_.reset();
     return true;
   }
 
   template <typename Message>
   void Say(std::string_view channel, const Message& message) {
-    encoded_.resize(static_cast<size_t>(message.getEncodedSize()));
-    message.encode(encoded_.data(), 0, static_cast<int>(encoded_.size()));
-    bus_.Send(channel, encoded_);
+    // One that can't be sent counts as lost: the grader asks again, and hello is repeated.
+    bus_.publish(std::string(channel), &message);
   }
 
-  void OnEpisodeStart() {
-    heard_ = Clock::now();
-    if (!welcomed_ || start_.episode < ready_.episode) return;
-    if (start_.episode > ready_.episode) {
-      policy_.Reset({start_.episode, static_cast<uint64_t>(start_.policy_seed)});
-      ready_.episode = start_.episode;
+  void OnEpisodeStart(const episode_start_t& start) {
+    if (!welcome_ || start.episode < ready_.episode) return;
+    if (start.episode > ready_.episode) {
+      policy_.Reset({start.episode, static_cast<uint64_t>(start.policy_seed)});
+      ready_.episode = start.episode;
       answer_.step = -1;
     }
     Say(kReadyChannel, ready_);
   }
 
-  void OnObservation() {
-    heard_ = Clock::now();
-    if (observation_.episode != ready_.episode || observation_.step < answer_.step) return;
-    if (observation_.step > answer_.step) {
-      answer_.episode = observation_.episode;
-      answer_.step = observation_.step;
-      answer_.size = welcome_.action_size;
-      answer_.values.assign(static_cast<size_t>(welcome_.action_size), 0.0);
-      policy_.Act(observation_.values, answer_.values);
+  void OnObservation(const observation_t& observation) {
+    if (observation.episode != ready_.episode || observation.step < answer_.step) return;
+    if (observation.step > answer_.step) {
+      answer_.episode = observation.episode;
+      answer_.step = observation.step;
+      answer_.size = welcome_->action_size;
+      answer_.values.assign(static_cast<size_t>(answer_.size), 0.0);
+      policy_.Act(observation.values, answer_.values);
       gives_up_ = policy_.TakeGivingUp();
     }
     if (gives_up_) {
@@ -140,10 +152,12 @@ class Conversation {
     }
   }
 
-  Bus bus_;
+  lcm::LCM& bus_;
   Policy& policy_;
-  bool welcomed_ = false;
-  welcome_t welcome_;
+  std::optional<welcome_t> welcome_;
+  // What was just heard, until it is answered.
+  std::optional<episode_start_t> start_;
+  std::optional<observation_t> observation_;
   episode_ready_t ready_ = [] {
     episode_ready_t ready;
     ready.episode = -1;
@@ -161,24 +175,23 @@ class Conversation {
   bool gives_up_ = false;  // the last answer is give_up_, of the same step
   give_up_t give_up_;
   Clock::time_point heard_;
-  // Kept, so that a step takes no memory anew.
-  observation_t observation_;
-  episode_start_t start_;
-  std::vector<std::byte> encoded_;
 };
 
 }  // namespace
 
 int RunPolicy(Policy& policy) {
-  const char* url = std::getenv(kBusUrlVariable);
-  std::string problem;
-  std::optional<Bus> bus = Bus::Open(url == nullptr ? "" : url, kHelloPeriod, problem);
-  if (!bus) {
-    std::fprintf(stderr, "error: %s; set MYOGRADE_LCM_URL\n", problem.c_str());
+  const char* variable = std::getenv(kBusUrlVariable);
+  const std::string url = variable == nullptr ? "" : variable;
+  // LCM would take its default bus for an empty URL, and joins a bus when it is first asked for the
+  // descriptor or a subscription, of which the latter can't tell a failure.
+  std::optional<lcm::LCM> bus;
+  if (!url.empty()) bus.emplace(url);
+  if (!bus || !bus->good() || bus->getFileno() < 0) {
+    std::fprintf(stderr, "error: no LCM bus at \"%s\"; set MYOGRADE_LCM_URL\n", url.c_str());
     return 1;
   }
   CatchEnd();
-  Conversation conversation(*std::move(bus), policy);
+  Conversation conversation(*bus, policy);
   return conversation.Greet() && conversation.Play() ? 0 : 1;
 }
 

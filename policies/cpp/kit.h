@@ -71,8 +71,8 @@ class Policy {
 // Plays until the grader ends the process: after the last episode it sends SIGTERM, and this
 // returns 0 for main to end in order (unless the program handles that signal itself). The bus is
 // the environment variable MYOGRADE_LCM_URL. Returns an exit status otherwise: 1 if there is no bus
-// or no grader on it for a minute, or if the grader refused the policy; stderr says why. After ten
-// minutes without a word from the grader it ends the process with 1.
+// or it was lost, if no grader is on it for a minute or none was heard for ten, or if the grader
+// refused the policy; stderr says why. An exception of the policy passes through.
 int RunPolicy(Policy& policy);
 
 }  // namespace myograde

@@ -323,9 +323,8 @@ absl::StatusOr<Fd> WatchChildren() {
 }  // namespace
 
 absl::Status RunBridge(Fd simulator, const BridgeOptions& options, const PolicyCommand& command) {
-  std::string problem;
-  std::optional<Bus> bus = Bus::Open(kBusUrl, kQuickAnswer, problem);
-  if (!bus) return absl::UnavailableError(problem);
+  absl::StatusOr<Bus> bus = Bus::Open(kBusUrl, kQuickAnswer);
+  if (!bus.ok()) return bus.status();
   absl::StatusOr<Fd> children = WatchChildren();
   if (!children.ok()) return children.status();
   absl::StatusOr<Child> policy = StartPolicy(command);

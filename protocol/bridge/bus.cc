@@ -12,6 +12,9 @@
 #include <cstdio>
 #include <cstring>
 #include <iterator>
+#include <optional>
+
+#include <absl/strings/str_cat.h>
 
 namespace myograde {
 namespace {
@@ -110,20 +113,19 @@ Fd OpenReceiver(const Place& place, const Fd& sender, std::chrono::milliseconds 
 
 }  // namespace
 
-std::optional<Bus> Bus::Open(const std::string& url, std::chrono::milliseconds patience,
-                             std::string& problem) {
+absl::StatusOr<Bus> Bus::Open(const std::string& url, std::chrono::milliseconds patience) {
   const std::optional<Place> place = ParseUrl(url);
   if (!place) {
-    problem = "\"" + url + "\" names no LCM bus; it has the form udpm://GROUP:PORT?ttl=N";
-    return {};
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"", url, "\" names no LCM bus; it has the form udpm://GROUP:PORT?ttl=N"));
   }
   const char* step = nullptr;
   Fd sender = OpenSender(*place, step);
   Fd receiver = sender.valid() ? OpenReceiver(*place, sender, patience, step) : Fd();
   if (!receiver.valid()) {
-    problem = "the LCM bus can't be joined: " + std::string(step) + ": " + strerror(errno) +
-              "; is `lo` up with a multicast route?";
-    return {};
+    return absl::UnavailableError(absl::StrCat("the LCM bus can't be joined: ", step, ": ",
+                                               strerror(errno),
+                                               "; is `lo` up with a multicast route?"));
   }
   return Bus(std::move(receiver), std::move(sender));
 }

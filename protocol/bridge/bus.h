@@ -1,6 +1,6 @@
 // A program's two UDP sockets on an LCM bus: one to send, one to receive everything but its own
-// packets. For the bridge, which must not parse packets with liblcm, and for the C++ kit, where it
-// avoids liblcm's reader thread and pipe in every step. Needs only the C++ library.
+// packets. For the bridge, which must not parse a participant's packets with liblcm; everything
+// else uses liblcm.
 //
 // A packet that can't be sent counts as lost, since the bridge resends anyway.
 #pragma once
@@ -8,12 +8,13 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
+
+#include <absl/status/statusor.h>
 
 #include "protocol/base/fd.h"
 #include "protocol/bridge/datagram.h"
@@ -23,10 +24,9 @@ namespace myograde {
 class Bus {
  public:
   // Joins the bus of an LCM URL, udpm://GROUP:PORT?ttl=N (N defaults to 1); `patience` is how long
-  // Await() waits. On failure returns nullopt, and `problem` says in a sentence which part of the
-  // URL or which kernel call was rejected.
-  static std::optional<Bus> Open(const std::string& url, std::chrono::milliseconds patience,
-                                 std::string& problem);
+  // Await() waits. InvalidArgumentError for an invalid URL, UnavailableError with the step that the
+  // kernel rejected.
+  static absl::StatusOr<Bus> Open(const std::string& url, std::chrono::milliseconds patience);
 
   // For poll: readable when a datagram from another sender is waiting.
   int fd() const { return receiver_.get(); }

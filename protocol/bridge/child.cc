@@ -4,14 +4,15 @@
 #include <linux/close_range.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
+#include <utility>
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/spawn.h"
 #include "protocol/bridge/start_failure.h"
 #include "protocol/policy/channels.h"
 
@@ -46,13 +47,6 @@ std::vector<std::string> PolicyEnvironment(const std::vector<std::string>& own) 
   return environment;
 }
 
-std::vector<char*> Pointers(std::vector<std::string>& strings) {
-  std::vector<char*> pointers;
-  for (std::string& text : strings) pointers.push_back(text.data());
-  pointers.push_back(nullptr);
-  return pointers;
-}
-
 // Between fork and exec: only async-signal-safe calls.
 [[noreturn]] void BecomePolicy(char* const* arguments, char* const* environment, bool foreign,
                                int errors) {
@@ -81,22 +75,19 @@ std::vector<char*> Pointers(std::vector<std::string>& strings) {
 }  // namespace
 
 absl::StatusOr<Child> StartPolicy(const PolicyCommand& command) {
-  std::array<int, 2> ends;
-  if (pipe2(ends.data(), O_CLOEXEC | O_NONBLOCK) != 0) {
-    return absl::UnavailableError(absl::StrCat("pipe: ", strerror(errno)));
-  }
+  absl::StatusOr<Pipe> errors = MakeOutputPipe();
+  if (!errors.ok()) return errors.status();
   Child child;
-  child.start_error = Fd(ends[0]);
-  const Fd write_end(ends[1]);
+  child.start_error = std::move(errors->read);
   std::vector<std::string> words = command.words;
   std::vector<std::string> environment = PolicyEnvironment(command.environment);
   const bool foreign = IsForeignProgram(FindProgram(words[0]));
-  const std::vector<char*> arguments = Pointers(words);
-  const std::vector<char*> variables = Pointers(environment);
+  const std::vector<char*> arguments = ExecVector(words);
+  const std::vector<char*> variables = ExecVector(environment);
   child.pid = fork();
   if (child.pid < 0) return absl::UnavailableError(absl::StrCat("fork: ", strerror(errno)));
   if (child.pid == 0) {
-    BecomePolicy(arguments.data(), variables.data(), foreign, write_end.get());
+    BecomePolicy(arguments.data(), variables.data(), foreign, errors->write.get());
   }
   return child;
 }

@@ -11,20 +11,13 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
+#include "server/admission/admission.h"
 #include "server/base/plain_text.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
 
-struct SubmitRequest {
-  std::string artefact;
-  std::string team;
-  std::string track;
-  std::string profile;  // "": the track's default
-  std::optional<std::vector<uint64_t>> seeds;
-  std::optional<int64_t> episodes;
-};
 absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body);
 
 struct RerunRequest {
@@ -59,7 +52,8 @@ absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request);
 absl::Status CheckParameters(const httplib::Request& request,
                              const std::vector<std::string>& known);
 
-// A submission's leases: [0, count) cut at multiples of `per_lease`.
-std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease);
+// The number in a path like /v1/submissions/ID. REQUIRES: the pattern's first group is 1 to 18
+// digits.
+int64_t IdOf(const httplib::Request& request);
 
 }  // namespace myograde::server

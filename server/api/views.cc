@@ -1,8 +1,8 @@
 #include "server/api/views.h"
 
-#include <map>
+#include <unistd.h>
 
-#include <absl/time/time.h>
+#include <map>
 
 #include "server/store/differences.h"
 
@@ -46,7 +46,16 @@ nlohmann::json DamagedToJson(const std::vector<Damage>& damaged) {
   return list;
 }
 
+std::string HostName() {
+  char name[256] = {};
+  return gethostname(name, sizeof(name) - 1) == 0 ? name : "unknown";
+}
+
 nlohmann::json TextOrNull(const std::string& text) { return text.empty() ? Json() : Json(text); }
+
+nlohmann::json SecondsOrNull(const std::optional<absl::Duration>& duration) {
+  return duration ? Json(absl::ToDoubleSeconds(*duration)) : Json();
+}
 
 nlohmann::json CountsToJson(int64_t total, const EpisodeCounts& counts) {
   return {{"total", total},

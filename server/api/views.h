@@ -1,9 +1,11 @@
 // The parts of the API's answers that more than one address tells.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
+#include <absl/time/time.h>
 #include <nlohmann/json.hpp>
 
 #include "server/grading/tracks.h"
@@ -16,8 +18,11 @@ namespace myograde::server {
 nlohmann::json TimeToJson(int64_t ms);
 // Of what a list could not show: [{"table": "episode", "key": "7/3", "message": "…"}].
 nlohmann::json DamagedToJson(const std::vector<Damage>& damaged);
+// This host's own.
+std::string HostName();
 // Null for "".
 nlohmann::json TextOrNull(const std::string& text);
+nlohmann::json SecondsOrNull(const std::optional<absl::Duration>& duration);
 nlohmann::json CountsToJson(int64_t total, const EpisodeCounts& counts);
 // One row of `episode_rows`.
 nlohmann::json EpisodeToJson(const EpisodeRow& row);

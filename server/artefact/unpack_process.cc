@@ -1,8 +1,6 @@
 #include "server/artefact/unpack_process.h"
 
-#include <fcntl.h>
 #include <poll.h>
-#include <spawn.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -15,6 +13,7 @@
 #include <cstring>
 #include <filesystem>
 #include <new>
+#include <utility>
 #include <vector>
 
 #include <absl/strings/numbers.h>
@@ -23,8 +22,10 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/clock.h"
-#include "protocol/base/fd.h"
 #include "protocol/base/config_reader.h"
+#include "protocol/base/fd.h"
+#include "protocol/base/file.h"
+#include "protocol/base/spawn.h"
 #include "server/artefact/confine_unpack.h"
 #include "server/artefact/listing.h"
 
@@ -110,35 +111,14 @@ std::string UnpackProgram() {
 }
 
 absl::StatusOr<Process> Start(std::vector<std::string> words) {
-  int ends[2];
-  if (::pipe2(ends, O_CLOEXEC) != 0) return HostError("can't make a pipe");
-  Process process = {-1, Fd(ends[0])};
-  const Fd theirs(ends[1]);
-  std::vector<char*> argv;
-  for (std::string& word : words) argv.push_back(word.data());
-  argv.push_back(nullptr);
-  posix_spawn_file_actions_t actions;
-  posix_spawnattr_t attributes;
-  ::posix_spawn_file_actions_init(&actions);
-  ::posix_spawnattr_init(&attributes);
-  ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  ::posix_spawn_file_actions_adddup2(&actions, theirs.get(), STDOUT_FILENO);
-  sigset_t none;
-  sigemptyset(&none);
-  ::posix_spawnattr_setsigmask(&attributes, &none);
-  ::posix_spawnattr_setpgroup(&attributes, 0);
-  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP);
-  const std::string program = UnpackProgram();
-  const int error = ::posix_spawn(&process.pid, program.c_str(), &actions, &attributes,
-                                  argv.data(), environ);
-  ::posix_spawn_file_actions_destroy(&actions);
-  ::posix_spawnattr_destroy(&attributes);
-  if (error == 0) {
-    ::setpriority(PRIO_PROCESS, static_cast<id_t>(process.pid), kNice);
-    return process;
-  }
-  errno = error;
-  return HostError("can't start the process for unpacking");
+  absl::StatusOr<Pipe> answer = MakePipe();
+  if (!answer.ok()) return answer.status();
+  SpawnOrder order = {UnpackProgram(), std::move(words)};
+  order.out = answer->write.get();
+  order.nice = kNice;
+  const absl::StatusOr<pid_t> pid = Spawn(std::move(order));
+  if (!pid.ok()) return pid.status();
+  return Process{*pid, std::move(answer->read)};
 }
 
 // Everything it writes until it exits.
@@ -252,13 +232,7 @@ bool RunUnpackProcess(int argc, char** argv, int& status) {
   const absl::StatusOr<Artefact> artefact =
       UnpackLimited(argv[2], argv[3], limits, numbers[4], numbers[5],
                     static_cast<pid_t>(numbers[6]));
-  const std::string answer = CanonicalJson(AnswerOf(artefact));
-  for (size_t done = 0; done < answer.size();) {
-    const ssize_t put = ::write(STDOUT_FILENO, answer.data() + done, answer.size() - done);
-    if (put < 0 && errno == EINTR) continue;
-    if (put <= 0) break;
-    done += static_cast<size_t>(put);
-  }
+  (void)WriteAll(STDOUT_FILENO, CanonicalJson(AnswerOf(artefact)));
   // No exit handlers: the filter does not allow what they might call.
   ::_exit(0);
 }

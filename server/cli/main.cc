@@ -1,8 +1,6 @@
-// myograde: the command line tool. Verbs live in files of their own; this is
-// the table of them.
+// myograde, the command line tool: the table of its verbs.
 #include <signal.h>
 
-#include <algorithm>
 #include <clocale>
 #include <exception>
 #include <iostream>
@@ -11,10 +9,11 @@
 #include <absl/strings/str_replace.h>
 
 #include "protocol/tracks/registry.h"
-#include "server/cli/common.h"
-#include "server/cli/did_you_mean.h"
-#include "server/cli/screen.h"
-#include "server/cli/terminal.h"
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/usage_error.h"
+#include "server/cli/client/verbs.h"
+#include "server/cli/offline/verbs.h"
+#include "server/cli/terminal/screen.h"
 
 namespace myograde::server {
 namespace {
@@ -27,13 +26,13 @@ struct Verb {
 };
 
 constexpr Verb kVerbs[] = {
-    {"serve", "Run the daemon, in the foreground; SIGTERM stops it and loses nothing",
+    {"serve", "Run the daemon in the foreground; SIGTERM stops it without losing anything",
      "myograde serve --data /srv/myograde", AddServe},
     {"submit", "Hand in a policy to be graded",
      "myograde submit ./my_policy --track TRACK --team \"Team Blue\" --wait", AddSubmit},
-    {"status", "Show the daemon and its submissions, or how far one is",
+    {"status", "Show the daemon and its submissions, or the progress of one",
      "myograde status 7", AddStatus},
-    {"cancel", "End a submission that waits or runs", "myograde cancel 7", AddCancel},
+    {"cancel", "Cancel a queued or running submission", "myograde cancel 7", AddCancel},
     {"leaderboard", "Show the ranking of the submissions",
      "myograde leaderboard --track TRACK", AddLeaderboard},
     {"show", "Show the result of a submission", "myograde show 7 --episodes", AddShow},
@@ -41,19 +40,20 @@ constexpr Verb kVerbs[] = {
      "myograde rerun 7 --episodes 10..19 --verify", AddRerun},
     {"quota", "Show what a team may still hand in, and its ledger",
      "myograde quota --team \"Team Blue\" --track TRACK", AddQuota},
-    {"hide", "Take a submission off the boards", "myograde hide 7 --reason \"wrong file\"", AddHide},
+    {"hide", "Take a submission off the boards",
+     "myograde hide 7 --reason \"wrong file\"", AddHide},
     {"unhide", "Put a hidden submission back on the boards", "myograde unhide 7", AddUnhide},
     {"disqualify", "List a submission apart, without a rank and with the reason",
      "myograde disqualify 7 --reason \"reads the seeds\"", AddDisqualify},
     {"baseline", "Show a submission on the boards without a rank, for comparison",
      "myograde baseline 7", AddBaseline},
-    {"export", "Write all that the store has of teams, results and boards as JSON or CSV",
+    {"export", "Write the teams, results and boards of the store as JSON or CSV",
      "myograde export challenge.json", AddExport},
-    {"import", "Take up an export in an empty data folder",
+    {"import", "Load an export into an empty data folder",
      "myograde import challenge.json --data /srv/copy", AddImport},
     {"backup", "Copy the store while the daemon runs", "myograde backup /srv/backup/store.db",
      AddBackup},
-    {"log", "Write the log of an episode to a file that LCM's tools read",
+    {"log", "Write the log of an episode to a file that LCM's tools can read",
      "myograde log 7 --episode 3 -o episode3.lcmlog", AddLog},
     {"replay", "Simulate episodes again from their logs, without the policy, and compare",
      "myograde replay 7 --episode 3", AddReplay},
@@ -61,15 +61,15 @@ constexpr Verb kVerbs[] = {
      "myograde receipt 7 -o receipt.json", AddReceipt},
     {"verify", "Check a receipt against the organiser's key, without a daemon",
      "myograde verify receipt.json --key organiser.pem --resimulate 3 --logs ./logs", AddVerify},
-    {"key", "Print the key that receipts are checked against, to be published",
+    {"key", "Print the public key that receipts are checked against",
      "myograde key -o organiser.pem", AddKey},
-    {"seeds", "Fix a phase's seeds ahead of it, reveal them after it, and check",
+    {"seeds", "Commit to a phase's seeds, reveal them afterwards, and check them",
      "myograde seeds commit --phase final --secret final.secret", AddSeeds},
-    {"local", "Grade a policy here and now, without a daemon",
+    {"local", "Grade a policy on this host, without a daemon",
      "myograde local ./my_policy --track TRACK --episodes 5", AddLocal},
-    {"spec", "Print what a track observes, wants, allows and counts",
+    {"spec", "Print a track's observations, actions, budgets, rules and scoring",
      "myograde spec --track TRACK --json", AddSpec},
-    {"doctor", "Tell what this host has, what it lacks and what that costs", "myograde doctor",
+    {"doctor", "Check what this host has for grading, what it lacks and what that costs", "myograde doctor",
      AddDoctor},
 };
 
@@ -77,62 +77,8 @@ constexpr char kStatuses[] =
     "Exit status: 0 done, 1 ended without a score or a difference was found, 2 wrong use,\n"
     "3 the daemon can't be reached, 4 the grader or its host is in trouble.";
 
-std::vector<std::string> NamesOf(const CLI::App& app) {
-  std::vector<std::string> names;
-  for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
-    names.push_back(sub->get_name());
-  }
-  return names;
-}
-
-// What to say of a word that is no verb; `known` is said before verbs of its own ("seeds ").
-std::string NoVerb(const CLI::App& app, const std::string& known, const std::string& word) {
-  const std::string help = absl::StrCat("\"myograde ", known, "--help\"");
-  if (word.empty()) return absl::StrCat("what to do is missing; ", help, " lists the verbs");
-  const std::string nearest = NearestOf(word, NamesOf(app));
-  return absl::StrCat("there is no verb \"", known, CutText(Harmless(word), 40), "\"; ",
-                      nearest.empty() ? absl::StrCat(help, " lists them")
-                                      : absl::StrCat("did you mean \"", known, nearest, "\"?"));
-}
-
-// For an option that `verb` does not have, the one that it was meant to be; "" if none is near.
-std::string OptionMeant(const CLI::App& verb, const std::vector<std::string>& words) {
-  std::vector<std::string> known;
-  for (const CLI::Option* option : verb.get_options()) {
-    for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
-  }
-  for (const std::string& word : words) {
-    const std::string name = word.substr(0, word.find('='));
-    if (!name.starts_with("--") || std::find(known.begin(), known.end(), name) != known.end()) {
-      continue;
-    }
-    if (const std::string nearest = NearestOf(name, known); !nearest.empty()) return nearest;
-  }
-  return "";
-}
-
-// What is wrong with the command line, in one sentence.
-std::string MistakeText(const CLI::App& app, const CLI::ParseError& mistake,
-                        const std::vector<std::string>& words) {
-  const auto plain = [](const std::string& word) { return !word.starts_with('-'); };
-  const CLI::App* verb = &app;
-  std::string known;
-  auto word = std::find_if(words.begin(), words.end(), plain);
-  while (!NamesOf(*verb).empty()) {
-    const std::vector<CLI::App*> chosen = verb->get_subcommands();
-    if (chosen.empty()) return NoVerb(*verb, known, word == words.end() ? "" : *word);
-    verb = chosen[0];
-    known += verb->get_name() + " ";
-    if (word != words.end()) word = std::find_if(word + 1, words.end(), plain);
-  }
-  const std::string meant = OptionMeant(*verb, words);
-  return absl::StrCat(mistake.what(), "; ",
-                      meant.empty() ? absl::StrCat("see \"myograde ", known, "--help\"")
-                                    : absl::StrCat("did you mean \"", meant, "\"?"));
-}
-
 int Run(int argc, char** argv) {
-  // A daemon that hangs up shall be an error to tell, not the end.
+  // A daemon that hangs up is an error to report, not the end of this process.
   ::signal(SIGPIPE, SIG_IGN);
   // So that the width of each character is known.
   std::setlocale(LC_CTYPE, "C.UTF-8");
@@ -140,7 +86,7 @@ int Run(int argc, char** argv) {
   CLI::App app("MyoGrade grades policies of the MyoChallenge 2024 tracks and ranks them.",
                "myograde");
   app.set_version_flag("--version", MYOGRADE_VERSION);
-  app.footer(std::string("\"myograde VERB --help\" tells more of each, with an example.\n") +
+  app.footer(std::string("\"myograde VERB --help\" describes each, with an example.\n") +
              kStatuses);
   app.require_subcommand(1);
   Action chosen;
@@ -156,7 +102,8 @@ int Run(int argc, char** argv) {
   } catch (const CLI::Success& asked) {  // --help, --version
     return app.exit(asked);
   } catch (const CLI::ParseError& mistake) {
-    return Complain(absl::InvalidArgumentError(MistakeText(app, mistake, {argv + 1, argv + argc})));
+    const std::vector<std::string> words = {argv + 1, argv + argc};
+    return ReportError(absl::InvalidArgumentError(UsageError(app, mistake, words)));
   }
   return chosen();
 }

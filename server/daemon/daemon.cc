@@ -17,6 +17,7 @@
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include "server/admission/admission.h"
 #include "server/api/api.h"
 #include "server/engine/engine.h"
 #include "server/engine/retention.h"
@@ -214,8 +215,23 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
        .work_dir = options.data_dir + "/work/reference",
        .cache_dir = options.cache_dir,
        .uid = geteuid() == 0 ? config.uid_base + kReferenceUsers : -1});
-  Api api({config, options.data_dir, options.cache_dir, &reference, clock.Now()}, tracks, engine,
-          readers, receipts_key, clock);
+  Admission admission({.config = config,
+                       .data_dir = options.data_dir,
+                       .cache_dir = options.cache_dir,
+                       .reference =
+                           [&](absl::Duration timeout) { return reference.Result(timeout); }},
+                      tracks, engine, readers, clock);
+  Api api({.config = config,
+           .data_dir = options.data_dir,
+           .cache_dir = options.cache_dir,
+           .tracks = tracks,
+           .admission = admission,
+           .engine = engine,
+           .readers = readers,
+           .receipts_key = receipts_key,
+           .clock = clock,
+           .started_at = clock.Now(),
+           .began = clock.Monotonic()});
   UnixHttpServer server(config.http, options.data_dir + "/spool");
   api.Install(server);
   if (absl::Status status = server.Start(options.socket); !status.ok()) return status;

@@ -3,6 +3,8 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
+#include "server/store/quota.h"
+
 namespace myograde::server {
 namespace {
 
@@ -56,14 +58,17 @@ absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {
 absl::StatusOr<TrackPtr> Tracks::Find(const std::string& track, const std::string& profile) const {
   const auto offer = entries_.find(track);
   if (offer == entries_.end()) {
-    return absl::NotFoundError(
-        absl::StrCat("there is no track \"", track, "\"; known: ", Keys(entries_)));
+    return WithErrorCode(absl::NotFoundError(absl::StrCat("there is no track \"", track,
+                                                          "\"; known: ", Keys(entries_))),
+                         "unknown_track");
   }
   const std::string& wanted = profile.empty() ? offer->second.default_profile : profile;
   const auto found = offer->second.profiles.find(wanted);
   if (found == offer->second.profiles.end()) {
-    return absl::NotFoundError(absl::StrCat("track \"", track, "\" has no profile \"", wanted,
-                                            "\"; known: ", Keys(offer->second.profiles)));
+    return WithErrorCode(
+        absl::NotFoundError(absl::StrCat("track \"", track, "\" has no profile \"", wanted,
+                                         "\"; known: ", Keys(offer->second.profiles))),
+        "unknown_profile");
   }
   return found->second;
 }

@@ -30,7 +30,8 @@ class Tracks {
   // Reads every config of `dir` in every profile. The error names the file.
   static absl::StatusOr<Tracks> Load(const std::string& dir);
 
-  // `profile` "" is the track's default. NotFoundError lists what exists.
+  // `profile` "" is the track's default. NotFoundError with the code "unknown_track" or
+  // "unknown_profile" (ErrorCodeOf in store/quota.h) lists what exists.
   absl::StatusOr<TrackPtr> Find(const std::string& track, const std::string& profile) const;
 
   struct Entry {

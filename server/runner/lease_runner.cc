@@ -17,7 +17,9 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/file.h"
 #include "protocol/base/outcome.h"
+#include "protocol/base/spawn.h"
 #include "server/sandbox/seccomp_filter.h"
 
 namespace myograde::server {
@@ -45,12 +47,7 @@ absl::StatusOr<std::pair<Fd, Fd>> SocketPair() {
 absl::StatusOr<Fd> MemoryFile(const char* name, const std::string& text) {
   Fd file(memfd_create(name, MFD_CLOEXEC));
   if (!file.valid()) return Errno("can't make a memory file");
-  size_t written = 0;
-  while (written < text.size()) {
-    const ssize_t n = write(file.get(), text.data() + written, text.size() - written);
-    if (n <= 0) return Errno("can't write a memory file");
-    written += static_cast<size_t>(n);
-  }
+  if (!WriteAll(file.get(), text).ok()) return Errno("can't write a memory file");
   if (lseek(file.get(), 0, SEEK_SET) != 0) return Errno("can't rewind a memory file");
   return file;
 }
@@ -124,11 +121,9 @@ absl::Status LeaseRunner::StartSim() {
       mmap(nullptr, sizeof(CpuPage), PROT_READ | PROT_WRITE, MAP_SHARED, page->get(), 0);
   if (memory == MAP_FAILED) return Errno("can't share a page with the simulator");
   cpu_page_ = new (memory) CpuPage{};
-  int errors[2];
-  if (pipe2(errors, O_CLOEXEC) != 0) return Errno("can't make a pipe");
-  sim_stderr_ = Fd(errors[0]);
-  Fd errors_write(errors[1]);
-  fcntl(sim_stderr_.get(), F_SETFL, O_NONBLOCK);
+  absl::StatusOr<Pipe> errors = MakeOutputPipe();
+  if (!errors.ok()) return errors.status();
+  sim_stderr_ = std::move(errors->read);
   Fd nothing(open("/dev/null", O_RDWR | O_CLOEXEC));
   const SandboxSpec spec = MakeSimSandbox(context_.order, context_.config.sim, context_.bin_dir,
                                           context_.stage, context_.etc);
@@ -137,7 +132,7 @@ absl::Status LeaseRunner::StartSim() {
   sim_group_ = ControlGroup::Create(GroupName("sim"), SimGroupLimits(context_.config.sim));
   std::vector<SandboxFd> fds = {{nothing.get(), 0},
                                 {nothing.get(), 1},
-                                {errors_write.get(), 2},
+                                {errors->write.get(), 2},
                                 {channel->second.get(), kSimChannelFd},
                                 {order->get(), kSimOrderFd},
                                 {page->get(), kSimCpuPageFd}};

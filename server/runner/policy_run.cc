@@ -7,12 +7,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
-#include <cstring>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/spawn.h"
 #include "protocol/lease/sim_channel.h"
 #include "server/sandbox/seccomp_filter.h"
 
@@ -74,15 +74,6 @@ bool WasEndedBy(const FaultEvidence& evidence, int signal) {
   return WIFSIGNALED(status) && WTERMSIG(status) == signal;
 }
 
-absl::StatusOr<std::pair<Fd, Fd>> OutputPipe() {
-  int ends[2];
-  if (pipe2(ends, O_CLOEXEC) != 0) {
-    return absl::InternalError(absl::StrCat("can't make a pipe: ", std::strerror(errno)));
-  }
-  fcntl(ends[0], F_SETFL, O_NONBLOCK);
-  return std::pair(Fd(ends[0]), Fd(ends[1]));
-}
-
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<PolicyRun>> PolicyRun::Prepare(const LeaseContext& context,
@@ -99,9 +90,9 @@ absl::StatusOr<std::unique_ptr<PolicyRun>> PolicyRun::Prepare(const LeaseContext
   run->group_ = ControlGroup::Create(GroupName(std::to_string(number)), PolicyGroupLimits(budgets));
   absl::StatusOr<Fd> filter = MakeSeccompFilter(context.config.policy);
   if (!filter.ok()) return filter.status();
-  auto stdout_pipe = OutputPipe();
+  absl::StatusOr<Pipe> stdout_pipe = MakeOutputPipe();
   if (!stdout_pipe.ok()) return stdout_pipe.status();
-  auto stderr_pipe = OutputPipe();
+  absl::StatusOr<Pipe> stderr_pipe = MakeOutputPipe();
   if (!stderr_pipe.ok()) return stderr_pipe.status();
   Fd nothing(open("/dev/null", O_RDONLY | O_CLOEXEC));
   const SandboxSpec spec =
@@ -110,8 +101,8 @@ absl::StatusOr<std::unique_ptr<PolicyRun>> PolicyRun::Prepare(const LeaseContext
   absl::StatusOr<std::unique_ptr<Sandbox>> sandbox =
       Sandbox::Start(spec,
                      {{nothing.get(), 0},
-                      {stdout_pipe->second.get(), 1},
-                      {stderr_pipe->second.get(), 2},
+                      {stdout_pipe->write.get(), 1},
+                      {stderr_pipe->write.get(), 2},
                       {bridge_socket.get(), kBridgeSocketFd}},
                      run->group_->join_fds(), *filter);
   if (!sandbox.ok()) return sandbox.status();
@@ -119,8 +110,8 @@ absl::StatusOr<std::unique_ptr<PolicyRun>> PolicyRun::Prepare(const LeaseContext
   if (!run->group_->controllers().cpu_account) {
     run->tree_.emplace(run->sandbox_->pid(), absl::Seconds(context.config.policy.cpu_refresh_s));
   }
-  run->stdout_ = std::move(stdout_pipe->first);
-  run->stderr_ = std::move(stderr_pipe->first);
+  run->stdout_ = std::move(stdout_pipe->read);
+  run->stderr_ = std::move(stderr_pipe->read);
   return run;
 }
 

@@ -1,23 +1,19 @@
 #include "server/runner/runner_process.h"
 
 #include <fcntl.h>
-#include <poll.h>
 #include <signal.h>
-#include <spawn.h>
-#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <thread>
 #include <utility>
 
-#include <absl/cleanup/cleanup.h>
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/clock.h"
+#include "protocol/base/file.h"
+#include "protocol/base/spawn.h"
 
 namespace myograde::server {
 namespace {
@@ -28,29 +24,6 @@ constexpr size_t kMaxRecordBytes = 256 << 10;
 // processors busy for days, and requests to the daemon must not wait behind them.
 constexpr int kNice = 5;
 
-absl::Status Errno(std::string_view what) {
-  const int error = errno;
-  return absl::InternalError(
-      absl::StrCat(absl::string_view(what.data(), what.size()), ": ", std::strerror(error)));
-}
-
-struct Pipe {
-  Fd read;
-  Fd write;
-};
-
-absl::StatusOr<Pipe> MakePipe() {
-  int ends[2];
-  if (::pipe2(ends, O_CLOEXEC) != 0) return Errno("can't make a pipe");
-  Pipe pipe = {Fd(ends[0]), Fd(ends[1])};
-  // Above the standard streams, so that none is overwritten before it has been moved there.
-  for (Fd* end : {&pipe.read, &pipe.write}) {
-    if (end->get() <= STDERR_FILENO) *end = Fd(::fcntl(end->get(), F_DUPFD_CLOEXEC, 3));
-    if (!end->valid()) return Errno("can't move a pipe");
-  }
-  return pipe;
-}
-
 absl::Status WriteOrder(const LeaseOrder& order, const std::string& path) {
   const std::string text = LeaseOrderToJson(order).dump();
   ::unlink(path.c_str());
@@ -59,51 +32,10 @@ absl::Status WriteOrder(const LeaseOrder& order, const std::string& path) {
     return absl::NotFoundError(
         absl::StrCat("can't write the lease order ", path, ": ", std::strerror(errno)));
   }
-  size_t written = 0;
-  while (written < text.size()) {
-    const ssize_t n = ::write(file.get(), text.data() + written, text.size() - written);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return Errno(absl::StrCat("can't write the lease order ", path));
-    written += static_cast<size_t>(n);
-  }
-  return absl::OkStatus();
-}
-
-// Spawned, not forked: copying the daemon's page tables would stall its loop, the longer the more
-// memory it uses.
-absl::StatusOr<pid_t> SpawnRunner(const std::string& program, const std::string& order_path,
-                                  int in, int out, int err) {
-  posix_spawn_file_actions_t actions;
-  posix_spawnattr_t attributes;
-  ::posix_spawn_file_actions_init(&actions);
-  ::posix_spawnattr_init(&attributes);
-  const absl::Cleanup destroy = [&] {
-    ::posix_spawn_file_actions_destroy(&actions);
-    ::posix_spawnattr_destroy(&attributes);
-  };
-  ::posix_spawn_file_actions_adddup2(&actions, in, STDIN_FILENO);
-  ::posix_spawn_file_actions_adddup2(&actions, out, STDOUT_FILENO);
-  ::posix_spawn_file_actions_adddup2(&actions, err, STDERR_FILENO);
-  ::posix_spawn_file_actions_addclosefrom_np(&actions, 3);
-  sigset_t signals;
-  sigemptyset(&signals);
-  ::posix_spawnattr_setsigmask(&attributes, &signals);
-  for (int signal : {SIGINT, SIGTERM, SIGPIPE, SIGHUP, SIGCHLD}) sigaddset(&signals, signal);
-  ::posix_spawnattr_setsigdefault(&attributes, &signals);
-  ::posix_spawnattr_setpgroup(&attributes, 0);
-  ::posix_spawnattr_setflags(
-      &attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-  std::string words[] = {program, "--lifeline", order_path};
-  char* const argv[] = {words[0].data(), words[1].data(), words[2].data(), nullptr};
-  pid_t pid = -1;
-  const int error =
-      ::posix_spawn(&pid, program.c_str(), &actions, &attributes, argv, environ);
-  if (error == 0) {
-    ::setpriority(PRIO_PROCESS, static_cast<id_t>(pid), kNice);
-    return pid;
-  }
-  errno = error;
-  return Errno("can't start the runner");
+  const absl::Status written = WriteAll(file.get(), text);
+  if (written.ok()) return written;
+  return absl::InternalError(
+      absl::StrCat("can't write the lease order ", path, ": ", written.message()));
 }
 
 }  // namespace
@@ -121,13 +53,17 @@ absl::StatusOr<std::unique_ptr<RunnerProcess>> RunnerProcess::Start(const LeaseO
 
   absl::StatusOr<Pipe> in = MakePipe();
   if (!in.ok()) return in.status();
-  absl::StatusOr<Pipe> out = MakePipe();
+  absl::StatusOr<Pipe> out = MakeOutputPipe();
   if (!out.ok()) return out.status();
-  absl::StatusOr<Pipe> err = MakePipe();
+  absl::StatusOr<Pipe> err = MakeOutputPipe();
   if (!err.ok()) return err.status();
 
-  const absl::StatusOr<pid_t> pid = SpawnRunner(program, order_path, in->read.get(),
-                                                out->write.get(), err->write.get());
+  const absl::StatusOr<pid_t> pid = Spawn({program,
+                                           {program, "--lifeline", order_path},
+                                           in->read.get(),
+                                           out->write.get(),
+                                           err->write.get(),
+                                           kNice});
   if (!pid.ok()) return pid.status();
   std::unique_ptr<RunnerProcess> runner(new RunnerProcess());
   runner->lease_ = order.lease;
@@ -135,9 +71,6 @@ absl::StatusOr<std::unique_ptr<RunnerProcess>> RunnerProcess::Start(const LeaseO
   runner->lifeline_ = std::move(in->write);
   runner->stdout_ = std::move(out->read);
   runner->stderr_ = std::move(err->read);
-  for (int fd : {runner->stdout_.get(), runner->stderr_.get()}) {
-    ::fcntl(fd, F_SETFL, ::fcntl(fd, F_GETFL) | O_NONBLOCK);
-  }
   return runner;
 }
 
@@ -205,15 +138,8 @@ bool RunnerProcess::dead() {
 }
 
 absl::StatusOr<int> RunnerProcess::Wait(absl::Duration timeout) {
-  const Deadline deadline(timeout);
-  while (!dead()) {
-    if (deadline.over()) {
-      return absl::DeadlineExceededError(
-          absl::StrCat("the runner of lease ", lease_, " still runs"));
-    }
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  return wait_status_;
+  if (dead() || (EndsWithin(pid_, timeout) && dead())) return wait_status_;
+  return absl::DeadlineExceededError(absl::StrCat("the runner of lease ", lease_, " still runs"));
 }
 
 void RunnerProcess::AskToEnd() {

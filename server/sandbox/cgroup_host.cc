@@ -1,12 +1,10 @@
 #include "server/sandbox/cgroup_host.h"
 
-#include <fcntl.h>
 #include <signal.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <charconv>
 #include <cstdint>
 #include <sstream>
@@ -15,19 +13,12 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
-#include "protocol/base/fd.h"
+#include "protocol/base/file.h"
 
 namespace myograde::server {
 
 std::string ReadKernelFile(const std::string& path) {
-  Fd file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  std::string text;
-  char buffer[4096];
-  ssize_t n;
-  while (file.valid() && (n = read(file.get(), buffer, sizeof(buffer))) > 0) {
-    text.append(buffer, static_cast<size_t>(n));
-  }
-  return text;
+  return ReadFile(path).value_or("");
 }
 
 namespace {

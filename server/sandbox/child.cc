@@ -13,7 +13,7 @@
 #include <cstring>
 
 #include "protocol/base/clock.h"
-#include "protocol/base/fd.h"
+#include "protocol/base/spawn.h"
 
 namespace myograde::server {
 namespace {
@@ -48,31 +48,28 @@ bool Drain(int fd, std::string& output) {
 
 ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout) {
   ChildEnd end;
-  int ends[2];
-  if (pipe2(ends, O_CLOEXEC) != 0) {
-    end.output = std::string("can't make a pipe: ") + std::strerror(errno);
+  absl::StatusOr<Pipe> output = MakeOutputPipe();
+  if (!output.ok()) {
+    end.output = std::string(output.status().message());
     return end;
   }
-  const Fd output(ends[0]);
-  Fd write_end(ends[1]);
-  fcntl(output.get(), F_SETFL, O_NONBLOCK);
   const pid_t child = fork();
   if (child < 0) {
     end.output = std::string("can't start a process: ") + std::strerror(errno);
     return end;
   }
-  if (child == 0) BecomeChild(work, write_end.get());
+  if (child == 0) BecomeChild(work, output->write.get());
   setpgid(child, child);  // in both processes, as either may come first
-  write_end.reset();
+  output->write.reset();
 
   const Deadline deadline(timeout);
   int status = 0;
   bool open = true;
   while (!end.in_time && !deadline.over()) {
-    pollfd entry = {open ? output.get() : -1, POLLIN, 0};
+    pollfd entry = {open ? output->read.get() : -1, POLLIN, 0};
     poll(&entry, 1, kPollMs);
     end.in_time = waitpid(child, &status, WNOHANG) == child;
-    if (open) open = Drain(output.get(), end.output);
+    if (open) open = Drain(output->read.get(), end.output);
   }
   kill(-child, SIGKILL);  // it, or what it left behind
   if (end.in_time) {
@@ -85,12 +82,8 @@ ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout) {
 
 ChildEnd RunProgram(std::vector<std::string> arguments, std::vector<std::string> environment,
                     absl::Duration timeout) {
-  std::vector<char*> argv;
-  for (std::string& argument : arguments) argv.push_back(argument.data());
-  argv.push_back(nullptr);
-  std::vector<char*> envp;
-  for (std::string& variable : environment) envp.push_back(variable.data());
-  envp.push_back(nullptr);
+  const std::vector<char*> argv = ExecVector(arguments);
+  const std::vector<char*> envp = ExecVector(environment);
   return RunInChild(
       [&] {
         execve(argv[0], argv.data(), envp.data());

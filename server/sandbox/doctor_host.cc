@@ -10,7 +10,6 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <set>
 #include <sstream>
 
@@ -19,6 +18,7 @@
 #include <absl/strings/str_format.h>
 #include <absl/strings/str_replace.h>
 
+#include "protocol/base/file.h"
 #include "server/sandbox/child.h"
 #include "server/sandbox/doctor_messages.h"
 
@@ -33,15 +33,13 @@ constexpr absl::Duration kCompileTime = absl::Seconds(300);
 constexpr char kSetUp[] = "run ./dev setup, or name the folder that it filled with --cache";
 
 std::string FirstLine(const std::string& path) {
-  std::ifstream file(path);
-  std::string line;
-  std::getline(file, line);
-  return line;
+  const std::string text = ReadFile(path).value_or("");
+  return text.substr(0, text.find('\n'));
 }
 
 // The value behind `key` in a file of "key<separator>value" lines; "" if none.
 std::string ValueOf(const std::string& path, const std::string& key, char separator) {
-  std::ifstream file(path);
+  std::istringstream file(ReadFile(path).value_or(""));
   for (std::string line; std::getline(file, line);) {
     const size_t at = line.find(separator);
     if (at == std::string::npos) continue;

@@ -4,12 +4,13 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <fstream>
+#include <sstream>
 #include <string>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
+#include "protocol/base/file.h"
 #include "server/sandbox/child.h"
 #include "server/sandbox/doctor_host.h"
 #include "server/sandbox/network.h"
@@ -29,7 +30,7 @@ std::string MiB(int64_t bytes) {
 
 // The number at `index` in a kernel file; 0 if there is none.
 int64_t Setting(const char* path, int index) {
-  std::ifstream file(path);
+  std::istringstream file(ReadFile(path).value_or(""));
   int64_t value = 0;
   for (int i = 0; i <= index; ++i) {
     if (!(file >> value)) return 0;

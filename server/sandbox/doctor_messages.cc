@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
 #include <set>
 
 #include <absl/strings/match.h>
@@ -18,6 +17,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
+#include "protocol/base/file.h"
 #include "server/sandbox/doctor_host.h"
 
 namespace myograde::server {
@@ -59,13 +59,11 @@ std::string Mitigations() {
   std::error_code error;
   const char folder[] = "/sys/devices/system/cpu/vulnerabilities";
   for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-    std::ifstream file(entry.path());
-    std::string line;
-    std::getline(file, line);
+    const std::string state = ReadFile(entry.path().string()).value_or("");
     // The mitigations that cost at each entry into the kernel or each process switch.
     for (const char* known : {"Safe RET", "Retpolines", "PTI", "IBRS", "IBPB", "untrained return",
                               "Clear CPU buffers", "prctl and seccomp"}) {
-      if (absl::StrContains(line, known)) active.insert(known);
+      if (absl::StrContains(state, known)) active.insert(known);
     }
   }
   return absl::StrJoin(active, ", ");

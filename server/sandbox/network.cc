@@ -12,7 +12,7 @@
 
 #include <cerrno>
 #include <cstring>
-#include <fstream>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <utility>
@@ -23,6 +23,7 @@
 #include <absl/strings/str_split.h>
 #include <absl/strings/string_view.h>
 
+#include "protocol/base/file.h"
 #include "server/sandbox/socket_bytes.h"
 
 namespace myograde::server {
@@ -166,7 +167,7 @@ absl::StatusOr<BusNetwork> BusNetwork::Make() {
       }
     }
   }).join();
-  std::ifstream pages("/proc/sys/net/ipv4/udp_mem");
+  std::istringstream pages(ReadFile("/proc/sys/net/ipv4/udp_mem").value_or(""));
   int64_t least = 0;
   if (!(pages >> least >> network.full_pages_)) network.full_pages_ = 0;
   if (refused == nullptr) return network;

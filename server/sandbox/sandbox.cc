@@ -22,6 +22,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/spawn.h"
 
 namespace myograde::server {
 namespace {
@@ -211,18 +212,10 @@ absl::StatusOr<std::unique_ptr<Sandbox>> Sandbox::Start(const SandboxSpec& spec,
                                                         const std::vector<SandboxFd>& fds,
                                                         const std::vector<int>& join,
                                                         const Fd& filter) {
-  int status[2];
-  if (pipe2(status, O_CLOEXEC | O_NONBLOCK) != 0) {
-    return absl::InternalError(absl::StrCat("can't make a pipe: ", std::strerror(errno)));
-  }
-  Fd status_read(status[0]);
-  Fd status_write(status[1]);
-  int gate[2] = {-1, -1};
-  if (spec.held && pipe2(gate, O_CLOEXEC) != 0) {
-    return absl::InternalError(absl::StrCat("can't make a pipe: ", std::strerror(errno)));
-  }
-  Fd gate_read(gate[0]);
-  Fd gate_write(gate[1]);
+  absl::StatusOr<Pipe> status = MakeOutputPipe();
+  if (!status.ok()) return status.status();
+  absl::StatusOr<Pipe> gate = spec.held ? MakePipe() : Pipe();
+  if (!gate.ok()) return gate.status();
   std::optional<BusNetwork> network;
   if (spec.bus) {
     absl::StatusOr<BusNetwork> made = BusNetwork::Make();
@@ -230,11 +223,10 @@ absl::StatusOr<std::unique_ptr<Sandbox>> Sandbox::Start(const SandboxSpec& spec,
     network = *std::move(made);
   }
   std::vector<std::string> arguments = Arguments(spec, filter.valid());
-  ChildPlan plan = {{}, fds, join, &spec, network.has_value() ? network->fd() : -1, getpid()};
-  for (std::string& argument : arguments) plan.arguments.push_back(argument.data());
-  plan.arguments.push_back(nullptr);
-  plan.fds.push_back({status_write.get(), kStatusFd});
-  if (spec.held) plan.fds.push_back({gate_read.get(), kGateFd});
+  ChildPlan plan = {ExecVector(arguments), fds, join, &spec,
+                    network.has_value() ? network->fd() : -1, getpid()};
+  plan.fds.push_back({status->write.get(), kStatusFd});
+  if (spec.held) plan.fds.push_back({gate->read.get(), kGateFd});
   if (filter.valid()) {
     lseek(filter.get(), 0, SEEK_SET);
     plan.fds.push_back({filter.get(), kFilterFd});
@@ -248,8 +240,8 @@ absl::StatusOr<std::unique_ptr<Sandbox>> Sandbox::Start(const SandboxSpec& spec,
   std::unique_ptr<Sandbox> sandbox(new Sandbox());
   sandbox->pid_ = pid;
   sandbox->network_ = std::move(network);
-  sandbox->status_ = std::move(status_read);
-  sandbox->gate_ = std::move(gate_write);
+  sandbox->status_ = std::move(status->read);
+  sandbox->gate_ = std::move(gate->write);
   return sandbox;
 }
 
@@ -290,6 +282,7 @@ bool Sandbox::Ended() {
 
 bool Sandbox::Wait(absl::Duration timeout) {
   const Deadline deadline(timeout);
+  // Looks again and again, as bubblewrap's reports have to be read meanwhile.
   while (!Ended()) {
     if (deadline.over()) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(1));

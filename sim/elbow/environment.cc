@@ -7,10 +7,12 @@
 #include <numbers>
 #include <utility>
 
+#include <Eigen/Core>
 #include <absl/strings/str_cat.h>
 
 #include "sim/elbow/elbow.h"
 #include "sim/elbow/model.h"
+#include "sim/model/state.h"
 
 namespace myograde::sim {
 namespace {
@@ -81,7 +83,7 @@ void ElbowEnvironment::Reset(uint64_t seed) {
   mj_forward(model_.get(), data_.get());
   mj_forward(model_.get(), data_.get());
   StartFacts();
-  SaveState();
+  CopyState(*model_, *data_, state_);
 }
 
 // The passive forward step leaves nothing but the solver's warm start behind,
@@ -117,7 +119,7 @@ StepResult ElbowEnvironment::Step(std::span<const double> action) {
     Measure();
     Judge(result);
   }
-  SaveState();
+  CopyState(*model_, *data_, state_);
   return result;
 }
 
@@ -153,6 +155,7 @@ StepResult ElbowEnvironment::Simulate() {
 
 double ElbowEnvironment::Error() const { return std::abs(target_ - data_->qpos[0]); }
 
+// By MuJoCo, whose sum rounds otherwise than Eigen's: recorded efforts depend on it.
 double ElbowEnvironment::Effort() const { return mju_norm(data_->act, kMuscleCount) / kMuscleCount; }
 
 void ElbowEnvironment::Measure() {
@@ -185,14 +188,7 @@ void ElbowEnvironment::Judge(StepResult& result) {
 
 void ElbowEnvironment::SynchroniseState() {
   mj_forward(model_.get(), data_.get());
-  SaveState();
-}
-
-void ElbowEnvironment::SaveState() {
-  state_[0] = data_->time;
-  state_[1] = data_->qpos[0];
-  state_[2] = data_->qvel[0];
-  std::copy_n(data_->act, kMuscleCount, state_.begin() + 3);
+  CopyState(*model_, *data_, state_);
 }
 
 // ---- Observation ----
@@ -201,10 +197,9 @@ void ElbowEnvironment::SaveState() {
 void ElbowEnvironment::Observe(std::span<double> out) const {
   assert(static_cast<int>(out.size()) == observation_size());
   const double period = model_->opt.timestep * kPhysicsSteps;
-  out[0] = data_->qpos[0];
-  out[1] = rules_.velocities_times_step ? data_->qvel[0] * period : data_->qvel[0];
-  out[2] = target_ - data_->qpos[0];
-  std::copy_n(data_->act, kMuscleCount, out.begin() + 3);
+  Eigen::VectorXd::Map(out.data(), std::ssize(out)) << data_->qpos[0],
+      rules_.velocities_times_step ? data_->qvel[0] * period : data_->qvel[0],
+      target_ - data_->qpos[0], Eigen::VectorXd::Map(data_->act, kMuscleCount);
 }
 
 ElbowEnvironment::Official ElbowEnvironment::official() const {

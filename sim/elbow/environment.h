@@ -1,9 +1,9 @@
 // Implementation of the elbow environment; the tests look inside.
 #pragma once
 
-#include <array>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "sim/elbow/rules.h"
 #include "sim/environment.h"
@@ -63,7 +63,6 @@ class ElbowEnvironment final : public Environment {
   void Judge(StepResult& result);
   double Error() const;   // rad, |target - angle|
   double Effort() const;  // |activations| / 6
-  void SaveState();
 
   ElbowRules rules_;
   ModelPtr model_;
@@ -75,7 +74,7 @@ class ElbowEnvironment final : public Environment {
   double target_ = 0;  // rad
   int64_t run_ = 0;    // steps in a row within the tolerance
   EpisodeFacts facts_;
-  std::array<double, 3 + kMuscleCount> state_{};
+  std::vector<double> state_;
 };
 
 }  // namespace myograde::sim

@@ -4,6 +4,8 @@
 
 #include <span>
 
+#include <Eigen/Core>
+
 #include "sim/locomotion/rules.h"
 #include "sim/locomotion/terrain.h"
 
@@ -14,8 +16,7 @@ inline constexpr int kHeightMapSize = 10;
 // Where the person is: x and y of the root in m and its normalised quaternion
 // (w, x, y, z); the root's x axis looks ahead.
 struct Pose {
-  double x;
-  double y;
+  Eigen::Vector2d place;
   const double* quaternion;
 };
 

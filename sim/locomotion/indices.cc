@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
+
+#include "sim/model/finder.h"
 
 namespace myograde::sim {
 namespace {
@@ -36,26 +37,6 @@ constexpr std::array<const char*, kPainJoints> kPainJointNames = {
 
 constexpr std::array<const char*, kFootMarkers> kFootMarkerNames = {"r_heel_btm", "r_toe_btm",
                                                                     "l_heel_btm", "l_toe_btm"};
-
-// Looks names up and keeps the first that is missing.
-class Finder {
- public:
-  explicit Finder(const mjModel& model) : model_(model) {}
-
-  int Find(mjtObj type, const char* name) {
-    const int id = mj_name2id(&model_, type, name);
-    if (id < 0 && missing_.empty()) missing_ = name;
-    return std::max(id, 0);
-  }
-  int Qpos(const char* joint) { return model_.jnt_qposadr[Find(mjOBJ_JOINT, joint)]; }
-  int Dof(const char* joint) { return model_.jnt_dofadr[Find(mjOBJ_JOINT, joint)]; }
-  int Sensor(const char* name) { return model_.sensor_adr[Find(mjOBJ_SENSOR, name)]; }
-  const std::string& missing() const { return missing_; }
-
- private:
-  const mjModel& model_;
-  std::string missing_;
-};
 
 // Every actuator with an activation is a muscle; they keep the official order.
 std::vector<int> Muscles(const mjModel& model) {

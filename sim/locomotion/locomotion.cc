@@ -5,18 +5,31 @@
 #include <numbers>
 #include <utility>
 
+#include <Eigen/Geometry>
 #include <absl/strings/str_cat.h>
 
 #include "sim/locomotion/height_map.h"
 #include "sim/locomotion/model.h"
+#include "sim/model/state.h"
 
 namespace myograde::sim {
 namespace {
+
+using Eigen::VectorXd;
 
 constexpr int kSubsteps = 5;
 constexpr double kControlPeriod = 0.005;  // s
 constexpr int kKeyframes = 3;             // standing, leg behind, leg ahead
 constexpr int kKeyframeInSwing = 1;
+
+// The entries of one of MuJoCo's arrays that stand at `indices`. (Eigen's views of this kind take
+// the compiler seconds.)
+template <size_t n>
+Eigen::Matrix<double, n, 1> Pick(const mjtNum* values, const std::array<int, n>& indices) {
+  Eigen::Matrix<double, n, 1> picked;
+  for (size_t i = 0; i < n; ++i) picked[i] = values[indices[i]];
+  return picked;
+}
 
 // A normalised action entry as a muscle's control.
 double MuscleSigmoid(double action) { return 1.0 / (1.0 + std::exp(-5.0 * (action - 0.5))); }
@@ -28,13 +41,11 @@ void TurnTo(double yaw, double* q) {
   const double sine = 2 * (w * y - z * x);
   const double pitch =
       std::abs(sine) >= 1 ? std::copysign(std::numbers::pi / 2, sine) : std::asin(sine);
-  const double cr = std::cos(roll * 0.5), sr = std::sin(roll * 0.5);
-  const double cp = std::cos(pitch * 0.5), sp = std::sin(pitch * 0.5);
-  const double cy = std::cos(yaw * 0.5), sy = std::sin(yaw * 0.5);
-  q[0] = cr * cp * cy + sr * sp * sy;
-  q[1] = sr * cp * cy - cr * sp * sy;
-  q[2] = cr * sp * cy + sr * cp * sy;
-  q[3] = cr * cp * sy - sr * sp * cy;
+  using Eigen::AngleAxisd, Eigen::Vector3d;
+  const Eigen::Quaterniond turned =
+      AngleAxisd(yaw, Vector3d::UnitZ()) *
+      (AngleAxisd(pitch, Vector3d::UnitY()) * AngleAxisd(roll, Vector3d::UnitX()));
+  VectorXd::Map(q, 4) << turned.w(), turned.x(), turned.y(), turned.z();
 }
 
 bool Warned(const mjData& data, std::initializer_list<mjtWarning> kinds) {
@@ -91,13 +102,9 @@ Locomotion::Locomotion(const LocomotionRules& rules, ModelPtr model, DataPtr dat
   // The grid's size is part of the rules: the model only reserves room for it.
   model_->hfield_nrow[at_.field] = rules_.field.rows;
   model_->hfield_ncol[at_.field] = rules_.field.columns;
-  mjtNum* size = model_->hfield_size + 4 * at_.field;
-  size[0] = rules_.field.half_width_m;
-  size[1] = rules_.field.half_length_m;
-  size[2] = rules_.field.ceiling_m;
-  mju_copy3(model_->geom_pos + 3 * at_.field_geom,
-            std::array<mjtNum, 3>{0, 0, rules_.field.offset_m}.data());
-  state_.resize(1 + model_->nq + model_->nv + model_->na);
+  VectorXd::Map(model_->hfield_size + 4 * at_.field, 3) << rules_.field.half_width_m,
+      rules_.field.half_length_m, rules_.field.ceiling_m;
+  VectorXd::Map(model_->geom_pos + 3 * at_.field_geom, 3) << 0, 0, rules_.field.offset_m;
   Reset(0);
 }
 
@@ -120,10 +127,10 @@ void Locomotion::LayTerrain() {
   for (const float height : terrain_.heights()) *samples++ = height / ceiling;
 }
 
-void Locomotion::DrawPose(std::span<double> qpos, std::span<double> qvel) {
+void Locomotion::DrawPose(VectorXd& qpos, VectorXd& qvel) {
   const int key = static_cast<int>(random_->Integers(kKeyframes));
-  std::copy_n(model_->key_qpos + key * model_->nq, model_->nq, qpos.begin());
-  std::copy_n(model_->key_qvel + key * model_->nv, model_->nv, qvel.begin());
+  qpos = VectorXd::Map(model_->key_qpos + key * model_->nq, model_->nq);
+  qvel = VectorXd::Map(model_->key_qvel + key * model_->nv, model_->nv);
   leg_.Reset();
   leg_.set_state(key == kKeyframeInSwing ? LegState::kEarlySwing : LegState::kEarlyStance);
   qpos[0] = random_->Uniform(rules_.start.x_low_m, rules_.start.x_high_m);
@@ -131,19 +138,17 @@ void Locomotion::DrawPose(std::span<double> qpos, std::span<double> qvel) {
   const double yaw = random_->Uniform(Radians(rules_.start.heading_low_deg),
                                       Radians(rules_.start.heading_high_deg));
   TurnTo(yaw, &qpos[3]);
-  const double speed = std::sqrt(qvel[0] * qvel[0] + qvel[1] * qvel[1]);
-  qvel[0] = std::cos(yaw) * speed;
-  qvel[1] = std::sin(yaw) * speed;
+  qvel.head<2>() = Eigen::Vector2d(std::cos(yaw), std::sin(yaw)) * qvel.head<2>().norm();
 }
 
-void Locomotion::HardReset(std::span<const double> qpos, std::span<const double> qvel) {
+void Locomotion::HardReset(const VectorXd& qpos, const VectorXd& qvel) {
   mj_resetData(model_.get(), data_.get());
   const int flags = model_->opt.disableflags;
   model_->opt.disableflags |= mjDSBL_ACTUATION;
   mj_forward(model_.get(), data_.get());
   model_->opt.disableflags = flags;
-  std::copy(qpos.begin(), qpos.end(), data_->qpos);
-  std::copy(qvel.begin(), qvel.end(), data_->qvel);
+  VectorXd::Map(data_->qpos, model_->nq) = qpos;
+  VectorXd::Map(data_->qvel, model_->nv) = qvel;
   // Three times, as the official code: each solution is the next one's start,
   // so that the last bits depend on it.
   for (int i = 0; i < 3; ++i) mj_forward(model_.get(), data_.get());
@@ -151,7 +156,7 @@ void Locomotion::HardReset(std::span<const double> qpos, std::span<const double>
 
 void Locomotion::ResetEpisode() {
   LayTerrain();
-  std::vector<double> qpos(model_->nq), qvel(model_->nv);
+  VectorXd qpos, qvel;
   DrawPose(qpos, qvel);
   HardReset(qpos, qvel);
   // The lowest foot marker comes to its clearance above the ground plane; the
@@ -161,8 +166,8 @@ void Locomotion::ResetEpisode() {
   data_->qpos[2] += rules_.start.clearance_m - lowest;
   mj_forward(model_.get(), data_.get());
   // Read back: MuJoCo normalised the quaternion in place.
-  std::copy_n(data_->qpos, model_->nq, qpos.begin());
-  std::copy_n(data_->qvel, model_->nv, qvel.begin());
+  qpos = VectorXd::Map(data_->qpos, model_->nq);
+  qvel = VectorXd::Map(data_->qvel, model_->nv);
   HardReset(qpos, qvel);
   mj_forward(model_.get(), data_.get());
 
@@ -171,7 +176,7 @@ void Locomotion::ResetEpisode() {
   progress_.course = static_cast<int>(terrain_.kind());
   progress_.start_y = rules_.end.distance_from_y_m;
   progress_.min_y = progress_.final_y = data_->qpos[1];
-  KeepState();
+  CopyState(*model_, *data_, state_);
 }
 
 absl::Status Locomotion::SetLegParameters(const LegParameterSets& sets) {
@@ -189,7 +194,7 @@ void Locomotion::SetState(const State& state) {
   std::copy(state.ctrl.begin(), state.ctrl.end(), data_->ctrl);
   std::copy(state.warmstart.begin(), state.warmstart.end(), data_->qacc_warmstart);
   mj_forward(model_.get(), data_.get());
-  KeepState();
+  CopyState(*model_, *data_, state_);
 }
 
 double Locomotion::MuscleControl(double action) {
@@ -250,7 +255,7 @@ StepResult Locomotion::Step(std::span<const double> action) {
   // The official code sees bad accelerations of this evaluation in its next step.
   if (!rules_.warnings_reset_simulation) mj_checkAcc(model_.get(), data_.get());
   ++facts_.steps;
-  KeepState();
+  CopyState(*model_, *data_, state_);
 
   result.overflow = result.overflow || Overflown(*data_);
   result.unstable = BrokenDown(*data_);
@@ -258,14 +263,6 @@ StepResult Locomotion::Step(std::span<const double> action) {
   if (result.ended) return result;  // facts().end stays kFault
   result.ended = JudgeStep();
   return result;
-}
-
-void Locomotion::KeepState() {
-  auto out = state_.begin();
-  *out++ = data_->time;
-  out = std::copy_n(data_->qpos, model_->nq, out);
-  out = std::copy_n(data_->qvel, model_->nv, out);
-  std::copy_n(data_->act, model_->na, out);
 }
 
 bool Locomotion::OffTrack() const {
@@ -287,23 +284,18 @@ bool Locomotion::Fallen() const {
 double Locomotion::Pain() const {
   // Torque of the joint limits alone: their rows of the constraint Jacobian
   // (dense for this model) times their forces.
-  std::array<double, kPainJoints> torque{};
+  Eigen::Matrix<double, kPainJoints, 1> torque;
+  torque.setZero();
   for (int row = 0; row < data_->nefc; ++row) {
     if (data_->efc_type[row] != mjCNSTR_LIMIT_JOINT) continue;
-    const mjtNum* jacobian = data_->efc_J + row * model_->nv;
-    for (int i = 0; i < kPainJoints; ++i) {
-      torque[i] += jacobian[at_.pain_dof[i]] * data_->efc_force[row];
-    }
+    torque += Pick(data_->efc_J + row * model_->nv, at_.pain_dof) * data_->efc_force[row];
   }
-  double sum = 0;
-  for (const double value : torque) sum += std::min(std::abs(value), rules_.pain_clip_nm) / 1000;
-  return sum / kPainJoints;
+  return (torque.cwiseAbs().cwiseMin(rules_.pain_clip_nm) / 1000).sum() / kPainJoints;
 }
 
 LocomotionTerms Locomotion::terms() const {
   LocomotionTerms out;
-  for (int i = 0; i < model_->na; ++i) out.effort += data_->act[i] * data_->act[i];
-  out.effort /= kLegMuscles;
+  out.effort = VectorXd::Map(data_->act, model_->na).squaredNorm() / kLegMuscles;
   out.pain = Pain();
   out.sparse = -data_->qvel[1];
   out.solved = data_->qpos[1] < rules_.end.finish_y_m;
@@ -349,33 +341,25 @@ EpisodeFacts Locomotion::facts() const {
   return out;
 }
 
-void Locomotion::WriteMuscles(double* length, double* velocity, double* force) const {
-  for (const int actuator : at_.sorted_muscle) {
-    *length++ = data_->actuator_length[actuator];
-    *velocity++ = std::clamp(data_->actuator_velocity[actuator], -100.0, 100.0);
-    *force++ = std::clamp(data_->actuator_force[actuator] / 1000, -100.0, 100.0);
-  }
+Eigen::Matrix<double, 3 * kLegMuscles, 1> Locomotion::SortedMuscles() const {
+  Eigen::Matrix<double, 3 * kLegMuscles, 1> out;
+  out << Pick(data_->actuator_length, at_.sorted_muscle),
+      Pick(data_->actuator_velocity, at_.sorted_muscle),
+      Pick(data_->actuator_force, at_.sorted_muscle) / 1000;
+  out.tail(2 * kLegMuscles) = out.tail(2 * kLegMuscles).cwiseMax(-100).cwiseMin(100);
+  return out;
 }
 
 void Locomotion::Observe(std::span<double> out) const {
-  double* next = out.data();
-  const auto put = [&](const mjtNum* values, int n) { next = std::copy_n(values, n, next); };
-  put(&data_->time, 1);
-  *next++ = static_cast<double>(terrain_.kind());
-  for (const int address : at_.joint_qpos) *next++ = data_->qpos[address];
   const double scale = rules_.observation.velocities_times_step ? kControlPeriod : 1;
-  for (const int dof : at_.joint_dof) *next++ = data_->qvel[dof] * scale;
-  put(data_->sensordata + at_.left_foot_touch, 1);
-  put(data_->sensordata + at_.left_toes_touch, 1);
-  put(data_->sensordata + at_.socket_load, 3);
-  put(data_->xquat + 4 * at_.pelvis_body, 4);
-  put(data_->act, kLegMuscles);
-  WriteMuscles(next, next + kLegMuscles, next + 2 * kLegMuscles);
-  next += 3 * kLegMuscles;
-  put(data_->qpos, 2);
-  put(data_->qvel, 2);
-  const Pose pose{data_->qpos[0], data_->qpos[1], data_->qpos + 3};
-  const std::span<double> map(next, kHeightMapSize * kHeightMapSize);
+  const std::span<double> map = out.last(kHeightMapSize * kHeightMapSize);
+  VectorXd::Map(out.data(), std::ssize(out) - std::ssize(map)) << data_->time,
+      static_cast<double>(terrain_.kind()), Pick(data_->qpos, at_.joint_qpos),
+      Pick(data_->qvel, at_.joint_dof) * scale, data_->sensordata[at_.left_foot_touch],
+      data_->sensordata[at_.left_toes_touch], VectorXd::Map(data_->sensordata + at_.socket_load, 3),
+      VectorXd::Map(data_->xquat + 4 * at_.pelvis_body, 4), VectorXd::Map(data_->act, kLegMuscles),
+      SortedMuscles(), VectorXd::Map(data_->qpos, 2), VectorXd::Map(data_->qvel, 2);
+  const Pose pose{VectorXd::Map(data_->qpos, 2), data_->qpos + 3};
   if (rules_.observation.height_map == HeightMapKind::kOfficial) {
     OfficialHeightMap(terrain_, pose, map);
   } else {
@@ -384,18 +368,11 @@ void Locomotion::Observe(std::span<double> out) const {
 }
 
 void Locomotion::ObserveOfficial(std::span<double> out) const {
-  double* next = out.data();
-  const auto put = [&](const mjtNum* values, int n) { next = std::copy_n(values, n, next); };
-  for (const int address : at_.joint_qpos) *next++ = data_->qpos[address];
-  for (const int dof : at_.joint_dof) *next++ = data_->qvel[dof] * kControlPeriod;
-  put(data_->sensordata + at_.left_foot_touch, 1);
-  put(data_->sensordata + at_.left_toes_touch, 1);
-  put(data_->xquat + 4 * at_.pelvis_body, 4);
-  put(data_->qpos, 2);
-  put(data_->qvel, 2);
-  WriteMuscles(next, next + kLegMuscles, next + 2 * kLegMuscles);
-  next += 3 * kLegMuscles;
-  put(data_->act, kLegMuscles);
+  VectorXd::Map(out.data(), std::ssize(out)) << Pick(data_->qpos, at_.joint_qpos),
+      Pick(data_->qvel, at_.joint_dof) * kControlPeriod, data_->sensordata[at_.left_foot_touch],
+      data_->sensordata[at_.left_toes_touch], VectorXd::Map(data_->xquat + 4 * at_.pelvis_body, 4),
+      VectorXd::Map(data_->qpos, 2), VectorXd::Map(data_->qvel, 2), SortedMuscles(),
+      VectorXd::Map(data_->act, kLegMuscles);
 }
 
 }  // namespace myograde::sim

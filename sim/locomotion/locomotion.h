@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 #include <mujoco/mujoco.h>
@@ -93,20 +94,19 @@ class Locomotion final : public Environment {
              const LocomotionIndices& indices);
 
   void LayTerrain();
-  void HardReset(std::span<const double> qpos, std::span<const double> qvel);
-  void DrawPose(std::span<double> qpos, std::span<double> qvel);
+  void HardReset(const Eigen::VectorXd& qpos, const Eigen::VectorXd& qvel);
+  void DrawPose(Eigen::VectorXd& qpos, Eigen::VectorXd& qvel);
   // A muscle's control for its action entry, clipped and counted if the rules say so.
   double MuscleControl(double action);
   void SelectLegSet(double action);
   void WriteLegControls(const LegTorques& torques);
-  void KeepState();
   // Adds the step to the facts; true if it was the last.
   bool JudgeStep();
   bool Fallen() const;
   bool OffTrack() const;
   double Pain() const;
-  // Muscle blocks and other pieces that both observation vectors share.
-  void WriteMuscles(double* length, double* velocity, double* force) const;
+  // The block that both observations share: lengths, velocities and forces of the muscles.
+  Eigen::Matrix<double, 3 * kLegMuscles, 1> SortedMuscles() const;
   int64_t MaxSteps() const;
 
   LocomotionRules rules_;

@@ -39,7 +39,7 @@ Terrain::Terrain(const FieldRules& field, const CourseRules& course, double star
       course_(course),
       start_y_(start_y),
       patches_(course.difficulty.size(), CourseKind::kFlat),
-      heights_(static_cast<size_t>(field.rows) * field.columns, 0.0f),
+      heights_(decltype(heights_)::Zero(field.rows, field.columns)),
       samples_(heights_.size()) {}
 
 double Terrain::RowY(int row) const {
@@ -47,7 +47,7 @@ double Terrain::RowY(int row) const {
 }
 
 void Terrain::Build(NumpyGenerator& random, LegacyNumpyGenerator& legacy) {
-  std::fill(heights_.begin(), heights_.end(), 0.0f);
+  heights_.setZero();
   std::fill(patches_.begin(), patches_.end(), CourseKind::kFlat);
   kind_ = Draw(course_.kinds, random);
   if (kind_ == CourseKind::kFlat) return;
@@ -105,10 +105,8 @@ void Terrain::FillStairs(RowRange rows, double step) {
   int row = rows.begin;
   for (const int up : kTreadSteps) {
     height += up * step;
-    for (int i = 0; i < tread_rows; ++i, ++row) {
-      std::fill_n(heights_.begin() + row * field_.columns, field_.columns,
-                  static_cast<float>(height));
-    }
+    heights_.middleRows(row, tread_rows).setConstant(static_cast<float>(height));
+    row += tread_rows;
   }
 }
 
@@ -120,18 +118,18 @@ void Terrain::FillHill(int patch, RowRange rows, double height) {
     for (int row = rows.begin; row < rows.end; ++row) {
       const double along = (foot_y - RowY(row)) / course_.hill_length_m;
       if (along <= 0 || along >= 1) continue;
-      std::fill_n(heights_.begin() + row * field_.columns, field_.columns,
-                  static_cast<float>(height * std::sin(std::numbers::pi * along)));
+      heights_.row(row).setConstant(
+          static_cast<float>(height * std::sin(std::numbers::pi * along)));
     }
     return;
   }
-  // numpy.linspace(0, pi, n): multiples of one step, the last value exact.
+  // numpy.linspace(0, pi, n), backwards: multiples of one step, the last value exact.
   const int n = (rows.end - rows.begin) * field_.columns;
   const double step = std::numbers::pi / (n - 1);
   for (int i = 0; i < n; ++i) {
-    samples_[i] = std::sin(i == n - 1 ? std::numbers::pi : i * step);
+    samples_[n - 1 - i] = std::sin(i == n - 1 ? std::numbers::pi : i * step);
   }
-  WriteNormalised(rows, height, /*reversed=*/true);
+  WriteNormalised(rows, height);
 }
 
 void Terrain::FillRough(RowRange rows, double range, NumpyGenerator& random,
@@ -142,19 +140,15 @@ void Terrain::FillRough(RowRange rows, double range, NumpyGenerator& random,
                                                                : random.Uniform(-1, 1);
   }
   const double scale = course_.rough_random_scale ? random.Uniform(0, range) : range;
-  WriteNormalised(rows, scale, /*reversed=*/false);
+  WriteNormalised(rows, scale);
 }
 
-void Terrain::WriteNormalised(RowRange rows, double scale, bool reversed) {
-  const int first = rows.begin * field_.columns;
+void Terrain::WriteNormalised(RowRange rows, double scale) {
   const int n = (rows.end - rows.begin) * field_.columns;
-  const auto [low, high] = std::minmax_element(samples_.begin(), samples_.begin() + n);
-  const double minimum = *low;
-  const double extent = *high - minimum;
-  for (int i = 0; i < n; ++i) {
-    const double sample = samples_[reversed ? n - 1 - i : i];
-    heights_[first + i] = static_cast<float>((sample - minimum) / extent * scale);
-  }
+  const auto samples = samples_.head(n);
+  const double low = samples.minCoeff();
+  Eigen::ArrayXf::Map(heights_.row(rows.begin).data(), n) =
+      ((samples - low) / (samples.maxCoeff() - low) * scale).cast<float>();
 }
 
 double Terrain::GroundAt(double x, double y) const {

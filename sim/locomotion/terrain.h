@@ -10,6 +10,8 @@
 #include <span>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "sim/locomotion/rules.h"
 #include "sim/random/numpy.h"
 
@@ -35,8 +37,10 @@ class Terrain {
   int columns() const { return field_.columns; }
   // Heights in m above the field's zero, row by row, as MuJoCo keeps them:
   // single precision.
-  std::span<const float> heights() const { return heights_; }
-  float at(int row, int column) const { return heights_[row * field_.columns + column]; }
+  std::span<const float> heights() const {
+    return {heights_.data(), static_cast<size_t>(heights_.size())};
+  }
+  float at(int row, int column) const { return heights_(row, column); }
   double RowY(int row) const;
 
   // World height in m of the ground at (x, y): the field's surface, or the
@@ -57,7 +61,7 @@ class Terrain {
   void FillRough(RowRange rows, double range, NumpyGenerator& random,
                  LegacyNumpyGenerator& legacy);
   // Writes samples_ to the rows, min-max normalised and times `scale`.
-  void WriteNormalised(RowRange rows, double scale, bool reversed);
+  void WriteNormalised(RowRange rows, double scale);
 
   FieldRules field_;
   CourseRules course_;
@@ -65,8 +69,8 @@ class Terrain {
   CourseKind kind_ = CourseKind::kFlat;
   std::vector<CourseKind> patches_;
   std::vector<CourseKind> hand_;  // of a mixed course, kept to allocate once
-  std::vector<float> heights_;
-  std::vector<double> samples_;  // of one patch, kept to allocate once
+  Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> heights_;
+  Eigen::ArrayXd samples_;  // of one patch, kept to allocate once
 };
 
 }  // namespace myograde::sim

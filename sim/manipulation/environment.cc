@@ -9,6 +9,7 @@
 
 #include "sim/manipulation/manipulation.h"
 #include "sim/manipulation/model.h"
+#include "sim/model/state.h"
 
 namespace myograde::sim {
 namespace {
@@ -68,8 +69,7 @@ ManipulationEnvironment::ManipulationEnvironment(const ManipulationRules& rules,
       model_(std::move(model)),
       data_(std::move(data)),
       scene_(scene),
-      history_(rules.hold_frames),
-      state_(1 + model_->nq + model_->nv + model_->na) {
+      history_(rules.hold_frames) {
   facts_.track = ManipulationFacts{};
 }
 
@@ -107,7 +107,7 @@ void ManipulationEnvironment::Reset(uint64_t seed) {
   if (rules_.stale_first_observation) PlaceObjectAtStart();
   derived_are_stale_ = rules_.stale_first_observation;
   start_height_ = ObjectHeight();
-  SaveState();
+  CopyState(*model_, *data_, state_);
 }
 
 void ManipulationEnvironment::PlaceAtKeyframe() {
@@ -116,9 +116,9 @@ void ManipulationEnvironment::PlaceAtKeyframe() {
 }
 
 void ManipulationEnvironment::PlaceObjectAtStart() {
-  mjtNum* position = data_->qpos + scene_.object_qpos;
-  std::ranges::copy(variation_.start, position);
-  position[2] += rules_.release_height_m;
+  auto position = Eigen::Vector3d::Map(data_->qpos + scene_.object_qpos);
+  position = variation_.start;
+  position.z() += rules_.release_height_m;
 }
 
 void ManipulationEnvironment::StartFacts() {
@@ -131,7 +131,7 @@ void ManipulationEnvironment::StartFacts() {
   history_.Clear();
   goal_touch_ = 0;
   placed_run_ = 0;
-  reference_.goal = {variation_.goal[0], variation_.goal[1], rules_.goal_face_m};
+  reference_.goal = {variation_.goal.x(), variation_.goal.y(), rules_.goal_face_m};
   reference_.object_height = data_->site_xpos[3 * scene_.touch_site + 2];
   reference_.palm_height = data_->site_xpos[3 * scene_.palm_site + 2];
   RefreshFrame();
@@ -141,7 +141,7 @@ void ManipulationEnvironment::StartFacts() {
   const OfficialView view = ComputeOfficialView(*data_, scene_);
   facts.final_goal_distance =
       ComputeOfficialReward(*model_, *data_, scene_, view, reference_).goal_dist;
-  facts.final_hand_distance = mju_norm3(view.reach_error.data());
+  facts.final_hand_distance = view.reach_error.norm();
 }
 
 // ---- Step ----
@@ -157,7 +157,7 @@ StepResult ManipulationEnvironment::Step(std::span<const double> action) {
     UpdatePlacement();
     Judge(result);
   }
-  SaveState();
+  CopyState(*model_, *data_, state_);
   return result;
 }
 
@@ -230,28 +230,24 @@ void ManipulationEnvironment::CountFrame() {
   facts.effort_sum += reward.act;
   facts.goal_distance_sum += reward.goal_dist;
   facts.final_goal_distance = reward.goal_dist;
-  facts.final_hand_distance = mju_norm3(view.reach_error.data());
+  facts.final_hand_distance = view.reach_error.norm();
   facts.max_height = std::max(facts.max_height, ObjectHeight() - start_height_);
 }
 
-std::array<double, 3> ManipulationEnvironment::ObjectPlace() const {
+Eigen::Vector3d ManipulationEnvironment::ObjectPlace() const {
   const bool centre = rules_.object_point == ManipulationRules::ObjectPoint::kBoxCentre;
-  const mjtNum* place = centre ? data_->geom_xpos + 3 * scene_.object_box
-                               : data_->site_xpos + 3 * scene_.touch_site;
-  return {place[0], place[1], place[2]};
+  return Eigen::Vector3d::Map(centre ? data_->geom_xpos + 3 * scene_.object_box
+                                     : data_->site_xpos + 3 * scene_.touch_site);
 }
 
 // Of the box's centre, from the coordinates alone: valid before any forward step.
 double ManipulationEnvironment::ObjectHeight() const {
-  return ObjectPoint(*data_, scene_, model_->geom_pos + 3 * scene_.object_box)[2];
+  return ObjectPoint(*data_, scene_, model_->geom_pos + 3 * scene_.object_box).z();
 }
 
 void ManipulationEnvironment::UpdatePlacement() {
-  const std::array<double, 3> place = ObjectPlace();
-  bool inside = true;
-  for (int axis = 0; axis < 3; ++axis) {
-    inside = inside && std::abs(place[axis] - reference_.goal[axis]) <= rules_.placed_axis_m;
-  }
+  const Eigen::Vector3d apart = ObjectPlace() - reference_.goal;
+  const bool inside = (apart.array().abs() <= rules_.placed_axis_m).all();
   placed_run_ = inside && TouchesGoalOnly(touch_) ? placed_run_ + 1 : 0;
   TrackFacts(facts_).placed = placed_run_ >= rules_.hold_frames;
 }
@@ -278,7 +274,7 @@ void ManipulationEnvironment::Judge(StepResult& result) {
   result.ended = true;
   if (data_->time > rules_.max_time_s) {
     facts_.end = EpisodeEnd::kTime;
-  } else if (ObjectPlace()[2] < rules_.drop_height_m) {
+  } else if (ObjectPlace().z() < rules_.drop_height_m) {
     facts_.end = ManipulationEnd::kDropped;
     facts.reported_time = rules_.max_time_s;
   } else if (EndsSolved(solved_before)) {
@@ -297,15 +293,7 @@ void ManipulationEnvironment::SynchroniseState() {
   mj_forward(model_.get(), data_.get());
   derived_are_stale_ = false;
   RefreshFrame();
-  SaveState();
-}
-
-void ManipulationEnvironment::SaveState() {
-  auto at = state_.begin();
-  *at++ = data_->time;
-  at = std::copy_n(data_->qpos, model_->nq, at);
-  at = std::copy_n(data_->qvel, model_->nv, at);
-  std::copy_n(data_->act, model_->na, at);
+  CopyState(*model_, *data_, state_);
 }
 
 // ---- Observation ----
@@ -313,28 +301,22 @@ void ManipulationEnvironment::SaveState() {
 // Order and sizes: protocol/policy/layout.h.
 void ManipulationEnvironment::Observe(std::span<double> out) const {
   assert(static_cast<int>(out.size()) == observation_size());
+  using Eigen::VectorXd;
   const mjData& d = *data_;
   const OfficialView view = ComputeOfficialView(d, scene_);
-  auto at = out.begin();
-  const auto add = [&at](const auto* from, int count) { at = std::copy_n(from, count, at); };
+  const auto qpos = VectorXd::Map(d.qpos, model_->nq);
+  const auto qvel = VectorXd::Map(d.qvel, model_->nv);
   // With a stale first observation, derived quantities are the keyframe's while
   // qpos has the object at its start; the official vector shows the keyframe.
-  const bool stale = derived_are_stale_;
-  const mjtNum* object = stale ? model_->key_qpos + kStartKeyframe * model_->nq + scene_.object_qpos
-                               : d.qpos + scene_.object_qpos;
-  add(&d.time, 1);
-  add(d.qpos, kArmJoints);
-  add(d.qvel, kArmJoints);
-  add(d.qpos + kArmJoints, kProsthesisJoints);
-  add(d.qvel + kArmJoints, kProsthesisJoints);
-  add(object, 7);
-  add(d.qvel + scene_.object_qvel, 6);
-  add(d.mocap_pos + 3 * kStartMocap, 3);
-  add(d.mocap_pos + 3 * kGoalMocap, 3);
-  add(touch_.data(), kContactLabels);
-  add(d.act, kMuscles);
-  add(view.reach_error.data(), 3);
-  add(view.pass_error.data(), 3);
+  const mjtNum* shown =
+      derived_are_stale_ ? model_->key_qpos + kStartKeyframe * model_->nq : d.qpos;
+  VectorXd::Map(out.data(), std::ssize(out)) << d.time, qpos.head(kArmJoints),
+      qvel.head(kArmJoints), qpos.segment(kArmJoints, kProsthesisJoints),
+      qvel.segment(kArmJoints, kProsthesisJoints), VectorXd::Map(shown + scene_.object_qpos, 7),
+      qvel.segment(scene_.object_qvel, 6), VectorXd::Map(d.mocap_pos + 3 * kStartMocap, 3),
+      VectorXd::Map(d.mocap_pos + 3 * kGoalMocap, 3),
+      Eigen::Array<bool, kContactLabels, 1>::Map(touch_.data()).cast<double>(),
+      VectorXd::Map(d.act, kMuscles), view.reach_error, view.pass_error;
 }
 
 ManipulationEnvironment::Official ManipulationEnvironment::official() const {

@@ -76,9 +76,8 @@ class ManipulationEnvironment final : public Environment {
   void UpdatePlacement();
   void Judge(StepResult& result);
   bool EndsSolved(bool solved_before) const;
-  std::array<double, 3> ObjectPlace() const;
+  Eigen::Vector3d ObjectPlace() const;
   double ObjectHeight() const;
-  void SaveState();
 
   ManipulationRules rules_;
   ModelPtr model_;

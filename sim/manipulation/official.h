@@ -3,26 +3,23 @@
 // of them; the tests compare all of them with recordings.
 #pragma once
 
-#include <array>
-
+#include <Eigen/Core>
 #include <mujoco/mujoco.h>
 
 #include "sim/manipulation/scene.h"
 
 namespace myograde::sim {
 
-using Vector3 = std::array<double, 3>;
-
 // World frame, m and rad.
 struct OfficialView {
-  Vector3 palm;
-  std::array<Vector3, kFingers> fingers;  // tips, thumb first
-  Vector3 prosthesis_palm;                // mean of its two sites
-  Vector3 prosthesis_orientation;         // roll, pitch, yaw as the official code takes them
-  Vector3 prosthesis_orientation_error;   // towards (pi, 0, pi), not wrapped
-  Vector3 object;                         // the touch site
-  Vector3 reach_error;                    // palm - object
-  Vector3 pass_error;                     // prosthesis palm - object
+  Eigen::Vector3d palm;
+  Eigen::Matrix<double, 3, kFingers> fingers;    // tips, a column each, thumb first
+  Eigen::Vector3d prosthesis_palm;               // mean of its two sites
+  Eigen::Vector3d prosthesis_orientation;        // roll, pitch, yaw
+  Eigen::Vector3d prosthesis_orientation_error;  // towards (pi, 0, pi), not wrapped
+  Eigen::Vector3d object;                        // the touch site
+  Eigen::Vector3d reach_error;                   // palm - object
+  Eigen::Vector3d pass_error;                    // prosthesis palm - object
 };
 
 OfficialView ComputeOfficialView(const mjData& data, const Scene& scene);
@@ -37,7 +34,7 @@ struct OfficialReward {
 struct RewardReference {
   double object_height;  // m, touch site's z at the reset
   double palm_height;    // m
-  Vector3 goal;          // m, centre of the goal pillar's top face
+  Eigen::Vector3d goal;  // m, centre of the goal pillar's top face
 };
 
 OfficialReward ComputeOfficialReward(const mjModel& model, const mjData& data,

@@ -1,7 +1,5 @@
 #include "sim/manipulation/rules.h"
 
-#include <algorithm>
-
 #include "protocol/base/config_reader.h"
 
 namespace myograde {
@@ -17,11 +15,8 @@ constexpr NumberRange kMass = {1e-3, 100};
 constexpr NumberRange kFriction = {0, 10};
 constexpr NumberRange kFraction = {0, 0.9};
 
-Rules::Vector ReadVector(ConfigReader& reader, std::string_view key, NumberRange range) {
-  const std::vector<double> numbers = reader.Numbers(key, 3, range);
-  Rules::Vector vector = {};
-  std::copy_n(numbers.begin(), std::min(numbers.size(), vector.size()), vector.begin());
-  return vector;
+Eigen::Vector3d ReadVector(ConfigReader& reader, std::string_view key, NumberRange range) {
+  return Eigen::Vector3d::Map(reader.Numbers(key, 3, range).data());
 }
 
 Rules::CountsAs ReadCountsAs(ConfigReader& reader, std::string_view key) {
@@ -54,10 +49,8 @@ void ReadVariation(ConfigReader& reader, Rules& rules) {
   }
   rules.friction = ReadVector(reader, "friction", kFriction);
   rules.friction_spread = ReadVector(reader, "friction_spread", kFriction);
-  for (int i = 0; i < 3; ++i) {
-    if (rules.friction_spread[i] > rules.friction[i]) {
-      reader.Fail("friction_spread", "must not be above friction on any axis");
-    }
+  if ((rules.friction_spread.array() > rules.friction.array()).any()) {
+    reader.Fail("friction_spread", "must not be above friction on any axis");
   }
   rules.half_size_m = ReadVector(reader, "half_size_m", kLength);
   rules.size_spread = ReadVector(reader, "size_spread", kFraction);

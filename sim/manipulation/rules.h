@@ -3,18 +3,16 @@
 // nothing but a set of values. Lengths in m, times in s, masses in kg.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string>
 
+#include <Eigen/Core>
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
 namespace myograde {
 
 struct ManipulationRules {
-  using Vector = std::array<double, 3>;
-
   enum class EndRule {
     kPlaced,  // "placed": in the goal area, touching the goal alone, for hold_frames frames
     kSolved,  // "solved": the official flag
@@ -34,12 +32,12 @@ struct ManipulationRules {
   ObjectPoint object_point;
 
   // Drawn per episode, uniformly within centre +- spread on each axis.
-  Vector start_centre_m, start_spread_m;
-  Vector goal_centre_m, goal_spread_m;
+  Eigen::Vector3d start_centre_m, start_spread_m;
+  Eigen::Vector3d goal_centre_m, goal_spread_m;
   double release_height_m;  // the object starts this far above the start position
   double mass_kg, mass_spread_kg;
-  Vector friction, friction_spread;   // sliding, torsional, rolling
-  Vector half_size_m, size_spread;    // the spread is relative to the size
+  Eigen::Vector3d friction, friction_spread;  // sliding, torsional, rolling
+  Eigen::Vector3d half_size_m, size_spread;   // the spread is relative to the size
   Inertia inertia;
 
   // Placement.

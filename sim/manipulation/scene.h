@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include <Eigen/Core>
 #include <absl/status/statusor.h>
 #include <mujoco/mujoco.h>
 
@@ -42,7 +43,6 @@ inline constexpr int kStartKeyframe = 2;
 absl::StatusOr<Scene> FindScene(const mjModel& model);
 
 // Position in world coordinates of a point of the object, from qpos alone.
-std::array<double, 3> ObjectPoint(const mjData& data, const Scene& scene,
-                                  const mjtNum local[3]);
+Eigen::Vector3d ObjectPoint(const mjData& data, const Scene& scene, const mjtNum local[3]);
 
 }  // namespace myograde::sim

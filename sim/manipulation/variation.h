@@ -2,8 +2,7 @@
 // the model.
 #pragma once
 
-#include <array>
-
+#include <Eigen/Core>
 #include <mujoco/mujoco.h>
 
 #include "sim/manipulation/rules.h"
@@ -13,11 +12,10 @@
 namespace myograde::sim {
 
 struct Variation {
-  using Vector = std::array<double, 3>;
-  Vector start, goal;  // m, world: the pillars' mocap positions
-  double mass;         // kg
-  Vector friction;     // sliding, torsional, rolling
-  Vector half_size;    // m
+  Eigen::Vector3d start, goal;  // m, world: the pillars' mocap positions
+  double mass;                  // kg
+  Eigen::Vector3d friction;     // sliding, torsional, rolling
+  Eigen::Vector3d half_size;    // m
 };
 
 // Draws an episode's variation. Without `draw_size` the size is the nominal one

@@ -7,12 +7,12 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <mutex>
 #include <system_error>
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 #include "sim/model/compile.h"
 #include "sim/model/file.h"
@@ -123,11 +123,9 @@ absl::Status Store(std::string_view sealed, const fs::path& path) {
   std::error_code error;
   fs::create_directories(path.parent_path(), error);
   const std::string draft = absl::StrCat(path.string(), ".", getpid());
-  std::ofstream file(draft, std::ios::binary);
-  file.write(sealed.data(), static_cast<std::streamsize>(sealed.size()));
-  file.close();
-  if (file) fs::rename(draft, path, error);
-  if (!file || error) {
+  const bool written = WriteFile(draft, sealed).ok();
+  if (written) fs::rename(draft, path, error);
+  if (!written || error) {
     std::error_code ignored;
     fs::remove(draft, ignored);
     return absl::UnavailableError(absl::StrCat("can't write the compiled model ", path.string()));

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Checks what the compiler does not: who may include and link whom, the length of files, marks
-of unfinished work, that every test is built, that ./dev knows each verb that its help names,
-that nothing strays into the root folder, and that nothing is timed by the calendar. Prints one line
-per mistake; exit status 1 if there is one. Use: lint.py ROOT"""
+"""Checks what the compiler does not: who may include and link whom, directly or through others, the
+length of files, marks of unfinished work, that every test is built, that ./dev knows each verb that
+its help names, that nothing strays into the root folder, and that nothing is timed by the calendar.
+Prints one line per mistake; exit status 1 if there is one. Use: lint.py ROOT"""
 
 import pathlib
 import re
@@ -13,7 +13,7 @@ MAX_LINES = 450
 PARTS = {"protocol", "scoring", "sim", "server", "policies", "tests"}
 # All that may lie in the root: the parts, and what tools look for there.
 ROOT = PARTS | {"configs", "docker", "CMakeLists.txt", "CMakePresets.json", "README.md",
-                "CHANGELOG.md", "LICENSE", "dev", ".ci", ".clang-format", ".gitignore"}
+                "CHANGELOG.md", "LICENSE", "dev", ".ci", ".clang-format", ".clang-tidy", ".gitignore"}
 
 # Folder -> (folders of the project it may include, patterns of foreign headers it must not).
 # The longest matching folder counts.
@@ -45,12 +45,25 @@ RULES = {
     "server/engine": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "artefact", "sandbox", "runner", "proof", "scheduler", "store", "config", "grading",
         "engine")}, r"mujoco/|lcm/|httplib|CLI/"),
+    "server/admission": ({"protocol"} | {f"server/{part}" for part in (
+        "base", "artefact", "sandbox", "proof", "store", "config", "grading", "engine",
+        "admission")}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     "server/api": ({"protocol", "scoring"} | {f"server/{part}" for part in (
+        "base", "runner", "proof", "store", "config", "grading", "engine", "admission", "api")},
+        r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
+    "server/cli/terminal": ({"protocol/base", "server/base", "server/cli/terminal"},
+                            r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
+    "server/cli/base": ({"protocol/base", "protocol/lease", "server/base", "server/cli/terminal",
+                         "server/cli/base"}, r"mujoco/|lcm/|SQLiteCpp/|httplib"),
+    "server/cli/client": ({"protocol", "server/base", "server/artefact/artefact.h",
+                           "server/proof/compare_logs.h", "server/proof/unpack_log.h",
+                           "server/store/transfer.h"} | {f"server/cli/{part}" for part in (
+                               "terminal", "base", "client")}, r"mujoco/|lcm/|SQLiteCpp/"),
+    "server/cli/offline": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "artefact", "sandbox", "runner", "proof", "scheduler", "store", "config", "grading",
-        "engine", "api")}, r"mujoco/|lcm/|CLI/"),
-    "server/cli": ({"protocol", "scoring"} | {f"server/{part}" for part in (
-        "base", "artefact", "sandbox", "runner", "proof", "scheduler", "store", "config", "grading",
-        "engine", "cli")}, r"mujoco/|lcm/"),
+        "engine", "cli")}, r"mujoco/|lcm/|SQLiteCpp/|httplib"),
+    "server/cli": ({"protocol/tracks/registry.h", "server/cli"},
+                   r"mujoco/|lcm/|SQLiteCpp/|httplib"),
     "server": ({"protocol", "scoring", "server"}, r"mujoco/|lcm/"),
     "policies": ({"protocol", "policies"}, r"mujoco/|SQLiteCpp/|sqlite3|httplib|spdlog/"),
     "tests": (PARTS, r"$^"),
@@ -63,6 +76,13 @@ FORBIDDEN_LINKS = {
     "server": r"myograde_(sim|mujoco)\b|PkgConfig::LCM",
     "policies": r"myograde_(sim|lease|scoring|store|mujoco)\b",
 }
+# Targets that a target must not even reach through others.
+FORBIDDEN_REACH = {
+    "myograde_cli_terminal": r"myograde_(cli_base|cli_client|cli_offline|store|lease)$|CLI11",
+    "myograde_cli_base": r"myograde_(cli_client|cli_offline|store|episode_log)$",
+    "myograde_cli_client":
+        r"myograde_(cli_offline|engine|grading|proof|runner|sandbox|scheduler|scoring)$",
+}
 # The calendar can be set while a deadline runs, so whatever waits or measures counts on the
 # monotonic clock (protocol/base/clock.h). These files alone may ask for the date, and why.
 CALENDAR = re.compile(r"absl::Now\(|\b(system_clock|high_resolution_clock|file_clock)\b|"
@@ -71,8 +91,9 @@ CALENDAR = re.compile(r"absl::Now\(|\b(system_clock|high_resolution_clock|file_c
                       r"\btime\.time(_ns)?\(|\bdate(time)?\.(now|utcnow|today)\(")
 CALENDAR_USERS = {
     "protocol/base/clock.cc": "is the port",
-    "server/api/api_quota.cc": "quotas are of a day",
-    "server/api/api_views.cc": "shows times of day",
+    "server/admission/admission.cc": "quotas are of a day",
+    "server/api/quota_resource.cc": "quotas are of a day",
+    "server/api/submission_view.cc": "shows times of day",
     "server/daemon/daemon.cc": "shows when it started",
     "server/engine/engine_leases.cc": "stores when a lease will be over, for people to read",
     "server/engine/retention.cc": "compares with stored times of day",
@@ -135,6 +156,31 @@ def check_links(path, text):
                 yield f"links {name.group(0)}, which {folder}/ must not"
 
 
+def link_graph(root):
+    """Of each target what it links, whether it passes it on or not: a static library needs both."""
+    graph = {}
+    for file in root.rglob("CMakeLists.txt"):
+        text = re.sub(r"#.*", "", file.read_text(encoding="utf-8"))
+        for match in re.finditer(r"target_link_libraries\(\s*(\S+)([^)]*)\)", text):
+            graph.setdefault(match.group(1), set()).update(match.group(2).split())
+    return graph
+
+
+def check_reach(graph):
+    for target, forbidden in FORBIDDEN_REACH.items():
+        if target not in graph:
+            yield f"{target}: is no target any more; correct FORBIDDEN_REACH in lint.py"
+        paths = {target: target}
+        waiting = [target]
+        while waiting:
+            name = waiting.pop()
+            for linked in sorted(graph.get(name, set()) - set(paths)):
+                paths[linked] = f"{paths[name]} -> {linked}"
+                waiting.append(linked)
+                if re.match(forbidden, linked):
+                    yield f"{paths[linked]}: links what {target} must not reach"
+
+
 def check_file(root, file):
     path = file.relative_to(root).as_posix()
     text = file.read_text(encoding="utf-8", errors="replace")
@@ -194,6 +240,8 @@ def main():
         sys.exit(f"{root}: no sources found; give the project's root folder")
     problems = [problem for file in files for problem in check_file(root, file)]
     problems += check_verbs(root / "dev") + check_root(root)
+    problems += check_reach({target: linked for part in sorted(PARTS)
+                             for target, linked in link_graph(root / part).items()})
     print("\n".join(problems) or f"{len(files)} files, no mistakes")
     return 1 if problems else 0
 

@@ -1,6 +1,10 @@
 // The kits and the bundled policies against a grader that plays by a script,
 // over the real bridge and a real bus.
+#include <sys/wait.h>
+
 #include <algorithm>
+#include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -8,6 +12,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
@@ -298,6 +303,32 @@ TEST_F(KitsTest, APolicyEndsInOrderAfterItsLastEpisode) {
     grader.HangUp();
     std::ifstream stream(file);
     EXPECT_EQ(std::string((std::istreambuf_iterator<char>(stream)), {}), "played\ngoodbye\n");
+  }
+}
+
+// Signals that a program handles end no wait for messages, nor does LCM swallow its exceptions.
+TEST_F(KitsTest, SignalsDoNotDisturbAndExceptionsReachMain) {
+  Grader grader("zero", {MYOGRADE_INTERRUPTED}, ManipulationTrack());
+  grader.Begin(1);
+  for (int step = 0; step < 5; ++step) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    EXPECT_EQ(grader.Ask(0, step, 0.25), Values(80, 0.0));
+  }
+  grader.SendObservation(0, 5, 0.75);
+  EXPECT_EQ(grader.AwaitFault(), "the policy's process exited with status 5");
+}
+
+TEST_F(KitsTest, NoBusIsAnErrorAtOnce) {
+  for (const char* url : {"", "udpm://nonsense:1", "udpm://127.0.0.1:7667"}) {
+    const std::string command =
+        absl::StrCat(kBusUrlVariable, "='", url, "' ", PoliciesDir(), "/zero/zero 2>&1");
+    FILE* const output = popen(command.c_str(), "r");
+    ASSERT_NE(output, nullptr);
+    std::string text;
+    for (char piece[256]; std::fgets(piece, sizeof(piece), output) != nullptr;) text += piece;
+    EXPECT_EQ(WEXITSTATUS(pclose(output)), 1) << url;
+    EXPECT_THAT(text, ::testing::HasSubstr(absl::StrCat("error: no LCM bus at \"", url,
+                                                        "\"; set MYOGRADE_LCM_URL")));
   }
 }
 

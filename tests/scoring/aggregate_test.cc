@@ -106,5 +106,19 @@ RC_GTEST_PROP(Aggregate, GivesTheSameBitsInAnyOrder, (const std::vector<int>& va
   RC_ASSERT(forward->means[kTime].spread.deviation == backward->means[kTime].spread.deviation);
 }
 
+// Rankings hang on the last bit, so the order of the sums is part of the result.
+RC_GTEST_PROP(Aggregate, AddsUpFromTheFirstEpisodeToTheLast, (const std::vector<int>& values)) {
+  RC_PRE(!values.empty());
+  std::vector<JudgedEpisode> episodes;
+  double sum = 0;
+  for (const int value : values) {
+    const auto index = static_cast<int64_t>(episodes.size());
+    episodes.push_back(Episode(index, Outcome::kFailure, value / 7.0));
+    sum += value / 7.0;
+  }
+  const auto got = AggregateOf(episodes);
+  RC_ASSERT(got->means[kTime].value == sum / static_cast<double>(values.size()));
+}
+
 }  // namespace
 }  // namespace myograde::scoring

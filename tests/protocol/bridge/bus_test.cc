@@ -23,9 +23,8 @@ class BusTest : public ::testing::Test {
     if (!entered.ok()) GTEST_SKIP() << "not on this host: " << entered.message();
   }
   static Bus Join(const std::string& url = kBusUrl) {
-    std::string problem;
-    std::optional<Bus> bus = Bus::Open(url, kPatience, problem);
-    EXPECT_TRUE(bus.has_value()) << problem;
+    absl::StatusOr<Bus> bus = Bus::Open(url, kPatience);
+    EXPECT_TRUE(bus.ok()) << bus.status();
     return *std::move(bus);
   }
   // The channel of the next message, waiting up to 5 s; "" if none arrives.
@@ -87,9 +86,9 @@ TEST_F(BusTest, UrlsOfNoBusAreRefusedWithAReason) {
         "udpm://239.255.76.67:65536", "udpm://239.255.76.67:7667?ttl=256",
         "udpm://239.255.76.67:7667?ttl=", "udpm://239.255.76.67:7667?ttl=1&more",
         "udpm://239.255.76.67:7667more", "udpm://127.0.0.1:7667", "udpm://239.255.76:7667"}) {
-    std::string problem;
-    EXPECT_FALSE(Bus::Open(url, kPatience, problem)) << url;
-    EXPECT_NE(problem.find("udpm://GROUP:PORT?ttl=N"), std::string::npos) << problem;
+    const absl::Status status = Bus::Open(url, kPatience).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << url;
+    EXPECT_NE(status.message().find("udpm://GROUP:PORT?ttl=N"), absl::string_view::npos) << status;
   }
 }
 

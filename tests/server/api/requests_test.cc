@@ -16,7 +16,6 @@ namespace {
 using nlohmann::json;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using ::testing::Pair;
 
 json GoodSubmit() {
   return {{"artefact", std::string(64, 'a')}, {"team", "alpha"}, {"track", "manipulation"}};
@@ -127,22 +126,6 @@ TEST(ParseFilter, ChecksEveryParameter) {
   EXPECT_THAT(FilterProblem({{"state", "asleep"}}), HasSubstr("\"state\" must be queued"));
   EXPECT_THAT(FilterProblem({{"order", "team"}}), HasSubstr("\"order\" is not a parameter"));
   EXPECT_THAT(FilterProblem({{"team", "a"}, {"team", "b"}}), HasSubstr("\"team\" is there twice"));
-}
-
-TEST(BlocksOf, CutsAtMultiplesAndCoversEverything) {
-  EXPECT_THAT(BlocksOf(25, 10), ElementsAre(Pair(0, 9), Pair(10, 19), Pair(20, 24)));
-  EXPECT_THAT(BlocksOf(1, 10), ElementsAre(Pair(0, 0)));
-  EXPECT_TRUE(rc::check([] {
-    const auto count = *rc::gen::inRange<int64_t>(1, 500);
-    const auto per_lease = *rc::gen::inRange<int64_t>(1, 100);
-    int64_t next = 0;
-    for (const auto& [first, last] : BlocksOf(count, per_lease)) {
-      RC_ASSERT(first == next && first % per_lease == 0 && last >= first);
-      RC_ASSERT(last - first < per_lease);
-      next = last + 1;
-    }
-    RC_ASSERT(next == count);
-  }));
 }
 
 }  // namespace

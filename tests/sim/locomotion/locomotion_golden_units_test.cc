@@ -134,7 +134,8 @@ TEST(LocomotionGoldenUnits, HeightMaps) {
       std::vector<double> quaternion = Doubles(pose.at("quat"));
       mju_normalize4(quaternion.data());
       std::vector<double> got(kHeightMapSize * kHeightMapSize);
-      OfficialHeightMap(terrain, {pose.at("x"), pose.at("y"), quaternion.data()}, got);
+      const Eigen::Vector2d place(Number(pose.at("x")), Number(pose.at("y")));
+      OfficialHeightMap(terrain, {place, quaternion.data()}, got);
       table.CompareExact("height map (m)", got, Doubles(pose.at("heightmap")),
                          absl::StrCat(file.name, " y = ", pose["y"].get<double>()));
     }

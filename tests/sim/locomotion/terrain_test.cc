@@ -270,7 +270,7 @@ TEST(HeadingMap, LooksAheadAndLeftAndIsRelative) {
   const auto map = [&](double x, double y, double yaw) {
     const double q[4] = {std::cos(yaw / 2), 0, 0, std::sin(yaw / 2)};
     std::vector<double> out(100);
-    HeadingHeightMap(terrain, {x, y, q}, 0.2, out);
+    HeadingHeightMap(terrain, {{x, y}, q}, 0.2, out);
     return out;
   };
   // Facing the last hill (-y) from 0.2 m before its foot: ahead is uphill.
@@ -308,8 +308,8 @@ TEST(HeadingMap, DoesNotTurnWithLeaning) {
   double leaning[4];
   mju_mulQuat(leaning, upright, tilt);
   std::vector<double> one(100), two(100);
-  HeadingHeightMap(terrain, {0.1, -42, upright}, 0.2, one);
-  HeadingHeightMap(terrain, {0.1, -42, leaning}, 0.2, two);
+  HeadingHeightMap(terrain, {{0.1, -42}, upright}, 0.2, one);
+  HeadingHeightMap(terrain, {{0.1, -42}, leaning}, 0.2, two);
   for (int i = 0; i < 100; ++i) EXPECT_NEAR(one[i], two[i], 1e-9);
 }
 

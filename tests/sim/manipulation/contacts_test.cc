@@ -69,7 +69,7 @@ TEST_F(Labels, TheTorsoIsAnythingElseInPaperAndTheArmInTheOfficialCode) {
 TEST_F(Labels, AreSeenWhereTheObjectIsPut) {
   env_->Reset(5);
   const Variation& drawn = env_->variation();
-  const auto touched = [&](std::array<double, 3> place) {
+  const auto touched = [&](const Eigen::Vector3d& place) {
     PutObject(*env_, place);
     return env_->touch();
   };

@@ -31,13 +31,14 @@ void CompareVariation(GoldenTable& table, ManipulationEnvironment& env, const js
                       const std::string& where) {
   const Variation& got = env.variation();
   const Scene& scene = env.scene();
-  table.CompareExact("draw: start", got.start, Doubles(want.at("start_pos")), where);
-  table.CompareExact("draw: goal", got.goal, Doubles(want.at("goal_pos")), where);
+  table.CompareExact("draw: start", {got.start.data(), 3}, Doubles(want.at("start_pos")), where);
+  table.CompareExact("draw: goal", {got.goal.data(), 3}, Doubles(want.at("goal_pos")), where);
   table.CompareExact("draw: mass", env.model().body_mass[scene.object_body],
                      want.at("body_mass_obj"), where);
-  table.CompareExact("draw: friction", got.friction, Doubles(want.at("geom_friction_obj")),
+  table.CompareExact("draw: friction", {got.friction.data(), 3},
+                     Doubles(want.at("geom_friction_obj")), where);
+  table.CompareExact("draw: size", {got.half_size.data(), 3}, Doubles(want.at("geom_size_obj")),
                      where);
-  table.CompareExact("draw: size", got.half_size, Doubles(want.at("geom_size_obj")), where);
   table.CompareExact("model: inertia", {env.model().body_inertia + 3 * scene.object_body, 3},
                      Doubles(want.at("body_inertia_obj")), where);
   table.CompareExact("model: bounding radius", env.model().geom_rbound[scene.object_box],
@@ -53,14 +54,14 @@ void CompareVariation(GoldenTable& table, ManipulationEnvironment& env, const js
 void CompareDictionary(GoldenTable& table, ManipulationEnvironment& env, const json& want,
                        double tolerance, const std::string& prefix, const std::string& where) {
   const OfficialView view = env.official().view;
-  const auto vector = [&](const char* key, const Vector3& got) {
+  const auto vector = [&](const char* key, const Eigen::Vector3d& got) {
     if (want.contains(key)) {
-      table.Compare(prefix + key, got, Doubles(want.at(key)), tolerance, where);
+      table.Compare(prefix + key, {got.data(), 3}, Doubles(want.at(key)), tolerance, where);
     }
   };
   vector("palm_pos", view.palm);
   for (int i = 0; i < kFingers; ++i) {
-    vector(("fin" + std::to_string(i)).c_str(), view.fingers[i]);
+    vector(("fin" + std::to_string(i)).c_str(), view.fingers.col(i));
   }
   vector("Rpalm_pos", view.prosthesis_palm);
   vector("MPL_ori", view.prosthesis_orientation);

@@ -23,9 +23,7 @@ void CheckProbes(GoldenTable& table, const GoldenFile& file) {
   for (const json& probe : file.json.at("probes")) {
     const std::string where = file.name + " probe " + probe.at("name").get<std::string>();
     std::ranges::copy(Doubles(file.json.at("base_qpos")), env->data().qpos);
-    std::array<double, 3> place;
-    std::ranges::copy(Doubles(probe.at("obj_xyz")), place.begin());
-    PutObject(*env, place);
+    PutObject(*env, Eigen::Vector3d::Map(Doubles(probe.at("obj_xyz")).data()));
     std::vector<double> touch(env->touch().begin(), env->touch().end());
     table.CompareExact("probe: touching_body", touch, Doubles(probe.at("touching_body")), where);
     table.CompareExact("probe: contacts", env->data().ncon, probe.at("ncon"), where);
@@ -78,8 +76,7 @@ void CheckDrop(GoldenTable& table, const json& file, const json& golden, const s
   const auto env = phantom && after_rest != nullptr ? std::move(after_rest)
                                                     : MakeProfile("as-graded");
   env->Reset(golden.at("seed").get<uint64_t>());
-  const std::array<double, 3> place = {0, -0.9, 0.32};
-  std::ranges::copy(place, env->data().qpos + env->scene().object_qpos);
+  Eigen::Vector3d::Map(env->data().qpos + env->scene().object_qpos) << 0, -0.9, 0.32;
   const std::vector<double> zeros(env->action_size(), 0.0);
   int t = 0;
   for (const json& step : golden.at("steps")) {

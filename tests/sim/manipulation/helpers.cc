@@ -78,8 +78,8 @@ bool AnythingTouchesObject(const ManipulationEnvironment& env) {
   return std::ranges::any_of(env.touch(), [](bool touched) { return touched; });
 }
 
-void PutObject(ManipulationEnvironment& env, const std::array<double, 3>& place) {
-  std::ranges::copy(place, env.data().qpos + env.scene().object_qpos);
+void PutObject(ManipulationEnvironment& env, const Eigen::Vector3d& place) {
+  Eigen::Vector3d::Map(env.data().qpos + env.scene().object_qpos) = place;
   mju_zero(env.data().qvel, env.model().nv);
   env.SynchroniseState();
 }

@@ -38,6 +38,6 @@ bool AnyMeshTouches(ManipulationEnvironment& env);
 bool AnythingTouchesObject(const ManipulationEnvironment& env);
 
 // Puts the object at `place` (upright as in the keyframe) and brings everything up to date.
-void PutObject(ManipulationEnvironment& env, const std::array<double, 3>& place);
+void PutObject(ManipulationEnvironment& env, const Eigen::Vector3d& place);
 
 }  // namespace myograde::sim

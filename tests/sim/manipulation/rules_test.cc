@@ -38,7 +38,7 @@ TEST(ManipulationRules, PaperIsWhatTheChallengePublished) {
   EXPECT_EQ(rules.torso_contact, ManipulationRules::CountsAs::kOther);
   EXPECT_EQ(rules.mass_kg, 0.097);
   EXPECT_EQ(rules.mass_spread_kg, 0.05);
-  EXPECT_EQ(rules.size_spread, (ManipulationRules::Vector{0.05, 0.1, 0.05}));
+  EXPECT_EQ(rules.size_spread, Eigen::Vector3d(0.05, 0.1, 0.05));
   EXPECT_EQ(rules.hold_frames, 8);
   EXPECT_EQ(rules.placed_axis_m, 0.1);
   EXPECT_EQ(rules.drop_height_m, 0.3);
@@ -57,7 +57,7 @@ TEST(ManipulationRules, OfficialProfilesKeepTheDefects) {
     EXPECT_EQ(rules.solved_distance_m, 0.17);
     EXPECT_EQ(rules.solved_goal_frames, 10);
     EXPECT_EQ(rules.mass_kg, 0.27006089218076124);
-    EXPECT_EQ(rules.size_spread, (ManipulationRules::Vector{0.1, 0.05, 0.1}));
+    EXPECT_EQ(rules.size_spread, Eigen::Vector3d(0.1, 0.05, 0.1));
     for (const bool defect :
          {rules.peak_touch_survives_reset, rules.size_fixed_on_first_reset,
           rules.bounding_radius_fixed, rules.stale_first_observation, rules.end_lags_solved,

@@ -32,11 +32,13 @@ json StateOf(const json& tape, size_t t) {
 void CompareDraws(GoldenTable& table, ManipulationEnvironment& env, const json& tape,
                   const std::string& where) {
   const Variation& drawn = env.variation();
-  table.CompareExact("draw: start", drawn.start, Doubles(tape.at("start_pos")), where);
-  table.CompareExact("draw: goal", drawn.goal, Doubles(tape.at("goal_pos")), where);
+  table.CompareExact("draw: start", {drawn.start.data(), 3}, Doubles(tape.at("start_pos")), where);
+  table.CompareExact("draw: goal", {drawn.goal.data(), 3}, Doubles(tape.at("goal_pos")), where);
   table.CompareExact("draw: mass", drawn.mass, tape.at("obj_mass"), where);
-  table.CompareExact("draw: friction", drawn.friction, Doubles(tape.at("obj_friction")), where);
-  table.CompareExact("draw: size", drawn.half_size, Doubles(tape.at("obj_size")), where);
+  table.CompareExact("draw: friction", {drawn.friction.data(), 3},
+                     Doubles(tape.at("obj_friction")), where);
+  table.CompareExact("draw: size", {drawn.half_size.data(), 3}, Doubles(tape.at("obj_size")),
+                     where);
 }
 
 void CompareQpos(GoldenTable& table, const char* quantity, ManipulationEnvironment& env,

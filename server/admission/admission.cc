@@ -1,0 +1,164 @@
+#include "server/admission/admission.h"
+
+#include <algorithm>
+
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
+#include "server/base/counted.h"
+#include "server/engine/stored.h"
+#include "server/proof/grader_build.h"
+
+namespace myograde::server {
+namespace {
+
+// The share of a request's time that is spent waiting for the reference episodes.
+constexpr double kReferenceShare = 0.8;
+
+absl::Status BadRequest(const std::string& code, const std::string& message) {
+  return WithErrorCode(absl::InvalidArgumentError(message), code);
+}
+
+// The seeds to play, in order.
+absl::StatusOr<std::vector<uint64_t>> SeedsOf(const SubmitRequest& request,
+                                              const TrackConfig& config) {
+  std::vector<uint64_t> seeds = request.seeds.value_or(config.seeds);
+  const auto count = static_cast<int64_t>(seeds.size());
+  if (request.episodes.value_or(1) > count) {
+    return absl::InvalidArgumentError(absl::StrCat("request: \"episodes\" is ", *request.episodes,
+                                                   ", the seed list has ", count));
+  }
+  seeds.resize(static_cast<size_t>(request.episodes.value_or(count)));
+  return seeds;
+}
+
+}  // namespace
+
+Admission::Admission(AdmissionOptions options, const Tracks& tracks, Engine& engine,
+                     ReaderPool& readers, const Clock& clock)
+    : options_(std::move(options)),
+      tracks_(tracks),
+      engine_(engine),
+      readers_(readers),
+      clock_(clock),
+      uploads_(options_.config, options_.data_dir, engine, readers) {}
+
+absl::StatusOr<ReceivedArtefact> Admission::Receive(const UploadRequest& request,
+                                                    IncomingArchive& archive) {
+  const std::string& team = request.from.team;
+  if (!team.empty()) {
+    absl::Status allowed = tracks_.Find(request.track, "").status();
+    if (allowed.ok()) allowed = CheckTries(team, request.track);
+    if (!allowed.ok()) return allowed;
+  }
+  absl::StatusOr<ReceivedArtefact> received =
+      uploads_.Take(archive, request.from, request.stopping);
+  if (!absl::IsInvalidArgument(received.status())) return received;
+  if (absl::Status charged = ChargeRefusal(request, received.status()); !charged.ok()) {
+    return charged;
+  }
+  return WithErrorCode(received.status(), "bad_artefact");
+}
+
+absl::Status Admission::CheckTries(const std::string& team, const std::string& track) {
+  return readers_.Read([&](Reader& reader) {
+    if (absl::Status status = reader.CheckTeam(team); !status.ok()) return status;
+    const QuotaUse use = reader.Quota(reader.TeamOf(team), track, absl::ToUnixMillis(clock_.Now()));
+    return CheckFailures(use, options_.config.quota.of(track).quota, team, track);
+  });
+}
+
+absl::Status Admission::ChargeRefusal(const UploadRequest& request, const absl::Status& refusal) {
+  if (request.from.team.empty()) return absl::OkStatus();
+  return engine_.Change(
+      [team = request.from.team, track = request.track, who = request.from.uploader,
+       why = absl::StrCat("upload refused: ", refusal.message())](Writer& writer) {
+        return writer.ChargeFailure(team, track, who, why);
+      },
+      options_.config.http.request);
+}
+
+absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const std::string& who) {
+  const absl::StatusOr<TrackPtr> track = tracks_.Find(request.track, request.profile);
+  if (!track.ok()) return track.status();
+  const TrackConfig& config = (*track)->config;
+  const absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOf(request, config);
+  if (!seeds.ok()) return seeds.status();
+  absl::Status allowed = CheckArtefact(request.artefact, config);
+  if (!allowed.ok()) return allowed;
+  const NewSubmission submission = Compose(request, config, *seeds);
+  if (submission.ranked) allowed = CheckRankedHere();
+  if (!allowed.ok()) return allowed;
+  return engine_.Submit(submission, options_.config.quota.of(config.id), who,
+                        options_.config.http.request);
+}
+
+// Engine::Submit checks for the files again, at a point where nothing can remove them.
+absl::Status Admission::CheckArtefact(const std::string& hash, const TrackConfig& config) {
+  absl::StatusOr<ArtefactRow> artefact = absl::InternalError("");
+  absl::Status status = readers_.Read([&](Reader& reader) {
+    artefact = reader.Artefact(hash);
+    return artefact.status();
+  });
+  if (status.ok()) status = HasArtefactFiles(options_.data_dir, hash);
+  if (!status.ok()) return status;
+  if (artefact->bytes > config.budgets.submission_bytes ||
+      artefact->files > config.budgets.submission_files) {
+    return BadRequest("bad_artefact",
+                      absl::StrCat("the artefact has ", artefact->bytes, " bytes in ",
+                                   Counted(artefact->files, "file"), "; track \"", config.id,
+                                   "\" allows ", config.budgets.submission_bytes, " bytes and ",
+                                   config.budgets.submission_files, " files"));
+  }
+  for (const std::string& runtime : artefact->runtimes) {
+    if (options_.config.runtimes.contains(runtime)) continue;
+    return BadRequest("unknown_runtime",
+                      absl::StrCat("this server has no runtime \"", runtime,
+                                   "\", which the artefact's policy.json asks for"));
+  }
+  return absl::OkStatus();
+}
+
+NewSubmission Admission::Compose(const SubmitRequest& request, const TrackConfig& config,
+                                 const std::vector<uint64_t>& seeds) const {
+  NewSubmission submission;
+  submission.team = request.team;
+  submission.artefact = request.artefact;
+  submission.track = config.id;
+  submission.profile = config.profile;
+  submission.config = config.hash;
+  submission.config_json = CanonicalJson(config.effective);
+  submission.seeds_json = CanonicalJson(nlohmann::json(seeds));
+  submission.seeds = Sha256Hex(submission.seeds_json);
+  submission.seed_count = static_cast<int64_t>(seeds.size());
+  submission.ranked = seeds == config.seeds;
+  submission.grader_json = CanonicalJson(GraderBuild(options_.cache_dir));
+  submission.blocks = BlocksOf(submission.seed_count, config.episodes_per_lease);
+  return submission;
+}
+
+absl::Status Admission::CheckRankedHere() const {
+  if (options_.reference == nullptr) return absl::OkStatus();
+  const std::optional<std::string> verdict =
+      options_.reference(options_.config.http.request * kReferenceShare);
+  if (verdict.has_value() && verdict->empty()) return absl::OkStatus();
+  return WithErrorCode(
+      absl::UnavailableError(
+          verdict.has_value()
+              ? absl::StrCat(*verdict, "; only practice (fewer episodes) is graded here")
+              : "the reference episodes, which say whether this host may grade ranked submissions, "
+                "are still being played; try again in a few seconds"),
+      "not_official");
+}
+
+std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease) {
+  std::vector<std::pair<int64_t, int64_t>> blocks;
+  for (int64_t first = 0; first < count; first += per_lease) {
+    blocks.emplace_back(first, std::min(first + per_lease, count) - 1);
+  }
+  return blocks;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,100 @@
+// Decides what is accepted from participants (README.md): turns an uploaded archive into an
+// artefact, and an artefact into a submission whose evaluation is queued. The API parses requests
+// into these values and maps the statuses to answers.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+
+#include "protocol/base/clock.h"
+#include "server/admission/uploads.h"
+#include "server/config/server_config.h"
+#include "server/engine/engine.h"
+#include "server/grading/tracks.h"
+#include "server/store/reader.h"
+
+namespace myograde::server {
+
+struct AdmissionOptions {
+  ServerConfig config;
+  std::string data_dir;   // artefacts/ and spool/ lie in it
+  std::string cache_dir;  // the files that identify the grader's build
+  // Whether this host may grade ranked submissions: called and answered as ReferenceCheck::Result.
+  // Null: it may.
+  std::function<std::optional<std::string>(absl::Duration timeout)> reference = nullptr;
+};
+
+struct UploadRequest {
+  NewUpload from;     // who uploads, and for which team
+  std::string track;  // where a refusal counts as a failed try; "" if `from` has no team
+  // Polled during the upload; true: give up.
+  std::function<bool()> stopping = [] { return false; };
+};
+
+struct SubmitRequest {
+  std::string artefact;
+  std::string team;
+  std::string track;
+  std::string profile;  // "": the track's default
+  std::optional<std::vector<uint64_t>> seeds;  // nullopt: the track's
+  std::optional<int64_t> episodes;             // only so many of them; nullopt: all
+};
+
+// Statuses carry the code that API clients get (ErrorCodeOf of store/quota.h), where it is not the
+// usual one of their kind. Safe from any thread; calls block, up to the limits of HTTP requests
+// and uploads.
+class Admission {
+ public:
+  // All but `options` must outlive it.
+  Admission(AdmissionOptions options, const Tracks& tracks, Engine& engine, ReaderPool& readers,
+            const Clock& clock);
+
+  // Turns an archive into an artefact that can be submitted. If a team is named, an archive that is
+  // refused because of its content is charged to it as a failed try; no other error is.
+  //   NotFoundError               code "unknown_track"
+  //   InvalidArgumentError        code "bad_artefact": the archive; no code: the team's name
+  //   FailedPreconditionError     code "look_alike": the team's name (Writer::Accept); "quota": no
+  //                               failed tries left, or too many uploads that were never submitted
+  // and the other errors of Uploads::Take.
+  absl::StatusOr<ReceivedArtefact> Receive(const UploadRequest& request, IncomingArchive& archive);
+
+  // Accepts a submission made by `who` and queues its evaluation. If it plays exactly the track's
+  // seeds it is ranked, otherwise practice. A linked result is an earlier submission: nothing new
+  // is played or charged.
+  //   NotFoundError               code "unknown_track", "unknown_profile"; no code: the artefact
+  //   InvalidArgumentError        code "bad_artefact": too large for the track;
+  //                               "unknown_runtime"; no code: episodes, the team's name
+  //   FailedPreconditionError     code "quota", "same_artefact", "look_alike" (Writer::Accept)
+  //   UnavailableError            code "not_official": this host may not grade ranked submissions
+  // and the errors of Engine::Submit and ReaderPool::Read.
+  absl::StatusOr<Accepted> Submit(const SubmitRequest& request, const std::string& who);
+
+ private:
+  absl::Status CheckTries(const std::string& team, const std::string& track);
+  // Charges a failed try to the request's team, if it names one.
+  absl::Status ChargeRefusal(const UploadRequest& request, const absl::Status& refusal);
+  absl::Status CheckArtefact(const std::string& hash, const TrackConfig& config);
+  absl::Status CheckRankedHere() const;
+  NewSubmission Compose(const SubmitRequest& request, const TrackConfig& config,
+                        const std::vector<uint64_t>& seeds) const;
+
+  const AdmissionOptions options_;
+  const Tracks& tracks_;
+  Engine& engine_;
+  ReaderPool& readers_;
+  const Clock& clock_;
+  Uploads uploads_;
+};
+
+// The first and last episodes of a submission's leases: [0, count) cut at multiples of `per_lease`.
+std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease);
+
+}  // namespace myograde::server

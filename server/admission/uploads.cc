@@ -1,0 +1,196 @@
+#include "server/admission/uploads.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include <absl/cleanup/cleanup.h>
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/fd.h"
+#include "protocol/base/sha256.h"
+#include "server/artefact/unpack_process.h"
+#include "server/base/names.h"
+#include "server/engine/stored.h"
+#include "server/sandbox/program.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kStopsNow[] = "the daemon is about to stop; nothing was changed";
+constexpr size_t kReadAtOnce = 256 << 10;
+
+absl::StatusOr<std::string> HashOf(const IncomingArchive& archive,
+                                   const std::function<bool()>& stopping) {
+  Sha256 hash;
+  std::string piece(std::min(kReadAtOnce, static_cast<size_t>(archive.size())), '\0');
+  for (int64_t done = 0; done < archive.size();) {
+    if (stopping()) return absl::CancelledError(kStopsNow);
+    const ssize_t n = archive.ReadAt(piece.data(), piece.size(), done);
+    if (n <= 0) return absl::UnavailableError("the upload can't be read back from the disk");
+    hash.Update(std::string_view(piece.data(), static_cast<size_t>(n)));
+    done += n;
+  }
+  return hash.FinishHex();
+}
+
+// Whether an upload may go on: not on a full disk, and not when the daemon is asked to end.
+absl::Status MayGoOn(const std::string& folder, int64_t disk_reserve,
+                     const std::function<bool()>& stopping) {
+  if (stopping()) return absl::CancelledError(kStopsNow);
+  struct statvfs disk;
+  if (statvfs(folder.c_str(), &disk) != 0) {
+    return absl::ErrnoToStatus(errno, absl::StrCat(folder, ": can't be looked at"));
+  }
+  const auto free = static_cast<int64_t>(disk.f_bavail) * static_cast<int64_t>(disk.f_frsize);
+  if (free >= disk_reserve) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      "the server's disk is too full to unpack the archive; try again later, or tell the "
+      "organiser");
+}
+
+// What the host did to an unpacking has a word of its own.
+absl::Status TroubleOf(const absl::Status& status) {
+  if (!absl::IsUnavailable(status) && !absl::IsDeadlineExceeded(status)) return status;
+  return WithErrorCode(absl::UnavailableError(status.message()), "busy");
+}
+
+// Makes a whole folder durable before the store names it.
+absl::Status Sync(const std::string& path) {
+  const Fd fd(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_DIRECTORY));
+  if (!fd.valid() || syncfs(fd.get()) != 0) {
+    return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be synced to disk"));
+  }
+  return absl::OkStatus();
+}
+
+// Moves a fresh folder to its place; one that is there already has the same content.
+absl::Status Settle(const std::string& fresh, const std::string& place) {
+  std::error_code error;
+  if (fs::exists(place, error)) {
+    fs::remove_all(fresh, error);
+    return absl::OkStatus();
+  }
+  if (rename(fresh.c_str(), place.c_str()) == 0 || errno == EEXIST || errno == ENOTEMPTY) {
+    return Sync(fs::path(place).parent_path());
+  }
+  return absl::ErrnoToStatus(errno, absl::StrCat(place, ": can't be put in its place"));
+}
+
+// Checks nothing if a runtime is missing, as nobody can say what it would bring: an unknown one is
+// refused when the artefact is submitted, and one without its folder is the host's trouble.
+absl::Status CheckStart(const ArtefactManifest& manifest, const std::string& folder,
+                        const std::map<std::string, std::string>& runtimes_here) {
+  std::vector<std::string> runtimes;
+  for (const std::string& name : manifest.runtimes) {
+    const auto known = runtimes_here.find(name);
+    if (known == runtimes_here.end() || !fs::is_directory(known->second)) {
+      return absl::OkStatus();
+    }
+    runtimes.push_back(known->second);
+  }
+  return CheckProgram(manifest, folder, runtimes);
+}
+
+ArtefactRow RowOf(const Artefact& artefact) {
+  return {artefact.digest,           artefact.manifest.name, artefact.manifest.command,
+          artefact.manifest.runtimes, artefact.bytes,         artefact.files,
+          artefact.manifest.environment};
+}
+
+}  // namespace
+
+absl::StatusOr<ReceivedArtefact> Uploads::Take(IncomingArchive& archive, const NewUpload& from,
+                                               const std::function<bool()>& stopping) {
+  if (archive.size() == 0) return absl::InvalidArgumentError("the archive is empty");
+  const absl::StatusOr<std::string> sha256 = HashOf(archive, stopping);
+  if (!sha256.ok()) return sha256.status();
+  absl::StatusOr<ArtefactRow> known = Known(*sha256);
+  if (known.ok()) return ReceivedArtefact{*std::move(known)};
+  if (!absl::IsNotFound(known.status())) return known.status();
+
+  const std::string name = absl::StrCat(data_dir_, "/spool/", ++names_);
+  const std::string file = name + ".archive";
+  const std::string folder = name + ".folder";
+  const absl::Cleanup remove = [&] {
+    std::error_code error;
+    fs::remove(file, error);
+    fs::remove_all(folder, error);
+  };
+  if (absl::Status moved = archive.MoveTo(file); !moved.ok()) return moved;
+  const absl::StatusOr<Artefact> artefact = Unpack(file, folder, stopping);
+  if (!artefact.ok()) return artefact.status();
+  absl::StatusOr<ReceivedArtefact> kept = Keep(*artefact, folder, from);
+  if (kept.ok()) known_archives_.Learn(*sha256, kept->artefact.hash);
+  return kept;
+}
+
+absl::StatusOr<ArtefactRow> Uploads::Known(const std::string& archive_sha256) {
+  const std::optional<std::string> artefact = known_archives_.Find(archive_sha256);
+  if (!artefact.has_value()) return absl::NotFoundError("not seen before");
+  if (absl::Status status = HasArtefactFiles(data_dir_, *artefact); !status.ok()) return status;
+  absl::StatusOr<ArtefactRow> row = absl::InternalError("");
+  const absl::Status status = readers_.Read([&](Reader& reader) {
+    row = reader.Artefact(*artefact);
+    return row.status();
+  });
+  if (!status.ok()) return status;
+  return row;
+}
+
+absl::StatusOr<Artefact> Uploads::Unpack(const std::string& file, const std::string& folder,
+                                         const std::function<bool()>& stopping) const {
+  const UploadLimits& limits = config_.artefacts;
+  const UnpackBudget budget{
+      .time = config_.http.upload,
+      .memory_bytes = limits.unpack_memory_bytes,
+      .cpu = limits.unpack_cpu,
+      .go_on = [&] { return MayGoOn(data_dir_ + "/spool", limits.disk_reserve, stopping); }};
+  absl::StatusOr<Artefact> artefact =
+      UnpackInProcess(file, folder, {.bytes = limits.bytes, .files = limits.files}, budget);
+  if (!artefact.ok()) return TroubleOf(artefact.status());
+  absl::Status status = CheckStart(artefact->manifest, folder, config_.runtimes);
+  if (!status.ok()) return status;
+  return artefact;
+}
+
+absl::StatusOr<ReceivedArtefact> Uploads::Keep(const Artefact& artefact, const std::string& folder,
+                                               const NewUpload& from) {
+  ReceivedArtefact received{RowOf(artefact)};
+  ArtefactRow& row = received.artefact;
+  // One that came before keeps its name.
+  absl::Status status =
+      readers_.Read([&](Reader& reader) { return reader.Artefact(row.hash).status(); });
+  if (absl::IsNotFound(status)) {
+    absl::StatusOr<std::string> clean = CleanName(row.name, "policy.json: \"name\"");
+    if (!clean.ok()) return clean.status();
+    row.name = *std::move(clean);
+  }
+  // What is known and here needs no change of the store, and no wait for the disk. Else the row
+  // comes first: whose the files are is known before there are any.
+  if (status.ok()) status = HasArtefactFiles(data_dir_, row.hash);
+  if (absl::IsNotFound(status)) {
+    const absl::StatusOr<bool> added =
+        engine_.AddArtefact(row, from, config_.artefacts.unsubmitted, config_.http.request);
+    if (added.ok()) received.is_new = *added;
+    status = added.status();
+  }
+  if (status.ok()) status = Settle(folder, ArtefactFolder(data_dir_, row.hash));
+  if (!status.ok()) return status;
+  return received;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,67 @@
+#include "server/api/artefacts_resource.h"
+
+#include <functional>
+#include <string>
+
+#include "server/api/requests.h"
+
+namespace myograde::server {
+namespace {
+
+// The body of the request that this thread handles.
+class UploadedBody : public IncomingArchive {
+ public:
+  int64_t size() const override { return body_.size(); }
+  ssize_t ReadAt(char* to, size_t size, int64_t offset) const override {
+    return body_.ReadAt(to, size, offset);
+  }
+  absl::Status MoveTo(const std::string& path) override { return body_.MoveTo(path); }
+
+ private:
+  Body& body_ = UnixHttpServer::RequestBody();
+};
+
+absl::StatusOr<UploadRequest> ParseUpload(const httplib::Request& request) {
+  absl::Status status = CheckParameters(request, {"team", "track"});
+  if (status.ok() && request.has_param("team") != request.has_param("track")) {
+    status = absl::InvalidArgumentError("\"team\" and \"track\" go together: give both or none");
+  }
+  const std::string team = request.get_param_value("team");
+  if (status.ok() && request.has_param("team")) status = CheckTeam(team);
+  if (!status.ok()) return status;
+  return UploadRequest{.from = {CallerKey(), team, UnixHttpServer::PeerIsOrganiser()},
+                       .track = request.get_param_value("track"),
+                       .stopping = UnixHttpServer::Stopping};
+}
+
+}  // namespace
+
+void ArtefactsResource::Install(Routes& routes) {
+  routes.PostUpload("/v1/artefacts",
+                    {.most = context_.config.artefacts.archive_bytes,
+                     .upload = true,
+                     .types = {"application/x-tar", "application/tar", "application/gzip",
+                               "application/x-gzip", "application/zstd", "application/zip",
+                               "application/octet-stream"}},
+                    std::bind_front(&ArtefactsResource::Upload, this));
+}
+
+ApiResult ArtefactsResource::Upload(const httplib::Request& request) const {
+  const absl::StatusOr<UploadRequest> upload = ParseUpload(request);
+  if (!upload.ok()) return ErrorOf(upload.status());
+  UploadedBody body;
+  const absl::StatusOr<ReceivedArtefact> received = context_.admission.Receive(*upload, body);
+  if (!received.ok()) return TeamErrorOf(received.status(), upload->from.team);
+  const ArtefactRow& artefact = received->artefact;
+  return ApiAnswer{received->is_new ? 201 : 200,
+                   {{"artefact", artefact.hash},
+                    {"name", artefact.name},
+                    {"command", artefact.command},
+                    {"runtimes", artefact.runtimes},
+                    {"env", artefact.environment},
+                    {"bytes", artefact.bytes},
+                    {"files", artefact.files},
+                    {"new", received->is_new}}};
+}
+
+}  // namespace myograde::server

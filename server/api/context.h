@@ -1,0 +1,33 @@
+// What the API's resources share.
+#pragma once
+
+#include <string>
+
+#include <absl/time/time.h>
+
+#include "protocol/base/clock.h"
+#include "server/admission/admission.h"
+#include "server/config/server_config.h"
+#include "server/engine/engine.h"
+#include "server/grading/tracks.h"
+#include "server/proof/signing_key.h"
+#include "server/store/reader.h"
+
+namespace myograde::server {
+
+// The references are to objects of the daemon, which outlive the HTTP server.
+struct ApiContext {
+  const ServerConfig& config;
+  std::string data_dir;
+  std::string cache_dir;
+  const Tracks& tracks;
+  Admission& admission;
+  Engine& engine;
+  ReaderPool& readers;
+  KeyFile& receipts_key;
+  const Clock& clock;
+  absl::Time started_at;   // by the calendar
+  absl::Duration began;    // the same on the monotonic clock
+};
+
+}  // namespace myograde::server

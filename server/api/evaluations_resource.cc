@@ -1,0 +1,215 @@
+#include "server/api/evaluations_resource.h"
+
+#include <functional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/config_reader.h"
+#include "server/api/requests.h"
+#include "server/api/submission_view.h"
+#include "server/api/views.h"
+#include "server/engine/stored.h"
+#include "server/grading/results.h"
+#include "server/proof/grader_build.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+// How often each outcome and each reason came up.
+void AddOutcomes(const std::vector<EpisodeRow>& rows, Json& json) {
+  json["outcomes"] = Json::object();
+  json["reasons"] = Json::object();
+  const auto count = [](Json& counts, std::string_view key) {
+    Json& entry = counts[std::string(key)];
+    entry = entry.is_null() ? 1 : entry.get<int64_t>() + 1;
+  };
+  for (const EpisodeRow& row : rows) {
+    count(json["outcomes"], OutcomeName(row.outcome));
+    if (row.reason != FailureReason::kNone) count(json["reasons"], row.reason.name());
+  }
+}
+
+Json OutputToJson(const std::vector<LeaseRow>& leases) {
+  Json list = Json::array();
+  for (const LeaseRow& lease : leases) {
+    if (lease.output_json.empty()) continue;
+    Json output = Json::parse(lease.output_json, nullptr, false);
+    output["lease"] = lease.id;
+    output["first"] = lease.first;
+    output["last"] = lease.last;
+    list.push_back(std::move(output));
+  }
+  return list;
+}
+
+// A re-run against its original; null for an original.
+absl::StatusOr<Json> ComparisonOf(Reader& reader, const EvaluationRow& evaluation,
+                                  const std::vector<EpisodeRow>& rows) {
+  if (!evaluation.rerun) return Json();
+  const absl::StatusOr<EvaluationRow> original = reader.Original(evaluation.submission);
+  if (!original.ok()) return original.status();
+  const absl::StatusOr<std::vector<EpisodeRow>> its = reader.Episodes(original->id);
+  if (!its.ok()) return its.status();
+  return CompareRows(original->id, *its, evaluation, rows);
+}
+
+absl::StatusOr<Json> EvaluationToJson(Reader& reader, int64_t id, bool episodes) {
+  absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
+  if (!evaluation.ok()) return evaluation.status();
+  absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation->submission);
+  if (!submission.ok()) return submission.status();
+  const absl::StatusOr<TrackPtr> track = StoredTrack(reader, submission->config);
+  if (!track.ok()) return track.status();
+  const TrackConfig& config = (*track)->config;
+  const scoring::TrackScoring& scoring = (*track)->scoring;
+  const absl::StatusOr<std::vector<EpisodeRow>> read = reader.Episodes(id);
+  if (!read.ok()) return read.status();
+  const std::vector<EpisodeRow>& rows = *read;
+  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(*scoring.track, rows);
+  if (!aggregate.ok()) return aggregate.status();
+  const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(id);
+  if (!leases.ok()) return leases.status();
+  const absl::StatusOr<std::vector<RepeatRow>> repeats = reader.Repeats(id);
+  if (!repeats.ok()) return repeats.status();
+
+  Json json = SubmissionToJson(*submission, *evaluation, reader.Counts(id));
+  json["kind"] = evaluation->rerun ? "rerun" : "original";
+  json["ranked"] = submission->ranked && !evaluation->rerun;
+  json["track_kind"] = config.kind->name;
+  json["reason"] = TextOrNull(evaluation->reason);
+  json["first"] = evaluation->first;
+  json["last"] = evaluation->last;
+  json["started_at"] = TimeToJson(evaluation->started_at);
+  AddOutcomes(rows, json);
+  json["aggregate"] = AggregateToJson(*scoring.track, *aggregate);
+  json["official_figures"] = scoring.official_figures;
+  json["metrics"] = ShownMetrics(scoring);
+  json["hashes"] = {{"artefact", submission->artefact},
+                    {"config", submission->config},
+                    {"seeds", submission->seeds},
+                    {"results", ResultsHash(rows)}};
+  json["merkle_root"] = rows.empty() ? Json() : Json(MerkleRootOf(rows));
+  json["grader"] = Json::parse(evaluation->grader_json, nullptr, false);
+  json["limits"] = LimitsToJson(config);
+  json["output"] = OutputToJson(*leases);
+  json["not_repeatable"] = Json::array();
+  for (const RepeatRow& repeat : *repeats) {
+    json["not_repeatable"].push_back({{"index", repeat.index}, {"differs", repeat.differs}});
+  }
+  const absl::StatusOr<Json> comparison = ComparisonOf(reader, *evaluation, rows);
+  if (!comparison.ok()) return comparison.status();
+  json["comparison"] = *comparison;
+  if (episodes) {
+    json["episode_rows"] = Json::array();
+    for (const EpisodeRow& row : rows) json["episode_rows"].push_back(EpisodeToJson(row));
+  }
+  return json;
+}
+
+// What is to be played again, all of which can be read.
+absl::StatusOr<NewRerun> MakeRerun(Reader& reader, const ApiContext& context, int64_t submission,
+                                   const RerunRequest& wanted) {
+  if (absl::Status known = reader.Submission(submission).status(); !known.ok()) return known;
+  const absl::StatusOr<EvaluationRow> evaluation = reader.Original(submission);
+  if (!evaluation.ok()) return evaluation.status();
+  // What can't be played must not be there afterwards.
+  StoredContent content;
+  const absl::StatusOr<StoredEvaluation> stored = LoadEvaluation(reader, evaluation->id, content);
+  if (!stored.ok()) return stored.status();
+  const EvaluationRow& original = stored->evaluation;
+  if (!IsFinal(original.state)) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "submission ", submission,
+        " has not ended; wait for it, or cancel it, before it is run again"));
+  }
+  if (wanted.last.value_or(0) > original.last) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("request: \"last\" is ", *wanted.last, ", the last episode of submission ",
+                     submission, " is ", original.last));
+  }
+  NewRerun rerun{submission, stored->submission.artefact,
+                 CanonicalJson(GraderBuild(context.cache_dir)), {}};
+  if (absl::Status files = HasArtefactFiles(context.data_dir, rerun.artefact); !files.ok()) {
+    return files;
+  }
+  for (const LeaseRow& lease : stored->leases) {
+    const bool wants = lease.last >= wanted.first.value_or(0) &&
+                       lease.first <= wanted.last.value_or(original.last);
+    if (wants) rerun.blocks.emplace_back(lease.first, lease.last);
+  }
+  return rerun;
+}
+
+}  // namespace
+
+void EvaluationsResource::Install(Routes& routes) {
+  using Self = EvaluationsResource;
+  routes.Get(R"(/v1/submissions/(\d{1,18})/result)", std::bind_front(&Self::GetResult, this));
+  routes.Get(R"(/v1/evaluations/(\d{1,18}))", std::bind_front(&Self::Get, this));
+  routes.Post(R"(/v1/submissions/(\d{1,18})/rerun)", std::bind_front(&Self::Rerun, this));
+}
+
+ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
+                                                const httplib::Request& request) const {
+  absl::Status status = CheckParameters(request, {"episodes"});
+  const std::string episodes = request.get_param_value("episodes");
+  if (!episodes.empty() && episodes != "0" && episodes != "1") {
+    status.Update(absl::InvalidArgumentError("\"episodes\" must be 0 or 1"));
+  }
+  ApiAnswer answer;
+  if (status.ok()) {
+    status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+      int64_t evaluation = id;
+      if (of_submission) {
+        if (absl::Status found = reader.Submission(id).status(); !found.ok()) return found;
+        const absl::StatusOr<EvaluationRow> original = reader.Original(id);
+        if (!original.ok()) return original.status();
+        evaluation = original->id;
+      }
+      absl::StatusOr<Json> json = EvaluationToJson(reader, evaluation, episodes == "1");
+      if (json.ok()) answer.body = *std::move(json);
+      return json.status();
+    });
+  }
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+ApiResult EvaluationsResource::GetResult(const httplib::Request& request) const {
+  return EvaluationAnswer(IdOf(request), /*of_submission=*/true, request);
+}
+
+ApiResult EvaluationsResource::Get(const httplib::Request& request) const {
+  return EvaluationAnswer(IdOf(request), /*of_submission=*/false, request);
+}
+
+ApiResult EvaluationsResource::Rerun(const httplib::Request& request, const Json& body) const {
+  const absl::StatusOr<RerunRequest> wanted = ParseRerun(body);
+  if (!wanted.ok()) return ErrorOf(wanted.status());
+  const int64_t submission = IdOf(request);
+  absl::StatusOr<NewRerun> rerun = absl::InternalError("");
+  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+    rerun = MakeRerun(reader, context_, submission, *wanted);
+    return rerun.status();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  const absl::StatusOr<Accepted> accepted = context_.engine.Rerun(
+      *rerun, CallerKey(), UnixHttpServer::PeerIsOrganiser(), context_.config.reruns,
+      context_.config.http.request);
+  if (!accepted.ok()) return ErrorOf(accepted.status());
+  return ApiAnswer{201,
+                   {{"evaluation", accepted->evaluation},
+                    {"submission", submission},
+                    {"kind", "rerun"},
+                    {"state", "queued"},
+                    {"first", rerun->blocks.front().first},
+                    {"last", rerun->blocks.back().second}}};
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,97 @@
+#include "server/api/host_resource.h"
+
+#include <unistd.h>
+
+#include <functional>
+#include <utility>
+
+#include "server/api/views.h"
+#include "server/proof/grader_build.h"
+#include "server/store/schema.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+}  // namespace
+
+void HostResource::Install(Routes& routes) {
+  routes.Get("/v1/health", std::bind_front(&HostResource::Health, this));
+  routes.Get("/v1/tracks", std::bind_front(&HostResource::ListTracks, this));
+}
+
+ApiResult HostResource::Health(const httplib::Request&) const {
+  const LiveHealth health = context_.engine.Health();
+  Json running = Json::array();
+  for (const auto& [lease, live] : context_.engine.Running()) {
+    running.push_back({{"lease", lease},
+                       {"evaluation", live.evaluation},
+                       {"submission", live.submission},
+                       {"slot", live.slot},
+                       {"process", live.process},
+                       {"episode", live.episode},
+                       {"step", live.step},
+                       {"running_wall_s", absl::ToDoubleSeconds(live.running)},
+                       {"silent_wall_s", absl::ToDoubleSeconds(live.silent)}});
+  }
+  Json unreadable = Json::array();
+  for (const auto& [evaluation, why] : health.unreadable) {
+    unreadable.push_back({{"evaluation", evaluation}, {"message", why}});
+  }
+  Json closed = Json::array();
+  for (const auto& [slot, left] : health.closed_slots) {
+    closed.push_back({{"slot", slot}, {"left", left}});
+  }
+  const bool paused = !health.host_trouble.empty();
+  return ApiAnswer{
+      200,
+      {{"status", !health.store_trouble.empty() ? "store" : paused ? "paused" : "ok"},
+       {"message", TextOrNull(health.store_trouble.empty() ? health.host_trouble
+                                                           : health.store_trouble)},
+       {"host",
+        {{"name", HostName()},
+         {"state", HostStateName(health.host)},
+         {"reason", TextOrNull(health.host_trouble)},
+         {"paused_wall_s", SecondsOrNull(health.paused_for)},
+         {"next_test_wall_s", SecondsOrNull(health.next_test)}}},
+       {"leases", std::move(running)},
+       {"ending", health.ending},
+       {"unreadable", std::move(unreadable)},
+       {"closed_slots", std::move(closed)},
+       {"version", GraderVersion()},
+       {"api", 1},
+       {"schema", SchemaMigrations().size()},
+       {"pid", getpid()},
+       {"slots", context_.config.scheduler.slots},
+       {"running", health.running},
+       {"pending_leases", health.pending},
+       {"data", context_.data_dir},
+       {"started_at", TimeToJson(absl::ToUnixMillis(context_.started_at))},
+       {"uptime_wall_s", absl::ToDoubleSeconds(context_.clock.Monotonic() - context_.began)}}};
+}
+
+ApiResult HostResource::ListTracks(const httplib::Request&) const {
+  Json list = Json::array();
+  for (const auto& [name, offer] : context_.tracks.entries()) {
+    Json profiles = Json::array();
+    for (const auto& [profile, track] : offer.profiles) {
+      profiles.push_back({{"profile", profile},
+                          {"config", track->config.hash},
+                          {"episodes", track->config.seeds.size()},
+                          {"episodes_per_lease", track->config.episodes_per_lease}});
+    }
+    Json boards = Json::array();
+    for (const auto& [board, unused] : offer.profiles.begin()->second->scoring.boards) {
+      boards.push_back(board);
+    }
+    list.push_back({{"track", name},
+                    {"boards", std::move(boards)},
+                    {"kind", offer.profiles.begin()->second->config.kind->name},
+                    {"default_profile", offer.default_profile},
+                    {"profiles", std::move(profiles)}});
+  }
+  return ApiAnswer{200, {{"tracks", std::move(list)}}};
+}
+
+}  // namespace myograde::server

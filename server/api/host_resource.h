@@ -1,0 +1,24 @@
+// The daemon's health, and the tracks that it grades.
+#pragma once
+
+#include "server/api/context.h"
+#include "server/api/routes.h"
+
+namespace myograde::server {
+
+// Safe from any thread.
+class HostResource {
+ public:
+  // `context` must outlive it.
+  explicit HostResource(const ApiContext& context) : context_(context) {}
+
+  void Install(Routes& routes);
+
+ private:
+  ApiResult Health(const httplib::Request& request) const;
+  ApiResult ListTracks(const httplib::Request& request) const;
+
+  const ApiContext& context_;
+};
+
+}  // namespace myograde::server

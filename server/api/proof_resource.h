@@ -1,0 +1,28 @@
+// What proves a result: the logs of episodes, receipts and the key that they are signed with.
+#pragma once
+
+#include <optional>
+
+#include "server/api/context.h"
+#include "server/api/routes.h"
+
+namespace myograde::server {
+
+// Safe from any thread.
+class ProofResource {
+ public:
+  // `context` must outlive it.
+  explicit ProofResource(const ApiContext& context) : context_(context) {}
+
+  void Install(Routes& routes);
+
+ private:
+  ApiResult GetReceipt(const httplib::Request& request) const;
+  ApiResult GetKey(const httplib::Request& request) const;
+  std::optional<ApiError> SendLog(const httplib::Request& request,
+                                  httplib::Response& response) const;
+
+  const ApiContext& context_;
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,144 @@
+#include "server/api/submission_view.h"
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "server/api/views.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+// The time `duration` from now; null if it is not known.
+Json Ahead(const std::optional<absl::Duration>& duration, absl::Time now) {
+  if (!duration || *duration == absl::InfiniteDuration()) return nullptr;
+  return TimeToJson(absl::ToUnixMillis(now + *duration));
+}
+
+absl::StatusOr<Json> HistoryToJson(Reader& reader, int64_t submission, int64_t evaluation) {
+  absl::StatusOr<std::vector<TransitionRow>> rows = reader.Transitions("submission", submission);
+  if (!rows.ok()) return rows.status();
+  absl::StatusOr<std::vector<TransitionRow>> more = reader.Transitions("evaluation", evaluation);
+  if (!more.ok()) return more.status();
+  rows->insert(rows->end(), more->begin(), more->end());
+  Json history = Json::array();
+  for (const TransitionRow& row : *rows) {
+    history.push_back({{"at", TimeToJson(row.at)},
+                       {"of", row.entity},
+                       {"from", TextOrNull(row.from)},
+                       {"to", row.to},
+                       {"who", row.who},
+                       {"why", TextOrNull(row.why)}});
+  }
+  return history;
+}
+
+Json LeaseToJson(const LeaseRow& lease, const LiveLease* live) {
+  const bool running = lease.state == LeaseState::kRunning;
+  return {{"lease", lease.id},
+          {"first", lease.first},
+          {"last", lease.last},
+          {"state", LeaseStateName(lease.state)},
+          {"slot", running ? Json(lease.slot) : Json()},
+          {"attempt", lease.attempt},
+          {"faults", lease.faults},
+          {"episode", running && live ? Json(live->episode) : Json()},
+          {"step", running && live ? Json(live->step) : Json()},
+          {"host", running ? Json(HostName()) : Json()},
+          {"process", running && live ? Json(live->process) : Json()},
+          {"started_at", TimeToJson(lease.started_at)},
+          {"deadline_at", TimeToJson(lease.deadline_at)},
+          {"running_wall_s",
+           running && live ? Json(absl::ToDoubleSeconds(live->running)) : Json()},
+          {"silent_wall_s",
+           running && live ? Json(absl::ToDoubleSeconds(live->silent)) : Json()},
+          {"detail", TextOrNull(lease.detail)}};
+}
+
+// The rest at the pace so far; null without a pace.
+Json Remaining(const EvaluationRow& evaluation, const EpisodeCounts& counts, int64_t now_ms) {
+  if (evaluation.state != EvaluationState::kRunning || counts.done == 0) return nullptr;
+  const double elapsed = static_cast<double>(now_ms - evaluation.started_at) / 1000;
+  const auto left = static_cast<double>(evaluation.last - evaluation.first + 1 - counts.done);
+  return std::max(elapsed, 0.0) * left / static_cast<double>(counts.done);
+}
+
+}  // namespace
+
+nlohmann::json SubmissionToJson(const SubmissionRow& row, const EvaluationRow& evaluation,
+                                const EpisodeCounts& counts) {
+  return {{"submission", row.id},
+          {"team", row.team},
+          {"track", row.track},
+          {"profile", row.profile},
+          {"artefact", row.artefact},
+          {"name", row.artefact_name},
+          {"ranked", row.ranked},
+          {"state", EvaluationStateName(evaluation.state)},
+          {"evaluation", evaluation.id},
+          {"episodes", CountsToJson(evaluation.last - evaluation.first + 1, counts)},
+          {"accepted_at", TimeToJson(row.accepted_at)},
+          {"finished_at", TimeToJson(evaluation.finished_at)}};
+}
+
+absl::StatusOr<nlohmann::json> SubmissionStatus(Reader& reader, const ApiContext& context,
+                                                int64_t id) {
+  absl::StatusOr<SubmissionRow> row = reader.Submission(id);
+  if (!row.ok()) return row.status();
+  const absl::StatusOr<std::vector<EvaluationRow>> evaluations = reader.Evaluations(id);
+  if (!evaluations.ok()) return evaluations.status();
+  const EvaluationRow& original = evaluations->front();
+  const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(original.id);
+  if (!leases.ok()) return leases.status();
+  const absl::StatusOr<std::vector<MarkRow>> marks = reader.MarkHistory(id);
+  if (!marks.ok()) return marks.status();
+  absl::StatusOr<Json> history = HistoryToJson(reader, id, original.id);
+  if (!history.ok()) return history.status();
+  const EpisodeCounts counts = reader.Counts(original.id);
+  const int64_t now = absl::ToUnixMillis(context.clock.Now());
+  Json json = SubmissionToJson(*row, original, counts);
+  const QueueOutlook outlook = context.engine.OutlookOf(original.id);
+  json["queue"] = nullptr;
+  if (outlook.place && original.state == EvaluationState::kQueued) {
+    json["queue"] = {{"position", outlook.place->position},
+                     {"leases_ahead", outlook.place->leases_ahead}};
+  }
+  json["waiting"] = TextOrNull(outlook.waiting);
+  json["reason"] = TextOrNull(original.reason);
+  json["started_at"] = TimeToJson(original.started_at);
+  const int64_t end = original.finished_at == 0 ? now : original.finished_at;
+  json["running_wall_s"] = original.started_at == 0
+                               ? Json()
+                               : Json(static_cast<double>(end - original.started_at) / 1000);
+  json["remaining_wall_s"] = Remaining(original, counts, now);
+  if (json["remaining_wall_s"].is_null()) json["remaining_wall_s"] = SecondsOrNull(outlook.end);
+  json["estimated_end_at"] =
+      json["remaining_wall_s"].is_null()
+          ? Json()
+          : Ahead(absl::Seconds(json["remaining_wall_s"].get<double>()), context.clock.Now());
+  json["owner"] = TextOrNull(outlook.owner);
+  json["deadline_at"] = Ahead(outlook.deadline, context.clock.Now());
+  json["history"] = *std::move(history);
+  const std::map<int64_t, LiveLease> running = context.engine.Running();
+  json["leases"] = Json::array();
+  for (const LeaseRow& lease : *leases) {
+    const auto live = running.find(lease.id);
+    json["leases"].push_back(LeaseToJson(lease, live == running.end() ? nullptr : &live->second));
+  }
+  json["marks"] = MarksToJson(*marks);
+  json["evaluations"] = Json::array();
+  for (const EvaluationRow& evaluation : *evaluations) {
+    json["evaluations"].push_back({{"evaluation", evaluation.id},
+                                   {"kind", evaluation.rerun ? "rerun" : "original"},
+                                   {"state", EvaluationStateName(evaluation.state)},
+                                   {"first", evaluation.first},
+                                   {"last", evaluation.last}});
+  }
+  return json;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,157 @@
+#include "server/api/submissions_resource.h"
+
+#include <functional>
+#include <iterator>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "server/api/requests.h"
+#include "server/api/submission_view.h"
+#include "server/api/views.h"
+#include "server/store/damage.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+}  // namespace
+
+void SubmissionsResource::Install(Routes& routes) {
+  using Self = SubmissionsResource;
+  routes.Get("/v1/submissions", std::bind_front(&Self::List, this));
+  routes.Get(R"(/v1/submissions/(\d{1,18}))", std::bind_front(&Self::Get, this));
+  routes.Post("/v1/submissions", std::bind_front(&Self::Submit, this));
+  routes.Post(R"(/v1/submissions/(\d{1,18})/cancel)", std::bind_front(&Self::Cancel, this));
+  routes.Post(R"(/v1/submissions/(\d{1,18})/marks)", std::bind_front(&Self::Mark, this));
+}
+
+ApiResult SubmissionsResource::List(const httplib::Request& request) const {
+  absl::StatusOr<SubmissionFilter> filter = ParseFilter(request);
+  if (!filter.ok()) return ErrorOf(filter.status());
+  Json list = Json::array();
+  Listed<SubmissionRow> found;
+  bool more = false;
+  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+    filter->team = reader.TeamOf(filter->team);
+    found = reader.Submissions(*filter);
+    more = std::ssize(found.rows) + std::ssize(found.damaged) == filter->limit;
+    for (const SubmissionRow& row : found.rows) {
+      const absl::StatusOr<EvaluationRow> original = reader.Original(row.id);
+      if (original.ok()) {
+        list.push_back(SubmissionToJson(row, *original, reader.Counts(original->id)));
+      } else if (const std::optional<Damage> damage = DamageOf(original.status())) {
+        found.damaged.push_back(*damage);
+      } else {
+        return original.status();
+      }
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return ApiAnswer{200,
+                   {{"submissions", std::move(list)},
+                    {"unreadable", DamagedToJson(found.damaged)},
+                    {"next_before", more ? Json(found.last_id) : Json()}}};
+}
+
+ApiResult SubmissionsResource::StatusAnswer(int64_t submission) const {
+  ApiAnswer answer;
+  const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    absl::StatusOr<Json> json = SubmissionStatus(reader, context_, submission);
+    if (json.ok()) answer.body = *std::move(json);
+    return json.status();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+ApiResult SubmissionsResource::Get(const httplib::Request& request) const {
+  return StatusAnswer(IdOf(request));
+}
+
+ApiResult SubmissionsResource::Submit(const httplib::Request&, const Json& body) const {
+  const absl::StatusOr<SubmitRequest> request = ParseSubmit(body);
+  if (!request.ok()) return ErrorOf(request.status());
+  const absl::StatusOr<Accepted> accepted = context_.admission.Submit(*request, CallerKey());
+  if (!accepted.ok()) return TeamErrorOf(accepted.status(), request->team);
+  ApiResult result = StatusAnswer(accepted->submission);
+  if (auto* answer = std::get_if<ApiAnswer>(&result)) {
+    answer->http = accepted->linked ? 200 : 201;
+    answer->body["linked"] = accepted->linked;
+  }
+  return result;
+}
+
+ApiResult SubmissionsResource::Cancel(const httplib::Request& request, const Json& body) const {
+  const absl::StatusOr<std::string> reason = ParseCancel(body);
+  if (!reason.ok()) return ErrorOf(reason.status());
+  const int64_t id = IdOf(request);
+  absl::Status status =
+      context_.readers.Read([&](Reader& reader) { return reader.Submission(id).status(); });
+  if (!status.ok()) return ErrorOf(status);
+  const absl::StatusOr<CancelReport> report =
+      context_.engine.Cancel(id, *reason, CallerKey(), context_.config.http.request);
+  if (!report.ok()) return ErrorOf(report.status());
+  ApiResult result = StatusAnswer(id);
+  auto* answer = std::get_if<ApiAnswer>(&result);
+  if (answer == nullptr) return result;
+  std::string charged;
+  status = context_.readers.Read([&](Reader& reader) {
+    charged = reader.ChargedBudget(id);
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  answer->body["cancel"] = {{"killed", report->killed},
+                            {"still_ending", report->still_ending},
+                            {"took_wall_s", absl::ToDoubleSeconds(report->took)},
+                            {"charged", TextOrNull(charged)}};
+  return result;
+}
+
+ApiResult SubmissionsResource::Mark(const httplib::Request& request, const Json& body) const {
+  if (const auto error = OnlyOrganiser()) return *error;
+  absl::StatusOr<MarkRequest> wanted = ParseMark(body);
+  if (!wanted.ok()) return ErrorOf(wanted.status());
+  const int64_t id = IdOf(request);
+  const auto changed = std::make_shared<bool>(false);
+  // What can't be answered is not done.
+  absl::Status status = context_.readers.Read([&](Reader& reader) {
+    absl::Status readable = reader.Submission(id).status();
+    readable.Update(reader.MarkHistory(id).status());
+    return readable;
+  });
+  if (!status.ok()) return ErrorOf(status);
+  status = context_.engine.Change(
+      [id, changed, who = CallerKey(), mark = *wanted](Writer& writer) {
+        absl::StatusOr<bool> marked = writer.Mark(id, mark.mark, mark.set, who, mark.reason);
+        if (marked.ok()) *changed = *marked;
+        return marked.status();
+      },
+      context_.config.http.request);
+  ApiAnswer answer;
+  if (status.ok()) {
+    status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+      absl::StatusOr<SubmissionRow> submission = reader.Submission(id);
+      if (!submission.ok()) return submission.status();
+      const absl::StatusOr<std::vector<MarkRow>> marks = reader.MarkHistory(id);
+      if (!marks.ok()) return marks.status();
+      answer.body = {{"submission", id},
+                     {"team", submission->team},
+                     {"track", submission->track},
+                     {"profile", submission->profile},
+                     {"mark", wanted->mark},
+                     {"set", wanted->set},
+                     {"changed", *changed},
+                     {"marks", MarksToJson(*marks)}};
+      return absl::OkStatus();
+    });
+  }
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+}  // namespace myograde::server

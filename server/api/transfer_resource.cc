@@ -1,0 +1,140 @@
+#include "server/api/transfer_resource.h"
+
+#include <fcntl.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+#include <absl/cleanup/cleanup.h>
+#include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
+
+#include "protocol/base/fd.h"
+#include "protocol/base/file.h"
+#include "server/engine/standings.h"
+#include "server/store/transfer.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+absl::Status WriteExport(ReaderPool& readers, const std::string& path) {
+  const Fd fd(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+  if (!fd.valid()) return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be made"));
+  absl::Status written;
+  std::string buffer;
+  const absl::Status status = readers.Read([&](Reader& reader) {
+    return reader.Export([&](std::string_view text) {
+      buffer.append(text);
+      if (buffer.size() < (1 << 16)) return true;
+      written = WriteAll(fd.get(), buffer);
+      buffer.clear();
+      return written.ok();
+    });
+  });
+  written.Update(status);
+  if (written.ok()) written = WriteAll(fd.get(), buffer);
+  return written;
+}
+
+// Boards make what the view lacks on the spot, so this may as well fail.
+void FillView(const ApiContext& context) {
+  absl::StatusOr<Standings> standings = MakeStandings(context.readers, /*missing_only=*/true);
+  absl::Status status = standings.status();
+  if (status.ok()) {
+    status = context.engine.Change(
+        [rows = std::move(standings->rows)](Writer& writer) {
+          absl::Status written;
+          for (const auto& [evaluation, standing] : rows) {
+            written.Update(writer.SetStanding(evaluation, standing));
+          }
+          return written;
+        },
+        context.config.http.upload);
+  }
+  if (!status.ok()) spdlog::warn("import: {}", std::string(status.message()));
+}
+
+}  // namespace
+
+void TransferResource::Install(Routes& routes) {
+  using Self = TransferResource;
+  routes.GetFile("/v1/export", std::bind_front(&Self::SendExport, this));
+  routes.GetFile("/v1/backup", std::bind_front(&Self::SendBackup, this));
+  routes.PostUpload("/v1/import",
+                    {.most = context_.config.artefacts.archive_bytes,
+                     .upload = true,
+                     .organiser_only = true,
+                     .types = {"application/json", "application/octet-stream"}},
+                    std::bind_front(&Self::Import, this));
+}
+
+std::string TransferResource::SpoolPath() {
+  return absl::StrCat(context_.data_dir, "/spool/", ++names_);
+}
+
+std::optional<ApiError> TransferResource::SendMade(
+    const char* type, httplib::Response& response,
+    const std::function<absl::Status(const std::string&)>& make) {
+  if (auto error = OnlyOrganiser()) return error;
+  UnixHttpServer::AllowUploadTime();
+  const std::string path = SpoolPath();
+  // The answer keeps the file open, so its name can go at once.
+  const absl::Cleanup remove = [&] {
+    std::error_code error;
+    fs::remove(path, error);
+  };
+  absl::Status status = make(path);
+  if (status.ok()) status = UnixHttpServer::AnswerWithFile(path, type, response);
+  if (!status.ok()) return ErrorOf(status);
+  return std::nullopt;
+}
+
+std::optional<ApiError> TransferResource::SendExport(const httplib::Request&,
+                                                     httplib::Response& response) {
+  return SendMade("application/json", response, [this](const std::string& path) {
+    return WriteExport(context_.readers, path);
+  });
+}
+
+std::optional<ApiError> TransferResource::SendBackup(const httplib::Request&,
+                                                     httplib::Response& response) {
+  return SendMade("application/vnd.sqlite3", response, [this](const std::string& path) {
+    return context_.readers.Backup(
+        path,
+        [](int64_t done, int64_t total) {
+          spdlog::info("backup: {} of {} pages are copied", done, total);
+        },
+        [](const std::string& what) {
+          spdlog::error("backup: a row of the store is damaged, and so in the copy: {}", what);
+        });
+  });
+}
+
+ApiResult TransferResource::Import(const httplib::Request&) {
+  if (const auto error = OnlyOrganiser()) return *error;
+  UnixHttpServer::AllowUploadTime();
+  const std::string path = SpoolPath();
+  const absl::Cleanup remove = [&] {
+    std::error_code error;
+    fs::remove(path, error);
+  };
+  absl::Status status = UnixHttpServer::RequestBody().MoveTo(path);
+  if (!status.ok()) return ErrorOf(status);
+  absl::StatusOr<ExportInfo> info = CheckExport(path);
+  if (!info.ok()) return ErrorOf(info.status());
+  status = context_.engine.Change(
+      [path, checked = *info, who = CallerKey()](Writer& writer) {
+        return writer.Import(path, checked, who);
+      },
+      context_.config.http.upload);
+  if (!status.ok()) return ErrorOf(status);
+  FillView(context_);
+  return ApiAnswer{200, {{"sha256", info->sha256}, {"schema", info->schema}, {"rows", info->rows}}};
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,39 @@
+// Whole stores as files, for the organiser: export, import and backup.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include <absl/status/status.h>
+
+#include "server/api/context.h"
+#include "server/api/routes.h"
+
+namespace myograde::server {
+
+// Safe from any thread.
+class TransferResource {
+ public:
+  // `context` must outlive it.
+  explicit TransferResource(const ApiContext& context) : context_(context) {}
+
+  void Install(Routes& routes);
+
+ private:
+  std::optional<ApiError> SendExport(const httplib::Request& request, httplib::Response& response);
+  std::optional<ApiError> SendBackup(const httplib::Request& request, httplib::Response& response);
+  ApiResult Import(const httplib::Request& request);
+
+  // `make` writes the file; the client gets it with its length, or the reason why not.
+  std::optional<ApiError> SendMade(const char* type, httplib::Response& response,
+                                   const std::function<absl::Status(const std::string&)>& make);
+  std::string SpoolPath();
+
+  const ApiContext& context_;
+  std::atomic<int64_t> names_ = 0;  // of files in the spool
+};
+
+}  // namespace myograde::server

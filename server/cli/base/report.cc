@@ -1,0 +1,203 @@
+#include "server/cli/base/report.h"
+
+#include <algorithm>
+#include <iostream>
+#include <map>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
+#include "server/base/counted.h"
+#include "server/cli/terminal/table.h"
+#include "server/cli/terminal/text.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr size_t kMaxFaultsShown = 5;  // of different kinds
+
+void PrintPair(const std::string& name, const std::string& value) {
+  constexpr size_t kColumn = 20;  // the longest name and two spaces
+  std::cout << "  " << name << std::string(kColumn - std::min(name.size(), kColumn - 1), ' ')
+            << value << '\n';
+}
+
+// "1.25 s", or "" if there is none.
+std::string ValueText(const Json& values, const Json& metric) {
+  const std::string name = metric.value("name", "");
+  if (!values.contains(name) || values[name].is_null()) return "";
+  const std::string unit = Harmless(metric.value("unit", ""));
+  return absl::StrCat(Cell(values, name, metric.value("digits", 4)), unit.empty() ? "" : " ", unit);
+}
+
+std::string CountsOf(const Json& counts) {
+  std::string text;
+  for (const auto& [name, count] : counts.items()) {
+    absl::StrAppend(&text, text.empty() ? "" : ", ", count.dump(), " ", Harmless(name));
+  }
+  return text;
+}
+
+void PrintOutput(const Json& outputs) {
+  for (const Json& output : outputs) {
+    for (const char* stream : {"stderr_tail", "stdout_tail"}) {
+      const std::string text = output.value(stream, "");
+      if (text.empty()) continue;
+      std::cout << Bold(absl::StrCat("The policy's last output on ",
+                                     stream[3] == 'e' ? "standard error" : "standard output",
+                                     " (episodes ", Cell(output, "first"), " to ",
+                                     Cell(output, "last"), ")"))
+                << '\n'
+                << Harmless(text, /*lines=*/true) << (text.ends_with('\n') ? "" : "\n");
+      return;  // one block is enough to see what went wrong; --json has them all
+    }
+  }
+}
+
+// "3", or "0, 1, 2 and 7 more".
+std::string EnumeratedEpisodes(const std::vector<std::string>& numbers) {
+  constexpr size_t kMost = 8;
+  const size_t shown = std::min(numbers.size(), kMost);
+  std::string text =
+      absl::StrJoin(numbers.begin(), numbers.begin() + static_cast<long>(shown), ", ");
+  if (numbers.size() > shown) absl::StrAppend(&text, " and ", numbers.size() - shown, " more");
+  return text;
+}
+
+}  // namespace
+
+void PrintFaults(const Json& rows) {
+  // Episodes that ended the same way stand together, in the order of the first of each.
+  std::vector<std::string> details;
+  std::map<std::string, std::vector<std::string>> episodes;
+  for (const Json& row : rows) {
+    if (!row.contains("fault") || !row["fault"].is_object()) continue;
+    const std::string detail = Cell(row["fault"], "detail");
+    if (episodes[detail].empty()) details.push_back(detail);
+    episodes[detail].push_back(Cell(row, "index"));
+  }
+  const size_t shown = std::min(details.size(), kMaxFaultsShown);
+  for (size_t i = 0; i < shown; ++i) {
+    const std::vector<std::string>& same = episodes[details[i]];
+    std::cout << (same.size() == 1 ? "episode " : "episodes ") << EnumeratedEpisodes(same) << ": "
+              << details[i] << '\n';
+  }
+  if (details.size() > shown) {
+    std::cout << "and " << Counted(static_cast<int64_t>(details.size() - shown), "more fault")
+              << " of other kinds; --json has them all\n";
+  }
+}
+
+std::string CountsText(const Json& episodes) {
+  const auto successes = episodes.value("success", int64_t{0});
+  std::string text =
+      absl::StrCat(Cell(episodes, "done"), "/", CountCell(episodes, "total", "episode"), ", ",
+                   Counted(successes, "success", "successes"));
+  if (const auto faults = episodes.value("fault", int64_t{0}); faults > 0) {
+    absl::StrAppend(&text, ", ", Counted(faults, "fault"), " of the policy");
+  }
+  return text;
+}
+
+void PrintResult(const Json& result, bool full_hashes) {
+  const Json aggregate = result.value("aggregate", Json());
+  if (!aggregate.is_object()) {
+    std::cout << "  no episode has a result yet\n";
+  } else {
+    PrintPair("successes", absl::StrCat(Cell(aggregate, "successes"), " of ",
+                                        CountCell(aggregate, "episodes", "episode")));
+    for (const Json& metric : result.value("metrics", Json::array())) {
+      const std::string text = ValueText(aggregate, metric);
+      if (!text.empty()) PrintPair(Harmless(metric.value("title", "")), text);
+    }
+  }
+  if (result.contains("outcomes")) PrintPair("outcomes", CountsOf(result["outcomes"]));
+  if (result.contains("reasons") && !result["reasons"].empty()) {
+    PrintPair("failures by reason", CountsOf(result["reasons"]));
+  }
+  const Json hashes = result.value("hashes", Json::object());
+  for (const auto& [name, unused] : hashes.items()) {
+    PrintPair(name + " hash", HashText(Cell(hashes, name), full_hashes));
+  }
+  PrintPair("Merkle root", HashText(Cell(result, "merkle_root"), full_hashes));
+  PrintOutput(result.value("output", Json::array()));
+  std::cout.flush();
+}
+
+std::vector<MetricColumn> MetricColumns(const Json& metrics) {
+  std::vector<MetricColumn> columns;
+  for (const Json& metric : metrics) {
+    const std::string unit = Harmless(metric.value("unit", ""));
+    columns.push_back({.key = metric.value("name", ""),
+                       .title = absl::StrCat(Harmless(metric.value("title", "")),
+                                             unit.empty() ? "" : " ", unit),
+                       .digits = metric.value("digits", 4)});
+  }
+  return columns;
+}
+
+void PrintEpisodes(const Json& rows, const Json& metrics, bool full_hashes) {
+  Json ranked = Json::array();  // the others are only told of the whole evaluation
+  for (const Json& metric : metrics) {
+    if (metric.value("better", "") != "neither") ranked.push_back(metric);
+  }
+  const std::vector<MetricColumn> columns = MetricColumns(ranked);
+  std::vector<std::string> head = {"episode", "seed", "outcome", "reason", "steps"};
+  for (const MetricColumn& column : columns) head.push_back(column.title);
+  head.emplace_back("digest");
+  Table table(std::move(head));
+  for (const Json& row : rows) {
+    const Json values = row.value("metrics", Json::object());
+    std::vector<std::string> cells = {Cell(row, "index"), Cell(row, "seed"), Cell(row, "outcome"),
+                                      Cell(row, "reason"), Cell(row, "steps")};
+    for (const MetricColumn& column : columns) {
+      cells.push_back(Cell(values, column.key, column.digits));
+    }
+    cells.push_back(HashText(Cell(row, "digest"), full_hashes));
+    table.Add(std::move(cells));
+  }
+  table.Print();
+  PrintFaults(rows);
+}
+
+void PrintComparison(const Json& comparison) {
+  if (!comparison.is_object()) return;
+  for (const Json& episode : comparison.value("episodes", Json::array())) {
+    std::cout << "  episode " << Cell(episode, "index") << ": ";
+    if (episode.value("equal", false)) {
+      std::cout << "equal\n";
+      continue;
+    }
+    std::vector<std::string> differs;
+    for (const Json& name : episode.value("differs", Json::array())) {
+      if (name.is_string()) differs.push_back(Harmless(name.get<std::string>()));
+    }
+    const Json before = episode.value("original", Json::object());
+    const Json after = episode.value("rerun", Json::object());
+    std::cout << "differs in " << absl::StrJoin(differs, ", ") << " (was "
+              << Cell(before, "outcome") << " after " << CountCell(before, "steps", "step") << ", now "
+              << Cell(after, "outcome") << " after " << CountCell(after, "steps", "step") << ")\n";
+  }
+  const auto equal = comparison.value("equal", int64_t{0});
+  std::cout << "  " << equal << " of " << CountCell(comparison, "compared", "episode")
+            << (equal == 1 ? " is equal" : " are equal");
+  if (comparison.value("missing", 0) > 0) {
+    std::cout << "; " << Cell(comparison, "missing") << " can't be compared";
+  }
+  std::cout << std::endl;
+}
+
+void PrintUnreadable(const nlohmann::json& answer) {
+  for (const Json& entry : answer.value("unreadable", Json::array())) {
+    std::cout << "  Left out: ";
+    if (entry.contains("evaluation")) {
+      std::cout << "evaluation " << Cell(entry, "evaluation") << ": ";
+    }
+    std::cout << Cell(entry, "message") << '\n';
+  }
+  std::cout.flush();
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,57 @@
+#include "server/cli/base/seed_file.h"
+
+#include <charconv>
+#include <sstream>
+
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/base/file.h"
+#include "protocol/lease/track_config.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr size_t kMaxSeedFileBytes = 1 << 20;
+
+absl::StatusOr<std::vector<uint64_t>> SeedsOfLines(const std::string& text,
+                                                   const std::string& path) {
+  std::vector<uint64_t> seeds;
+  std::istringstream lines(text);
+  std::string line;
+  for (int number = 1; std::getline(lines, line); ++number) {
+    line = line.substr(0, line.find('#'));
+    const size_t begin = line.find_first_not_of(" \t\r");
+    if (begin == std::string::npos) continue;
+    line = line.substr(begin, line.find_last_not_of(" \t\r") + 1 - begin);
+    uint64_t seed = 0;
+    const auto [end, error] = std::from_chars(line.data(), line.data() + line.size(), seed);
+    if (error != std::errc() || end != line.data() + line.size()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path, ": line ", number,
+                       " is no seed; write one whole number from 0 to 2^63-1 on each line"));
+    }
+    seeds.push_back(seed);
+  }
+  return seeds;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<uint64_t>> ReadSeeds(const std::string& path) {
+  const absl::StatusOr<std::string> read = ReadFile(path, kMaxSeedFileBytes);
+  if (!read.ok()) return read.status();
+  const std::string& text = *read;
+  const size_t begin = text.find_first_not_of(" \t\r\n");
+  if (begin != std::string::npos && (text[begin] == '[' || text[begin] == '{')) {
+    const absl::StatusOr<nlohmann::json> json = ParseJson(text, path);
+    if (!json.ok()) return json.status();
+    return ParseSeeds(*json, path);
+  }
+  const absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOfLines(text, path);
+  if (!seeds.ok()) return seeds.status();
+  return ParseSeeds(nlohmann::json(*seeds), path);
+}
+
+}  // namespace myograde::server

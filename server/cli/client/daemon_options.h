@@ -1,0 +1,37 @@
+// Options of verbs that speak to a daemon.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include <CLI/CLI.hpp>
+
+#include "server/cli/client/client.h"
+
+namespace myograde::server {
+
+struct DaemonOptions {
+  std::string data;
+  std::string socket;
+  bool json = false;
+
+  Client client() const;
+};
+
+// Adds --json, --data and --socket. `schema` and `json_help` as for AddJson.
+void AddDaemonOptions(CLI::App& verb, const std::string& schema, DaemonOptions& options,
+                      const std::string& json_help = "Print JSON");
+
+// Of verbs about one submission.
+struct SubmissionOptions : DaemonOptions {
+  int64_t id = 0;
+
+  // The submission's resource in the API, or with "/result" and the like a part of it.
+  std::string Resource(const std::string& part = "") const;
+};
+
+// Adds ID, the number of a submission.
+void AddSubmissionId(CLI::App& verb, SubmissionOptions& options, bool required = true,
+                     const std::string& help = "The submission");
+
+}  // namespace myograde::server

@@ -1,0 +1,95 @@
+#include "server/cli/client/evaluation_logs.h"
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/sha256.h"
+#include "server/proof/unpack_log.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+std::string HashOf(const Json& row) {
+  const auto log = row.find("log");
+  if (log == row.end() || !log->is_object()) return "";
+  return log->value("sha256", "");
+}
+
+// `log`: a SHA-256, or the row that names one.
+template <typename Log>
+absl::StatusOr<std::string> Collected(const Client& client, const Log& log) {
+  std::string bytes;
+  const absl::Status status = ReadLogOf(client, log, [&](std::string_view piece) {
+    bytes.append(piece);
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  return bytes;
+}
+
+}  // namespace
+
+absl::StatusOr<Json> EvaluationWithRows(const Client& client, const std::string& path) {
+  absl::StatusOr<Json> json = client.Get(path + "?episodes=1");
+  if (json.ok() && !json->value("episode_rows", Json()).is_array()) {
+    return absl::InternalError("the daemon's answer has no episode_rows");
+  }
+  return json;
+}
+
+absl::StatusOr<Json> RowOf(const Json& evaluation, int64_t episode) {
+  for (const Json& row : evaluation["episode_rows"]) {
+    if (row.value("index", int64_t{-1}) == episode) return row;
+  }
+  return absl::OutOfRangeError(absl::StrCat("submission ", evaluation.value("submission", 0),
+                                            " has no recorded episode ", episode));
+}
+
+absl::Status ReadLogOf(const Client& client, const std::string& sha256,
+                       const LogUnpacker::Sink& sink) {
+  Sha256 hash;
+  LogUnpacker unpacker([&](std::string_view piece) {
+    hash.Update(piece);
+    return sink(piece);
+  });
+  absl::Status status;
+  const absl::StatusOr<int64_t> got = client.Download(
+      "/v1/logs/" + sha256,
+      [&](const char* data, size_t size) {
+        status = unpacker.Take({data, size});
+        return status.ok();
+      },
+      [](int64_t, int64_t) {});
+  if (!status.ok()) return status;
+  if (!got.ok()) return got.status();
+  if (status = unpacker.End(); !status.ok()) return status;
+  return CheckLogHash(sha256, hash.FinishHex());
+}
+
+absl::Status ReadLogOf(const Client& client, const Json& row, const LogUnpacker::Sink& sink) {
+  const std::string hash = HashOf(row);
+  const int64_t episode = row.value("index", int64_t{-1});
+  if (hash.empty()) {
+    return absl::FailedPreconditionError(absl::StrCat("no log of episode ", episode, " was kept"));
+  }
+  const absl::Status status = ReadLogOf(client, hash, sink);
+  if (!absl::IsDataLoss(status)) return status;
+  return absl::DataLossError(absl::StrCat("episode ", episode, ": ", status.message()));
+}
+
+absl::StatusOr<std::string> LogBytesOf(const Client& client, const std::string& sha256) {
+  return Collected(client, sha256);
+}
+
+absl::StatusOr<std::string> LogBytesOf(const Client& client, const Json& row) {
+  return Collected(client, row);
+}
+
+absl::StatusOr<EpisodeLog> LogOf(const Client& client, const Json& row) {
+  absl::StatusOr<std::string> bytes = LogBytesOf(client, row);
+  if (!bytes.ok()) return bytes.status();
+  return ParseEpisodeLog(*bytes);
+}
+
+}  // namespace myograde::server

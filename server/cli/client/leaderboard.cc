@@ -1,0 +1,177 @@
+// myograde leaderboard
+#include <algorithm>
+#include <iostream>
+#include <memory>
+
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+
+#include "server/base/counted.h"
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/print_json.h"
+#include "server/cli/base/report.h"
+#include "server/cli/client/client.h"
+#include "server/cli/client/daemon_options.h"
+#include "server/cli/client/print_answer.h"
+#include "server/cli/client/verbs.h"
+#include "server/cli/terminal/table.h"
+#include "server/cli/terminal/text.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+struct BoardOptions : DaemonOptions {
+  std::string track;
+  std::string profile;
+  std::string board = "main";
+  std::vector<std::string> explain;  // two rows, or none
+  bool rebuild = false;
+};
+
+void PrintBoard(const Json& board) {
+  std::cout << Bold(absl::StrCat("Leaderboard of ", Cell(board, "track"), ", profile ",
+                                 Cell(board, "profile"), ", board ", Cell(board, "board"), ", ",
+                                 CountCell(board, "episodes", "episode")))
+            << '\n';
+  const Json rows = board.value("rows", Json::array());
+  const auto aggregate_of = [](const Json& row) { return row.value("aggregate", Json::object()); };
+  if (rows.empty()) {
+    std::cout << "  It is empty: only whole evaluations rank.\n";
+  } else {
+    const std::vector<MetricColumn> columns = MetricColumns(board.value("columns", Json::array()));
+    std::vector<std::string> head = {"rank", "team", "policy", "id", "success"};
+    for (const MetricColumn& column : columns) head.push_back(column.title);
+    Table table(std::move(head));
+    bool baselines = false;
+    for (const Json& row : rows) {
+      const Json aggregate = aggregate_of(row);
+      const bool baseline = row.value("baseline", false);
+      baselines = baselines || baseline;
+      std::vector<std::string> cells = {baseline ? "base" : Cell(row, "rank"),
+                                        Cell(row, "team"), Cell(row, "name"),
+                                        Cell(row, "submission"), Cell(aggregate, "successes")};
+      for (const MetricColumn& column : columns) {
+        cells.push_back(Cell(aggregate, column.key, column.digits));
+      }
+      table.Add(std::move(cells));
+    }
+    table.Print();
+    if (baselines) std::cout << "  base: a baseline of the organiser, shown for comparison\n";
+    if (const std::string order = Cell(board, "order"); order != "-") {
+      std::cout << "  " << order << '\n';
+    }
+  }
+  for (const Json& row : board.value("disqualified", Json::array())) {
+    std::cout << "  Disqualified: submission " << Cell(row, "submission") << " of "
+              << Cell(row, "team") << " (" << Cell(row, "name") << "): " << Cell(row, "reason")
+              << '\n';
+  }
+  PrintUnreadable(board);
+  if (const auto others = board.value("other_config", int64_t{0}); others > 0) {
+    std::cout << "  " << Counted(others, "evaluation")
+              << " under an earlier config of this track " << (others == 1 ? "is" : "are")
+              << " not on it.\n";
+  }
+  std::cout.flush();
+}
+
+std::string QueryOf(const BoardOptions& options, const std::string& track) {
+  std::string query =
+      absl::StrCat("?track=", QueryValue(track), "&board=", QueryValue(options.board));
+  if (!options.profile.empty()) absl::StrAppend(&query, "&profile=", QueryValue(options.profile));
+  return query;
+}
+
+absl::StatusOr<Json> BoardOf(const Client& client, const BoardOptions& options,
+                             const std::string& track) {
+  return client.Get("/v1/leaderboard" + QueryOf(options, track));
+}
+
+int Explain(const Client& client, BoardOptions options) {
+  int64_t id = 0;
+  if (options.track.empty() && absl::SimpleAtoi(options.explain.front(), &id)) {
+    const absl::StatusOr<Json> submission = client.Get(absl::StrCat("/v1/submissions/", id));
+    if (!submission.ok()) return ReportError(submission.status());
+    options.track = submission->value("track", "");
+    if (options.profile.empty()) options.profile = submission->value("profile", "");
+  }
+  if (options.track.empty()) {
+    return ReportError(absl::InvalidArgumentError("teams are compared on one board: give --track"));
+  }
+  const std::string path = absl::StrCat(
+      "/v1/leaderboard/explain", QueryOf(options, options.track), "&a=",
+      QueryValue(options.explain.front()), "&b=", QueryValue(options.explain.back()));
+  return PrintAnswer(client.Get(path), options.json, [](const Json& answer) {
+    std::cout << Harmless(answer.value("why", "")) << std::endl;
+  });
+}
+
+int Rebuild(const Client& client, bool json) {
+  const absl::StatusOr<Json> rebuilt = client.Post("/v1/leaderboard/rebuild", Json::object());
+  return PrintAnswer(rebuilt, json, [](const Json& answer) {
+    std::cout << "The boards were rebuilt from the episodes of "
+              << CountCell(answer, "rebuilt", "evaluation") << "." << std::endl;
+    PrintUnreadable(answer);
+  });
+}
+
+int AllBoards(const Client& client, const BoardOptions& options) {
+  const absl::StatusOr<Json> tracks = client.Get("/v1/tracks");
+  if (!tracks.ok()) return ReportError(tracks.status());
+  Json boards = Json::array();
+  for (const Json& track : tracks->value("tracks", Json::array())) {
+    // Asked for by name, a profile or board that a track lacks is a mistake; here it is skipped.
+    const Json names = track.value("boards", Json::array());
+    if (std::find(names.begin(), names.end(), options.board) == names.end()) continue;
+    bool has_profile = options.profile.empty();
+    for (const Json& profile : track.value("profiles", Json::array())) {
+      has_profile |= profile.value("profile", "") == options.profile;
+    }
+    if (!has_profile) continue;
+    absl::StatusOr<Json> board = BoardOf(client, options, track.value("track", ""));
+    if (!board.ok()) return ReportError(board.status());
+    boards.push_back(*std::move(board));
+  }
+  if (boards.empty()) {
+    return ReportError(absl::InvalidArgumentError(absl::StrCat(
+        "no track has a board \"", options.board, "\" in the profile \"", options.profile, "\"")));
+  }
+  if (options.json) {
+    PrintJson({{"leaderboards", boards}});
+    return kDone;
+  }
+  for (const Json& board : boards) {
+    if (&board != &boards.front()) std::cout << '\n';
+    PrintBoard(board);
+  }
+  return kDone;
+}
+
+int Leaderboard(const BoardOptions& options) {
+  const Client client = options.client();
+  if (options.rebuild) return Rebuild(client, options.json);
+  if (!options.explain.empty()) return Explain(client, options);
+  if (options.track.empty()) return AllBoards(client, options);
+  return PrintAnswer(BoardOf(client, options, options.track), options.json, PrintBoard);
+}
+
+}  // namespace
+
+Action AddLeaderboard(CLI::App& verb) {
+  auto options = std::make_shared<BoardOptions>();
+  verb.add_option("--track", options->track, "Name of the track (default: all)");
+  verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
+  verb.add_option("--board", options->board, "Name of the board (default: main, which all have)");
+  verb.add_option("--explain", options->explain,
+                  "Say why one of two submissions (or teams) stands above the other")
+      ->expected(2)
+      ->type_name("A B");
+  verb.add_flag("--rebuild", options->rebuild,
+                "Organiser: rebuild the boards from the episodes' rows, which changes no result");
+  AddDaemonOptions(verb, "leaderboard", *options);
+  return [options] { return Leaderboard(*options); };
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,123 @@
+// myograde quota
+#include <iostream>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/report.h"
+#include "server/cli/client/client.h"
+#include "server/cli/client/daemon_options.h"
+#include "server/cli/client/print_answer.h"
+#include "server/cli/client/verbs.h"
+#include "server/cli/terminal/table.h"
+#include "server/cli/terminal/text.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+struct QuotaOptions : DaemonOptions {
+  std::string team;
+  std::string track;
+  int64_t grant = 0;  // 0: not given
+  std::string budget = "official";
+  std::string reason;
+  int64_t limit = 20;
+};
+
+// "2 of 5 (1 of them open)".
+std::string UseText(const Json& use) {
+  const int64_t open = use.value("open", int64_t{0});
+  const int64_t limit = use.value("limit", int64_t{0}) + use.value("granted", int64_t{0});
+  std::string text =
+      absl::StrCat(use.value("used", int64_t{0}) + open, " of ", limit);
+  if (open > 0) absl::StrAppend(&text, " (", open, " open)");
+  return text;
+}
+
+void PrintLedger(const Json& rows) {
+  if (rows.empty()) {
+    std::cout << "The ledger is empty." << std::endl;
+    return;
+  }
+  std::cout << Bold("Ledger, newest first") << '\n';
+  Table ledger({"row", "at", "track", "budget", "entry", "amount", "submission", "who", "why"});
+  for (const Json& row : rows) {
+    ledger.Add({Cell(row, "id"), Cell(row, "at"), Cell(row, "track"), Cell(row, "budget"),
+                Cell(row, "entry"), Cell(row, "amount"), Cell(row, "submission"),
+                Cell(row, "who"), Cell(row, "why")});
+  }
+  ledger.Print();
+  std::cout.flush();
+}
+
+void PrintQuota(const Json& quota) {
+  std::cout << Bold(absl::StrCat("Quota of ", Cell(quota, "team"), " on ", Cell(quota, "day"),
+                                 " (UTC)"))
+            << '\n';
+  Table table({"track", "budget", "today", "in all"});
+  for (const Json& track : quota.value("tracks", Json::array())) {
+    for (const char* budget : {"official", "practice", "failed"}) {
+      const Json uses = track.value(budget, Json::object());
+      table.Add({Cell(track, "track"), budget, UseText(uses.value("per_day", Json::object())),
+                 UseText(uses.value("total", Json::object()))});
+    }
+    const Json waiting = track.value("waiting", Json::object());
+    table.Add({Cell(track, "track"), "waiting",
+               absl::StrCat(Cell(waiting, "used"), " of ", Cell(waiting, "limit")), "-"});
+  }
+  table.Print();
+  std::cout << "The next day begins at " << Cell(quota, "next_day_at") << ".\n";
+  PrintUnreadable(quota);
+  PrintLedger(quota.value("ledger", Json::array()));
+}
+
+absl::StatusOr<Json> Grant(const QuotaOptions& options) {
+  if (options.track.empty() || options.reason.empty()) {
+    return absl::InvalidArgumentError("a grant needs --track and --reason");
+  }
+  return options.client().Post("/v1/quota/grants", {{"team", options.team},
+                                                    {"track", options.track},
+                                                    {"budget", options.budget},
+                                                    {"amount", options.grant},
+                                                    {"reason", options.reason}});
+}
+
+absl::StatusOr<Json> QuotaOf(const QuotaOptions& options) {
+  std::string path = absl::StrCat("/v1/quota?team=", QueryValue(options.team),
+                                  "&limit=", options.limit);
+  if (!options.track.empty()) absl::StrAppend(&path, "&track=", QueryValue(options.track));
+  return options.client().Get(path);
+}
+
+int Quota(const QuotaOptions& options) {
+  return PrintAnswer(options.grant != 0 ? Grant(options) : QuotaOf(options), options.json,
+                     PrintQuota);
+}
+
+}  // namespace
+
+Action AddQuota(CLI::App& verb) {
+  auto options = std::make_shared<QuotaOptions>();
+  verb.add_option("--team", options->team, "Name of the team")->required();
+  verb.add_option("--track", options->track, "Name of the track (default: all)");
+  verb.add_option("--limit", options->limit, "Rows of the ledger to show, 1 to 1000 (default: 20)")
+      ->check(CLI::Range(1, 1000));
+  CLI::Option* grant =
+      verb.add_option("--grant", options->grant,
+                      "Organiser: give N more, for the present day and in all (needs --track and "
+                      "--reason)")
+          ->check(CLI::Range(1, 1'000'000));
+  verb.add_option("--budget", options->budget,
+                  "What to grant: official, practice or failed (default: official)")
+      ->check(CLI::IsMember({"official", "practice", "failed"}))
+      ->needs(grant);
+  verb.add_option("--reason", options->reason, "Why it is granted, for the ledger; up to 200 bytes")
+      ->needs(grant);
+  AddDaemonOptions(verb, "quota", *options);
+  return [options] { return Quota(*options); };
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,158 @@
+// myograde status
+#include <iostream>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/base/counted.h"
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/print_json.h"
+#include "server/cli/base/report.h"
+#include "server/cli/client/client.h"
+#include "server/cli/client/daemon_options.h"
+#include "server/cli/client/print_answer.h"
+#include "server/cli/client/verbs.h"
+#include "server/cli/terminal/table.h"
+#include "server/cli/terminal/text.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+std::string RunningFor(const Json& lease) {
+  const Json time = lease.value("running_wall_s", Json());
+  return time.is_number() ? DurationText(time.get<double>()) : "-";
+}
+
+// A time of the API to the second: "2026-11-22 02:10:54 UTC".
+std::string Moment(const Json& time) {
+  std::string text = time.is_string() ? Harmless(time.get<std::string>()) : "-";
+  if (text.size() < 19 || text[10] != 'T') return text;
+  text[10] = ' ';
+  return text.substr(0, 19) + " UTC";
+}
+
+// Participants call a lease a block of episodes.
+void PrintLeases(const Json& leases) {
+  Table table({"block", "episodes", "state", "host", "slot", "attempt", "running", "at episode",
+               "step"});
+  for (const Json& lease : leases) {
+    table.Add({Cell(lease, "lease"), Cell(lease, "first") + ".." + Cell(lease, "last"),
+               Cell(lease, "state"), Cell(lease, "host"), Cell(lease, "slot"),
+               Cell(lease, "attempt"), RunningFor(lease),
+               Cell(lease, "episode"), Cell(lease, "step")});
+  }
+  table.Print();
+}
+
+void PrintStatus(const Json& status) {
+  std::cout << Bold(absl::StrCat("Submission ", Cell(status, "submission"), ": ",
+                                 Cell(status, "state")))
+            << '\n'
+            << "  " << Cell(status, "name") << " of " << Cell(status, "team") << ", "
+            << Cell(status, "track") << " in the profile " << Cell(status, "profile")
+            << (status.value("ranked", false) ? "" : " (practice)") << '\n'
+            << "  " << CountsText(status.value("episodes", Json::object())) << '\n';
+  const Json queue = status.value("queue", Json());
+  if (queue.is_object()) {
+    std::cout << "  place " << Cell(queue, "position") << " in the queue, behind "
+              << CountedBlocks(queue.value("leases_ahead", int64_t{0})) << '\n';
+  }
+  for (const char* key : {"waiting", "reason"}) {
+    if (status.contains(key) && status[key].is_string()) {
+      std::cout << "  " << Cell(status, key) << '\n';
+    }
+  }
+  const bool running = status.contains("running_wall_s") && status["running_wall_s"].is_number();
+  const bool known = status.contains("remaining_wall_s") && status["remaining_wall_s"].is_number();
+  if (running) {
+    std::cout << "  " << (Cell(status, "finished_at") == "-" ? "running" : "ran") << " for "
+              << DurationText(status["running_wall_s"].get<double>()) << '\n';
+  }
+  if (known) {
+    std::cout << "  about " << DurationText(status["remaining_wall_s"].get<double>())
+              << " left, estimated end " << Moment(status["estimated_end_at"]) << '\n';
+  }
+  if (status.contains("deadline_at") && status["deadline_at"].is_string()) {
+    std::cout << "  if nothing happens until " << Moment(status["deadline_at"])
+              << ", the daemon steps in by itself\n";
+  }
+  PrintLeases(status.value("leases", Json::array()));
+}
+
+void PrintSlots(const Json& health) {
+  const Json leases = health.value("leases", Json::array());
+  if (leases.empty()) return;
+  Table table({"slot", "submission", "block", "running", "at episode", "step"});
+  for (const Json& lease : leases) {
+    table.Add({Cell(lease, "slot"), Cell(lease, "submission"), Cell(lease, "lease"),
+               RunningFor(lease), Cell(lease, "episode"), Cell(lease, "step")});
+  }
+  table.Print();
+}
+
+void PrintHealth(const Json& health) {
+  const std::string state = Cell(health, "status");
+  std::cout << "The daemon (" << Cell(health, "version") << ", process " << Cell(health, "pid")
+            << (state == "store" ? ") can't write its store" : absl::StrCat(") is ", state)) << ": "
+            << Cell(health, "running") << " of " << CountCell(health, "slots", "slot")
+            << " at work, " << CountedBlocks(health.value("pending_leases", int64_t{0}))
+            << " waiting\n";
+  if (health.contains("message") && health["message"].is_string()) {
+    std::cout << Bold(Cell(health, "message")) << '\n';
+  }
+  PrintSlots(health);
+  PrintUnreadable(health);
+}
+
+void PrintSubmissions(const Json& submissions) {
+  if (submissions.empty()) {
+    std::cout << "There are no submissions yet." << std::endl;
+    return;
+  }
+  Table table({"id", "team", "track", "profile", "state", "done", "of", "successes", "faults"});
+  for (const Json& row : submissions) {
+    const Json counts = row.value("episodes", Json::object());
+    table.Add({Cell(row, "submission"), Cell(row, "team"), Cell(row, "track"),
+               Cell(row, "profile"), Cell(row, "state"), Cell(counts, "done"),
+               Cell(counts, "total"), Cell(counts, "success"), Cell(counts, "fault")});
+  }
+  table.Print();
+}
+
+int StatusOfAll(const Client& client, bool json) {
+  const absl::StatusOr<Json> health = client.Get("/v1/health");
+  if (!health.ok()) return ReportError(health.status());
+  const absl::StatusOr<Json> list = client.Get("/v1/submissions");
+  if (!list.ok()) return ReportError(list.status());
+  const Json submissions = list->value("submissions", Json::array());
+  if (json) {
+    PrintJson({{"daemon", *health},
+               {"submissions", submissions},
+               {"unreadable", list->value("unreadable", Json::array())}});
+    return kDone;
+  }
+  PrintHealth(*health);
+  PrintUnreadable(*list);
+  PrintSubmissions(submissions);
+  return kDone;
+}
+
+int Status(const SubmissionOptions& options) {
+  const Client client = options.client();
+  if (options.id == 0) return StatusOfAll(client, options.json);
+  return PrintAnswer(client.Get(options.Resource()), options.json, PrintStatus);
+}
+
+}  // namespace
+
+Action AddStatus(CLI::App& verb) {
+  auto options = std::make_shared<SubmissionOptions>();
+  AddSubmissionId(verb, *options, /*required=*/false,
+                  "A submission (default: the daemon and its newest 100)");
+  AddDaemonOptions(verb, "status", *options);
+  return [options] { return Status(*options); };
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,161 @@
+// myograde submit
+#include <iostream>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/artefact/artefact.h"
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/options.h"
+#include "server/cli/base/print_json.h"
+#include "server/cli/base/report.h"
+#include "server/cli/base/seed_file.h"
+#include "server/cli/base/temp_folder.h"
+#include "server/cli/client/client.h"
+#include "server/cli/client/daemon_options.h"
+#include "server/cli/client/follow.h"
+#include "server/cli/client/verbs.h"
+#include "server/cli/terminal/progress.h"
+#include "server/cli/terminal/text.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+struct SubmitOptions : DaemonOptions {
+  std::string path;
+  std::string track;
+  std::string team;
+  std::string profile;
+  std::string seeds;
+  int64_t episodes = 0;  // 0: not given
+  bool wait = false;
+  bool full_hashes = false;
+};
+
+absl::StatusOr<Json> RequestOf(const SubmitOptions& options) {
+  Json request = {{"team", options.team}, {"track", options.track}};
+  if (!options.profile.empty()) request["profile"] = options.profile;
+  if (options.episodes != 0) request["episodes"] = options.episodes;
+  if (!options.seeds.empty()) {
+    absl::StatusOr<std::vector<uint64_t>> seeds = ReadSeeds(options.seeds);
+    if (!seeds.ok()) return seeds.status();
+    request["seeds"] = *std::move(seeds);
+  }
+  return request;
+}
+
+// Packs the submission and sends it; the artefact's id.
+absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Client& client) {
+  absl::StatusOr<TempFolder> temp = TempFolder::Make("submit");
+  if (!temp.ok()) return temp.status();
+  const std::string archive = temp->path() + "/artefact.tar";
+  {
+    Progress progress("packing", Progress::Unit::kBytes);
+    const absl::Status packed = HostStatus(
+        options.path, PackArtefact(options.path, archive, ArtefactLimits(),
+                                   [&](int64_t done, int64_t total) {
+                                     progress.Show(done, total, "");
+                                   }));
+    if (!packed.ok()) return packed;
+  }
+  Progress progress("sending", Progress::Unit::kBytes);
+  const absl::StatusOr<Json> answer = client.Upload(
+      absl::StrCat("/v1/artefacts?team=", QueryValue(options.team), "&track=",
+                   QueryValue(options.track)),
+      archive, [&](int64_t done, int64_t total) {
+        progress.Show(done, total, done < total ? "" : "the daemon checks it");
+      });
+  if (!answer.ok()) return answer.status();
+  const std::string artefact = answer->value("artefact", "");
+  if (artefact.empty()) return absl::InternalError("the daemon did not say the artefact's id");
+  return artefact;
+}
+
+int ReportWaited(const SubmitOptions& options, const Client& client, int64_t id) {
+  const std::string path = absl::StrCat("/v1/submissions/", id);
+  const absl::StatusOr<Json> status = Follow(client, path, absl::StrCat("submission ", id));
+  if (!status.ok()) return ReportError(status.status());
+  const absl::StatusOr<Json> result =
+      client.Get(path + (options.json ? "/result" : "/result?episodes=1"));
+  if (!result.ok()) return ReportError(result.status());
+  const std::string state = status->value("state", "");
+  if (options.json) {
+    Json both = *status;
+    both["result"] = *result;
+    PrintJson(both);
+  } else {
+    std::cout << Bold(absl::StrCat("Submission ", id, " is ", Harmless(state))) << '\n';
+    if ((*status)["reason"].is_string()) {
+      std::cout << "  " << Harmless((*status)["reason"].get<std::string>()) << '\n';
+    }
+    PrintResult(*result, options.full_hashes);
+    PrintFaults(result->value("episode_rows", Json::array()));
+    std::cout.flush();
+  }
+  return ExitOfState(state);
+}
+
+void PrintAccepted(const Json& submission, int64_t id) {
+  if (submission.value("linked", false)) {
+    std::cout << "Submission " << id << " of " << Cell(submission, "team") << " is the ranked "
+              << "evaluation of this very policy on this board already; nothing new is played, "
+              << "as each policy has one." << std::endl;
+    return;
+  }
+  std::cout << "Submission " << id << " is accepted: " << Cell(submission, "name") << " of "
+            << Cell(submission, "team") << ", "
+            << CountCell(submission["episodes"], "total", "episode")
+            << " of " << Cell(submission, "track") << " in the profile "
+            << Cell(submission, "profile")
+            << (submission.value("ranked", false) ? "" : " (practice: it does not rank)")
+            << std::endl;
+}
+
+int Submit(const SubmitOptions& options) {
+  // Mistakes that can be found here are reported before the daemon is asked.
+  absl::StatusOr<Json> request = RequestOf(options);
+  if (!request.ok()) return ReportError(request.status());
+  const Client client = options.client();
+  const absl::StatusOr<std::string> artefact = SendArtefact(options, client);
+  if (!artefact.ok()) return ReportError(artefact.status());
+  (*request)["artefact"] = *artefact;
+  const absl::StatusOr<Json> submission = client.Post("/v1/submissions", *request);
+  if (!submission.ok()) return ReportError(submission.status());
+  const int64_t id = submission->value("submission", int64_t{0});
+  if (options.json && !options.wait) {
+    PrintJson(*submission);
+    return kDone;
+  }
+  if (!options.json) PrintAccepted(*submission, id);
+  if (options.wait) return ReportWaited(options, client, id);
+  std::cout << "Follow it with: myograde status " << id << std::endl;
+  return kDone;
+}
+
+}  // namespace
+
+Action AddSubmit(CLI::App& verb) {
+  auto options = std::make_shared<SubmitOptions>();
+  verb.add_option("PATH", options->path,
+                  "An executable file, a folder with a policy.json, or an archive of such a folder "
+                  "(.tar, .tar.gz, .tar.zst, .zip)")
+      ->required();
+  verb.add_option("--track", options->track, "Name of the track, as \"myograde spec\" lists them")
+      ->required();
+  verb.add_option("--team", options->team, "Name of the team; 1 to 64 bytes")->required();
+  verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
+  verb.add_option("--seeds", options->seeds,
+                  "File of seeds in place of the track's list: a JSON array, or one on each line; "
+                  "the submission is practice then");
+  verb.add_option("--episodes", options->episodes,
+                  "Play only the first N seeds; fewer than all is practice and does not rank")
+      ->check(CLI::Range(1, 10'000));
+  verb.add_flag("--wait", options->wait, "Wait for the end, show progress and print the result");
+  AddFullHashes(verb, options->full_hashes);
+  AddDaemonOptions(verb, "submit", *options);
+  return [options] { return Submit(*options); };
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,27 @@
+// The verbs that speak to a daemon. Each adds its options to `verb` and returns what it does.
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "server/cli/base/exit_status.h"
+
+namespace myograde::server {
+
+Action AddSubmit(CLI::App& verb);
+Action AddStatus(CLI::App& verb);
+Action AddCancel(CLI::App& verb);
+Action AddLeaderboard(CLI::App& verb);
+Action AddShow(CLI::App& verb);
+Action AddRerun(CLI::App& verb);
+Action AddQuota(CLI::App& verb);
+Action AddHide(CLI::App& verb);
+Action AddUnhide(CLI::App& verb);
+Action AddDisqualify(CLI::App& verb);
+Action AddBaseline(CLI::App& verb);
+Action AddExport(CLI::App& verb);
+Action AddBackup(CLI::App& verb);
+Action AddLog(CLI::App& verb);
+Action AddReceipt(CLI::App& verb);
+Action AddKey(CLI::App& verb);
+
+}  // namespace myograde::server

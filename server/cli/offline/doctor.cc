@@ -1,0 +1,233 @@
+// myograde doctor
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/base/paths.h"
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/options.h"
+#include "server/cli/base/places.h"
+#include "server/cli/base/print_json.h"
+#include "server/cli/client/client.h"
+#include "server/cli/offline/verbs.h"
+#include "server/cli/terminal/table.h"
+#include "server/cli/terminal/text.h"
+#include "server/config/server_config.h"
+#include "server/grading/tracks.h"
+#include "server/sandbox/doctor.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+struct DoctorVerb {
+  HostOptions host;
+  std::string data;
+  bool sandbox = false;
+  bool json = false;
+  bool probe_bus = false;
+};
+
+// What the configs say, as far as they can be read; what can't is a check that
+// found something missing.
+DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks) {
+  const auto absolute = [](const std::string& path) {
+    return std::filesystem::absolute(path).lexically_normal().string();
+  };
+  DoctorOptions options;
+  const absl::StatusOr<std::string> bin_dir = BinDir();
+  options.bin_dir = bin_dir.ok() ? absolute(*bin_dir) : "";
+  options.config_dir = absolute(verb.host.configs_dir());
+  options.cache_dir = verb.host.cache_dir();
+  options.data_dir = absolute(DataDir(verb.data));
+
+  std::string mistake;
+  const absl::StatusOr<ServerConfig> config =
+      LoadServerConfig(options.config_dir + "/server.json", options.cache_dir);
+  if (config.ok()) {
+    options.runtimes = config->runtimes;
+    options.uid_base = config->uid_base;
+    options.slots = config->scheduler.slots;
+    options.submission_bytes = config->artefacts.bytes;
+  } else {
+    mistake = std::string(config.status().message());
+    options.uid_base = 62000;  // any that is free will do for a trial
+  }
+  const absl::StatusOr<Tracks> tracks = Tracks::Load(options.config_dir + "/tracks");
+  if (!tracks.ok()) {
+    mistake = std::string(tracks.status().message());
+  } else if (tracks->entries().empty()) {
+    mistake = options.config_dir + "/tracks holds no track";
+  } else {
+    // The largest budget of memory is the one that a host must be able to give.
+    for (const auto& [name, offer] : tracks->entries()) {
+      const TrackConfig& track = offer.profiles.at(offer.default_profile)->config;
+      if (!options.track || track.budgets.memory_bytes > options.track->budgets.memory_bytes) {
+        options.track = track;
+      }
+    }
+  }
+  if (mistake.empty()) {
+    checks.push_back({"configs", CheckState::kOk,
+                      absl::StrCat(tracks->entries().size(), " tracks in ", options.config_dir), "",
+                      ""});
+  } else {
+    checks.push_back({"configs", CheckState::kMissing, mistake, "no daemon and no local run starts",
+                      "mend the file, or name another folder with --configs"});
+  }
+  return options;
+}
+
+// What a daemon that works on the data folder says of this host.
+Check DaemonCheck(const std::string& data_dir) {
+  Check check{"daemon", CheckState::kOk, "", "", ""};
+  const absl::StatusOr<Json> health = Client(data_dir + "/myograde.sock").Get("/v1/health");
+  if (!health.ok()) {
+    check.found = absl::StrCat("none is at work on ", data_dir);
+    return check;
+  }
+  const std::string state = health->value("status", "");
+  check.found = absl::StrCat("process ", Cell(*health, "pid"), " is at work on ", data_dir);
+  if (state == "ok") return check;
+  check.state = CheckState::kMissing;
+  absl::StrAppend(&check.found, ", and says: ", Cell(*health, "message"));
+  check.costs = "no lease starts until it is over; what is submitted waits";
+  check.todo = state == "paused"
+                   ? "mend what the other checks or the reason name; the daemon tests the host "
+                     "again by itself"
+                   : "mend what the reason names; the daemon tries again by itself";
+  return check;
+}
+
+Json ChecksJson(const std::vector<Check>& checks, CheckState worst) {
+  Json list = Json::array();
+  for (const Check& check : checks) {
+    list.push_back({{"name", check.name},
+                    {"state", CheckStateName(check.state)},
+                    {"found", check.found},
+                    {"costs", check.costs},
+                    {"todo", check.todo}});
+  }
+  return {{"version", MYOGRADE_VERSION}, {"state", CheckStateName(worst)}, {"checks", list}};
+}
+
+void PrintChecks(const std::vector<Check>& checks) {
+  Table table({"check", "state", "found"});
+  for (const Check& check : checks) {
+    table.Add({check.name, std::string(CheckStateName(check.state)), Harmless(check.found)});
+  }
+  table.Print();
+  for (const CheckState state : {CheckState::kMissing, CheckState::kDegraded}) {
+    for (const Check& check : checks) {
+      if (check.state != state) continue;
+      std::cout << '\n'
+                << Bold(absl::StrCat(check.name, ": ", std::string(CheckStateName(state)))) << '\n'
+                << "  costs: " << Harmless(check.costs) << '\n'
+                << "  to do: " << Harmless(check.todo) << '\n';
+    }
+  }
+}
+
+// "a, b" of a list, "name=value, ..." of an object.
+std::string Words(const Json& json) {
+  std::string text;
+  for (const auto& [key, value] : json.items()) {
+    const std::string word = value.is_string() ? value.get<std::string>() : value.dump();
+    absl::StrAppend(&text, text.empty() ? "" : ", ",
+                    json.is_object() ? absl::StrCat(key, "=", word) : word);
+  }
+  return Harmless(text.empty() ? "none" : text);
+}
+
+void PrintSandbox(const std::string& title, const Json& sandbox, const Json& staged) {
+  std::cout << Bold(title) << '\n';
+  const int64_t uid = sandbox["uid"].get<int64_t>();
+  Table facts({"what", "value"});
+  facts.Add({"process 1", Cell(sandbox, "process_1")});
+  facts.Add({"user", absl::StrCat(uid < 0 ? std::string("the caller's own") : std::to_string(uid),
+                                  " outside, ", Cell(sandbox, "uid_inside"), " inside")});
+  facts.Add({"capabilities", Words(sandbox["capabilities"]) + "; no new privileges"});
+  facts.Add({"namespaces of its own", Words(sandbox["namespaces"])});
+  facts.Add({"network", Cell(sandbox, "network")});
+  facts.Add({"limits of a process", Words(sandbox["limits"])});
+  facts.Add({"limits of all together", Words(sandbox["control_group"])});
+  if (sandbox.contains("scratch")) facts.Add({"/tmp and /dev/shm", Words(sandbox["scratch"])});
+  facts.Add({"environment", Words(sandbox["environment"])});
+  facts.Print();
+  std::cout << '\n';
+  Table mounts({"mount", "kind", "from"});
+  for (const Json& mount : sandbox["mounts"]) {
+    std::string source = Cell(mount, "source");
+    for (const auto& [place, folder] : staged.items()) {
+      if (source == place || source.starts_with(place + "/")) {
+        source.replace(0, place.size(), folder.get<std::string>());
+        break;
+      }
+    }
+    mounts.Add({Harmless(Cell(mount, "target")), Cell(mount, "kind"), Harmless(source)});
+  }
+  mounts.Print();
+  for (const auto& [kind, calls] : sandbox["system_calls"].items()) {
+    std::cout << '\n' << "system calls " << kind << ": " << Words(calls) << '\n';
+  }
+  std::cout << '\n';
+}
+
+void PrintSandboxes(const Json& sandboxes) {
+  PrintSandbox("The policy's sandbox", sandboxes["policy"], sandboxes["staged"]);
+  PrintSandbox("The simulator's sandbox", sandboxes["simulator"], sandboxes["staged"]);
+}
+
+int Doctor(const DoctorVerb& verb) {
+  if (verb.probe_bus) return ProbeBus();
+  std::vector<Check> checks;
+  const DoctorOptions options = Gather(verb, checks);
+  if (verb.sandbox) {
+    const absl::StatusOr<Json> sandboxes = DescribeSandboxes(options);
+    if (!sandboxes.ok()) return ReportError(sandboxes.status());
+    if (verb.json) {
+      PrintJson(*sandboxes);
+    } else {
+      PrintSandboxes(*sandboxes);
+    }
+    return kDone;
+  }
+  std::vector<Check> found = ExamineHost(options);
+  checks.insert(checks.end(), found.begin(), found.end());
+  checks.push_back(DaemonCheck(options.data_dir));
+  CheckState worst = CheckState::kOk;
+  for (const Check& check : checks) worst = std::max(worst, check.state);
+  if (verb.json) {
+    PrintJson(ChecksJson(checks, worst));
+  } else {
+    PrintChecks(checks);
+    std::cout << '\n'
+              << (worst == CheckState::kOk         ? "This host has all that MyoGrade needs."
+                  : worst == CheckState::kDegraded ? "This host can grade, at the cost named above."
+                                                   : "This host can't grade yet: see above.")
+              << std::endl;
+  }
+  return worst == CheckState::kMissing ? kTrouble : kDone;
+}
+
+}  // namespace
+
+Action AddDoctor(CLI::App& verb) {
+  auto options = std::make_shared<DoctorVerb>();
+  verb.add_flag("--sandbox", options->sandbox,
+                "Print the two sandboxes of a lease as they are built on this host, and nothing "
+                "else");
+  AddJson(verb, "doctor", options->json);
+  verb.add_option("--data", options->data,
+                  "Data folder that a daemon would use (default: as for serve)");
+  // What the doctor itself starts inside a sandbox.
+  verb.add_flag("--probe-bus", options->probe_bus)->group("");
+  AddHostOptions(verb, options->host);
+  return [options] { return Doctor(*options); };
+}
+
+}  // namespace myograde::server

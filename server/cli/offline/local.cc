@@ -1,0 +1,262 @@
+// myograde local
+#include <filesystem>
+#include <iostream>
+#include <map>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
+#include "protocol/base/clock.h"
+#include "protocol/base/config_reader.h"
+#include "protocol/base/outcome.h"
+#include "protocol/base/sha256.h"
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/options.h"
+#include "server/cli/base/print_json.h"
+#include "server/cli/base/report.h"
+#include "server/cli/base/seed_file.h"
+#include "server/cli/base/temp_folder.h"
+#include "server/cli/offline/local_run.h"
+#include "server/cli/offline/stop_signal.h"
+#include "server/cli/offline/verbs.h"
+#include "server/cli/terminal/progress.h"
+#include "server/cli/terminal/text.h"
+#include "server/config/server_config.h"
+#include "server/grading/results.h"
+#include "server/proof/grader_build.h"
+#include "server/sandbox/program.h"
+#include "server/sandbox/sandbox_config.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+struct LocalOptions {
+  HostOptions host;
+  std::string path;
+  std::string track;
+  std::string profile;
+  std::string seeds;
+  std::string logs;      // "": none are kept
+  int64_t episodes = 0;  // 0: not given
+  int slots = 0;         // 0: as server.json says
+  bool full_hashes = false;
+  bool json = false;
+};
+
+absl::StatusOr<std::vector<uint64_t>> SeedsOf(const LocalOptions& options,
+                                              const TrackConfig& config) {
+  absl::StatusOr<std::vector<uint64_t>> seeds = config.seeds;
+  if (!options.seeds.empty()) seeds = ReadSeeds(options.seeds);
+  if (!seeds.ok()) return seeds;
+  if (options.episodes > std::ssize(*seeds)) {
+    return absl::InvalidArgumentError(absl::StrCat("--episodes: ", options.episodes,
+                                                   " are asked for, but the seed list has only ",
+                                                   seeds->size()));
+  }
+  if (options.episodes > 0) seeds->resize(static_cast<size_t>(options.episodes));
+  return seeds;
+}
+
+absl::StatusOr<std::vector<std::string>> RuntimesOf(const ArtefactManifest& manifest,
+                                                    const ServerConfig& config) {
+  std::vector<std::string> folders;
+  for (const std::string& name : manifest.runtimes) {
+    const auto found = config.runtimes.find(name);
+    if (found == config.runtimes.end()) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "policy.json asks for the runtime \"", name, "\"; known: ",
+          absl::StrJoin(config.runtimes, ", ", [](std::string* out, const auto& entry) {
+            out->append(entry.first);
+          })));
+    }
+    if (!std::filesystem::is_directory(found->second)) {
+      return absl::InternalError(absl::StrCat("the runtime \"", name, "\" has no folder ",
+                                              found->second, "; run ./dev setup"));
+    }
+    folders.push_back(found->second);
+  }
+  return folders;
+}
+
+ByteProgress ShownBy(Progress& progress) {
+  return [&progress](int64_t done, int64_t total) { progress.Show(done, total, ""); };
+}
+
+// Everything that can be wrong with what the user gave is found here, before
+// anything runs. `temp` keeps the unpacked submission.
+absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::string& temp) {
+  LocalOrder order;
+  const std::string configs = options.host.configs_dir();
+  absl::StatusOr<TrackConfig> config =
+      LoadTrackConfig(configs + "/tracks", options.track, options.profile);
+  if (!config.ok()) return HostStatus("", config.status());
+  absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOf(options, *config);
+  if (!seeds.ok()) return seeds.status();
+  order.seeds = *std::move(seeds);
+  const ArtefactLimits limits = {.bytes = config->budgets.submission_bytes,
+                                 .files = config->budgets.submission_files};
+  absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
+  if (!track.ok()) return HostStatus("", track.status());
+  order.track = *std::move(track);
+  order.cache_dir = options.host.cache_dir();
+  absl::StatusOr<ServerConfig> server = LoadServerConfig(configs + "/server.json", order.cache_dir);
+  if (!server.ok()) return HostStatus("", server.status());
+  order.config = *std::move(server);
+  const absl::StatusOr<SandboxConfig> sandbox = LoadSandboxConfig(configs);
+  if (!sandbox.ok()) return HostStatus("", sandbox.status());
+  order.slots = options.slots > 0 ? options.slots : order.config.scheduler.slots;
+  const std::string archive = temp + "/artefact.tar";
+  {
+    Progress progress("packing", Progress::Unit::kBytes);
+    const absl::Status packed =
+        HostStatus(options.path, PackArtefact(options.path, archive, limits, ShownBy(progress)));
+    if (!packed.ok()) return packed;
+  }
+  order.artefact_dir = temp + "/artefact";
+  {
+    Progress progress("unpacking", Progress::Unit::kBytes);
+    absl::StatusOr<Artefact> artefact =
+        UnpackArtefact(archive, order.artefact_dir, limits, ShownBy(progress));
+    if (!artefact.ok()) return HostStatus(options.path, artefact.status());
+    order.artefact = *std::move(artefact);
+  }
+  std::filesystem::remove(archive);
+  absl::StatusOr<std::vector<std::string>> runtimes =
+      RuntimesOf(order.artefact.manifest, order.config);
+  if (!runtimes.ok()) return runtimes.status();
+  order.runtimes = *std::move(runtimes);
+  const absl::Status program = HostStatus(
+      options.path, CheckProgram(order.artefact.manifest, order.artefact_dir, order.runtimes));
+  if (!program.ok()) return program;
+  order.work_dir = temp;
+  if (!options.logs.empty()) {
+    std::error_code error;
+    order.log_dir = std::filesystem::absolute(options.logs).lexically_normal();
+    std::filesystem::create_directories(order.log_dir, error);
+    if (error) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("--logs: ", options.logs, " can't be made: ", error.message()));
+    }
+  }
+  return order;
+}
+
+Json RowJson(const EpisodeRow& row) {
+  const Json facts = Json::parse(row.facts_json);
+  Json json = {{"index", row.index},
+               {"seed", row.seed},
+               {"outcome", OutcomeName(row.outcome)},
+               {"reason", row.reason.name()},
+               {"metrics", Json::parse(row.metrics_json)},
+               {"facts", facts}};
+  const std::pair<const char*, const char*> copied[] = {
+      {"steps", "steps"}, {"sim_time", "sim_time_s"}, {"clipped", "clipped"}, {"digest", "digest"},
+      {"actions_digest", "actions_digest"},  {"log", "log"},
+      {"end", "end"},     {"fault", "fault"},         {"wall_s", "wall_s"},
+      {"policy_cpu_s", "policy_cpu_s"}};
+  for (const auto& [from, to] : copied) json[to] = facts.value(from, Json());
+  return json;
+}
+
+absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& result,
+                                absl::Duration wall) {
+  const scoring::TrackScoring& scoring = order.track->scoring;
+  const absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(*scoring.track, result.rows);
+  if (!aggregate.ok()) return aggregate.status();
+  const TrackConfig& config = order.track->config;
+  std::map<std::string, int64_t> outcomes;
+  std::map<std::string, int64_t> reasons;
+  Json rows = Json::array();
+  for (const EpisodeRow& row : result.rows) {
+    ++outcomes[std::string(OutcomeName(row.outcome))];
+    if (row.reason != FailureReason::kNone) ++reasons[std::string(row.reason.name())];
+    rows.push_back(RowJson(row));
+  }
+  const char* state = result.interrupted ? "cancelled" : aggregate->failed ? "failed" : "done";
+  return Json{{"track", config.id},
+              {"track_kind", config.kind->name},
+              {"profile", config.profile},
+              {"state", state},
+              {"name", order.artefact.manifest.name},
+              {"planned", order.seeds.size()},
+              {"aggregate", AggregateToJson(*scoring.track, *aggregate)},
+              {"official_figures", scoring.official_figures},
+              {"metrics", ShownMetrics(scoring)},
+              {"outcomes", outcomes},
+              {"reasons", reasons},
+              {"hashes",
+               {{"artefact", order.artefact.digest},
+                {"config", config.hash},
+                {"seeds", Sha256Hex(CanonicalJson(order.seeds))},
+                {"results", ResultsHash(result.rows)}}},
+              {"merkle_root", result.rows.empty() ? Json() : Json(MerkleRootOf(result.rows))},
+              {"grader", GraderBuild(order.cache_dir)},
+              {"episodes", rows},
+              {"output", result.outputs},
+              {"wall", {{"slots", order.slots}, {"wall_s", absl::ToDoubleSeconds(wall)}}}};
+}
+
+int Local(const LocalOptions& options) {
+  CatchStopSignals();
+  const absl::Duration start = SystemClock().Monotonic();
+  absl::StatusOr<TempFolder> temp = TempFolder::Make("local");
+  if (!temp.ok()) return ReportError(temp.status());
+  absl::StatusOr<LocalOrder> order = Prepare(options, temp->path());
+  if (!order.ok()) return ReportError(order.status());
+  absl::StatusOr<LocalResult> result;
+  {
+    Progress progress(options.track);
+    LocalRun run(*order, {.progress = [&](int64_t done, int64_t total) {
+                            progress.Show(done, total, "");
+                          },
+                          .stopped = StopRequested});
+    result = run.Run();
+  }
+  if (!result.ok()) return ReportError(result.status());
+  const absl::StatusOr<Json> json = ResultJson(*order, *result, SystemClock().Monotonic() - start);
+  if (!json.ok()) return ReportError(json.status());
+  const std::string state = (*json)["state"];
+  if (options.json) {
+    PrintJson(*json);
+  } else {
+    std::cout << Bold(absl::StrCat(Cell(*json, "name"), " on ", Cell(*json, "track"),
+                                   ", profile ", Cell(*json, "profile"), ": ", state))
+              << '\n';
+    PrintResult(*json, options.full_hashes);
+    PrintEpisodes((*json)["episodes"], (*json)["metrics"], options.full_hashes);
+    std::cout << "took " << DurationText((*json)["wall"]["wall_s"].get<double>()) << std::endl;
+  }
+  if (result->interrupted) std::cerr << "myograde: interrupted" << std::endl;
+  return state == "done" ? kDone : kNoScore;
+}
+
+}  // namespace
+
+Action AddLocal(CLI::App& verb) {
+  auto options = std::make_shared<LocalOptions>();
+  verb.add_option("PATH", options->path,
+                  "An executable file, a folder with a policy.json, or an archive of such a folder")
+      ->required();
+  verb.add_option("--track", options->track, "Name of the track, as \"myograde spec\" lists them")
+      ->required();
+  verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
+  verb.add_option("--seeds", options->seeds,
+                  "File of seeds in place of the track's list: a JSON array, or one on each line");
+  verb.add_option("--episodes", options->episodes, "Play only the first N seeds")
+      ->check(CLI::Range(1, 10'000));
+  verb.add_option("--logs", options->logs,
+                  "Folder for the log of each episode, which \"myograde replay\" plays again");
+  verb.add_option(
+          "--slots", options->slots,
+          "Blocks of episodes at once (default: as server.json says, one for each processor)")
+      ->check(CLI::Range(1, 1024));
+  AddFullHashes(verb, options->full_hashes);
+  AddJson(verb, "local", options->json);
+  AddHostOptions(verb, options->host);
+  return [options] { return Local(*options); };
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,92 @@
+#include "server/cli/offline/play_logs.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <fstream>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/temp_folder.h"
+#include "server/cli/offline/stop_signal.h"
+#include "server/cli/terminal/progress.h"
+#include "server/config/server_config.h"
+#include "server/sandbox/users.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr int kMostSimulators = 64;
+
+// Blocks are leases; where nothing carries over, cut once more so that all slots have work.
+std::vector<ReplayBlock> BlocksOf(const std::map<int64_t, ReplayLogFile>& files,
+                                  const TrackConfig& track, int slots) {
+  std::vector<ReplayBlock> blocks;
+  const bool carries = CarriesOver(track);
+  const int64_t per_slot = (std::ssize(files) + slots - 1) / slots;
+  int64_t previous = -2;
+  for (const auto& [episode, file] : files) {
+    const bool follows = episode == previous + 1 && !blocks.empty();
+    const bool full = follows && std::ssize(blocks.back().logs) >= per_slot;
+    if (!follows || file.header.first || (full && !carries)) blocks.emplace_back();
+    blocks.back().episodes.push_back({episode, file.header.seed, 0});
+    blocks.back().logs.push_back(file.path);
+    previous = episode;
+  }
+  return blocks;
+}
+
+}  // namespace
+
+bool CarriesOver(const TrackConfig& track) { return track.rules.value("one_environment", false); }
+
+int64_t FirstOfLease(const TrackConfig& track, int64_t episode) {
+  return episode - episode % track.episodes_per_lease;
+}
+
+absl::StatusOr<EpisodeLog> ParseLog(const absl::StatusOr<std::string>& bytes) {
+  if (!bytes.ok()) return bytes.status();
+  return ParseEpisodeLog(*bytes);
+}
+
+absl::StatusOr<ReplayLogFile> SaveLog(const std::string& folder, std::string_view bytes,
+                                      LogHeader header) {
+  const std::string path = absl::StrCat(folder, "/", header.episode, ".lcmlog");
+  std::ofstream file(path, std::ios::binary);
+  file.write(bytes.data(), std::ssize(bytes));
+  file.close();
+  if (!file) return absl::InternalError(path + ": can't be written; is the disk full?");
+  return ReplayLogFile{path, std::move(header)};
+}
+
+void AddSimulatorSlots(CLI::App& verb, int& slots) {
+  verb.add_option("--slots", slots,
+                  "Simulators at once (default: as server.json says, one for each processor)")
+      ->check(CLI::Range(1, kMostSimulators));
+}
+
+absl::StatusOr<std::vector<ReplayRecord>> PlayLogs(const std::map<int64_t, ReplayLogFile>& files,
+                                                   const HostOptions& host, int slots) {
+  if (files.empty()) return std::vector<ReplayRecord>();
+  CatchStopSignals();
+  absl::StatusOr<TempFolder> temp = TempFolder::Make("replay");
+  if (!temp.ok()) return temp.status();
+  ReplayOrder order;
+  order.cache_dir = host.cache_dir();
+  absl::StatusOr<ServerConfig> config =
+      LoadServerConfig(host.configs_dir() + "/server.json", order.cache_dir);
+  if (!config.ok()) return HostStatus("", config.status());
+  order.track = files.begin()->second.header.track;
+  order.work_dir = temp->path();
+  order.slots = slots > 0 ? slots : std::min(config->scheduler.slots, kMostSimulators);
+  if (::geteuid() == 0) order.uid_base = config->uid_base + kReplayUsers;
+  order.blocks = BlocksOf(files, order.track, order.slots);
+  Progress progress("replay");
+  return RunReplay(order, {.progress = [&](int64_t done, int64_t total) {
+                             progress.Show(done, total, "");
+                           },
+                           .stopped = StopRequested});
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,48 @@
+// Playing logs again on this host.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+#include <absl/status/statusor.h>
+
+#include "protocol/lease/track_config.h"
+#include "protocol/log/episode_log.h"
+#include "server/cli/base/options.h"
+#include "server/proof/replay_run.h"
+
+namespace myograde::server {
+
+// Whether state carries over from one episode to the next: then an episode can only be played
+// after those before it in its lease.
+bool CarriesOver(const TrackConfig& track);
+
+// The first episode of the lease that `episode` belongs to.
+int64_t FirstOfLease(const TrackConfig& track, int64_t episode);
+
+// Parses a log that was read; passes on the error if it was not.
+absl::StatusOr<EpisodeLog> ParseLog(const absl::StatusOr<std::string>& bytes);
+
+struct ReplayLogFile {
+  std::string path;  // packed or not
+  LogHeader header;
+};
+
+// Writes the bytes of a log to a file in `folder`. InternalError if it can't be written.
+absl::StatusOr<ReplayLogFile> SaveLog(const std::string& folder, std::string_view bytes,
+                                      LogHeader header);
+
+// Adds --slots, the simulators at once; 0: as server.json says.
+void AddSimulatorSlots(CLI::App& verb, int& slots);
+
+// Plays logs, by episode, all of one config, and returns their records in order. Where state
+// carries over, all of a lease before an episode must be there. `slots` 0: as server.json says.
+// CancelledError after SIGINT, SIGTERM or SIGHUP.
+absl::StatusOr<std::vector<ReplayRecord>> PlayLogs(const std::map<int64_t, ReplayLogFile>& files,
+                                                   const HostOptions& host, int slots);
+
+}  // namespace myograde::server

@@ -1,0 +1,232 @@
+// myograde seeds: commit, reveal, check
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <iostream>
+#include <memory>
+
+#include <absl/strings/ascii.h>
+#include <absl/strings/escaping.h>
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/fd.h"
+#include "protocol/base/file.h"
+#include "protocol/base/sha256.h"
+#include "server/base/counted.h"
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/new_file.h"
+#include "server/cli/base/options.h"
+#include "server/cli/base/print_json.h"
+#include "server/cli/base/seed_file.h"
+#include "server/cli/offline/verbs.h"
+#include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/text.h"
+#include "server/proof/seed_list.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr size_t kSecretDigits = 2 * kSeedSecretBytes;
+constexpr size_t kMaxSecretFileBytes = 4096;
+
+struct SeedOptions {
+  std::string secret;      // a file; for check, a file or the digits
+  std::string phase;
+  std::string output;      // of the list; "": none
+  std::string seeds;       // check: a file of seeds
+  std::string commitment;  // check: published hash of the secret
+  std::string list_hash;   // check: published hash of the list
+  int64_t count = 100;
+  bool json = false;
+};
+
+// The commitment is taken over the digits, so that `sha256sum` of them agrees.
+std::string CommitmentOf(const std::string& secret) {
+  return Sha256Hex(absl::BytesToHexString(secret));
+}
+
+absl::StatusOr<std::string> SecretOfDigits(const std::string& text, const std::string& where) {
+  const std::string digits = absl::AsciiStrToLower(absl::StripAsciiWhitespace(text));
+  if (digits.size() != kSecretDigits ||
+      digits.find_first_not_of("0123456789abcdef") != std::string::npos) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(where, ": a secret is ", kSecretDigits, " hexadecimal digits"));
+  }
+  return absl::HexStringToBytes(digits);
+}
+
+absl::StatusOr<std::string> ReadSecret(const std::string& path) {
+  const absl::StatusOr<std::string> text = ReadFile(path, kMaxSecretFileBytes);
+  return text.ok() ? SecretOfDigits(*text, path) : text;
+}
+
+// A new secret in a new file that only its owner may read; never over an old one.
+absl::StatusOr<std::string> MakeSecret(const std::string& path) {
+  absl::StatusOr<std::string> secret = NewSeedSecret();
+  if (!secret.ok()) return secret;
+  const Fd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
+  const std::string text = absl::BytesToHexString(*secret) + "\n";
+  if (!file.valid() || ::write(file.get(), text.data(), text.size()) != std::ssize(text) ||
+      ::fsync(file.get()) != 0) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": the secret can't be written: ", std::strerror(errno)));
+  }
+  return secret;
+}
+
+// The list is as secret as what it follows from until the phase closes.
+absl::Status WriteSeeds(const std::string& path, const std::vector<uint64_t>& seeds) {
+  NewFile file(path);
+  if (!file.opened() || !file.Write(Json(seeds).dump() + "\n")) return CantWrite(path);
+  return file.Keep().status();
+}
+
+int PrintList(const SeedOptions& options, const std::string& secret, bool reveal) {
+  const std::vector<uint64_t> seeds = DeriveSeeds(secret, options.phase, options.count);
+  if (!options.output.empty()) {
+    if (absl::Status status = WriteSeeds(options.output, seeds); !status.ok()) {
+      return ReportError(status);
+    }
+  }
+  Json json = {{"phase", options.phase},
+               {"count", options.count},
+               {"commitment", CommitmentOf(secret)},
+               {"seeds_sha256", SeedListHash(seeds)}};
+  if (reveal) {
+    json["secret"] = absl::BytesToHexString(secret);
+    json["seeds"] = seeds;
+  }
+  if (options.json) {
+    PrintJson(json);
+    return kDone;
+  }
+  // Whole, so that the lines can be copied.
+  std::ostream& out = PlainOutput();
+  out << "phase         " << Harmless(options.phase) << ", " << Counted(options.count, "seed")
+      << '\n'
+      << "commitment    " << json["commitment"].get<std::string>() << '\n'
+      << "seeds SHA-256 " << json["seeds_sha256"].get<std::string>() << '\n';
+  if (reveal) {
+    out << "secret        " << json["secret"].get<std::string>() << std::endl;
+  } else {
+    std::cout << "Publish these lines when the phase opens, and keep " << options.secret
+              << (options.output.empty() ? "" : " and " + options.output)
+              << " to yourself until it closes." << std::endl;
+  }
+  return kDone;
+}
+
+int CommitSeeds(const SeedOptions& options) {
+  const bool there = ::access(options.secret.c_str(), F_OK) == 0;
+  const absl::StatusOr<std::string> secret =
+      there ? ReadSecret(options.secret) : MakeSecret(options.secret);
+  if (!secret.ok()) return ReportError(secret.status());
+  return PrintList(options, *secret, /*reveal=*/false);
+}
+
+int RevealSeeds(const SeedOptions& options) {
+  const absl::StatusOr<std::string> secret = ReadSecret(options.secret);
+  if (!secret.ok()) return ReportError(secret.status());
+  return PrintList(options, *secret, /*reveal=*/true);
+}
+
+int CheckSeeds(const SeedOptions& options) {
+  const bool file = ::access(options.secret.c_str(), R_OK) == 0;
+  const absl::StatusOr<std::string> secret =
+      file ? ReadSecret(options.secret) : SecretOfDigits(options.secret, "--secret");
+  if (!secret.ok()) return ReportError(secret.status());
+  if (options.commitment.empty() && options.list_hash.empty() && options.seeds.empty()) {
+    return ReportError(absl::InvalidArgumentError(
+        "give what was published: --commitment, --seeds-sha256, or --seeds with the list"));
+  }
+  const std::vector<uint64_t> seeds = DeriveSeeds(*secret, options.phase, options.count);
+  std::vector<std::string> wrong;
+  const auto hold = [&](const std::string& published, const std::string& found, const char* what) {
+    if (!published.empty() && absl::AsciiStrToLower(published) != found) {
+      wrong.push_back(absl::StrCat(what, " is ", found, ", published was ", published));
+    }
+  };
+  hold(options.commitment, CommitmentOf(*secret), "the secret's SHA-256");
+  hold(options.list_hash, SeedListHash(seeds), "the SHA-256 of the list that the secret gives");
+  if (!options.seeds.empty()) {
+    const absl::StatusOr<std::vector<uint64_t>> played = ReadSeeds(options.seeds);
+    if (!played.ok()) return ReportError(played.status());
+    if (*played != seeds) wrong.push_back("the list of " + options.seeds + " is another one");
+  }
+  if (options.json) {
+    PrintJson({{"phase", options.phase},
+               {"count", options.count},
+               {"commitment", CommitmentOf(*secret)},
+               {"seeds_sha256", SeedListHash(seeds)},
+               {"valid", wrong.empty()},
+               {"wrong", wrong}});
+  } else if (wrong.empty()) {
+    std::cout << "The secret and its list of " << Counted(options.count, "seed")
+              << " are those that were published." << std::endl;
+  } else {
+    for (const std::string& line : wrong) std::cout << Harmless(line) << std::endl;
+  }
+  return wrong.empty() ? kDone : kNoScore;
+}
+
+CLI::App* AddPart(CLI::App& verb, const char* name, const char* does, const char* example,
+                  SeedOptions& options) {
+  CLI::App* part = verb.add_subcommand(name, does);
+  part->footer(std::string("Example:\n  ") + example);
+  part->add_option("--phase", options.phase,
+                   "Name of the phase, part of what the seeds follow from")
+      ->default_val("final")
+      ->check([](const std::string& text) {
+        return text.empty() || text.size() > 64 ? std::string("must have 1 to 64 bytes")
+                                                : std::string();
+      });
+  part->add_option("--count", options.count, "Seeds in the list")
+      ->default_val(100)
+      ->check(CLI::Range(1, 10'000));
+  AddJson(*part, "seeds", options.json);
+  return part;
+}
+
+}  // namespace
+
+Action AddSeeds(CLI::App& verb) {
+  auto options = std::make_shared<SeedOptions>();
+  auto chosen = std::make_shared<Action>();
+  verb.require_subcommand(1);
+  CLI::App* commit = AddPart(verb, "commit",
+                             "Make a secret, or take one that is there, and print what to publish "
+                             "when the phase opens",
+                             "myograde seeds commit --phase final --secret final.secret "
+                             "-o final-seeds.json", *options);
+  commit->add_option("--secret", options->secret, "File of the secret; made if it is not there")
+      ->required();
+  commit->add_option("-o,--output", options->output,
+                     "File for the list, as \"seeds\" of a track config and --seeds take it; its "
+                     "owner alone can read it");
+  commit->callback([=] { *chosen = [=] { return CommitSeeds(*options); }; });
+
+  CLI::App* reveal = AddPart(verb, "reveal",
+                             "Print the secret and its list, to publish when the phase closes",
+                             "myograde seeds reveal --phase final --secret final.secret", *options);
+  reveal->add_option("--secret", options->secret, "File of the secret")->required();
+  reveal->add_option("-o,--output", options->output, "File for the list");
+  reveal->callback([=] { *chosen = [=] { return RevealSeeds(*options); }; });
+
+  CLI::App* check = AddPart(verb, "check",
+                            "For participants: check a revealed secret against what was published",
+                            "myograde seeds check --phase final --secret 5c0f... "
+                            "--commitment 91ab... --seeds played.json", *options);
+  check->add_option("--secret", options->secret, "The secret's digits, or a file of them")
+      ->required();
+  check->add_option("--commitment", options->commitment, "Published SHA-256 of the secret");
+  check->add_option("--seeds-sha256", options->list_hash, "Published SHA-256 of the list");
+  check->add_option("--seeds", options->seeds, "File of the seeds that were played");
+  check->callback([=] { *chosen = [=] { return CheckSeeds(*options); }; });
+  return [chosen] { return (*chosen)(); };
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,53 @@
+// myograde serve: becomes the daemon.
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/spawn.h"
+#include "server/base/paths.h"
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/options.h"
+#include "server/cli/offline/verbs.h"
+
+namespace myograde::server {
+namespace {
+
+struct ServeOptions {
+  std::string data;
+  std::string socket;
+  HostOptions host;
+};
+
+int Serve(const ServeOptions& options) {
+  const absl::StatusOr<std::string> bin = BinDir();
+  if (!bin.ok()) return ReportError(HostStatus("", bin.status()));
+  std::vector<std::string> words = {*bin + "/myograded"};
+  const auto pass = [&](const char* name, const std::string& value) {
+    if (!value.empty()) words.insert(words.end(), {name, value});
+  };
+  pass("--data", options.data);
+  pass("--socket", options.socket);
+  pass("--configs", options.host.configs);
+  pass("--cache", options.host.cache);
+  ::execv(words[0].c_str(), ExecVector(words).data());
+  return ReportError(absl::InternalError(absl::StrCat("the daemon's program ", words[0],
+                                                   " can't be started: ", std::strerror(errno))));
+}
+
+}  // namespace
+
+Action AddServe(CLI::App& verb) {
+  auto options = std::make_shared<ServeOptions>();
+  verb.add_option("--data", options->data,
+                  "Folder for everything that is kept; made if missing (default: MYOGRADE_DATA, "
+                  "else /var/lib/myograde for root and ~/.local/share/myograde for others)");
+  verb.add_option("--socket", options->socket, "Where to listen (default: DATA/myograde.sock)");
+  AddHostOptions(verb, options->host);
+  return [options] { return Serve(*options); };
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,260 @@
+// myograde spec
+#include <algorithm>
+#include <iostream>
+#include <map>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
+#include "protocol/policy/layout.h"
+#include "server/base/counted.h"
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/options.h"
+#include "server/cli/base/print_json.h"
+#include "server/cli/offline/verbs.h"
+#include "server/cli/terminal/table.h"
+#include "server/cli/terminal/text.h"
+#include "server/grading/tracks.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+using nlohmann::literals::operator""_json_pointer;
+
+struct SpecOptions {
+  HostOptions host;
+  std::string track;
+  std::string profile;
+  bool full_hashes = false;
+  bool json = false;
+};
+
+Json LayoutJson(const VectorLayout& vector) {
+  Json list = Json::array();
+  for (const Part& part : vector.parts()) {
+    Json entries = Json::array();
+    for (int i = 0; i < part.size; ++i) {
+      entries.push_back(vector.names()[static_cast<size_t>(part.offset + i)]);
+    }
+    list.push_back({{"name", part.name},
+                    {"offset", part.offset},
+                    {"size", part.size},
+                    {"unit", part.unit},
+                    {"meaning", part.meaning},
+                    {"entries", entries}});
+  }
+  return list;
+}
+
+Json BoundsJson(std::span<const Bounds> bounds) {
+  Json low = Json::array();
+  Json high = Json::array();
+  for (const Bounds& bound : bounds) {
+    low.push_back(bound.low);
+    high.push_back(bound.high);
+  }
+  return {{"low", low}, {"high", high}};
+}
+
+Json SpecJson(const TrackConfig& config, const Tracks::Entry& entry) {
+  Json profiles = Json::object();
+  for (const auto& [name, track] : entry.profiles) {
+    profiles[name] = {{"config", track->config.hash},
+                      {"episodes", track->config.seeds.size()},
+                      {"episodes_per_lease", track->config.episodes_per_lease},
+                      {"rules", track->config.rules},
+                      {"scoring", track->config.scoring}};
+  }
+  const VectorLayout& observation = ObservationOf(*config.kind);
+  const VectorLayout& action = ActionOf(*config.kind);
+  return {{"track", config.id},
+          {"kind", config.kind->name},
+          {"profile", config.profile},
+          {"default_profile", entry.default_profile},
+          {"config", config.hash},
+          {"protocol_version", 1},
+          {"control_period_s", config.kind->control_period_s},
+          {"episodes", config.seeds.size()},
+          {"episodes_per_lease", config.episodes_per_lease},
+          {"seeds", config.seeds},
+          {"policy_seed_secret", config.policy_seed_secret.has_value()
+                                     ? Json(*config.policy_seed_secret) : Json()},
+          {"observation",
+           {{"size", observation.size()},
+            {"parts", LayoutJson(observation)},
+            {"bounds", BoundsJson(observation.bounds())}}},
+          {"action",
+           {{"size", action.size()},
+            {"parts", LayoutJson(action)},
+            {"bounds",
+             {{"normalized", BoundsJson(action.bounds())},
+              {"direct", BoundsJson(config.kind->layout().direct_bounds)}}}}},
+          {"budgets", config.effective.value("budgets", Json::object())},
+          {"rules", config.rules},
+          {"scoring", config.scoring},
+          {"profiles", profiles}};
+}
+
+void PrintLayout(const char* title, const VectorLayout& vector) {
+  std::cout << '\n' << Bold(absl::StrCat(title, ": ", vector.size(), " numbers")) << '\n';
+  Table table({"entries", "name", "unit", "meaning"});
+  for (const Part& part : vector.parts()) {
+    const std::string range =
+        part.size == 1 ? absl::StrCat(part.offset)
+                       : absl::StrCat(part.offset, "..", part.offset + part.size - 1);
+    table.Add({range, std::string(part.name), std::string(part.unit), std::string(part.meaning)});
+  }
+  table.Print();
+}
+
+// "budgets.step_s" -> value, for every leaf but comments.
+void Flatten(const Json& json, const std::string& prefix, std::map<std::string, std::string>& out) {
+  for (const auto& [key, value] : json.items()) {
+    if (key.starts_with("//")) continue;
+    const std::string path = prefix.empty() ? key : prefix + "." + key;
+    if (value.is_object()) {
+      Flatten(value, path, out);
+    } else {
+      out[path] = Harmless(value.dump());
+    }
+  }
+}
+
+std::vector<RulesTable> TablesOf(const TrackConfig& config) {
+  return config.kind->tables == nullptr ? std::vector<RulesTable>()
+                                        : config.kind->tables(config.rules);
+}
+
+// Rules with a table of their own would not fit on a line.
+Json WithoutTables(const TrackConfig& config) {
+  Json rules = config.rules;
+  for (const RulesTable& table : TablesOf(config)) {
+    const Json::json_pointer place(table.key);
+    if (rules.contains(place)) rules[place] = table.summary;
+  }
+  return rules;
+}
+
+void PrintTables(const TrackConfig& config) {
+  for (const RulesTable& said : TablesOf(config)) {
+    if (said.rows.empty()) continue;
+    std::cout << '\n' << Bold(said.title) << '\n' << "  (" << said.note << ")\n";
+    Table table(said.head);
+    for (const std::vector<std::string>& row : said.rows) {
+      std::vector<std::string> cells;
+      for (const std::string& cell : row) cells.push_back(Harmless(cell));
+      table.Add(std::move(cells));
+    }
+    table.Print();
+  }
+}
+
+void PrintValues(const char* title, const Json& json) {
+  std::cout << '\n' << Bold(title) << '\n';
+  std::map<std::string, std::string> values;
+  Flatten(json, "", values);
+  Table table({"key", "value"});
+  for (const auto& [key, value] : values) table.Add({key, value});
+  table.Print();
+}
+
+void PrintDifferences(const Tracks::Entry& entry) {
+  std::map<std::string, std::map<std::string, std::string>> by_profile;
+  std::map<std::string, std::string> all;
+  for (const auto& [name, track] : entry.profiles) {
+    Json said = {{"rules", WithoutTables(track->config)},
+                 {"scoring", track->config.scoring},
+                 {"episodes_per_lease", track->config.episodes_per_lease}};
+    Flatten(said, "", by_profile[name]);
+    all.insert(by_profile[name].begin(), by_profile[name].end());
+  }
+  std::vector<std::string> head = {"key"};
+  for (const auto& [name, values] : by_profile) head.push_back(name);
+  Table table(head);
+  for (const auto& [key, unused] : all) {
+    std::vector<std::string> row = {key};
+    for (auto& [name, values] : by_profile) {
+      row.push_back(values.contains(key) ? values[key] : "-");
+    }
+    if (std::adjacent_find(row.begin() + 1, row.end(), std::not_equal_to<>()) != row.end()) {
+      table.Add(std::move(row));
+    }
+  }
+  std::cout << '\n' << Bold("Where the profiles differ") << '\n';
+  table.Print();
+}
+
+void PrintSpec(const TrackConfig& config, const Tracks::Entry& entry, bool full_hashes) {
+  std::cout << Bold(absl::StrCat("Track ", config.id, " in the profile ", config.profile)) << '\n'
+            << "  " << Counted(std::ssize(config.seeds), "episode") << " in blocks of "
+            << config.episodes_per_lease << ", each played by a fresh process of the policy; a "
+            << "control step every " << config.kind->control_period_s << " s\n"
+            << "  config hash " << HashText(config.hash, full_hashes) << '\n';
+  PrintLayout("Observation", ObservationOf(*config.kind));
+  PrintLayout("Action", ActionOf(*config.kind));
+  std::cout
+      << "\nA policy chooses at the handshake how it acts: normalized (every number in [-1, 1])\n"
+         "or direct (muscles in [0, 1], prosthesis targets in rad); --json has the bounds and\n"
+         "the name of every entry.\n";
+  PrintValues("Budgets", config.effective.value("budgets", Json::object()));
+  PrintValues("Rules", WithoutTables(config));
+  PrintTables(config);
+  PrintValues("Scoring", config.scoring);
+  PrintDifferences(entry);
+}
+
+int ListTracksOnOffer(const Tracks& tracks, bool json) {
+  Json list = Json::array();
+  Table table({"track", "kind", "episodes", "profiles (the first is the default)"});
+  for (const auto& [name, entry] : tracks.entries()) {
+    std::vector<std::string> profiles = {entry.default_profile};
+    for (const auto& [profile, track] : entry.profiles) {
+      if (profile != entry.default_profile) profiles.push_back(profile);
+    }
+    const TrackConfig& config = entry.profiles.at(entry.default_profile)->config;
+    table.Add({name, std::string(config.kind->name), absl::StrCat(config.seeds.size()),
+               absl::StrJoin(profiles, ", ")});
+    list.push_back({{"track", name},
+                    {"kind", config.kind->name},
+                    {"default_profile", entry.default_profile},
+                    {"episodes", config.seeds.size()},
+                    {"profiles", profiles}});
+  }
+  if (json) {
+    PrintJson({{"tracks", list}});
+  } else {
+    table.Print();
+  }
+  return kDone;
+}
+
+int Spec(const SpecOptions& options) {
+  const absl::StatusOr<Tracks> tracks = Tracks::Load(options.host.configs_dir() + "/tracks");
+  if (!tracks.ok()) return ReportError(HostStatus("", tracks.status()));
+  if (options.track.empty()) return ListTracksOnOffer(*tracks, options.json);
+  const absl::StatusOr<TrackPtr> track = tracks->Find(options.track, options.profile);
+  if (!track.ok()) return ReportError(track.status());
+  const Tracks::Entry& entry = tracks->entries().at(options.track);
+  if (options.json) {
+    PrintJson(SpecJson((*track)->config, entry));
+  } else {
+    PrintSpec((*track)->config, entry, options.full_hashes);
+  }
+  return kDone;
+}
+
+}  // namespace
+
+Action AddSpec(CLI::App& verb) {
+  auto options = std::make_shared<SpecOptions>();
+  verb.add_option("--track", options->track, "Name of the track (default: list them all)");
+  verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
+  AddFullHashes(verb, options->full_hashes);
+  AddJson(verb, "spec", options->json);
+  AddHostOptions(verb, options->host);
+  return [options] { return Spec(*options); };
+}
+
+}  // namespace myograde::server

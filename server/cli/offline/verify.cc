@@ -1,0 +1,209 @@
+// myograde verify
+#include <openssl/rand.h>
+
+#include <algorithm>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <set>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/file.h"
+#include "protocol/log/episode_log.h"
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/options.h"
+#include "server/cli/base/print_json.h"
+#include "server/cli/base/temp_folder.h"
+#include "server/cli/client/daemon_options.h"
+#include "server/cli/offline/log_source.h"
+#include "server/cli/offline/play_logs.h"
+#include "server/cli/offline/verbs.h"
+#include "server/cli/terminal/text.h"
+#include "server/proof/grader_build.h"
+#include "server/proof/receipt.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+// Of a receipt of the longest evaluation, 10,000 episodes, 7 million are needed.
+constexpr size_t kMaxReceiptBytes = 16u << 20;
+
+struct VerifyOptions : DaemonOptions {
+  HostOptions host;
+  std::string file;
+  std::string key;
+  std::vector<std::string> logs;  // files of logs, or folders of them
+  int64_t resimulate = 0;
+  int slots = 0;                  // 0: as server.json says
+};
+
+// `count` different episodes, at random, so that nobody can know which will be looked at.
+std::set<int64_t> Sample(int64_t episodes, int64_t count) {
+  std::set<int64_t> chosen;
+  while (std::ssize(chosen) < std::min(count, episodes)) {
+    uint64_t random = 0;
+    RAND_bytes(reinterpret_cast<unsigned char*>(&random), sizeof(random));
+    chosen.insert(static_cast<int64_t>(random % static_cast<uint64_t>(episodes)));
+  }
+  return chosen;
+}
+
+Json Played(int64_t episode, bool equal, const Json& step, const std::string& detail) {
+  return {{"index", episode},
+          {"equal", equal},
+          {"step", step},
+          {"detail", detail.empty() ? Json() : Json(detail)}};
+}
+
+// The sampled episodes played again: each log must be the one that the receipt names, and end in
+// the digest of the states that it names.
+absl::StatusOr<Json> Resimulate(const VerifyOptions& options, const Json& receipt,
+                                const LogSource& source) {
+  absl::StatusOr<TempFolder> temp = TempFolder::Make("verify");
+  if (!temp.ok()) return temp.status();
+  absl::StatusOr<TrackConfig> track = ParseTrackConfig(receipt["track_config"], "track_config");
+  if (!track.ok()) return track.status();
+  const Json& episodes = receipt["episodes"];
+  const std::set<int64_t> sample = Sample(std::ssize(episodes), options.resimulate);
+  // Where state carries over, an episode needs those before it in its lease.
+  std::set<int64_t> needed = sample;
+  if (CarriesOver(*track)) {
+    for (const int64_t episode : sample) {
+      for (int64_t i = FirstOfLease(*track, episode); i < episode; ++i) needed.insert(i);
+    }
+  }
+  std::map<int64_t, ReplayLogFile> files;
+  std::map<int64_t, Json> outcomes;
+  for (const int64_t episode : needed) {
+    const Json& named = episodes[static_cast<size_t>(episode)];
+    const Json hash = named.value("log", Json());
+    const absl::StatusOr<std::string> bytes =
+        hash.is_string() ? source.Find(hash)
+                         : absl::FailedPreconditionError("the receipt names no log of it");
+    absl::StatusOr<EpisodeLog> log = ParseLog(bytes);
+    if (log.ok() && (log->header.config != receipt["config"] || log->header.episode != episode ||
+                     log->end.digest != named.value("digest", ""))) {
+      log = absl::DataLossError("its log is of another episode than the receipt names");
+    }
+    if (!log.ok()) {
+      outcomes[episode] = Played(episode, false, nullptr, std::string(log.status().message()));
+      continue;
+    }
+    absl::StatusOr<ReplayLogFile> file = SaveLog(temp->path(), *bytes, std::move(log->header));
+    if (!file.ok()) return file.status();
+    files[episode] = *std::move(file);
+  }
+  absl::StatusOr<std::vector<ReplayRecord>> records = PlayLogs(files, options.host, options.slots);
+  if (!records.ok()) return records.status();
+  for (const ReplayRecord& record : *records) {
+    outcomes[record.episode] =
+        Played(record.episode, record.equal, record.step < 0 ? Json() : Json(record.step),
+                record.detail);
+  }
+  Json list = Json::array();
+  for (const auto& [episode, outcome] : outcomes) {
+    if (sample.contains(episode)) list.push_back(outcome);
+  }
+  return list;
+}
+
+int ReportVerified(const VerifyOptions& options, const Json& receipt,
+           const std::vector<ReceiptCheck>& checks, const Json& resimulated) {
+  bool valid = true;
+  Json list = Json::array();
+  for (const ReceiptCheck& check : checks) {
+    valid = valid && check.valid;
+    list.push_back({{"name", check.name},
+                    {"valid", check.valid},
+                    {"detail", check.detail.empty() ? Json() : Json(check.detail)}});
+  }
+  for (const Json& entry : resimulated) valid = valid && entry["equal"].get<bool>();
+  if (options.json) {
+    PrintJson({{"file", options.file},
+               {"valid", valid},
+               {"merkle_root", receipt.is_object() ? receipt.value("merkle_root", Json()) : Json()},
+               {"checks", list},
+               {"resimulated", resimulated}});
+    return valid ? kDone : kNoScore;
+  }
+  for (const Json& check : list) {
+    std::cout << Cell(check, "name") << ": "
+              << (!check["valid"]            ? "WRONG: " + Cell(check, "detail")
+                  : check["detail"].is_null() ? "good"
+                                              : "note: " + Cell(check, "detail"))
+              << '\n';
+  }
+  for (const Json& entry : resimulated) {
+    std::cout << "episode " << entry["index"] << ": "
+              << (entry["equal"] ? "came out as the receipt says"
+                                 : "DIFFERS: " + Cell(entry, "detail"))
+              << '\n';
+  }
+  std::cout << Bold(valid ? "The receipt holds." : "The receipt does not hold.") << std::endl;
+  return valid ? kDone : kNoScore;
+}
+
+int Verify(const VerifyOptions& options) {
+  if (options.key.empty()) {
+    return ReportError(absl::InvalidArgumentError(
+        "--key: give the file of the key that the organiser published; without it, anybody could "
+        "have made the receipt"));
+  }
+  const absl::StatusOr<PublicKey> key = PublicKey::Read(options.key);
+  if (!key.ok()) return ReportError(key.status());
+  const absl::StatusOr<std::string> text = ReadFile(options.file, kMaxReceiptBytes);
+  if (absl::IsInvalidArgument(text.status())) {
+    return ReportError(absl::InvalidArgumentError(
+        absl::StrCat(text.status().message(), ", so it is no receipt")));
+  }
+  if (!text.ok()) return ReportError(text.status());
+  const absl::StatusOr<Json> receipt = ParseReceipt(*text);
+  if (!receipt.ok()) {
+    return ReportVerified(options, nullptr,
+                  {{"format", false, std::string(receipt.status().message())}}, Json::array());
+  }
+  std::vector<ReceiptCheck> checks = CheckReceipt(*text, *key);
+  const LogSource source(options.logs, options.client());
+  for (ReceiptCheck& check : source.Check(*receipt)) checks.push_back(std::move(check));
+  Json resimulated = Json::array();
+  const bool sound = std::all_of(checks.begin(), checks.end(),
+                                 [](const ReceiptCheck& check) { return check.valid; });
+  if (options.resimulate > 0 && sound) {
+    const Json grader = GraderBuild(options.host.cache_dir());
+    for (ReceiptCheck& check : CompareGraders(*receipt, grader)) {
+      checks.push_back(std::move(check));
+    }
+    const bool same_models = std::all_of(checks.begin(), checks.end(),
+                                         [](const ReceiptCheck& check) { return check.valid; });
+    if (!same_models) return ReportVerified(options, *receipt, checks, resimulated);
+    absl::StatusOr<Json> list = Resimulate(options, *receipt, source);
+    if (!list.ok()) return ReportError(list.status());
+    resimulated = *std::move(list);
+  }
+  return ReportVerified(options, *receipt, checks, resimulated);
+}
+
+}  // namespace
+
+Action AddVerify(CLI::App& verb) {
+  auto options = std::make_shared<VerifyOptions>();
+  verb.add_option("RECEIPT", options->file, "The receipt's file")->required();
+  verb.add_option("--key", options->key,
+                  "File of the organiser's published key (\"myograde key\"); required, as a key "
+                  "inside a receipt would prove nothing");
+  verb.add_option("--resimulate", options->resimulate,
+                  "Play so many of the episodes, chosen at random, again from their logs")
+      ->check(CLI::Range(1, 10'000));
+  verb.add_option("--logs,--log", options->logs,
+                  "Files of logs, or folders of them; each is held against the receipt (default: "
+                  "the daemon is asked for the logs to play)");
+  AddSimulatorSlots(verb, options->slots);
+  AddDaemonOptions(verb, "verify", *options);
+  AddHostOptions(verb, options->host);
+  return [options] { return Verify(*options); };
+}
+
+}  // namespace myograde::server

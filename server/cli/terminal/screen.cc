@@ -1,0 +1,188 @@
+#include "server/cli/terminal/screen.h"
+
+#include <sys/ioctl.h>
+#include <unistd.h>
+#include <wchar.h>
+
+#include <algorithm>
+#include <iostream>
+
+#include "server/base/plain_text.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr size_t kUsualColumns = 80;  // of a terminal that does not tell
+constexpr size_t kFewestColumns = 20;
+
+// The piece of text at `at`, which goes behind it: a code point or an escape sequence, and
+// the columns that it takes.
+struct Glyph {
+  std::string_view bytes;
+  size_t columns = 0;
+};
+
+Glyph TakeGlyph(std::string_view text, size_t& at) {
+  const size_t begin = at;
+  if (text[at] == '\033' && at + 1 < text.size() && text[at + 1] == '[') {
+    at = text.find_first_not_of("0123456789;", at + 2);
+    at = at == std::string_view::npos ? text.size() : at + 1;
+    return {text.substr(begin, at - begin), 0};
+  }
+  const char32_t c = TakeCodePoint(text, at);
+  // -1 for what the C library does not know; a terminal shows something in its place.
+  const int columns = c == kBroken ? 1 : ::wcwidth(static_cast<wchar_t>(c));
+  return {text.substr(begin, at - begin), static_cast<size_t>(columns < 0 ? 1 : columns)};
+}
+
+// Where a broken line goes on: below the second column of a text that has two, else a little
+// to the right of its beginning.
+size_t IndentOf(std::string_view line, size_t columns) {
+  const size_t begin = std::min(line.find_first_not_of(' '), line.size());
+  const size_t gap = line.find("  ", begin);
+  if (gap != std::string_view::npos) {
+    const size_t second = line.find_first_not_of(' ', gap);
+    if (second != std::string_view::npos) {
+      const size_t column = TextWidth(line.substr(0, second));
+      if (column <= columns / 2) return column;
+    }
+  }
+  return begin + 2 <= columns / 2 ? begin + 2 : 0;
+}
+
+std::streambuf* g_plain = nullptr;  // standard output's own, while it is fitted
+
+}  // namespace
+
+size_t TerminalColumns(int fd) {
+  if (::isatty(fd) != 1) return 0;
+  winsize size = {};
+  if (::ioctl(fd, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return kUsualColumns;
+  return std::max<size_t>(size.ws_col, kFewestColumns);
+}
+
+size_t TextWidth(std::string_view text) {
+  size_t width = 0;
+  for (size_t at = 0; at < text.size();) width += TakeGlyph(text, at).columns;
+  return width;
+}
+
+std::vector<std::string> BreakLine(std::string_view text, size_t columns, size_t indent) {
+  std::vector<std::string> pieces(1);
+  size_t used = 0;         // columns of the last piece
+  size_t space_at = 0;     // of the last piece: where its last space stands; 0: it has none
+  for (size_t at = 0; at < text.size();) {
+    const Glyph glyph = TakeGlyph(text, at);
+    if (used + glyph.columns > columns) {
+      std::string rest;  // of the word that does not fit: it goes on below, if it fits there
+      size_t word = 0;
+      if (glyph.bytes != " " && space_at > 0) {
+        rest = pieces.back().substr(space_at + 1);
+        const size_t begin = at - glyph.bytes.size();
+        word = TextWidth(rest) + TextWidth(text.substr(begin, text.find(' ', begin) - begin));
+        if (word > columns) rest.clear();
+        pieces.back().resize(pieces.back().size() - rest.size());
+      }
+      pieces.back().resize(pieces.back().find_last_not_of(' ') + 1);
+      const size_t left = word > columns ? indent : std::min(indent, columns - word);
+      pieces.push_back(std::string(left, ' ') + rest);
+      used = left + TextWidth(rest);
+      space_at = 0;
+      if (glyph.bytes == " ") continue;
+    }
+    // The spaces in front of a line are no place to break it.
+    if (glyph.bytes == " " && pieces.back().find_first_not_of(' ') != std::string::npos) {
+      space_at = pieces.back().size();
+    }
+    pieces.back() += glyph.bytes;
+    used += glyph.columns;
+  }
+  return pieces;
+}
+
+std::string CutText(std::string_view text, size_t columns) {
+  if (TextWidth(text) <= columns) return std::string(text);
+  if (columns == 0) return "";
+  std::string cut;
+  size_t used = 0;
+  for (size_t at = 0; at < text.size();) {
+    const Glyph glyph = TakeGlyph(text, at);
+    if (used + glyph.columns > columns - 1) break;
+    cut += glyph.bytes;
+    used += glyph.columns;
+  }
+  return cut + "…";
+}
+
+// Keeps a line until its end is there, then hands it on in pieces.
+class FittedOutput::Buffer : public std::streambuf {
+ public:
+  explicit Buffer(std::streambuf* below) : below_(below) {}
+
+  void EndLine(bool newline) {
+    const size_t columns = TerminalColumns(STDOUT_FILENO);
+    if (columns > 0 && TextWidth(line_) > columns) {
+      const std::vector<std::string> pieces = BreakLine(line_, columns, IndentOf(line_, columns));
+      line_.clear();
+      for (const std::string& piece : pieces) {
+        line_ += piece;
+        if (&piece != &pieces.back()) line_ += '\n';
+      }
+    }
+    if (newline) line_ += '\n';
+    below_->sputn(line_.data(), static_cast<std::streamsize>(line_.size()));
+    line_.clear();
+  }
+
+  std::streambuf* below() const { return below_; }
+
+ protected:
+  int overflow(int c) override {
+    if (c == traits_type::eof()) return traits_type::not_eof(c);
+    if (c == '\n') {
+      EndLine(/*newline=*/true);
+    } else {
+      line_ += static_cast<char>(c);
+    }
+    return c;
+  }
+  int sync() override { return below_->pubsync(); }
+
+ private:
+  std::streambuf* below_;
+  std::string line_;
+};
+
+FittedOutput::FittedOutput() {
+  if (TerminalColumns(STDOUT_FILENO) == 0) return;
+  buffer_ = std::make_unique<Buffer>(std::cout.rdbuf());
+  g_plain = buffer_->below();
+  std::cout.rdbuf(buffer_.get());
+}
+
+FittedOutput::~FittedOutput() {
+  if (buffer_ == nullptr) return;
+  buffer_->EndLine(/*newline=*/false);
+  std::cout.flush();
+  std::cout.rdbuf(buffer_->below());
+  g_plain = nullptr;
+}
+
+std::ostream& PlainOutput() {
+  if (g_plain == nullptr) return std::cout;
+  static std::ostream plain(nullptr);
+  plain.rdbuf(g_plain);
+  return plain;
+}
+
+void PrintToErrors(std::string_view line) {
+  const size_t columns = TerminalColumns(STDERR_FILENO);
+  if (columns == 0) {
+    std::cerr << line << std::endl;
+    return;
+  }
+  for (const std::string& piece : BreakLine(line, columns, 2)) std::cerr << piece << '\n';
+  std::cerr.flush();
+}
+
+}  // namespace myograde::server

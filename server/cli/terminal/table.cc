@@ -1,0 +1,123 @@
+#include "server/cli/terminal/table.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <iostream>
+
+#include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/text.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr size_t kGap = 2;
+constexpr size_t kLeastText = 8;     // columns that a text is given at least
+constexpr size_t kWholeNumber = 12;  // numbers up to so many columns are never broken
+
+bool IsNumber(const std::string& cell) {
+  return cell == "-" || (!cell.empty() && cell.find_first_not_of("0123456789.+-e%") ==
+                                              std::string::npos);
+}
+
+size_t LongestWord(const std::string& text) {
+  size_t longest = 0;
+  for (size_t at = 0; at < text.size();) {
+    const size_t end = std::min(text.find(' ', at), text.size());
+    longest = std::max(longest, TextWidth(std::string_view(text).substr(at, end - at)));
+    at = end + 1;
+  }
+  return longest;
+}
+
+size_t SumOf(const std::vector<size_t>& widths) {
+  size_t sum = widths.empty() ? 0 : kGap * (widths.size() - 1);
+  for (const size_t width : widths) sum += width;
+  return sum;
+}
+
+}  // namespace
+
+std::vector<Table::Column> Table::Columns() const {
+  std::vector<Column> columns(rows_[0].size());
+  std::vector<size_t> cells(columns.size(), 0);  // the widest but the head
+  for (size_t r = 0; r < rows_.size(); ++r) {
+    for (size_t c = 0; c < columns.size(); ++c) {
+      const size_t width = TextWidth(rows_[r][c]);
+      columns[c].width = std::max(columns[c].width, width);
+      if (r == 0) continue;
+      cells[c] = std::max(cells[c], width);
+      columns[c].number = columns[c].number && IsNumber(rows_[r][c]);
+    }
+  }
+  for (size_t c = 0; c < columns.size(); ++c) {
+    Column& column = columns[c];
+    column.number = column.number && rows_.size() > 1;
+    const bool whole = column.number && cells[c] <= kWholeNumber;
+    const size_t least = std::max(whole ? cells[c] : kLeastText, LongestWord(rows_[0][c]));
+    column.least = std::min(column.width, least);
+  }
+  return columns;
+}
+
+std::vector<std::string> Table::Lines(size_t most) const {
+  const std::vector<Column> columns = Columns();
+  std::vector<size_t> widths;
+  for (const Column& column : columns) widths.push_back(column.width);
+  while (most > 0 && SumOf(widths) > most) {
+    // The widest that can give way does.
+    size_t chosen = columns.size();
+    for (size_t c = 0; c < columns.size(); ++c) {
+      if (widths[c] <= columns[c].least) continue;
+      if (chosen == columns.size() || widths[c] > widths[chosen]) chosen = c;
+    }
+    if (chosen == columns.size()) return Blocks(most);
+    --widths[chosen];
+  }
+  std::vector<std::string> lines;
+  for (const std::vector<std::string>& row : rows_) {
+    std::vector<std::vector<std::string>> cells;
+    size_t height = 1;
+    for (size_t c = 0; c < columns.size(); ++c) {
+      cells.push_back(BreakLine(row[c], widths[c]));
+      height = std::max(height, cells.back().size());
+    }
+    for (size_t l = 0; l < height; ++l) {
+      std::string line;
+      for (size_t c = 0; c < columns.size(); ++c) {
+        const std::string cell = l < cells[c].size() ? cells[c][l] : "";
+        const std::string rest(widths[c] - TextWidth(cell), ' ');
+        if (c > 0) line.append(kGap, ' ');
+        line += columns[c].number ? rest + cell : cell + rest;
+      }
+      line.erase(line.find_last_not_of(' ') + 1);
+      lines.push_back(&row == &rows_[0] ? Bold(line) : line);
+    }
+  }
+  return lines;
+}
+
+std::vector<std::string> Table::Blocks(size_t most) const {
+  size_t heads = 0;
+  for (const std::string& head : rows_[0]) heads = std::max(heads, TextWidth(head));
+  const size_t indent = heads + kGap < most / 2 ? heads + kGap : kGap;
+  std::vector<std::string> lines;
+  for (size_t r = 1; r < rows_.size(); ++r) {
+    if (r > 1) lines.emplace_back();
+    for (size_t c = 0; c < rows_[r].size(); ++c) {
+      const std::string& head = rows_[0][c];
+      const std::string line =
+          head + std::string(heads + kGap - TextWidth(head), ' ') + rows_[r][c];
+      const std::vector<std::string> pieces = BreakLine(line, most, indent);
+      lines.insert(lines.end(), pieces.begin(), pieces.end());
+    }
+  }
+  return lines;
+}
+
+void Table::Print() const {
+  for (const std::string& line : Lines(TerminalColumns(STDOUT_FILENO))) std::cout << line << '\n';
+  std::cout.flush();
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,31 @@
+// Text for people: what of it is harmless, and how values are written.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include <nlohmann/json.hpp>
+
+namespace myograde::server {
+
+// `text` without what a terminal would obey, or what would turn or hide the words
+// around it (plain_text.h): that becomes '?'; newlines and tabs stay if `lines`.
+std::string Harmless(std::string_view text, bool lines = false);
+
+// Bold on a terminal, unless NO_COLOR is set.
+std::string Bold(const std::string& text);
+
+// A JSON number or string as a table cell; "-" for null or a missing key.
+std::string Cell(const nlohmann::json& object, const std::string& key, int digits = 4);
+
+// A JSON count with its word (counted.h): "1 episode"; "- episodes" for null or a missing key.
+std::string CountCell(const nlohmann::json& object, const std::string& key, const char* one);
+
+// 75 -> "1 min 15 s".
+std::string DurationText(double seconds);
+
+// The first digits of a hash, or all of them if `full`.
+std::string HashText(const std::string& hash, bool full);
+
+}  // namespace myograde::server

@@ -1,0 +1,260 @@
+// Submissions: which are accepted and as what, which are linked to an earlier one, which are
+// rejected.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "tests/server/admission/admission_world.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Pair;
+
+class SubmitTest : public AdmissionWorld {
+ protected:
+  std::string CodeOf(const std::string& team, char artefact,
+                     std::optional<int64_t> episodes = std::nullopt) {
+    return ErrorCodeOf(Submit(team, artefact, episodes).status());
+  }
+  const TrackConfig& config() const { return (*tracks_->Find(kTrack, ""))->config; }
+};
+
+TEST_F(SubmitTest, AnAcceptedOneWaitsToBePlayed) {
+  AddArtefact('a');
+  const auto accepted = Submit("alpha", 'a');
+  ASSERT_TRUE(accepted.ok()) << accepted.status();
+  EXPECT_FALSE(accepted->linked);
+  EXPECT_EQ(accepted->leases.size(), 3u);
+  EXPECT_TRUE(engine_->OutlookOf(accepted->evaluation).place.has_value());
+  const SubmissionRow row = SubmissionOf(*accepted);
+  EXPECT_EQ(row.team, "alpha");
+  EXPECT_EQ(row.accepted_by, "uid 7");
+  EXPECT_EQ(row.config, config().hash);
+  EXPECT_TRUE(row.ranked);
+  EXPECT_EQ(Count("upload"), 0) << "it was submitted";
+}
+
+TEST_F(SubmitTest, OnlyTheWholeSeedListIsRanked) {
+  AddArtefact('a');
+  SubmitRequest request{.artefact = std::string(64, 'a'),
+                        .team = "alpha",
+                        .track = kTrack,
+                        .profile = "",
+                        .seeds = std::nullopt,
+                        .episodes = std::nullopt};
+  const auto is_ranked = [&] {
+    const auto accepted = admission().Submit(request, "uid 7");
+    EXPECT_TRUE(accepted.ok()) << accepted.status();
+    return SubmissionOf(accepted.value_or(Accepted())).ranked;
+  };
+  request.episodes = 2;
+  EXPECT_FALSE(is_ranked());
+  request.episodes = 3;
+  EXPECT_TRUE(is_ranked());
+  request.episodes = std::nullopt;
+  request.seeds = {config().seeds.rbegin(), config().seeds.rend()};
+  EXPECT_FALSE(is_ranked());
+  request.seeds = {71, 72, 73, 74, 75};
+  EXPECT_FALSE(is_ranked());
+  request.team = "beta";
+  request.seeds = config().seeds;
+  EXPECT_TRUE(is_ranked());
+}
+
+TEST_F(SubmitTest, MoreEpisodesThanSeedsAreRefused) {
+  AddArtefact('a');
+  const auto refused = Submit("alpha", 'a', 4);
+  EXPECT_TRUE(absl::IsInvalidArgument(refused.status())) << refused.status();
+  EXPECT_EQ(ErrorCodeOf(refused.status()), "");
+  EXPECT_THAT(std::string(refused.status().message()), HasSubstr("the seed list has 3"));
+}
+
+TEST_F(SubmitTest, TheSameArtefactAgainIsTheFirstSubmission) {
+  AddArtefact('a');
+  const auto first = Submit("alpha", 'a');
+  ASSERT_TRUE(first.ok()) << first.status();
+  const auto again = Submit("alpha", 'a');
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_TRUE(again->linked);
+  EXPECT_EQ(again->submission, first->submission);
+  EXPECT_EQ(again->evaluation, first->evaluation);
+  EXPECT_EQ(Count("submission"), 1);
+}
+
+TEST_F(SubmitTest, AnotherTeamsArtefactIsRefusedWhereItCountsForEveryone) {
+  options_.config.quota.usual.one_for_everyone = true;
+  AddArtefact('a');
+  ASSERT_TRUE(Submit("alpha", 'a').ok());
+  EXPECT_EQ(CodeOf("beta", 'a'), "same_artefact");
+  const auto practice = Submit("beta", 'a', 2);
+  EXPECT_TRUE(practice.ok()) << practice.status();
+}
+
+TEST_F(SubmitTest, AnotherTeamsArtefactIsTakenWhereItCountsForEachTeam) {
+  AddArtefact('a');
+  ASSERT_TRUE(Submit("alpha", 'a').ok());
+  const auto other = Submit("beta", 'a');
+  ASSERT_TRUE(other.ok()) << other.status();
+  EXPECT_FALSE(other->linked);
+}
+
+TEST_F(SubmitTest, AUsedUpQuotaIsOneTeamsAndOneBudgets) {
+  options_.config.quota.usual.quota.ranked = {1, 1};
+  AddArtefact('a');
+  AddArtefact('b');
+  ASSERT_TRUE(Submit("alpha", 'a').ok());
+  EXPECT_EQ(CodeOf("alpha", 'b'), "quota");
+  EXPECT_EQ(Count("submission"), 1);
+  EXPECT_TRUE(Submit("alpha", 'b', 1).ok());
+  EXPECT_TRUE(Submit("beta", 'b').ok());
+}
+
+TEST_F(SubmitTest, ATracksOwnQuotaCountsThere) {
+  QuotaConfig& quota = options_.config.quota;
+  quota.tracks[kTrack] = quota.usual;
+  quota.tracks[kTrack].quota.waiting = 1;
+  AddArtefact('a');
+  ASSERT_TRUE(Submit("alpha", 'a').ok());
+  EXPECT_EQ(CodeOf("alpha", 'a', 1), "quota");
+}
+
+TEST_F(SubmitTest, UsedUpFailedTriesForbidSubmissionsToo) {
+  options_.config.quota.usual.quota.failed = {1, 1};
+  AddArtefact('a');
+  EXPECT_EQ(ErrorCodeOf(Receive(std::string(), "alpha").status()), "bad_artefact");
+  EXPECT_EQ(CodeOf("alpha", 'a'), "quota");
+}
+
+TEST_F(SubmitTest, AHostThatFailsItsReferenceGradesPracticeAlone) {
+  std::optional<std::string> verdict = "this host computes otherwise";
+  absl::Duration waited;
+  options_.reference = [&](absl::Duration timeout) {
+    waited = timeout;
+    return verdict;
+  };
+  AddArtefact('a');
+  const auto refused = Submit("alpha", 'a');
+  EXPECT_TRUE(absl::IsUnavailable(refused.status())) << refused.status();
+  EXPECT_EQ(ErrorCodeOf(refused.status()), "not_official");
+  EXPECT_THAT(std::string(refused.status().message()), HasSubstr("this host computes otherwise"));
+  EXPECT_EQ(Count("submission"), 0);
+  EXPECT_LT(waited, options_.config.http.request);
+
+  verdict = std::nullopt;
+  const auto early = Submit("alpha", 'a');
+  EXPECT_EQ(ErrorCodeOf(early.status()), "not_official");
+  EXPECT_THAT(std::string(early.status().message()), HasSubstr("still being played"));
+
+  waited = absl::ZeroDuration();
+  EXPECT_TRUE(Submit("alpha", 'a', 2).ok());
+  EXPECT_EQ(waited, absl::ZeroDuration()) << "practice waits for no verdict";
+
+  verdict = "";
+  EXPECT_TRUE(Submit("alpha", 'a').ok());
+}
+
+TEST_F(SubmitTest, ATeamThatLooksLikeAnotherIsRefused) {
+  AddArtefact('a');
+  ASSERT_TRUE(Submit("alpha", 'a').ok());
+  const auto refused = Submit(kCyrillicAlpha, 'a');
+  EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
+  EXPECT_EQ(ErrorCodeOf(refused.status()), "look_alike");
+  EXPECT_EQ(ResembledTeam(refused.status()), "alpha");
+  EXPECT_EQ(Count("team"), 1);
+}
+
+TEST_F(SubmitTest, ANameThatNoTeamMayHaveIsRefused) {
+  AddArtefact('a');
+  const auto refused = Submit("alpha\xe3\x85\xa4", 'a');
+  EXPECT_TRUE(absl::IsInvalidArgument(refused.status())) << refused.status();
+  EXPECT_EQ(ErrorCodeOf(refused.status()), "");
+  EXPECT_EQ(Count("team"), 0);
+}
+
+TEST_F(SubmitTest, WhatThisServerLacksIsNamed) {
+  options_.config.runtimes = {{"python", "/opt/python"}};
+  AddArtefact('a');
+  AddArtefact('b', 10, {"python"});
+  AddArtefact('c', 10, {"python", "julia"});
+  AddArtefact('d', config().budgets.submission_bytes + 1);
+  SubmitRequest request{.artefact = std::string(64, 'a'),
+                        .team = "alpha",
+                        .track = "flying",
+                        .profile = "",
+                        .seeds = std::nullopt,
+                        .episodes = std::nullopt};
+  EXPECT_EQ(ErrorCodeOf(admission().Submit(request, "uid 7").status()), "unknown_track");
+  request.track = kTrack;
+  request.profile = "odd";
+  EXPECT_EQ(ErrorCodeOf(admission().Submit(request, "uid 7").status()), "unknown_profile");
+  EXPECT_EQ(CodeOf("alpha", 'c'), "unknown_runtime");
+  EXPECT_EQ(CodeOf("alpha", 'd'), "bad_artefact");
+  EXPECT_EQ(Count("submission"), 0);
+  EXPECT_TRUE(Submit("alpha", 'b').ok());
+}
+
+TEST_F(SubmitTest, AnArtefactMustBeHereWithItsFiles) {
+  AddArtefact('a');
+  fs::remove(ArtefactPath(std::string(64, 'a')));
+  for (const char artefact : {'a', 'e'}) {
+    const auto refused = Submit("alpha", artefact);
+    EXPECT_TRUE(absl::IsNotFound(refused.status())) << refused.status();
+    EXPECT_EQ(ErrorCodeOf(refused.status()), "");
+  }
+  EXPECT_EQ(Count("submission"), 0);
+}
+
+TEST_F(SubmitTest, ADamagedArtefactIsRefusedAndOthersAreNot) {
+  AddArtefact('a');
+  AddArtefact('b');
+  DamageArtefact('a');
+  EXPECT_EQ(CodeOf("alpha", 'a'), kDamagedRowCode);
+  EXPECT_EQ(Count("submission"), 0);
+  EXPECT_TRUE(Submit("alpha", 'b').ok());
+}
+
+TEST_F(SubmitTest, AStoreThatCantBeReadAcceptsNothing) {
+  AddArtefact('a');
+  fs::rename(dir_ + "/store.db", dir_ + "/away.db");
+  const auto refused = Submit("alpha", 'a');
+  EXPECT_TRUE(MayPass(refused.status())) << refused.status();
+  fs::rename(dir_ + "/away.db", dir_ + "/store.db");
+  EXPECT_EQ(Count("submission"), 0);
+}
+
+TEST_F(SubmitTest, AStoreThatCantBeWrittenAcceptsNothing) {
+  AddArtefact('a');
+  disk_->full = true;
+  const auto refused = Submit("alpha", 'a');
+  EXPECT_FALSE(refused.ok());
+  EXPECT_THAT(std::string(refused.status().message()), HasSubstr("the disk is full"));
+  EXPECT_EQ(Count("submission"), 0);
+  EXPECT_EQ(Count("team"), 0);
+}
+
+TEST(BlocksOf, CutsAtMultiplesAndCoversEverything) {
+  EXPECT_THAT(BlocksOf(25, 10), ElementsAre(Pair(0, 9), Pair(10, 19), Pair(20, 24)));
+  EXPECT_THAT(BlocksOf(1, 10), ElementsAre(Pair(0, 0)));
+  EXPECT_TRUE(rc::check([] {
+    const auto count = *rc::gen::inRange<int64_t>(1, 500);
+    const auto per_lease = *rc::gen::inRange<int64_t>(1, 100);
+    int64_t next = 0;
+    for (const auto& [first, last] : BlocksOf(count, per_lease)) {
+      RC_ASSERT(first == next && first % per_lease == 0 && last >= first);
+      RC_ASSERT(last - first < per_lease);
+      next = last + 1;
+    }
+    RC_ASSERT(next == count);
+  }));
+}
+
+}  // namespace
+}  // namespace myograde::server

@@ -1,0 +1,98 @@
+"""How the command line tool is used: help, mistakes on the command line, files that hold secrets.
+usage: usage_test.py BIN_DIR SOURCE_DIR"""
+import json
+import os
+import re
+import shutil
+import stat
+import subprocess
+import sys
+import unittest
+
+sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+from cli_case import (  # pylint: disable=wrong-import-position
+    BIN_DIR, SOURCE_DIR, VERBS, CliCase, myograde)
+
+
+class UsageTest(CliCase):
+    def test_every_verb_has_help_with_an_example(self):
+        for verb in VERBS:
+            done = myograde(verb, "--help")
+            self.assertEqual(done.returncode, 0)
+            self.assertIn(f"myograde {verb}", done.stdout)
+            self.assertIn("Exit status", done.stdout)
+
+    def test_participants_hear_of_blocks_of_episodes(self):
+        for verb in ("submit", "status", "cancel", "leaderboard", "show", "rerun", "local", "spec"):
+            self.assertNotRegex(myograde(verb, "--help").stdout, r"\b[Ll]eases?\b")
+        text = re.sub(r"[a-z_]*lease_[a-z]+|episodes_per_lease", "",
+                      myograde("spec", "--track", "locomotion").stdout)
+        self.assertNotIn("lease", text)
+
+    def test_wrong_use_is_told_in_one_sentence(self):
+        self.refused(2, "", "paint")
+        self.refused(2, "", "status", "--colour")
+        self.refused(2, "", "submit", "x", "--team", "a")
+        program = self.path("program", "#!/bin/sh\n", 0o755)
+        for verb in (("local",), ("submit", "--team", "a")):
+            for episodes in ("0", "-3", "1000000000", "many"):
+                self.refused(2, "--episodes", *verb, program, "--track", "manipulation",
+                             f"--episodes={episodes}")
+                self.refused(2, "", *verb, program, "--track", "manipulation",
+                             "--episodes", episodes)
+        self.refused(2, "no range", "rerun", "7", "--episodes", "9..3")
+        self.refused(2, "running", "spec", "--track", "running")
+        self.refused(2, "running", "local", program, "--track", "running")
+        self.refused(2, "holiday", "spec", "--track", "manipulation", "--profile", "holiday")
+
+    def test_numbers_that_are_none(self):
+        for verb in ("show", "status", "cancel", "rerun", "hide", "unhide", "baseline"):
+            for bad in ("abc", "0", "1.5", "9" * 30):
+                self.refused(2, f'"{bad}" is no submission\'s number', verb, bad)
+        self.refused(2, "no episode's number", "log", "7", "--episode", "abc", "-o", "x")
+        self.assertLess(len(myograde("show", "x" * 5000).stderr), 200)
+
+    def test_mistyped_words(self):
+        self.refused(2, 'did you mean "submit"?', "sbmit", "x", "--track", "t")
+        self.refused(2, 'did you mean "seeds commit"?', "seeds", "comit")
+        self.refused(2, 'did you mean "--episodes"?', "show", "7", "--epsodes")
+        self.refused(2, 'there is no verb "paint"; "myograde --help" lists them', "paint")
+        self.refused(2, "no verb is given")
+
+    def test_bad_seed_files(self):
+        program = self.path("program", "#!/bin/sh\n", 0o755)
+        for text, sentence in (("", "has 0 seeds"), ("1\n1\n", "twice"), ("1\nx\n", "line 2"),
+                               ("-1\n", "line 1"), ("[1, 2.5]", "entry 1 is 2.5"), ("[1", "JSON"),
+                               (str(2**63), "must be a whole number from 0"),
+                               ('{"first": 1}', "count")):
+            self.refused(2, sentence, "local", program, "--track", "manipulation", "--seeds",
+                         self.path("seeds", text))
+
+    def test_secret_files_are_their_owners_alone(self):
+        seeds, secret = self.path("seeds", "an old list\n"), self.path("secret")
+        self.path("seeds.part", "somebody waits here\n", 0o666)
+        with open(f"{seeds}.part", encoding="utf-8") as waiting:
+            done = myograde("seeds", "commit", "--phase", "p", "--secret", secret, "-o", seeds,
+                            "--count", "3")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            waiting.seek(0)
+            self.assertEqual(waiting.read(), "somebody waits here\n")
+        for path in (seeds, secret):
+            self.assertEqual(stat.S_IMODE(os.stat(path).st_mode), 0o600, path)
+        self.assertFalse(os.path.exists(f"{seeds}.part"))
+        with open(seeds, encoding="utf-8") as file:
+            self.assertEqual(len(json.load(file)), 3)
+
+    def test_the_daemons_config_errors_are_wrong_use(self):
+        shutil.copytree(f"{SOURCE_DIR}/configs", self.path("configs"))
+        self.path("configs/server.json", '{"slots": 0}')
+        for args in (("--configs", self.path("configs")), ("--colour",)):
+            done = subprocess.run([f"{BIN_DIR}/myograded", "--data", self.path("data"), *args],
+                                  capture_output=True, text=True, timeout=60, check=False)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertRegex(done.stderr, "^myograded: error: .*\n$")
+        self.assertFalse(os.path.exists(self.path("data")))
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1], verbosity=2)

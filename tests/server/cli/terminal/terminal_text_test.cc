@@ -1,0 +1,96 @@
+// Text on terminals: line widths, and shrinking tables.
+#include <clocale>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+
+#include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/table.h"
+
+namespace myograde::server {
+namespace {
+
+using testing::ElementsAre;
+
+class TerminalText : public testing::Test {
+ protected:
+  TerminalText() { std::setlocale(LC_CTYPE, "C.UTF-8"); }
+};
+
+TEST_F(TerminalText, WidthCountsColumnsAndNotBytes) {
+  EXPECT_EQ(TextWidth("abc"), 3u);
+  EXPECT_EQ(TextWidth("Müßig"), 5u);
+  EXPECT_EQ(TextWidth("東京"), 4u);
+  EXPECT_EQ(TextWidth("e\u0301"), 1u);
+  EXPECT_EQ(TextWidth("\033[1mbold\033[0m"), 4u);
+}
+
+TEST_F(TerminalText, LinesBreakAtSpacesAndLongWordsWithin) {
+  EXPECT_THAT(BreakLine("", 10), ElementsAre(""));
+  EXPECT_THAT(BreakLine("one two three", 13), ElementsAre("one two three"));
+  EXPECT_THAT(BreakLine("one two three", 12), ElementsAre("one two", "three"));
+  EXPECT_THAT(BreakLine("one two three", 9, 2), ElementsAre("one two", "  three"));
+  EXPECT_THAT(BreakLine("abcdefgh", 3), ElementsAre("abc", "def", "gh"));
+  EXPECT_THAT(BreakLine("hash 0123456789", 10, 6), ElementsAre("hash", "0123456789"))
+      << "a word that fits on a line is not broken for the indent's sake";
+  EXPECT_THAT(BreakLine("  東京都 a", 6), ElementsAre("  東京", "都 a"));
+}
+
+TEST_F(TerminalText, NoPieceIsTooWideAndNoWordIsLost) {
+  EXPECT_TRUE(rc::check([](const std::vector<std::string>& noise) {
+    std::string line, letters;
+    for (const std::string& word : noise) {
+      for (const char c : word) {
+        line += static_cast<char>('a' + static_cast<unsigned char>(c) % 26);
+        letters += line.back();
+      }
+      line += ' ';
+    }
+    const auto columns = *rc::gen::inRange<size_t>(2, 60);
+    const auto indent = *rc::gen::inRange<size_t>(0, columns);
+    std::string kept;
+    for (const std::string& piece : BreakLine(line, columns, indent)) {
+      RC_ASSERT(TextWidth(piece) <= columns);
+      for (const char c : piece) {
+        if (c != ' ') kept += c;
+      }
+    }
+    RC_ASSERT(kept == letters);
+  }));
+}
+
+TEST_F(TerminalText, WhatIsCutOffIsSeen) {
+  EXPECT_EQ(CutText("short", 5), "short");
+  EXPECT_EQ(CutText("shorter", 5), "shor…");
+  EXPECT_EQ(CutText("東京都", 4), "東…");
+  EXPECT_EQ(CutText("x", 0), "");
+}
+
+TEST_F(TerminalText, TablesGiveWayBeforeTheyAreTooWide) {
+  Table table({"rank", "team", "distance m"});
+  table.Add({"1", "The Walking Muscles", "99.1234"});
+  table.Add({"2", "B", "3.0000"});
+  EXPECT_THAT(table.Lines(0), ElementsAre("rank  team                 distance m",
+                                          "   1  The Walking Muscles     99.1234",
+                                          "   2  B                        3.0000"));
+  EXPECT_THAT(table.Lines(30), ElementsAre("rank  team          distance m",
+                                           "   1  The Walking      99.1234",
+                                           "      Muscles",
+                                           "   2  B                 3.0000"));
+  EXPECT_THAT(table.Lines(24), ElementsAre("rank  team      distance",
+                                           "                       m",
+                                           "   1  The        99.1234",
+                                           "      Walking", "      Muscles",
+                                           "   2  B           3.0000"));
+  EXPECT_THAT(table.Lines(20), ElementsAre("rank        1", "team        The",
+                                           "  Walking Muscles", "distance m  99.1234", "",
+                                           "rank        2", "team        B",
+                                           "distance m  3.0000"));
+  for (const size_t columns : {20u, 24u, 30u, 36u, 80u}) {
+    for (const std::string& line : table.Lines(columns)) EXPECT_LE(TextWidth(line), columns);
+  }
+}
+
+}  // namespace
+}  // namespace myograde::server
