@@ -51,7 +51,7 @@ class Grader {
     config_.budgets.overtime_s = 60;
   }
 
-  absl::StatusOr<HelloFrame> AwaitHello() { return As<HelloFrame>(world_->Hear(kPatience)); }
+  absl::StatusOr<HelloFrame> AwaitHello() { return As<HelloFrame>(world_->Receive(kPatience)); }
   void Welcome(bool accepted = true) {
     sim::WelcomeInfo info;
     info.accepted = accepted;
@@ -61,7 +61,7 @@ class Grader {
   }
   absl::StatusOr<ReadyFrame> Start(int64_t episode, uint64_t seed) {
     Send(messages_.EpisodeStart(episode, seed));
-    return As<ReadyFrame>(world_->Hear(kPatience));
+    return As<ReadyFrame>(world_->Receive(kPatience));
   }
   // Asks with an observation whose entries are all `value`.
   void SendObservation(int64_t episode, int64_t step, double value) {
@@ -73,7 +73,7 @@ class Grader {
   // True if the policy gives up when it is asked so.
   bool GivesUp(int64_t episode, int64_t step, double value) {
     SendObservation(episode, step, value);
-    const absl::StatusOr<GiveUpFrame> frame = As<GiveUpFrame>(world_->Hear(kPatience));
+    const absl::StatusOr<GiveUpFrame> frame = As<GiveUpFrame>(world_->Receive(kPatience));
     return frame.ok() && frame->episode == episode && frame->step == step;
   }
   // As after the last episode.
@@ -81,7 +81,7 @@ class Grader {
   // The policy's answer.
   Values Ask(int64_t episode, int64_t step, double value) {
     SendObservation(episode, step, value);
-    const absl::StatusOr<ActionFrame> frame = As<ActionFrame>(world_->Hear(kPatience));
+    const absl::StatusOr<ActionFrame> frame = As<ActionFrame>(world_->Receive(kPatience));
     if (!frame.ok()) {
       ADD_FAILURE() << frame.status();
       return {};
@@ -91,7 +91,7 @@ class Grader {
     return Values(frame->values, frame->values + frame->size);
   }
   std::string AwaitFault() {
-    const absl::StatusOr<FaultFrame> fault = As<FaultFrame>(world_->Hear(kPatience));
+    const absl::StatusOr<FaultFrame> fault = As<FaultFrame>(world_->Receive(kPatience));
     return fault.ok() ? fault->detail : std::string(fault.status().message());
   }
   // Hello, welcome and the start of episode 0.
@@ -108,8 +108,8 @@ class Grader {
 
   void Send(const PublishFrame& frame) {
     const std::byte* payload = frame.payload;
-    world_->Say(frame.channel, frame.expect, frame.episode, frame.step, frame.action_size,
-                {payload, payload + frame.payload_size});
+    world_->Send(frame.channel, frame.expect, frame.episode, frame.step, frame.action_size,
+                 {payload, payload + frame.payload_size});
   }
   template <typename F>
   static absl::StatusOr<F> As(absl::StatusOr<BridgeFrame> frame) {

@@ -43,7 +43,7 @@ TEST(LeaseReport, IsDoneWhenEveryEpisodeAndTheLastRecordWereTold) {
   EXPECT_EQ(report.Take({Facts(11, 71), End()}, kStart).episodes.size(), 1u);
   report.Conclude(0, "");
   EXPECT_EQ(report.fault(), "");
-  EXPECT_EQ(report.told(), 2);
+  EXPECT_EQ(report.reported(), 2);
 }
 
 TEST(LeaseReport, WhatWasNotOrderedIsAFaultAndNothingCountsAfterIt) {
