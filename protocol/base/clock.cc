@@ -18,7 +18,7 @@ class HostClock : public Clock {
 }  // namespace
 
 const Clock& SystemClock() {
-  // Never destroyed: threads that end with the process still ask it.
+  // Never destroyed, as threads that end with the process may still use it.
   static const HostClock& clock = *new HostClock;
   return clock;
 }

@@ -194,14 +194,13 @@ absl::Status ConfigReader::Finish() {
 }
 
 absl::StatusOr<nlohmann::json> ParseJson(std::string_view text, std::string_view where) {
-  // nlohmann-json keeps the last of two equal keys; a config with two is a
-  // mistake that nobody would see, so it is refused here.
+  // nlohmann-json keeps the last of two equal keys. Nobody would notice such a mistake in a config,
+  // so it is rejected here.
   std::vector<std::set<std::string>> open_objects;
   std::string duplicate;
   bool too_deep = false;
   const auto watch = [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
-    // Copying or writing a value takes a call for each level, so deep ones are dropped while
-    // they are read.
+    // Copying or writing a value recurses for each level, so deep ones are dropped while parsing.
     too_deep = too_deep || (depth >= kMaxJsonDepth &&
                             (event == nlohmann::json::parse_event_t::object_start ||
                              event == nlohmann::json::parse_event_t::array_start));

@@ -1,6 +1,6 @@
-// Strict reading of JSON configuration objects: every key is asked for once,
-// every number has a range, and a key that nobody asked for is an error. The
-// first mistake is kept and told in one sentence with its place in the file.
+// Strict reading of JSON configuration objects: every key is read once, every number has a range,
+// and unknown keys are errors. The first mistake is kept and reported in one sentence with its
+// place in the file.
 //
 //   ConfigReader reader(json, "configs/tracks/demo.json: budgets");
 //   budgets.startup_s = reader.Number("startup_s", {.min = 1, .max = 3600});
@@ -28,8 +28,8 @@ struct NumberRange {
 
 class ConfigReader {
  public:
-  // `where` names the object in messages. `object` must outlive the reader;
-  // anything but a JSON object is the first mistake.
+  // `where` names the object in messages. `object` must outlive the reader; anything but a JSON
+  // object is the first mistake.
   ConfigReader(const nlohmann::json& object, std::string where);
 
   // Required values. After a mistake they return a harmless value of the type.
@@ -44,23 +44,23 @@ class ConfigReader {
   std::vector<std::string> Strings(std::string_view key);
   // An object whose values are all strings.
   std::map<std::string, std::string> StringsByName(std::string_view key);
-  // The object at `key`; its reader's mistakes are the caller's to collect.
+  // The object at `key`; the caller collects the mistakes of its reader.
   const nlohmann::json& Object(std::string_view key);
   const nlohmann::json& Array(std::string_view key);
 
-  // True if the key is there (and marks it as asked for only if it is).
+  // True if the key is present, which marks it as known.
   bool Has(std::string_view key) const;
-  // Marks a key as known without reading it (comments: keys that begin with
-  // "//" are always known).
+  // Marks a key as known without reading it. (Comments, keys that begin with "//", are always
+  // known.)
   void Ignore(std::string_view key);
 
-  // Records a mistake of the caller's own finding.
+  // Records a mistake that the caller found.
   void Fail(std::string_view key, std::string_view problem);
 
   // The first mistake, or an unknown key, or OkStatus().
   absl::Status Finish();
 
-  // The first mistake so far; who calls it reads only a part of the object.
+  // The first mistake so far, for callers that read only a part of the object.
   const absl::Status& mistake() const { return first_mistake_; }
 
   const std::string& where() const { return where_; }
@@ -79,18 +79,18 @@ class ConfigReader {
 absl::StatusOr<nlohmann::json> ReadJsonFile(const std::string& path,
                                             size_t max_bytes = 16u << 20);
 
-// Objects and arrays inside each other in what ParseJson and ReadJsonFile take.
+// The deepest nesting of objects and arrays that ParseJson and ReadJsonFile accept.
 inline constexpr int kMaxJsonDepth = 64;
 
 // Parses JSON text; `where` names it in the error.
 absl::StatusOr<nlohmann::json> ParseJson(std::string_view text, std::string_view where);
 
-// Gives the key at a JSON pointer a value, where there is an object to hold it. Where there is none
-// the config is broken, and its parser says so.
+// Sets the value at a JSON pointer if its parent object exists. If it doesn't, the config is
+// broken, and its parser will say so.
 void GiveKey(nlohmann::json& config, const char* pointer, const nlohmann::json& value);
 
-// Canonical text: sorted keys, no spaces, shortest round-trip numbers. Equal
-// values give equal bytes, so hashes can be taken of it.
+// Canonical text: sorted keys, no spaces, shortest round-trip numbers. Equal values give equal
+// bytes, so it can be hashed.
 std::string CanonicalJson(const nlohmann::json& value);
 
 }  // namespace myograde

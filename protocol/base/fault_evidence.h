@@ -1,4 +1,4 @@
-// What an episode that was not played to its end failed by.
+// Why an episode was not played to its end.
 #pragma once
 
 #include <cstdint>
@@ -12,10 +12,10 @@ struct FaultEvidence {
   Outcome outcome = Outcome::kGraderError;  // the participant's fault or the grader's
   std::string limit;      // config key of the broken limit, "" if none
   double limit_value = 0;  // the limit, in the unit that its key names
-  double value = 0;        // what was measured, same unit
+  double value = 0;        // the measured value, in the same unit
   int64_t step = -1;       // control step being played, -1 before the first
   std::string detail;      // one sentence: what, where, what to do
-  std::string stderr_tail;  // the last 4 KiB that the policy's run wrote there, printable
+  std::string stderr_tail;  // the last 4 KiB of this run's stderr, printable
 };
 
 }  // namespace myograde

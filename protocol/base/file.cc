@@ -20,7 +20,7 @@ std::string CantBe(const std::string& path, const char* what) {
 }  // namespace
 
 absl::StatusOr<std::string> ReadAll(int fd, const std::string& name, size_t max_bytes) {
-  // Piece by piece: room for the largest file costs more than reading the usual one.
+  // In pieces: a buffer for the largest file costs more than reading the usual one.
   char piece[16 << 10];
   std::string text;
   while (true) {
@@ -54,7 +54,7 @@ absl::Status WriteAll(int fd, std::string_view text) {
 
 absl::Status WriteFile(const std::string& path, std::string_view text) {
   Fd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
-  // Some file systems only tell at the end that they have no room.
+  // Some file systems report a full disk only on close.
   if (!file.valid() || !WriteAll(file.get(), text).ok() || ::close(file.release()) != 0) {
     return absl::InvalidArgumentError(CantBe(path, "written"));
   }

@@ -1,4 +1,4 @@
-// Whole files, and whole texts into descriptors.
+// Reads and writes whole files and descriptors.
 #pragma once
 
 #include <cstddef>
@@ -12,19 +12,19 @@ namespace myograde {
 
 inline constexpr size_t kAnySize = static_cast<size_t>(-1);
 
-// What is left to read of a descriptor. Never throws: a file of /proc whose process has ended is
-// an error like any other. `name` is told in errors. UnavailableError if reading fails,
-// InvalidArgumentError if there is more than `max_bytes`.
+// The rest of a descriptor's content. Never throws: reading a /proc file of an ended process is an
+// ordinary error. `name` appears in errors. UnavailableError if reading fails, InvalidArgumentError
+// if there is more than `max_bytes`.
 absl::StatusOr<std::string> ReadAll(int fd, const std::string& name, size_t max_bytes = kAnySize);
 
-// The content of a file, also of one that tells no size. NotFoundError if it can't be opened, else
-// as above.
+// A file's content, even if the file reports no size. NotFoundError if it can't be opened,
+// otherwise as above.
 absl::StatusOr<std::string> ReadFile(const std::string& path, size_t max_bytes = kAnySize);
 
-// Writes all of `text`; the kernel's error if it can't.
+// Writes all of `text`; otherwise returns the kernel's error.
 absl::Status WriteAll(int fd, std::string_view text);
 
-// Makes a file or replaces its content. InvalidArgumentError with the reason.
+// Creates a file or replaces its content. InvalidArgumentError with the reason.
 absl::Status WriteFile(const std::string& path, std::string_view text);
 
 }  // namespace myograde

@@ -1,7 +1,6 @@
-// std::mutex and std::condition_variable with annotations, by which clang proves at compile time
-// that what a mutex guards is touched under it only (-Wthread-safety; `./dev test --full`).
-// Members say what guards them with ABSL_GUARDED_BY, functions what they need with
-// ABSL_EXCLUSIVE_LOCKS_REQUIRED.
+// std::mutex and std::condition_variable with annotations, so that clang checks at compile time
+// that guarded data is only accessed under its mutex (-Wthread-safety; `./dev test --full`).
+// Annotate members with ABSL_GUARDED_BY, functions with ABSL_EXCLUSIVE_LOCKS_REQUIRED.
 #pragma once
 
 #include <chrono>
@@ -22,7 +21,7 @@ class ABSL_LOCKABLE Mutex {
   std::mutex mutex_;
 };
 
-// Holds a mutex as long as it lives.
+// Holds a mutex for its lifetime.
 class ABSL_SCOPED_LOCKABLE MutexLock {
  public:
   explicit MutexLock(Mutex& mutex) ABSL_EXCLUSIVE_LOCK_FUNCTION(mutex) : mutex_(mutex) {
@@ -36,8 +35,8 @@ class ABSL_SCOPED_LOCKABLE MutexLock {
   Mutex& mutex_;
 };
 
-// Waits let go of the mutex and hold it again when they return. They may return without a cause, so
-// ask for what you wait for again.
+// Waiting releases the mutex and reacquires it before returning. Wake-ups may be spurious, so check
+// the condition again.
 class Condition {
  public:
   void Wait(Mutex& mutex) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex) {

@@ -1,4 +1,4 @@
-// How an episode ended, whose fault it was, and the words for it: the same in records, JSON and
+// How an episode ended, whose fault it was, and the names for both: the same in records, JSON and
 // leaderboards.
 #pragma once
 
@@ -7,14 +7,14 @@
 
 namespace myograde {
 
-// The outcome of one episode. The first cause wins. Values are stored by name,
-// so the order here may change, the names may not.
+// The outcome of one episode. The first cause wins. Values are stored by name, so the order here
+// may change, the names may not.
 enum class Outcome {
   kSuccess,        // played to its end, goal reached
   kFailure,        // played to its end, goal not reached (see FailureReason)
-  kUnstable,       // MuJoCo warned of bad positions, velocities, accelerations
-  kInitTimeout,    // the policy was not ready in its start-up budget
-  kStepTimeout,    // a step's time and the bank of overtime were used up
+  kUnstable,       // MuJoCo warned about bad positions, velocities or accelerations
+  kInitTimeout,    // the policy was not ready within its start-up budget
+  kStepTimeout,    // a step used up its time and the bank of overtime
   kWallTimeout,    // the lease's wall-clock cap was reached
   kCpuLimit,       // the lease's CPU cap was reached
   kMemoryLimit,
@@ -23,11 +23,11 @@ enum class Outcome {
   kProtocol,       // wrong size, wrong step, NaN, malformed or too many messages
   kCrash,          // exit or signal inside the participant's sandbox
   kCancelled,      // by the team or an organiser
-  kGraderError,    // sim, runner, daemon or host failed: played again
+  kGraderError,    // sim, runner, daemon or host failed: the lease is retried
 };
 
-// A word from a fixed list: of every track, or of one (protocol/tracks/<track>/facts.h). `name` must
-// be a literal, as it is kept as it is.
+// A name from a fixed list: of every track, or of one (protocol/tracks/<track>/facts.h). `name`
+// must be a literal, as only the view is kept.
 template <typename Tag>
 class Word {
  public:
@@ -41,22 +41,22 @@ class Word {
   std::string_view name_;
 };
 
-// Why a played episode is a failure. kNone ("") belongs to every other outcome.
+// Why a played episode is a failure. Every other outcome has kNone ("").
 struct FailureReason : Word<FailureReason> {
   using Word::Word;
   static const FailureReason kNone;
-  static const FailureReason kTime;     // the episode's simulated time was over
-  static const FailureReason kGivenUp;  // the policy ended the episode by its own will
+  static const FailureReason kTime;     // the episode's simulated time ran out
+  static const FailureReason kGivenUp;  // the policy gave up
 };
 inline constexpr FailureReason FailureReason::kNone;
 inline constexpr FailureReason FailureReason::kTime("time");
 inline constexpr FailureReason FailureReason::kGivenUp("given-up");
 
-// How the simulator saw the episode come to its end.
+// How the episode ended in the simulator.
 struct EpisodeEnd : Word<EpisodeEnd> {
   using Word::Word;
-  static const EpisodeEnd kTime;     // the episode's simulated time was over
-  static const EpisodeEnd kGivenUp;  // the policy asked to end it here
+  static const EpisodeEnd kTime;     // the episode's simulated time ran out
+  static const EpisodeEnd kGivenUp;  // the policy asked to end it
   static const EpisodeEnd kFault;    // not played to its end: see EpisodeFacts::fault
 };
 inline constexpr EpisodeEnd EpisodeEnd::kTime("time");
@@ -65,7 +65,7 @@ inline constexpr EpisodeEnd EpisodeEnd::kFault("fault");
 
 enum class Fault { kNobody, kParticipant, kGrader };
 
-// The word used in JSON, the store and on boards ("success", "init_timeout").
+// The name used in JSON, the store and on boards ("success", "init_timeout").
 std::string_view OutcomeName(Outcome outcome);
 std::optional<Outcome> ParseOutcome(std::string_view name);
 

@@ -1,6 +1,6 @@
-// The C library picks its maths functions by the processor's features, and its
-// variants differ in the last bits. With this in the environment every host
-// gets the same ones; whatever compiles a model or simulates runs with it.
+// The C library selects its maths functions by the processor's features, and its variants differ in
+// the last bits. This environment variable makes every host select the same ones; every program
+// that compiles a model or simulates runs with it.
 #pragma once
 
 #include <string_view>
@@ -35,9 +35,8 @@ inline bool IsPinned(std::string_view tunables) {
   return true;
 }
 
-// Starts this program over, with `argv`, unless its maths is pinned: the C
-// library has made its choice before main. Returns only if there is nothing to
-// do or it can't be done.
+// Re-executes this program with `argv` unless its maths is pinned already, as the C library selects
+// before main. Returns only if there is nothing to do or it fails.
 absl::Status PinMaths(char** argv);
 
 }  // namespace myograde

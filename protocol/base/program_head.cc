@@ -10,7 +10,7 @@
 namespace myograde {
 namespace {
 
-// As much of the first line of a script as the kernel reads.
+// As much of a script's first line as the kernel reads.
 constexpr size_t kHeadBytes = 256;
 constexpr size_t kMaxInterpreter = 4096;
 constexpr int kMaxSegments = 64;
@@ -56,7 +56,7 @@ ProgramHead BinaryHead(int fd, std::string_view bytes) {
   Elf64_Ehdr header = {};
   std::memcpy(&header, bytes.data(), std::min(bytes.size(), sizeof(header)));
   const bool wide = header.e_ident[EI_CLASS] == ELFCLASS64;
-  // Where e_machine stands does not hang on the word size.
+  // e_machine has the same offset for both word sizes.
   if (!wide || header.e_machine != kMachine) {
     head.kind = ProgramHead::Kind::kForeign;
     head.processor = ProcessorName(header.e_machine, wide);

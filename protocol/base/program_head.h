@@ -1,4 +1,4 @@
-// What the first bytes of a file say about how the kernel would start it.
+// How the kernel would start a file, judging by its first bytes.
 #pragma once
 
 #include <string>
@@ -7,21 +7,20 @@ namespace myograde {
 
 struct ProgramHead {
   enum class Kind {
-    kForeign,  // an ELF program of another processor or of another word size than this one
+    kForeign,  // an ELF program for another processor or word size
     kBinary,   // an ELF program for this processor
     kScript,   // begins with "#!"
     kText,     // anything else; execvp(3) hands it to /bin/sh
   };
   Kind kind = Kind::kText;
-  // kScript: the program behind "#!". kBinary: the dynamic loader, "" if it needs none.
+  // kScript: the program after "#!". kBinary: the dynamic loader, "" if it needs none.
   std::string interpreter;
-  std::string argument;  // kScript: what follows the interpreter on its line
+  std::string argument;  // kScript: the rest of the line after the interpreter
   std::string processor;  // kForeign: what it is for, as "AArch64" or "32-bit x86"
 };
 
-// Reads at most a few kilobytes of the file `fd`, wherever its offset is. Anybody may have written
-// the file: nothing in it is believed beyond these strings. Never fails; what can't be read is
-// text.
+// Reads at most a few kilobytes of the file `fd`, whatever its offset. The file is untrusted: its
+// content affects nothing but these strings. Never fails; an unreadable file is kText.
 ProgramHead ReadProgramHead(int fd);
 
 }  // namespace myograde

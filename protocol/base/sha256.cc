@@ -19,8 +19,8 @@
 namespace myograde {
 namespace {
 
-// OpenSSL fails here only when it is out of memory or has no SHA-256 at all; a
-// wrong digest must never come out of that, so the process ends.
+// OpenSSL fails here only if it is out of memory or lacks SHA-256; a wrong digest must never
+// result, so the process aborts.
 void Require(bool holds) {
   if (holds) return;
   std::fputs("OpenSSL can't compute SHA-256 digests on this host\n", stderr);
@@ -94,7 +94,7 @@ Sha256Digest Sha256Of(std::string_view data) {
 std::string Sha256Hex(std::string_view data) { return HexOf(Sha256Of(data)); }
 
 absl::StatusOr<std::string> Sha256File(const std::string& path) {
-  // O_NONBLOCK: opening a FIFO that nobody writes to must not hang.
+  // O_NONBLOCK: opening a FIFO without a writer must not hang.
   const Fd file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (!file.valid()) {
     return absl::NotFoundError(absl::StrCat(path, ": can't be opened: ", std::strerror(errno)));

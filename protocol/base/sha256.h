@@ -1,4 +1,4 @@
-// SHA-256 digests: of bytes at hand, of a file, and of data that comes in pieces.
+// SHA-256 digests of bytes in memory, of files, and of data that arrives in pieces.
 #pragma once
 
 #include <array>
@@ -15,7 +15,7 @@ namespace myograde {
 
 using Sha256Digest = std::array<uint8_t, 32>;
 
-// Takes data piece by piece. Movable; usable from one thread at a time.
+// Incremental hashing. Movable; not thread-safe.
 class Sha256 {
  public:
   Sha256();
@@ -26,12 +26,12 @@ class Sha256 {
   void Update(std::span<const std::byte> data);
   void Update(std::string_view data);
 
-  // The digest of everything since construction or the last Finish; starts afresh.
+  // The digest of everything since construction or the last Finish(). Starts over.
   Sha256Digest Finish();
   // The same as 64 lower-case hexadecimal digits.
   std::string FinishHex();
 
-  // The digest of everything so far, without an end to it.
+  // The digest of everything so far, without finishing.
   Sha256Digest Peek() const;
 
  private:

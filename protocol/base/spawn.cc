@@ -103,7 +103,7 @@ bool EndsWithin(pid_t child, absl::Duration timeout) {
     const int looked = ::waitid(P_PID, static_cast<id_t>(child), &end, WEXITED | WNOHANG | WNOWAIT);
     if (looked == 0 && end.si_pid == child) return true;
     if (deadline.over()) return false;
-    // Without a handle, where no descriptor is left, it looks now and then.
+    // Without a pidfd, when no descriptor is left, polls from time to time.
     pollfd entry = {handle.get(), POLLIN, 0};
     const absl::Duration wait =
         handle.valid() ? deadline.left() : std::min(deadline.left(), kLookEvery);

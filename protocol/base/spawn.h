@@ -1,5 +1,5 @@
-// Starting programs, waiting for them, and the pieces that those share who start theirs in a way
-// of their own (sandboxes, the bridge).
+// Starts programs and waits for them, and helpers for code that starts its own differently
+// (sandboxes, the bridge).
 #pragma once
 
 #include <sys/types.h>
@@ -19,33 +19,34 @@ struct Pipe {
   Fd write;
 };
 
-// A pipe whose ends close on exec and lie above the standard streams, so that none is overwritten
-// before it was moved there. InternalError if there is none.
+// A close-on-exec pipe whose descriptors are above the standard streams, so that none is
+// overwritten before it has been moved there. InternalError if it can't be created.
 absl::StatusOr<Pipe> MakePipe();
 
-// The same; its reader never waits.
+// The same, with a non-blocking read end.
 absl::StatusOr<Pipe> MakeOutputPipe();
 
-// What exec(3) takes: pointers to `words`, which must outlive them unchanged, and a null.
+// The argument vector for exec(3): pointers to `words`, which must outlive it unchanged, and a
+// null.
 std::vector<char*> ExecVector(std::vector<std::string>& words);
 
 struct SpawnOrder {
   std::string program;             // a path
-  std::vector<std::string> words;  // its arguments, the name that it sees of itself first
+  std::vector<std::string> words;  // its arguments, beginning with its own name
   // Descriptors above 2 that become its standard streams.
   int in = -1;   // -1: /dev/null
-  int out = -1;  // -1: those of this process
+  int out = -1;  // -1: inherited from this process
   int err = -1;
-  int nice = 0;  // as of setpriority(2); 0: that of this process
+  int nice = 0;  // as of setpriority(2); 0: inherited from this process
 };
 
-// Starts a program in a process group of its own, with this process' environment, no other
-// descriptor, no signal blocked, and SIGINT, SIGTERM, SIGPIPE, SIGHUP and SIGCHLD as at the
-// beginning. InternalError if it can't be executed. Spawned, not forked: a copy of a large process'
-// page tables would hold that up, the longer the more it has in memory.
+// Starts a program in its own process group, with this process' environment, no other descriptor,
+// no signal blocked, and default handling of SIGINT, SIGTERM, SIGPIPE, SIGHUP and SIGCHLD.
+// InternalError if it can't be executed. Spawned, not forked: copying a large process' page tables
+// would stall it, the longer the more memory it uses.
 absl::StatusOr<pid_t> Spawn(SpawnOrder order);
 
-// Waits until `child` of this process has ended, and leaves it to be reaped. False: it still runs
+// Waits until `child` of this process has exited, without reaping it. False: it is still running
 // after `timeout`.
 bool EndsWithin(pid_t child, absl::Duration timeout);
 

@@ -30,13 +30,13 @@ namespace {
 
 constexpr absl::Duration kFirstResend = absl::Milliseconds(50);
 constexpr absl::Duration kLongestResend = absl::Milliseconds(250);
-// How long an answer is waited for on the bus alone. A quick policy answers sooner, which saves
-// the poll; with a slow one this is how late its death or the simulator's is seen.
+// How long to wait for an answer on the bus alone. A quick policy answers sooner, which saves the
+// poll; with a slow one this delays noticing its death or the simulator's.
 constexpr auto kQuickAnswer = std::chrono::milliseconds(10);
-// Datagrams looked at before the simulator is heard again, so that a flood on
-// the bus can't keep it waiting.
+// Datagrams handled before the simulator is read again, so that a flood on the bus can't keep it
+// waiting.
 constexpr int kDatagramsPerTurn = 64;
-// After the policy's exit: what it had sent before is still judged first.
+// After the policy's exit: what it had sent before is still handled first.
 constexpr int kDatagramsAfterExit = 4096;
 
 std::string_view ChannelName(Channel channel) {
@@ -75,17 +75,17 @@ class Bridge {
   absl::Status QuickTurn();
   absl::Status RunOnce();
   int PollTimeout() const;
-  absl::StatusOr<bool> HearSimulator(int flags);
-  absl::Status HearBus(int most);
-  absl::Status Hear(std::span<const std::byte> datagram);
+  absl::StatusOr<bool> ReadSimulator(int flags);
+  absl::Status ReadBus(int most);
+  absl::Status HandleDatagram(std::span<const std::byte> datagram);
   absl::Status ReapChildren();
   std::optional<int> Reap();
-  absl::Status HearStart();
-  void SeeOff();
-  absl::Status Tell(std::span<const std::byte> frame);
-  absl::Status TellFault(const FaultFrame& frame);
+  absl::Status ReadStartError();
+  void AwaitPolicyExit();
+  absl::Status SendFrame(std::span<const std::byte> frame);
+  absl::Status SendFault(const FaultFrame& frame);
   void Publish();
-  void SayAgainIfDue();
+  void ResendIfDue();
   std::span<const std::byte> payload() const {
     return {outbound_.payload, outbound_.payload_size};
   }
@@ -99,7 +99,7 @@ class Bridge {
   const absl::Duration farewell_;
   Inbox inbox_;
   bool done_ = false;     // the simulator hung up
-  bool faulted_ = false;  // the simulator was told; only its hanging up is waited for
+  bool faulted_ = false;  // the simulator was told; wait only for it to hang up
   PublishFrame outbound_;
   std::vector<std::byte> welcome_;  // for a policy that missed it; set once
   absl::Duration resend_wait_ = kFirstResend;
@@ -113,16 +113,16 @@ absl::Status Bridge::Run(Child policy) {
     if (done_) break;
     if (absl::Status status = RunOnce(); !status.ok()) return status;
   }
-  // Who was at fault is not waited for.
-  if (!faulted_) SeeOff();
+  // A policy at fault gets no farewell.
+  if (!faulted_) AwaitPolicyExit();
   return absl::OkStatus();
 }
 
-// What a process printed may still wait in its own buffers.
-void Bridge::SeeOff() {
+// Asks the policy to exit, so that its processes can flush their output, and waits.
+void Bridge::AwaitPolicyExit() {
   const absl::Duration deadline = SystemClock().Monotonic() + farewell_;
   if (farewell_ > absl::ZeroDuration() && !policy_ended_) {
-    // The session that it was given; itself where it has not come so far as to begin one.
+    // The policy's session; the process alone if it has not created the session yet.
     if (kill(-policy_.pid, SIGTERM) != 0) kill(policy_.pid, SIGTERM);
   }
   while (!policy_ended_) {
@@ -134,23 +134,23 @@ void Bridge::SeeOff() {
   }
 }
 
-// Steps that are answered at once, each with nothing but the calls that move its bytes. Back when
-// one takes longer or anything else happens, for RunOnce to look at all there is.
+// Handles steps that are answered at once, with only the calls that move their bytes. Returns when
+// one takes longer or anything else happens, so that RunOnce handles every event source.
 absl::Status Bridge::QuickTurn() {
   int unheeded = 0;
   while (!faulted_ && !done_ && outbound_.channel == Channel::kObservation &&
          outbound_.header.size != 0 && unheeded < kDatagramsPerTurn) {
     if (!inbox_.waiting()) {
-      // The policy was asked nothing, so only the simulator can go on.
+      // The policy owes no answer, so only the simulator can proceed.
       unheeded = 0;
-      absl::StatusOr<bool> heard = HearSimulator(0);
+      absl::StatusOr<bool> heard = ReadSimulator(0);
       if (!heard.ok() || !*heard) return heard.status();
       continue;
     }
     const std::span<const std::byte> datagram = bus_.Await();
     if (datagram.empty()) break;
     ++unheeded;
-    if (absl::Status status = Hear(datagram); !status.ok()) return status;
+    if (absl::Status status = HandleDatagram(datagram); !status.ok()) return status;
   }
   return absl::OkStatus();
 }
@@ -162,7 +162,7 @@ int Bridge::PollTimeout() const {
 }
 
 absl::Status Bridge::RunOnce() {
-  // A negative descriptor is left out of the poll.
+  // poll ignores negative descriptors.
   std::array<pollfd, 4> entries = {{{simulator_.get(), POLLIN, 0},
                                     {faulted_ ? -1 : bus_.fd(), POLLIN, 0},
                                     {children_.get(), POLLIN, 0},
@@ -171,16 +171,16 @@ absl::Status Bridge::RunOnce() {
     return absl::InternalError(absl::StrCat("poll: ", strerror(errno)));
   }
   absl::Status status;
-  if (entries[0].revents != 0) status.Update(HearSimulator(MSG_DONTWAIT).status());
-  if (entries[1].revents != 0) status.Update(HearBus(kDatagramsPerTurn));
-  if (entries[3].revents != 0) status.Update(HearStart());
+  if (entries[0].revents != 0) status.Update(ReadSimulator(MSG_DONTWAIT).status());
+  if (entries[1].revents != 0) status.Update(ReadBus(kDatagramsPerTurn));
+  if (entries[3].revents != 0) status.Update(ReadStartError());
   if (entries[2].revents != 0) status.Update(ReapChildren());
-  if (!faulted_) SayAgainIfDue();
+  if (!faulted_) ResendIfDue();
   return status;
 }
 
-// True if it said something.
-absl::StatusOr<bool> Bridge::HearSimulator(int flags) {
+// True if a message arrived.
+absl::StatusOr<bool> Bridge::ReadSimulator(int flags) {
   const ssize_t size = recv(simulator_.get(), &outbound_, sizeof(outbound_), flags);
   if (size == 0 || (size < 0 && errno == ECONNRESET)) {
     done_ = true;
@@ -198,8 +198,8 @@ absl::StatusOr<bool> Bridge::HearSimulator(int flags) {
       outbound_.payload_size != bytes - kHead || ChannelName(outbound_.channel).empty()) {
     return absl::InternalError("the simulator sent a broken frame");
   }
-  // What the policy said before it was asked is no answer.
-  if (absl::Status status = HearBus(kDatagramsPerTurn); !status.ok()) return status;
+  // Anything the policy sent before it was asked is not an answer.
+  if (absl::Status status = ReadBus(kDatagramsPerTurn); !status.ok()) return status;
   if (faulted_) return true;
   inbox_.Ask(outbound_);
   Publish();
@@ -215,7 +215,7 @@ void Bridge::Publish() {
   resend_at_ = SystemClock().Monotonic() + resend_wait_;
 }
 
-void Bridge::SayAgainIfDue() {
+void Bridge::ResendIfDue() {
   if (!inbox_.waiting() || outbound_.header.size == 0) return;
   const absl::Duration now = SystemClock().Monotonic();
   if (now < resend_at_) return;
@@ -225,47 +225,47 @@ void Bridge::SayAgainIfDue() {
   resend_at_ = now + resend_wait_;
 }
 
-absl::Status Bridge::HearBus(int most) {
+absl::Status Bridge::ReadBus(int most) {
   for (int i = 0; i < most && !faulted_; ++i) {
     const std::span<const std::byte> datagram = bus_.Receive();
     if (datagram.empty()) break;
-    if (absl::Status status = Hear(datagram); !status.ok()) return status;
+    if (absl::Status status = HandleDatagram(datagram); !status.ok()) return status;
   }
   return absl::OkStatus();
 }
 
-absl::Status Bridge::Hear(std::span<const std::byte> datagram) {
+absl::Status Bridge::HandleDatagram(std::span<const std::byte> datagram) {
   switch (inbox_.Take(datagram)) {
     case Disposition::kDropped:
       break;
-    case Disposition::kSayAgain:
+    case Disposition::kResendWelcome:
       if (!welcome_.empty()) bus_.Send(kWelcomeChannel, welcome_);
       break;
     case Disposition::kFault:
       faulted_ = true;
-      return Tell(inbox_.frame());
+      return SendFrame(inbox_.frame());
     case Disposition::kFrame:
-      return Tell(inbox_.frame());
+      return SendFrame(inbox_.frame());
   }
   return absl::OkStatus();
 }
 
-absl::Status Bridge::HearStart() {
+absl::Status Bridge::ReadStartError() {
   int error = 0;
   const ssize_t size = read(policy_.start_error.get(), &error, sizeof(error));
   policy_.start_error.reset();
   if (size != static_cast<ssize_t>(sizeof(error))) return absl::OkStatus();
-  return TellFault(MakeFault(BridgeFault::kStartFailed, error, ExplainStart(program_, error)));
+  return SendFault(MakeFault(BridgeFault::kStartFailed, error, ExplainStart(program_, error)));
 }
 
-// The wait status of the policy's process, if it is what ended.
+// The wait status of the policy's process, if that is what exited.
 std::optional<int> Bridge::Reap() {
   signalfd_siginfo information;
   [[maybe_unused]] const ssize_t drained =
       read(children_.get(), &information, sizeof(information));
   int wait_status = 0;
   std::optional<int> policy_status;
-  // As process 1 the bridge also inherits whatever the policy left behind.
+  // As process 1 the bridge also inherits the policy's orphans.
   for (pid_t pid; (pid = waitpid(-1, &wait_status, WNOHANG)) > 0;) {
     if (pid == policy_.pid && !policy_ended_) policy_status = wait_status;
   }
@@ -278,26 +278,26 @@ absl::Status Bridge::ReapChildren() {
   if (!ended.has_value() || faulted_) return absl::OkStatus();
   const int policy_status = *ended;
   if (policy_.start_error.valid()) {
-    if (absl::Status status = HearStart(); !status.ok() || faulted_) return status;
+    if (absl::Status status = ReadStartError(); !status.ok() || faulted_) return status;
   }
-  if (absl::Status status = HearBus(kDatagramsAfterExit); !status.ok() || faulted_) {
+  if (absl::Status status = ReadBus(kDatagramsAfterExit); !status.ok() || faulted_) {
     return status;
   }
   const std::string how =
       WIFSIGNALED(policy_status)
           ? absl::StrCat("was ended by SIG", SignalName(WTERMSIG(policy_status)))
           : absl::StrCat("exited with status ", WEXITSTATUS(policy_status));
-  return TellFault(MakeFault(BridgeFault::kPolicyExit, policy_status,
+  return SendFault(MakeFault(BridgeFault::kPolicyExit, policy_status,
                              absl::StrCat("the policy's process ", how)));
 }
 
-absl::Status Bridge::TellFault(const FaultFrame& frame) {
+absl::Status Bridge::SendFault(const FaultFrame& frame) {
   if (faulted_) return absl::OkStatus();
   faulted_ = true;
-  return Tell(std::as_bytes(std::span<const FaultFrame, 1>(&frame, 1)));
+  return SendFrame(std::as_bytes(std::span<const FaultFrame, 1>(&frame, 1)));
 }
 
-absl::Status Bridge::Tell(std::span<const std::byte> frame) {
+absl::Status Bridge::SendFrame(std::span<const std::byte> frame) {
   const ssize_t sent =
       send(simulator_.get(), frame.data(), frame.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
   if (sent == static_cast<ssize_t>(frame.size())) return absl::OkStatus();
@@ -329,7 +329,7 @@ absl::Status RunBridge(Fd simulator, const BridgeOptions& options, const PolicyC
   if (!children.ok()) return children.status();
   absl::StatusOr<Child> policy = StartPolicy(command);
   if (!policy.ok()) return policy.status();
-  // On the heap: its buffers are larger than a careful stack wants.
+  // On the heap: its buffers are too large for the stack.
   auto bridge = std::make_unique<Bridge>(std::move(simulator), *std::move(bus),
                                          *std::move(children), command.words[0], options);
   return bridge->Run(*std::move(policy));

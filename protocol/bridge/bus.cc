@@ -24,7 +24,7 @@ struct Place {
   int ttl = 1;
 };
 
-// "udpm://GROUP:PORT", "?ttl=N" behind it or not.
+// "udpm://GROUP:PORT", with an optional "?ttl=N".
 std::optional<Place> ParseUrl(const std::string& url) {
   char group[16];
   int port = 0, ttl = 1, end = 0, end_of_ttl = 0;
@@ -52,7 +52,7 @@ const sockaddr* Generic(const sockaddr_in& address) {
   return reinterpret_cast<const sockaddr*>(&address);
 }
 
-// An invalid descriptor and the step that the kernel refused, with errno.
+// On failure an invalid descriptor, the failed step, and errno.
 Fd OpenSender(const Place& place, const char*& step) {
   Fd sender(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (!sender.valid()) {
@@ -67,9 +67,8 @@ Fd OpenSender(const Place& place, const char*& step) {
   return Fd();
 }
 
-// Lets the kernel drop what `sender` sends, so that nobody wakes up for their
-// own packets. A UDP socket's filter sees the packet from its UDP header on,
-// which begins with the sender's port.
+// Makes the kernel drop what `sender` sends, so that nobody wakes up for their own packets. A UDP
+// socket's filter sees the packet from its UDP header on, which begins with the sender's port.
 bool IgnoreOwn(const Fd& receiver, const Fd& sender) {
   sockaddr_in own = {};
   socklen_t size = sizeof(own);
@@ -92,7 +91,7 @@ Fd OpenReceiver(const Place& place, const Fd& sender, std::chrono::milliseconds 
   ip_mreq group = {};
   group.imr_multiaddr = place.address.sin_addr;
   group.imr_interface.s_addr = htonl(INADDR_ANY);
-  // Every LCM program shares the port; the kernel wants both words for it.
+  // Every LCM program shares the port; the kernel requires both options for that.
   if (!receiver.valid()) {
     step = "socket";
   } else if (!SetOption(receiver, SOL_SOCKET, SO_REUSEADDR, one) ||
@@ -146,7 +145,7 @@ void Bus::Send(std::string_view channel, std::span<const std::byte> payload) {
   const size_t head_size = WriteDatagramHead(sequence_++, channel, head);
   const iovec parts[] = {{head.data(), head_size},
                          {const_cast<std::byte*>(payload.data()), payload.size()}};
-  // Nothing to do about an error: the message is sent again if no answer comes.
+  // Errors are ignored: the message is resent if no answer arrives.
   [[maybe_unused]] const ssize_t sent = writev(sender_.get(), parts, 2);
 }
 

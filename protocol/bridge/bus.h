@@ -1,8 +1,8 @@
-// One program's two UDP sockets on an LCM bus: one that speaks and one that
-// hears all but what the first one says. For the bridge, which must not parse a
-// participant's packets with liblcm; everybody else takes liblcm.
+// A program's two UDP sockets on an LCM bus: one to send, one to receive everything but its own
+// packets. For the bridge, which must not parse a participant's packets with liblcm; everything
+// else uses liblcm.
 //
-// A packet that can't be sent counts as lost, since the bridge asks again anyway.
+// A packet that can't be sent counts as lost, since the bridge resends anyway.
 #pragma once
 
 #include <chrono>
@@ -23,18 +23,17 @@ namespace myograde {
 
 class Bus {
  public:
-  // Joins the bus of an LCM URL, udpm://GROUP:PORT?ttl=N (N is 1 without it); `patience` is how
-  // long Await() waits. InvalidArgumentError if the URL is of no bus, UnavailableError with the
-  // step that the kernel refused.
+  // Joins the bus of an LCM URL, udpm://GROUP:PORT?ttl=N (N defaults to 1); `patience` is how long
+  // Await() waits. InvalidArgumentError for an invalid URL, UnavailableError with the step that the
+  // kernel rejected.
   static absl::StatusOr<Bus> Open(const std::string& url, std::chrono::milliseconds patience);
 
-  // For poll: readable when a datagram of another sender waits.
+  // For poll: readable when a datagram from another sender is waiting.
   int fd() const { return receiver_.get(); }
 
-  // The next datagram of another sender, empty if none waits. Valid until the
-  // next call.
+  // The next datagram from another sender, empty if none is waiting. Valid until the next call.
   std::span<const std::byte> Receive();
-  // The same, but waits for one as long as Open() was told; may be empty sooner.
+  // The same, but waits for one as long as given to Open(); may return empty earlier.
   std::span<const std::byte> Await();
 
   // Sends one short message with the next sequence number.

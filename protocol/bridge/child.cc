@@ -19,7 +19,7 @@
 namespace myograde::bridge {
 namespace {
 
-// Variables of the sandbox that the policy finds too.
+// Variables of the sandbox that the policy gets too.
 constexpr const char* kPassedOn[] = {"PYTHONPATH", "PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED",
                                      "PYTHONHASHSEED", "OMP_NUM_THREADS"};
 
@@ -47,7 +47,7 @@ std::vector<std::string> PolicyEnvironment(const std::vector<std::string>& own) 
   return environment;
 }
 
-// Between fork and exec: only calls that are safe there.
+// Between fork and exec: only async-signal-safe calls.
 [[noreturn]] void BecomePolicy(char* const* arguments, char* const* environment, bool foreign,
                                int errors) {
   setsid();
@@ -59,10 +59,10 @@ std::vector<std::string> PolicyEnvironment(const std::vector<std::string>& own) 
   sigaction(SIGPIPE, &standard, nullptr);
   const int nothing = open("/dev/null", O_RDONLY | O_CLOEXEC);
   if (nothing >= 0 && dup2(nothing, STDIN_FILENO) == STDIN_FILENO) {
-    // Every descriptor of the bridge closes itself on exec; this is for those
-    // that it may have inherited without knowing.
+    // All of the bridge's own descriptors are close-on-exec; this covers any that it inherited
+    // unknowingly.
     if (close_range(STDERR_FILENO + 1, ~0u, CLOSE_RANGE_CLOEXEC) == 0) {
-      // What the kernel does not know execvpe hands to a shell, as if it were a script.
+      // execvpe passes a format that the kernel does not know to a shell, as a script.
       if (!foreign) execvpe(arguments[0], arguments, environment);
       errno = foreign ? ENOEXEC : errno;
     }

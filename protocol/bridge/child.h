@@ -12,21 +12,21 @@
 
 namespace myograde::bridge {
 
-// What the policy is started with.
+// How to start the policy.
 struct PolicyCommand {
   std::vector<std::string> words;        // the program and its arguments; not empty
-  std::vector<std::string> environment;  // "NAME=value"; these win over what every policy finds
+  std::vector<std::string> environment;  // "NAME=value"; these override the environment that every
+                                         // policy gets
 };
 
 struct Child {
   pid_t pid = -1;
-  Fd start_error;  // gives an errno if exec failed, the end of file if it worked
+  Fd start_error;  // yields an errno if exec failed, end of file if it succeeded
 };
 
-// Starts `command` in a session of its own, in the current folder, with stdin
-// from /dev/null, stdout and stderr inherited, no other descriptor, and an
-// environment that holds MYOGRADE_LCM_URL, MYOGRADE_PROTOCOL, HOME, what of kPassedOn
-// (child.cc) the bridge has itself, and the command's own variables.
+// Starts `command` in its own session, in the current folder, with stdin from /dev/null, stdout and
+// stderr inherited, no other descriptor, and an environment of MYOGRADE_LCM_URL, MYOGRADE_PROTOCOL,
+// HOME, those of kPassedOn (child.cc) that the bridge has itself, and the command's own variables.
 absl::StatusOr<Child> StartPolicy(const PolicyCommand& command);
 
 }  // namespace myograde::bridge

@@ -12,14 +12,14 @@
 namespace myograde::bridge {
 namespace {
 
-constexpr int32_t kMaxName = 64;  // bytes of a policy's name, as myograde.lcm says
+constexpr int32_t kMaxName = 64;  // maximum bytes of a policy's name, see myograde.lcm
 
 absl::Status Malformed(absl::string_view what) {
   return absl::InvalidArgumentError(what);
 }
 
-// Walks over encoded bytes without copying them. After the first read past the
-// end every read gives 0 and ok() stays false.
+// Reads encoded bytes without copying. After the first read past the end every read returns 0 and
+// ok() stays false.
 class Cursor {
  public:
   explicit Cursor(std::span<const std::byte> bytes) : rest_(bytes) {}
@@ -86,7 +86,7 @@ absl::Status WalkEnd(const Cursor& cursor) {
   return absl::OkStatus();
 }
 
-// Name of leg set and state in messages.
+// Names a leg set and state in messages.
 std::string Place(int set, int state) { return absl::StrCat("leg set ", set, ", state ", state); }
 
 absl::Status ConvertState(const leg_state_t& from, const std::string& place,
@@ -152,7 +152,7 @@ absl::Status DecodeHello(std::span<const std::byte> payload, HelloFrame& frame) 
   Cursor cursor(payload);
   if (!FingerprintFits<hello_t>(cursor)) return WrongFingerprint("hello_t");
   cursor.Skip(sizeof(int32_t));
-  const int32_t name = cursor.Int32();  // LCM counts the ending NUL
+  const int32_t name = cursor.Int32();  // LCM counts the terminating NUL
   if (cursor.ok() && (name < 1 || name > kMaxName + 1)) {
     return Malformed(absl::StrCat("the policy's name must have at most ", kMaxName, " bytes"));
   }

@@ -1,6 +1,6 @@
-// Encoded messages of a policy turned into frames. LCM's generated decoders
-// trust counts and lengths, so each message's fingerprint and exact length are
-// checked on the raw bytes before one of them is let loose.
+// Decodes a policy's messages into frames. LCM's generated decoders trust counts and lengths, so
+// each message's fingerprint and exact length are checked on the raw bytes before such a decoder
+// runs.
 #pragma once
 
 #include <cstddef>
@@ -13,13 +13,13 @@
 
 namespace myograde::bridge {
 
-// Each fills the body of a frame (not its header). InvalidArgumentError: one
-// sentence for the policy's author, without the channel's name.
+// Each fills the body of a frame (not its header). InvalidArgumentError: one sentence for the
+// policy's author, without the channel's name.
 absl::Status DecodeHello(std::span<const std::byte> payload, HelloFrame& frame);
 absl::Status DecodeReady(std::span<const std::byte> payload, ReadyFrame& frame);
 
-// `action_size` entries are expected (any number up to kMaxActionSize if 0),
-// each finite. `scratch` saves an allocation per message.
+// Expects `action_size` finite entries (any number up to kMaxActionSize if 0). `scratch` saves an
+// allocation per message.
 absl::Status DecodeAction(std::span<const std::byte> payload, uint32_t action_size,
                           action_t& scratch, ActionFrame& frame);
 

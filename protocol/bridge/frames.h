@@ -1,11 +1,10 @@
-// What the simulator and the bridge say to each other over an inherited
-// SOCK_SEQPACKET socket pair: one frame per packet, plain little-endian
-// structs of fixed size. The bridge lives in the participant's sandbox, so the
-// simulator checks every field of what it hears (ParseBridgeFrame).
+// The messages between simulator and bridge over an inherited SOCK_SEQPACKET socket pair: one frame
+// per packet, plain little-endian structs of fixed size. The bridge lives in the participant's
+// sandbox, so the simulator checks every field that it receives (ParseBridgeFrame).
 //
 //   sim -> bridge   PublishFrame: an encoded LCM message to put on the bus, and
-//                   which answer to wait for. The bridge sends it again until
-//                   the answer is there.
+//                   which answer to wait for. The bridge resends it until
+//                   the answer arrives.
 //   bridge -> sim   HelloFrame, ReadyFrame, ActionFrame, GiveUpFrame, FaultFrame
 #pragma once
 
@@ -42,7 +41,7 @@ struct FrameHeader {
   uint32_t size;  // bytes of the whole frame
 };
 
-// Which answer a published message waits for. kAction: an action, or that the policy gives up.
+// The answer that a published message waits for. kAction: an action, or a give-up.
 enum class Expect : uint32_t { kNothing = 0, kHello = 1, kReady = 2, kAction = 3 };
 
 // The channel a message goes out on.
@@ -58,9 +57,9 @@ struct PublishFrame {
   FrameHeader header;
   Channel channel;
   Expect expect;
-  int64_t episode;      // place in the lease, from 0
-  int64_t step;         // -1 where it has no step
-  uint32_t action_size;  // entries an action must have (Expect::kAction)
+  int64_t episode;      // position in the lease, from 0
+  int64_t step;         // -1 if it has no step
+  uint32_t action_size;  // required entries of the action (Expect::kAction)
   uint32_t payload_size;
   std::byte payload[kMaxPublishBytes];
 };
@@ -114,9 +113,8 @@ struct FaultFrame {
 
 using BridgeFrame = std::variant<HelloFrame, ReadyFrame, ActionFrame, GiveUpFrame, FaultFrame>;
 
-// Checks magic, version, type, size, counts, enums, finiteness of numbers and
-// printability of text. REQUIRES nothing of `bytes`: they come from the
-// participant's sandbox.
+// Checks magic, version, type, size, counts, enums, finiteness of numbers and printability of text.
+// REQUIRES nothing of `bytes`: they come from the participant's sandbox.
 absl::StatusOr<BridgeFrame> ParseBridgeFrame(std::span<const std::byte> bytes);
 
 // Fills a header for a frame of type F.

@@ -66,13 +66,15 @@ Disposition Inbox::Take(std::span<const std::byte> datagram) {
 }
 
 Disposition Inbox::TakeHello(std::span<const std::byte> payload) {
-  // Later hellos are only looked at for their form: the first one holds.
+  // Later hellos are only checked for their form: the first one holds.
   HelloFrame later = {};
   HelloFrame& frame = greeted_ ? later : hello_;
   if (absl::Status status = DecodeHello(payload, frame); !status.ok()) {
     return Breach(kHelloChannel, status);
   }
-  if (greeted_) return Stray() == Disposition::kFault ? Disposition::kFault : Disposition::kSayAgain;
+  if (greeted_) {
+    return Stray() == Disposition::kFault ? Disposition::kFault : Disposition::kResendWelcome;
+  }
   greeted_ = true;
   return Answer(hello_, FrameType::kHello);
 }

@@ -1,6 +1,5 @@
-// Judges every message that comes from the bus: is it the answer that is waited
-// for, a harmless late copy, a stray, or a breach of the protocol? Pure: no
-// sockets, no clock, no memory beyond its own size.
+// Classifies every message from the bus: the expected answer, a harmless late copy, a stray, or a
+// breach of the protocol. Pure: no sockets, no clock, no memory beyond its own size.
 #pragma once
 
 #include <cstdint>
@@ -14,37 +13,37 @@
 
 namespace myograde::bridge {
 
-// Limits per episode; the start-up counts to the first.
+// Limits per episode; start-up counts towards the first.
 struct InboxLimits {
   int64_t stray_messages;  // messages that answer nothing
-  int64_t wrong_answers;   // answers to a step or an episode that was not asked
+  int64_t wrong_answers;   // answers to a step or episode that is not the one asked
 };
 
 enum class Disposition {
-  kDropped,     // nothing to do
-  kFrame,       // frame() goes to the simulator; the waiting is over
-  kSayAgain,    // the policy missed the welcome: send it again
-  kFault,       // frame() is a FaultFrame; nothing more will be looked at
+  kDropped,        // nothing to do
+  kFrame,          // frame() goes to the simulator, which ends the wait
+  kResendWelcome,  // the policy missed the welcome: send it again
+  kFault,          // frame() is a FaultFrame; all later messages are ignored
 };
 
 class Inbox {
  public:
   explicit Inbox(InboxLimits limits) : limits_(limits) {}
 
-  // The simulator publishes `frame` (its payload is not looked at): from now
-  // on its answer is waited for. A new episode starts the counts afresh.
+  // The simulator publishes `frame` (its payload is ignored): waits for its answer from now on. A
+  // new episode resets the counts.
   void Ask(const PublishFrame& frame);
 
-  // The outstanding message was sent once more, so one more answer may come.
+  // The outstanding message was resent, so one more answer may arrive.
   void AskedAgain() { ++free_duplicates_; }
 
-  // True while an answer is waited for.
+  // True while an answer is outstanding.
   bool waiting() const { return expect_ != Expect::kNothing; }
 
-  // Judges one datagram of another sender.
+  // Classifies a datagram from another sender.
   Disposition Take(std::span<const std::byte> datagram);
 
-  // The frame of the last verdict; valid until the next call of Take.
+  // The frame of the last Take(); valid until the next one.
   std::span<const std::byte> frame() const { return frame_; }
 
  private:
@@ -63,9 +62,9 @@ class Inbox {
   Disposition Answer(F& frame, FrameType type);
 
   const InboxLimits limits_;
-  Expect expect_ = Expect::kHello;  // the first thing that a policy says
+  Expect expect_ = Expect::kHello;  // a policy starts with hello
   bool greeted_ = false;
-  int64_t episode_ = -1;  // asked last
+  int64_t episode_ = -1;  // the last one asked
   int64_t step_ = -1;
   uint32_t action_size_ = 0;
   int64_t stray_ = 0;
@@ -82,7 +81,7 @@ class Inbox {
   std::span<const std::byte> frame_;
 };
 
-// A FaultFrame with `sentence` made printable and cut to fit.
+// A FaultFrame with `sentence` made printable and truncated to fit.
 FaultFrame MakeFault(BridgeFault fault, int64_t value, std::string_view sentence);
 
 }  // namespace myograde::bridge

@@ -3,8 +3,8 @@
 //   myograde-bridge --stray N --wrong N [--farewell MS] [--env NAME=VALUE]... --
 //                   COMMAND ARGUMENTS...
 //
-// Exit status: 0 the simulator hung up, 2 wrong use, 70 the sandbox can't be
-// used (no bus, no process).
+// Exit status: 0 the simulator hung up, 2 wrong use, 70 the sandbox is unusable (no bus, no
+// process).
 #include <fcntl.h>
 #include <sys/prctl.h>
 
@@ -76,8 +76,8 @@ std::optional<Arguments> Parse(const std::vector<std::string>& words) {
 }
 
 int Main(int argc, char** argv) {
-  // The policy has this process' uid. Not dumpable: it can't trace it, write to
-  // its memory or take its descriptors.
+  // The policy has this process' uid. Not dumpable, so that the policy can't trace it, write to its
+  // memory or take its descriptors.
   if (prctl(PR_SET_DUMPABLE, 0) != 0) {
     std::fprintf(stderr, "myograde-bridge: can't protect itself: %s\n", strerror(errno));
     return kBrokenSandbox;

@@ -29,7 +29,7 @@ ProgramHead HeadOf(const std::string& path) {
   return file.valid() ? ReadProgramHead(file.get()) : ProgramHead{};
 }
 
-// Why nothing is at `path`.
+// Why there is nothing at `path`.
 std::string Missing(const std::string& path) {
   char target[PATH_MAX];
   const ssize_t size = readlink(path.c_str(), target, sizeof(target));

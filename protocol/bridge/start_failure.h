@@ -1,4 +1,4 @@
-// What to tell the author of a policy whose command could not be executed.
+// Explains to a policy's author why the command could not be executed.
 #pragma once
 
 #include <string>
@@ -6,14 +6,14 @@
 namespace myograde::bridge {
 
 // Where execvp(3) finds a program: `word` itself if it has a slash, else the first file of that
-// name on the PATH; "" if there is none.
+// name in PATH; "" if there is none.
 std::string FindProgram(const std::string& word);
 
-// True for a program of another processor, which must not be handed to a shell as a script.
+// True for a program for another processor, which must not be passed to a shell as a script.
 bool IsForeignProgram(const std::string& path);
 
-// One sentence on why `word` could not be executed, as execvp(3) says with `error`: it names the
-// file that is missing or wrong, be it the program, its interpreter or its dynamic loader.
+// One sentence on why execvp(3) failed with `error` for `word`. Names the file that is missing or
+// wrong: the program, its interpreter or its dynamic loader.
 std::string ExplainStart(const std::string& word, int error);
 
 }  // namespace myograde::bridge

@@ -1,5 +1,5 @@
-// Facts and evidence as JSON. Each struct has one list of its fields that both
-// directions walk, so writing and reading cannot drift apart.
+// Facts and evidence as JSON. Each struct has one list of its fields that both directions use, so
+// writing and reading cannot drift apart.
 #include <cfloat>
 #include <string>
 #include <string_view>
@@ -60,7 +60,7 @@ struct Reader {
   void operator()(const char* key, std::string& value) const { value = reader.String(key); }
 };
 
-// A mistake in a nested object becomes a mistake of the record.
+// Turns a mistake in a nested object into one of the record.
 absl::Status Join(const absl::Status& first, const absl::Status& second) {
   return first.ok() ? second : first;
 }
@@ -75,7 +75,7 @@ uint64_t ReadSeed(ConfigReader& reader, const Json& json) {
   return it->get<uint64_t>();
 }
 
-// The facts of the variant's alternative whose track has this name.
+// The facts of the variant's alternative for the track of this name.
 template <typename... Facts>
 absl::Status ReadFactsOf(const std::string& track, const Json& json,
                          std::variant<Facts...>& facts) {
@@ -93,7 +93,7 @@ absl::Status ReadFactsOf(const std::string& track, const Json& json,
 
 absl::Status ReadTrack(ConfigReader& reader, const Json& json, EpisodeFacts& facts) {
   const std::string track = reader.Choice("track", TrackNames());
-  // Both the shape of `json` and the choice must hold before a part is read.
+  // Check both the shape of `json` and the choice before reading a part.
   if (!json.is_object() || !json.contains(track)) {
     reader.Fail(track, "is missing");
     return absl::OkStatus();
@@ -109,7 +109,7 @@ void VisitLog(Info& info, Visitor&& visit) {
   visit("steps", info.steps);
 }
 
-// Facts that older records have not.
+// Facts that older records lack.
 absl::Status ReadOptional(ConfigReader& reader, const Json& json, EpisodeFacts& facts) {
   if (!json.is_object()) return absl::OkStatus();
   if (reader.Has("actions_digest")) facts.actions_digest = reader.String("actions_digest");
@@ -137,7 +137,7 @@ absl::StatusOr<FaultEvidence> FaultEvidenceFromJson(const nlohmann::json& json) 
   if (!outcome.has_value()) reader.Fail("outcome", "is not the name of an outcome");
   VisitEvidence(evidence, Reader{reader});
   reader.Ignore("whose");  // follows from the outcome
-  // Older records have none.
+  // Absent in older records.
   if (reader.Has("stderr_tail")) evidence.stderr_tail = reader.String("stderr_tail");
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   evidence.outcome = *outcome;

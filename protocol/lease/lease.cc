@@ -132,14 +132,14 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
   order.lease = reader.String("lease");
   order.artefact_dir = reader.String("artefact_dir");
   order.command = reader.Strings("command");
-  // Orders of earlier versions have none.
+  // Absent in orders of earlier versions.
   if (reader.Has("environment")) order.environment = reader.StringsByName("environment");
   order.runtimes = reader.Strings("runtimes");
   const Json& track = reader.Object("track");
   const Json& episodes = reader.Array("episodes");
   order.uid = reader.Integer("uid", -1, INT32_MAX);
   order.slot = reader.Integer("slot", 0, INT32_MAX);
-  // Orders of earlier versions have none.
+  // Absent in orders of earlier versions.
   if (reader.Has("slot_mark")) order.slot_mark = reader.String("slot_mark");
   order.pinned = reader.Boolean("pinned");
   order.work_dir = reader.String("work_dir");

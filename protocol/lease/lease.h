@@ -1,6 +1,6 @@
-// The order for one lease and what comes back of it. The daemon (or `myograde
-// local`, or a Slurm job) writes a LeaseOrder as a JSON file and starts
-// `myograde-runner FILE`; the runner prints one LeaseRecord a line on stdout.
+// The order for one lease and its results. The daemon (or `myograde local`, or a Slurm job) writes
+// a LeaseOrder as a JSON file and starts `myograde-runner FILE`; the runner prints one LeaseRecord
+// per line on stdout.
 #pragma once
 
 #include <cstdint>
@@ -25,26 +25,27 @@ struct EpisodeOrder {
 };
 
 struct LeaseOrder {
-  std::string lease;               // id, for messages and names of temporary things
+  std::string lease;               // id, for messages and names of temporary files
   std::string artefact_dir;        // unpacked submission, mounted read-only at /policy
-  // Run in /policy; command[0] is relative to it, absolute, or a word looked up on the PATH.
+  // Run in /policy; command[0] is relative to it, absolute, or a word to look up in PATH.
   std::vector<std::string> command;
-  std::map<std::string, std::string> environment;  // variables that the policy finds set
+  std::map<std::string, std::string> environment;  // environment variables for the policy
   std::vector<std::string> runtimes;  // host folders mounted read-only at their own path
   TrackConfig track;
   std::vector<EpisodeOrder> episodes;  // consecutive indices
   int64_t uid = -1;                // unprivileged uid and gid of the slot; -1: the caller's own
   int64_t slot = 0;
-  // Empty folder of the slot that its sandboxes show, by which their processes are known from
+  // Empty folder of the slot that its sandboxes mount, which identifies their processes from
   // outside; "": none.
   std::string slot_mark;
-  bool pinned = false;             // the slot keeps to one processor, the slot-th of the runner's
+  bool pinned = false;             // the slot is pinned to one processor, the slot-th of the
+                                   // runner's
   std::string work_dir;            // empty folder of the lease, owned by the caller
   std::string cache_dir;           // models (MYOGRADE_CACHE)
-  std::string log_dir;             // where the episodes' logs are kept; "": none is
-  int64_t log_bytes = 0;           // budget of a log; filled in by the runner from its config
-  // Files of logs, packed or not, one for each episode: play them again without a policy, and
-  // compare. Then neither an artefact nor a command is needed.
+  std::string log_dir;             // where episode logs are kept; "": nowhere
+  int64_t log_bytes = 0;           // largest packed log; filled in by the runner from its config
+  // Log files, packed or not, one per episode: replay them without a policy, and compare. Needs
+  // neither an artefact nor a command.
   std::vector<std::string> replay;
 };
 
@@ -52,31 +53,31 @@ nlohmann::json LeaseOrderToJson(const LeaseOrder& order);
 absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
                                               const std::string& where);
 
-// The runner is alive; at least one every second. Doubles as the heartbeat.
+// The runner is alive; at least one every second. Serves as the heartbeat.
 struct ProgressRecord {
   int64_t episode = 0;  // index in the evaluation
   int64_t step = 0;
 };
 
-// What came of an episode that was played again from its log.
+// The result of replaying an episode from its log.
 struct ReplayRecord {
   int64_t episode = 0;
   bool equal = false;
-  int64_t steps = 0;      // that were compared
-  int64_t step = -1;      // if not equal: the first that differs, -1 if it is none of them
+  int64_t steps = 0;      // number of steps compared
+  int64_t step = -1;      // if not equal: the first that differs, -1 if none of them does
   // What differs there: "observation", "state", "digest", "end", "steps"; or "log": it can't be
-  // played at all.
+  // replayed at all.
   std::vector<std::string> differs;
   std::string detail;     // if not equal: one sentence
 };
 
-// The last record of a lease, always.
+// Always the last record of a lease.
 struct LeaseEndRecord {
   bool ok = false;          // all episodes were recorded
   std::string detail;       // if not ok: the grader's fault in one sentence
   std::string stdout_tail;  // last 4 KiB of the policy's output, made valid UTF-8
   std::string stderr_tail;
-  bool stdout_truncated = false;  // more than Budgets::output_bytes came
+  bool stdout_truncated = false;  // the output exceeded Budgets::output_bytes
   bool stderr_truncated = false;
   double policy_cpu_s = 0;
   double wall_s = 0;
@@ -85,8 +86,8 @@ struct LeaseEndRecord {
 
 using LeaseRecord = std::variant<ProgressRecord, EpisodeFacts, LeaseEndRecord, ReplayRecord>;
 
-// One line of JSON without the newline, and back. Non-finite numbers never
-// occur. `type` is "progress", "episode", "replay" or "lease_end".
+// One line of JSON without the newline, and the reverse. Non-finite numbers never occur. `type` is
+// "progress", "episode", "replay" or "lease_end".
 std::string LeaseRecordToLine(const LeaseRecord& record);
 absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line);
 

@@ -1,8 +1,8 @@
 // The seed of a policy's own randomness, one for each episode of an evaluation.
 //
-// It follows from the track config's "policy_seed_secret" and the episode's index alone, so
-// all teams play the same luck in every data folder and in local runs, and no byte added to a
-// submission draws another. The secret is as public as the seeds beside it.
+// It is derived from the track config's "policy_seed_secret" and the episode's index alone, so all
+// teams get the same luck in every data folder and in local runs, and changing a byte of a
+// submission draws no new seed. The secret is as public as the seeds beside it.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +12,8 @@
 
 namespace myograde {
 
-// What the policy seeds of configs of form 1 follow from: a secret of the data folder and the
-// hash of the artefact.
+// What policy seeds under configs of form 1 are derived from: a secret of the data folder and the
+// artefact's hash.
 struct Form1PolicySeeds {
   std::string host_secret;
   std::string artefact;
@@ -27,8 +27,8 @@ uint64_t SeedOf(const std::string& key, const std::string& message);
 // evaluation's list of seeds, from 0.
 uint64_t PolicySeed(const std::string& secret, int64_t episode);
 
-// The policy seed of an episode under `config`: of its secret, or if it is of form 1 that
-// of "ARTEFACT/INDEX", keyed with the host's secret.
+// The policy seed of an episode under `config`: derived from its secret, or, for form 1, that of
+// "ARTEFACT/INDEX", keyed with the host's secret.
 uint64_t PolicySeed(const TrackConfig& config, const Form1PolicySeeds& form1, int64_t episode);
 
 }  // namespace myograde

@@ -16,11 +16,11 @@
 namespace myograde {
 namespace {
 
-// Larger than any message: a record with two output tails is some 30 KiB.
+// Larger than any message: a record with two output tails is about 30 KiB.
 constexpr size_t kMaxPacket = 128 * 1024;
 constexpr absl::Duration kSendTimeout = absl::Seconds(60);
 
-// Waits until `socket` has one of `events`, or the deadline.
+// Waits until `socket` has one of `events`, or the deadline passes.
 absl::Status WaitFor(int socket, int16_t events, const Deadline& deadline) {
   while (true) {
     pollfd entry = {socket, events, 0};

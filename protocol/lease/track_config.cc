@@ -22,7 +22,7 @@ constexpr double kDay = 86400;
 constexpr int64_t kMiB = int64_t{1} << 20;
 constexpr int64_t kTiB = int64_t{1} << 40;
 
-// Comments would make the hash of a config depend on its wording.
+// With comments in it, a config's hash would depend on their wording.
 void RemoveComments(nlohmann::json& value) {
   if (value.is_object()) {
     for (auto it = value.begin(); it != value.end();) {
@@ -87,10 +87,10 @@ absl::Status CheckName(const std::string& what, const std::string& name) {
                    ": use 1 to 64 of the characters a-z, 0-9 and \"-\""));
 }
 
-// A config file with everything that it extends merged beneath it.
+// A config file merged over everything that it extends.
 absl::StatusOr<nlohmann::json> ReadExtended(const std::string& tracks_dir,
                                             const std::string& track) {
-  std::vector<std::pair<std::string, nlohmann::json>> chain;  // the asked one first
+  std::vector<std::pair<std::string, nlohmann::json>> chain;  // the requested one first
   for (std::string name = track; !name.empty();) {
     if (absl::Status status = CheckName("track config", name); !status.ok()) return status;
     for (const auto& [seen, unused] : chain) {
@@ -127,7 +127,7 @@ absl::StatusOr<nlohmann::json> ReadExtended(const std::string& tracks_dir,
   }
   nlohmann::json merged = nlohmann::json::object();
   for (auto it = chain.rbegin(); it != chain.rend(); ++it) {
-    // The keys of one form over those of another would mean neither.
+    // Keys of one form merged over those of another would mean neither.
     if (it != chain.rbegin() && it->second.contains("form")) {
       const nlohmann::json base = merged.value("form", nlohmann::json(1));
       if (it->second["form"] != base) {
@@ -142,7 +142,7 @@ absl::StatusOr<nlohmann::json> ReadExtended(const std::string& tracks_dir,
   return merged;
 }
 
-// The merged file's profiles, checked to be an object of objects with good names.
+// The merged file's profiles, checked to be an object of objects with valid names.
 absl::StatusOr<nlohmann::json> ProfilesOf(const nlohmann::json& merged, const std::string& where) {
   const auto it = merged.find("profiles");
   if (it == merged.end() || !it->is_object() || it->empty()) {
@@ -171,8 +171,8 @@ absl::StatusOr<nlohmann::json> ProfilesOf(const nlohmann::json& merged, const st
   return profiles;
 }
 
-// The secret of the policy seeds. Only the upgrade of a form-1 config says null; whoever wrote
-// the key meant the form that knows it.
+// The secret of the policy seeds. Only the upgrade of a form-1 config sets null; a config that has
+// the key itself is of a form that knows it.
 std::optional<std::string> PolicySeedSecretOf(const nlohmann::json& effective,
                                               ConfigReader& reader) {
   constexpr char kKey[] = "policy_seed_secret";
@@ -220,8 +220,8 @@ absl::StatusOr<std::vector<uint64_t>> ParseSeeds(const nlohmann::json& json,
   std::vector<uint64_t> seeds;
   std::set<uint64_t> seen;
   for (const nlohmann::json& entry : json) {
-    // An integer that is not negative is kept as unsigned by the parser, as signed by code that
-    // builds it from an int64_t.
+    // The parser stores a non-negative integer as unsigned; code that builds one from an int64_t
+    // stores it as signed.
     const bool whole = entry.is_number_integer() &&
                        (entry.is_number_unsigned() || entry.get<int64_t>() >= 0) &&
                        entry.get<uint64_t>() <= static_cast<uint64_t>(INT64_MAX);

@@ -1,7 +1,6 @@
-// A track config: everything that a result of a track is a function of, apart
-// from the submission and the grader build. Loaded from configs/tracks/*.json,
-// where "extends" names a config to start from and "profiles" holds the rules
-// profiles; what is kept here is the effective config of one profile.
+// A track config: everything that a result of a track depends on, apart from the submission and the
+// grader build. Loaded from configs/tracks/*.json, where "extends" names a config to start from and
+// "profiles" holds the rules profiles; this is the effective config of one profile.
 #pragma once
 
 #include <cstdint>
@@ -17,52 +16,54 @@
 
 namespace myograde {
 
-// What a participant's processes may use. Every number is a limit that is
-// enforced; none can be zero, absent or "unlimited". RULES: 'Budgets'.
+// What a participant's processes may use. Every number is an enforced limit; none can be zero,
+// absent or "unlimited". RULES: 'Budgets'.
 struct Budgets {
-  double startup_s;          // s until the policy has said hello and is ready in which it ran or
-                             // wanted no processor; waiting for processors and disks is not counted
-  double startup_wall_s;     // s of wall time of the same
+  double startup_s;          // s until the policy has said hello and is ready, counting time in
+                             // which it ran or wanted no processor, but not waits for processors
+                             // and disks
+  double startup_wall_s;     // s of wall time until ready
   double step_s;             // s of the policy's CPU time for a step without overtime
-  double overtime_s;         // s of CPU time: the bank of overtime of an episode
-  double wall_factor;        // wall caps of step and bank: this many times their CPU budgets
+  double overtime_s;         // s of CPU time: an episode's bank of overtime
+  double wall_factor;        // wall-clock limits of step and bank, as a multiple of their CPU
+                             // budgets
   double lease_cpu_s;        // s of CPU time of the whole lease
   double lease_wall_s;       // s of wall time of the whole lease
-  double lease_idle_s;       // s of that in which it was asked and wanted no processor
+  double lease_idle_s;       // s of that in which the policy owed an answer and wanted no processor
   int64_t memory_bytes;
   double cpus;               // processors
   int64_t tasks;             // processes and threads
   int64_t scratch_bytes;     // private /tmp and /dev/shm together
   int64_t scratch_files;     // inodes there
-  int64_t output_bytes;      // kept of each of stdout and stderr
+  int64_t output_bytes;      // bytes kept of stdout and of stderr
   int64_t open_files;
   int64_t stray_messages;    // messages on the bus that answer nothing, per episode
-  int64_t wrong_answers;     // answers to a step that was not asked, per episode
+  int64_t wrong_answers;     // answers to a step that is not the one asked, per episode
   int64_t restarts;          // fresh sandboxes after a participant's fault, per lease
   int64_t submission_bytes;  // unpacked size of a submission
   int64_t submission_files;
 };
 
-// How an evaluation of the track is ranked; parsed by the server into
-// scoring's own values. See scoring/ for the meaning.
+// How an evaluation of the track is ranked; parsed by the server into scoring's own values. See
+// scoring/ for the meaning.
 struct TrackConfig {
   std::string id;            // the name of the config file, without ".json"
-  const TrackKind* kind = nullptr;  // never null in a config that was parsed
+  const TrackKind* kind = nullptr;  // never null in a parsed config
   std::string profile;       // "paper", "myosuite", "as-graded"
   int64_t episodes_per_lease;
-  std::vector<uint64_t> seeds;  // one per episode; its length is the full evaluation
-  // What policy seeds follow from (policy_seed.h); nullopt in configs of form 1 alone.
+  std::vector<uint64_t> seeds;  // one per episode of the full evaluation
+  // What policy seeds are derived from (policy_seed.h); nullopt only in configs of form 1.
   std::optional<std::string> policy_seed_secret;
   Budgets budgets;
-  nlohmann::json rules;      // the environment's numbers and switches, which sim/<track>/ parses
-  nlohmann::json scoring;    // judging and boards, which scoring/<track>/ parses
-  nlohmann::json effective;  // the whole effective config as canonical JSON value
+  nlohmann::json rules;      // the environment's settings, parsed by sim/<track>/
+  nlohmann::json scoring;    // judging and boards, parsed by scoring/<track>/
+  nlohmann::json effective;  // the whole effective config as a canonical JSON value
   std::string hash;          // SHA-256 (hex) of CanonicalJson(effective)
 };
 
-// Parses an effective config (as kept in TrackConfig::effective and handed on
-// in lease orders) of any form (track_config_forms.h): `effective` and `hash` are of what was
-// given, the rest says it in today's keys. Unknown keys and values out of range are errors.
+// Parses an effective config (from TrackConfig::effective or a lease order) of any form
+// (track_config_forms.h): `effective` and `hash` describe the input, everything else uses today's
+// keys. Unknown keys and values out of range are errors.
 absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
                                              const std::string& where);
 
@@ -72,15 +73,14 @@ absl::StatusOr<TrackConfig> LoadTrackConfig(const std::string& tracks_dir,
                                             const std::string& track,
                                             const std::string& profile);
 
-// The seeds of a config or of a participant's seed file: {"first": N, "count": K} or a list of
-// whole numbers from 0 to 2^63 - 1 without repetition; 1 to kMaxEpisodes of them.
+// The seeds of a config or of a participant's seed file: {"first": N, "count": K} or a list of 1 to
+// kMaxEpisodes distinct whole numbers from 0 to 2^63 - 1.
 inline constexpr int64_t kMaxEpisodes = 10000;
 absl::StatusOr<std::vector<uint64_t>> ParseSeeds(const nlohmann::json& json,
                                                  const std::string& where);
 
-// The same config over other seeds (a practice run): effective config and hash follow, the
-// policy seeds of an index stay.
-// Errors as ParseSeeds.
+// The same config with other seeds (a practice run): effective config and hash change with them,
+// the policy seed of an index does not. Errors as ParseSeeds.
 absl::StatusOr<TrackConfig> WithSeeds(const TrackConfig& config,
                                       const std::vector<uint64_t>& seeds);
 

@@ -11,17 +11,17 @@ namespace {
 
 using Json = nlohmann::json;
 
-// Form 1 is the first, without "form". A step gives each new key the value that says what
-// the earlier form meant without it; a track does so with its own (TrackKind::upgrade).
+// Form 1 is the first, without "form". A step sets each new key to the value that means what the
+// earlier form did without it; tracks do the same for their own keys (TrackKind::upgrade).
 void FromForm1(Json& config) {
   config["form"] = 2;
   if (const auto it = config.find("budgets"); it != config.end() && it->is_object()) {
-    // No bound of its own: what the whole lease may take.
+    // No separate bound: the whole lease's time.
     if (it->contains("lease_wall_s")) (*it)["lease_idle_s"] = (*it)["lease_wall_s"];
-    // All of the start-up's wall time counted.
+    // Form 1 counted all of the start-up's wall time.
     if (it->contains("startup_s")) (*it)["startup_wall_s"] = (*it)["startup_s"];
   }
-  config.emplace("policy_seed_secret", nullptr);  // seeds of the data folder's own secret
+  config.emplace("policy_seed_secret", nullptr);  // seeds from the data folder's own secret
 }
 
 using Step = void (*)(Json&);

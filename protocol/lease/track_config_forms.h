@@ -1,11 +1,11 @@
-// The forms that track configs have had. A config is kept as it was written, in stores,
-// receipts, logs and lease orders, and its hash is of those bytes; it is read by the form
-// that it names ("form"; configs without it are of form 1), with what that form meant.
+// The forms (versions) of track configs. Stores, receipts, logs and lease orders keep a config as
+// it was written, and its hash covers those bytes; it is read with the meaning of the form that it
+// names ("form"; configs without it are of form 1).
 //
-// Whoever adds, removes or changes a key of a track config adds it to the newest step of
-// track_config_forms.cc, so that a config of every earlier form keeps its meaning; a test holds
-// it against tests/protocol/lease/forms, whose meaning.json says it too. Forms that have been released
-// are never changed.
+// Whoever adds, removes or changes a key of a track config must extend the newest step of
+// track_config_forms.cc, so that a config of every earlier form keeps its meaning; a test compares
+// with tests/protocol/lease/forms, whose meaning.json must be extended too. Released forms never
+// change.
 #pragma once
 
 #include <cstdint>
@@ -19,9 +19,9 @@ namespace myograde {
 // The form of the configs in configs/tracks.
 inline constexpr int64_t kTrackConfigForm = 2;
 
-// The same config in the keys of kTrackConfigForm. `where` names it in errors.
-// FailedPreconditionError: its form is newer than this build. InvalidArgumentError: it is
-// no object, or "form" is no whole number from 1 on. Other mistakes are the parser's to find.
+// Converts a config to the keys of kTrackConfigForm. `where` names it in errors.
+// FailedPreconditionError: its form is newer than this build. InvalidArgumentError: it is not an
+// object, or "form" is not a whole number from 1 on. Other mistakes are left to the parser.
 absl::StatusOr<nlohmann::json> UpgradeTrackConfig(nlohmann::json effective,
                                                   const std::string& where);
 

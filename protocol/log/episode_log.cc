@@ -62,8 +62,8 @@ absl::StatusOr<LogStart> StartFromJson(const Json& json) {
   return start;
 }
 
-// The seal at the end of a log covers the bytes before its last event, by their SHA-256, and
-// what that event says.
+// The checksum at the end of a log covers the bytes before its last event, by their SHA-256, and
+// that event's content.
 std::string ChecksumOf(const std::string& before, const LogEnd& end) {
   return Sha256Hex(before + CanonicalJson({{"steps", end.steps},
                                            {"logged", end.logged},
@@ -95,8 +95,7 @@ absl::StatusOr<LogEnd> EndFromJson(const Json& json, std::string& checksum) {
   return end;
 }
 
-// The JSON inside a log_text_t. Lengths are checked before LCM's decoder, which
-// would believe them.
+// The JSON inside a log_text_t. Lengths are checked before LCM's decoder, which would trust them.
 absl::StatusOr<Json> TextOf(const LogEvent& event) {
   const absl::Status bad = absl::DataLossError(
       absl::StrCat("the log's event ", event.number, " can't be decoded"));
@@ -115,10 +114,10 @@ absl::StatusOr<Json> TextOf(const LogEvent& event) {
   return ParseJson(text.json, absl::StrCat("the log's event ", event.number));
 }
 
-// The most bytes that a text in a log may have: a track's config is the longest.
+// The largest text in a log, in bytes: a track's config is the longest.
 constexpr size_t kMaxTextBytes = 1 << 20;
 
-// What a log is read into, one event after the other.
+// Accumulates a log from its events, one after the other.
 class Parser {
  public:
   explicit Parser(std::string_view bytes) : bytes_(bytes) {}
@@ -162,8 +161,8 @@ class Parser {
   absl::Status TakeAction(const LogEvent& event) {
     if (!log_.start.has_value() || half_) return OutOfTurn(event);
     const auto size = static_cast<size_t>(log_.action_size);
-    // Fingerprint, episode, step, size, values: the length must fit before LCM's decoder
-    // allocates what the message claims.
+    // Fingerprint, episode, step, size, values: the length must fit before LCM's decoder allocates
+    // what the message claims.
     const size_t expected = 8 + 8 + 8 + 4 + 8 * size;
     action_t action;
     if (event.message.size() != expected || event.message[24] != std::byte{0} ||
@@ -201,7 +200,7 @@ class Parser {
     absl::StatusOr<LogEnd> end = EndFromJson(json, checksum);
     if (!end.ok()) return end.status();
     const std::string before = Sha256Hex(bytes_.substr(0, event.offset));
-    // The last event must be, byte by byte, the one that such a log ends with.
+    // The last event must be, byte for byte, the one that such a log ends with.
     EpisodeLogEncoder encoder(log_.header.track.kind->control_period_s);
     std::string seal;
     encoder.Resume(event.number, log_.steps());
@@ -225,7 +224,7 @@ class Parser {
   const std::string_view bytes_;
   EpisodeLog log_;
   int64_t number_ = 0;
-  bool half_ = false;  // an action came, its digest did not yet
+  bool half_ = false;  // an action has arrived, its digest has not
   bool ended_ = false;
 };
 

@@ -1,11 +1,10 @@
-// The log of an episode: everything that its states follow from, and a digest of
-// each of them, as events of LCM's log format. Times are simulated, so equal
-// episodes have equal logs. In this order:
+// An episode's log: everything that its states depend on, and a digest of each state, as events of
+// LCM's log format. Times are simulated, so equal episodes have equal logs. In this order:
 //
 //   MYOGRADE_LOG_HEADER  log_text_t     what is played: LogHeader
 //   MYOGRADE_LOG_START   log_text_t     how: LogStart; missing if no policy got ready
 //   MYOGRADE_ACTION      action_t       for each step ...
-//   MYOGRADE_LOG_DIGEST  step_digest_t  ... and what became of it
+//   MYOGRADE_LOG_DIGEST  step_digest_t  ... and the resulting state
 //   MYOGRADE_LOG_END     log_text_t     LogEnd, with a checksum over the whole log
 #pragma once
 
@@ -33,28 +32,28 @@ using ShortDigest = std::array<uint8_t, 8>;
 ShortDigest Shorten(const Sha256Digest& digest);
 
 struct LogHeader {
-  TrackConfig track;    // with this episode's seed alone, so that a log tells no other one
+  TrackConfig track;    // with only this episode's seed, so that a log reveals no other
   std::string config;   // hash of the evaluation's whole config
   int64_t episode = 0;  // in the evaluation, from 0
-  bool first = true;    // of its lease: nothing carries over from an episode before
+  bool first = true;    // the first of its lease: no state carries over from an earlier episode
   uint64_t seed = 0;
-  bool begun = true;    // false: the lease had ended by a fault; nothing was reset or played
+  bool begun = true;    // false: a fault had ended the lease; nothing was reset or played
 };
 
 struct LogStart {
   ActionConvention convention = ActionConvention::kNormalized;
-  LegParameterSets sets = {};  // in force in this episode; none present: the defaults
+  LegParameterSets sets = {};  // in force in this episode; those not present are the defaults
 };
 
 struct LogEnd {
-  int64_t steps = 0;      // that were played
+  int64_t steps = 0;      // steps played
   int64_t logged = 0;     // steps in the log; fewer if it would have grown too large
   std::string end;        // EpisodeEndName, or the outcome of a fault
   std::string digest;     // EpisodeFacts::digest
 };
 
-// Makes a log, a piece at a time. Every call appends events to `out` below,
-// which the caller empties as it likes.
+// Writes a log incrementally. Every call appends events to `out`, which the caller may empty at any
+// time.
 class EpisodeLogEncoder {
  public:
   // Times are multiples of `period` (s).
@@ -63,14 +62,14 @@ class EpisodeLogEncoder {
   EpisodeLogEncoder(const EpisodeLogEncoder&) = delete;
   EpisodeLogEncoder& operator=(const EpisodeLogEncoder&) = delete;
 
-  // Begins another log.
+  // Starts a new log.
   void Header(const LogHeader& header, std::string& out);
   void Start(const LogStart& start, std::string& out);
   void Step(std::span<const double> action, const ShortDigest& observation,
             const ShortDigest& state, std::string& out);
-  // `before`: hexadecimal SHA-256 of all that was appended before.
+  // `before`: hexadecimal SHA-256 of everything that was appended before.
   void End(const LogEnd& end, const std::string& before, std::string& out);
-  // As if so many events and steps had been appended.
+  // Continues as if so many events and steps had been appended.
   void Resume(int64_t number, int64_t step);
 
  private:
@@ -93,7 +92,7 @@ struct EpisodeLog {
   LogHeader header;
   std::optional<LogStart> start;
   int action_size = 0;
-  std::vector<double> actions;  // action_size of them for each step
+  std::vector<double> actions;  // action_size values per step
   std::vector<ShortDigest> observations;
   std::vector<ShortDigest> states;
   LogEnd end;
@@ -105,12 +104,12 @@ struct EpisodeLog {
   }
 };
 
-// The most bytes that a log can have, by the header that it begins with; nullopt if
-// `begin` does not hold the whole header yet. DataLossError: no log begins so.
+// The largest size of a log with the header that `begin` starts with, in bytes; nullopt if the
+// header is incomplete. DataLossError: not the start of a log.
 absl::StatusOr<std::optional<int64_t>> LogBytesLimit(std::string_view begin);
 
-// Reads a whole log. REQUIRES nothing of `bytes`. DataLossError: cut, altered
-// (the checksum does not fit) or no log of an episode; it says which.
+// Reads a whole log. REQUIRES nothing of `bytes`. DataLossError: truncated, altered (wrong
+// checksum) or not an episode log; the message says which.
 absl::StatusOr<EpisodeLog> ParseEpisodeLog(std::string_view bytes);
 
 }  // namespace myograde

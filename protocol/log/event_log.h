@@ -1,11 +1,11 @@
-// LCM's event-log format, as `lcm-logplayer` and lcm.EventLog read it. Every
-// event is, with whole numbers in big-endian order:
+// LCM's event-log format, as read by `lcm-logplayer` and lcm.EventLog. An event is, with whole
+// numbers in big-endian order:
 //
 //   u32 0xEDA1DA01, u64 number of the event, u64 time in microseconds,
 //   u32 bytes of the channel's name, u32 bytes of the message, name, message
 //
-// Written here rather than through liblcm, as its reader trusts the lengths in
-// a file, and logs may come from anywhere.
+// Implemented here rather than with liblcm, whose reader trusts the lengths in a file, as logs may
+// come from anywhere.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +19,7 @@
 
 namespace myograde {
 
-// Bytes that an event takes besides its channel's name and its message.
+// An event's size besides its channel's name and its message.
 inline constexpr size_t kEventHeadBytes = 28;
 
 // Appends one event to `out`.
@@ -34,17 +34,17 @@ struct LogEvent {
   size_t offset = 0;  // of the event's first byte in the log
 };
 
-// The bytes of the whole event that `begin` begins with, as its head says; nullopt if not
-// even that is there. DataLossError: no event begins so.
+// The size of the event that `begin` starts with, according to its head; nullopt if the head is
+// incomplete. DataLossError: not the start of an event.
 absl::StatusOr<std::optional<size_t>> EventBytes(std::string_view begin);
 
-// Walks over a log in memory, which must outlive it and its events.
+// Iterates over a log in memory, which must outlive the reader and its events.
 class EventLogReader {
  public:
   explicit EventLogReader(std::string_view log) : log_(log) {}
 
-  // The next event, or nothing at the end. DataLossError names the byte at
-  // which the log stops making sense.
+  // The next event, or nullopt at the end. DataLossError names the byte at which the log becomes
+  // invalid.
   absl::StatusOr<std::optional<LogEvent>> Next();
 
  private:

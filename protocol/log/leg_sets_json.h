@@ -9,9 +9,9 @@
 
 namespace myograde {
 
-// An object of the sets that are present, by their number ("0" to "4"). Each is
-// a list of its four states with `knee` and `ankle` (stiffness, damping,
-// target) and `thresholds` (pairs of kind and value, one for each quantity).
+// An object of the sets that are present, by number ("0" to "4"). Each is a list of its four states
+// with `knee` and `ankle` (stiffness, damping, target) and `thresholds` (pairs of kind and value,
+// one per quantity).
 nlohmann::json LegSetsToJson(const LegParameterSets& sets);
 absl::StatusOr<LegParameterSets> LegSetsFromJson(const nlohmann::json& json);
 

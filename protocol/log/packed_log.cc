@@ -19,10 +19,10 @@ namespace {
 
 constexpr std::string_view kZstdMagic = "\x28\xb5\x2f\xfd";
 constexpr size_t kPieceBytes = 64 << 10;
-// 32 MiB of what was unpacked last may be referred to; the simulator's packer takes 2 MiB.
+// Back-references may reach 32 MiB; the simulator's packer uses 2 MiB.
 constexpr int kMaxWindowLog = 25;
 
-// Hands a log on piece by piece, and no more of it than it can have.
+// Passes a log on in pieces, and no more of it than its header allows.
 class Bounded {
  public:
   explicit Bounded(LogUnpacker::Sink sink) : sink_(std::move(sink)) {}
@@ -48,7 +48,7 @@ class Bounded {
 
  private:
   const LogUnpacker::Sink sink_;
-  std::string begin_;  // until its header is there
+  std::string begin_;  // until the header is complete
   int64_t size_ = 0;
   std::optional<int64_t> limit_;  // unknown until then
 };
@@ -75,11 +75,11 @@ class Unpacker {
       if (absl::Status status = log_.Take({block_.data(), out.pos}); !status.ok()) {
         return status;
       }
-      full = out.pos == out.size && left_ != 0;  // more may come of what was taken
+      full = out.pos == out.size && left_ != 0;  // more output may be pending
     }
     return absl::OkStatus();
   }
-  // Nothing is to come.
+  // The log is complete.
   absl::Status End() const {
     if (left_ == 0) return absl::OkStatus();
     return absl::DataLossError("the log can't be unpacked: the file is cut");
@@ -100,7 +100,7 @@ class LogUnpacker::Impl {
 
   absl::Status Take(std::string_view piece) {
     if (known_) return Pass(piece);
-    // Whether it is packed is in the first bytes, which may come one by one.
+    // The first bytes tell whether it is packed, and may arrive one by one.
     begin_.append(piece);
     if (begin_.size() < kZstdMagic.size() && kZstdMagic.starts_with(begin_)) {
       return absl::OkStatus();
@@ -141,7 +141,7 @@ absl::Status LogUnpacker::End() { return impl_->End(); }
 
 namespace {
 
-// `next` gives the next piece, "" at the end.
+// `next` returns the next piece, "" at the end.
 absl::StatusOr<std::string> Collect(
     const std::function<absl::StatusOr<std::string_view>()>& next) {
   std::string log;

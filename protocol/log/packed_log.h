@@ -1,6 +1,5 @@
-// Reading the log of an episode, packed with zstd or not. Logs may come from
-// anywhere: what is read and unpacked is bounded at every moment by what the log
-// says itself that it can be.
+// Reads episode logs, packed with zstd or not. Logs may come from anywhere: at every moment, what
+// is read and unpacked is bounded by the size that the log's own header allows.
 #pragma once
 
 #include <cstdint>
@@ -14,23 +13,23 @@
 
 namespace myograde {
 
-// A log larger than this, unpacked, is refused, whatever its header says. The
-// longest episode of the challenge's tracks takes 40 MB.
+// Unpacked logs larger than this are rejected, whatever their header says. The longest episode of
+// the challenge's tracks takes 40 MB.
 inline constexpr int64_t kMaxLogBytes = int64_t{512} << 20;
 
-// Unpacks a log that comes piece by piece, in little memory.
+// Unpacks a log that arrives in pieces, in little memory.
 class LogUnpacker {
  public:
-  // Takes what was unpacked, piece by piece; an error ends the unpacking.
+  // Receives the unpacked pieces; an error ends the unpacking.
   using Sink = std::function<absl::Status(std::string_view)>;
 
   explicit LogUnpacker(Sink sink);
   ~LogUnpacker();
 
-  // The next piece of any size. DataLossError as ReadPackedLog, or what the sink said; nothing may
-  // come after an error.
+  // The next piece, of any size. DataLossError as ReadPackedLog, or the sink's error; don't call
+  // again after an error.
   absl::Status Take(std::string_view piece);
-  // Nothing is to come.
+  // The log is complete.
   absl::Status End();
 
  private:
@@ -38,11 +37,11 @@ class LogUnpacker {
   const std::unique_ptr<Impl> impl_;
 };
 
-// Reads `fd` to its end, or until it can be no log any more. DataLossError: damaged,
-// cut, or larger than the episode that its header tells of can have made it.
+// Reads `fd` to its end, or until the content can't be a log. DataLossError: damaged, truncated, or
+// larger than an episode with its header can produce.
 absl::StatusOr<std::string> ReadPackedLog(int fd);
 
-// Likewise of bytes in memory.
+// The same for bytes in memory.
 absl::StatusOr<std::string> UnpackLog(std::string_view packed);
 
 }  // namespace myograde

@@ -1,5 +1,5 @@
-// The names of the LCM channels and the environment that a policy finds. The
-// one place that the bridge, the simulator and the C++ kit read them from.
+// The names of the LCM channels and of a policy's environment variables, shared by the bridge, the
+// simulator and the C++ kit.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ inline constexpr std::string_view kWelcomeChannel = "MYOGRADE_WELCOME";
 inline constexpr std::string_view kStartChannel = "MYOGRADE_EPISODE_START";
 inline constexpr std::string_view kObservationChannel = "MYOGRADE_OBSERVATION";
 inline constexpr std::string_view kEndChannel = "MYOGRADE_EPISODE_END";
-// In the logs of episodes only (protocol/log/episode_log.h).
+// Only in episode logs (protocol/log/episode_log.h).
 inline constexpr std::string_view kLogHeaderChannel = "MYOGRADE_LOG_HEADER";
 inline constexpr std::string_view kLogStartChannel = "MYOGRADE_LOG_START";
 inline constexpr std::string_view kLogDigestChannel = "MYOGRADE_LOG_DIGEST";

@@ -1,6 +1,6 @@
-// The layout of observation and action vectors: the one table that the
-// welcome message, `myograde spec`, the documentation and the tests read.
-// Each track's is in protocol/tracks/<track>/layout.cc.
+// The layout of observation and action vectors: the single source for the welcome message,
+// `myograde spec`, the documentation and the tests. Each track's is in
+// protocol/tracks/<track>/layout.cc.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace myograde {
 
-// How a policy writes the actions of muscles and motors.
+// How a policy expresses the actions of muscles and motors.
 enum class ActionConvention : uint32_t { kNormalized = 0, kDirect = 1 };
 
 struct Part {
@@ -28,17 +28,17 @@ struct Bounds {
   double high;
 };
 
-// One entry of a part: its own name ("" if the part is that single number) and its bounds.
+// One entry of a part: its name ("" if the part is a single number) and its bounds.
 struct LayoutEntry {
   std::string_view name;
   Bounds bounds;
 };
 
-// The same bounds for each of `names`.
+// Entries with the same bounds, one per name.
 std::vector<LayoutEntry> LayoutEntries(std::span<const std::string_view> names, Bounds bounds);
 
-// A vector that is put together part by part. What its getters return stays valid as long as the
-// object, which may be moved, and is complete once the last part is added.
+// A vector's layout, built part by part. What its getters return stays valid as long as the object,
+// which may be moved, and is complete once the last part is added.
 class VectorLayout {
  public:
   VectorLayout() = default;
@@ -50,13 +50,13 @@ class VectorLayout {
   int size() const { return static_cast<int>(bounds_.size()); }
   // Without gaps, in order.
   std::span<const Part> parts() const { return parts_; }
-  // Of each entry, in order: "part.entry".
+  // Names of the entries, in order: "part.entry".
   std::span<const std::string_view> names() const { return names_; }
   std::span<const Bounds> bounds() const { return bounds_; }
 
  private:
   std::vector<Part> parts_;
-  std::deque<std::string> full_names_;  // a deque keeps their places
+  std::deque<std::string> full_names_;  // a deque keeps addresses stable
   std::vector<std::string_view> names_;
   std::vector<Bounds> bounds_;
 };
@@ -64,7 +64,7 @@ class VectorLayout {
 struct TrackLayout {
   // Bounds hold in ordinary play (joint ranges where they exist, else wide); not enforced.
   VectorLayout observation;
-  VectorLayout action;                // bounds: the normalized convention
+  VectorLayout action;                // bounds: in the normalized convention
   std::vector<Bounds> direct_bounds;  // of the action in the direct convention
 
   std::span<const Bounds> action_bounds(ActionConvention convention) const {

@@ -1,5 +1,5 @@
-// The parameter sets of a prosthetic leg, as a policy uploads them and the simulator takes them.
-// Plain data: they cross between processes as they are.
+// A prosthetic leg's parameter sets, as policies upload them and the simulator uses them. Plain
+// data, passed between processes as raw bytes.
 #pragma once
 
 #include <array>
@@ -9,14 +9,14 @@ namespace myograde {
 
 inline constexpr int kLegSets = 5;
 inline constexpr int kLegStates = 4;      // e_stance, l_stance, e_swing, l_swing
-// Their keys in JSON, in their order.
+// Their JSON keys, in the same order.
 inline constexpr std::array<const char*, kLegStates> kLegStateKeys = {"e_stance", "l_stance",
                                                                       "e_swing", "l_swing"};
 inline constexpr int kLegQuantities = 5;  // load, knee_angle, knee_vel, ankle_angle, ankle_vel
 
-// One state of the leg's impedance machine. Units: N m/rad, N m s/rad, rad.
-// A threshold leaves the state when the quantity is above (below) its value;
-// any one suffices. Loads in N, angles in rad, velocities in rad/s.
+// One state of the leg's impedance controller. Units: N m/rad, N m s/rad, rad. The controller
+// leaves the state when any threshold is met: its quantity is above (or below) its value. Loads in
+// N, angles in rad, velocities in rad/s.
 struct LegStateParameters {
   double knee_stiffness, knee_damping, knee_target;
   double ankle_stiffness, ankle_damping, ankle_target;

@@ -1,6 +1,6 @@
-// What the simulator measured in one episode: facts only, no judgement. The
-// code in scoring/ turns them into an outcome and metrics, so new rules can
-// score old episodes without simulating them again.
+// What the simulator measured in one episode: facts only, no judgement. The code in scoring/ turns
+// them into an outcome and metrics, so new rules can score old episodes without simulating them
+// again.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,7 @@
 
 namespace myograde {
 
-// The registry of facts: an alternative for each track.
+// The registry of facts: one alternative per track.
 using TrackFacts = std::variant<ManipulationFacts, LocomotionFacts, ElbowFacts>;
 
 // Entries of the longest action.
@@ -25,16 +25,16 @@ inline constexpr int kMaxActionSize = []<typename... Facts>(std::variant<Facts..
   return std::max({Facts::kActionSize...});
 }(static_cast<TrackFacts*>(nullptr));
 
-// Where the log of an episode is found. protocol/log/episode_log.h is its format.
+// Identifies an episode's log. The format is in protocol/log/episode_log.h.
 struct EpisodeLogInfo {
-  std::string sha256;        // of the log, unpacked (hex); "": none was kept
+  std::string sha256;        // of the unpacked log (hex); "": none was kept
   int64_t bytes = 0;         // unpacked
-  int64_t packed_bytes = 0;  // as it is stored
-  int64_t steps = 0;         // that it holds; fewer than were played if it would be too large
+  int64_t packed_bytes = 0;  // as stored
+  int64_t steps = 0;         // steps in it; fewer than were played if it would have been too large
 };
 
 struct EpisodeFacts {
-  int64_t index = 0;      // number of the episode in the evaluation, from 0
+  int64_t index = 0;      // of the episode in the evaluation, from 0
   uint64_t seed = 0;
   EpisodeEnd end = EpisodeEnd::kFault;
   FaultEvidence fault;    // valid iff end == kFault
@@ -42,10 +42,10 @@ struct EpisodeFacts {
   double sim_time = 0;    // s of simulated time at the end
   int64_t clipped = 0;    // action entries clipped to their range
   std::string digest;     // SHA-256 (hex) over the states of every step
-  std::string actions_digest;  // the same over the actions, as they were received; "": unknown
+  std::string actions_digest;  // the same over the actions as received; "": unknown
   EpisodeLogInfo log;
   TrackFacts track;
-  // What the host's clock decides: never part of a result's identity.
+  // Depends on the host's clock, so never part of a result's identity.
   double wall_s = 0;
   double policy_cpu_s = 0;
 };

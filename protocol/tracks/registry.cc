@@ -10,7 +10,7 @@
 namespace myograde {
 namespace {
 
-// What a word of any track is, among those that every track has and each track's own.
+// Looks up a name among those that every track has and each track's own.
 template <typename Word, typename... Facts, typename OwnWords>
 std::optional<Word> Find(std::string_view name, std::initializer_list<Word> common,
                          std::variant<Facts...>*, OwnWords own_words) {

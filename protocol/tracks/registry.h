@@ -1,4 +1,4 @@
-// All tracks. A new one has its folder here, a line in registry.cc and one in episode_facts.h.
+// All tracks. A new track needs a folder here, a line in registry.cc and one in episode_facts.h.
 #pragma once
 
 #include <optional>
@@ -11,19 +11,20 @@
 
 namespace myograde {
 
-// In the order in which they came into being.
+// In the order in which they were added.
 std::span<const TrackKind* const> AllTracks();
 
 // Their names, in the same order.
 std::vector<std::string> TrackNames();
 
-// nullptr if there is none of that name.
+// nullptr if there is no track of that name.
 const TrackKind* FindTrack(std::string_view name);
 
 // True if the facts are of an episode of this track.
 bool AreFactsOf(const TrackKind& track, const TrackFacts& facts);
 
-// The reason or the end of a word; nullopt if neither all tracks have it nor any.
+// Looks up a reason or ending by name; nullopt if neither the common ones nor any track's own
+// include it.
 std::optional<FailureReason> ParseFailureReason(std::string_view name);
 std::optional<EpisodeEnd> ParseEpisodeEnd(std::string_view name);
 

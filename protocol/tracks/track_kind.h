@@ -1,5 +1,5 @@
-// What every layer has to know of a track, so that none of them names one. The registry
-// (registry.h) lists all.
+// What every layer needs to know about a track without naming one. The registry (registry.h) lists
+// all.
 #pragma once
 
 #include <cstdint>
@@ -15,33 +15,34 @@
 
 namespace myograde {
 
-// A part of the rules that people read better as a table.
+// A part of the rules that is easier to read as a table.
 struct RulesTable {
-  std::string key;      // JSON pointer of the part
-  std::string summary;  // of it, in a word or a few
+  std::string key;      // JSON pointer to the part
+  std::string summary;  // a short summary of it
   std::string title;
   std::string note;     // units
   std::vector<std::string> head;
   std::vector<std::vector<std::string>> rows;  // each as long as `head`
 };
 
-// One object for each track, there for the program's life; compared by address.
+// One object per track, alive for the whole program; compared by address.
 struct TrackKind {
   std::string_view name;        // in configs, JSON, messages and logs
-  double control_period_s = 0;  // simulated time of a control step
+  double control_period_s = 0;  // simulated s per control step
   const TrackLayout& (*layout)() = nullptr;  // of observations and actions
-  TrackFacts no_facts;          // those of an episode in which nothing was measured
+  TrackFacts no_facts;          // the facts of an episode in which nothing was measured
   // Control steps of the longest episode under a config's "rules". InvalidArgumentError if they
-  // don't tell.
+  // don't say.
   absl::StatusOr<int64_t> (*max_steps)(const nlohmann::json& rules) = nullptr;
   // Tables of a config's "rules"; null if there are none.
   std::vector<RulesTable> (*tables)(const nlohmann::json& rules) = nullptr;
-  // Takes an effective config from a form to the next (protocol/lease/track_config_forms.h): gives
-  // the track's own new keys the values that say what the earlier form meant. Null: it has none.
+  // Upgrades an effective config from one form to the next (protocol/lease/track_config_forms.h):
+  // sets the track's own new keys to values that mean what the earlier form did. Null if the track
+  // has none.
   void (*upgrade)(int64_t form, nlohmann::json& config) = nullptr;
 };
 
-// TrackKind::max_steps of a track whose rules have it as the key "max_steps".
+// TrackKind::max_steps for a track whose rules have the key "max_steps".
 absl::StatusOr<int64_t> MaxStepsKey(const nlohmann::json& rules);
 
 inline const VectorLayout& ObservationOf(const TrackKind& kind) {

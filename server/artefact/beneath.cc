@@ -10,7 +10,7 @@
 namespace myograde::server {
 namespace {
 
-// The same name by name, for kernels and container hosts without openat2.
+// The same, one path component at a time, for kernels and container hosts without openat2.
 Fd OpenByNames(int root, const std::string& path, int flags, mode_t mode) {
   Fd folder;
   size_t begin = 0;

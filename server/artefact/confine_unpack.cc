@@ -27,8 +27,8 @@
 namespace myograde::server {
 namespace {
 
-// What unpacking and the end of a process need. Nothing here takes a new name for
-// an old file (link, rename), a device (mknod), or a process.
+// What unpacking and exiting need. Nothing here gives an existing file a new name (link, rename),
+// or creates a device (mknod) or a process.
 constexpr std::array kAllowed = {
     SCMP_SYS(brk),        SCMP_SYS(clock_gettime), SCMP_SYS(close),        SCMP_SYS(exit),
     SCMP_SYS(exit_group), SCMP_SYS(fchmod),        SCMP_SYS(fchmodat),     SCMP_SYS(fcntl),
@@ -41,7 +41,7 @@ constexpr std::array kAllowed = {
     SCMP_SYS(write)};
 
 #if defined(__SANITIZE_ADDRESS__)
-// What its reports and its own memory take.
+// What the sanitizers' reports and memory need.
 constexpr std::array kSanitizerCalls = {
     SCMP_SYS(getcwd), SCMP_SYS(getrlimit), SCMP_SYS(ioctl),        SCMP_SYS(open),
     SCMP_SYS(pipe),   SCMP_SYS(pipe2),     SCMP_SYS(prctl),        SCMP_SYS(prlimit64),
@@ -53,10 +53,9 @@ struct Release {
   void operator()(void* context) const { seccomp_release(context); }
 };
 
-// Libraries read files of the system when they are first used, which is too late
-// behind the filter.
+// Libraries read system files on first use, which the filter would forbid.
 void UseLibrariesOnce() {
-  ::setenv("TZ", "UTC0", 1);  // times in a zip are of no zone, and UTC needs no file
+  ::setenv("TZ", "UTC0", 1);  // times in a zip have no zone, and UTC needs no file
   ::tzset();
   (void)Sha256Hex("");
 }
@@ -69,8 +68,7 @@ absl::Status Write(const char* path, const std::string& text) {
   return absl::OkStatus();
 }
 
-// The right to change its root, for a user who has no such right: in a user
-// namespace where there is nobody else.
+// Gives a non-root user the right to change its root: in a new user namespace.
 absl::Status EnterUserNamespace() {
   const std::string uid = absl::StrCat(::geteuid(), " ", ::geteuid(), " 1");
   const std::string gid = absl::StrCat(::getegid(), " ", ::getegid(), " 1");
@@ -111,15 +109,15 @@ absl::Status LoadFilter() {
   for (const int call : kAllowed) {
     result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, 0);
   }
-  // Memory that can be run is made by nobody who unpacks.
+  // Unpacking never needs executable memory.
   for (const int call : {SCMP_SYS(mmap), SCMP_SYS(mprotect)}) {
     result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, call, 1,
                                SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
   }
-  // The time of a file that is open, and of none by its name.
+  // Sets the time of an open file only, never by name.
   result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, SCMP_SYS(utimensat), 1,
                              SCMP_A1(SCMP_CMP_EQ, 0));
-  // abort() ends by a signal to itself.
+  // abort() sends a signal to itself.
   result |= seccomp_rule_add(filter.get(), SCMP_ACT_ALLOW, SCMP_SYS(tgkill), 1,
                              SCMP_A0(SCMP_CMP_EQ, static_cast<uint64_t>(::getpid())));
 #if defined(__SANITIZE_ADDRESS__)

@@ -16,8 +16,8 @@ constexpr size_t kMaxVariableNameBytes = 64;
 constexpr size_t kMaxValueBytes = 4096;
 constexpr size_t kMaxEnvironmentBytes = 32 << 10;
 
-// A list of what may be set rather than of what may not: a variable that means something to the
-// sandbox (PATH, HOME, MYOGRADE_*) or to the C library's maths (GLIBC_TUNABLES) stays the grader's.
+// An allow list, not a deny list: variables that mean something to the sandbox (PATH, HOME,
+// MYOGRADE_*) or to the C library's maths (GLIBC_TUNABLES) stay under the grader's control.
 constexpr std::array<std::string_view, 5> kNames = {"CUDA_VISIBLE_DEVICES", "GOTO_NUM_THREADS",
                                                     "LD_LIBRARY_PATH", "MPLCONFIGDIR", "TZ"};
 constexpr std::array<std::string_view, 19> kPrefixes = {

@@ -1,4 +1,4 @@
-// The variables that policy.json may set for its policy.
+// The environment variables that policy.json may set for its policy.
 #pragma once
 
 #include <map>
@@ -8,8 +8,9 @@
 
 namespace myograde::server {
 
-// The object "env" of a manifest, which must be there: names that the policy or a library that it
-// uses reads, values that fit into any process' environment. Mistakes are `reader`'s.
+// Reads a manifest's object "env", which must be present: names that the policy or one of its
+// libraries reads, and values that fit into any process' environment. Errors are reported through
+// `reader`.
 std::map<std::string, std::string> ReadEnvironment(ConfigReader& reader);
 
 }  // namespace myograde::server

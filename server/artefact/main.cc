@@ -1,5 +1,5 @@
-// myograde-unpack: unpacks one upload for the daemon, and is nothing but that, so that it starts
-// in a moment (unpack_process.h).
+// myograde-unpack: unpacks one upload for the daemon. It does nothing else, so that it starts
+// quickly (unpack_process.h).
 #include <cstdio>
 
 #include "server/artefact/unpack_process.h"

@@ -28,8 +28,8 @@ constexpr size_t kMaxArgumentBytes = 4096;
 constexpr size_t kMaxRuntimes = 8;
 constexpr int kMaxLinkHops = 16;
 
-// "policy.json is missing", with the folder where it is if somebody packed the
-// folder instead of its content.
+// "policy.json is missing", with the folder that contains it if somebody packed a folder instead of
+// its content.
 absl::Status MissingManifest(int root) {
   std::string hint;
   const int copy = ::openat(root, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -76,8 +76,8 @@ absl::Status BadCommand(std::string_view command, std::string_view rule) {
                                                  absl::string_view(rule.data(), rule.size())));
 }
 
-// Follows the links of a relative command by hand: an absolute target belongs
-// to the sandbox, whose files are not known here, and ends the search.
+// Resolves the links of a relative command by hand: an absolute target belongs to the sandbox,
+// whose files are unknown here, and ends the search.
 absl::Status CheckProgram(int root, const std::string& command) {
   std::string path = std::filesystem::path(command).lexically_normal().string();
   for (int hop = 0; hop < kMaxLinkHops; ++hop) {
@@ -133,8 +133,8 @@ void CheckCommand(ConfigReader& reader, const std::vector<std::string>& command)
   if (command[0].empty()) reader.Fail("command", "starts with an empty string");
 }
 
-// A bare word means a file of the submission if there is one of that name, else a program on the
-// PATH of the sandbox.
+// A bare word means a file of the submission if there is one of that name, else a program in the
+// sandbox's PATH.
 void NameOwnProgram(int root, std::string& program) {
   if (program.find('/') != std::string::npos) return;
   const Fd fd = OpenBeneath(root, program, O_PATH);

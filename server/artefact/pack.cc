@@ -34,18 +34,18 @@ struct CloseFolder {
   void operator()(DIR* folder) const { ::closedir(folder); }
 };
 
-// Lists everything below a folder and holds it against the rules.
+// Lists everything below a folder and checks it against the rules.
 class FolderLister {
  public:
   FolderLister(int root, Listing& listing) : root_(root), listing_(listing) {}
 
-  // `folder` is "" for the top. Depth is bounded by the listing's limit.
+  // `folder` is "" for the top. The listing's limit bounds the depth.
   absl::Status List(const std::string& folder) {
     Fd fd = OpenBeneath(root_, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
     if (!fd.valid()) return Unreadable(folder.empty() ? "the folder" : folder);
     const std::unique_ptr<DIR, CloseFolder> names(::fdopendir(fd.get()));
     if (names == nullptr) return Unreadable(folder);
-    const int at = fd.release();  // closed with `names`
+    const int at = fd.release();  // `names` closes it
     for (;;) {
       errno = 0;
       const dirent* name = ::readdir(names.get());
@@ -101,7 +101,7 @@ class FolderLister {
   Listing& listing_;
 };
 
-// A tar without anything that differs between two packings of a folder that nobody touched.
+// Writes a tar that is the same for every packing of an unchanged folder.
 class TarWriter {
  public:
   static absl::StatusOr<TarWriter> Create(const std::string& path) {
@@ -162,7 +162,7 @@ class TarWriter {
   std::unique_ptr<archive, ArchiveWriter> writer_{archive_write_new()};
 };
 
-// Tells `progress` of the bytes of all files, as they are packed.
+// Reports to `progress` the bytes of all files as they are packed.
 class PackedBytes {
  public:
   PackedBytes(int64_t total, const ByteProgress& progress) : total_(total), progress_(progress) {}
@@ -226,7 +226,7 @@ absl::Status PackFolder(const std::string& folder, const std::string& archive,
   return tar->Close();
 }
 
-// What of a file's name can be the name of a policy.
+// The part of a file's name that is allowed in a policy's name.
 std::string PolicyNameOf(const std::string& file) {
   constexpr size_t kMaxBytes = 64;
   std::string name;
@@ -279,8 +279,8 @@ absl::Status PackProgram(const std::string& program, const std::string& archive,
   return tar->Close();
 }
 
-// An archive is unpacked and packed again: it meets every rule here, before it
-// is sent, and what is sent is canonical.
+// An archive is unpacked and packed again: so it is checked against every rule before it is sent,
+// and what is sent is canonical.
 absl::Status Repack(const std::string& source, const std::string& archive,
                     const ArtefactLimits& limits, const ByteProgress& progress) {
   const std::string folder = archive + ".unpacked";

@@ -22,7 +22,7 @@
 namespace myograde::server {
 namespace {
 
-// What libarchive says of its trouble, as a part of one line.
+// libarchive's error message, as part of one line.
 std::string ReasonOf(archive* reader) {
   const char* text = archive_error_string(reader);
   std::string reason = text != nullptr ? std::string(text).substr(0, 200) : "unreadable";
@@ -33,7 +33,7 @@ std::string ReasonOf(archive* reader) {
   return reason;
 }
 
-// Whether it was the host that failed to read, which says nothing about the archive.
+// Whether the host failed to read, which says nothing about the archive.
 bool HostFailed(archive* reader) {
   for (const int error : {EIO, EBADF, ENODEV, ENXIO, ESTALE}) {
     if (archive_errno(reader) != error) continue;
@@ -45,11 +45,11 @@ bool HostFailed(archive* reader) {
 
 class Unpacker {
  public:
-  // `read` is called after each piece.
+  // `read` is called after each block.
   Unpacker(archive* reader, int root, const ArtefactLimits& limits, std::function<void()> read)
       : reader_(reader), root_(root), limits_(limits), read_(std::move(read)), listing_(limits) {}
 
-  // Takes the entry whose header was just read.
+  // Extracts the entry whose header was just read.
   absl::Status Take(archive_entry* entry);
 
   const Listing& listing() const { return listing_; }
@@ -58,7 +58,7 @@ class Unpacker {
   absl::Status TakeFile(const std::string& path, archive_entry* entry);
   absl::Status MakeFolder(const std::string& path);
   absl::Status CopyContent(const std::string& path, int fd, Entry& file);
-  // The folder that holds `path`, opened; made with those above it if missing.
+  // Opens the folder that holds `path`; creates it and its parents if missing.
   absl::StatusOr<Fd> FolderOf(const std::string& path);
 
   archive* reader_;
@@ -168,7 +168,7 @@ absl::Status Unpacker::TakeFile(const std::string& path, archive_entry* entry) {
   absl::StatusOr<Entry*> file = listing_.Add(path, EntryType::kFile);
   if (!file.ok()) return file.status();
   (*file)->executable = (archive_entry_perm(entry) & 0111) != 0;
-  // A size that is claimed proves nothing, but one that breaks the limit need not be waited for.
+  // A claimed size proves nothing, but one above the limit can be rejected at once.
   if (archive_entry_size_is_set(entry) != 0) {
     const absl::Status fits = listing_.CheckRoom(path, archive_entry_size(entry));
     if (!fits.ok()) return fits;
@@ -180,7 +180,7 @@ absl::Status Unpacker::TakeFile(const std::string& path, archive_entry* entry) {
   if (!fd.valid()) return HostError(absl::StrCat("can't make the file ", Quoted(path)));
   const absl::Status copied = CopyContent(path, fd.get(), **file);
   if (!copied.ok()) return copied;
-  // A module that Python compiled before is only taken while its source has the time that it had.
+  // Python uses a compiled module only if its source still has the time recorded in it.
   const timespec time = {KeptTime(archive_entry_mtime(entry)), 0};
   if (const timespec times[] = {time, time}; ::futimens(fd.get(), times) != 0) {
     return HostError(absl::StrCat("can't set the time of ", Quoted(path)));
@@ -195,8 +195,8 @@ absl::Status Unpacker::CopyContent(const std::string& path, int fd, Entry& file)
   Sha256 hash;
   std::string buffer(64 << 10, '\0');
   for (;;) {
-    // Counted as it comes: the size that a header claims proves nothing. The
-    // gaps of sparse files arrive here as zeros and count too.
+    // Count the bytes as they come: the size in a header proves nothing. The holes of sparse files
+    // arrive here as zeros and count too.
     const la_ssize_t got = archive_read_data(reader_, buffer.data(), buffer.size());
     if (got < 0 && HostFailed(reader_)) return HostError("can't read the archive");
     if (got < 0) {
@@ -229,7 +229,7 @@ absl::Status CheckLimits(const ArtefactLimits& limits) {
 
 enum class Compression { kNone, kGzip, kZstd };
 
-// By the first bytes of the file. A skippable frame may stand before zstd's own.
+// By the file's first bytes. A skippable frame may precede zstd's own.
 Compression CompressionOf(int file) {
   std::array<unsigned char, 4> magic = {};
   if (::pread(file, magic.data(), magic.size(), 0) != std::ssize(magic)) {
@@ -241,8 +241,8 @@ Compression CompressionOf(int file) {
   return zstd ? Compression::kZstd : Compression::kNone;
 }
 
-// The reader with the kinds of archive that are documented, and no others:
-// each further parser of libarchive is one more for hostile bytes to try.
+// A reader for the documented kinds of archive only: each further parser of libarchive adds attack
+// surface.
 std::unique_ptr<archive, ArchiveReader> MakeReader(Compression compression) {
   std::unique_ptr<archive, ArchiveReader> reader(archive_read_new());
   if (compression == Compression::kGzip) archive_read_support_filter_gzip(reader.get());
@@ -290,7 +290,7 @@ absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLim
   if (archive_read_open_fd(reader.get(), archive, 64 << 10) != ARCHIVE_OK) {
     return broken("this is no archive of a kind that is accepted (tar, tar.gz, tar.zst, zip)");
   }
-  // One layer beside the file itself: a bomb in a bomb multiplies.
+  // One layer besides the file itself: nested bombs multiply.
   if (archive_filter_count(reader.get()) > (compression == Compression::kNone ? 1 : 2)) {
     return absl::InvalidArgumentError("the archive is compressed more than once; once is enough");
   }
@@ -304,7 +304,7 @@ absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLim
     archive_entry* entry = nullptr;
     const int result = archive_read_next_header(reader.get(), &entry);
     if (result == ARCHIVE_EOF) break;
-    // ARCHIVE_RETRY too: libarchive would go on behind a damaged header, and a file would be
+    // Also for ARCHIVE_RETRY: libarchive would continue after a damaged header, and a file would be
     // missing.
     if (result != ARCHIVE_OK && result != ARCHIVE_WARN) {
       return broken(
@@ -330,7 +330,7 @@ absl::StatusOr<Artefact> UnpackArtefact(const std::string& archive, const std::s
   absl::StatusOr<Artefact> artefact =
       UnpackOpened(place->archive.get(), place->folder.get(), limits, progress);
   if (!artefact.ok()) {
-    std::error_code ignored;  // the first error is the one to tell
+    std::error_code ignored;  // the first error is the one to report
     std::filesystem::remove_all(destination, ignored);
   }
   return artefact;

@@ -33,13 +33,12 @@ namespace myograde::server {
 namespace {
 
 constexpr char kVerb[] = "unpack-one-archive";
-// How much nicer than the daemon it is: a crowd of uploads must not keep the daemon's own threads
-// from the processors.
+// How much nicer than the daemon it is: many uploads must not starve the daemon's own threads.
 constexpr int kNice = 10;
 constexpr absl::Duration kAskEvery = absl::Milliseconds(100);
-constexpr size_t kMaxAnswer = 8 << 20;  // a manifest's text has 64 KiB
+constexpr size_t kMaxAnswer = 8 << 20;  // a manifest is at most 64 KiB
 
-// --- the process ----------------------------------------------------------
+// --- in the unpack process ------------------------------------------------------
 
 nlohmann::json AnswerOf(const absl::StatusOr<Artefact>& artefact) {
   if (!artefact.ok()) {
@@ -62,11 +61,11 @@ bool Limit(int resource, int64_t value, int64_t hard) {
 }
 
 absl::Status LimitThisProcess(int64_t memory_bytes, int64_t cpu_s, pid_t parent) {
-  // Dies with the thread that waits for it, even if that was gone before this line.
+  // Dies with the thread that waits for it, even if that had died before this line.
   bool done = ::prctl(PR_SET_PDEATHSIG, SIGKILL) == 0;
   if (::getppid() != parent) return absl::CancelledError("nobody waits for the unpacking any more");
   done = done && Limit(RLIMIT_CORE, 0, 0);
-  // At the hard limit of time it would be a SIGKILL, as of anybody.
+  // At the hard time limit the signal would be SIGKILL, as if from outside.
   done = done && Limit(RLIMIT_CPU, cpu_s, cpu_s + 10);
 #if !defined(__SANITIZE_ADDRESS__)  // its shadow takes terabytes of addresses
   done = done && Limit(RLIMIT_AS, memory_bytes, memory_bytes);
@@ -81,7 +80,7 @@ absl::StatusOr<Artefact> UnpackLimited(const std::string& archive, const std::st
                                        int64_t cpu_s, pid_t parent) {
   const absl::Status limited = LimitThisProcess(memory_bytes, cpu_s, parent);
   if (!limited.ok()) return limited;
-  const Utf8Names utf8_names;  // their table is a file of the system
+  const Utf8Names utf8_names;  // their table is a system file
   const absl::StatusOr<UnpackPlace> place = OpenUnpackPlace(archive, destination);
   if (!place.ok()) return place.status();
   const absl::Status confined = ConfineUnpacking(place->folder.get());
@@ -95,15 +94,15 @@ absl::StatusOr<Artefact> UnpackLimited(const std::string& archive, const std::st
   }
 }
 
-// --- who waits for it -------------------------------------------------------
+// --- in the caller ---------------------------------------------------------------
 
 struct Process {
   pid_t pid = -1;
   Fd answer;
 };
 
-// The small program beside the running one, which starts four times as fast as that would; without
-// it the running one, even if its file is another by now.
+// The small program beside the running one, which starts four times as fast; without it the running
+// one, even if its file has been replaced since.
 std::string UnpackProgram() {
   std::error_code error;
   const std::filesystem::path running = std::filesystem::read_symlink("/proc/self/exe", error);
@@ -122,7 +121,7 @@ absl::StatusOr<Process> Start(std::vector<std::string> words) {
   return Process{*pid, std::move(answer->read)};
 }
 
-// What it writes until it ends.
+// Everything it writes until it exits.
 absl::StatusOr<std::string> ReadAnswer(const Process& process, const UnpackBudget& budget) {
   const absl::Duration deadline = SystemClock().Monotonic() + budget.time;
   std::string answer;
@@ -146,8 +145,8 @@ absl::StatusOr<std::string> ReadAnswer(const Process& process, const UnpackBudge
   return answer;
 }
 
-// What a process does to itself. Every other signal comes from outside: a person, or a kernel that
-// has no memory.
+// Signals that a process causes itself. Any other comes from outside: a person, or a kernel out of
+// memory.
 bool IsOwnFault(int signal) {
   for (const int own : {SIGABRT, SIGFPE, SIGILL, SIGSEGV, SIGSYS, SIGTRAP}) {
     if (signal == own) return true;
@@ -204,7 +203,8 @@ absl::StatusOr<Artefact> UnpackInProcess(const std::string& archive, const std::
              absl::StrCat(absl::ToInt64Seconds(budget.cpu)), absl::StrCat(::getpid())});
   if (!process.ok()) return process.status();
   const absl::StatusOr<std::string> answer = ReadAnswer(*process, budget);
-  // It is late, or it said all and is about to end: its exit status stays what it is then.
+  // Either it is late, or it has answered and is about to exit: then its exit status stays as it
+  // is.
   ::kill(process->pid, SIGKILL);
   int wait_status = 0;
   while (::waitpid(process->pid, &wait_status, 0) < 0 && errno == EINTR) continue;
@@ -212,7 +212,7 @@ absl::StatusOr<Artefact> UnpackInProcess(const std::string& archive, const std::
       answer.ok() ? ArtefactOf(*answer, wait_status, budget)
                   : absl::StatusOr<Artefact>(answer.status());
   if (!artefact.ok()) {
-    std::error_code ignored;  // the first error is the one to tell
+    std::error_code ignored;  // the first error is the one to report
     std::filesystem::remove_all(destination, ignored);
   }
   return artefact;
@@ -233,7 +233,7 @@ bool RunUnpackProcess(int argc, char** argv, int& status) {
       UnpackLimited(argv[2], argv[3], limits, numbers[4], numbers[5],
                     static_cast<pid_t>(numbers[6]));
   (void)WriteAll(STDOUT_FILENO, CanonicalJson(AnswerOf(artefact)));
-  // No handlers at the end: the filter knows none of what they might call.
+  // No exit handlers: the filter does not allow what they might call.
   ::_exit(0);
 }
 

@@ -1,7 +1,6 @@
-// Unpacking in a process of its own, for programs that others depend on: an
-// archive can make the parser slow, hungry or crash, and then only that process
-// ends. One that takes it over finds itself in an empty folder with no rights
-// (confine_unpack.h).
+// Unpacks in a separate process, for programs that must stay up: an archive that makes the parser
+// slow, hungry or crash affects only that process, and one that takes it over finds itself in an
+// empty folder without privileges (confine_unpack.h).
 #pragma once
 
 #include <cstdint>
@@ -16,27 +15,25 @@
 namespace myograde::server {
 
 struct UnpackBudget {
-  absl::Duration time;       // of wall time
-  int64_t memory_bytes = 0;  // of address space
-  absl::Duration cpu = absl::Hours(1);  // of processor time, in whole seconds
-  // Asked about ten times a second; unless it is OkStatus(), the unpacking is ended with it.
+  absl::Duration time;       // wall time
+  int64_t memory_bytes = 0;  // address space
+  absl::Duration cpu = absl::Hours(1);  // processor time, in whole seconds
+  // Called about ten times a second; any error ends the unpacking and becomes its result.
   std::function<absl::Status()> go_on = [] { return absl::OkStatus(); };
 };
 
-// UnpackArtefact in the program myograde-unpack beside the running one, or where that
-// is not there in a fresh copy of the running one, whose main must begin with
-// RunUnpackProcess. Any thread may call it; it returns soon after the
-// budget's time at the latest. Errors as of UnpackArtefact. An archive that takes
-// too much memory or processor time, or crashes the process, is an
-// InvalidArgumentError too. What says nothing about the archive is another error:
-// a host that was too busy DeadlineExceededError, a process that was ended from
-// outside UnavailableError. Nothing is left at `destination` then.
+// Runs UnpackArtefact in the program myograde-unpack beside the running one, or if that is missing
+// in a fresh copy of the running one, whose main must begin with RunUnpackProcess. Thread-safe;
+// returns soon after `budget`'s time at the latest. Errors as of UnpackArtefact; an archive that
+// takes too much memory or processor time, or crashes the process, is an InvalidArgumentError too.
+// Failures that say nothing about the archive: DeadlineExceededError for a host that was too busy,
+// UnavailableError for a process that was killed from outside. Nothing is left at `destination`
+// then.
 absl::StatusOr<Artefact> UnpackInProcess(const std::string& archive, const std::string& destination,
                                          const ArtefactLimits& limits, const UnpackBudget& budget);
 
-// Where the arguments are those of such a process: does its work and ends the
-// process, or, if they make no sense, returns with `status` for main. False: they
-// are not.
+// If the arguments are those of an unpack process: does its work and exits, or, if they are
+// malformed, returns true with the exit `status` for main. False: they are not.
 bool RunUnpackProcess(int argc, char** argv, int& status);
 
 }  // namespace myograde::server

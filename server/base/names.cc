@@ -17,12 +17,12 @@
 namespace myograde::server {
 namespace {
 
-// Counted up whenever LooksOf changes.
+// Increment whenever LooksOf changes.
 constexpr int kLooksRule = 1;
-// A letter with more than these reaches into the lines above and below.
+// With more marks than this a letter reaches into the lines above and below.
 constexpr int kMaxMarks = 4;
 
-// ICU's data is part of its library, so it fails at nothing but a lack of memory.
+// ICU's data is part of its library, so these calls fail only if memory runs out.
 void Need(UErrorCode error) {
   if (U_FAILURE(error)) std::abort();
 }
@@ -48,7 +48,7 @@ const icu::Normalizer2& CaseFolded() {
   return *normalizer;
 }
 
-// Never changed after it was made, so any thread may use it.
+// Immutable, so any thread may use it.
 const USpoofChecker* Spoof() {
   static const USpoofChecker* const checker = [] {
     UErrorCode error = U_ZERO_ERROR;
@@ -67,7 +67,7 @@ icu::UnicodeString Normal(const icu::Normalizer2& normalizer, const icu::Unicode
   return normal;
 }
 
-// Taken apart first, as the iota below Greek letters becomes one beside them.
+// Decomposed first, as the iota below Greek letters becomes one beside them.
 icu::UnicodeString Folded(const icu::UnicodeString& text) {
   return Normal(CaseFolded(), Normal(Decomposed(), text));
 }
@@ -92,14 +92,13 @@ std::string ToUtf8(const icu::UnicodeString& text) {
 
 bool IsMark(UChar32 c) { return (U_GET_GC_MASK(c) & (U_GC_MN_MASK | U_GC_ME_MASK)) != 0; }
 
-// Symbols and letters whose glyph is a blank or a place for something else. Unicode has no
-// property for them.
+// Symbols and letters with a blank or placeholder glyph. Unicode has no property for them.
 bool IsBlank(UChar32 c) {
   switch (c) {
     case 0x2800:   // Braille pattern blank
     case 0xfffc:   // object replacement character
     case 0x13441:  // Egyptian hieroglyph full blank
-    case 0x13442:  // ... and half blank
+    case 0x13442:  // Egyptian hieroglyph half blank
     case 0x16fe4:  // Khitan small script filler
     case 0x1d159:  // musical symbol null notehead
       return true;
@@ -108,7 +107,7 @@ bool IsBlank(UChar32 c) {
   }
 }
 
-// "" or what is wrong with a character wherever it stands.
+// "", or what is wrong with a character in any position.
 const char* FaultOf(UChar32 c) {
   if (u_hasBinaryProperty(c, UCHAR_DEFAULT_IGNORABLE_CODE_POINT) ||
       IsHarmful(static_cast<char32_t>(c)) ||
@@ -126,7 +125,7 @@ absl::Status Bad(std::string_view what, UChar32 c, std::string_view why) {
       "%s has U+%04X, %s", std::string(what), static_cast<uint32_t>(c), std::string(why)));
 }
 
-// As it came: what normalising would drop or replace without a word.
+// Checks the name before normalisation: characters that it would silently drop or replace.
 absl::Status CheckEach(const icu::UnicodeString& text, std::string_view what) {
   for (int32_t i = 0; i < text.length(); i = text.moveIndex32(i, 1)) {
     const UChar32 c = text.char32At(i);
@@ -135,13 +134,13 @@ absl::Status CheckEach(const icu::UnicodeString& text, std::string_view what) {
   return absl::OkStatus();
 }
 
-// Spaces and marks of a normalised name.
+// Checks the spaces and marks of a normalised name.
 absl::Status CheckShape(const icu::UnicodeString& text, std::string_view what) {
   for (int32_t i = 0; i < text.length(); i = text.moveIndex32(i, 1)) {
     const UChar32 c = text.char32At(i);
     if (IsBlank(c)) return Bad(what, c, "which looks like a space; write a space or leave it out");
   }
-  // Apart from their letters, as nobody sees whether a mark belongs to one or stands behind it.
+  // Decomposed, as nobody can see whether a mark is part of a letter or follows it.
   const icu::UnicodeString apart = Normal(Decomposed(), text);
   UChar32 before = ' ';
   int marks = 0;
@@ -197,8 +196,8 @@ absl::StatusOr<std::string> CleanName(std::string_view name, std::string_view wh
 
 std::set<std::string> LooksOf(std::string_view name) {
   icu::UnicodeString text = Normal(Compatible(), FromUtf8(name));
-  // "MIX" and "mix" are alike as they are the same in lower case, "AIpha" and "Alpha" as they
-  // are drawn the same: neither order of the two steps finds both.
+  // "MIX" and "mix" are alike as they are the same in lower case, "AIpha" and "Alpha" as they are
+  // drawn the same: neither order of the two steps finds both.
   icu::UnicodeString first = Skeleton(Folded(text));
   icu::UnicodeString second = Skeleton(Folded(Skeleton(text)));
   JoinSpaces(first);

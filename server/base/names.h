@@ -1,5 +1,5 @@
-// Names that others read on boards: of teams and of policies. What Unicode says of
-// characters and of look-alikes comes from ICU.
+// Names that are shown on boards: of teams and of policies. Unicode data on characters and
+// look-alikes comes from ICU.
 #pragma once
 
 #include <cstddef>
@@ -13,17 +13,16 @@ namespace myograde::server {
 
 inline constexpr size_t kMaxNameBytes = 64;
 
-// The form in which a new name is kept: normalised (NFKC), with one space where
-// there were several. 1 to kMaxNameBytes bytes, each character of which is seen.
-// InvalidArgumentError: `what` and what is wrong with it in one sentence, with the
-// character as U+XXXX. What it returns it returns unchanged when it is given it.
+// The form in which a new name is stored: normalised (NFKC), runs of spaces collapsed, 1 to
+// kMaxNameBytes bytes, visible characters only. Idempotent. InvalidArgumentError: one sentence with
+// `what`, the problem, and the character as U+XXXX.
 absl::StatusOr<std::string> CleanName(std::string_view name, std::string_view what);
 
-// What a name looks like, in lower case and with its look-alikes made equal. Two
-// names may be taken for one another if they have one of these in common.
+// The looks of a name: in lower case and with look-alike characters unified. Two names can be
+// mistaken for each other if they have a look in common.
 std::set<std::string> LooksOf(std::string_view name);
 
-// Another one if LooksOf may give others than before.
+// Changes whenever LooksOf may give different results.
 std::string LooksVersion();
 
 }  // namespace myograde::server

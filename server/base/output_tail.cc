@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::string_view kReplacement = "\xEF\xBF\xBD";
 
-// C0 but newline and tab, DEL, and C1.
+// C0 except newline and tab, DEL, and C1.
 bool IsControl(char32_t c) {
   return (c < 0x20 && c != '\n' && c != '\t') || (c >= 0x7f && c < 0xa0);
 }
@@ -44,7 +44,7 @@ std::string OutputTail::tail(int64_t since) const {
   if (kept.size() > wanted) kept.remove_prefix(kept.size() - wanted);
   std::string text = PrintableUtf8(kept);
   if (text.size() <= kTailBytes) return text;
-  // Replacements made it longer; cut at the start of a sequence.
+  // Replacements made it longer: cut at the start of a sequence.
   size_t start = text.size() - kTailBytes;
   while (start < text.size() && (static_cast<unsigned char>(text[start]) & 0xC0) == 0x80) ++start;
   return text.substr(start);

@@ -1,4 +1,4 @@
-// The end of a stream of output that a record can hold.
+// The end of an output stream, small enough for a record.
 #pragma once
 
 #include <cstddef>
@@ -8,12 +8,11 @@
 
 namespace myograde::server {
 
-// `bytes` as valid UTF-8 without control characters other than newline and tab:
-// what is neither becomes U+FFFD, so that it can spoil no JSON and no terminal.
+// `bytes` as valid UTF-8 without control characters other than newline and tab: anything else
+// becomes U+FFFD, so that it can't break JSON or a terminal.
 std::string PrintableUtf8(std::string_view bytes);
 
-// Counts all output of a stream and keeps its end. A stream may give any number
-// of bytes; memory stays bounded.
+// Counts a stream's output and keeps its end. Memory stays bounded for any amount of output.
 class OutputTail {
  public:
   static constexpr size_t kTailBytes = 4096;
@@ -23,8 +22,8 @@ class OutputTail {
 
   void Append(std::string_view bytes);
 
-  // The end of all that came, printable, at most kTailBytes.
-  // `since`: a value of total(); what came before it is left out.
+  // The last kTailBytes of the output at most, printable. `since`: a value of total(); omits output
+  // before it.
   std::string tail(int64_t since = 0) const;
   bool truncated() const { return total_ > limit_; }
   int64_t total() const { return total_; }

@@ -14,7 +14,7 @@ namespace {
 
 std::string UsualDir(const char* of_root, const char* variable, const char* in_home) {
   if (::geteuid() == 0) return of_root;
-  // The XDG rules: a relative path there is to be ignored.
+  // The XDG specification says to ignore relative paths.
   const char* folder = std::getenv(variable);
   if (folder != nullptr && *folder == '/') return absl::StrCat(folder, "/myograde");
   const char* home = std::getenv("HOME");

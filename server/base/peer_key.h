@@ -1,4 +1,4 @@
-// Who is at the other end of a connection, as limits, rows and the organiser's rights know them.
+// Identifies the peer of a connection, for limits, rows and the organiser's rights.
 #pragma once
 
 #include <sys/types.h>
@@ -7,12 +7,12 @@
 
 namespace myograde::server {
 
-// The key of a user of this host, "uid 1000": what limits count by, and what rows say of who
-// handed something in.
+// The key of a user of this host, such as "uid 1000": limits count by it, and rows record it as the
+// submitter.
 std::string PeerKey(uid_t uid);
 
-// True for root and for the user of this process: an organiser's shell, or a service of the
-// daemon's own user, which hands in what many people made.
+// True for root and for this process' user: an organiser's shell, or a service that runs as the
+// daemon's user and submits on behalf of many people.
 bool IsOrganiser(const std::string& key);
 
 }  // namespace myograde::server

@@ -17,7 +17,7 @@ char32_t TakeCodePoint(std::string_view text, size_t& at) {
   size_t next = at;
   UChar32 c = 0;
 #pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wconversion"  // the macro's own
+#pragma GCC diagnostic ignored "-Wconversion"  // from the macro
   U8_NEXT(text.data(), next, text.size(), c);
 #pragma GCC diagnostic pop
   at = c < 0 ? at + 1 : next;

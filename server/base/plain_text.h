@@ -1,4 +1,4 @@
-// Text of participants that others see: names of teams and policies, reasons.
+// Participants' text that others see: names of teams and policies, reasons.
 #pragma once
 
 #include <cstddef>
@@ -7,12 +7,12 @@
 
 namespace myograde::server {
 
-// A code point that would change how a board or a terminal shows what surrounds
-// it: control characters of both kinds, directions of writing, what is not seen.
+// A code point that would change how a board or a terminal shows the text around it: control
+// characters (C0, C1), bidirectional controls, invisible characters.
 bool IsHarmful(char32_t c);
 
-// The code point of UTF-8 at `text[at]`, which must be there; `at` goes behind it.
-// kBroken, and one byte further: it is none.
+// Decodes the UTF-8 code point at `text[at]`, which must exist, and advances `at` past it. If it is
+// invalid: returns kBroken and advances by one byte.
 inline constexpr char32_t kBroken = 0xffffffff;
 char32_t TakeCodePoint(std::string_view text, size_t& at);
 
@@ -21,8 +21,7 @@ std::string FirstHarm(std::string_view text);
 
 bool IsUtf8(std::string_view text);
 
-// 1 to `max` bytes of valid UTF-8 without harmful code points, with no space at
-// either end.
+// 1 to `max` bytes of valid UTF-8 without harmful code points, and no space at either end.
 bool IsPlainText(std::string_view text, size_t max);
 
 }  // namespace myograde::server

@@ -14,7 +14,7 @@ namespace {
 constexpr int64_t kTiB = int64_t{1} << 40;
 constexpr int64_t kMany = 1'000'000'000;
 
-// Keys that server.json of an earlier version lacks.
+// Keys that an earlier version's server.json lacks.
 int64_t IntegerOr(ConfigReader& reader, std::string_view key, int64_t usual, int64_t min,
                   int64_t max) {
   return reader.Has(key) ? reader.Integer(key, min, max) : usual;
@@ -86,7 +86,7 @@ absl::Status ReadArtefacts(const nlohmann::json& json, const std::string& where,
 
 absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, ServerConfig& config) {
   ConfigReader reader(json, where);
-  // Two at least, so that an upload does not keep everybody else waiting.
+  // At least two, so that an upload does not keep everybody else waiting.
   config.http.workers = static_cast<int>(reader.Integer("workers", 2, 1000));
   config.http.clients = static_cast<int>(reader.Integer("clients", 1, 100'000));
   config.http.request = absl::Seconds(reader.Number("request_s", {0.1, 3600}));
@@ -158,7 +158,7 @@ absl::StatusOr<AdmissionRules> ReadAdmission(ConfigReader& reader) {
   return rules;
 }
 
-// A track's own keys lie over the usual ones.
+// A track's own keys override the defaults.
 absl::Status ReadQuota(const nlohmann::json& json, const std::string& where,
                        ServerConfig& config) {
   ConfigReader reader(json, where);
@@ -174,7 +174,7 @@ absl::Status ReadQuota(const nlohmann::json& json, const std::string& where,
     }
     nlohmann::json merged = json;
     merged.erase("tracks");
-    merged.update(own);  // no merge patch: null must not take a limit away
+    merged.update(own);  // not a merge patch: null must not remove a limit
     ConfigReader track(merged, place);
     absl::StatusOr<AdmissionRules> rules = ReadAdmission(track);
     if (!rules.ok()) return rules.status();
@@ -191,13 +191,13 @@ bool PinsSlots(const ServerConfig& config, int slots, const TrackConfig& track) 
 }
 
 int64_t DescriptorsNeeded(const ServerConfig& config) {
-  // Logs, the store, the lock, the listener, and what has not been thought of.
+  // Logs, the store, the lock, the listener, and a reserve.
   constexpr int64_t kBase = 128;
-  // A runner's three pipes; six ends more while it is started.
+  // A runner's three pipes; six more descriptors while it is being started.
   constexpr int64_t kOfASlot = 4;
-  // A connection and the body that it brings.
+  // A connection and its spooled body.
   constexpr int64_t kOfAClient = 2;
-  // A connection to the store with its logs, a file in work, a pipe to what unpacks.
+  // A store connection with its write-ahead log, an open file, a pipe to the unpack process.
   constexpr int64_t kOfAWorker = 8;
   return kBase + kOfASlot * config.scheduler.slots + kOfAClient * config.http.clients +
          config.http.waiting() + kOfAWorker * config.http.workers;

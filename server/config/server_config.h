@@ -1,4 +1,4 @@
-// The daemon's settings: configs/server.json. None of them changes a result.
+// The daemon's settings, configs/server.json. None of them affects a result.
 #pragma once
 
 #include <cstdint>
@@ -26,15 +26,16 @@ struct HttpLimits {
   // Organisers are root and the user that runs the daemon.
   int organiser_workers = 4;       // of `workers`; at most half of them
   int organiser_clients = 16;      // of `clients`
-  int peer_clients = 128;          // connections of one user who is no organiser
-  int64_t min_bytes_per_s = 1024;  // of a request that arrives, and of an answer that is read
+  int peer_clients = 128;          // connections per user who is not an organiser
+  int64_t min_bytes_per_s = 1024;  // slowest accepted rate of an arriving request and of an answer
+                                   // being read
   absl::Duration speed_window = absl::Seconds(30);
-  int64_t spool_bytes = int64_t{32} << 30;  // bodies on the disk, of all and of one user
+  int64_t spool_bytes = int64_t{32} << 30;  // request bodies on disk: total, and per user
   int64_t peer_spool_bytes = int64_t{16} << 30;
   int64_t disk_reserve = 0;        // UploadLimits::disk_reserve
   int large_uploads = 1;           // UploadLimits::uploads
 
-  // Newcomers who wait while all connections that they may have are busy: of all and of one user.
+  // Connections kept waiting while all permitted ones are busy: total, and per user.
   int waiting() const { return clients; }
   int peer_waiting() const { return clients * 3 / 4; }
 };
@@ -44,17 +45,17 @@ struct UploadLimits {
   int64_t bytes = 0;
   int64_t files = 0;
   int64_t unpack_memory_bytes = 0;
-  int uploads = 0;            // of more than 1 MiB that are unpacked at once
+  int uploads = 0;            // archives above 1 MiB unpacked concurrently
   absl::Duration unpack_cpu = absl::Seconds(300);
-  int64_t disk_reserve = int64_t{512} << 20;  // bytes of the disk that uploads leave free
+  int64_t disk_reserve = int64_t{512} << 20;  // bytes of disk that uploads must leave free
   UnsubmittedLimits unsubmitted;
 };
 
-// What teams may hand in. Settings of a host and a challenge, not of a track's
-// config: they change no result, and a change of them makes no new board.
+// How much teams may submit. Settings of a host and a challenge rather than of a track's config:
+// they affect no result, and changing them makes no new board.
 struct QuotaConfig {
   AdmissionRules usual;
-  std::map<std::string, AdmissionRules> tracks;  // those that have their own
+  std::map<std::string, AdmissionRules> tracks;  // tracks with their own rules
 
   const AdmissionRules& of(const std::string& track) const {
     const auto it = tracks.find(track);
@@ -62,13 +63,13 @@ struct QuotaConfig {
   }
 };
 
-// What is removed of the data folder, and when (retention.h).
+// What is removed from the data folder, and when (retention.h).
 struct RetentionLimits {
-  absl::Duration artefact_age;   // since an artefact was last of use
-  int64_t artefact_bytes = 0;    // of all artefacts together
+  absl::Duration artefact_age;   // since an artefact's last use
+  int64_t artefact_bytes = 0;    // total of all artefacts
   absl::Duration log_age;        // since an episode's log was written
-  int64_t log_bytes = 0;         // of all logs together
-  absl::Duration every;          // between two looks
+  int64_t log_bytes = 0;         // total of all logs
+  absl::Duration every;          // between sweeps
   absl::Duration upload_age;     // UnsubmittedLimits::age
 };
 
@@ -88,17 +89,16 @@ struct ServerConfig {
   std::string log_level;
 };
 
-// Whether slots of a track keep to one processor each: all processors have a slot, and the track's
-// policies have one processor.
+// Whether a track's slots are pinned to one processor each: every processor has a slot, and the
+// track's policies get one processor.
 bool PinsSlots(const ServerConfig& config, int slots, const TrackConfig& track);
 
-// File descriptors that a daemon of these limits may have open at once.
+// File descriptors that a daemon with these limits may have open at once.
 int64_t DescriptorsNeeded(const ServerConfig& config);
 
-// Reads `path`; `cache_dir` stands for ${cache} in it. Every key must be there but
-// those that an earlier version did not have, which have defaults; the error names
-// the file and the key. A runtime's folder is not looked for
-// here: a missing one matters only to the submissions that ask for it.
+// Reads `path`, replacing ${cache} by `cache_dir`. Every key is required except those that an
+// earlier version lacked, which have defaults; the error names the file and the key. Runtime
+// folders are not checked here: a missing one matters only to the submissions that ask for it.
 absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
                                               const std::string& cache_dir);
 

@@ -35,7 +35,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What a stop takes is bounded: a second for the leases, then this for all else.
+// A stop is bounded: a second for the leases, then this for everything else.
 constexpr absl::Duration kLeaveWithin = absl::Seconds(3);
 
 std::string FromEnvironment(const char* name) {
@@ -43,7 +43,7 @@ std::string FromEnvironment(const char* name) {
   return value == nullptr ? "" : value;
 }
 
-// What the option says, else the environment, else the usual folder.
+// The option, else the environment variable, else the default folder.
 void Fill(std::string& option, const char* variable, const std::function<std::string()>& usual) {
   if (option.empty()) option = FromEnvironment(variable);
   if (option.empty()) option = usual();
@@ -51,14 +51,14 @@ void Fill(std::string& option, const char* variable, const std::function<std::st
   if (option.size() > 1 && option.ends_with('/')) option.pop_back();
 }
 
-// The data folder is the daemon's alone: its secret and everybody's submissions lie in it.
+// The data folder is private to the daemon: it holds the secret and everybody's submissions.
 absl::Status MakeFolders(const std::string& data) {
   std::error_code error;
   fs::create_directories(data, error);
   for (const char* part : {"", "/artefacts", "/logs", "/selftest", "/slots", "/spool", "/work"}) {
     const std::string path = data + part;
     if (!error) fs::create_directory(path, error);
-    // The slots' users look into the self-test's artefact as they do into every other.
+    // The slots' users must be able to read the self-test's artefact, like any other.
     const bool shown = path.ends_with("/selftest");
     const fs::perms rights = shown ? fs::perms(0755) : fs::perms::owner_all;
     if (!error) fs::permissions(path, rights, error);
@@ -71,7 +71,7 @@ absl::Status MakeFolders(const std::string& data) {
   return absl::OkStatus();
 }
 
-// What an earlier daemon had in work when it died is of no use.
+// Work in progress of an earlier daemon that died is useless.
 void Empty(const std::string& folder) {
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
@@ -80,7 +80,7 @@ void Empty(const std::string& folder) {
   }
 }
 
-// Logs of episodes that were being written; finished ones have other names.
+// Drafts of episode logs that were being written; finished logs have other names.
 void RemoveDrafts(const std::string& folder) {
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
@@ -105,7 +105,7 @@ void OnSignal(int) {
   errno = error;
 }
 
-// Signals stop this engine, and the server once there is one, while the object lives.
+// While this object lives, signals stop the engine, and the server once there is one.
 class SignalGuard {
  public:
   explicit SignalGuard(Engine& engine) {
@@ -114,7 +114,7 @@ class SignalGuard {
     action.sa_handler = OnSignal;
     for (const int signal : {SIGTERM, SIGINT}) sigaction(signal, &action, nullptr);
     std::signal(SIGPIPE, SIG_IGN);
-    // Inherited as ignored, it would make the children's ends invisible.
+    // If inherited as ignored, it would hide the children's exits.
     std::signal(SIGCHLD, SIG_DFL);
   }
   ~SignalGuard() {
@@ -123,17 +123,17 @@ class SignalGuard {
   }
 };
 
-// Ends the process a while from now, if it is still there: everything that must be written is, and
-// what a thread may hang in, a slow disk for one, shall not keep the host from going down.
+// Ends the process after a while if it is still alive: everything that must be written has been,
+// and a hanging thread (on a slow disk, say) must not keep the host from shutting down.
 void EndSoon(int exit_status) {
   std::thread([exit_status] {
     std::this_thread::sleep_for(absl::ToChronoMilliseconds(kLeaveWithin));
-    spdlog::warn("stopped, without waiting for what still hung");
+    spdlog::warn("stopped without waiting for hanging threads");
     std::_Exit(exit_status);
   }).detach();
 }
 
-// Makes room for all the descriptors that the config may take.
+// Raises the limit to the number of descriptors that the config may use.
 absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
   const auto needed = static_cast<rlim_t>(DescriptorsNeeded(config));
   rlimit limit = {};
@@ -157,7 +157,7 @@ DaemonOptions WithDefaults(DaemonOptions options) {
   Fill(options.configs_dir, "MYOGRADE_CONFIG_DIR", ConfigDir);
   if (options.socket.empty()) options.socket = options.data_dir + "/myograde.sock";
   options.socket = fs::absolute(options.socket).lexically_normal();
-  // The runners that this process starts read the sandboxes' configs there too.
+  // The runners that this process starts read their sandbox configs there too.
   setenv("MYOGRADE_CONFIG_DIR", options.configs_dir.c_str(), /*overwrite=*/1);
   return options;
 }
@@ -168,15 +168,14 @@ absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
   if (!server.ok()) return server.status();
   absl::StatusOr<Tracks> tracks = Tracks::Load(options.configs_dir + "/tracks");
   if (!tracks.ok()) return tracks.status();
-  // The runners read it; a mistake in it is better told now than by each lease.
+  // The runners read it; better to report a mistake once now than in every lease.
   absl::StatusOr<SandboxConfig> sandbox = LoadSandboxConfig(options.configs_dir);
   if (!sandbox.ok()) return sandbox.status();
   return DaemonConfigs{*std::move(server), *std::move(tracks)};
 }
 
 absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& configs) {
-  // With a heap for each of its many threads, each heap would keep as much as its largest answer
-  // took.
+  // With one heap per thread, each heap would keep as much memory as its largest answer took.
   mallopt(M_ARENA_MAX, 4);
   const Clock& clock = SystemClock();
   const ServerConfig& config = configs.server;
@@ -203,7 +202,7 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   SystemProcesses processes(SlotProcesses(geteuid() == 0 ? config.uid_base : -1,
                                           options.data_dir + "/slots"));
   Engine engine({config, options.data_dir, options.cache_dir}, disk, readers, processes, clock);
-  // Grading needs no key: without one, the daemon serves all but receipts.
+  // Grading needs no key: without one, the daemon serves everything but receipts.
   KeyFile receipts_key(options.data_dir + "/receipts.key");
   if (absl::Status status = receipts_key.Get().status(); !status.ok()) {
     spdlog::error("no receipt can be signed: {}", std::string(status.message()));

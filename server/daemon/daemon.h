@@ -1,4 +1,4 @@
-// The program myograded, from its options to its end.
+// The program myograded, from options to exit.
 #pragma once
 
 #include <string>
@@ -18,11 +18,10 @@ struct DaemonOptions {
   std::string cache_dir;
 };
 
-// Fills what is empty: --data from MYOGRADE_DATA, else /var/lib/myograde for
-// root and the XDG data folder for others; --configs from MYOGRADE_CONFIG_DIR, else
-// the folder that the program was built with; --cache from MYOGRADE_CACHE, else
-// /var/cache/myograde for root and the XDG cache folder for others. Paths are
-// made absolute.
+// Fills in empty options: --data from MYOGRADE_DATA, else /var/lib/myograde for root and the XDG
+// data folder for others; --configs from MYOGRADE_CONFIG_DIR, else the folder that the program was
+// built with; --cache from MYOGRADE_CACHE, else /var/cache/myograde for root and the XDG cache
+// folder for others. Paths become absolute.
 DaemonOptions WithDefaults(DaemonOptions options);
 
 struct DaemonConfigs {
@@ -30,12 +29,11 @@ struct DaemonConfigs {
   Tracks tracks;
 };
 
-// Reads all that lies in options.configs_dir. An error names the file and the key: it is
-// for whoever wrote them.
+// Reads everything in options.configs_dir. An error names the file and the key.
 absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options);
 
-// Serves until SIGTERM or SIGINT. OkStatus() after an orderly stop; an error
-// says why it could not start, or why it could not go on.
+// Serves until SIGTERM or SIGINT. OkStatus() after an orderly stop; an error says why it could not
+// start or continue.
 absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& configs);
 
 }  // namespace myograde::server

@@ -6,7 +6,7 @@
 #include "server/daemon/daemon.h"
 
 int main(int argc, char** argv) {
-  // Exit status as everywhere in the project: 2 wrong use, 4 the grader or its host is in trouble.
+  // The project's exit statuses: 2 wrong use, 4 trouble with the grader or its host.
   constexpr int kWrongUse = 2;
   constexpr int kTrouble = 4;
   // The daemon starts copies of itself that unpack one upload each.

@@ -1,5 +1,5 @@
-// How the HTTP threads ask the daemon's loop to do something: bounded, and with
-// a deadline for the answer.
+// Hands work from the HTTP threads to the daemon's loop. Bounded; every caller waits for its answer
+// with a deadline.
 #pragma once
 
 #include <deque>
@@ -20,28 +20,27 @@ class CommandQueue {
   // REQUIRES: capacity > 0.
   explicit CommandQueue(size_t capacity);
 
-  // Readable while there is something to do.
+  // Readable while commands are queued.
   int wake_fd() const { return wake_.get(); }
 
-  // Runs `command` on the loop's thread and waits for its status.
-  // ResourceExhaustedError: too many wait already. CancelledError: the daemon
-  // stops. DeadlineExceededError: no answer in time; the command may still run,
-  // so it must own everything that it touches.
+  // Runs `command` on the loop's thread and waits for its status. ResourceExhaustedError: the queue
+  // is full. CancelledError: the daemon is stopping. DeadlineExceededError: no answer in time; the
+  // command may still run, so it must own everything that it touches.
   absl::Status Call(std::function<absl::Status()> command, absl::Duration timeout);
 
-  // Says how a command went; to be called once, at any later time, on the loop's thread.
+  // Reports a command's status. Call it exactly once, at any later time, on the loop's thread.
   using Answer = std::function<void(absl::Status)>;
-  // Like Call, for a command that is not through when it returns: the caller
-  // waits until its Answer is called.
+  // Like Call, for a command that completes asynchronously: the caller waits until its Answer is
+  // called.
   absl::Status CallLater(std::function<void(Answer)> command, absl::Duration timeout);
 
-  // Loop only: runs what waits. Returns how many it ran.
+  // Loop thread only: runs the queued commands and returns how many there were.
   int RunAll();
 
   // Makes the loop's poll return; safe to call from a signal handler.
   void Wake();
 
-  // Answers all that waits, and all that comes, with CancelledError.
+  // Answers every queued and every later command with CancelledError.
   void Close();
 
  private:

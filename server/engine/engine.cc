@@ -1,4 +1,4 @@
-// The loop around the core. The requests of other threads: engine_requests.cc.
+// The loop around the core. Requests from other threads: engine_requests.cc.
 #include "server/engine/engine.h"
 
 #include <poll.h>
@@ -9,7 +9,7 @@ namespace myograde::server {
 namespace {
 
 constexpr size_t kMaxCommands = 1024;
-// A runner that was asked to end is killed after its grace, and dead soon after.
+// After its grace a stopping runner is killed, and dead soon after.
 constexpr absl::Duration kAfterGrace = absl::Milliseconds(250);
 
 }  // namespace
@@ -34,7 +34,7 @@ absl::Status Engine::Run() {
     const absl::StatusOr<absl::Duration> wait = core_.RunOnce();
     if (!wait.ok()) {
       commands_.Close();
-      (void)core_.FinishShutdown();  // the error is the one that counts
+      (void)core_.FinishShutdown();  // the first error is the one to return
       return wait.status();
     }
     Poll(*wait);

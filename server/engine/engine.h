@@ -1,5 +1,5 @@
-// The heart of the daemon: one thread that decides and acts (EngineCore), and a queue
-// through which the threads of the API ask it for changes.
+// The daemon's engine: one thread that decides and acts (EngineCore), and a queue through which API
+// threads request changes.
 #pragma once
 
 #include <atomic>
@@ -12,41 +12,40 @@ namespace myograde::server {
 
 class Engine {
  public:
-  // All but `options` must outlive it.
+  // Everything but `options` must outlive the engine.
   Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Processes& processes,
          const Clock& clock);
   ~Engine();
 
-  // As EngineCore::Recover; before Run().
+  // See EngineCore::Recover. Call before Run().
   absl::Status Recover() { return core_.Recover(); }
 
-  // The loop; returns after Stop(), when every runner is dead and every lease
-  // that ran is back in the queue. An error: the store or the state is beyond
-  // repair; start again.
+  // Runs the loop until Stop() was called, every runner is dead and every interrupted lease is
+  // queued again. An error means that the store or the state is beyond repair; restart the daemon.
   absl::Status Run();
   // Safe to call from a signal handler and from any thread.
   void Stop();
 
-  // Requests; safe from any thread, answered within `timeout`. Besides the
-  // errors of EngineCore's: CancelledError while stopping, ResourceExhaustedError
-  // when too many wait, DeadlineExceededError.
-  // True if the artefact is new; an error as of Writer::AddUpload, and then nothing is.
+  // Requests. Safe from any thread, answered within `timeout`. Besides EngineCore's errors:
+  // CancelledError while stopping, ResourceExhaustedError when the queue is full,
+  // DeadlineExceededError. True if the artefact is new. On an error (see Writer::AddUpload) nothing
+  // was added.
   absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact, const NewUpload& upload,
                                    const UnsubmittedLimits& limits, absl::Duration timeout);
-  // An Accepted that is linked is an earlier submission's; nothing new will run.
-  // NotFoundError if the artefact's files are not there any more.
+  // If the returned Accepted is linked, it names an earlier submission's evaluation and nothing new
+  // will run. NotFoundError if the artefact's files have been removed.
   absl::StatusOr<Accepted> Submit(const NewSubmission& submission, const AdmissionRules& rules,
                                   const std::string& who, absl::Duration timeout);
   absl::StatusOr<Accepted> Rerun(const NewRerun& rerun, const std::string& who, bool organiser,
                                  const RerunLimits& limits, absl::Duration timeout);
-  // Any other change of the store that no running lease depends on; `change` owns
-  // what it touches. `effect` follows on the loop's thread once it is written.
+  // Any other store change, on which no running lease depends. `change` owns what it touches.
+  // `effect` runs on the loop's thread once the change is written.
   absl::Status Change(StoreChange change, absl::Duration timeout,
                       std::function<absl::Status()> effect = nullptr);
   absl::StatusOr<CancelReport> Cancel(int64_t submission, const std::string& why,
                                       const std::string& who, absl::Duration timeout);
 
-  // Views for answers; safe from any thread, never wait for a runner or the disk.
+  // Views. Safe from any thread; never wait for a runner or the disk.
   QueueOutlook OutlookOf(int64_t evaluation) const { return core_.OutlookOf(evaluation); }
   std::map<int64_t, LiveLease> Running() const { return core_.Running(); }
   LiveHealth Health() const { return core_.Health(); }
@@ -54,7 +53,7 @@ class Engine {
  private:
   void Poll(absl::Duration timeout);
 
-  // From other threads: `effect` follows once `change` is written.
+  // For other threads: `effect` runs once `change` is written.
   absl::Status Ask(StoreChange change, std::function<absl::Status()> effect,
                    absl::Duration timeout);
   absl::StatusOr<Accepted> Admit(std::function<absl::StatusOr<Accepted>(Writer&)> add,

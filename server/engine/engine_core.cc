@@ -1,6 +1,6 @@
-// The turn, the journal and the requests. Leases: engine_leases.cc; how they end:
-// engine_ends.cc; what is taken up from the store: engine_recover.cc; what others see of it
-// and the host's health: engine_views.cc and engine_host.cc.
+// The loop turn, the journal and the requests. Leases: engine_leases.cc; how they end:
+// engine_ends.cc; recovery from the store: engine_recover.cc; views and host health:
+// engine_views.cc and engine_host.cc.
 #include "server/engine/engine_core.h"
 
 #include <unistd.h>
@@ -36,17 +36,17 @@ EngineCore::~EngineCore() = default;
 absl::StatusOr<absl::Duration> EngineCore::RunOnce() {
   WriteRequests();
   for (auto& [id, run] : running_) Listen(run);
-  SeeEnds();
-  TakeBackOverdue();
-  SeeEnding();
-  SeeClosedSlots();
+  ReapRunners();
+  ReclaimOverdue();
+  ReapStopping();
+  ReopenSlots();
   AnswerCancels();
-  SeeSelfTest();
+  PollSelfTest();
   Escalate();
   if (absl::Status status = Flush(); !status.ok()) return status;
   if (journal_.empty()) {
     ProbeStore();
-    if (absl::Status status = TakeUpLate(); !status.ok()) return status;
+    if (absl::Status status = EnqueueDeferred(); !status.ok()) return status;
     if (absl::Status status = SettleAll(); !status.ok()) return status;
     if (!stopping_) StartLeases();
     if (absl::Status status = Flush(); !status.ok()) return status;
@@ -57,10 +57,10 @@ absl::StatusOr<absl::Duration> EngineCore::RunOnce() {
 absl::Duration EngineCore::TimeToNext(absl::Duration now) const {
   absl::Duration wait = kLongestWait;
   for (const auto& [id, run] : running_) {
-    // Both streams are at their end: only the process itself is waited for.
+    // Both streams have ended: only the process itself is left to wait for.
     if (run.runner->stdout_fd() < 0 && run.runner->stderr_fd() < 0) wait = kReapWait;
   }
-  for (const Ending& ending : ending_) {
+  for (const StoppingRunner& ending : stopping_runners_) {
     wait = std::min(wait, ending.stays ? kStayWait : kReapWait);
   }
   if (!cancels_.empty()) wait = kReapWait;
@@ -69,7 +69,7 @@ absl::Duration EngineCore::TimeToNext(absl::Duration now) const {
     wait = quiet ? kReapWait : std::min(wait, test_->deadline() - now);
   }
   const MutexLock lock(mutex_);
-  if (!closed_slots_.empty()) wait = std::min(wait, next_slot_look_ - now);
+  if (!closed_slots_.empty()) wait = std::min(wait, next_slot_check_ - now);
   if (const auto next = scheduler_.NextDeadline(now)) wait = std::min(wait, *next - now);
   return std::max(wait, absl::ZeroDuration());
 }
@@ -84,8 +84,8 @@ void EngineCore::AddDescriptors(std::vector<pollfd>& fds) const {
   if (test_ != nullptr && test_->runner() != nullptr) add(*test_->runner());
 }
 
-// After a failure that may pass, further ones are not tried for a second: each may take as
-// long as the store waits for a lock, and the loop waits with it.
+// After a failure that may pass, no write is tried for a second: each may take as long as the store
+// waits for a lock, and the loop waits with it.
 absl::Status EngineCore::WriteNow(const StoreChange& change) {
   const absl::Duration now = clock_.Monotonic();
   absl::Status status;
@@ -93,7 +93,7 @@ absl::Status EngineCore::WriteNow(const StoreChange& change) {
     status = disk_.Write(change);
     if (!MayPass(status)) {
       const MutexLock lock(mutex_);
-      if (!store_trouble_.empty()) spdlog::info("the store can be written again");
+      if (!store_trouble_.empty()) spdlog::info("the store is writable again");
       store_trouble_.clear();
       return status;
     }
@@ -107,13 +107,13 @@ absl::Status EngineCore::WriteNow(const StoreChange& change) {
       absl::StrCat("the store can't be written, nothing was changed: ", store_trouble_));
 }
 
-// In one transaction, so that all of it waits for the disk once.
+// In one transaction, so that there is a single wait for the disk.
 absl::Status EngineCore::Flush() {
   if (journal_.empty()) return absl::OkStatus();
   absl::Status status = WriteNow([this](Writer& writer) { return WriteJournal(writer); });
   if (status.ok()) journal_.clear();
   if (status.ok() || MayPass(status)) return absl::OkStatus();
-  // One of them is refused: its evaluation ends by that, and all others are to stand.
+  // One entry was rejected: its evaluation ends for that, and all the others must stand.
   while (!journal_.empty()) {
     const Entry entry = journal_.front();
     status = WriteNow(entry.change);
@@ -132,7 +132,7 @@ absl::Status EngineCore::WriteJournal(Writer& writer) const {
   return absl::OkStatus();
 }
 
-// What is in the journal happened before a request that comes now, and is written first.
+// The journal happened before this request, so it is written first.
 absl::Status EngineCore::RequireWritable() {
   if (absl::Status status = Flush(); !status.ok()) return status;
   if (journal_.empty()) return absl::OkStatus();
@@ -141,7 +141,7 @@ absl::Status EngineCore::RequireWritable() {
       absl::StrCat("the store can't be written, nothing was changed: ", store_trouble_));
 }
 
-// Nothing is to be written, and the trouble may be over: looks.
+// Nothing needs writing, but the trouble may be over: check.
 void EngineCore::ProbeStore() {
   {
     const MutexLock lock(mutex_);
@@ -155,7 +155,7 @@ absl::Status EngineCore::SettleAll() {
   while (!to_settle_.empty()) {
     const int64_t evaluation = *to_settle_.begin();
     const absl::Status status = Settle(evaluation);
-    if (MayPass(status)) return absl::OkStatus();  // it stays in the set, for the next round
+    if (MayPass(status)) return absl::OkStatus();  // stays deferred until the next round
     if (IsBrokenStore(status)) return status;
     if (!status.ok()) GiveUpUnreadable(evaluation, std::string(status.message()));
     to_settle_.erase(evaluation);
@@ -173,7 +173,7 @@ void EngineCore::Escalate() {
   const std::string waited =
       absl::FormatDuration(options_.config.scheduler.queue_wait);
   for (const int64_t id : late) {
-    spdlog::warn("evaluation {} has waited for {}: it goes ahead of all that has not", id, waited);
+    spdlog::warn("evaluation {} has waited for {}: it goes ahead of all that have not", id, waited);
     AddToJournal(id, [id, waited, who = owner_](Writer& writer) {
       return writer.NoteEvaluation(
           id, who, absl::StrCat("waited for ", waited, " and goes ahead of all that has not"));
@@ -194,8 +194,8 @@ void EngineCore::WriteRequests() {
   }
 }
 
-// What is in the journal happened before, and goes first. All of it in one transaction, so that
-// it waits for the disk once.
+// The journal happened before and goes first. One transaction, so that there is a single wait for
+// the disk.
 void EngineCore::WriteTogether(const std::vector<Request>& requests,
                                std::vector<absl::Status>& statuses) {
   const absl::Status all = WriteNow([&](Writer& writer) {
@@ -208,7 +208,7 @@ void EngineCore::WriteTogether(const std::vector<Request>& requests,
   if (all.ok()) return journal_.clear();
   statuses.assign(requests.size(), all);
   if (MayPass(all)) return;
-  // What only one of them did wrong must not be the others' harm.
+  // One request's fault must not harm the others.
   const absl::Status ready = RequireWritable();
   for (size_t i = 0; i < requests.size(); ++i) {
     statuses[i] = ready.ok() ? WriteNow(requests[i].change) : ready;
@@ -217,7 +217,7 @@ void EngineCore::WriteTogether(const std::vector<Request>& requests,
 
 void EngineCore::BeginShutdown() {
   stopping_ = true;
-  for (Ending& ending : ending_) {
+  for (StoppingRunner& ending : stopping_runners_) {
     if (!ending.stays) continue;
     ending.stays = false;
     ending.kill_at = clock_.Monotonic() + Runner::kCleanUpGrace;
@@ -231,7 +231,7 @@ void EngineCore::BeginShutdown() {
       return writer.ReturnLease(id, attempt, /*fault=*/false, who, "the daemon stopped");
     });
   }
-  for (const int64_t lease : leases) TakeBack(lease);
+  for (const int64_t lease : leases) Reclaim(lease);
   if (test_ != nullptr) EndSelfTest("the daemon stopped");
   write_after_ = absl::ZeroDuration();
 }
@@ -239,11 +239,11 @@ void EngineCore::BeginShutdown() {
 absl::Status EngineCore::FinishShutdown() {
   stopping_ = true;
   WriteRequests();  // answers them
-  for (Ending& ending : ending_) {
+  for (StoppingRunner& ending : stopping_runners_) {
     ending.runner->KillNow();
     processes_.CleanUp(ending.work_dir);
   }
-  ending_.clear();
+  stopping_runners_.clear();
   AnswerCancels();
   write_after_ = absl::ZeroDuration();
   return Flush();

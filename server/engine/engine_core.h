@@ -1,22 +1,21 @@
-// What the daemon decides and does, without threads and without waiting: RunOnce() does all
-// that there is to do at one moment. It runs leases, listens to their runners, writes what
-// happened into the store and keeps the deadlines.
+// The daemon's decisions and actions, without threads and without blocking: RunOnce() does
+// everything that is due. It runs leases, reads from their runners, records what happened in the
+// store and enforces the deadlines.
 //
-// What changes the state by a request (a submission, a cancel) is written first and takes
-// effect then, so a store that can't be written refuses it and nothing has happened. What
-// happens by itself (an episode, the end of a lease) can't be refused: it goes through a
-// journal that is written in order, and is tried again every second while the store can't be
-// written; no lease starts meanwhile.
+// Changes made by request (a submission, a cancel) are written first and take effect afterwards, so
+// a store that can't be written refuses them and nothing has happened. Events (an episode, the end
+// of a lease) can't be refused: they go through a journal that is written in order and retried
+// every second while the store can't be written; no lease starts meanwhile.
 //
-// An evaluation of which something can't be read, or can't be written though the store can,
-// ends as grader_error with the reason, and the others go on. One that can't even be ended is
-// told by Health(), and left alone until the next start. Only a broken database file stops the
-// engine (store/damage.h).
+// An evaluation with rows that can't be read, or can't be written though the store can, ends as
+// grader_error with the reason, and the others go on. If it can't even be ended, Health() reports
+// it, and it is left alone until the next start. Only a broken database file stops the engine
+// (store/damage.h).
 //
-// A lease that is taken back (silent, over its time, wrong records, cancelled) has ended from
-// that moment on: what its runner still says is refused. Its slot stays taken until the runner
-// is dead, and as long as a process of the slot's sandboxes lives, whichever daemon's they were:
-// what can't be killed yet still has memory, disk and maybe a processor.
+// A reclaimed lease (silent, over its time, wrong records, cancelled) has ended at that moment:
+// anything its runner says later is rejected. Its slot stays taken until the runner is dead and no
+// process of the slot's sandboxes lives, even one that another daemon started: a process that can't
+// be killed yet still holds memory, disk and perhaps a processor.
 #pragma once
 
 #include <poll.h>
@@ -51,11 +50,11 @@ namespace myograde::server {
 
 struct EngineOptions {
   ServerConfig config;
-  std::string data_dir;   // artefacts/, work/ and selftest/ lie in it
+  std::string data_dir;   // contains artefacts/, work/ and selftest/
   std::string cache_dir;
 };
 
-// A running lease, as it was a moment ago.
+// A snapshot of a running lease.
 struct LiveLease {
   int64_t evaluation = 0;
   int64_t submission = 0;
@@ -64,15 +63,15 @@ struct LiveLease {
   int64_t episode = 0;
   int64_t step = 0;
   absl::Duration running;
-  absl::Duration silent;   // since the runner's last word
+  absl::Duration silent;   // since the runner last wrote
 };
 
 struct LiveHealth {
   int running = 0;
   int64_t pending = 0;
-  std::map<int, std::string> closed_slots;  // free but for processes that live on, in words
-  int ending = 0;             // leases that were taken back and whose runners are not dead yet
-  std::string store_trouble;  // "" while the store can be written
+  std::map<int, std::string> closed_slots;  // slot to the surviving processes' text
+  int ending = 0;             // reclaimed leases whose runners are not dead yet
+  std::string store_trouble;  // "" while the store is writable
   HostHealth::State host = HostHealth::State::kWell;
   std::string host_trouble;   // "" if leases may start
   std::optional<absl::Duration> paused_for;
@@ -80,77 +79,77 @@ struct LiveHealth {
   std::map<int64_t, std::string> unreadable;  // evaluations that can't be ended either, and why
 };
 
-// What the engine knows of an unfinished evaluation.
+// The engine's view of an unfinished evaluation.
 struct QueueOutlook {
-  std::optional<QueuePlace> place;        // if something of it waits
-  std::string waiting;                    // in words, why; "" if nothing waits
-  std::string owner;                      // who has to do something about it
-  std::optional<absl::Duration> deadline; // from now: when the engine acts, though nothing happens
-  std::optional<absl::Duration> end;      // from now: a guess, from how long leases took so far
+  std::optional<QueuePlace> place;        // if any of its leases wait
+  std::string waiting;                    // why, for people; "" if nothing waits
+  std::string owner;                      // who has to act
+  std::optional<absl::Duration> deadline; // from now: when the engine acts even if nothing happens
+  std::optional<absl::Duration> end;      // from now: an estimate from recent lease durations
 };
 
-// What a cancel did.
+// The result of a cancel.
 struct CancelReport {
   int killed = 0;          // running leases
-  absl::Duration took;     // until the last of their runners was dead
-  int still_ending = 0;    // runners that were killed and are not dead yet
+  absl::Duration took;     // until the last of their runners died
+  int still_ending = 0;    // killed runners that are not dead yet
 };
 
 class EngineCore {
  public:
   using CancelAnswer = std::function<void(absl::StatusOr<CancelReport>)>;
 
-  // All but `options` must outlive it.
+  // Everything but `options` must outlive it.
   EngineCore(EngineOptions options, Disk& disk, ReaderPool& readers, Processes& processes,
              const Clock& clock);
   ~EngineCore();
 
-  // Takes up what the store has unfinished: leases that ran go back into the
-  // queue, evaluations whose leases have all ended are ended.
+  // Resumes the store's unfinished work: interrupted leases are queued again, and evaluations whose
+  // leases have all ended are settled.
   absl::Status Recover();
 
-  // All that there is to do now. Returns how long nothing needs to be done unless a runner
-  // speaks or a request comes. An error: the store is beyond repair.
+  // Does everything that is due. Returns how long nothing needs to be done unless a runner writes
+  // or a request arrives. An error: the store is beyond repair.
   absl::StatusOr<absl::Duration> RunOnce();
 
-  // Adds the descriptors that RunOnce() wants to hear of.
+  // Adds the descriptors that RunOnce() needs polled.
   void AddDescriptors(std::vector<pollfd>& fds) const;
 
-  // No lease starts any more; those that run are put back into the queue, and their runners
-  // asked to end. RunOnce() until idle(), or give up: what was written is enough.
+  // Starts no more leases, queues the running ones again and asks their runners to end. Then call
+  // RunOnce() until idle(), or give up early: what has been written is enough to recover.
   void BeginShutdown();
-  bool idle() const { return running_.empty() && ending_.empty() && test_ == nullptr; }
-  // The journal, one last time. Kills what still runs.
+  bool idle() const { return running_.empty() && stopping_runners_.empty() && test_ == nullptr; }
+  // Flushes the journal one last time and kills what still runs.
   absl::Status FinishShutdown();
 
-  // A request's change of the store. RunOnce() writes it; then comes `effect`, if there is one,
-  // and then the answer, in any case.
+  // A requested store change. RunOnce() writes it, then calls `effect` (if set), and then `answer`
+  // in any case.
   struct Request {
     StoreChange change;
     std::function<absl::Status()> effect;
     std::function<void(absl::Status)> answer;
   };
   void Ask(Request request) { requests_.push_back(std::move(request)); }
-  // An evaluation that is in the store is to be played from now on. While the store can't be
-  // read it waits for that. An error: the store is beyond repair.
-  absl::Status TakeUp(int64_t evaluation);
-  // Ends every evaluation of the submission that the store has as unfinished, at once; answers
-  // when its runners are dead, or a second later. FailedPreconditionError if there is none.
+  // Queues an evaluation that is in the store. While the store can't be read it is deferred. An
+  // error: the store is beyond repair.
+  absl::Status Enqueue(int64_t evaluation);
+  // Ends every unfinished evaluation of the submission at once; answers when its runners are dead,
+  // or after a second. FailedPreconditionError if there is none.
   void Cancel(int64_t submission, const std::string& why, const std::string& who,
               CancelAnswer answer);
 
-  // Views; safe from any thread, never wait for a runner or the disk.
+  // Views. Safe from any thread; never wait for a runner or the disk.
   QueueOutlook OutlookOf(int64_t evaluation) const;
   std::map<int64_t, LiveLease> Running() const;  // by lease
   LiveHealth Health() const;
 
  private:
-  // What a lease needs to be played; shared by the leases of an evaluation.
+  // What playing a lease needs; shared by the leases of an evaluation.
   struct Context {
     int64_t evaluation = 0;
     int64_t submission = 0;
     std::string team;
-    std::string party;  // who handed it in; "" for the organiser, who does so for anybody
+    std::string party;  // who submitted it; "" for the organiser, who submits on behalf of others
     Priority priority = Priority::kRanked;
     std::string artefact;
     std::vector<std::string> command;
@@ -159,7 +158,7 @@ class EngineCore {
     TrackPtr track;
     SeedsPtr seeds;
     std::map<int64_t, std::pair<int64_t, int64_t>> leases;  // id to first and last episode
-    EvaluationRow row;  // as it was taken up
+    EvaluationRow row;  // as of Enqueue()
   };
   using ContextPtr = std::shared_ptr<const Context>;
   struct LeaseRun {
@@ -173,8 +172,8 @@ class EngineCore {
     std::unique_ptr<Runner> runner;
     LeaseReport report;
   };
-  // A runner of a lease that was taken back, on its way out.
-  struct Ending {
+  // The runner of a reclaimed lease, until it is dead.
+  struct StoppingRunner {
     int64_t lease = 0;
     int64_t attempt = 0;
     int slot = 0;
@@ -183,7 +182,7 @@ class EngineCore {
     absl::Duration kill_at;
     bool stays = false;  // it was not asked to end
     bool killed = false;
-    int64_t late = 0;  // records that came too late
+    int64_t late = 0;  // records that arrived too late
   };
   struct CancelWait {
     std::set<int64_t> leases;
@@ -201,7 +200,7 @@ class EngineCore {
     absl::Duration heard;
   };
 
-  // What happened and is to be written, of one evaluation.
+  // An event of one evaluation that is still to be written.
   struct Entry {
     int64_t evaluation = 0;
     StoreChange change;
@@ -225,9 +224,9 @@ class EngineCore {
     std::vector<LeaseRow> open;  // leases that have not ended
   };
   absl::StatusOr<Loaded> Load(int64_t evaluation);
-  absl::Status TakeUpLate();
+  absl::Status EnqueueDeferred();
   ContextPtr ContextOf(const StoredEvaluation& stored) const;
-  // Ends it as grader_error, whatever else the engine knows of it.
+  // Ends it as grader_error, whatever else the engine knows about it.
   void GiveUpUnreadable(int64_t evaluation, const std::string& why);
   std::set<int64_t> Forget(int64_t evaluation);
   absl::Status SettleAll();
@@ -241,23 +240,24 @@ class EngineCore {
   void Listen(LeaseRun& run);
   void OnProgress(LeaseRun& run, const ProgressRecord& record);
   void OnEpisode(LeaseRun& run, const EpisodeFacts& facts);
-  void TakeBackOverdue();
-  void SeeEnds();
-  void EndOf(LeaseRun& run);
+  void ReclaimOverdue();
+  void ReapRunners();
+  void OnRunnerEnd(LeaseRun& run);
   void Fault(LeaseRun& run, const std::string& why);
   void GiveUp(const Decision& decision, int64_t lease, const std::string& why);
   void FreeSlot(int slot);
   void CloseSlots();
-  void SeeClosedSlots();
-  // The run leaves running_; its runner is asked to end, or it may stay as long as it needs.
-  void TakeBack(int64_t lease, bool ask = true);
-  void SeeEnding();
+  void ReopenSlots();
+  // Moves the lease from running_ to stopping_runners_. Asks its runner to end if `ask`; otherwise
+  // the runner may take as long as it needs.
+  void Reclaim(int64_t lease, bool ask = true);
+  void ReapStopping();
   void AnswerCancels();
   absl::Status CancelEvaluations(int64_t submission, const std::string& why,
                                  const std::string& who, std::set<int64_t>& killed);
 
   // The host.
-  void SeeSelfTest();
+  void PollSelfTest();
   void BeginSelfTest();
   void EndSelfTest(const std::string& fault);
 
@@ -274,15 +274,15 @@ class EngineCore {
   std::deque<Entry> journal_;
   std::vector<Request> requests_;
   absl::Duration write_after_ = absl::ZeroDuration();
-  std::set<int64_t> to_take_up_;
+  std::set<int64_t> deferred_;
   std::set<int64_t> to_settle_;
   std::map<int64_t, ContextPtr> contexts_;     // of unfinished evaluations
   std::map<int64_t, std::string> given_up_;    // evaluations that can't be read, and why
   StoredContent content_;
   std::map<int64_t, LeaseRun> running_;        // by lease
-  std::vector<Ending> ending_;
+  std::vector<StoppingRunner> stopping_runners_;
   std::vector<CancelWait> cancels_;
-  absl::Duration next_slot_look_;
+  absl::Duration next_slot_check_;
   std::unique_ptr<SelfTest> test_;
   TrackPtr suspect_track_;                     // of the last faulty lease
 
@@ -290,11 +290,11 @@ class EngineCore {
   Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);
   HostHealth host_ ABSL_GUARDED_BY(mutex_);
   std::map<int64_t, Live> live_ ABSL_GUARDED_BY(mutex_);
-  int ending_count_ ABSL_GUARDED_BY(mutex_) = 0;
+  int stopping_count_ ABSL_GUARDED_BY(mutex_) = 0;
   std::map<int, std::string> closed_slots_ ABSL_GUARDED_BY(mutex_);
   std::string store_trouble_ ABSL_GUARDED_BY(mutex_);
   std::map<int64_t, std::string> unreadable_ ABSL_GUARDED_BY(mutex_);
-  // Of those played here; 0: none yet.
+  // Of leases played here; 0: none yet.
   absl::Duration mean_lease_ ABSL_GUARDED_BY(mutex_) = absl::ZeroDuration();
 };
 

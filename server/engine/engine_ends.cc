@@ -1,4 +1,4 @@
-// How leases end, and what follows from it.
+// How leases end, and what follows.
 #include <algorithm>
 
 #include <absl/strings/str_cat.h>
@@ -12,14 +12,14 @@
 namespace myograde::server {
 namespace {
 
-// A cancel is answered by then, whatever a dying process does.
+// A cancel is answered by then, however slowly a process dies.
 constexpr absl::Duration kCancelAnswer = absl::Milliseconds(950);
-// For a runner that stays until it has buried what it started; whatever lives on then keeps the
-// slot closed itself.
+// For a runner that stays until everything it started is dead; after that, survivors keep the slot
+// closed by themselves.
 constexpr absl::Duration kLongestStay = absl::Minutes(10);
-// How often closed slots are looked at.
-constexpr absl::Duration kSlotLook = absl::Milliseconds(500);
-// How much the last lease weighs in the mean of their durations.
+// How often closed slots are checked.
+constexpr absl::Duration kSlotCheckInterval = absl::Milliseconds(500);
+// The weight of the latest lease in the running mean of durations.
 constexpr double kNewest = 0.2;
 
 nlohmann::json OutputJson(const LeaseEndRecord& end) {
@@ -35,7 +35,7 @@ nlohmann::json OutputJson(const LeaseEndRecord& end) {
 }  // namespace
 
 // Runners that ended by themselves, and those whose records show a fault.
-void EngineCore::SeeEnds() {
+void EngineCore::ReapRunners() {
   const absl::Duration now = clock_.Monotonic();
   std::vector<int64_t> faulty;
   std::vector<int64_t> lingering;
@@ -50,31 +50,31 @@ void EngineCore::SeeEnds() {
       ++it;
       continue;
     }
-    Listen(run);  // what came between the last reading and the end
+    Listen(run);  // what arrived between the last read and the exit
     FreeSlot(run.slot);
-    EndOf(run);
+    OnRunnerEnd(run);
     processes_.CleanUp(run.work_dir);
     it = running_.erase(it);
   }
-  // All is said; what keeps the runner is none of the lease's business, only of its slot's.
+  // The lease is complete; whatever keeps the runner alive concerns only its slot.
   for (const int64_t lease : lingering) {
     const auto it = running_.find(lease);
     if (it == running_.end()) continue;
-    spdlog::warn("lease {} has ended, and its runner stays on slot {}: something that it started "
+    spdlog::warn("lease {} has ended, but its runner stays on slot {}: one of its processes "
                  "can't be killed yet", lease, it->second.slot);
-    EndOf(it->second);
-    TakeBack(lease, /*ask=*/false);
+    OnRunnerEnd(it->second);
+    Reclaim(lease, /*ask=*/false);
   }
   for (const int64_t lease : faulty) {
-    // A give-up of an earlier one may have taken it back.
+    // Giving up an earlier one may have reclaimed this one.
     const auto it = running_.find(lease);
     if (it == running_.end()) continue;
     Fault(it->second, it->second.report.fault());
-    TakeBack(lease);
+    Reclaim(lease);
   }
 }
 
-void EngineCore::TakeBackOverdue() {
+void EngineCore::ReclaimOverdue() {
   std::vector<Overdue> overdue;
   {
     const MutexLock lock(mutex_);
@@ -83,13 +83,13 @@ void EngineCore::TakeBackOverdue() {
   for (const Overdue& late : overdue) {
     const auto it = running_.find(late.lease);
     if (it == running_.end()) continue;
-    // One that has said its last word is done, though its process does not end.
+    // A runner that has sent its end record is done, even if its process is still alive.
     if (it->second.report.end().has_value()) {
-      EndOf(it->second);
+      OnRunnerEnd(it->second);
     } else {
       Fault(it->second, late.why);
     }
-    TakeBack(late.lease);
+    Reclaim(late.lease);
   }
 }
 
@@ -101,7 +101,8 @@ void EngineCore::FreeSlot(int slot) {
   spdlog::warn("slot {} is closed until {} is gone", slot, closed_slots_[slot]);
 }
 
-// What an earlier daemon's leases left, if its runners were killed before they could bury it.
+// Processes that an earlier daemon's leases left behind, if its runners were killed before they
+// could reap them.
 void EngineCore::CloseSlots() {
   const auto found = processes_.ProcessesOf(0, options_.config.scheduler.slots);
   const MutexLock lock(mutex_);
@@ -112,14 +113,14 @@ void EngineCore::CloseSlots() {
   }
 }
 
-void EngineCore::SeeClosedSlots() {
+void EngineCore::ReopenSlots() {
   const absl::Duration now = clock_.Monotonic();
-  if (now < next_slot_look_) return;
+  if (now < next_slot_check_) return;
   {
     const MutexLock lock(mutex_);
     if (closed_slots_.empty()) return;
   }
-  next_slot_look_ = now + kSlotLook;
+  next_slot_check_ = now + kSlotCheckInterval;
   const auto found = processes_.ProcessesOf(0, options_.config.scheduler.slots);
   const MutexLock lock(mutex_);
   for (auto closed = closed_slots_.begin(); closed != closed_slots_.end();) {
@@ -134,7 +135,7 @@ void EngineCore::SeeClosedSlots() {
   }
 }
 
-void EngineCore::EndOf(LeaseRun& run) {
+void EngineCore::OnRunnerEnd(LeaseRun& run) {
   if (!run.report.end().has_value() && !run.report.faulty()) {
     spdlog::error("lease {}: the runner wrote: {}", run.lease, run.runner->stderr_tail());
   }
@@ -196,30 +197,30 @@ void EngineCore::GiveUp(const Decision& decision, int64_t failed, const std::str
         writer.EndEvaluation(evaluation, EvaluationState::kGraderError, reason, "", who));
     return status;
   });
-  for (const int64_t lease : decision.running) TakeBack(lease);
+  for (const int64_t lease : decision.running) Reclaim(lease);
   contexts_.erase(decision.evaluation);
 }
 
-void EngineCore::TakeBack(int64_t lease, bool ask) {
+void EngineCore::Reclaim(int64_t lease, bool ask) {
   auto node = running_.extract(lease);
   if (node.empty()) return;
   LeaseRun& run = node.mapped();
   if (ask) run.runner->AskToEnd();
-  ending_.push_back({lease, run.attempt, run.slot, run.work_dir, std::move(run.runner),
-                     clock_.Monotonic() + (ask ? Runner::kCleanUpGrace : kLongestStay),
-                     /*stays=*/!ask});
+  stopping_runners_.push_back({lease, run.attempt, run.slot, run.work_dir, std::move(run.runner),
+                               clock_.Monotonic() + (ask ? Runner::kCleanUpGrace : kLongestStay),
+                               /*stays=*/!ask});
   const MutexLock lock(mutex_);
   live_.erase(lease);
-  ending_count_ = static_cast<int>(ending_.size());
+  stopping_count_ = static_cast<int>(stopping_runners_.size());
 }
 
-// Runners on their way out: their slots are free when they are dead, and what they say is
-// refused.
-void EngineCore::SeeEnding() {
+// Runners that are stopping: their slots become free when they are dead, and their records are
+// rejected.
+void EngineCore::ReapStopping() {
   const absl::Duration now = clock_.Monotonic();
-  for (auto it = ending_.begin(); it != ending_.end();) {
-    Ending& ending = *it;
-    // Kept reading, so that a runner that writes can come to its end.
+  for (auto it = stopping_runners_.begin(); it != stopping_runners_.end();) {
+    StoppingRunner& ending = *it;
+    // Keep reading, so that a runner blocked in a write can exit.
     if (const auto records = ending.runner->Read(); records.ok()) {
       ending.late += static_cast<int64_t>(records->size());
     }
@@ -233,27 +234,27 @@ void EngineCore::SeeEnding() {
       continue;
     }
     if (ending.late > 0) {
-      spdlog::info("lease {}, attempt {}: {} records that came after it was taken back are refused",
+      spdlog::info("lease {}, attempt {}: rejected {} records that arrived after it was reclaimed",
                    ending.lease, ending.attempt, ending.late);
     }
     FreeSlot(ending.slot);
     processes_.CleanUp(ending.work_dir);
-    it = ending_.erase(it);
+    it = stopping_runners_.erase(it);
   }
   const MutexLock lock(mutex_);
-  ending_count_ = static_cast<int>(ending_.size());
+  stopping_count_ = static_cast<int>(stopping_runners_.size());
 }
 
-// Nothing of an evaluation is to be played or settled any more. The leases of it that ran are
-// taken back, and returned.
+// Drops the evaluation: nothing of it is played or settled any more. Reclaims its running leases
+// and returns them.
 std::set<int64_t> EngineCore::Forget(int64_t evaluation) {
   Decision decision;
   {
     const MutexLock lock(mutex_);
     decision = scheduler_.Cancel(evaluation);
   }
-  for (const int64_t lease : decision.running) TakeBack(lease);
-  to_take_up_.erase(evaluation);
+  for (const int64_t lease : decision.running) Reclaim(lease);
+  deferred_.erase(evaluation);
   to_settle_.erase(evaluation);
   contexts_.erase(evaluation);
   return {decision.running.begin(), decision.running.end()};
@@ -262,13 +263,13 @@ std::set<int64_t> EngineCore::Forget(int64_t evaluation) {
 void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
   const auto [known, is_new] = given_up_.try_emplace(evaluation, why);
   if (!is_new) {
-    // This was its end, which is refused too.
+    // This was the write that ends it, and it was rejected too.
     spdlog::error("evaluation {} can't be ended: {}", evaluation, why);
     const MutexLock lock(mutex_);
     unreadable_[evaluation] = known->second;
     return;
   }
-  spdlog::error("evaluation {} can't be gone on with: {}", evaluation, why);
+  spdlog::error("evaluation {} can't continue: {}", evaluation, why);
   Forget(evaluation);
   std::erase_if(journal_, [&](const Entry& entry) { return entry.evaluation == evaluation; });
   AddToJournal(evaluation, [evaluation, why, who = owner_](Writer& writer) {
@@ -278,10 +279,10 @@ void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
 
 absl::Status EngineCore::CancelEvaluations(int64_t submission, const std::string& why,
                                            const std::string& who, std::set<int64_t>& killed) {
-  // Episodes that ended before the cancel stay, and an evaluation whose leases have all ended
-  // is about to get its result.
+  // Episodes that ended before the cancel stay, and an evaluation whose leases have all ended is
+  // about to get its result.
   if (absl::Status status = RequireWritable(); !status.ok()) return status;
-  if (absl::Status status = TakeUpLate(); !status.ok()) return status;
+  if (absl::Status status = EnqueueDeferred(); !status.ok()) return status;
   if (absl::Status status = SettleAll(); !status.ok()) return status;
   if (absl::Status status = RequireWritable(); !status.ok()) return status;
   std::vector<int64_t> open;
@@ -316,7 +317,9 @@ void EngineCore::AnswerCancels() {
   const absl::Duration now = clock_.Monotonic();
   std::erase_if(cancels_, [&](const CancelWait& wait) {
     CancelReport report{static_cast<int>(wait.leases.size()), now - wait.begin, 0};
-    for (const Ending& ending : ending_) report.still_ending += wait.leases.contains(ending.lease);
+    for (const StoppingRunner& ending : stopping_runners_) {
+      report.still_ending += wait.leases.contains(ending.lease);
+    }
     if (report.still_ending > 0 && report.took < kCancelAnswer) return false;
     wait.answer(report);
     return true;

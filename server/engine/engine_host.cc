@@ -1,4 +1,4 @@
-// The host's health: when the grader's own faults repeat, it tests itself.
+// Host health: when the grader's own faults repeat, it tests itself.
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
@@ -6,9 +6,9 @@
 
 namespace myograde::server {
 
-void EngineCore::SeeSelfTest() {
+void EngineCore::PollSelfTest() {
   if (test_ != nullptr) {
-    const std::optional<std::string> verdict = test_->Look(clock_.Monotonic());
+    const std::optional<std::string> verdict = test_->Poll(clock_.Monotonic());
     if (verdict.has_value()) EndSelfTest(*verdict);
     return;
   }
@@ -27,7 +27,8 @@ void EngineCore::BeginSelfTest() {
     slot = scheduler_.TakeSlot();
     if (slot.has_value()) host_.TestBegins();
   }
-  if (!slot.has_value()) return;  // the next one that gets free is for it, as no lease starts
+  if (!slot.has_value()) return;  // the test gets the next slot that becomes free, as no lease
+                                  // starts
   LeaseOrder order =
       SelfTestOrder(suspect_track_->config, absl::StrCat(options_.data_dir, "/selftest"),
                     absl::StrCat(options_.data_dir, "/work/selftest"), options_.cache_dir);
@@ -50,8 +51,9 @@ void EngineCore::EndSelfTest(const std::string& fault) {
   }
   if (runner != nullptr && !runner->dead()) {
     runner->AskToEnd();
-    ending_.push_back({0, 0, static_cast<int>(order.slot), order.work_dir, std::move(runner),
-                       clock_.Monotonic() + Runner::kCleanUpGrace});
+    stopping_runners_.push_back({0, 0, static_cast<int>(order.slot), order.work_dir,
+                                 std::move(runner),
+                                 clock_.Monotonic() + Runner::kCleanUpGrace});
   } else {
     if (runner != nullptr) processes_.CleanUp(order.work_dir);
     FreeSlot(static_cast<int>(order.slot));

@@ -1,4 +1,4 @@
-// Starting leases and hearing their runners.
+// Starts leases and reads from their runners.
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
@@ -53,7 +53,7 @@ void EngineCore::StartLease(const Start& start) {
     return writer.StartLease(start.lease, start.attempt, start.slot, deadline, who);
   });
   const LeaseOrder order = OrderFor(run);
-  // Lateness and silence are the scheduler's to see.
+  // The scheduler watches for lateness and silence.
   run.report = LeaseReport(order.episodes, {}, clock_.Monotonic());
   absl::StatusOr<std::unique_ptr<Runner>> runner = processes_.Start(order);
   if (!runner.ok()) {
@@ -102,7 +102,7 @@ void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
     absl::StatusOr<Recorded> recorded = writer.RecordEpisode(row);
     if (!recorded.ok()) return recorded.status();
     if (!recorded->differs.empty()) {
-      spdlog::warn("evaluation {}, episode {}: played again, and came out otherwise (policy not "
+      spdlog::warn("evaluation {}, episode {}: played again with another result (policy not "
                    "repeatable)", row.evaluation, row.index);
     }
     return absl::OkStatus();

@@ -1,5 +1,5 @@
-// Taking evaluations up from the store: new ones, and after a start those that
-// an earlier daemon left unfinished. One way for both.
+// Loads evaluations from the store: new ones, and after a start those that an earlier daemon left
+// unfinished, in the same way.
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
@@ -17,7 +17,7 @@ EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) con
   context->evaluation = stored.evaluation.id;
   context->submission = stored.submission.id;
   context->team = stored.submission.team;
-  // What an organiser hands in, many people made: it is nobody's share.
+  // An organiser submits on behalf of many people, so it counts for no party.
   const std::string& who = stored.submission.accepted_by;
   context->party = IsOrganiser(who) ? "" : who;
   context->priority = stored.evaluation.rerun    ? Priority::kRerun
@@ -28,7 +28,8 @@ EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) con
   context->environment = stored.artefact.environment;
   for (const std::string& runtime : stored.artefact.runtimes) {
     const auto it = options_.config.runtimes.find(runtime);
-    // A runtime that was taken out of the settings is the grader's fault, told by the runner.
+    // If a runtime has left the settings, the runner reports the missing folder as the grader's
+    // fault.
     context->runtimes.push_back(it == options_.config.runtimes.end() ? "/nonexistent/" + runtime
                                                                      : it->second);
   }
@@ -56,12 +57,12 @@ absl::StatusOr<EngineCore::Loaded> EngineCore::Load(int64_t id) {
   return loaded;
 }
 
-absl::Status EngineCore::TakeUp(int64_t id) {
+absl::Status EngineCore::Enqueue(int64_t id) {
   absl::StatusOr<Loaded> loaded = Load(id);
   if (MayPass(loaded.status())) {
-    spdlog::warn("evaluation {} is taken up later: {}", id,
+    spdlog::warn("evaluation {} is deferred: {}", id,
                  std::string(loaded.status().message()));
-    to_take_up_.insert(id);
+    deferred_.insert(id);
     return absl::OkStatus();
   }
   if (IsBrokenStore(loaded.status())) return loaded.status();
@@ -90,9 +91,9 @@ absl::Status EngineCore::TakeUp(int64_t id) {
   return absl::OkStatus();
 }
 
-absl::Status EngineCore::TakeUpLate() {
-  for (const int64_t id : std::exchange(to_take_up_, {})) {
-    if (absl::Status status = TakeUp(id); !status.ok()) return status;
+absl::Status EngineCore::EnqueueDeferred() {
+  for (const int64_t id : std::exchange(deferred_, {})) {
+    if (absl::Status status = Enqueue(id); !status.ok()) return status;
   }
   return absl::OkStatus();
 }
@@ -105,7 +106,7 @@ absl::Status EngineCore::Recover() {
     unfinished = reader.Unfinished();
     for (const EvaluationRow& evaluation : unfinished.rows) {
       const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(evaluation.id);
-      if (!leases.ok()) continue;  // TakeUp finds the same
+      if (!leases.ok()) continue;  // Enqueue runs into the same error
       for (const LeaseRow& lease : *leases) {
         if (lease.state == LeaseState::kRunning) interrupted[evaluation.id].push_back(lease);
       }
@@ -138,16 +139,16 @@ absl::Status EngineCore::Recover() {
   }
   for (const EvaluationRow& evaluation : unfinished.rows) {
     if (given_up_.contains(evaluation.id)) continue;
-    if (status = TakeUp(evaluation.id); !status.ok()) return status;
+    if (status = Enqueue(evaluation.id); !status.ok()) return status;
   }
   if (!unfinished.rows.empty()) {
-    spdlog::info("{} unfinished evaluations taken up, leases of {} of them were running",
+    spdlog::info("resumed {} unfinished evaluations, {} of them with interrupted leases",
                  unfinished.rows.size(), interrupted.size());
   }
   return status;
 }
 
-// The evaluation's leases are all done: its rows make it done or failed.
+// The evaluation's leases have all ended: its rows decide whether it is done or failed.
 absl::Status EngineCore::Settle(int64_t evaluation) {
   const Context& context = *contexts_.at(evaluation);
   std::vector<EpisodeRow> rows;

@@ -1,4 +1,4 @@
-// Requests that change the store: those that come together are written together.
+// Requests that change the store; concurrent requests are written together.
 #include <absl/strings/str_cat.h>
 
 #include "server/engine/engine.h"
@@ -39,7 +39,7 @@ absl::StatusOr<Accepted> Engine::Admit(std::function<absl::StatusOr<Accepted>(Wr
         return added.status();
       },
       [this, accepted] {
-        return accepted->linked ? absl::OkStatus() : core_.TakeUp(accepted->evaluation);
+        return accepted->linked ? absl::OkStatus() : core_.Enqueue(accepted->evaluation);
       },
       timeout);
   if (!status.ok()) return status;
@@ -49,7 +49,7 @@ absl::StatusOr<Accepted> Engine::Admit(std::function<absl::StatusOr<Accepted>(Wr
 absl::StatusOr<Accepted> Engine::Submit(const NewSubmission& submission,
                                         const AdmissionRules& rules, const std::string& who,
                                         absl::Duration timeout) {
-  // On the loop's thread, where files are removed too: those that are there now stay.
+  // Files are removed on the loop's thread too, so those that are there now stay.
   return Admit([this, submission, rules, who](Writer& writer) -> absl::StatusOr<Accepted> {
     if (absl::Status status = HasArtefactFiles(data_dir_, submission.artefact); !status.ok()) {
       return status;

@@ -54,7 +54,7 @@ LiveHealth EngineCore::Health() const {
   LiveHealth health;
   health.running = scheduler_.running();
   health.pending = scheduler_.pending();
-  health.ending = ending_count_;
+  health.ending = stopping_count_;
   health.closed_slots = closed_slots_;
   health.store_trouble = store_trouble_;
   health.unreadable = unreadable_;

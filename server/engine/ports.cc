@@ -36,7 +36,7 @@ std::map<int, std::string> SystemProcesses::ProcessesOf(int first, int count) {
 void SystemProcesses::CleanUp(const std::string& work_dir) {
   std::error_code error;
   fs::remove_all(work_dir, error);
-  // Told and left: the next start of the daemon tries again.
+  // Logged and left: the daemon's next start tries again.
   if (error) spdlog::warn("{}: can't be removed: {}", work_dir, error.message());
 }
 

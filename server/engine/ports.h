@@ -1,5 +1,5 @@
-// What the engine needs of the world outside: processes and a store that is written.
-// Time comes through Clock. Tests put fakes in their places and turn the world as they like.
+// What the engine needs from the outside world: processes and a writable store. Time comes from
+// Clock. Tests substitute fakes.
 #pragma once
 
 #include <cstdint>
@@ -23,34 +23,34 @@ class Processes {
  public:
   virtual ~Processes() = default;
 
-  // Makes the order's work folder and starts a runner on it, which takes the order's slot. An error
-  // is the grader's; nothing is left of it then.
+  // Creates the order's work folder and starts a runner on it in the order's slot. An error is the
+  // grader's fault, and leaves nothing behind.
   virtual absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order) = 0;
 
-  // Removes the work folder of a runner that is dead.
+  // Removes a dead runner's work folder.
   virtual void CleanUp(const std::string& work_dir) = 0;
 
-  // Living processes of the sandboxes of slots `first` to `first + count - 1`, whoever started
-  // them, by slot: in words, for people.
+  // Living processes in the sandboxes of slots `first` to `first + count - 1`, whoever started
+  // them: by slot, described for people.
   virtual std::map<int, std::string> ProcessesOf(int first, int count) {
     (void)first, (void)count;
     return {};
   }
 };
 
-// A change of the store; what it touches is its own or outlives it.
+// A store change. It owns what it touches, or is outlived by it.
 using StoreChange = std::function<absl::Status(Writer&)>;
 
 class Disk {
  public:
   virtual ~Disk() = default;
 
-  // As Store::Write and Store::policy_secret.
+  // See Store::Write and Store::policy_secret.
   virtual absl::Status Write(const StoreChange& change) = 0;
   virtual const std::string& policy_secret() const = 0;
 };
 
-// The real ones.
+// The production implementations.
 class SystemProcesses : public Processes {
  public:
   explicit SystemProcesses(SlotProcesses slots) : slots_(std::move(slots)) {}

@@ -20,14 +20,14 @@ namespace fs = std::filesystem;
 
 constexpr absl::Duration kChange = absl::Seconds(30);
 constexpr size_t kHashDigits = 64;
-// The row that names a log comes after its file.
+// The row that names a log is written after its file.
 constexpr int64_t kFreshMs = 10 * 60 * 1000;
 
 int64_t ToMs(const timespec& time) {
   return static_cast<int64_t>(time.tv_sec) * 1000 + time.tv_nsec / 1'000'000;
 }
 
-// When the entry got its present place and content: a renamed folder counts as new.
+// When the entry got its current name and content: a renamed folder counts as new.
 int64_t ChangedAt(const fs::path& path) {
   struct stat info;
   return lstat(path.c_str(), &info) == 0 ? ToMs(info.st_ctim) : INT64_MAX;
@@ -111,8 +111,8 @@ void Retention::Sweep() {
     spdlog::warn("retention of uploads: {}", std::string(unsubmitted.status().message()));
   }
   look("artefact", Artefacts(), limits_.artefact_age, limits_.artefact_bytes);
-  absl::StatusOr<std::vector<KeptFile>> logs = Logs();  // none of them known to be needed
-  // Which logs are needed is in every episode's row; nobody asks while there is room for all.
+  absl::StatusOr<std::vector<KeptFile>> logs = Logs();  // `needed` is unset
+  // Which logs are needed is in every episode's row, so don't ask while there is room for all.
   if (!ChooseRemovals(*logs, limits_.log_age, limits_.log_bytes, now).empty()) {
     logs = WithNeeded(*std::move(logs));
   }
@@ -157,7 +157,7 @@ std::vector<KeptFile> Retention::Logs() {
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(data_dir_ + "/logs", error)) {
     const std::string name = entry.path().filename().string();
-    // Others are logs in work.
+    // Others are logs still being written.
     if (name.size() <= kHashDigits || name[kHashDigits] != '.') continue;
     std::error_code gone;
     const auto bytes = static_cast<int64_t>(entry.file_size(gone));
@@ -181,9 +181,9 @@ absl::StatusOr<std::vector<KeptFile>> Retention::WithNeeded(std::vector<KeptFile
   return files;
 }
 
-// Row and file go together, on the engine's thread, and only if the file is still not needed: what
-// is accepted before keeps it, and what comes after finds that it is gone. If the row can't be kept
-// after all, the file comes back.
+// Removes row and file together, on the engine's thread, and only if the file is still not needed:
+// a submission accepted before keeps the file, and a later one finds it gone. If the row can't be
+// written after all, the file comes back.
 void Retention::Remove(const std::string& kind, const std::vector<Choice>& choices) {
   for (const Choice& choice : choices) {
     {
@@ -207,7 +207,7 @@ void Retention::Remove(const std::string& kind, const std::vector<Choice>& choic
         },
         kChange);
     if (!status.ok()) {
-      rename(to.c_str(), from.c_str());  // if it had left its place
+      rename(to.c_str(), from.c_str());  // if it was moved at all
       spdlog::warn("retention: {}", std::string(status.message()));
       return;
     }

@@ -1,7 +1,6 @@
-// Removing files that the organiser's policy no longer keeps: those of submissions
-// that can't stand on a board, and logs of their episodes. What has not ended, and
-// whatever is done and ranked, stays. The rows of the store stay as well, and
-// each removal is one.
+// Removes files that the organiser's retention policy no longer keeps: those of submissions that
+// can't stand on a board, and their episode logs. Files of unfinished and of ranked evaluations
+// stay. So do the store's rows, and each removal adds one.
 #pragma once
 
 #include <string>
@@ -15,13 +14,13 @@
 
 namespace myograde::server {
 
-// A file or folder that the policy is about.
+// A file or folder under the retention policy.
 struct KeptFile {
   std::string name;  // a hash
   std::string path;
   int64_t bytes = 0;
   int64_t last_use = 0;  // ms since 1970-01-01 UTC
-  bool needed = false;   // never to be removed
+  bool needed = false;   // never removed
 };
 
 struct Choice {
@@ -29,29 +28,29 @@ struct Choice {
   std::string why;
 };
 
-// Which files go: those older than `age`, and then the oldest, until all
-// together have at most `bytes`. Oldest first; of equal age by name.
+// Chooses the files to remove: those older than `age`, then the oldest until the rest is at most
+// `bytes` in total. Returned oldest first; equal ages by name.
 std::vector<Choice> ChooseRemovals(std::vector<KeptFile> files, absl::Duration age, int64_t bytes,
                                    int64_t now_ms);
 
-// Looks after a data folder on a thread of its own, from its making to its end.
+// Sweeps a data folder on its own thread, from construction to destruction.
 class Retention {
  public:
-  // All but `limits` must outlive it, and `engine` must be running or about to.
+  // Everything but `limits` must outlive it; `engine` must be running or about to run.
   Retention(RetentionLimits limits, std::string data_dir, Engine& engine, ReaderPool& readers,
             const Clock& clock);
   ~Retention();
 
  private:
   void Loop();
-  // Until the next look is due; true: it is to end.
+  // Waits until the next sweep is due. True: it is time to stop.
   bool WaitForStop();
-  // One look: what is too old or too much is removed. Trouble is logged.
+  // One sweep: removes what is too old or too much. Errors are logged.
   void Sweep();
   absl::StatusOr<std::vector<KeptFile>> Artefacts();
-  // What came too long ago and was never submitted.
+  // Uploads that are too old and were never submitted.
   absl::StatusOr<std::vector<Choice>> Unsubmitted(int64_t now_ms);
-  std::vector<KeptFile> Logs();  // `needed` is left out
+  std::vector<KeptFile> Logs();  // leaves `needed` unset
   absl::StatusOr<std::vector<KeptFile>> WithNeeded(std::vector<KeptFile> logs);
   void Remove(const std::string& kind, const std::vector<Choice>& choices);
 

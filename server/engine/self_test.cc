@@ -10,7 +10,7 @@ namespace myograde::server {
 namespace {
 
 constexpr int kExitStatus = 7;
-constexpr int kWaitStatus = W_EXITCODE(kExitStatus, 0);  // as records tell it
+constexpr int kWaitStatus = W_EXITCODE(kExitStatus, 0);  // as reported in records
 
 }  // namespace
 
@@ -36,7 +36,7 @@ std::unique_ptr<SelfTest> SelfTest::Begin(Processes& processes, const LeaseOrder
   return test;
 }
 
-std::optional<std::string> SelfTest::Look(absl::Duration now) {
+std::optional<std::string> SelfTest::Poll(absl::Duration now) {
   if (runner_ == nullptr) return report_.fault();
   absl::StatusOr<std::vector<LeaseRecord>> records = runner_->Read();
   if (!records.ok()) return std::string(records.status().message());

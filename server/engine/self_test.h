@@ -1,7 +1,6 @@
-// The grader's test of itself on this host: one episode of a track by a policy that ends at
-// once, through the same runner, sandboxes, simulator and bridge as any lease. It is known how
-// that must come out: one record, of a crash with the policy's exit status, and a lease that
-// ended well.
+// The grader's self-test on this host: one episode of a track, with a policy that exits at once,
+// through the same runner, sandboxes, simulator and bridge as any lease. The expected result is
+// known: one record of a crash with the policy's exit status, and a lease that ended well.
 #pragma once
 
 #include <memory>
@@ -23,13 +22,13 @@ LeaseOrder SelfTestOrder(const TrackConfig& track, const std::string& artefact_d
 
 class SelfTest {
  public:
-  // Begins; `deadline` is when it has failed if it has not ended.
+  // Starts the test; it fails if it has not ended by `deadline`.
   static std::unique_ptr<SelfTest> Begin(Processes& processes, const LeaseOrder& order,
                                          absl::Duration deadline);
 
-  // Takes what the runner said. nullopt: still at work. Else the verdict: "" if the host
+  // Reads the runner's output. nullopt: still running. Otherwise the verdict: "" if the host
   // passed, or what went wrong, in one sentence.
-  std::optional<std::string> Look(absl::Duration now);
+  std::optional<std::string> Poll(absl::Duration now);
 
   const Runner* runner() const { return runner_.get(); }  // null if it could not be started
   std::unique_ptr<Runner> TakeRunner() { return std::move(runner_); }

@@ -66,7 +66,7 @@ absl::StatusOr<StoredEvaluation> LoadEvaluation(Reader& reader, int64_t id,
   if (!evaluation.ok()) return evaluation.status();
   stored.evaluation = *std::move(evaluation);
   const std::string key = absl::StrCat(id);
-  // A row that is missing though this one names it is this one's damage.
+  // If a row that this one names is missing, then this one is damaged.
   absl::StatusOr<SubmissionRow> submission = reader.Submission(stored.evaluation.submission);
   if (absl::IsNotFound(submission.status())) {
     return Unreadable("evaluation", key, submission.status());

@@ -16,8 +16,8 @@ using scoring::RankedEntry;
 using scoring::TeamRule;
 using Json = nlohmann::json;
 
-// Everything that may stand on a board, sorted by what the marks make of it. Points into the
-// standings that it was made of.
+// Everything that may stand on a board, sorted by its marks. Points into the standings that it was
+// built from.
 struct Sorted {
   std::vector<BoardEntry> ranked;
   std::vector<BoardEntry> baselines;  // each as a team of its own
@@ -40,7 +40,7 @@ BoardEntry EntryOf(const StandingRow& row) {
   return entry;
 }
 
-// Only what is shown is parsed.
+// Only rows that are shown get parsed.
 std::optional<Json> AggregateOf(const StandingRow& row, std::vector<Damage>& damaged) {
   Json aggregate = Json::parse(row.standing.aggregate_json, nullptr, /*allow_exceptions=*/false);
   if (aggregate.is_object()) return aggregate;
@@ -64,7 +64,7 @@ Sorted Sort(const std::vector<StandingRow>& standings, const Marks& marks) {
     BoardEntry entry = EntryOf(row);
     sorted.sources[row.submission] = &row;
     if (own.contains(kBaseline)) {
-      // No team's name has a control character, so this is nobody else's.
+      // Team names have no control characters, so this is unique.
       entry.team = absl::StrCat("\x01", row.submission);
       entry.chosen = true;
       sorted.baselines.push_back(std::move(entry));
@@ -84,7 +84,7 @@ void AddRow(const Sorted& sorted, const RankedEntry& ranked, const BoardRules& r
       {ranked, source, *std::move(aggregate), scoring::IsQualified(ranked.entry, rules)});
 }
 
-// Where a baseline stands among the ranked: how many of them are above it.
+// Where a baseline stands: the number of ranked rows above it.
 absl::StatusOr<std::optional<size_t>> PlaceOf(const BoardEntry& baseline,
                                               const std::vector<RankedEntry>& ranked,
                                               const BoardRules& rules, TeamRule team) {
@@ -95,7 +95,8 @@ absl::StatusOr<std::optional<size_t>> PlaceOf(const BoardEntry& baseline,
   for (size_t i = 0; i < with->size(); ++i) {
     if ((*with)[i].entry.acceptance == baseline.acceptance) return std::optional(i);
   }
-  return std::optional<size_t>();  // below the line of a board that has only those above it
+  return std::optional<size_t>();  // below the qualifying line of a board that shows only those
+                                   // above it
 }
 
 }  // namespace
@@ -105,7 +106,7 @@ absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& stan
   Sorted sorted = Sort(standings, marks);
   absl::StatusOr<std::vector<RankedEntry>> ranked = scoring::Rank(sorted.ranked, rules, team);
   if (!ranked.ok()) return ranked.status();
-  // By place, then by acceptance: two baselines at one place stay in a fixed order.
+  // By place, then by acceptance, so that baselines at the same place have a fixed order.
   std::vector<std::pair<size_t, BoardEntry>> baselines;
   for (const BoardEntry& baseline : sorted.baselines) {
     absl::StatusOr<std::optional<size_t>> place = PlaceOf(baseline, *ranked, rules, team);
@@ -186,7 +187,7 @@ absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standin
     return absl::InvalidArgumentError(
         absl::StrCat("\"", a, "\" and \"", b, "\" are the same row; name two"));
   }
-  // The bands that decide are those of a ranking in which both are.
+  // The bands that decide are those of a ranking with both in it.
   std::vector<BoardEntry> entries;
   for (const LeaderboardRow& row : board->rows) {
     if (row.ranked.rank != 0 || &row == *first || &row == *second) {

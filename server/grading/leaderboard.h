@@ -1,5 +1,5 @@
-// Leaderboards: a pure function of what the store has of finished evaluations and
-// marks. Kept answers are told from stale ones by the store's count of changes.
+// Leaderboards: a pure function of the store's rows of finished evaluations and marks. The store's
+// change counter tells whether a cached board is stale.
 #pragma once
 
 #include <cstdint>
@@ -25,10 +25,10 @@ inline constexpr char kBaseline[] = "baseline";
 using Marks = std::map<int64_t, std::map<std::string, MarkRow>>;
 
 struct LeaderboardRow {
-  scoring::RankedEntry ranked;  // rank 0: a baseline, which has none
+  scoring::RankedEntry ranked;  // rank 0: a baseline, which is not ranked
   StandingRow source;
   nlohmann::json aggregate;     // AggregateToJson
-  bool qualified = false;       // at or above the board's line
+  bool qualified = false;       // at or above the board's qualifying line
 };
 
 struct DisqualifiedRow {
@@ -38,23 +38,22 @@ struct DisqualifiedRow {
 };
 
 struct Leaderboard {
-  std::vector<LeaderboardRow> rows;                 // in the board's order, baselines among them
+  std::vector<LeaderboardRow> rows;                 // in board order, including baselines
   std::vector<DisqualifiedRow> disqualified;  // by submission
-  std::vector<Damage> damaged;                // what would be here, and can't be read
+  std::vector<Damage> damaged;                // rows that belong here but are unreadable
 };
 
-// Hidden submissions are as if they weren't there. Disqualified ones don't rank
-// and are listed apart. A baseline stands before the first ranked row that it
-// would beat, and neither takes a rank nor moves a band: the ranks are those of
-// the board without baselines. Every submission marked as baseline is shown; its
-// team's others rank as usual. What has an aggregate that can't be read is as if it weren't
-// there, and told apart.
+// Hidden submissions are left out. Disqualified ones don't rank and are listed separately. A
+// baseline stands before the first ranked row that it would beat, and neither takes a rank nor
+// moves a band: the ranks are those of the board without baselines. Every submission marked as
+// baseline is shown; its team's others rank as usual. A submission with an unreadable aggregate is
+// left out of the board and listed as damaged.
 absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& standings, const Marks& marks,
                                 const scoring::BoardRules& rules, scoring::TeamRule team);
 
-// Why one of two stands above the other, in a sentence with unrounded numbers.
-// Each is named by its submission's number, or else by its team. A NotFoundError
-// says which is not on the board and why.
+// Why one of two entries stands above the other, in a sentence with unrounded numbers. Each is
+// identified by its submission's number, or else by its team. A NotFoundError says which one is not
+// on the board and why.
 struct Explanation {
   LeaderboardRow above;
   LeaderboardRow below;

@@ -77,7 +77,7 @@ nlohmann::json MetricsToJson(const scoring::ScoredTrack& track,
 
 namespace {
 
-// A judgement as far as the row's text of metrics tells it.
+// A judgement, as far as the row's metrics text gives it.
 absl::StatusOr<scoring::Judgement> KeptJudgement(const scoring::ScoredTrack& track,
                                                  const EpisodeRow& row) {
   const Json json = Json::parse(row.metrics_json, nullptr, /*allow_exceptions=*/false);
@@ -88,7 +88,7 @@ absl::StatusOr<scoring::Judgement> KeptJudgement(const scoring::ScoredTrack& tra
   for (const scoring::Metric& metric : track.metrics) {
     const bool kept = readable && metric.source == Source::kJudged;
     judgement.metrics.push_back(kept ? Optional(json, metric.name) : std::nullopt);
-    // Every episode took its time.
+    // Every episode has a time.
     if (kept && metric.name == kTimeMetric) readable = judgement.metrics.back().has_value();
   }
   if (readable) return judgement;
@@ -102,8 +102,8 @@ absl::StatusOr<scoring::Judgement> JudgementOf(const scoring::ScoredTrack& track
                                                const EpisodeRow& row) {
   absl::StatusOr<scoring::Judgement> judgement = KeptJudgement(track, row);
   if (!judgement.ok()) return judgement;
-  // What is taken from the facts whenever it is needed: metrics are part of what a result is
-  // compared by, so they stay as they were first written.
+  // The part that is always recomputed from the facts: metrics are part of what results are
+  // compared by, so they stay as first written.
   const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
   const std::optional<double> steps = facts.is_object() ? Optional(facts, "steps") : std::nullopt;
   if (!steps.has_value()) {

@@ -1,4 +1,4 @@
-// From facts to rows, and from rows to numbers: where scoring meets the store.
+// Converts facts to rows, and rows to numbers: where scoring meets the store.
 #pragma once
 
 #include <string>
@@ -14,42 +14,41 @@
 
 namespace myograde::server {
 
-// The row of an episode, but for its evaluation, lease and attempt.
-// InternalError if the facts are not those of a played episode of this track or
-// tell of the grader's fault: such an episode is not recorded.
+// The row of an episode, without its evaluation, lease and attempt. InternalError if the facts are
+// not those of an episode of this track, or report the grader's fault: such an episode is not
+// recorded.
 absl::StatusOr<EpisodeRow> JudgedRow(const Track& track, const EpisodeFacts& facts);
 
-// The metrics of a judged episode, with null where the episode has none, and back.
+// The metrics of a judged episode, null where the episode has none, and the reverse.
 nlohmann::json MetricsToJson(const scoring::ScoredTrack& track,
                              const scoring::Judgement& judgement);
 absl::StatusOr<scoring::Judgement> JudgementOf(const scoring::ScoredTrack& track,
                                                const EpisodeRow& row);
 
-// A damaged row (store/damage.h) if one can't be read.
+// A damaged row (store/damage.h) if one is unreadable.
 absl::StatusOr<scoring::Aggregate> AggregateRows(const scoring::ScoredTrack& track,
                                                  const std::vector<EpisodeRow>& rows);
 
-// The aggregate as the API tells it; null if there is no episode.
+// The aggregate as the API returns it; null if there is no episode.
 nlohmann::json AggregateToJson(const scoring::ScoredTrack& track,
                                const scoring::Aggregate& aggregate);
 
-// What an evaluation is ranked by: of its aggregate.
+// The standing that follows from an evaluation's aggregate.
 Standing StandingOf(const scoring::ScoredTrack& track, const scoring::Aggregate& aggregate);
 
-// A metric for those who print its values: name, title, unit, better, digits.
+// A metric's description, for those who print its values: name, title, unit, better, digits.
 nlohmann::json MetricToJson(const scoring::Metric& metric);
 
-// Those that results of the track show.
+// The metrics that the track's results show.
 nlohmann::json ShownMetrics(const scoring::TrackScoring& scoring);
 
-// SHA-256 over the canonical results of all rows, in the order of their indices.
+// SHA-256 over the canonical results of all rows, in index order.
 std::string ResultsHash(const std::vector<EpisodeRow>& rows);
 
-// The root of the Merkle tree (server/proof/merkle.h) whose leaves are the same canonical rows.
+// The root of the Merkle tree (server/proof/merkle.h) with the same canonical rows as leaves.
 std::string MerkleRootOf(const std::vector<EpisodeRow>& rows);
 
-// What a receipt tells of an episode: its canonical row, and beside it the hashes of its actions
-// and of its log.
+// A receipt's entry for an episode: its canonical row, and the hashes of its actions and its log.
 nlohmann::json ReceiptEntry(const EpisodeRow& row);
 
 }  // namespace myograde::server

@@ -1,5 +1,5 @@
-// Track configs as the daemon holds them: those on offer, read and checked at
-// start, and those that accepted submissions were made under.
+// Track configs in the daemon: those on offer, loaded and checked at start, and those of accepted
+// submissions.
 #pragma once
 
 #include <map>
@@ -31,7 +31,7 @@ class Tracks {
   static absl::StatusOr<Tracks> Load(const std::string& dir);
 
   // `profile` "" is the track's default. NotFoundError with the code "unknown_track" or
-  // "unknown_profile" (ErrorCodeOf of store/quota.h) names what is known.
+  // "unknown_profile" (ErrorCodeOf in store/quota.h) lists what exists.
   absl::StatusOr<TrackPtr> Find(const std::string& track, const std::string& profile) const;
 
   struct Entry {

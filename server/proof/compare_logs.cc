@@ -17,13 +17,13 @@ bool SameStart(const LogStart& a, const LogStart& b) {
          CanonicalJson(LegSetsToJson(a.sets)) == CanonicalJson(LegSetsToJson(b.sets));
 }
 
-// Bit for bit: 0 and -0 are not the same action.
+// Bit for bit: 0 and -0 are different actions.
 bool SameAction(const EpisodeLog& a, const EpisodeLog& b, int64_t step) {
   return std::memcmp(a.action(step).data(), b.action(step).data(),
                      a.action(step).size_bytes()) == 0;
 }
 
-// Both are equal as far as they go; one may go further.
+// Equal up to the end of the shorter one; the other may go on.
 LogDifference CompareEnds(const EpisodeLog& a, const EpisodeLog& b) {
   if (a.end.logged != a.end.steps || b.end.logged != b.end.steps) return {};
   if (a.end.end == b.end.end && a.steps() == b.steps()) return {};
@@ -31,7 +31,7 @@ LogDifference CompareEnds(const EpisodeLog& a, const EpisodeLog& b) {
   const std::string detail = absl::StrCat("one playing ended after ", a.steps(), " steps by \"",
                                           a.end.end, "\", the other after ", b.steps(), " by \"",
                                           b.end.end, "\"");
-  // An end that is none of the environment's is a fault of the participant's program.
+  // An episode that the environment did not end was ended by a fault of the participant's program.
   const EpisodeLog& shorter = a.steps() <= b.steps() ? a : b;
   const bool fault = !ParseEpisodeEnd(shorter.end.end).has_value() ||
                      (a.steps() == b.steps() && !ParseEpisodeEnd(b.end.end).has_value());

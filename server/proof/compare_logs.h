@@ -1,6 +1,5 @@
-// Two playings of one episode, compared by their logs: which came first, another
-// action or another state? That tells a policy that is not repeatable from a
-// simulator that is not.
+// Compares two runs of an episode by their logs: which came first, a different action or a
+// different state? That tells a non-repeatable policy from a non-deterministic simulator.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +11,8 @@ namespace myograde::server {
 
 enum class Cause {
   kNone,       // the logs are equal as far as both go
-  kPolicy,     // it acted otherwise though it had seen the same
-  kSimulator,  // another observation or state though all actions before were the same
+  kPolicy,     // it acted differently though it had seen the same
+  kSimulator,  // a different observation or state though all actions before were the same
 };
 
 struct LogDifference {

@@ -15,8 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-// The SHA-256 of a file, or null. Remembered while the file stays as it is, as it is asked for
-// with every submission.
+// The SHA-256 of a file, or null. Cached until the file changes, as every submission asks for it.
 Json FileHash(const fs::path& path) {
   struct Known {
     fs::file_time_type changed;

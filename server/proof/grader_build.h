@@ -1,4 +1,4 @@
-// Which build grades: what a result is a function of besides submission, config and seeds.
+// Identifies the grader's build: what a result depends on besides submission, config and seeds.
 #pragma once
 
 #include <string>
@@ -8,10 +8,10 @@
 namespace myograde::server {
 
 // The version, and the SHA-256 of the simulator, of MuJoCo's library and of the compiled models in
-// `cache_dir`; null for a file that can't be read. A file is read again only when it has changed.
+// `cache_dir`; null for an unreadable file. A file is read again only if it has changed.
 nlohmann::json GraderBuild(const std::string& cache_dir);
 
-// The version of this program.
+// This program's version.
 std::string GraderVersion();
 
 }  // namespace myograde::server

@@ -35,7 +35,8 @@ ReceiptCheck Compare(const char* name, const std::string& said, const std::strin
   return check;
 }
 
-// The policy seeds must follow from the secret that the config names. Configs of form 1 name none.
+// The policy seeds must follow from the secret that the config names. Configs of form 1 name
+// none.
 std::optional<ReceiptCheck> CheckPolicySeeds(const Json& receipt) {
   const std::string secret = Text(receipt.value("track_config", Json::object()),
                                   "policy_seed_secret");
@@ -56,7 +57,7 @@ std::optional<ReceiptCheck> CheckPolicySeeds(const Json& receipt) {
   return ReceiptCheck{"policy_seeds", true, ""};
 }
 
-// The canonical results of the episodes: what the Merkle tree is made of.
+// The canonical results of the episodes: the leaves of the Merkle tree.
 std::vector<std::string> LeavesOf(const Json& episodes) {
   std::vector<std::string> leaves;
   for (Json entry : episodes) {
@@ -98,7 +99,7 @@ absl::StatusOr<std::string> SignReceipt(const Json& receipt, const SigningKey& k
 }
 
 absl::StatusOr<Json> ParseReceipt(std::string_view text) {
-  // Each value takes more memory than its text: a row has some twenty, the config one for a seed.
+  // Each value takes more memory than its text: a row has about twenty, the config one per seed.
   if (std::count(text.begin(), text.end(), ',') > kMaxReceiptValues) {
     return absl::DataLossError("this is no receipt: it holds more than any evaluation has");
   }
@@ -157,12 +158,12 @@ std::vector<ReceiptCheck> CompareGraders(const Json& receipt, const Json& grader
     }
     checks.push_back(std::move(check));
   };
-  // Another build may well compute the same; playing the episodes again tells.
+  // Another build may well compute the same results; a replay of the episodes tells.
   for (const char* part : {"simulator", "mujoco"}) {
     compare(part, theirs.value(part, Json()), grader.value(part, Json()), /*must_equal=*/false);
   }
-  // A compiled model's name is made of all that it follows from, so one name has one content. A
-  // model that is not compiled here yet will be, from sources that are checked.
+  // A compiled model's name contains everything that it depends on, so equal names mean equal
+  // content. A model that is not compiled here yet will be, from verified sources.
   const Json models = theirs.value("models", Json::object());
   const Json here = grader.value("models", Json::object());
   const std::string kind = Text(receipt, "track_kind");

@@ -1,10 +1,9 @@
-// Receipts: what an evaluation was made of and what came of it, signed. A file of
-// canonical JSON and a newline:
+// Receipts: an evaluation's inputs and results, signed. A file of canonical JSON and a newline:
 //
 //   {"receipt": {...}, "signature": {"algorithm": "ed25519", "value": HEX}}
 //
-// The signature is over the canonical JSON of "receipt". The key to check it
-// against comes from elsewhere, as a forger could put one of his own inside.
+// The signature covers the canonical JSON of "receipt". The key to verify it must come from
+// elsewhere, as a forger could put his own inside.
 #pragma once
 
 #include <string>
@@ -18,26 +17,26 @@
 
 namespace myograde::server {
 
-// One thing that was checked.
+// The result of one check.
 struct ReceiptCheck {
   std::string name;    // "signature", "merkle_root", "results", "config", "seeds", ...
   bool valid = false;
-  std::string detail;  // if not valid: one sentence; else "", or what is worth knowing
+  std::string detail;  // one sentence if not valid; else "" or a remark
 };
 
-// The text of the receipt's file.
+// The text of the receipt file.
 absl::StatusOr<std::string> SignReceipt(const nlohmann::json& receipt, const SigningKey& key);
 
-// The part "receipt" of a file's text. DataLossError if it is no receipt, or not
-// in its canonical form, byte by byte.
+// The part "receipt" of a file's text. DataLossError if it is not a receipt, or not byte for byte
+// in canonical form.
 absl::StatusOr<nlohmann::json> ParseReceipt(std::string_view text);
 
-// Checks the signature, and every hash inside against what it was taken of. Needs
-// neither a daemon nor the simulator. REQUIRES: ParseReceipt(text) is good.
+// Checks the signature, and every hash in the receipt against its content. Needs neither a daemon
+// nor the simulator. REQUIRES: ParseReceipt(text) succeeded.
 std::vector<ReceiptCheck> CheckReceipt(std::string_view text, const PublicKey& key);
 
-// Holds the grader of this host (GraderBuild) against the one of a receipt. Another simulator or
-// library is told, another content of the same compiled model is not valid.
+// Compares this host's grader (GraderBuild) with a receipt's. A different simulator or library is
+// reported; different content of the same compiled model is not valid.
 std::vector<ReceiptCheck> CompareGraders(const nlohmann::json& receipt,
                                          const nlohmann::json& grader);
 

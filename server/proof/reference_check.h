@@ -1,6 +1,5 @@
-// Does this host compute what every other does? Plays the reference episodes,
-// logs whose states are known, and compares. A daemon whose host fails grades
-// no ranked submission.
+// Does this host compute the same as every other? Plays the reference episodes, logs whose states
+// are known, and compares. A daemon whose host fails grades no ranked submission.
 #pragma once
 
 #include <atomic>
@@ -18,25 +17,25 @@ namespace myograde::server {
 
 struct ReferenceOptions {
   std::string folder;      // of the logs: configs/reference
-  std::string work_dir;    // made, and removed again
+  std::string work_dir;    // created, and removed again
   std::string cache_dir;
   int64_t uid = -1;        // of the sandbox; -1: the caller's own
 };
 
-// Plays every log of the folder, until `stop`. "" if all came out as they should,
-// else which did not and how. An error says why that could not be found out.
+// Plays every log of the folder, until `stop`. "" if all matched, else which did not and how. An
+// error says why the check could not be made.
 absl::StatusOr<std::string> PlayReference(const ReferenceOptions& options,
                                           const std::atomic<bool>& stop);
 
-// The same on a thread of its own, from its making to its end.
+// Runs PlayReference on its own thread, from construction to destruction.
 class ReferenceCheck {
  public:
   explicit ReferenceCheck(ReferenceOptions options);
   ~ReferenceCheck();
 
-  // Waits for the verdict: nullopt if it is not known in time; "" if the host may
-  // grade ranked submissions; else why not. A check that could not be made forbids
-  // nothing: what keeps it from playing keeps leases from it as well.
+  // Waits for the verdict: nullopt if it is not known in time; "" if the host may grade ranked
+  // submissions; else why not. A check that could not be made does not block grading: whatever
+  // prevents it prevents leases as well.
   std::optional<std::string> Result(absl::Duration timeout) const;
 
  private:

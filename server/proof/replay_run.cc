@@ -17,7 +17,7 @@ namespace {
 constexpr int kPollMilliseconds = 100;
 constexpr absl::Duration kGrace = absl::Minutes(5);
 
-// A block that is being played on a slot.
+// A block being played on a slot.
 struct Running {
   size_t block = 0;
   std::unique_ptr<RunnerProcess> runner;
@@ -94,7 +94,7 @@ class Run {
         if (fd >= 0) fds.push_back({fd, POLLIN, 0});
       }
     }
-    // An interrupt only ends the wait early; the loop looks again.
+    // An interrupt only ends the wait early; the loop checks again.
     ::poll(fds.data(), fds.size(), kPollMilliseconds);
   }
 
@@ -122,7 +122,7 @@ class Run {
   const ReplayOrder& order_;
   const ReplayHooks& hooks_;
   std::vector<std::optional<Running>> slots_;
-  std::vector<std::vector<ReplayRecord>> records_;  // of each block
+  std::vector<std::vector<ReplayRecord>> records_;  // per block
   size_t next_ = 0;
   int64_t done_ = 0;
   int64_t total_ = 0;

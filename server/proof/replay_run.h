@@ -1,4 +1,4 @@
-// Plays logs of episodes again through the runner and the simulator.
+// Replays episode logs through the runner and the simulator.
 #pragma once
 
 #include <functional>
@@ -14,10 +14,10 @@
 
 namespace myograde::server {
 
-// Logs that are played by one simulator, one after the other.
+// Logs that one simulator plays in sequence.
 struct ReplayBlock {
   std::vector<EpisodeOrder> episodes;
-  std::vector<std::string> logs;  // a file for each episode
+  std::vector<std::string> logs;  // one file per episode
 };
 
 struct ReplayOrder {
@@ -34,8 +34,8 @@ struct ReplayHooks {
   std::function<bool()> stopped;
 };
 
-// The records of all episodes in the order of the blocks. InternalError if the
-// grader could not play them, CancelledError if `stopped`.
+// The records of all episodes in block order. InternalError if the grader could not play them,
+// CancelledError if `stopped`.
 absl::StatusOr<std::vector<ReplayRecord>> RunReplay(const ReplayOrder& order,
                                                     const ReplayHooks& hooks);
 

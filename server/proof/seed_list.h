@@ -1,6 +1,6 @@
-// Seed lists that are fixed before anyone can know them: a list follows from a
-// secret of the organiser. What is published when a phase opens are two
-// SHA-256 hashes, of the secret and of the list; the secret follows when it closes.
+// Seed lists that are committed to before anyone can know them: a list is derived from the
+// organiser's secret. The SHA-256 hashes of the secret and of the list are published when a phase
+// opens, the secret itself when it closes.
 #pragma once
 
 #include <cstdint>
@@ -16,10 +16,9 @@ inline constexpr size_t kSeedSecretBytes = 32;
 // 32 random bytes.
 absl::StatusOr<std::string> NewSeedSecret();
 
-// The seeds of `phase`, a name of 1 to 64 bytes that tells its list from those
-// of other phases under the same secret. Candidate N, from 0 on, is the last 63
-// bits of HMAC-SHA256(secret, "myograde seeds/PHASE/N"); a candidate that is in
-// the list already is left out. REQUIRES: 1 <= count <= kMaxEpisodes.
+// The seeds of `phase`, a name of 1 to 64 bytes that distinguishes its list from those of other
+// phases with the same secret. Candidate N, from 0 on, is the last 63 bits of HMAC-SHA256(secret,
+// "myograde seeds/PHASE/N"); duplicates are skipped. REQUIRES: 1 <= count <= kMaxEpisodes.
 std::vector<uint64_t> DeriveSeeds(const std::string& secret, const std::string& phase,
                                   int64_t count);
 

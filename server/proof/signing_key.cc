@@ -39,7 +39,7 @@ absl::Status CantWrite(const std::string& path) {
       absl::StrCat(path, ": the signing key can't be written: ", std::strerror(errno)));
 }
 
-// Makes a key file, one process and thread at a time: the folder is locked meanwhile.
+// Creates a key file, one process and thread at a time: the folder is locked meanwhile.
 class KeyMaker {
  public:
   static absl::StatusOr<KeyMaker> Enter(const std::string& path) {
@@ -53,7 +53,7 @@ class KeyMaker {
     return KeyMaker(path, folder, std::move(lock));
   }
 
-  // What a process that was killed at it has left: nobody else is at work now.
+  // Drafts of a process that was killed while writing: nobody else is at work, as we hold the lock.
   void RemoveDrafts() const {
     const std::string prefix = std::filesystem::path(path_).filename().string() + ".draft-";
     std::error_code error;
@@ -63,8 +63,8 @@ class KeyMaker {
     }
   }
 
-  // Written whole and to the disk under another name, which is then linked to the right one: no
-  // kill and no full disk leaves half a key there, and no key that is there is replaced.
+  // Writes it completely and to disk under another name, then links it to its final one: neither a
+  // kill nor a full disk leaves half a key there, and an existing key is never replaced.
   absl::Status Make() const {
     const KeyPtr key(EVP_PKEY_Q_keygen(nullptr, nullptr, "ED25519"));
     if (key == nullptr) return absl::InternalError("OpenSSL can't make an Ed25519 key");

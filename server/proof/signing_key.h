@@ -18,18 +18,18 @@ struct KeyDeleter {
 };
 using KeyPtr = std::unique_ptr<EVP_PKEY, KeyDeleter>;
 
-// The organiser's key: signs receipts.
+// The organiser's private key, which signs receipts.
 class SigningKey {
  public:
-  // Reads the private key in `path`, or makes one there that only its owner may
-  // read. Any number of threads and processes may call it at once, and be killed
-  // at it. A file that is there is never replaced, broken or not. Errors name it.
+  // Reads the private key in `path`, or creates one that only its owner may read. Any number of
+  // threads and processes may call this at once, and may be killed during it. An existing file is
+  // never replaced, even if it is broken. Errors name the file.
   static absl::StatusOr<SigningKey> LoadOrMake(const std::string& path);
 
-  // The signature of `message`, 128 hexadecimal digits.
+  // The signature of `message`, as 128 hexadecimal digits.
   absl::StatusOr<std::string> Sign(std::string_view message) const;
 
-  // The public key as PEM, to be published.
+  // The public key as PEM, for publishing.
   std::string PublicPem() const;
 
  private:
@@ -37,14 +37,13 @@ class SigningKey {
   KeyPtr key_;
 };
 
-// The organiser's key in its file, for a program that uses it again and again.
-// Thread-safe.
+// Caches the organiser's key file, for a program that uses it repeatedly. Thread-safe.
 class KeyFile {
  public:
   explicit KeyFile(std::string path) : path_(std::move(path)) {}
 
-  // The key, by SigningKey::LoadOrMake; once it is there, the same for ever. After an
-  // error the file is looked at again, so that a key which was put back serves.
+  // The key, from SigningKey::LoadOrMake; once loaded it never changes. After an error the file is
+  // read again, so that a restored key works.
   absl::StatusOr<std::shared_ptr<const SigningKey>> Get();
 
  private:
@@ -53,14 +52,14 @@ class KeyFile {
   std::shared_ptr<const SigningKey> key_ ABSL_GUARDED_BY(mutex_);
 };
 
-// A public key that somebody published: checks receipts.
+// A published public key, which verifies receipts.
 class PublicKey {
  public:
-  // InvalidArgumentError if the file holds no Ed25519 public key in PEM.
+  // InvalidArgumentError if the file has no Ed25519 public key in PEM.
   static absl::StatusOr<PublicKey> Read(const std::string& path);
   static absl::StatusOr<PublicKey> Parse(const std::string& pem, const std::string& where);
 
-  // `signature`: as Sign gives it.
+  // `signature`: as returned by Sign.
   bool Verify(std::string_view message, const std::string& signature) const;
 
  private:

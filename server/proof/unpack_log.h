@@ -1,4 +1,4 @@
-// Logs of episodes as the server's programs read them.
+// Reads episode logs for the server's programs.
 #pragma once
 
 #include <string>
@@ -11,11 +11,10 @@
 
 namespace myograde::server {
 
-// Reads the file of a log, packed or not. NotFoundError if it can't be opened,
-// else as ReadPackedLog.
+// Reads a log file, packed or not. NotFoundError if it can't be opened; otherwise as ReadPackedLog.
 absl::StatusOr<std::string> ReadLog(const std::string& path);
 
-// DataLossError if a log's SHA-256 is `found` in place of that which its record names.
+// DataLossError if a log's SHA-256, `found`, is not the one that its record names.
 absl::Status CheckLogHash(const std::string& named, const std::string& found);
 
 }  // namespace myograde::server

@@ -1,4 +1,4 @@
-// The order of a lease, put together the same way by all who play one: the daemon's engine, its
+// Builds a lease's order, the same way for everyone who plays one: the daemon's engine, its
 // self-test, `myograde local` and replays.
 #pragma once
 
@@ -12,7 +12,7 @@
 
 namespace myograde::server {
 
-// What is run: a submission's program.
+// What to run: a submission's program.
 struct LeaseProgram {
   std::string artefact_dir;
   std::vector<std::string> command;
@@ -20,26 +20,26 @@ struct LeaseProgram {
   std::vector<std::string> runtimes;  // host folders
 };
 
-// Where it is run.
+// Where to run it.
 struct LeasePlace {
   int64_t slot = 0;
-  int64_t uid = -1;       // of the slot; -1: the caller's own, or whoever starts the runner says
-  bool pinned = false;    // the slot keeps to one processor
+  int64_t uid = -1;       // of the slot; -1: the caller's own, or set by whoever starts the runner
+  bool pinned = false;    // the slot is pinned to one processor
   std::string work_dir;
   std::string cache_dir;
-  std::string log_dir;    // "": no logs are kept
+  std::string log_dir;    // "": keep no logs
 };
 
-// Episodes `first` to `last` of an evaluation. REQUIRES: `seeds` has them.
+// Episodes `first` to `last` of an evaluation. REQUIRES: `seeds` covers them.
 std::vector<EpisodeOrder> EpisodesOf(const TrackConfig& track, const std::vector<uint64_t>& seeds,
                                      const Form1PolicySeeds& form1, int64_t first, int64_t last);
 
-// Plays a policy. `id` is for messages and the names of temporary things.
+// An order that plays a policy. `id` appears in messages and in the names of temporary files.
 LeaseOrder MakeLeaseOrder(std::string id, const TrackConfig& track,
                           std::vector<EpisodeOrder> episodes, const LeaseProgram& program,
                           const LeasePlace& place);
 
-// Plays logs again, a file for each episode.
+// An order that replays logs, one file per episode.
 LeaseOrder MakeReplayOrder(std::string id, const TrackConfig& track,
                            std::vector<EpisodeOrder> episodes, std::vector<std::string> logs,
                            const LeasePlace& place);

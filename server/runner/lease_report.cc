@@ -31,7 +31,7 @@ void LeaseReport::Fail(const std::string& why) {
 void LeaseReport::TakeEpisode(int64_t index, std::optional<uint64_t> seed) {
   const auto ordered = ordered_.find(index);
   const bool asked = ordered != ordered_.end() && (!seed || *seed == ordered->second);
-  if (asked && told_.insert(index).second) return;
+  if (asked && reported_.insert(index).second) return;
   Fail(absl::StrCat("the runner told of episode ", index,
                     seed ? absl::StrCat(" with seed ", *seed) : "",
                     asked ? " twice" : ", which the lease did not ask for"));
@@ -73,8 +73,8 @@ void LeaseReport::Conclude(int wait_status, const std::string& last_words) {
                       ") without its last record; its last words: ", LastLineOf(last_words)));
   } else if (!end_->ok) {
     Fail(end_->detail.empty() ? "the runner ended with a fault, and told none" : end_->detail);
-  } else if (told_.size() != ordered_.size()) {
-    Fail(absl::StrCat("the runner said done after ", told_.size(), " of ", ordered_.size(),
+  } else if (reported_.size() != ordered_.size()) {
+    Fail(absl::StrCat("the runner said done after ", reported_.size(), " of ", ordered_.size(),
                       " episodes"));
   }
 }

@@ -1,9 +1,8 @@
-// What a lease's runner has told so far, held against what was ordered: a state machine of records
-// and moments, without a process, a clock or a store. Whoever plays a lease feeds it and does what
-// follows.
+// Checks a runner's records against what was ordered: a state machine over records and times,
+// without a process, clock or store. Whoever plays a lease feeds it and acts on the result.
 //
-//   running ──last record──► told ──the runner ends, or lingers──► done
-//      └──────── anything that must not be ────────► faulty: the grader's fault, and why
+//   running ──end record──► reported ──the runner exits, or lingers──► done
+//      └──────── any violation ────────► faulty: the grader's fault, and why
 #pragma once
 
 #include <cstdint>
@@ -21,19 +20,20 @@ namespace myograde::server {
 
 class LeaseReport {
  public:
-  // For a runner to end once it has told its last record.
+  // How long a runner may take to exit after its end record.
   static constexpr absl::Duration kFarewell = absl::Seconds(3);
 
   struct Limits {
-    absl::Duration deadline = absl::InfiniteDuration();  // moment by which the last record is told
-    absl::Duration silence = absl::InfiniteDuration();   // between two records
+    absl::Duration deadline = absl::InfiniteDuration();  // time by which the end record must have
+                                                         // arrived
+    absl::Duration silence = absl::InfiniteDuration();   // longest gap between records
   };
 
   LeaseReport() = default;
-  // Moments are those of one monotonic clock.
+  // All times are of one monotonic clock.
   LeaseReport(const std::vector<EpisodeOrder>& episodes, Limits limits, absl::Duration now);
 
-  // What the records brought, each episode once and only if it was ordered. Nothing counts after a
+  // What the records added: each episode once, and only if it was ordered. Nothing counts after a
   // fault.
   struct News {
     std::optional<ProgressRecord> progress;
@@ -42,21 +42,21 @@ class LeaseReport {
   };
   News Take(const std::vector<LeaseRecord>& records, absl::Duration now);
 
-  // Time passed: a runner that is late or silent is faulty, unless it has told its last record.
+  // Checks the time: a late or silent runner is faulty, unless its end record has arrived.
   void Tick(absl::Duration now);
 
-  // The caller's own reason; the first one stays.
+  // Records a fault for the caller's own reason; the first reason stays.
   void Fail(const std::string& why);
 
-  // No more records come. Now the lease is done or faulty. `wait_status` and `last_words` (what the
-  // runner wrote to standard error) are of a runner without a last record.
+  // No more records will come: decides between done and faulty. `wait_status` and `last_words` (the
+  // runner's standard error) explain a missing end record.
   void Conclude(int wait_status, const std::string& last_words);
 
   bool faulty() const { return !fault_.empty(); }
   const std::string& fault() const { return fault_; }  // one sentence; "" if there is none
   const std::optional<LeaseEndRecord>& end() const { return end_; }
-  int64_t told() const { return static_cast<int64_t>(told_.size()); }  // episodes
-  // All is told, and the runner has had its time to end.
+  int64_t reported() const { return static_cast<int64_t>(reported_.size()); }  // episodes
+  // The end record has arrived, and the time to exit is over.
   bool lingers(absl::Duration now) const {
     return !faulty() && end_.has_value() && now - heard_ >= kFarewell;
   }
@@ -66,7 +66,7 @@ class LeaseReport {
 
   std::map<int64_t, uint64_t> ordered_;  // seeds by index
   Limits limits_;
-  std::set<int64_t> told_;
+  std::set<int64_t> reported_;
   std::optional<LeaseEndRecord> end_;
   absl::Duration heard_;
   std::string fault_;

@@ -28,8 +28,8 @@ namespace {
 constexpr absl::Duration kBeatPeriod = absl::Milliseconds(700);
 constexpr absl::Duration kIdleTurn = absl::Milliseconds(200);
 constexpr absl::Duration kPrintDeadline = absl::Seconds(30);
-// The end of a process wakes nobody up here, so it is looked for.
-constexpr absl::Duration kSeeOffTurn = absl::Milliseconds(5);
+// Nothing signals the end of a process here, so poll for it.
+constexpr absl::Duration kExitPollInterval = absl::Milliseconds(5);
 constexpr absl::Duration kSimFarewell = absl::Seconds(5);
 
 absl::Status Errno(const char* what) {
@@ -65,8 +65,8 @@ LeaseRunner::LeaseRunner(const LeaseContext& context, int records, int stop, int
       start_(SystemClock().Monotonic()),
       last_heard_(start_),
       last_printed_(start_),
-      next_look_(start_),
-      last_idle_look_(start_) {
+      next_sample_(start_),
+      last_idle_sample_(start_) {
   progress_.episode = context.order.episodes.front().index;
 }
 
@@ -76,11 +76,11 @@ LeaseRunner::~LeaseRunner() {
 
 bool LeaseRunner::Run() {
   const absl::Status status = Play();
-  // Of a simulator that did not come so far as to ask for it.
+  // Prepared, but the simulator failed before asking for it.
   if (prepared_ != nullptr) leftovers_.End(std::move(prepared_));
-  (void)Beat();
+  (void)Heartbeat();
   EndPolicy();
-  (void)Beat();
+  (void)Heartbeat();
   EndSim();
   LeaseEndRecord end;
   end.ok = status.ok();
@@ -105,7 +105,7 @@ absl::Status LeaseRunner::Play() {
   while (!done_) {
     if (absl::Status status = RunOnce(); !status.ok()) return status;
   }
-  SeeOffPolicy();
+  AwaitPolicyExit();
   sim_->Wait(kSimFarewell);
   return absl::OkStatus();
 }
@@ -152,8 +152,8 @@ absl::Status LeaseRunner::StartSim() {
 }
 
 absl::Status LeaseRunner::RunOnce() {
-  // A flood beyond what is kept is only read once in a refresh, so that the
-  // policy waits for us and not a processor for it.
+  // Once the tail is full, the rest of a flood is read only on each refresh: the policy then blocks
+  // on its pipe instead of on a busy processor.
   const bool heard = policy_ != nullptr && !stdout_.truncated() && !stderr_.truncated();
   const int policy_out = heard ? policy_->stdout_fd() : -1;
   const int policy_err = heard ? policy_->stderr_fd() : -1;
@@ -161,9 +161,9 @@ absl::Status LeaseRunner::RunOnce() {
                       {signals_, POLLIN, 0},           {policy_out, POLLIN, 0},
                       {policy_err, POLLIN, 0},         {sim_stderr_.get(), POLLIN, 0},
                       {context_.logs != nullptr ? context_.logs->reader() : -1, POLLIN, 0}};
-  const absl::Duration until_look = next_look_ - SystemClock().Monotonic();
+  const absl::Duration until_sample = next_sample_ - SystemClock().Monotonic();
   const absl::Duration turn =
-      policy_ != nullptr ? std::clamp(until_look, absl::ZeroDuration(), kIdleTurn) : kIdleTurn;
+      policy_ != nullptr ? std::clamp(until_sample, absl::ZeroDuration(), kIdleTurn) : kIdleTurn;
   poll(entries, std::size(entries),
        static_cast<int>(absl::ToInt64Milliseconds(absl::Ceil(turn, absl::Milliseconds(1)))));
   if (entries[1].revents != 0 || entries[2].revents != 0) {
@@ -176,22 +176,22 @@ absl::Status LeaseRunner::RunOnce() {
     if (n == 0) sim_stderr_.reset();
   }
   if (policy_ != nullptr) {
-    const bool due = SystemClock().Monotonic() >= next_look_;
+    const bool due = SystemClock().Monotonic() >= next_sample_;
     if (due || entries[3].revents != 0 || entries[4].revents != 0) policy_->DrainOutput();
-    if (due) LookAtPolicy();
+    if (due) SamplePolicy();
   }
-  // Not before a message that waits: it may say where the log ends.
+  // After any waiting message, which may say where the log ends.
   if (entries[6].revents != 0 && entries[0].revents == 0) {
     if (absl::Status status = context_.logs->Drain(); !status.ok()) return status;
   }
   if (entries[0].revents != 0) {
     if (absl::Status status = HandleSimMessage(); !status.ok() || done_) return status;
   }
-  if (asked_alone_.has_value()) {
-    if (absl::Status status = GiveOnceAlone(); !status.ok()) return status;
+  if (policy_requested_at_.has_value()) {
+    if (absl::Status status = SendPolicyWhenAlone(); !status.ok()) return status;
   }
   if (absl::Status status = CheckDeadlines(); !status.ok()) return status;
-  return Beat();
+  return Heartbeat();
 }
 
 absl::Status LeaseRunner::HandleSimMessage() {
@@ -204,10 +204,10 @@ absl::Status LeaseRunner::HandleSimMessage() {
   }
   last_heard_ = SystemClock().Monotonic();
   const std::string type = message->json["type"].get<std::string>();
-  if (type == "need_policy") return GivePolicy();
-  if (type == "policy_fault") return RuleOn(message->json);
-  if (type == "need_log") return GiveLog();
-  if (type == "need_cpu") return GiveCpu();
+  if (type == "need_policy") return SendPolicy();
+  if (type == "policy_fault") return JudgeFault(message->json);
+  if (type == "need_log") return SendLog();
+  if (type == "need_cpu") return ReportCpu();
   if (type == "done") {
     done_ = true;
     if (next_episode_ == context_.order.episodes.size()) return absl::OkStatus();
@@ -247,7 +247,7 @@ absl::Status LeaseRunner::HandleRecord(const nlohmann::json& json) {
   return Print(*record);
 }
 
-absl::Status LeaseRunner::GiveLog() {
+absl::Status LeaseRunner::SendLog() {
   if (next_episode_ >= context_.replays.size()) {
     return absl::InternalError("the simulator wants a log that the order does not name");
   }
@@ -268,10 +268,10 @@ absl::Status LeaseRunner::PreparePolicy() {
   return absl::OkStatus();
 }
 
-absl::Status LeaseRunner::GivePolicy() {
+absl::Status LeaseRunner::SendPolicy() {
   EndPolicy();
   if (!leftovers_.Gone()) {
-    asked_alone_ = SystemClock().Monotonic();
+    policy_requested_at_ = SystemClock().Monotonic();
     return absl::OkStatus();
   }
   if (prepared_ == nullptr) {
@@ -283,7 +283,7 @@ absl::Status LeaseRunner::GivePolicy() {
   return SendSimMessage(channel_.get(), {{"type", "policy"}}, channel.get());
 }
 
-absl::Status LeaseRunner::RuleOn(const nlohmann::json& json) {
+absl::Status LeaseRunner::JudgeFault(const nlohmann::json& json) {
   nlohmann::json evidence = json;
   evidence.erase("type");
   absl::StatusOr<FaultEvidence> seen = FaultEvidenceFromJson(evidence);
@@ -303,8 +303,8 @@ absl::Status LeaseRunner::RuleOn(const nlohmann::json& json) {
   return SendSimMessage(channel_.get(), answer);
 }
 
-// After the last episode the bridge has asked the policy to end; what it still prints is read.
-void LeaseRunner::SeeOffPolicy() {
+// After the last episode the bridge has asked the policy to exit; keep reading what it prints.
+void LeaseRunner::AwaitPolicyExit() {
   if (policy_ == nullptr) return;
   const absl::Duration deadline =
       SystemClock().Monotonic() + absl::Seconds(context_.config.policy.farewell_s);
@@ -313,7 +313,8 @@ void LeaseRunner::SeeOffPolicy() {
                         {signals_, POLLIN, 0},
                         {policy_->stdout_fd(), POLLIN, 0},
                         {policy_->stderr_fd(), POLLIN, 0}};
-    poll(entries, std::size(entries), static_cast<int>(absl::ToInt64Milliseconds(kSeeOffTurn)));
+    poll(entries, std::size(entries),
+         static_cast<int>(absl::ToInt64Milliseconds(kExitPollInterval)));
     if (entries[0].revents != 0 || entries[1].revents != 0) return;
     policy_->DrainOutput();
   }
@@ -343,7 +344,7 @@ void LeaseRunner::RefreshCpu(bool by_chance) {
   cpu_page_->updates.fetch_add(1, std::memory_order_relaxed);
 }
 
-absl::Status LeaseRunner::GiveCpu() {
+absl::Status LeaseRunner::ReportCpu() {
   RefreshCpu();
   return SendSimMessage(channel_.get(), {{"type", "cpu"}});
 }
@@ -391,7 +392,7 @@ absl::Status LeaseRunner::CheckDeadlines() const {
   return absl::OkStatus();
 }
 
-absl::Status LeaseRunner::Beat() {
+absl::Status LeaseRunner::Heartbeat() {
   return SystemClock().Monotonic() - last_printed_ < kBeatPeriod ? absl::OkStatus()
                                                                  : Print(progress_);
 }

@@ -1,7 +1,7 @@
-// What a lease ended and can't be killed yet: a process deep in the kernel, or a crowd that a
-// busy host takes long to bury. It has had its SIGKILL, so it runs no more of its own code; but
-// its user, memory and disk are in use until it is gone. So no other policy starts beside it,
-// and the lease's slot stays taken. It takes nothing from what the lease has recorded.
+// Processes that a lease has killed but that are not dead yet: one stuck in the kernel, or so many
+// that a busy host takes long to reap them. After SIGKILL they run none of their own code, but they
+// hold their user, memory and disk until they are gone. So no other policy starts beside them, and
+// the lease's slot stays taken. What the lease has recorded stands.
 #pragma once
 
 #include <memory>
@@ -16,9 +16,10 @@ namespace myograde::server {
 
 class Leftovers {
  public:
-  // Ends a run, and keeps it if something of it stays. Takes up to kill_s.
+  // Ends a run, and keeps it if any of its processes survive. Takes up to kill_s.
   void End(std::unique_ptr<PolicyRun> run);
-  // The simulator's, whose sandbox and group outlive this object. It was killed in vain.
+  // Keeps the simulator's, which was killed without success. `sim` and `group` must outlive this
+  // object.
   void Keep(Sandbox& sim, ControlGroup& group);
 
   // True once nothing is left. Never blocks.

@@ -76,7 +76,7 @@ absl::Status LogKeeper::Write(const char* bytes, size_t size) {
     written_ = 0;
   }
   written_ += static_cast<int64_t>(size);
-  // What Drain() takes at once may begin with the end of one log and hold the start of the next.
+  // A single Drain() may read the end of one log and the start of the next.
   if (written_ > budget_ + static_cast<int64_t>(kBufferBytes)) return TooLarge();
   while (size > 0) {
     const ssize_t n = write(file_.get(), bytes, size);
@@ -106,7 +106,7 @@ absl::Status LogKeeper::Finish(const EpisodeLogInfo& info) {
         absl::StrCat("the simulator told of a log of ", info.packed_bytes, " bytes and sent ",
                      written_));
   }
-  // The simulator plays on meanwhile, so the next log may have begun in the same bytes.
+  // The simulator goes on meanwhile, so the same bytes may contain the start of the next log.
   std::vector<char> next(static_cast<size_t>(written_ - info.packed_bytes));
   if (!next.empty()) {
     if (pread(file_.get(), next.data(), next.size(), info.packed_bytes) !=

@@ -1,7 +1,6 @@
-// Keeps the logs of a lease's episodes: takes the bytes that the simulator sends
-// and makes a file of each log, named after its content. No path leads through
-// a place that a participant can write to: the folder is opened once, before
-// any sandbox is there, and files are made relative to it.
+// Stores the logs of a lease's episodes: reads the bytes that the simulator sends and writes each
+// log to a file named after its content. No path leads through a place that a participant can write
+// to: the folder is opened once, before any sandbox exists, and files are created relative to it.
 #pragma once
 
 #include <string>
@@ -14,37 +13,36 @@
 
 namespace myograde::server {
 
-// The name of a log's file in its folder.
+// The file name of a log in its folder.
 std::string LogFileName(const std::string& sha256);
 
 class LogKeeper {
  public:
-  // `folder` must be there; `lease` makes the names of unfinished files unique;
-  // `budget` is what a packed log may have.
+  // `folder` must exist; `lease` makes the names of unfinished files unique; `budget` is the
+  // largest packed log in bytes.
   static absl::StatusOr<LogKeeper> Open(const std::string& folder, const std::string& lease,
                                         int64_t budget);
   LogKeeper(LogKeeper&&) = default;
   ~LogKeeper();
 
-  // The end of the pipe for the simulator. Closed by CloseWriter().
+  // The simulator's end of the pipe. Closed by CloseWriter().
   int writer() const { return writer_.get(); }
   void CloseWriter() { writer_.reset(); }
 
   // Readable while the simulator sends.
   int reader() const { return reader_.get(); }
 
-  // Takes a part of what is in the pipe, one pipe's worth at most; never blocks.
-  // ResourceExhaustedError if the folder's disk takes no more, InternalError if
-  // a log is larger than allowed.
+  // Reads at most one pipe's worth of what is in the pipe; never blocks. ResourceExhaustedError if
+  // the folder's disk is full, InternalError if a log is larger than allowed.
   absl::Status Drain();
 
-  // All bytes of the log were sent: completes its file, which is on the disk
-  // under its name on return. Bytes of the next log may follow and are kept for it.
+  // Call when all bytes of the log have been sent: completes its file, which is on disk under its
+  // final name on return. Bytes of the next log may follow and are kept for it.
   absl::Status Finish(const EpisodeLogInfo& info);
 
  private:
   LogKeeper() = default;
-  // Takes at most so many bytes; 0 if there are none.
+  // Reads at most `most` bytes; 0 if there are none.
   absl::StatusOr<size_t> Take(size_t most);
   absl::Status Write(const char* bytes, size_t size);
   absl::Status TooLarge() const;
@@ -56,7 +54,7 @@ class LogKeeper {
   Fd directory_;
   Fd reader_;
   Fd writer_;
-  Fd file_;            // invalid between two logs
+  Fd file_;            // invalid between logs
   int64_t written_ = 0;  // to `file_`
 };
 

@@ -2,10 +2,10 @@
 //
 //   myograde-runner [--lifeline] ORDER.json
 //
-// ORDER.json is a LeaseOrder (protocol/lease/lease.h). One record a line on stdout,
-// the last one always a lease_end. With --lifeline the lease ends when stdin
-// does. SIGTERM and SIGINT end it too. Exit status: 0 all episodes were
-// recorded, 2 wrong use, 4 the grader or its host is in trouble.
+// ORDER.json is a LeaseOrder (protocol/lease/lease.h). One record per line on stdout, the last one
+// always a lease_end. With --lifeline the lease ends when stdin does. SIGTERM and SIGINT end it
+// too. Exit status: 0 all episodes were recorded, 2 wrong use, 4 trouble with the grader or its
+// host.
 #include <fcntl.h>
 #include <sched.h>
 #include <signal.h>
@@ -77,7 +77,7 @@ absl::StatusOr<std::vector<Fd>> OpenReplays(const LeaseOrder& order) {
   return files;
 }
 
-// The last record of a lease that could not even begin.
+// The end record of a lease that could not even start.
 int EndAtOnce(const absl::Status& status) {
   LeaseEndRecord end;
   end.detail = std::string(status.message());
@@ -86,8 +86,8 @@ int EndAtOnce(const absl::Status& status) {
   return kGraderTrouble;
 }
 
-// Simulator, bridge and policy take turns: on one processor they wake each other without waking a
-// processor. Inherited by everything that is started. Where it can't be had, nothing is lost.
+// Simulator, bridge and policy take turns: on one processor they wake each other without waking an
+// idle processor. Child processes inherit this. If it fails, nothing is lost.
 void KeepToOneProcessor(int64_t slot) {
   cpu_set_t usable;
   if (sched_getaffinity(0, sizeof(usable), &usable) != 0) return;
@@ -102,8 +102,9 @@ void KeepToOneProcessor(int64_t slot) {
   }
 }
 
-// Descriptors in flight between processes count for their user, and whoever may open fewer files
-// than those can send none: a policy of this user must not reach this process' limit with its own.
+// Descriptors in flight between processes count towards their user, and a process with a lower
+// limit of open files than that count can send none: a policy of this user must not block this
+// process with its own.
 void MayHaveAllDescriptors() {
   rlimit files;
   if (getrlimit(RLIMIT_NOFILE, &files) != 0) return;
@@ -128,7 +129,7 @@ int Main(int argc, char** argv) {
   }
   const Fd signals = StopSignals();
   MayHaveAllDescriptors();
-  // Whatever loses its parent below this process comes to it, and dies with it.
+  // Processes below this one that lose their parent become its children, and die with it.
   prctl(PR_SET_CHILD_SUBREAPER, 1);
   absl::StatusOr<LeaseOrder> order = ReadOrder(argv[argc - 1]);
   if (!order.ok()) return EndAtOnce(order.status());
@@ -138,7 +139,7 @@ int Main(int argc, char** argv) {
   absl::StatusOr<SandboxConfig> config = LoadSandboxConfig(ConfigDir());
   if (!config.ok()) return EndAtOnce(config.status());
   order->log_bytes = config->sim.log_bytes;
-  // Both before the move into the stage, where their paths may be hidden.
+  // Open both before entering the stage, where their paths may be hidden.
   absl::StatusOr<std::optional<LogKeeper>> logs = OpenLogs(*order);
   if (!logs.ok()) return EndAtOnce(logs.status());
   absl::StatusOr<std::vector<Fd>> replays = OpenReplays(*order);
@@ -155,7 +156,7 @@ int Main(int argc, char** argv) {
     LeaseRunner runner(context, STDOUT_FILENO, lifeline ? STDIN_FILENO : -1, signals.get());
     recorded = runner.Run();
   }
-  // Dead processes whose parents died before them.
+  // Reap orphans whose parents died before them.
   while (waitpid(-1, nullptr, WNOHANG) > 0) continue;
   return recorded ? kDone : kGraderTrouble;
 }

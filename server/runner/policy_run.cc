@@ -19,14 +19,14 @@
 namespace myograde::server {
 namespace {
 
-// A flood is read in turns with everything else.
+// A flood is read in slices, between other work.
 constexpr int kReadsPerDrain = 16;
 constexpr size_t kQuotedBytes = 300;
-// As many sockets can't hold much; what more of them hold is counted a few times a second, as that
+// So few sockets can't hold much. Beyond that, their bytes are counted a few times a second, as it
 // takes the kernel a while.
 constexpr int64_t kFewSockets = 32;
-constexpr int64_t kLooksForEachCount = 10;
-// For the sandbox to end by itself, where its end says more than our kill.
+constexpr int64_t kSamplesPerCount = 10;
+// Time for the sandbox to end by itself, as its own exit says more than our kill.
 constexpr absl::Duration kLastMoments = absl::Milliseconds(300);
 
 void Drain(Fd& fd, OutputTail& tail) {
@@ -39,7 +39,7 @@ void Drain(Fd& fd, OutputTail& tail) {
   }
 }
 
-// The last line of what was printed, at most kQuotedBytes of it.
+// The last line of the output, at most kQuotedBytes of it.
 std::string LastLine(std::string text) {
   while (!text.empty() && text.back() == '\n') text.pop_back();
   if (const size_t line = text.rfind('\n'); line != std::string::npos) text.erase(0, line + 1);
@@ -51,8 +51,8 @@ std::string LastLine(std::string text) {
   return text;
 }
 
-// The library that the dynamic loader missed, as the last line of its complaint says; "" if it is no
-// such complaint.
+// The library that the dynamic loader could not find, from the last line of its error message; ""
+// if the line is something else.
 std::string MissingLibrary(const std::string& line) {
   constexpr std::string_view kComplaint = "error while loading shared libraries: ";
   const size_t at = line.find(kComplaint);
@@ -68,7 +68,7 @@ bool IsTimeout(Outcome outcome) {
 
 bool MayHideACause(Outcome outcome) { return outcome == Outcome::kCrash || IsTimeout(outcome); }
 
-// The bridge tells the wait status of a policy that ended as the value.
+// The bridge reports the wait status of a policy that ended as the value.
 bool WasEndedBy(const FaultEvidence& evidence, int signal) {
   const auto status = static_cast<int>(evidence.value);
   return WIFSIGNALED(status) && WTERMSIG(status) == signal;
@@ -122,17 +122,17 @@ PolicyRun::~PolicyRun() {
   context_.stage.UnmountScratch(scratch_);
 }
 
-void PolicyRun::Look() {
+void PolicyRun::Sample() {
   if (ended_) return;
   disk_ = Stage::UsageOf(scratch_);
-  const NetworkUse use = sandbox_->network()->Look();
+  const NetworkUse use = sandbox_->network()->Sample();
   sockets_ = std::max(sockets_, use.sockets);
   all_sockets_ = std::max(all_sockets_, use.all_sockets);
   pool_full_ = pool_full_ || use.pool_full;
-  if (use.sockets > kFewSockets && looks_++ % kLooksForEachCount == 0) CountSocketBytes();
-  // What they hold is taken from others, so it can't wait for somebody to notice.
+  if (use.sockets > kFewSockets && samples_++ % kSamplesPerCount == 0) CountSocketBytes();
+  // Enforced at once: what they hold is taken from others.
   const PolicySandboxConfig& config = context_.config.policy;
-  if (sockets_ > config.sockets || all_sockets_ > config.all_sockets) sandbox_->Strike();
+  if (sockets_ > config.sockets || all_sockets_ > config.all_sockets) sandbox_->KillNow();
 }
 
 void PolicyRun::DrainOutput() {
@@ -191,7 +191,7 @@ bool PolicyRun::KernelCause(FaultEvidence& evidence) const {
     evidence.outcome = Outcome::kDiskLimit;
     evidence.limit = "scratch_bytes";
     evidence.limit_value = static_cast<double>(budgets.scratch_bytes);
-    evidence.value = evidence.limit_value + 1;  // a file that would have been longer
+    evidence.value = evidence.limit_value + 1;  // a file that would have grown past the limit
     evidence.detail = absl::StrCat("the policy made a file longer than ", budgets.scratch_bytes,
                                    " bytes; ", seen);
   } else if (disk_.full()) {
@@ -216,7 +216,7 @@ void PolicyRun::CountSocketBytes() {
   socket_bytes_ = std::max(socket_bytes_, bytes);
   if (group_->Withhold(bytes)) return;
   overdrawn_ = true;
-  sandbox_->Strike();
+  sandbox_->KillNow();
 }
 
 void PolicyRun::EpisodeOver() {
@@ -224,7 +224,7 @@ void PolicyRun::EpisodeOver() {
   dropped_ = sandbox_->network()->dropped();
 }
 
-// Messages get lost for want of memory that is not the policy's alone.
+// Messages were lost because memory ran out that the policy shares with others.
 void PolicyRun::ExcuseLostMessages(FaultEvidence& evidence) const {
   if (!pool_full_ && sandbox_->network()->dropped() == dropped_) return;
   evidence.outcome = Outcome::kGraderError;
@@ -235,16 +235,16 @@ void PolicyRun::ExcuseLostMessages(FaultEvidence& evidence) const {
 }
 
 FaultEvidence PolicyRun::Rule(FaultEvidence seen) {
-  // A full disk counts if it was so at the last look: what ended may have
-  // taken its files along.
-  if (!disk_.full()) Look();
+  // A full disk counts if it was full at the last sample: the ended processes may have taken their
+  // files along.
+  if (!disk_.full()) Sample();
   if (seen.outcome == Outcome::kCrash) sandbox_->Wait(kLastMoments);
   DrainOutput();
   const bool by_itself = sandbox_->Ended();
   const SandboxEnd end = sandbox_->end();
   const bool caused = MayHideACause(seen.outcome) && KernelCause(seen);
   if (!caused && IsTimeout(seen.outcome)) ExcuseLostMessages(seen);
-  // What can't be killed now is waited for before the next run; how this one ended is known.
+  // What can't be killed now is waited for before the next run; how this run ended is known.
   End();
   DrainOutput();
   const std::string words = LastLine(err_.tail(err_mark_));

@@ -1,5 +1,5 @@
-// A lease's runner as its caller hears and ends it. RunnerProcess is the real one;
-// tests play others.
+// A lease's runner, as its caller reads from it and stops it. RunnerProcess is the real one; tests
+// use fakes.
 #pragma once
 
 #include <sys/types.h>
@@ -21,18 +21,17 @@ class Runner {
 
   virtual ~Runner() = default;
 
-  // Descriptors to wait on for POLLIN; -1 once that stream came to its end.
+  // Descriptors to poll for POLLIN; -1 once the stream has ended.
   virtual int stdout_fd() const = 0;
   virtual int stderr_fd() const = 0;
 
-  // The records that arrived since the last call, in order; empty if none.
-  // Drains stderr too. Never blocks. DataLossError: the runner printed
-  // something that is no record, or records after its last one; records
-  // parsed before it in the same call are dropped, so treat the lease as
-  // lost and end it.
+  // The records that arrived since the last call, in order; empty if none. Drains stderr too. Never
+  // blocks. DataLossError: the runner printed something that is not a record, or records after its
+  // end record; records parsed before it in the same call are dropped, so treat the lease as lost
+  // and end it.
   virtual absl::StatusOr<std::vector<LeaseRecord>> Read() = 0;
 
-  // True once the process is dead and Read() came to the end of its records.
+  // True once the process is dead and Read() has reached the end of its records.
   virtual bool finished() = 0;
 
   // True once the process is reaped. Never blocks.
@@ -41,15 +40,15 @@ class Runner {
   // Asks the runner to end its lease and clean up. Never blocks; safe at any time.
   virtual void AskToEnd() = 0;
 
-  // Takes the runner down with all that it started. Never blocks; safe at any time.
+  // Kills the runner and everything it started. Never blocks; safe at any time.
   virtual void KillNow() = 0;
 
   virtual pid_t pid() const = 0;
 
-  // Wait status of the runner, as of waitpid(2); valid once dead().
+  // The runner's wait status, see waitpid(2); valid once dead().
   virtual int wait_status() const = 0;
 
-  // The last 4 KiB that the runner wrote to stderr, valid UTF-8.
+  // The last 4 KiB of the runner's stderr, as valid UTF-8.
   virtual std::string stderr_tail() const = 0;
 };
 

@@ -18,10 +18,10 @@
 namespace myograde::server {
 namespace {
 
-// A record holds two tails of output; one that is longer than this is none.
+// A record holds two tails of output; a longer line is not a record.
 constexpr size_t kMaxRecordBytes = 256 << 10;
-// How much nicer than the daemon a lease is, all of its processes alike: leases fill the processors
-// for days, and whoever asks the daemon meanwhile shall not wait behind them.
+// How much nicer than the daemon a lease is, with all its processes alike: leases keep the
+// processors busy for days, and requests to the daemon must not wait behind them.
 constexpr int kNice = 5;
 
 absl::Status WriteOrder(const LeaseOrder& order, const std::string& path) {
@@ -150,7 +150,7 @@ void RunnerProcess::AskToEnd() {
 
 void RunnerProcess::KillNow() {
   if (pid_ <= 0 || dead()) return;
-  // Its children ask the kernel to be killed with it, each of them with its own.
+  // Its children have asked the kernel to be killed when it dies, and theirs likewise.
   ::kill(-pid_, SIGKILL);
 }
 

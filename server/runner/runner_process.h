@@ -1,5 +1,5 @@
-// A lease as its caller sees it: one `myograde-runner` process whose records
-// arrive on a pipe. Used by the daemon's poll loop and by `myograde local`.
+// A lease as its caller sees it: one `myograde-runner` process whose records arrive on a pipe. Used
+// by the daemon's poll loop and by `myograde local`.
 //
 //   absl::StatusOr<std::unique_ptr<RunnerProcess>> runner = RunnerProcess::Start(order);
 //   while (!(*runner)->finished()) {
@@ -9,8 +9,8 @@
 //     ...
 //   }
 //
-// The runner ends, and with it everything that it started, when Kill() is
-// called, when this object is destroyed and when the calling process dies.
+// The runner and everything it started end when Kill() is called, when this object is destroyed, or
+// when the calling process dies.
 #pragma once
 
 #include <sys/types.h>
@@ -33,11 +33,9 @@ namespace myograde::server {
 
 class RunnerProcess : public Runner {
  public:
-  // Writes the order to `order.work_dir`/order.json (0600; the folder must be
-  // there) and starts the runner on it, in a process group of its own.
-  // Errors: NotFoundError if the program or the folder is missing,
-  // InternalError if the process can't be started. Not for use in a process
-  // that ignores SIGCHLD.
+  // Writes the order to `order.work_dir`/order.json (0600; the folder must exist) and starts the
+  // runner on it in its own process group. NotFoundError if the program or the folder is missing,
+  // InternalError if the process can't be started. Don't use in a process that ignores SIGCHLD.
   static absl::StatusOr<std::unique_ptr<RunnerProcess>> Start(const LeaseOrder& order);
 
   // Kills what is still running.
@@ -56,13 +54,13 @@ class RunnerProcess : public Runner {
   int wait_status() const override { return wait_status_; }
   std::string stderr_tail() const override { return stderr_output_.tail(); }
 
-  // Waits for the end of the process until `timeout`, draining nothing:
-  // DeadlineExceededError then. The value is the wait status of waitpid(2).
+  // Waits until the process exits, draining nothing; DeadlineExceededError after `timeout`. Returns
+  // the wait status of waitpid(2).
   absl::StatusOr<int> Wait(absl::Duration timeout);
 
-  // Ends the lease: asks the runner to clean up, and takes it down with all
-  // that it started if it has not within kCleanUpGrace. Returns within 1 s, when the
-  // process is reaped. Safe to call at any time and more than once.
+  // Ends the lease: asks the runner to clean up, and kills it with everything it started if it
+  // takes longer than kCleanUpGrace. Returns within 1 s, with the process reaped. Safe at any time
+  // and more than once.
   void Kill();
 
  private:
@@ -75,10 +73,10 @@ class RunnerProcess : public Runner {
   bool reaped_ = false;
   bool saw_end_ = false;
   int wait_status_ = 0;
-  Fd lifeline_;  // the runner's stdin: its end tells the runner that we are gone
+  Fd lifeline_;  // the runner's stdin: its end tells the runner that the caller is gone
   Fd stdout_;
   Fd stderr_;
-  std::string line_;    // an unfinished record
+  std::string line_;    // an incomplete record
   OutputTail stderr_output_;
 };
 

@@ -38,12 +38,11 @@ std::vector<std::pair<std::set<std::string>, std::string>> OwnGroups(const Cgrou
   return groups;
 }
 
-// When a process started, in clock ticks after the host's start; with its pid
-// that names it for good. -1: there is none. A dead one that nobody collected
-// counts as gone.
+// When a process started, in clock ticks since boot; with its pid that identifies it uniquely. -1:
+// there is none. A zombie counts as gone.
 int64_t StartOf(pid_t pid) {
   const std::string text = ReadKernelFile(absl::StrCat("/proc/", pid, "/stat"));
-  // The name, in brackets, may hold anything; field 3 follows its last one.
+  // The name, in brackets, may contain anything; field 3 follows the last bracket.
   const size_t name_end = text.rfind(')');
   if (name_end == std::string::npos) return -1;
   std::istringstream fields(text.substr(name_end + 1));
@@ -69,8 +68,7 @@ const CgroupHost& ThisCgroupHost() {
   return host;
 }
 
-// A mount may show only a part of its hierarchy (in a container): field 4 of
-// its line says which.
+// A mount may show only a part of its hierarchy (in a container): field 4 of its line says which.
 std::vector<CgroupHierarchy> CgroupHierarchies(const CgroupHost& host) {
   const auto own = OwnGroups(host);
   std::vector<CgroupHierarchy> found;

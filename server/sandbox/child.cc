@@ -28,11 +28,11 @@ constexpr int kPollMs = 10;
   dup2(nothing, STDIN_FILENO);
   dup2(output, STDOUT_FILENO);
   dup2(output, STDERR_FILENO);
-  // Without the handlers and buffers of this process' exit, which are the parent's.
+  // Skips this process' exit handlers and buffers, which are the parent's.
   _exit(work());
 }
 
-// Takes what is there; false at the end of the stream.
+// Reads what is available; false at end of file.
 bool Drain(int fd, std::string& output) {
   char buffer[16 << 10];
   while (true) {
@@ -59,7 +59,7 @@ ChildEnd RunInChild(const std::function<int()>& work, absl::Duration timeout) {
     return end;
   }
   if (child == 0) BecomeChild(work, output->write.get());
-  setpgid(child, child);  // whoever of the two comes first
+  setpgid(child, child);  // in both processes, as either may come first
   output->write.reset();
 
   const Deadline deadline(timeout);

@@ -35,7 +35,7 @@ int64_t ReadNumber(const std::string& path, int64_t otherwise) {
   return absl::SimpleAtoi(text, &value) ? value : otherwise;
 }
 
-// The number behind `key` in a file of "key number" lines.
+// The number after `key` in a file of "key number" lines.
 int64_t ReadKey(const std::string& path, const std::string& key) {
   std::istringstream lines(ReadKernelFile(path));
   std::string name;
@@ -72,7 +72,7 @@ bool ControlGroup::TryVersion2(const std::string& name, const GroupLimits& limit
       const std::set<std::string> offered = absl::StrSplit(
           ReadKernelFile(parent + "/cgroup.subtree_control"), absl::ByAnyChar(" \n"), absl::SkipEmpty());
       if (!offered.contains("memory") || !offered.contains("pids")) continue;
-      // Joining asks for the right to move processes out of the common parent.
+      // Joining needs the right to move processes out of the common parent.
       if (access((parent + "/cgroup.procs").c_str(), W_OK) != 0) continue;
       const std::string folder = parent + "/" + name;
       if (!host_.make(folder)) continue;
@@ -193,7 +193,7 @@ std::vector<pid_t> ControlGroup::Members() const {
 
 bool ControlGroup::KillAll(absl::Duration timeout) {
   const Deadline deadline(timeout);
-  // Version 2 has a switch for all at once, against which no fork can race.
+  // Version 2 can kill all at once, which no fork can race.
   if (controllers_.version == 2) Write(folders_.front() + "/cgroup.kill", "1");
   while (true) {
     const std::vector<pid_t> members = Members();

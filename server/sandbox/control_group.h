@@ -1,7 +1,6 @@
-// A control group for one sandbox: limits, measures and a way to kill all that
-// is in it. Version 2 of the kernel's interface or version 1, whichever holds
-// the controllers here; without either the sandbox falls back to rlimits and to
-// adding up the CPU time of its process tree.
+// A control group for one sandbox: enforces limits, measures use, and kills all its processes. Uses
+// whichever version of the kernel's interface holds the controllers here; without either the
+// sandbox falls back to rlimits and to adding up the CPU time of its process tree.
 #pragma once
 
 #include <sys/types.h>
@@ -23,11 +22,11 @@ namespace myograde::server {
 struct GroupLimits {
   int64_t memory_bytes = 0;
   int64_t tasks = 0;  // processes and threads
-  // Processors; none for the simulator, a single thread that can't start another.
+  // Processors. Unset for the simulator, a single thread that can't start another.
   std::optional<double> cpus;
 };
 
-// Which controllers a group could be made with.
+// The controllers that a group was created with.
 struct GroupControllers {
   int version = 0;  // 0: none
   bool memory = false;
@@ -38,10 +37,9 @@ struct GroupControllers {
 
 class ControlGroup {
  public:
-  // Makes a group `name` (no slashes) with the limits, with as many controllers
-  // as this process may use; controllers() says which. Never fails: a group
-  // without any controller does nothing.
-  // `host` must outlive the group.
+  // Creates a group `name` (no slashes) with the limits and with as many controllers as this
+  // process may use; controllers() says which. Never fails: a group without any controller does
+  // nothing. `host` must outlive the group.
   static std::unique_ptr<ControlGroup> Create(const std::string& name, const GroupLimits& limits,
                                               const CgroupHost& host = ThisCgroupHost());
 
@@ -52,28 +50,27 @@ class ControlGroup {
 
   const GroupControllers& controllers() const { return controllers_; }
 
-  // Descriptors of the groups' process lists: a child that writes "0" to each
-  // joins them (before it gives up its uid).
+  // Descriptors of the groups' process lists: a child joins by writing "0" to each (before it gives
+  // up its uid).
   std::vector<int> join_fds() const;
 
-  // Takes `bytes` off its limit on memory for what the group holds where this
-  // version does not count it; version 2 counts all. False: it uses more than is
-  // left. May wait for the kernel to free memory.
+  // Lowers its memory limit by `bytes`, for memory that the group uses but this version does not
+  // count; version 2 counts everything. False: it uses more than is left. May wait for the kernel
+  // to free memory.
   bool Withhold(int64_t bytes);
 
   int64_t cpu_ns() const;           // -1: not measured
   int64_t peak_memory_bytes() const;  // 0: not measured
-  int64_t oom_kills() const;        // processes killed for want of memory
-  int64_t refused_tasks() const;    // forks that failed at the limit of tasks
+  int64_t oom_kills() const;        // processes killed when memory ran out
+  int64_t refused_tasks() const;    // forks that failed at the task limit
 
   std::vector<pid_t> Members() const;
 
-  // Kills all processes in it and waits until it is empty. False: some are
-  // still there at `timeout`.
+  // Kills all its processes and waits until it is empty. False: some are left at `timeout`.
   bool KillAll(absl::Duration timeout);
 
-  // Kills what is left in groups whose makers are no more, and removes them.
-  // For the start of whoever makes groups.
+  // Kills what is left in groups whose creators are gone, and removes them. Call when starting to
+  // create groups.
   static void RemoveStale(const CgroupHost& host = ThisCgroupHost());
 
  private:
@@ -83,10 +80,10 @@ class ControlGroup {
 
   const CgroupHost& host_;
   GroupControllers controllers_;
-  std::vector<std::string> folders_;  // all that were made
+  std::vector<std::string> folders_;  // all that were created
   int64_t memory_bytes_ = 0;          // the limit
-  int64_t withheld_ = 0;              // of it
-  std::string memory_;                // the folder of each controller, "" if none
+  int64_t withheld_ = 0;              // of the limit
+  std::string memory_;                // each controller's folder, "" if none
   std::string pids_;
   std::string cpu_account_;
   std::vector<Fd> join_;

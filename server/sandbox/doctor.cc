@@ -49,7 +49,7 @@ int64_t SandboxUid(const DoctorOptions& options) {
   return geteuid() == 0 ? options.uid_base + kDoctorUsers : -1;
 }
 
-// Bubblewrap makes its user namespace as the slot's user, so that is who must try.
+// Bubblewrap creates its user namespace as the slot's user, so try as that user.
 void CheckUserNamespaces(const DoctorOptions& options, std::vector<Check>& checks) {
   const int64_t uid = SandboxUid(options);
   const ChildEnd end = RunInChild(
@@ -147,7 +147,7 @@ void CheckControlGroups(const DoctorOptions& options, std::vector<Check>& checks
   }
 }
 
-// Loads the filter into this process for good. 0: it denies what it should.
+// Loads the filter into this process permanently. 0: it denies what it should.
 int TryFilter(const PolicySandboxConfig& config) {
   const absl::StatusOr<Fd> filter = MakeSeccompFilter(config);
   if (!filter.ok()) {
@@ -199,7 +199,7 @@ struct Sandboxes {
   SandboxConfig config;
   Budgets budgets;
   GroupControllers group;
-  std::map<std::string, std::string> staged;  // where a host folder is seen by now, to that folder
+  std::map<std::string, std::string> staged;  // staged path to host folder
 };
 
 std::string OwnProgram() {
@@ -208,8 +208,8 @@ std::string OwnProgram() {
   return length > 0 ? std::string(path, static_cast<size_t>(length)) : "";
 }
 
-// A lease whose artefact is the folder of this program. A folder that is not
-// there is another check's matter.
+// A lease whose artefact is the folder of this program. Missing folders are covered by another
+// check.
 LeaseOrder TrialOrder(const DoctorOptions& options) {
   const std::string own = OwnProgram();
   LeaseOrder order;
@@ -226,8 +226,8 @@ LeaseOrder TrialOrder(const DoctorOptions& options) {
   return order;
 }
 
-// Moves this process into the runner's kind of mount namespace, builds both
-// values there and hands them to `use` while that namespace lasts.
+// Moves this process into the runner's kind of mount namespace, builds both sandboxes there and
+// passes them to `use` while that namespace lasts.
 absl::Status WithSandboxes(const DoctorOptions& options,
                            const std::function<absl::Status(const Sandboxes&)>& use) {
   const LeaseOrder order = TrialOrder(options);
@@ -254,7 +254,7 @@ absl::Status WithSandboxes(const DoctorOptions& options,
               group, staged});
 }
 
-// Runs WithSandboxes in a child, which may leave this process' namespaces.
+// Runs WithSandboxes in a child, so that this process stays in its namespaces.
 ChildEnd InSandboxChild(const DoctorOptions& options,
                         const std::function<absl::Status(const Sandboxes&)>& use) {
   ChildEnd end = RunInChild(
@@ -265,12 +265,12 @@ ChildEnd InSandboxChild(const DoctorOptions& options,
         return 1;
       },
       kSandboxTime);
-  // A child that was stopped at its deadline could not remove its own.
+  // A child that was killed at its deadline could not remove its own groups.
   if (!end.in_time) ControlGroup::RemoveStale();
   return end;
 }
 
-// Plays `spec` with this process' stdout and stderr and expects `exit_code`.
+// Runs `spec` with this process' stdout and stderr and expects `exit_code`.
 absl::Status Play(const SandboxSpec& spec, const std::vector<int>& join, const Fd& filter,
                   int exit_code) {
   const Fd nothing(open("/dev/null", O_RDONLY | O_CLOEXEC));
@@ -283,7 +283,7 @@ absl::Status Play(const SandboxSpec& spec, const std::vector<int>& join, const F
   }
   const SandboxEnd end = (*sandbox)->end();
   if (end.started && end.exit_code == exit_code) return absl::OkStatus();
-  // What it printed itself says more; status values end up behind it.
+  // Its own output says more, so the status values come after it.
   return absl::InternalError(end.started ? absl::StrCat("its command ended with ", end.exit_code)
                                          : "bubblewrap could not start its command");
 }
@@ -291,7 +291,7 @@ absl::Status Play(const SandboxSpec& spec, const std::vector<int>& join, const F
 void CheckPolicySandbox(const DoctorOptions& options, std::vector<Check>& checks) {
   const ChildEnd end = InSandboxChild(options, [](const Sandboxes& sandboxes) {
     SandboxSpec spec = sandboxes.policy;
-    // Without the bridge, which waits for a simulator.
+    // Skip the bridge, which waits for a simulator.
     const auto separator = std::find(spec.command.begin(), spec.command.end(), "--");
     spec.command.erase(spec.command.begin(), separator + 1);
     const absl::StatusOr<Fd> filter = MakeSeccompFilter(sandboxes.config.policy);
@@ -313,7 +313,7 @@ void CheckPolicySandbox(const DoctorOptions& options, std::vector<Check>& checks
 void CheckSimulatorSandbox(const DoctorOptions& options, std::vector<Check>& checks) {
   const ChildEnd end = InSandboxChild(options, [](const Sandboxes& sandboxes) {
     SandboxSpec spec = sandboxes.simulator;
-    // It loads its libraries, sets its own filter and ends.
+    // Loads its libraries, sets its own filter and exits.
     spec.command.push_back("--try");
     const absl::StatusOr<Fd> filter = MakeSeccompFilter(sandboxes.config.policy);
     if (!filter.ok()) return filter.status();
@@ -342,7 +342,7 @@ void CheckSandboxes(const DoctorOptions& options, std::vector<Check>& checks) {
   }
 }
 
-// The limits of a control group, null where none enforces them on this host.
+// A control group's limits, null where none enforces them on this host.
 nlohmann::json DescribeGroup(const GroupLimits& limits, const GroupControllers& got) {
   using Json = nlohmann::json;
   return {{"version", got.version},
@@ -364,7 +364,7 @@ nlohmann::json Describe(const Sandboxes& sandboxes) {
   simulator["system_calls"]["allowed_once_loaded"] = sandboxes.config.sim.allowed_system_calls;
   simulator["control_group"] =
       DescribeGroup(SimGroupLimits(sandboxes.config.sim), sandboxes.group);
-  // The doctor's own probe stands where a submission's command would.
+  // The doctor's own probe replaces a submission's command.
   std::vector<std::string> command = sandboxes.policy.command;
   command.erase(std::find(command.begin(), command.end(), "--") + 1, command.end());
   command.push_back("COMMAND");

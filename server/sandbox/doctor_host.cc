@@ -28,7 +28,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kGiB = 1024.0 * 1024.0 * 1024.0;
-// Compiling both models takes seconds; a host that is busy takes longer.
+// Compiling both models takes seconds, longer on a busy host.
 constexpr absl::Duration kCompileTime = absl::Seconds(300);
 constexpr char kSetUp[] = "run ./dev setup, or name the folder that it filled with --cache";
 
@@ -62,8 +62,8 @@ int64_t MemoryBytes(const char* key) {
 
 std::string GiB(double bytes) { return absl::StrFormat("%.1f GiB", bytes / kGiB); }
 
-// A copy of the models' sources to compile from, so that the cache stays as it
-// is: a folder with a link, removed at the end.
+// A copy of the models' sources to compile from, so that the cache stays as it is: a folder with a
+// link, removed at the end.
 class ScratchCache {
  public:
   explicit ScratchCache(const std::string& cache_dir) {
@@ -75,7 +75,7 @@ class ScratchCache {
     fs::create_directory_symlink(cache_dir + "/myosuite-2.8.4", path_ + "/myosuite-2.8.4", error);
   }
   ~ScratchCache() {
-    std::error_code ignored;  // nobody is left to tell
+    std::error_code ignored;  // nobody to report it to
     if (!path_.empty()) fs::remove_all(path_, ignored);
   }
   ScratchCache(const ScratchCache&) = delete;
@@ -126,7 +126,7 @@ void CheckModels(const DoctorOptions& options, std::vector<Check>& checks) {
   }
 }
 
-// Processors that are no second thread of another one's core; 0: unknown.
+// Physical cores: processors that are not another core's second thread; 0: unknown.
 int Cores() {
   std::set<std::string> cores;
   std::error_code error;
@@ -209,7 +209,7 @@ void CheckMemory(const DoctorOptions& options, std::vector<Check>& checks) {
       "lower slots in server.json, or memory_bytes in the tracks' budgets"));
 }
 
-// The folder itself, or what of its path is there.
+// The folder itself, or its closest existing parent.
 fs::path Existing(const std::string& folder) {
   fs::path path = folder;
   std::error_code error;

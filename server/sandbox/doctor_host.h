@@ -1,4 +1,4 @@
-// The checks of a host that need no sandbox: programs, models, machine, system.
+// Host checks that need no sandbox: programs, models, machine, system.
 #pragma once
 
 #include <vector>
@@ -9,16 +9,16 @@
 
 namespace myograde::server {
 
-// Each appends one check or several.
+// Each appends one or more checks.
 void CheckPrograms(const DoctorOptions& options, std::vector<Check>& checks);
 void CheckMujocoAndModels(const DoctorOptions& options, std::vector<Check>& checks);
 void CheckMachine(const DoctorOptions& options, std::vector<Check>& checks);
 void CheckSystem(const DoctorOptions& options, std::vector<Check>& checks);
 
-// How long a program that has next to nothing to do may take.
+// Time limit of a program with next to nothing to do.
 inline constexpr absl::Duration kQuick = absl::Seconds(10);
 
-// A check in the state kOk, kDegraded or kMissing.
+// A check with the state kOk, kDegraded or kMissing.
 Check Fine(std::string name, std::string found);
 Check Poorer(std::string name, std::string found, std::string costs, std::string todo);
 Check Missing(std::string name, std::string found, std::string costs, std::string todo);

@@ -19,7 +19,7 @@
 namespace myograde::server {
 namespace {
 
-// The largest datagram, which the kernel takes beyond a buffer that is not full yet.
+// The largest datagram; the kernel accepts one whenever a buffer is not full yet.
 constexpr int64_t kDatagramBytes = 65536;
 // SCM_MAX_FD: descriptors in one message.
 constexpr int64_t kDescriptorsOfAMessage = 253;
@@ -28,7 +28,7 @@ std::string MiB(int64_t bytes) {
   return absl::StrFormat("%.0f MiB", static_cast<double>(bytes) / 1048576);
 }
 
-// Number `index` of those in a file of the kernel; 0 if there is none.
+// The number at `index` in a kernel file; 0 if there is none.
 int64_t Setting(const char* path, int index) {
   std::istringstream file(ReadFile(path).value_or(""));
   int64_t value = 0;
@@ -38,7 +38,7 @@ int64_t Setting(const char* path, int index) {
   return value;
 }
 
-// Tried in a child, as an ordinary user only has networks in a user namespace.
+// Tried in a child, as an ordinary user can create networks only in a user namespace.
 bool CanBoundBuffers() {
   return RunInChild(
              [] {
@@ -81,7 +81,7 @@ Check JudgeFlight(const FlightLimits& limits) {
   if (limits.own < 0) {
     return Fine(name, "those in flight between processes are counted for each slot's user");
   }
-  // Each task may pass the kernel's look at the limit at the same moment as all others.
+  // All tasks may pass the kernel's check of the limit at the same moment.
   const int64_t flight =
       limits.open_files + limits.slots * limits.tasks * kDescriptorsOfAMessage;
   const std::string found =
@@ -99,7 +99,7 @@ Check JudgeFlight(const FlightLimits& limits) {
 
 void CheckSharedLimits(const DoctorOptions& options, std::vector<Check>& checks) {
   const absl::StatusOr<SandboxConfig> config = LoadSandboxConfig(options.config_dir);
-  // What is wrong with the configs is another check's matter.
+  // Mistakes in the configs are covered by another check.
   if (!config.ok() || !options.track.has_value()) return;
   const int64_t page = sysconf(_SC_PAGESIZE);
   checks.push_back(JudgeSocketMemory({options.slots, config->policy.sockets,

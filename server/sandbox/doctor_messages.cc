@@ -24,11 +24,11 @@ namespace myograde::server {
 namespace {
 
 constexpr int kBatches = 5;
-constexpr int kMessages = 1000;  // of a batch
-// As many as a graded step costs: two between simulator, bridge and policy, and what multicast
-// and the caches add (sim/README.md).
+constexpr int kMessages = 1000;  // per batch
+// Messages per graded step: two between simulator, bridge and policy, plus the cost of multicast
+// and caches (sim/README.md).
 constexpr double kOfAStep = 6;
-// Above it a step, which is a millisecond of physics, loses a tenth to messages.
+// Above this, a step (a millisecond of physics) loses a tenth of its time to messages.
 constexpr absl::Duration kSlow = absl::Microseconds(15);
 
 void Keep(int processor) {
@@ -38,7 +38,7 @@ void Keep(int processor) {
   sched_setaffinity(0, sizeof(set), &set);
 }
 
-// Answers each byte until the other end is closed.
+// Echoes each byte until the other end is closed.
 [[noreturn]] void Answer(int socket) {
   char byte;
   while (read(socket, &byte, 1) == 1 && write(socket, &byte, 1) == 1) continue;
@@ -60,7 +60,7 @@ std::string Mitigations() {
   const char folder[] = "/sys/devices/system/cpu/vulnerabilities";
   for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
     const std::string state = ReadFile(entry.path().string()).value_or("");
-    // Those that cost at each entry into the kernel or each change of process.
+    // The mitigations that cost at each entry into the kernel or each process switch.
     for (const char* known : {"Safe RET", "Retpolines", "PTI", "IBRS", "IBPB", "untrained return",
                               "Clear CPU buffers", "prctl and seccomp"}) {
       if (absl::StrContains(state, known)) active.insert(known);

@@ -1,6 +1,6 @@
-// What a message between two processes costs on this host. A graded step is a handful of
-// them beside its physics, so the share of a step that is not physics depends on it, and it
-// differs between machines more than the speed of the physics does.
+// The cost of a message between two processes on this host. A graded step is a handful of messages
+// besides its physics, so this cost determines the step's overhead, and it varies between machines
+// more than the speed of the physics does.
 #pragma once
 
 #include <optional>
@@ -13,12 +13,12 @@
 
 namespace myograde::server {
 
-// The time for a message to another process on the same processor and its answer, the smallest
-// mean of several batches; nullopt if two processes can't be made. Takes some 50 ms.
-// REQUIRES: a single thread.
+// The round-trip time of a message to another process on the same processor: the smallest mean of
+// several batches. nullopt if two processes can't be created. Takes about 50 ms. REQUIRES: a single
+// thread.
 std::optional<absl::Duration> MeasureMessages();
 
-// What it means for a step. `mitigations`: what the kernel does about the processor's faults.
+// What it means for a step. `mitigations`: the kernel's mitigations of processor vulnerabilities.
 Check JudgeMessages(std::optional<absl::Duration> there_and_back, const std::string& mitigations);
 
 // Measures on this host and appends a check.

@@ -58,14 +58,14 @@ int SetUp(int socket) {
   return 0;
 }
 
-// Error number, 0 if none.
+// An error number, 0 if none.
 int SetUpLoopback() {
   const Fd socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   return socket.valid() ? SetUp(socket.get()) : errno;
 }
 
-// Of the calling thread's network. Whoever fills the host's memory for UDP shall
-// not keep a small message from anybody before that memory is full to the brim.
+// For the calling thread's network. Someone filling the host's UDP memory must not block anybody's
+// small messages before that memory is completely full.
 bool BoundBuffers() {
   const std::pair<const char*, std::string> settings[] = {
       {"tcp_rmem", absl::StrCat("4096 131072 ", kStreamBufferBytes)},
@@ -79,8 +79,8 @@ bool BoundBuffers() {
   return all;
 }
 
-// Of the same network, where the kernel has this for each (Linux 6.8): the packet filters of a
-// socket, which the kernel translates into memory that all programs share.
+// For the same network, where the kernel has this setting per network (Linux 6.8): limits the
+// packet filters of a socket, which the kernel compiles into memory that all programs share.
 void BoundFilters() {
   const Fd file(open("/proc/sys/net/core/optmem_max", O_WRONLY | O_CLOEXEC));
   if (file.valid()) (void)!write(file.get(), "4096", 4);
@@ -90,7 +90,7 @@ Fd OpenOwn(const char* name) {
   return Fd(open(absl::StrCat("/proc/thread-self/", name).c_str(), O_RDONLY | O_CLOEXEC));
 }
 
-// A file of /proc, made anew by the kernel for each reading from its beginning.
+// Rereads a /proc file, which the kernel generates anew on each read from its start.
 std::string ReadAnew(const Fd& file) {
   char buffer[4096];
   std::string text;
@@ -146,7 +146,7 @@ absl::StatusOr<BusNetwork> BusNetwork::Make() {
   BusNetwork network;
   const char* refused = nullptr;
   int error = 0;
-  // A thread of its own, as whoever leaves the host's network can't always return.
+  // On a separate thread, as a thread that leaves the host's network can't always return.
   std::thread([&] {
     if (unshare(CLONE_NEWNET) != 0) {
       refused = "network namespace";
@@ -175,10 +175,10 @@ absl::StatusOr<BusNetwork> BusNetwork::Make() {
       absl::StrCat("sandbox: ", refused, ": ", std::strerror(error)));
 }
 
-NetworkUse BusNetwork::Look() const {
+NetworkUse BusNetwork::Sample() const {
   const std::string four = ReadAnew(sockets_);
   const std::string six = ReadAnew(sockets_six_);
-  // The words "inuse" are about this network, "mem" is about all of them.
+  // "inuse" counts this network, "mem" all networks.
   return {SocketStatistic(four, "UDP:", "inuse") + SocketStatistic(four, "TCP:", "inuse") +
               SocketStatistic(six, "UDP6:", "inuse") + SocketStatistic(six, "TCP6:", "inuse"),
           SocketStatistic(four, "sockets:", "used"),

@@ -1,5 +1,5 @@
-// The network of a sandbox that has the bus: a loopback that carries LCM, what
-// its sockets may hold at most, and what of it can be seen from outside.
+// The network of a sandbox with the bus: a loopback that carries LCM, limits on what its sockets
+// may hold, and what can be measured from outside.
 #pragma once
 
 #include <cstdint>
@@ -11,63 +11,60 @@
 
 namespace myograde::server {
 
-// Bytes that each buffer of a TCP socket may grow to in such a network.
+// The limit of each TCP socket buffer in such a network, in bytes.
 inline constexpr int64_t kStreamBufferBytes = 212992;
 
-// What is seen of such a network at one moment.
+// A sample of such a network's use.
 struct NetworkUse {
-  // UDP and TCP sockets in it that have an address, which are those that can hold
-  // data for a reader.
+  // Its UDP and TCP sockets that have an address: those that can hold data for a reader.
   int64_t sockets = 0;
   // Sockets of all kinds that processes in it have open.
   int64_t all_sockets = 0;
-  // The UDP sockets of the whole host hold so much that the kernel begins to
-  // drop messages (the second number of net.ipv4.udp_mem).
+  // The UDP sockets of the whole host hold so much that the kernel starts to drop messages (the
+  // second number of net.ipv4.udp_mem).
   bool pool_full = false;
 };
 
 class BusNetwork {
  public:
-  // Makes a network namespace with the bus; this thread stays in its own. It
-  // lasts until this value and all processes in it are gone. UnavailableError
-  // says what the kernel refuses.
+  // Creates a network namespace with the bus; the calling thread stays in its own. The namespace
+  // lasts until this object and all processes in it are gone. UnavailableError says what the kernel
+  // refused.
   static absl::StatusOr<BusNetwork> Make();
 
   // The namespace, for setns(2).
   int fd() const { return namespace_.get(); }
 
-  // Takes some microseconds.
-  NetworkUse Look() const;
+  // Takes a few microseconds.
+  NetworkUse Sample() const;
 
-  // Bytes of the kernel's memory that the UDP and TCP sockets in it hold, see
-  // SocketBytes().
+  // Kernel memory held by its UDP and TCP sockets, in bytes; see SocketBytes().
   int64_t socket_bytes() const;
 
-  // Datagrams that the kernel has dropped in it because the UDP sockets of the
-  // whole host held all that they may. 0 also where the kernel does not count
-  // them: before Linux 5.12, and 6.18.
+  // Datagrams that the kernel dropped in it because the host's UDP sockets had reached their shared
+  // limit. Also 0 where the kernel does not count them: before Linux 5.12, and in 6.18.
   int64_t dropped() const;
 
-  // False: the kernel's settings can't be written here, so TCP sockets may hold
-  // what the host's settings allow.
+  // False: the kernel's settings can't be written here, so TCP sockets may hold as much as the
+  // host's settings allow.
   bool bounded() const { return bounded_; }
 
  private:
   Fd namespace_;
-  Fd sockets_;      // /proc/net/sockstat as it is in there
+  Fd sockets_;      // the namespace's /proc/net/sockstat
   Fd sockets_six_;  // ... and sockstat6; invalid without IPv6
   Fd counters_;     // ... and snmp
   Fd diagnosis_;
   bool bounded_ = false;
-  int64_t full_pages_ = 0;  // of the whole host's UDP sockets; 0: not known here
+  int64_t full_pages_ = 0;  // of the host's UDP sockets; 0: unknown
 };
 
-// The number behind the word `field` in the line of `text` that begins with
-// `name`, as /proc/net/sockstat has them; 0 if there is none.
+// The number after the word `field` in the line of `text` that begins with `name`, in the format of
+// /proc/net/sockstat; 0 if there is none.
 int64_t SocketStatistic(const std::string& text, const std::string& name, const std::string& field);
 
-// The number below the word `field` in the lines of `text` that begin with
-// `name`, as /proc/net/snmp has them: one line of words, one of numbers.
+// The number below the word `field` in the lines of `text` that begin with `name`, in the format of
+// /proc/net/snmp: a line of words, then a line of numbers.
 int64_t CounterBelow(const std::string& text, const std::string& name, const std::string& field);
 
 }  // namespace myograde::server

@@ -30,7 +30,7 @@ constexpr bool kSanitized = true;
 constexpr bool kSanitized = false;
 #endif
 
-// What every sandbox sees of the host.
+// The parts of the host that every sandbox shows.
 void AddSystem(const EtcFiles& etc, SandboxSpec& spec) {
   const auto add = [&](Kind kind, std::string source, std::string target) {
     spec.mounts.push_back({kind, std::move(source), std::move(target)});
@@ -46,22 +46,21 @@ void AddSystem(const EtcFiles& etc, SandboxSpec& spec) {
   add(Kind::kDev, "", "/dev");
 }
 
-// By which the daemon knows the sandbox' processes; see slot_processes.h.
+// Identifies the sandbox' processes to the daemon; see slot_processes.h.
 void AddMark(const LeaseOrder& order, const Stage& stage, SandboxSpec& spec) {
   if (order.slot_mark.empty()) return;
   spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(order.slot_mark),
                          absl::StrCat(kPrograms, "/slot")});
 }
 
-// Last of all: what bubblewrap made itself lies on a tmpfs of the sandbox' uid.
+// Must come last: what bubblewrap created itself is on a tmpfs of the sandbox' uid.
 void Seal(SandboxSpec& spec) {
   spec.mounts.push_back({Kind::kSealed, "", "/dev"});
   spec.mounts.push_back({Kind::kSealed, "", "/"});
 }
 
-// Limits that no sandbox is asked for. A core limit of 0 would not keep the
-// kernel from handing a dying process to a program of the host that collects
-// dumps (core(5)); 1 does, and no file is that small.
+// Limits of every sandbox. A core limit of 0 would not stop the kernel from piping a dying process
+// to the host's core dump program (core(5)); 1 does, and no file is that small.
 void AddCommonLimits(SandboxSpec& spec) {
   spec.limits.insert(spec.limits.end(), {{RLIMIT_CORE, "core_bytes", 1},
                                          {RLIMIT_RTPRIO, "realtime_priority", 0},
@@ -69,7 +68,7 @@ void AddCommonLimits(SandboxSpec& spec) {
 }
 
 void AddSanitizerOptions(SandboxSpec& spec) {
-  // The leak check traces the process, which no sandbox allows.
+  // The leak check uses ptrace, which no sandbox allows.
   if (kSanitized) spec.environment.emplace_back("ASAN_OPTIONS", "detect_leaks=0");
 }
 
@@ -84,7 +83,7 @@ std::vector<std::string> PolicyPath(const std::vector<std::string>& runtimes) {
 
 std::vector<std::string> SystemPlaces() {
   std::vector<std::string> places = {"/usr"};
-  // Linear algebra and others are found through Debian's alternatives.
+  // Linear algebra and other libraries are found through Debian's alternatives.
   for (const char* path : {"/etc/ld.so.cache", "/etc/alternatives", "/etc/localtime"}) {
     if (access(path, R_OK) == 0) places.emplace_back(path);
   }
@@ -167,7 +166,7 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig
   for (const auto& [name, path] : stage.devices()) {
     spec.mounts.push_back({Kind::kDevice, path, "/dev/" + name});
   }
-  // Counts of the whole host that anybody can move by a number of his choice.
+  // Host-wide counters that anybody can move by an amount of his choice.
   for (const char* counts : {"/proc/sys/fs", "/proc/sys/kernel/pty"}) {
     spec.mounts.push_back({Kind::kTmpfs, "", counts});
     spec.mounts.push_back({Kind::kSealed, "", counts});
@@ -184,9 +183,8 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig
   AddMark(order, stage, spec);
   Seal(spec);
 
-  // A message wakes up one process after the other on the slot's processor. That none of them
-  // pushes its waker aside before that one has gone to sleep saves a third of the switches of a
-  // step.
+  // A message wakes one process after the other on the slot's processor. If none preempts its waker
+  // before that one sleeps, a step has a third fewer context switches.
   spec.batch = true;
   const std::string processors =
       std::to_string(std::max<int64_t>(1, static_cast<int64_t>(std::ceil(budgets.cpus))));
@@ -196,8 +194,8 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig
                       {kBusUrlVariable, kBusUrl},
                       {"OMP_NUM_THREADS", processors},
                       {"PYTHONDONTWRITEBYTECODE", "1"},
-                      // What it printed is not lost when it is killed, and its sets of strings
-                      // have the same order whenever it is run.
+                      // Output is not lost when it is killed, and string sets iterate in the same
+                      // order in every run.
                       {"PYTHONUNBUFFERED", "1"},
                       {"PYTHONHASHSEED", "0"}};
   if (!order.runtimes.empty()) {
@@ -211,7 +209,7 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig
       farewell > 0) {
     spec.command.insert(spec.command.end(), {"--farewell", std::to_string(farewell)});
   }
-  // Through the bridge, so that none of them touches a program that is not the participant's.
+  // Set through the bridge, so that none of them affects a program that is not the participant's.
   for (const auto& [name, value] : order.environment) {
     const bool joins = name == "PYTHONPATH" && !order.runtimes.empty();
     const std::string more = joins ? ":" + absl::StrJoin(order.runtimes, ":") : "";
@@ -224,13 +222,13 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig
   spec.as_first = true;
   spec.held = true;
   spec.uid = order.uid;
-  // Where a control group counts tasks, its count is the limit, as it also
-  // tells that it was reached.
+  // Where a control group counts tasks, its count is the limit, as it also reports that it was
+  // reached.
   spec.tasks = group.pids ? budgets.tasks + 64 : budgets.tasks + 1;
   spec.limits = {{RLIMIT_NOFILE, "open_files", budgets.open_files},
                  {RLIMIT_FSIZE, "file_bytes", budgets.scratch_bytes}};
   AddCommonLimits(spec);
-  // AddressSanitizer reserves more addresses than any budget.
+  // AddressSanitizer reserves more address space than any budget.
   if (!group.memory && !kSanitized) {
     spec.limits.push_back({RLIMIT_AS, "address_space_bytes", budgets.memory_bytes});
   }
@@ -254,8 +252,8 @@ SandboxSpec MakeSimSandbox(const LeaseOrder& order, const SimSandboxConfig& conf
       {"PATH", "/usr/bin:/bin"},
       {"LANG", "C.UTF-8"},
       {"LD_LIBRARY_PATH", order.cache_dir + "/mujoco-2.2.2/lib"},
-      // The C library picks its maths by the processor's features; without these
-      // all hosts compute the same.
+      // The C library selects its maths routines by processor features; with these disabled all
+      // hosts compute the same.
       {kTunablesVariable, kPinnedTunables}};
   AddSanitizerOptions(spec);
   spec.command = {sim, "--allow", absl::StrJoin(config.allowed_system_calls, ",")};

@@ -1,4 +1,4 @@
-// The two kinds of sandboxes of a lease, each built here and nowhere else.
+// Builds the two kinds of sandboxes of a lease. Nothing else does.
 #pragma once
 
 #include <map>
@@ -13,7 +13,7 @@
 
 namespace myograde::server {
 
-// Small files that a C library expects, staged once for a lease.
+// Small files that a C library expects, staged once per lease.
 struct EtcFiles {
   std::string passwd;
   std::string group;
@@ -21,26 +21,26 @@ struct EtcFiles {
 };
 absl::StatusOr<EtcFiles> StageEtcFiles(const Stage& stage);
 
-// What a lease's sandboxes need to be staged: programs, artefact, runtimes, cache, the
+// The host folders that a lease's sandboxes need staged: programs, artefact, runtimes, cache, the
 // slot's mark.
 std::vector<std::string> StagedSources(const LeaseOrder& order, const std::string& bin_dir);
 
-// The order's folders that no sandbox could be built with: relative paths, or
-// runtimes that would hide a part of the sandbox itself.
+// Rejects an order whose folders would make a sandbox impossible: relative paths, or runtimes that
+// would hide a part of the sandbox itself.
 absl::Status CheckOrderPaths(const LeaseOrder& order);
 
 // Where a policy's command without a slash is looked up, in this order: the bin folders of its
-// `runtimes` (host folders, which lie at the same place in the sandbox), then the system's.
+// `runtimes` (host folders, mounted at the same path in the sandbox), then the system's.
 std::vector<std::string> PolicyPath(const std::vector<std::string>& runtimes);
 
-// What a policy's sandbox has of the host's own, each at its own place, and the names beside /usr
-// that lead into it ("bin" for /bin, a link to usr/bin).
+// The host folders that a policy's sandbox shows, each at its own path, and the names of links
+// beside /usr that lead into it ("bin" for /bin, a link to usr/bin).
 std::vector<std::string> SystemPlaces();
 std::vector<std::string> SystemLinks();
 
-// The participant's: bridge as process 1, the artefact at /policy. `scratch`: of
-// Stage::MountScratch. `group` tells which limits the kernel already enforces;
-// for the others there are rlimits.
+// The participant's sandbox: bridge as process 1, the artefact at /policy. `scratch`: from
+// Stage::MountScratch. `group` tells which limits the kernel already enforces; the others become
+// rlimits.
 SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig& config,
                               const std::string& bin_dir, const Stage& stage, const EtcFiles& etc,
                               const std::string& scratch, const GroupControllers& group);
@@ -51,7 +51,7 @@ GroupLimits PolicyGroupLimits(const Budgets& budgets);
 // The limits of the simulator's control group.
 GroupLimits SimGroupLimits(const SimSandboxConfig& config);
 
-// The simulator's: no network, all read-only, a user beside the policy's.
+// The simulator's sandbox: no network, everything read-only, its own user beside the policy's.
 SandboxSpec MakeSimSandbox(const LeaseOrder& order, const SimSandboxConfig& config,
                            const std::string& bin_dir, const Stage& stage, const EtcFiles& etc);
 

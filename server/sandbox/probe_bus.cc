@@ -1,4 +1,4 @@
-// The part of the doctor that runs inside a policy's sandbox.
+// The doctor's probe that runs inside a policy's sandbox.
 #include <unistd.h>
 
 #include <chrono>

@@ -21,11 +21,12 @@
 namespace myograde::server {
 namespace {
 
-// How much more the estimate must be than what was waited for, so that chance alone builds
-// nothing up; and what it may be at any time before it is charged, for each processor in use.
+// The factor by which the estimate must exceed what was waited for, so that chance alone
+// accumulates nothing; and how much estimated time may accumulate before it is charged, per
+// processor in use.
 constexpr double kTolerance = 1.25;
 constexpr double kSlackNs = 0.5e9;
-// A runner that was held up may look less often than it should, but not for ever.
+// A delayed runner samples less often than it should; the estimated spacing is capped at this factor.
 constexpr double kMostSpacing = 5;
 constexpr double kNewest = 0.05;
 
@@ -46,7 +47,7 @@ struct ProcessTimes {
 std::optional<ProcessTimes> ReadStat(const std::string& path) {
   const absl::StatusOr<std::string> text = ReadFile(path);
   if (!text.ok()) return std::nullopt;
-  // The name, in brackets, may hold anything; the numbers follow its last one.
+  // The name, in brackets, may contain anything; the numbers follow the last bracket.
   const size_t name_end = text->rfind(')');
   if (name_end == std::string::npos) return std::nullopt;
   ProcessTimes times;
@@ -67,9 +68,9 @@ std::optional<ProcessTimes> ReadStat(const std::string& path) {
   return times;
 }
 
-// The CPU clock of a process is exact where /proc/PID/stat counts in ticks of
-// 10 ms, which is many steps of a quick policy. Anybody may read it
-// (clock_getcpuclockid(3)). Nothing: the process is no more.
+// The CPU clock of a process is exact, while /proc/PID/stat counts in ticks of 10 ms, which is many
+// steps of a quick policy. Anybody may read it (clock_getcpuclockid(3)). nullopt: the process is
+// gone.
 std::optional<int64_t> OwnNs(pid_t pid, int64_t otherwise) {
   clockid_t clock;
   timespec time;
@@ -81,7 +82,7 @@ std::optional<int64_t> OwnNs(pid_t pid, int64_t otherwise) {
   return time.tv_sec * int64_t{1000000000} + time.tv_nsec;
 }
 
-// The names in a folder of /proc that are numbers.
+// The numeric names in a /proc folder.
 std::vector<pid_t> Numbers(const std::string& folder) {
   std::vector<pid_t> numbers;
   DIR* entries = opendir(folder.c_str());
@@ -94,8 +95,8 @@ std::vector<pid_t> Numbers(const std::string& folder) {
   return numbers;
 }
 
-// Who can run may wait for a processor; how much of its time it did tells how likely it is
-// on one now. Of a thread in `folder`.
+// A runnable thread may be waiting for a processor; the share of its time that it has spent running
+// tells how likely it is on one now. For a thread in `folder`.
 double OnProcessor(const std::string& folder, char state) {
   if (state != 'R') return 0;
   const absl::StatusOr<std::string> text = ReadFile(folder + "/schedstat");
@@ -120,8 +121,8 @@ double ThreadsOnProcessors(pid_t pid, const ProcessTimes& times, bool each) {
 
 }  // namespace
 
-void CpuLedger::Look(const std::map<ProcessKey, ProcessSeen>& seen,
-                     const std::set<pid_t>& leaving, absl::Duration now, bool by_chance) {
+void CpuLedger::AddSample(const std::map<ProcessKey, ProcessSeen>& seen,
+                          const std::set<pid_t>& leaving, absl::Duration now, bool by_chance) {
   double ran_on_ns = 0;
   std::map<ProcessKey, ProcessSeen> known = seen;
   std::map<ProcessKey, double> run_on_ns;
@@ -137,7 +138,7 @@ void CpuLedger::Look(const std::map<ProcessKey, ProcessSeen>& seen,
     ended_own_ns_ += before.own_ns;
     ran_on_ns += run_on_ns_[key];
   }
-  looks_since_end_ = ended ? 0 : std::min(looks_since_end_ + 1, kCalmLooks);
+  samples_since_end_ = ended ? 0 : std::min(samples_since_end_ + 1, kCalmSamples);
 
   int64_t children_ns = 0;
   int64_t parents = 1;
@@ -148,9 +149,9 @@ void CpuLedger::Look(const std::map<ProcessKey, ProcessSeen>& seen,
     const int64_t own_before = before == known_.end() ? 0 : before->second.own_ns;
     total_ns_ += std::max<int64_t>(now_seen.own_ns - own_before, 0);
   }
-  // What parents have of their children beyond what was seen of these while they lived.
-  // A parent's own account moves on with it when it ends. The kernel cuts two numbers of
-  // each parent to whole ticks, so a little less than before is nothing lost.
+  // What parents have of their children beyond what was seen of these while they lived. A parent's
+  // own account moves on with it when it ends. The kernel truncates two numbers of each parent to
+  // whole ticks, so slightly less than before is no loss.
   const int64_t collected_ns = children_ns - ended_own_ns_;
   const int64_t fresh_ns = std::max<int64_t>(collected_ns - most_collected_ns_, 0);
   const int64_t cut_ns = 2 * TickNs() * parents;
@@ -184,8 +185,8 @@ void CpuLedger::Look(const std::map<ProcessKey, ProcessSeen>& seen,
 }
 
 int64_t ProcessTree::CpuNs(bool by_chance) {
-  // First who there is, then the times of children, then each one's own: whoever is there
-  // in the end is in no parent's time, and whoever was not there at first is in it already.
+  // First list the processes, then read children's times, then each one's own: a process that is
+  // alive at the end is in no parent's time, and one that was missing at first is in it already.
   const std::vector<pid_t> listed = Numbers("/proc");
   std::map<pid_t, ProcessTimes> processes;
   std::multimap<pid_t, pid_t> children;
@@ -198,8 +199,8 @@ int64_t ProcessTree::CpuNs(bool by_chance) {
       leaving.insert(pid);
     }
   }
-  // Of the tree alone: the host may have many processes more. Who was in it stays in it, also
-  // where its parent went while we read.
+  // Only of the tree: the host may have many more processes. A process that was in it stays in it,
+  // even if its parent ended while we read.
   std::vector<pid_t> open = {root_};
   for (const auto& [key, before] : ledger_.known()) {
     const auto found = processes.find(key.first);
@@ -223,7 +224,7 @@ int64_t ProcessTree::CpuNs(bool by_chance) {
       leaving.insert(pid);
     }
   }
-  ledger_.Look(seen, leaving, SystemClock().Monotonic(), by_chance);
+  ledger_.AddSample(seen, leaving, SystemClock().Monotonic(), by_chance);
   return ledger_.total_ns();
 }
 

@@ -28,21 +28,21 @@ namespace myograde::server {
 namespace {
 
 constexpr char kPolicy[] = "/policy";
-constexpr int kMaxLinks = 40;        // as the kernel's
-constexpr int kMaxInterpreters = 4;  // scripts whose interpreters are scripts; the kernel's too
+constexpr int kMaxLinks = 40;        // as in the kernel
+constexpr int kMaxInterpreters = 4;  // scripts interpreted by scripts; as in the kernel
 constexpr size_t kMaxVenvConfig = 64 << 10;
 
 bool IsAtOrBelow(const std::string& path, const std::string& folder) {
   return path == folder || path.starts_with(folder + "/");
 }
 
-// A file of the sandbox, with no link left in its path.
+// A file of the sandbox, with all links in its path resolved.
 struct Found {
   std::string path;
   mode_t mode = 0;
 };
 
-// The sandbox' file system as far as programs go, looked at from outside.
+// The sandbox' file system as far as programs need it, seen from outside.
 class SandboxView {
  public:
   SandboxView(int artefact, const std::vector<std::string>& runtimes)
@@ -50,8 +50,7 @@ class SandboxView {
     host_.insert(host_.end(), runtimes.begin(), runtimes.end());
   }
 
-  // What an absolute path leads to; if there is nothing, `missing` is the place where the way
-  // ended.
+  // Resolves an absolute path; if it does not exist, `missing` is where resolution failed.
   std::optional<Found> Find(const std::string& path, std::string& missing) const {
     std::deque<std::string> names;
     for (const absl::string_view name : absl::StrSplit(path, '/')) names.emplace_back(name);
@@ -83,7 +82,7 @@ class SandboxView {
     return at;
   }
 
-  // A file that Find gave, for reading.
+  // Opens a file that Find returned, for reading.
   Fd Open(const std::string& path) const {
     if (IsAtOrBelow(path, kPolicy)) {
       return OpenBeneath(artefact_, path.substr(sizeof(kPolicy)), O_RDONLY | O_NONBLOCK);
@@ -92,8 +91,8 @@ class SandboxView {
   }
 
  private:
-  // The type and mode of a place whose folder has no link in its path; 0 if it is not there.
-  // `target`: of a link.
+  // The type and mode of a path whose folder has no link in it; 0 if it does not exist. `target`: a
+  // link's target.
   mode_t LookAt(const std::string& path, std::string& target) const {
     for (const std::string& link : links_) {
       if (path == "/" + link) return target = "usr/" + link, S_IFLNK;
@@ -157,7 +156,7 @@ class ProgramCheck {
     return "";
   }
 
-  // `path`: absolute, in the sandbox. `depth`: scripts that led here.
+  // `path`: absolute, in the sandbox. `depth`: number of scripts that led here.
   absl::Status Check(const std::string& path, int depth) const {
     std::string missing;
     const std::optional<Found> found = view_.Find(path, missing);
@@ -197,7 +196,7 @@ class ProgramCheck {
                                         ? head.interpreter
                                         : absl::StrCat(kPolicy, "/", head.interpreter);
     if (absl::Status status = Check(interpreter, depth + 1); !status.ok()) return status;
-    // "env python3" looks the next word up in its turn; options of env are its own matter.
+    // "env python3" looks up the next word in turn; env's own options are not interpreted here.
     const std::string next = head.argument.substr(0, head.argument.find_first_of(" \t="));
     if (!interpreter.ends_with("/env") || next.empty() || next[0] == '-' ||
         next.find('/') != std::string::npos || !OnPath(next).empty()) {
@@ -207,8 +206,8 @@ class ProgramCheck {
                                 "sandbox' folders of programs: ", absl::StrJoin(path_, ", ")));
   }
 
-  // A Python in an environment of its own finds its library by the file pyvenv.cfg beside or above
-  // the name that it was started by, and its packages in the lib folder of its very version.
+  // A Python virtual environment finds its library through the file pyvenv.cfg beside or above the
+  // name that Python was started by, and its packages in the lib folder of exactly its version.
   absl::Status CheckVenv(const std::string& path, const Found& interpreter) const {
     const std::filesystem::path name = std::filesystem::path(path).lexically_normal();
     const std::string venv = name.parent_path().parent_path().string();

@@ -1,4 +1,4 @@
-// Whether a submission's command can start in a policy's sandbox, told before anything runs.
+// Checks whether a submission's command can start in a policy's sandbox, before anything runs.
 #pragma once
 
 #include <string>
@@ -10,11 +10,11 @@
 
 namespace myograde::server {
 
-// Follows the command of `manifest` as the sandbox would on this host: over the PATH if it is a
-// bare word, through symbolic links, a script's interpreter, a binary's dynamic loader, and the
-// pyvenv.cfg of a virtual environment. `folder`: the unpacked submission, none of whose links this
-// process follows itself. `runtimes`: the host's folders of manifest.runtimes.
-// InvalidArgumentError: it can't start, with the file that is missing and what to do.
+// Resolves the command of `manifest` as the sandbox would on this host: through PATH if it is a
+// bare word, symbolic links, a script's interpreter, a binary's dynamic loader, and the pyvenv.cfg
+// of a virtual environment. `folder`: the unpacked submission; links in it are never followed by
+// this process. `runtimes`: the host folders of manifest.runtimes. InvalidArgumentError: it can't
+// start; names the missing file and what to do.
 absl::Status CheckProgram(const ArtefactManifest& manifest, const std::string& folder,
                           const std::vector<std::string>& runtimes);
 

@@ -29,7 +29,7 @@ namespace {
 
 constexpr char kBubblewrap[] = "/usr/bin/bwrap";
 constexpr char kPrlimit[] = "/usr/bin/prlimit";
-constexpr int kInnerUid = 1000;  // as every sandbox sees itself
+constexpr int kInnerUid = 1000;  // the uid inside every sandbox
 // Above those that a command is given.
 constexpr int kStatusFd = 20;
 constexpr int kFilterFd = 21;
@@ -96,8 +96,8 @@ std::vector<std::string> Arguments(const SandboxSpec& spec, bool filter) {
     arguments.insert(arguments.end(), {"--setenv", name, value});
   }
   arguments.push_back("--");
-  // The kernel counts a user's processes for each user namespace, so a limit
-  // that is set inside counts the sandbox' own only.
+  // The kernel counts a user's processes per user namespace, so a limit set inside counts only the
+  // sandbox' own.
   if (spec.tasks > 0) {
     arguments.insert(arguments.end(),
                      {kPrlimit, absl::StrCat("--nproc=", spec.tasks, ":", spec.tasks), "--"});
@@ -106,13 +106,13 @@ std::vector<std::string> Arguments(const SandboxSpec& spec, bool filter) {
   return arguments;
 }
 
-// What the child between fork and exec needs, made before the fork.
+// What the child needs between fork and exec, prepared before the fork.
 struct ChildPlan {
   std::vector<char*> arguments;
   std::vector<SandboxFd> fds;
   std::vector<int> join;
   const SandboxSpec* spec;
-  int network;  // to live in; -1: bubblewrap makes one
+  int network;  // to join; -1: bubblewrap creates one
   pid_t parent;
 };
 
@@ -121,8 +121,8 @@ struct ChildPlan {
   _exit(126);
 }
 
-// Puts each descriptor where it is wanted. All are lifted first, so that none
-// is overwritten before it was moved.
+// Moves each descriptor to its target. All are lifted first, so that none is overwritten before it
+// has been moved.
 void PlaceDescriptors(const std::vector<SandboxFd>& fds) {
   int lifted[16];
   for (size_t i = 0; i < fds.size(); ++i) {
@@ -160,8 +160,8 @@ void PlaceDescriptors(const std::vector<SandboxFd>& fds) {
       Fail("taking the slot's uid", errno);
     }
   }
-  // After the change of uid, which clears it. The new session of bubblewrap's
-  // child is its own matter; this is for bubblewrap itself.
+  // After the change of uid, which clears it. This covers bubblewrap itself; its child, in a new
+  // session, sets its own.
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != plan.parent) _exit(126);
   for (const SandboxLimit& limit : plan.spec->limits) {
@@ -236,7 +236,7 @@ absl::StatusOr<std::unique_ptr<Sandbox>> Sandbox::Start(const SandboxSpec& spec,
     return absl::InternalError(absl::StrCat("can't start a process: ", std::strerror(errno)));
   }
   if (pid == 0) BecomeSandbox(plan);
-  // From here on, as whoever destroys it ends that process.
+  // From here on the destructor ends the process.
   std::unique_ptr<Sandbox> sandbox(new Sandbox());
   sandbox->pid_ = pid;
   sandbox->network_ = std::move(network);
@@ -246,7 +246,7 @@ absl::StatusOr<std::unique_ptr<Sandbox>> Sandbox::Start(const SandboxSpec& spec,
 }
 
 void Sandbox::Release() {
-  gate_.reset();  // its reader sees the end of the pipe
+  gate_.reset();  // its reader sees end of file
 }
 
 void Sandbox::ReadStatus() {
@@ -254,8 +254,8 @@ void Sandbox::ReadStatus() {
   for (ssize_t n; status_.valid() && (n = read(status_.get(), buffer, sizeof(buffer))) > 0;) {
     report_.append(buffer, static_cast<size_t>(n));
   }
-  // One JSON object a line: first {"child-pid": N, ...}, then, only if the
-  // command was executed, {"exit-code": N}.
+  // One JSON object per line: first {"child-pid": N, ...}, then, only if the command was executed,
+  // {"exit-code": N}.
   size_t end;
   while ((end = report_.find('\n')) != std::string::npos) {
     const auto json = nlohmann::json::parse(report_.substr(0, end), nullptr, false);
@@ -290,7 +290,7 @@ bool Sandbox::Wait(absl::Duration timeout) {
   return true;
 }
 
-void Sandbox::Strike() {
+void Sandbox::KillNow() {
   if (!Ended() && first_.valid()) {
     syscall(SYS_pidfd_send_signal, first_.get(), SIGKILL, nullptr, 0);
   }
@@ -305,8 +305,8 @@ bool Sandbox::Gone() {
 bool Sandbox::Kill(absl::Duration timeout) {
   const Deadline deadline(timeout);
   if (!Ended()) {
-    // With process 1 of its pid namespace everything in it dies; bubblewrap
-    // then ends by itself.
+    // When process 1 of its pid namespace dies, so does everything in it; bubblewrap then exits by
+    // itself.
     if (first_.valid()) syscall(SYS_pidfd_send_signal, first_.get(), SIGKILL, nullptr, 0);
     if (!first_.valid() || !Wait(absl::Milliseconds(300))) {
       kill(pid_, SIGKILL);

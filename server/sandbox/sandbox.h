@@ -1,5 +1,5 @@
-// A sandbox as a value, and the process that lives in it. The value says all
-// that a sandbox is; policy_sandbox.h makes the two kinds.
+// A sandbox as a value, and the process that runs in it. The value describes it completely;
+// policy_sandbox.h builds the two kinds.
 #pragma once
 
 #include <sys/types.h>
@@ -23,8 +23,8 @@ namespace myograde::server {
 struct SandboxMount {
   enum class Kind { kReadOnly, kWritable, kSymlink, kProc, kDev, kDevice, kTmpfs, kSealed };
   Kind kind;
-  std::string source;  // kReadOnly, kWritable, kDevice: host path; kSymlink: what it says; else ""
-  std::string target;  // kSealed: a mount that takes no more changes
+  std::string source;  // kReadOnly, kWritable, kDevice: host path; kSymlink: link text; else ""
+  std::string target;  // kSealed: a mount to make read-only for good
 };
 
 struct SandboxLimit {
@@ -38,19 +38,20 @@ struct SandboxSpec {
   std::vector<std::pair<std::string, std::string>> environment;  // nothing else is set
   std::vector<std::string> command;
   std::string working_dir;
-  bool bus = false;         // a loopback that carries LCM; else no network at all
+  bool bus = false;         // a loopback that carries LCM; otherwise no network at all
   bool as_first = false;    // the command itself is process 1
   bool held = false;        // built at once, but the command waits for Sandbox::Release()
-  // Who wakes up does not push aside who runs, and is pushed aside by all who are not so.
+  // Its processes do not preempt running ones when they wake up, and are preempted by any that are
+  // not like this (SCHED_BATCH).
   bool batch = false;
-  int64_t uid = -1;         // taken before any namespace; -1: the caller's own
+  int64_t uid = -1;         // set before any namespace is created; -1: the caller's own
   int64_t tasks = 0;        // RLIMIT_NPROC, set inside the sandbox' own user namespace; 0: none
   std::vector<SandboxLimit> limits;
 };
 
 nlohmann::json SandboxSpecToJson(const SandboxSpec& spec);
 
-// Descriptors for the first process: `target` is what it finds them as.
+// Descriptors passed to the first process, which sees each as `target`.
 struct SandboxFd {
   int fd;
   int target;  // 0 or above
@@ -59,15 +60,14 @@ struct SandboxFd {
 // How a sandbox ended.
 struct SandboxEnd {
   bool started = false;  // the command was executed
-  int exit_code = -1;    // of the command; 128 + signal if one killed it
+  int exit_code = -1;    // of the command; 128 + signal if killed by one
 };
 
 class Sandbox {
  public:
-  // Starts the command. `join`: process lists of control groups, see
-  // ControlGroup::join_fds(). `filter`: a BPF program, or invalid. Whatever of
-  // this goes wrong later, in bubblewrap, ends the sandbox with !started and a
-  // sentence on its stderr. Dies with the calling thread.
+  // Starts the command. `join`: process lists of control groups, see ControlGroup::join_fds().
+  // `filter`: a BPF program, or invalid. Anything that goes wrong later, in bubblewrap, ends the
+  // sandbox with !started and a sentence on its stderr. Dies with the calling thread.
   static absl::StatusOr<std::unique_ptr<Sandbox>> Start(const SandboxSpec& spec,
                                                         const std::vector<SandboxFd>& fds,
                                                         const std::vector<int>& join,
@@ -76,17 +76,17 @@ class Sandbox {
   Sandbox(const Sandbox&) = delete;
   Sandbox& operator=(const Sandbox&) = delete;
 
-  // Lets the command of a held sandbox begin; for any other nothing.
+  // Starts the command of a held sandbox; no effect on any other.
   void Release();
 
-  // True once it ended; never blocks.
+  // True once it has ended; never blocks.
   bool Ended();
 
-  // Kills everything in it and waits for its end. False: something is left.
+  // Kills everything in it and waits for its end. False: something survives at `timeout`.
   bool Kill(absl::Duration timeout);
 
   // Kills everything in it, without waiting.
-  void Strike();
+  void KillNow();
 
   // True once nothing of it is left; never blocks.
   bool Gone();
@@ -97,10 +97,10 @@ class Sandbox {
   // Valid once Ended().
   SandboxEnd end() const { return end_; }
 
-  // The outermost process, of which all others descend.
+  // The outermost process, the ancestor of all others.
   pid_t pid() const { return pid_; }
 
-  // Of a sandbox with the bus; else null.
+  // null unless the sandbox has the bus.
   const BusNetwork* network() const { return network_.has_value() ? &*network_ : nullptr; }
 
  private:
@@ -110,7 +110,7 @@ class Sandbox {
   std::optional<BusNetwork> network_;
   pid_t pid_ = -1;
   bool reaped_ = false;
-  Fd gate_;    // who is held reads its other end
+  Fd gate_;    // a held sandbox reads the other end
   Fd status_;  // bubblewrap's own reports
   std::string report_;
   Fd first_;   // a pidfd of process 1

@@ -12,12 +12,12 @@
 namespace myograde::server {
 namespace {
 
-// Of a policy.json that does not name the key.
+// For a policy.json without the key.
 constexpr int64_t kUsualSockets = 256;
 constexpr int64_t kUsualAllSockets = 2048;
 
-// A list of system calls; one that is empty or holds another word is a mistake,
-// as a filter that lacks a call by a slip of the pen looks like any other.
+// A list of system calls. An empty list or an unknown name is an error, as a filter that lacks a
+// call because of a typo looks like any other.
 std::vector<std::string> SystemCalls(ConfigReader& reader, const char* key) {
   std::vector<std::string> names = reader.Strings(key);
   if (names.empty()) reader.Fail(key, "must hold at least one system call");
@@ -51,7 +51,7 @@ absl::StatusOr<PolicySandboxConfig> LoadPolicy(const std::string& path) {
       reader.Has("all_sockets") ? reader.Integer("all_sockets", 16, 1048576) : kUsualAllSockets;
   config.cpu_refresh_s = reader.Number("cpu_refresh_s", {0.001, 1});
   config.kill_s = reader.Number("kill_s", {1, 60});
-  // Files of earlier versions have none.
+  // Absent in files of earlier versions.
   config.farewell_s = reader.Has("farewell_s") ? reader.Number("farewell_s", {0, 10}) : 1;
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   return config;

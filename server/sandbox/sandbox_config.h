@@ -1,5 +1,5 @@
-// configs/sandbox/*.json: what the two kinds of sandboxes are like, apart from
-// the budgets of a track.
+// configs/sandbox/*.json: settings of the two kinds of sandboxes, apart from the budgets of a
+// track.
 #pragma once
 
 #include <cstdint>
@@ -13,12 +13,12 @@ namespace myograde::server {
 struct PolicySandboxConfig {
   std::vector<std::string> denied_system_calls;         // fail with EPERM
   std::vector<std::string> unimplemented_system_calls;  // fail with ENOSYS
-  std::vector<int> socket_families;                     // AF_* that are allowed
-  int64_t sockets = 0;       // UDP and TCP sockets in use at one time, the bridge's included
+  std::vector<int> socket_families;                     // allowed AF_* values
+  int64_t sockets = 0;       // UDP and TCP sockets in use at one time, including the bridge's
   int64_t all_sockets = 0;   // open at one time, of all kinds
-  double cpu_refresh_s = 0;  // s between readings of the CPU time and looks at other limits
+  double cpu_refresh_s = 0;  // s between samples of the CPU time and of other limits
   double kill_s = 0;         // s for a killed sandbox to be gone
-  double farewell_s = 0;     // s for a policy to end by itself after its last episode
+  double farewell_s = 0;     // s for a policy to exit by itself after its last episode
 };
 
 struct SimSandboxConfig {
@@ -26,9 +26,9 @@ struct SimSandboxConfig {
   int64_t memory_bytes = 0;
   int64_t tasks = 0;         // processes and threads of its sandbox
   int64_t open_files = 0;
-  double silence_s = 0;      // s without a message: the simulator hangs
+  double silence_s = 0;      // s without a message before the simulator counts as hung
   double lease_slack_s = 0;  // s above the lease's wall time
-  int64_t log_bytes = 0;     // packed size that an episode's log may have
+  int64_t log_bytes = 0;     // largest packed size of an episode's log
 };
 
 struct SandboxConfig {
@@ -39,8 +39,8 @@ struct SandboxConfig {
 // True if this host's architecture has a system call of that name.
 bool IsSystemCall(const std::string& name);
 
-// Reads policy.json and sim.json in `config_dir`/sandbox. An error names the
-// file, the key and what is wrong with it.
+// Reads policy.json and sim.json in `config_dir`/sandbox. An error names the file, the key and the
+// problem.
 absl::StatusOr<SandboxConfig> LoadSandboxConfig(const std::string& config_dir);
 
 }  // namespace myograde::server

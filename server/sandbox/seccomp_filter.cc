@@ -32,21 +32,20 @@ using Filter = std::unique_ptr<void, Release>;
 
 constexpr uint64_t kNamespaceFlags = CLONE_NEWNS | CLONE_NEWCGROUP | CLONE_NEWUTS | CLONE_NEWIPC |
                                      CLONE_NEWUSER | CLONE_NEWPID | CLONE_NEWNET;
-// Bits of a socket's type beside its flags.
+// The bits of a socket's type without its flags.
 constexpr uint64_t kSocketTypeMask = 0xf;
-// The kernel looks at the low half of these arguments only.
+// The kernel reads only the low half of these arguments.
 constexpr uint64_t kLowHalf = 0xffffffff;
-// set_mempolicy_home_node, the last system call that was looked at for the
-// lists (Linux 6.1). Numbers from here on are alike on all architectures.
+// set_mempolicy_home_node, the last system call that was considered for the lists (Linux 6.1).
+// Numbers from here on are the same on all architectures.
 constexpr uint32_t kNewestKnownCall = 450;
-// Below them each architecture had left numbers free, which newer kernels begin to use. (On x86-64
-// 335 and 336 are the kernel's own for probes: no filter is asked, and they end whoever tries
-// them.)
+// Below them each architecture had left numbers free, which newer kernels have started to use. (On
+// x86-64 335 and 336 are the kernel's own for probes: they bypass filters and kill the caller.)
 constexpr uint32_t kLastFreeCall = 423;
 #if defined(__x86_64__)
-constexpr uint32_t kFirstFreeCall = 335;  // behind rseq
+constexpr uint32_t kFirstFreeCall = 335;  // after rseq
 #elif defined(__aarch64__)
-constexpr uint32_t kFirstFreeCall = 295;  // behind kexec_file_load
+constexpr uint32_t kFirstFreeCall = 295;  // after kexec_file_load
 #else
 #error "say which numbers of system calls Linux 6.1 leaves free on this architecture"
 #endif
@@ -76,8 +75,8 @@ int DenyIf(scmp_filter_ctx filter, int call, scmp_arg_cmp condition) {
   return seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), call, 1, condition);
 }
 
-// Sockets of families, types and protocols that are not listed, one rule for
-// each gap between them. Each of these can make the kernel load a module.
+// Denies sockets of families, types and protocols that are not listed, with one rule for each gap
+// between them. Each of these can make the kernel load a module.
 int DenySockets(scmp_filter_ctx filter, const std::vector<int>& families) {
   int result = 0;
   for (const int call : {SCMP_SYS(socket), SCMP_SYS(socketpair)}) {
@@ -98,10 +97,10 @@ int DenySockets(scmp_filter_ctx filter, const std::vector<int>& families) {
   return result;
 }
 
-// Succeed and do nothing. Some are hints, which a program may give without an answer: through the
-// page cache of a file below /usr they would write bits for others to read, and throw out at will
-// what the host has in memory. A socket's buffers keep the host's usual size, as they do for
-// whoever asks for more than the host allows: what they hold is memory that no budget counts.
+// Calls that succeed and do nothing. Some are hints, which a program need not check: through the
+// page cache of a file below /usr they would write bits for others to read, and evict the host's
+// memory at will. Setting a socket's buffers keeps the host's default size, as asking for more than
+// the host allows does: their content is memory that no budget counts.
 int PretendTo(scmp_filter_ctx filter) {
   int result = 0;
   for (const int call : {SCMP_SYS(fadvise64), SCMP_SYS(readahead)}) {
@@ -119,8 +118,8 @@ int PretendTo(scmp_filter_ctx filter) {
   return result;
 }
 
-// Execution domains other than Linux, 32-bit Linux and Linux without address
-// randomisation; asking for the present one (all ones) stays allowed.
+// Denies execution domains other than Linux, 32-bit Linux and Linux without address randomisation;
+// querying the current one (all ones) stays allowed.
 int DenyPersonalities(scmp_filter_ctx filter) {
   constexpr uint64_t kTop = 0x80000000;
   int result = 0;
@@ -132,7 +131,7 @@ int DenyPersonalities(scmp_filter_ctx filter) {
   return result;
 }
 
-// What is denied by an argument, whatever the config says.
+// Calls denied by argument, whatever the config says.
 int DenyByArgument(scmp_filter_ctx filter) {
   int result = 0;
   for (uint64_t bit = 1; bit <= kNamespaceFlags; bit <<= 1) {
@@ -142,8 +141,9 @@ int DenyByArgument(scmp_filter_ctx filter) {
   for (const uint64_t request : {TIOCSTI, TIOCLINUX}) {
     result |= DenyIf(filter, SCMP_SYS(ioctl), SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, request));
   }
-  // All tell of other users of a file that two sandboxes see, such as /usr: news, leases and locks
-  // of now, and hints that older kernels let anybody write into a file's inode, where they stay.
+  // All of these reveal other users of a file that two sandboxes see, such as those below /usr:
+  // notifications, leases and locks, and hints that older kernels let anybody write into a file's
+  // inode, where they stay.
   for (const uint64_t command : {F_NOTIFY, F_SETLEASE, F_GETLK, F_OFD_GETLK, F_GET_RW_HINT,
                                  F_SET_RW_HINT, F_GET_FILE_RW_HINT, F_SET_FILE_RW_HINT}) {
     result |= DenyIf(filter, SCMP_SYS(fcntl), SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, command));
@@ -151,21 +151,21 @@ int DenyByArgument(scmp_filter_ctx filter) {
   for (const uint64_t option : {kPrSchedCore, kPrSetMemoryMerge}) {
     result |= DenyIf(filter, SCMP_SYS(prctl), SCMP_A0(SCMP_CMP_MASKED_EQ, kLowHalf, option));
   }
-  // Huge pages that the host has set aside are memory that no budget counts. As if it had none;
-  // those that the kernel makes by itself are ordinary memory.
+  // Huge pages that the host has reserved are memory that no budget counts: act as if there were
+  // none. Those that the kernel makes by itself are ordinary memory.
   result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOMEM), SCMP_SYS(mmap), 1,
                              SCMP_A3(SCMP_CMP_MASKED_EQ, MAP_HUGETLB, MAP_HUGETLB));
   result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOMEM), SCMP_SYS(memfd_create), 1,
                              SCMP_A1(SCMP_CMP_MASKED_EQ, MFD_HUGETLB, MFD_HUGETLB));
-  // Sets memory of a whole pool aside.
+  // Reserves memory for a whole pool.
   result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(setsockopt), 2,
                              SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, SOL_SOCKET),
                              SCMP_A2(SCMP_CMP_MASKED_EQ, kLowHalf, kSoReserveMem));
   return result | DenyPersonalities(filter);
 }
 
-// A memory file with `filter`'s program behind a test that answers calls that no list knows, as
-// they are newer, with ENOSYS; libseccomp knows no ranges of calls.
+// A memory file with `filter`'s program, preceded by a test that answers calls newer than the lists
+// with ENOSYS; libseccomp can't express ranges of calls.
 absl::StatusOr<Fd> Export(scmp_filter_ctx filter) {
   Fd program(memfd_create("myograde-seccomp", MFD_CLOEXEC));
   if (!program.valid()) {

@@ -1,4 +1,4 @@
-// The system call filter of a sandbox, as a program for bubblewrap's --seccomp.
+// A sandbox' system call filter, as a program for bubblewrap's --seccomp.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -8,14 +8,13 @@
 
 namespace myograde::server {
 
-// A memory file with the BPF program, at its start. Allows what the config does
-// not deny. Whatever the config says, it denies new namespaces through clone,
-// terminal injection, news of other users of a shared file (leases, locks, hints
-// in its inode, directory notification), foreign execution domains, the sharing of cores by cookie,
-// sockets other than streams, datagrams and packets over TCP, UDP or none, and
-// all calls of other architectures (32-bit, x32); calls newer than Linux 6.1 do
-// not exist behind it. InvalidArgumentError names a system call that does not
-// exist.
+// A memory file with the BPF program, positioned at its start. Allows what the config does not
+// deny. Whatever the config says, it denies new namespaces through clone, terminal injection, ways
+// to learn of other users of a shared file (leases, locks, hints in its inode, directory
+// notification), foreign execution domains, core scheduling cookies, sockets other than stream,
+// datagram and seqpacket sockets over TCP, UDP or no protocol, and all calls of other architectures
+// (32-bit, x32); calls newer than Linux 6.1 do not exist behind it. InvalidArgumentError names an
+// unknown system call.
 absl::StatusOr<Fd> MakeSeccompFilter(const PolicySandboxConfig& config);
 
 }  // namespace myograde::server

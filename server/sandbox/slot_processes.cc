@@ -25,10 +25,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What the kernel adds to the place of a folder that was removed.
+// What the kernel appends to the path of a removed folder.
 constexpr std::string_view kDeleted = "//deleted";
 
-// Where something lies: a file system by its device, and a path from its root.
+// A location: a file system by its device, and a path from its root.
 using Place = std::pair<std::string, std::string>;
 
 struct MountLine {
@@ -46,7 +46,7 @@ struct StatusFacts {
   bool dead() const { return state.empty() || state == "Z" || state == "X"; }
 };
 
-// What follows `key` on its line. Names are escaped, so no process can write such a line.
+// The text after `key` on its line. Names are escaped, so no process can forge such a line.
 std::string LineValue(const std::string& text, std::string_view key) {
   const size_t at = text.find(key);
   if (at == std::string::npos) return "";
@@ -54,9 +54,9 @@ std::string LineValue(const std::string& text, std::string_view key) {
   return text.substr(begin, text.find('\n', begin) - begin);
 }
 
-// `path`: the folder of a process or a thread. All is empty if it is gone.
+// `path`: the /proc folder of a process or thread. All fields are empty if it is gone.
 StatusFacts StatusOf(const std::string& path) {
-  // The file's owner says nothing: that of a process that can't be looked into is root.
+  // The file's owner says nothing: for a process that can't be inspected it is root.
   const std::string text = ReadFile(path + "/status").value_or("");
   StatusFacts facts;
   if (text.empty()) return facts;
@@ -67,7 +67,7 @@ StatusFacts StatusOf(const std::string& path) {
   return facts;
 }
 
-// Numbers that a folder of /proc lists.
+// Calls a function for each numeric name in a /proc folder.
 void ForEachNumber(const std::string& folder, const std::function<void(const std::string&)>& use) {
   std::error_code error;
   for (auto it = fs::directory_iterator(folder, error); it != fs::directory_iterator();
@@ -77,8 +77,8 @@ void ForEachNumber(const std::string& folder, const std::function<void(const std
   }
 }
 
-// Nothing if the process is dead. One whose first thread has ended looks dead, and lives as long
-// as it has another: a thread that can't be killed yet is as a rule not the first.
+// nullopt if the process is dead. A process whose first thread has ended looks dead, but lives as
+// long as another thread does: a thread that can't be killed yet is usually not the first.
 std::optional<StatusFacts> Living(const std::string& path) {
   StatusFacts facts = StatusOf(path);
   if (!facts.dead()) return facts;
@@ -97,7 +97,7 @@ void Append(const std::string& pid, const StatusFacts& facts, std::string& words
                   ", state ", facts.state, ")");
 }
 
-// Blanks and the like are octal numbers in mountinfo.
+// Spaces and the like are octal escapes in mountinfo.
 std::string Unescaped(const std::string& text) {
   std::string plain;
   for (size_t i = 0; i < text.size(); ++i) {
@@ -111,8 +111,8 @@ std::string Unescaped(const std::string& text) {
   return plain;
 }
 
-// The mounts that a process or thread sees; nothing if it has none any more. Never waits for a
-// file system.
+// The mounts that a process or thread sees; empty if it has none any more. Never waits for a file
+// system.
 std::vector<MountLine> MountsOf(const std::string& path) {
   std::istringstream file(ReadFile(path + "/mountinfo").value_or(""));
   std::vector<MountLine> mounts;
@@ -138,7 +138,7 @@ int MountNamespaceOf(const std::string& path, std::string& space) {
   return 0;
 }
 
-// Of a folder that is there, as it is mounted here.
+// For a folder that exists, as it is mounted here.
 std::optional<Place> PlaceOf(const std::string& folder) {
   std::error_code error;
   const std::string path = fs::canonical(folder, error);
@@ -150,7 +150,7 @@ std::optional<Place> PlaceOf(const std::string& folder) {
     if (mount.id != static_cast<int64_t>(facts.stx_mnt_id)) continue;
     const fs::path inside = fs::path(path).lexically_relative(mount.point);
     std::string whole = (fs::path(mount.root.second) / inside).lexically_normal();
-    if (whole.ends_with('/')) whole.pop_back();  // so that names can be added
+    if (whole.ends_with('/')) whole.pop_back();  // so that names can be appended
     return Place(mount.root.first, whole);
   }
   return std::nullopt;
@@ -168,11 +168,11 @@ std::optional<int> MarkedAmong(const std::vector<MountLine>& mounts, const Marks
   return std::nullopt;
 }
 
-// Looks at each mount namespace once, however many processes live in it.
+// Examines each mount namespace once, however many processes live in it.
 class MarkSearch {
  public:
   explicit MarkSearch(Marks marks) : marks_(std::move(marks)) {
-    // Nothing of a sandbox lives in our own.
+    // No process of a sandbox lives in our own.
     std::string own;
     if (MountNamespaceOf("/proc/self", own) == 0) known_[own] = std::nullopt;
   }
@@ -182,9 +182,9 @@ class MarkSearch {
     std::string space;
     const int error = MountNamespaceOf(path, space);
     if (error == 0) return SlotOfNamespace(space, path);
-    if (error != ENOENT) return std::nullopt;  // somebody else's
-    // Its first thread has ended; the others tell more. One that has left its namespaces too, on
-    // its way out, has given back its memory before, and is nobody's any longer.
+    if (error != ENOENT) return std::nullopt;  // another user's
+    // Its first thread has ended; the others tell more. A thread that has left its namespaces too,
+    // while exiting, has already released its memory and belongs to no slot.
     std::optional<int> slot;
     ForEachNumber(path + "/task", [&](const std::string& thread) {
       if (slot.has_value() || thread == pid) return;
@@ -199,7 +199,7 @@ class MarkSearch {
   std::optional<int> SlotOfNamespace(const std::string& space, const std::string& path) {
     if (const auto known = known_.find(space); known != known_.end()) return known->second;
     const std::vector<MountLine> mounts = MountsOf(path);
-    // It died meanwhile, which says nothing of the others.
+    // It has just died, which says nothing about the others.
     if (mounts.empty()) return std::nullopt;
     return known_[space] = MarkedAmong(mounts, marks_);
   }
@@ -245,7 +245,7 @@ std::map<int, std::string> SlotProcesses::FindUsers(int first, int count) const 
 
 std::map<int, std::string> SlotProcesses::FindMarks(int first, int count) const {
   std::map<int, std::string> found;
-  // Where no lease has ever been, there is none.
+  // Without a mark folder there has never been a lease.
   const std::optional<Place> place = PlaceOf(folder_);
   if (!place.has_value()) return found;
   Marks marks;

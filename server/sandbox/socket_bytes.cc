@@ -23,7 +23,7 @@ struct Request {
   inet_diag_req_v2 about = {};
 };
 
-// Asks for all sockets of a family and protocol.
+// Requests all sockets of a family and protocol.
 bool Ask(const Fd& diagnosis, int family, int protocol) {
   Request request;
   request.header.nlmsg_len = sizeof(request);
@@ -36,7 +36,7 @@ bool Ask(const Fd& diagnosis, int family, int protocol) {
   return send(diagnosis.get(), &request, sizeof(request), 0) == sizeof(request);
 }
 
-// Of one socket of an answer.
+// The bytes of one socket in an answer.
 int64_t BytesOf(const nlmsghdr* header) {
   auto* about = static_cast<inet_diag_msg*>(NLMSG_DATA(header));
   int length = static_cast<int>(header->nlmsg_len) - static_cast<int>(NLMSG_LENGTH(sizeof(*about)));
@@ -52,7 +52,7 @@ int64_t BytesOf(const nlmsghdr* header) {
   return 0;
 }
 
-// Reads the answer to its end, or until the kernel gives none.
+// Reads the answer to its end, or until the kernel sends no more.
 int64_t SumOfAnswer(const Fd& diagnosis) {
   alignas(nlmsghdr) std::byte buffer[32768];
   int64_t sum = 0;

@@ -1,5 +1,4 @@
-// What the UDP and TCP sockets of a network hold of the kernel's memory, as
-// sock_diag(7) tells it.
+// Kernel memory held by a network's UDP and TCP sockets, from sock_diag(7).
 #pragma once
 
 #include <cstdint>
@@ -8,12 +7,12 @@
 
 namespace myograde::server {
 
-// A descriptor to ask through about the calling thread's network, also from
-// another one; invalid where the kernel has none.
+// A descriptor for querying the calling thread's network, usable from other networks too; invalid
+// if the kernel lacks sock_diag.
 Fd OpenSocketDiagnosis();
 
-// Bytes by the kernel's own count, in which what several sockets share counts for
-// each; 0 where it does not tell. Milliseconds on a host with large tables.
+// Bytes by the kernel's own count, in which memory shared by several sockets counts for each; 0 if
+// unknown. Takes milliseconds on a host with large tables.
 int64_t SocketBytes(const Fd& diagnosis);
 
 }  // namespace myograde::server

@@ -20,8 +20,8 @@
 namespace myograde::server {
 namespace {
 
-// Hidden under our tmpfs in our namespace only. Whatever of it a sandbox needs
-// was opened before.
+// Hidden under our tmpfs in our namespace only. Anything in it that a sandbox needs was opened
+// before.
 constexpr char kStage[] = "/run";
 // The folders of a scratch tmpfs, which count as files.
 constexpr int64_t kOwnFiles = 3;
@@ -37,7 +37,7 @@ bool WriteFile(const char* path, const std::string& text) {
          write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size());
 }
 
-// A device that every sandbox has. Numbers of Linux's documentation, devices.txt.
+// A device that every sandbox has, with its numbers from Linux's devices.txt.
 struct Node {
   const char* name;
   unsigned major;
@@ -46,13 +46,13 @@ struct Node {
 constexpr Node kNodes[] = {{"null", 1, 3},   {"zero", 1, 5},    {"full", 1, 7},
                            {"random", 1, 8}, {"urandom", 1, 9}, {"tty", 5, 0}};
 
-// Makes what is seen at a mounted `path` read-only. A device there stays as
-// writable as it was, but not its times and its mode.
+// Makes the mount at `path` read-only. A device there stays writable, but its times and mode do
+// not.
 bool MakeReadOnly(const std::string& path) {
   struct statvfs mounted;
   if (statvfs(path.c_str(), &mounted) != 0) return false;
   unsigned long flags = MS_REMOUNT | MS_BIND | MS_RDONLY;
-  // Those that only who mounted it may take away.
+  // Flags that only the original mounter may clear.
   if ((mounted.f_flag & ST_NOSUID) != 0) flags |= MS_NOSUID;
   if ((mounted.f_flag & ST_NOEXEC) != 0) flags |= MS_NOEXEC;
   if ((mounted.f_flag & ST_NODEV) != 0) flags |= MS_NODEV;
@@ -64,8 +64,8 @@ bool MakeOwn(const Node& node, const std::string& path) {
       chmod(path.c_str(), 0666) != 0) {
     return false;
   }
-  // What can be made may still be refused to be opened, by a control group of
-  // devices. Without a terminal there is none to open (ENXIO).
+  // Even if it exists, a device control group may forbid opening it. Without a terminal there is
+  // none to open (ENXIO).
   return Fd(open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOCTTY)).valid() || errno == ENXIO;
 }
 

@@ -81,7 +81,7 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
   for (int priority = 0; priority < kPriorities && best == nullptr; ++priority) {
     for (auto& [name, team] : teams_) {
       if (team.running >= limits_.team_running) continue;
-      // What a party has can only put its teams behind.
+      // A party's running leases can only move its teams back.
       if (best != nullptr && first <= Precedence{team.running, team.last_start, team.joined}) continue;
       Lease* lease = FirstReady(team, Priority(priority), now);
       if (lease == nullptr) continue;
@@ -264,9 +264,9 @@ int64_t Scheduler::WaitingOf(const std::string& team) const {
   return waiting;
 }
 
-// The order in which what waits would get its first slot, were each turn one evaluation
-// long: class by class, in it round after round, in a round each team with its next
-// evaluation. Of a team that comes before this one in a round, one more is ahead.
+// The order in which waiting evaluations would get their first slot if each turn were one
+// evaluation long: class by class, within a class round by round, in each round every team with its
+// next evaluation. A team that comes before this one in a round has one more ahead.
 std::optional<QueuePlace> Scheduler::PlaceOf(int64_t id) const {
   const auto it = evaluations_.find(id);
   if (it == evaluations_.end() || it->second.waiting.empty()) return std::nullopt;
@@ -300,7 +300,7 @@ std::string Scheduler::WhyWaiting(int64_t id, absl::Duration now) const {
     delay = std::min(delay, leases_.at(lease).not_before - now);
   }
   const auto count = static_cast<int64_t>(evaluation.waiting.size());
-  // Participants read this: to them a lease is a block of episodes.
+  // Participants read this; to them a lease is a block of episodes.
   const std::string leases = absl::StrCat(CountedBlocks(count), count == 1 ? " waits" : " wait");
   if (delay > absl::ZeroDuration()) {
     return absl::StrCat(leases, " to be played again after a fault of the grader, in ",

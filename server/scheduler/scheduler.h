@@ -1,19 +1,18 @@
-// Which lease runs next, where, until when, and what follows from how it ended.
-// State and decisions only: no clock, no process, no disk. The caller tells what
-// happened and when; the answers say what to start, kill and write down. Time
-// is monotonic, as a duration since an arbitrary start.
+// Which lease runs next, where, until when, and what follows from how it ended. State and decisions
+// only: no clock, no process, no disk. The caller reports what happened and when; the answers say
+// what to start, kill and record. Times are monotonic, as a duration since an arbitrary start.
 //
-// Turns: a free slot goes to the highest class that has a lease ready (overdue,
-// official, practice, re-run), in it to the team that has the fewest running
-// leases, of those to the one whose last start is longest ago, of those to the one
-// that came first. A team counts as what it has or as what the party has that handed its
-// evaluation in, a person with several teams for one, whichever is more: neither several teams of a
-// party nor several members of a team get more than one share. Within a team: the older evaluation,
-// then the earlier lease. So a team with a thousand submissions delays another team's first lease
-// by one lease at most, and whoever waits for longer than `queue_wait` goes ahead of all classes.
+// Order: a free slot goes to the highest class that has a lease ready (overdue, ranked, practice,
+// re-run); within it to the team with the fewest running leases; of those to the one whose last
+// start is longest ago; of those to the one that came first. A team's count is its own running
+// leases or those of the party that submitted its evaluation (a person with several teams is one
+// party), whichever is more: neither several teams of a party nor several members of a team get
+// more than one share. Within a team: the older evaluation, then the earlier lease. So a team with
+// a thousand submissions delays another team's first lease by one lease at most, and an evaluation
+// that has waited longer than `queue_wait` goes ahead of all classes.
 //
-// A slot is taken from the start of a lease until Free() says that nothing of it runs
-// there any more, however long ago the lease was taken back.
+// A slot is taken from the start of a lease until Free() says that nothing of it runs there any
+// more, however long ago the lease was reclaimed.
 #pragma once
 
 #include <compare>
@@ -32,27 +31,28 @@
 namespace myograde::server {
 
 struct SchedulerLimits {
-  int slots = 1;                                       // leases at once
-  int team_running = 1024;                             // of one team
-  int max_retries = 3;                                 // after faults of the grader, per lease
+  int slots = 1;                                       // concurrent leases
+  int team_running = 1024;                             // concurrent leases of one team
+  int max_retries = 3;                                 // after grader faults, per lease
   absl::Duration retry_delay = absl::Seconds(2);      // doubled after each further fault
   absl::Duration heartbeat = absl::Seconds(30);        // longest silence of a runner
-  absl::Duration queue_wait = absl::Hours(1);          // then it goes ahead of the others
+  absl::Duration queue_wait = absl::Hours(1);          // after which an evaluation goes ahead of
+                                                       // the others
 };
 
 struct LeaseSpec {
   int64_t id = 0;
   int64_t attempt = 0;  // starts so far
-  int64_t faults = 0;   // the grader's so far
+  int64_t faults = 0;   // grader faults so far
 };
 
 struct EvaluationSpec {
   int64_t id = 0;
   std::string team;
-  std::string party;              // who handed it in; "": nobody knows, so the team stands for it
+  std::string party;              // who submitted it; "": unknown, so the team stands for it
   Priority priority = Priority::kRanked;
-  absl::Duration lease_wall;      // after this a lease is taken back
-  std::vector<LeaseSpec> leases;  // those that have not ended; played in the order of their ids
+  absl::Duration lease_wall;      // longest run of a lease before it is reclaimed
+  std::vector<LeaseSpec> leases;  // leases that have not ended; played in order of id
 };
 
 // A lease to start now.
@@ -64,81 +64,81 @@ struct Start {
   absl::Duration lease_wall;
 };
 
-// A running lease that must be taken back: killed, and told by Faulted().
+// A running lease to reclaim: kill it, and report it with Faulted().
 struct Overdue {
   int64_t lease = 0;
   int64_t attempt = 0;
   std::string why;
 };
 
-// What a lease's end means.
+// What follows from a lease's end.
 struct Decision {
   enum class Kind {
-    kStale,            // of an attempt that does not run (any more): to be ignored
-    kEvaluationRuns,   // other leases of the evaluation are still to be done
+    kStale,            // the attempt is no longer current: ignore the event
+    kEvaluationRuns,   // other leases of the evaluation are still open
     kEvaluationEnds,   // this was the last one
-    kRetry,           // the lease waits to be played again
+    kRetry,           // the lease is queued for a retry
     kGiveUp,           // too many faults: end the evaluation as grader_error
   };
   Kind kind = Kind::kStale;
   int64_t evaluation = 0;
-  // kGiveUp and Cancel(): the other leases of the evaluation; those that run are to be
-  // killed, and their slots to be freed.
+  // kGiveUp and Cancel(): the evaluation's other open leases; kill the running ones and free their
+  // slots.
   std::vector<int64_t> pending = {};
   std::vector<int64_t> running = {};
 };
 
-// Where an evaluation stands in the line.
+// An evaluation's place in the queue.
 struct QueuePlace {
-  int64_t position = 0;      // 1: the next free slot is for it
-  int64_t leases_ahead = 0;  // of evaluations that come before it
+  int64_t position = 0;      // 1: gets the next free slot
+  int64_t leases_ahead = 0;  // of evaluations ahead of it
 };
 
 class Scheduler {
  public:
   explicit Scheduler(SchedulerLimits limits);
 
-  // `now` is when its wait begins.
-  // REQUIRES: the id is new; there is at least one lease; lease ids are new.
+  // `now` is when its wait begins. REQUIRES: the id and the lease ids are new; there is at least
+  // one lease.
   void Add(const EvaluationSpec& evaluation, absl::Duration now);
 
-  // The next lease to start, already counted as running on its slot; nullopt if
-  // no slot is free or nothing may start yet. Call until it says so.
+  // The next lease to start, already counted as running on its slot; nullopt if no slot is free or
+  // nothing may start yet. Call until nullopt.
   std::optional<Start> Next(absl::Duration now);
 
-  // The runner of this attempt is alive: the lease is renewed.
+  // The attempt's runner is alive: extends the lease's heartbeat deadline.
   void Heartbeat(int64_t lease, int64_t attempt, absl::Duration now);
 
-  // True while this attempt runs: only then its records count.
+  // True while this attempt is running; only then do its records count.
   bool IsCurrent(int64_t lease, int64_t attempt) const;
 
-  // The attempt ended with all of its episodes.
+  // The attempt ended with all of its episodes recorded.
   Decision Finished(int64_t lease, int64_t attempt, absl::Duration now);
-  // The attempt ended, or is ended now, by a fault of the grader.
+  // The attempt ended, or is to end now, with a grader fault.
   Decision Faulted(int64_t lease, int64_t attempt, absl::Duration now);
-  // The evaluation ends now, whatever it does; both lists of the answer name what was open.
-  // kStale if it has ended or never was.
+  // Ends the evaluation now, in any state; both lists of the answer name its open leases. kStale if
+  // it has ended or never existed.
   Decision Cancel(int64_t evaluation);
 
-  // Takes a free slot for something else than a lease; nullopt if there is none.
+  // Takes a free slot for something other than a lease; nullopt if none is free.
   std::optional<int> TakeSlot();
-  // Takes this slot, whatever is there, until Free().
+  // Takes this slot until Free(), whatever occupies it.
   void Close(int slot) { taken_slots_.insert(slot); }
   // Nothing runs on this slot any more.
   void Free(int slot) { taken_slots_.erase(slot); }
 
-  // Running leases whose runner is silent for too long or which are over their time.
+  // Running leases whose runner has been silent for too long or that are over their time.
   std::vector<Overdue> OverdueAt(absl::Duration now) const;
 
-  // Evaluations whose wait is over its deadline: they go ahead of all others from now on
-  // (again, if they were there), and their next deadline is `queue_wait` later.
+  // Moves evaluations whose wait is over its deadline ahead of all others and returns them; their
+  // next deadline is `queue_wait` later. An evaluation that waits on is returned again then.
   std::vector<int64_t> Escalate(absl::Duration now);
 
-  // When to look again, though nothing happened: the earliest of deadlines and delays.
+  // When to act again even if nothing happens: the earliest of deadlines and retry delays.
   std::optional<absl::Duration> NextDeadline(absl::Duration now) const;
 
-  // Views. Their cost grows with the number of teams, not of what waits.
-  // nullopt if nothing of the evaluation waits.
+  // Views. Their cost grows with the number of teams, not of waiting leases. nullopt if nothing of
+  // the evaluation waits.
   std::optional<QueuePlace> PlaceOf(int64_t evaluation) const;
   int running() const { return static_cast<int>(running_.size()); }
   int64_t pending() const { return static_cast<int64_t>(leases_.size()) - running(); }
@@ -146,10 +146,10 @@ class Scheduler {
   // Unfinished evaluations of a team that have a lease waiting.
   int64_t WaitingOf(const std::string& team) const;
   const SchedulerLimits& limits() const { return limits_; }
-  // In words, why a pending lease does not run; "" if none is pending.
+  // Why a pending lease does not run, for people; "" if none is pending.
   std::string WhyWaiting(int64_t evaluation, absl::Duration now) const;
-  // When the grader does something about the evaluation, though nothing happens: the wait's
-  // end, or the first end of a running lease. nullopt if it is not known.
+  // When the scheduler acts on the evaluation even if nothing happens: the end of its wait, or the
+  // first deadline of a running lease. nullopt if unknown.
   std::optional<absl::Duration> DeadlineOf(int64_t evaluation) const;
 
  private:
@@ -166,20 +166,20 @@ class Scheduler {
   };
   struct Evaluation {
     EvaluationSpec spec;
-    Priority priority = Priority::kRanked;  // now: kOverdue after its wait's deadline
+    Priority priority = Priority::kRanked;  // current class: kOverdue once its wait is over
     std::set<int64_t> waiting;
     std::set<int64_t> running;
     absl::Duration wait_over = absl::InfiniteDuration();  // infinite while nothing waits
   };
   struct Share {
     int running = 0;
-    int64_t last_start = 0;  // number of the start, 0 before the first
+    int64_t last_start = 0;  // sequence number of the start, 0 before the first
   };
   struct Team : Share {
     TeamLine line;
     int64_t joined = 0;
   };
-  // What is compared between teams; the least is next.
+  // The key that teams are compared by; the least goes next.
   struct Precedence {
     int running;
     int64_t last_start;
@@ -192,7 +192,7 @@ class Scheduler {
   void Wait(Evaluation& evaluation, absl::Duration until);
   void UpdateLine(Evaluation& evaluation);
   void Remove(int64_t evaluation);
-  Share* PartyOf(const Evaluation& evaluation);  // null if nobody knows
+  Share* PartyOf(const Evaluation& evaluation);  // null if the party is unknown
   Precedence PrecedenceOf(const Team& team, const Evaluation& evaluation) const;
   Lease* FirstReady(const Team& team, Priority priority, absl::Duration now);
   int FreeSlot() const;

@@ -1,4 +1,4 @@
-// Accepting submissions: their rows, their quota, and one ranked evaluation for an artefact.
+// Accepts submissions: their rows, their quota, and one ranked evaluation per artefact.
 #include <absl/strings/str_cat.h>
 
 #include "server/store/connection.h"
@@ -8,16 +8,15 @@
 namespace myograde::server {
 namespace {
 
-// Ranked evaluations of an artefact in a config. Those that ended by the grader's fault, or
-// were cancelled before an episode had ended, showed their team nothing and count for nothing.
+// Ranked evaluations of an artefact in a config. Those that ended by the grader's fault, or were
+// cancelled before an episode had ended, told their team nothing and don't count.
 constexpr char kOfficial[] =
     "SELECT s.id, e.id FROM submission AS s "
     "JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
     "WHERE s.artefact = ? AND s.config = ? AND s.ranked = 1 AND e.state != 'grader_error' AND "
     "(e.state != 'cancelled' OR EXISTS (SELECT 1 FROM episode WHERE evaluation = e.id)) ";
 
-// The acceptance of a submission whose bytes another team has handed in too says so, for the
-// organiser.
+// If another team has submitted the same bytes, the audit row says so, for the organiser.
 std::string SameAs(SQLite::Database& db, const NewSubmission& submission) {
   SQLite::Statement select(
       db, "SELECT s.id, t.name FROM submission AS s JOIN team AS t ON t.id = s.team_id "
@@ -28,7 +27,7 @@ std::string SameAs(SQLite::Database& db, const NewSubmission& submission) {
                       " of team \"", select.getColumn(1).getString(), "\"");
 }
 
-// What is there already under the same hash must be the same.
+// Content that is already stored under the same hash must be equal.
 absl::Status CheckContent(SQLite::Database& db, const char* table, const char* column,
                           const std::string& hash, const std::string& text) {
   SQLite::Statement select(
@@ -102,7 +101,7 @@ absl::Status Writer::AddUpload(const ArtefactRow& artefact, const NewUpload& upl
 
 absl::Status Writer::CheckReruns(int64_t submission, const std::string& who, bool organiser,
                                  const RerunLimits& limits) {
-  // Who asked for a re-run is in the row of its beginning.
+  // The audit row of a re-run's start says who asked for it.
   SQLite::Statement count(
       db_, "SELECT count(*), ifnull(sum(t.who = ?), 0), ifnull(sum(e.submission = ?), 0) "
            "FROM evaluation AS e JOIN transition AS t ON t.entity = 'evaluation' AND "
@@ -169,7 +168,7 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
     return absl::NotFoundError(
         absl::StrCat("there is no artefact ", asked.artefact, "; upload it first"));
   }
-  // In this transaction, so that of two names that look alike the second is refused.
+  // In this transaction, so that of two names that look alike the second is rejected.
   absl::StatusOr<std::string> team = TeamNamed(db_, asked.team);
   if (!team.ok()) return team.status();
   NewSubmission submission = asked;

@@ -10,8 +10,8 @@
 namespace myograde::server {
 namespace {
 
-// How long a statement waits for a lock. Nobody but the daemon writes, so a wait means that a
-// person has the store open; longer waits would stop the daemon's loop.
+// How long a statement waits for a lock. Only the daemon writes, so a wait means that a person has
+// the store open; a longer one would stall the daemon's loop.
 constexpr int kBusyMs = 500;
 
 void Migrate(SQLite::Database& db, int from) {
@@ -36,8 +36,8 @@ absl::Status Prepare(SQLite::Database& db, const std::string& path) {
     return absl::FailedPreconditionError(
         absl::StrCat(path, ": is an SQLite database of something else; move it away"));
   }
-  // An episode's row, a kilobyte and more, fits into such a page; in one of the usual 4096 bytes it
-  // would take a second one for itself. Of effect only before a new file's first page is written.
+  // An episode's row is over a kilobyte and fits into such a page; with the usual 4096 bytes it
+  // would need an overflow page. Only effective before a new file's first page is written.
   if (version == 0) db.exec("PRAGMA page_size = 8192");
   db.exec("PRAGMA journal_mode = WAL");
   db.exec("PRAGMA synchronous = FULL");
@@ -69,7 +69,7 @@ absl::Status StatusOf(const std::string& path, const SQLite::Exception& error) {
     case SQLITE_NOTADB:
       return absl::DataLossError(
           absl::StrCat(path, ": is damaged or no store; restore it from a backup", cause));
-    case SQLITE_ERROR:  // of a statement that this program made: a table or a column is missing
+    case SQLITE_ERROR:  // a statement of this program failed: a table or a column is missing
     case SQLITE_SCHEMA:
       return absl::DataLossError(absl::StrCat(
           path, ": its tables are not those of a store; restore it from a backup", cause));

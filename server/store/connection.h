@@ -1,4 +1,4 @@
-// SQLite's connections and its errors as status values. Internal to the store.
+// SQLite connections, and SQLite's errors as status values. Internal to the store.
 #pragma once
 
 #include <functional>
@@ -11,20 +11,20 @@
 
 namespace myograde::server {
 
-// What SQLite threw, as one sentence about `path`; damage.h has the kinds:
+// An SQLite exception as one sentence about `path`; the kinds are in damage.h:
 //   UnavailableError         busy or locked by another process, or an I/O error
 //   PermissionDeniedError    read-only
 //   ResourceExhaustedError   the disk is full
-//   DataLossError            damaged, no database at all, or without the store's tables
-//   FailedPreconditionError  a constraint or trigger of the schema refused it
+//   DataLossError            damaged, not a database, or without the store's tables
+//   FailedPreconditionError  rejected by a constraint or trigger of the schema
 absl::Status StatusOf(const std::string& path, const SQLite::Exception& error);
 
-// Runs `body` and turns what it throws into such a status.
+// Runs `body` and converts what it throws into such a status.
 absl::Status GuardSqlite(const std::string& path, const std::function<absl::Status()>& body);
 
-// Opens the store at `path` for writing: creates it (0600) if it is not there,
-// sets WAL, synchronous=FULL and foreign keys, and migrates it to this
-// program's schema. FailedPreconditionError if a newer program wrote it.
+// Opens the store at `path` for writing: creates it (0600) if it is missing, sets WAL,
+// synchronous=FULL and foreign keys, and migrates it to this program's schema.
+// FailedPreconditionError if a newer program wrote it.
 absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForWriting(const std::string& path);
 
 // Opens an existing store for reading.

@@ -1,10 +1,10 @@
-// What is wrong when the store can't be read, in kinds that callers treat apart:
+// What can be wrong when reading the store, in kinds that callers treat differently:
 //
-//   trouble that may pass   another process holds it, the disk is full: the same can succeed later
-//   a damaged row           whatever needs that row can't be had, and everything else can
-//   a broken store          the database file itself: nothing of it is to be trusted
+//   trouble that may pass   another process holds it, the disk is full: a retry may succeed
+//   a damaged row           whatever needs that row fails, everything else works
+//   a broken store          the database file itself: nothing in it can be trusted
 //
-// Everything else (NotFoundError, FailedPreconditionError, ...) is about the request.
+// Any other error (NotFoundError, FailedPreconditionError, ...) is about the request.
 #pragma once
 
 #include <cstdint>
@@ -16,32 +16,32 @@
 
 namespace myograde::server {
 
-// The code of a damaged row in answers (ErrorCodeOf of quota.h).
+// The API's error code for a damaged row (ErrorCodeOf in quota.h).
 inline constexpr char kDamagedRowCode[] = "damaged_row";
 
-// A row that can't be read, or that is missing though another one names it.
+// A row that is unreadable, or missing though another one names it.
 struct Damage {
   std::string table;
-  std::string key;   // its primary key; the parts of one that has several are joined by "/"
-  std::string what;  // what is wrong with it, as the rest of the sentence: `its "state" is ...`
+  std::string key;   // its primary key; the parts of a composite key are joined by "/"
+  std::string what;  // what is wrong, to complete a sentence: `its "state" is ...`
 };
 
 // "evaluation 7 of the store can't be read: ...".
 std::string DamageText(const Damage& damage);
 
 absl::Status DamagedRow(const Damage& damage);
-// nullopt: the status is of another kind.
+// nullopt if the status is of another kind.
 std::optional<Damage> DamageOf(const absl::Status& status);
 
 bool MayPass(const absl::Status& status);
 bool IsBrokenStore(const absl::Status& status);
 
-// What of a list can be read, and what can't.
+// A list's readable rows, and the damage of the others.
 template <typename Row>
 struct Listed {
   std::vector<Row> rows;
   std::vector<Damage> damaged;
-  int64_t last_id = 0;  // of all these, where they have one
+  int64_t last_id = 0;  // of all these rows, if they have one
 };
 
 }  // namespace myograde::server

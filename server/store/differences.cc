@@ -11,14 +11,14 @@ namespace {
 
 using Json = nlohmann::json;
 
-// Facts without the clocks. What is not JSON stands as its own text, so that
-// damaged rows differ instead of stopping the daemon.
+// Facts without the clocks. Text that is not JSON is compared as it is, so that damaged rows differ
+// instead of stopping the daemon.
 Json Parse(const std::string& text) {
   Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
   return json.is_discarded() ? Json(text) : json;
 }
 
-// Takes a key's canonical text out of an object: equal bytes, equal value.
+// Removes a key from an object and returns its canonical text: equal bytes mean equal values.
 std::string Take(Json& object, const char* key) {
   if (!object.is_object() || !object.contains(key)) return "";
   const std::string text = CanonicalJson(object[key]);
@@ -43,7 +43,7 @@ std::vector<std::string> DifferencesBetween(const EpisodeRow& a, const EpisodeRo
   for (const char* key : {"steps", "sim_time", "clipped"}) {
     if (Take(facts_a, key) != Take(facts_b, key)) differs.push_back(key);
   }
-  // Rows of an older build have no digest of the actions.
+  // Rows from an older build have no digest of the actions.
   const std::string actions_a = Take(facts_a, "actions_digest");
   const std::string actions_b = Take(facts_b, "actions_digest");
   if (!actions_a.empty() && !actions_b.empty() && actions_a != actions_b) {
@@ -53,7 +53,7 @@ std::vector<std::string> DifferencesBetween(const EpisodeRow& a, const EpisodeRo
   // A fault's evidence may hold a measured time; its outcome is compared above.
   for (Json* facts : {&facts_a, &facts_b}) {
     Take(*facts, "fault");
-    Take(*facts, "log");  // follows from what is compared, and may have been cut
+    Take(*facts, "log");  // follows from what is compared, and may have been truncated
     Take(*facts, "seed");
   }
   if (CanonicalJson(facts_a) != CanonicalJson(facts_b)) differs.push_back("facts");

@@ -1,4 +1,4 @@
-// Comparing two playings of one episode.
+// Compares two runs of one episode.
 #pragma once
 
 #include <string>
@@ -8,13 +8,13 @@
 
 namespace myograde::server {
 
-// Names of what differs, in this order: seed, outcome, reason, metrics, steps,
-// sim_time, clipped, facts (all that is left), digest. Values are compared bit
-// for bit; what the host's clock decides is left out.
+// The names of what differs, in this order: seed, outcome, reason, metrics, steps, sim_time,
+// clipped, facts (everything else), digest. Values are compared bit for bit; what depends on the
+// host's clock is left out.
 std::vector<std::string> DifferencesBetween(const EpisodeRow& a, const EpisodeRow& b);
 
-// The canonical bytes of a row for the hash over an evaluation's results:
-// index, seed, outcome, reason, metrics, steps and digest.
+// A row's canonical bytes for the hash over an evaluation's results: index, seed, outcome, reason,
+// metrics, steps and digest.
 std::string CanonicalResult(const EpisodeRow& row);
 
 }  // namespace myograde::server

@@ -1,5 +1,5 @@
-// Ending evaluations with all that belongs to them: those that are cancelled, and those whose
-// rows can't be read.
+// Ends evaluations with everything that belongs to them: cancelled ones, and those with unreadable
+// rows.
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
@@ -40,7 +40,7 @@ absl::Status Writer::EndWithLeases(int64_t evaluation, EvaluationState state,
   return EndEvaluation(evaluation, state, why, "", who);
 }
 
-// The schema refuses every change of a row that has a value of a wrong type somewhere.
+// The schema rejects any update of a row that has a value of a wrong type in any column.
 void Writer::MendTypes(const char* table, int64_t id) {
   SQLite::Statement columns(db_, "SELECT name, type FROM pragma_table_info(?) WHERE pk = 0");
   columns.bind(1, table);
@@ -72,8 +72,7 @@ absl::Status Writer::EndUnreadable(int64_t evaluation, const std::string& why,
   StoredRow row(select, "evaluation", absl::StrCat(evaluation));
   const std::string before(EvaluationStateName(row.Named(0, ParseEvaluationState)));
   select.reset();
-  // From here on each step is a part of its own: what is refused must not keep the rest from its
-  // end.
+  // From here on each step is its own part: a rejected one must not stop the others.
   const auto part = [&](auto change) {
     return Part([&](Writer&) -> absl::Status {
       change();

@@ -1,4 +1,4 @@
-// The ledger of quotas; quota.h has the rules.
+// The quota ledger; the rules are in quota.h.
 #include <absl/strings/str_cat.h>
 
 #include "server/store/connection.h"

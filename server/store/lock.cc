@@ -10,7 +10,7 @@
 namespace myograde::server {
 namespace {
 
-// The process id that the holder wrote; "unknown" if it has not yet.
+// The process id that the holder wrote; "unknown" if it has not done so yet.
 std::string HolderOf(int fd) {
   char text[32] = {};
   const ssize_t n = pread(fd, text, sizeof(text) - 1, 0);
@@ -23,7 +23,7 @@ std::string HolderOf(int fd) {
 
 absl::StatusOr<DataLock> DataLock::Take(const std::string& dir) {
   const std::string path = dir + "/lock";
-  // The file stays for ever: removing it would let two daemons lock two files of one name.
+  // The file is never removed: otherwise two daemons could lock two files of the same name.
   Fd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
   if (!fd.valid()) {
     return absl::ErrnoToStatus(

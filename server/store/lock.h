@@ -1,4 +1,4 @@
-// One daemon at a time on a data folder.
+// Allows one daemon at a time on a data folder.
 #pragma once
 
 #include <string>
@@ -9,13 +9,11 @@
 
 namespace myograde::server {
 
-// Held while this object lives; the kernel lets go of it when the process dies,
-// however it dies.
+// Held while this object lives; the kernel releases it when the process dies in any way.
 class DataLock {
  public:
-  // Takes DIR/lock. FailedPreconditionError, with the other's process id, if
-  // another daemon has it; PermissionDeniedError or InternalError if the file
-  // can't be made.
+  // Takes DIR/lock. FailedPreconditionError, with the holder's process id, if another daemon has
+  // it; PermissionDeniedError or InternalError if the file can't be created.
   static absl::StatusOr<DataLock> Take(const std::string& dir);
 
  private:

@@ -1,4 +1,4 @@
-// Marks on submissions, and the view that boards are made of.
+// Marks on submissions, and the view that boards are built from.
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -29,7 +29,7 @@ StoredRow MarkOf(SQLite::Statement& select, MarkRow& mark) {
   return row;
 }
 
-// The numbers as they are in memory.
+// The numbers as raw memory.
 std::string BytesOf(const std::vector<double>& numbers) {
   static_assert(std::endian::native == std::endian::little && sizeof(double) == 8);
   return std::string(reinterpret_cast<const char*>(numbers.data()), numbers.size() * 8);
@@ -45,7 +45,7 @@ std::vector<double> NumbersIn(StoredRow& row, int column) {
   return numbers;
 }
 
-// The numbers and the text of the view, or nothing of them: they are made again of the rows.
+// Reads the view's numbers and text, or neither; they can be rebuilt from the rows.
 void ReadView(SQLite::Statement& select, Standing& standing) {
   StoredRow row(select, "standing", "");
   Standing read;
@@ -97,8 +97,8 @@ absl::Status Writer::SetStanding(int64_t evaluation, const Standing& standing) {
   return absl::OkStatus();
 }
 
-// The count of changes is a part of the view: a row of it that has no sense is made anew, with a
-// count that no kept board can have.
+// The change counter is part of the view: an invalid row is replaced, with a count that no cached
+// board can have.
 void Writer::MendBoardState() {
   db_.exec("INSERT INTO board_state VALUES (1, abs(random()) % (1 << 50)) ON CONFLICT (id) DO "
            "UPDATE SET changes = excluded.changes WHERE typeof(changes) != 'integer' OR "

@@ -36,7 +36,7 @@ int64_t TeamId(SQLite::Database& db, const std::string& team) {
 }
 
 void AddLedger(SQLite::Database& db, int64_t team, const std::string& track, QuotaUse& use) {
-  // What can't be read counts for nothing; the ledger names it.
+  // Unreadable entries count for nothing; the ledger reports them.
   SQLite::Statement select(
       db, "SELECT budget, entry, sum(amount), sum(amount * (day = ?)) FROM ledger "
           "WHERE team_id = ? AND track = ? AND typeof(amount) = 'integer' AND "
@@ -118,7 +118,7 @@ const Allowance& QuotaLimits::of(Budget budget) const {
 }
 
 int64_t QuotaDay(SQLite::Database& db, int64_t now_ms) {
-  // One that no calendar has must not stop the days of all.
+  // A row with an impossible day must not freeze the current day for everyone.
   SQLite::Statement select(db,
                            "SELECT max(ifnull((SELECT max(day) FROM admission WHERE day <= ?1), "
                            "0), ifnull((SELECT max(day) FROM ledger WHERE day <= ?1), 0))");

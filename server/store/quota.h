@@ -1,16 +1,15 @@
-// Quotas: what a team may hand in on a track, as a function of the store's rows.
+// Quotas: how much a team may submit on a track, as a function of the store's rows.
 //
-// Each ranked submission is charged to the ranked budget (`official` in requests and
-// rows), each other one to `practice`: one unit, when its first episode has ended in
-// any outcome but the grader's fault, for the day on which it was accepted. What was
-// accepted and is not charged yet counts as used. An evaluation that ends as
-// grader_error gets its unit back. One that ends as failed (there was no episode that
-// the policy did not spoil) gets it back as well and is charged to the budget `failed`
-// in its place, to which refused uploads go too. A cancelled one gets nothing back.
+// Each ranked submission is charged one unit of the ranked budget (`official` in requests and
+// rows), any other one unit of `practice`. The charge happens when its first episode has ended in
+// any outcome but the grader's fault, and counts for the day on which it was accepted. Accepted
+// submissions that are not charged yet count as used. An evaluation that ends as grader_error is
+// refunded. One that ends as failed (the policy spoiled every episode) is refunded too, and charged
+// to the budget `failed` instead, as are rejected uploads. A cancelled one is not refunded.
 //
-// Days are whole days of UTC. Time that goes back makes no new day (schema_v2.sql,
-// invariant 9); time that goes forward starts a day early, which then has its one
-// allowance and no second one when the calendar gets there.
+// Days are whole UTC days. A clock that goes back makes no new day (schema_v2.sql, invariant 9);
+// one that goes forward starts a day early, which then has its one allowance and no second one when
+// the calendar gets there.
 #pragma once
 
 #include <array>
@@ -39,21 +38,21 @@ struct Allowance {
   int64_t total = 0;
 };
 
-// Of one team on one track.
+// For one team on one track.
 struct QuotaLimits {
   Allowance ranked;
   Allowance practice;
   Allowance failed;
-  int64_t waiting = 0;  // evaluations that wait for their first lease at one time
+  int64_t waiting = 0;  // evaluations waiting for their first lease at the same time
 
   const Allowance& of(Budget budget) const;
 };
 
-// Of one budget, in units, either of the present day or of all days.
+// Use of one budget, in units, either on the current day or in total.
 struct BudgetUse {
-  int64_t charged = 0;  // refunds taken off
+  int64_t charged = 0;  // net of refunds
   int64_t open = 0;     // accepted, neither ended nor charged
-  int64_t granted = 0;  // on top of the limit
+  int64_t granted = 0;  // in addition to the limit
 
   int64_t left(int64_t limit) const { return limit + granted - charged - open; }
 };
@@ -68,27 +67,27 @@ struct QuotaUse {
   const BudgetUse& total_of(Budget budget) const { return total[static_cast<size_t>(budget)]; }
 };
 
-// Of a row that can be read: the last day of the year 9999, and the most units.
+// Limits for a valid row: the last day of the year 9999, and the most units.
 inline constexpr int64_t kLastDay = 2'932'896;
 inline constexpr int64_t kMostUnits = 1'000'000'000;
 
-// The store's present day. These throw SQLite::Exception.
+// The store's current day. These throw SQLite::Exception.
 int64_t QuotaDay(SQLite::Database& db, int64_t now_ms);
 QuotaUse ReadQuotaUse(SQLite::Database& db, const std::string& team, const std::string& track,
                       int64_t now_ms);
 
-// 2024-12-01 for 20058.
+// "2024-12-01" for 20058.
 std::string DayName(int64_t day);
 
-// Whether one more submission fits. FailedPreconditionError with the code
-// "quota": says what is used up and when it frees.
+// Whether one more submission fits. FailedPreconditionError with the code "quota" says what is used
+// up and when it becomes available again.
 absl::Status CheckQuota(const QuotaUse& use, const QuotaLimits& limits, Budget budget,
                         const std::string& team, const std::string& track);
-// Likewise for the budget `failed` alone: whether one more failure is in it.
+// The same for the budget `failed` alone: whether it has room for one more failure.
 absl::Status CheckFailures(const QuotaUse& use, const QuotaLimits& limits, const std::string& team,
                            const std::string& track);
 
-// The API's word for a status, where it is another than its code's usual one.
+// Attaches the API's error code to a status, where it is not the usual one of the status code.
 absl::Status WithErrorCode(absl::Status status, std::string_view code);
 std::string ErrorCodeOf(const absl::Status& status);  // "" if it has none
 

@@ -11,7 +11,7 @@
 namespace myograde::server {
 namespace {
 
-// Connections that are kept open between requests; each has a cache of some 2 MiB.
+// Idle connections kept open between requests; each has a cache of about 2 MiB.
 constexpr size_t kKept = 16;
 
 
@@ -104,7 +104,7 @@ StoredRow EpisodeOf(SQLite::Statement& select, EpisodeRow& episode) {
   return row;
 }
 
-// Content is found by its hash, so what has another one is not what was put there.
+// Content is addressed by its hash, so a mismatch means that it is not what was stored.
 absl::StatusOr<std::string> Content(SQLite::Database& db, const char* table, const char* column,
                                     const std::string& hash) {
   SQLite::Statement select(
@@ -198,7 +198,7 @@ absl::StatusOr<EvaluationRow> Reader::Original(int64_t submission) {
 }
 
 Listed<EvaluationRow> Reader::Unfinished() {
-  // Whatever is in no state that is final has not ended, a row without any sense included.
+  // Anything not in a final state has not ended, including rows with an invalid state.
   SQLite::Statement select(
       db_, absl::StrCat(kEvaluationColumns, "WHERE e.finished_at IS NULL OR (e.state IN ('done', "
                         "'failed', 'cancelled', 'grader_error')) IS NOT TRUE ORDER BY e.id"));
@@ -309,13 +309,13 @@ absl::Status ReaderPool::Read(const std::function<absl::Status(Reader&)>& body) 
   if (!db.ok()) return db.status();
   absl::Status answer;
   const absl::Status status = GuardSqlite(path_, [&] {
-    SQLite::Transaction transaction(**db);  // deferred: one state for all of the queries
+    SQLite::Transaction transaction(**db);  // deferred: all queries see one state
     Reader reader(**db);
     answer = body(reader);
     transaction.commit();
     return absl::OkStatus();
   });
-  if (!status.ok()) return status;  // the connection is closed, as its state is not known
+  if (!status.ok()) return status;  // close the connection, as its state is unknown
   const MutexLock lock(mutex_);
   if (free_.size() < kKept) free_.push_back(*std::move(db));
   return answer;

@@ -1,5 +1,4 @@
-// What the store keeps, as values. Times are milliseconds since 1970-01-01 UTC;
-// 0 stands for "not yet".
+// The store's rows as values. Times are milliseconds since 1970-01-01 UTC; 0 means "not yet".
 #pragma once
 
 #include <cstdint>
@@ -15,7 +14,7 @@
 
 namespace myograde::server {
 
-// Stored by name (schema_v1.sql draws the steps between them).
+// Stored by name (schema_v1.sql draws the transitions).
 enum class LeaseState { kPending, kRunning, kDone, kFailed, kCancelled };
 enum class EvaluationState { kQueued, kRunning, kDone, kFailed, kCancelled, kGraderError };
 
@@ -47,7 +46,7 @@ struct SubmissionRow {
   std::string seeds;
   bool ranked = false;
   int64_t accepted_at = 0;
-  std::string accepted_by;  // who handed it in: "uid N"
+  std::string accepted_by;  // who submitted it: "uid N"
 };
 
 struct EvaluationRow {
@@ -74,11 +73,11 @@ struct LeaseRow {
   int64_t attempt = 0;
   int64_t faults = 0;
   std::string detail;
-  int64_t slot = -1;  // -1: has none
+  int64_t slot = -1;  // -1: none
   int64_t started_at = 0;
   int64_t deadline_at = 0;
   int64_t finished_at = 0;
-  std::string output_json;  // "" until an attempt reached its end
+  std::string output_json;  // "" until an attempt has ended
 };
 
 struct EpisodeRow {
@@ -103,7 +102,7 @@ struct EpisodeCounts {
   int64_t done = 0;
   int64_t success = 0;
   int64_t failure = 0;
-  int64_t fault = 0;  // the participant's
+  int64_t fault = 0;  // participant faults
 };
 
 struct TransitionRow {
@@ -116,12 +115,12 @@ struct TransitionRow {
   std::string why;
 };
 
-// The means that boards rank by. Which they are is scoring's to say (RankedNames).
+// The means that boards rank by. Scoring decides which (RankedNames).
 struct RankedNumbers {
   int64_t successes = 0;
   int64_t episodes = 0;
-  std::string names;            // of the numbers, joined with commas
-  std::vector<double> numbers;  // NaN: there is none
+  std::string names;            // of the numbers, comma-separated
+  std::vector<double> numbers;  // NaN: none
 };
 
 // What a finished evaluation is ranked by.
@@ -130,31 +129,31 @@ struct Standing {
   std::string aggregate_json;  // canonical; it holds the same numbers
 };
 
-// What a board is made of.
+// A candidate row of a board.
 struct StandingRow {
   int64_t submission = 0;
   int64_t evaluation = 0;
   std::string team;
   std::string artefact_name;
-  Standing standing;  // without a text until the view has it
+  Standing standing;  // aggregate_json is empty until the view has it
 };
 
-// What an artefact's files are still of use for.
+// What an artefact's files are still needed for.
 struct ArtefactUse {
   std::string hash;
   int64_t bytes = 0;
-  int64_t last_use = 0;  // upload, acceptance or end of an evaluation, whichever was last
-  bool needed = false;   // of what has not ended, or is done and ranked
+  int64_t last_use = 0;  // the latest upload, acceptance or evaluation end
+  bool needed = false;   // by an evaluation that has not ended, or is done and ranked
 };
 
-// An artefact whose files are here and that nobody has submitted.
+// An artefact with files that nobody has submitted.
 struct UploadRow {
   std::string hash;
   int64_t bytes = 0;
-  int64_t at = 0;  // when it came last
+  int64_t at = 0;  // when it was last uploaded
 };
 
-// A row of a team's ledger; quota.h has the rules.
+// A row of a team's ledger; the rules are in quota.h.
 struct LedgerRow {
   int64_t id = 0;
   int64_t at = 0;
@@ -164,7 +163,7 @@ struct LedgerRow {
   std::string budget;
   std::string entry;  // "charge", "refund", "grant"
   int64_t amount = 0;
-  int64_t submission = 0;  // 0: of none
+  int64_t submission = 0;  // 0: none
   std::string who;
   std::string why;
 };

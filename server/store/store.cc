@@ -78,7 +78,7 @@ absl::Status Writer::Part(const std::function<absl::Status(Writer&)>& change) {
     status = change(*this);
   } catch (const SQLite::Exception& error) {
     status = StatusOf("the store", error);
-    if (!absl::IsFailedPrecondition(status)) throw;  // of more than this part
+    if (!absl::IsFailedPrecondition(status)) throw;  // not just of this part
   }
   if (!status.ok()) db_.exec("ROLLBACK TO part");
   db_.exec("RELEASE part");

@@ -1,14 +1,13 @@
-// The daemon's memory: the one writer of the store. A change is made of
-// operations inside one transaction, so that it is there as a whole or not at
-// all:
+// The daemon's persistent state, and its only writer. A change runs operations inside one
+// transaction, so it is applied as a whole or not at all:
 //
 //   absl::Status status = store->Write([&](Writer& writer) -> absl::Status {
 //     if (auto s = writer.FinishLease(lease, attempt, output, "daemon"); !s.ok()) return s;
 //     return writer.EndEvaluation(evaluation, EvaluationState::kDone, "", hash, "daemon");
 //   });
 //
-// After a failure nothing of it is in the store, and the same change may be
-// tried again later: an operation that finds its work done already is content.
+// A failed change leaves nothing in the store and may be tried again later: an operation whose
+// effect is already there succeeds.
 #pragma once
 
 #include <functional>
@@ -34,7 +33,7 @@ class Database;
 
 namespace myograde::server {
 
-// A submission to accept. Content that the store has already is shared.
+// A submission to accept. Content that the store already has is shared.
 struct NewSubmission {
   std::string team;
   std::string artefact;  // must be in the store
@@ -50,39 +49,39 @@ struct NewSubmission {
   std::vector<std::pair<int64_t, int64_t>> blocks;  // first and last episode of each lease
 };
 
-// What a submission must fit into to be accepted.
+// What a submission must satisfy to be accepted.
 struct AdmissionRules {
   QuotaLimits quota;
-  // An artefact has one ranked evaluation in a config: for each team, or (true)
-  // for all teams together.
+  // An artefact has one ranked evaluation per config: for each team or, if true, for all teams
+  // together.
   bool one_for_everyone = false;
 };
 
-// Whose files an artefact's are until somebody asks for it to be graded.
+// Who uploaded an artefact that has not been submitted yet.
 struct NewUpload {
   std::string uploader;     // "uid 1000"
-  std::string team;         // "": not known
-  bool organiser = false;   // bound by the limits of all together alone
+  std::string team;         // "": unknown
+  bool organiser = false;   // only the limits on the total apply
 };
 
-// Artefacts whose files are here and that nobody has submitted.
+// Limits on artefacts with files that nobody has submitted.
 struct UnsubmittedLimits {
   int64_t count = 4000;
   int64_t bytes = int64_t{64} << 30;
-  int64_t of_one = 1000;    // of one uploader, and of one team
+  int64_t of_one = 1000;    // per uploader, and per team
   int64_t bytes_of_one = int64_t{16} << 30;
-  absl::Duration age = absl::Hours(24);  // then their files go
+  absl::Duration age = absl::Hours(24);  // after which the files are removed
 };
 
-// Re-runs that have not ended.
+// Limits on re-runs that have not ended.
 struct RerunLimits {
-  int64_t unfinished = 64;     // of those who are no organisers, together
-  int64_t of_one = 8;          // asked for by one of them
+  int64_t unfinished = 64;     // total of all non-organisers
+  int64_t of_one = 8;          // per non-organiser
   int64_t of_a_submission = 2;
   int64_t of_organisers = 256;
 };
 
-// The kind of what Writer::Remove takes only if it is still unsubmitted.
+// The kind of an artefact that Writer::Remove removes only if it is still unsubmitted.
 inline constexpr char kUploadKind[] = "upload";
 
 struct NewRerun {
@@ -95,13 +94,13 @@ struct NewRerun {
 struct Accepted {
   int64_t submission = 0;
   int64_t evaluation = 0;
-  std::vector<int64_t> leases;  // in the order of the blocks
-  // True: nothing is new. The team has this artefact's ranked evaluation
-  // already, and `submission` and `evaluation` are that one's; no leases here.
+  std::vector<int64_t> leases;  // in block order
+  // True: nothing new was accepted. The team already has this artefact's ranked evaluation;
+  // `submission` and `evaluation` are those, and `leases` is empty.
   bool linked = false;
 };
 
-// More units for a team, on the store's present day and in total.
+// Extra units for a team, for the store's current day and in total.
 struct NewGrant {
   std::string team;
   std::string track;
@@ -110,91 +109,88 @@ struct NewGrant {
   std::string why;
 };
 
-// What became of an episode's row.
+// The result of recording an episode.
 struct Recorded {
-  bool counted = false;              // false: a row was there already, and stays
-  std::vector<std::string> differs;  // if not counted: what is not as in that row
+  bool counted = false;              // false: a row was already there, and stays
+  std::vector<std::string> differs;  // if not counted: in what the new row differs
 };
 
-// The operations; only inside Store::Write. `who` and `why` go into the audit
-// rows. A step that the states do not allow is a FailedPreconditionError.
+// The operations, only inside Store::Write. `who` and `why` go into the audit rows. A transition
+// that the states do not allow is a FailedPreconditionError.
 class Writer {
  public:
   Writer(SQLite::Database& db, int64_t now_ms) : db_(db), now_ms_(now_ms) {}
 
-  // One of several changes that share a transaction: if it fails, or the schema refuses a row
-  // of it, nothing of it is there, and the others go on.
+  // One of several changes that share a transaction: if it fails, or the schema rejects one of its
+  // rows, all of it is rolled back and the others go on.
   absl::Status Part(const std::function<absl::Status(Writer&)>& change);
 
-  // True if it was not there.
+  // True if it is new.
   absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact);
-  // Says whose the files of an artefact are that are about to be kept. Does nothing
-  // for one that was submitted; what is over a limit is a FailedPreconditionError
-  // with the code "quota".
+  // Records the uploader of an artefact whose files are about to be kept. Does nothing for one that
+  // was submitted. FailedPreconditionError with the code "quota" if over a limit.
   absl::Status AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
                          const UnsubmittedLimits& limits);
-  // NotFoundError if the artefact is not in the store; a damaged row (damage.h) if the config
-  // or the seeds are there and are not those given. What is over a quota, a
-  // second ranked evaluation of an artefact that is another team's, and a new
-  // team whose name looks like another's, is a FailedPreconditionError with the
-  // code "quota", "same_artefact" or "look_alike" (ResembledTeam). A name that no
-  // new team may have is an InvalidArgumentError. So are those of the other
-  // operations that take a team.
+  // NotFoundError if the artefact is not in the store; a damaged row (damage.h) if the stored
+  // config or seeds are not those given. FailedPreconditionError with the code "quota" if over a
+  // quota, "same_artefact" for a second ranked evaluation of another team's artefact, "look_alike"
+  // for a new team whose name looks like another's (ResembledTeam). InvalidArgumentError for a name
+  // that no new team may have. Other operations that take a team have the same name errors.
   absl::StatusOr<Accepted> Accept(const NewSubmission& submission, const AdmissionRules& rules,
                                   const std::string& who);
   absl::StatusOr<Accepted> AddRerun(const NewRerun& rerun, const std::string& who);
-  // Whether `who` may have one more re-run of a submission: FailedPreconditionError
-  // with the code "quota" if too many have not ended.
+  // Whether `who` may have one more re-run of a submission: FailedPreconditionError with the code
+  // "quota" if too many have not ended.
   absl::Status CheckReruns(int64_t submission, const std::string& who, bool organiser,
                            const RerunLimits& limits);
 
-  // pending -> running, as the attempt given (one more than before). Its
-  // evaluation, if queued, runs as well.
+  // pending -> running, as the given attempt (one more than before). A queued evaluation starts
+  // running too.
   absl::Status StartLease(int64_t lease, int64_t attempt, int64_t slot, int64_t deadline_ms,
                           const std::string& who);
-  // Keeps the row that is there; if the new one differs, remembers in what.
+  // Keeps an existing row; if the new one differs, records in what.
   absl::StatusOr<Recorded> RecordEpisode(const EpisodeRow& row);
   // running -> done. FailedPreconditionError unless every episode has its row.
   absl::Status FinishLease(int64_t lease, int64_t attempt, const std::string& output_json,
                            const std::string& who);
-  // running -> pending: to be played again. `fault`: the grader's, and counted.
+  // running -> pending, for a retry. `fault`: a grader fault, which is counted.
   absl::Status ReturnLease(int64_t lease, int64_t attempt, bool fault, const std::string& who,
                            const std::string& why);
   // pending or running -> failed or cancelled. `fault` as above.
   absl::Status EndLease(int64_t lease, LeaseState state, bool fault, const std::string& who,
                         const std::string& why);
-  // A row about an evaluation that stays in its state.
+  // Adds an audit row for an evaluation without changing its state.
   absl::Status NoteEvaluation(int64_t evaluation, const std::string& who, const std::string& why);
-  // queued or running -> a final state. FailedPreconditionError while it has
-  // leases that have not ended.
+  // queued or running -> a final state. FailedPreconditionError while any of its leases has not
+  // ended.
   absl::Status EndEvaluation(int64_t evaluation, EvaluationState state, const std::string& reason,
                              const std::string& results_hash, const std::string& who);
-  // The same, with all of its leases that have not ended: they are cancelled.
+  // The same, and cancels its leases that have not ended.
   absl::Status EndWithLeases(int64_t evaluation, EvaluationState state, const std::string& why,
                              const std::string& who);
-  // Ends an evaluation whose rows can't be read as grader_error, as far as they can be written:
-  // values of a wrong type give way to 0 and "". An error: it stays as it is.
+  // Ends an evaluation with unreadable rows as grader_error, as far as they can be written: values
+  // of a wrong type become 0 and "". An error: it stays as it is.
   absl::Status EndUnreadable(int64_t evaluation, const std::string& why, const std::string& who);
   // Evaluations that have not ended, of a submission or of all.
   std::vector<int64_t> OpenEvaluations(std::optional<int64_t> submission);
 
-  // One unit of the budget `failed` for a try that never became a submission.
+  // Charges one unit of the budget `failed` for an attempt that never became a submission.
   absl::Status ChargeFailure(const std::string& team, const std::string& track,
                              const std::string& who, const std::string& why);
   absl::Status Grant(const NewGrant& grant, const std::string& who);
-  // Sets or takes back a mark; true if that changed something (with the same
-  // reason it does not). NotFoundError if there is no such submission.
+  // Sets or clears a mark; true if that changed anything (setting it again for the same reason does
+  // not). NotFoundError if there is no such submission.
   absl::StatusOr<bool> Mark(int64_t submission, const std::string& mark, bool set,
                             const std::string& who, const std::string& why);
-  // What a finished evaluation is ranked by; replaces what was there.
+  // Sets or replaces what a finished evaluation is ranked by.
   absl::Status SetStanding(int64_t evaluation, const Standing& standing);
   absl::Status DropStandings();
-  // The row of a removal of the files of an artefact or of a log (`name` is its hash); false,
-  // and no row, if they are needed.
+  // Adds the row for removing the files of an artefact or a log (`name` is its hash); false, and no
+  // row, if they are needed.
   absl::StatusOr<bool> Remove(const std::string& kind, const std::string& name, int64_t bytes,
                               const std::string& why);
-  // Fills an empty store; transfer.h has the errors. What had not ended when it
-  // was exported ends as cancelled, as the artefacts' files are not in an export.
+  // Fills an empty store; errors as in transfer.h. Evaluations that had not ended when exported end
+  // as cancelled, as exports have no artefact files.
   absl::Status Import(const std::string& path, const ExportInfo& info, const std::string& who);
 
  private:
@@ -207,7 +203,7 @@ class Writer {
   absl::Status RunEvaluation(int64_t evaluation, const std::string& who);
   void MendTypes(const char* table, int64_t id);
   void MendBoardState();
-  // The ranked evaluation that stands in the way of another; nullopt: none.
+  // The ranked evaluation that rules out another one; nullopt: none.
   absl::StatusOr<std::optional<Accepted>> FindOfficial(const NewSubmission& submission,
                                                        const AdmissionRules& rules);
   void ChargeFirstEpisode(int64_t evaluation, const std::string& why);
@@ -219,17 +215,17 @@ class Writer {
 
 class Store {
  public:
-  // Opens or makes the store at `path`; see connection.h for the errors.
-  // `clock` must outlive it. For one thread at a time.
+  // Opens or creates the store at `path`; errors as in connection.h. `clock` must outlive it. Not
+  // thread-safe.
   static absl::StatusOr<std::unique_ptr<Store>> Open(const std::string& path, const Clock& clock);
   ~Store();
 
   // Runs `change` in one transaction; commits if it returns OkStatus().
   absl::Status Write(const std::function<absl::Status(Writer&)>& change);
 
-  // 32 bytes, made at random with the store: the key of policy seeds under configs of form 1.
+  // 32 random bytes, created with the store: the key of policy seeds under configs of form 1.
   const std::string& policy_secret() const { return policy_secret_; }
-  // What could not be read when it was opened, and was made anew.
+  // What was unreadable on opening, and was rebuilt.
   const std::optional<Damage>& mended() const { return mended_; }
 
  private:

@@ -1,4 +1,4 @@
-// A whole store as a file: backups, and what comes from an export.
+// A whole store as a file: backups and imports.
 #include <sqlite3.h>
 
 #include <SQLiteCpp/Backup.h>
@@ -14,14 +14,14 @@
 namespace myograde::server {
 namespace {
 
-// An evaluation `e` of a submission `s` whose files may be removed: it has ended, and can't stand
-// on a board. What can't be read keeps its files.
+// An evaluation `e` of a submission `s` whose files may be removed: it has ended and can't stand on
+// a board. Unreadable rows keep their files.
 constexpr char kOver[] =
     "(e.finished_at IS NOT NULL AND "
     "(s.ranked = 0 OR e.state IN ('failed', 'cancelled', 'grader_error')))";
 
-// The hash of an episode's log, "" if it has none, NULL if its facts can't be read. In the words of
-// the index episode_by_log (schema_v4.sql), so that it is used.
+// The hash of an episode's log, "" if it has none, NULL if its facts are unreadable. The same
+// expression as in the index episode_by_log (schema_v4.sql), so that the index is used.
 constexpr char kLog[] =
     "CASE WHEN typeof(facts_json) = 'text' AND json_valid(facts_json) "
     "THEN ifnull(json_extract(facts_json, '$.log.sha256'), '') END";
@@ -30,7 +30,7 @@ constexpr char kEpisodesOf[] =
     "FROM episode AS p LEFT JOIN evaluation AS e ON e.id = p.evaluation "
     "LEFT JOIN submission AS s ON s.id = e.submission ";
 
-// Every run of 64 hexadecimal digits in a text that can't be read is taken for a log's hash.
+// In unreadable text, any run of 64 hexadecimal digits is taken for a log's hash.
 void AddHashesIn(const std::string& text, std::set<std::string>& hashes) {
   constexpr std::string_view kDigits = "0123456789abcdef";
   for (size_t begin = text.find_first_of(kDigits); begin != std::string::npos;) {
@@ -40,7 +40,7 @@ void AddHashesIn(const std::string& text, std::set<std::string>& hashes) {
   }
 }
 
-// What PRAGMA quick_check says of rows; all else is about the file.
+// PRAGMA quick_check findings about rows; any other is about the file.
 bool IsAboutARow(const std::string& finding) {
   return absl::StrContains(finding, " value in ") ||
          absl::StartsWith(finding, "CHECK constraint failed in ");
@@ -57,8 +57,8 @@ absl::Status ReaderPool::Backup(const std::string& path,
   absl::StatusOr<std::unique_ptr<SQLite::Database>> source = OpenForReading(path_);
   if (!source.ok()) return source.status();
   return GuardSqlite(path, [&]() -> absl::Status {
-    // One state from the first page to the last: while a reading transaction is open, what
-    // others write does not make the copy begin again.
+    // One state from the first page to the last: an open read transaction keeps other writes from
+    // restarting the copy.
     SQLite::Transaction transaction(**source);
     (*source)->execAndGet("SELECT count(*) FROM meta");
     SQLite::Database copy(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
@@ -70,9 +70,9 @@ absl::Status ReaderPool::Backup(const std::string& path,
         progress(total - backup.getRemainingPageCount(), total);
       }
     }
-    // The copy is one file: it needs no log of changes beside it.
+    // The copy is a single file: it needs no write-ahead log.
     copy.exec("PRAGMA journal_mode = DELETE");
-    // A row that can't be read is the store's, and kept as it is.
+    // An unreadable row is copied as it is.
     SQLite::Statement check(copy, "PRAGMA quick_check(1000)");
     while (check.executeStep()) {
       const std::string found = check.getColumn(0).getString();
@@ -135,7 +135,7 @@ absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& 
                           "e.submission = s.id WHERE s.artefact = ?1 AND ", kOver,
                           " IS NOT TRUE LIMIT 1");
   } else {
-    // Of facts that can't be read, those that hold the name somewhere.
+    // Of unreadable facts, those that contain the name anywhere.
     needed = absl::StrCat("SELECT 1 ", kEpisodesOf, "WHERE (", kLog, ") = ?1 AND ", kOver,
                           " IS NOT TRUE UNION ALL SELECT 1 ", kEpisodesOf, "WHERE (", kLog,
                           ") IS NULL AND instr(p.facts_json, ?1) > 0 AND ", kOver,

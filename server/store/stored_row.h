@@ -1,6 +1,5 @@
-// One row as it is read: each column has the type and the range that the schema gives it, or
-// the row is damaged. Nobody but the daemon writes the store, but disks and people do as well.
-// Internal to the store.
+// Reads one row: each column has the type and range that the schema gives it, or the row is
+// damaged. Only the daemon writes the store, but disks fail and people edit. Internal to the store.
 //
 //   StoredRow row(select, "lease", key);
 //   lease.first = row.Number(1, 0, kMaxEpisodes);
@@ -25,18 +24,18 @@
 
 namespace myograde::server {
 
-// More than there can be of anything that is counted.
+// More than any count can be.
 inline constexpr int64_t kMany = int64_t{1} << 40;
 
 class StoredRow {
  public:
-  // `select` stands on the row and outlives this. Table and key name it in errors.
+  // `select` is positioned on the row and outlives this object. Table and key appear in errors.
   StoredRow(SQLite::Statement& select, std::string table, std::string key);
 
-  // The columns that follow are of another row, which was joined. NULL in them: it is missing.
+  // The following columns belong to another, joined row. NULL in `key_column`: it is missing.
   void Joined(std::string table, int key_column);
 
-  // Values; after the first mistake harmless ones of the type.
+  // Values; after the first error, harmless values of the same type.
   int64_t Number(int column, int64_t min, int64_t max);
   int64_t NumberOr(int column, int64_t min, int64_t max, int64_t if_null);
   int64_t Time(int column);     // ms since 1970, up to the year 9999
@@ -52,7 +51,7 @@ class StoredRow {
 
   // One of a few names.
   std::string OneOf(int column, std::initializer_list<std::string_view> names);
-  // `parse` gives nullopt for what is no such name.
+  // `parse` returns nullopt for an unknown name.
   template <typename Value>
   Value Named(int column, std::optional<Value> (*parse)(std::string_view)) {
     const std::string name = Text(column);
@@ -62,9 +61,9 @@ class StoredRow {
     return value.value_or(Value{});
   }
 
-  // A mistake of the caller's own finding, as `its "COLUMN" is VALUE: PROBLEM`.
+  // Reports an error that the caller found, as `its "COLUMN" is VALUE: PROBLEM`.
   void Fail(int column, std::string_view problem);
-  // The same about the row as a whole.
+  // The same, about the whole row.
   void Fail(std::string what);
 
   bool ok() const { return !damage_.has_value(); }
@@ -79,8 +78,8 @@ class StoredRow {
   std::optional<Damage> damage_;
 };
 
-// All rows, or the damage of the first that can't be read. `parse` fills in a row, which begins as
-// `empty`, and returns the StoredRow that it read it with.
+// All rows, or the damage of the first unreadable one. `parse` fills in a row, which starts as
+// `empty`, and returns the StoredRow that it was read with.
 template <typename Row, typename Parse>
 absl::StatusOr<std::vector<Row>> AllOf(SQLite::Statement& select, const Row& empty, Parse parse) {
   std::vector<Row> rows;
@@ -92,7 +91,7 @@ absl::StatusOr<std::vector<Row>> AllOf(SQLite::Statement& select, const Row& emp
   return rows;
 }
 
-// The rows that can be read, and the damage of the others; the first column is their id.
+// The readable rows, and the damage of the others; the first column is their id.
 template <typename Row, typename Parse>
 Listed<Row> ListOf(SQLite::Statement& select, const Row& empty, Parse parse) {
   Listed<Row> listed;
@@ -109,7 +108,7 @@ Listed<Row> ListOf(SQLite::Statement& select, const Row& empty, Parse parse) {
   return listed;
 }
 
-// A column's value as people may read it, for keys and errors.
+// A column's value for people, for keys and errors.
 std::string Shown(const SQLite::Column& column);
 
 // 64 lower-case hexadecimal digits.

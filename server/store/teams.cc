@@ -30,7 +30,7 @@ void AddLooks(SQLite::Database& db, int64_t team, const std::string& name) {
   }
 }
 
-// The oldest team that the name may be taken for; "": none.
+// The oldest team that the name resembles; "": none.
 std::string Resembled(SQLite::Database& db, const std::string& name) {
   SQLite::Statement select(db, "SELECT t.name FROM team_look AS l JOIN team AS t ON t.id = l.team "
                                "WHERE l.look = ? ORDER BY t.id LIMIT 1");
@@ -45,7 +45,7 @@ std::string Resembled(SQLite::Database& db, const std::string& name) {
 }  // namespace
 
 absl::StatusOr<std::string> TeamNamed(SQLite::Database& db, const std::string& name) {
-  // First as it is: a team of long ago may have a name that is refused today.
+  // Look it up as given first: an old team may have a name that is rejected today.
   if (IsThere(db, name)) return name;
   absl::StatusOr<std::string> clean = CleanName(name, "the team's name");
   if (!clean.ok() || IsThere(db, *clean)) return clean;

@@ -1,4 +1,4 @@
-// The names of teams in the store. Internal to it; all of this throws SQLite::Exception.
+// Team names in the store. Internal to it; everything here throws SQLite::Exception.
 #pragma once
 
 #include <cstdint>
@@ -10,20 +10,20 @@
 
 namespace myograde::server {
 
-// The name under which the store has the team that is called `name`, or would have
-// it: an existing team's as it is, else the clean form (CleanName).
-//   InvalidArgumentError      there is no such team, and none may be called so
-//   FailedPreconditionError   code "look_alike": there is none, and it looks like another;
-//                             ResembledTeam has that one's name
+// The stored name of the team called `name`: an existing team's name as it is, else the clean form
+// (CleanName) that a new team would get.
+//   InvalidArgumentError      no such team, and the name is not allowed
+//   FailedPreconditionError   code "look_alike": no such team, and the name looks like another's,
+//                             which ResembledTeam returns
 absl::StatusOr<std::string> TeamNamed(SQLite::Database& db, const std::string& name);
 
-// For questions, where no new name is to be refused: an existing team's, else `name`.
+// For queries, which need not reject new names: an existing team's name, else `name`.
 std::string KnownTeam(SQLite::Database& db, const std::string& name);
 
-// REQUIRES: TeamNamed gave `name`. Does nothing if the team is there.
+// REQUIRES: `name` came from TeamNamed. Does nothing if the team exists.
 void AddTeam(SQLite::Database& db, const std::string& name, int64_t now_ms);
 
-// Makes the looks of teams that have none, and of all if the rule has changed.
+// Computes the looks of teams that have none, or of all if the rule has changed.
 void FillTeamLooks(SQLite::Database& db);
 
 }  // namespace myograde::server

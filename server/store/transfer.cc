@@ -26,7 +26,8 @@ constexpr char kHead[] = "{\"data\":{";
 constexpr size_t kMaxLine = 8u << 20;
 constexpr size_t kMaxTables = 64;
 constexpr char kBytes[] = "bytes";  // the key of a value that is neither text nor a whole number
-// The secret, the views, whose files lie here, and SQLite's own.
+// Left out: the secret, the views, the uploads (their files are on this host), and SQLite's own
+// tables.
 constexpr char kExportedTables[] =
     "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' AND "
     "name NOT IN ('meta', 'standing', 'board_state', 'team_look', 'upload') ORDER BY name";
@@ -34,7 +35,7 @@ constexpr char kExportedTables[] =
 struct Table {
   std::string name;
   std::vector<std::string> columns;  // sorted
-  std::vector<std::string> key;      // of the primary key, in its order
+  std::vector<std::string> key;      // of the primary key, in key order
 };
 
 std::vector<Table> TablesOf(SQLite::Database& db) {
@@ -61,7 +62,7 @@ std::string Quoted(const std::vector<std::string>& names) {
   return absl::StrCat("\"", absl::StrJoin(names, "\", \""), "\"");
 }
 
-// What the schema allows nowhere is in a damaged row, and told as the bytes that are there.
+// A type that the schema never allows comes from a damaged row and is written as its bytes.
 Json ValueOf(const SQLite::Column& column) {
   if (column.isNull()) return Json();
   if (column.isInteger()) return Json(column.getInt64());
@@ -69,7 +70,7 @@ Json ValueOf(const SQLite::Column& column) {
   try {
     const Json text = bytes;
     if (column.isText() && !text.dump().empty()) return text;
-  } catch (const Json::exception&) {  // no UTF-8
+  } catch (const Json::exception&) {  // not UTF-8
   }
   return {{kBytes, absl::BytesToHexString(bytes)}};
 }
@@ -98,7 +99,7 @@ absl::Status Broken(const std::string& path, int64_t line, std::string_view what
                    "; it is no export, or it was changed or cut off: export again"));
 }
 
-// Reads a document by its lines. A line's text is without its newline.
+// Reads a document line by line. Lines have no trailing newline.
 class LineReader {
  public:
   explicit LineReader(const std::string& path) : path_(path), file_(path, std::ios::binary) {}
@@ -127,7 +128,7 @@ class LineReader {
   int64_t number_ = 0;
 };
 
-// What the lines between the first and the last are, told to two callbacks.
+// Parses the lines between the first and the last, and passes them to two callbacks.
 class Parser {
  public:
   using OnRow = std::function<absl::Status(const std::string& table, std::string_view row)>;
@@ -264,12 +265,12 @@ absl::Status ForEachRow(
 
 namespace {
 
-// Larger ones would be stored as negative numbers.
+// Larger numbers would be stored as negative ones.
 bool FitsInt64(const Json& number) {
   return !number.is_number_unsigned() || number.get<uint64_t>() <= uint64_t{INT64_MAX};
 }
 
-// One insertion for each table, made once.
+// Prepares one INSERT per table.
 class Inserter {
  public:
   explicit Inserter(SQLite::Database& db) {
@@ -324,7 +325,7 @@ class Inserter {
           row.dump(-1, ' ', false, Json::error_handler_t::replace).substr(0, 120)));
     };
     if (!fits) return refused("has other columns or values than a store");
-    // Files are found by these.
+    // Files are looked up by these.
     for (const char* column : {"hash", "artefact"}) {
       const auto hash = row.find(column);
       if (hash != row.end() && !(hash->is_string() && IsHash(hash->get<std::string>()))) {
@@ -347,7 +348,7 @@ class Inserter {
   std::map<std::string, std::unique_ptr<SQLite::Statement>> statements_;
 };
 
-// Their triggers look at rows of other tables, so they come last.
+// Their triggers read other tables' rows, so they are inserted last.
 bool IsLate(const std::string& table) { return table == "episode" || table == "replay"; }
 
 }  // namespace

@@ -1,6 +1,5 @@
-// Everything of a store that others may have, as one canonical JSON document: the
-// same rows give the same bytes. A row is a line, so that files of any length are
-// written and read piece by piece:
+// All that may leave a store, as one canonical JSON document: equal rows give equal bytes. One row
+// per line, so that files of any length are written and read in pieces:
 //
 //   {"data":{
 //   "admission":[
@@ -12,10 +11,10 @@
 //   ]
 //   },"format":"myograde-export","schema":2,"sha256":"<64 hexadecimal digits>"}
 //
-// Tables by name, rows by primary key, keys by name. The digest is over every byte
-// before `,"sha256"`. What is left out: the store's secret, the views that are
-// made anew of the rows, and the files of the artefacts. A value of a damaged row that is
-// neither a whole number nor text is {"bytes":"<hexadecimal>"}, which no import takes.
+// Tables by name, rows by primary key, keys by name. The digest covers every byte before
+// `,"sha256"`. Left out: the store's secret, views that can be rebuilt from the rows, and the
+// artefacts' files. A damaged row's value that is neither a whole number nor text is
+// {"bytes":"<hexadecimal>"}, which imports reject.
 #pragma once
 
 #include <cstdint>
@@ -34,11 +33,11 @@ class Database;
 
 namespace myograde::server {
 
-// Takes the document's next bytes; false stops the export.
+// Receives the document's next bytes; returns false to stop the export.
 using ExportSink = std::function<bool(std::string_view)>;
 
-// Only inside a transaction, so that all is of one state. Throws
-// SQLite::Exception; CancelledError if the sink said stop.
+// Only inside a transaction, so that everything is of one state. Throws SQLite::Exception;
+// CancelledError if the sink stopped it.
 absl::Status ExportRows(SQLite::Database& db, const ExportSink& sink);
 
 struct ExportInfo {
@@ -48,18 +47,18 @@ struct ExportInfo {
   std::map<std::string, int64_t> rows;  // by table
 };
 
-// Reads a whole document. InvalidArgumentError names the line: it is no export,
-// it is not whole, or its digest is another.
+// Reads a whole document. InvalidArgumentError names the line: not an export, incomplete, or a
+// wrong digest.
 absl::StatusOr<ExportInfo> CheckExport(const std::string& path);
 
-// Calls `row` for each row, in the file's order. REQUIRES: CheckExport was content.
+// Calls `row` for each row, in file order. REQUIRES: CheckExport succeeded.
 absl::Status ForEachRow(
     const std::string& path,
     const std::function<absl::Status(const std::string& table, const nlohmann::json& row)>& row);
 
-// Fills an empty store with the rows of a checked document, inside the caller's
-// transaction. FailedPreconditionError: the store has rows already, or the file is
-// of another schema. InvalidArgumentError: a row is refused, and shown.
+// Fills an empty store with the rows of a checked document, inside the caller's transaction.
+// FailedPreconditionError: the store is not empty, or the file has another schema.
+// InvalidArgumentError: a row was rejected, and is shown.
 absl::Status ImportRows(SQLite::Database& db, const std::string& path, const ExportInfo& info);
 
 }  // namespace myograde::server

@@ -1,4 +1,4 @@
-// The operations of a change. SQLite's exceptions pass through to Store::Write.
+// The operations of a change. SQLite exceptions propagate to Store::Write.
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
@@ -99,7 +99,7 @@ absl::Status Writer::RunEvaluation(int64_t evaluation, const std::string& who) {
   SQLite::Statement update(db_, "UPDATE evaluation SET state = 'running', started_at = ? "
                                 "WHERE id = ? AND state = 'queued'");
   SQLite::bind(update, now_ms_, evaluation);
-  if (update.exec() == 0) return absl::OkStatus();  // it runs already
+  if (update.exec() == 0) return absl::OkStatus();  // already running
   return Audit("evaluation", evaluation, "queued", "running", who, "its first lease started");
 }
 

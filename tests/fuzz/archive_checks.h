@@ -1,4 +1,4 @@
-// What holds after an archive was taken in, whatever it was.
+// What must hold after unpacking any archive.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@ namespace myograde::fuzz {
 inline constexpr server::ArtefactLimits kSmallLimits = {
     .bytes = 1 << 20, .files = 40, .depth = 6, .name_bytes = 64};
 
-// Unpacks `bytes` in `folder`: either one sentence and nothing left, or a folder
+// Unpacks `bytes` in `folder`: the result is either one sentence and nothing left, or a folder
 // within the limits that packs and unpacks to the same digest.
 inline void CheckUnpack(const Folder& folder, std::string_view bytes) {
   const std::string archive = folder / "archive";
@@ -28,7 +28,7 @@ inline void CheckUnpack(const Folder& folder, std::string_view bytes) {
   }
   Require(artefact->bytes <= kSmallLimits.bytes && artefact->files <= kSmallLimits.files,
           "the limits hold");
-  // Nothing was put beside the folder.
+  // Nothing was created beside the folder.
   int entries = 0;
   for (const auto& entry : std::filesystem::directory_iterator(folder.path())) {
     entries += entry.path().filename() != "packed" ? 1 : 0;

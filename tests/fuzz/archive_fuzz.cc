@@ -1,4 +1,4 @@
-// Any bytes as an archive: tar, tar.gz, tar.zst, zip or nothing of the kind.
+// Any bytes as an archive: tar, tar.gz, tar.zst, zip or none of these.
 #include "tests/fuzz/archive_checks.h"
 
 MYOGRADE_FUZZ_TARGET(archive)(const uint8_t* data, size_t size) {

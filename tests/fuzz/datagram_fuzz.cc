@@ -1,4 +1,4 @@
-// UDP datagrams as anybody in the participant's sandbox can send them.
+// UDP datagrams that anybody in the participant's sandbox can send.
 #include <array>
 #include <cstring>
 
@@ -14,7 +14,7 @@ MYOGRADE_FUZZ_TARGET(datagram)(const uint8_t* data, size_t size) {
   if (!datagram) return 0;
   const std::string_view channel = datagram->channel;
   Require(!channel.empty() && channel.size() <= kMaxChannelLength, "the name's length is LCM's");
-  // The views lie inside the datagram, and header and name make its beginning again.
+  // The views are inside the datagram, and re-encoding header and name gives its beginning.
   std::array<std::byte, kDatagramHeader + kMaxChannelLength + 1> head;
   const size_t head_size = WriteDatagramHead(datagram->sequence, channel, head);
   Require(head_size + datagram->payload.size() == size, "nothing is lost or made up");

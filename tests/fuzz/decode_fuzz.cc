@@ -1,5 +1,5 @@
-// A policy's LCM messages: hello, ready, action and giving up. What is accepted becomes a
-// frame that the simulator takes, and LCM encodes it to the same bytes again.
+// A policy's LCM messages: hello, ready, action and give-up. An accepted message becomes a frame
+// that the simulator accepts, and LCM encodes it to the same bytes again.
 #include <cstring>
 #include <vector>
 
@@ -38,7 +38,7 @@ Message CheckRoundTrip(const Payload& payload) {
   Message message;
   const int size = static_cast<int>(payload.size());
   Require(message.decode(payload.data(), 0, size) == size, "LCM reads the whole message");
-  if constexpr (!std::is_same_v<Message, hello_t>) {  // a name may have its NUL anywhere
+  if constexpr (!std::is_same_v<Message, hello_t>) {  // a name may contain a NUL anywhere
     Payload again(static_cast<size_t>(message.getEncodedSize()));
     Require(message.encode(again.data(), 0, static_cast<int>(again.size())) == size &&
                 again == payload, "LCM writes the same message again");
@@ -79,8 +79,8 @@ void CheckGiveUp(const Payload& payload) {
 
 }  // namespace
 
-// The first byte: bits 0-1 the message, bit 2 whether the fingerprint is put in
-// front of the rest, bits 3-7 the size of action that is asked for.
+// The first byte: bits 0-1 the message, bit 2 whether to prepend the fingerprint, bits 3-7 the
+// expected size of the action.
 MYOGRADE_FUZZ_TARGET(decode)(const uint8_t* data, size_t size) {
   fuzz::Input input(data, size);
   const uint8_t choice = input.Byte();

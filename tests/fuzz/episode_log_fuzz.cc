@@ -1,6 +1,6 @@
-// Logs of episodes, which anybody may hand to `log`, `replay` and `verify`. The
-// input is a file as it is, or a recipe for one whose checksum is right, so that
-// everything behind the checksum is reached too.
+// Episode logs, which anybody may pass to `log`, `replay` and `verify`. The input is a file as it
+// is, or a recipe for one with a valid checksum, so that the code behind the checksum is reached
+// too.
 #include <cmath>
 #include <cstring>
 
@@ -39,7 +39,7 @@ ShortDigest TakeDigest(fuzz::Input& input) {
   return digest;
 }
 
-// As log_text_t is encoded, after a fingerprint that is taken from a true event.
+// Encoded as log_text_t, with the fingerprint of a real event.
 std::string TextMessage(const std::string& fingerprint, const std::string& text, int lie) {
   std::string message = fingerprint;
   const auto length = static_cast<uint32_t>(static_cast<int64_t>(text.size()) + 1 + lie);
@@ -47,7 +47,7 @@ std::string TextMessage(const std::string& fingerprint, const std::string& text,
   return message + text + '\0';
 }
 
-// A log that begins well; then what the recipe says; then an end that fits, or a lie.
+// A log with a valid start, then what the recipe says, then an end that fits or doesn't.
 std::string Cook(fuzz::Input& input) {
   const bool locomotion = (input.Byte() & 1) != 0;
   LogHeader header{.track = Track(locomotion), .config = "c", .episode = input.Byte(),

@@ -1,5 +1,5 @@
-// Frames as they come out of the participant's sandbox: whatever is accepted
-// has counts, enums, numbers and text that the simulator can rely on.
+// Frames from the participant's sandbox: whatever is accepted has counts, enums, numbers and text
+// that the simulator can rely on.
 #include <cmath>
 #include <cstring>
 
@@ -68,7 +68,7 @@ void Check(std::span<const std::byte> bytes) {
   std::visit(Checker(), *frame);
 }
 
-// The same bytes with a header that is right for one of the types.
+// The same bytes with a header that is valid for one of the types.
 template <typename F>
 void CheckAs(FrameType type, std::span<const std::byte> body) {
   F frame = {};

@@ -1,9 +1,9 @@
-// What the fuzz targets share. A target is one file with a function of its name:
+// Shared by the fuzz targets. A target is one file with a function of its name:
 //
 //   MYOGRADE_FUZZ_TARGET(frame)(const uint8_t* data, size_t size) { ...; return 0; }
 //
-// libFuzzer feeds it mutations in a program of its own (preset `fuzz`); in every other build
-// replay_main.cc feeds all targets the files of their corpora.
+// libFuzzer runs it on mutations in a separate program (preset `fuzz`); in every other build
+// replay_main.cc runs all targets on the files of their corpora.
 #pragma once
 
 #include <algorithm>
@@ -20,7 +20,7 @@
 
 namespace myograde::fuzz {
 
-// Ends the process, which is how libFuzzer notices, unless `holds`.
+// Aborts the process, which libFuzzer reports, unless `holds`.
 inline void Require(bool holds, std::string_view property) {
   if (holds) return;
   std::fprintf(stderr, "property broken: %.*s\n", static_cast<int>(property.size()),
@@ -28,7 +28,7 @@ inline void Require(bool holds, std::string_view property) {
   std::abort();
 }
 
-// Takes an input apart from its front. Past the end every read gives zeros.
+// Consumes an input from its front. Past the end every read returns zeros.
 class Input {
  public:
   Input(const uint8_t* data, size_t size) : rest_(data, size) {}
@@ -68,8 +68,7 @@ class Input {
   std::span<const uint8_t> rest_;
 };
 
-// A folder of this process, in memory where the host has /dev/shm; gone at its
-// end. Not for copying.
+// A folder of this process, in memory where the host has /dev/shm; removed at exit. Not copyable.
 class Folder {
  public:
   Folder() {
@@ -103,7 +102,7 @@ inline void WriteFile(const std::string& path, std::string_view content) {
 
 using Target = int (*)(const uint8_t* data, size_t size);
 
-// The targets that are linked in, by name.
+// The linked targets, by name.
 inline std::map<std::string, Target>& Targets() {
   static std::map<std::string, Target> targets;
   return targets;

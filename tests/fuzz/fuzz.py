@@ -5,7 +5,7 @@
   fuzz.py --build DIR --cache DIR run TARGET [--seconds N]
 
 Exit status 77: this host has no clang with libFuzzer, so there is nothing to do.
-A run starts from corpus/TARGET; what it finds is kept in DIR/findings."""
+A run starts from corpus/TARGET; its findings are kept in DIR/findings."""
 
 import argparse
 import os
@@ -23,7 +23,7 @@ SKIPPED = 77
 
 
 def missing():
-    """Why there can be no fuzzing here; empty if there can."""
+    """Why fuzzing is impossible here; empty if it is possible."""
     if shutil.which(CLANG) is None:
         return f"{CLANG} is not installed (Debian packages clang-14 and libclang-rt-14-dev)"
     with tempfile.TemporaryDirectory() as folder:

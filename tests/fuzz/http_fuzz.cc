@@ -1,6 +1,6 @@
-// The bytes of one connection to the API's socket, against the server that the
-// daemon uses, with handlers that do what the API's do with requests. Each
-// connection must come to its end in time, and the server must answer the next.
+// The bytes of one connection to the API's socket, for the server that the daemon uses, with
+// handlers that treat requests like the API's. Each connection must end in time, and the server
+// must answer the next one.
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -55,7 +55,7 @@ void Install(UnixHttpServer& server) {
     response.status = json.ok() && ParseSubmit(*json).ok() ? 201 : 400;
     response.set_content("{}", "application/json");
   });
-  // Large enough to go by the disk.
+  // Large enough to be spooled to disk.
   server.SetBodyRule("/v1/artefacts",
                      {.most = 1 << 20, .upload = true, .types = {"application/x-tar"}});
   server.Post("/v1/artefacts", [](const Request&, Response& response,
@@ -76,7 +76,7 @@ class World {
     Require(server_.Start(path()).ok(), "a server starts");
   }
 
-  // Everything that is answered to `bytes`, after which the client has no more to say.
+  // Everything sent in reply to `bytes`, after which the client has finished sending.
   std::string Talk(std::string_view bytes) const {
     const Fd fd(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
     sockaddr_un address = {};
@@ -91,7 +91,7 @@ class World {
       bytes.remove_prefix(static_cast<size_t>(n));
     }
     shutdown(fd.get(), SHUT_WR);
-    // A request has its time, and one that is not finished waits for its end as well.
+    // A request has its timeout, and so does the end of an unfinished one.
     const absl::Duration deadline = SystemClock().Monotonic() + 3 * kRequest;
     std::string answer;
     char buffer[1 << 16];
@@ -103,7 +103,7 @@ class World {
       const ssize_t n = recv(fd.get(), buffer, sizeof(buffer), 0);
       if (n <= 0) return answer;
       answer.append(buffer, static_cast<size_t>(n));
-      // A kept connection may ask often, each answer is bounded.
+      // A kept connection may make many requests, but each answer is bounded.
       Require(answer.size() < (64u << 20), "answers are bounded");
     }
   }

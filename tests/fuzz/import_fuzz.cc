@@ -1,7 +1,6 @@
-// Exports as `import` takes them. The input is a file as it is, or changes of a
-// true export whose checksum is made right again, so that everything behind the
-// checksum is reached too: rows that do not fit, and rows that fit and hold
-// nonsense, which are then read by all that reads a store.
+// Exports as `import` accepts them. The input is a file as it is, or changes to a real export with
+// a corrected checksum, so that the code behind the checksum is reached too: rows that do not fit,
+// and rows that fit but hold nonsense, which everything that reads a store then reads.
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 #include <absl/strings/str_split.h>
@@ -69,7 +68,7 @@ absl::Status Fill(Writer& writer) {
   return status;
 }
 
-// The lines of a true export.
+// The lines of a real export.
 const std::vector<std::string>& TrueLines() {
   static const std::vector<std::string> lines = [] {
     const std::string path = TempFolder() / "full.db";
@@ -95,7 +94,7 @@ SQLite::Database& Empty() {
   return *db;
 }
 
-// Changes lines: another text, a patch of a row, one left out, one twice.
+// Changes lines: other text, a patched row, a line removed or duplicated.
 std::string Changed(fuzz::Input& input) {
   std::vector<std::string> lines = TrueLines();
   const uint8_t seal = input.Byte();
@@ -126,7 +125,7 @@ std::string Changed(fuzz::Input& input) {
   return absl::StrCat(text, ",\"sha256\":\"", Sha256Hex(text), "\"}\n");
 }
 
-// What the daemon reads to show and rank what it has.
+// Everything that the daemon reads to show and rank results.
 void ReadAll(SQLite::Database& db) {
   Reader reader(db);
   for (const SubmissionRow& submission : reader.Submissions({}).rows) {
@@ -152,12 +151,12 @@ void ReadAll(SQLite::Database& db) {
   (void)reader.ArtefactUses();
 }
 
-// The export of what came in, or nothing if it was refused.
+// The export of what was imported, or nothing if it was rejected.
 std::string Import(const std::string& path, const ExportInfo& info) {
   SQLite::Database& db = Empty();
   std::string text;
   const auto body = [&]() -> absl::Status {
-    SQLite::Transaction transaction(db);  // undone at the end of this block
+    SQLite::Transaction transaction(db);  // rolled back at the end of this block
     if (absl::Status status = ImportRows(db, path, info); !status.ok()) {
       Require(!status.message().empty(), "a refusal says why");
       return status;
@@ -175,7 +174,7 @@ std::string Import(const std::string& path, const ExportInfo& info) {
 
 }  // namespace
 
-// The first byte: whether the rest is a file or changes of one.
+// The first byte: whether the rest is a file or changes to one.
 MYOGRADE_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {
   fuzz::Input input(data, size);
   const bool changes = (input.Byte() & 1) != 0;
@@ -188,7 +187,7 @@ MYOGRADE_FUZZ_TARGET(import)(const uint8_t* data, size_t size) {
   }
   const std::string text = Import(path, *info);
   if (text.empty()) return 0;
-  // What a store took, it gives, and another takes that and gives the same.
+  // What a store imported, it exports, and another store imports and exports the same.
   fuzz::WriteFile(path, text);
   const absl::StatusOr<ExportInfo> again = CheckExport(path);
   Require(again.ok() && again->rows == info->rows, "no row is lost");

@@ -1,6 +1,6 @@
-// A whole conversation at the bridge: the simulator's questions and a
-// participant's datagrams in any order. Every question gets at most one
-// answer, every answer fits its question, and no flood goes on for ever.
+// A whole conversation at the bridge: the simulator's questions and a participant's datagrams in
+// any order. Every question gets at most one answer, every answer fits its question, and every
+// flood is stopped.
 #include <array>
 #include <cstring>
 #include <memory>
@@ -118,7 +118,7 @@ class Conversation {
   bool greeted_ = false;
   bool faulted_ = false;
   int64_t messages_ = 0;  // since the last question
-  int64_t again_ = 0;     // how often a question was repeated, ever
+  int64_t again_ = 0;     // total number of repeated questions
 };
 
 }  // namespace

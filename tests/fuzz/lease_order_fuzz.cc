@@ -1,5 +1,5 @@
-// The order for a lease, a file that another host may have written. The input
-// is a patch over a good order; what is accepted is written and read again.
+// A lease order, a file that another host may have written. The input is a patch to a valid order;
+// an accepted order is written and read again.
 #include "protocol/base/config_reader.h"
 #include "protocol/lease/lease.h"
 #include "tests/fuzz/fuzz.h"

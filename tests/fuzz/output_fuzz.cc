@@ -1,4 +1,4 @@
-// What a policy prints, on its way into a record and from there onto terminals.
+// A policy's output, on its way into a record and from there onto terminals.
 #include <nlohmann/json.hpp>
 
 #include "server/base/output_tail.h"
@@ -9,7 +9,7 @@ using myograde::fuzz::Require;
 
 namespace {
 
-// REQUIRES nothing of `text`; dump() throws at what is not UTF-8.
+// REQUIRES nothing of `text`; dump() throws on invalid UTF-8.
 void CheckHarmless(const std::string& text) {
   (void)nlohmann::json(text).dump();
   for (const char c : text) {

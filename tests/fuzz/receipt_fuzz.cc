@@ -1,5 +1,5 @@
-// Receipts, which `verify` takes from anybody: parsed, and every claim in them
-// held against what they hold.
+// Receipts, which `verify` accepts from anybody: parsed, with every claim checked against the
+// content.
 #include "protocol/base/config_reader.h"
 #include "server/proof/receipt.h"
 #include "tests/fuzz/fuzz.h"
@@ -45,7 +45,7 @@ void Check(const std::string& text, bool may_be_signed) {
 
 }  // namespace
 
-// The first byte: a file, or the part of one that is signed, which is signed here.
+// The first byte: a file, or the signed part of one, which is signed here.
 MYOGRADE_FUZZ_TARGET(receipt)(const uint8_t* data, size_t size) {
   fuzz::Input input(data, size);
   const bool whole = (input.Byte() & 1) == 0;

@@ -1,5 +1,4 @@
-// Lines that a runner prints: a record that is accepted is written and read
-// again to the same line.
+// Lines that a runner prints: an accepted record is written and read again to the same line.
 #include "protocol/lease/lease.h"
 #include "tests/fuzz/fuzz.h"
 

@@ -1,7 +1,7 @@
-// Runs a fuzz target over files, where there is no libFuzzer:
+// Runs a fuzz target over files, without libFuzzer:
 //   fuzz_replay TARGET FILE|FOLDER ...
-// A broken property or a sanitizer's finding ends the process; the last file
-// named on standard error is the one that did it.
+// A broken property or a sanitizer's report ends the process; the last file named on standard error
+// is the one that caused it.
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -31,7 +31,7 @@ std::vector<std::string> FilesOf(int argc, char** argv) {
   return files;
 }
 
-// The whole input and, of a short one, everything that is cut off somewhere.
+// The whole input and, for a short one, all of its prefixes.
 void Replay(myograde::fuzz::Target target, const std::string& bytes) {
   constexpr size_t kCutUpTo = 64;
   const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());

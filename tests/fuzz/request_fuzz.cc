@@ -1,4 +1,4 @@
-// What clients send to the API: bodies in JSON and parameters of addresses.
+// API requests: JSON bodies and URL parameters.
 #include "protocol/base/config_reader.h"
 #include "protocol/lease/track_config.h"
 #include "server/api/requests.h"

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Writes the seeds of the corpora: small inputs that lead a fuzzer past the first checks.
-What fuzzing found lies beside them as found-*.  Use: seeds.py (no arguments)"""
+Fuzzing's findings are beside them as found-*.  Use: seeds.py (no arguments)"""
 
 import gzip
 import hashlib
@@ -54,7 +54,7 @@ def messages():
 
 
 def conversations():
-    # 0 asks, 2 asks again, 3 is a good message, 4 a payload on a channel, 5 raw bytes.
+    # 0 asks, 2 asks again, 3 is a valid message, 4 a payload on a channel, 5 raw bytes.
     hello, welcome, start = bytes([3, 0, 0]), bytes([0, 0, 0]), bytes([0, 1, 0])
     ready, step, action = bytes([3, 1, 0]), bytes([0, 2, 0, 0]), bytes([3, 2, 0, 0])
     begin = hello + welcome + start + ready

@@ -1,5 +1,5 @@
-// The host's configs: server.json and the two of the sandboxes. The input is a
-// patch over a shipped file; what is accepted has no limit of zero.
+// The host's configs: server.json and the two of the sandboxes. The input is a patch to a shipped
+// file; an accepted config has no limit of zero.
 #include <array>
 
 #include <nlohmann/json.hpp>
@@ -66,7 +66,7 @@ void CheckSandboxes() {
 
 }  // namespace
 
-// The first byte chooses the file, and whether the input is a patch or a whole.
+// The first byte chooses the file, and whether the input is a patch or a whole file.
 MYOGRADE_FUZZ_TARGET(server_config)(const uint8_t* data, size_t size) {
   fuzz::Input input(data, size);
   const uint8_t choice = input.Byte();

@@ -1,5 +1,4 @@
-// Packets on the channel between the runner and the simulator, and the
-// evidence of a fault that they carry.
+// Packets on the channel between runner and simulator, and the fault evidence in them.
 #include <sys/socket.h>
 
 #include <utility>
@@ -26,7 +25,7 @@ const std::pair<Fd, Fd>& SocketPair() {
 
 MYOGRADE_FUZZ_TARGET(sim_message)(const uint8_t* data, size_t size) {
   const auto& [here, there] = SocketPair();
-  // An empty packet can't be told from the channel's end.
+  // An empty packet looks like the channel's end.
   if (size == 0 || send(here.get(), data, size, MSG_DONTWAIT) != static_cast<ssize_t>(size)) {
     return 0;
   }

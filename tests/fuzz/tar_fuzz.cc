@@ -1,6 +1,5 @@
-// Tars whose checksums are right and whose entries are anything: the input
-// chooses types, names, links, modes and sizes, so that the rules of
-// submissions are reached, not only libarchive's checks.
+// Tars with valid checksums and arbitrary entries: the input chooses types, names, links, modes and
+// sizes, so that the rules of submissions are reached, not only libarchive's checks.
 #include "tests/fuzz/archive_checks.h"
 #include "tests/server/artefact/raw_tar.h"
 
@@ -13,7 +12,7 @@ using myograde::server::TarPadding;
 
 constexpr char kManifest[] = R"({"name": "fuzz", "command": ["./policy"]})";
 
-// Types of POSIX and GNU, sparse files and extended headers among them.
+// Types of POSIX and GNU, including sparse files and extended headers.
 constexpr std::string_view kTypes = "0125KLxgS34670V";
 
 }  // namespace
@@ -32,7 +31,7 @@ MYOGRADE_FUZZ_TARGET(tar)(const uint8_t* data, size_t size) {
     const std::string name = input.Text(input.Byte() % 101);
     const std::string link = input.Text(input.Byte() % 101);
     const std::string content = input.Text(input.Byte());
-    // Mostly the truth; else up to 8 GiB that are not there.
+    // Mostly the true size; otherwise up to 8 GiB that are not there.
     const uint8_t lie = input.Byte();
     const uint64_t claimed = lie < 200 ? content.size() : uint64_t{1} << (lie % 34);
     tar += TarHeader(type, name, link, mode, claimed) + content + TarPadding(content.size());

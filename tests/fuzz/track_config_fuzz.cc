@@ -1,6 +1,6 @@
-// Track configs as an organiser may write them. Each input is a file that may
-// extend the shipped ones; what is accepted has limits above zero, and its
-// effective form is accepted again with the same hash.
+// Track configs as an organiser may write them. Each input is a file that may extend the shipped
+// ones; an accepted config has limits above zero, and its effective form is accepted again with the
+// same hash.
 #include "protocol/base/config_reader.h"
 #include "protocol/lease/track_config.h"
 #include "server/grading/tracks.h"
@@ -12,7 +12,7 @@ using fuzz::Require;
 
 namespace {
 
-// Comments make every round slower and nothing else.
+// Comments only make every round slower.
 void DropComments(nlohmann::json& value) {
   for (auto it = value.begin(); value.is_structured() && it != value.end();) {
     if (value.is_object() && it.key().starts_with("//")) {
@@ -24,7 +24,7 @@ void DropComments(nlohmann::json& value) {
   }
 }
 
-// A folder with the shipped configs, into which the input goes as fuzzed.json.
+// A folder with the shipped configs, to which the input is added as fuzzed.json.
 const fuzz::Folder& TracksFolder() {
   static const fuzz::Folder folder;
   static const bool filled = [] {

@@ -17,7 +17,7 @@ ENOUGH = 4 * len(STEPS_S)
 
 
 class Calendar(SystemTest):
-    # Short enough for minutes, long enough for many steps of the calendar.
+    # Short enough for minutes, long enough for many calendar changes.
     tracks = {"short": track_config("locomotion", seeds={"first": 30, "count": 2},
                                     episodes_per_lease=1, budgets={"startup_s": 120})}
 
@@ -39,7 +39,7 @@ class Calendar(SystemTest):
 
     @contextlib.contextmanager
     def stepping(self):
-        """Sets the calendar again and again; yields the list of what it was set to."""
+        """Changes the calendar repeatedly; yields the list of its settings."""
         steps, stop = [], threading.Event()
 
         def step():
@@ -87,7 +87,7 @@ class Calendar(SystemTest):
         with self.stepping() as steps:
             while len(steps) <= ENOUGH:
                 result = self.ask("local", POLICIES / "zero", "--track", "short")
-                # Its own count of time is of what passed, too.
+                # Its measured durations are real time, too.
                 self.assertLess(abs(result["wall"]["wall_s"]), 80000)
 
 

@@ -1,5 +1,5 @@
-"""The real daemon, runner, simulator and sandboxes on a host that breaks, is mended, and is killed
-from all sides."""
+"""The real daemon, runner, simulator and sandboxes on a host that fails, is repaired, and has its
+processes killed."""
 
 import contextlib
 import os
@@ -19,7 +19,7 @@ TRACKS = {"short": track_config("locomotion", seeds={"first": 30, "count": 4},
 
 
 class BrokenHost(SystemTest):
-    """A host whose simulator is gone for a while."""
+    """A host without its simulator for a while."""
 
     tracks = TRACKS
 
@@ -61,7 +61,7 @@ class BrokenHost(SystemTest):
         self.assertEqual(identities(rows[0]), identities(rows[1]))
 
     def test_a_dead_bridge_is_the_participants_and_costs_no_replay(self):
-        # Each lease falls asleep in its second episode, so there is time to find its bridge.
+        # Each lease sleeps in its second episode, so there is time to find its bridge.
         submission = self.ask("submit", self.misbehaving("sleeps"), "--track", "short", "--team",
                               "c")["submission"]
 

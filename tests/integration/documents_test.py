@@ -1,5 +1,5 @@
-"""Everything in a fence of the documents is tried: manifests, policies, commands. What is copied
-from a page works as it stands there."""
+"""Tries everything in the documents' fences: manifests, policies, commands. Whatever is copied
+from a page works as it is."""
 
 import json
 import re
@@ -28,7 +28,7 @@ class Documents(SystemTest):
     @classmethod
     def setUpClass(cls):
         super().setUpClass()
-        # As after ./dev build in a clone, and the documents' full track in little time.
+        # Like a clone after ./dev build, with a shortened full track of the documents.
         cls.work = cls.root / "clone"
         (cls.work / "build").mkdir(parents=True)
         (cls.work / "build/release").symlink_to(POLICIES.parent)
@@ -78,7 +78,7 @@ class Documents(SystemTest):
         for page, text in pages():
             for body in blocks(text, "json"):
                 manifest = json.loads(body)
-                # An upload's answer has a command too.
+                # An upload's answer also contains "command".
                 if "command" not in manifest or "artefact" in manifest:
                     continue
                 count += 1
@@ -89,7 +89,7 @@ class Documents(SystemTest):
                         if word.startswith("./"):
                             (folder / word).write_text("#!/bin/sh\nexit 3\n")
                             (folder / word).chmod(0o755)
-                    # It begins to play, and its program then does nothing: 1, not 2.
+                    # It starts to play, and its program then does nothing: 1, not 2.
                     said = self.run_cli("local", folder, "--track", "short-leg", "--episodes", "1",
                                         check=False)
                     self.assertEqual(said.returncode, 1, said.stdout + said.stderr)
@@ -101,7 +101,7 @@ class Documents(SystemTest):
         return FENCE.findall(text[begin:text.index("\n## ", begin)])
 
     def follow(self, title, before_last):
-        """Does what a section says, in its order; the folder is the one that it copies to."""
+        """Executes a section's steps in order; the folder is the one that it copies to."""
         folder = None
         steps = self.section(title)
         for number, (language, body) in enumerate(steps):
@@ -121,7 +121,7 @@ class Documents(SystemTest):
 
     def test_what_a_policy_still_holds_at_its_end_is_kept_and_its_variables_are_set(self):
         still = next(body for language, body in self.section("In Python") if language == "python")
-        # Without PYTHONUNBUFFERED the interpreter holds what it printed, until it ends in order.
+        # Without PYTHONUNBUFFERED the interpreter buffers its output until a normal exit.
         policy = self.fenced_policy("last-words", "import atexit, os\n"
                                     "atexit.register(print, 'goodbye', os.environ['POLICY_WHO'])\n"
                                     "print('hello')\n" + still,
@@ -159,8 +159,8 @@ class Documents(SystemTest):
         (policy / "big.py").write_text("seen = 1\n")
         subprocess.run(["/usr/bin/python3", "-m", "compileall", "-q", policy / "big.py"],
                        check=True)
-        # What was compiled says another name; with another time of the source Python would not
-        # look.
+        # The compiled file has another name in it; if the source's time differed Python would
+        # ignore it.
         cached = next((policy / "__pycache__").glob("big.*.pyc"))
         cached.write_bytes(cached.read_bytes().replace(b"seen", b"kept"))
         self.assertEqual(self.play(policy)["output"][0]["stdout_tail"], "True\n")

@@ -13,7 +13,7 @@ from system import SystemTest, track_config
 
 
 def groups_of(pid):
-    """Control groups that the process with `pid` made."""
+    """Control groups created by the process with `pid`."""
     return [path for path, _, _ in os.walk("/sys/fs/cgroup")
             if os.path.basename(path).startswith(f"myograde.{pid}.")]
 
@@ -27,7 +27,7 @@ def says(pid, words):
 
 
 class Freezer:
-    """A control group whose processes stand still, so that not even SIGKILL ends them."""
+    """A control group whose processes are frozen, so that not even SIGKILL ends them."""
 
     def __init__(self):
         self.folder = pathlib.Path(f"/sys/fs/cgroup/freezer/myograde-test-{os.getpid()}")
@@ -56,7 +56,7 @@ STOPS_PROCESSES = os.geteuid() == 0 and os.path.isdir("/sys/fs/cgroup/freezer")
 
 
 class LeftoversTest(SystemTest):
-    """What both kinds of daemons share."""
+    """Shared by both kinds of daemons."""
 
     tracks = {"long": track_config("locomotion", budgets={"startup_s": 600})}
 
@@ -72,7 +72,7 @@ class LeftoversTest(SystemTest):
         return self.ask("status")["daemon"]["closed_slots"]
 
     def crashing(self, seconds):
-        """A submission that ends with status 7 on SIGUSR1, beside a child that sleeps so long."""
+        """A submission that exits with status 7 on SIGUSR1, with a child that sleeps this long."""
         folder = self.root / "crashing"
         folder.mkdir()
         (folder / "run").write_text(f"#!/bin/sh\ntrap 'exit 7' USR1; sleep {seconds} &\n"
@@ -86,7 +86,7 @@ class LeftoversTest(SystemTest):
         os.kill(int(stat.rpartition(")")[2].split()[1]), signal.SIGUSR1)
 
     def see_a_slot_closed(self):
-        """A verdict stays, and its slot is closed over the death of runner and daemon."""
+        """A verdict stands, and its slot stays closed, after runner and daemon have died."""
         self.daemon.configure(slots=1)
         freezer, seconds = Freezer(), 20_000_000 + os.getpid()
         self.addCleanup(freezer.remove)
@@ -119,7 +119,7 @@ class LeftoversTest(SystemTest):
         self.assertEqual(self.stop_daemon(), 0)
 
     def expect_closed(self, seconds, left, for_seconds):
-        """Slot 0 is, for that long, and nothing is played."""
+        """Slot 0 stays closed for that long, and nothing is played."""
         self.wait_for("the slot is not closed", self.closed_slots, 10)
         until = time.monotonic() + for_seconds
         while time.monotonic() < until:
@@ -148,7 +148,7 @@ class Leftovers(LeftoversTest):
             says(pid, "misbehaving_policy") for pid, _ in proc.below(self.daemon.pid)))
         runners = proc.children(self.daemon.pid)
         self.assertTrue(runners)
-        # The runners first, so that none of them hears that the daemon is gone.
+        # The runners first, so that none of them notices the daemon's death.
         for pid in runners:
             os.kill(pid, signal.SIGKILL)
         self.stop_daemon(signal.SIGKILL)
@@ -161,7 +161,7 @@ class Leftovers(LeftoversTest):
         (work / "999-1").mkdir()
         (work / "999-1" / "link").symlink_to("/etc")
         self.start_daemon()
-        # Any daemon's start removes the groups of runners that are dead, so another one's may have.
+        # Any daemon's start removes the groups of dead runners, so another one may have done it.
         self.wait_for("control groups are left",
                       lambda: not any(groups_of(pid) for pid in runners), 10)
         self.assertFalse((old | {work / "999-1"}) & set(work.iterdir()))
@@ -179,13 +179,13 @@ class Leftovers(LeftoversTest):
 
 @unittest.skipUnless(STOPS_PROCESSES, "only root can become a user and stop processes")
 class LeftoversOfAUser(LeftoversTest):
-    """A daemon without users of its own for its slots."""
+    """A daemon without separate users for its slots."""
 
     user = 71997
 
     def test_a_verdict_stays_and_its_slot_is_closed_over_the_death_of_runner_and_daemon(self):
         self.see_a_slot_closed()
-        # What the sandboxes show is empty, and no more of them than slots.
+        # The folders that the sandboxes mount are empty, and no more than the slots.
         marks = self.data / "slots"
         self.assertEqual([(path.name, list(path.iterdir())) for path in marks.iterdir()],
                          [("0", [])])

@@ -1,4 +1,4 @@
-"""A result can be shown again: logs, replays, re-runs, receipts, seeds, golden Merkle roots."""
+"""Results can be reproduced: logs, replays, re-runs, receipts, seeds, golden Merkle roots."""
 
 import hashlib
 import json
@@ -58,7 +58,7 @@ class Proof(SystemTest):
                 self.check_events(file, row, size)
 
     def check_events(self, file, row, size):
-        """By LCM's own reader, in the Python that the policies' runtime is made for."""
+        """With LCM's own reader, in the Python for which the policies' runtime is built."""
         script = """
 import json, sys, lcm
 from myograde import action_t, step_digest_t
@@ -118,7 +118,7 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
             stored.write_bytes(good)
 
     def test_a_local_run_gives_the_daemons_bytes(self):
-        """The policy draws all it does from its policy seeds."""
+        """The policy takes all its randomness from its policy seeds."""
         for track, submission in self.submissions.items():
             with self.subTest(track=track):
                 shown = self.ask("show", submission, "--episodes")
@@ -211,7 +211,7 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
         self.assertTrue(models, "no compiled model is there")
         other = next((cache / "models").glob("manipulation-*.mjb"))
         for model in models:
-            shutil.copy(other, model)  # whole in itself, but not the one that its name says
+            shutil.copy(other, model)  # a valid file, but not the one that its name says
         report = json.loads(self.run_cli(
             "verify", receipt, "--key", self.key, "--resimulate", 1, "--cache", cache, "--json",
             check=False).stdout)
@@ -220,7 +220,7 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
 
 
 def with_other_states(log):
-    """The bytes of a whole log in which half of the states are others."""
+    """The bytes of a complete log in which half of the states differ."""
     data = bytearray(log)
     name, places = b"MYOGRADE_LOG_DIGEST", []
     place = data.find(name)
@@ -242,7 +242,7 @@ def with_other_states(log):
 
 
 class Reference(SystemTest):
-    """A daemon on a host that computes other states than the reference episodes hold."""
+    """A daemon on a host that computes other states than the reference episodes have."""
 
     tracks = {"short-locomotion": track_config("locomotion")}
 
@@ -311,7 +311,7 @@ class Golden(SystemTest):
 
 
 class Processors(SystemTest):
-    """The same states whatever features of the processor the C library sees."""
+    """The same states whatever processor features the C library sees."""
 
     tracks = {f"short-{track}": track_config(track) for track in TRACKS}
     PINNED = "-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL,-AVX"
@@ -369,7 +369,7 @@ class Processors(SystemTest):
             self.skipTest("qemu-x86_64 is not installed (Debian's qemu-user)")
         if b"__asan_init" in (BIN / "myograde-sim").read_bytes():
             self.skipTest("a sanitizer's shadow is more than qemu-x86_64 can map")
-        # MuJoCo's own build needs AVX, so no older processor can run it.
+        # MuJoCo's own build needs AVX, so older processors can't run it.
         for model in ("SandyBridge", "Haswell", "max"):
             with self.subTest(model=model):
                 record = self.replay("locomotion", before=(qemu, "-cpu", model),

@@ -1,6 +1,6 @@
-// Loaded into programs under test by LD_PRELOAD: sets their calendar, and theirs alone, off by
-// the seconds that stand in the file MYOGRADE_TEST_CALENDAR (one int64_t), which the test may
-// change while they run.
+// Preloaded (LD_PRELOAD) into programs under test: shifts only their calendar, by the number of
+// seconds in the file MYOGRADE_TEST_CALENDAR (one int64_t), which the test may change while they
+// run.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <stddef.h>

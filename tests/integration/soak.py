@@ -1,7 +1,7 @@
-"""Random kills for some minutes, and then the board that undisturbed play gives.
+"""Random kills for some minutes, compared with the board of an undisturbed daemon.
 
-Two daemons get the same submissions of several teams: one is left alone; of the other one the
-daemon, the runners and the simulators are killed or stopped at random. In the end both must
+Two daemons get the same submissions of several teams: one is left alone; the other one's
+daemon, runners and simulators are killed or stopped at random. In the end both must
 have the same rows, the same hashes and the same board.
 
 usage: soak.py MINUTES [SEED]   (with the environment of CMakeLists.txt; root or not)
@@ -19,20 +19,21 @@ from support import proc
 from system import BIN, POLICIES, SOURCE, track_config
 
 TRACK = "soak"
-# A bridge lives in the participant's sandbox: its death is a crash there and belongs to the
-# result. disturbed_test.py kills one; here it would make another result, and rightly so.
+# A bridge lives in the participant's sandbox, so its death is a crash and part of the result.
+# disturbed_test.py kills one; here that would rightly change the result.
 KINDS = ("myograde-runner", "myograde-sim", "myograded", "stop-runner", "stop-sim")
 
 
 class Host(Daemon):
-    """A daemon of its own, with few faults allowed to last long. Not started yet."""
+    """A separate daemon, with patience for many faults. Not started yet."""
 
     def __init__(self, slots):
         super().__init__(BIN, SOURCE, "soak")
         self.add_track(TRACK, track_config(
             "locomotion", seeds={"first": 400, "count": 8}, episodes_per_lease=2,
             budgets={"startup_s": 120}))
-        # Kills come faster here than faults ever do: the most replays that can be configured.
+        # Kills come faster here than faults ever do: the highest number of retries that can be
+        # configured.
         self.configure(slots=slots, scheduler={"heartbeat_s": 4, "replay_delay_s": 0.1,
                                                "max_replays": 100, "self_test_every_s": 5})
         self.change_config("sandbox/sim.json", silence_s=10)
@@ -42,7 +43,7 @@ class Host(Daemon):
                        team)["submission"]
 
     def results(self, submissions):
-        """Rows, hashes and the board, without what clocks and loads decide."""
+        """Rows, hashes and the board, without what depends on clocks and load."""
         found = {}
         for submission in submissions:
             result = self.ask("show", submission, "--episodes")
@@ -74,13 +75,13 @@ def submissions_of(host, rounds):
     made = []
     for number in range(rounds):
         policy = ("zero", "random", "scripted-locomotion")[number % 3]
-        # A team's policy has one ranked evaluation, so later rounds are other teams'.
+        # A team's policy has one ranked evaluation, so later rounds belong to other teams.
         made.append(host.submit(policy, f"team {number % 4}.{number // 12}, {policy}"))
     return made
 
 
 def disturb(host, chance):
-    """One random blow. Its name."""
+    """Makes one random disturbance; returns its name."""
     kind = chance.choice(KINDS)
     if kind == "myograded":
         host.restart(chance.choice((signal.SIGKILL, signal.SIGTERM)))
@@ -113,7 +114,7 @@ def soak(minutes, seed, rounds=6):
         turns = 0
         while time.monotonic() < end:
             turns += 1
-            if turns > 1:  # a store of its own for each turn
+            if turns > 1:  # a separate store for each round
                 shaken.close()
                 shaken = Host(slots=2)
                 shaken.start()
@@ -127,7 +128,7 @@ def soak(minutes, seed, rounds=6):
                 if not any(state in ("queued", "running") for state in states.values()):
                     break
                 if time.monotonic() > end:
-                    break  # from here on undisturbed
+                    break  # undisturbed from here on
             shaken.wait_all(ids, 1800)
             found = shaken.results(ids)
             if found != expected:

@@ -1,4 +1,4 @@
-"""What the whole-system tests share: the programs, temporary configs, a daemon."""
+"""Shared by the whole-system tests: the programs, temporary configs, a daemon."""
 
 import json
 import os
@@ -29,10 +29,10 @@ def track_config(base, **changes):
 
 
 class SystemTest(unittest.TestCase):
-    """A daemon of its own for each class, as far as the class starts it."""
+    """A daemon for each class, unless the class does not start it."""
 
     tracks = {}
-    user = None  # an ordinary one, as whom root starts the daemon; None: as whoever tests
+    user = None  # an ordinary user, as whom root starts the daemon; None: as the caller
 
     @classmethod
     def setUpClass(cls):
@@ -61,7 +61,7 @@ class SystemTest(unittest.TestCase):
         return cls.daemon.ask(*words, check=check)
 
     def python_policy(self, name, words, *files, kit="kit-python"):
-        """A submission folder of a kit and copies of `files`, made once for each name; Python is
+        """A submission folder of a kit and copies of `files`, created once per name; Python is
         started with `words`."""
         folder = self.root / name
         if not folder.exists():

@@ -1,4 +1,4 @@
-"""The whole system as its users meet it: real daemon, sandboxes, models, policies."""
+"""The whole system as users see it: real daemon, sandboxes, models, policies."""
 
 import json
 import shutil
@@ -12,7 +12,7 @@ TRACKS = ("manipulation", "locomotion", "elbow")
 
 
 def identities(rows):
-    """What a result is, without what the host's clock decides."""
+    """A result without what depends on the host's clock."""
     return [(row["index"], row["outcome"], row["digest"], row["steps"]) for row in rows]
 
 
@@ -85,7 +85,7 @@ class GradeAndRank(SystemTest):
 
 
 class Misbehave(SystemTest):
-    """Each way of going wrong costs its own episode and says why in one sentence."""
+    """Each kind of misbehaviour costs only its own episode and is explained in one sentence."""
 
     tracks = {"short": track_config("locomotion"),
               "impatient": track_config("locomotion", budgets={"startup_s": 1})}

@@ -108,7 +108,7 @@ MUTANTS = [
      "  if (!loaded.ok()) return loaded.status();"),
     ("engine_test", "-*ADamagedRow*", STORE + "reader.cc",
      'if (row.ok() && Sha256Hex(text) != hash)', 'if (false)'),
-    ("engine_test", "-*ADamagedRow*", ENGINE + "engine_ends.cc", "  to_take_up_.erase(evaluation);\n", ""),
+    ("engine_test", "-*ADamagedRow*", ENGINE + "engine_ends.cc", "  deferred_.erase(evaluation);\n", ""),
 ]
 
 

@@ -1,5 +1,5 @@
-"""Archives that must be refused at submission: name -> the file's bytes. Everything that would
-escape is called redteam-escaped, so that it can be looked for."""
+"""Archives that must be rejected at submission: name -> the file's bytes. Everything that would
+escape is called redteam-escaped, so that it can be searched for."""
 
 import gzip
 import io
@@ -18,7 +18,7 @@ GOOD = (("policy.json", MANIFEST, 0o644), ("run", b"#!/bin/sh\n", 0o755))
 
 
 def _tar(*further, good=GOOD, form=tarfile.PAX_FORMAT):
-    """An archive of an honest submission and what else."""
+    """An archive of a valid submission plus other entries."""
     return tar([entry(name, content, mode=mode) for name, content, mode in good] + [*further],
                form)
 
@@ -39,7 +39,7 @@ def _zip(*further):
 
 
 def _claims_10_gb():
-    """A header that claims 10 GB, and no bytes behind it."""
+    """A header that claims 10 GB, without any content."""
     huge = tarfile.TarInfo("huge")
     huge.size = 10 * 10**9
     return _tar()[:-10240] + huge.tobuf(tarfile.GNU_FORMAT) + b"\0" * 512

@@ -1,5 +1,5 @@
 """The table of cases 1 to 46: hostile programs and the verdict that each must get. 47 and 48 are
-refused at submission, see submissions.py; more.py goes on from 49.
+rejected at submission, see submissions.py; more.py goes on from 49.
 
 An argument in braces is filled in by the suite: {tcp}, {unix}, {abstract} are sockets of the host,
 {store}, {artefacts}, {sim}, {source}, {canary} paths of it.
@@ -58,7 +58,7 @@ RESOURCES = (
     Case(16, "memory that is no process'", "c16_other_memory.c",
          each(("tmp", "shm", "memfd", "sysv"), expect=("memory_limit",), track="rt-memory",
               limit="memory_bytes", lacking=LACKING_MEMORY_GROUP)
-         # The kernel refuses queues long before they could fill the limit.
+         # The kernel rejects queues long before they could reach the limit.
          + (Variant(("mq",), expect=("crash", "memory_limit"), track="rt-memory",
                     reports={"refused": "EMFILE"}),)),
     Case(17, "huge sparse file", "c17_sparse_file.c",
@@ -110,7 +110,7 @@ BUS = (
          each(("offset 200", "half 200", "none 200", "garbage 100"), track="rt-patient")
          + each(("offset 2000", "half 3000", "none 2000", "garbage 2000"),
                 expect=("protocol",), limit="stray_messages", track="rt-patient")
-         # The program's own liblcm hears the claims too, and may die of them.
+         # The program's own liblcm receives the claims too, and may crash on them.
          + each(("claim 200",), expect=SCORED + ("crash",), track="rt-patient")
          + each(("claim 3000",), expect=("protocol", "crash"), track="rt-patient")),
     Case(28, "actions that are no numbers, or odd ones", "c28_odd_numbers.py",
@@ -129,7 +129,8 @@ BUS = (
           Variant(("never",), expect=("step_timeout",), steps=3, reports={"sockets": "100"}),
           Variant(("slowly",), expect=("step_timeout",), steps=3,
                   reports={"reading": "slowly"}))),
-    # UDP has no connection to lose: who joins the bus again and answers has done nothing wrong.
+    # UDP has no connection to lose: a policy that rejoins the bus and answers has done nothing
+    # wrong.
     Case(30, "leaves the bus and comes back", "c30_reconnects.py",
          each(("exits", "breaks"), expect=("crash",), steps=4)
          + each(("returns", "greets"), expect=SCORED)
@@ -219,7 +220,7 @@ WALLS = (
                   at_most={"busy_tenths": 13}, lacking={"cgroup_cpu": SCORED}),)),
     Case(44, "guesses the seeds", "c44_guesses_seeds.py",
          (Variant(episodes=2, truncated=("stdout",), check="no_seed", track="rt-patient"),)),
-    # 80 % and 120 % of what a step may take: 0.2 s and, with the bank of overtime, 0.4 s.
+    # 80 % and 120 % of a step's limit: 0.2 s and, with the bank of overtime, 0.4 s.
     Case(45, "slow but legal, and slow", "c45_slow_but_legal.py",
          (Variant(("0.16",), track="rt-often", episodes=20),
           Variant(("0.48",), track="rt-often", episodes=20, expect=("step_timeout",), steps=3,

@@ -1,7 +1,8 @@
-"""Cases 85 and 86: clients of the API that break no rule and want to freeze it or fill its queue.
-An organiser and an honest submission are served all the same, and so is the user whose crowd it
-is. Where root runs the daemon, the crowd is another user's, as limits are each user's own, and that
-user asks too; else the crowd, the organiser and the honest one are all the same ordinary user."""
+"""Cases 85 and 86: API clients that break no rule and try to freeze it or fill its queue.
+An organiser and an honest submission are served all the same, and so is the user that the crowd
+belongs to. If root runs the daemon, the crowd is another user's, as limits are per user, and that
+user makes requests too; else the crowd, the organiser and the honest one are all the same ordinary
+user."""
 
 import contextlib
 import json
@@ -13,7 +14,7 @@ from support.client import ApiError
 from support.crowd import UPLOAD, crowd
 
 SOON_S = 30
-# Name, how many, and what each says before it falls silent.
+# Name, how many, and what each sends before it falls silent.
 CROWDS = (
     ("silent uploads", 70, UPLOAD % 1000),
     ("slow uploads", 80, UPLOAD % (1 << 20)),
@@ -29,13 +30,13 @@ STRANGER = 61990
 
 
 def _crowds_user(host):
-    """An ordinary daemon's own, as nobody else may talk to it."""
+    """For an ordinary user's daemon the same user, as nobody else may connect to it."""
     return STRANGER if host.user is None else host.user
 
 
 @contextlib.contextmanager
 def _open_to_all(host):
-    """The socket and the way to it, for as long as the crowds are there."""
+    """Opens the socket and the path to it while the crowds are there."""
     if os.geteuid() != 0 or host.user is not None:
         yield
         return
@@ -51,7 +52,7 @@ def _open_to_all(host):
 
 
 def _answers(host, name, begun):
-    """What an organiser and the crowd's own user find amiss while the crowd is there."""
+    """Problems of an organiser and of the crowd's own user while the crowd is there."""
     try:
         if host.get("/v1/health")["status"] != "ok":
             yield f"{name}: the daemon is not well"
@@ -84,7 +85,7 @@ def run_crowds(suite):
 
 
 def run_hoard(suite):
-    """Re-runs without end: bounded, and said so."""
+    """Endless re-runs: bounded, and the answer says so."""
     host = suite.host
     folder = host.root / "hoard"
     folder.mkdir(exist_ok=True)

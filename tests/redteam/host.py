@@ -1,5 +1,5 @@
-"""The host's side of the suite: a daemon of its own with the suite's tracks, and a look at what of
-it is left on the host."""
+"""The host's side of the suite: a separate daemon with the suite's tracks, and checks for what it
+leaves on the host."""
 
 import contextlib
 import json
@@ -13,7 +13,7 @@ from support.daemon import Daemon
 SLOTS = 3
 MOST_READERS = 64
 VERB_S = 120
-# Large and unlike anything that would turn up by chance, so that they can be looked for.
+# Large and unlike anything that would occur by chance, so that they can be searched for.
 SEEDS = [914207635518432 + i for i in range(20)]
 
 BUDGETS = {
@@ -32,7 +32,7 @@ def _track(base="locomotion", **budgets):
 TRACKS = {
     "rt": _track(),
     "rt-start": _track(startup_s=4, startup_wall_s=40),
-    "rt-spin": _track(wall_factor=60),  # a busy host gives a spinner little of its time
+    "rt-spin": _track(wall_factor=60),  # a busy host gives a spinner little CPU time
     "rt-patient": _track(overtime_s=10),
     "rt-lease": _track(lease_wall_s=8),
     "rt-cpu": _track(lease_cpu_s=3, overtime_s=10),
@@ -59,14 +59,14 @@ class Host(Daemon):
                               if key.endswith(("_per_day", "_total")) or key == "waiting"})
         for name, track in TRACKS.items():
             self.add_track(name, track)
-        # AddressSanitizer keeps what was freed for a while: little of it, so that growth is seen.
+        # AddressSanitizer quarantines freed memory: keep that small, so that growth is visible.
         self.environment.update(ASAN_OPTIONS="quarantine_size_mb=16", NO_COLOR="1")
         self.runners = set()
 
-    # --- asking the daemon ---
+    # --- requests to the daemon ---
 
     def verb(self, *words):
-        """What a verb did, in bytes, whatever its exit status."""
+        """A verb's result, in bytes, whatever its exit status."""
         return self.run_verb(*words, timeout_s=VERB_S)
 
     def submit(self, folder, track, team, episodes=None, profile=None):
@@ -95,11 +95,11 @@ class Host(Daemon):
     def result(self, submission):
         return self.get(f"/v1/submissions/{submission}/result?episodes=1")
 
-    # --- what is there, and what is left ---
+    # --- what exists, and what is left ---
 
     def note_runners(self):
-        """Remembers the runners' process numbers: control groups are named after them. The
-        kernel's own list, as it is asked for all the time."""
+        """Remembers the runners' process ids: control groups are named after them. Uses the
+        kernel's own list, as this is called all the time."""
         for path in pathlib.Path(f"/proc/{self.pid}/task").glob("*/children"):
             try:
                 self.runners.update(path.read_text().split())
@@ -110,7 +110,7 @@ class Host(Daemon):
         return range(self.uid_base, self.uid_base + SLOTS)
 
     def _own_uids(self):
-        """Users whose things are this daemon's alone."""
+        """Users that belong to this daemon alone."""
         return {*self._slot_uids(), *([] if self.user is None else [self.user])}
 
     def _processes(self):
@@ -151,7 +151,7 @@ class Host(Daemon):
         return found
 
     def _objects(self):
-        """System V objects, and files of the slots' users where everybody may write."""
+        """System V objects, and files of the slots' users in world-writable places."""
         found = []
         for kind, column in (("shm", 7), ("msg", 7), ("sem", 4)):
             path = pathlib.Path(f"/proc/sysvipc/{kind}")
@@ -163,7 +163,7 @@ class Host(Daemon):
                 try:
                     uid = entry.stat(follow_symlinks=False).st_uid
                 except OSError:
-                    continue  # somebody else's, gone since it was listed
+                    continue  # another user's, gone since it was listed
                 if uid in self._own_uids() and entry.path != str(self.root):
                     found.append(f"file {entry.path}")
         for kind in ("tcp", "tcp6", "udp", "udp6", "raw"):
@@ -185,7 +185,7 @@ class Host(Daemon):
                 + self._scratch())
 
     def wait_clean(self, timeout):
-        """What is still there after `timeout` s of waiting, and how long it took to be gone."""
+        """What is still there after `timeout` s of waiting, and how long it took to go."""
         begin = time.monotonic()
         while True:
             left = self.leftovers()
@@ -195,8 +195,8 @@ class Host(Daemon):
             time.sleep(0.02)
 
     def _descriptors(self):
-        """Those of the daemon, but for the store's: it keeps a reader for each request that was
-        ever answered at one time, which are no more than it has workers."""
+        """The daemon's, except the store's: it keeps one reader for each request that was ever
+        answered concurrently, which are no more than its workers."""
         folder = pathlib.Path(f"/proc/{self.pid}/fd")
         of_store, others = 0, 0
         for fd in os.listdir(folder):
@@ -205,7 +205,7 @@ class Host(Daemon):
                     of_store += 1
                 else:
                     others += 1
-        # A reader has the file, its log and its index open.
+        # A reader has the file, its write-ahead log and its index open.
         if of_store > 3 * MOST_READERS:
             raise RuntimeError(f"the daemon has {of_store} descriptors of its store")
         return others

@@ -1,4 +1,4 @@
-"""Compares what the daemon says about a run with what the table expects. Every function gives
+"""Compares the daemon's report of a run with what the table expects. Every function returns
 mistakes as sentences; none means that all is well."""
 
 import json
@@ -8,7 +8,7 @@ from host import SEEDS
 from table import SCORED
 
 TAIL_BYTES = 4096
-FAULT_SLACK_S = 2.0  # between a broken limit and the end of what broke it
+FAULT_SLACK_S = 2.0  # between a broken limit and the death of what broke it
 
 
 def findings(outputs):
@@ -46,7 +46,7 @@ def _outcome(variant, rows, missing):
 
 
 def _evidence(variant, rows, missing):
-    """A participant's fault says which limit, its value, the step, and a sentence."""
+    """A participant's fault states which limit, its value, the step, and a sentence."""
     as_planned = not relaxed(variant, missing)
     for row in rows:
         fault = row["fault"]
@@ -111,7 +111,7 @@ def _output(variant, result):
 
 
 def _grader(status, result):
-    """Nothing was the grader's fault, and nothing had to be played again."""
+    """Nothing was the grader's fault, and nothing was retried."""
     for lease in status["leases"]:
         if lease["faults"] or lease["attempt"] != 1:
             yield f"the grader's fault: {lease['detail']}"
@@ -180,7 +180,7 @@ def _further(variant, result, found, host):
 
 
 def mistakes(variant, status, result, host, missing):
-    """All that is wrong with one run of a variant."""
+    """Everything that is wrong with one run of a variant."""
     rows = result["episode_rows"]
     found = findings(result["output"])
     return [*_grader(status, result), *_outcome(variant, rows, missing),
@@ -189,7 +189,7 @@ def mistakes(variant, status, result, host, missing):
 
 
 def identity(result):
-    """What an honest result is, down to the last bit, without what the host's clock decides."""
+    """An honest result, down to the last bit, without what depends on the host's clock."""
     rows = [{key: value for key, value in row.items()
              if key not in ("wall_s", "policy_cpu_s", "attempt")}
             for row in result["episode_rows"]]

@@ -1,5 +1,5 @@
 """Hostile and honest submissions mixed at random for some time, on all slots. Afterwards nothing
-may be left, memory must be flat, and every honest result must have been the same bytes."""
+may be left, memory must be flat, and all honest results must be equal, byte for byte."""
 
 import json
 import random
@@ -12,7 +12,7 @@ import suite as suites
 
 RESTS_S = (0.0, 0.0, 0.0, 0.2, 1.0)
 PROGRESS_S = 10
-AT_ONCE = 3  # submissions in work: one for each slot of the suite's daemon
+AT_ONCE = 3  # concurrent submissions: one for each slot of the suite's daemon
 
 
 class Mixture:
@@ -36,7 +36,7 @@ class Mixture:
 
     def play_hostile(self):
         host = self.suite.host
-        with self.lock:  # two threads must not make the same folder
+        with self.lock:  # two threads must not create the same folder
             case, variant = self.random.choice(self.variants)
             self.suite.folder(case.program, variant.args)
         submission = self.suite.submit(case, variant, variant.args)

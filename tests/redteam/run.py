@@ -95,7 +95,7 @@ def main():
 
 
 if __name__ == "__main__":
-    # Ended from outside, it still ends its daemon.
+    # If terminated from outside, it still ends its daemon.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         sys.exit(main())

@@ -1,4 +1,4 @@
-"""Cases 47, 48, 73, 74 and 105: what must be refused when it is handed in, with a reason, before
+"""Cases 47, 48, 73, 74 and 105: what must be rejected at submission, with a reason, before
 anything of it runs. 85 and 86 are in crowds.py."""
 
 import contextlib
@@ -32,7 +32,7 @@ class SubmissionCase:
 
 
 def _refused(name, done, statuses=(WRONG_USE,)):
-    """Mistakes of a verb that should have refused."""
+    """Mistakes of a verb that should have rejected its input."""
     words = done.stderr.decode(errors="replace").strip()
     if done.returncode not in statuses:
         yield f"{name}: exit status {done.returncode}: {words[:200]}"
@@ -65,7 +65,7 @@ def _escaped(host):
 
 
 def _accepts_good(host, folder):
-    """Nothing is proved by refusals of a daemon that refuses everything."""
+    """Rejections by a daemon that rejects everything would prove nothing."""
     for name, content in archives.good().items():
         (folder / name).write_bytes(content)
         try:
@@ -91,7 +91,7 @@ def run_archives(suite):
             mistakes += _api_refuses(f"{name} by HTTP", host, "/v1/artefacts", content,
                                      "application/x-tar")
         (folder / name).unlink()
-    # The honest submission beside this adds rows, but no new artefact.
+    # The concurrent honest submission adds rows, but no new artefact.
     if _count(host)[1] != before[1]:
         mistakes.append("a refused archive left something among the artefacts")
     shutil.rmtree(folder)
@@ -99,7 +99,7 @@ def run_archives(suite):
 
 
 def _manifests():
-    """Texts of policy.json that ask for what nobody may ask for."""
+    """Texts of policy.json that request what is not allowed."""
     start = '{"name": "m", "command": ["./run"], '
     texts = {f"limit {name}": f'{start}"memory_bytes": {value}}}'
              for name, value in NUMBERS.items()}
@@ -151,12 +151,12 @@ def _bad_requests(host, policy):
 
 
 def _bad_tracks(host):
-    """A track whose limit is none: no verb takes it, and no daemon starts with it."""
+    """A track with an invalid limit: no verb accepts it, and no daemon starts with it."""
     configs = host.root / "bad-configs"
     for key in ("memory_bytes", "tasks", "step_s", "lease_wall_s", "scratch_files", "no_such"):
         for name, value in NUMBERS.items():
             if (key, name) == ("no_such", "none"):
-                continue  # null takes a key away, and this one is not there
+                continue  # null removes a key, and this one does not exist
             shutil.copytree(host.configs, configs)
             (configs / "tracks" / "bad.json").write_text(
                 '{"extends": "locomotion", "budgets": {"%s": %s}}' % (key, value))
@@ -186,24 +186,24 @@ def run_manifests(suite):
     return mistakes
 
 
-# What a name of a team or policy must not hold: what a terminal obeys in its two forms, what turns
-# the words around it, what is not seen, lines, spaces at its ends, nothing at all.
+# What a team's or policy's name must not contain: terminal control in both forms, bidirectional
+# controls, invisible characters, lines, spaces at its ends; nor may it be empty.
 TRICKS = {"escape": "a\x1b[2J", "csi": "a\x9b2J", "title": "a\x1b]0;x\x07", "delete": "a\x7f",
           "turned": "a\u202etxt", "isolated": "a\u2066b", "unseen": "a\u200bb", "soft": "a\u00adb",
           "tagged": "a\U000e0041", "first": "\ufeffa", "lines": "a\nb", "paragraph": "a\u2029b",
           "return": "a\rb", "tab": "a\tb", "end": "a ", "begin": " a", "empty": "", "long": "a" * 65}
-# Fine, if odd: what they hold must arrive as text and nothing else.
+# Valid, if odd: they must arrive as text and nothing else.
 ODD = ("=HYPERLINK(1)", "@SUM(1)", "'; DROP TABLE team; --", "../../etc", "%s%n", "null", "-1",
        "<b>a</b>", "Équipe \U0001f600", "${HOME}")
 
 
 def _tricked(text):
-    """What of `text` a terminal or a reader would fall for."""
+    """The parts of `text` that could deceive a terminal or a reader."""
     return [c for c in text if c in "\x1b\x9b\x07\r\u202e\u2066\u200b\u00ad\ufeff\u2029"]
 
 
 def run_names(suite):
-    """Names that play tricks on those who read a board."""
+    """Names that try to deceive a board's readers."""
     host = suite.host
     folder = host.root / "names"
     folder.mkdir(exist_ok=True)
@@ -243,8 +243,8 @@ def run_names(suite):
     return mistakes
 
 
-# To be taken for "Team Blue": spaces of other kinds, what is not seen or blank, letters of other
-# scripts, digits, other cases and widths.
+# Look-alikes of "Team Blue": other spaces, invisible or blank characters, letters of other scripts,
+# digits, other cases and widths.
 LOOK_ALIKES = (
     "Team\u00a0Blue", "Team\u202fBlue", "Team\u3000Blue", "Team  Blue", "Team \ufe0fBlue",
     "Team Blue\U000e0100", "Team Blue\u3164", "Team\u3164Blue", "Team \u115fBlue", "Team Blue\uffa0",
@@ -265,7 +265,7 @@ def _hand_in(host, artefact, team, start, teams, mistakes):
 
 
 def run_look_alikes(suite):
-    """First submissions of many teams at once, to be taken for one another."""
+    """Concurrent first submissions of many teams with look-alike names."""
     host = suite.host
     archive = archives.good()["plain.tar"]
     artefact = host.post("/v1/artefacts", archive, "application/x-tar")["artefact"]
@@ -284,7 +284,7 @@ def run_look_alikes(suite):
 
 
 def _change(folder, stop):
-    """Changes a submission without pause: its files' sizes, names and kinds."""
+    """Keeps changing a submission: its files' sizes, names and kinds."""
     while not stop.is_set():
         for i in range(20):
             file, link = folder / f"data{i}", folder / "link"
@@ -301,7 +301,7 @@ def _change(folder, stop):
 
 
 def run_changing(suite):
-    """A folder that changes while it is packed: taken as it was at some moment, or refused."""
+    """A folder that changes while it is packed: accepted as it was at some moment, or rejected."""
     host = suite.host
     folder = host.root / "changing"
     (folder / "sub").mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Runs the cases one after the other, each beside an honest submission, and looks at the host
+"""Runs the cases one after the other, each beside an honest submission, and inspects the host
 after each."""
 
 import json
@@ -14,11 +14,11 @@ from more import MORE
 from cases import CASES
 
 HERE = pathlib.Path(__file__).resolve().parent
-END_S = 150            # for a run to end, far above every budget of its
+END_S = 150            # for a run to end, far above all of its budgets
 CLEAN_S = 20           # how long leftovers are waited for before they are reported
 MEMORY_SLACK_MIB = 24  # of the daemon, above what it used after its first submissions
-SANITIZED_SLACK_MIB = 400  # AddressSanitizer keeps what was freed for a while
-DESCRIPTOR_SLACK = 8   # connections of the suite's own that are being closed
+SANITIZED_SLACK_MIB = 400  # AddressSanitizer quarantines freed memory
+DESCRIPTOR_SLACK = 8   # the suite's own connections that are being closed
 WARM_UP_RUNS = 3
 
 
@@ -27,7 +27,7 @@ def all_cases():
 
 
 class HostSockets:
-    """What case 22 looks for: sockets of the host that a sandbox must not reach."""
+    """What case 22 looks for: host sockets that a sandbox must not reach."""
 
     def __init__(self, root):
         self.tcp = socket.create_server(("127.0.0.1", 0))
@@ -47,7 +47,7 @@ class HostSockets:
 
 
 class Honest:
-    """An honest submission that is played again and again while something hostile runs."""
+    """An honest submission that is played repeatedly while something hostile runs."""
 
     def __init__(self, host, policy):
         self.host = host
@@ -64,7 +64,7 @@ class Honest:
         return judge.identity(self.host.result(submission))
 
     def warm_up(self):
-        """Its results when it runs alone."""
+        """Its results when run alone."""
         identities = {self.play() for _ in range(WARM_UP_RUNS)}
         if len(identities) != 1:
             raise RuntimeError("the honest submission alone gives different results each time")
@@ -120,7 +120,7 @@ class Suite:
         self.sockets.close()
 
     def _lacking(self):
-        """The doctor's checks that are not fine on this host."""
+        """The doctor's checks that are not ok on this host."""
         done = self.host.verb("doctor", "--json")
         checks = json.loads(done.stdout)["checks"]
         return {check["name"] for check in checks if check["state"] != "ok"}
@@ -151,7 +151,7 @@ class Suite:
                                 variant.episodes, variant.profile)
 
     def _play(self, case, variant):
-        """One run of a variant and of what belongs beside it; the mistakes."""
+        """Runs a variant and what belongs beside it; returns the mistakes."""
         running = [self.submit(case, variant, args)
                    for args in ((variant.beside, variant.args) if variant.beside
                                 else (variant.args,))]
@@ -178,7 +178,7 @@ class Suite:
         return mistakes + problems
 
     def after(self, clean_s):
-        """What is wrong with the host when all has ended."""
+        """What is wrong with the host after everything has ended."""
         left, spent = self.host.wait_clean(CLEAN_S)
         mistakes = [f"left: {thing}" for thing in left[:5]]
         if not left and spent > clean_s:

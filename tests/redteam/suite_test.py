@@ -1,5 +1,4 @@
-"""The suite must be able to fail: results and hosts with something wrong, and what is said of
-them."""
+"""The suite must be able to fail: tests its verdicts on results and hosts with something wrong."""
 
 import contextlib
 import copy
@@ -119,7 +118,7 @@ class Judge(unittest.TestCase):
 
 
 class Leftovers(unittest.TestCase):
-    """A shell with a child in place of a daemon."""
+    """A shell with a child stands in for a daemon."""
 
     def setUp(self):
         self.host = Host(pathlib.Path("/nonexistent"), SOURCE)
@@ -135,7 +134,7 @@ class Leftovers(unittest.TestCase):
 
     @staticmethod
     def end_group(group):
-        """The child too, which else holds what this test inherited until it has slept."""
+        """The child too, which would otherwise hold what this test inherited until it has slept."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(group, signal.SIGKILL)
 

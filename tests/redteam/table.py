@@ -1,9 +1,9 @@
-"""The words of the tables: what a case is, and what a program may get for it."""
+"""The vocabulary of the tables: what a case is, and which verdicts a program may get."""
 
 import dataclasses
 
 SCORED = ("success", "failure")
-# Answers that mean no, beside those of a file that is not there at all.
+# Errors that mean denial, besides those of a missing file.
 REFUSED = ("EPERM", "EACCES", "ENOSYS", "EROFS", "EXDEV")
 ABSENT = REFUSED + ("ENOENT", "ENOTDIR", "ELOOP")
 UNREACHABLE = REFUSED + ("ENETUNREACH", "EHOSTUNREACH", "ECONNREFUSED", "EADDRNOTAVAIL",
@@ -26,18 +26,18 @@ class Variant:
     steps: int = None             # played before the fault
     limit: str = None             # the limit that the fault names
     detail: str = ""              # part of the fault's sentence
-    denied: tuple = ()            # findings that must be there and say no ...
-    denied_with: tuple = REFUSED  # ... in one of these words
+    denied: tuple = ()            # findings that must be there and be denied ...
+    denied_with: tuple = REFUSED  # ... with one of these errors
     reports: dict = dataclasses.field(default_factory=dict)  # findings and what they must say
     at_most: dict = dataclasses.field(default_factory=dict)  # findings that are numbers
-    truncated: tuple = ()         # streams that are marked so
-    absent: tuple = ()            # what none of its output may hold
-    cpu_s: float = 0              # CPU time that must have been counted at least
-    wall_s: float = None          # the most wall time of an episode that is the participant's fault
-    clean_s: float = 2.0          # for everything to be gone after the end
-    beside: tuple = ()            # arguments of a second copy that runs at the same time
-    repeat: int = 1               # runs after each other
-    check: str = None             # a further check of judge.py, by name
+    truncated: tuple = ()         # streams that are marked as truncated
+    absent: tuple = ()            # what its output must not contain
+    cpu_s: float = 0              # minimum CPU time that must have been counted
+    wall_s: float = None          # longest wall time of an episode that is the participant's fault
+    clean_s: float = 2.0          # until everything is gone after the end
+    beside: tuple = ()            # arguments of a second copy that runs concurrently
+    repeat: int = 1               # consecutive runs
+    check: str = None             # an additional check of judge.py, by name
 
     @property
     def name(self):
@@ -47,7 +47,7 @@ class Variant:
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """A number of the table, what it is about, its program and the runs of it."""
+    """A number of the table, its subject, its program and that program's runs."""
 
     number: int
     title: str
@@ -57,5 +57,5 @@ class Case:
 
 
 def each(words, **common):
-    """A variant for each of these arguments, alike in all else."""
+    """A variant for each of these arguments, otherwise identical."""
     return tuple(Variant(args=tuple(word.split()), **common) for word in words)

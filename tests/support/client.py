@@ -1,7 +1,7 @@
 """HTTP over the Unix socket of a daemon.
 
-As a program: client.py SOCKET UID METHOD PATH [TYPE] asks once as that user (-1: as whoever
-starts it) with the body that standard input has, and prints the status and the JSON as a list."""
+As a program: client.py SOCKET UID METHOD PATH [TYPE] makes one request as that user (-1: the
+caller) with the body from standard input, and prints the status and the JSON as a list."""
 
 import http.client
 import json
@@ -10,11 +10,11 @@ import socket
 import subprocess
 import sys
 
-TIMEOUT_S = 60  # there may be a crowd before the one who asks
+TIMEOUT_S = 60  # other clients may be served first
 
 
 class ApiError(Exception):
-    """An answer of the daemon that is no success. `answer` is its JSON."""
+    """A daemon's answer that reports an error. `answer` is its JSON."""
 
     def __init__(self, status, answer):
         super().__init__(f"HTTP {status}: {answer}")
@@ -23,8 +23,8 @@ class ApiError(Exception):
 
 
 class Connection(http.client.HTTPConnection):
-    """A connection to the socket at `path`, made with the first request; each wait of it ends
-    after `timeout_s`."""
+    """A connection to the socket at `path`, opened by the first request; each wait times out after
+    `timeout_s`."""
 
     def __init__(self, path, timeout_s=TIMEOUT_S):
         super().__init__("myograde", timeout=timeout_s)
@@ -47,7 +47,7 @@ def exchange(connection, method, path, body=None, kind=None):
 
 
 def call(socket_path, method, path, body=None, kind=None, timeout_s=TIMEOUT_S):
-    """Status and JSON of the answer to one request on a connection of its own. OSError or
+    """Status and JSON of the answer to one request on a separate connection. OSError or
     http.client.HTTPException if there is no answer."""
     connection = Connection(socket_path, timeout_s)
     try:
@@ -58,13 +58,13 @@ def call(socket_path, method, path, body=None, kind=None, timeout_s=TIMEOUT_S):
 
 
 def command(socket_path, uid, method, path, kind=None):
-    """The words that start this module as a program; no `uid` is whoever starts it."""
+    """The command line that runs this module as a program; without `uid` as the caller."""
     return [sys.executable, "-B", os.path.abspath(__file__), str(socket_path),
             str(-1 if uid is None else uid), method, path, *([kind] if kind else [])]
 
 
 def call_as(uid, socket_path, method, path, body=None, kind=None):
-    """call() by another user, which only root can ask for. OSError if there is no answer."""
+    """call() as another user, which only root can do. OSError if there is no answer."""
     if isinstance(body, (dict, list)):
         body = json.dumps(body)
     done = subprocess.run(command(socket_path, uid, method, path, kind),

@@ -1,10 +1,10 @@
-"""A crowd of clients that connect to a daemon's socket, say something, and hold on to it."""
+"""A crowd of clients that connect to a daemon's socket, send something, and hold on to it."""
 
 import contextlib
 import subprocess
 import sys
 
-# Becomes another user if it is to be one; "slow" adds a little from time to time.
+# Becomes another user if asked to; "slow" sends a little more from time to time.
 _PROGRAM = r"""
 import os, socket, sys, time
 path, uid, count, text = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), bytes.fromhex(sys.argv[4])
@@ -32,15 +32,15 @@ while True:
             pass
 """
 
-# The head of an upload of so many bytes, and the first of them.
+# The head of an upload of this many bytes, and the first of them.
 UPLOAD = b"POST /v1/artefacts HTTP/1.1\r\nContent-Length: %d\r\n\r\nx"
 
 
 @contextlib.contextmanager
 def crowd(path, count, text=b"", uid=None, slow=False):
-    """`count` clients of the socket at `path`, there when this yields, killed afterwards. Each says
-    `text`, and then nothing, or where it is `slow`, a little from time to time. With a `uid` they
-    are that user's, which only root can ask for. OSError if they may not connect."""
+    """`count` clients of the socket at `path`, connected when this yields, killed afterwards. Each
+    sends `text`, and then nothing, or if `slow`, a little from time to time. With a `uid` they run
+    as that user, which only root can do. OSError if they may not connect."""
     process = subprocess.Popen(
         [sys.executable, "-c", _PROGRAM, str(path), str(-1 if uid is None else uid), str(count),
          text.hex()] + ["slow"] * slow, stdout=subprocess.PIPE)

@@ -1,4 +1,4 @@
-"""A daemon with folders, configs, users and a log of its own."""
+"""A daemon with its own folders, configs, users and log."""
 
 import itertools
 import json
@@ -17,9 +17,9 @@ START_S = 60
 STOP_S = 60
 VERB_S = 3600  # for a verb that waits for an evaluation
 LOG_TAIL = 4000
-# Users of the slots: limits on processes count by user, and other daemons may be at work on this
-# host. Each process of tests has a range of PROCESS_UIDS, and each of its daemons UIDS in it for
-# policies and as many for simulators, which the server sets SIM_UIDS above (server/sandbox).
+# Users of the slots: limits on processes count by user, and other daemons may be running on this
+# host. Each test process has a range of PROCESS_UIDS, and each of its daemons UIDS in it for
+# policies and as many for simulators, which the server places SIM_UIDS above (server/sandbox).
 PROCESS_UIDS, SIM_UIDS, UIDS = 8192, 4096, 512
 FIRST_UID = 100000
 
@@ -27,15 +27,15 @@ _numbers = itertools.count()
 
 
 class DaemonError(RuntimeError):
-    """The daemon did not do what it was started for, or a verb failed; with the log's end."""
+    """The daemon did not do what it was started for, or a verb failed; includes the log's end."""
 
 
 class Daemon:
     """A daemon in a temporary folder: `root` with configs/, data/ and daemon.log.
 
-    It has the programs of the folder `programs` and a copy of the configs of the checkout
+    It uses the programs of the folder `programs` and a copy of the configs of the checkout
     `source`, which may be changed until it starts. Root may name an ordinary `user` to run it as.
-    Not started yet; close() stops it and removes the folder, also at the end of a `with`.
+    Not started yet; close() stops it and removes the folder, as does the end of a `with`.
     """
 
     def __init__(self, programs, source, name="test", user=None):
@@ -63,11 +63,11 @@ class Daemon:
     def __exit__(self, *_):
         self.close()
 
-    # --- what it starts with ---
+    # --- configuration ---
 
     @property
     def data(self):
-        """The data folder. Another one counts from the next start."""
+        """The data folder. A change takes effect at the next start."""
         return pathlib.Path(self.environment["MYOGRADE_DATA"])
 
     @data.setter
@@ -79,7 +79,7 @@ class Daemon:
         return self.socket or self.data / "myograde.sock"
 
     def configure(self, **changes):
-        """Changes keys of server.json; of an object only those that are given."""
+        """Changes keys of server.json; within an object only those that are given."""
         self.change_config("server.json", **changes)
 
     def change_config(self, name, **changes):
@@ -94,7 +94,7 @@ class Daemon:
         (self.configs / "tracks" / f"{name}.json").write_text(json.dumps(config))
 
     def use_stand_in_runner(self):
-        """Has fake_runner.py play the leases, in a folder with links to all other programs."""
+        """Makes fake_runner.py play the leases, in a folder with links to all other programs."""
         folder = self.root / "bin"
         folder.mkdir()
         for program in self.programs.iterdir():
@@ -105,28 +105,30 @@ class Daemon:
         self.environment["MYOGRADE_BIN_DIR"] = str(folder)
 
     def has_user(self, uid):
-        """True if `uid` is of one of its slots."""
+        """True if `uid` belongs to one of its slots."""
         return any(0 <= uid - first < UIDS for first in (self.uid_base, self.uid_base + SIM_UIDS))
 
     # --- starting and stopping ---
 
     def _as_user(self):
-        """What subprocess needs to start something as the daemon's user, who may not be allowed
+        """The subprocess arguments that start a process as the daemon's user, who may not be
+        allowed
         into this process's folder."""
         if self.user is None:
             return {}
         return {"user": self.user, "group": self.user, "extra_groups": [], "cwd": "/"}
 
     def launch(self, **environment):
-        """A process of the daemon, which is not waited for; `environment` is added to its own."""
+        """Starts a daemon process without waiting for it; `environment` is added to its own."""
         words = [*self.command, *(["--socket", self.socket] if self.socket else [])]
         with open(self.root / "daemon.log", "ab") as log:
             return subprocess.Popen(words, env=dict(self.environment, **environment), stdout=log,
                                     stderr=log, stdin=subprocess.DEVNULL, **self._as_user())
 
     def start(self):
-        """Launches it and waits until it answers, with what its health is. DaemonError if it ends
-        or takes too long."""
+        """Launches it and waits until it answers; returns its health. DaemonError if it exits or
+        takes
+        too long."""
         self.process = self.launch()
         deadline = time.monotonic() + START_S
         while True:
@@ -146,7 +148,8 @@ class Daemon:
         return self.process is not None and self.process.poll() is None
 
     def stop(self, how=signal.SIGTERM):
-        """Sends the signal and waits for the end: the exit status as subprocess has it, None if it
+        """Sends the signal and waits for the exit; returns the status as subprocess does, None if
+        it
         was never started. DaemonError if it has to be killed."""
         if self.process is None:
             return None
@@ -158,7 +161,7 @@ class Daemon:
             raise DaemonError(f"the daemon did not end in {STOP_S} s; {self.state()}") from None
 
     def kill(self):
-        """Kills it, if it runs."""
+        """Kills it if it is running."""
         if self.process is not None:
             self.process.kill()
             self.process.wait()
@@ -175,22 +178,23 @@ class Daemon:
             shutil.rmtree(self.root, ignore_errors=True)
 
     def log(self):
-        """All that it has said in all its starts."""
+        """Everything that it has logged since the first start."""
         return (self.root / "daemon.log").read_text(errors="replace")
 
     def state(self):
-        """Whether it still runs, and the end of what it has said."""
+        """Whether it is still running, and the end of its log."""
         if self.process is None:
             return "it was not started"
         status = self.process.poll()
         return (f"it {'runs' if status is None else f'has ended as {status}'}; its log:\n"
                 + self.log()[-LOG_TAIL:])
 
-    # --- asking it ---
+    # --- requests ---
 
     def call(self, method, path, body=None, kind=None, uid=None):
-        """Status and JSON of an answer, to the user `uid` if there is one. An OSError tells the
-        daemon's state."""
+        """Status and JSON of an answer, as the user `uid` if given. An OSError includes the
+        daemon's
+        state."""
         try:
             if uid is not None:
                 return client.call_as(uid, self.socket_path, method, path, body, kind)
@@ -200,7 +204,7 @@ class Daemon:
             raise
 
     def ask_api(self, method, path, body=None, kind=None):
-        """The JSON of an answer. ApiError if it is no success."""
+        """The JSON of an answer. ApiError if it reports an error."""
         status, answer = self.call(method, path, body, kind)
         if status >= 400:
             raise client.ApiError(status, answer)
@@ -219,8 +223,9 @@ class Daemon:
                               check=False, **self._as_user(), **options)
 
     def cli(self, *words, check=True):
-        """The same as text. DaemonError, with the log of a daemon that has ended, if the exit
-        status is not 0 and is checked."""
+        """The same as text. If `check` is set and the exit status is not 0: DaemonError, with the
+        log
+        of a daemon that has exited."""
         done = self.run_verb(*words, text=True)
         if check and done.returncode != 0:
             ended = self.process is not None and not self.running

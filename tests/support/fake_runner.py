@@ -1,11 +1,11 @@
 #!/usr/bin/python3
 """Stands in for myograde-runner: plays a lease without physics.
 
-The second word of the policy's command says how: "ok", "slow" (0.2 s an
-episode), "crash" (every episode by the participant's fault), "grader" (the
-grader's fault always), "once" (the grader's fault at the first attempt, after
-one episode), "garbage", "dies", "unrepeatable", "stubborn" (10 s an episode, and
-ends only when it is killed) and "mute" (says nothing until it is killed). The daemon's
+The second word of the policy's command says how: "ok", "slow" (0.2 s per
+episode), "crash" (every episode fails by the participant's fault), "grader" (always
+the grader's fault), "once" (the grader's fault on the first attempt, after
+one episode), "garbage", "dies", "unrepeatable", "stubborn" (10 s per episode, and
+exits only when killed) and "mute" (prints nothing until it is killed). The daemon's
 self-test ("-c") passes; with a file "broken" beside this program nothing does.
 """
 

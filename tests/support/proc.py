@@ -1,4 +1,4 @@
-"""What the kernel tells of processes."""
+"""What the kernel reports about processes."""
 
 import pathlib
 
@@ -12,7 +12,7 @@ def _processes():
         try:
             stat = (entry / "stat").read_text(errors="replace")
         except OSError:
-            continue  # it ended
+            continue  # it has exited
         begin, end = stat.index("("), stat.rindex(")")
         found[int(entry.name)] = stat[begin + 1:end], int(stat[end + 2:].split()[1])
     return found
@@ -24,7 +24,7 @@ def children(pid):
 
 
 def below(pid):
-    """Ids and names of all processes that descend from `pid`."""
+    """Ids and names of all descendants of `pid`."""
     processes = _processes()
     found, queue = [], [pid]
     while queue:
@@ -44,8 +44,8 @@ def status(pid):
 
 
 def memory_bytes(pid, which="VmRSS"):
-    """Resident memory of a process: now, or the most that it had (VmHWM). 0 if it has ended."""
+    """Resident memory of a process: current, or peak (VmHWM). 0 if it has exited."""
     try:
         return 1024 * int(status(pid)[which].split()[0])
-    except (OSError, KeyError):  # KeyError: it has ended, and nobody has waited for it yet
+    except (OSError, KeyError):  # KeyError: a zombie
         return 0

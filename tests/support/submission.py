@@ -1,4 +1,4 @@
-"""Archives of submissions, honest ones and such as nobody should make."""
+"""Archives of submissions, valid and hostile."""
 
 import io
 import json
@@ -17,7 +17,7 @@ def entry(name, content=b"", **fields):
 
 
 def tar(entries, form=tarfile.PAX_FORMAT):
-    """The bytes of an archive of these entries, in their order."""
+    """The bytes of an archive of these entries, in this order."""
     out = io.BytesIO()
     with tarfile.open(fileobj=out, mode="w", format=form) as archive:
         for info, content in entries:
@@ -26,7 +26,7 @@ def tar(entries, form=tarfile.PAX_FORMAT):
 
 
 def played_by_stand_in(mode, name="fake", program=PROGRAM):
-    """A tar whose command tells fake_runner.py how to play. Another name or program makes another
-    artefact."""
+    """A tar whose command tells fake_runner.py how to play. A different name or program makes a
+    different artefact."""
     manifest = json.dumps({"name": name, "command": ["./policy", mode], "runtimes": []}).encode()
     return tar([entry("policy.json", manifest, mode=0o755), entry("policy", program, mode=0o755)])

@@ -1,11 +1,11 @@
-"""Waiting for what another process does."""
+"""Waits for what another process does."""
 
 import time
 
 
 def wait_until(look, seconds, what, fits=bool, every_s=0.05):
-    """The first value of `look()` that fits. AssertionError with the words `what` and the last
-    value if there is none in time."""
+    """The first value of `look()` that fits. AssertionError with `what` and the last value if none
+    does in time."""
     deadline = time.monotonic() + seconds
     while not fits(value := look()):
         if time.monotonic() > deadline:

@@ -1,4 +1,4 @@
-// What the simulator measures in an episode of elbow, and the words for how it ends.
+// What the simulator measures in an episode of elbow, and the names of its endings.
 #pragma once
 
 #include <array>
@@ -20,20 +20,20 @@ struct ElbowFacts {
   static constexpr std::array<FailureReason, 0> kReasons = {};  // none of its own
   static constexpr int kActionSize = 6;
 
-  double start_angle = 0;       // rad, of the elbow after the reset
+  double start_angle = 0;       // rad, the elbow's angle after the reset
   double target_angle = 0;      // rad
   double final_error = 0;       // rad, at the end (before the first step: at the start)
   double smallest_error = 0;    // rad, over the steps (before the first: at the start)
   double error_sum = 0;         // rad, summed over steps
   int64_t tolerance_steps = 0;  // steps with an error of at most `tolerance_rad`
-  int64_t longest_run = 0;      // the most of them in a row
-  bool held = false;            // there were `hold_steps` of them in a row
+  int64_t longest_run = 0;      // the longest run of them
+  bool held = false;            // `hold_steps` of them in a row were reached
   bool solved = false;          // the official `solved` flag at the last step
   int64_t solved_steps = 0;     // steps with the official flag
   double effort_sum = 0;        // sum over steps of |activations| / 6
-  double reported_time = 0;     // s, simulated time that the official code reports last
+  double reported_time = 0;     // s, the official code's last reported simulated time
 
-  // Every fact with its key in JSON; `self` is const or not.
+  // Visits every fact with its JSON key; `self` may be const.
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit("start_angle", self.start_angle);

@@ -9,7 +9,7 @@ const TrackKind& ElbowTrack() {
                                   .no_facts = ElbowFacts(),
                                   .max_steps = MaxStepsKey,
                                   .tables = nullptr,
-                                  // It began with form 2.
+                                  // It was added with form 2.
                                   .upgrade = nullptr};
   return track;
 }

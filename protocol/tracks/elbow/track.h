@@ -7,8 +7,8 @@ namespace myograde {
 
 const TrackKind& ElbowTrack();
 
-// The tables behind its layout (layout.cc): the observation is the official one, part by part in
-// its order.
+// The tables behind its layout (layout.cc): the official observation, part by part in official
+// order.
 const TrackLayout& ElbowLayout();
 
 }  // namespace myograde

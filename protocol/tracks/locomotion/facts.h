@@ -1,4 +1,4 @@
-// What the simulator measures in an episode of locomotion, and the words for how it ends.
+// What the simulator measures in an episode of locomotion, and the names of its endings.
 #pragma once
 
 #include <array>
@@ -10,7 +10,7 @@
 namespace myograde {
 
 struct LocomotionEnd {
-  static constexpr EpisodeEnd kFinished{"finished"};  // the end of the course
+  static constexpr EpisodeEnd kFinished{"finished"};  // reached the end of the course
   static constexpr EpisodeEnd kFell{"fell"};
   static constexpr EpisodeEnd kOffTrack{"off-track"};
 };
@@ -37,7 +37,7 @@ struct LocomotionFacts {
   bool solved = false;       // the official flag at the last step
   double reported_time = 0;  // s, official reported time (300.0 after a fall)
 
-  // Every fact with its key in JSON; `self` is const or not.
+  // Visits every fact with its JSON key; `self` may be const.
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit("course", self.course);

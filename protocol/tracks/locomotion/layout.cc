@@ -8,8 +8,8 @@ namespace {
 
 using Entry = LayoutEntry;
 
-// The joints of both legs that are observed, with their ranges (rad; m for translations), in the
-// order of the observation.
+// The observed joints of both legs with their ranges (rad; m for translations), in observation
+// order.
 constexpr Entry kJoints[] = {
     {"hip_adduction_l", {-0.872665, 0.523599}}, {"hip_flexion_l", {-0.523599, 2.0944}},
     {"hip_rotation_l", {-0.698132, 0.698132}}, {"hip_adduction_r", {-0.872665, 0.523599}},
@@ -34,8 +34,8 @@ constexpr std::string_view kMuscles[] = {
     "soleus_l", "tfl_l", "tibant_l", "tibpost_l", "vasint_l", "vaslat_l", "vasmed_l",
 };
 
-// The same muscles in the order in which the official environment lists their lengths,
-// velocities and forces: by name, the left side of a pair first.
+// The same muscles in the order in which the official environment lists their lengths, velocities
+// and forces: by name, the left side of a pair first.
 constexpr std::string_view kMusclesByName[] = {
     "addbrev_l", "addbrev_r", "addlong_l", "addlong_r", "addmagDist_l", "addmagIsch_l",
     "addmagMid_l", "addmagProx_l", "bflh_l", "bfsh_l", "edl_l", "ehl_l", "fdl_l", "fhl_l",
@@ -46,7 +46,7 @@ constexpr std::string_view kMusclesByName[] = {
     "semiten_l", "soleus_l", "tfl_l", "tibant_l", "tibpost_l", "vasint_l", "vaslat_l", "vasmed_l",
 };
 
-constexpr Bounds kSpeed{-100, 100};      // m/s and rad/s: far above ordinary play
+constexpr Bounds kSpeed{-100, 100};      // m/s and rad/s: far beyond ordinary play
 constexpr Bounds kClipped{-100, 100};    // muscle velocities and forces are clipped to these
 constexpr Bounds kForce{-1e5, 1e5};      // N
 

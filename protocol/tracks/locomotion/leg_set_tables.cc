@@ -1,4 +1,4 @@
-// The parameter sets that a policy's leg starts with, as a table.
+// The default parameter sets of a policy's leg, as a table.
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 

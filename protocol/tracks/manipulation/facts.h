@@ -1,4 +1,4 @@
-// What the simulator measures in an episode of manipulation, and the words for how it ends.
+// What the simulator measures in an episode of manipulation, and the names of its endings.
 #pragma once
 
 #include <array>
@@ -20,11 +20,11 @@ struct ManipulationReason {
   static constexpr FailureReason kDropped{"dropped"};    // object below the drop height
   static constexpr FailureReason kForce{"force"};        // contact force above the limit
                                                          // ('throwing')
-  static constexpr FailureReason kHandover{"handover"};  // a limb touched for too short, or the
+  static constexpr FailureReason kHandover{"handover"};  // a limb's contact was too short, or the
                                                          // goal was not held
-  static constexpr FailureReason kContact{"contact"};    // the object touched what it must not
+  static constexpr FailureReason kContact{"contact"};    // the object touched something forbidden
   static constexpr FailureReason kPhantom{"phantom"};    // as-graded only: ended at once by the
-                                                         // episode before
+                                                         // previous episode
 };
 
 // Frames are control steps (100 Hz), counted over the episode and including
@@ -38,7 +38,7 @@ struct ManipulationFacts {
       ManipulationReason::kContact, ManipulationReason::kPhantom};
   static constexpr int kActionSize = 80;
 
-  int64_t frames = 0;             // frames looked at
+  int64_t frames = 0;             // frames examined
   int64_t frames_arm = 0;         // object touched the muscle arm
   int64_t frames_prosthesis = 0;
   int64_t frames_start = 0;       // start pillar
@@ -57,7 +57,7 @@ struct ManipulationFacts {
   double effort_sum = 0;          // sum over steps of |activations| / 63
   double reported_time = 0;       // s, official reported time (10.0 after a drop)
 
-  // Every fact with its key in JSON; `self` is const or not.
+  // Visits every fact with its JSON key; `self` may be const.
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit("frames", self.frames);

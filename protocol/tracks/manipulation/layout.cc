@@ -49,7 +49,7 @@ constexpr std::string_view kMuscles[] = {
     "LU_RB4", "UI_UB4", "RI5", "LU_RB5", "UI_UB5",
 };
 
-// The prosthesis' position servos with the ranges of their targets (rad). They differ a little
+// The prosthesis' position servos with the ranges of their targets (rad), which differ slightly
 // from the ranges of the joints that they drive.
 constexpr Entry kServos[] = {
     {"Lshoulder_fe", {-0.611, 2.792}}, {"Lshoulder_abad", {-2.792, 0}}, {"Lhumeral_rot", {-0.524,
@@ -64,14 +64,14 @@ constexpr std::string_view kAxes[] = {"x", "y", "z"};
 constexpr std::string_view kTouching[] = {"arm", "prosthesis", "start_pillar", "goal_pillar",
                                           "anything_else"};
 constexpr Bounds kPlace{-3, 3};      // m: everything happens well inside
-constexpr Bounds kSpeed{-100, 100};  // m/s and rad/s: far above ordinary play
+constexpr Bounds kSpeed{-100, 100};  // m/s and rad/s: far beyond ordinary play
 
 template <size_t n>
 std::vector<Entry> All(const Entry (&entries)[n]) {
   return {entries, entries + n};
 }
 
-// The same entries with other bounds: the joints of a position part in its velocity part.
+// The same entries with other bounds: a position part's joints in the velocity part.
 template <size_t n>
 std::vector<Entry> With(const Entry (&entries)[n], Bounds bounds) {
   std::vector<Entry> result = All(entries);

@@ -113,7 +113,7 @@ TEST(ParseJson, RefusesWhatIsNestedTooDeeply) {
   };
   EXPECT_TRUE(ParseJson(nested(kMaxJsonDepth), "f.json").ok());
   EXPECT_FALSE(ParseJson(nested(kMaxJsonDepth + 1), "f.json").ok());
-  // As much as a body of the API may hold; written again, it would overflow a stack.
+  // As large as an API body may be; serialising it recursively would overflow the stack.
   const auto deep = ParseJson(nested(1'000'000), "f.json");
   EXPECT_THAT(std::string(deep.status().message()),
               HasSubstr("f.json: is nested more than 64 deep"));

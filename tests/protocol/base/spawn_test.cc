@@ -22,7 +22,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-// What a line of shell prints to its standard output.
+// The standard output of a shell command line.
 std::string Printed(const std::string& line, SpawnOrder order = {}) {
   absl::StatusOr<Pipe> pipe = MakePipe();
   if (!pipe.ok()) return std::string(pipe.status().message());
@@ -106,7 +106,7 @@ TEST(Spawn, IsAsNiceAsItsOrder) {
   if (own > 15) GTEST_SKIP() << "this process is too nice already";
   SpawnOrder order;
   order.nice = own + 3;
-  // It is told once the program runs.
+  // The value is reported once the program runs.
   const std::string nice = std::to_string(own + 3);
   EXPECT_EQ(Printed("while [ $(nice) != " + nice + " ]; do sleep 0.01; done; nice", order),
             nice + "\n");

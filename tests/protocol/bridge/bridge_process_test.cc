@@ -1,5 +1,5 @@
-// The bridge as its users meet it: a process with a policy as child, a real
-// bus, and LCM's own library on the other side.
+// The bridge as a process, with a policy as its child, a real bus, and LCM's own library on the
+// other side.
 #include <unistd.h>
 
 #include <cstdlib>
@@ -33,7 +33,7 @@ class BridgeProcessTest : public ::testing::Test {
     static const absl::Status entered = EnterPrivateBus();
     if (!entered.ok()) GTEST_SKIP() << "not on this host: " << entered.message();
   }
-  // The bridge with a policy that does nothing; the test speaks in its place.
+  // The bridge with a policy that does nothing; the test speaks for it.
   void Begin() {
     world_.emplace(std::vector<std::string>{"/bin/sleep", "60"});
     bus_.emplace(kBusUrl);
@@ -44,13 +44,13 @@ class BridgeProcessTest : public ::testing::Test {
     for (int i = 0; i < 100; ++i) {
       const hello_t hello = GoodHello();
       bus_->publish(std::string(kHelloChannel), &hello);
-      const auto frame = world_->Hear(absl::Milliseconds(100));
+      const auto frame = world_->Receive(absl::Milliseconds(100));
       if (frame.ok()) return std::get<HelloFrame>(*frame);
     }
     return absl::DeadlineExceededError("no hello came through");
   }
   std::string FaultText(BridgeFault kind) {
-    const auto frame = world_->Hear();
+    const auto frame = world_->Receive();
     if (!frame.ok()) return std::string(frame.status().message());
     const auto* fault = std::get_if<FaultFrame>(&*frame);
     if (fault == nullptr) return "not a fault";
@@ -62,7 +62,7 @@ class BridgeProcessTest : public ::testing::Test {
   std::optional<lcm::LCM> bus_;
 };
 
-// Subscribed as a function: GCC's sanitizer trips over LCM's call of a method.
+// Subscribed as a function: GCC's sanitizer reports LCM's call of a method.
 struct Counter {
   static void OnObservation(const lcm::ReceiveBuffer*, const std::string&,
                             const observation_t* message, Counter* self) {
@@ -83,8 +83,8 @@ TEST_F(BridgeProcessTest, AsksUntilItIsAnswered) {
   observation.step = 0;
   observation.size = 365;
   observation.values.assign(365, 1.5);
-  world_->Say(Channel::kObservation, Expect::kAction, 0, 0, 3, Encode(observation));
-  // 0, 50, 150 and 350 ms after the question it must have come four times.
+  world_->Send(Channel::kObservation, Expect::kAction, 0, 0, 3, Encode(observation));
+  // It must have been sent 0, 50, 150 and 350 ms after the question.
   for (int i = 0; i < 50 && counter.heard < 4; ++i) bus_->handleTimeout(100);
   EXPECT_EQ(counter.heard, 4);
   EXPECT_EQ(counter.last.values[364], 1.5);
@@ -94,10 +94,10 @@ TEST_F(BridgeProcessTest, AsksUntilItIsAnswered) {
   action.size = 3;
   action.values = {0.5, -0.5, 1};
   bus_->publish(std::string(kActionChannel), &action);
-  const auto frame = world_->Hear();
+  const auto frame = world_->Receive();
   ASSERT_TRUE(frame.ok()) << frame.status();
   EXPECT_EQ(std::get<ActionFrame>(*frame).values[1], -0.5);
-  // Now it is quiet, but for what was sent before the answer came.
+  // Silence from now on, except for what was sent before the answer arrived.
   while (bus_->handleTimeout(0) > 0) {
   }
   const int before = counter.heard;
@@ -113,7 +113,7 @@ TEST_F(BridgeProcessTest, SaysWelcomeAgainToALateHello) {
   bus_->subscribeFunction<int*>(
       std::string(kWelcomeChannel),
       [](const lcm::ReceiveBuffer*, const std::string&, int* count) { ++*count; }, &welcomes);
-  world_->Say(Channel::kWelcome, Expect::kNothing, -1, -1, 0, {std::byte{1}});
+  world_->Send(Channel::kWelcome, Expect::kNothing, -1, -1, 0, {std::byte{1}});
   while (welcomes < 1 && bus_->handleTimeout(2000) > 0) {
   }
   const hello_t hello = GoodHello();
@@ -158,7 +158,7 @@ TEST_F(BridgeProcessTest, ACommandThatCanNotStartIsToldWithTheFileThatIsMissing)
   }
 }
 
-// Without a line that names one, execvp(3) takes the shell, and so it stays.
+// For a script without an interpreter line execvp(3) uses the shell, and so does the bridge.
 TEST_F(BridgeProcessTest, AScriptWithoutAnInterpreterIsTheShells) {
   const std::string file = ::testing::TempDir() + "/bridge_script";
   std::ofstream(file) << "exit 9\n";
@@ -170,7 +170,7 @@ TEST_F(BridgeProcessTest, AScriptWithoutAnInterpreterIsTheShells) {
 TEST_F(BridgeProcessTest, APolicyMayWriteOutWhatItPrintedBeforeItEnds) {
   const std::string file = ::testing::TempDir() + "/bridge_farewell.txt";
   absl::Duration took;
-  // What the policy wrote, which says "begun" once it has set its trap.
+  // The policy's output; it prints "begun" once it has set its trap.
   const auto words = [&](const std::string& trap, const std::vector<std::string>& options) {
     std::filesystem::remove(file);
     const std::string loop = "; echo begun >> " + file + "; while :; do sleep 0.05; done";
@@ -187,7 +187,7 @@ TEST_F(BridgeProcessTest, APolicyMayWriteOutWhatItPrintedBeforeItEnds) {
   const std::string flushes = "'echo ended >> " + file + "; exit 0'";
   EXPECT_EQ(words(flushes, {}), "begun\n");
   EXPECT_EQ(words(flushes, {"--farewell", "60000"}), "begun\nended\n");
-  // Who does not mind is waited for until then, and no longer.
+  // A policy that ignores SIGTERM gets that long, and no longer.
   EXPECT_EQ(words("''", {"--farewell", "300"}), "begun\n");
   EXPECT_GE(took, absl::Milliseconds(300));
 }
@@ -238,7 +238,7 @@ TEST_F(BridgeProcessTest, HostileMessagesEndInAFaultAndNotInTheBridge) {
 TEST_F(BridgeProcessTest, FragmentsAreStraysWhateverTheirSize) {
   Begin();
   ASSERT_TRUE(Greet().ok());
-  // 80 fragments, in portions that the kernel's buffer can hold.
+  // 80 fragments, in batches that fit the kernel's buffer.
   const std::vector<char> large(200 << 10);
   for (int i = 0; i < 20; ++i) {
     bus_->publish("LARGE", large.data(), static_cast<unsigned>(large.size()));

@@ -25,7 +25,7 @@ bool WriteFile(const char* path, const std::string& text) {
   return write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size());
 }
 
-// Root of a user namespace of our own, for hosts where the caller is nobody.
+// Become root of a new user namespace, for hosts where the caller is an ordinary user.
 bool BecomeRoot() {
   const uid_t uid = getuid();
   const gid_t gid = getgid();
@@ -63,7 +63,7 @@ BridgeWorld::BridgeWorld(const std::vector<std::string>& command,
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());
   arguments.push_back(nullptr);
-  // Process 1 of a namespace, as in a sandbox: what the policy started dies with it.
+  // Process 1 of a namespace, as in a sandbox: the policy's processes die with it.
   pid_ = static_cast<pid_t>(syscall(SYS_clone, CLONE_NEWPID | SIGCHLD, 0, 0, 0, 0));
   if (pid_ < 0) std::abort();
   if (pid_ == 0) {
@@ -93,7 +93,7 @@ int BridgeWorld::HangUp() {
   return status;
 }
 
-absl::StatusOr<BridgeFrame> BridgeWorld::Hear(absl::Duration timeout) {
+absl::StatusOr<BridgeFrame> BridgeWorld::Receive(absl::Duration timeout) {
   const timeval limit = absl::ToTimeval(timeout);
   setsockopt(socket_.get(), SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof(limit));
   std::vector<std::byte> bytes(sizeof(PublishFrame));
@@ -103,8 +103,8 @@ absl::StatusOr<BridgeFrame> BridgeWorld::Hear(absl::Duration timeout) {
   return ParseBridgeFrame({bytes.data(), static_cast<size_t>(size)});
 }
 
-void BridgeWorld::Say(Channel channel, Expect expect, int64_t episode, int64_t step,
-                      uint32_t action_size, const std::vector<std::byte>& payload) {
+void BridgeWorld::Send(Channel channel, Expect expect, int64_t episode, int64_t step,
+                       uint32_t action_size, const std::vector<std::byte>& payload) {
   const auto frame = std::make_unique<PublishFrame>();
   const size_t size = offsetof(PublishFrame, payload) + payload.size();
   frame->header = MakeHeader<PublishFrame>(FrameType::kPublish, size);

@@ -1,5 +1,5 @@
-// A bridge as a real process on a bus of its own: the calling process moves
-// into a fresh network namespace with a loopback that carries multicast.
+// A bridge as a real process on a private bus: the calling process moves into a fresh network
+// namespace with a loopback that carries multicast.
 #pragma once
 
 #include <sys/types.h>
@@ -15,17 +15,17 @@
 
 namespace myograde {
 
-// Once per process, as root or with user namespaces. An error says what this
-// host lacks; a test skips then.
+// Once per process, as root or with user namespaces. An error says what this host lacks; the test
+// should skip then.
 absl::Status EnterPrivateBus();
 
 class BridgeWorld {
  public:
-  // Starts myograde-bridge with `command`; the limits are small: 50 strays, 5
-  // wrong answers. `options`: further ones. REQUIRES: EnterPrivateBus() worked.
+  // Starts myograde-bridge with `command` and small limits: 50 strays, 5 wrong answers. `options`:
+  // additional ones. REQUIRES: EnterPrivateBus() succeeded.
   explicit BridgeWorld(const std::vector<std::string>& command,
                        const std::vector<std::string>& options = {});
-  // Hangs up and waits for the bridge's end.
+  // Hangs up and waits for the bridge to exit.
   ~BridgeWorld();
 
   // The simulator's end of the socket pair.
@@ -33,13 +33,13 @@ class BridgeWorld {
   Fd TakeSocket() { return std::move(socket_); }
   pid_t pid() const { return pid_; }
 
-  // The bridge's next frame, or the deadline's error.
-  absl::StatusOr<BridgeFrame> Hear(absl::Duration timeout = absl::Seconds(10));
+  // The bridge's next frame, or DeadlineExceededError.
+  absl::StatusOr<BridgeFrame> Receive(absl::Duration timeout = absl::Seconds(10));
   // Sends `payload` as the simulator would.
-  void Say(Channel channel, Expect expect, int64_t episode, int64_t step, uint32_t action_size,
-           const std::vector<std::byte>& payload);
+  void Send(Channel channel, Expect expect, int64_t episode, int64_t step, uint32_t action_size,
+            const std::vector<std::byte>& payload);
 
-  // Hangs up; the bridge's wait status.
+  // Hangs up; returns the bridge's wait status.
   int HangUp();
 
  private:

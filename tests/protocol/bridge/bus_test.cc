@@ -1,4 +1,4 @@
-// The bus beside LCM's own library: each hears the other, and nobody themselves.
+// The bus together with LCM's own library: each receives the other's messages, and never its own.
 #include "protocol/bridge/bus.h"
 
 #include <string>
@@ -27,7 +27,7 @@ class BusTest : public ::testing::Test {
     EXPECT_TRUE(bus.ok()) << bus.status();
     return *std::move(bus);
   }
-  // The channel of the next message, waiting for it for 5 s; "" if none comes.
+  // The channel of the next message, waiting up to 5 s; "" if none arrives.
   static std::string Next(Bus& bus) {
     for (int i = 0; i < 100; ++i) {
       const std::optional<Datagram> heard = ParseDatagram(bus.Await());

@@ -86,7 +86,7 @@ void RefusesOtherLengths(const F& frame) {
   std::vector<std::byte> bytes = Bytes(frame);
   for (size_t size = 0; size < bytes.size(); ++size) {
     EXPECT_FALSE(ParseBridgeFrame({bytes.data(), size}).ok()) << size;
-    // A header that owns up to the cut must not help.
+    // A header that states the truncated size must not help.
     std::vector<std::byte> cut(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size));
     if (size < sizeof(FrameHeader)) continue;
     const auto honest = static_cast<uint32_t>(size);
@@ -129,7 +129,7 @@ TEST(Frames, ActionsAreChecked) {
     ActionFrame frame = GoodAction();
     frame.values[54] = wrong;
     EXPECT_THAT(Problem(frame), HasSubstr("not finite"));
-    // Beyond the used entries nothing is looked at.
+    // Beyond the used entries nothing is checked.
     frame = GoodAction();
     frame.values[55] = wrong;
     EXPECT_TRUE(ParseBridgeFrame(Bytes(frame)).ok());

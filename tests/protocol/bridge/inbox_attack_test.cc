@@ -1,6 +1,5 @@
-// What a hostile participant can put on the bus, against the receiver alone:
-// every packet costs a bounded amount of work and no memory, nothing false gets
-// through, and the right answer still does.
+// What a hostile participant can put on the bus, tested on the inbox alone: every packet costs a
+// bounded amount of work and no memory, nothing wrong is accepted, and the right answer still is.
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -50,7 +49,7 @@ Packet Fragment(uint32_t message_size, uint32_t offset, uint16_t number, uint16_
   return packet;
 }
 
-// An inbox that waits for the action of a step.
+// An inbox that waits for a step's action.
 Inbox AtStep(int64_t episode, int64_t step, InboxLimits limits = kLimits) {
   Inbox inbox(limits);
   EXPECT_EQ(inbox.Take(Wrap(kHelloChannel, Encode(GoodHello()))), Disposition::kFrame);
@@ -90,8 +89,8 @@ TEST(InboxAttack, FragmentsTakeNoMemoryWhateverTheyClaim) {
       Fragment(1u << 28, 0, 0, 4096),            // 256 MiB claimed
       Fragment(0xffffffff, 0, 0, 0xffff),        // 4 GiB claimed
       Fragment(64, 0xfffffff0, 1, 2),            // an offset that wraps to before the buffer
-      Fragment(0, 0xffffffff, 0, 0, 1000),       // nothing claimed, a lot sent
-      Fragment(1u << 20, 0, 0, 20, 60'000),      // begun and never ended
+      Fragment(0, 0xffffffff, 0, 0, 1000),       // claims nothing, sends a lot
+      Fragment(1u << 20, 0, 0, 20, 60'000),      // started and never finished
   };
   const int64_t before = ResidentBytes();
   for (int i = 0; i < 1000; ++i) {
@@ -114,7 +113,7 @@ TEST(InboxAttack, FragmentsOfEveryFormAreStrays) {
 }
 
 TEST(InboxAttack, LcmsOwnSequenceNumbersMeanNothing) {
-  // Two publishers, a replayer and a liar: only episode and step count.
+  // Two publishers, replayed and false answers: only episode and step count.
   EXPECT_TRUE(rc::check([](const std::vector<uint32_t>& sequences) {
     Inbox inbox(kWide);
     inbox.Take(Wrap(kHelloChannel, Encode(GoodHello())));
@@ -163,7 +162,7 @@ TEST(InboxAttack, OutOfRangeEpisodesAndStepsAreNoAnswers) {
   EXPECT_TRUE(Answers(inbox, 0, 0));
 }
 
-// Replaces four bytes of a message by a number, as a count would stand there.
+// Overwrites four bytes of a message with a number, as a count.
 Packet WithNumber(Packet packet, size_t at, int32_t number) {
   for (int i = 0; i < 4; ++i) {
     packet[at + static_cast<size_t>(i)] =
@@ -179,11 +178,11 @@ TEST(InboxAttack, CountsAndLengthsAreCheckedBeforeAnythingIsTaken) {
   const int64_t before = ResidentBytes();
   for (const int32_t number : {-1, std::numeric_limits<int32_t>::min(), 81, 1 << 28,
                                std::numeric_limits<int32_t>::max()}) {
-    // Behind fingerprint, episode and step: the action's size.
+    // After fingerprint, episode and step: the action's size.
     Inbox one = AtStep(0, 0);
     EXPECT_EQ(one.Take(Wrap(kActionChannel, WithNumber(action, 24, number))), Disposition::kFault);
     EXPECT_THAT(FaultText(one), HasSubstr("entries, must have 55"));
-    // Behind fingerprint and version: the name's length; at the end: the number of leg sets.
+    // After fingerprint and version: the name's length; at the end: the number of leg sets.
     for (const size_t at : {size_t{12}, hello.size() - 4}) {
       Inbox two(kLimits);
       EXPECT_EQ(two.Take(Wrap(kHelloChannel, WithNumber(hello, at, number))), Disposition::kFault);
@@ -195,11 +194,11 @@ TEST(InboxAttack, CountsAndLengthsAreCheckedBeforeAnythingIsTaken) {
     EXPECT_THAT(FaultText(three), HasSubstr("num_leg_sets"));
   }
   EXPECT_LT(ResidentBytes() - before, 16 << 20);
-  // A name of length 0 has not even its NUL.
+  // A name of length 0 lacks even its NUL.
   Inbox empty(kLimits);
   EXPECT_EQ(empty.Take(Wrap(kHelloChannel, WithNumber(hello, 12, 0))), Disposition::kFault);
   EXPECT_THAT(FaultText(empty), HasSubstr("name"));
-  // An empty name is one: its NUL alone.
+  // An empty name is valid: only its NUL.
   hello_t nameless = GoodHello();
   nameless.name.clear();
   Inbox allowed(kLimits);
@@ -215,7 +214,7 @@ TEST(InboxAttack, EveryOtherFingerprintIsRefused) {
     Inbox inbox = AtStep(0, 0);
     RC_ASSERT(inbox.Take(Wrap(kActionChannel, packet)) == Disposition::kFault);
   }));
-  // Messages of the right kind on each other's channels.
+  // Valid messages on each other's channels.
   Inbox inbox = AtStep(0, 0);
   EXPECT_EQ(inbox.Take(Wrap(kActionChannel, Encode(GoodHello()))), Disposition::kFault);
   EXPECT_THAT(FaultText(inbox), HasSubstr("fingerprint"));
@@ -264,7 +263,7 @@ TEST(InboxAttack, AFloodOfAnythingEndsInAFaultOrCostsLittle) {
     while (inbox.Take(packet) != Disposition::kFault) RC_ASSERT(++taken <= kLimits.stray_messages);
     RC_ASSERT(!inbox.waiting());
   }));
-  // A second's flood of the largest packets is judged in less than a second.
+  // A second's flood of the largest packets is handled in less than a second.
   Inbox inbox = AtStep(0, 0, kWide);
   Packet large = Wrap("FLOOD", Packet(65'000));
   const auto start = std::chrono::steady_clock::now();
@@ -280,7 +279,7 @@ TEST(InboxAttack, ASecondPublisherCannotChangeAnAnswer) {
   action_t other = GoodAction(0, 0);
   std::fill(other.values.begin(), other.values.end(), -1.0);
   EXPECT_EQ(inbox.Take(Wrap(kActionChannel, Encode(other))), Disposition::kDropped);
-  // The next step is the next question's alone.
+  // The next step is answered only by an answer to its own question.
   inbox.Ask(Question(Channel::kObservation, Expect::kAction, 0, 1));
   EXPECT_EQ(inbox.Take(Wrap(kActionChannel, Encode(other))), Disposition::kDropped);
   EXPECT_TRUE(Answers(inbox, 0, 1));

@@ -32,7 +32,7 @@ leg_parameter_set_t LegSet(int8_t index) {
 
 class InboxTest : public ::testing::Test {
  protected:
-  // Past the handshake and ready for steps of episode 0.
+  // Completes the handshake, up to the steps of episode 0.
   void Begin() {
     EXPECT_EQ(Take(kHelloChannel, GoodHello()), Disposition::kFrame);
     inbox_.Ask(Question(Channel::kWelcome, Expect::kNothing, -1, -1));
@@ -81,7 +81,7 @@ TEST_F(InboxTest, AStepIsAnsweredByGivingUpToo) {
   ASSERT_TRUE(frame.ok()) << frame.status();
   EXPECT_EQ(std::get<GiveUpFrame>(*frame).episode, 0);
   EXPECT_EQ(std::get<GiveUpFrame>(*frame).step, 3);
-  // The first answer won; an action that comes behind it is a copy like any other.
+  // The first answer won; an action after it is an ordinary copy.
   EXPECT_EQ(Take(kActionChannel, GoodAction(0, 3)), Disposition::kDropped);
   Start(1);
   AskStep(1, 0);
@@ -131,7 +131,7 @@ TEST_F(InboxTest, HelloCarriesConventionAndLegSets) {
 
 TEST_F(InboxTest, ANameWithoutItsEndingZeroIsABreach) {
   Packet payload = Encode(GoodHello());
-  // Fingerprint, version and length come first; the length counts the zero.
+  // Fingerprint, version and length come first; the length includes the NUL.
   const size_t zero = 8 + 4 + 4 + std::string_view("test").size();
   ASSERT_EQ(payload[zero], std::byte{0});
   payload[zero] = std::byte{'x'};
@@ -142,7 +142,7 @@ TEST_F(InboxTest, ANameWithoutItsEndingZeroIsABreach) {
 TEST_F(InboxTest, ALaterHelloAsksForTheWelcomeAgainUntilItIsAFlood) {
   ASSERT_EQ(Take(kHelloChannel, GoodHello()), Disposition::kFrame);
   for (int i = 0; i < 20; ++i) {
-    ASSERT_EQ(Take(kHelloChannel, GoodHello()), Disposition::kSayAgain) << i;
+    ASSERT_EQ(Take(kHelloChannel, GoodHello()), Disposition::kResendWelcome) << i;
   }
   EXPECT_EQ(Take(kHelloChannel, GoodHello()), Disposition::kFault);
 }
@@ -249,8 +249,8 @@ TEST_F(InboxTest, NothingIsTakenAfterAFault) {
   EXPECT_EQ(inbox_.Take(Wrap(kWelcomeChannel, {})), Disposition::kDropped);
 }
 
-// Every truncation of a good message, and every single byte changed: a frame
-// that the simulator takes, or a fault; never anything else, never a crash.
+// Every truncation of a valid message, and every single-byte change, gives a frame that the
+// simulator accepts, or a fault; never anything else, never a crash.
 template <typename Message>
 void Mutilate(std::string_view channel, const Message& message) {
   const Packet good = Encode(message);

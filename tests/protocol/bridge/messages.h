@@ -27,7 +27,7 @@ Packet Encode(const Message& message) {
   return bytes;
 }
 
-// A datagram with an encoded message, or anything else, on a channel.
+// A datagram with an encoded message, or any other payload, on a channel.
 inline Packet Wrap(std::string_view channel, const Packet& payload, uint32_t sequence = 1) {
   std::array<std::byte, kDatagramHeader + kMaxChannelLength + 1> head;
   const size_t size = WriteDatagramHead(sequence, channel, head);
@@ -68,7 +68,7 @@ inline give_up_t GivingUp(int64_t episode, int64_t step) {
   return give_up;
 }
 
-// What the simulator asks, without a payload. Observations want 55 entries.
+// The simulator's question, without a payload. Observations expect 55 entries.
 inline PublishFrame Question(Channel channel, Expect expect, int64_t episode, int64_t step) {
   PublishFrame frame;
   std::memset(&frame, 0, offsetof(PublishFrame, payload));

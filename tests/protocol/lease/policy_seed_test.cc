@@ -14,14 +14,14 @@ using ::testing::HasSubstr;
 const char kTracks[] = MYOGRADE_SOURCE_DIR "/configs/tracks";
 const Form1PolicySeeds kForm1 = {std::string(32, 'k'), std::string(64, 'a')};
 
-// What the config was before it named a form.
+// The config as it was before it had a form.
 json Form1(json effective) {
   effective.erase("form");
   effective.erase("policy_seed_secret");
   return effective;
 }
 
-// Numbers of Python's hmac module over the same bytes.
+// Values computed by Python's hmac module over the same bytes.
 TEST(PolicySeed, IsThePublishedFunctionOfSecretAndIndex) {
   EXPECT_EQ(PolicySeed("MyoGrade's public policy seeds", 0), 8683974859599755511u);
   EXPECT_EQ(PolicySeed("MyoGrade's public policy seeds", 99), 4505263906467807247u);

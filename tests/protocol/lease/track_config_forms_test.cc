@@ -1,7 +1,7 @@
-// Configs of every earlier form, as stores, receipts and logs have them and organisers wrote
-// them: each keeps its hash, and means today what it meant then. forms/N holds those of form N:
-// whole files in tracks/, each profile's effective config with its hash in effective.jsonl, and
-// in meaning.json what the keys that came later say of them.
+// Configs of every earlier form, as in stores, receipts and logs and as organisers wrote them: each
+// keeps its hash and its meaning. forms/N holds those of form N: whole files in tracks/, each
+// profile's effective config with its hash in effective.jsonl, and in meaning.json the values that
+// follow from them for newer keys.
 #include "protocol/lease/track_config_forms.h"
 
 #include <filesystem>
@@ -44,7 +44,7 @@ std::vector<Old> OldConfigs(int64_t form) {
 
 class EarlierForms : public testing::TestWithParam<int64_t> {};
 
-// Leaves that `to` has and `from` has not, by path; what is otherwise different, too.
+// Leaves that are in `to` but not in `from`, or differ, by path.
 json Added(const json& from, const json& to) {
   json added = json::object();
   for (const json& change : json::diff(from, to)) {
@@ -99,7 +99,7 @@ TEST_P(EarlierForms, MeanWhatTheyMeant) {
   }
 }
 
-// An organiser's own files, which nobody rewrites when a newer version is installed.
+// An organiser's own files, which stay as they are when a newer version is installed.
 TEST_P(EarlierForms, AreReadAsFiles) {
   const std::string tracks = FolderOf(GetParam()) + "/tracks";
   for (const Old& old : OldConfigs(GetParam())) {

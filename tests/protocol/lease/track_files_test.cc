@@ -1,5 +1,5 @@
-// Track configs as files: what "extends" and profiles make of them, and the ranges of the
-// published schema against those of the parser.
+// Track configs as files: "extends" and profiles, and the ranges of the published schema compared
+// with the parser's.
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -36,7 +36,7 @@ class TrackFiles : public testing::Test {
     return std::string(LoadTrackConfig(dir_, track, profile).status().message());
   }
 
-  // One folder for each test, as CTest may run several at once.
+  // One folder per test, as CTest may run several at once.
   const std::string dir_ = testing::TempDir() + "/track_files_" +
                            testing::UnitTest::GetInstance()->current_test_info()->name();
 };
@@ -56,7 +56,7 @@ TEST_F(TrackFiles, AnExtensionChangesWhatItNamesAndNothingElse) {
   EXPECT_NE(made->hash, base.hash);
 }
 
-// What was published of the leg's track belongs to the name as-graded; it is what the code does.
+// What was published for the leg's track under the name as-graded is what the code does.
 TEST(ShippedTracks, AsGradedOfTheLegIsMyosuiteUnderThatName) {
   const auto graded = LoadTrackConfig(kTrackFiles, "locomotion", "as-graded");
   ASSERT_TRUE(graded.ok()) << graded.status();
@@ -109,7 +109,7 @@ const json& Schema() {
   return schema;
 }
 
-// Paths of the numbers that a schema object bounds, as JSON pointers, with their schemas.
+// JSON pointers to the numbers that a schema object bounds, with their schemas.
 void Bounded(const json& node, const std::string& pointer, std::map<std::string, json>& found) {
   if (node.contains("$ref")) {
     const std::string place = node["$ref"].get<std::string>().substr(1);
@@ -151,7 +151,7 @@ TEST(TrackSchema, HasTheParsersRangesOfBudgets) {
   }
 }
 
-// Rules depend on each other, so only what lies outside of the schema is tried here.
+// Rules depend on each other, so only values outside the schema are tried here.
 TEST(TrackSchema, RefusesNoRuleThatTheParserAccepts) {
   for (const std::string& track : TrackNames()) {
     const TrackConfig good = LoadTrackConfig(kTrackFiles, track, "").value();

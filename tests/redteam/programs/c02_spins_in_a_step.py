@@ -1,4 +1,4 @@
-"""Answers three steps and thinks for ever about the fourth."""
+"""Answers three steps and never finishes thinking about the fourth."""
 import hostile
 
 

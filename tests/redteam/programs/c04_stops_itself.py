@@ -1,4 +1,4 @@
-"""Stops itself by a signal that can't be caught."""
+"""Stops itself with a signal that can't be caught."""
 import os
 import signal
 

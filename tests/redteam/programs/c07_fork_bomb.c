@@ -1,4 +1,4 @@
-// Forks for ever, and its children do.
+// Forks without end, as do its children.
 #include <unistd.h>
 
 int main(void) {

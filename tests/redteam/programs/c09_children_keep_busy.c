@@ -1,4 +1,4 @@
-// Exits at once with status 0 as seen by its parent, while 100 children keep computing.
+// Exits at once with status 0, while 100 children keep computing.
 #include <signal.h>
 #include <unistd.h>
 

@@ -1,5 +1,5 @@
-// Puts a long packet filter on each of thousands of sockets that are no network's: the kernel
-// translates each, and has a limited memory for that, which the filters of system calls need too.
+// Puts a long packet filter on each of thousands of sockets that belong to no network: the kernel
+// compiles each into a limited memory, which system call filters need too.
 #include <linux/filter.h>
 #include <sys/socket.h>
 
@@ -29,7 +29,7 @@ int main(void) {
   for (int child = 0; child < kProcesses; ++child) {
     if (fork() == 0) Hoard();
   }
-  // Whoever is stopped sooner hears nothing of it.
+  // A program that is stopped earlier does not notice.
   sleep(kPatienceS);
   return 1;
 }

@@ -1,4 +1,4 @@
-// Makes threads until no more are given, and keeps asking.
+// Creates threads until it gets no more, and keeps trying.
 #include <pthread.h>
 #include <unistd.h>
 

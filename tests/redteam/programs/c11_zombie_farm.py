@@ -1,4 +1,4 @@
-"""Never waits for its dead children, until no process number is left for it; then plays on."""
+"""Never waits for its dead children, until it gets no more process ids; then plays on."""
 import os
 
 import hostile

@@ -1,5 +1,5 @@
-// Many children that send signals to each other and set timers, so that whoever watches them
-// has work to do. As many of 512 as are given.
+// Many children that send signals to each other and set timers, to keep any observer busy. Up to
+// 512, as many as it gets.
 #include <signal.h>
 #include <sys/time.h>
 #include <unistd.h>

@@ -1,4 +1,4 @@
-// Takes memory and writes to it until there is none.
+// Allocates memory and writes to it until there is none.
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,4 +1,4 @@
-// 512 MiB that are there before main.
+// 512 MiB that are allocated before main.
 #include <stddef.h>
 #include <unistd.h>
 

@@ -1,4 +1,4 @@
-// Recursion without an end, on the stack as it is ("plain") or without its limit ("unlimited").
+// Endless recursion, on the stack as it is ("plain") or without its limit ("unlimited").
 #include <string.h>
 #include <sys/resource.h>
 #include <unistd.h>

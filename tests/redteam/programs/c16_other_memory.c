@@ -1,4 +1,4 @@
-// Memory that is no process': tmpfs, memfd, System V segments, message queues. Takes it in
+// Memory that belongs to no process: tmpfs, memfd, System V segments, message queues. Takes it in
 // pieces of 1 MiB until there is no more, then says so and waits.
 #include <errno.h>
 #include <fcntl.h>

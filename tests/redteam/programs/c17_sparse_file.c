@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 static const off_t kSize = (off_t)64 << 30;
-// Below any limit on one file's size; many of these are above the limit on all.
+// Below any limit on one file's size; many of these exceed the limit on all.
 static const off_t kPart = (off_t)16 << 20;
 
 static void WriteFar(void) {

@@ -1,4 +1,4 @@
-"""Prints what spoils a log: a flood, very long lines, NULs, bytes that are no UTF-8."""
+"""Prints what would break a log: a flood, very long lines, NULs, invalid UTF-8."""
 import os
 import sys
 

@@ -24,7 +24,7 @@ def deep_folders(folder):
 
 
 def odd_names(folder):
-    """Names that a careless cleaner stumbles over; a harmless number of them."""
+    """File names that a careless clean-up trips over; a harmless number of them."""
     for name in (b"...", b".. ", b"-rf *", b"new\nline", b"\x1b[2J", b"\xff\xfe", b"a" * 255):
         os.mkdir(os.path.join(folder.encode(), name))
     deep = os.open(folder, os.O_RDONLY)

@@ -1,4 +1,4 @@
-"""Prints what looks like the grader's own words, results and terminal commands."""
+"""Prints imitations of the grader's messages, results and terminal commands."""
 import sys
 
 import hostile

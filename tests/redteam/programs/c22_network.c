@@ -53,7 +53,7 @@ int main(int argc, char** argv) {
   Connect6("internet_six", "2001:db8::1");
   Connect6("link_local_six", "fe80::1");
   for (int i = 1; i + 1 < argc; i += 2) {
-    // What the host has: a TCP port on its 127.0.0.1, sockets by path and by abstract name.
+    // Host services: a TCP port on its 127.0.0.1, sockets by path and by abstract name.
     const char* kind = argv[i];
     const char* place = argv[i + 1];
     if (strcmp(kind, "tcp") == 0) Connect("host_loopback", SOCK_STREAM, "127.0.0.1", atoi(place));

@@ -22,7 +22,7 @@ def attack(_player):
     end = time.monotonic() + 2.0
     called = 0
     while time.monotonic() < end:
-        # Often enough to be heard, not so often that the calls on the own bus are too many.
+        # Often enough to be heard, but not so often that the messages on its own bus are too many.
         if time.monotonic() > end - 2.0 + 0.1 * called:
             called += 1
             for heard, place in sockets:

@@ -1,4 +1,4 @@
-"""Sends on channels that are the grader's, or that look as if somebody might listen."""
+"""Sends on the grader's channels, and on others that somebody might listen to."""
 import sys
 
 import hostile

@@ -1,4 +1,4 @@
-"""Answers that are old, double, early or contradictory."""
+"""Answers that are old, duplicate, early or contradictory."""
 import sys
 import time
 
@@ -9,7 +9,7 @@ bus = hostile.RawBus()
 
 
 def each_step(send):
-    """An attack that is made in each step."""
+    """Makes an attack in each step."""
     def attack(player):
         send(*player.now)
         player.when = (player.now[0], player.now[1] + 1)
@@ -69,7 +69,7 @@ def give_up_future(player):
 
 
 def give_up_and_act(episode, step):
-    """Gives up five times over, and answers with an action as well."""
+    """Gives up five times, and sends an action as well."""
     for _ in range(5):
         bus.publish("MYOGRADE_GIVE_UP", give_up(episode, step))
 

@@ -1,4 +1,4 @@
-"""Messages that are not what their channel carries: fingerprints, lengths, counts, strings."""
+"""Messages that do not match their channel: fingerprints, lengths, counts, strings."""
 import struct
 import sys
 import time
@@ -9,7 +9,7 @@ from myograde.hello_t import hello_t
 
 
 def hello(name_length, name=b"x\0", sets=0, rest=b""):
-    """An encoded hello whose lengths say what they like."""
+    """An encoded hello with arbitrary lengths."""
     return (hello_t._get_packed_fingerprint() + struct.pack(">ii", 1, name_length) + name
             + struct.pack(">bi", 0, sets) + rest)
 

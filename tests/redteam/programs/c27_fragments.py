@@ -1,4 +1,4 @@
-"""LCM's fragments as liblcm's receiver must not see them, and datagrams that are nobody's."""
+"""LCM fragments that would harm liblcm's receiver, and datagrams that are not LCM at all."""
 import os
 import sys
 import time

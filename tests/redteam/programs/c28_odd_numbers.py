@@ -12,7 +12,7 @@ WHAT = sys.argv[1]
 
 class Odd(myograde_kit.Policy):
     """Like the honest player, with odd numbers from the fourth step on, sent past the kit, which
-    would refuse them."""
+    would reject them."""
 
     name = "odd"
 

@@ -6,7 +6,7 @@ import hostile
 
 
 def answers_early(player):
-    """One answer to the next question, and none when the question comes."""
+    """Sends one answer to the next question in advance, and none when it is asked."""
     bus = hostile.RawBus()
     bus.publish("MYOGRADE_ACTION", hostile.still(player.now[0], player.now[1] + 1))
     hostile.report("early", "sent")
@@ -14,7 +14,7 @@ def answers_early(player):
 
 
 def never_reads(_player):
-    """Joins the bus again and again without reading, so that every packet has places to wait in."""
+    """Joins the bus repeatedly without reading, so that every packet is queued in many places."""
     heard = [hostile.listener() for _ in range(100)]
     hostile.report("sockets", len(heard))
     time.sleep(3600)

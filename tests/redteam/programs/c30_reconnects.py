@@ -38,7 +38,7 @@ def on_observation(_channel, data):
             os.closerange(3, 1024)
             sys.exit(0)
         if WAY == "breaks":
-            # Under liblcm's feet: its threads find their sockets gone.
+            # Behind liblcm's back: its threads find their sockets closed.
             os.closerange(3, 1024)
         raise ConnectionResetError
     answer = action_t()

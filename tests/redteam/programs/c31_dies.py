@@ -17,7 +17,7 @@ def by_signal(number):
 
 
 def catches_xcpu(_player):
-    """Takes the kernel's first warning, and is killed at the second."""
+    """Ignores the kernel's first warning, and is killed at the second."""
     import resource
     signal.signal(signal.SIGXCPU, lambda _number, _frame: hostile.report("caught", "SIGXCPU"))
     used = int(time.process_time()) + 1

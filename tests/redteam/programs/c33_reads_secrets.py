@@ -1,4 +1,4 @@
-"""Looks for the grader's files: those that are named to it, and those that it can guess."""
+"""Looks for the grader's files: those that it is told about, and those that it can guess."""
 import os
 import sys
 

@@ -1,4 +1,4 @@
-"""Leaves links, pipes and devices wherever the grader could come to read or to clean up."""
+"""Leaves links, pipes and devices wherever the grader might read or clean up."""
 import os
 import stat
 import sys

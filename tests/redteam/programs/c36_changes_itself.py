@@ -1,4 +1,4 @@
-"""Tries to be another program in its second episode, and tells what it is in both."""
+"""Tries to be another program in its second episode, and reports what it is in both."""
 import hashlib
 import os
 

@@ -1,4 +1,4 @@
-// Tries every descriptor above standard error, before it opens any itself.
+// Tries every descriptor above standard error before it opens any itself.
 #include <fcntl.h>
 
 #include "report.h"

@@ -1,4 +1,4 @@
-// Makes every system call that reaches beyond a sandbox, by number, and reports each answer.
+// Makes every system call that reaches beyond a sandbox, by number, and reports each result.
 #include "report.h"
 
 #include <linux/keyctl.h>

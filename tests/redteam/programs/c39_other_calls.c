@@ -1,5 +1,5 @@
-// System calls by the doors of 32-bit and of x32 programs, from a 64-bit one, and a 32-bit
-// program of its own. Each is tried in a child, since a kernel without that door kills it.
+// System calls through the entry points of 32-bit and x32 programs, from a 64-bit one, and a 32-bit
+// program of its own. Each is tried in a child, since a kernel without that entry point kills it.
 #include "report.h"
 
 #include <fcntl.h>
@@ -10,9 +10,9 @@
 
 enum { kPassed = 42 };
 
-// mkdir by the numbers of 32-bit x86 and of x32; both are seen to have worked or not.
+// mkdir by the numbers of 32-bit x86 and of x32: its effect shows whether it worked.
 static long LegacyMkdir(const char* path) {
-  // Such a call sees the lower half of an address.
+  // Such a call sees only the lower half of an address.
   char* low = mmap(NULL, 4096, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_32BIT,
                    -1, 0);
   if (low == MAP_FAILED) return -1;
@@ -48,7 +48,7 @@ static void InChild(const char* name, long (*call)(const char*), const char* pat
   int status = 0;
   waitpid(child, &status, 0);
   if (WIFSIGNALED(status)) {
-    ReportText(name, "killed");  // no such door, or no way out of it
+    ReportText(name, "killed");  // no such entry point, or no return from it
   } else {
     ReportText(name, WEXITSTATUS(status) == kPassed ? "allowed" : "EPERM");
   }

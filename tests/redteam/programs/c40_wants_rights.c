@@ -1,4 +1,4 @@
-// Asks for more rights: setuid programs of the host and of its own, capabilities, other users.
+// Requests more privileges: setuid programs of the host and of its own, capabilities, other users.
 #include "report.h"
 
 #include <fcntl.h>
@@ -8,7 +8,7 @@
 #include <sys/syscall.h>
 #include <sys/wait.h>
 
-// Runs a program with `id`'s work to do; true if it ran as another user than this one.
+// Runs a program, and reports "allowed" if it exits with status 0, as "who" does for root.
 static void RunOther(const char* name, const char* const* arguments) {
   const pid_t child = fork();
   if (child == 0) {
@@ -35,7 +35,7 @@ static void StatusLine(const char* key, const char* name) {
   if (file != NULL) fclose(file);
 }
 
-// A copy of this program with the setuid bit, started: it must still be the same user.
+// Runs a copy of this program with the setuid bit: it must still be the same user.
 static void OwnSetuid(const char* self) {
   const char* const copy[] = {"/bin/cp", self, "/tmp/setuid", NULL};
   RunOther("copy", copy);

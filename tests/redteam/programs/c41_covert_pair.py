@@ -1,6 +1,6 @@
-"""One of two sandboxes at the same time. Both leave signs in everything that two processes of one
-host might share, and count the signs of the other: only "speaks" takes locks, "listens" looks
-whether they are taken."""
+"""One of two concurrent sandboxes. Both leave signs in everything that two processes of one host
+might share, and count the other's signs: only "speaks" takes locks, "listens" checks whether they
+are taken."""
 import ctypes
 import fcntl
 import os
@@ -25,8 +25,8 @@ GET_HINT, SET_HINT = 1035, 1036
 
 
 def ask(file):
-    """Who holds a lock on the file, and what hint its inode has: both through a file that is open
-    for reading only."""
+    """Who holds a lock on the file, and its inode's hint: both through a file that is open for
+    reading only."""
     try:
         answer = fcntl.fcntl(file, fcntl.F_GETLK, LOCK.pack(fcntl.F_WRLCK, 0, 0, 0, 0))
         heard["holder"] += LOCK.unpack(answer)[0] != fcntl.F_UNLCK
@@ -74,7 +74,7 @@ def look(files, other, prober):
             except BlockingIOError:
                 heard["lock"] += 1
             except OSError:
-                pass  # refused, whoever asks
+                pass  # rejected for every caller
 
 
 def attack(_player):

@@ -1,5 +1,5 @@
-"""Leaves data behind in every place that it may write to, and reports what it found there at the
-beginning of its run."""
+"""Leaves data in every place that it may write to, and reports what it found there at the start
+of its run."""
 import ctypes
 import fcntl
 import os
@@ -12,14 +12,15 @@ KEY = 0x52454455
 PLACES = ["/tmp", "/dev/shm", "/var/tmp", "/run", os.path.expanduser("~/.cache")]
 
 
-# Files that the next run of this submission sees as well: the system's, and its own.
+# Files that this submission's next run sees as well: the system's, and its own.
 KEPT = [path for path in ("/usr/bin/env", "/usr/bin/python3", "/policy/policy.json")
         if os.path.exists(path)]
 NO_HINT, HINT = struct.pack("q", 0), struct.pack("q", 4)  # RWH_WRITE_LIFE_LONG
 
 
 def hint(path, command, value):
-    """What an inode remembers of how long its data may live, until it is forgotten itself."""
+    """An inode's hint of how long its data will live, kept until the inode is dropped from
+    memory."""
     with open(path, "rb") as file:
         try:
             return fcntl.fcntl(file, command, value)
@@ -28,7 +29,7 @@ def hint(path, command, value):
 
 
 def touched(path):
-    """Whether reading the file can be seen in its times."""
+    """Whether reading the file changes its times."""
     before = os.stat(path)
     with open(path, "rb") as file:
         file.read(1)

@@ -1,4 +1,4 @@
-"""Asks for all processors and the best place on them, and uses what it gets with four children."""
+"""Asks for all processors and the highest priority, and uses what it gets with four children."""
 import os
 import time
 
@@ -21,7 +21,7 @@ def attack(_player):
     try:
         os.sched_setaffinity(0, range(os.cpu_count()))
     except OSError:
-        pass  # told by what can be used of them
+        pass  # measured by what can be used of them
     begin = time.monotonic()
     children = [hostile.spawn(spin) for _ in range(CHILDREN)]
     time.sleep(WALL_S)

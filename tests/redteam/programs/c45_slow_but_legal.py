@@ -1,4 +1,4 @@
-"""Takes a share of its budget for a step, in three steps of each episode."""
+"""Uses a share of its budget for a step, in three steps of each episode."""
 import sys
 import time
 

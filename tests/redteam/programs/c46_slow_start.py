@@ -1,4 +1,4 @@
-"""Takes longer for its start than for any step, and never flushes what it prints."""
+"""Takes longer for its start than for any step, and never flushes its output."""
 import hostile
 
 hostile.burn(2.5)

@@ -1,5 +1,5 @@
-// Changes who is told of whose death: subreaper, death signals, dumpable. A grandchild should
-// live on when all of that is gone.
+// Changes who is notified of whose death: subreaper, death signals, dumpable. Tries to let a
+// grandchild survive everything else.
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>

@@ -1,4 +1,4 @@
-"""Takes watches and instances of inotify and epoll until no more are given; a host that gives no
+"""Takes watches and instances of inotify and epoll until it gets no more; a host that gives no
 watches at all is fine."""
 import ctypes
 import os

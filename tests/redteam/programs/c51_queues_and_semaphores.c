@@ -1,4 +1,4 @@
-// System V message queues and semaphores, as many as are given, all left behind.
+// System V message queues and semaphores, as many as it gets, all left behind.
 #include <sys/ipc.h>
 #include <sys/msg.h>
 #include <sys/sem.h>

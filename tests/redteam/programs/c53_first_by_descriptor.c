@@ -1,4 +1,4 @@
-// Goes for process 1 through a descriptor of it.
+// Attacks process 1 through a descriptor of it.
 #include <signal.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>

@@ -1,4 +1,4 @@
-// Pins memory, so that the kernel could not take it back.
+// Locks memory, so that the kernel could not reclaim it.
 #include <sys/mman.h>
 #include <sys/resource.h>
 

@@ -1,4 +1,4 @@
-// A child becomes itself twenty times with as much environment as the kernel takes.
+// A child executes itself twenty times with as large an environment as the kernel accepts.
 #include <sys/wait.h>
 
 #include "report.h"

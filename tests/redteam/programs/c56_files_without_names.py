@@ -1,4 +1,4 @@
-"""Fills its disk with files that have no names any more, and waits."""
+"""Fills its disk with files that are already unlinked, and waits."""
 import os
 import time
 

@@ -1,5 +1,5 @@
-// Fills the memory with what belongs to no process, so that the kernel, out of memory, may end
-// the bridge rather than this small program.
+// Fills the memory with what belongs to no process, so that the kernel, out of memory, may kill the
+// bridge rather than this small program.
 #include <fcntl.h>
 #include <sys/mman.h>
 

@@ -1,4 +1,4 @@
-"""Wants a core file, in a folder that it could name."""
+"""Tries to get a core file, in a folder of its choice."""
 import os
 import resource
 

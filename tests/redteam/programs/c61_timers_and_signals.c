@@ -1,4 +1,4 @@
-// Takes timers and queued signals until no more are given, and keeps them.
+// Takes timers and queued signals until it gets no more, and keeps them.
 #include <signal.h>
 #include <time.h>
 

@@ -1,4 +1,4 @@
-"""Takes terminals until no more are given, and makes one its own."""
+"""Takes terminals until it gets no more, and makes one its controlling terminal."""
 import fcntl
 import os
 import termios

@@ -1,4 +1,4 @@
-"""Starts the host's own tools for namespaces, as if it could make a sandbox of its own."""
+"""Starts the host's own namespace tools, to try to create its own sandbox."""
 import errno
 import subprocess
 

@@ -1,4 +1,4 @@
-// Makes children whose parent is the bridge, which end as a policy would end.
+// Makes children whose parent is the bridge, and which exit like a policy.
 #include <sched.h>
 #include <signal.h>
 #include <sys/syscall.h>

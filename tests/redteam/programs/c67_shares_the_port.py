@@ -1,4 +1,4 @@
-"""Shares the bridge's port and has the kernel choose its own socket for each packet."""
+"""Shares the bridge's port and makes the kernel choose its own socket for each packet."""
 import ctypes
 import socket
 import struct

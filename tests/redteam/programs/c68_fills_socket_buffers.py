@@ -1,4 +1,4 @@
-"""Fills the buffers of as many sockets as it gets, in several processes: memory of the kernel."""
+"""Fills the buffers of as many sockets as it gets, in several processes: kernel memory."""
 import socket
 import time
 

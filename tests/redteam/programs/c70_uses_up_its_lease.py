@@ -1,4 +1,4 @@
-"""Every step within its budget, all together more than the lease allows."""
+"""Every step is within its budget, but together they exceed the lease's."""
 import hostile
 
 

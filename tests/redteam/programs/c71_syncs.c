@@ -1,4 +1,4 @@
-// Has the host write its disks again and again.
+// Makes the host flush its disks again and again.
 #include <fcntl.h>
 #include <time.h>
 

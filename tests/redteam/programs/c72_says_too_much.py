@@ -1,4 +1,4 @@
-"""Hellos and readies of the largest size, with names and leg sets that were not agreed on."""
+"""Hellos and readies of the largest size, with unexpected names and leg sets."""
 import sys
 
 import hostile

@@ -1,4 +1,4 @@
-"""Works in children that nobody waits for, so that no parent's account has their time."""
+"""Works in children that nobody waits for, so that no parent's account includes their time."""
 import os
 import signal
 import sys
@@ -21,7 +21,7 @@ def churn(_player):
     while True:
         number += 1
         if sys.argv[1] == "some":
-            # Some are waited for, as if all were.
+            # Waits for some, as if for all.
             signal.signal(signal.SIGCHLD, signal.SIG_IGN if number % 20 else signal.SIG_DFL)
         if os.fork() == 0:
             if sys.argv[1] == "grandchildren" and os.fork():

@@ -1,4 +1,4 @@
-"""Honest: has some work done by helpers, of which it waits for every second one only."""
+"""Honest: has some work done by helpers, and waits for only every second one."""
 import os
 import signal
 

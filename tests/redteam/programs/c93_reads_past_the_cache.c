@@ -1,4 +1,4 @@
-// Ends while 60 children are deep in large reads past the page cache, where SIGKILL finds them late.
+// Exits while 60 children are in large reads past the page cache, where SIGKILL takes effect late.
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/wait.h>

@@ -1,4 +1,4 @@
-// Ends at the head of a chain of children that each have 15,000 mappings to be taken down.
+// Exits at the head of a chain of children that each have 15,000 mappings to be torn down.
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -7,7 +7,7 @@ enum { kMappings = 15000, kPage = 4096 };
 int main(void) {
   char* memory = mmap(NULL, (size_t)kMappings * kPage, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED) return 1;
-  // Neighbours with the same rights would be one.
+  // Adjacent mappings with the same protection would be merged.
   for (int i = 0; i < kMappings; i += 2) mprotect(memory + (size_t)i * kPage, kPage, PROT_NONE);
   for (int i = 0; i < 60; ++i) {
     const pid_t child = fork();

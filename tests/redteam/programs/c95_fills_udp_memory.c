@@ -1,5 +1,5 @@
 // Several processes open as many sockets as they may and fill them: in one multicast group, where
-// each datagram is counted once for each member; one by one; or as streams that nobody reads.
+// each datagram is counted once per member; one by one; or as streams that nobody reads.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <sys/socket.h>

@@ -1,5 +1,5 @@
-"""Keeps as many descriptors in flight as the kernel lets it, for long enough that other leases
-begin meanwhile."""
+"""Keeps as many descriptors in flight as the kernel allows, long enough for other leases to start
+meanwhile."""
 import array
 import socket
 import time

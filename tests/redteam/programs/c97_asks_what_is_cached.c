@@ -1,5 +1,5 @@
-// Asks in every way the kernel has, without waiting, what of a shared file or folder it keeps in
-// memory; changes that at will; and leaves a mark in the times of files that all leases see.
+// Asks in every way the kernel has, without waiting, which parts of a shared file or folder are
+// cached; changes that at will; and leaves a mark in the times of files that all leases see.
 #include <fcntl.h>
 #include <linux/aio_abi.h>
 #include <linux/openat2.h>
@@ -32,7 +32,7 @@ static void TouchDevices(void) {
   ReportText("zero_works", zero >= 0 && read(zero, &byte, 1) == 1 ? "yes" : "no");
 }
 
-// Page faults that had to wait for the disk, of a page that was read before.
+// Page faults that had to wait for the disk, on a page that was read before.
 static void ThrowOut(int fd) {
   struct rusage before, after;
   char byte;
@@ -77,7 +77,7 @@ int main(void) {
   Report("present", mincore(page, 4096, &present));
   Report("kernel_counts", open("/proc/sys/fs/dentry-state", O_RDONLY));
   Report("terminals", open("/proc/sys/kernel/pty/nr", O_RDONLY));
-  // What libraries use stays: the C library reads without the call that is hidden.
+  // What libraries use still works: the C library reads without the hidden call.
   ReportText("vectors_work", preadv2(fd, &vector, 1, 0, 0) == 1 ? "yes" : "no");
   ThrowOut(fd);
   GrowBuffers();

@@ -1,5 +1,5 @@
-"""Fills streams of its own network that nobody reads: memory of the kernel that its budget of
-memory does not count."""
+"""Fills streams of its own network that nobody reads: kernel memory that its memory budget does
+not count."""
 import socket
 
 import hostile

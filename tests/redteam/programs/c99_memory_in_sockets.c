@@ -1,5 +1,5 @@
-// Keeps half of its memory where control groups of version 1 don't count it: in streams between
-// its own sockets, which nobody reads. The other half is plain memory.
+// Keeps half of its memory where version 1 control groups don't count it: in streams between its
+// own sockets, which nobody reads. The other half is plain memory.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -39,7 +39,7 @@ int main(void) {
   if (pipe(done) != 0) return 2;
   if (fork() == 0) Hoard(done[1]);
   close(done[1]);
-  // Without its hoard it gives up.
+  // Gives up if its hoard is gone.
   if (read(done[0], &byte, 1) != 1) return 3;
   BecomeHonest();
 }

@@ -1,4 +1,4 @@
-"""Plays honestly, whatever the program that became this one did before."""
+"""Plays honestly, whatever the program that executed this one did before."""
 import hostile
 
 hostile.play()

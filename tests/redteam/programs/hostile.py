@@ -1,8 +1,8 @@
-"""What the hostile programs in Python share: an honest player that does one thing at one moment,
-findings that the suite reads, and a bus without manners.
+"""Shared by the hostile programs in Python: an honest player that misbehaves once at a given
+moment, findings that the suite reads, and a bus without checks.
 
 A finding is a line "RT NAME RESULT" on standard error. RESULT is the name of an error ("EPERM") for
-what was refused, "allowed" for what worked, or a value. Only the last 4 KiB of standard error are
+what was denied, "allowed" for what worked, or a value. Only the last 4 KiB of standard error are
 kept, so findings are short.
 """
 
@@ -28,7 +28,7 @@ def report(name, result):
 
 
 def attempt(name, action):
-    """Reports whether `action` was allowed; returns its value, or None if it was refused."""
+    """Reports whether `action` was allowed; returns its value, or None if it was denied."""
     try:
         value = action()
     except OSError as refused:
@@ -68,14 +68,14 @@ def play(attack=None, episode=0, step=3, on_reset=None):
 
 
 def burn(cpu_s):
-    """Uses that much CPU time of this thread."""
+    """Uses this much CPU time of this thread."""
     end = time.thread_time() + cpu_s
     while time.thread_time() < end:
         pass
 
 
 class RawBus:
-    """Sends whatever bytes to the bus, and hears it without a queue in between."""
+    """Sends arbitrary bytes to the bus, and receives from it without a queue in between."""
 
     def __init__(self):
         self.sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -86,7 +86,7 @@ class RawBus:
         try:
             self.sender.sendto(datagram, (GROUP, PORT))
         except OSError:
-            time.sleep(0.001)  # the queue is full: that is the grader's right
+            time.sleep(0.001)  # the queue is full, as the grader may decide
 
     def publish(self, channel, payload):
         self.sequence += 1
@@ -109,7 +109,7 @@ def listener(group=GROUP, port=PORT):
 
 
 def action(episode, step, values):
-    """An encoded action, whatever its values are."""
+    """An encoded action with any values."""
     message = action_t()
     message.episode, message.step = episode, step
     message.size, message.values = len(values), list(values)

@@ -1,5 +1,5 @@
-// What the hostile programs in C share: findings as lines "RT NAME RESULT" on standard error,
-// and becoming an honest policy afterwards, so that what was tried is seen to change nothing.
+// Shared by the hostile programs in C: prints findings as lines "RT NAME RESULT" on standard error,
+// and then becomes an honest policy, so that the suite sees that the attempt changed nothing.
 #pragma once
 
 
@@ -9,7 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
-// `result` below 0: refused with errno.
+// `result` below 0: denied with errno.
 static inline void Report(const char* name, long result) {
   const char* error = strerrorname_np(errno);
   fprintf(stderr, "RT %s %s\n", name, result >= 0 ? "allowed" : error != NULL ? error : "unknown");

@@ -38,7 +38,7 @@ class NothingIsPlayed : public Processes {
   void CleanUp(const std::string&) override {}
 };
 
-// The real store, on a disk that can be filled.
+// The real store, on a disk that can be made full.
 class FillableDisk : public Disk {
  public:
   explicit FillableDisk(Store& store) : store_(store) {}
@@ -67,7 +67,7 @@ class MemoryArchive : public IncomingArchive {
     return absl::OkStatus();
   }
 
-  bool moved = false;  // to be unpacked
+  bool moved = false;  // for unpacking
 
  private:
   const std::string bytes_;
@@ -120,7 +120,7 @@ class AdmissionWorld : public ::testing::Test {
     std::filesystem::remove_all(dir_);
   }
 
-  // Started at the first call, with `options_` as they are then.
+  // Created by the first call, with `options_` as they are then.
   Admission& admission() {
     if (admission_ == nullptr) {
       engine_ = std::make_unique<Engine>(EngineOptions{options_.config, dir_, options_.cache_dir},
@@ -131,7 +131,7 @@ class AdmissionWorld : public ::testing::Test {
     return *admission_;
   }
 
-  // From `uid 7`, who is no organiser. `team` "": it names neither team nor track.
+  // From `uid 7`, who is not an organiser. `team` "": names neither team nor track.
   absl::StatusOr<ReceivedArtefact> Receive(IncomingArchive& archive, const std::string& team = "") {
     return admission().Receive(
         {.from = {"uid 7", team, /*organiser=*/false}, .track = team.empty() ? "" : kTrack},
@@ -142,7 +142,7 @@ class AdmissionWorld : public ::testing::Test {
     return Receive(archive, team);
   }
 
-  // An artefact with files, as if it had been received; `letter` is all of its hash.
+  // An artefact with files, as if received; its hash is `letter` repeated.
   void AddArtefact(char letter, int64_t bytes = 10, std::vector<std::string> runtimes = {}) {
     const std::string hash(64, letter);
     admission();
@@ -170,7 +170,7 @@ class AdmissionWorld : public ::testing::Test {
     SQLite::Database db(dir_ + "/store.db");
     return db.execAndGet("SELECT count(*) FROM " + table).getInt64();
   }
-  // Its row can't be read any more, as after a fault of the disk.
+  // Makes its row unreadable, as a disk error would.
   void DamageArtefact(char letter) const {
     SQLite::Database db(dir_ + "/store.db", SQLite::OPEN_READWRITE, /*busy_ms=*/10'000);
     db.exec("DROP TRIGGER artefact_fixed");

@@ -1,4 +1,4 @@
-// Archives that come in: what is kept, what is refused, and what a refusal costs whom.
+// Received archives: what is kept, what is rejected, and who is charged for a rejection.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -114,14 +114,14 @@ TEST_F(ReceiveTest, WhoHasUsedUpTheFailedTriesIsRefusedBeforeAnythingIsUnpacked)
   EXPECT_TRUE(other.ok()) << other.status();
 }
 
-// Whose disk gives nothing back.
+// Its reads fail.
 class UnreadableArchive : public MemoryArchive {
  public:
   using MemoryArchive::MemoryArchive;
   ssize_t ReadAt(char*, size_t, int64_t) const override { return -1; }
 };
 
-// As slow to unpack as an archive can be: a pipe that nobody writes to.
+// The slowest possible archive: a pipe without a writer.
 class EndlessArchive : public MemoryArchive {
  public:
   using MemoryArchive::MemoryArchive;

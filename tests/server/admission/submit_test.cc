@@ -1,4 +1,5 @@
-// Submissions: which are accepted and as what, which are told of an earlier one, which are refused.
+// Submissions: which are accepted and as what, which are linked to an earlier one, which are
+// rejected.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck.h>

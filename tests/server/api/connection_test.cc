@@ -13,7 +13,7 @@ namespace {
 
 using Next = Connection::Next;
 
-// What a worker moves to the disk before others have a turn.
+// How much a worker spools to disk before others get a turn.
 constexpr size_t kTurnBytes = 4 << 20;
 
 TEST(ConnectionTest, WhatWasReadAtATurnsEndIsNotWaitedFor) {
@@ -37,7 +37,7 @@ TEST(ConnectionTest, WhatWasReadAtATurnsEndIsNotWaitedFor) {
       return rule;
     };
     ASSERT_EQ(connection.Feed(rule_of, spool), Next::kSpool);
-    // The last bytes arrive while the turn goes on, and no more will.
+    // The last bytes arrive during the turn, and no more follow.
     ASSERT_EQ(write(client.get(), last.data(), last.size()), std::ssize(last));
     EXPECT_EQ(connection.Spool(spool), Next::kSpool);
     EXPECT_EQ(connection.Spool(spool), Next::kServe);

@@ -1,4 +1,4 @@
-// Answers that are large, and refusals that are to be heard.
+// Large answers, and rejections that must reach the client.
 #include <fcntl.h>
 #include <sys/resource.h>
 
@@ -22,7 +22,8 @@ TEST_F(GateTest, ARefusedBodyIsReadSoThatItsSenderHearsWhy) {
   EXPECT_EQ(body_bytes_, 0);
 }
 
-// The head and so much of the body come in one piece, so that they are there when it is refused.
+// The head and much of the body arrive in one piece, so that they are there when the request is
+// rejected.
 TEST_F(GateTest, WhatCameBeforeARefusalIsCountedOnce) {
   constexpr int64_t kBefore = 20'000;
   Start(Limits());
@@ -57,7 +58,7 @@ TEST_F(GateTest, AFileOfAnySizeTakesLittleMemory) {
     ASSERT_EQ(::pwrite(made.get(), "end", 3, kHuge - 3), 3);
   }
   Start(Limits());
-  // Those who do not read it hold up nobody.
+  // Clients that do not read it hold up nobody.
   const auto crowd = Many(5, "crowd", "GET /file HTTP/1.1\r\n\r\n");
   OthersAreServed();
   rusage before = {};

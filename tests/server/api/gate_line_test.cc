@@ -1,4 +1,4 @@
-// Newcomers that find all places busy.
+// New connections while all places are busy.
 #include "tests/server/api/gate_world.h"
 
 namespace myograde::server {
@@ -16,13 +16,13 @@ TEST_F(GateTest, WhoFindsAllPlacesBusyIsLetInAfterAnAnswer) {
   AwaitAllSeen();
   EXPECT_EQ(waiting.Receive(1, absl::Milliseconds(500)), "") << "neither answered nor refused";
   permits_.release(2);
-  // Two have their present answers, and then give way, whatever else they had asked for.
+  // Two get their current answers and then give way, whatever else they have requested.
   EXPECT_EQ(busy[0]->Receive(1000), kOk);
   EXPECT_EQ(busy[1]->Receive(1000), kOk);
   permits_.release(100);
   EXPECT_EQ(waiting.Receive(sizeof(kOk) - 1), kOk);
   EXPECT_EQ(next.Receive(sizeof(kOk) - 1), kOk);
-  // With nobody in line the others have all that they asked for.
+  // With nobody waiting, the others get everything that they requested.
   EXPECT_EQ(busy[9]->Receive(3 * (sizeof(kOk) - 1)), absl::StrCat(kOk, kOk, kOk));
 }
 
@@ -42,7 +42,7 @@ TEST_F(GateTest, TheLineIsBounded) {
   auto line = Many(Limits().peer_waiting(), "a", kGet);
   Client late(path(), "a");
   EXPECT_THAT(late.Receive(1000), StartsWith("HTTP/1.1 429"));
-  // Who hangs up in it gives others room there.
+  // Hanging up while waiting frees a place in the line.
   line.clear();
   std::string told = "HTTP/1.1 429";
   for (int i = 0; i < 100 && !told.empty(); ++i) {

@@ -1,4 +1,4 @@
-// Hostile peers of all kinds, and others who are answered all the same.
+// Hostile clients of all kinds; others must be answered all the same.
 #include <sys/resource.h>
 
 #include "tests/server/api/gate_world.h"
@@ -70,7 +70,7 @@ TEST_F(GateTest, SilentBodiesHalfHeadsAndIdleConnectionsHoldUpNobody) {
     const auto crowd = Many(30, "crowd", text);
     const auto more = Many(30, "root", text);
     OthersAreServedSoon();
-    // Those of the crowd's own user too, once what it has asked nothing with gives way.
+    // So are those of the crowd's own user, once its connections without a request give way.
     if (text.empty()) {
       EXPECT_EQ(Client(path(), "crowd").Ask(), kOk);
     }
@@ -101,7 +101,7 @@ TEST_F(GateTest, TheSlowAreHungUpOn) {
   honest.Send(Upload(30'000));
   for (int i = 0; i < 30; ++i) {
     honest.Send(std::string(1000, 'x'));
-    absl::SleepFor(absl::Milliseconds(200));  // fifty times as fast as must be
+    absl::SleepFor(absl::Milliseconds(200));  // fifty times the required rate
   }
   EXPECT_EQ(honest.Receive(sizeof(kOk) - 1), kOk);
   EXPECT_THAT(silent.Receive(12), "HTTP/1.1 408");
@@ -141,7 +141,8 @@ TEST_F(GateTest, WithoutDescriptorsItWaitsAndOrganisersAreServed) {
   std::vector<Fd> hoard;
   const rlimit low = {256, before.rlim_max};
   ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &low), 0);
-  // This process is server and clients: sockets first, then none is left to accept with.
+  // This process is server and clients: open the sockets first, then leave no descriptor to accept
+  // with.
   std::vector<Fd> waiting;
   for (int i = 0; i < 20; ++i) waiting.emplace_back(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
   for (;;) {
@@ -168,11 +169,11 @@ TEST_F(GateTest, WithoutDescriptorsItWaitsAndOrganisersAreServed) {
     ASSERT_EQ(bind(waiting[i].get(), reinterpret_cast<const sockaddr*>(&own),
                    static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + name.size())), 0);
     ASSERT_EQ(connect(waiting[i].get(), reinterpret_cast<const sockaddr*>(&to), sizeof(to)), 0);
-    // Who is refused already has nothing to say any more.
+    // A client that has been rejected may not send any more.
     const ssize_t n = send(waiting[i].get(), kGet, sizeof(kGet) - 1, MSG_NOSIGNAL);
     ASSERT_TRUE(n > 0 || peer != "root");
-    // One after the other: none of them gets what is kept for organisers. The ends of earlier
-    // connections may have left some places.
+    // One after the other: none of them gets the organisers' reserve. Earlier connections that
+    // ended may have left some places.
     const std::string told = answer(waiting[i].get());
     if (peer == "root") {
       EXPECT_EQ(told, "HTTP/1.1 200");

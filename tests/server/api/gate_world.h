@@ -1,5 +1,5 @@
-// The gate with workers that answer "ok", and clients of it. A peer is named by the
-// address that its socket is bound to.
+// The gate with workers that answer "ok", and clients for it. A peer is identified by the address
+// that its socket is bound to.
 #pragma once
 
 #include <fcntl.h>
@@ -28,7 +28,7 @@
 namespace myograde::server {
 
 inline constexpr char kGet[] = "GET / HTTP/1.1\r\n\r\n";
-// Is answered when the test permits it.
+// Answered when the test permits it.
 inline constexpr char kWait[] = "GET /wait HTTP/1.1\r\n\r\n";
 inline constexpr char kOk[] = "HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nok";
 
@@ -64,14 +64,14 @@ class Client {
     EXPECT_EQ(connect(fd_.get(), reinterpret_cast<const sockaddr*>(&to), sizeof(to)), 0);
   }
   void Send(std::string_view text) {
-    // A server that has hung up takes nothing, and what it said is still to be read.
+    // A server that has hung up accepts nothing more, but what it sent must still be readable.
     while (!text.empty()) {
       const ssize_t n = send(fd_.get(), text.data(), text.size(), MSG_NOSIGNAL);
       if (n <= 0) return;
       text.remove_prefix(static_cast<size_t>(n));
     }
   }
-  // Waits until as many bytes are there, or the other end hung up.
+  // Waits for `size` bytes, or until the other end hangs up.
   std::string Receive(size_t size, absl::Duration patience = absl::Seconds(60)) {
     const absl::Duration end = SystemClock().Monotonic() + patience;
     std::string text;
@@ -100,7 +100,7 @@ class Client {
   }
   // Without reading.
   void AwaitHangUp() { EXPECT_TRUE(Closed(absl::Seconds(60))); }
-  // Whether the other end has hung up, and not only says no more.
+  // Whether the other end has hung up completely, rather than only finished sending.
   bool Closed(absl::Duration patience) {
     pollfd entry = {fd_.get(), 0, 0};
     return poll(&entry, 1, static_cast<int>(absl::ToInt64Milliseconds(patience))) == 1;
@@ -196,7 +196,7 @@ class GateTest : public ::testing::Test {
   }
 
   std::string path() const { return folder_ + "/s"; }
-  std::string file() const { return folder_ + "/file"; }  // what "/file" is answered with
+  std::string file() const { return folder_ + "/file"; }  // served as "/file"
   std::vector<std::string> Spooled() const {
     std::vector<std::string> names;
     for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
@@ -217,8 +217,8 @@ class GateTest : public ::testing::Test {
     EXPECT_EQ(Client(path(), "honest").Ask(), kOk);
     EXPECT_EQ(Client(path(), "root").Ask(), kOk);
   }
-  // The same where the crowd is the organiser's too: until the gate has seen all of it, another of
-  // the organiser's may be told to come again.
+  // The same when the crowd is the organiser's too: until the gate has seen all of it, an
+  // organiser's request may be told to retry later.
   void OthersAreServedSoon() {
     EXPECT_EQ(Client(path(), "honest").Ask(), kOk);
     std::string answer;
@@ -230,14 +230,15 @@ class GateTest : public ::testing::Test {
     EXPECT_EQ(answer, kOk);
   }
 
-  // Once an organiser is answered, the gate has seen all that was sent before it came.
+  // Once an organiser is answered, the gate has seen everything that was sent before.
   void AwaitAllSeen() { EXPECT_EQ(Client(path(), "root").Ask(), kOk); }
-  // All places of a peer, each with three requests that end only when they are permitted to.
+  // Occupies all places of a peer with three requests each, which end only when permitted.
   std::vector<std::unique_ptr<Client>> AllBusy(const std::string& peer) {
     std::vector<std::unique_ptr<Client>> clients = Many(Limits().peer_clients, peer, "");
     const int64_t before = returned_;
     for (const auto& client : clients) EXPECT_EQ(client->Ask(), kOk);
-    // A client has its answer before the gate has the connection, which would give way meanwhile.
+    // A client gets its answer before the gate gets the connection back, which would give way
+    // meanwhile.
     while (returned_ < before + std::ssize(clients)) std::this_thread::yield();
     for (const auto& client : clients) client->Send(absl::StrCat(kWait, kWait, kWait));
     AwaitAllSeen();

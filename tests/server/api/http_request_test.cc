@@ -1,5 +1,5 @@
-// The form of requests: what is taken, whatever the pieces in which it comes, and
-// what is refused because two readers could understand it in two ways.
+// The syntax of requests: what is accepted, however it is split into pieces, and what is rejected
+// because two parsers could read it differently.
 #include "server/api/http_request.h"
 
 #include <gmock/gmock.h>
@@ -21,7 +21,7 @@ struct Read {
   size_t size = 0;
 };
 
-// As a connection reads it: `piece` bytes at a time.
+// Reads like a connection: `piece` bytes at a time.
 Read ReadHead(const std::string& bytes, size_t piece = 1) {
   HeadScanner scanner;
   Read read;

@@ -1,4 +1,4 @@
-// What clients may send: every mistake is told with its key, nothing odd passes.
+// Request bodies: every mistake is reported with its key, and nothing odd is accepted.
 #include "server/api/requests.h"
 
 #include <string>

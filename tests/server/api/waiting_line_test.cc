@@ -19,20 +19,20 @@ constexpr absl::Duration kLate = absl::Seconds(100);
 
 class WaitingLineTest : public ::testing::Test {
  protected:
-  // The other end of somebody who comes into `line`.
+  // The other end of a connection added to `line`.
   static Fd Add(WaitingLine& line, const std::string& key, absl::Duration until = kLate) {
     int ends[2];
     EXPECT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends), 0);
     line.Add({Fd(ends[0]), Peer{key, key == "root", 1}}, until);
     return Fd(ends[1]);
   }
-  // What one was told; "": nothing, it waits.
+  // What a connection was sent; "" while it waits.
   static std::string ToldTo(const Fd& end) {
     char text[512];
     const ssize_t n = ::recv(end.get(), text, sizeof(text), MSG_DONTWAIT);
     return std::string(text, static_cast<size_t>(std::max<ssize_t>(n, 0)));
   }
-  // Lets in as many as `places` says; the keys in the order in which they came in.
+  // Lets in as many as `places` says; returns the keys in order of admission.
   static std::vector<std::string> LetIn(WaitingLine& line, int places,
                                         const std::set<std::string>& full = {}) {
     std::vector<std::string> in;
@@ -50,7 +50,7 @@ TEST_F(WaitingLineTest, OrganisersComeFirstAndPeersTakeTurns) {
   std::vector<Fd> ends;
   for (const char* key : {"a", "a", "a", "a", "b", "b", "root"}) ends.push_back(Add(line, key));
   EXPECT_THAT(LetIn(line, 4), ElementsAre("root", "a", "b", "a"));
-  // Places that come one by one go round as well.
+  // Places that become free one by one rotate as well.
   EXPECT_THAT(LetIn(line, 1), ElementsAre("b"));
   EXPECT_THAT(LetIn(line, 9), ElementsAre("a", "a"));
   EXPECT_TRUE(line.empty());
@@ -101,7 +101,7 @@ TEST_F(WaitingLineTest, WhoHasHungUpIsForgotten) {
   Add(line, "a").reset();
   Add(line, "b").reset();
   const Fd silent = Add(line, "a");
-  ::shutdown(silent.get(), SHUT_WR);  // sends no more, and still wants its answer
+  ::shutdown(silent.get(), SHUT_WR);  // finished sending, and still wants its answer
   EXPECT_THAT(LetIn(line, 9), ElementsAre("a"));
   EXPECT_TRUE(line.empty());
   Add(line, "a").reset();

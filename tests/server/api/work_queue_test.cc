@@ -1,5 +1,4 @@
-// Whose work is done next: in turn, within the bounds of its kind, and always
-// something left for organisers.
+// Which job is next: round robin, within the limits of its kind, and with a reserve for organisers.
 #include "server/api/work_queue.h"
 
 #include <gtest/gtest.h>
@@ -18,14 +17,14 @@ Job JobOf(const std::string& key, WorkKind work = WorkKind::kServe) {
 constexpr WorkQueue::Limits kLimits = {
     .workers = 8, .kept = 2, .of_a_peer = 3, .of_a_kind = {8, 2, 2, 1}};
 
-// What may be done at once, in order, until the queue would wait.
+// The jobs that may run at once, in order, until the queue would block.
 std::vector<Job> TakeAll(WorkQueue& queue, size_t expected) {
   std::vector<Job> jobs;
   for (size_t i = 0; i < expected; ++i) jobs.push_back(*queue.Pop());
   return jobs;
 }
 
-// True if nobody gets work now.
+// True if nobody may run now.
 bool Waits(WorkQueue& queue) {
   auto next = std::async(std::launch::async, [&] { return queue.Pop(); });
   const bool waits = next.wait_for(std::chrono::milliseconds(50)) == std::future_status::timeout;
@@ -51,7 +50,7 @@ TEST(WorkQueue, APeerHasAtMostItsShareAndTheOthersTheirs) {
   std::map<std::string, int> taken;
   for (const Job& job : TakeAll(queue, 6)) ++taken[job.peer.key];
   for (const auto& [key, count] : taken) EXPECT_LE(count, 3) << key;
-  // Two workers are left, and nobody but an organiser gets them.
+  // Two workers are left, reserved for organisers.
   queue.Push(JobOf("root"));
   queue.Push(JobOf("root"));
   for (const Job& job : TakeAll(queue, 2)) EXPECT_EQ(job.peer.key, "root");

@@ -1,4 +1,4 @@
-// Making archives, honest and not.
+// Builds archives, valid and hostile.
 #pragma once
 
 #include <archive.h>
@@ -73,7 +73,7 @@ inline void WriteArchive(const std::string& path, const std::vector<Raw>& entrie
   archive_write_free(a);
 }
 
-// Bytes packed by a filter alone: gzip or zstd around anything.
+// Bytes packed by a filter only: gzip or zstd around any content.
 inline void WritePacked(const std::string& path, std::string_view bytes, Kind kind) {
   archive* a = archive_write_new();
   archive_write_set_format_raw(a);

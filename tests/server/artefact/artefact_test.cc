@@ -1,5 +1,5 @@
-// Packing and unpacking of submissions: equal content gives an equal digest,
-// and every rule of submissions is enforced with a sentence that names the entry.
+// Packing and unpacking submissions: equal content gives equal digests, and every rule is enforced
+// with a sentence that names the entry.
 #include "server/artefact/artefact.h"
 
 #include <archive_entry.h>
@@ -37,12 +37,12 @@ absl::StatusOr<Artefact> Unpack(const std::vector<Raw>& entries, Kind kind = Kin
   const TempFolder temp;
   WriteArchive(temp / "a", entries, kind);
   absl::StatusOr<Artefact> artefact = UnpackArtefact(temp / "a", temp / "out", limits);
-  // What failed leaves nothing behind.
+  // A failure leaves nothing behind.
   EXPECT_EQ(fs::exists(temp / "out"), artefact.ok());
   return artefact;
 }
 
-// Unpacks an honest submission with `extra` in it; the error's sentence, or "".
+// Unpacks a valid submission with `extra` in it; returns the error message, or "".
 std::string Complaint(const std::vector<Raw>& extra, const ArtefactLimits& limits = {}) {
   std::vector<Raw> entries = {Manifest(), Program()};
   entries.insert(entries.end(), extra.begin(), extra.end());
@@ -72,7 +72,7 @@ TEST(UnpackArtefact, EveryKindOfArchiveGivesTheSameDigest) {
   ASSERT_TRUE(tar.ok()) << tar.status();
   EXPECT_EQ(tar->manifest.name, "walker");
   EXPECT_EQ(tar->manifest.command, std::vector<std::string>{"./policy"});
-  EXPECT_EQ(tar->files, 4);  // the folder too
+  EXPECT_EQ(tar->files, 4);  // counts the folder
   EXPECT_EQ(tar->bytes, static_cast<int64_t>(sizeof kManifest - 1 + 10 + 1));
   for (const Kind kind : {Kind::kTarGz, Kind::kTarZst, Kind::kZip}) {
     const auto other = Unpack(entries, kind);
@@ -90,10 +90,12 @@ TEST(UnpackArtefact, DigestLooksAtContentNotAtTheArchive) {
     const auto artefact = Unpack(entries);
     return artefact.ok() ? artefact->digest : std::string(artefact.status().message());
   };
-  EXPECT_EQ(digest({file, Program(), Manifest()}), plain->digest);            // order, no folder
+  EXPECT_EQ(digest({file, Program(), Manifest()}), plain->digest);            // different order, no
+                                                                              // folder
   EXPECT_EQ(digest({{.path = "./", .mode = AE_IFDIR | 0755},
                     {.path = "./data//w", .content = "1", .mode = AE_IFREG | 0600},
-                    Program(), Manifest()}), plain->digest);                  // spelling, modes
+                    Program(), Manifest()}), plain->digest);                  // different spelling
+                                                                              // and modes
   EXPECT_NE(digest({Manifest(), Program(), {.path = "data/w", .content = "2"}}), plain->digest);
   EXPECT_NE(digest({Manifest(), Program(), {.path = "data/v", .content = "1"}}), plain->digest);
   EXPECT_NE(digest({Manifest(), Program(), {.path = "data/w", .content = "1",
@@ -206,7 +208,7 @@ TEST(ReadManifest, IsStrict) {
   EXPECT_THAT(ManifestComplaint(R"({"name": "a"})"), HasSubstr("\"command\" is missing"));
   EXPECT_THAT(ManifestComplaint(R"({"command": ["./policy"]})"), HasSubstr("\"name\" is missing"));
   EXPECT_THAT(ManifestComplaint(R"({"name": "", "command": ["./policy"]})"), HasSubstr("\"name\""));
-  // Boards show it: it must not hide, turn round or obey.
+  // Boards show the name: it must not hide text, reverse it or control a terminal.
   for (const char* name : {"a\\u001b[2J", "a\\u202eb", "a\\u009b2J", "\\u200b", "a\\u00adb"}) {
     EXPECT_THAT(
         ManifestComplaint(R"({"command": ["./policy"], "name": ")" + std::string(name) + "\"}"),
@@ -235,7 +237,7 @@ TEST(ReadManifest, WantsAProgramThatCanBeRun) {
                                          .link = "/usr/bin/python3"}}), "");
   EXPECT_THAT(command("./missing"), HasSubstr("is not there"));
   EXPECT_EQ(command("policy"), "");   // a file of the submission
-  EXPECT_EQ(command("python3"), "");  // or a program of the sandbox: that is another's to say
+  EXPECT_EQ(command("python3"), "");  // or a program of the sandbox, which is checked elsewhere
   EXPECT_THAT(command("./policy.json"), HasSubstr("is not executable; set its bit"));
   EXPECT_THAT(command("./d", {{.path = "d/x"}}), HasSubstr("is a folder"));
   EXPECT_THAT(command("../policy"), HasSubstr("is not a file inside the submission"));
@@ -255,7 +257,7 @@ TEST(ReadManifest, ABareWordIsAFileOfTheSubmissionOrAProgramOnThePath) {
   EXPECT_EQ(program("policy", {}), "./policy");
   EXPECT_EQ(program("./policy", {}), "./policy");
   EXPECT_EQ(program("python3", {}), "python3");
-  // A folder can't be meant.
+  // A folder can't be what is meant.
   EXPECT_EQ(program("python3", {{.path = "python3/x"}}), "python3");
   EXPECT_EQ(program("python3", {{.path = "python3", .mode = AE_IFLNK | 0777,
                                  .link = "/usr/bin/python3"}}), "./python3");
@@ -335,7 +337,7 @@ TEST(PackArtefact, FolderArchiveAndProgramComeBackTheSame) {
   EXPECT_EQ(single->manifest.command, std::vector<std::string>{"./policy"});
 }
 
-// Python takes a compiled module only while its source has the time that the module names.
+// Python uses a compiled module only if its source still has the time that the module records.
 TEST(PackArtefact, FilesKeepTheirTimesAndTheDigestIsOfNone) {
   const TempFolder temp;
   WriteFile(temp / "p/policy.json", kManifest, 0644);

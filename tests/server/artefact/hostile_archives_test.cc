@@ -1,5 +1,5 @@
-// Archives made to do harm. Each is refused with one sentence, in bounded time,
-// and leaves nothing behind, inside or outside.
+// Hostile archives. Each is rejected with one sentence, in bounded time, and leaves nothing behind,
+// inside or outside.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -21,7 +21,7 @@ using ::testing::AnyOf;
 using ::testing::HasSubstr;
 
 constexpr char kOwnManifest[] = R"({"name": "walker", "command": ["./policy"]})";
-// Generous for a slow host with sanitizers; an unbounded one takes minutes.
+// Generous for a slow host with sanitizers; without limits these take minutes.
 constexpr std::chrono::seconds kSoon{30};
 
 std::string Honest() {
@@ -39,7 +39,7 @@ std::string ReadBytes(const std::string& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// Unpacks the file "a" of `temp`: the sentence it is refused with, "" if it is not.
+// Unpacks the file "a" of `temp`; returns the error message, "" if there is none.
 std::string Refusal(const TempFolder& temp, const ArtefactLimits& limits = {}) {
   WriteBytes(temp / "canary", "untouched");
   const auto start = std::chrono::steady_clock::now();
@@ -60,7 +60,7 @@ std::string RefusalOf(std::string_view bytes, const ArtefactLimits& limits = {})
   return Refusal(temp, limits);
 }
 
-// An honest submission with raw tar blocks behind it.
+// A valid submission followed by raw tar blocks.
 std::string RefusalOfEntry(const std::string& blocks, const ArtefactLimits& limits = {}) {
   return RefusalOf(Honest() + blocks + End(), limits);
 }
@@ -83,7 +83,7 @@ std::string RefusalOfWritten(std::vector<Raw> entries, Kind kind,
 TEST(HostileArchives, AnHonestOneMadeByHandIsTaken) { EXPECT_EQ(RefusalOfEntry(""), ""); }
 
 TEST(HostileArchives, ClaimsAreRefusedBeforeTheyAreReadOut) {
-  // The largest that a plain header can state is 8 GiB; extended headers state any.
+  // A plain header can state at most 8 GiB; extended headers any size.
   EXPECT_THAT(RefusalOfEntry(TarHeader('0', "big", "", 0644, 077777777777)),
               HasSubstr("larger than 4294967296 bytes unpacked (at \"big\")"));
   EXPECT_THAT(RefusalOfEntry(PaxHeader("size", "10000000000") + TarHeader('0', "big", "", 0644, 0)),
@@ -141,7 +141,7 @@ TEST(HostileArchives, GzipInSeveralMembersIsStillOneArchive) {
 }
 
 TEST(HostileArchives, TenMillionEntriesAreRefusedAtTheLimit) {
-  // 20,000 entries in some hundred bytes, 500 times over.
+  // 20,000 entries in a few hundred bytes, 500 times over.
   const TempFolder temp;
   std::string block;
   for (int i = 0; i < 20'000; ++i) block += TarHeader('5', "./", "", 0755, 0);
@@ -150,7 +150,7 @@ TEST(HostileArchives, TenMillionEntriesAreRefusedAtTheLimit) {
   std::string all;
   for (int i = 0; i < 500; ++i) all += part;
   EXPECT_THAT(RefusalOf(all), HasSubstr("more than 200000 files, folders and links"));
-  // The same with names of their own.
+  // The same with distinct names.
   std::string names;
   for (int i = 0; i < 100'000; ++i) names += TarHeader('0', std::to_string(i), "", 0644, 0);
   EXPECT_THAT(RefusalOfPacked(names, Kind::kTarGz, {.files = 1000}),
@@ -195,7 +195,7 @@ TEST(HostileArchives, NamesThatPlayTricks) {
               HasSubstr("absolute path"));
   EXPECT_THAT(RefusalOfEntry(PaxHeader("linkpath", "../x") + TarEntry('2', "l", "", "x")),
               HasSubstr("targets with \"..\" are not allowed"));
-  // A name ends at its NUL, so what follows can reach nothing.
+  // A name ends at its NUL, so what follows has no effect.
   EXPECT_EQ(RefusalOfEntry(PaxHeader("path", std::string("ok\0/../../x", 11)) + TarEntry('0', "x")),
             "");
 }
@@ -214,7 +214,7 @@ TEST(HostileArchives, EntriesThatContradictEachOther) {
                 HasSubstr("\"n/below\" lies below \"n\", which is no folder"));
   }
   EXPECT_THAT(RefusalOfEntry(TarEntry('0', "n/below", "2") + link), HasSubstr("is there twice"));
-  // Two names on this file system, whatever they are on others.
+  // Two names on this file system, even if equal on others.
   EXPECT_EQ(RefusalOfEntry(TarEntry('0', "N", "1") + file), "");
 }
 
@@ -235,7 +235,7 @@ TEST(HostileArchives, ExtendedHeadersWithoutEnd) {
   EXPECT_NE(RefusalOfEntry(TarHeader('L', "long", "", 0644, 1 << 30)), "");
   EXPECT_NE(RefusalOfEntry(TarEntry('L', "long", std::string(4 << 20, 'n')) + TarEntry('0', "x")),
             "");
-  // A header of nonsense changes nothing: the entry keeps its plain name, and that is judged.
+  // A malformed header has no effect: the entry keeps its plain name, which is checked.
   for (const char* nonsense : {"999999999 path=ok\n", "nonsense", "-5 path=ok\n", "10 path"}) {
     const std::string header = TarEntry('x', "pax", nonsense);
     EXPECT_NE(RefusalOfEntry(header + TarEntry('0', "../x")), "") << nonsense;
@@ -270,7 +270,7 @@ TEST(HostileArchives, ZipsTooKeepTheRules) {
   EXPECT_THAT(RefusalOfWritten({{.path = "su", .mode = AE_IFREG | 04755}}, Kind::kZip),
               HasSubstr("setuid"));
   EXPECT_THAT(RefusalOfWritten({{.path = "n"}, {.path = "n"}}, Kind::kZip), HasSubstr("twice"));
-  // A zip in a zip is a file like any other.
+  // A zip in a zip is an ordinary file.
   const TempFolder temp;
   WriteArchive(temp / "inner", {{.path = "../x", .content = "x"}}, Kind::kZip);
   EXPECT_EQ(

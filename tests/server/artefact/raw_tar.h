@@ -1,4 +1,4 @@
-// Tars byte by byte, for what no honest program writes.
+// Tars built byte by byte, with content that no normal program writes.
 #pragma once
 
 #include <algorithm>
@@ -53,7 +53,7 @@ inline std::string TarEntry(char type, std::string_view name, std::string_view c
   return entry + TarPadding(content.size());
 }
 
-// An extended header with `key` and `value`, for the entry after it.
+// An extended header with `key` and `value` for the next entry.
 inline std::string PaxHeader(std::string_view key, std::string_view value) {
   const std::string body = " " + std::string(key) + "=" + std::string(value) + "\n";
   size_t length = body.size() + 1;

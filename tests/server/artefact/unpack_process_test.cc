@@ -1,5 +1,4 @@
-// Unpacking in a process of its own: the same answers, and an end to archives
-// that are slow or hungry.
+// Unpacking in a separate process: the same results, and bounds for slow and hungry archives.
 #include "server/artefact/unpack_process.h"
 
 #include <fcntl.h>
@@ -75,7 +74,7 @@ TEST(UnpackProcess, EveryKindOfArchiveIsUnpackedBehindTheFilter) {
   }
 }
 
-// What became of a child that confined itself to `folder` and then did `deed`.
+// The wait status of a child that confined itself to `folder` and then ran `deed`.
 int StatusOf(const std::string& folder, const std::function<bool()>& deed) {
   const pid_t child = ::fork();
   if (child == 0) {
@@ -107,7 +106,7 @@ TEST(ConfineUnpacking, EndsTheProcessAtAForbiddenCall) {
       {"unlink", [] { return ::unlink("/old") == 0; }},
       {"chown", [] { return ::chown("/old", 1, 1) == 0; }},
       {"int 0x80", [] {
-         long result = 20;  // getpid of 32-bit programs
+         long result = 20;  // getpid for 32-bit programs
          asm volatile("int $0x80" : "+a"(result) : : "memory");
          return result > 0;
        }},
@@ -153,13 +152,13 @@ TEST(UnpackProcess, RefusalsArriveWithTheirSentence) {
 
 TEST(UnpackProcess, EndsAtItsDeadline) {
   const TempFolder temp;
-  // A pipe that nobody writes to: as slow as an archive can be.
+  // A FIFO without a writer: the slowest possible archive.
   ASSERT_EQ(::mkfifo((temp / "a").c_str(), 0600), 0);
   const absl::Duration start = SystemClock().Monotonic();
   const auto artefact = UnpackInProcess(temp / "a", temp / "out", {},
                                         {.time = absl::Seconds(1), .memory_bytes = 256 << 20});
   EXPECT_LT(SystemClock().Monotonic() - start, absl::Seconds(20));
-  // The clock says nothing about the archive.
+  // The wall clock says nothing about the archive.
   EXPECT_TRUE(absl::IsDeadlineExceeded(artefact.status())) << artefact.status();
   EXPECT_THAT(artefact.status().message(), HasSubstr("could not be unpacked within 1s"));
   EXPECT_FALSE(fs::exists(temp / "out"));
@@ -254,7 +253,7 @@ TEST(UnpackProcess, ProcessorTimeIsLimited) {
 
 TEST(UnpackOpened, AFileThatTheHostCantReadIsNotTheArchivesFault) {
   const TempFolder temp;
-  const Fd broken(::open("/proc/self/mem", O_RDONLY | O_CLOEXEC));  // EIO at its beginning
+  const Fd broken(::open("/proc/self/mem", O_RDONLY | O_CLOEXEC));  // fails with EIO at the start
   const Fd folder(::open(temp.path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   const auto artefact = UnpackOpened(broken.get(), folder.get(), {});
   EXPECT_FALSE(artefact.ok());
@@ -265,7 +264,7 @@ TEST(UnpackProcess, MemoryIsLimited) {
 #if defined(__SANITIZE_ADDRESS__)
   GTEST_SKIP() << "a sanitizer's shadow takes more addresses than any limit of memory";
 #endif
-  // The map of a sparse file: 48 bytes of memory for each 4 bytes that pack to nothing.
+  // The map of a sparse file: 48 bytes of memory for every 4 bytes, which compress to nothing.
   std::string map = "20000000\n";
   for (int i = 0; i < 20'000'000; ++i) map += "0\n0\n";
   std::string tar = HonestArchive() + PaxHeader("GNU.sparse.major", "1") +

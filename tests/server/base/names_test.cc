@@ -1,4 +1,4 @@
-// Names on boards: what nobody sees is refused, and what looks the same is found to.
+// Names on boards: invisible characters are rejected, and look-alikes detected.
 #include "server/base/names.h"
 
 #include <unicode/locid.h>
@@ -25,7 +25,7 @@ std::string Utf8(const std::u16string& text) {
   return utf8;
 }
 
-// Whether two names may be taken for one another.
+// Whether two names may be mistaken for each other.
 bool AreAlike(const std::string& a, const std::string& b) {
   const std::set<std::string> looks = LooksOf(a);
   const std::set<std::string> others = LooksOf(b);
@@ -33,7 +33,7 @@ bool AreAlike(const std::string& a, const std::string& b) {
                      [&](const std::string& look) { return others.contains(look); });
 }
 
-// What becomes of a name beside a team that exists.
+// What happens to a name when a given team exists.
 enum class Fate { kSame, kRefused, kAlike, kOther };
 Fate FateBeside(const std::string& team, const std::string& name) {
   const absl::StatusOr<std::string> clean = CleanName(name, "name");
@@ -96,12 +96,12 @@ TEST(CleanName, SaysWhatElseIsWrong) {
   EXPECT_THAT(problem(Utf8(u"a\u00a0")), HasSubstr("begins or ends with a space"));
   EXPECT_THAT(problem("\xff"), HasSubstr("is not UTF-8"));
   EXPECT_THAT(problem("a\xed\xa0\x80"), HasSubstr("is not UTF-8"));
-  std::string long_when_normal;  // each of these is 33 bytes of Arabic then
+  std::string long_when_normal;  // 33 bytes of Arabic each, once normalised
   for (int i = 0; i < 3; ++i) long_when_normal += Utf8(u"\ufdfa");
   EXPECT_THAT(problem(long_when_normal), HasSubstr("is too long when it is normalised"));
 }
 
-// Twenty names to be taken for "Team Blue", and their siblings.
+// Twenty names that look like "Team Blue", and variants of them.
 TEST(LookAlikes, NoneIsAnotherTeam) {
   const std::string team = "Team Blue";
   for (const char16_t* name :
@@ -116,7 +116,7 @@ TEST(LookAlikes, NoneIsAnotherTeam) {
         u"Team Blu\u212f", u"Team \u212clue", u"\u24c9eam Blue", u"Team Bl\u1d1ce"}) {
     EXPECT_NE(FateBeside(team, Utf8(name)), Fate::kOther) << Utf8(name);
   }
-  // All of its letters of another script.
+  // All letters are from another script.
   EXPECT_EQ(FateBeside("pace", Utf8(u"\u0440\u0430\u0441\u0435")), Fate::kAlike);
   EXPECT_EQ(FateBeside("MIX", "mix"), Fate::kAlike);
   EXPECT_EQ(FateBeside("Alpha", "AIpha"), Fate::kAlike);
@@ -136,7 +136,7 @@ TEST(LookAlikes, OthersAreOthers) {
   }
 }
 
-// Letters of many scripts, those that change most under cases and forms among them. Not the
+// Letters of many scripts, including those that change most with case and normalisation. Except the
 // Greek iota below a letter: in capitals it stands beside it, which looks like another name.
 std::u16string Letters() {
   return u"aAbBiIlLmMnNoOrRsSvVwWxX019 -_.\u00df\u1e9e\u0130\u0131\u017f\u212a\u212b\u00e9\u0301"
@@ -149,7 +149,7 @@ rc::Gen<std::u16string> Texts() {
   return rc::gen::container<std::u16string>(rc::gen::elementOf(Letters()));
 }
 
-// The forms in which the same name is written by other keyboards and systems.
+// The forms in which other keyboards and systems write the same name.
 std::vector<std::string> FormsOf(const icu::UnicodeString& text) {
   UErrorCode error = U_ZERO_ERROR;
   std::vector<icu::UnicodeString> forms = {text};

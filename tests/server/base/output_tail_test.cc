@@ -31,11 +31,11 @@ TEST(PrintableUtf8, KeepsTextAndReplacesTheRest) {
   EXPECT_EQ(PrintableUtf8(text), text);
   EXPECT_EQ(PrintableUtf8(std::string("a\0b", 3)), std::string("a") + kMark + "b");
   EXPECT_EQ(PrintableUtf8("\x1b[2J\r\x07"), std::string(kMark) + "[2J" + kMark + kMark);
-  EXPECT_EQ(PrintableUtf8("\xC2\x9B"), kMark);                        // CSI of C1
+  EXPECT_EQ(PrintableUtf8("\xC2\x9B"), kMark);                        // CSI from C1
   EXPECT_EQ(PrintableUtf8("\xC0\xAF"), std::string(kMark) + kMark);   // overlong
   EXPECT_EQ(PrintableUtf8("\xED\xA0\x80"), std::string(kMark) + kMark + kMark);  // surrogate
   EXPECT_EQ(PrintableUtf8("\xF5\x80"), std::string(kMark) + kMark);   // above U+10FFFF
-  EXPECT_EQ(PrintableUtf8("x\xE4\xB8"), std::string("x") + kMark + kMark);  // cut short
+  EXPECT_EQ(PrintableUtf8("x\xE4\xB8"), std::string("x") + kMark + kMark);  // truncated
 }
 
 TEST(OutputTail, KeepsTheEndAndCountsAll) {
@@ -68,7 +68,7 @@ RC_GTEST_PROP(OutputTail, IsHarmlessAndBoundedWhateverComes,
   OutputTail tail(64);
   size_t total = 0;
   for (const std::string& piece : pieces) {
-    // Long enough together to be cut, in the middle of sequences too.
+    // Long enough in total to be cut, even within sequences.
     for (int i = 0; i < 40; ++i) tail.Append(piece + "\xE4\xB8\x96");
     total += 40 * (piece.size() + 3);
   }

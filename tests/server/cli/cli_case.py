@@ -1,5 +1,6 @@
-"""What tests of the command line tool share: a way to call it, a daemon that gives set answers, and
-answers to give. BIN_DIR and SOURCE_DIR are the arguments of the test."""
+"""Shared by the tests of the command line tool: calls it, and provides a daemon with canned
+answers.
+BIN_DIR and SOURCE_DIR are the arguments of the test."""
 import http.server
 import json
 import os
@@ -26,7 +27,7 @@ def has_type(value, name):
 
 
 def mistakes(value, schema, where="$"):
-    """The part of JSON Schema that the project's schemas use."""
+    """The subset of JSON Schema that the project's schemas use."""
     if "anyOf" in schema:
         tried = [mistakes(value, s, where) for s in schema["anyOf"]]
         return [] if [] in tried else [m for t in tried for m in t]
@@ -77,7 +78,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
     def log_message(self, format, *args):  # pylint: disable=redefined-builtin
         pass
 
-    pause = 0  # s for each 256 KiB of a body
+    pause = 0  # s per 256 KiB of a body
 
     def body(self):
         left = int(self.headers.get("Content-Length", 0))
@@ -92,7 +93,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
         self.heard.append((self.command, self.path, self.body()))
         status, answer = self.answers.get(f"{self.command} {self.path}", (404, {
             "error": {"code": "not_found", "message": "There is no such thing."}}))
-        if isinstance(answer, list):  # one after the other, the last for ever
+        if isinstance(answer, list):  # in sequence, repeating the last
             answer = answer.pop(0) if len(answer) > 1 else answer[0]
         data = answer.encode() if isinstance(answer, str) else json.dumps(answer).encode()
         self.send_response(status)

@@ -1,5 +1,5 @@
-// Every number of the shipped server.json is a limit that can't be left out, be
-// zero, negative or absurd; the mistake is told with file and key.
+// Every number in the shipped server.json is a limit that can't be missing, zero, negative or
+// absurd; a mistake is reported with file and key.
 #include "server/config/server_config.h"
 
 #include <gmock/gmock.h>
@@ -37,7 +37,7 @@ class ServerConfigTest : public ::testing::Test {
     return LoadServerConfig(path_.string(), "/cache").status();
   }
 
-  // Keys that server.json of an earlier version lacks.
+  // Keys that an earlier version's server.json lacks.
   static bool CameLater(const Pointer& place) {
     static const std::set<std::string> later = {
         "unpack_cpu_s", "disk_reserve_bytes", "unsubmitted", "unsubmitted_bytes",
@@ -48,7 +48,7 @@ class ServerConfigTest : public ::testing::Test {
     return later.contains(place.back());
   }
 
-  // Places of all numbers.
+  // The places of all numbers.
   std::vector<Pointer> Numbers() const {
     std::vector<Pointer> found;
     const Json flat = shipped_.flatten();
@@ -84,7 +84,7 @@ TEST_F(ServerConfigTest, NoLimitIsZeroAbsentNegativeOrAbsurd) {
       text.replace(text.find("\"stands here\""), 13, value);
       const absl::Status status = Load(text);
       EXPECT_FALSE(status.ok()) << place << " = " << value;
-      // What is not JSON at all is told by its place in the file.
+      // Invalid JSON is reported with its position in the file.
       if (Json::accept(text)) {
         EXPECT_THAT(std::string(status.message()), HasSubstr(key)) << value;
       }

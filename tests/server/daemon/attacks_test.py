@@ -1,5 +1,5 @@
-"""Clients that do harm without a rule of HTTP broken: they are silent, slow, many, never submit, or
-ask for the same again and again. While they do, an organiser and another user are answered."""
+"""Clients that do harm without breaking HTTP: they are silent, slow, many, never submit, or
+repeat the same request again and again. Meanwhile an organiser and another user are answered."""
 
 import json
 import os
@@ -19,13 +19,13 @@ from support.submission import played_by_stand_in
 from support.waiting import wait_until
 
 ROOT = os.geteuid() == 0
-STRANGER = 64099  # a user that no daemon and no slot has
-# A healthy answer takes milliseconds; without the limits these would take minutes, or for ever.
+STRANGER = 64099  # a user of no daemon and no slot
+# A healthy answer takes milliseconds; without the limits these would take minutes or never end.
 SOON_S = 20
 
 
 class Attacked(DaemonCase):
-    """A daemon whose socket everybody may use."""
+    """A daemon with a socket that everybody may use."""
 
     def setUp(self):
         self.open = pathlib.Path(tempfile.mkdtemp(prefix="myograde-open-"))
@@ -42,7 +42,7 @@ class Attacked(DaemonCase):
         return crowd(self.daemon.socket, count, text, uid, slow)
 
     def users(self):
-        """The daemon's own user, who is an organiser, and where that can be, another one."""
+        """The daemon's own user, who is an organiser, and where possible another one."""
         return (None, STRANGER) if ROOT else (None,)
 
     def others_are_answered(self):
@@ -100,7 +100,7 @@ class Crowds(Attacked):
         self.assertFalse(self.daemon.socket.exists())
 
     def test_a_stop_waits_for_no_unpacking(self):
-        # Ten million entries that are counted in, one after the other.
+        # Ten million entries, each of which is counted.
         self.stop(signal.SIGTERM)
         self.configure(artefacts={"files": 10_000_000, "unpack_memory_bytes": 8 << 30})
         self.start()
@@ -124,7 +124,7 @@ class Crowds(Attacked):
             sender.kill()
             sender.wait()
             sender.stdout.close()
-        # What the host did is charged to nobody.
+        # Nobody is charged for the host's failures.
         self.start()
         quota = self.get("/v1/quota?team=alpha&track=demo-manipulation")
         self.assertEqual(quota["tracks"][0]["failed"]["total"]["used"], 0)
@@ -188,11 +188,11 @@ class Hoards(Attacked):
         self.assertEqual((status, body["error"]["code"]), (409, "quota"), body)
         self.assertIn("never submitted", body["error"]["message"])
         self.assertEqual(len(os.listdir(self.data / "artefacts")), 3)
-        self.assertEqual(self.try_upload("a")[0], 200)  # is there already
+        self.assertEqual(self.try_upload("a")[0], 200)  # already there
         request = {"artefact": artefacts[0], "team": "alpha", "track": "demo-manipulation"}
         self.assertEqual(self.call("POST", "/v1/submissions", request)[0], 201)
-        self.assertEqual(self.try_upload("d", query=team)[0], 201)  # one was submitted
-        # The bound holds across a restart, and what is too old goes.
+        self.assertEqual(self.try_upload("d", query=team)[0], 201)  # one has been submitted
+        # The limit survives a restart, and what is too old is removed.
         self.stop(signal.SIGTERM)
         self.start()
         self.assertEqual(self.try_upload("e")[0], 409)
@@ -244,8 +244,8 @@ class Descriptors(Attacked):
         self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
 
     def test_it_does_not_spin_without_descriptors(self):
-        # A sanitised daemon needs a pipe to look at an object of a kind that is new to it, and
-        # takes the object for a wrong one if it gets none: all that it does beside has to be over.
+        # A sanitised daemon needs a pipe to inspect an object of a type that is new to it, and
+        # reports an invalid object if it gets none: everything else must have finished before.
         wait_until(self.daemon.log, 60, "it is not done with its start",
                    lambda log: "the reference episodes" in log)
         pid = self.daemon.pid

@@ -1,5 +1,5 @@
-"""Whatever is done to the daemon and its store, the result is the undisturbed one. Runners play
-without physics here; tests/integration has the real ones."""
+"""Whatever happens to the daemon and its store, the results are the undisturbed ones. The runners
+play without physics here; tests/integration has the real ones."""
 
 import http.client
 import os
@@ -18,7 +18,7 @@ KILLER = os.environ.get("MYOGRADE_TEST_KILLER", "")
 
 
 class Disturbed(DaemonCase):
-    """A submission of 6 episodes in 3 leases, disturbed in each test in one way."""
+    """A submission of 6 episodes in 3 leases; each test disturbs it in one way."""
 
     mode = "slow"
     expected = None
@@ -37,7 +37,7 @@ class Disturbed(DaemonCase):
         super().tearDown()
 
     def outcome(self, submission):
-        """All that must not depend on what happened on the way."""
+        """Everything that must not depend on what happened on the way."""
         self.assertEqual(self.ended(submission)["state"], "done")
         result = self.result(submission)
         self.assertEqual(result["not_repeatable"], [])
@@ -64,8 +64,8 @@ class Disturbed(DaemonCase):
 
 class Kills(Disturbed):
     def run_until_killed(self, when):
-        """Submits to a daemon that is killed around one of its commits. False: it was not."""
-        # A sanitizer's runtime would else refuse to come after the preloaded library.
+        """Submits to a daemon that is killed around one of its commits. False: it survived."""
+        # Otherwise a sanitizer's runtime would refuse to load after the preloaded library.
         self.daemon.process = self.daemon.launch(
             LD_PRELOAD=KILLER, KILL_AT_SYNC=when, ASAN_OPTIONS="verify_asan_link_order=0")
         try:
@@ -77,7 +77,7 @@ class Kills(Disturbed):
                     elif self.get("/v1/submissions/1")["state"] in FINAL:
                         return False
                 except (OSError, http.client.HTTPException, AssertionError, ValueError):
-                    pass  # not up yet, or killed under the request
+                    pass  # not up yet, or killed during the request
                 time.sleep(0.02)
         finally:
             status = self.stop(signal.SIGKILL)
@@ -101,12 +101,12 @@ class Kills(Disturbed):
                 killed = self.run_until_killed(f"{side}:{number}")
                 self.start()
                 if not self.get("/v1/submissions")["submissions"]:
-                    self.submit("ok")  # it was never accepted, and the client knows
+                    self.submit("ok")  # never accepted, and the client knows
                 with self.subTest(side=side, commit=number):
                     self.assertEqual(self.outcome(1), expected)
                 self.stop(signal.SIGTERM)
                 self.assertLess(number, 200, "every start of the daemon is killed")
-            # How many records share a commit is up to the host's speed.
+            # How many records share a commit depends on the host's speed.
             self.assertGreater(number, 5, "accepting, beginning, three leases, the end")
 
     def test_kill_at_random_times(self):
@@ -229,7 +229,7 @@ class StoreTrouble(Disturbed):
             "seeds": list(range(1, 4000))})
         self.assertEqual((status, body["error"]["code"]), (503, "store"), body)
         self.assertIn("full", body["error"]["message"])
-        # Longer than what a socket takes at once: refused early, and heard all the same.
+        # Larger than a socket buffer: rejected early, and the client still gets the answer.
         status, body = self.call("POST", "/v1/artefacts", bytes(8 << 20))
         self.assertEqual(status, 503, body)
         self.assertIn("too full", body["error"]["message"])

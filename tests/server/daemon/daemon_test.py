@@ -26,7 +26,7 @@ class DaemonCase(unittest.TestCase):
         self.addCleanup(self.daemon.close)
         self.folder, self.configs = self.daemon.root, self.daemon.configs
         self.daemon.use_stand_in_runner()
-        # Without the command line tool before it, whose start would be disturbed as well.
+        # Run directly, not by the command line tool, whose start would be disturbed as well.
         self.daemon.command = [BIN / "myograded"]
         self.daemon.environment["MYOGRADE_CACHE"] = str(self.folder / "cache")
         self.daemon.change_config("tracks/demo-manipulation.json", episodes_per_lease=2,
@@ -280,7 +280,8 @@ class BadRequests(DaemonCase):
             self.assertEqual((status, answer["error"]["code"]), (400, "bad_artefact"), answer)
         self.assertEqual(os.listdir(self.data / "spool"), [])
         self.assertEqual(os.listdir(self.data / "artefacts"), [])
-        # A long one that is refused at its beginning is read to its end: the client hears why.
+        # A long request that is rejected early is read to its end, so that the client gets the
+        # reason.
         status, answer = self.call("POST", "/v1/artefacts?team=a&track=none", bytes(80 << 20))
         self.assertEqual((status, answer["error"]["code"]), (400, "unknown_track"), answer)
         self.assertNotEqual(self.upload("ok"), self.upload("slow"))

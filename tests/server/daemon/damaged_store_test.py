@@ -1,5 +1,5 @@
-"""What the API and the tool answer when rows of the store can't be read. That everything else goes
-on is damage_test's."""
+"""How the API and the tool report unreadable rows of the store. damage_test covers that everything
+else goes on."""
 
 import signal
 import sqlite3
@@ -10,7 +10,7 @@ from organiser_test import TRACK, OrganiserCase
 
 class DamagedStore(OrganiserCase):
     def damage(self, sql):
-        """Past triggers and checks, while the daemon has the store open."""
+        """Bypasses triggers and checks, while the daemon has the store open."""
         with sqlite3.connect(self.data / "store.db", timeout=20) as db:
             db.execute("PRAGMA ignore_check_constraints = ON")
             triggers = db.execute("SELECT name, sql FROM sqlite_schema WHERE type = 'trigger' AND "
@@ -59,7 +59,7 @@ class DamagedStore(OrganiserCase):
         status, answer = self.call("POST", f"/v1/submissions/{waiting}/cancel", {})
         self.assertEqual((status, answer["state"]), (200, "cancelled"))
 
-        # The next start.
+        # After a restart.
         self.assertEqual(self.stop(signal.SIGTERM), 0)
         self.start()
         ended = self.ended(kept)
@@ -96,7 +96,7 @@ class DamagedStore(OrganiserCase):
                          [("evaluation", str(evaluation))])
         self.refused("GET", f"/v1/submissions/{first}", table="evaluation")
 
-        # Whole stores as files, with the damage in them.
+        # Whole stores as files, including the damage.
         self.ask("export", self.folder / "export.json", schema="export")
         self.ask("backup", self.folder / "backup.db", schema="backup")
         self.assertEqual(self.stop(signal.SIGTERM), 0)

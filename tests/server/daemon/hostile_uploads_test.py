@@ -1,5 +1,5 @@
-"""Archives made to do harm, sent to the real daemon and handed to the real command line tool: each
-is refused with one sentence, nothing of it is left, and the daemon goes on."""
+"""Hostile archives, sent to the real daemon and given to the real command line tool: each is
+rejected with one sentence, nothing of it is left, and the daemon goes on."""
 
 import gzip
 import os
@@ -12,25 +12,25 @@ from support.proc import memory_bytes
 from support.submission import PROGRAM, entry, played_by_stand_in, tar
 
 MANIFEST = b'{"name": "hostile", "command": ["./policy"]}'
-# An upload is refused long before this; without limits these would take minutes.
+# An upload is rejected long before this; without limits these would take minutes.
 SOON_S = 30
 
 
 def packed(*extra, honest=True):
-    """A tar of an honest submission with entries added."""
+    """A tar of a valid submission with entries added."""
     good = [entry("policy.json", MANIFEST), entry("policy", PROGRAM, mode=0o755)]
     return tar([*(good if honest else ()), *extra])
 
 
 def claim(size):
-    """A tar whose last header claims bytes that are not there."""
+    """A tar whose last header claims more bytes than follow."""
     header = tarfile.TarInfo("claim")
     header.size = size
     return packed()[:4 * 512] + header.tobuf(tarfile.GNU_FORMAT)
 
 
 def hungry():
-    """The map of a sparse file: some kilobytes that take a gigabyte of memory."""
+    """The map of a sparse file: a few kilobytes that take a gigabyte of memory."""
     body = b"20000000\n" + b"0\n0\n" * 20_000_000
     info = tarfile.TarInfo("holes")
     info.pax_headers = {"GNU.sparse.major": "1", "GNU.sparse.minor": "0",

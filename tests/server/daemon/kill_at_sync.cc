@@ -1,6 +1,5 @@
-// Preloaded into a daemon by crash_test.py: kills the process just before or just after its
-// Nth flush to the disk, which are the commits of its store. KILL_AT_SYNC is "before:N" or
-// "after:N".
+// Preloaded into a daemon by crash_test.py: kills the process just before or just after its Nth
+// flush to disk; flushes are its store's commits. KILL_AT_SYNC is "before:N" or "after:N".
 #include <dlfcn.h>
 #include <signal.h>
 #include <unistd.h>

@@ -55,7 +55,7 @@ class Quotas(OrganiserCase):
         cancelled = self.ask("cancel", running, schema="cancel")
         self.assertEqual(cancelled["cancel"]["charged"], "official")
         self.assertEqual(self.quota()[0]["official"]["per_day"]["used"], 1)
-        # One that has not begun yet: others have all the slots.
+        # One that has not started yet: others have all the slots.
         stubborn = [self.submit("stubborn", team=team) for team in ("x", "y")]
         for other in stubborn:
             self.wait(f"/v1/submissions/{other}", lambda b: b["state"] == "running")
@@ -128,7 +128,7 @@ class Quotas(OrganiserCase):
                 answer = self.call(method, path, sent)
                 self.assertEqual((answer[0], answer[1]["error"]["code"]), (status, code), answer)
                 self.assertIn(words, answer[1]["error"]["message"])
-        # The same name as other keyboards write it is the same team.
+        # The same name as typed on another keyboard is the same team.
         status, answer = self.call("POST", "/v1/submissions", {
             "artefact": artefact, "team": "\uff41lpha", "track": TRACK, "episodes": 1})
         self.assertEqual((status, answer["team"]), (201, "alpha"))
@@ -299,8 +299,8 @@ class Files(OrganiserCase):
         self.assertEqual(list(self.data.glob("spool/*")), [])
 
     def removals(self):
-        """The rows of removals, once there is one: a file leaves its place within the transaction
-        that adds its row, and a moment before others see the row."""
+        """The removal rows, once there are any: a file is moved within the transaction that adds
+        its row, a moment before others see the row."""
         def rows():
             with contextlib.closing(sqlite3.connect(self.data / "store.db")) as db:
                 return db.execute("SELECT kind, name, bytes > 0 FROM removal").fetchall()

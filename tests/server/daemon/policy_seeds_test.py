@@ -1,5 +1,5 @@
 """The seeds of policies' own randomness: the same for every team, in every data folder and in
-`local`, and for configs of form 1 what they were. The runners play without physics, and their
+`local`, and unchanged for configs of form 1. The runners play without physics, and their
 digests are of the episode's seed and its policy seed."""
 
 import hashlib
@@ -26,7 +26,7 @@ def digests_of(policy_seeds):
 
 class PolicySeeds(OrganiserCase):
     def track(self, **changes):
-        """Rewrites the track's config whole, with nothing below it; None takes a key away."""
+        """Rewrites the track's whole config, without "extends"; None removes a key."""
         folder = self.configs / "tracks"
         config = json.loads((folder / "manipulation.json").read_text())
         config.update(json.loads((folder / f"{TRACK}.json").read_text()), **changes)
@@ -43,7 +43,7 @@ class PolicySeeds(OrganiserCase):
                 for index in range(6)]
 
     def elsewhere(self):
-        """The daemon goes on in another, empty data folder."""
+        """Restarts the daemon in another, empty data folder."""
         self.stop(signal.SIGTERM)
         self.daemon.data = f"{self.data}-2"
         self.start()

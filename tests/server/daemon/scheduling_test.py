@@ -24,7 +24,7 @@ class Scheduling(DaemonCase):
         with concurrent.futures.ThreadPoolExecutor(1) as pool:
             begin = time.monotonic()
             cancel = pool.submit(self.call, "POST", f"/v1/submissions/{stubborn}/cancel", {})
-            # Meanwhile the loop serves others: a change of the store needs it.
+            # Meanwhile the loop serves others: a store change needs it.
             self.upload("grader")
             self.assertLess(time.monotonic() - begin, 0.6)
             status, body = cancel.result()

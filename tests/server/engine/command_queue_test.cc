@@ -1,5 +1,4 @@
-// Commands of other threads for the daemon's loop: all are answered, none waits
-// for ever.
+// Commands from other threads for the daemon's loop: all are answered, none waits indefinitely.
 #include "server/engine/command_queue.h"
 
 #include <poll.h>
@@ -19,7 +18,7 @@ bool Readable(int fd, int wait_ms) {
   return poll(&entry, 1, wait_ms) == 1;
 }
 
-// A loop as the daemon's: runs what comes until it is told to stop.
+// A loop like the daemon's: runs commands until it is told to stop.
 class Loop {
  public:
   explicit Loop(CommandQueue& queue)

@@ -1,5 +1,5 @@
-// One damaged row: whoever needs it is told so and by name, its evaluation ends, and all else goes
-// on as if nothing had happened. Every column of every table is overwritten.
+// One damaged row: whatever needs it fails with an error that names it, its evaluation ends, and
+// everything else goes on unaffected. Every column of every table is overwritten.
 #include <unistd.h>
 
 #include <cstdlib>
@@ -95,7 +95,7 @@ class DamageTest : public testing::Test {
 
   static void CheckVictim(World& world) {
     const LiveHealth health = world.core->Health();
-    if (health.unreadable.contains(teams_.victim.open)) return;  // it is told
+    if (health.unreadable.contains(teams_.victim.open)) return;  // reported
     EXPECT_THAT(StateOf(world, teams_.victim.open),
                 AnyOf("done", "grader_error", HasSubstr("can't be read"),
                       HasSubstr("there is no evaluation")));
@@ -123,7 +123,7 @@ class DamageTest : public testing::Test {
 
   static inline std::string folder_;
   static inline TwoTeams teams_;
-  static inline std::string board_;  // the other team's, when all has ended
+  static inline std::string board_;  // the other team's, after everything has ended
   static inline int tried_ = 0;
 };
 
@@ -137,7 +137,7 @@ TEST_F(DamageTest, WithoutItAllEnds) {
   CheckReading(world);
 }
 
-// Each column with one of the values; with all of them in the test of the slow ones.
+// Each column with one of the values; the slow tests use all of them.
 TEST_F(DamageTest, ADamagedRowIsItsOwnersHarmAlone) {
   const bool all = std::getenv("MYOGRADE_ALL_DAMAGE") != nullptr;
   const std::vector<Target> targets = TargetsIn(teams_);
@@ -163,7 +163,7 @@ TEST_F(DamageTest, AnEvaluationThatCantBeReadEndsWithTheReasonAndGivesItsQuotaBa
   ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
     const EvaluationRow row = *reader.Evaluation(teams_.victim.open);
     EXPECT_EQ(row.state, EvaluationState::kGraderError);
-    // Told by its hash, before anybody looks for what is wrong with the text.
+    // Detected by its hash, before the text is examined.
     EXPECT_THAT(row.reason, HasSubstr(absl::StrCat("config ", teams_.victim.config,
                                                    " of the store can't be read: its content has "
                                                    "another hash")));
@@ -176,7 +176,7 @@ TEST_F(DamageTest, AnEvaluationThatCantBeReadEndsWithTheReasonAndGivesItsQuotaBa
   }).ok());
 }
 
-// What the journal holds of an evaluation can be refused as well.
+// An evaluation's journal entries can be rejected as well.
 TEST_F(DamageTest, DamageWhileItRunsIsTheSame) {
   const std::string open = absl::StrCat(teams_.victim.open);
   const std::string one = "WHERE id = (SELECT min(id) FROM lease WHERE state = 'running' AND "
@@ -202,7 +202,7 @@ TEST_F(DamageTest, DamageWhileItRunsIsTheSame) {
 
 TEST_F(DamageTest, WhatWaitsToBeTakenUpCanBeCancelled) {
   World world(folder_ + "/world", {}, 2);
-  // The daemon's own connection goes on; whoever opens the file now does not find it.
+  // The daemon's own connection goes on; a new connection does not find the file.
   EXPECT_FALSE(world.readers->Read([](Reader&) -> absl::Status {
     throw SQLite::Exception("this connection is given up");
   }).ok());

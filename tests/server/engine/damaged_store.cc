@@ -76,7 +76,7 @@ TwoTeams MakeTwoTeams(const std::string& folder) {
   world.track = *MakeTrack(*WithSeeds(config, {200, 201, 202}));
   teams.other.open = world.Submit("other", 4);
   teams.other.queued = world.Submit("other", 2);  // both slots are taken
-  RunFor(world, absl::Seconds(7));  // each has an episode, and a lease that runs
+  RunFor(world, absl::Seconds(7));  // each has an episode and a running lease
   Require(world.store->Write([&](Writer& writer) -> absl::Status {
     absl::Status status = writer.Grant({"victim", world.track->config.id, Budget::kRanked, 1,
                                         "the grid was down"}, "uid 0");
@@ -153,7 +153,7 @@ bool Overwrite(const std::string& store, const Target& target, const std::string
     db.exec("PRAGMA writable_schema = ON");
     db.exec(sql);
   };
-  // Types and NOT NULL are words of the table's text; triggers and checks can be left out.
+  // Types and NOT NULL are part of the table's SQL text; triggers and checks can be left out.
   std::vector<std::pair<std::string, std::string>> triggers;
   std::string text;
   {
@@ -191,7 +191,7 @@ bool Overwrite(const std::string& store, const Target& target, const std::string
     try {
       written = db.exec(absl::StrCat("UPDATE ", target.table, " SET ", target.column, " = ", value,
                                      " WHERE ", target.where)) == 1;
-    } catch (const SQLite::Exception&) {  // a key that is there already
+    } catch (const SQLite::Exception&) {  // a duplicate key
     }
     for (const auto& [name, sql] : triggers) db.exec(sql);
   }

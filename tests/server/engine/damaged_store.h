@@ -1,5 +1,5 @@
-// A store with two teams that share no row, and an editor who writes into it whatever a disk or a
-// determined person could.
+// A store with two teams that share no row, and functions that write into it what a failing disk or
+// a determined person could.
 #pragma once
 
 #include <string>
@@ -9,27 +9,27 @@
 
 namespace myograde::server {
 
-// Of each team one evaluation is done and one has played a part.
+// Each team has one finished evaluation and one played in part.
 struct TwoTeams {
   struct Team {
     std::string config;
     std::string board;  // of its config, as text
     int64_t done = 0;
     int64_t open = 0;
-    int64_t queued = 0;  // the other team's alone
+    int64_t queued = 0;  // only for the other team
   };
   std::string store;  // the file
   Team victim;
   Team other;
 };
 
-// Made in `folder`, which stays.
+// Creates the store in `folder`, which stays.
 TwoTeams MakeTwoTeams(const std::string& folder);
 
-// The board of a config as text: rows, and what can't be read.
+// A config's board as text: rows, and what is unreadable.
 std::string BoardText(ReaderPool& readers, const std::string& config);
 
-// A column of a row of the victim's, or of nobody's.
+// A column of a row that belongs to the victim or to nobody.
 struct Target {
   std::string table;
   std::string where;  // of one row
@@ -37,8 +37,8 @@ struct Target {
 };
 std::vector<Target> TargetsIn(const TwoTeams& teams);
 
-// Writes `value`, an SQL expression, past types, constraints and triggers. False if even so the
-// file can't hold it there.
+// Writes `value`, an SQL expression, bypassing types, constraints and triggers. False if the file
+// can't hold it there even so.
 bool Overwrite(const std::string& store, const Target& target, const std::string& value);
 
 }  // namespace myograde::server

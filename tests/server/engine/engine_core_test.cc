@@ -1,5 +1,5 @@
-// The engine's core in a world that tests turn by hand: single cases, and thousands of random
-// histories of crashes, delays, doubled and lost messages, full disks and jumping clocks.
+// The engine's core in a simulated world: single cases, and thousands of random histories with
+// crashes, delays, duplicated and lost messages, full disks and jumping clocks.
 #include <unistd.h>
 
 #include <filesystem>
@@ -17,7 +17,7 @@ namespace {
 
 std::string Folder() {
   static int number = 0;
-  // In memory where there is such a place: thousands of stores are made and removed.
+  // In memory if possible: thousands of stores are created and removed.
   const bool memory = access("/dev/shm", W_OK) == 0;
   const std::string root = memory ? "/dev/shm" : std::filesystem::temp_directory_path().string();
   return absl::StrCat(root, "/myograde-history-", getpid(), "-", ++number);
@@ -99,7 +99,7 @@ TEST_F(EngineCoreTest, WhatAnExpiredLeaseSaysLaterIsRefused) {
   const int64_t id = world.Submit("a", 2);
   RunFor(world, absl::Seconds(31));
   EXPECT_EQ(world.core->Health().ending, 1) << "its process holds on to its slot";
-  // First the new runner tells of both episodes, then the old one.
+  // The new runner reports both episodes first, then the old one.
   RunFor(world, absl::Seconds(19));
   EXPECT_EQ(StateOf(world, id), EvaluationState::kDone);
   EXPECT_EQ(world.core->Health().ending, 1);
@@ -200,12 +200,12 @@ TEST_F(EngineCoreTest, AStopPutsLeasesBackAndAnswersWhoeverWaits) {
 }
 
 RC_GTEST_FIXTURE_PROP(EngineCoreTest, WhateverHappensEveryEpisodeCountsOnceAndAllEnds, ()) {
-  // Even bytes whatever RapidCheck's size is; a failing tape shrinks from its end.
+  // Uniform bytes, whatever RapidCheck's size is; a failing tape shrinks from its end.
   std::mt19937_64 random(*rc::gen::resize(100, rc::gen::arbitrary<uint64_t>()));
   std::vector<uint8_t> bytes(*rc::gen::resize(100, rc::gen::inRange<size_t>(0, 4000)));
   for (uint8_t& byte : bytes) byte = static_cast<uint8_t>(random());
   World world(Folder(), bytes, *rc::gen::resize(100, rc::gen::inRange(1, 4)));
-  // Fresh calls follow each other while things go wrong.
+  // New calls keep coming while things go wrong.
   for (int i = 0; i < 400 && !world.tape.over() && world.broken.empty(); ++i) {
     if (world.tape.Happens(24)) {
       world.Submit(std::string(1, static_cast<char>('a' + world.tape.Below(3))),
@@ -217,7 +217,7 @@ RC_GTEST_FIXTURE_PROP(EngineCoreTest, WhateverHappensEveryEpisodeCountsOnceAndAl
     if (world.tape.Happens(8)) world.JumpClock(absl::Hours(world.tape.Below(200) - 100));
     world.RunOnce();
   }
-  // From here on all goes well, and all must come to its end.
+  // From here on nothing fails, and everything must finish.
   world.tape.Stop();
   for (int i = 0; i < 1000 && world.broken.empty() && !world.AllEnded(); ++i) {
     for (int turns = 0; turns < 20; ++turns) world.RunOnce();

@@ -22,8 +22,8 @@ constexpr AdmissionRules kRules = {.quota = {.ranked = {kEnough, kEnough},
                                              .failed = {kEnough, kEnough},
                                              .waiting = kEnough}};
 
-// Making a store takes longer than many histories; they start from copies of one. Its folder goes
-// with the process.
+// Creating a store takes longer than many histories, so they start from copies of one. Its folder
+// is removed at exit.
 struct EmptyStoreFile {
   EmptyStoreFile() {
     folder = (fs::temp_directory_path() / "myograde-history-XXXXXX").string();
@@ -90,7 +90,7 @@ void FakeRunner::WriteScript(const LeaseOrder& order) {
   const bool self_test = order.lease == "selftest-1";
   for (const EpisodeOrder& episode : order.episodes) {
     Say(at, ProgressRecord{episode.index, 1});
-    at += kEpisode * (1 + tape.Below(2) * tape.Below(4));  // some are slow, and yet no fault
+    at += kEpisode * (1 + tape.Below(2) * tape.Below(4));  // some are slow, which is not a fault
     EpisodeFacts facts = FactsOf(episode);
     if (self_test) {
       facts.end = EpisodeEnd::kFault;
@@ -98,9 +98,9 @@ void FakeRunner::WriteScript(const LeaseOrder& order) {
       facts.fault.value = 7 << 8;
     }
     if (tape.Happens(4)) continue;                                   // the record is lost
-    if (tape.Happens(4)) facts.seed += 1;                            // of something else
+    if (tape.Happens(4)) facts.seed += 1;                            // of a different episode
     Say(at, facts);
-    if (tape.Happens(4)) Say(at, facts);             // it comes twice
+    if (tape.Happens(4)) Say(at, facts);             // a duplicate
     if (tape.Happens(4)) at += absl::Hours(1);                       // it stalls
     if (tape.Happens(4)) {                                           // it dies
       dies_at_ = at + absl::Seconds(tape.Below(10));
@@ -191,9 +191,9 @@ World::~World() {
 }
 
 void World::Cut() {
-  core = nullptr;  // and with it its runners
+  core = nullptr;  // takes its runners with it
   slots_in_use.clear();
-  cancels_open = 0;  // those who asked hear that the daemon is gone
+  cancels_open = 0;  // those who asked learn that the daemon is gone
   disk_ = nullptr;
   readers = nullptr;
   store = nullptr;
@@ -201,7 +201,7 @@ void World::Cut() {
 
 void World::Boot() {
   Cut();
-  // Another boot has another monotonic clock; the engine must not mind.
+  // After a reboot the monotonic clock starts elsewhere; the engine must not mind.
   clock.Advance(absl::Seconds(tape.Below(100)));
   const std::string path = folder_ + "/store.db";
   store = *Store::Open(path, clock);
@@ -233,7 +233,7 @@ void World::RunOnce() {
     if (!wait.ok()) return;
     Promise(static_cast<int>(slots_in_use.size()) <= slots_, "more runners than slots");
     clock.Advance(*wait + absl::Milliseconds(tape.Below(200)));
-    // The host was asleep, or the daemon stopped.
+    // The host was suspended, or the daemon stopped.
     if (tape.Happens(2)) clock.Advance(absl::Minutes(tape.Below(60)));
   } catch (const PowerCut&) {
     ++power_cuts;
@@ -273,7 +273,7 @@ int64_t World::Submit(const std::string& team, int episodes) {
                  if (accepted.ok()) id = accepted->evaluation;
                  return accepted.status();
                },
-               [&] { return core->TakeUp(id); },
+               [&] { return core->Enqueue(id); },
                [&](const absl::Status& status) {
                  if (status.ok()) evaluations.insert(id);
                }});
@@ -372,7 +372,7 @@ void World::CheckEvaluation(Reader& reader, int64_t id) {
   }
 }
 
-// Each row begins where the one before it ended, and the last one is the state.
+// Each row starts where the previous one ended, and the last one is the state.
 void World::CheckHistory(Reader& reader, const std::string& entity, int64_t id,
                          const std::string& state) {
   std::string now;

@@ -1,7 +1,7 @@
-// A world for the engine's core in which everything can go wrong and time is turned by hand:
-// runners that die, stall, lie, double or lose records and refuse to go; a store whose writes
-// fail, and a power that fails before or after one. What goes wrong is read off a tape of
-// bytes, so that a failing history can be shrunk; where the tape ends all goes well.
+// A simulated world for the engine's core in which everything can go wrong: runners that die,
+// stall, lie, duplicate or lose records and refuse to exit; a store whose writes fail, and power
+// cuts before or after a write. A tape of bytes decides what goes wrong, so that a failing history
+// can be shrunk; after the tape's end nothing fails.
 #pragma once
 
 #include <cstdint>
@@ -35,19 +35,19 @@ class Tape {
   size_t at_ = 0;
 };
 
-// Thrown by the disk when the power fails: whatever the engine was about to do is not done.
+// Thrown by the disk on a power cut: whatever the engine was about to do is not done.
 struct PowerCut {};
 
 class World;
 
-// The facts that an honest playing of an episode gives: a function of the order alone.
+// The facts of an episode that was played correctly: a function of the order alone.
 EpisodeFacts FactsOf(const EpisodeOrder& episode);
 
 class FakeRunner : public Runner {
  public:
   FakeRunner(World& world, const LeaseOrder& order);
   ~FakeRunner() override;
-  // Nobody polls them; the engine sees that the streams are not at their end.
+  // Nobody polls them; they only tell the engine that the streams are still open.
   int stdout_fd() const override { return 0; }
   int stderr_fd() const override { return 0; }
   absl::StatusOr<std::vector<LeaseRecord>> Read() override;
@@ -65,7 +65,7 @@ class FakeRunner : public Runner {
 
   World& world_;
   const int64_t slot_;
-  std::vector<std::pair<absl::Duration, LeaseRecord>> script_;  // what it says when
+  std::vector<std::pair<absl::Duration, LeaseRecord>> script_;  // records by time
   size_t said_ = 0;
   bool garbage_ = false;
   bool stubborn_ = false;
@@ -84,7 +84,7 @@ class FakeProcesses : public Processes {
   World& world_;
 };
 
-// The real store, with a power that fails and writes that are refused.
+// The real store, with power cuts and rejected writes.
 class FakeDisk : public Disk {
  public:
   FakeDisk(World& world, Store& store) : world_(world), store_(store) {}
@@ -99,46 +99,46 @@ class FakeDisk : public Disk {
 
 class World {
  public:
-  // `folder` is made and removed with it. Begins with an empty store, or a copy of `store_file`.
+  // `folder` is created, and removed with this object. Starts with an empty store, or a copy of
+  // `store_file`.
   World(std::string folder, std::vector<uint8_t> tape, int slots,
         const std::string& store_file = "");
   ~World();
 
-  // A daemon's start on what is there; a running one's power fails first.
+  // Starts a daemon on the existing state; cuts the power of a running one first.
   void Boot();
-  // The power of the running one fails.
+  // Cuts the power of the running daemon.
   void Cut();
-  // One turn of the engine, and a while until the next. A power cut on the way is followed
-  // by a start.
+  // One turn of the engine, and some time until the next. A power cut on the way is followed by a
+  // restart.
   void RunOnce();
-  // As an administrator does.
+  // As an administrator would.
   void JumpClock(absl::Duration step) { clock.Jump(step); }
 
-  // The id of its evaluation; 0 if it was refused.
+  // The id of its evaluation; 0 if it was rejected.
   int64_t Submit(const std::string& team, int episodes);
   void Cancel(int64_t submission);
 
-  // All final states by evaluation, once all have one.
+  // True once every evaluation has a final state.
   bool AllEnded();
-  // What has not ended, and why, in words.
+  // What has not ended, and why, as text.
   std::string WhatIsOpen();
-  // Throws a sentence if the store breaks what it promises.
+  // Throws a sentence if the store breaks an invariant.
   void CheckStore();
 
   ManualClock clock;
   Tape tape;
-  // The next runner says all that it has to say so much later, and dies so much later when it
-  // is killed.
+  // The next runner sends all its records this much later, and dies this much later when killed.
   absl::Duration next_is_late = absl::ZeroDuration();
   absl::Duration next_dies_late = absl::ZeroDuration();
-  // The next runner's process stays so much longer after its last word.
+  // The next runner's process stays this much longer after its end record.
   absl::Duration next_lingers = absl::ZeroDuration();
   std::map<int, std::string> left;  // living processes, by slot
   std::set<int64_t> slots_in_use;
-  std::string broken;           // the first broken promise of the engine, in words
+  std::string broken;           // the first invariant that the engine broke, as text
   int cancels_open = 0;
   int power_cuts = 0;
-  int submits = 0;  // each with an artefact of its own
+  int submits = 0;  // each with its own artefact
   TrackPtr track;
   std::unique_ptr<EngineCore> core;
   std::unique_ptr<Store> store;

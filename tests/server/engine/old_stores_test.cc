@@ -1,5 +1,5 @@
-// Stores of every earlier schema, with configs of form 1: they open, show the same boards, and play
-// on where they were. tests/server/store/old has a dump of each; none of them is ever changed.
+// Stores of every earlier schema, with configs of form 1: they open, show the same boards, and
+// resume where they were. tests/server/store/old has a dump of each; the dumps never change.
 #include <unistd.h>
 
 #include <filesystem>
@@ -68,8 +68,8 @@ class OldStores : public testing::TestWithParam<int> {
   std::string config_;
 };
 
-// The lines of a board, each with those keys of its aggregate that the same line of `old` has:
-// a later version may say more.
+// The lines of a board, each reduced to the aggregate keys that the same line of `old` has: a later
+// version may report more.
 std::string AsItWas(const std::string& board, const std::string& old) {
   const std::vector<std::string> lines = absl::StrSplit(board, '\n');
   const std::vector<std::string> before = absl::StrSplit(old, '\n');

@@ -1,4 +1,4 @@
-// Which files a policy lets go, and what a look after a data folder does with them.
+// Which files a policy removes, and what a sweep does with them.
 #include "server/engine/retention.h"
 
 #include <filesystem>
@@ -67,7 +67,7 @@ class NoProcesses : public Processes {
   void CleanUp(const std::string&) override {}
 };
 
-// A calendar that is ahead of the files' times by as much as it is told, or stands still.
+// A calendar clock that is ahead of the files' times by a given amount, or stands still.
 class LaterClock : public Clock {
  public:
   absl::Duration Monotonic() const override { return SystemClock().Monotonic(); }
@@ -141,14 +141,14 @@ class RetentionFolder : public testing::Test {
     }).ok());
   }
 
-  // One look, until `gone` is not there any more.
+  // One sweep, until `gone` has disappeared.
   void Sweep(RetentionLimits limits, const std::string& gone) {
     limits.every = absl::Hours(1);
     RunEngine();
     const Retention retention(limits, dir_, *engine_, *readers_, clock_);
     for (int i = 0; i < 3000 && fs::exists(gone); ++i) absl::SleepFor(absl::Milliseconds(10));
     EXPECT_FALSE(fs::exists(gone)) << gone;
-    absl::SleepFor(absl::Milliseconds(200));  // for what should not go
+    absl::SleepFor(absl::Milliseconds(200));  // for anything that should stay
   }
   RetentionLimits Unlimited() const {
     return {.artefact_age = absl::Hours(24 * 365), .artefact_bytes = INT64_MAX,
@@ -187,7 +187,7 @@ TEST_F(RetentionFolder, ArtefactsGoThatNobodyNeedsAndTheNeededStay) {
   EXPECT_TRUE(fs::is_empty(dir_ + "/spool"));
 }
 
-// The row is as old as the clock says; the folder was put in its place just now.
+// The row's age comes from the test's clock; the folder was created just now.
 TEST_F(RetentionFolder, AFolderThatCameAgainIsNew) {
   clock_.ahead = -absl::Hours(24 * 40);
   MakeArtefact('a');
@@ -196,11 +196,11 @@ TEST_F(RetentionFolder, AFolderThatCameAgainIsNew) {
   clock_.ahead = absl::ZeroDuration();
   RetentionLimits limits = Unlimited();
   limits.artefact_age = absl::Hours(24 * 30);
-  limits.artefact_bytes = 100;  // those that are not there take no room
+  limits.artefact_bytes = 100;  // missing files take no space
   limits.log_bytes = 0;
   const std::string log = MakeLog('1');
   clock_.ahead = absl::Hours(1);
-  Sweep(limits, log);  // artefacts are looked after before logs
+  Sweep(limits, log);  // artefacts are swept before logs
   EXPECT_TRUE(fs::exists(FolderOf('a')));
   EXPECT_THAT(Removals(), ElementsAre("log 1"));
 }
@@ -219,11 +219,11 @@ TEST_F(RetentionFolder, LogsGoThatNobodyNeedsAndTheNeededAndTheFreshStay) {
     return status;
   }).ok());
   const std::string needed = MakeLog('1');
-  absl::SleepFor(absl::Milliseconds(20));  // the needed one is the older
+  absl::SleepFor(absl::Milliseconds(20));  // the needed one is older
   const std::string unneeded = MakeLog('2');
   std::ofstream(dir_ + "/logs/.draft-1") << "in work";
   RetentionLimits limits = Unlimited();
-  limits.log_bytes = 100;  // room for one
+  limits.log_bytes = 100;  // enough for one
   clock_.ahead = absl::Hours(1);
   Sweep(limits, unneeded);
   EXPECT_TRUE(fs::exists(needed));
@@ -231,7 +231,7 @@ TEST_F(RetentionFolder, LogsGoThatNobodyNeedsAndTheNeededAndTheFreshStay) {
   EXPECT_THAT(Removals(), ElementsAre("log 2"));
 }
 
-// The row that needs a log comes after its file.
+// The row that needs a log is written after its file.
 TEST_F(RetentionFolder, AFreshLogStays) {
   const std::string old = MakeLog('1');
   absl::SleepFor(absl::Milliseconds(50));
@@ -246,7 +246,7 @@ TEST_F(RetentionFolder, AFreshLogStays) {
   EXPECT_THAT(Removals(), ElementsAre("log 1"));
 }
 
-// The files are looked for when the row is made, not only before.
+// The files are checked when the row is written, not only before.
 TEST_F(RetentionFolder, NothingIsAcceptedWhoseFilesAreGone) {
   MakeArtefact('a');
   MakeArtefact('b');
@@ -256,7 +256,7 @@ TEST_F(RetentionFolder, NothingIsAcceptedWhoseFilesAreGone) {
   RunEngine();
   const auto refused = engine_->Submit(SubmissionOf('a'), Rules(), "uid 0", absl::Minutes(5));
   EXPECT_TRUE(absl::IsNotFound(refused.status())) << refused.status();
-  // Of a submission that there is, so that only its files are missing.
+  // Of an existing submission, so that only its files are missing.
   const auto rerun = engine_->Rerun({1, std::string(64, 'b'), "{}", {{0, 0}}}, "uid 0", true, {},
                                     absl::Minutes(5));
   EXPECT_TRUE(absl::IsNotFound(rerun.status())) << rerun.status();
@@ -265,8 +265,8 @@ TEST_F(RetentionFolder, NothingIsAcceptedWhoseFilesAreGone) {
   EXPECT_EQ(db.execAndGet("SELECT count(*) FROM evaluation").getInt(), 1);
 }
 
-// Removal and submission meet in one transaction, in either order: never an evaluation without
-// its files.
+// Removal and submission meet in one transaction, in either order: there is never an evaluation
+// without its files.
 TEST_F(RetentionFolder, ARemovalAndASubmissionAtOnceLeaveNoEvaluationWithoutFiles) {
   for (const bool removal_first : {true, false}) {
     const char letter = removal_first ? 'a' : 'b';

@@ -63,8 +63,8 @@ TEST(Leaderboard, HonoursEveryMark) {
 }
 
 TEST(Leaderboard, AFastBaselineOpensNoBand) {
-  // By itself 2 opens the band that holds 3, whose effort is less. The baseline is so fast that
-  // with it 2 and 3 would be in no band of its.
+  // On its own, 2 opens the band that contains 3, whose effort is less. The baseline is so fast
+  // that with it neither would be in its band.
   const std::vector<StandingRow> rows = {
       Row(1, "ours", 95, 2.0, 0.5), Row(2, "alpha", 95, 4.0, 0.2), Row(3, "beta", 95, 4.3, 0.1)};
   Marks marks;
@@ -126,7 +126,7 @@ RC_GTEST_PROP(BoardProperty, MarksTakeAwayAndChangeNoOrder, ()) {
     if (mark <= 2) out.insert(id);
   }
   const Leaderboard marked = Make(rows, marks);
-  // The ranked are those of a board on which the marked never were.
+  // The ranks are those of a board without the marked rows.
   std::vector<StandingRow> rest;
   for (const StandingRow& row : rows) {
     if (!out.contains(row.submission)) rest.push_back(row);
@@ -146,7 +146,7 @@ RC_GTEST_PROP(BoardProperty, MarksTakeAwayAndChangeNoOrder, ()) {
                              marks.begin(), marks.end(), [](const auto& entry) {
                                return entry.second.contains(kBaseline);
                              })));
-  // The order of the rows that it is made of does not matter.
+  // The order of the input rows does not matter.
   std::vector<StandingRow> shuffled = rows;
   std::reverse(shuffled.begin(), shuffled.end());
   RC_ASSERT(PlacesOf(Make(shuffled, marks)) == PlacesOf(marked));

@@ -1,5 +1,5 @@
-// From facts to rows and from rows to numbers: nothing is lost on the way, and
-// what contradicts itself is not recorded.
+// From facts to rows and from rows to numbers: nothing is lost, and contradictions are not
+// recorded.
 #include "server/grading/results.h"
 
 #include <string>
@@ -106,8 +106,8 @@ TEST(JudgementOf, TellsARowThatCanNotBeRead) {
   }
 }
 
-// What newer builds show beside the metrics comes from the facts, so that the rows of older ones
-// are compared by what they always were.
+// What newer builds show beside the metrics comes from the facts, so that older builds' rows are
+// still compared by the same keys.
 TEST(JudgedRow, MetricsKeepTheirKeys) {
   const TrackPtr track = LoadTrack("manipulation");
   ASSERT_NE(track, nullptr);

@@ -1,4 +1,4 @@
-// The `scoring` section of track configs, as tracks are loaded with it.
+// The `scoring` section of track configs, as loaded tracks have it.
 #include <fstream>
 
 #include <absl/strings/str_cat.h>
@@ -34,7 +34,7 @@ TrackConfig Load(const std::string& track, const std::string& profile = "") {
   return LoadTrackConfig(kTracks, track, profile).value();
 }
 
-// The mistake in `track`'s scoring once `patch` (RFC 7386) is merged over it.
+// The error in `track`'s scoring after merging `patch` (RFC 7386).
 std::string MistakeOf(const std::string& track, const json& patch) {
   TrackConfig config = Load(track);
   config.scoring.merge_patch(patch);
@@ -58,7 +58,7 @@ TEST(TrackScoring, ReadsEveryShippedConfigInEveryProfile) {
   EXPECT_GE(parsed, 10);
 }
 
-// As stores have them (tests/protocol/lease/forms).
+// As kept in stores (tests/protocol/lease/forms).
 TEST(TrackScoring, ReadsConfigsOfEveryEarlierForm) {
   for (int64_t form = 1; form < kTrackConfigForm; ++form) {
     std::ifstream file(absl::StrCat(MYOGRADE_SOURCE_DIR "/tests/protocol/lease/forms/", form,

@@ -34,7 +34,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-// The vectors that RFC 6962 implementations are commonly held against.
+// The vectors that RFC 6962 implementations are commonly tested with.
 TEST(Merkle, HasTheRootsOfKnownTrees) {
   using namespace std::string_literals;
   const std::vector<std::string> leaves = {
@@ -261,7 +261,7 @@ TEST_F(ReceiptTest, AKillWhileTheKeyIsWrittenLeavesNoHalfOfIt) {
     const pid_t child = fork();
     ASSERT_GE(child, 0);
     if (child == 0) {
-      // The kernel kills at the first byte beyond.
+      // The kernel kills at the first byte beyond the limit.
       signal(SIGXFSZ, SIG_DFL);
       const rlimit limits = {bytes, bytes};
       setrlimit(RLIMIT_FSIZE, &limits);

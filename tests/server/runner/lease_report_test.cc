@@ -114,8 +114,8 @@ TEST(LeaseReport, ReplaysAreToldByTheirEpisode) {
   EXPECT_THAT(report.fault(), HasSubstr("episode 3, which the lease did not ask for"));
 }
 
-// Whatever a runner tells in whatever pieces: no episode is given twice or unasked, and the lease is
-// done if and only if each was told once, in its turn or not, before a good last record.
+// Whatever a runner reports, in whatever pieces: no episode is returned twice or unordered, and the
+// lease is done if and only if each was reported once, in any order, before a valid end record.
 RC_GTEST_PROP(LeaseReport, GivesEachOrderedEpisodeAtMostOnce, ()) {
   const int64_t count = *rc::gen::inRange<int64_t>(1, 5);
   LeaseReport report(Episodes(count), {}, kStart);

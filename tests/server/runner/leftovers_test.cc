@@ -1,5 +1,5 @@
-// What a policy leaves behind: processes that can't be killed for a while, and CPU time of those
-// that nobody waited for.
+// What a policy leaves behind: processes that can't be killed for a while, and CPU time of
+// processes that nobody waited for.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/socket.h>
@@ -23,9 +23,8 @@ namespace {
 
 constexpr absl::Duration kLong = absl::Seconds(200);
 
-// A control group whose processes stand still, so that not even SIGKILL ends them. A child of this
-// process does what it is asked for, as root and in sight of the groups, whatever this process
-// becomes afterwards.
+// A control group whose processes are frozen, so that not even SIGKILL ends them. A child of this
+// process operates it, as root and with access to the groups, whatever this process becomes later.
 class Freezer {
  public:
   Freezer() {
@@ -46,7 +45,7 @@ class Freezer {
     if (child_ > 0) waitpid(child_, nullptr, 0);
   }
   bool there() const { return there_; }
-  // True once the process stands still.
+  // True once the process is frozen.
   bool Freeze(pid_t pid) { return Ask(pid); }
   bool Thaw() { return Ask(0); }
 
@@ -59,7 +58,7 @@ class Freezer {
     }
     return false;
   }
-  // The child's part, until this end is closed.
+  // The child's loop, until this end is closed.
   static void Serve(int fd) {
     const std::string folder = absl::StrCat("/sys/fs/cgroup/freezer/myograde-test-", getpid());
     signal(SIGPIPE, SIG_IGN);
@@ -100,7 +99,7 @@ pid_t ParentOf(pid_t pid) {
 class LeftoversTest : public RunnerTest {
  protected:
   static void SetUpTestSuite() {
-    freezer_ = std::make_unique<Freezer>();  // before this process becomes what it is asked to be
+    freezer_ = std::make_unique<Freezer>();  // before this process changes its user
     RunnerTest::SetUpTestSuite();
   }
   static void TearDownTestSuite() { freezer_ = nullptr; }
@@ -131,7 +130,7 @@ class LeftoversTest : public RunnerTest {
     runner_ = *std::move(runner);
   }
 
-  // Listens until `done`, or for long.
+  // Reads records until `done`, or for a long time.
   template <typename Done>
   bool ListenUntil(Done done, absl::Duration limit = kLong) {
     const Deadline deadline(limit);
@@ -151,7 +150,7 @@ class LeftoversTest : public RunnerTest {
     return done();
   }
 
-  // Pids of the policy's sleepers, whoever's they are.
+  // Pids of the policy's sleepers, whoever owns them.
   std::vector<int> Sleepers() const {
     std::vector<int> found;
     for (const int pid : ProcessesWith(seconds_)) {
@@ -162,7 +161,7 @@ class LeftoversTest : public RunnerTest {
     return found;
   }
 
-  // One of them, once there is one that was not there before; 0 if none comes.
+  // A sleeper that was not there before; waits for one, returns 0 if none comes.
   pid_t AwaitSleeper(pid_t before = 0, absl::Duration limit = kLong) {
     pid_t found = 0;
     ListenUntil([&] {
@@ -172,14 +171,14 @@ class LeftoversTest : public RunnerTest {
     return found;
   }
 
-  // Ends with status 7 when it is told to, beside a child that stays.
+  // Exits with status 7 when told to, leaving a child behind.
   std::string Script() const {
     return absl::StrCat("trap 'exit 7' USR1; sleep ", seconds_,
                         " & echo last words >&2; while :; do sleep 0.1; done");
   }
 
   inline static std::unique_ptr<Freezer> freezer_;
-  // Of this process' policies alone.
+  // Unique to this process' policies.
   const std::string seconds_ = absl::StrCat(10'000'000 + getpid());
   std::unique_ptr<RunnerProcess> runner_;
   Outcomes heard_;
@@ -194,7 +193,7 @@ TEST_F(LeftoversTest, TheFirstCauseStaysTheVerdictAndNothingIsPlayedBesideThem) 
   ASSERT_TRUE(ListenUntil([&] { return heard_.episodes.size() == 1; }));
   EXPECT_EQ(heard_.episodes[0].fault.outcome, Outcome::kCrash);
   EXPECT_THAT(heard_.episodes[0].fault.detail, HasSubstr("status 7"));
-  // The next run of the policy waits.
+  // The policy's next run waits.
   EXPECT_EQ(AwaitSleeper(first, absl::Seconds(3)), 0);
   EXPECT_THAT(Sleepers(), ::testing::ElementsAre(first));
   ASSERT_TRUE(freezer_->Thaw());
@@ -241,7 +240,7 @@ TEST_F(LeftoversTest, ARunnerThatIsToldToEndDoesNotWaitForThem) {
   EXPECT_THAT(Sleepers(), ::testing::IsEmpty());
 }
 
-// What was found is told before anything is waited for, so it outlives the runner.
+// The verdict is reported before anything is waited for, so it outlives the runner.
 TEST_F(LeftoversTest, TheFirstCauseStaysTheVerdictIfTheRunnerDiesBesideThem) {
   Start(ScriptOrder(Script(), 2));
   const pid_t left = AwaitSleeper();
@@ -264,8 +263,8 @@ TEST_F(LeftoversTest, TheFirstCauseStaysTheVerdictIfTheRunnerDiesBesideThem) {
 
 using LostTimeTest = RunnerTest;
 
-// Python's children use a tenth of a second each. `before` is what their parent does about
-// SIGCHLD, `after` what it does for each child.
+// Python children that use a tenth of a second each. `before` is the parent's handling of SIGCHLD,
+// `after` what it does after each child.
 std::string Churn(const std::string& before, const std::string& after) {
   return absl::StrCat("echo last words >&2; exec /usr/bin/python3 -c 'import os, signal, time\n",
                       before,
@@ -281,7 +280,7 @@ TEST_F(LostTimeTest, OfChildrenThatNobodyWaitsForCounts) {
   budgets_["lease_cpu_s"] = 3;
   for (const std::string& before :
        {std::string("signal.signal(signal.SIGCHLD, signal.SIG_IGN)"),
-        // A grandchild, whose parent ends at once.
+        // A grandchild, whose parent exits at once.
         std::string("signal.signal(signal.SIGCHLD, signal.SIG_IGN)\n"
                     "fork = os.fork\n"
                     "def twice():\n"
@@ -302,7 +301,7 @@ TEST_F(LostTimeTest, OfChildrenThatNobodyWaitsForCounts) {
 TEST_F(LostTimeTest, OfAFewHelpersCostsNothingElse) {
   budgets_["startup_s"] = 150;
   budgets_["lease_cpu_s"] = 3;
-  // Ten helpers that use 0.1 s each, half of them of a parent that does not wait.
+  // Ten helpers that use 0.1 s each, half of them children of a parent that does not wait.
   const Outcomes outcomes = Play(
       ScriptOrder("exec /usr/bin/python3 -c 'import os, signal, time\n"
                   "for i in range(10):\n"

@@ -1,6 +1,5 @@
-// Every budget of a policy, broken by a small program: what it is called, and
-// that the evidence holds limit, value, step and the program's last words. And
-// what the simulator's own end means.
+// Breaks every budget of a policy with a small program: checks the outcome, and that the evidence
+// has limit, value, step and the program's last output. Also what the simulator's own end means.
 #include <sys/mman.h>
 #include <sys/wait.h>
 
@@ -129,7 +128,7 @@ TEST_F(LimitsTest, FilesOnDisk) {
 
 TEST_F(LimitsTest, LengthOfAFile) {
   budgets_["scratch_bytes"] = 4 << 20;
-  // Sparse, so that it is not the disk that is full.
+  // Sparse, so that the disk itself is not full.
   ExpectEvidence(Play(ScriptOrder("echo last words >&2; exec truncate -s 5000000 /tmp/x")),
                  Outcome::kDiskLimit, "scratch_bytes", 4 << 20);
 }
@@ -172,14 +171,14 @@ TEST_F(LimitsTest, StartUp) {
                  "startup_s", 1);
 }
 
-// Processes that keep all processors busy until its end.
+// Processes that keep all processors busy until it is destroyed.
 class BusyHost {
  public:
   explicit BusyHost(int processes) {
     for (int i = 0; i < processes; ++i) {
       spinners_.push_back(fork());
       if (spinners_.back() != 0) continue;
-      setsid();  // where the kernel shares out processors by session, a share for each
+      setsid();  // for kernels that schedule by session: a share each
       while (true) continue;
     }
   }
@@ -219,7 +218,7 @@ TEST_F(LimitsTest, LastWordsAreOfThisRunAndHarmless) {
 }
 
 TEST_F(LimitsTest, TheBridgeCantBeLookedIntoOrStopped) {
-  // A sanitizer's runtime handles SIGSEGV, and so hears it as process 1.
+  // A sanitizer's runtime handles SIGSEGV, and so receives it even as process 1.
   const std::string signals = kSanitized ? "STOP KILL TERM USR1" : "STOP KILL TERM SEGV USR1";
   const Outcomes outcomes = Play(
       ScriptOrder("for file in environ mem maps fd/3 cwd root exe; do\n"
@@ -277,7 +276,7 @@ TEST_F(LimitsTest, TheBridgesDeathIsTheParticipants) {
   EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
 }
 
-// The folder of the control group that counts a process's memory.
+// The folder of the control group that limits a process' memory.
 std::string MemoryGroupOf(pid_t pid) {
   std::ifstream file(absl::StrCat("/proc/", pid, "/cgroup"));
   std::string found;
@@ -291,21 +290,21 @@ std::string MemoryGroupOf(pid_t pid) {
   return found;
 }
 
-// For RunnerTest::meddle_: once, another process takes `bytes` in the simulator's control group, where
-// the simulator is the one to be killed for want of memory.
+// For RunnerTest::meddle_: once, another process allocates `bytes` in the simulator's control
+// group, where the simulator is the one to be killed when memory runs out.
 std::function<void(pid_t)> Crowd(size_t bytes) {
   return [=, done = false](pid_t runner) mutable {
     if (done) return;
     for (const pid_t sim : ProcessesBelow(runner, "myograde-sim")) {
       const std::string group = MemoryGroupOf(sim);
-      if (group == MemoryGroupOf(runner)) continue;  // it has yet to join its own
+      if (group == MemoryGroupOf(runner)) continue;  // it has not joined its own yet
       const std::string procs = group + "/cgroup.procs";
       const pid_t child = fork();
       if (child == 0) {
         std::ofstream(absl::StrCat("/proc/", sim, "/oom_score_adj")) << 1000;
         std::ofstream(procs) << getpid();
-        // A small program: all of this process would count where the kernel chooses. It stays for
-        // a simulator that has yet to load its model.
+        // A small program, as a copy of this whole process would be charged where the kernel
+        // chooses. It waits for a simulator that has not loaded its model yet.
         const std::string program =
             absl::StrCat("import time; held = b'x' * ", bytes, "; time.sleep(2)");
         execl("/usr/bin/python3", "python3", "-c", program.c_str(), nullptr);
@@ -316,7 +315,7 @@ std::function<void(pid_t)> Crowd(size_t bytes) {
   };
 }
 
-// Configs of their own for the simulator.
+// Uses a separate config for the simulator.
 class SimTest : public RunnerTest {
  protected:
   void SetUp() override {

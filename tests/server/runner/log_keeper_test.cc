@@ -1,4 +1,4 @@
-// Logs that reach the keeper back to back, in pieces, too long and too short.
+// Logs that arrive back to back, in pieces, too long and too short.
 #include "server/runner/log_keeper.h"
 
 #include <unistd.h>

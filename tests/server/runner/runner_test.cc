@@ -1,5 +1,5 @@
-// Whole leases with the real simulator, bridge and sandboxes: what honest and
-// broken policies get, and that nothing of a lease is left.
+// Whole leases with the real simulator, bridge and sandboxes: the outcomes of correct and broken
+// policies, and that a lease leaves nothing behind.
 #include "server/sandbox/slot_processes.h"
 #include "tests/server/runner/runner_world.h"
 
@@ -43,7 +43,7 @@ TEST_F(RunnerTest, PolicyThatEndsAtOnceGetsItsLastWordsTold) {
     EXPECT_THAT(facts.fault.detail, HasSubstr("7"));
     EXPECT_THAT(facts.fault.detail, HasSubstr("no such model"));
   }
-  // Started once, and once more: restarts is 1.
+  // Started twice: restarts is 1.
   EXPECT_EQ(outcomes.end->stdout_tail, "out\nout\n");
 }
 
@@ -55,7 +55,7 @@ TEST_F(RunnerTest, PolicyThatIsNotExecutable) {
   EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
 }
 
-// The dynamic loader tells of the first library that it does not find.
+// The dynamic loader names the first library that it does not find.
 TEST_F(RunnerTest, PolicyWithoutItsLibraryIsToldWhatIsMissingAndWhereItBelongs) {
   std::ifstream shell("/bin/sh", std::ios::binary);
   std::string program((std::istreambuf_iterator<char>(shell)), {});
@@ -133,7 +133,7 @@ TEST_F(RunnerTest, NothingSurvivesTheRunnersSigkill) {
   if (geteuid() == 0) {
     EXPECT_THAT(ProcessesOfSlot(), ::testing::IsEmpty());
   }
-  // Its control groups go with the next lease.
+  // The next lease removes its control groups.
   const Outcomes next = Play(ScriptOrder("exit 0"));
   EXPECT_THAT(LeftGroups(first), ::testing::IsEmpty());
 }

@@ -1,8 +1,8 @@
-// What the tests of whole leases share: orders for small policies, and proof
-// that nothing of a lease is left.
+// Shared by the tests of whole leases: orders for small policies, and checks that nothing of a
+// lease is left.
 //
-// MYOGRADE_TEST_AS=user runs them as an ordinary user, without-groups as root
-// on a host that has no control groups; both start from root.
+// MYOGRADE_TEST_AS=user runs them as an ordinary user, without-groups as root on a host without
+// control groups; both start as root.
 #pragma once
 
 #include <dirent.h>
@@ -39,7 +39,7 @@ namespace myograde::server {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-// The slot's uid, of nobody else on the host: processes of it are a lease's.
+// The slot's uid, used by nothing else on the host: its processes belong to a lease.
 inline constexpr int64_t kSlotUid = 70917;
 
 struct Outcomes {
@@ -72,7 +72,7 @@ inline std::vector<std::string> LeftGroups(pid_t runner) {
   return found;
 }
 
-// Why these tests can't be what MYOGRADE_TEST_AS asks for; "" if they are.
+// Why these tests can't run as MYOGRADE_TEST_AS requests; "" if they can.
 inline std::string BecomeAsAsked() {
   constexpr uid_t kOrdinary = 71999;
   const char* asked = std::getenv("MYOGRADE_TEST_AS");
@@ -111,7 +111,7 @@ class RunnerTest : public ::testing::Test {
     std::string folder = (fs::temp_directory_path() / "myograde-runner-XXXXXX").string();
     ASSERT_NE(mkdtemp(folder.data()), nullptr);
     root_ = folder;
-    // A folder that the slot's uid can't enter: as a clone in a home folder.
+    // A folder that the slot's uid can't enter, like a clone in a home folder.
     fs::permissions(root_, fs::perms::owner_all);
     fs::create_directory(root_ + "/work");
     fs::create_directory(root_ + "/policy");
@@ -204,13 +204,13 @@ class RunnerTest : public ::testing::Test {
       std::ifstream file(entry.path() / "stat");
       std::string text;
       std::getline(file, text);
-      // A dead one that the host's process 1 has not collected yet is none.
+      // Ignore zombies that the host's process 1 has not reaped yet.
       if (text.find(") Z ") == std::string::npos) found.push_back(pid);
     }
     return found;
   }
 
-  // True if a control group tells what happened to a policy.
+  // True if a control group reports what happened to a policy.
   static bool HasGroups() {
     const auto group = ControlGroup::Create(GroupName("probe"), {1 << 30, 64, 1.0});
     return group->controllers().memory && group->controllers().pids;
@@ -219,7 +219,7 @@ class RunnerTest : public ::testing::Test {
   inline static std::string unfit_;
   std::string cache_;
   std::string root_;
-  // Called again and again while a lease runs, with the runner's pid.
+  // Called repeatedly while a lease runs, with the runner's pid.
   std::function<void(pid_t)> meddle_;
   nlohmann::json budgets_ = {{"startup_s", 3}, {"restarts", 1}};
 };

@@ -1,5 +1,5 @@
-// What leases of one host share in its kernel: no policy takes it from others,
-// leaves a mark in it, or is blamed for what another one took.
+// Kernel resources that leases of one host share: no policy can exhaust them, leave traces in them,
+// or be blamed for what another one took.
 #include <netinet/in.h>
 #include <sched.h>
 #include <sys/resource.h>
@@ -37,8 +37,8 @@ TEST_F(SharedTest, SocketsAreBounded) {
   EXPECT_THAT(fault.stderr_tail, HasSubstr("last words"));
 }
 
-// Sends a descriptor to a socket that nobody reads until the kernel lets this
-// user have no more in flight. All ends are kept in `ends`.
+// Sends a descriptor to a socket that nobody reads until the kernel allows this user no more in
+// flight. Keeps all ends in `ends`.
 int64_t FillTheFlight(std::vector<Fd>& ends) {
   int64_t sent = 0;
   for (int rounds = 0; rounds < 10000; ++rounds) {
@@ -71,13 +71,13 @@ TEST_F(SharedTest, DescriptorsInFlightOfTheUserHoldUpNoLease) {
   rlimit usual;
   ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &usual), 0);
   if (usual.rlim_max < 4096) GTEST_SKIP() << "the hard limit of open files is too low";
-  // Of this process and what it starts, as a login session has it.
+  // For this process and its children, as in a login session.
   const rlimit low = {512, usual.rlim_max};
   ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &low), 0);
   {
     std::vector<Fd> ends;
     EXPECT_GT(FillTheFlight(ends), 512);
-    ends.resize(std::min<size_t>(ends.size(), 100));  // room for the caller's own
+    ends.resize(std::min<size_t>(ends.size(), 100));  // leave some for the caller
     const Outcomes outcomes = Play(ScriptOrder("exit 3"));
     ASSERT_EQ(outcomes.episodes.size(), 1u) << outcomes.end->detail;
     EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
@@ -102,9 +102,8 @@ TEST_F(SharedTest, NobodyLeavesAMarkInTheTimesOfDevices) {
   EXPECT_THAT(outcomes.end->stderr_tail, HasSubstr("Read-only file system"));
 }
 
-// Moves the mark from which on the kernel drops messages down to one page, and
-// holds more than that. Nobody loses a message, as less than the first number
-// is never too much.
+// Lowers the threshold at which the kernel drops messages to one page, and holds more than that. No
+// message is lost, as usage below the first number is always allowed.
 class FullPool {
  public:
   FullPool() {
@@ -132,7 +131,7 @@ class FullPool {
         }
       }
     }).join();
-    full_ = set_ && BusNetwork::Make()->Look().pool_full;
+    full_ = set_ && BusNetwork::Make()->Sample().pool_full;
   }
   ~FullPool() {
     if (set_) Write(mark_);
@@ -163,7 +162,7 @@ TEST_F(SharedTest, NobodyIsLateWhileTheHostsMemoryForMessagesIsFull) {
   EXPECT_FALSE(late.end->ok);
   EXPECT_THAT(late.end->detail, HasSubstr("net.ipv4.udp_mem"));
   EXPECT_THAT(late.episodes, ::testing::IsEmpty());
-  // What has nothing to do with messages stays the participant's.
+  // Outcomes unrelated to messages stay the participant's.
   const Outcomes crash = Play(ScriptOrder("exit 3"));
   ASSERT_EQ(crash.episodes.size(), 1u) << crash.end->detail;
   EXPECT_EQ(crash.episodes[0].fault.outcome, Outcome::kCrash);

@@ -1,5 +1,5 @@
-// Control groups on plain folders that look like the kernel's, of both
-// versions: what is written where, what is read, what is left.
+// Control groups on plain folders that imitate the kernel's, in both versions: what is written
+// where, what is read, what remains.
 #include "server/sandbox/control_group.h"
 
 #include <gmock/gmock.h>
@@ -31,8 +31,8 @@ class ControlGroupTest : public ::testing::Test {
     fs::create_directories(root_);
     host_.membership = root_ / "membership";
     host_.mounts = root_ / "mounts";
-    // A folder made in a control group file system has its files at once, and
-    // is removed with them.
+    // A folder created in a control group file system has its files at once, and is removed with
+    // them.
     host_.make = [this](const std::string& folder) {
       if (!fs::create_directory(folder)) return false;
       for (const std::string& file : files_) std::ofstream(folder + "/" + file);
@@ -132,7 +132,7 @@ TEST_F(ControlGroupTest, Version2LimitsAndMeasures) {
   const GroupControllers& got = group->controllers();
   EXPECT_EQ(got.version, 2);
   EXPECT_TRUE(got.memory && got.pids && got.cpu && got.cpu_account);
-  const fs::path folder = root_ / "unified/grader/lease";  // beside the daemon's own
+  const fs::path folder = root_ / "unified/grader/lease";  // beside the daemon's own group
   EXPECT_EQ(Read(folder / "memory.max"), "536870912");
   EXPECT_EQ(Read(folder / "memory.swap.max"), "0");
   EXPECT_EQ(Read(folder / "pids.max"), "40");
@@ -183,7 +183,7 @@ TEST_F(ControlGroupTest, WhatIsHeldElsewhereComesOffTheLimitWhereItIsNotCounted)
   EXPECT_TRUE(group->Withhold(0));
   EXPECT_EQ(Read(limit), std::to_string(512 << 20));
   EXPECT_FALSE(group->Withhold(512 << 20));
-  // The kernel can't make room.
+  // The kernel can't free memory.
   fs::remove(limit);
   fs::create_directory(limit);
   EXPECT_FALSE(group->Withhold(200 << 20));
@@ -205,7 +205,7 @@ TEST_F(ControlGroupTest, KillsItsMembers) {
   }
   const fs::path list = root_ / "pids/lease/cgroup.procs";
   std::ofstream(list) << child << '\n';
-  // Plain folders don't notice that it died.
+  // Plain folders don't notice that the process died.
   EXPECT_FALSE(group->KillAll(absl::Milliseconds(20)));
   int status = 0;
   ASSERT_EQ(waitpid(child, &status, 0), child);
@@ -238,13 +238,13 @@ TEST_F(ControlGroupTest, ASecondStartRemovesWhatAKilledProcessLeft) {
   ControlGroup::RemoveStale(host_);
   EXPECT_THAT(left(), ::testing::UnorderedElementsAre(GroupName("0"), "another",
                                                       "myograde.of-somebody-else"));
-  EXPECT_EQ(removed_.size(), 2u);  // one of each controller
+  EXPECT_EQ(removed_.size(), 2u);  // one per controller
 }
 
 TEST(GroupName, TellsOfItsProcess) {
   EXPECT_FALSE(IsStaleGroup(GroupName("3")));
   const std::string name = GroupName("3");
-  // The same pid, but of a process that started at another time.
+  // The same pid, but of a process with another start time.
   const size_t start = name.find('.', sizeof("myograde.") - 1) + 1;
   EXPECT_TRUE(IsStaleGroup(name.substr(0, start) + "1" + name.substr(start)));
   EXPECT_TRUE(IsStaleGroup("myograde.2147483646.5.0"));

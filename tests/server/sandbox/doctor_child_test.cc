@@ -1,4 +1,4 @@
-// The child processes in which the doctor tries things out.
+// The child processes in which the doctor runs its trials.
 #include <signal.h>
 #include <unistd.h>
 
@@ -36,7 +36,7 @@ TEST(Child, IsKilledAtItsDeadlineWithAllThatItStarted) {
   EXPECT_EQ(end.exit_code, -1);
   EXPECT_LT(SystemClock().Monotonic() - start, absl::Seconds(20));
   const pid_t sleeper = static_cast<pid_t>(std::stol(end.output));
-  // Its end comes at once, but whoever inherits it may take a moment to reap it.
+  // It dies at once, but its new parent may take a moment to reap it.
   const auto state = [sleeper] {
     char path[64];
     std::snprintf(path, sizeof(path), "/proc/%d/stat", sleeper);

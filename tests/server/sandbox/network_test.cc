@@ -1,5 +1,5 @@
-// The network of a sandbox: what is seen of it from outside, and what the doctor
-// makes of the memory that all of them share.
+// A sandbox' network: what can be measured from outside, and the doctor's checks of the memory that
+// all of them share.
 #include "server/sandbox/network.h"
 
 #include <arpa/inet.h>
@@ -59,7 +59,7 @@ class BusNetworkTest : public ::testing::Test {
     network_ = *std::move(made);
   }
 
-  // Runs `work` in there.
+  // Runs `work` inside the namespace.
   void Inside(const std::function<void()>& work) const {
     std::thread([&] {
       ASSERT_EQ(setns(network_->fd(), CLONE_NEWNET), 0);
@@ -72,13 +72,13 @@ class BusNetworkTest : public ::testing::Test {
 
 TEST_F(BusNetworkTest, IsNotTheCallersAndTellsItsSockets) {
   const ino_t outside = OwnNetwork();
-  EXPECT_EQ(network_->Look().sockets, 0);
-  const int64_t few = network_->Look().all_sockets;
+  EXPECT_EQ(network_->Sample().sockets, 0);
+  const int64_t few = network_->Sample().all_sockets;
   Inside([&] {
     {
       const Fd unix_socket(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-      EXPECT_EQ(network_->Look().all_sockets, few + 1);
-      EXPECT_EQ(network_->Look().sockets, 0);
+      EXPECT_EQ(network_->Sample().all_sockets, few + 1);
+      EXPECT_EQ(network_->Sample().sockets, 0);
     }
     EXPECT_NE(OwnNetwork(), outside);
     std::vector<Fd> sockets;
@@ -90,7 +90,7 @@ TEST_F(BusNetworkTest, IsNotTheCallersAndTellsItsSockets) {
       six.sin6_family = AF_INET6;
       sockaddr_in four = {};
       four.sin_family = AF_INET;
-      const int64_t before = network_->Look().sockets;
+      const int64_t before = network_->Sample().sockets;
       const int bound = family == AF_INET
                             ? bind(one.get(), reinterpret_cast<sockaddr*>(&four), sizeof(four))
                             : bind(one.get(), reinterpret_cast<sockaddr*>(&six), sizeof(six));
@@ -98,11 +98,11 @@ TEST_F(BusNetworkTest, IsNotTheCallersAndTellsItsSockets) {
       if (type == SOCK_STREAM) {
         EXPECT_EQ(listen(one.get(), 1), 0);
       }
-      EXPECT_EQ(network_->Look().sockets, before + 1) << family << " " << type;
+      EXPECT_EQ(network_->Sample().sockets, before + 1) << family << " " << type;
     }
   });
-  EXPECT_EQ(network_->Look().sockets, 0);
-  EXPECT_FALSE(network_->Look().pool_full);
+  EXPECT_EQ(network_->Sample().sockets, 0);
+  EXPECT_FALSE(network_->Sample().pool_full);
   EXPECT_EQ(network_->dropped(), 0);
   EXPECT_EQ(OwnNetwork(), outside);
 }
@@ -152,7 +152,7 @@ TEST(SharedLimits, SocketMemoryOfAllSlotsMustLeaveRoom) {
                          .udp_total = int64_t{1} << 30, .tcp_total = int64_t{1} << 30,
                          .bounded = true};
   EXPECT_EQ(JudgeSocketMemory(memory).state, CheckState::kOk);
-  memory.usual_buffer = 2 << 20;  // as LCM's guide has people set it
+  memory.usual_buffer = 2 << 20;  // as LCM's guide recommends
   const Check poor = JudgeSocketMemory(memory);
   EXPECT_EQ(poor.state, CheckState::kDegraded);
   EXPECT_THAT(poor.todo, HasSubstr("udp_mem"));

@@ -1,5 +1,5 @@
-// CPU time of processes without a control group, to the nanosecond, and of those that nobody
-// waited for.
+// CPU time of processes without a control group, to the nanosecond, and of those that nobody waited
+// for.
 #include "server/sandbox/process_tree.h"
 
 #include <fcntl.h>
@@ -26,8 +26,8 @@ int64_t OwnCpuNs() {
   return time.tv_sec * int64_t{1000000000} + time.tv_nsec;
 }
 
-// A process that has used at least 3 ms, less than a tick of /proc/PID/stat,
-// and a child of its own that has used 2 ms. Both stay until they are killed.
+// A process that has used at least 3 ms, less than a tick of /proc/PID/stat, with a child that has
+// used 2 ms. Both stay until they are killed.
 struct Family {
   Family() {
     int words[2];
@@ -80,7 +80,7 @@ TEST(ProcessTree, SleepersDoNotRunAndSpinnersDo) {
   if (sleeper == 0) while (true) pause();
   const pid_t spinner = fork();
   if (spinner == 0) while (true) continue;
-  // The sleeper may still be on its way to its sleep.
+  // The sleeper may not be asleep yet.
   bool slept = false;
   for (int i = 0; i < 1000 && !slept; ++i) {
     slept = !AnyRuns({sleeper});
@@ -97,7 +97,7 @@ TEST(ProcessTree, SleepersDoNotRunAndSpinnersDo) {
 }
 
 TEST(ProcessTree, WhoWaitsInTheKernelReadsAndDoesNotRun) {
-  // A parent in vfork waits as one for a disk does, until its child is gone.
+  // A parent in vfork waits, as if for a disk, until its child is gone.
   const pid_t parent = fork();
   if (parent == 0) {
     if (vfork() == 0) {
@@ -119,16 +119,16 @@ TEST(ProcessTree, WhoWaitsInTheKernelReadsAndDoesNotRun) {
   EXPECT_FALSE(AnyRunsOrReads({parent}));
 }
 
-// A host of one parent whose children follow each other, told to a ledger at moments by chance
-// and, as a step's answer does, at moments of the children's own choice.
+// A simulated host with one parent whose children follow each other, sampled by a ledger at random
+// moments and, like a step's answer, at moments that the children choose.
 struct Churn {
   bool waited_for = false;     // the parent waits for its children
   double life_s = 0.004;       // of a child
-  double busy = 1;             // the part of its life that it runs, at the end of it
+  double busy = 1;             // the fraction of its life that it runs, at the end
   int at_once = 1;
-  double between_s = 0;        // from the end of one to the beginning of the next
-  bool answers = false;        // a look right after each child's end
-  bool hides = false;          // each second child is waited for, so that some time is collected
+  double between_s = 0;        // between one child's end and the next one's start
+  bool answers = false;        // samples right after each child's end
+  bool hides = false;          // waits for every second child, so that some time is collected
 };
 
 struct Sum {
@@ -157,7 +157,7 @@ Sum Play(const Churn& churn, double seconds, unsigned seed) {
             static_cast<int64_t>(ran * 1e9), 0, ran > 0 ? 1.0 : 0.0};
       }
     }
-    ledger.Look(seen, {}, absl::Seconds(now), by_chance);
+    ledger.AddSample(seen, {}, absl::Seconds(now), by_chance);
   };
   while (now < seconds) {
     const double end = born + churn.life_s;
@@ -228,27 +228,28 @@ TEST(CpuLedger, WhoeverGoesWhileItIsLookedAtIsSettledLater) {
   CpuLedger ledger(kApart);
   const auto parent = [](int64_t children_ns) { return ProcessSeen{5, children_ns, 0}; };
   const int64_t second = 1000000000;
-  ledger.Look({{{1, 0}, parent(0)}, {{2, 0}, {second, 0, 1}}}, {}, absl::Seconds(1), true);
+  ledger.AddSample({{{1, 0}, parent(0)}, {{2, 0}, {second, 0, 1}}}, {}, absl::Seconds(1), true);
   EXPECT_EQ(ledger.total_ns(), second + 5);
   // Waited for after its parent's account was read, and before its own was.
-  ledger.Look({{{1, 0}, parent(0)}}, {2}, absl::Seconds(2), true);
+  ledger.AddSample({{{1, 0}, parent(0)}}, {2}, absl::Seconds(2), true);
   EXPECT_EQ(ledger.total_ns(), second + 5);
-  ledger.Look({{{1, 0}, parent(second + 30000000)}}, {}, absl::Seconds(3), true);
+  ledger.AddSample({{{1, 0}, parent(second + 30000000)}}, {}, absl::Seconds(3), true);
   EXPECT_EQ(ledger.total_ns(), second + 5 + 30000000);
 }
 
 TEST(CpuLedger, AParentsAccountMovesOnWithIt) {
   CpuLedger ledger(kApart);
   const int64_t second = 1000000000;
-  ledger.Look({{{1, 0}, {0, 0, 0}}, {{2, 0}, {second, 3 * second, 0}}}, {}, absl::Seconds(1),
-              true);
+  ledger.AddSample({{{1, 0}, {0, 0, 0}}, {{2, 0}, {second, 3 * second, 0}}}, {}, absl::Seconds(1),
+                   true);
   EXPECT_EQ(ledger.total_ns(), 4 * second);
-  ledger.Look({{{1, 0}, {0, 4 * second, 0}}}, {}, absl::Seconds(2), true);
+  ledger.AddSample({{{1, 0}, {0, 4 * second, 0}}}, {}, absl::Seconds(2), true);
   EXPECT_EQ(ledger.total_ns(), 4 * second);
 }
 
-// Real ones: a parent that has its children each use `life_ns`, one after the other, until all
-// have used `whole_ns`, and says how much that was at least; all of it where it waits for them.
+// With real processes: a parent runs children that use `life_ns` each, one after the other, until
+// all have used `whole_ns`, and reports a lower bound of the total; the exact total if it waits for
+// them.
 Sum PlayReal(bool waits, int64_t life_ns, int64_t whole_ns) {
   int words[2];
   if (pipe(words) != 0) return {};
@@ -262,13 +263,13 @@ Sum PlayReal(bool waits, int64_t life_ns, int64_t whole_ns) {
         while (OwnCpuNs() < life_ns) continue;
         _exit(0);
       }
-      // Where nobody collects it, this too returns once it is gone.
+      // Even if nobody reaps it, this returns once it is gone.
       waitpid(child, nullptr, 0);
       used += life_ns;
     }
     used += OwnCpuNs();
     if (waits) {
-      // All of it: the kernel charges a child with its start and its end too.
+      // The total: the kernel charges a child for its start and its exit too.
       rusage children;
       getrusage(RUSAGE_CHILDREN, &children);
       used = OwnCpuNs();

@@ -1,4 +1,4 @@
-// What can start in a policy's sandbox, told without starting it.
+// What can start in a policy's sandbox, determined without starting it.
 #include "server/sandbox/program.h"
 
 #include <elf.h>
@@ -39,7 +39,7 @@ class ProgramTest : public ::testing::Test {
     EXPECT_TRUE(status.ok() || absl::IsInvalidArgument(status)) << status;
     return std::string(status.message());
   }
-  // The head of an ELF program for `machine`, with `loader` if it has one.
+  // The head of an ELF program for `machine`, with `loader` if given.
   static std::string Elf(Elf64_Half machine, unsigned char word_size, const std::string& loader) {
     Elf64_Ehdr header = {};
     std::memcpy(header.e_ident, ELFMAG, SELFMAG);
@@ -74,7 +74,7 @@ TEST_F(ProgramTest, ARuntimeBringsPrograms) {
   EXPECT_THAT(Complaint("snake"), HasSubstr(runtime / "bin"));
   fs::create_directory(runtime / "bin");
   std::ofstream(runtime / "bin/snake") << "#!/bin/sh\n";
-  EXPECT_THAT(Complaint("snake"), HasSubstr("no program of the sandbox"));  // can't be run yet
+  EXPECT_THAT(Complaint("snake"), HasSubstr("no program of the sandbox"));  // not executable yet
   ASSERT_EQ(::chmod((runtime / "bin/snake").c_str(), 0755), 0);
   EXPECT_EQ(Complaint("snake"), "");
   EXPECT_EQ(Complaint(runtime / "bin/snake"), "");
@@ -88,7 +88,7 @@ TEST_F(ProgramTest, PathsAreThoseOfTheSandbox) {
   EXPECT_EQ(Complaint("/bin/sh"), "");
   EXPECT_EQ(Complaint("/usr/bin/env"), "");
   EXPECT_THAT(Complaint("/usr/bin/no-such-python"), HasSubstr("is not there: the sandbox has"));
-  // There on the host and not in the sandbox.
+  // Exists on the host but not in the sandbox.
   EXPECT_THAT(Complaint("/etc/passwd"), HasSubstr("is not there"));
   EXPECT_THAT(Complaint(folder_ / "bin/policy"), HasSubstr("leads to"));
   EXPECT_THAT(Complaint("/usr"), HasSubstr("is a folder"));

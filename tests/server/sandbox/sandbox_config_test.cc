@@ -1,4 +1,4 @@
-// The shipped sandbox configs are read, and a slip of the pen in them is told.
+// The shipped sandbox configs load, and typos in them are reported.
 #include "server/sandbox/sandbox_config.h"
 
 #include <gmock/gmock.h>
@@ -33,7 +33,7 @@ class SandboxConfigTest : public ::testing::Test {
         .value();
   }
 
-  // The shipped files, with `key` of `name` replaced, or left out if discarded.
+  // The shipped files, with `key` of `name` replaced, or removed if `value` is discarded.
   absl::Status LoadWith(const std::string& name, const std::string& key,
                         const std::string& value) const {
     for (const std::string file : {"policy", "sim"}) {
@@ -43,7 +43,7 @@ class SandboxConfigTest : public ::testing::Test {
         json.erase(key);
         text = json.dump();
         text.pop_back();
-        // As text, so that it can be what no JSON value can.
+        // As text, to allow values that are not valid JSON.
         if (!value.empty()) text += absl::StrCat(",\"", key, "\":", value);
         text += "}";
       }

@@ -1,5 +1,5 @@
-// The policy's filter of system calls, as the shipped config makes it, loaded
-// into processes that try what it denies.
+// The policy's system call filter from the shipped config, loaded into processes that try what it
+// denies.
 #include "server/sandbox/seccomp_filter.h"
 
 #include <fcntl.h>
@@ -49,7 +49,7 @@ std::vector<sock_filter> Program(const Fd& filter) {
   return program;
 }
 
-// The value of `work` in a process behind the shipped filter: below 200.
+// The result of `work` in a process behind the shipped filter: below 200.
 int Behind(const std::function<int()>& work) {
   const absl::StatusOr<Fd> filter = MakeSeccompFilter(Shipped());
   EXPECT_TRUE(filter.ok()) << filter.status();
@@ -68,7 +68,7 @@ int Behind(const std::function<int()>& work) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : 300 + status;
 }
 
-// The error of a call: 0 if it worked.
+// The error of a call: 0 if it succeeded.
 int ErrorOf(long result) { return result >= 0 ? 0 : errno; }
 
 int Denies(long number, uint64_t a = 0, uint64_t b = 0, uint64_t c = 0) {
@@ -76,11 +76,11 @@ int Denies(long number, uint64_t a = 0, uint64_t b = 0, uint64_t c = 0) {
 }
 
 TEST(SeccompFilter, DeniesEveryCallThatTheConfigNames) {
-  // Arguments that no kernel would act on, should the filter let one through.
+  // Arguments that no kernel would act on, should the filter let a call through.
   constexpr uint64_t kNonsense = ~uint64_t{0};
   for (const std::string& name : Shipped().denied_system_calls) {
     const int number = seccomp_syscall_resolve_name(name.c_str());
-    if (number < 0) continue;  // belongs to another architecture
+    if (number < 0) continue;  // of another architecture
     EXPECT_EQ(Denies(number, kNonsense, kNonsense, kNonsense), EPERM) << name;
   }
   for (const std::string& name : Shipped().unimplemented_system_calls) {
@@ -154,7 +154,7 @@ TEST(SeccompFilter, KeepsTheUsualBuffersOfASocket) {
     const int wanted = 30000;
     socklen_t size = sizeof(before);
     getsockopt(socket_fd, SOL_SOCKET, option, &before, &size);
-    // Whoever asks hears that it worked, as above the host's limit.
+    // The call reports success, as it does above the host's limit.
     if (setsockopt(socket_fd, SOL_SOCKET, option, &wanted, sizeof(wanted)) != 0) return 1;
     getsockopt(socket_fd, SOL_SOCKET, option, &after, &size);
     return before == after ? 0 : 2;
@@ -177,7 +177,7 @@ TEST(SeccompFilter, KeepsTheUsualBuffersOfASocket) {
 }
 
 TEST(SeccompFilter, HasNoHugePagesOfTheHost) {
-  // The kernel's own answer to no length, or no name, is another one.
+  // The kernel's own answer to no length, or no name, differs.
   EXPECT_EQ(Behind([] {
               const auto error = [](int flags) {
                 return ErrorOf(
@@ -191,7 +191,7 @@ TEST(SeccompFilter, HasNoHugePagesOfTheHost) {
 }
 
 TEST(SeccompFilter, TakesHintsAboutMemoryAndForgetsThem) {
-  // A wrong descriptor or address would be told by the kernel.
+  // The kernel would report a wrong descriptor or address.
   EXPECT_EQ(Denies(SYS_fadvise64, 9999, 0, 0), 0);
   EXPECT_EQ(Denies(SYS_readahead, 9999), 0);
   for (const uint64_t advice : {MADV_COLD, MADV_PAGEOUT, MADV_MERGEABLE}) {
@@ -211,8 +211,8 @@ TEST(SeccompFilter, ReadsVectorsWithoutTheCallThatTakesFlags) {
             0);
 }
 
-// What the program answers to a call of this architecture without arguments: the kernel itself
-// answers most numbers that are free with the same error, and lets a few through unfiltered.
+// The program's answer to a call of this architecture without arguments: for most free numbers the
+// kernel itself returns the same error, and it exempts a few from filters.
 uint32_t Verdict(const std::vector<sock_filter>& program, uint32_t number) {
   uint32_t value = 0;
   for (size_t at = 0; at < program.size(); ++at) {
@@ -244,7 +244,7 @@ TEST(SeccompFilter, KnowsNoCallNewerThanItsLists) {
   const absl::StatusOr<Fd> filter = MakeSeccompFilter(Shipped());
   ASSERT_TRUE(filter.ok()) << filter.status();
   const std::vector<sock_filter> program = Program(*filter);
-  // Linux 6.1's own end at 450, and leave a gap that newer kernels have begun to fill.
+  // Linux 6.1's own calls end at 450, and leave a gap that newer kernels have started to fill.
 #if defined(__x86_64__)
   constexpr uint32_t kFirstFree = 335;
 #else
@@ -266,7 +266,7 @@ TEST(SeccompFilter, KnowsNoCallNewerThanItsLists) {
 #if defined(__x86_64__)
 TEST(SeccompFilter, DeniesOtherArchitectures) {
   EXPECT_NE(Denies(0x40000000L | SYS_getpid), 0);
-  // 20 is getpid there; nothing of it may work.
+  // 20 is getpid there; it must be denied.
   EXPECT_EQ(Behind([] {
               long result = 20;
               asm volatile("int $0x80" : "+a"(result) : : "memory");
@@ -278,7 +278,7 @@ TEST(SeccompFilter, DeniesOtherArchitectures) {
 
 TEST(SeccompFilter, LetsOrdinaryProgramsRun) {
   EXPECT_EQ(Behind([] {
-              // Threads and processes, through clone in the place of clone3.
+              // Threads and processes, through clone instead of clone3.
               int value = 0;
               std::thread([&value] { value = 7; }).join();
               const pid_t child = fork();

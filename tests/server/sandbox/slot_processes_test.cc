@@ -1,4 +1,4 @@
-// Processes of real sandboxes, found from outside: by marks as an ordinary user, by users as root.
+// Finds processes of real sandboxes from outside: by marks as an ordinary user, by users as root.
 #include "server/sandbox/slot_processes.h"
 
 #include <gmock/gmock.h>
@@ -62,7 +62,7 @@ std::unique_ptr<Sandbox> StartMarked(const std::string& mark, const std::string&
   return sandbox.ok() ? *std::move(sandbox) : nullptr;
 }
 
-// A sandbox whose script has said a line.
+// A sandbox whose script has printed a line.
 class Marked {
  public:
   Marked(const std::string& mark, const std::string& script) {
@@ -84,7 +84,7 @@ class Marked {
 
 class SlotProcessesTest : public ::testing::Test {
  protected:
-  // In a child that is an ordinary user, if this process is not; `work` may use EXPECT.
+  // Runs `work`, which may use EXPECT, in a child that is an ordinary user if this process is not.
   static void AsOrdinaryUser(const std::function<void(const std::string& folder)>& work) {
     std::fflush(nullptr);
     const pid_t child = fork();
@@ -95,7 +95,7 @@ class SlotProcessesTest : public ::testing::Test {
         _exit(2);
       }
       if (!CanMakeUserNamespace()) _exit(77);
-      // Letters that mountinfo escapes.
+      // Characters that mountinfo escapes.
       std::string folder = (fs::temp_directory_path() / "myograde slots\\\t-XXXXXX").string();
       if (mkdtemp(folder.data()) == nullptr) _exit(3);
       work(folder);
@@ -224,10 +224,10 @@ TEST_F(SlotProcessesTest, ASlotsUsersAreFoundAndWhoIsDeadIsNot) {
     const pid_t child = fork();
     if (child == 0) {
       const uid_t user = kOrdinary + simulators;
-      // In this order, as a change of user takes the wish back.
+      // In this order, as a change of user clears the death signal.
       if (setresuid(user, user, user) != 0 || prctl(PR_SET_PDEATHSIG, SIGKILL) != 0) _exit(2);
       std::thread([] { sleep(1000); }).detach();
-      syscall(SYS_exit, 0);  // the first thread alone
+      syscall(SYS_exit, 0);  // only the first thread
     }
     const Deadline deadline(kLong);
     while (!slots.Find(0, 8).contains(2) && !deadline.over()) usleep(10000);

@@ -1,4 +1,4 @@
-// When a host is suspected, tested, paused and taken back.
+// When a host is suspected, tested, paused and resumed.
 #include "server/scheduler/host_health.h"
 
 #include <gmock/gmock.h>

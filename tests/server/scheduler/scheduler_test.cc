@@ -1,5 +1,5 @@
-// The scheduler against random histories: submissions, ends, faults, silences,
-// cancels and late news in any order.
+// The scheduler against random histories: submissions, ends, faults, silences, cancels and late
+// events in any order.
 #include "server/scheduler/scheduler.h"
 
 #include <chrono>
@@ -62,8 +62,8 @@ TEST(SchedulerTest, PlaysAgainThreeTimesWithGrowingDelaysAndThenGivesUp) {
   scheduler.Add(Spec(1, "a", 2), absl::ZeroDuration());
   absl::Duration now = absl::ZeroDuration();
   for (int64_t attempt = 1; attempt <= 3; ++attempt) {
-    // The other lease has its turn while this one waits; it is not started here, as there is
-    // one slot and it is the earlier lease that is due.
+    // The other lease has its turn while this one waits; it is not started here, as there is one
+    // slot and the earlier lease is due.
     const auto start = scheduler.Next(now);
     ASSERT_TRUE(start);
     ASSERT_EQ(start->lease, 1000);
@@ -191,7 +191,7 @@ TEST(SchedulerTest, ThePlaceIsTheOrderInWhichEvaluationsStart) {
   }
 }
 
-// Leases that the first `count` starts gave to each team, all others staying.
+// How many of the first `count` starts each team gets, if no lease ends.
 std::map<std::string, int> FirstStarts(Scheduler& scheduler,
                                        const std::map<int64_t, std::string>& of, int count) {
   std::map<std::string, int> starts;
@@ -240,7 +240,7 @@ TEST(SchedulerTest, APlaceCostsLittleHoweverManyWait) {
   for (int64_t id = 1; id <= 10'000; ++id) {
     scheduler.Add(Spec(id, absl::StrCat("team ", id % 200), 10), absl::ZeroDuration());
   }
-  // All places at once would take minutes if each one looked at all that waits.
+  // If each place required looking at everything that waits, computing all would take minutes.
   const auto begin = std::chrono::steady_clock::now();
   std::set<int64_t> places;
   for (int64_t id = 1; id <= 10'000; ++id) {
@@ -252,7 +252,7 @@ TEST(SchedulerTest, APlaceCostsLittleHoweverManyWait) {
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(30));
 }
 
-// What the history should have led to, kept apart from the scheduler.
+// The expected state, tracked independently of the scheduler.
 struct Model {
   std::map<int64_t, std::pair<int64_t, int>> running;  // lease to attempt and slot
   std::map<int64_t, int> faults;
@@ -267,7 +267,7 @@ void CheckDecision(Model& model, int64_t lease, const Decision& decision) {
   switch (decision.kind) {
     case Kind::kEvaluationEnds:
     case Kind::kGiveUp:
-      RC_ASSERT(model.ended.insert(evaluation).second);  // once only
+      RC_ASSERT(model.ended.insert(evaluation).second);  // only once
       for (const int64_t other : decision.running) {
         model.to_free.push_back(model.running.at(other).second);
         model.running.erase(other);
@@ -352,7 +352,7 @@ RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
       }
     }
   }
-  // From here on everything goes well: all must come to its end.
+  // From here on nothing fails: everything must finish.
   for (int rounds = 0; rounds < 1000 && !model.open.empty(); ++rounds) {
     now += absl::Seconds(10);
     start_all();

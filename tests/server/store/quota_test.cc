@@ -1,4 +1,4 @@
-// Quotas: what is charged, given back and refused; what one artefact may have; marks.
+// Quotas: what is charged, refunded and rejected; the limits of one artefact; marks.
 #include "server/store/quota.h"
 
 #include <absl/strings/str_cat.h>
@@ -179,7 +179,7 @@ TEST_F(QuotaTest, AnArtefactHasOneOfficialEvaluation) {
   });
 }
 
-// Another config is another competition, and practice is none.
+// Another config is a separate competition, and practice is not ranked.
 TEST_F(QuotaTest, TheOneOfficialEvaluationIsOfOneConfigAndNotOfPractice) {
   ASSERT_FALSE(TrySubmit("alpha", 'a', /*ranked=*/false)->linked);
   const Accepted official = Submit("alpha", 'a');

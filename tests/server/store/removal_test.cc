@@ -1,4 +1,5 @@
-// Which files may go: asked for a whole sweep, and again for each file when its row is written.
+// Which files may be removed: decided for a whole sweep, and again for each file when its row is
+// written.
 #include <gtest/gtest.h>
 
 #include "tests/server/store/store_fixture.h"
@@ -30,7 +31,7 @@ class RemovalTest : public StoreTest {
     return removed;
   }
 
-  // The sweep's view, and that of each removal: they must agree.
+  // The sweep's answer, and that of each removal: they must agree.
   bool MayGo(char artefact) {
     const std::string hash(64, artefact);
     bool needed = false;
@@ -115,7 +116,8 @@ TEST_F(RemovalTest, WhatIsNeededLeavesNoRow) {
   EXPECT_EQ(Count("SELECT count(*) FROM removal"), 1);
 }
 
-// A re-run of practice that ended long ago needs its files again, and gives the same logs.
+// A re-run of a practice evaluation that ended long ago needs its files again, and produces the
+// same logs.
 TEST_F(RemovalTest, ALaterEvaluationNeedsTheFilesOfAnEarlierOne) {
   const absl::StatusOr<Accepted> practice = TrySubmit("alpha", 'b', /*ranked=*/false);
   PlayFirst(*practice, kLogHash);
@@ -149,7 +151,7 @@ TEST_F(RemovalTest, FactsThatCantBeReadKeepTheLogsThatTheyName) {
   EXPECT_TRUE(LogMayGo(kLogHash));
 }
 
-// What can't be told from a state keeps its files.
+// If the state is unreadable, the files stay.
 TEST_F(RemovalTest, AStateThatCantBeReadKeepsTheFiles) {
   const absl::StatusOr<Accepted> practice = TrySubmit("alpha", 'b', /*ranked=*/true);
   PlayFirst(*practice, kLogHash);

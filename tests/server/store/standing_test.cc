@@ -1,4 +1,4 @@
-// The view that boards are made of, and the count that tells a kept board from a stale one.
+// The view that boards are built from, and the counter that tells whether a cached board is stale.
 #include <cmath>
 #include <limits>
 
@@ -10,7 +10,7 @@
 namespace myograde::server {
 namespace {
 
-// The time has no short binary form: it must come back with every bit.
+// The time has no short binary form: every bit must survive.
 constexpr char kAggregate[] =
     R"({"distance_m":null,"effort":0.1,"effort_over_steps":0.7,"episodes":4,"pain":null,"pain_over_steps":0.1111111111111111,"successes":3,"time_s":0.3333333333333333})";
 
@@ -75,8 +75,7 @@ TEST_F(StandingTest, HoldsTheNumbersWithEveryBit) {
   });
 }
 
-// The view is made again of the episodes' rows, so what can't be read of it is as if it were not
-// there.
+// The view is rebuilt from the episodes' rows, so an unreadable entry counts as missing.
 TEST_F(StandingTest, NumbersThatAreNoneAreNotThere) {
   const Accepted accepted = Submit();
   Play(accepted);
@@ -125,8 +124,8 @@ TEST_F(StandingTest, AStoreOfTheVersionBeforeGetsItsViewAnew) {
                           "LIKE 'board_by_%'").getInt(), 5);
 }
 
-// The last version whose episodes had no more than the first reasons. Today's are the words of
-// their tracks, which the table does not know.
+// The last version that allowed only the original reasons. Today's belong to the tracks, so the
+// table's schema does not list them.
 TEST_F(StandingTest, RowsOfVersionThreeStandAndTheirTableTakesTheLaterReasons) {
   store_.reset();
   const std::string path = dir_ + "/older.db";

@@ -1,4 +1,4 @@
-// A store in a folder of its own, and the usual ways of filling it.
+// A store in its own folder, and helpers that fill it.
 #pragma once
 
 #include <filesystem>

@@ -1,5 +1,5 @@
-// The store: steps between states, keys that count once, audit rows that stay,
-// and clear errors when the file can't be used.
+// The store: state transitions, keys that count once, permanent audit rows, and clear errors if the
+// file can't be used.
 #include "server/store/store.h"
 
 #include <SQLiteCpp/SQLiteCpp.h>
@@ -63,7 +63,7 @@ TEST_F(StoreTest, AnEpisodeCountsOnceAndADifferenceIsRemembered) {
   ASSERT_TRUE(store_->Write([&](Writer& writer) {
     return writer.ReturnLease(accepted.leases[0], 1, true, "daemon", "the runner died");
   }).ok());
-  // The old attempt is over: what it says now is refused.
+  // The old attempt is over: its records are rejected.
   EXPECT_TRUE(absl::IsFailedPrecondition(Record(accepted, 1, 1).status()));
   ASSERT_TRUE(Start(accepted.leases[0], 2).ok());
   std::string slower = kFacts;
@@ -159,7 +159,7 @@ TEST_F(StoreTest, ALockedStoreIsToldAndTheSameChangeSucceedsLater) {
 TEST_F(StoreTest, AFullDiskIsToldAndLosesNothing) {
   const Accepted accepted = Submit();
   ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
-  // A limit on the size of files stands for the full disk: writes beyond it fail.
+  // A limit on file size stands in for a full disk: writes beyond it fail.
   std::signal(SIGXFSZ, SIG_IGN);
   rlimit before;
   getrlimit(RLIMIT_FSIZE, &before);

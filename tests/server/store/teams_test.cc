@@ -1,5 +1,5 @@
-// Names of teams: one team for the forms of a name, none for what looks like another's, and what
-// stores of long ago hold goes on.
+// Team names: one team for all forms of a name, rejection of look-alikes, and names in old stores
+// that stay valid.
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
@@ -31,7 +31,7 @@ class TeamsTest : public StoreTest {
     SQLite::Database db(path_);
     return db.execAndGet("SELECT count(*) FROM " + table).getInt64();
   }
-  // As a program before the rule would have written it.
+  // As a program older than the rule would have written it.
   void AddOldTeam(const std::string& name) {
     SQLite::Database db(path_, SQLite::OPEN_READWRITE);
     SQLite::Statement insert(db, "INSERT INTO team (name, created_at) VALUES (?, 1)");
@@ -80,7 +80,7 @@ TEST_F(TeamsTest, ALookAlikeIsRefusedWhereverATeamIsMade) {
   EXPECT_TRUE(Try("beta").ok());
 }
 
-// Requests that come together share a transaction, and each sees those before it.
+// Concurrent requests share a transaction, and each sees those before it.
 TEST_F(TeamsTest, OfTwoFirstSubmissionsAtOnceOneIsRefused) {
   std::vector<absl::Status> statuses;
   ASSERT_TRUE(store_->Write([&](Writer& writer) {
@@ -141,7 +141,7 @@ TEST_F(TeamsTest, ThousandsOfTeamsAreLookedUpByAnIndex) {
       absl::Status status = writer.Grant(
           {absl::StrCat("Team ", i * 2 + 1'000'002), "manipulation", Budget::kRanked, 1, "w"},
           "u");
-      // 0 and O, 1 and l are alike, two numbers never.
+      // 0 and O, 1 and l are alike, two numbers never are.
       if (!status.ok()) return status;
     }
     return absl::OkStatus();

@@ -36,7 +36,7 @@ class TransferTest : public StoreTest {
     return path;
   }
 
-  // Into a store of its own, named by `name`.
+  // Imports into a new store named `name`.
   absl::Status Import(const std::string& text, const std::string& name) {
     const std::string path = Write(text);
     const absl::StatusOr<ExportInfo> info = CheckExport(path);
@@ -106,7 +106,7 @@ TEST_F(TransferTest, EveryCutAndEveryChangeOfAByteIsNoticed) {
   EXPECT_TRUE(CheckExport(Write(text)).ok());
 }
 
-// As somebody would write who takes the trouble to mend the checksum.
+// As a careful forger would write it, with the checksum fixed.
 std::string Sealed(std::string text, const std::string& from, const std::string& to) {
   text.replace(text.find(from), from.size(), to);
   const size_t end = text.find(",\"sha256\"");
@@ -132,7 +132,7 @@ TEST_F(TransferTest, OtherSchemasFilledStoresAndRowsThatDoNotFitAreRefused) {
   EXPECT_EQ(Export(dir_ + "/g.db"), text);
 }
 
-// Files are found by these hashes, so none may be a path.
+// Files are looked up by these hashes, so none may be a path.
 TEST_F(TransferTest, HashesThatAreNoneAreRefused) {
   Fill();
   const std::string text = Export(path_);

@@ -1,5 +1,5 @@
-// Uploads that nobody has submitted, and re-runs that have not ended: counted over
-// all and for each who made them, until they are gone.
+// Uploads that nobody has submitted, and re-runs that have not ended: counted in total and per
+// owner, until they are gone.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// What a mistyped word was meant to be.
+// Suggestions for mistyped words.
 #include <gtest/gtest.h>
 
 #include "server/cli/base/did_you_mean.h"

@@ -1,4 +1,4 @@
-"""What the verbs that speak to a daemon make of its answers, and of its silence.
+"""How the verbs that talk to a daemon handle its answers, and its silence.
 usage: client_test.py BIN_DIR SOURCE_DIR"""
 import json
 import os

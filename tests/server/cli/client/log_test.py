@@ -1,4 +1,4 @@
-"""How the command line tool gets a log: in little memory, and whole or not at all.
+"""How the command line tool fetches a log: in little memory, and completely or not at all.
 usage: log_test.py BIN_DIR SOURCE_DIR"""
 import hashlib
 import json
@@ -18,14 +18,14 @@ KIB = 1 << 10
 
 
 def frame(content):
-    """zstd's simplest: a header with the content's size, and one raw block, the last."""
+    """The simplest zstd: a header with the content's size, and one raw block, the last."""
     return (b"\x28\xb5\x2f\xfd\x20" + bytes([len(content)])
             + struct.pack("<I", len(content) << 3 | 1)[:3] + content)
 
 
 class LogHandler(Handler):
     pieces = ()  # of the log's file
-    missing = 0  # bytes that are announced and never come
+    missing = 0  # bytes that are announced but never sent
 
     def do_GET(self):
         if not self.path.startswith("/v1/logs/"):
@@ -113,7 +113,7 @@ class LogTest(CliCase):
         self.assertEqual(found, [CONTENT])
 
     def test_a_log_of_any_size_takes_little_memory(self):
-        # What a packer may leave between two frames, and whoever unpacks passes over.
+        # Padding that a packer may put between two frames, and that unpackers skip.
         gap = 64 << 20
         skipped = struct.pack("<II", 0x184D2A50, gap) + bytes(gap)
         peaks = []
@@ -126,7 +126,7 @@ class LogTest(CliCase):
 
     @staticmethod
     def peak_of(socket, file):
-        """KiB that the tool had at most."""
+        """The tool's peak memory in KiB."""
         child = os.posix_spawn(f"{BIN_DIR}/myograde", [
             "myograde", "log", "7", "--episode", "0", "-o", file, "--socket", socket], os.environ)
         _, status, used = os.wait4(child, 0)

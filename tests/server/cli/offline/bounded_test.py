@@ -1,5 +1,5 @@
-"""Files of strangers that are far larger than they should be, or become so when they are unpacked:
-each is refused in one sentence, and in the memory that an honest file takes.
+"""Untrusted files that are far too large, or become so when unpacked: each is rejected in one
+sentence, using no more memory than a valid file takes.
 usage: bounded_test.py BIN_DIR SOURCE_DIR"""
 import json
 import os
@@ -12,7 +12,7 @@ import unittest
 
 BIN_DIR, SOURCE_DIR = sys.argv[1:3]
 GIB = 1 << 30
-# Beyond what the program takes for nothing; the old way took 1 GiB and more.
+# More than the program takes for doing nothing; unbounded parsing takes 1 GiB and more.
 MOST_MIB = 250
 KEY = ("-----BEGIN PUBLIC KEY-----\nMCowBQYDK2VwAyEAGb9ECWmEzf6FQbrBZ9w7lshQhqowtrbLDFw4rXAxZuE=\n"
        "-----END PUBLIC KEY-----\n")
@@ -22,7 +22,7 @@ RECEIPT = '{"receipt":{"episodes":[],"format":1,"grader":{}},"signature":{}}\n'
 def run(*words):
     """Exit status, output and peak memory (MiB) of the command line tool."""
     environment = dict(os.environ, MYOGRADE_CONFIG_DIR=f"{SOURCE_DIR}/configs",
-                       # What a sanitizer keeps of freed memory is not the program's.
+                       # Memory that a sanitizer quarantines is not the program's.
                        ASAN_OPTIONS="quarantine_size_mb=1:thread_local_quarantine_size_kb=64")
     with tempfile.TemporaryFile() as out:
         process = subprocess.Popen([f"{BIN_DIR}/myograde", *map(str, words)], env=environment,
@@ -48,11 +48,11 @@ class Bounded(unittest.TestCase):
         with open(path, "wb") as file:
             file.write(content)
             if size is not None:
-                file.truncate(size)  # zeros that take no room
+                file.truncate(size)  # zeros that take no space
         return path
 
     def packed(self, name, start, kind):
-        """Packed: `start` and a gibibyte of zeros, or of the log's own steps over and over."""
+        """Packs `start` followed by a gibibyte of zeros, or of the log's own steps repeated."""
         path = f"{self.folder}/{name}"
         block = bytes(1 << 20) if kind == "zeros" else (self.log[-4096:] * 256)
         with open(path, "wb") as file:

@@ -29,7 +29,7 @@ class DoctorTest(unittest.TestCase):
                                    "TMPDIR": self.temp, **env})
 
     def checks(self, status, *args, prefix=(), **env):
-        """The checks by name, of a run with this exit status."""
+        """The checks of a run that has this exit status, by name."""
         done = self.doctor("--json", *args, prefix=prefix, **env)
         self.assertEqual(done.returncode, status, done.stdout + done.stderr)
         value = json.loads(done.stdout)

@@ -1,4 +1,4 @@
-"""The verbs that need no daemon: what they refuse before anything runs, and what they print.
+"""The verbs that need no daemon: what they reject before anything runs, and what they print.
 usage: offline_test.py BIN_DIR SOURCE_DIR"""
 import fcntl
 import json
@@ -56,8 +56,8 @@ class OfflineTest(CliCase):
         self.assertNotIn("stiffness\":", shown)
 
     def test_what_local_took_has_the_packing_in_it(self):
-        """Packing opens the archive, and the kernel holds it up there until this process gives its
-        lease on the file back."""
+        """Packing opens the archive, and the kernel blocks it there until this process releases its
+        lease on the file."""
         os.mkdir(self.path("bin"))
         runner = shutil.copy(f"{SOURCE_DIR}/tests/support/fake_runner.py",
                              self.path("bin/myograde-runner"))
@@ -73,7 +73,7 @@ class OfflineTest(CliCase):
         self.assertGreaterEqual(float(told.split()[-2]), 2, told)
 
     def packed_slowly(self, archive, seconds, *args):
-        """What the tool prints if its first look into `archive` takes so long."""
+        """What the tool prints if its first read of `archive` takes this long."""
         asked = []
         before = signal.signal(signal.SIGIO, lambda *_: asked.append(True))
         self.addCleanup(signal.signal, signal.SIGIO, before)

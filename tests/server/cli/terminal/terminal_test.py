@@ -1,5 +1,5 @@
-"""The command line tool on terminals: all that it writes fits them, and what is drawn over stays
-one line.  usage: terminal_test.py BIN_DIR SOURCE_DIR"""
+"""The command line tool on terminals: its output fits them, and progress is drawn over on one
+line.  usage: terminal_test.py BIN_DIR SOURCE_DIR"""
 import fcntl
 import os
 import pty
@@ -23,13 +23,13 @@ ROWS = [{"index": i, "seed": 2**62 + i, "outcome": "crash", "reason": "-", "step
 
 
 class Screen:
-    """A terminal of some columns, as far as the tool uses one."""
+    """A terminal with some columns, as far as the tool uses one."""
 
     def __init__(self, columns):
         self.columns = columns
         self.rows = [""]
         self.column = 0
-        self.too_long = []  # rows that went on below because they had no more room
+        self.too_long = []  # rows that overflowed into the next
 
     def feed(self, text):
         for piece in re.findall(r"\x1b\[[0-9;]*[A-Za-z]|.", text, re.DOTALL):
@@ -56,7 +56,7 @@ class Screen:
 
 
 def on_terminal(columns, *args, **env):
-    """The exit status, all that was written and the screen in the end."""
+    """The exit status, the complete output and the final screen."""
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
     process = subprocess.Popen(
@@ -67,7 +67,7 @@ def on_terminal(columns, *args, **env):
     while True:
         try:
             piece = os.read(ours, 65536)
-        except OSError:  # the other side is closed
+        except OSError:  # the other side has closed
             piece = b""
         if not piece:
             break
@@ -78,7 +78,7 @@ def on_terminal(columns, *args, **env):
 
 
 class TerminalTest(CliCase):
-    """What the tool writes fits the terminal, and what is drawn over stays one line."""
+    """The tool's output fits the terminal, and progress stays on one line."""
 
     def test_nothing_is_longer_than_a_line(self):
         status = {**STATUS, "state": "running", "deadline_at": "2026-11-22T02:10:54.123Z",
@@ -132,7 +132,7 @@ class TerminalTest(CliCase):
                           "11", " ".join(row.strip() for row in screen.rows))
             self.assertIn("episode 9: it left with status 3", text)
             os.remove(socket)
-            left = {}  # by the count: the estimates that stood beside it
+            left = {}  # by the count: the estimates shown beside it
             for count, minutes, seconds in re.findall(
                     r" (\d+)/100 .*?(?:(\d+) min )?(\d+) s left", text):
                 left.setdefault(count, []).append(60 * int(minutes or 0) + int(seconds))

@@ -1,4 +1,4 @@
-// Text on terminals: lines that fit, and tables that give way.
+// Text on terminals: line widths, and shrinking tables.
 #include <clocale>
 
 #include <gmock/gmock.h>
