@@ -322,7 +322,7 @@ absl::StatusOr<std::optional<int64_t>> LogBytesLimit(std::string_view begin) {
   if (!steps.ok()) return absl::DataLossError(steps.status().message());
   const auto texts = static_cast<int64_t>(**size + 2 * kMaxTextBytes);  // start and end
   // An action's fingerprint, episode, step, size and values; a digest's message.
-  const auto action = static_cast<size_t>(28 + 8 * ActionOf(*header->track.kind).size());
+  const size_t action = 28 + 8 * static_cast<size_t>(ActionOf(*header->track.kind).size());
   const auto digest = static_cast<size_t>(step_digest_t().getEncodedSize());
   const size_t step = 2 * kEventHeadBytes + kActionChannel.size() + action +
                       kLogDigestChannel.size() + digest;

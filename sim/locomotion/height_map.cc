@@ -35,14 +35,16 @@ void OfficialHeightMap(const Terrain& terrain, const Pose& pose, std::span<doubl
   constexpr double kColumnPitch = 0.05;  // 1 m / 20 columns
   const Eigen::Rotation2Dd yaw(OfficialEulerAngles(RotationOf(pose)).z());
   const Eigen::Matrix2d turn = yaw.toRotationMatrix();
+  const int middle_row = terrain.rows() / 2;
+  const int middle_column = terrain.columns() / 2;
   for (int i = 0; i < kHeightMapSize; ++i) {
     for (int j = 0; j < kHeightMapSize; ++j) {
       const Vector2d ahead_and_left(kOffsets[kHeightMapSize - 1 - i],
                                     kOffsets[kHeightMapSize - 1 - j]);
       const Vector2d at = turn * ahead_and_left * kViewDistance + pose.place;
-      const int row = GridIndex(at.y() / kRowPitch + terrain.rows() / 2, terrain.rows() - 2);
+      const int row = GridIndex(at.y() / kRowPitch + middle_row, terrain.rows() - 2);
       const int column =
-          GridIndex(at.x() / kColumnPitch + terrain.columns() / 2, terrain.columns() - 2);
+          GridIndex(at.x() / kColumnPitch + middle_column, terrain.columns() - 2);
       out[kHeightMapSize * i + j] = terrain.at(row, column);
     }
   }

@@ -35,8 +35,8 @@ Json LayoutJson(const VectorLayout& vector) {
   Json list = Json::array();
   for (const Part& part : vector.parts()) {
     Json entries = Json::array();
-    for (int i = 0; i < part.size; ++i) {
-      entries.push_back(vector.names()[static_cast<size_t>(part.offset + i)]);
+    for (size_t i = 0; i < static_cast<size_t>(part.size); ++i) {
+      entries.push_back(vector.names()[static_cast<size_t>(part.offset) + i]);
     }
     list.push_back({{"name", part.name},
                     {"offset", part.offset},
