@@ -19,6 +19,9 @@ struct Form1PolicySeeds {
   std::string artefact;
 };
 
+// HMAC-SHA256 over `message`, keyed with `key`: 32 bytes.
+std::string HmacSha256(const std::string& key, const std::string& message);
+
 // The last 8 bytes (big endian, without their highest bit) of HMAC-SHA256 over `message`, keyed
 // with `key`.
 uint64_t SeedOf(const std::string& key, const std::string& message);

@@ -191,6 +191,22 @@ std::optional<std::string> PolicySeedSecretOf(const nlohmann::json& effective,
   return secret;
 }
 
+// Only configs of a challenge's phases have these two.
+void ReadPhase(ConfigReader& reader, TrackConfig& config) {
+  constexpr size_t kSaltDigits = 64;
+  if (reader.Has("phase")) {
+    config.phase = reader.String("phase");
+    if (!IsTrackName(config.phase)) reader.Fail("phase", "must be a name of a-z, 0-9 and \"-\"");
+  }
+  if (reader.Has("seed_salt")) {
+    config.seed_salt = reader.String("seed_salt");
+    if (config.seed_salt.size() != kSaltDigits ||
+        config.seed_salt.find_first_not_of("0123456789abcdef") != std::string::npos) {
+      reader.Fail("seed_salt", "must be 64 hexadecimal digits");
+    }
+  }
+}
+
 std::vector<std::string> KeysOf(const nlohmann::json& object) {
   std::vector<std::string> keys;
   for (const auto& [key, unused] : object.items()) keys.push_back(key);
@@ -257,6 +273,7 @@ absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
   if (!reader.Has("seeds")) reader.Fail("seeds", "is missing");
   reader.Ignore("seeds");
   config.policy_seed_secret = PolicySeedSecretOf(effective, reader);
+  ReadPhase(reader, config);
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   for (const std::string& name : {config.id, config.profile}) {
     if (absl::Status status = CheckName("track config or profile", name); !status.ok()) {
@@ -287,6 +304,12 @@ absl::StatusOr<TrackConfig> WithSeeds(const TrackConfig& config,
   return ParseTrackConfig(effective, config.id);
 }
 
+absl::StatusOr<TrackConfig> WithPhase(const TrackConfig& config, const nlohmann::json& keys) {
+  nlohmann::json effective = config.effective;
+  effective.merge_patch(keys);
+  return ParseTrackConfig(effective, config.id);
+}
+
 absl::StatusOr<TrackConfig> LoadTrackConfig(const std::string& tracks_dir,
                                             const std::string& track,
                                             const std::string& profile) {
@@ -309,7 +332,7 @@ absl::StatusOr<TrackConfig> LoadTrackConfig(const std::string& tracks_dir,
         absl::StrCat("track \"", track, "\" has no rules profile \"", wanted.substr(0, 80),
                      "\"; it has: ", absl::StrJoin(KeysOf(*profiles), ", ")));
   }
-  for (const char* key : {"id", "profile"}) {
+  for (const char* key : {"id", "profile", "phase", "seed_salt"}) {
     if (!merged->contains(key)) continue;
     return absl::InvalidArgumentError(absl::StrCat(
         where, ": \"", key, "\" is given by the file's name and the caller; remove it"));

@@ -52,6 +52,11 @@ struct TrackConfig {
   std::string profile;       // "paper", "myosuite", "as-graded"
   int64_t episodes_per_lease;
   std::vector<uint64_t> seeds;  // one per episode of the full evaluation
+  // The phase of a challenge that plays it; "": a track's own board.
+  std::string phase;
+  // What commitments to the seeds are made with (seed_commitment.h), 64 hexadecimal digits; "": the
+  // seeds are public. As secret as the seeds, until the phase reveals them.
+  std::string seed_salt;
   // What policy seeds are derived from (policy_seed.h); nullopt only in configs of form 1.
   std::optional<std::string> policy_seed_secret;
   Budgets budgets;
@@ -83,6 +88,10 @@ absl::StatusOr<std::vector<uint64_t>> ParseSeeds(const nlohmann::json& json,
 // the policy seed of an index does not. Errors as ParseSeeds.
 absl::StatusOr<TrackConfig> WithSeeds(const TrackConfig& config,
                                       const std::vector<uint64_t>& seeds);
+
+// The config of a challenge's phase: `keys` ("phase", "seeds", "policy_seed_secret", "seed_salt",
+// "scoring") are merged over it. Errors as ParseTrackConfig.
+absl::StatusOr<TrackConfig> WithPhase(const TrackConfig& config, const nlohmann::json& keys);
 
 // The rules profiles that `track` has, sorted; errors as LoadTrackConfig.
 absl::StatusOr<std::vector<std::string>> ListProfiles(const std::string& tracks_dir,

@@ -1,0 +1,98 @@
+#include "server/access/access.h"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+namespace myograde::server {
+namespace {
+
+constexpr std::array<std::pair<Role, std::string_view>, 4> kRoles = {{
+    {Role::kPublic, "public"},
+    {Role::kParticipant, "participant"},
+    {Role::kOrganiser, "organiser"},
+    {Role::kOperator, "operator"},
+}};
+
+struct Rule {
+  Action action;
+  std::string_view name;
+  Role role;
+  bool of_a_team = false;
+};
+
+constexpr Rule kRules[] = {
+    {Action::kReadHealth, "read health", Role::kPublic},
+    {Action::kReadTracks, "read tracks", Role::kPublic},
+    {Action::kReadBoard, "read board", Role::kPublic},
+    {Action::kReadChallenge, "read challenge", Role::kPublic},
+    {Action::kReadKey, "read key", Role::kPublic},
+    {Action::kReadApi, "read API", Role::kPublic},
+    {Action::kUpload, "upload", Role::kParticipant, true},
+    {Action::kSubmit, "submit", Role::kParticipant, true},
+    {Action::kReadSubmission, "read submission", Role::kParticipant, true},
+    {Action::kCancel, "cancel", Role::kParticipant, true},
+    {Action::kRerun, "re-run", Role::kParticipant, true},
+    {Action::kReadReceipt, "read receipt", Role::kParticipant, true},
+    {Action::kReadLog, "read log", Role::kParticipant, true},
+    {Action::kReadQuota, "read quota", Role::kParticipant, true},
+    {Action::kChoose, "choose", Role::kParticipant, true},
+    {Action::kReadTeam, "read team", Role::kParticipant, true},
+    {Action::kMark, "mark", Role::kOrganiser},
+    {Action::kGrant, "grant", Role::kOrganiser},
+    {Action::kRebuildBoards, "rebuild boards", Role::kOrganiser},
+    {Action::kExport, "export", Role::kOrganiser},
+    {Action::kManageTeams, "manage teams", Role::kOrganiser},
+    {Action::kManageTokens, "manage tokens", Role::kOrganiser},
+    {Action::kManagePhases, "manage phases", Role::kOrganiser},
+    {Action::kReadEvents, "read events", Role::kOrganiser},
+    {Action::kReadHost, "read host", Role::kOrganiser},
+    {Action::kImport, "import", Role::kOperator},
+    {Action::kBackup, "back up", Role::kOperator},
+    {Action::kManageOperators, "manage operators", Role::kOperator},
+};
+
+constexpr auto kActions = [] {
+  std::array<Action, std::size(kRules)> actions = {};
+  for (size_t i = 0; i < actions.size(); ++i) actions[i] = kRules[i].action;
+  return actions;
+}();
+
+// RuleOf finds a rule by its place.
+static_assert([] {
+  for (size_t i = 0; i < std::size(kRules); ++i) {
+    if (static_cast<size_t>(kRules[i].action) != i) return false;
+  }
+  return true;
+}());
+
+const Rule& RuleOf(Action action) { return kRules[static_cast<size_t>(action)]; }
+
+}  // namespace
+
+std::string_view RoleName(Role role) { return kRoles[static_cast<size_t>(role)].second; }
+
+std::optional<Role> ParseRole(std::string_view name) {
+  const auto* found = std::find_if(kRoles.begin(), kRoles.end(),
+                                   [&](const auto& entry) { return entry.second == name; });
+  if (found == kRoles.end()) return std::nullopt;
+  return found->first;
+}
+
+std::string_view ActionName(Action action) { return RuleOf(action).name; }
+
+std::span<const Action> AllActions() { return kActions; }
+
+Role RoleFor(Action action) { return RuleOf(action).role; }
+
+bool NeedsTeam(Action action) { return RuleOf(action).of_a_team; }
+
+Access Decide(const Identity& identity, Action action, const std::optional<std::string>& team) {
+  const Rule& rule = RuleOf(action);
+  if (identity.role < rule.role) return Access::kForbidden;
+  const bool any_team = identity.role >= Role::kOrganiser || !rule.of_a_team;
+  if (any_team || !team.has_value() || identity.teams.contains(*team)) return Access::kAllowed;
+  return Access::kUnknown;
+}
+
+}  // namespace myograde::server
