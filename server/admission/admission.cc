@@ -81,6 +81,9 @@ absl::Status Admission::ChargeRefusal(const UploadRequest& request, const absl::
 }
 
 absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const std::string& who) {
+  absl::StatusOr<std::optional<Accepted>> earlier = FindEarlier(readers_, who, request.key);
+  if (!earlier.ok()) return earlier.status();
+  if (earlier->has_value()) return **earlier;
   const absl::StatusOr<TrackPtr> track = tracks_.Find(request.track, request.profile);
   if (!track.ok()) return track.status();
   const TrackConfig& config = (*track)->config;
@@ -88,11 +91,24 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
   if (!seeds.ok()) return seeds.status();
   absl::Status allowed = CheckArtefact(request.artefact, config);
   if (!allowed.ok()) return allowed;
-  const NewSubmission submission = Compose(request, config, *seeds);
+  NewSubmission submission = Compose(request, config, *seeds);
+  submission.request_key = request.key;
   if (submission.ranked) allowed = CheckRankedHere();
   if (!allowed.ok()) return allowed;
   return engine_.Submit(submission, options_.config.quota.of(config.id), who,
                         options_.config.http.request);
+}
+
+absl::StatusOr<std::optional<Accepted>> FindEarlier(ReaderPool& readers, const std::string& who,
+                                                    const RequestKey& key) {
+  if (key.key.empty()) return std::optional<Accepted>();
+  absl::StatusOr<std::optional<Accepted>> earlier = absl::InternalError("");
+  const absl::Status status = readers.Read([&](Reader& reader) {
+    earlier = reader.FindRequest(who, key);
+    return earlier.status();
+  });
+  if (!status.ok()) return status;
+  return earlier;
 }
 
 // Engine::Submit checks for the files again, at a point where nothing can remove them.

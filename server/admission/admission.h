@@ -46,6 +46,7 @@ struct SubmitRequest {
   std::string profile;  // "": the track's default
   std::optional<std::vector<uint64_t>> seeds;  // nullopt: the track's
   std::optional<int64_t> episodes;             // only so many of them; nullopt: all
+  RequestKey key = {};  // if it came before, the result is what was accepted then
 };
 
 // Statuses carry the code that API clients get (ErrorCodeOf of store/quota.h), where it is not the
@@ -74,7 +75,8 @@ class Admission {
   //                               "unknown_runtime"; no code: episodes, the team's name
   //   FailedPreconditionError     code "quota", "same_artefact", "look_alike" (Writer::Accept)
   //   UnavailableError            code "not_official": this host may not grade ranked submissions
-  // and the errors of Engine::Submit and ReaderPool::Read.
+  // and the errors of Engine::Submit and ReaderPool::Read. A result that is repeated was accepted
+  // before, when the request came for the first time; nothing is checked again.
   absl::StatusOr<Accepted> Submit(const SubmitRequest& request, const std::string& who);
 
  private:
@@ -93,6 +95,12 @@ class Admission {
   const Clock& clock_;
   Uploads uploads_;
 };
+
+// What `who` was answered when this key came for the first time, so that what would not be accepted
+// any more is answered as it was then; nullopt if it is new. Errors of Reader::FindRequest and
+// ReaderPool::Read.
+absl::StatusOr<std::optional<Accepted>> FindEarlier(ReaderPool& readers, const std::string& who,
+                                                    const RequestKey& key);
 
 // The first and last episodes of a submission's leases: [0, count) cut at multiples of `per_lease`.
 std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease);

@@ -32,8 +32,8 @@ class Engine {
   // was added.
   absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact, const NewUpload& upload,
                                    const UnsubmittedLimits& limits, absl::Duration timeout);
-  // If the returned Accepted is linked, it names an earlier submission's evaluation and nothing new
-  // will run. NotFoundError if the artefact's files have been removed.
+  // If the returned Accepted is linked or repeated, it names an earlier evaluation and nothing new
+  // will run. NotFoundError if the artefact's files have been removed. Errors of Writer::Once.
   absl::StatusOr<Accepted> Submit(const NewSubmission& submission, const AdmissionRules& rules,
                                   const std::string& who, absl::Duration timeout);
   absl::StatusOr<Accepted> Rerun(const NewRerun& rerun, const std::string& who, bool organiser,

@@ -14,6 +14,7 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/base/mutex.h"
+#include "server/store/accepted.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
 #include "server/store/rows.h"
@@ -79,6 +80,10 @@ class Reader {
   absl::Status CheckTeam(const std::string& team);
   // The stored name of the team called `name`; `name` itself if there is none.
   std::string TeamOf(const std::string& name);
+
+  // What Writer::Once would return without asking to accept; nullopt: it would ask.
+  absl::StatusOr<std::optional<Accepted>> FindRequest(const std::string& who,
+                                                      const RequestKey& key);
 
   QuotaUse Quota(const std::string& team, const std::string& track, int64_t now_ms);
   int64_t QuotaDayAt(int64_t now_ms);
