@@ -7,6 +7,7 @@
 #include "server/api/context.h"
 #include "server/api/evaluations_resource.h"
 #include "server/api/host_resource.h"
+#include "server/api/openapi_resource.h"
 #include "server/api/proof_resource.h"
 #include "server/api/quota_resource.h"
 #include "server/api/submissions_resource.h"
@@ -34,6 +35,7 @@ class Api {
   QuotaResource quota_{context_};
   ProofResource proof_{context_};
   TransferResource transfer_{context_};
+  OpenApiResource openapi_;
 };
 
 }  // namespace myograde::server

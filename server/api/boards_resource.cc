@@ -161,7 +161,7 @@ ApiResult BoardsResource::Get(const httplib::Request& request) {
   const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, context_.tracks);
   if (!asked.ok()) return ErrorOf(asked.status());
   const Key key(asked->track->config.hash, asked->board);
-  ApiAnswer answer;
+  ApiAnswer answer{.tagged = true};
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     const int64_t changes = reader.BoardChanges();
     answer.text = Kept(key, changes);
@@ -200,7 +200,7 @@ ApiResult BoardsResource::Explain(const httplib::Request& request) const {
   const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, context_.tracks);
   if (!asked.ok()) return ErrorOf(asked.status());
   const BoardQuery& board = *asked;
-  ApiAnswer answer;
+  ApiAnswer answer{.tagged = true};
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     const absl::StatusOr<Source> source = SourceOf(reader, *board.track);
     if (!source.ok()) return source.status();

@@ -5,6 +5,7 @@
 #include <iterator>
 #include <string>
 
+#include "server/api/paging.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/store/quota.h"
@@ -81,10 +82,8 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
   const std::string asked = request.get_param_value("team");
   const std::string track = request.get_param_value("track");
   if (status.ok()) status = CheckTeam(asked);
-  int64_t before = INT64_MAX;
-  int64_t limit = 100;
-  status.Update(ReadNumber(request, "before", INT64_MAX, before));
-  status.Update(ReadNumber(request, "limit", 1000, limit));
+  const absl::StatusOr<Page> page = ReadPage(request);
+  status.Update(page.status());
   if (!status.ok()) return ErrorOf(status);
   if (!track.empty()) status = context_.tracks.Find(track, "").status();
   if (!status.ok()) return ErrorOf(status);
@@ -92,10 +91,10 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
   status = context_.readers.Read([&](Reader& reader) {
     const std::string team = reader.TeamOf(asked);
     answer.body = QuotaOf(reader, context_, team, track);
-    const Listed<LedgerRow> ledger = reader.Ledger(team, track, before, limit);
+    const Listed<LedgerRow> ledger = reader.Ledger(team, track, page->before, page->limit);
     AddLedger(ledger, answer.body);
-    const bool more = std::ssize(ledger.rows) + std::ssize(ledger.damaged) == limit;
-    answer.body["next_before"] = more ? Json(ledger.last_id) : Json();
+    const bool more = std::ssize(ledger.rows) + std::ssize(ledger.damaged) == page->limit;
+    AddNextPage(request, more, ledger.last_id, answer);
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);

@@ -14,6 +14,7 @@
 #include <nlohmann/json.hpp>
 
 #include "server/api/api_error.h"
+#include "server/api/methods.h"
 #include "server/api/unix_http_server.h"
 
 namespace myograde::server {
@@ -22,6 +23,8 @@ struct ApiAnswer {
   int http = 200;
   nlohmann::json body = nullptr;
   std::shared_ptr<const std::string> text = nullptr;  // JSON in place of `body`, if set
+  bool tagged = false;    // has an ETag; whoever has the same already gets 304 and no body
+  std::string next = {};  // the address of a list's next page; "": there is none
 };
 using ApiResult = std::variant<ApiAnswer, ApiError>;
 
@@ -50,17 +53,20 @@ class Routes {
   // `server` must outlive it.
   explicit Routes(UnixHttpServer& server) : server_(server) {}
 
+  // A handler of GET answers HEAD too.
   void Get(const std::string& pattern, Handler handler);
   void GetFile(const std::string& pattern, FileHandler handler);
   // The body is JSON.
   void Post(const std::string& pattern, JsonHandler handler);
   // The body follows `rule`; the handler reads it from UnixHttpServer::RequestBody().
   void PostUpload(const std::string& path, BodyRule rule, Handler handler);
-  // Sets the answers to requests that no handler matches, and to those whose handler throws.
+  // Sets the answers to requests that no handler matches, to OPTIONS, and to requests whose handler
+  // throws. Call it last.
   void AddErrorAnswers();
 
  private:
   UnixHttpServer& server_;
+  Methods methods_;
 };
 
 }  // namespace myograde::server

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/api/paging.h"
 #include "server/api/requests.h"
 #include "server/api/submission_view.h"
 #include "server/api/views.h"
@@ -52,10 +53,11 @@ ApiResult SubmissionsResource::List(const httplib::Request& request) const {
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
-  return ApiAnswer{200,
+  ApiAnswer answer{200,
                    {{"submissions", std::move(list)},
-                    {"unreadable", DamagedToJson(found.damaged)},
-                    {"next_before", more ? Json(found.last_id) : Json()}}};
+                    {"unreadable", DamagedToJson(found.damaged)}}};
+  AddNextPage(request, more, found.last_id, answer);
+  return answer;
 }
 
 ApiResult SubmissionsResource::StatusAnswer(int64_t submission) const {
@@ -73,15 +75,19 @@ ApiResult SubmissionsResource::Get(const httplib::Request& request) const {
   return StatusAnswer(IdOf(request));
 }
 
-ApiResult SubmissionsResource::Submit(const httplib::Request&, const Json& body) const {
-  const absl::StatusOr<SubmitRequest> request = ParseSubmit(body);
-  if (!request.ok()) return ErrorOf(request.status());
-  const absl::StatusOr<Accepted> accepted = context_.admission.Submit(*request, CallerKey());
-  if (!accepted.ok()) return TeamErrorOf(accepted.status(), request->team);
+ApiResult SubmissionsResource::Submit(const httplib::Request& request, const Json& body) const {
+  absl::StatusOr<SubmitRequest> asked = ParseSubmit(body);
+  if (!asked.ok()) return ErrorOf(asked.status());
+  absl::StatusOr<RequestKey> key = ReadRequestKey(request, body);
+  if (!key.ok()) return ErrorOf(key.status());
+  asked->key = *std::move(key);
+  const absl::StatusOr<Accepted> accepted = context_.admission.Submit(*asked, CallerKey());
+  if (!accepted.ok()) return TeamErrorOf(accepted.status(), asked->team);
   ApiResult result = StatusAnswer(accepted->submission);
   if (auto* answer = std::get_if<ApiAnswer>(&result)) {
-    answer->http = accepted->linked ? 200 : 201;
+    answer->http = accepted->is_new() ? 201 : 200;
     answer->body["linked"] = accepted->linked;
+    answer->body["repeated"] = accepted->repeated;
   }
   return result;
 }
