@@ -1,6 +1,7 @@
 #include "server/cli/client/client.h"
 
 #include <httplib.h>
+#include <openssl/rand.h>
 #include <pwd.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -12,7 +13,9 @@
 #include <fstream>
 #include <vector>
 
+#include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
 
 namespace myograde::server {
 namespace {
@@ -25,6 +28,8 @@ constexpr time_t kConnectSeconds = 10;
 constexpr time_t kAnswerSeconds = 60;
 constexpr time_t kUploadSeconds = 960;
 constexpr size_t kRefusalBytes = 65536;
+// A daemon that was restarted in between is there again.
+constexpr absl::Duration kBeforeRetry = absl::Seconds(1);
 
 void Prepare(httplib::ClientImpl& http, time_t answer_seconds) {
   http.set_address_family(AF_UNIX);
@@ -55,6 +60,21 @@ absl::StatusOr<Json> AnswerOf(const httplib::Result& result, const std::string& 
   }
   const bool refused = result->status >= 400 && result->status < 500 && result->status != 429;
   return refused ? absl::InvalidArgumentError(message) : absl::InternalError(message);
+}
+
+// Invalid UTF-8 from the command line is sent as U+FFFD; dump would throw otherwise.
+std::string TextOf(const Json& body) {
+  return body.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+// Of a request, which no other one has.
+absl::StatusOr<std::string> NewKey() {
+  std::string bytes(16, '\0');
+  if (RAND_bytes(reinterpret_cast<unsigned char*>(bytes.data()),
+                 static_cast<int>(bytes.size())) != 1) {
+    return absl::InternalError("this host gives no random bytes");
+  }
+  return absl::BytesToHexString(bytes);
 }
 
 std::string OwnerOf(const std::string& path) {
@@ -105,9 +125,23 @@ absl::StatusOr<Json> Client::Post(const std::string& path, const Json& body) con
   if (absl::Status status = CheckSocket(); !status.ok()) return status;
   httplib::ClientImpl http(socket_);
   Prepare(http, kAnswerSeconds);
-  // Invalid UTF-8 from the command line is sent as U+FFFD; dump would throw otherwise.
-  const std::string text = body.dump(-1, ' ', false, Json::error_handler_t::replace);
-  return AnswerOf(http.Post(path, text, "application/json"), socket_);
+  return AnswerOf(http.Post(path, TextOf(body), "application/json"), socket_);
+}
+
+absl::StatusOr<Json> Client::PostOnce(const std::string& path, const Json& body) const {
+  absl::StatusOr<std::string> key = NewKey();
+  if (!key.ok()) return key.status();
+  const httplib::Headers headers = {{"Idempotency-Key", *std::move(key)}};
+  const std::string text = TextOf(body);
+  for (bool again = false;; again = true) {
+    if (absl::Status status = CheckSocket(); !status.ok()) return status;
+    httplib::ClientImpl http(socket_);
+    Prepare(http, kAnswerSeconds);
+    const httplib::Result result = http.Post(path, headers, text, "application/json");
+    const bool lost = !result && result.error() != httplib::Error::Connection;
+    if (!lost || again) return AnswerOf(result, socket_);
+    absl::SleepFor(kBeforeRetry);
+  }
 }
 
 absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& file,
