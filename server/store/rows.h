@@ -168,6 +168,20 @@ struct LedgerRow {
   std::string why;
 };
 
+// A bearer token. Its text is not kept, only the text's hash, which is never shown.
+struct TokenRow {
+  int64_t id = 0;
+  std::string role;  // "participant", "organiser", "operator"
+  std::string team;  // of a participant: today's name; else ""
+  std::string label;
+  int64_t created_at = 0;
+  std::string created_by;
+  int64_t expires_at = 0;  // 0: never
+  int64_t revoked_at = 0;  // 0: it is not revoked
+  std::string revoked_by;
+  int64_t last_used_at = 0;  // to the minute; 0: it was never used
+};
+
 // One change of a mark. The newest row of a submission and mark is in force.
 struct MarkRow {
   int64_t id = 0;
@@ -177,6 +191,19 @@ struct MarkRow {
   bool set = false;
   std::string who;
   std::string why;
+};
+
+// A request that was denied, or an act of an organiser or operator.
+struct AccessEventRow {
+  int64_t id = 0;
+  int64_t at = 0;
+  std::string kind;     // "denied", "act"
+  std::string who;      // "uid 1000", "token 7", "address 192.0.2.1"
+  std::string role;
+  std::string action;
+  std::string subject;  // "submission 7"; "": nothing, or a stranger's text
+  std::string detail;   // why it was denied, or what the act changed
+  int64_t count = 1;    // equal denials
 };
 
 }  // namespace myograde::server
