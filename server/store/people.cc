@@ -75,12 +75,35 @@ std::string TeamList(const std::set<std::string>& teams) {
   });
 }
 
-// The row that a team has or had the name of, as one that can be merged.
+// The team that the name finds, if it is not that of a team that was merged into it.
 absl::StatusOr<TeamInForce> Unmerged(SQLite::Database& db, const std::string& name) {
   const absl::StatusOr<TeamInForce> team = FindTeam(db, name);
   if (!team.ok() || team->id == TeamRowNamed(db, name)) return team;
   return Refuse(absl::StrCat("team \"", name, "\" was merged into team \"", team->name,
                              "\" already; name that one"));
+}
+
+// The two teams of a merge.
+struct MergePair {
+  TeamInForce from;
+  TeamInForce to;
+};
+
+absl::StatusOr<MergePair> Mergeable(SQLite::Database& db, const std::string& team,
+                                    const std::string& into) {
+  const absl::StatusOr<TeamInForce> from = Unmerged(db, team);
+  if (!from.ok()) return from.status();
+  const absl::StatusOr<TeamInForce> to = Unmerged(db, into);
+  if (!to.ok()) return to.status();
+  if (from->id == to->id) {
+    return Refuse(absl::StrCat("team \"", from->name, "\" can't be merged into itself"));
+  }
+  for (const TeamInForce& one : {*from, *to}) {
+    if (!one.banned) continue;
+    return Refuse(absl::StrCat("team \"", one.name, "\" is banned, and a merge would hide that; "
+                               "unban it first"));
+  }
+  return MergePair{*from, *to};
 }
 
 std::vector<std::string> MembersOf(SQLite::Database& db, int64_t team) {
@@ -164,31 +187,22 @@ absl::StatusOr<bool> Writer::SetMember(const std::string& team, const std::strin
 
 absl::Status Writer::MergeTeams(const std::string& team, const std::string& into,
                                 const std::string& who, const std::string& why) {
-  const absl::StatusOr<TeamInForce> from = Unmerged(db_, team);
-  if (!from.ok()) return from.status();
-  const absl::StatusOr<TeamInForce> to = Unmerged(db_, into);
-  if (!to.ok()) return to.status();
-  if (from->id == to->id) {
-    return Refuse(absl::StrCat("team \"", from->name, "\" can't be merged into itself"));
-  }
-  for (const TeamInForce& one : {*from, *to}) {
-    if (!one.banned) continue;
-    return Refuse(absl::StrCat("team \"", one.name, "\" is banned, and a merge would hide that; "
-                               "unban it first"));
-  }
+  const absl::StatusOr<MergePair> pair = Mergeable(db_, team, into);
+  if (!pair.ok()) return pair.status();
+  const auto& [from, to] = *pair;
   MendBoardState();
   // Teams that were merged into the first follow it, so that no row leads to another merged one.
   SQLite::Statement update(
       db_, "UPDATE team SET merged_into = ?1 WHERE id = ?2 OR merged_into = ?2");
-  SQLite::bind(update, to->id, from->id);
+  SQLite::bind(update, to.id, from.id);
   update.exec();
-  for (const std::string& person : MembersOf(db_, from->id)) {
-    AddMember(db_, now_ms_, from->id, person, false, who);
-    if (!Belongs(db_, to->id, person)) AddMember(db_, now_ms_, to->id, person, true, who);
+  for (const std::string& person : MembersOf(db_, from.id)) {
+    AddMember(db_, now_ms_, from.id, person, false, who);
+    if (!Belongs(db_, to.id, person)) AddMember(db_, now_ms_, to.id, person, true, who);
   }
-  RenameUploads(db_, from->name, to->name);
-  AddTeamEvent(db_, {.at = now_ms_, .event = "merged", .detail = to->name, .who = who,
-                     .why = why}, from->id);
+  RenameUploads(db_, from.name, to.name);
+  AddTeamEvent(db_, {.at = now_ms_, .event = "merged", .detail = to.name, .who = who,
+                     .why = why}, from.id);
   return absl::OkStatus();
 }
 
@@ -204,6 +218,10 @@ absl::StatusOr<bool> Writer::BanTeam(const std::string& team, bool banned, const
   AddTeamEvent(db_, {.at = now_ms_, .event = banned ? "banned" : "unbanned", .who = who,
                      .why = why}, found->id);
   return true;
+}
+
+absl::Status Reader::CheckMerge(const std::string& team, const std::string& into) {
+  return Mergeable(db_, team, into).status();
 }
 
 std::set<std::string> Reader::TeamsOf(const std::string& person) {

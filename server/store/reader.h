@@ -90,6 +90,8 @@ class Reader {
   Listed<MemberRow> Members(const std::string& team);
   // Oldest first, with those of the teams that were merged into it.
   Listed<TeamEventRow> TeamEvents(const std::string& team);
+  // Whether they can be merged; errors as of Writer::MergeTeams.
+  absl::Status CheckMerge(const std::string& team, const std::string& into);
   // The number of submissions, with those of the teams that were merged into it.
   int64_t SubmissionsOf(const std::string& team);
   // By the SHA-256 of its text, whether it is valid or not.
