@@ -12,7 +12,6 @@
 #include "server/api/views.h"
 #include "server/base/names.h"
 #include "server/base/person.h"
-#include "server/base/plain_text.h"
 #include "server/store/quota.h"
 
 namespace myograde::server {
@@ -21,19 +20,12 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr char kTeam[] = "/v1/teams/([^]{1,64})";  // bytes; a name may hold any character
-constexpr size_t kMaxReasonBytes = 200;
 
 std::string TeamIn(const httplib::Request& request) { return request.matches[1]; }
 
 // "" if it is left out.
-std::string ReadReason(ConfigReader& reader, bool required = false) {
-  if (!required && !reader.Has("reason")) return "";
-  std::string reason = reader.String("reason");
-  if (!IsPlainText(reason, kMaxReasonBytes)) {
-    reader.Fail("reason", absl::StrCat("must be 1 to ", kMaxReasonBytes,
-                                       " bytes of text without control characters"));
-  }
-  return reason;
+std::string ReasonOf(ConfigReader& reader, bool required = false) {
+  return required || reader.Has("reason") ? ReadReason(reader) : "";
 }
 
 Json TeamToJson(const TeamRow& team) {
@@ -179,7 +171,7 @@ ApiResult TeamsResource::Create(const httplib::Request&, const Json& body) const
   if (const auto error = OnlyOrganiser()) return *error;
   ConfigReader reader(body, "request");
   const std::string team = reader.String("team");
-  const std::string why = ReadReason(reader);
+  const std::string why = ReasonOf(reader);
   absl::Status status = reader.Finish();
   if (status.ok()) status = CheckTeam(team);
   if (!status.ok()) return ErrorOf(status);
@@ -196,7 +188,7 @@ ApiResult TeamsResource::Rename(const httplib::Request& request, const Json& bod
   if (const auto error = OnlyOrganiser()) return *error;
   ConfigReader reader(body, "request");
   const std::string name = reader.String("name");
-  const std::string why = ReadReason(reader);
+  const std::string why = ReasonOf(reader);
   const std::string team = TeamIn(request);
   absl::Status status = reader.Finish();
   if (status.ok()) status = CheckTeam(team);
@@ -226,7 +218,7 @@ ApiResult TeamsResource::Ban(const httplib::Request& request, const Json& body) 
   if (const auto error = OnlyOrganiser()) return *error;
   ConfigReader reader(body, "request");
   const bool banned = reader.Boolean("banned");
-  const std::string why = ReadReason(reader, /*required=*/banned);
+  const std::string why = ReasonOf(reader, /*required=*/banned);
   const std::string team = TeamIn(request);
   absl::Status status = reader.Finish();
   if (status.ok()) status = CheckTeam(team);
@@ -274,7 +266,7 @@ ApiResult TeamsResource::Merge(const httplib::Request& request, const Json& body
   ConfigReader reader(body, "request");
   const std::string into = reader.String("into");
   const bool dry_run = reader.Has("dry_run") && reader.Boolean("dry_run");
-  const std::string why = ReadReason(reader);
+  const std::string why = ReasonOf(reader);
   const std::string team = TeamIn(request);
   absl::Status status = reader.Finish();
   for (const std::string& name : {team, into}) {

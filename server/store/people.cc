@@ -23,7 +23,9 @@ constexpr char kMemberships[] =
     "FROM member AS m WHERE m.id = (SELECT max(id) FROM member WHERE team_id IS m.team_id AND "
     "person IS m.person) AND m.belongs = 1 ";
 
-absl::Status Refuse(const std::string& sentence) { return absl::FailedPreconditionError(sentence); }
+absl::Status Conflict(const std::string& sentence) {
+  return absl::FailedPreconditionError(sentence);
+}
 
 absl::Status Forbid(const std::string& sentence) {
   return WithErrorCode(absl::FailedPreconditionError(sentence), kForbiddenCode);
@@ -59,10 +61,10 @@ absl::Status CheckFree(SQLite::Database& db, const std::string& clean, int64_t t
   const absl::StatusOr<TeamInForce> holder = TeamOfRow(db, row);
   if (!holder.ok()) return holder.status();
   if (team != 0 && holder->id == team) {
-    return Refuse(absl::StrCat("\"", clean, "\" is the name of a team that was merged into \"",
+    return Conflict(absl::StrCat("\"", clean, "\" is the name of a team that was merged into \"",
                                holder->name, "\", and keeps finding it; choose another name"));
   }
-  return Refuse(holder->name == clean
+  return Conflict(holder->name == clean
                     ? absl::StrCat("there is a team \"", clean, "\" already; choose another name")
                     : absl::StrCat("\"", clean, "\" is a former name of team \"", holder->name,
                                    "\", and keeps finding it; choose another name"));
@@ -79,7 +81,7 @@ std::string TeamList(const std::set<std::string>& teams) {
 absl::StatusOr<TeamInForce> Unmerged(SQLite::Database& db, const std::string& name) {
   const absl::StatusOr<TeamInForce> team = FindTeam(db, name);
   if (!team.ok() || team->id == TeamRowNamed(db, name)) return team;
-  return Refuse(absl::StrCat("team \"", name, "\" was merged into team \"", team->name,
+  return Conflict(absl::StrCat("team \"", name, "\" was merged into team \"", team->name,
                              "\" already; name that one"));
 }
 
@@ -96,11 +98,11 @@ absl::StatusOr<MergePair> Mergeable(SQLite::Database& db, const std::string& tea
   const absl::StatusOr<TeamInForce> to = Unmerged(db, into);
   if (!to.ok()) return to.status();
   if (from->id == to->id) {
-    return Refuse(absl::StrCat("team \"", from->name, "\" can't be merged into itself"));
+    return Conflict(absl::StrCat("team \"", from->name, "\" can't be merged into itself"));
   }
   for (const TeamInForce& one : {*from, *to}) {
     if (!one.banned) continue;
-    return Refuse(absl::StrCat("team \"", one.name, "\" is banned, and a merge would hide that; "
+    return Conflict(absl::StrCat("team \"", one.name, "\" is banned, and a merge would hide that; "
                                "unban it first"));
   }
   return MergePair{*from, *to};

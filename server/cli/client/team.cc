@@ -111,27 +111,27 @@ std::function<void(const Json&)> Sentence(const std::string& what) {
   };
 }
 
-int Create(const TeamOptions& options) {
+int CreateTeam(const TeamOptions& options) {
   return PrintAnswer(options.client().Post("/v1/teams", options.Body({{"team", options.team}})),
                      options.json, Sentence("is created"));
 }
 
-int List(const TeamOptions& options) {
+int ListTeams(const TeamOptions& options) {
   return PrintAnswer(options.client().Get("/v1/teams"), options.json, PrintTeams);
 }
 
-int Show(const TeamOptions& options) {
+int ShowTeam(const TeamOptions& options) {
   return PrintAnswer(options.client().Get(options.Resource()), options.json, PrintTeam);
 }
 
-int Rename(const TeamOptions& options) {
+int RenameTeam(const TeamOptions& options) {
   const Json body = options.Body({{"name", options.name}});
   return PrintAnswer(options.client().Post(options.Resource("/rename"), body), options.json,
                      Sentence(absl::StrCat("has this name; \"", options.team,
                                            "\" still finds it")));
 }
 
-int SetMember(const TeamOptions& options, bool belongs) {
+int SetTeamMember(const TeamOptions& options, bool belongs) {
   return PrintAnswer(options.client().Post(options.Resource("/members"),
                                            {{"person", options.person}, {"belongs", belongs}}),
                      options.json,
@@ -139,7 +139,7 @@ int SetMember(const TeamOptions& options, bool belongs) {
                                            options.person)));
 }
 
-int Ban(const TeamOptions& options, bool banned) {
+int BanTeam(const TeamOptions& options, bool banned) {
   return PrintAnswer(options.client().Post(options.Resource("/ban"),
                                            options.Body({{"banned", banned}})),
                      options.json, Sentence(banned ? "is banned" : "is not banned"));
@@ -193,7 +193,7 @@ bool Confirmed() {
   return word == "y" || word == "yes";
 }
 
-int Merge(const TeamOptions& options) {
+int MergeTeam(const TeamOptions& options) {
   const bool can_ask = !options.json && ::isatty(STDIN_FILENO) == 1 &&
                        ::isatty(STDOUT_FILENO) == 1;
   if (!options.dry_run && !options.yes && !can_ask) {
@@ -264,7 +264,7 @@ void AddMemberParts(Parts& parts) {
         belongs ? "Let a user of the daemon's host act for a team"
                 : "Take that away; what the user has submitted stays the team's",
         belongs ? "add-member \"Team Blue\" ada" : "remove-member \"Team Blue\" ada", "team",
-        [belongs](const TeamOptions& options) { return SetMember(options, belongs); });
+        [belongs](const TeamOptions& options) { return SetTeamMember(options, belongs); });
     part->add_option("PERSON", parts.options().person,
                      "A user of the daemon's host: a name, or a number as in \"uid 1001\"")
         ->required()
@@ -279,7 +279,7 @@ void AddBanParts(Parts& parts) {
         banned ? "Take no more from a team, and take it off the boards; what runs goes on"
                : "Take from a team again, and put it back on the boards",
         banned ? "ban \"Team Blue\" --reason \"two names of one group\"" : "unban \"Team Blue\"",
-        "team", [banned](const TeamOptions& options) { return Ban(options, banned); });
+        "team", [banned](const TeamOptions& options) { return BanTeam(options, banned); });
     parts.AddReason(part)->required(banned);
   }
 }
@@ -288,18 +288,18 @@ void AddBanParts(Parts& parts) {
 
 Action AddTeam(CLI::App& verb) {
   Parts parts(verb);
-  parts.AddReason(parts.AddOfTeam("create", "Make a team", "create \"Team Blue\"", "team", Create));
-  parts.Add("list", "List all teams with their members", "list", "teams", List);
+  parts.AddReason(parts.AddOfTeam("create", "Make a team", "create \"Team Blue\"", "team", CreateTeam));
+  parts.Add("list", "List all teams with their members", "list", "teams", ListTeams);
   parts.AddOfTeam("show", "Show a team with its members and all that was done to it",
-                  "show \"Team Blue\"", "team", Show);
+                  "show \"Team Blue\"", "team", ShowTeam);
   CLI::App* rename = parts.AddOfTeam("rename", "Rename a team; its old name still finds it",
-                                     "rename \"Team Blue\" \"Team Green\"", "team", Rename);
+                                     "rename \"Team Blue\" \"Team Green\"", "team", RenameTeam);
   rename->add_option("NEW", parts.options().name, "The new name")->required()->type_name("TEXT");
   parts.AddReason(rename);
   AddMemberParts(parts);
   CLI::App* merge = parts.AddOfTeam(
       "merge", "Make a team a part of another, after showing what that does to quotas and boards",
-      "merge \"Team Blue\" --into \"Team Green\" --dry-run", "team_merge", Merge);
+      "merge \"Team Blue\" --into \"Team Green\" --dry-run", "team_merge", MergeTeam);
   merge->add_option("--into", parts.options().into, "The team that both will be")->required();
   merge->add_flag("--dry-run", parts.options().dry_run, "Show what it does, and change nothing");
   merge->add_flag("--yes", parts.options().yes, "Don't ask");
