@@ -2,24 +2,18 @@
 
 #include <algorithm>
 
+#include "server/access/token_text.h"
 #include "server/base/peer_key.h"
 
 namespace myograde::server {
 namespace {
 
 constexpr std::string_view kScheme = "bearer";
-constexpr std::string_view kTokenPrefix = "myo_";
-constexpr size_t kMaxTokenBytes = 200;
 
 bool Fits(const UserRule& rule, const HostUser& user) {
   if (rule.uid.has_value()) return *rule.uid == user.uid;
   return rule.gid.has_value() && std::find(user.groups.begin(), user.groups.end(), *rule.gid) !=
                                      user.groups.end();
-}
-
-bool IsTokenCharacter(char c) {
-  return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' ||
-         c == '-';
 }
 
 char Lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
@@ -81,9 +75,7 @@ std::optional<std::string_view> TokenIn(std::string_view authorization) {
   }
   std::string_view token = authorization.substr(space);
   token.remove_prefix(std::min(token.find_first_not_of(' '), token.size()));
-  const bool good = token.starts_with(kTokenPrefix) && token.size() <= kMaxTokenBytes &&
-                    std::all_of(token.begin(), token.end(), IsTokenCharacter);
-  if (!good) return std::nullopt;
+  if (!IsTokenText(token)) return std::nullopt;
   return token;
 }
 

@@ -26,6 +26,8 @@ void Api::Install(UnixHttpServer& server) {
   boards_.Install(routes);
   quota_.Install(routes);
   proof_.Install(routes);
+  teams_.Install(routes);
+  tokens_.Install(routes);
   transfer_.Install(routes);
   routes.AddErrorAnswers();
 }

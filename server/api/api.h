@@ -12,6 +12,8 @@
 #include "server/api/proof_resource.h"
 #include "server/api/quota_resource.h"
 #include "server/api/submissions_resource.h"
+#include "server/api/teams_resource.h"
+#include "server/api/tokens_resource.h"
 #include "server/api/transfer_resource.h"
 #include "server/api/unix_http_server.h"
 
@@ -37,6 +39,8 @@ class Api {
   BoardsResource boards_{context_};
   QuotaResource quota_{context_};
   ProofResource proof_{context_};
+  TeamsResource teams_{context_};
+  TokensResource tokens_{context_};
   TransferResource transfer_{context_};
 };
 

@@ -56,6 +56,13 @@ absl::Status RequireEvaluation(Reader& reader, int64_t id) {
   return Require(*team, absl::NotFoundError(absl::StrCat("there is no evaluation ", id)));
 }
 
+absl::Status RequireTeam(Reader& reader, const std::string& name) {
+  return Require(reader.TeamOf(name),
+                 absl::NotFoundError(absl::StrCat("there is no team \"", name, "\" of yours")));
+}
+
+void NoteDenial(const std::string& why) { caller.log->Deny(Caller(), caller.action, why); }
+
 void NoteAct(const std::string& subject, const std::string& detail) {
   caller.noted = true;
   caller.subject = subject;

@@ -29,6 +29,12 @@ absl::Status Require(const std::string& team, const absl::Status& missing);
 absl::Status RequireSubmission(Reader& reader, int64_t id);
 absl::Status RequireEvaluation(Reader& reader, int64_t id);
 
+// The same for the team called `name`, now or formerly. NotFoundError for one of others as for one
+// that there is not.
+absl::Status RequireTeam(Reader& reader, const std::string& name);
+// Records that the caller may not do what they asked for, for a reason that the handler found.
+void NoteDenial(const std::string& why);
+
 // What the row about an organiser's request tells: "submission 7", and what changed. A request
 // without is recorded if it is no GET.
 void NoteAct(const std::string& subject, const std::string& detail);

@@ -9,18 +9,12 @@
 #include "server/store/reader.h"
 
 namespace myograde::server {
-namespace {
-
-// Of Writer::FoundTeam.
-constexpr char kForbidden[] = "forbidden";
-
-}  // namespace
 
 ApiError ErrorOf(const absl::Status& status) {
   const std::string message(status.message());
   const std::string code = ErrorCodeOf(status);
   if (code == kDamagedRowCode) return {500, code, message};
-  if (code == kForbidden) return {403, code, message};
+  if (code == kBannedCode || code == kForbiddenCode) return {403, code, message};
   const auto code_or = [&code](const char* usual) { return code.empty() ? usual : code; };
   switch (status.code()) {
     case absl::StatusCode::kInvalidArgument:

@@ -2,8 +2,6 @@
 
 #include <cstdint>
 
-#include <absl/strings/str_cat.h>
-
 #include "server/api/caller.h"
 
 namespace myograde::server {
@@ -17,20 +15,16 @@ absl::StatusOr<std::optional<Founding>> FoundingFor(const ApiContext& context,
     if (!caller.may_found_team) return std::optional<Founding>();
     return std::optional(Founding{caller.key, INT64_MAX, /*needed=*/false});
   }
-  std::string known = team;
+  std::optional<Founding> founding;
   const absl::Status status = context.readers.Read([&](Reader& reader) {
-    known = reader.TeamOf(team);
+    if (!caller.may_found_team) return RequireTeam(reader, team);
+    if (!caller.teams.contains(reader.TeamOf(team))) {
+      founding = {caller.key, context.config.access.teams_of_a_user, /*needed=*/true};
+    }
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
-  if (caller.may_found_team && !caller.teams.contains(known)) {
-    return std::optional(
-        Founding{caller.key, context.config.access.teams_of_a_user, /*needed=*/true});
-  }
-  const absl::Status allowed = Require(
-      known, absl::NotFoundError(absl::StrCat("there is no team \"", team, "\" of yours")));
-  if (!allowed.ok()) return allowed;
-  return std::optional<Founding>();
+  return founding;
 }
 
 }  // namespace myograde::server

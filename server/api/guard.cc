@@ -6,7 +6,7 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/sha256.h"
+#include "server/access/token_text.h"
 #include "server/api/error_of.h"
 #include "server/base/peer_key.h"
 
@@ -136,7 +136,7 @@ std::variant<Identity, ApiError> Guard::IdentifyToken(const Peer& peer,
                                                       std::string_view authorization,
                                                       Action action) {
   const std::optional<std::string_view> token = TokenIn(authorization);
-  const std::string hash = token.has_value() ? Sha256Hex(*token) : "";
+  const std::string hash = token.has_value() ? TokenHash(*token) : "";
   if (std::optional<ApiError> wait = CheckTries(peer, hash)) return *std::move(wait);
   std::optional<TokenRow> row;
   if (token.has_value()) {

@@ -94,10 +94,8 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer;
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    if (absl::Status own = RequireTeam(reader, asked); !own.ok()) return own;
     const std::string team = reader.TeamOf(asked);
-    const absl::Status own = Require(
-        team, absl::NotFoundError(absl::StrCat("there is no team \"", asked, "\" of yours")));
-    if (!own.ok()) return own;
     answer.body = QuotaOf(reader, context_, team, track);
     const Listed<LedgerRow> ledger = reader.Ledger(team, track, before, limit);
     AddLedger(ledger, answer.body);

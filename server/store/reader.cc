@@ -19,7 +19,9 @@ constexpr size_t kKept = 16;
 
 constexpr char kSubmissionColumns[] =
     "SELECT s.id, t.name, s.artefact, a.name, s.track, s.profile, s.config, s.seeds, s.ranked, "
-    "s.accepted_at, s.team_id, s.accepted_by FROM submission AS s LEFT JOIN team AS t ON t.id = s.team_id "
+    "s.accepted_at, s.team_id, s.accepted_by FROM submission AS s "
+    "LEFT JOIN team AS o ON o.id = s.team_id "
+    "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
     "LEFT JOIN artefact AS a ON a.hash = s.artefact ";
 
 constexpr char kEvaluationColumns[] =

@@ -168,6 +168,35 @@ struct LedgerRow {
   std::string why;
 };
 
+// A team. Names that it had before, and the names of teams that were merged into it, find it too.
+struct TeamRow {
+  int64_t id = 0;
+  std::string name;
+  int64_t created_at = 0;
+  bool banned = false;
+  std::string merged_into;  // the name of the team that it is a part of now; "": none
+  std::vector<std::string> other_names;  // sorted; none if it was merged
+  std::vector<std::string> members;      // sorted: "uid 1000"; none if it was merged
+};
+
+// Somebody who belongs to a team.
+struct MemberRow {
+  std::string person;  // "uid 1000"
+  int64_t since = 0;
+  std::string who;  // who made them a member
+};
+
+// An act on a team.
+struct TeamEventRow {
+  int64_t id = 0;
+  int64_t at = 0;
+  std::string team;  // today's name of the team that it was done to
+  std::string event;  // "created", "renamed", "merged", "banned", "unbanned"
+  std::string detail;  // the name before, or the team that it was merged into; else ""
+  std::string who;
+  std::string why;
+};
+
 // A bearer token. Its text is not kept, only the text's hash, which is never shown.
 struct TokenRow {
   int64_t id = 0;

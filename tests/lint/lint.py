@@ -53,7 +53,8 @@ RULES = {
         "base", "artefact", "sandbox", "proof", "store", "config", "grading", "engine",
         "admission")}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     "server/api": ({"protocol", "scoring"} | {f"server/{part}" for part in (
-        "access", "base", "runner", "proof", "store", "config", "grading", "engine", "admission", "api")},
+        "base", "access", "runner", "proof", "store", "config", "grading", "engine", "admission",
+        "api")},
         r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
     "server/cli/terminal": ({"protocol/base", "server/base", "server/cli/terminal"},
                             r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
@@ -99,6 +100,8 @@ CALENDAR_USERS = {
     "server/api/guard.cc": "tokens expire at a time of day",
     "server/api/quota_resource.cc": "quotas are of a day",
     "server/api/submission_view.cc": "shows times of day",
+    "server/api/teams_resource.cc": "quotas are of a day",
+    "server/api/tokens_resource.cc": "tokens expire by the calendar",
     "server/daemon/daemon.cc": "shows when it started",
     "server/engine/engine_leases.cc": "stores when a lease will be over, for people to read",
     "server/engine/retention.cc": "compares with stored times of day",
