@@ -5,12 +5,14 @@
 #include <httplib.h>
 
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <string>
 
 #include <absl/status/statusor.h>
 
 #include "server/api/routes.h"
+#include "server/store/damage.h"
 
 namespace myograde::server {
 
@@ -24,5 +26,12 @@ absl::StatusOr<Page> ReadPage(const httplib::Request& request);
 
 // Says in an answer to `request` that its list goes on below `last_id` if `more`, or that it ends.
 void AddNextPage(const httplib::Request& request, bool more, int64_t last_id, ApiAnswer& answer);
+// The same for rows that were read as `page`: a full page may have another one behind it.
+template <typename Row>
+void AddNextPage(const httplib::Request& request, const Page& page, const Listed<Row>& listed,
+                 ApiAnswer& answer) {
+  const bool full = std::ssize(listed.rows) + std::ssize(listed.damaged) >= page.limit;
+  AddNextPage(request, full, listed.last_id, answer);
+}
 
 }  // namespace myograde::server

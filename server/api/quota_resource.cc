@@ -98,8 +98,7 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
     answer.body = QuotaOf(reader, context_, team, track);
     const Listed<LedgerRow> ledger = reader.Ledger(team, track, page->before, page->limit);
     AddLedger(ledger, answer.body);
-    const bool more = std::ssize(ledger.rows) + std::ssize(ledger.damaged) == page->limit;
-    AddNextPage(request, more, ledger.last_id, answer);
+    AddNextPage(request, *page, ledger, answer);
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);

@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "server/api/paging.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/base/names.h"
@@ -120,13 +121,16 @@ void TeamsResource::Install(Routes& routes) {
 }
 
 ApiResult TeamsResource::List(const httplib::Request& request) const {
-  absl::Status status = CheckParameters(request, {});
+  absl::Status status = CheckParameters(request, {"before", "limit"});
+  const absl::StatusOr<Page> page = ReadPage(request);
+  status.Update(page.status());
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer;
   status = context_.readers.Read([&](Reader& reader) {
-    const Listed<TeamRow> listed = reader.Teams();
+    const Listed<TeamRow> listed = reader.Teams(page->before, page->limit);
     answer.body = {{"teams", Json::array()}, {"unreadable", DamagedToJson(listed.damaged)}};
     for (const TeamRow& team : listed.rows) answer.body["teams"].push_back(TeamToJson(team));
+    AddNextPage(request, *page, listed, answer);
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);

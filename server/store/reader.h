@@ -86,8 +86,8 @@ class Reader {
   std::set<std::string> TeamsOf(const std::string& person);
   // The team called `name`, now or formerly: never one that was merged into another.
   absl::StatusOr<TeamRow> Team(const std::string& name);
-  // All teams by name, with those that were merged.
-  Listed<TeamRow> Teams();
+  // Newest first, with those that were merged; `before` is an id.
+  Listed<TeamRow> Teams(int64_t before = INT64_MAX, int64_t limit = INT64_MAX);
   // By person.
   Listed<MemberRow> Members(const std::string& team);
   // Oldest first, with those of the teams that were merged into it.
@@ -99,8 +99,8 @@ class Reader {
   // By the SHA-256 of its text, whether it is valid or not.
   absl::StatusOr<TokenRow> TokenByHash(const std::string& sha256);
   absl::StatusOr<TokenRow> Token(int64_t id);
-  // Oldest first.
-  Listed<TokenRow> Tokens();
+  // Newest first; `before` is an id.
+  Listed<TokenRow> Tokens(int64_t before = INT64_MAX, int64_t limit = INT64_MAX);
 
   // Whose it is: today's name of the team. NotFoundError if there is no such submission or
   // evaluation, or if nobody can tell whose it is.

@@ -16,6 +16,7 @@
 #include "server/cli/base/report.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
+#include "server/cli/client/pages.h"
 #include "server/cli/client/print_answer.h"
 #include "server/cli/client/verbs.h"
 #include "server/cli/terminal/table.h"
@@ -117,7 +118,8 @@ int CreateTeam(const TeamOptions& options) {
 }
 
 int ListTeams(const TeamOptions& options) {
-  return PrintAnswer(options.client().Get("/v1/teams"), options.json, PrintTeams);
+  return PrintAnswer(GetAllPages(options.client(), "/v1/teams", "teams"), options.json,
+                     PrintTeams);
 }
 
 int ShowTeam(const TeamOptions& options) {

@@ -277,9 +277,13 @@ TEST_F(PeopleTest, AMergedTeamCountsAsTheOtherAndNoRowOfThePastChanges) {
     EXPECT_THAT(reader.Team("beta")->other_names, ElementsAre("beta"));
     const std::vector<TeamRow> teams = reader.Teams().rows;
     ASSERT_EQ(teams.size(), 2u);
-    EXPECT_EQ(teams[1].merged_into, "alpha");
-    EXPECT_THAT(teams[0].members, ElementsAre(kAda, kBob));
-    EXPECT_THAT(teams[1].members, IsEmpty());
+    EXPECT_EQ(teams[0].merged_into, "alpha");
+    EXPECT_THAT(teams[0].members, IsEmpty());
+    EXPECT_THAT(teams[1].members, ElementsAre(kAda, kBob));
+    const Listed<TeamRow> page = reader.Teams(teams[0].id, 1);
+    ASSERT_EQ(page.rows.size(), 1u);
+    EXPECT_EQ(page.last_id, teams[1].id);
+    EXPECT_THAT(page.rows[0].members, ElementsAre(kAda, kBob));
   });
   // Its ranked evaluations are those of the other as well.
   const absl::StatusOr<Accepted> again = TrySubmit("alpha", 'b', /*ranked=*/true);
