@@ -4,6 +4,7 @@
 
 #include "server/api/artefacts_resource.h"
 #include "server/api/boards_resource.h"
+#include "server/api/challenges_resource.h"
 #include "server/api/context.h"
 #include "server/api/evaluations_resource.h"
 #include "server/api/host_resource.h"
@@ -31,6 +32,7 @@ class Api {
   SubmissionsResource submissions_{context_};
   EvaluationsResource evaluations_{context_};
   BoardsResource boards_{context_};
+  ChallengesResource challenges_{context_};
   QuotaResource quota_{context_};
   ProofResource proof_{context_};
   TransferResource transfer_{context_};

@@ -7,6 +7,7 @@
 
 #include "protocol/base/clock.h"
 #include "server/admission/admission.h"
+#include "server/challenge/phases.h"
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
 #include "server/grading/tracks.h"
@@ -21,6 +22,7 @@ struct ApiContext {
   std::string data_dir;
   std::string cache_dir;
   const Tracks& tracks;
+  const Phases& phases;
   Admission& admission;
   Engine& engine;
   ReaderPool& readers;

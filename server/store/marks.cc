@@ -144,7 +144,7 @@ int64_t Reader::BoardChanges() {
 Listed<StandingRow> Reader::Standings(const std::string& config) {
   SQLite::Statement select(
       db_, "SELECT s.id, e.id, t.name, a.name, v.aggregate_json, v.successes, v.episodes, "
-           "v.names, v.numbers, s.team_id, s.artefact, e.state "
+           "v.names, v.numbers, s.team_id, s.artefact, e.state, e.finished_at "
            "FROM submission AS s "
            "LEFT JOIN team AS t ON t.id = s.team_id LEFT JOIN artefact AS a ON a.hash = s.artefact "
            "LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
@@ -161,6 +161,7 @@ Listed<StandingRow> Reader::Standings(const std::string& config) {
     standing.evaluation = row.NumberOr(1, 1, INT64_MAX, 0);
     row.Joined("evaluation", 1);
     (void)row.Named(11, ParseEvaluationState);
+    standing.finished_at = row.Time(12);
     row.Joined("team", 9);
     standing.team = row.Text(2);
     row.Joined("artefact", 10);
