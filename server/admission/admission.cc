@@ -92,13 +92,13 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
   if (!seeds.ok()) return seeds.status();
   absl::Status allowed = CheckArtefact(request.artefact, config);
   if (!allowed.ok()) return allowed;
-  const NewSubmission submission = Compose(request, *entry, *seeds);
+  NewSubmission submission = Compose(request, *entry, *seeds);
   if (submission.ranked) allowed = CheckRankedHere();
   if (!allowed.ok()) return allowed;
   AdmissionRules rules = options_.config.quota.of(config.id);
   if (entry->phase != nullptr) {
     rules = PhaseRules(entry->phase->config, rules);
-    rules.closed = CheckOpen(entry->phase->config, now);
+    submission.closed = CheckOpen(entry->phase->config, now);
   }
   return engine_.Submit(submission, rules, who, options_.config.http.request);
 }
