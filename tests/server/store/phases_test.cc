@@ -37,7 +37,7 @@ class PhaseStoreTest : public StoreTest {
   absl::StatusOr<Accepted> SubmitTo(const std::string& phase, char artefact,
                                     const AdmissionRules& rules = kRules,
                                     const std::string& team = "alpha",
-                                    absl::Status closed = absl::OkStatus()) {
+                                    absl::Status closed = absl::OkStatus(), bool ranked = true) {
     const std::string hash(64, artefact);
     absl::StatusOr<Accepted> accepted = absl::InternalError("");
     const absl::Status status = store_->Write([&](Writer& writer) -> absl::Status {
@@ -52,7 +52,7 @@ class PhaseStoreTest : public StoreTest {
                                .seeds = std::string(64, 'd'),
                                .seeds_json = "[1,2]",
                                .seed_count = 2,
-                               .ranked = true,
+                               .ranked = ranked,
                                .grader_json = "{}",
                                .blocks = {{0, 1}},
                                .phase = phase,
@@ -260,7 +260,8 @@ TEST_F(PhaseStoreTest, OnlyWhatIsRankedAndDoneIsChosen) {
   const auto running = SubmitTo("final", 'a');
   EXPECT_TRUE(absl::IsFailedPrecondition(Choose(running->submission).status()));
   EXPECT_TRUE(absl::IsNotFound(Choose(99).status()));
-  const auto practice = TrySubmit("alpha", 'b', /*ranked=*/false);
+  const auto practice =
+      SubmitTo("", 'b', kRules, "alpha", absl::OkStatus(), /*ranked=*/false);
   ASSERT_TRUE(practice.ok()) << practice.status();
   EXPECT_TRUE(absl::IsFailedPrecondition(Choose(practice->submission).status()));
 }
