@@ -21,17 +21,36 @@ absl::Status BadRequest(const std::string& code, const std::string& message) {
   return WithErrorCode(absl::InvalidArgumentError(message), code);
 }
 
-// The seeds to play, in order.
+// The seeds to play, in order: the whole ranked list, or for practice those of the request or of the
+// track's list for it.
 absl::StatusOr<std::vector<uint64_t>> SeedsOf(const SubmitRequest& request,
                                               const TrackConfig& config) {
-  std::vector<uint64_t> seeds = request.seeds.value_or(config.seeds);
+  if (!request.seeds.has_value() && !request.episodes.has_value()) return config.seeds;
+  std::vector<uint64_t> seeds = request.seeds.value_or(config.practice_seeds);
   const auto count = static_cast<int64_t>(seeds.size());
   if (request.episodes.value_or(1) > count) {
-    return absl::InvalidArgumentError(absl::StrCat("request: \"episodes\" is ", *request.episodes,
-                                                   ", the seed list has ", count));
+    return absl::InvalidArgumentError(
+        absl::StrCat("request: \"episodes\" is ", *request.episodes, ", ",
+                     request.seeds.has_value() ? "the seed list has "
+                                               : "the track's list of practice seeds has ",
+                     count));
   }
   seeds.resize(static_cast<size_t>(request.episodes.value_or(count)));
   return seeds;
+}
+
+// Practice that plays a ranked seed would be a ranked evaluation with more tries.
+absl::Status CheckPractice(const std::vector<uint64_t>& seeds, const TrackConfig& config,
+                           const Tracks& tracks) {
+  for (const uint64_t seed : seeds) {
+    const std::string track = tracks.RankedBy(*config.kind, seed);
+    if (track.empty()) continue;
+    return BadRequest("ranked_seed",
+                      absl::StrCat("request: \"seeds\" has the seed ", seed, ", which track \"",
+                                   track, "\" ranks; practice can't play it: leave \"seeds\" and "
+                                   "\"episodes\" out for a ranked evaluation, or choose others"));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -86,7 +105,9 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
   const TrackConfig& config = (*track)->config;
   const absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOf(request, config);
   if (!seeds.ok()) return seeds.status();
-  absl::Status allowed = CheckArtefact(request.artefact, config);
+  absl::Status allowed;
+  if (request.seeds.has_value()) allowed = CheckPractice(*request.seeds, config, tracks_);
+  if (allowed.ok()) allowed = CheckArtefact(request.artefact, config);
   if (!allowed.ok()) return allowed;
   const NewSubmission submission = Compose(request, config, *seeds);
   if (submission.ranked) allowed = CheckRankedHere();

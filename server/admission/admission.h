@@ -44,7 +44,8 @@ struct SubmitRequest {
   std::string team;
   std::string track;
   std::string profile;  // "": the track's default
-  std::optional<std::vector<uint64_t>> seeds;  // nullopt: the track's
+  // Both nullopt: a ranked evaluation of all of the track's seeds.
+  std::optional<std::vector<uint64_t>> seeds;  // of practice; nullopt: the track's practice seeds
   std::optional<int64_t> episodes;             // only so many of them; nullopt: all
 };
 
@@ -66,12 +67,13 @@ class Admission {
   // and the other errors of Uploads::Take.
   absl::StatusOr<ReceivedArtefact> Receive(const UploadRequest& request, IncomingArchive& archive);
 
-  // Accepts a submission made by `who` and queues its evaluation. If it plays exactly the track's
-  // seeds it is ranked, otherwise practice. A linked result is an earlier submission: nothing new
+  // Accepts a submission made by `who` and queues its evaluation. If it names neither seeds nor
+  // episodes it is ranked, otherwise practice. A linked result is an earlier submission: nothing new
   // is played or charged.
   //   NotFoundError               code "unknown_track", "unknown_profile"; no code: the artefact
   //   InvalidArgumentError        code "bad_artefact": too large for the track;
-  //                               "unknown_runtime"; no code: episodes, the team's name
+  //                               "unknown_runtime"; "ranked_seed": practice on a seed that some
+  //                               track ranks; no code: episodes, the team's name
   //   FailedPreconditionError     code "quota", "same_artefact", "look_alike" (Writer::Accept)
   //   UnavailableError            code "not_official": this host may not grade ranked submissions
   // and the errors of Engine::Submit and ReaderPool::Read.

@@ -174,7 +174,7 @@ TEST(ResultsHash, DependsOnResultsAndNotOnTheHostsClock) {
   ASSERT_NE(track, nullptr);
   const auto hash = [&](const EpisodeFacts& facts) {
     const auto row = JudgedRow(*track, facts);
-    return row.ok() ? ResultsHash({*row}) : std::string(row.status().message());
+    return row.ok() ? ResultsHash({*row}, "") : std::string(row.status().message());
   };
   EpisodeFacts facts = Walked(0, 3);
   const std::string before = hash(facts);
