@@ -8,70 +8,12 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
-#include "protocol/lease/policy_seed.h"
+#include "server/api/receipt_view.h"
 #include "server/api/requests.h"
-#include "server/engine/stored.h"
-#include "server/grading/results.h"
 #include "server/proof/receipt.h"
 #include "server/runner/log_keeper.h"
 
 namespace myograde::server {
-namespace {
-
-// Everything that the result is a function of, and the result.
-absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
-  absl::StatusOr<SubmissionRow> submission = reader.Submission(id);
-  if (!submission.ok()) return submission.status();
-  const absl::StatusOr<EvaluationRow> original = reader.Original(id);
-  if (!original.ok()) return original.status();
-  const EvaluationRow& evaluation = *original;
-  if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("submission ", id, " is ", std::string(EvaluationStateName(evaluation.state)),
-                     "; there is a receipt once it is done or failed"));
-  }
-  absl::StatusOr<std::string> config = reader.ConfigJson(submission->config);
-  if (!config.ok()) return config.status();
-  const absl::StatusOr<TrackConfig> track = StoredConfig(reader, submission->config);
-  if (!track.ok()) return track.status();
-  const absl::StatusOr<std::vector<EpisodeRow>> read = reader.Episodes(evaluation.id);
-  if (!read.ok()) return read.status();
-  const std::vector<EpisodeRow>& rows = *read;
-  const scoring::ScoredTrack& scored = *scoring::FindScoredTrack(track->kind->name);
-  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(scored, rows);
-  if (!aggregate.ok()) return aggregate.status();
-  nlohmann::json episodes = nlohmann::json::array();
-  nlohmann::json policy_seeds;  // null: they follow from the store's secret
-  for (const EpisodeRow& row : rows) {
-    episodes.push_back(ReceiptEntry(row));
-    if (!track->policy_seed_secret.has_value()) continue;
-    policy_seeds.push_back(PolicySeed(*track->policy_seed_secret, row.index));
-  }
-  return nlohmann::json{
-      {"format", 1},
-      {"submission", id},
-      {"evaluation", evaluation.id},
-      {"team", submission->team},
-      {"name", submission->artefact_name},
-      {"track", submission->track},
-      {"track_kind", track->kind->name},
-      {"profile", submission->profile},
-      {"ranked", submission->ranked},
-      {"state", EvaluationStateName(evaluation.state)},
-      {"artefact", submission->artefact},
-      {"config", submission->config},
-      {"track_config", nlohmann::json::parse(*config)},
-      {"seeds", submission->seeds},
-      {"policy_seeds", std::move(policy_seeds)},
-      {"grader", nlohmann::json::parse(evaluation.grader_json, nullptr, false)},
-      {"aggregate", AggregateToJson(scored, *aggregate)},
-      {"results", ResultsHash(rows)},
-      {"merkle_root", MerkleRootOf(rows)},
-      {"episodes", std::move(episodes)}};
-}
-
-}  // namespace
 
 void ProofResource::Install(Routes& routes) {
   routes.Get(R"(/v1/submissions/(\d{1,18})/receipt)",
