@@ -1,4 +1,5 @@
-// What the caller of a request may see of an evaluation, from the challenge files and the store.
+// What the caller of a request may see of an evaluation, from the challenge files and the store. Only
+// inside handlers.
 #pragma once
 
 #include <string>
@@ -13,11 +14,15 @@
 namespace myograde::server {
 
 // Of evaluations of a phase ("": of none).
-absl::StatusOr<Visibility> SightOfPhase(Reader& reader, const ApiContext& context, Role role,
+absl::StatusOr<Visibility> SightOfPhase(Reader& reader, const ApiContext& context,
                                         const std::string& phase);
 
 // Of evaluations under a config.
-absl::StatusOr<Visibility> SightOfConfig(Reader& reader, const ApiContext& context, Role role,
+absl::StatusOr<Visibility> SightOfConfig(Reader& reader, const ApiContext& context,
                                          const TrackConfig& config);
+
+// For what is refused as a whole as long as a phase withholds parts of it: FailedPreconditionError
+// with the code "withheld", which adds when that ends.
+absl::Status WithheldError(const std::string& what);
 
 }  // namespace myograde::server

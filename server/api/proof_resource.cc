@@ -9,6 +9,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/api/phase_sight.h"
 #include "server/api/receipt_view.h"
 #include "server/api/requests.h"
 #include "server/proof/receipt.h"
@@ -27,6 +28,27 @@ absl::Status RequireLog(Reader& reader, const std::string& hash, const absl::Sta
   return Require(*teams.begin(), missing);
 }
 
+// A receipt lists the result of each episode, so a phase that withholds those withholds it as a whole.
+absl::Status CheckReceiptShown(Reader& reader, const ApiContext& context, int64_t submission) {
+  const absl::StatusOr<SubmissionRow> row = reader.Submission(submission);
+  if (!row.ok()) return row.status();
+  const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, row->phase);
+  if (!sight.ok() || SeesReceipt(*sight)) return sight.status();
+  return WithheldError(absl::StrCat("the receipt of submission ", submission, " lists the result of "
+                                    "each episode, which phase \"", row->phase, "\" withholds"));
+}
+
+// A log holds its episode's seed. Equal logs are of one phase, as they hold their config.
+absl::Status CheckLogShown(Reader& reader, const ApiContext& context, const std::string& hash) {
+  for (const std::string& phase : reader.PhasesOfLog(hash)) {
+    const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, phase);
+    if (!sight.ok()) return sight.status();
+    if (SeesLogs(*sight)) continue;
+    return WithheldError(absl::StrCat("phase \"", phase, "\" withholds the logs of its episodes"));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 void ProofResource::Install(Routes& routes) {
@@ -42,6 +64,9 @@ ApiResult ProofResource::GetReceipt(const httplib::Request& request) const {
   const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     const absl::Status own = RequireSubmission(reader, IdOf(request));
     if (!own.ok()) return own;
+    if (absl::Status shown = CheckReceiptShown(reader, context_, IdOf(request)); !shown.ok()) {
+      return shown;
+    }
     receipt = ReceiptOf(reader, IdOf(request));
     return receipt.status();
   });
@@ -65,10 +90,13 @@ std::optional<ApiError> ProofResource::SendLog(const httplib::Request& request,
   const std::string hash = request.matches[1];
   const absl::Status missing = absl::NotFoundError(
       absl::StrCat("there is no log ", hash, " here; it was never kept, or was removed"));
-  absl::Status sent = CallerIsOrganiser() ? absl::OkStatus()
-                                          : context_.readers.Read([&](Reader& reader) {
-                                              return RequireLog(reader, hash, missing);
-                                            });
+  absl::Status sent;
+  if (!CallerIsOrganiser()) {
+    sent = context_.readers.Read([&](Reader& reader) {
+      const absl::Status own = RequireLog(reader, hash, missing);
+      return own.ok() ? CheckLogShown(reader, context_, hash) : own;
+    });
+  }
   if (sent.ok()) {
     const std::string path = absl::StrCat(context_.data_dir, "/logs/", LogFileName(hash));
     sent = UnixHttpServer::AnswerWithFile(path, "application/zstd", response);
