@@ -147,7 +147,7 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
   AdmissionRules rules = options_.config.quota.of(config.id);
   if (entry->phase != nullptr) {
     rules = PhaseRules(entry->phase->config, rules);
-    rules.closed = CheckOpen(entry->phase->config, now);
+    submission.closed = CheckOpen(entry->phase->config, now);
   }
   return engine_.Submit(submission, rules, who, options_.config.http.request);
 }

@@ -41,7 +41,7 @@ absl::Status CheckChoice(Reader& reader, const SubmissionRow& row, const ApiCont
   if ((*track)->scoring.team != scoring::TeamRule::kChosen) {
     return absl::FailedPreconditionError(absl::StrCat(
         "submission ", row.id, " can't be chosen: on its board a team stands with its ",
-        TeamRuleName((*track)->scoring.team), " submission, so there is nothing to choose"));
+        std::string(TeamRuleName((*track)->scoring.team)), " submission, so there is nothing to choose"));
   }
   if (row.phase.empty()) return absl::OkStatus();
   if (const PhaseConfig* phase = context.phases.ConfigOf(row.phase)) {
@@ -59,14 +59,16 @@ void ChallengesResource::Install(Routes& routes) {
   routes.Get("/v1/challenges", Action::kReadChallenge, std::bind_front(&Self::List, this));
   routes.Post(R"(/v1/submissions/(\d{1,18})/choose)", Action::kChoose,
               std::bind_front(&Self::Choose, this));
-  for (const auto& [verb, event] : {std::pair{"pause", kPausedEvent}, std::pair{"resume", kResumedEvent},
-                                    std::pair{"publish", kPublishedEvent}}) {
+  for (const auto& [verb, event] :
+       {std::pair{"pause", kPausedEvent}, std::pair{"resume", kResumedEvent},
+        std::pair{"publish", kPublishedEvent}}) {
     routes.Post(absl::StrCat(kPhasePath, verb), Action::kManagePhases,
                 [this, name = event](const httplib::Request& request, const Json& body) {
                   return Act(request.matches[1], name, body);
                 });
   }
-  for (const auto& [verb, event] : {std::pair{"pause", kPausedEvent}, std::pair{"resume", kResumedEvent}}) {
+  for (const auto& [verb, event] :
+       {std::pair{"pause", kPausedEvent}, std::pair{"resume", kResumedEvent}}) {
     routes.Post(absl::StrCat("/v1/", verb), Action::kManagePhases,
                 [this, name = event](const httplib::Request&, const Json& body) {
                   return Act("", name, body);

@@ -133,6 +133,7 @@ absl::StatusOr<PhaseConfig> ParsePhase(const nlohmann::json& json, const std::st
   const nlohmann::json& quota = reader.Has("quota") ? reader.Object("quota") : kNone;
   const nlohmann::json& shown = reader.Has("show") ? reader.Object("show") : kNone;
   const bool has_seeds = reader.Has("seeds");
+  reader.Ignore("seeds");  // ReadSeedsOfPhase reads them
   absl::Status status = reader.Finish();
   if (status.ok() && has_seeds) {
     status = ReadSeedsOfPhase(json["seeds"], where + ": seeds", phase);

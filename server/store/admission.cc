@@ -182,7 +182,7 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
     if (first->has_value()) return **first;
   }
   // A submission that was accepted before is found above, however late its answer is asked for.
-  if (!rules.closed.ok()) return rules.closed;
+  if (!submission.closed.ok()) return submission.closed;
   if (absl::Status status = CheckNotPaused(submission.phase); !status.ok()) return status;
   const Budget budget = submission.ranked ? Budget::kRanked : Budget::kPractice;
   const QuotaUse use = ReadQuotaUse(db_, submission.team, submission.track, submission.phase, now_ms_);

@@ -52,10 +52,13 @@ struct NewSubmission {
   std::string seeds_json;      // array of numbers, canonical
   int64_t seed_count = 0;
   bool ranked = false;
-  std::string phase;           // of a challenge; "": the track's own board
   std::string grader_json;
   std::vector<std::pair<int64_t, int64_t>> blocks;  // first and last episode of each lease
   std::optional<Founding> founding = std::nullopt;  // of its team, in the same change
+  std::string phase = "";  // of a challenge; "": the track's own board
+  // Why nothing new is accepted; OkStatus(): it is. The ranked evaluation that an artefact has
+  // already is found all the same.
+  absl::Status closed = absl::OkStatus();
 };
 
 // What a submission must satisfy to be accepted.
@@ -64,9 +67,6 @@ struct AdmissionRules {
   // An artefact has one ranked evaluation per config: for each team or, if true, for all teams
   // together.
   bool one_for_everyone = false;
-  // Why nothing new is accepted now; OkStatus(): it is. A team still gets the ranked evaluation that
-  // its artefact has already.
-  absl::Status closed = absl::OkStatus();
 };
 
 // Who uploaded an artefact that has not been submitted yet.
@@ -157,7 +157,7 @@ class Writer {
   // config or seeds are not those given. FailedPreconditionError with the code "quota" if over a
   // quota, "same_artefact" for a second ranked evaluation of another team's artefact, "banned" for a
   // banned team, "look_alike" for a new team whose name looks like another's (ResembledTeam),
-  // "paused" if all submissions or those to the phase are paused; rules.closed.
+  // "paused" if all submissions or those to the phase are paused; submission.closed.
   // InvalidArgumentError for a name
   // that no new team may have. Other operations that take a team have the same name errors.
   absl::StatusOr<Accepted> Accept(const NewSubmission& submission, const AdmissionRules& rules,
