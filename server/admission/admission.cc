@@ -23,17 +23,52 @@ absl::Status BadRequest(const std::string& code, const std::string& message) {
   return WithErrorCode(absl::InvalidArgumentError(message), code);
 }
 
-// The seeds to play, in order.
+// The seeds to play, in order: the whole ranked list, or for practice those of the request or of the
+// track's list for it.
 absl::StatusOr<std::vector<uint64_t>> SeedsOf(const SubmitRequest& request,
                                               const TrackConfig& config) {
-  std::vector<uint64_t> seeds = request.seeds.value_or(config.seeds);
+  if (!request.seeds.has_value() && !request.episodes.has_value()) return config.seeds;
+  std::vector<uint64_t> seeds = request.seeds.value_or(config.practice_seeds);
   const auto count = static_cast<int64_t>(seeds.size());
   if (request.episodes.value_or(1) > count) {
-    return absl::InvalidArgumentError(absl::StrCat("request: \"episodes\" is ", *request.episodes,
-                                                   ", the seed list has ", count));
+    return absl::InvalidArgumentError(
+        absl::StrCat("request: \"episodes\" is ", *request.episodes, ", ",
+                     request.seeds.has_value() ? "the seed list has "
+                                               : "the track's list of practice seeds has ",
+                     count));
   }
   seeds.resize(static_cast<size_t>(request.episodes.value_or(count)));
   return seeds;
+}
+
+// Who ranks a seed in an environment: a track, or a phase with public seeds. Hidden seeds are not
+// looked at, so that no answer tells whether one was guessed. "": nobody.
+std::string RankedBy(const TrackKind& kind, uint64_t seed, const Tracks& tracks,
+                     const Phases& phases) {
+  const std::string track = tracks.RankedBy(kind, seed);
+  if (!track.empty()) return absl::StrCat("track \"", track, "\"");
+  for (const PhasePtr& phase : phases.entries()) {
+    const TrackConfig& config = phase->track->config;
+    if (config.kind != &kind || !config.seed_salt.empty()) continue;
+    if (std::find(config.seeds.begin(), config.seeds.end(), seed) != config.seeds.end()) {
+      return absl::StrCat("phase \"", phase->config.name, "\"");
+    }
+  }
+  return "";
+}
+
+// Practice that plays a ranked seed would be a ranked evaluation with more tries.
+absl::Status CheckPractice(const std::vector<uint64_t>& seeds, const TrackConfig& config,
+                           const Tracks& tracks, const Phases& phases) {
+  for (const uint64_t seed : seeds) {
+    const std::string who = RankedBy(*config.kind, seed, tracks, phases);
+    if (who.empty()) continue;
+    return BadRequest("ranked_seed",
+                      absl::StrCat("practice can't play the seed ", seed, ", which ", who,
+                                   " ranks; leave \"seeds\" and \"episodes\" out for a ranked "
+                                   "evaluation, or choose other seeds"));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -54,6 +89,7 @@ absl::StatusOr<ReceivedArtefact> Admission::Receive(const UploadRequest& request
   if (!team.empty()) {
     absl::Status allowed = tracks_.Find(request.track, "").status();
     if (allowed.ok()) allowed = CheckTries(team, request.track);
+    if (allowed.ok() && request.founding.has_value()) allowed = Found(team, *request.founding);
     if (!allowed.ok()) return allowed;
   }
   absl::StatusOr<ReceivedArtefact> received =
@@ -73,6 +109,14 @@ absl::Status Admission::CheckTries(const std::string& team, const std::string& t
   });
 }
 
+absl::Status Admission::Found(const std::string& team, const Founding& founding) {
+  return engine_.Change(
+      [team, founding](Writer& writer) {
+        return writer.FoundTeam(team, founding.person, founding.most);
+      },
+      options_.config.http.request);
+}
+
 absl::Status Admission::ChargeRefusal(const UploadRequest& request, const absl::Status& refusal) {
   if (request.from.team.empty()) return absl::OkStatus();
   return engine_.Change(
@@ -90,9 +134,14 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
   const TrackConfig& config = entry->track->config;
   const absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOf(request, config);
   if (!seeds.ok()) return seeds.status();
-  absl::Status allowed = CheckArtefact(request.artefact, config);
+  absl::Status allowed;
+  if (request.seeds.has_value() || request.episodes.has_value()) {
+    allowed = CheckPractice(request.seeds.value_or(*seeds), config, tracks_, phases_);
+  }
+  if (allowed.ok()) allowed = CheckArtefact(request.artefact, config);
   if (!allowed.ok()) return allowed;
   NewSubmission submission = Compose(request, *entry, *seeds);
+  submission.founding = request.founding;
   if (submission.ranked) allowed = CheckRankedHere();
   if (!allowed.ok()) return allowed;
   AdmissionRules rules = options_.config.quota.of(config.id);

@@ -37,6 +37,7 @@ struct AdmissionOptions {
 struct UploadRequest {
   NewUpload from;     // who uploads, and for which team
   std::string track;  // where a refusal counts as a failed try; "" if `from` has no team
+  std::optional<Founding> founding = std::nullopt;  // of that team
   // Polled during the upload; true: give up.
   std::function<bool()> stopping = [] { return false; };
 };
@@ -45,10 +46,12 @@ struct SubmitRequest {
   std::string artefact;
   std::string team;
   std::string track;
-  std::string profile;  // "": the track's default, or the phase's
+  std::string profile;     // "": the track's default, or the phase's
   std::string phase = "";  // "": the only open one of the track, where it has phases
-  std::optional<std::vector<uint64_t>> seeds;  // nullopt: the track's
+  // Both nullopt: a ranked evaluation of all seeds of the track, or of the phase.
+  std::optional<std::vector<uint64_t>> seeds;  // of practice; nullopt: the track's practice seeds
   std::optional<int64_t> episodes;             // only so many of them; nullopt: all
+  std::optional<Founding> founding = std::nullopt;  // of the team
 };
 
 // Statuses carry the code that API clients get (ErrorCodeOf of store/quota.h), where it is not the
@@ -64,21 +67,24 @@ class Admission {
   // refused because of its content is charged to it as a failed try; no other error is.
   //   NotFoundError               code "unknown_track"
   //   InvalidArgumentError        code "bad_artefact": the archive; no code: the team's name
-  //   FailedPreconditionError     code "look_alike": the team's name (Writer::Accept); "quota": no
+  //   FailedPreconditionError     code "look_alike": the team's name (Writer::Accept); "forbidden":
+  //                               the team can't be founded (Writer::FoundTeam); "quota": no
   //                               failed tries left, or too many uploads that were never submitted
   // and the other errors of Uploads::Take.
   absl::StatusOr<ReceivedArtefact> Receive(const UploadRequest& request, IncomingArchive& archive);
 
-  // Accepts a submission made by `who` and queues its evaluation. If it plays exactly the seeds of
-  // its phase it is ranked, otherwise practice; a track that has no phases is one itself, which is
-  // always open. A linked result is an earlier submission: nothing new is played or charged.
+  // Accepts a submission made by `who` and queues its evaluation. If it names neither seeds nor
+  // episodes it plays exactly the seeds of its phase and is ranked, otherwise it is practice; a track
+  // that has no phases is one itself, which is always open. A linked result is an earlier submission:
+  // nothing new is played or charged.
   //   NotFoundError               code "unknown_track", "unknown_profile", "unknown_phase"; no code:
   //                               the artefact
   //   InvalidArgumentError        code "bad_artefact": too large for the track;
-  //                               "unknown_runtime"; no code: episodes, the team's name, a phase of
-  //                               another track, several phases to choose from
+  //                               "unknown_runtime"; "ranked_seed": practice on a seed that is
+  //                               ranked; no code: episodes, the team's name, a phase of another
+  //                               track, several phases to choose from
   //   FailedPreconditionError     code "quota", "same_artefact", "look_alike", "paused"
-  //                               (Writer::Accept); "phase_closed"
+  //                               (Writer::Accept), "forbidden" (Writer::FoundTeam); "phase_closed"
   //   UnavailableError            code "not_official": this host may not grade ranked submissions
   // and the errors of Engine::Submit and ReaderPool::Read.
   absl::StatusOr<Accepted> Submit(const SubmitRequest& request, const std::string& who);
@@ -94,6 +100,7 @@ class Admission {
   // The date, with a warning in the log if it was set.
   absl::Time Now();
   absl::Status CheckTries(const std::string& team, const std::string& track);
+  absl::Status Found(const std::string& team, const Founding& founding);
   // Charges a failed try to the request's team, if it names one.
   absl::Status ChargeRefusal(const UploadRequest& request, const absl::Status& refusal);
   absl::Status CheckArtefact(const std::string& hash, const TrackConfig& config);

@@ -161,7 +161,7 @@ absl::Status AddView(Reader& reader, const ApiContext& context, BoardQuery& aske
   if (!events.ok()) return events.status();
   if (!StatusOfPhase(*phase, *events, context.clock.Now()).frozen) return absl::OkStatus();
   asked.frozen = phase->freezes;
-  asked.view = OnlyOrganiser().has_value() ? View::kFrozen : View::kAllOfFrozen;
+  asked.view = CallerIsOrganiser() ? View::kAllOfFrozen : View::kFrozen;
   return absl::OkStatus();
 }
 
@@ -213,9 +213,11 @@ absl::StatusOr<std::string> MakeBoardText(Reader& reader, const BoardQuery& aske
 }  // namespace
 
 void BoardsResource::Install(Routes& routes) {
-  routes.Get("/v1/leaderboard", std::bind_front(&BoardsResource::Get, this));
-  routes.Get("/v1/leaderboard/explain", std::bind_front(&BoardsResource::Explain, this));
-  routes.Post("/v1/leaderboard/rebuild", std::bind_front(&BoardsResource::Rebuild, this));
+  routes.Get("/v1/leaderboard", Action::kReadBoard, std::bind_front(&BoardsResource::Get, this));
+  routes.Get("/v1/leaderboard/explain", Action::kReadBoard,
+             std::bind_front(&BoardsResource::Explain, this));
+  routes.Post("/v1/leaderboard/rebuild", Action::kRebuildBoards,
+              std::bind_front(&BoardsResource::Rebuild, this));
 }
 
 ApiResult BoardsResource::Get(const httplib::Request& request) {
@@ -286,7 +288,6 @@ ApiResult BoardsResource::Explain(const httplib::Request& request) const {
 }
 
 ApiResult BoardsResource::Rebuild(const httplib::Request&, const Json& body) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   ConfigReader reader(body, "request");
   if (absl::Status status = reader.Finish(); !status.ok()) return ErrorOf(status);
   UnixHttpServer::AllowUploadTime();
@@ -305,6 +306,7 @@ ApiResult BoardsResource::Rebuild(const httplib::Request&, const Json& body) con
       },
       context_.config.http.upload);
   if (!status.ok()) return ErrorOf(status);
+  NoteAct("boards", absl::StrCat(count, " rows are rebuilt"));
   return ApiAnswer{200, {{"rebuilt", count}, {"unreadable", unreadable}}};
 }
 

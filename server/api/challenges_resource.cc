@@ -56,19 +56,20 @@ absl::Status CheckChoice(Reader& reader, const SubmissionRow& row, const ApiCont
 
 void ChallengesResource::Install(Routes& routes) {
   using Self = ChallengesResource;
-  routes.Get("/v1/challenges", std::bind_front(&Self::List, this));
-  routes.Post(R"(/v1/submissions/(\d{1,18})/choose)", std::bind_front(&Self::Choose, this));
+  routes.Get("/v1/challenges", Action::kReadChallenge, std::bind_front(&Self::List, this));
+  routes.Post(R"(/v1/submissions/(\d{1,18})/choose)", Action::kChoose,
+              std::bind_front(&Self::Choose, this));
   for (const auto& [verb, event] :
        {std::pair{"pause", kPausedEvent}, std::pair{"resume", kResumedEvent},
         std::pair{"publish", kPublishedEvent}}) {
-    routes.Post(absl::StrCat(kPhasePath, verb),
+    routes.Post(absl::StrCat(kPhasePath, verb), Action::kManagePhases,
                 [this, name = event](const httplib::Request& request, const Json& body) {
                   return Act(request.matches[1], name, body);
                 });
   }
   for (const auto& [verb, event] :
        {std::pair{"pause", kPausedEvent}, std::pair{"resume", kResumedEvent}}) {
-    routes.Post(absl::StrCat("/v1/", verb),
+    routes.Post(absl::StrCat("/v1/", verb), Action::kManagePhases,
                 [this, name = event](const httplib::Request&, const Json& body) {
                   return Act("", name, body);
                 });
@@ -90,7 +91,6 @@ ApiResult ChallengesResource::List(const httplib::Request& request) const {
 
 ApiResult ChallengesResource::Act(const std::string& phase, const std::string& event,
                                   const Json& body) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   const absl::StatusOr<std::string> reason = ParseReason(body);
   if (!reason.ok()) return ErrorOf(reason.status());
   const PhaseConfig* config = phase.empty() ? nullptr : context_.phases.ConfigOf(phase);
@@ -119,6 +119,7 @@ ApiResult ChallengesResource::Act(const std::string& phase, const std::string& e
     });
   }
   if (!status.ok()) return ErrorOf(status);
+  NoteAct(phase.empty() ? "all submissions" : absl::StrCat("phase ", phase), event);
   return ApiAnswer{200, {{"phase", TextOrNull(phase)},
                          {"event", event},
                          {"changed", *changed},
@@ -132,6 +133,7 @@ ApiResult ChallengesResource::Choose(const httplib::Request& request, const Json
   const int64_t id = IdOf(request);
   SubmissionRow row;
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    if (absl::Status own = RequireSubmission(reader, id); !own.ok()) return own;
     absl::StatusOr<SubmissionRow> read = reader.Submission(id);
     if (!read.ok()) return read.status();
     row = *std::move(read);

@@ -44,6 +44,7 @@ void AddLedger(const Listed<LedgerRow>& ledger, Json& body) {
   body["unreadable"] = DamagedToJson(ledger.damaged);
 }
 
+std::string BudgetText(Budget budget) { return std::string(BudgetName(budget)); }
 Json EntryToJson(const std::string& track, const QuotaLimits& limits, const QuotaUse& use) {
   Json entry = {{"track", track},
                 {"waiting", {{"limit", limits.waiting}, {"used", use.waiting}}}};
@@ -109,8 +110,8 @@ absl::Status CheckPlace(const NewGrant& grant, const ApiContext& context) {
 }  // namespace
 
 void QuotaResource::Install(Routes& routes) {
-  routes.Get("/v1/quota", std::bind_front(&QuotaResource::Get, this));
-  routes.Post("/v1/quota/grants", std::bind_front(&QuotaResource::Grant, this));
+  routes.Get("/v1/quota", Action::kReadQuota, std::bind_front(&QuotaResource::Get, this));
+  routes.Post("/v1/quota/grants", Action::kGrant, std::bind_front(&QuotaResource::Grant, this));
 }
 
 ApiResult QuotaResource::Get(const httplib::Request& request) const {
@@ -129,7 +130,8 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
   if (!track.empty()) status = context_.tracks.Find(track, "").status();
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer;
-  status = context_.readers.Read([&](Reader& reader) {
+  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    if (absl::Status own = RequireTeam(reader, asked); !own.ok()) return own;
     const std::string team = reader.TeamOf(asked);
     answer.body = QuotaOf(reader, context_, team, track);
     const Listed<LedgerRow> ledger = reader.Ledger(team, track, before, limit);
@@ -143,7 +145,6 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
 }
 
 ApiResult QuotaResource::Grant(const httplib::Request&, const Json& body) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   absl::StatusOr<NewGrant> grant = ParseGrant(body);
   if (!grant.ok()) return ErrorOf(grant.status());
   absl::Status status = CheckPlace(*grant, context_);
@@ -161,6 +162,9 @@ ApiResult QuotaResource::Grant(const httplib::Request&, const Json& body) const 
     });
   }
   if (!status.ok()) return TeamErrorOf(status, grant->team);
+  NoteAct(absl::StrCat("team ", grant->team),
+          absl::StrCat(grant->amount, " more of ", BudgetText(grant->budget), " on ", grant->track,
+                       ": ", grant->why));
   return answer;
 }
 
