@@ -190,11 +190,11 @@ struct MemberRow {
 struct TeamEventRow {
   int64_t id = 0;
   int64_t at = 0;
-  std::string team;  // today's name of the team that it was done to
-  std::string event;  // "created", "renamed", "merged", "banned", "unbanned"
-  std::string detail;  // the name before, or the team that it was merged into; else ""
-  std::string who;
-  std::string why;
+  std::string team = "";  // today's name of the team that it was done to
+  std::string event = "";  // "created", "renamed", "merged", "banned", "unbanned"
+  std::string detail = "";  // the name before, or the team that it was merged into; else ""
+  std::string who = "";
+  std::string why = "";
 };
 
 // A bearer token. Its text is not kept, only the text's hash, which is never shown.
