@@ -40,6 +40,12 @@ struct MarkRequest {
 };
 absl::StatusOr<MarkRequest> ParseMark(const nlohmann::json& body);
 
+// The reason of an organiser's act: {"reason": "…"}.
+absl::StatusOr<std::string> ParseReason(const nlohmann::json& body);
+
+// {}: no keys.
+absl::Status ParseNothing(const nlohmann::json& body);
+
 absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body);
 
 // The header Idempotency-Key, with a digest of the address and the body; no key without one.

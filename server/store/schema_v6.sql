@@ -121,6 +121,7 @@ CREATE INDEX request_key_by_age ON request_key (at);
 CREATE INDEX request_key_by_caller ON request_key (who, at DESC, key);
 
 ALTER TABLE submission ADD COLUMN phase TEXT NOT NULL DEFAULT '';
+CREATE INDEX submission_by_phase ON submission (phase, id) WHERE phase != '';
 ALTER TABLE admission ADD COLUMN phase TEXT NOT NULL DEFAULT '';
 ALTER TABLE ledger ADD COLUMN phase TEXT NOT NULL DEFAULT '';
 
