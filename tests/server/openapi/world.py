@@ -79,6 +79,7 @@ class World(Daemon):
         self.submissions = []
 
     def start(self):
+        """Starts it and fills it."""
         health = super().start()
         for team in ("alpha", "beta"):
             self.post("/v1/teams", {"team": team})
@@ -100,3 +101,8 @@ class World(Daemon):
         wait_until(lambda: self.get(f"/v1/submissions/{made}"), 60, "it does not end",
                    fits=lambda status: status["state"] == "done")
         return made
+
+    def restart_plain(self):
+        """Stops and starts it, with what it has."""
+        self.stop()
+        return super().start()
