@@ -288,6 +288,7 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
            .readers = readers,
            .receipts_key = receipts_key,
            .access_log = access_log,
+           .challenge = phases->any(),
            .clock = clock,
            .started_at = clock.Now(),
            .began = clock.Monotonic()});
