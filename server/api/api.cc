@@ -14,6 +14,7 @@ void Api::Install(UnixHttpServer& server) {
   quota_.Install(routes);
   proof_.Install(routes);
   transfer_.Install(routes);
+  whoami_.Install(routes);
   routes.AddErrorAnswers();
 }
 

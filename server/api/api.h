@@ -12,6 +12,7 @@
 #include "server/api/submissions_resource.h"
 #include "server/api/transfer_resource.h"
 #include "server/api/unix_http_server.h"
+#include "server/api/whoami_resource.h"
 
 namespace myograde::server {
 
@@ -34,6 +35,7 @@ class Api {
   QuotaResource quota_{context_};
   ProofResource proof_{context_};
   TransferResource transfer_{context_};
+  WhoamiResource whoami_;
 };
 
 }  // namespace myograde::server

@@ -68,6 +68,7 @@ struct Headers {
   std::vector<std::string> expect;
   std::vector<std::string> types;
   std::vector<std::string> content_encodings;
+  int authorizations = 0;
 };
 
 bool ReadRequestLine(std::string_view line, RequestHead& head, bool& old_version,
@@ -126,6 +127,10 @@ bool ReadHeader(std::string_view line, Headers& headers, RequestHead& head, ApiE
   if (name == "expect") headers.expect.push_back(Lower(value));
   if (name == "content-type") headers.types.push_back(Lower(value));
   if (name == "content-encoding") headers.content_encodings.push_back(Lower(value));
+  if (name == "authorization") ++headers.authorizations;
+  if (name == "x-forwarded-for") {
+    head.forwarded_for = Stripped(std::string_view(value).substr(value.rfind(',') + 1));
+  }
   if (std::find(kOwn.begin(), kOwn.end(), name) == kOwn.end()) {
     absl::StrAppend(&head.canonical, absl::string_view(line.data(), line.size()), "\r\n");
   }
@@ -211,6 +216,10 @@ bool ParseRequestHead(std::string_view bytes, RequestHead& head, ApiError& error
     if (!ReadHeader(lines[i], headers, head, error)) return false;
   }
   if (!ReadFraming(headers, head, error)) return false;
+  if (headers.authorizations > 1) {
+    error = Bad("Authorization is there twice");
+    return false;
+  }
   head.keep_alive = !old_version;
   for (const std::string& value : headers.connection) {
     for (const absl::string_view word : absl::StrSplit(value, ',')) {

@@ -12,12 +12,14 @@
 
 namespace myograde::server {
 
-// Today a user of this host, "uid 1000"; the key is all that limits know, so that it may as well
-// be a token or an address.
+// A user of this host, "uid 1000", or an address of the network, "address 192.0.2.1"; the key is all
+// that limits know.
 struct Peer {
   std::string key;
   bool organiser = false;  // has places kept free, and limits of its own
   uid_t uid = static_cast<uid_t>(-1);
+  bool network = false;    // came over TCP
+  bool proxy = false;      // forwards requests of others, and says whose
 };
 
 // What a peer takes up at the moment, over all of its connections.

@@ -7,7 +7,6 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/config_reader.h"
-#include "server/base/peer_key.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
 #include "server/store/reader.h"
@@ -79,7 +78,7 @@ ApiError TeamErrorOf(const absl::Status& status, const std::string& team) {
   return error;
 }
 
-std::string CallerKey() { return PeerKey(UnixHttpServer::PeerUid()); }
+std::string CallerKey() { return UnixHttpServer::Caller().key; }
 
 std::optional<ApiError> OnlyOrganiser() {
   if (UnixHttpServer::PeerIsOrganiser()) return std::nullopt;

@@ -23,5 +23,8 @@ Action AddBackup(CLI::App& verb);
 Action AddLog(CLI::App& verb);
 Action AddReceipt(CLI::App& verb);
 Action AddKey(CLI::App& verb);
+Action AddLogin(CLI::App& verb);
+Action AddLogout(CLI::App& verb);
+Action AddWhoami(CLI::App& verb);
 
 }  // namespace myograde::server
