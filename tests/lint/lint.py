@@ -53,7 +53,7 @@ RULES = {
         "base", "artefact", "sandbox", "proof", "store", "config", "grading", "engine",
         "admission")}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     "server/api": ({"protocol", "scoring"} | {f"server/{part}" for part in (
-        "base", "access", "runner", "proof", "store", "config", "grading", "engine", "admission",
+        "access", "base", "runner", "proof", "store", "config", "grading", "engine", "admission",
         "api")},
         r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
     "server/cli/terminal": ({"protocol/base", "server/base", "server/cli/terminal"},

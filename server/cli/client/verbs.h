@@ -26,5 +26,8 @@ Action AddReceipt(CLI::App& verb);
 Action AddKey(CLI::App& verb);
 Action AddTeam(CLI::App& verb);
 Action AddToken(CLI::App& verb);
+Action AddLogin(CLI::App& verb);
+Action AddLogout(CLI::App& verb);
+Action AddWhoami(CLI::App& verb);
 
 }  // namespace myograde::server
