@@ -16,7 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "scoring/board.h"
-#include "server/access/visibility.h"
+#include "server/access/sight.h"
 #include "server/grading/tracks.h"
 #include "server/store/store.h"
 
