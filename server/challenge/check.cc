@@ -155,8 +155,8 @@ class Checks {
     for (const auto& [profile, track] : offer.profiles) {
       const TrackConfig& config = track->config;
       if (Overlap(phase, {config.practice_seeds.begin(), config.practice_seeds.end()},
-                  absl::StrCat("the practice seeds of track \"", name, "\""),
-                  "give the phase other seeds")) {
+                  absl::StrCat("the practice of track \"", name, "\""),
+                  "give the phase other seeds, or the track other \"practice_seeds\"")) {
         return true;
       }
       if (phase.config->seeds.empty()) continue;

@@ -74,7 +74,7 @@ TEST(CheckChallenges, NoSeedIsPublicTwice) {
                   .mistakes,
               ElementsAre(HasSubstr("its seed 501 belongs to phase \"a\" too")));
   EXPECT_THAT(Check({PhaseJson("a", {{"seeds", {{"first", 150}, {"count", 100}}}})}).mistakes,
-              ElementsAre(HasSubstr("belong to the practice seeds of track ")));
+              ElementsAre(HasSubstr("belong to the practice of track ")));
   // In another environment it is another episode.
   EXPECT_THAT(Check({PhaseJson("a"), PhaseJson("b", {{"track", kLeg}})}).mistakes, IsEmpty());
 }
