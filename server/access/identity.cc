@@ -61,6 +61,7 @@ std::variant<Identity, TokenProblem> IdentityOfToken(const std::optional<TokenRo
   Identity identity;
   identity.role = *role;
   identity.key = "token " + std::to_string(row->id);
+  identity.token = row->id;
   if (!row->team.empty()) identity.teams.insert(row->team);
   identity.remote = remote;
   return identity;

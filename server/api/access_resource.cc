@@ -36,18 +36,8 @@ Json EventToJson(const AccessEventRow& event) {
 
 void AccessResource::Install(Routes& routes) {
   using Self = AccessResource;
-  routes.Get("/v1/caller", Action::kReadApi, std::bind_front(&Self::GetCaller, this));
   routes.Get("/v1/addresses", Action::kReadApi, std::bind_front(&Self::ListAddresses, this));
   routes.Get("/v1/events", Action::kReadEvents, std::bind_front(&Self::ListEvents, this));
-}
-
-ApiResult AccessResource::GetCaller(const httplib::Request& request) const {
-  if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
-  return ApiAnswer{200,
-                   {{"who", CallerKey()},
-                    {"role", RoleName(Caller().role)},
-                    {"teams", Caller().teams},
-                    {"may_found_team", Caller().may_found_team}}};
 }
 
 ApiResult AccessResource::ListAddresses(const httplib::Request& request) const {

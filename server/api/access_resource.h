@@ -17,7 +17,6 @@ class AccessResource {
   void Install(Routes& routes);
 
  private:
-  ApiResult GetCaller(const httplib::Request& request) const;
   ApiResult ListAddresses(const httplib::Request& request) const;
   ApiResult ListEvents(const httplib::Request& request) const;
 

@@ -31,6 +31,7 @@ void Api::Install(UnixHttpServer& server) {
   teams_.Install(routes);
   tokens_.Install(routes);
   transfer_.Install(routes);
+  whoami_.Install(routes);
   openapi_.Install(routes);
   routes.AddErrorAnswers();
 }

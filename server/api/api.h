@@ -19,6 +19,7 @@
 #include "server/api/tokens_resource.h"
 #include "server/api/transfer_resource.h"
 #include "server/api/unix_http_server.h"
+#include "server/api/whoami_resource.h"
 
 namespace myograde::server {
 
@@ -47,6 +48,7 @@ class Api {
   TeamsResource teams_{context_};
   TokensResource tokens_{context_};
   TransferResource transfer_{context_};
+  WhoamiResource whoami_{context_};
   OpenApiResource openapi_;
 };
 

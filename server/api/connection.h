@@ -18,6 +18,7 @@
 #include "protocol/base/fd.h"
 #include "server/api/http_request.h"
 #include "server/api/peer.h"
+#include "server/api/transport.h"
 #include "server/api/work_queue.h"
 
 namespace myograde::server {
@@ -83,13 +84,20 @@ struct FilePart {
 
 class Connection {
  public:
-  enum class State { kIdle, kReceiving, kAnswering, kRefused };
+  enum class State { kHandshake, kIdle, kReceiving, kAnswering, kRefused };
   // What is to be done for it next.
-  enum class Next { kRead, kSend, kServe, kSpool, kRefuse, kClose };
+  enum class Next { kHandshake, kRead, kSend, kServe, kSpool, kRefuse, kClose };
 
-  Connection(uint64_t id_given, Fd socket_given, std::shared_ptr<PeerLoad> peer_given)
-      : id(id_given), fd(std::move(socket_given)), peer(std::move(peer_given)) {}
+  // `transport_given`: what is spoken over the socket; nullptr: bytes as they are.
+  Connection(uint64_t id_given, Fd socket_given, std::shared_ptr<PeerLoad> peer_given,
+             std::unique_ptr<Transport> transport_given = nullptr);
   ~Connection();
+
+  // Does what a worker has to do other than answering, until it is the others' turn.
+  Next Work(WorkKind kind, const SpoolOptions& spool);
+  // Goes on with the transport's handshake. kHandshake: it must wait for the other end; kRead once
+  // it is done; kRefuse (with `error`) or kClose.
+  Next Handshake();
 
   // Goes on with the bytes in `in`. kRead, kServe, kSpool or kRefuse (with `error`).
   Next Feed(const std::function<BodyRule(const RequestHead&)>& rule_of, const SpoolOptions& spool);
@@ -109,10 +117,13 @@ class Connection {
   // Makes ready for the next request; what has come of it stays.
   void Forget();
   WorkKind work() const;
+  // Whose request it is: the peer, or whom a proxy forwards.
+  Peer Asker() const;
 
   const uint64_t id;
   const Fd fd;
   const std::shared_ptr<PeerLoad> peer;
+  std::unique_ptr<Transport> transport;
 
   State state = State::kIdle;
   bool lent = false;         // to a worker, or waits for one
@@ -145,6 +156,7 @@ class Connection {
   int64_t drain_left = 0;        // bytes to be dropped, those in `in` among them
 
  private:
+  Transport::Outcome ReadOnce(size_t most);
   Next StartBody(const std::function<BodyRule(const RequestHead&)>& rule_of,
                  const SpoolOptions& spool);
   bool Reserve(int64_t bytes, const SpoolOptions& spool);

@@ -16,7 +16,6 @@ namespace {
 // Callers that limits remember at the same time.
 constexpr size_t kMostKeys = 10'000;
 constexpr absl::Duration kTouchEvery = absl::Minutes(1);
-constexpr auto kNobody = static_cast<uid_t>(-1);
 
 HostUser UserOf(const Peer& peer) {
   return {peer.uid, peer.groups, IsOrganiser(PeerKey(peer.uid))};
@@ -73,7 +72,7 @@ void Guard::AddAddress(const std::string& method, const std::string& pattern, Ac
 }
 
 std::variant<Identity, ApiError> Guard::Admit(Connection& connection, Action action) {
-  auto identified = Identify(connection.peer->peer, *connection.head, action);
+  auto identified = Identify(connection.Asker(), *connection.head, action);
   const auto* identity = std::get_if<Identity>(&identified);
   if (identity == nullptr) return identified;
   if (!connection.admitted) {
@@ -100,7 +99,7 @@ std::optional<ApiError> Guard::AdmitBody(Connection& connection) {
 }
 
 std::optional<ApiError> Guard::AdmitUnknown(Connection& connection) {
-  auto identified = Identify(connection.peer->peer, *connection.head, std::nullopt);
+  auto identified = Identify(connection.Asker(), *connection.head, std::nullopt);
   if (auto* error = std::get_if<ApiError>(&identified)) return std::move(*error);
   return connection.admitted ? std::nullopt : Count(std::get<Identity>(identified));
 }
@@ -110,15 +109,15 @@ std::variant<Identity, ApiError> Guard::Identify(const Peer& peer, const Request
   if (head.authorization.has_value()) {
     return IdentifyToken(peer, *head.authorization, action.value_or(Action::kReadApi));
   }
-  if (peer.uid == kNobody) return IdentityOfAddress(peer.key);
-  // What is open to everybody is answered without the store, which may be in trouble.
-  return IdentifyUser(peer, action.has_value() && RoleFor(*action) > Role::kPublic);
+  if (peer.network) return IdentityOfAddress(peer.key);
+  return IdentifyUser(peer, action);
 }
 
-std::variant<Identity, ApiError> Guard::IdentifyUser(const Peer& peer, bool needs_teams) {
+std::variant<Identity, ApiError> Guard::IdentifyUser(const Peer& peer,
+                                                     std::optional<Action> action) {
   const HostUser user = UserOf(peer);
   Identity identity = IdentityOfUser(user, options_.access, {}, options_.challenge);
-  if (!needs_teams || identity.role >= Role::kOrganiser) return identity;
+  if (!action.has_value() || identity.role >= Role::kOrganiser) return identity;
   const absl::Status status = options_.readers.Read([&](Reader& reader) {
     const std::set<std::string> member_of = reader.TeamsOf(identity.key);
     identity = IdentityOfUser(user, options_.access, {member_of.begin(), member_of.end()},
@@ -128,7 +127,8 @@ std::variant<Identity, ApiError> Guard::IdentifyUser(const Peer& peer, bool need
     identity.teams = std::move(named);
     return absl::OkStatus();
   });
-  if (!status.ok()) return ErrorOf(status);
+  // What is open to everybody is answered also while the store is in trouble.
+  if (!status.ok() && RoleFor(*action) > Role::kPublic) return ErrorOf(status);
   return identity;
 }
 
@@ -148,7 +148,7 @@ std::variant<Identity, ApiError> Guard::IdentifyToken(const Peer& peer,
     if (!status.ok()) return ErrorOf(status);
   }
   auto identity = IdentityOfToken(row, absl::ToUnixMillis(options_.clock.Now()),
-                                  /*remote=*/peer.uid == kNobody);
+                                  /*remote=*/peer.network);
   if (const auto* problem = std::get_if<TokenProblem>(&identity)) {
     return RefuseToken(peer, hash, *problem, row, action);
   }

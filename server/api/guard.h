@@ -62,10 +62,10 @@ class Guard {
   AccessLog& log() const { return options_.log; }
 
  private:
-  // nullopt in place of an action: for none that needs a role.
+  // nullopt in place of an action: the address is unknown.
   std::variant<Identity, ApiError> Identify(const Peer& peer, const RequestHead& head,
                                             std::optional<Action> action);
-  std::variant<Identity, ApiError> IdentifyUser(const Peer& peer, bool needs_teams);
+  std::variant<Identity, ApiError> IdentifyUser(const Peer& peer, std::optional<Action> action);
   std::variant<Identity, ApiError> IdentifyToken(const Peer& peer, std::string_view authorization,
                                                  Action action);
   std::optional<ApiError> CheckTries(const Peer& peer, const std::string& hash);

@@ -128,6 +128,9 @@ bool ReadHeader(std::string_view line, Headers& headers, RequestHead& head, ApiE
   if (name == "content-type") headers.types.push_back(Lower(value));
   if (name == "authorization") headers.authorizations.push_back(value);
   if (name == "content-encoding") headers.content_encodings.push_back(Lower(value));
+  if (name == "x-forwarded-for") {
+    head.forwarded_for = Stripped(std::string_view(value).substr(value.rfind(',') + 1));
+  }
   if (std::find(kOwn.begin(), kOwn.end(), name) == kOwn.end()) {
     absl::StrAppend(&head.canonical, absl::string_view(line.data(), line.size()), "\r\n");
   }

@@ -29,6 +29,7 @@ constexpr size_t kSendFrom = 256 << 10;
 constexpr size_t kMaxUnsent = 16 << 20;
 constexpr int kSmallUploads = 8;
 constexpr int kDiskWorkers = 4;
+constexpr int kHandshakeWorkers = 4;
 
 absl::Duration Now() { return SystemClock().Monotonic(); }
 
@@ -38,6 +39,7 @@ struct CurrentRequest {
   const std::atomic<bool>* stopping = nullptr;
   absl::Duration deadline;
   absl::Duration upload;
+  Peer caller;
 };
 thread_local CurrentRequest current;
 
@@ -87,7 +89,9 @@ class WholeRequest : public httplib::Stream {
     if (connection_.unsent() >= kSendFrom && !connection_.Send()) return -1;
     while (connection_.unsent() > kMaxUnsent) {
       if (*current.stopping || Now() >= current.deadline) return -1;
-      pollfd entry = {connection_.fd.get(), POLLOUT, 0};
+      // The kinds of poll are those of epoll.
+      const auto kinds = static_cast<short>(connection_.transport->Wants(/*to_send=*/true));
+      pollfd entry = {connection_.fd.get(), kinds, 0};
       poll(&entry, 1, 100);
       if (!connection_.Send()) return -1;
     }
@@ -95,11 +99,11 @@ class WholeRequest : public httplib::Stream {
   }
 
   void get_remote_ip_and_port(std::string& ip, int& port) const override {
-    ip = "unix";
+    ip = current.caller.key;
     port = 0;
   }
   void get_local_ip_and_port(std::string& ip, int& port) const override {
-    ip = "unix";
+    ip = current.caller.network ? "network" : "unix";
     port = 0;
   }
   // Any number would do, but cpp-httplib takes none that select() could not.
@@ -137,7 +141,7 @@ WorkQueue::Limits QueueLimits(const HttpLimits& limits) {
           .kept = limits.workers - others,
           .of_a_peer = (others + 1) / 2,
           .of_a_kind = {limits.workers, std::min(kDiskWorkers, half), std::min(kSmallUploads, half),
-                        std::min(limits.large_uploads, half)}};
+                        std::min(limits.large_uploads, half), std::min(kHandshakeWorkers, half)}};
 }
 
 absl::Status Failed(const std::string& path, const char* what) {
@@ -183,7 +187,6 @@ UnixHttpServer::UnixHttpServer(const HttpLimits& limits, std::string spool)
       queue_(QueueLimits(limits)),
       gate_({.limits = limits,
              .spool = {spool_, limits.disk_reserve, &budget_},
-             .peer_of = [this](int fd) { return PeerOf(fd); },
              .rule_of = [this](const RequestHead& head) { return RuleOf(head); }},
             queue_) {}
 
@@ -210,6 +213,8 @@ absl::Status UnixHttpServer::AnswerWithFile(const std::string& path, const char*
 void UnixHttpServer::AllowUploadTime() { current.deadline = Now() + current.upload; }
 
 Connection& UnixHttpServer::RequestConnection() { return *current.connection; }
+
+Peer UnixHttpServer::Caller() { return current.caller; }
 
 // Who is at the other end, as the kernel knows it.
 std::optional<Peer> UnixHttpServer::PeerOf(int fd) const {
@@ -248,22 +253,36 @@ absl::Status UnixHttpServer::Bind(const std::string& path) {
   return absl::OkStatus();
 }
 
+absl::Status UnixHttpServer::OpenNetwork(const ListenConfig& config) {
+  absl::StatusOr<std::unique_ptr<NetworkDoor>> door = NetworkDoor::Open(config);
+  if (!door.ok()) return door.status();
+  network_ = *std::move(door);
+  return absl::OkStatus();
+}
+
+void UnixHttpServer::ReloadCertificate() {
+  if (network_ != nullptr) network_->Reload();
+}
+
 absl::Status UnixHttpServer::Start(const std::string& path) {
   if (absl::Status status = Bind(path); !status.ok()) return status;
   // cpp-httplib takes a server without a listener for one that stops, and cuts files off.
   svr_sock_ = listener_.get();
   for (int i = 0; i < limits_.workers; ++i) workers_.emplace_back([this] { Work(); });
-  acceptor_ = std::thread([this] { gate_.Run(listener_.get()); });
+  std::vector<Listener> listeners = {
+      {.fd = listener_.get(), .peer_of = [this](int fd) { return PeerOf(fd); }}};
+  if (network_ != nullptr) listeners.push_back(network_->listener());
+  acceptor_ = std::thread(
+      [this, listeners = std::move(listeners)]() mutable { gate_.Run(std::move(listeners)); });
   return absl::OkStatus();
 }
 
 void UnixHttpServer::Work() {
   while (std::optional<Job> job = queue_.Pop()) {
     Connection& connection = *job->connection;
-    if (job->work == WorkKind::kDisk) {
-      connection.next = connection.file.left > 0
-                            ? connection.ReadFile()
-                            : connection.Spool({spool_, limits_.disk_reserve, &budget_, admit_});
+    if (job->work == WorkKind::kDisk || job->work == WorkKind::kHandshake) {
+      connection.next =
+          connection.Work(job->work, {spool_, limits_.disk_reserve, &budget_, admit_});
     } else {
       Serve(connection);
     }
@@ -273,7 +292,8 @@ void UnixHttpServer::Work() {
 }
 
 void UnixHttpServer::Serve(Connection& connection) {
-  current = {&connection, &stopping_, Now() + limits_.request, limits_.upload};
+  current = {&connection, &stopping_, Now() + limits_.request, limits_.upload,
+             connection.Asker()};
   const bool close = !connection.head->keep_alive;
   WholeRequest stream(connection, close);
   bool closed = false;
@@ -300,6 +320,7 @@ void UnixHttpServer::Shutdown() {
   path_.clear();
   svr_sock_ = INVALID_SOCKET;
   listener_.reset();
+  network_.reset();
   for (std::thread& worker : workers_) worker.join();
   workers_.clear();
 }

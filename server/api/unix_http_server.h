@@ -1,7 +1,7 @@
-// An HTTP server on a Unix socket: cpp-httplib's routing behind a gate of our own
-// (gate.h), which collects requests, so that a handler runs when its request is
-// there as a whole, whatever other clients do or don't; handlers learn who asks,
-// from the kernel.
+// An HTTP server on a Unix socket and, if there is one, a TCP port: cpp-httplib's
+// routing behind a gate of our own (gate.h), which collects requests, so that a
+// handler runs when its request is there as a whole, whatever other clients do or
+// don't; handlers learn who asks, from the kernel.
 #pragma once
 
 #include <httplib.h>
@@ -21,6 +21,7 @@
 
 #include "protocol/base/fd.h"
 #include "server/api/gate.h"
+#include "server/api/network_door.h"
 #include "server/config/server_config.h"
 
 namespace myograde::server {
@@ -43,6 +44,13 @@ class UnixHttpServer : public httplib::Server {
   // What `path` takes for a body; every other address takes JSON of `body_bytes`
   // bytes. Before Start.
   void SetBodyRule(const std::string& path, BodyRule rule) { rules_[path] = std::move(rule); }
+
+  // Opens the door to the network; before Start, if at all. Errors as of NetworkDoor::Open.
+  absl::Status OpenNetwork(const ListenConfig& config);
+  // Where the network finds it, as in "https://192.0.2.1:8443"; "" if there is no such door.
+  std::string NetworkUrl() const { return network_ == nullptr ? "" : network_->url(); }
+  // From any thread, and from a signal handler: see NetworkDoor::Reload.
+  void ReloadCertificate();
 
   // Binds `path` (replacing a socket that nobody listens on) and starts the
   // threads. AlreadyExistsError: something listens there, or it is no socket.
@@ -88,6 +96,7 @@ class UnixHttpServer : public httplib::Server {
   std::atomic<bool> stopping_ = false;
   std::string path_;
   Fd listener_;
+  std::unique_ptr<NetworkDoor> network_;
   std::thread acceptor_;
   std::vector<std::thread> workers_;
 };

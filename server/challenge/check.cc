@@ -142,11 +142,31 @@ class Checks {
       Overlap(phase, other.seeds, absl::StrCat("phase \"", other.config->name, "\""),
               "give each phase seeds of its own");
     }
-    if (phase.config->seeds.empty()) return;
-    const std::vector<uint64_t>& own = phase.track->config.seeds;
-    Overlap(phase, {own.begin(), own.end()},
-            absl::StrCat("track \"", phase.config->track, "\" itself"),
-            "give the phase other seeds, or none to play the track's own");
+    for (const auto& [name, offer] : tracks_.entries()) {
+      if (offer.profiles.begin()->second->config.kind != phase.track->config.kind) continue;
+      if (CheckTracksSeeds(phase, name, offer)) return;
+    }
+  }
+
+  // Whether there is a mistake, so that the profiles of a track, which mostly have the same seeds,
+  // are told of once.
+  bool CheckTracksSeeds(const CheckedPhase& phase, const std::string& name,
+                        const Tracks::Entry& offer) {
+    for (const auto& [profile, track] : offer.profiles) {
+      const TrackConfig& config = track->config;
+      if (Overlap(phase, {config.practice_seeds.begin(), config.practice_seeds.end()},
+                  absl::StrCat("the practice of track \"", name, "\""),
+                  "give the phase other seeds, or the track other \"practice_seeds\"")) {
+        return true;
+      }
+      if (phase.config->seeds.empty()) continue;
+      if (Overlap(phase, {config.seeds.begin(), config.seeds.end()},
+                  absl::StrCat("track \"", name, "\" itself"),
+                  "give the phase other seeds, or none to play the track's own")) {
+        return true;
+      }
+    }
+    return false;
   }
 
   // Equal seeds of different environments have nothing in common.
@@ -154,7 +174,8 @@ class Checks {
     return a.track->config.kind == b.track->config.kind;
   }
 
-  void Overlap(const CheckedPhase& phase, const std::set<uint64_t>& others,
+  // Whether it is one.
+  bool Overlap(const CheckedPhase& phase, const std::set<uint64_t>& others,
                const std::string& whose, const std::string& advice) {
     int64_t count = 0;
     uint64_t first = 0;
@@ -162,10 +183,11 @@ class Checks {
       if (!others.contains(seed)) continue;
       if (count++ == 0) first = seed;
     }
-    if (count == 0) return;
+    if (count == 0) return false;
     Mistake(phase, absl::StrCat(count == 1 ? "its seed " : absl::StrCat(count, " of its seeds, from "),
                                 first, count == 1 ? " belongs to " : " on, belong to ", whose,
                                 " too; ", advice));
+    return true;
   }
 
   const Tracks& tracks_;

@@ -7,6 +7,7 @@
 #include <absl/strings/str_replace.h>
 
 #include "protocol/base/config_reader.h"
+#include "server/base/ip_address.h"
 #include "server/base/names.h"
 #include "server/base/plain_text.h"
 
@@ -86,6 +87,43 @@ absl::Status ReadArtefacts(const nlohmann::json& json, const std::string& where,
   return reader.Finish();
 }
 
+// "" if it is null or left out.
+std::string PathOrNull(ConfigReader& reader, const nlohmann::json& json, const char* key) {
+  if (!reader.Has(key) || json[key].is_null()) return "";
+  const std::string path = reader.String(key);
+  if (!path.starts_with('/')) reader.Fail(key, "must be the absolute path of a file, or null");
+  return path;
+}
+
+absl::Status ReadListen(const nlohmann::json& json, const std::string& where,
+                        ServerConfig& config) {
+  ConfigReader reader(json, where);
+  ListenConfig listen;
+  listen.address = reader.String("address");
+  listen.port = static_cast<int>(reader.Integer("port", 0, 65535));
+  if (!reader.mistake().ok()) return reader.mistake();
+  listen.certificate = PathOrNull(reader, json, "certificate");
+  listen.key = PathOrNull(reader, json, "key");
+  listen.behind_proxy = reader.Has("behind_proxy") && reader.Boolean("behind_proxy");
+  const std::optional<IpAddress> address = IpAddress::Parse(listen.address);
+  if (!address.has_value()) {
+    reader.Fail("address", "must be an IP address of this host, or 0.0.0.0 or :: for all of them");
+  } else if (listen.certificate.empty() != listen.key.empty()) {
+    reader.Fail(listen.key.empty() ? "key" : "certificate",
+                "is missing: a certificate and its key go together");
+  } else if (listen.certificate.empty() && !address->IsLoopback()) {
+    reader.Fail("certificate",
+                "is missing: without TLS only an address of this host's own, such as 127.0.0.1, can "
+                "be listened on");
+  } else if (listen.behind_proxy && !address->IsLoopback()) {
+    reader.Fail("behind_proxy",
+                "is for a proxy on this host: it needs an address such as 127.0.0.1, as anybody else "
+                "could claim to be somebody else");
+  }
+  config.listen = std::move(listen);
+  return reader.Finish();
+}
+
 absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, ServerConfig& config) {
   ConfigReader reader(json, where);
   // At least two, so that an upload does not keep everybody else waiting.
@@ -103,6 +141,8 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
       reader, "organiser_clients", std::min(16, limits.clients / 2), 1, std::max(limits.clients - 1, 1)));
   limits.peer_clients = static_cast<int>(
       IntegerOr(reader, "peer_clients", std::max(limits.clients / 2, 1), 1, limits.clients));
+  limits.address_clients = static_cast<int>(
+      IntegerOr(reader, "address_clients", std::min(32, limits.clients), 1, limits.clients));
   limits.min_bytes_per_s =
       IntegerOr(reader, "min_bytes_per_s", limits.min_bytes_per_s, 1, int64_t{1} << 30);
   limits.speed_window = SecondsOr(reader, "speed_window_s", limits.speed_window, {1, 86400});
@@ -122,7 +162,10 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
   } else {
     config.http.socket_mode = static_cast<unsigned>(std::stoul(mode, nullptr, 8));
   }
-  return reader.Finish();
+  const bool listens = reader.Has("listen") && !json["listen"].is_null();
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return listens ? ReadListen(json["listen"], absl::StrCat(where, ": listen"), config)
+                 : absl::OkStatus();
 }
 
 absl::StatusOr<UserRule> ReadUserRule(const nlohmann::json& json, const std::string& where) {

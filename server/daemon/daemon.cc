@@ -17,6 +17,7 @@
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/file.h"
 #include "server/admission/admission.h"
 #include "server/api/api.h"
 #include "server/challenge/phases.h"
@@ -100,6 +101,12 @@ void StartLog(const std::string& level) {
 std::atomic<Engine*> engine_to_stop = nullptr;
 std::atomic<UnixHttpServer*> server_to_stop = nullptr;
 
+void OnReload(int) {
+  const int error = errno;
+  if (UnixHttpServer* server = server_to_stop.load()) server->ReloadCertificate();
+  errno = error;
+}
+
 void OnSignal(int) {
   const int error = errno;
   if (Engine* engine = engine_to_stop.load()) engine->Stop();
@@ -123,6 +130,32 @@ class SignalGuard {
     server_to_stop = nullptr;
     engine_to_stop = nullptr;
   }
+};
+
+// While this object lives, the file `path` says where the network finds the daemon, and SIGHUP has
+// the certificate read again; without a door to the network, neither.
+class NetworkGuard {
+ public:
+  NetworkGuard(std::string path, const std::string& url) : path_(std::move(path)) {
+    std::error_code error;
+    fs::remove(path_, error);  // of a daemon that was killed
+    if (url.empty()) return;
+    const absl::Status written = WriteFile(path_ + ".part", url + "\n");
+    if (written.ok()) fs::rename(path_ + ".part", path_, error);
+    if (!written.ok() || error) spdlog::warn("{}: can't be written", path_);
+    struct sigaction action = {};
+    action.sa_handler = OnReload;
+    sigaction(SIGHUP, &action, nullptr);
+  }
+  ~NetworkGuard() {
+    std::error_code error;
+    fs::remove(path_, error);
+  }
+  NetworkGuard(const NetworkGuard&) = delete;
+  NetworkGuard& operator=(const NetworkGuard&) = delete;
+
+ private:
+  const std::string path_;
 };
 
 // Ends the process after a while if it is still alive: everything that must be written has been,
@@ -208,6 +241,10 @@ absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
   if (!server.ok()) return server.status();
   absl::Status named = ResolveNames(options.configs_dir + "/server.json", server->access);
   if (!named.ok()) return named;
+  if (server->listen.has_value()) {
+    const absl::Status usable = CheckCertificate(*server->listen);
+    if (!usable.ok()) return usable;
+  }
   absl::StatusOr<Tracks> tracks = Tracks::Load(options.configs_dir + "/tracks");
   if (!tracks.ok()) return tracks.status();
   // The runners read it; better to report a mistake once now than in every lease.
@@ -288,17 +325,23 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
            .readers = readers,
            .receipts_key = receipts_key,
            .access_log = access_log,
+           .challenge = phases->any(),
            .clock = clock,
            .started_at = clock.Now(),
            .began = clock.Monotonic()});
   UnixHttpServer server(config.http, options.data_dir + "/spool");
   api.Install(server);
+  if (config.listen.has_value()) {
+    if (absl::Status status = server.OpenNetwork(*config.listen); !status.ok()) return status;
+  }
   if (absl::Status status = server.Start(options.socket); !status.ok()) return status;
   server_to_stop = &server;
   access_log.Start();
+  const NetworkGuard network(options.data_dir + "/listen", server.NetworkUrl());
   const Retention retention(config.retention, options.data_dir, engine, readers, clock);
   spdlog::info("listening on {}, {} slots, {} tracks, {} phases", options.socket,
                config.scheduler.slots, tracks.entries().size(), phases->entries().size());
+  if (config.listen.has_value()) spdlog::info("listening on {}", server.NetworkUrl());
   const absl::Status status = engine.Run();
   EndSoon(status.ok() ? 0 : 4);
   server_to_stop = nullptr;

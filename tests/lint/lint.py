@@ -105,9 +105,11 @@ CALENDAR_USERS = {
     "server/api/guard.cc": "tokens expire at a time of day",
     "server/api/phase_view.cc": "phases open and close at a date",
     "server/api/quota_resource.cc": "quotas are of a day",
+    "server/api/reveal_resource.cc": "phases close at a date",
     "server/api/submission_view.cc": "shows times of day",
     "server/api/teams_resource.cc": "quotas are of a day",
     "server/api/tokens_resource.cc": "tokens expire by the calendar",
+    "server/cli/offline/challenge.cc": "warns of dates in the past",
     "server/daemon/daemon.cc": "shows when it started",
     "server/engine/engine_leases.cc": "stores when a lease will be over, for people to read",
     "server/engine/retention.cc": "compares with stored times of day",
@@ -117,7 +119,10 @@ CALENDAR_USERS = {
     "tests/integration/soak.py": "draws a seed",
     "tests/lint/lint.py": "names them",
     "tests/redteam/programs/c44_guesses_seeds.py": "prints it, to see that no result hangs on it",
+    "tests/server/challenge/calendar_watch_test.cc": "sets it",
+    "tests/server/daemon/phases_test.py": "phases open and close at a date",
     "tests/server/engine/retention_test.cc": "compares with times of files",
+    "tests/server/store/phases_test.cc": "compares with stored times of day",
     "tests/server/store/quota_test.cc": "compares with stored times of day",
 }
 # A track lives in folders of its own name (protocol/tracks/<track>, sim/<track>, scoring/<track>).

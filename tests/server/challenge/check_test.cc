@@ -73,6 +73,8 @@ TEST(CheckChallenges, NoSeedIsPublicTwice) {
   EXPECT_THAT(Check({PhaseJson("a", {{"seeds", {500, 501}}}), PhaseJson("b", {{"seeds", {501}}})})
                   .mistakes,
               ElementsAre(HasSubstr("its seed 501 belongs to phase \"a\" too")));
+  EXPECT_THAT(Check({PhaseJson("a", {{"seeds", {{"first", 150}, {"count", 100}}}})}).mistakes,
+              ElementsAre(HasSubstr("belong to the practice of track ")));
   // In another environment it is another episode.
   EXPECT_THAT(Check({PhaseJson("a"), PhaseJson("b", {{"track", kLeg}})}).mistakes, IsEmpty());
 }
