@@ -148,7 +148,7 @@ ApiResult TeamsResource::Change(const std::string& team,
                                 std::function<absl::StatusOr<bool>(Writer&)> change,
                                 int http) const {
   const auto changed = std::make_shared<bool>(false);
-  absl::Status status = context_.engine.Change(
+  absl::Status status = context_.engine.ChangeTeams(
       [changed, change = std::move(change)](Writer& writer) {
         const absl::StatusOr<bool> done = change(writer);
         if (done.ok()) *changed = *done;
@@ -275,7 +275,7 @@ ApiResult TeamsResource::Merge(const httplib::Request& request, const Json& body
   if (!status.ok()) return ErrorOf(status);
   absl::StatusOr<Json> answer = ConsequencesOf(team, into);
   if (answer.ok() && !dry_run) {
-    status = context_.engine.Change(
+    status = context_.engine.ChangeTeams(
         [=, who = CallerKey()](Writer& writer) {
           return writer.MergeTeams(team, into, who, why);
         },

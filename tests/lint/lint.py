@@ -109,7 +109,9 @@ CALENDAR_USERS = {
     "tests/lint/lint.py": "names them",
     "tests/redteam/programs/c44_guesses_seeds.py": "prints it, to see that no result hangs on it",
     "tests/server/engine/retention_test.cc": "compares with times of files",
+    "tests/server/store/people_test.cc": "compares with stored times of day",
     "tests/server/store/quota_test.cc": "compares with stored times of day",
+    "tests/server/store/tokens_test.cc": "compares with stored times of day",
 }
 # A track lives in folders of its own name (protocol/tracks/<track>, sim/<track>, scoring/<track>).
 # These files list the tracks; nothing else in these parts names one.

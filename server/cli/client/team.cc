@@ -18,6 +18,7 @@
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/print_answer.h"
 #include "server/cli/client/verbs.h"
+#include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/table.h"
 #include "server/cli/terminal/text.h"
 
@@ -186,7 +187,8 @@ absl::StatusOr<Json> AskMerge(const TeamOptions& options, bool dry_run) {
 
 // Whether the person at the terminal agrees.
 bool Confirmed() {
-  std::cout << "Merge them? [y/N] " << std::flush;
+  // Standard output keeps a line until it ends.
+  PlainOutput() << "Merge them? [y/N] " << std::flush;
   std::string answer;
   std::getline(std::cin, answer);
   const std::string word = absl::AsciiStrToLower(absl::StripAsciiWhitespace(answer));
