@@ -2,10 +2,12 @@
 // read the store on connections of their own, and hand changes to admission and the engine.
 #pragma once
 
+#include "server/api/access_resource.h"
 #include "server/api/artefacts_resource.h"
 #include "server/api/boards_resource.h"
 #include "server/api/context.h"
 #include "server/api/evaluations_resource.h"
+#include "server/api/guard.h"
 #include "server/api/host_resource.h"
 #include "server/api/proof_resource.h"
 #include "server/api/quota_resource.h"
@@ -19,7 +21,7 @@ namespace myograde::server {
 
 class Api {
  public:
-  explicit Api(const ApiContext& context) : context_(context) {}
+  explicit Api(const ApiContext& context);
   Api(const Api&) = delete;
   Api& operator=(const Api&) = delete;
 
@@ -28,6 +30,8 @@ class Api {
 
  private:
   const ApiContext context_;
+  Guard guard_;
+  AccessResource access_{context_, guard_};
   HostResource host_{context_};
   ArtefactsResource artefacts_{context_};
   SubmissionsResource submissions_{context_};

@@ -106,17 +106,20 @@ int64_t ActiveTokens(Reader& reader, const std::string& team) {
 
 void TeamsResource::Install(Routes& routes) {
   const std::string team = kTeam;
-  routes.Get("/v1/teams", std::bind_front(&TeamsResource::List, this));
-  routes.Post("/v1/teams", std::bind_front(&TeamsResource::Create, this));
-  routes.Get(team, std::bind_front(&TeamsResource::Get, this));
-  routes.Post(team + "/rename", std::bind_front(&TeamsResource::Rename, this));
-  routes.Post(team + "/members", std::bind_front(&TeamsResource::SetMember, this));
-  routes.Post(team + "/merge", std::bind_front(&TeamsResource::Merge, this));
-  routes.Post(team + "/ban", std::bind_front(&TeamsResource::Ban, this));
+  routes.Get("/v1/teams", Action::kManageTeams, std::bind_front(&TeamsResource::List, this));
+  routes.Post("/v1/teams", Action::kManageTeams, std::bind_front(&TeamsResource::Create, this));
+  routes.Get(team, Action::kReadTeam, std::bind_front(&TeamsResource::Get, this));
+  routes.Post(team + "/rename", Action::kManageTeams,
+              std::bind_front(&TeamsResource::Rename, this));
+  routes.Post(team + "/members", Action::kManageTeams,
+              std::bind_front(&TeamsResource::SetMember, this));
+  routes.Post(team + "/merge", Action::kManageTeams,
+              std::bind_front(&TeamsResource::Merge, this));
+  routes.Post(team + "/ban", Action::kManageTeams,
+              std::bind_front(&TeamsResource::Ban, this));
 }
 
 ApiResult TeamsResource::List(const httplib::Request& request) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   absl::Status status = CheckParameters(request, {});
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer;
@@ -131,12 +134,12 @@ ApiResult TeamsResource::List(const httplib::Request& request) const {
 }
 
 ApiResult TeamsResource::Get(const httplib::Request& request) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   absl::Status status = CheckParameters(request, {});
   if (status.ok()) status = CheckTeam(TeamIn(request));
   if (!status.ok()) return ErrorOf(status);
   absl::StatusOr<Json> body = absl::InternalError("");
-  status = context_.readers.Read([&](Reader& reader) {
+  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    if (absl::Status own = RequireTeam(reader, TeamIn(request)); !own.ok()) return own;
     body = WholeTeam(reader, TeamIn(request));
     return body.status();
   });
@@ -168,13 +171,13 @@ ApiResult TeamsResource::Change(const std::string& team,
 }
 
 ApiResult TeamsResource::Create(const httplib::Request&, const Json& body) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   ConfigReader reader(body, "request");
   const std::string team = reader.String("team");
   const std::string why = ReasonOf(reader);
   absl::Status status = reader.Finish();
   if (status.ok()) status = CheckTeam(team);
   if (!status.ok()) return ErrorOf(status);
+  NoteAct(absl::StrCat("team ", team), "created");
   return Change(team,
                 [team, why, who = CallerKey()](Writer& writer) -> absl::StatusOr<bool> {
                   const absl::StatusOr<std::string> made = writer.CreateTeam(team, who, why);
@@ -185,7 +188,6 @@ ApiResult TeamsResource::Create(const httplib::Request&, const Json& body) const
 }
 
 ApiResult TeamsResource::Rename(const httplib::Request& request, const Json& body) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   ConfigReader reader(body, "request");
   const std::string name = reader.String("name");
   const std::string why = ReasonOf(reader);
@@ -193,13 +195,13 @@ ApiResult TeamsResource::Rename(const httplib::Request& request, const Json& bod
   absl::Status status = reader.Finish();
   if (status.ok()) status = CheckTeam(team);
   if (!status.ok()) return ErrorOf(status);
+  NoteAct(absl::StrCat("team ", team), absl::StrCat("renamed to ", name));
   return Change(team, [=, who = CallerKey()](Writer& writer) {
     return writer.RenameTeam(team, name, who, why);
   });
 }
 
 ApiResult TeamsResource::SetMember(const httplib::Request& request, const Json& body) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   ConfigReader reader(body, "request");
   const std::string text = reader.String("person");
   const bool belongs = reader.Boolean("belongs");
@@ -209,13 +211,14 @@ ApiResult TeamsResource::SetMember(const httplib::Request& request, const Json& 
   if (!status.ok()) return ErrorOf(status);
   const absl::StatusOr<std::string> person = PersonNamed(text);
   if (!person.ok()) return ErrorOf(person.status());
+  NoteAct(absl::StrCat("team ", team),
+          absl::StrCat(*person, belongs ? " is a member" : " is no member any more"));
   return Change(team, [=, person = *person, who = CallerKey()](Writer& writer) {
     return writer.SetMember(team, person, belongs, who);
   });
 }
 
 ApiResult TeamsResource::Ban(const httplib::Request& request, const Json& body) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   ConfigReader reader(body, "request");
   const bool banned = reader.Boolean("banned");
   const std::string why = ReasonOf(reader, /*required=*/banned);
@@ -223,6 +226,8 @@ ApiResult TeamsResource::Ban(const httplib::Request& request, const Json& body) 
   absl::Status status = reader.Finish();
   if (status.ok()) status = CheckTeam(team);
   if (!status.ok()) return ErrorOf(status);
+  NoteAct(absl::StrCat("team ", team),
+          absl::StrCat(banned ? "banned" : "not banned any more", why.empty() ? "" : ": ", why));
   return Change(team, [=, who = CallerKey()](Writer& writer) {
     return writer.BanTeam(team, banned, who, why);
   });
@@ -262,7 +267,6 @@ absl::StatusOr<Json> TeamsResource::ConsequencesOf(const std::string& team,
 }
 
 ApiResult TeamsResource::Merge(const httplib::Request& request, const Json& body) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   ConfigReader reader(body, "request");
   const std::string into = reader.String("into");
   const bool dry_run = reader.Has("dry_run") && reader.Boolean("dry_run");
@@ -284,6 +288,8 @@ ApiResult TeamsResource::Merge(const httplib::Request& request, const Json& body
   status.Update(answer.status());
   if (!status.ok()) return ErrorOf(status);
   (*answer)["merged"] = !dry_run;
+  NoteAct(absl::StrCat("team ", team),
+          absl::StrCat(dry_run ? "to be merged into " : "merged into ", into));
   return ApiAnswer{200, *std::move(answer)};
 }
 

@@ -88,7 +88,8 @@ absl::StatusOr<NewToken> ParseToken(const Json& body, int64_t now_ms) {
 
 // Nobody hands out more than they have.
 std::optional<ApiError> MayManage(const std::string& role) {
-  if (role == kParticipantRole || !OnlyOrganiser().has_value()) return std::nullopt;
+  if (role == kParticipantRole || CallerMay(Action::kManageOperators)) return std::nullopt;
+  NoteDenial("role");
   return ApiError{403, "forbidden",
                   "only an operator makes and revokes tokens of organisers and operators"};
 }
@@ -96,13 +97,13 @@ std::optional<ApiError> MayManage(const std::string& role) {
 }  // namespace
 
 void TokensResource::Install(Routes& routes) {
-  routes.Get("/v1/tokens", std::bind_front(&TokensResource::List, this));
-  routes.Post("/v1/tokens", std::bind_front(&TokensResource::Create, this));
-  routes.Post(R"(/v1/tokens/(\d{1,18})/revoke)", std::bind_front(&TokensResource::Revoke, this));
+  routes.Get("/v1/tokens", Action::kManageTokens, std::bind_front(&TokensResource::List, this));
+  routes.Post("/v1/tokens", Action::kManageTokens, std::bind_front(&TokensResource::Create, this));
+  routes.Post(R"(/v1/tokens/(\d{1,18})/revoke)", Action::kManageTokens,
+              std::bind_front(&TokensResource::Revoke, this));
 }
 
 ApiResult TokensResource::Create(const httplib::Request&, const Json& body) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   absl::StatusOr<NewToken> token = ParseToken(body, absl::ToUnixMillis(context_.clock.Now()));
   if (!token.ok()) return ErrorOf(token.status());
   if (const auto error = MayManage(token->role)) return *error;
@@ -118,11 +119,13 @@ ApiResult TokensResource::Create(const httplib::Request&, const Json& body) cons
       },
       context_.config.http.request);
   if (!status.ok()) return ErrorOf(status);
+  NoteAct(absl::StrCat("token ", *id),
+          absl::StrCat("made for ", token->team.empty() ? token->role : token->team, ": ",
+                       token->label));
   return Show(*id, 201, {{"token", *text}});
 }
 
 ApiResult TokensResource::List(const httplib::Request& request) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   absl::Status status = CheckParameters(request, {});
   if (!status.ok()) return ErrorOf(status);
   const int64_t now = absl::ToUnixMillis(context_.clock.Now());
@@ -140,7 +143,6 @@ ApiResult TokensResource::List(const httplib::Request& request) const {
 }
 
 ApiResult TokensResource::Revoke(const httplib::Request& request, const Json& body) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   ConfigReader reader(body, "request");
   absl::Status status = reader.Finish();
   if (!status.ok()) return ErrorOf(status);
@@ -163,6 +165,7 @@ ApiResult TokensResource::Revoke(const httplib::Request& request, const Json& bo
       },
       context_.config.http.request);
   if (!status.ok()) return ErrorOf(status);
+  NoteAct(absl::StrCat("token ", id), *changed ? "revoked" : "was revoked before");
   return Show(id, 200, {{"changed", *changed}});
 }
 

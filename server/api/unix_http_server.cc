@@ -95,13 +95,19 @@ class WholeRequest : public httplib::Stream {
   int64_t body_read_ = 0;
 };
 
-// Who is at the other end, as the kernel knows it.
-std::optional<Peer> PeerOf(int fd) {
-  ucred peer = {};
-  socklen_t size = sizeof(peer);
-  if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0) return std::nullopt;
-  const std::string key = PeerKey(peer.uid);
-  return Peer{key, IsOrganiser(key), peer.uid};
+// The groups of the user at the other end, but for the main one.
+std::vector<gid_t> GroupsOf(int fd) {
+  std::vector<gid_t> groups(64);
+  for (;;) {
+    auto size = static_cast<socklen_t>(groups.size() * sizeof(gid_t));
+    const int failed = getsockopt(fd, SOL_SOCKET, SO_PEERGROUPS, groups.data(), &size);
+    if (failed != 0 && errno == ERANGE && size > groups.size() * sizeof(gid_t)) {
+      groups.resize(size / sizeof(gid_t));
+      continue;
+    }
+    groups.resize(failed == 0 ? size / sizeof(gid_t) : 0);
+    return groups;
+  }
 }
 
 // Small numbers of workers are shared out so that no kind of work is left without one.
@@ -159,7 +165,7 @@ UnixHttpServer::UnixHttpServer(const HttpLimits& limits, std::string spool)
       queue_(QueueLimits(limits)),
       gate_({.limits = limits,
              .spool = {spool_, limits.disk_reserve, &budget_},
-             .peer_of = PeerOf,
+             .peer_of = [this](int fd) { return PeerOf(fd); },
              .rule_of = [this](const RequestHead& head) { return RuleOf(head); }},
             queue_) {}
 
@@ -185,9 +191,19 @@ absl::Status UnixHttpServer::AnswerWithFile(const std::string& path, const char*
 
 void UnixHttpServer::AllowUploadTime() { current.deadline = Now() + current.upload; }
 
-uid_t UnixHttpServer::PeerUid() { return current.connection->peer->peer.uid; }
+Connection& UnixHttpServer::RequestConnection() { return *current.connection; }
 
-bool UnixHttpServer::PeerIsOrganiser() { return current.connection->peer->peer.organiser; }
+// Who is at the other end, as the kernel knows it.
+std::optional<Peer> UnixHttpServer::PeerOf(int fd) const {
+  ucred user = {};
+  socklen_t size = sizeof(user);
+  if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &user, &size) != 0) return std::nullopt;
+  const std::string key = PeerKey(user.uid);
+  Peer peer{key, IsOrganiser(key), user.uid, GroupsOf(fd)};
+  peer.groups.push_back(user.gid);
+  if (is_organiser_ != nullptr && is_organiser_(peer)) peer.organiser = true;
+  return peer;
+}
 
 BodyRule UnixHttpServer::RuleOf(const RequestHead& head) const {
   const auto it = rules_.find(head.path);
@@ -229,7 +245,7 @@ void UnixHttpServer::Work() {
     if (job->work == WorkKind::kDisk) {
       connection.next = connection.file.left > 0
                             ? connection.ReadFile()
-                            : connection.Spool({spool_, limits_.disk_reserve, &budget_});
+                            : connection.Spool({spool_, limits_.disk_reserve, &budget_, admit_});
     } else {
       Serve(connection);
     }

@@ -57,6 +57,8 @@ constexpr Verb kVerbs[] = {
      "myograde import challenge.json --data /srv/copy", AddImport},
     {"backup", "Copy the store while the daemon runs", "myograde backup /srv/backup/store.db",
      AddBackup},
+    {"events", "List the requests that were denied, and what organisers did",
+     "myograde events --kind denied", AddEvents},
     {"log", "Write the log of an episode to a file that LCM's tools can read",
      "myograde log 7 --episode 3 -o episode3.lcmlog", AddLog},
     {"replay", "Simulate episodes again from their logs, without the policy, and compare",

@@ -31,6 +31,7 @@ struct SubmissionFilter {
   std::string track = "";
   std::string profile = "";
   std::optional<EvaluationState> state = std::nullopt;  // of the original evaluation
+  std::optional<std::set<std::string>> teams = std::nullopt;  // only theirs
   int64_t before = INT64_MAX;            // only ids below
   int64_t limit = 100;
 };
@@ -99,6 +100,16 @@ class Reader {
   absl::StatusOr<TokenRow> Token(int64_t id);
   // Oldest first.
   Listed<TokenRow> Tokens();
+
+  // Whose it is: today's name of the team. NotFoundError if there is no such submission or
+  // evaluation, or if nobody can tell whose it is.
+  absl::StatusOr<std::string> TeamOfSubmission(int64_t id);
+  absl::StatusOr<std::string> TeamOfEvaluation(int64_t id);
+  // The teams one of whose episodes has the log with this SHA-256.
+  std::set<std::string> TeamsOfLog(const std::string& sha256);
+
+  // Newest first. `kind` "" matches any; `before` is an id.
+  Listed<AccessEventRow> AccessEvents(const std::string& kind, int64_t before, int64_t limit);
 
   QuotaUse Quota(const std::string& team, const std::string& track, int64_t now_ms);
   int64_t QuotaDayAt(int64_t now_ms);

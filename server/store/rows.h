@@ -222,4 +222,17 @@ struct MarkRow {
   std::string why;
 };
 
+// A request that was denied, or an act of an organiser or operator.
+struct AccessEventRow {
+  int64_t id = 0;
+  int64_t at = 0;
+  std::string kind;     // "denied", "act"
+  std::string who;      // "uid 1000", "token 7", "address 192.0.2.1"
+  std::string role;
+  std::string action;
+  std::string subject;  // "submission 7"; "": nothing, or a stranger's text
+  std::string detail;   // why it was denied, or what the act changed
+  int64_t count = 1;    // equal denials
+};
+
 }  // namespace myograde::server

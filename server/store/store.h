@@ -33,6 +33,13 @@ class Database;
 
 namespace myograde::server {
 
+// Who becomes a team's first member.
+struct Founding {
+  std::string person;    // "uid 1000"
+  int64_t most = 1;      // teams that the person may have (Writer::FoundTeam)
+  bool needed = true;    // false: it does not matter if the team is somebody else's
+};
+
 // A submission to accept. Content that the store already has is shared.
 struct NewSubmission {
   std::string team;
@@ -47,6 +54,7 @@ struct NewSubmission {
   bool ranked = false;
   std::string grader_json;
   std::vector<std::pair<int64_t, int64_t>> blocks;  // first and last episode of each lease
+  std::optional<Founding> founding = std::nullopt;  // of its team, in the same change
 };
 
 // What a submission must satisfy to be accepted.
@@ -228,6 +236,8 @@ class Writer {
   // Sets or replaces what a finished evaluation is ranked by.
   absl::Status SetStanding(int64_t evaluation, const Standing& standing);
   absl::Status DropStandings();
+  // Adds a denial or an act, as of now; `event.id` and `event.at` are ignored.
+  absl::Status AddAccessEvent(const AccessEventRow& event);
   // Adds the row for removing the files of an artefact or a log (`name` is its hash); false, and no
   // row, if they are needed.
   absl::StatusOr<bool> Remove(const std::string& kind, const std::string& name, int64_t bytes,

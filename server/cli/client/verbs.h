@@ -20,6 +20,7 @@ Action AddDisqualify(CLI::App& verb);
 Action AddBaseline(CLI::App& verb);
 Action AddExport(CLI::App& verb);
 Action AddBackup(CLI::App& verb);
+Action AddEvents(CLI::App& verb);
 Action AddLog(CLI::App& verb);
 Action AddReceipt(CLI::App& verb);
 Action AddKey(CLI::App& verb);
