@@ -158,7 +158,7 @@ class Writer {
                                   const std::string& who);
   absl::StatusOr<Accepted> AddRerun(const NewRerun& rerun, const std::string& who);
   // Whether `who` may have one more re-run of a submission: FailedPreconditionError with the code
-  // "quota" if too many have not ended.
+  // "quota" if too many have not ended, or "banned" if its team is.
   absl::Status CheckReruns(int64_t submission, const std::string& who, bool organiser,
                            const RerunLimits& limits);
 
