@@ -9,6 +9,8 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "server/api/phase_sight.h"
+#include "server/api/redaction.h"
 #include "server/api/requests.h"
 #include "server/api/submission_view.h"
 #include "server/api/views.h"
@@ -59,7 +61,8 @@ absl::StatusOr<Json> ComparisonOf(Reader& reader, const EvaluationRow& evaluatio
   return CompareRows(original->id, *its, evaluation, rows);
 }
 
-absl::StatusOr<Json> EvaluationToJson(Reader& reader, int64_t id, bool episodes) {
+absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context, int64_t id,
+                                      bool episodes) {
   absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
   if (!evaluation.ok()) return evaluation.status();
   absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation->submission);
@@ -93,8 +96,8 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, int64_t id, bool episodes)
   json["hashes"] = {{"artefact", submission->artefact},
                     {"config", submission->config},
                     {"seeds", submission->seeds},
-                    {"results", ResultsHash(rows)}};
-  json["merkle_root"] = rows.empty() ? Json() : Json(MerkleRootOf(rows));
+                    {"results", ResultsHash(rows, config.seed_salt)}};
+  json["merkle_root"] = rows.empty() ? Json() : Json(MerkleRootOf(rows, config.seed_salt));
   json["grader"] = Json::parse(evaluation->grader_json, nullptr, false);
   json["limits"] = LimitsToJson(config);
   json["output"] = OutputToJson(*leases);
@@ -107,9 +110,25 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, int64_t id, bool episodes)
   json["comparison"] = *comparison;
   if (episodes) {
     json["episode_rows"] = Json::array();
-    for (const EpisodeRow& row : rows) json["episode_rows"].push_back(EpisodeToJson(row));
+    for (const EpisodeRow& row : rows) {
+      json["episode_rows"].push_back(EpisodeToJson(row, config.seed_salt));
+    }
   }
+  const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);
+  if (!sight.ok()) return sight.status();
+  RedactEvaluation(json, *sight);
   return json;
+}
+
+// A policy that plays its phase again has one more look at it, which no quota counts.
+absl::Status CheckFurtherLook(Reader& reader, const ApiContext& context,
+                              const StoredEvaluation& stored) {
+  const TrackConfig& config = stored.track->config;
+  const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);
+  if (!sight.ok() || SeesAll(*sight)) return sight.status();
+  return WithheldError(absl::StrCat("submission ", stored.submission.id, " can't be run again yet: "
+                                    "phase \"", config.phase, "\" withholds parts of results, and "
+                                    "a re-run would be a further look"));
 }
 
 // What is to be played again, all of which can be read.
@@ -122,6 +141,7 @@ absl::StatusOr<NewRerun> MakeRerun(Reader& reader, const ApiContext& context, in
   StoredContent content;
   const absl::StatusOr<StoredEvaluation> stored = LoadEvaluation(reader, evaluation->id, content);
   if (!stored.ok()) return stored.status();
+  if (absl::Status may = CheckFurtherLook(reader, context, *stored); !may.ok()) return may;
   const EvaluationRow& original = stored->evaluation;
   if (!IsFinal(original.state)) {
     return absl::FailedPreconditionError(absl::StrCat(
@@ -178,7 +198,7 @@ ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
         if (!original.ok()) return original.status();
         evaluation = original->id;
       }
-      absl::StatusOr<Json> json = EvaluationToJson(reader, evaluation, episodes == "1");
+      absl::StatusOr<Json> json = EvaluationToJson(reader, context_, evaluation, episodes == "1");
       if (json.ok()) answer.body = *std::move(json);
       return json.status();
     });

@@ -29,6 +29,7 @@ Json LedgerToJson(const LedgerRow& row) {
           {"at", TimeToJson(row.at)},
           {"day", DayName(row.day)},
           {"track", row.track},
+          {"phase", TextOrNull(row.phase)},
           {"budget", row.budget},
           {"entry", row.entry},
           {"amount", row.amount},
@@ -44,6 +45,24 @@ void AddLedger(const Listed<LedgerRow>& ledger, Json& body) {
 }
 
 std::string BudgetText(Budget budget) { return std::string(BudgetName(budget)); }
+Json EntryToJson(const std::string& track, const QuotaLimits& limits, const QuotaUse& use) {
+  Json entry = {{"track", track},
+                {"waiting", {{"limit", limits.waiting}, {"used", use.waiting}}}};
+  for (const Budget budget : kBudgets) {
+    entry[std::string(BudgetName(budget))] = {
+        {"per_day", UseToJson(use.today_of(budget), limits.of(budget).per_day)},
+        {"total", UseToJson(use.total_of(budget), limits.of(budget).total)}};
+  }
+  return entry;
+}
+
+// Practice belongs to the track.
+Json PhaseEntryToJson(const PhaseConfig& phase, const QuotaLimits& limits, const QuotaUse& use) {
+  Json entry = EntryToJson(phase.track, limits, use);
+  entry.erase(std::string(BudgetName(Budget::kPractice)));
+  entry["phase"] = phase.name;
+  return entry;
+}
 
 // `track` "": on every one.
 Json QuotaOf(Reader& reader, const ApiContext& context, const std::string& team,
@@ -53,21 +72,39 @@ Json QuotaOf(Reader& reader, const ApiContext& context, const std::string& team,
   Json json = {{"team", team},
                {"day", DayName(day)},
                {"next_day_at", DayName(day + 1) + "T00:00:00.000Z"},
-               {"tracks", Json::array()}};
+               {"tracks", Json::array()},
+               {"phases", Json::array()}};
   for (const auto& [name, offer] : context.tracks.entries()) {
     if (!track.empty() && track != name) continue;
     const QuotaLimits& limits = context.config.quota.of(name).quota;
-    const QuotaUse use = reader.Quota(team, name, now);
-    Json entry = {{"track", name},
-                  {"waiting", {{"limit", limits.waiting}, {"used", use.waiting}}}};
-    for (const Budget budget : kBudgets) {
-      entry[std::string(BudgetName(budget))] = {
-          {"per_day", UseToJson(use.today_of(budget), limits.of(budget).per_day)},
-          {"total", UseToJson(use.total_of(budget), limits.of(budget).total)}};
-    }
-    json["tracks"].push_back(std::move(entry));
+    json["tracks"].push_back(EntryToJson(name, limits, reader.Quota(team, name, now)));
+  }
+  for (const PhasePtr& phase : context.phases.entries()) {
+    const PhaseConfig& config = phase->config;
+    if (!track.empty() && track != config.track) continue;
+    const AdmissionRules rules = PhaseRules(config, context.config.quota.of(config.track));
+    json["phases"].push_back(PhaseEntryToJson(
+        config, rules.quota, reader.Quota(team, config.track, now, config.name)));
   }
   return json;
+}
+
+// Whether there is what a grant is for.
+absl::Status CheckPlace(const NewGrant& grant, const ApiContext& context) {
+  absl::Status status = context.tracks.Find(grant.track, "").status();
+  if (!status.ok() || grant.phase.empty()) return status;
+  const absl::StatusOr<PhasePtr> phase = context.phases.Find(grant.phase);
+  if (!phase.ok()) return phase.status();
+  if ((*phase)->config.track != grant.track) {
+    return absl::InvalidArgumentError(absl::StrCat("request: phase \"", grant.phase,
+                                                   "\" is of track \"", (*phase)->config.track,
+                                                   "\""));
+  }
+  if (grant.budget == Budget::kPractice) {
+    return absl::InvalidArgumentError(
+        "request: practice belongs to the track; leave \"phase\" out to grant it");
+  }
+  return status;
 }
 
 }  // namespace
@@ -110,7 +147,7 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
 ApiResult QuotaResource::Grant(const httplib::Request&, const Json& body) const {
   absl::StatusOr<NewGrant> grant = ParseGrant(body);
   if (!grant.ok()) return ErrorOf(grant.status());
-  absl::Status status = context_.tracks.Find(grant->track, "").status();
+  absl::Status status = CheckPlace(*grant, context_);
   if (!status.ok()) return ErrorOf(status);
   status = context_.engine.Change(
       [row = *grant, who = CallerKey()](Writer& writer) { return writer.Grant(row, who); },

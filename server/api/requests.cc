@@ -32,6 +32,13 @@ std::string ReadReason(ConfigReader& reader) {
   return reason;
 }
 
+// Of a key that is there.
+std::string ReadPhaseName(ConfigReader& reader) {
+  std::string phase = reader.String("phase");
+  if (!IsTrackName(phase)) reader.Fail("phase", "must be the name of a phase");
+  return phase;
+}
+
 absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body) {
   ConfigReader reader(body, kWhere);
   SubmitRequest request;
@@ -39,6 +46,7 @@ absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body) {
   request.team = reader.String("team");
   request.track = reader.String("track");
   if (reader.Has("profile")) request.profile = reader.String("profile");
+  if (reader.Has("phase")) request.phase = ReadPhaseName(reader);
   const nlohmann::json* seeds = reader.Has("seeds") ? &reader.Array("seeds") : nullptr;
   if (reader.Has("episodes")) request.episodes = reader.Integer("episodes", 1, kMaxEpisodes);
   if (!IsHash(request.artefact)) {
@@ -104,11 +112,23 @@ absl::StatusOr<MarkRequest> ParseMark(const nlohmann::json& body) {
   return request;
 }
 
+absl::StatusOr<std::string> ParseReason(const nlohmann::json& body) {
+  ConfigReader reader(body, kWhere);
+  std::string reason = ReadReason(reader);
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return reason;
+}
+
+absl::Status ParseNothing(const nlohmann::json& body) {
+  return ConfigReader(body, kWhere).Finish();
+}
+
 absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body) {
   ConfigReader reader(body, kWhere);
   NewGrant grant;
   grant.team = reader.String("team");
   grant.track = reader.String("track");
+  if (reader.Has("phase")) grant.phase = ReadPhaseName(reader);
   grant.budget = ParseBudget(reader.Choice("budget", {"official", "practice", "failed"}))
                      .value_or(Budget::kRanked);
   grant.amount = reader.Integer("amount", 1, 1'000'000);
@@ -135,11 +155,12 @@ absl::Status ReadNumber(const httplib::Request& request, const char* key, int64_
 
 absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request) {
   absl::Status status = CheckParameters(
-      request, {"team", "track", "profile", "state", "before", "limit"});
+      request, {"team", "track", "profile", "phase", "state", "before", "limit"});
   SubmissionFilter filter;
   filter.team = request.get_param_value("team");
   filter.track = request.get_param_value("track");
   filter.profile = request.get_param_value("profile");
+  filter.phase = request.get_param_value("phase");
   if (const std::string state = request.get_param_value("state"); !state.empty()) {
     filter.state = ParseEvaluationState(state);
     if (!filter.state) {

@@ -40,6 +40,12 @@ struct MarkRequest {
 };
 absl::StatusOr<MarkRequest> ParseMark(const nlohmann::json& body);
 
+// The reason of an organiser's act: {"reason": "…"}.
+absl::StatusOr<std::string> ParseReason(const nlohmann::json& body);
+
+// {}: no keys.
+absl::Status ParseNothing(const nlohmann::json& body);
+
 absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body);
 
 // Whether there can be a team of this name; what a new one may be called is stricter

@@ -11,6 +11,8 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/founding.h"
+#include "server/api/phase_sight.h"
+#include "server/api/redaction.h"
 #include "server/api/requests.h"
 #include "server/api/submission_view.h"
 #include "server/api/views.h"
@@ -49,7 +51,10 @@ ApiResult SubmissionsResource::List(const httplib::Request& request) const {
     for (const SubmissionRow& row : found.rows) {
       const absl::StatusOr<EvaluationRow> original = reader.Original(row.id);
       if (original.ok()) {
+        const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context_, row.phase);
+        if (!sight.ok()) return sight.status();
         list.push_back(SubmissionToJson(row, *original, reader.Counts(original->id)));
+        RedactListed(list.back(), *sight);
       } else if (const std::optional<Damage> damage = DamageOf(original.status())) {
         found.damaged.push_back(*damage);
       } else {
@@ -69,8 +74,13 @@ ApiResult SubmissionsResource::StatusAnswer(int64_t submission) const {
   ApiAnswer answer;
   const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     absl::StatusOr<Json> json = SubmissionStatus(reader, context_, submission);
-    if (json.ok()) answer.body = *std::move(json);
-    return json.status();
+    if (!json.ok()) return json.status();
+    answer.body = *std::move(json);
+    const absl::StatusOr<SubmissionRow> row = reader.Submission(submission);
+    if (!row.ok()) return row.status();
+    const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context_, row->phase);
+    if (sight.ok()) RedactStatus(answer.body, *sight);
+    return sight.status();
   });
   if (!status.ok()) return ErrorOf(status);
   return answer;

@@ -185,9 +185,9 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
   const std::string reason =
       aggregate->failed ? "every episode ended by a fault of the participant's program" : "";
   const Standing standing = StandingOf(*context.track->scoring.track, *aggregate);
+  const std::string results = ResultsHash(rows, context.track->config.seed_salt);
   status = WriteNow([&](Writer& writer) {
-    absl::Status written =
-        writer.EndEvaluation(evaluation, state, reason, ResultsHash(rows), owner_);
+    absl::Status written = writer.EndEvaluation(evaluation, state, reason, results, owner_);
     if (state == EvaluationState::kDone && context.priority != Priority::kRerun) {
       written.Update(writer.SetStanding(evaluation, standing));
     }

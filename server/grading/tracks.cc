@@ -1,8 +1,12 @@
 #include "server/grading/tracks.h"
 
+#include <set>
+#include <utility>
+
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
+#include "protocol/lease/practice_seeds.h"
 #include "server/store/quota.h"
 
 namespace myograde::server {
@@ -49,10 +53,44 @@ absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {
       if (!config.ok()) return config.status();
       absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
       if (!track.ok()) return track.status();
+      for (const uint64_t seed : (*track)->config.seeds) {
+        tracks.ranked_[(*track)->config.kind->name].try_emplace(seed, name);
+      }
       offer.profiles[profile] = *std::move(track);
     }
   }
+  if (absl::Status status = tracks.GivePracticeSeeds(); !status.ok()) return status;
   return tracks;
+}
+
+absl::Status Tracks::GivePracticeSeeds() {
+  for (auto& [name, offer] : entries_) {
+    for (auto& [profile, track] : offer.profiles) {
+      TrackConfig config = track->config;
+      if (config.practice_seeds.empty()) {
+        std::set<uint64_t> ranked;
+        for (const auto& [seed, unused] : ranked_[config.kind->name]) ranked.insert(seed);
+        config.practice_seeds = DefaultPracticeSeeds(ranked, std::ssize(config.seeds));
+      }
+      for (const uint64_t seed : config.practice_seeds) {
+        const std::string other = RankedBy(*config.kind, seed);
+        if (other.empty()) continue;
+        return absl::InvalidArgumentError(absl::StrCat(
+            "track config ", name, " (profile ", profile, "): \"practice_seeds\" has the seed ",
+            seed, ", which the track ", other,
+            " ranks in the same environment; practice must not play what is ranked"));
+      }
+      track = std::make_shared<const Track>(Track{std::move(config), track->scoring});
+    }
+  }
+  return absl::OkStatus();
+}
+
+std::string Tracks::RankedBy(const TrackKind& kind, uint64_t seed) const {
+  const auto of_kind = ranked_.find(kind.name);
+  if (of_kind == ranked_.end()) return "";
+  const auto found = of_kind->second.find(seed);
+  return found == of_kind->second.end() ? "" : found->second;
 }
 
 absl::StatusOr<TrackPtr> Tracks::Find(const std::string& track, const std::string& profile) const {

@@ -30,6 +30,7 @@ struct SubmissionFilter {
   std::string team = "";
   std::string track = "";
   std::string profile = "";
+  std::string phase = "";
   std::optional<EvaluationState> state = std::nullopt;  // of the original evaluation
   std::optional<std::set<std::string>> teams = std::nullopt;  // only theirs
   int64_t before = INT64_MAX;            // only ids below
@@ -71,10 +72,10 @@ class Reader {
   // The effective config, and the seeds, as canonical JSON with the given hash.
   absl::StatusOr<std::string> ConfigJson(const std::string& hash);
   absl::StatusOr<std::string> SeedsJson(const std::string& hash);
-  // The number of original ranked evaluations that are done under other configs of the same track
-  // and profile.
+  // The number of original ranked evaluations that are done under other configs of the same track,
+  // profile and phase ("": none).
   int64_t RankedElsewhere(const std::string& track, const std::string& profile,
-                          const std::string& config);
+                          const std::string& phase, const std::string& config);
 
   // Whether a submission by this team would be rejected for its name, or because it is banned;
   // errors as of Writer::Accept.
@@ -107,11 +108,15 @@ class Reader {
   absl::StatusOr<std::string> TeamOfEvaluation(int64_t id);
   // The teams one of whose episodes has the log with this SHA-256.
   std::set<std::string> TeamsOfLog(const std::string& sha256);
+  // The phases of those episodes; "": of none.
+  std::set<std::string> PhasesOfLog(const std::string& sha256);
 
   // Newest first. `kind` "" matches any; `before` is an id.
   Listed<AccessEventRow> AccessEvents(const std::string& kind, int64_t before, int64_t limit);
 
-  QuotaUse Quota(const std::string& team, const std::string& track, int64_t now_ms);
+  // `phase` "": of the track itself.
+  QuotaUse Quota(const std::string& team, const std::string& track, int64_t now_ms,
+                 const std::string& phase = "");
   int64_t QuotaDayAt(int64_t now_ms);
   // The budget that a submission is charged to; "" if none, or if it was refunded.
   std::string ChargedBudget(int64_t submission);
@@ -126,6 +131,17 @@ class Reader {
   // What may rank under a config: done, ranked and original, by submission, but nothing of a banned
   // team. A damaged row of the view counts as missing from it.
   Listed<StandingRow> Standings(const std::string& config);
+  // What happened to a phase and to all submissions (phase ""), or with nullopt to any, by id.
+  absl::StatusOr<std::vector<PhaseEventRow>> PhaseEvents(const std::optional<std::string>& phase);
+  // NotFoundError: it has none; otherwise as Writer::PhaseSecret.
+  absl::StatusOr<std::string> PhaseSecret(const std::string& phase);
+  // The submission that each team stood with before `before_ms`, of those under a config where teams
+  // choose.
+  std::set<int64_t> Choices(const std::string& config, int64_t before_ms);
+  // Phases with submissions, by name.
+  absl::StatusOr<std::vector<PhaseUse>> PhasesInUse();
+  // The config of a phase's latest submission; "": it has none.
+  std::string ConfigOfPhase(const std::string& phase);
   // The whole store as one document, in transfer.h's format.
   absl::Status Export(const ExportSink& sink) { return ExportRows(db_, sink); }
   std::vector<ArtefactUse> ArtefactUses();

@@ -118,6 +118,7 @@ CREATE TABLE request_key (
 CREATE INDEX request_key_by_age ON request_key (at);
 
 ALTER TABLE submission ADD COLUMN phase TEXT NOT NULL DEFAULT '';
+CREATE INDEX submission_by_phase ON submission (phase, id) WHERE phase != '';
 ALTER TABLE admission ADD COLUMN phase TEXT NOT NULL DEFAULT '';
 ALTER TABLE ledger ADD COLUMN phase TEXT NOT NULL DEFAULT '';
 

@@ -55,6 +55,10 @@ struct NewSubmission {
   std::string grader_json;
   std::vector<std::pair<int64_t, int64_t>> blocks;  // first and last episode of each lease
   std::optional<Founding> founding = std::nullopt;  // of its team, in the same change
+  std::string phase = "";  // of a challenge; "": the track's own board
+  // Why nothing new is accepted; OkStatus(): it is. The ranked evaluation that an artefact has
+  // already is found all the same.
+  absl::Status closed = absl::OkStatus();
 };
 
 // What a submission must satisfy to be accepted.
@@ -115,6 +119,7 @@ struct NewGrant {
   Budget budget = Budget::kRanked;
   int64_t amount = 0;
   std::string why;
+  std::string phase = "";  // "": the track itself
 };
 
 // A bearer token to add.
@@ -151,7 +156,8 @@ class Writer {
   // NotFoundError if the artefact is not in the store; a damaged row (damage.h) if the stored
   // config or seeds are not those given. FailedPreconditionError with the code "quota" if over a
   // quota, "same_artefact" for a second ranked evaluation of another team's artefact, "banned" for a
-  // banned team, "look_alike" for a new team whose name looks like another's (ResembledTeam).
+  // banned team, "look_alike" for a new team whose name looks like another's (ResembledTeam),
+  // "paused" if all submissions or those to the phase are paused; submission.closed.
   // InvalidArgumentError for a name
   // that no new team may have. Other operations that take a team have the same name errors.
   absl::StatusOr<Accepted> Accept(const NewSubmission& submission, const AdmissionRules& rules,
@@ -233,6 +239,17 @@ class Writer {
   // not). NotFoundError if there is no such submission.
   absl::StatusOr<bool> Mark(int64_t submission, const std::string& mark, bool set,
                             const std::string& who, const std::string& why);
+  // Adds an act on a phase, or on all submissions (`phase` ""); true if that changed anything: what
+  // is paused is not paused again for the same reason, nor published or revealed twice.
+  absl::StatusOr<bool> AddPhaseEvent(const std::string& phase, const std::string& event,
+                                     const std::string& who, const std::string& why);
+  // The secret of a phase, 32 bytes, drawn when it is first asked for. A damaged row (damage.h) if it
+  // is not that long.
+  absl::StatusOr<std::string> PhaseSecret(const std::string& phase);
+  // Makes a submission the one that its team stands with among those under the same config; true if
+  // that changed anything. NotFoundError if there is no such submission; FailedPreconditionError if
+  // it is not ranked, or not done.
+  absl::StatusOr<bool> Choose(int64_t submission, const std::string& who);
   // Sets or replaces what a finished evaluation is ranked by.
   absl::Status SetStanding(int64_t evaluation, const Standing& standing);
   absl::Status DropStandings();
@@ -259,6 +276,8 @@ class Writer {
   // The ranked evaluation that rules out another one; nullopt: none.
   absl::StatusOr<std::optional<Accepted>> FindOfficial(const NewSubmission& submission,
                                                        const AdmissionRules& rules);
+  // FailedPreconditionError with the code "paused".
+  absl::Status CheckNotPaused(const std::string& phase);
   void ChargeFirstEpisode(int64_t evaluation, const std::string& why);
   void SettleCharge(int64_t evaluation, EvaluationState state, const std::string& who);
 

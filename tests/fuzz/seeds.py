@@ -254,6 +254,13 @@ def receipts():
     seed("receipt", "models-are-text", b"\1" + canonical({**receipt, "grader": {"models": "x-1"}}))
     seed("receipt", "seed-is-text", b"\1" + canonical({**receipt, "episodes": [
         {"index": 0, "seed": "5"}]}))
+    hidden = {**receipt, "format": 2, "policy_seeds": None, "track_config": {"phase": "final"},
+              "hidden": {"commitment": "b" * 64, "count": 2},
+              "episodes": [{"index": i, "seed_commitment": "c" * 64} for i in range(2)]}
+    seed("receipt", "hidden", b"\1" + canonical(hidden))
+    seed("receipt", "hidden-without-commitment", b"\1" + canonical(
+        {**hidden, "hidden": {"commitment": None, "count": 10000}}))
+    seed("receipt", "hidden-with-seed", b"\1" + canonical({**hidden, "episodes": episodes}))
     seed("receipt", "no-episodes", b"\1" + canonical({**receipt, "episodes": []}))
     seed("receipt", "key", b"\0-----BEGIN PUBLIC KEY-----\nMCowBQYDK2VwAyEA" + b"A" * 43 +
          b"=\n-----END PUBLIC KEY-----\n")

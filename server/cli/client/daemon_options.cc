@@ -12,6 +12,10 @@ Client DaemonOptions::client() const { return Client(SocketPath(socket, data)); 
 void AddDaemonOptions(CLI::App& verb, const std::string& schema, DaemonOptions& options,
                       const std::string& json_help) {
   AddJson(verb, schema, options.json, json_help);
+  AddPlaces(verb, options);
+}
+
+void AddPlaces(CLI::App& verb, DaemonOptions& options) {
   verb.add_option("--data", options.data,
                   "Data folder of the daemon (default: MYOGRADE_DATA, else /var/lib/myograde for "
                   "root and ~/.local/share/myograde for others)");
