@@ -167,13 +167,17 @@ void PrintConsequences(const Json& merge) {
             << "; a merge can't be undone\n"
             << "quota        units that both have used add up, and so do grants; the limits stay "
                "those of one team\n";
-  Table table({"track", "budget", "used today", "used in all", "left today"});
-  for (const Json& track : merge.value("tracks", Json::array())) {
-    for (const char* budget : {"official", "practice", "failed"}) {
-      const Json sums = track.value(budget, Json::object());
-      const Json today = sums.value("per_day", Json::object());
-      table.Add({Cell(track, "track"), budget, SumText(today),
-                 SumText(sums.value("total", Json::object())), Cell(today, "left")});
+  Table table({"track or phase", "budget", "used today", "used in all", "left today"});
+  for (const char* kind : {"tracks", "phases"}) {
+    for (const Json& place : merge.value(kind, Json::array())) {
+      for (const char* budget : {"official", "practice", "failed"}) {
+        if (!place.contains(budget)) continue;
+        const Json sums = place.value(budget, Json::object());
+        const Json today = sums.value("per_day", Json::object());
+        table.Add({Cell(place, place.contains("phase") ? "phase" : "track"), budget,
+                   SumText(today), SumText(sums.value("total", Json::object())),
+                   Cell(today, "left")});
+      }
     }
   }
   table.Print();

@@ -19,6 +19,7 @@ SUM = {"limit": 5, "granted": 1, "used_by_team": 2, "used_by_into": 4, "used": 6
 BUDGET = {"per_day": SUM, "total": {**SUM, "limit": 100, "left": 95}}
 MERGE = {"team": "beta", "into": "alpha", "merged": False, "submissions_of_team": 1,
          "submissions": 4, "tokens_of_team": 1, "members": ["uid 1001", "uid 1002"],
+         "phases": [{"phase": "final", "track": "t", "official": BUDGET, "failed": BUDGET}],
          "tracks": [{"track": "t", "official": BUDGET, "practice": BUDGET, "failed": BUDGET}]}
 TOKEN = {"id": 7, "role": "participant", "team": "alpha", "label": "laptop", "state": "active",
          "created_at": "2026-01-01T00:00:00.000Z", "created_by": "uid 0", "expires_at": None,
@@ -109,6 +110,7 @@ class PeopleTest(CliCase):
         self.assertIn("Team Blue", myograde("team", "show", "alpha", *at).stdout)
         merge = myograde("team", "merge", "beta", "--into", "alpha", "--yes", *at).stdout
         self.assertIn("4 + 2 = 6 of 6", merge)
+        self.assertRegex(merge, r"(?m)^final +official ")
         self.assertIn("the limits stay those of one team", merge)
         self.assertIn("Team beta is now a part of team alpha, which has 4 submissions.", merge)
         self.assertEqual([body["dry_run"] for command, _, body in self.heard()
