@@ -29,7 +29,7 @@ TEST(TokenTextTest, OtherTextsAreNone) {
   const std::string digits(64, 'a');
   EXPECT_TRUE(IsTokenText("myo_" + digits));
   for (const std::string& text :
-       {std::string(), digits, "myo_", "myo_" + digits + "a", "myo_" + digits.substr(1),
+       {std::string(), digits, std::string("myo_"), "myo_" + digits + "a", "myo_" + digits.substr(1),
         "MYO_" + digits, "myo_" + std::string(64, 'A'), "myo_" + std::string(64, 'g'),
         " myo_" + digits, "myo_" + digits + "\n", "myo_" + digits.substr(1) + '\0'}) {
     EXPECT_FALSE(IsTokenText(text)) << text;
