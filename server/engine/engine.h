@@ -42,6 +42,8 @@ class Engine {
   // `effect` runs on the loop's thread once the change is written.
   absl::Status Change(StoreChange change, absl::Duration timeout,
                       std::function<absl::Status()> effect = nullptr);
+  // The same for a change that renames or merges teams.
+  absl::Status ChangeTeams(StoreChange change, absl::Duration timeout);
   absl::StatusOr<CancelReport> Cancel(int64_t submission, const std::string& why,
                                       const std::string& who, absl::Duration timeout);
 

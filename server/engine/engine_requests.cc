@@ -80,6 +80,14 @@ absl::Status Engine::Change(StoreChange change, absl::Duration timeout,
   return Ask(std::move(change), std::move(effect), timeout);
 }
 
+absl::Status Engine::ChangeTeams(StoreChange change, absl::Duration timeout) {
+  const auto follow = [this] {
+    core_.FollowTeams();
+    return absl::OkStatus();
+  };
+  return Ask(std::move(change), follow, timeout);
+}
+
 absl::StatusOr<Accepted> Engine::Rerun(const NewRerun& rerun, const std::string& who,
                                        bool organiser, const RerunLimits& limits,
                                        absl::Duration timeout) {

@@ -162,7 +162,7 @@ class Writer {
   absl::StatusOr<Accepted> Once(const std::string& who, const RequestKey& key,
                                 const std::function<absl::StatusOr<Accepted>()>& accept);
   // Whether `who` may have one more re-run of a submission: FailedPreconditionError with the code
-  // "quota" if too many have not ended.
+  // "quota" if too many have not ended, or "banned" if its team is.
   absl::Status CheckReruns(int64_t submission, const std::string& who, bool organiser,
                            const RerunLimits& limits);
 

@@ -104,7 +104,7 @@ class Http(unittest.TestCase):
         self.assertEqual(self.ask("GET", BOARD)[1]["ETag"], tag)
 
     def test_other_answers_are_not_kept(self):
-        for path in (LIST, "/v1/health", "/v1/caller", "/v1/submissions/99", "/v1/nothing"):
+        for path in (LIST, "/v1/health", "/v1/whoami", "/v1/submissions/99", "/v1/nothing"):
             headers = self.ask("GET", path)[1]
             self.assertEqual(headers["Cache-Control"], "no-store")
             self.assertNotIn("ETag", headers)
