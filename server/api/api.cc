@@ -4,16 +4,35 @@
 
 namespace myograde::server {
 
+Api::Api(const ApiContext& context)
+    : context_(context),
+      guard_({.access = context_.config.access,
+              .limits = context_.config.http,
+              .readers = context_.readers,
+              .log = context_.access_log,
+              .clock = context_.clock,
+              .challenge = context_.challenge}) {}
+
 void Api::Install(UnixHttpServer& server) {
-  Routes routes(server);
+  server.SetOrganisers(
+      [this](const Peer& peer) { return IsOrganiser(peer, context_.config.access); });
+  server.SetAdmit([this](Connection& connection) { return guard_.AdmitBody(connection); });
+  Routes routes(server, guard_);
+  access_.Install(routes);
   host_.Install(routes);
   artefacts_.Install(routes);
   submissions_.Install(routes);
   evaluations_.Install(routes);
   boards_.Install(routes);
+  challenges_.Install(routes);
   quota_.Install(routes);
   proof_.Install(routes);
+  reveal_.Install(routes);
+  teams_.Install(routes);
+  tokens_.Install(routes);
   transfer_.Install(routes);
+  whoami_.Install(routes);
+  openapi_.Install(routes);
   routes.AddErrorAnswers();
 }
 

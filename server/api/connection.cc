@@ -1,7 +1,6 @@
 #include "server/api/connection.h"
 
 #include <fcntl.h>
-#include <sys/socket.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 
@@ -13,6 +12,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
+#include "server/base/ip_address.h"
 
 namespace myograde::server {
 namespace {
@@ -93,33 +93,65 @@ void Body::Drop() {
   size_ = 0;
 }
 
+Connection::Connection(uint64_t id_given, Fd socket_given, std::shared_ptr<PeerLoad> peer_given,
+                       std::unique_ptr<Transport> transport_given)
+    : id(id_given),
+      fd(std::move(socket_given)),
+      peer(std::move(peer_given)),
+      transport(transport_given != nullptr ? std::move(transport_given)
+                                           : MakePlainTransport(fd.get())) {}
+
 Connection::~Connection() {
   Forget();
   peer->unsent -= counted_unsent;
 }
 
-bool Connection::Read(size_t most) {
+Connection::Next Connection::Work(WorkKind kind, const SpoolOptions& spool) {
+  if (kind == WorkKind::kHandshake) return Handshake();
+  return file.left > 0 ? ReadFile() : Spool(spool);
+}
+
+Connection::Next Connection::Handshake() {
+  switch (transport->Handshake()) {
+    case Transport::Outcome::kDone:
+      return Next::kRead;
+    case Transport::Outcome::kBlocked:
+      return Next::kHandshake;
+    default:
+      break;
+  }
+  if (!transport->met_plain_http()) return Next::kClose;
+  // Whoever forgot the s of https gets an answer that a browser or curl can show.
+  transport = MakePlainTransport(fd.get());
+  return Refuse({400, "bad_request", "this port speaks HTTPS alone; write https:// in the address"});
+}
+
+Transport::Outcome Connection::ReadOnce(size_t most) {
   const size_t before = in.size();
   in.resize(before + most);
-  ssize_t n;
-  do {
-    n = ::recv(fd.get(), in.data() + before, most, MSG_DONTWAIT);
-  } while (n < 0 && errno == EINTR);
-  in.resize(before + static_cast<size_t>(std::max<ssize_t>(n, 0)));
-  if (n > 0) moved += n;
-  if (n == 0) ended = true;
-  return n > 0 || (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK));
+  const Transport::Moved read = transport->Read(in.data() + before, most);
+  in.resize(before + read.bytes);
+  moved += static_cast<int64_t>(read.bytes);
+  return read.outcome;
+}
+
+bool Connection::Read(size_t most) {
+  const Transport::Outcome outcome = ReadOnce(most);
+  if (outcome == Transport::Outcome::kEnded) ended = true;
+  // Nobody would be told of what is here already.
+  if (outcome == Transport::Outcome::kDone && transport->pending() > 0) {
+    ReadOnce(transport->pending());
+  }
+  return outcome == Transport::Outcome::kDone || outcome == Transport::Outcome::kBlocked;
 }
 
 bool Connection::Send() {
   while (unsent() > 0) {
-    const ssize_t n =
-        ::send(fd.get(), out.data() + sent, unsent(), MSG_NOSIGNAL | MSG_DONTWAIT);
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) break;
-    if (n < 0) return false;
-    sent += static_cast<size_t>(n);
-    moved += n;
+    const Transport::Moved written = transport->Write(std::string_view(out).substr(sent));
+    if (written.outcome == Transport::Outcome::kBlocked) break;
+    if (written.outcome != Transport::Outcome::kDone) return false;
+    sent += written.bytes;
+    moved += static_cast<int64_t>(written.bytes);
   }
   if (unsent() == 0) {
     out.clear();
@@ -145,9 +177,6 @@ Connection::Next Connection::StartBody(
     const std::function<BodyRule(const RequestHead&)>& rule_of, const SpoolOptions& spool) {
   rule = rule_of(*head);
   reader.emplace(*head, rule.most);
-  if (rule.organiser_only && !peer->peer.organiser) {
-    return Refuse({403, "forbidden", "only root and the user that runs the daemon may do this"});
-  }
   const bool known = head->content_type.empty() ||
                      std::find(rule.types.begin(), rule.types.end(), head->content_type) !=
                          rule.types.end();
@@ -224,6 +253,11 @@ bool Connection::CheckDisk(const SpoolOptions& spool) {
 Connection::Next Connection::Spool(const SpoolOptions& options) {
   static std::atomic<int64_t> names = 0;
   if (!body.spooled()) {
+    if (options.admit != nullptr) {
+      if (std::optional<ApiError> refusal = options.admit(*this)) {
+        return Refuse(*std::move(refusal));
+      }
+    }
     if (head->chunked && !Reserve(kReserveStep, options)) return Refuse(error);
     if (!CheckDisk(options)) return Refuse(error);
     const absl::Status made = body.Spool(absl::StrCat(options.folder, "/body-", ++names));
@@ -279,6 +313,15 @@ void Connection::Forget() {
   reader.reset();
   scanner = HeadScanner();
   rule = BodyRule();
+  admitted = false;
+}
+
+Peer Connection::Asker() const {
+  Peer asker = peer->peer;
+  if (!asker.proxy || !head.has_value()) return asker;
+  const std::optional<IpAddress> address = IpAddress::Parse(head->forwarded_for);
+  if (address.has_value()) asker.key = address->Key();
+  return asker;
 }
 
 WorkKind Connection::work() const {

@@ -18,6 +18,7 @@
 #include "protocol/base/fd.h"
 #include "server/api/http_request.h"
 #include "server/api/peer.h"
+#include "server/api/transport.h"
 #include "server/api/work_queue.h"
 
 namespace myograde::server {
@@ -29,15 +30,18 @@ inline constexpr int64_t kMemoryBody = 64 << 10;
 struct BodyRule {
   int64_t most = 0;                // bytes
   bool upload = false;             // has the time of uploads, and workers of their own
-  bool organiser_only = false;
   std::vector<std::string> types;  // of content; the first is the one to tell
 };
+
+class Connection;
 
 // Where bodies lie, and how much of them.
 struct SpoolOptions {
   std::string folder;
   int64_t disk_reserve = 0;  // bytes of the disk that are left free
   SpoolBudget* budget = nullptr;
+  // Asked before any of a large body goes to the disk: why its sender may not send it.
+  std::function<std::optional<ApiError>(Connection&)> admit = nullptr;
 };
 
 // A body of a request: in memory, or in a file that goes with it.
@@ -80,13 +84,20 @@ struct FilePart {
 
 class Connection {
  public:
-  enum class State { kIdle, kReceiving, kAnswering, kRefused };
+  enum class State { kHandshake, kIdle, kReceiving, kAnswering, kRefused };
   // What is to be done for it next.
-  enum class Next { kRead, kSend, kServe, kSpool, kRefuse, kClose };
+  enum class Next { kHandshake, kRead, kSend, kServe, kSpool, kRefuse, kClose };
 
-  Connection(uint64_t id_given, Fd socket_given, std::shared_ptr<PeerLoad> peer_given)
-      : id(id_given), fd(std::move(socket_given)), peer(std::move(peer_given)) {}
+  // `transport_given`: what is spoken over the socket; nullptr: bytes as they are.
+  Connection(uint64_t id_given, Fd socket_given, std::shared_ptr<PeerLoad> peer_given,
+             std::unique_ptr<Transport> transport_given = nullptr);
   ~Connection();
+
+  // Does what a worker has to do other than answering, until it is the others' turn.
+  Next Work(WorkKind kind, const SpoolOptions& spool);
+  // Goes on with the transport's handshake. kHandshake: it must wait for the other end; kRead once
+  // it is done; kRefuse (with `error`) or kClose.
+  Next Handshake();
 
   // Goes on with the bytes in `in`. kRead, kServe, kSpool or kRefuse (with `error`).
   Next Feed(const std::function<BodyRule(const RequestHead&)>& rule_of, const SpoolOptions& spool);
@@ -106,16 +117,20 @@ class Connection {
   // Makes ready for the next request; what has come of it stays.
   void Forget();
   WorkKind work() const;
+  // Whose request it is: the peer, or whom a proxy forwards.
+  Peer Asker() const;
 
   const uint64_t id;
   const Fd fd;
   const std::shared_ptr<PeerLoad> peer;
+  std::unique_ptr<Transport> transport;
 
   State state = State::kIdle;
   bool lent = false;         // to a worker, or waits for one
   bool ended = false;        // the other end sends no more
   bool close_after = false;  // its answer
   bool counted = false;      // among its peer's bodies
+  bool admitted = false;     // its request was counted against its sender's limits
   std::string in;
   std::string out;
   size_t sent = 0;
@@ -141,6 +156,7 @@ class Connection {
   int64_t drain_left = 0;        // bytes to be dropped, those in `in` among them
 
  private:
+  Transport::Outcome ReadOnce(size_t most);
   Next StartBody(const std::function<BodyRule(const RequestHead&)>& rule_of,
                  const SpoolOptions& spool);
   bool Reserve(int64_t bytes, const SpoolOptions& spool);

@@ -25,15 +25,14 @@ bool NobodyWaits(int error) { return error == EAGAIN || error == EWOULDBLOCK; }
 
 }  // namespace
 
-void Tell(int socket, const ApiError& error) {
+void Tell(const Newcomer& newcomer, const ApiError& error) {
+  if (newcomer.from != nullptr && newcomer.from->transport_of) return;
   const std::string text = RefusalBytes(error);
   [[maybe_unused]] const ssize_t n =
-      ::send(socket, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+      ::send(newcomer.socket.get(), text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
 }
 
-Door::Door(std::function<std::optional<Peer>(int fd)> peer_of) : peer_of_(std::move(peer_of)) {
-  RestoreSpare();
-}
+Door::Door() { RestoreSpare(); }
 
 void Door::RestoreSpare() {
   while (spare_.size() < kSpareDescriptors) {
@@ -43,9 +42,10 @@ void Door::RestoreSpare() {
   }
 }
 
-Door::Found Door::Accept(int listener, Newcomer& newcomer) {
+Door::Found Door::Accept(const Listener& listener, Newcomer& newcomer) {
   RestoreSpare();
-  newcomer.socket = AcceptFrom(listener);
+  newcomer.from = &listener;
+  newcomer.socket = AcceptFrom(listener.fd);
   if (!newcomer.socket.valid()) {
     const int error = errno;
     if (error == EINTR || error == ECONNABORTED) return Found::kSentAway;
@@ -57,7 +57,7 @@ Door::Found Door::Accept(int listener, Newcomer& newcomer) {
                  std::generic_category().message(error));
     return Found::kCantAccept;
   }
-  std::optional<Peer> peer = peer_of_(newcomer.socket.get());
+  std::optional<Peer> peer = listener.peer_of(newcomer.socket.get());
   if (!peer.has_value()) {
     newcomer.socket.reset();
     return Found::kSentAway;
@@ -69,18 +69,18 @@ Door::Found Door::Accept(int listener, Newcomer& newcomer) {
 // One of the spare descriptors is for an organiser; whoever else it is hears why not. It is taken
 // back at once where it is not needed, which may well be: without descriptors, the kernel does not
 // even look whether somebody waits.
-Door::Found Door::AcceptWithSpare(int listener, Newcomer& newcomer) {
+Door::Found Door::AcceptWithSpare(const Listener& listener, Newcomer& newcomer) {
   spare_.pop_back();
-  newcomer.socket = AcceptFrom(listener);
+  newcomer.socket = AcceptFrom(listener.fd);
   const int error = newcomer.socket.valid() ? 0 : errno;
   std::optional<Peer> peer;
-  if (error == 0) peer = peer_of_(newcomer.socket.get());
+  if (error == 0) peer = listener.peer_of(newcomer.socket.get());
   if (peer.has_value() && peer->organiser) {
     newcomer.peer = *std::move(peer);
     return Found::kNewcomer;
   }
   if (peer.has_value()) {
-    Tell(newcomer.socket.get(),
+    Tell(newcomer,
          {503, "too_many", "the server has no descriptors left for you; try again later"});
   }
   newcomer.socket.reset();

@@ -2,7 +2,6 @@
 
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -17,8 +16,8 @@ namespace myograde::server {
 namespace {
 
 constexpr uint64_t kWakeId = 0;
-constexpr uint64_t kListenerId = 1;
-constexpr uint64_t kFirstId = 2;
+constexpr uint64_t kFirstListenerId = 1;
+constexpr uint64_t kFirstId = 9;
 constexpr size_t kReadAtOnce = 64 << 10;
 constexpr size_t kDropAtOnce = 256 << 10;
 constexpr int kAcceptAtOnce = 64;
@@ -27,6 +26,8 @@ constexpr absl::Duration kLookEvery = absl::Milliseconds(200);
 constexpr absl::Duration kBackOff = absl::Milliseconds(200);
 // Answers that a peer has not read yet; more is asked for in vain.
 constexpr int64_t kMaxUnsent = int64_t{64} << 20;
+// Handshakes that an address may begin at once, as a multiple of those that it may each second.
+constexpr double kBurst = 2;
 
 absl::Duration Now() { return SystemClock().Monotonic(); }
 
@@ -39,7 +40,7 @@ Gate::Gate(Options options, WorkQueue& queue)
       queue_(queue),
       epoll_(::epoll_create1(EPOLL_CLOEXEC)),
       wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
-      door_(options_.peer_of),
+      arrivals_(options_.limits.address_clients, kBurst * options_.limits.address_clients),
       places_(options_.limits, kFirstId),
       line_(options_.limits.waiting(), options_.limits.peer_waiting()) {}
 
@@ -74,13 +75,18 @@ void Gate::Watch(int fd, uint64_t id) {
   ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &event);
 }
 
-void Gate::Run(int listener) {
+void Gate::WatchListeners() {
+  for (size_t i = 0; i < listeners_.size(); ++i) Watch(listeners_[i].fd, kFirstListenerId + i);
+}
+
+void Gate::Run(std::vector<Listener> listeners) {
+  listeners_ = std::move(listeners);
   Watch(wake_.get(), kWakeId);
-  Watch(listener, kListenerId);
+  WatchListeners();
   while (!stop_) {
     const bool sleep = places_.all().empty() && line_.empty() && accepting_;
-    bool newcomers = false;
-    SeeEvents(sleep ? -1 : static_cast<int>(absl::ToInt64Milliseconds(kLookEvery)), newcomers);
+    std::set<const Listener*> knocked;
+    SeeEvents(sleep ? -1 : static_cast<int>(absl::ToInt64Milliseconds(kLookEvery)), knocked);
     TakeReturned();
     if (Now() - looked_at_ >= kLookEvery) {
       LookAtClocks();
@@ -90,14 +96,16 @@ void Gate::Run(int listener) {
     GoOn();
     if (!accepting_ && Now() >= accept_again_) {
       accepting_ = true;
-      Watch(listener, kListenerId);
+      WatchListeners();
     }
-    if (newcomers && accepting_) Accept(listener);
+    for (const Listener* listener : knocked) {
+      if (accepting_) Accept(*listener);
+    }
   }
   HangUpOnAll();
 }
 
-void Gate::SeeEvents(int timeout_ms, bool& newcomers) {
+void Gate::SeeEvents(int timeout_ms, std::set<const Listener*>& knocked) {
   std::array<epoll_event, 64> events;
   const int n =
       ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), timeout_ms);
@@ -106,8 +114,8 @@ void Gate::SeeEvents(int timeout_ms, bool& newcomers) {
     if (id == kWakeId) {
       uint64_t count;
       [[maybe_unused]] const ssize_t got = ::read(wake_.get(), &count, sizeof(count));
-    } else if (id == kListenerId) {
-      newcomers = true;
+    } else if (id < kFirstId) {
+      knocked.insert(&listeners_[id - kFirstListenerId]);
     } else if (Connection* connection = places_.Find(id);
                connection != nullptr && !connection->lent) {
       OnReady(*connection);
@@ -144,7 +152,7 @@ void Gate::TakeReturned() {
 
 // --- newcomers --------------------------------------------------------------
 
-void Gate::Accept(int listener) {
+void Gate::Accept(const Listener& listener) {
   for (int i = 0; i < kAcceptAtOnce; ++i) {
     Newcomer newcomer;
     switch (door_.Accept(listener, newcomer)) {
@@ -157,7 +165,9 @@ void Gate::Accept(int listener) {
         return;
       case Door::Found::kCantAccept:
         // Those who wait stay readable.
-        ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, listener, nullptr);
+        for (const Listener& each : listeners_) {
+          ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, each.fd, nullptr);
+        }
         accepting_ = false;
         accept_again_ = Now() + kBackOff;
         return;
@@ -165,20 +175,37 @@ void Gate::Accept(int listener) {
   }
 }
 
+bool Gate::MakeRoom(const Peer& peer) {
+  const bool limited = peer.network && !peer.proxy;
+  if (limited && !arrivals_.Allows(peer.key, Now())) return false;
+  return places_.MakeRoom(peer);
+}
+
 void Gate::Receive(Newcomer newcomer) {
   // Nobody overtakes those of the same peer who came before.
-  if (!line_.Has(newcomer.peer) && places_.MakeRoom(newcomer.peer)) {
+  if (!line_.Has(newcomer.peer) && MakeRoom(newcomer.peer)) {
     return Admit(std::move(newcomer));
   }
-  if (draining_) return Tell(newcomer.socket.get(), kStopping);
+  if (draining_) return Tell(newcomer, kStopping);
   line_.Add(std::move(newcomer), Now() + options_.limits.request);
 }
 
 void Gate::Admit(Newcomer newcomer) {
-  Connection& connection = places_.Add(std::move(newcomer.socket), newcomer.peer);
+  if (newcomer.peer.network) arrivals_.Count(newcomer.peer.key, Now());
+  std::unique_ptr<Transport> transport;
+  if (newcomer.from != nullptr && newcomer.from->transport_of) {
+    transport = newcomer.from->transport_of(newcomer.socket.get());
+    if (transport == nullptr) return;
+  }
+  Connection& connection =
+      places_.Add(std::move(newcomer.socket), newcomer.peer, std::move(transport));
   epoll_event event = {EPOLLONESHOT, {.u64 = connection.id}};
   if (::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, connection.fd.get(), &event) != 0) {
     return Close(connection);
+  }
+  if (!connection.transport->established()) {
+    Enter(connection, State::kHandshake);
+    return Wait(connection, /*to_send=*/false);
   }
   Enter(connection, State::kIdle);
   OnReady(connection);  // a request is often there already
@@ -187,7 +214,7 @@ void Gate::Admit(Newcomer newcomer) {
 void Gate::LetWaitingIn() {
   if (line_.empty()) return;
   if (draining_) return line_.SendAway(kStopping);
-  line_.LetIn([this](const Peer& peer) { return places_.MakeRoom(peer); },
+  line_.LetIn([this](const Peer& peer) { return MakeRoom(peer); },
               [this](Newcomer newcomer) { Admit(std::move(newcomer)); });
 }
 
@@ -209,11 +236,12 @@ void Gate::Enter(Connection& connection, State state) {
   const HttpLimits& limits = options_.limits;
   connection.deadline = connection.since + (state == State::kIdle        ? limits.idle
                                             : state == State::kAnswering ? limits.upload
+                                            : state == State::kHandshake ? limits.handshake()
                                                                          : limits.request);
 }
 
 void Gate::Wait(Connection& connection, bool to_send) {
-  const uint32_t kinds = EPOLLONESHOT | (to_send ? EPOLLOUT : EPOLLIN);
+  const uint32_t kinds = EPOLLONESHOT | connection.transport->Wants(to_send);
   epoll_event event = {kinds, {.u64 = connection.id}};
   connection.waiting_since = Now();
   if (::epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, connection.fd.get(), &event) != 0) Close(connection);
@@ -221,6 +249,7 @@ void Gate::Wait(Connection& connection, bool to_send) {
 
 void Gate::OnReady(Connection& connection) {
   connection.waited += std::max(Now() - connection.waiting_since, absl::ZeroDuration());
+  if (connection.state == State::kHandshake) return Lend(connection, WorkKind::kHandshake);
   if (connection.state == State::kAnswering) return Answer(connection);
   if (connection.state == State::kRefused) return DrainOne(connection);
   // A large body goes from the socket to the disk by a worker.
@@ -236,6 +265,10 @@ void Gate::OnReady(Connection& connection) {
 }
 
 void Gate::Do(Connection& connection, Next next) {
+  if (connection.state == State::kHandshake && next == Next::kRead) {
+    Enter(connection, State::kIdle);
+    return OnReady(connection);  // a request is often there already
+  }
   if (next == Next::kRead && !connection.in.empty() && !connection.body.spooled()) {
     const State before = connection.state;
     next = connection.Feed(options_.rule_of, options_.spool);
@@ -249,6 +282,8 @@ void Gate::Do(Connection& connection, Next next) {
                         (next == Next::kRead || next == Next::kSpool || next == Next::kServe);
   if (receives && draining_) next = connection.Refuse(kStopping);
   switch (next) {
+    case Next::kHandshake:
+      return Wait(connection, /*to_send=*/false);
     case Next::kRead:
       if (!CountBody(connection, receives)) return;
       return Wait(connection, /*to_send=*/false);
@@ -275,8 +310,7 @@ bool Gate::CountBody(Connection& connection, bool receiving) {
   if (receiving == connection.counted) return true;
   connection.counted = receiving;
   connection.peer->bodies += receiving ? 1 : -1;
-  const int most = (connection.peer->peer.organiser ? options_.limits.clients
-                                                    : options_.limits.peer_clients) / 2;
+  const int most = std::max(PlacesFor(connection.peer->peer, options_.limits) / 2, 1);
   if (!receiving || connection.peer->bodies <= most) return true;
   connection.Refuse({429, "too_many",
                      "too many requests of yours arrive at once; let some of them end first"});
@@ -292,7 +326,7 @@ void Gate::CountUnsent(Connection& connection) {
 
 void Gate::Lend(Connection& connection, WorkKind work) {
   connection.lent = true;
-  queue_.Push({&connection, work, connection.peer->peer});
+  queue_.Push({&connection, work, connection.Asker()});
 }
 
 void Gate::Answer(Connection& connection) {
@@ -328,7 +362,7 @@ void Gate::Refuse(Connection& connection, bool read_on) {
 void Gate::DrainOne(Connection& connection) {
   if (connection.unsent() > 0) {
     if (!connection.Send()) return Close(connection);
-    if (connection.unsent() == 0) ::shutdown(connection.fd.get(), SHUT_WR);
+    if (connection.unsent() == 0) connection.transport->EndSending();
   }
   CountUnsent(connection);
   const bool alive = connection.Read(kDropAtOnce);
@@ -360,10 +394,12 @@ bool Gate::TooSlow(Connection& connection, absl::Duration now) {
 void Gate::LookAtClocks() {
   const absl::Duration now = looked_at_ = Now();
   line_.LookAtClocks(now);
+  arrivals_.LookAtClocks(now);
   std::vector<Connection*> over;
   for (const auto& [id, connection] : places_.all()) {
     if (connection->lent) continue;
-    const bool slow = connection->state != State::kIdle && TooSlow(*connection, now);
+    const bool moves = connection->state != State::kIdle && connection->state != State::kHandshake;
+    const bool slow = moves && TooSlow(*connection, now);
     const bool stops = draining_ && connection->reader.has_value();
     if (slow || stops || now >= connection->deadline) over.push_back(connection.get());
   }

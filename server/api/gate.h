@@ -9,13 +9,14 @@
 
 #include <atomic>
 #include <functional>
-#include <optional>
+#include <set>
 #include <vector>
 
 #include <absl/time/time.h>
 
 #include "protocol/base/fd.h"
 #include "protocol/base/mutex.h"
+#include "server/api/arrival_rate.h"
 #include "server/api/connection.h"
 #include "server/api/door.h"
 #include "server/api/places.h"
@@ -30,16 +31,14 @@ class Gate {
   struct Options {
     HttpLimits limits;
     SpoolOptions spool;
-    // Who is at the other end of an accepted socket; nullopt: hang up.
-    std::function<std::optional<Peer>(int fd)> peer_of;
     std::function<BodyRule(const RequestHead&)> rule_of;
   };
   // `queue` must outlive it.
   Gate(Options options, WorkQueue& queue);
   ~Gate();
 
-  // Accepts from `listener`, which does not block, until Stop. For one thread.
-  void Run(int listener);
+  // Accepts from `listeners`, 1 to 8 of them, until Stop. For one thread.
+  void Run(std::vector<Listener> listeners);
   // Any thread: a worker is done with a connection that it had of the queue;
   // `next` of it says what to do.
   void Return(Connection* connection);
@@ -53,8 +52,11 @@ class Gate {
   using Next = Connection::Next;
 
   void Watch(int fd, uint64_t id);
-  void SeeEvents(int timeout_ms, bool& newcomers);
-  void Accept(int listener);
+  void WatchListeners();
+  void SeeEvents(int timeout_ms, std::set<const Listener*>& knocked);
+  void Accept(const Listener& listener);
+  // Whether `peer` may have one connection more, now.
+  bool MakeRoom(const Peer& peer);
   // Gives the newcomer a place, or has it wait for one.
   void Receive(Newcomer newcomer);
   void Admit(Newcomer newcomer);
@@ -85,7 +87,9 @@ class Gate {
   WorkQueue& queue_;
   Fd epoll_;
   Fd wake_;
+  std::vector<Listener> listeners_;
   Door door_;
+  ArrivalRate arrivals_;            // from the network
   Places places_;
   WaitingLine line_;                // for places
   std::vector<uint64_t> answered_;  // connections to go on with

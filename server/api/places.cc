@@ -15,6 +15,8 @@ int RankOf(const Connection& connection) {
   switch (connection.state) {
     case State::kIdle:
       return connection.in.empty() ? 1 : 0;
+    case State::kHandshake:
+      return 1;
     case State::kRefused:
       return 2;
     case State::kAnswering:
@@ -27,6 +29,13 @@ int RankOf(const Connection& connection) {
 
 }  // namespace
 
+int PlacesFor(const Peer& peer, const HttpLimits& limits) {
+  if (peer.organiser) return limits.clients;
+  // Whom a proxy forwards, it has limits for itself.
+  if (peer.proxy) return std::max(limits.clients - limits.organiser_clients, 1);
+  return peer.network ? limits.address_clients : limits.peer_clients;
+}
+
 Connection* Places::Find(uint64_t id) const {
   const auto it = connections_.find(id);
   return it == connections_.end() ? nullptr : it->second.get();
@@ -38,7 +47,7 @@ bool Places::MakeRoom(const Peer& peer) {
   const bool full = static_cast<int>(connections_.size()) >= limits_.clients;
   const bool others_full = others_ >= limits_.clients - limits_.organiser_clients;
   Connection* victim = nullptr;
-  if (!peer.organiser && own >= limits_.peer_clients) {
+  if (!peer.organiser && own >= PlacesFor(peer, limits_)) {
     victim = Victim([&](const PeerLoad& other) { return other.peer.key == peer.key; });
   } else if (full || (!peer.organiser && others_full)) {
     // Who has most gives way; organisers only to organisers.
@@ -73,11 +82,11 @@ Connection* Places::Victim(const std::function<bool(const PeerLoad&)>& among) co
   return victim;
 }
 
-Connection& Places::Add(Fd socket, const Peer& peer) {
+Connection& Places::Add(Fd socket, const Peer& peer, std::unique_ptr<Transport> transport) {
   std::shared_ptr<PeerLoad>& load = peers_[peer.key];
   if (load == nullptr) load = std::make_shared<PeerLoad>(peer);
   const uint64_t id = next_id_++;
-  auto made = std::make_unique<Connection>(id, std::move(socket), load);
+  auto made = std::make_unique<Connection>(id, std::move(socket), load, std::move(transport));
   ++load->connections;
   if (!peer.organiser) ++others_;
   return *connections_.emplace(id, std::move(made)).first->second;

@@ -14,6 +14,9 @@
 
 namespace myograde::server {
 
+// How many connections `peer` may have.
+int PlacesFor(const Peer& peer, const HttpLimits& limits);
+
 // Owns the connections. For one thread.
 class Places {
  public:
@@ -29,7 +32,8 @@ class Places {
   // Whether `peer` may have one place more, for which somebody who waits for its other end, or is
   // between two requests, may have been removed. False: all who could be asked to go are busy.
   bool MakeRoom(const Peer& peer);
-  Connection& Add(Fd socket, const Peer& peer);
+  // `transport`: what is spoken over `socket`; nullptr: bytes as they are.
+  Connection& Add(Fd socket, const Peer& peer, std::unique_ptr<Transport> transport = nullptr);
   void Remove(Connection& connection);
 
  private:

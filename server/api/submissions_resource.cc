@@ -8,6 +8,12 @@
 #include <utility>
 #include <vector>
 
+#include <absl/strings/str_cat.h>
+
+#include "server/api/founding.h"
+#include "server/api/paging.h"
+#include "server/api/phase_sight.h"
+#include "server/api/redaction.h"
 #include "server/api/requests.h"
 #include "server/api/submission_view.h"
 #include "server/api/views.h"
@@ -22,16 +28,20 @@ using Json = nlohmann::json;
 
 void SubmissionsResource::Install(Routes& routes) {
   using Self = SubmissionsResource;
-  routes.Get("/v1/submissions", std::bind_front(&Self::List, this));
-  routes.Get(R"(/v1/submissions/(\d{1,18}))", std::bind_front(&Self::Get, this));
-  routes.Post("/v1/submissions", std::bind_front(&Self::Submit, this));
-  routes.Post(R"(/v1/submissions/(\d{1,18})/cancel)", std::bind_front(&Self::Cancel, this));
-  routes.Post(R"(/v1/submissions/(\d{1,18})/marks)", std::bind_front(&Self::Mark, this));
+  routes.Get("/v1/submissions", Action::kReadSubmission, std::bind_front(&Self::List, this));
+  routes.Get(R"(/v1/submissions/(\d{1,18}))", Action::kReadSubmission,
+             std::bind_front(&Self::Get, this));
+  routes.Post("/v1/submissions", Action::kSubmit, std::bind_front(&Self::Submit, this));
+  routes.Post(R"(/v1/submissions/(\d{1,18})/cancel)", Action::kCancel,
+              std::bind_front(&Self::Cancel, this));
+  routes.Post(R"(/v1/submissions/(\d{1,18})/marks)", Action::kMark,
+              std::bind_front(&Self::Mark, this));
 }
 
 ApiResult SubmissionsResource::List(const httplib::Request& request) const {
   absl::StatusOr<SubmissionFilter> filter = ParseFilter(request);
   if (!filter.ok()) return ErrorOf(filter.status());
+  if (!CallerIsOrganiser()) filter->teams = Caller().teams;
   Json list = Json::array();
   Listed<SubmissionRow> found;
   bool more = false;
@@ -42,7 +52,10 @@ ApiResult SubmissionsResource::List(const httplib::Request& request) const {
     for (const SubmissionRow& row : found.rows) {
       const absl::StatusOr<EvaluationRow> original = reader.Original(row.id);
       if (original.ok()) {
+        const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context_, row.phase);
+        if (!sight.ok()) return sight.status();
         list.push_back(SubmissionToJson(row, *original, reader.Counts(original->id)));
+        RedactListed(list.back(), *sight);
       } else if (const std::optional<Damage> damage = DamageOf(original.status())) {
         found.damaged.push_back(*damage);
       } else {
@@ -52,36 +65,54 @@ ApiResult SubmissionsResource::List(const httplib::Request& request) const {
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
-  return ApiAnswer{200,
+  ApiAnswer answer{200,
                    {{"submissions", std::move(list)},
-                    {"unreadable", DamagedToJson(found.damaged)},
-                    {"next_before", more ? Json(found.last_id) : Json()}}};
+                    {"unreadable", DamagedToJson(found.damaged)}}};
+  AddNextPage(request, more, found.last_id, answer);
+  return answer;
 }
 
 ApiResult SubmissionsResource::StatusAnswer(int64_t submission) const {
   ApiAnswer answer;
   const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     absl::StatusOr<Json> json = SubmissionStatus(reader, context_, submission);
-    if (json.ok()) answer.body = *std::move(json);
-    return json.status();
+    if (!json.ok()) return json.status();
+    answer.body = *std::move(json);
+    const absl::StatusOr<SubmissionRow> row = reader.Submission(submission);
+    if (!row.ok()) return row.status();
+    const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context_, row->phase);
+    if (sight.ok()) RedactStatus(answer.body, *sight);
+    return sight.status();
   });
   if (!status.ok()) return ErrorOf(status);
   return answer;
 }
 
 ApiResult SubmissionsResource::Get(const httplib::Request& request) const {
+  const absl::Status own = context_.readers.Read(
+      [&](Reader& reader) { return RequireSubmission(reader, IdOf(request)); });
+  if (!own.ok()) return ErrorOf(own);
   return StatusAnswer(IdOf(request));
 }
 
-ApiResult SubmissionsResource::Submit(const httplib::Request&, const Json& body) const {
-  const absl::StatusOr<SubmitRequest> request = ParseSubmit(body);
-  if (!request.ok()) return ErrorOf(request.status());
-  const absl::StatusOr<Accepted> accepted = context_.admission.Submit(*request, CallerKey());
-  if (!accepted.ok()) return TeamErrorOf(accepted.status(), request->team);
+ApiResult SubmissionsResource::Submit(const httplib::Request& request, const Json& body) const {
+  absl::StatusOr<SubmitRequest> asked = ParseSubmit(body);
+  if (!asked.ok()) return ErrorOf(asked.status());
+  absl::StatusOr<RequestKey> key = ReadRequestKey(request, body);
+  if (!key.ok()) return ErrorOf(key.status());
+  asked->key = *std::move(key);
+  absl::StatusOr<std::optional<Founding>> founding = FoundingFor(context_, asked->team);
+  if (!founding.ok()) return ErrorOf(founding.status());
+  asked->founding = *std::move(founding);
+  const absl::StatusOr<Accepted> accepted = context_.admission.Submit(*asked, CallerKey());
+  if (!accepted.ok()) return TeamErrorOf(accepted.status(), asked->team);
+  NoteAct(absl::StrCat("submission ", accepted->submission),
+          absl::StrCat("for team ", asked->team, accepted->is_new() ? "" : ", known already"));
   ApiResult result = StatusAnswer(accepted->submission);
   if (auto* answer = std::get_if<ApiAnswer>(&result)) {
-    answer->http = accepted->linked ? 200 : 201;
+    answer->http = accepted->is_new() ? 201 : 200;
     answer->body["linked"] = accepted->linked;
+    answer->body["repeated"] = accepted->repeated;
   }
   return result;
 }
@@ -90,12 +121,15 @@ ApiResult SubmissionsResource::Cancel(const httplib::Request& request, const Jso
   const absl::StatusOr<std::string> reason = ParseCancel(body);
   if (!reason.ok()) return ErrorOf(reason.status());
   const int64_t id = IdOf(request);
-  absl::Status status =
-      context_.readers.Read([&](Reader& reader) { return reader.Submission(id).status(); });
+  absl::Status status = context_.readers.Read([&](Reader& reader) {
+    const absl::Status own = RequireSubmission(reader, id);
+    return own.ok() ? reader.Submission(id).status() : own;
+  });
   if (!status.ok()) return ErrorOf(status);
   const absl::StatusOr<CancelReport> report =
       context_.engine.Cancel(id, *reason, CallerKey(), context_.config.http.request);
   if (!report.ok()) return ErrorOf(report.status());
+  NoteAct(absl::StrCat("submission ", id), *reason);
   ApiResult result = StatusAnswer(id);
   auto* answer = std::get_if<ApiAnswer>(&result);
   if (answer == nullptr) return result;
@@ -113,7 +147,6 @@ ApiResult SubmissionsResource::Cancel(const httplib::Request& request, const Jso
 }
 
 ApiResult SubmissionsResource::Mark(const httplib::Request& request, const Json& body) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   absl::StatusOr<MarkRequest> wanted = ParseMark(body);
   if (!wanted.ok()) return ErrorOf(wanted.status());
   const int64_t id = IdOf(request);
@@ -151,6 +184,9 @@ ApiResult SubmissionsResource::Mark(const httplib::Request& request, const Json&
     });
   }
   if (!status.ok()) return ErrorOf(status);
+  NoteAct(absl::StrCat("submission ", id),
+          absl::StrCat(wanted->set ? "" : "not ", wanted->mark,
+                       wanted->reason.empty() ? "" : ": ", wanted->reason));
   return answer;
 }
 

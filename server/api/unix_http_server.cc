@@ -11,6 +11,7 @@
 #include <cerrno>
 #include <cstring>
 #include <optional>
+#include <string_view>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
@@ -28,6 +29,7 @@ constexpr size_t kSendFrom = 256 << 10;
 constexpr size_t kMaxUnsent = 16 << 20;
 constexpr int kSmallUploads = 8;
 constexpr int kDiskWorkers = 4;
+constexpr int kHandshakeWorkers = 4;
 
 absl::Duration Now() { return SystemClock().Monotonic(); }
 
@@ -37,8 +39,19 @@ struct CurrentRequest {
   const std::atomic<bool>* stopping = nullptr;
   absl::Duration deadline;
   absl::Duration upload;
+  Peer caller;
 };
 thread_local CurrentRequest current;
+
+// cpp-httplib says of every answer without a body how long that is, which HTTP forbids for these.
+std::string HeadToSend(std::string_view head) {
+  constexpr std::string_view kNoLength = "Content-Length: 0\r\n";
+  const size_t at = head.find(kNoLength);
+  const bool bodiless = head.starts_with("HTTP/1.1 204 ") || head.starts_with("HTTP/1.1 304 ");
+  if (!bodiless || at == std::string_view::npos) return std::string(head);
+  return absl::StrCat(std::string(head.substr(0, at)),
+                      std::string(head.substr(at + kNoLength.size())));
+}
 
 // A request that is there as a whole, as cpp-httplib reads it.
 class WholeRequest : public httplib::Stream {
@@ -65,12 +78,20 @@ class WholeRequest : public httplib::Stream {
     return n;
   }
 
+  // The first write is the answer's head.
   ssize_t write(const char* from, size_t size) override {
-    connection_.out.append(from, size);
+    if (answered_) {
+      connection_.out.append(from, size);
+    } else {
+      connection_.out += HeadToSend({from, size});
+    }
+    answered_ = true;
     if (connection_.unsent() >= kSendFrom && !connection_.Send()) return -1;
     while (connection_.unsent() > kMaxUnsent) {
       if (*current.stopping || Now() >= current.deadline) return -1;
-      pollfd entry = {connection_.fd.get(), POLLOUT, 0};
+      // The kinds of poll are those of epoll.
+      const auto kinds = static_cast<short>(connection_.transport->Wants(/*to_send=*/true));
+      pollfd entry = {connection_.fd.get(), kinds, 0};
       poll(&entry, 1, 100);
       if (!connection_.Send()) return -1;
     }
@@ -78,11 +99,11 @@ class WholeRequest : public httplib::Stream {
   }
 
   void get_remote_ip_and_port(std::string& ip, int& port) const override {
-    ip = "unix";
+    ip = current.caller.key;
     port = 0;
   }
   void get_local_ip_and_port(std::string& ip, int& port) const override {
-    ip = "unix";
+    ip = current.caller.network ? "network" : "unix";
     port = 0;
   }
   // Any number would do, but cpp-httplib takes none that select() could not.
@@ -93,15 +114,22 @@ class WholeRequest : public httplib::Stream {
   std::string head_;
   size_t read_ = 0;
   int64_t body_read_ = 0;
+  bool answered_ = false;
 };
 
-// Who is at the other end, as the kernel knows it.
-std::optional<Peer> PeerOf(int fd) {
-  ucred peer = {};
-  socklen_t size = sizeof(peer);
-  if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0) return std::nullopt;
-  const std::string key = PeerKey(peer.uid);
-  return Peer{key, IsOrganiser(key), peer.uid};
+// The groups of the user at the other end, but for the main one.
+std::vector<gid_t> GroupsOf(int fd) {
+  std::vector<gid_t> groups(64);
+  for (;;) {
+    auto size = static_cast<socklen_t>(groups.size() * sizeof(gid_t));
+    const int failed = getsockopt(fd, SOL_SOCKET, SO_PEERGROUPS, groups.data(), &size);
+    if (failed != 0 && errno == ERANGE && size > groups.size() * sizeof(gid_t)) {
+      groups.resize(size / sizeof(gid_t));
+      continue;
+    }
+    groups.resize(failed == 0 ? size / sizeof(gid_t) : 0);
+    return groups;
+  }
 }
 
 // Small numbers of workers are shared out so that no kind of work is left without one.
@@ -113,7 +141,7 @@ WorkQueue::Limits QueueLimits(const HttpLimits& limits) {
           .kept = limits.workers - others,
           .of_a_peer = (others + 1) / 2,
           .of_a_kind = {limits.workers, std::min(kDiskWorkers, half), std::min(kSmallUploads, half),
-                        std::min(limits.large_uploads, half)}};
+                        std::min(limits.large_uploads, half), std::min(kHandshakeWorkers, half)}};
 }
 
 absl::Status Failed(const std::string& path, const char* what) {
@@ -159,7 +187,6 @@ UnixHttpServer::UnixHttpServer(const HttpLimits& limits, std::string spool)
       queue_(QueueLimits(limits)),
       gate_({.limits = limits,
              .spool = {spool_, limits.disk_reserve, &budget_},
-             .peer_of = PeerOf,
              .rule_of = [this](const RequestHead& head) { return RuleOf(head); }},
             queue_) {}
 
@@ -185,9 +212,20 @@ absl::Status UnixHttpServer::AnswerWithFile(const std::string& path, const char*
 
 void UnixHttpServer::AllowUploadTime() { current.deadline = Now() + current.upload; }
 
-uid_t UnixHttpServer::PeerUid() { return current.connection->peer->peer.uid; }
+Connection& UnixHttpServer::RequestConnection() { return *current.connection; }
 
-bool UnixHttpServer::PeerIsOrganiser() { return current.connection->peer->peer.organiser; }
+// Who is at the other end, as the kernel knows it.
+std::optional<Peer> UnixHttpServer::PeerOf(int fd) const {
+  ucred user = {};
+  socklen_t size = sizeof(user);
+  if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &user, &size) != 0) return std::nullopt;
+  const std::string key = PeerKey(user.uid);
+  Peer peer{
+      .key = key, .organiser = IsOrganiser(key), .uid = user.uid, .groups = GroupsOf(fd)};
+  peer.groups.push_back(user.gid);
+  if (is_organiser_ != nullptr && is_organiser_(peer)) peer.organiser = true;
+  return peer;
+}
 
 BodyRule UnixHttpServer::RuleOf(const RequestHead& head) const {
   const auto it = rules_.find(head.path);
@@ -214,22 +252,36 @@ absl::Status UnixHttpServer::Bind(const std::string& path) {
   return absl::OkStatus();
 }
 
+absl::Status UnixHttpServer::OpenNetwork(const ListenConfig& config) {
+  absl::StatusOr<std::unique_ptr<NetworkDoor>> door = NetworkDoor::Open(config);
+  if (!door.ok()) return door.status();
+  network_ = *std::move(door);
+  return absl::OkStatus();
+}
+
+void UnixHttpServer::ReloadCertificate() {
+  if (network_ != nullptr) network_->Reload();
+}
+
 absl::Status UnixHttpServer::Start(const std::string& path) {
   if (absl::Status status = Bind(path); !status.ok()) return status;
   // cpp-httplib takes a server without a listener for one that stops, and cuts files off.
   svr_sock_ = listener_.get();
   for (int i = 0; i < limits_.workers; ++i) workers_.emplace_back([this] { Work(); });
-  acceptor_ = std::thread([this] { gate_.Run(listener_.get()); });
+  std::vector<Listener> listeners = {
+      {.fd = listener_.get(), .peer_of = [this](int fd) { return PeerOf(fd); }}};
+  if (network_ != nullptr) listeners.push_back(network_->listener());
+  acceptor_ = std::thread(
+      [this, listeners = std::move(listeners)]() mutable { gate_.Run(std::move(listeners)); });
   return absl::OkStatus();
 }
 
 void UnixHttpServer::Work() {
   while (std::optional<Job> job = queue_.Pop()) {
     Connection& connection = *job->connection;
-    if (job->work == WorkKind::kDisk) {
-      connection.next = connection.file.left > 0
-                            ? connection.ReadFile()
-                            : connection.Spool({spool_, limits_.disk_reserve, &budget_});
+    if (job->work == WorkKind::kDisk || job->work == WorkKind::kHandshake) {
+      connection.next =
+          connection.Work(job->work, {spool_, limits_.disk_reserve, &budget_, admit_});
     } else {
       Serve(connection);
     }
@@ -239,7 +291,8 @@ void UnixHttpServer::Work() {
 }
 
 void UnixHttpServer::Serve(Connection& connection) {
-  current = {&connection, &stopping_, Now() + limits_.request, limits_.upload};
+  current = {&connection, &stopping_, Now() + limits_.request, limits_.upload,
+             connection.Asker()};
   const bool close = !connection.head->keep_alive;
   WholeRequest stream(connection, close);
   bool closed = false;
@@ -266,6 +319,7 @@ void UnixHttpServer::Shutdown() {
   path_.clear();
   svr_sock_ = INVALID_SOCKET;
   listener_.reset();
+  network_.reset();
   for (std::thread& worker : workers_) worker.join();
   workers_.clear();
 }

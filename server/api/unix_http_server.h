@@ -1,15 +1,17 @@
-// An HTTP server on a Unix socket: cpp-httplib's routing behind a gate of our own
-// (gate.h), which collects requests, so that a handler runs when its request is
-// there as a whole, whatever other clients do or don't; handlers learn who asks,
-// from the kernel.
+// An HTTP server on a Unix socket and, if there is one, a TCP port: cpp-httplib's
+// routing behind a gate of our own (gate.h), which collects requests, so that a
+// handler runs when its request is there as a whole, whatever other clients do or
+// don't; handlers learn who asks, from the kernel.
 #pragma once
 
 #include <httplib.h>
 #include <sys/types.h>
 
 #include <atomic>
+#include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -19,6 +21,7 @@
 
 #include "protocol/base/fd.h"
 #include "server/api/gate.h"
+#include "server/api/network_door.h"
 #include "server/config/server_config.h"
 
 namespace myograde::server {
@@ -29,9 +32,25 @@ class UnixHttpServer : public httplib::Server {
   UnixHttpServer(const HttpLimits& limits, std::string spool);
   ~UnixHttpServer() override;
 
+  // Who of this host's users is an organiser, besides root and the user that runs this process: has
+  // places kept free. Before Start.
+  void SetOrganisers(std::function<bool(const Peer&)> is_organiser) {
+    is_organiser_ = std::move(is_organiser);
+  }
+  // Asked before a large body is received. Before Start.
+  void SetAdmit(std::function<std::optional<ApiError>(Connection&)> admit) {
+    admit_ = std::move(admit);
+  }
   // What `path` takes for a body; every other address takes JSON of `body_bytes`
   // bytes. Before Start.
   void SetBodyRule(const std::string& path, BodyRule rule) { rules_[path] = std::move(rule); }
+
+  // Opens the door to the network; before Start, if at all. Errors as of NetworkDoor::Open.
+  absl::Status OpenNetwork(const ListenConfig& config);
+  // Where the network finds it, as in "https://192.0.2.1:8443"; "" if there is no such door.
+  std::string NetworkUrl() const { return network_ == nullptr ? "" : network_->url(); }
+  // From any thread, and from a signal handler: see NetworkDoor::Reload.
+  void ReloadCertificate();
 
   // Binds `path` (replacing a socket that nobody listens on) and starts the
   // threads. AlreadyExistsError: something listens there, or it is no socket.
@@ -55,26 +74,29 @@ class UnixHttpServer : public httplib::Server {
   // Gives the client more time to take a long answer: `limits.upload` in place of
   // `limits.request`.
   static void AllowUploadTime();
-  // The caller's user id as the kernel knows it.
-  static uid_t PeerUid();
-  // Whether the caller is root or the user that runs this process.
-  static bool PeerIsOrganiser();
+  // The connection of the request that this thread handles: who is at its other end, and the
+  // request's head.
+  static Connection& RequestConnection();
 
  private:
   absl::Status Bind(const std::string& path);
   BodyRule RuleOf(const RequestHead& head) const;
+  std::optional<Peer> PeerOf(int fd) const;
   void Work();
   void Serve(Connection& connection);
 
   const HttpLimits limits_;
   const std::string spool_;
   std::map<std::string, BodyRule> rules_;
+  std::function<bool(const Peer&)> is_organiser_;
+  std::function<std::optional<ApiError>(Connection&)> admit_;
   SpoolBudget budget_;
   WorkQueue queue_;
   Gate gate_;
   std::atomic<bool> stopping_ = false;
   std::string path_;
   Fd listener_;
+  std::unique_ptr<NetworkDoor> network_;
   std::thread acceptor_;
   std::vector<std::thread> workers_;
 };

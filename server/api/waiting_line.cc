@@ -12,10 +12,12 @@ namespace {
 const ApiError kAllBusy = {429, "too_many",
                            "all connections that you may have are busy; let one of them end first"};
 
-// Who only sends no more still waits for an answer.
-bool HasHungUp(int socket) {
-  pollfd entry = {socket, 0, 0};
-  return ::poll(&entry, 1, 0) == 1 && (entry.revents & (POLLHUP | POLLERR)) != 0;
+// Who only sends no more still waits for an answer; but over TCP that is all that is seen of somebody
+// who has left.
+bool HasHungUp(const Newcomer& newcomer) {
+  const short left = newcomer.peer.network ? POLLRDHUP : short{0};
+  pollfd entry = {newcomer.socket.get(), left, 0};
+  return ::poll(&entry, 1, 0) == 1 && (entry.revents & (POLLHUP | POLLERR | left)) != 0;
 }
 
 }  // namespace
@@ -24,7 +26,7 @@ void WaitingLine::Add(Newcomer newcomer, absl::Duration until) {
   const auto own = lines_.find(newcomer.peer.key);
   const size_t length = own == lines_.end() ? 0 : own->second.size();
   if (length >= of_a_peer_ || (waiting_ >= most_ && !SendLastAway(length + 1))) {
-    return Tell(newcomer.socket.get(), kAllBusy);
+    return Tell(newcomer, kAllBusy);
   }
   lines_[newcomer.peer.key].push_back({std::move(newcomer), until});
   ++waiting_;
@@ -36,7 +38,7 @@ bool WaitingLine::SendLastAway(size_t than) {
         return a.second.size() < b.second.size();
       });
   if (longest == lines_.end() || longest->second.size() <= than) return false;
-  Tell(longest->second.back().who.socket.get(), kAllBusy);
+  Tell(longest->second.back().who, kAllBusy);
   longest->second.pop_back();
   --waiting_;
   return true;
@@ -71,7 +73,7 @@ void WaitingLine::LetIn(const std::function<bool(const Peer&)>& make_room,
     moved = false;
     for (const std::string& key : KeysInTurn()) {
       // Nobody gives a place up to somebody who has left.
-      while (lines_.contains(key) && HasHungUp(lines_.at(key).front().who.socket.get())) {
+      while (lines_.contains(key) && HasHungUp(lines_.at(key).front().who)) {
         TakeFirst(key);
       }
       if (!lines_.contains(key) || !make_room(lines_.at(key).front().who.peer)) continue;
@@ -86,9 +88,8 @@ void WaitingLine::LookAtClocks(absl::Duration now) {
     Line& line = it->second;
     waiting_ -= line.size();
     std::erase_if(line, [&](const Waiting& one) {
-      const int socket = one.who.socket.get();
-      if (now >= one.until) Tell(socket, kAllBusy);
-      return now >= one.until || HasHungUp(socket);
+      if (now >= one.until) Tell(one.who, kAllBusy);
+      return now >= one.until || HasHungUp(one.who);
     });
     waiting_ += line.size();
     it = line.empty() ? lines_.erase(it) : std::next(it);
@@ -97,7 +98,7 @@ void WaitingLine::LookAtClocks(absl::Duration now) {
 
 void WaitingLine::SendAway(const ApiError& error) {
   for (const auto& [key, line] : lines_) {
-    for (const Waiting& one : line) Tell(one.who.socket.get(), error);
+    for (const Waiting& one : line) Tell(one.who, error);
   }
   lines_.clear();
   waiting_ = 0;

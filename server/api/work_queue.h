@@ -17,9 +17,10 @@ namespace myograde::server {
 class Connection;
 
 // kDisk moves what has arrived of a large body to the disk, or the next piece of a file that is
-// sent off it; the others answer a whole request.
-enum class WorkKind { kServe, kDisk, kSmallUpload, kLargeUpload };
-inline constexpr size_t kWorkKinds = 4;
+// sent off it; kHandshake goes on with a TLS handshake, whose arithmetic would hold the gate up; the
+// others answer a whole request.
+enum class WorkKind { kServe, kDisk, kSmallUpload, kLargeUpload, kHandshake };
+inline constexpr size_t kWorkKinds = 5;
 
 struct Job {
   Connection* connection = nullptr;
@@ -33,7 +34,7 @@ class WorkQueue {
     int workers = 1;
     int kept = 0;  // workers that only organisers get; less than `workers`
     int of_a_peer = 1;  // workers that one peer gets that is no organiser
-    std::array<int, kWorkKinds> of_a_kind = {1, 1, 1, 1};
+    std::array<int, kWorkKinds> of_a_kind = {1, 1, 1, 1, 1};
   };
   explicit WorkQueue(const Limits& limits) : limits_(limits) {}
 

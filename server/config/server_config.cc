@@ -7,6 +7,9 @@
 #include <absl/strings/str_replace.h>
 
 #include "protocol/base/config_reader.h"
+#include "server/base/ip_address.h"
+#include "server/base/names.h"
+#include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {
@@ -84,6 +87,43 @@ absl::Status ReadArtefacts(const nlohmann::json& json, const std::string& where,
   return reader.Finish();
 }
 
+// "" if it is null or left out.
+std::string PathOrNull(ConfigReader& reader, const nlohmann::json& json, const char* key) {
+  if (!reader.Has(key) || json[key].is_null()) return "";
+  const std::string path = reader.String(key);
+  if (!path.starts_with('/')) reader.Fail(key, "must be the absolute path of a file, or null");
+  return path;
+}
+
+absl::Status ReadListen(const nlohmann::json& json, const std::string& where,
+                        ServerConfig& config) {
+  ConfigReader reader(json, where);
+  ListenConfig listen;
+  listen.address = reader.String("address");
+  listen.port = static_cast<int>(reader.Integer("port", 0, 65535));
+  if (!reader.mistake().ok()) return reader.mistake();
+  listen.certificate = PathOrNull(reader, json, "certificate");
+  listen.key = PathOrNull(reader, json, "key");
+  listen.behind_proxy = reader.Has("behind_proxy") && reader.Boolean("behind_proxy");
+  const std::optional<IpAddress> address = IpAddress::Parse(listen.address);
+  if (!address.has_value()) {
+    reader.Fail("address", "must be an IP address of this host, or 0.0.0.0 or :: for all of them");
+  } else if (listen.certificate.empty() != listen.key.empty()) {
+    reader.Fail(listen.key.empty() ? "key" : "certificate",
+                "is missing: a certificate and its key go together");
+  } else if (listen.certificate.empty() && !address->IsLoopback()) {
+    reader.Fail("certificate",
+                "is missing: without TLS only an address of this host's own, such as 127.0.0.1, can "
+                "be listened on");
+  } else if (listen.behind_proxy && !address->IsLoopback()) {
+    reader.Fail("behind_proxy",
+                "is for a proxy on this host: it needs an address such as 127.0.0.1, as anybody else "
+                "could claim to be somebody else");
+  }
+  config.listen = std::move(listen);
+  return reader.Finish();
+}
+
 absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, ServerConfig& config) {
   ConfigReader reader(json, where);
   // At least two, so that an upload does not keep everybody else waiting.
@@ -101,6 +141,8 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
       reader, "organiser_clients", std::min(16, limits.clients / 2), 1, std::max(limits.clients - 1, 1)));
   limits.peer_clients = static_cast<int>(
       IntegerOr(reader, "peer_clients", std::max(limits.clients / 2, 1), 1, limits.clients));
+  limits.address_clients = static_cast<int>(
+      IntegerOr(reader, "address_clients", std::min(32, limits.clients), 1, limits.clients));
   limits.min_bytes_per_s =
       IntegerOr(reader, "min_bytes_per_s", limits.min_bytes_per_s, 1, int64_t{1} << 30);
   limits.speed_window = SecondsOr(reader, "speed_window_s", limits.speed_window, {1, 86400});
@@ -109,6 +151,10 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
       IntegerOr(reader, "peer_spool_bytes", 4 * archive, archive, 1024 * kTiB);
   limits.disk_reserve = config.artefacts.disk_reserve;
   limits.large_uploads = config.artefacts.uploads;
+  if (reader.Has("requests_per_s")) {
+    limits.requests_per_s = reader.Number("requests_per_s", {0.01, 1e6});
+  }
+  if (reader.Has("burst")) limits.burst = reader.Number("burst", {1, 1e6});
   const std::string mode = reader.String("socket_mode");
   if (mode.size() != 4 || mode[0] != '0' ||
       mode.find_first_not_of("01234567") != std::string::npos) {
@@ -116,7 +162,55 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
   } else {
     config.http.socket_mode = static_cast<unsigned>(std::stoul(mode, nullptr, 8));
   }
-  return reader.Finish();
+  const bool listens = reader.Has("listen") && !json["listen"].is_null();
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return listens ? ReadListen(json["listen"], absl::StrCat(where, ": listen"), config)
+                 : absl::OkStatus();
+}
+
+absl::StatusOr<UserRule> ReadUserRule(const nlohmann::json& json, const std::string& where) {
+  constexpr int64_t kMostId = 4'294'967'294;  // the last of 32 bits stands for none
+  ConfigReader reader(json, where);
+  UserRule rule;
+  int named = 0;
+  for (const char* key : {"uid", "user", "gid", "group"}) named += reader.Has(key) ? 1 : 0;
+  if (reader.Has("uid")) rule.uid = static_cast<uid_t>(reader.Integer("uid", 0, kMostId));
+  if (reader.Has("gid")) rule.gid = static_cast<gid_t>(reader.Integer("gid", 0, kMostId));
+  if (reader.Has("user")) rule.user = reader.String("user");
+  if (reader.Has("group")) rule.group = reader.String("group");
+  rule.role = ParseRole(reader.Choice("role", {"participant", "organiser", "operator"}))
+                  .value_or(Role::kPublic);
+  if (reader.Has("team")) rule.team = reader.String("team");
+  const std::string who = !rule.user.empty() ? rule.user : rule.group;
+  if (named != 1) {
+    reader.Fail("uid", "stands for whom: give exactly one of \"uid\", \"user\", \"gid\" and "
+                       "\"group\"");
+  } else if (!rule.uid && !rule.gid && !IsPlainText(who, kMaxNameBytes)) {
+    reader.Fail(rule.user.empty() ? "group" : "user", "must be a name");
+  } else if (rule.role != Role::kParticipant && !rule.team.empty()) {
+    reader.Fail("team", "is of participants only; organisers act for every team");
+  } else if (reader.Has("team") && !IsPlainText(rule.team, kMaxNameBytes)) {
+    reader.Fail("team", absl::StrCat("must be 1 to ", kMaxNameBytes, " bytes of text"));
+  }
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return rule;
+}
+
+absl::Status ReadAccess(const nlohmann::json& json, const std::string& where,
+                        ServerConfig& config) {
+  ConfigReader reader(json, where);
+  AccessConfig& access = config.access;
+  access.teams_of_a_user =
+      IntegerOr(reader, "teams_of_a_user", access.teams_of_a_user, 1, kMany);
+  const nlohmann::json users =
+      reader.Has("users") ? reader.Array("users") : nlohmann::json::array();
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  for (size_t i = 0; i < users.size(); ++i) {
+    absl::StatusOr<UserRule> rule = ReadUserRule(users[i], absl::StrCat(where, ": users[", i, "]"));
+    if (!rule.ok()) return rule.status();
+    access.users.push_back(*std::move(rule));
+  }
+  return absl::OkStatus();
 }
 
 absl::Status ReadReruns(const nlohmann::json& json, const std::string& where,
@@ -221,7 +315,10 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   const nlohmann::json& retention = reader.Object("retention");
   const nlohmann::json reruns =
       reader.Has("reruns") ? reader.Object("reruns") : nlohmann::json::object();
+  const nlohmann::json access =
+      reader.Has("access") ? reader.Object("access") : nlohmann::json::object();
   absl::Status status = reader.Finish();
+  if (status.ok()) status = ReadAccess(access, path + ": access", config);
   if (status.ok()) status = ReadRuntimes(runtimes, path + ": runtimes", cache_dir, config);
   if (status.ok()) status = ReadScheduler(scheduler, path + ": scheduler", config);
   if (status.ok()) status = ReadArtefacts(artefacts, path + ": artefacts", config);

@@ -1,14 +1,17 @@
 // The daemon's settings, configs/server.json. None of them affects a result.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 
 #include <absl/status/statusor.h>
 #include <absl/time/time.h>
 
 #include "protocol/lease/track_config.h"
+#include "server/access/access_config.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
 #include "server/store/store.h"
@@ -23,21 +26,36 @@ struct HttpLimits {
   absl::Duration idle;
   int64_t body_bytes = 0;
   unsigned socket_mode = 0600;
-  // Organisers are root and the user that runs the daemon.
+  // Organisers are root, the user that runs the daemon, and those that `access` names.
   int organiser_workers = 4;       // of `workers`; at most half of them
   int organiser_clients = 16;      // of `clients`
   int peer_clients = 128;          // connections per user who is not an organiser
+  int address_clients = 32;        // connections per address of the network; as many may begin each
+                                   // second
   int64_t min_bytes_per_s = 1024;  // slowest accepted rate of an arriving request and of an answer
                                    // being read
   absl::Duration speed_window = absl::Seconds(30);
   int64_t spool_bytes = int64_t{32} << 30;  // request bodies on disk: total, and per user
   int64_t peer_spool_bytes = int64_t{16} << 30;
+  double requests_per_s = 100;     // per caller who is not an organiser: on average, and at once
+  double burst = 1000;
   int64_t disk_reserve = 0;        // UploadLimits::disk_reserve
   int large_uploads = 1;           // UploadLimits::uploads
 
   // Connections kept waiting while all permitted ones are busy: total, and per user.
   int waiting() const { return clients; }
   int peer_waiting() const { return clients * 3 / 4; }
+  // For a TLS handshake.
+  absl::Duration handshake() const { return std::min(request, absl::Seconds(10)); }
+};
+
+// The daemon's door to the network, beside its Unix socket.
+struct ListenConfig {
+  std::string address;       // numeric; one of this host, or 0.0.0.0 or :: for all
+  int port = 0;              // 0: the kernel chooses one
+  std::string certificate;   // files in PEM; both "" for plain HTTP, on a loopback address only
+  std::string key;
+  bool behind_proxy = false; // X-Forwarded-For tells the caller's address; on loopback only
 };
 
 struct UploadLimits {
@@ -83,6 +101,8 @@ struct ServerConfig {
   std::map<std::string, std::string> runtimes;  // name to host folder
   UploadLimits artefacts;
   HttpLimits http;
+  AccessConfig access;  // names not resolved yet (user_names.h)
+  std::optional<ListenConfig> listen;  // nullopt: no door to the network
   QuotaConfig quota;
   RerunLimits reruns;
   RetentionLimits retention;

@@ -17,8 +17,11 @@
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/file.h"
 #include "server/admission/admission.h"
 #include "server/api/api.h"
+#include "server/challenge/phases.h"
+#include "server/config/user_names.h"
 #include "server/engine/engine.h"
 #include "server/engine/retention.h"
 #include "server/engine/standings.h"
@@ -98,6 +101,12 @@ void StartLog(const std::string& level) {
 std::atomic<Engine*> engine_to_stop = nullptr;
 std::atomic<UnixHttpServer*> server_to_stop = nullptr;
 
+void OnReload(int) {
+  const int error = errno;
+  if (UnixHttpServer* server = server_to_stop.load()) server->ReloadCertificate();
+  errno = error;
+}
+
 void OnSignal(int) {
   const int error = errno;
   if (Engine* engine = engine_to_stop.load()) engine->Stop();
@@ -121,6 +130,32 @@ class SignalGuard {
     server_to_stop = nullptr;
     engine_to_stop = nullptr;
   }
+};
+
+// While this object lives, the file `path` says where the network finds the daemon, and SIGHUP has
+// the certificate read again; without a door to the network, neither.
+class NetworkGuard {
+ public:
+  NetworkGuard(std::string path, const std::string& url) : path_(std::move(path)) {
+    std::error_code error;
+    fs::remove(path_, error);  // of a daemon that was killed
+    if (url.empty()) return;
+    const absl::Status written = WriteFile(path_ + ".part", url + "\n");
+    if (written.ok()) fs::rename(path_ + ".part", path_, error);
+    if (!written.ok() || error) spdlog::warn("{}: can't be written", path_);
+    struct sigaction action = {};
+    action.sa_handler = OnReload;
+    sigaction(SIGHUP, &action, nullptr);
+  }
+  ~NetworkGuard() {
+    std::error_code error;
+    fs::remove(path_, error);
+  }
+  NetworkGuard(const NetworkGuard&) = delete;
+  NetworkGuard& operator=(const NetworkGuard&) = delete;
+
+ private:
+  const std::string path_;
 };
 
 // Ends the process after a while if it is still alive: everything that must be written has been,
@@ -149,6 +184,44 @@ absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
       "the three"));
 }
 
+// The secret of a phase is drawn when a daemon first loads it.
+absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
+  const auto secret_of = [&](const std::string& phase) {
+    absl::StatusOr<std::string> secret = absl::InternalError("");
+    const absl::Status written = store.Write([&](Writer& writer) {
+      secret = writer.PhaseSecret(phase);
+      return secret.status();
+    });
+    return written.ok() ? secret : absl::StatusOr<std::string>(written);
+  };
+  return Phases::Make(configs.challenges, configs.tracks, secret_of);
+}
+
+// Of what an organiser may have changed without meaning to.
+absl::Status LogPhases(const Phases& phases, ReaderPool& readers) {
+  for (const auto& [name, why] : phases.unusable()) {
+    spdlog::error("phase \"{}\" takes nothing: {}", name, std::string(why.message()));
+  }
+  return readers.Read([&](Reader& reader) {
+    const absl::StatusOr<std::vector<PhaseUse>> uses = reader.PhasesInUse();
+    if (!uses.ok()) {
+      spdlog::error("{}", std::string(uses.status().message()));
+      return absl::OkStatus();
+    }
+    for (const PhaseUse& use : *uses) {
+      const absl::StatusOr<PhasePtr> phase = phases.Find(use.phase);
+      if (phases.ConfigOf(use.phase) == nullptr) {
+        spdlog::info("phase \"{}\" has {} submissions and no file: it is closed, and its board is "
+                     "shown in full", use.phase, use.submissions);
+      } else if (phase.ok() && (*phase)->track->config.hash != use.config) {
+        spdlog::warn("phase \"{}\" was changed after it got submissions: they stand under its "
+                     "earlier config {}, and not on its board", use.phase, use.config);
+      }
+    }
+    return absl::OkStatus();
+  });
+}
+
 }  // namespace
 
 DaemonOptions WithDefaults(DaemonOptions options) {
@@ -166,12 +239,25 @@ absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
   absl::StatusOr<ServerConfig> server =
       LoadServerConfig(options.configs_dir + "/server.json", options.cache_dir);
   if (!server.ok()) return server.status();
+  absl::Status named = ResolveNames(options.configs_dir + "/server.json", server->access);
+  if (!named.ok()) return named;
+  if (server->listen.has_value()) {
+    const absl::Status usable = CheckCertificate(*server->listen);
+    if (!usable.ok()) return usable;
+  }
   absl::StatusOr<Tracks> tracks = Tracks::Load(options.configs_dir + "/tracks");
   if (!tracks.ok()) return tracks.status();
   // The runners read it; better to report a mistake once now than in every lease.
   absl::StatusOr<SandboxConfig> sandbox = LoadSandboxConfig(options.configs_dir);
   if (!sandbox.ok()) return sandbox.status();
-  return DaemonConfigs{*std::move(server), *std::move(tracks)};
+  std::vector<std::string> mistakes;
+  std::vector<ChallengeConfig> challenges =
+      ReadChallenges(options.configs_dir + "/challenges", mistakes);
+  if (mistakes.empty()) {
+    mistakes = CheckChallenges(challenges, *tracks, absl::InfinitePast()).mistakes;
+  }
+  if (!mistakes.empty()) return MistakesToStatus(mistakes);
+  return DaemonConfigs{*std::move(server), *std::move(tracks), std::move(challenges)};
 }
 
 absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& configs) {
@@ -195,6 +281,9 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   if (!store.ok()) return store.status();
   if ((*store)->mended()) spdlog::error("{}", DamageText(*(*store)->mended()));
   ReaderPool readers(path);
+  const absl::StatusOr<Phases> phases = MakePhases(configs, **store);
+  if (!phases.ok()) return phases.status();
+  if (absl::Status status = LogPhases(*phases, readers); !status.ok()) return status;
   const absl::StatusOr<std::vector<Damage>> damaged = FillStandings(**store, readers);
   if (!damaged.ok()) return damaged.status();
   for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
@@ -220,29 +309,51 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
                        .cache_dir = options.cache_dir,
                        .reference =
                            [&](absl::Duration timeout) { return reference.Result(timeout); }},
-                      tracks, engine, readers, clock);
+                      tracks, *phases, engine, readers, clock);
+  AccessLog access_log(
+      [&](AccessLog::Change change) {
+        return engine.Change(std::move(change), config.http.request);
+      },
+      clock);
   Api api({.config = config,
            .data_dir = options.data_dir,
            .cache_dir = options.cache_dir,
            .tracks = tracks,
+           .phases = *phases,
            .admission = admission,
            .engine = engine,
            .readers = readers,
            .receipts_key = receipts_key,
+           .access_log = access_log,
+           .challenge = phases->any(),
            .clock = clock,
            .started_at = clock.Now(),
            .began = clock.Monotonic()});
   UnixHttpServer server(config.http, options.data_dir + "/spool");
   api.Install(server);
+  if (config.listen.has_value()) {
+    if (absl::Status status = server.OpenNetwork(*config.listen); !status.ok()) return status;
+  }
   if (absl::Status status = server.Start(options.socket); !status.ok()) return status;
   server_to_stop = &server;
+  access_log.Start();
+  const NetworkGuard network(options.data_dir + "/listen", server.NetworkUrl());
   const Retention retention(config.retention, options.data_dir, engine, readers, clock);
-  spdlog::info("listening on {}, {} slots, {} tracks", options.socket,
-               config.scheduler.slots, tracks.entries().size());
+  spdlog::info("listening on {}, {} slots, {} tracks, {} phases", options.socket,
+               config.scheduler.slots, tracks.entries().size(), phases->entries().size());
+  if (config.listen.has_value()) spdlog::info("listening on {}", server.NetworkUrl());
   const absl::Status status = engine.Run();
   EndSoon(status.ok() ? 0 : 4);
   server_to_stop = nullptr;
   server.Shutdown();
+  access_log.Stop();
+  // The engine, the store's only writer until now, has ended.
+  const absl::Status recorded = access_log.WriteAll(
+      [&](AccessLog::Change change) { return (*store)->Write(change); });
+  if (!recorded.ok()) {
+    spdlog::error("the last denied requests and acts are not recorded: {}",
+                  std::string(recorded.message()));
+  }
   spdlog::info("stopped");
   return status;
 }

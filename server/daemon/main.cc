@@ -12,7 +12,7 @@ int main(int argc, char** argv) {
   // The daemon starts copies of itself that unpack one upload each.
   if (int status = 0; myograde::server::RunUnpackProcess(argc, argv, status)) return status;
   myograde::server::DaemonOptions options;
-  CLI::App app{"The MyoGrade daemon: takes submissions over a Unix socket, plays and ranks them.\n"
+  CLI::App app{"The MyoGrade daemon: takes submissions, plays and ranks them.\n"
                "Example: myograded --data ~/myograde-data"};
   app.add_option("--data", options.data_dir,
                  "Folder of the store and the submissions (default: MYOGRADE_DATA, else "

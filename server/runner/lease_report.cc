@@ -32,9 +32,12 @@ void LeaseReport::TakeEpisode(int64_t index, std::optional<uint64_t> seed) {
   const auto ordered = ordered_.find(index);
   const bool asked = ordered != ordered_.end() && (!seed || *seed == ordered->second);
   if (asked && reported_.insert(index).second) return;
+  // Without the seed: participants may read this, and must not know each seed yet.
+  const bool wrong_seed = ordered != ordered_.end() && !asked;
   Fail(absl::StrCat("the runner told of episode ", index,
-                    seed ? absl::StrCat(" with seed ", *seed) : "",
-                    asked ? " twice" : ", which the lease did not ask for"));
+                    asked        ? " twice"
+                    : wrong_seed ? " with another seed than was ordered"
+                                 : ", which the lease did not ask for"));
 }
 
 LeaseReport::News LeaseReport::Take(const std::vector<LeaseRecord>& records, absl::Duration now) {

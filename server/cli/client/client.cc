@@ -1,18 +1,21 @@
 #include "server/cli/client/client.h"
 
 #include <httplib.h>
-#include <pwd.h>
-#include <sys/stat.h>
-#include <sys/un.h>
-#include <unistd.h>
+#include <openssl/rand.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <filesystem>
 #include <fstream>
+#include <memory>
+#include <utility>
 #include <vector>
 
+#include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
+
+#include "server/cli/client/connect.h"
+#include "server/cli/terminal/text.h"
 
 namespace myograde::server {
 namespace {
@@ -21,28 +24,26 @@ using Json = nlohmann::json;
 
 // The daemon answers a request in 30 s and an upload in 900 s (server.json); a
 // little more here, so that its own sentence arrives.
-constexpr time_t kConnectSeconds = 10;
 constexpr time_t kAnswerSeconds = 60;
 constexpr time_t kUploadSeconds = 960;
 constexpr size_t kRefusalBytes = 65536;
+// A daemon that was restarted in between is there again.
+constexpr absl::Duration kBeforeRetry = absl::Seconds(1);
 
-void Prepare(httplib::ClientImpl& http, time_t answer_seconds) {
-  http.set_address_family(AF_UNIX);
-  http.set_default_headers({{"Host", "myograde"}});
-  http.set_connection_timeout(kConnectSeconds);
-  http.set_read_timeout(answer_seconds);
-  http.set_write_timeout(kAnswerSeconds);
+using Http = std::unique_ptr<httplib::ClientImpl>;
+
+absl::StatusOr<Http> Open(const absl::StatusOr<ServerChoice>& choice, time_t answer_seconds) {
+  if (!choice.ok()) return choice.status();
+  return Connect(*choice, answer_seconds);
 }
 
-absl::StatusOr<Json> AnswerOf(const httplib::Result& result, const std::string& socket) {
-  if (!result) {
-    if (result.error() == httplib::Error::Connection) {
-      return absl::UnavailableError(
-          absl::StrCat("no daemon listens on ", socket, "; start one with \"myograde serve\""));
-    }
-    return absl::UnavailableError(absl::StrCat("the daemon on ", socket, " did not answer (",
-                                               httplib::to_string(result.error()),
-                                               "); look at its log, or try again"));
+absl::StatusOr<Json> AnswerOf(const httplib::Result& result, const ServerChoice& choice,
+                              const httplib::ClientImpl& http) {
+  if (!result) return NoAnswer(choice, http, result.error());
+  if (result->status >= 300 && result->status < 400) {
+    return absl::InternalError(absl::StrCat(
+        choice.address.Text(), " sends requests elsewhere, where they don't follow, as a token is for "
+        "one server; give the daemon's own address"));
   }
   Json json = Json::parse(result->body, nullptr, /*allow_exceptions=*/false);
   const bool good = result->status >= 200 && result->status < 300;
@@ -51,75 +52,76 @@ absl::StatusOr<Json> AnswerOf(const httplib::Result& result, const std::string& 
                                      " and nothing that can be read");
   if (json.is_object() && json.contains("error") && json["error"].is_object() &&
       json["error"].contains("message") && json["error"]["message"].is_string()) {
-    message = json["error"]["message"].get<std::string>();
+    message = Harmless(json["error"]["message"].get<std::string>());
   }
   const bool refused = result->status >= 400 && result->status < 500 && result->status != 429;
   return refused ? absl::InvalidArgumentError(message) : absl::InternalError(message);
 }
 
-std::string OwnerOf(const std::string& path) {
-  struct stat info = {};
-  if (::stat(path.c_str(), &info) != 0) return "another user";
-  const passwd* user = ::getpwuid(info.st_uid);
-  return user != nullptr ? user->pw_name : absl::StrCat("uid ", info.st_uid);
+// Invalid UTF-8 from the command line is sent as U+FFFD; dump would throw otherwise.
+std::string TextOf(const Json& body) {
+  return body.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
-// What stands in the way of a socket that may not be reached, and what to do.
-std::string ClosedSocket(const std::string& socket) {
-  std::string closed = socket;  // the topmost that lets this user no further
-  for (std::filesystem::path folder = std::filesystem::absolute(socket).parent_path();
-       !folder.empty(); folder = folder.parent_path()) {
-    if (::access(folder.c_str(), X_OK) != 0) closed = folder.string();
-    if (folder == folder.root_path()) break;
+// Whether the request may have arrived though there is no answer.
+bool IsLost(const httplib::Result& result) {
+  return !result && (result.error() == httplib::Error::Read ||
+                     result.error() == httplib::Error::Write);
+}
+
+// Of a request, which no other one has.
+absl::StatusOr<std::string> NewKey() {
+  std::string bytes(16, '\0');
+  if (RAND_bytes(reinterpret_cast<unsigned char*>(bytes.data()),
+                 static_cast<int>(bytes.size())) != 1) {
+    return absl::InternalError("this host gives no random bytes");
   }
-  const std::string owner = OwnerOf(closed);
-  return absl::StrCat("this user may not talk to the daemon on ", socket, ": ", closed,
-                      " is open to ", owner, " alone; run this as ", owner,
-                      ", or ask the organiser to start the daemon with --socket in a folder that "
-                      "others may enter, and give that here with --socket");
+  return absl::BytesToHexString(bytes);
 }
 
 }  // namespace
 
-absl::Status Client::CheckSocket() const {
-  if (socket_.size() >= sizeof(sockaddr_un::sun_path)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "the socket's path ", socket_, " is longer than ", sizeof(sockaddr_un::sun_path) - 1,
-        " bytes, the most that a Unix socket can have; give a shorter one with --socket"));
-  }
-  if (::access(socket_.c_str(), R_OK | W_OK) == 0) return absl::OkStatus();
-  if (errno == EACCES) return absl::UnavailableError(ClosedSocket(socket_));
-  return absl::UnavailableError(absl::StrCat(
-      "no daemon can be reached: there is no socket ", socket_,
-      "; start one with \"myograde serve\", or say where it is with --data or --socket"));
+Client::Client(std::string socket) : choice_(ServerChoice()) {
+  choice_->address.socket = std::move(socket);
 }
 
+Client::Client(absl::StatusOr<ServerChoice> choice) : choice_(std::move(choice)) {}
+
 absl::StatusOr<Json> Client::Get(const std::string& path) const {
-  if (absl::Status status = CheckSocket(); !status.ok()) return status;
-  httplib::ClientImpl http(socket_);
-  Prepare(http, kAnswerSeconds);
-  return AnswerOf(http.Get(path), socket_);
+  const absl::StatusOr<Http> http = Open(choice_, kAnswerSeconds);
+  if (!http.ok()) return http.status();
+  return AnswerOf((*http)->Get(path), *choice_, **http);
 }
 
 absl::StatusOr<Json> Client::Post(const std::string& path, const Json& body) const {
-  if (absl::Status status = CheckSocket(); !status.ok()) return status;
-  httplib::ClientImpl http(socket_);
-  Prepare(http, kAnswerSeconds);
-  // Invalid UTF-8 from the command line is sent as U+FFFD; dump would throw otherwise.
-  const std::string text = body.dump(-1, ' ', false, Json::error_handler_t::replace);
-  return AnswerOf(http.Post(path, text, "application/json"), socket_);
+  const absl::StatusOr<Http> http = Open(choice_, kAnswerSeconds);
+  if (!http.ok()) return http.status();
+  return AnswerOf((*http)->Post(path, TextOf(body), "application/json"), *choice_, **http);
+}
+
+absl::StatusOr<Json> Client::PostOnce(const std::string& path, const Json& body) const {
+  absl::StatusOr<std::string> key = NewKey();
+  if (!key.ok()) return key.status();
+  const httplib::Headers headers = {{"Idempotency-Key", *std::move(key)}};
+  const std::string text = TextOf(body);
+  for (bool again = false;; again = true) {
+    const absl::StatusOr<Http> http = Open(choice_, kAnswerSeconds);
+    if (!http.ok()) return http.status();
+    const httplib::Result result = (*http)->Post(path, headers, text, "application/json");
+    if (again || !IsLost(result)) return AnswerOf(result, *choice_, **http);
+    absl::SleepFor(kBeforeRetry);
+  }
 }
 
 absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& file,
                                     const std::function<void(int64_t, int64_t)>& progress,
                                     const std::string& type) const {
-  if (absl::Status status = CheckSocket(); !status.ok()) return status;
   std::ifstream input(file, std::ios::binary);
   std::error_code error;
   const uintmax_t size = std::filesystem::file_size(file, error);
   if (!input || error) return absl::InternalError(absl::StrCat(file, ": can't be read"));
-  httplib::ClientImpl http(socket_);
-  Prepare(http, kUploadSeconds);
+  const absl::StatusOr<Http> http = Open(choice_, kUploadSeconds);
+  if (!http.ok()) return http.status();
   std::vector<char> buffer(256 << 10);
   const auto provide = [&](size_t offset, size_t length, httplib::DataSink& sink) {
     const size_t want = std::min(length, buffer.size());
@@ -130,29 +132,28 @@ absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& 
     return sent;
   };
   const httplib::Result result =
-      http.Post(path, static_cast<size_t>(size), provide, type);
-  if (!result && result.error() != httplib::Error::Connection) {
+      (*http)->Post(path, static_cast<size_t>(size), provide, type);
+  if (IsLost(result)) {
     return absl::UnavailableError(absl::StrCat(
-        "the daemon on ", socket_, " hung up in the middle of an upload of ", size, " bytes (",
+        "the daemon on ", choice_->address.Text(), " hung up in the middle of an upload of ", size, " bytes (",
         httplib::to_string(result.error()),
         "): it may be larger than archive_bytes in server.json allows, or have taken longer than "
         "upload_s; the daemon's log says more"));
   }
-  return AnswerOf(result, socket_);
+  return AnswerOf(result, *choice_, **http);
 }
 
 absl::StatusOr<int64_t> Client::Download(
     const std::string& path, const std::function<bool(const char*, size_t)>& sink,
     const std::function<void(int64_t, int64_t)>& progress) const {
-  if (absl::Status status = CheckSocket(); !status.ok()) return status;
-  httplib::ClientImpl http(socket_);
-  Prepare(http, kUploadSeconds);
+  const absl::StatusOr<Http> http = Open(choice_, kUploadSeconds);
+  if (!http.ok()) return http.status();
   int64_t done = 0;
   int64_t total = 0;
   int status = 0;
   bool kept = true;
   std::string refusal;
-  httplib::Result result = http.Get(
+  httplib::Result result = (*http)->Get(
       path,
       [&](const httplib::Response& response) {
         status = response.status;
@@ -172,7 +173,7 @@ absl::StatusOr<int64_t> Client::Download(
   if (result && status == 200) return done;
   if (!kept) return absl::InternalError("what the daemon sends can't be written");
   if (result) result->body = refusal;
-  const absl::StatusOr<Json> answer = AnswerOf(result, socket_);
+  const absl::StatusOr<Json> answer = AnswerOf(result, *choice_, **http);
   if (!answer.ok()) return answer.status();
   return absl::InternalError("the daemon's answer is not what was asked for");
 }

@@ -1,4 +1,4 @@
-// The daemon's HTTP API over its Unix socket (server/api/README.md).
+// The daemon's HTTP API (server/api/README.md), over its Unix socket or the network.
 #pragma once
 
 #include <cstdint>
@@ -9,6 +9,8 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
+#include "server/cli/client/server_choice.h"
+
 namespace myograde::server {
 
 // One connection for each request. Errors: UnavailableError if no daemon
@@ -16,10 +18,21 @@ namespace myograde::server {
 // refuses the request, InternalError if the daemon is in trouble.
 class Client {
  public:
-  explicit Client(std::string socket) : socket_(std::move(socket)) {}
+  // Of the daemon at the Unix socket of that path.
+  explicit Client(std::string socket);
+  // An error is that of every request.
+  explicit Client(absl::StatusOr<ServerChoice> choice);
+
+  // Where requests go, as people write it; "" if there is no such place.
+  std::string where() const { return choice_.ok() ? choice_->address.Text() : ""; }
 
   absl::StatusOr<nlohmann::json> Get(const std::string& path) const;
   absl::StatusOr<nlohmann::json> Post(const std::string& path, const nlohmann::json& body) const;
+
+  // Post for what must be done once: the request has an Idempotency-Key of its own, and is sent once
+  // more if its answer is lost.
+  absl::StatusOr<nlohmann::json> PostOnce(const std::string& path,
+                                          const nlohmann::json& body) const;
 
   // Sends `file`, whose content is of `type`; `progress` hears the bytes sent so far, of how many.
   absl::StatusOr<nlohmann::json> Upload(
@@ -34,9 +47,7 @@ class Client {
       const std::function<void(int64_t done, int64_t total)>& progress) const;
 
  private:
-  absl::Status CheckSocket() const;
-
-  std::string socket_;
+  absl::StatusOr<ServerChoice> choice_;
 };
 
 // A value as it may stand in a query.

@@ -3,19 +3,36 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/cli/base/options.h"
-#include "server/cli/base/places.h"
 
 namespace myograde::server {
 
-Client DaemonOptions::client() const { return Client(SocketPath(socket, data)); }
+Client DaemonOptions::client() const { return Client(ChooseServer(*this)); }
+
+void AddCaFile(CLI::App& verb, std::string& file) {
+  verb.add_option("--ca-file", file,
+                  "Certificates in PEM of the authorities that may have signed the server's "
+                  "(default: MYOGRADE_CA_FILE, else the login's, else those that this host trusts)");
+}
 
 void AddDaemonOptions(CLI::App& verb, const std::string& schema, DaemonOptions& options,
                       const std::string& json_help) {
   AddJson(verb, schema, options.json, json_help);
-  verb.add_option("--data", options.data,
-                  "Data folder of the daemon (default: MYOGRADE_DATA, else /var/lib/myograde for "
-                  "root and ~/.local/share/myograde for others)");
-  verb.add_option("--socket", options.socket, "The daemon's socket (default: DATA/myograde.sock)");
+  AddPlaces(verb, options);
+}
+
+void AddPlaces(CLI::App& verb, DaemonOptions& options) {
+  CLI::Option* data = verb.add_option(
+      "--data", options.data,
+      "Data folder of the daemon (default: MYOGRADE_DATA, else /var/lib/myograde for root and "
+      "~/.local/share/myograde for others)");
+  CLI::Option* socket = verb.add_option("--socket", options.socket,
+                                        "The daemon's socket (default: DATA/myograde.sock)");
+  verb.add_option("--server", options.server,
+                  "The daemon's address, https://HOST:PORT (default: MYOGRADE_SERVER, else what "
+                  "--data says, or \"myograde login\" did)")
+      ->excludes(data)
+      ->excludes(socket);
+  AddCaFile(verb, options.ca_file);
 }
 
 std::string SubmissionOptions::Resource(const std::string& part) const {

@@ -7,20 +7,25 @@
 #include <CLI/CLI.hpp>
 
 #include "server/cli/client/client.h"
+#include "server/cli/client/server_choice.h"
 
 namespace myograde::server {
 
-struct DaemonOptions {
-  std::string data;
-  std::string socket;
+struct DaemonOptions : ServerOptions {
   bool json = false;
 
   Client client() const;
 };
 
-// Adds --json, --data and --socket. `schema` and `json_help` as for AddJson.
+// Adds --ca-file.
+void AddCaFile(CLI::App& verb, std::string& file);
+
+// Adds --json, and with --server, --ca-file, --data and --socket where the daemon is. `schema` and `json_help` as for AddJson.
 void AddDaemonOptions(CLI::App& verb, const std::string& schema, DaemonOptions& options,
                       const std::string& json_help = "Print JSON");
+
+// Adds --data and --socket alone.
+void AddPlaces(CLI::App& verb, DaemonOptions& options);
 
 // Of verbs about one submission.
 struct SubmissionOptions : DaemonOptions {

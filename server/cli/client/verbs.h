@@ -10,6 +10,8 @@ namespace myograde::server {
 Action AddSubmit(CLI::App& verb);
 Action AddStatus(CLI::App& verb);
 Action AddCancel(CLI::App& verb);
+Action AddChoose(CLI::App& verb);
+Action AddPhase(CLI::App& verb);
 Action AddLeaderboard(CLI::App& verb);
 Action AddShow(CLI::App& verb);
 Action AddRerun(CLI::App& verb);
@@ -20,8 +22,14 @@ Action AddDisqualify(CLI::App& verb);
 Action AddBaseline(CLI::App& verb);
 Action AddExport(CLI::App& verb);
 Action AddBackup(CLI::App& verb);
+Action AddEvents(CLI::App& verb);
 Action AddLog(CLI::App& verb);
 Action AddReceipt(CLI::App& verb);
 Action AddKey(CLI::App& verb);
+Action AddTeam(CLI::App& verb);
+Action AddToken(CLI::App& verb);
+Action AddLogin(CLI::App& verb);
+Action AddLogout(CLI::App& verb);
+Action AddWhoami(CLI::App& verb);
 
 }  // namespace myograde::server

@@ -14,6 +14,7 @@
 #include "server/cli/base/print_json.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
+#include "server/cli/client/server_choice.h"
 #include "server/cli/client/export_rows.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/progress.h"
@@ -55,13 +56,18 @@ int Import(const ImportOptions& options) {
   // A bad file is reported before anything is touched.
   const absl::StatusOr<ExportInfo> info = CheckExport(options.file);
   if (!info.ok()) return ReportError(info.status());
-  const Client client = options.client();
+  const absl::StatusOr<ServerChoice> choice = ChooseServer(options);
+  if (!choice.ok()) return ReportError(choice.status());
+  const Client client(*choice);
+  const absl::Status heard = client.Get("/v1/health").status();
   absl::Status status;
-  if (client.Get("/v1/health").ok()) {
+  if (heard.ok()) {
     Progress progress("import", Progress::Unit::kBytes);
     status = client.Upload("/v1/import", options.file, [&](int64_t done, int64_t total) {
       progress.Show(done, total, done < total ? "" : "the daemon imports it");
     }, "application/json").status();
+  } else if (choice->address.network()) {
+    status = heard;
   } else if (!options.socket.empty()) {
     status = absl::UnavailableError(absl::StrCat("no daemon listens on ", options.socket));
   } else {

@@ -141,7 +141,7 @@ class GateTest : public ::testing::Test {
     ASSERT_EQ(listen(listener_.get(), 1024), 0);
     const SpoolOptions spool = {folder_, 1, &budget_};
     gate_ = std::make_unique<Gate>(
-        Gate::Options{.limits = limits, .spool = spool, .peer_of = PeerOf,
+        Gate::Options{.limits = limits, .spool = spool,
                       .rule_of = [](const RequestHead& head) {
                         if (head.path == "/upload") {
                           return BodyRule{.most = 8 << 20, .upload = true, .types = {"application/x-tar"}};
@@ -149,7 +149,8 @@ class GateTest : public ::testing::Test {
                         return BodyRule{.most = 100'000, .types = {"application/json"}};
                       }},
         queue_);
-    runner_ = std::thread([this] { gate_->Run(listener_.get()); });
+    runner_ = std::thread(
+        [this] { gate_->Run({{.fd = listener_.get(), .peer_of = PeerOf, .transport_of = transport_of_}}); });
     for (int i = 0; i < limits.workers; ++i) {
       workers_.emplace_back([this, spool] { WorkAt(spool); });
     }
@@ -158,9 +159,8 @@ class GateTest : public ::testing::Test {
   void WorkAt(const SpoolOptions& spool) {
     while (std::optional<Job> job = queue_.Pop()) {
       Connection& connection = *job->connection;
-      if (job->work == WorkKind::kDisk) {
-        connection.next =
-            connection.file.left > 0 ? connection.ReadFile() : connection.Spool(spool);
+      if (job->work == WorkKind::kDisk || job->work == WorkKind::kHandshake) {
+        connection.next = connection.Work(job->work, spool);
       } else {
         if (connection.head->path == "/wait") permits_.acquire();
         const absl::StatusOr<std::string> body = connection.body.Text();
@@ -251,7 +251,8 @@ class GateTest : public ::testing::Test {
   std::atomic<int64_t> returned_ = 0;  // connections, by workers
   std::string folder_;
   SpoolBudget budget_{64 << 20, 16 << 20};
-  WorkQueue queue_{{.workers = 2, .kept = 1, .of_a_peer = 1, .of_a_kind = {2, 1, 1, 1}}};
+  WorkQueue queue_{{.workers = 2, .kept = 1, .of_a_peer = 1, .of_a_kind = {2, 1, 1, 1, 1}}};
+  std::function<std::unique_ptr<Transport>(int fd)> transport_of_;  // empty: bytes as they are
   std::unique_ptr<Gate> gate_;
   Fd listener_;
   std::thread runner_;

@@ -42,7 +42,8 @@ class ServerConfigTest : public ::testing::Test {
     static const std::set<std::string> later = {
         "unpack_cpu_s", "disk_reserve_bytes", "unsubmitted", "unsubmitted_bytes",
         "uploader_unsubmitted", "uploader_unsubmitted_bytes", "unsubmitted_s",
-        "organiser_workers", "organiser_clients", "peer_clients", "min_bytes_per_s",
+        "organiser_workers", "organiser_clients", "peer_clients", "address_clients",
+        "min_bytes_per_s",
         "speed_window_s", "spool_bytes", "peer_spool_bytes", "unfinished", "of_one",
         "of_a_submission", "of_organisers"};
     return later.contains(place.back());

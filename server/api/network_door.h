@@ -1,0 +1,58 @@
+// The daemon's door to the network: a TCP port with TLS, or with plain HTTP for a proxy on this host.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "protocol/base/fd.h"
+#include "protocol/base/mutex.h"
+#include "server/api/door.h"
+#include "server/api/tls.h"
+#include "server/config/server_config.h"
+
+namespace myograde::server {
+
+// Whether `config` names a certificate and a key that belong together; nothing if it is for plain
+// HTTP. As Open, but touches no socket.
+absl::Status CheckCertificate(const ListenConfig& config);
+
+class NetworkDoor {
+ public:
+  // Reads the certificate and listens on the port. Errors are one sentence each:
+  // InvalidArgumentError about the certificate, its key or the address, AlreadyExistsError if the
+  // port is taken.
+  static absl::StatusOr<std::unique_ptr<NetworkDoor>> Open(const ListenConfig& config);
+  ~NetworkDoor();
+  NetworkDoor(const NetworkDoor&) = delete;
+  NetworkDoor& operator=(const NetworkDoor&) = delete;
+
+  // For the gate, which must be gone before this object is.
+  Listener listener();
+  // With the port that was chosen, if it was left to the kernel: "https://192.0.2.1:8443".
+  const std::string& url() const { return url_; }
+
+  // From any thread, and from a signal handler: reads certificate and key again soon. Connections
+  // from then on get the new ones; a pair that can't be used is logged and changes nothing.
+  void Reload();
+
+ private:
+  NetworkDoor(ListenConfig config, Fd socket, std::string url,
+              std::shared_ptr<const TlsContext> context);
+  void AwaitReloads();
+  void ReadAgain();
+
+  const ListenConfig config_;
+  const Fd socket_;
+  const std::string url_;
+  Fd wake_;
+  Mutex mutex_;
+  std::shared_ptr<const TlsContext> context_ ABSL_GUARDED_BY(mutex_);  // nullptr: plain HTTP
+  std::thread reloader_;
+};
+
+}  // namespace myograde::server

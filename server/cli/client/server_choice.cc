@@ -1,0 +1,78 @@
+#include "server/cli/client/server_choice.h"
+
+#include <cstdlib>
+#include <optional>
+
+#include "server/cli/base/places.h"
+#include "server/cli/client/login_file.h"
+
+namespace myograde::server {
+namespace {
+
+std::string Variable(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? "" : value;
+}
+
+// The choice without what is shown there.
+absl::StatusOr<ServerChoice> ChooseAddress(const ServerOptions& options) {
+  ServerChoice choice;
+  const std::string variable = Variable("MYOGRADE_SERVER");
+  const bool names_socket = !options.socket.empty() || !options.data.empty();
+  if (!options.server.empty() || (!names_socket && !variable.empty())) {
+    absl::StatusOr<ServerAddress> address =
+        options.server.empty() ? ParseServer(variable, "MYOGRADE_SERVER")
+                               : ParseServer(options.server, "--server");
+    if (!address.ok()) return address.status();
+    choice.address = *std::move(address);
+    return choice;
+  }
+  if (!names_socket && Variable("MYOGRADE_DATA").empty()) {
+    const absl::StatusOr<std::optional<Login>> login = ReadLogin();
+    if (!login.ok()) return login.status();
+    if (login->has_value()) {
+      absl::StatusOr<ServerAddress> address = ParseServer((*login)->server, LoginFile());
+      if (!address.ok()) return address.status();
+      choice.address = *std::move(address);
+      choice.by_login = true;
+      return choice;
+    }
+  }
+  choice.address.socket = SocketPath(options.socket, options.data);
+  return choice;
+}
+
+// MYOGRADE_TOKEN is for the server that MYOGRADE_SERVER names, if it names one.
+absl::StatusOr<bool> IsForVariable(const ServerAddress& address) {
+  const std::string variable = Variable("MYOGRADE_SERVER");
+  if (variable.empty()) return true;
+  const absl::StatusOr<ServerAddress> named = ParseServer(variable, "MYOGRADE_SERVER");
+  if (!named.ok()) return named.status();
+  return named->Text() == address.Text();
+}
+
+}  // namespace
+
+absl::StatusOr<ServerChoice> ChooseServer(const ServerOptions& options) {
+  absl::StatusOr<ServerChoice> choice = ChooseAddress(options);
+  if (!choice.ok()) return choice;
+  choice->ca_file = options.ca_file.empty() ? Variable("MYOGRADE_CA_FILE") : options.ca_file;
+  if (const std::string token = Variable("MYOGRADE_TOKEN"); !token.empty()) {
+    if (absl::Status status = CheckToken(token, "MYOGRADE_TOKEN"); !status.ok()) return status;
+    const absl::StatusOr<bool> its_own = IsForVariable(choice->address);
+    if (!its_own.ok()) return its_own.status();
+    if (*its_own) choice->token = token;
+  }
+  if (!choice->address.network() || (!choice->token.empty() && !choice->ca_file.empty())) {
+    return choice;
+  }
+  const absl::StatusOr<std::optional<Login>> login = ReadLogin();
+  if (!login.ok()) return login.status();
+  if (login->has_value() && (*login)->server == choice->address.Text()) {
+    if (choice->token.empty()) choice->token = (*login)->token;
+    if (choice->ca_file.empty()) choice->ca_file = (*login)->ca_file;
+  }
+  return choice;
+}
+
+}  // namespace myograde::server
