@@ -17,6 +17,8 @@ class RecentKeys {
  public:
   // REQUIRES: most > 0.
   explicit RecentKeys(size_t most) : most_(most) {}
+  RecentKeys(const RecentKeys&) = delete;
+  RecentKeys& operator=(const RecentKeys&) = delete;
 
   // The key's value, which becomes the most recent; nullptr: it is not known.
   Value* Find(const std::string& key) {

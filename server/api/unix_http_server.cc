@@ -196,15 +196,14 @@ void UnixHttpServer::AllowUploadTime() { current.deadline = Now() + current.uplo
 
 Connection& UnixHttpServer::RequestConnection() { return *current.connection; }
 
-Peer UnixHttpServer::Caller() { return current.caller; }
-
 // Who is at the other end, as the kernel knows it.
 std::optional<Peer> UnixHttpServer::PeerOf(int fd) const {
   ucred user = {};
   socklen_t size = sizeof(user);
   if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &user, &size) != 0) return std::nullopt;
   const std::string key = PeerKey(user.uid);
-  Peer peer{key, IsOrganiser(key), user.uid, GroupsOf(fd)};
+  Peer peer{
+      .key = key, .organiser = IsOrganiser(key), .uid = user.uid, .groups = GroupsOf(fd)};
   peer.groups.push_back(user.gid);
   if (is_organiser_ != nullptr && is_organiser_(peer)) peer.organiser = true;
   return peer;
