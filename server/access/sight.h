@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "server/access/access.h"
+#include "server/access/role.h"
 
 namespace myograde::server {
 

@@ -142,6 +142,10 @@ class Checks {
       Overlap(phase, other.seeds, absl::StrCat("phase \"", other.config->name, "\""),
               "give each phase seeds of its own");
     }
+    const std::vector<uint64_t>& practice = phase.track->config.practice_seeds;
+    Overlap(phase, {practice.begin(), practice.end()},
+            absl::StrCat("the practice of track \"", phase.config->track, "\""),
+            "give the phase other seeds, or the track other \"practice_seeds\"");
     if (phase.config->seeds.empty()) return;
     const std::vector<uint64_t>& own = phase.track->config.seeds;
     Overlap(phase, {own.begin(), own.end()},

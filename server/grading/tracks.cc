@@ -59,31 +59,26 @@ absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {
       offer.profiles[profile] = *std::move(track);
     }
   }
-  if (absl::Status status = tracks.GivePracticeSeeds(); !status.ok()) return status;
+  tracks.GivePracticeSeeds();
   return tracks;
 }
 
-absl::Status Tracks::GivePracticeSeeds() {
+void Tracks::GivePracticeSeeds() {
   for (auto& [name, offer] : entries_) {
     for (auto& [profile, track] : offer.profiles) {
       TrackConfig config = track->config;
-      if (config.practice_seeds.empty()) {
-        std::set<uint64_t> ranked;
-        for (const auto& [seed, unused] : ranked_[config.kind->name]) ranked.insert(seed);
-        config.practice_seeds = DefaultPracticeSeeds(ranked, std::ssize(config.seeds));
-      }
-      for (const uint64_t seed : config.practice_seeds) {
-        const std::string other = RankedBy(*config.kind, seed);
-        if (other.empty()) continue;
-        return absl::InvalidArgumentError(absl::StrCat(
-            "track config ", name, " (profile ", profile, "): \"practice_seeds\" has the seed ",
-            seed, ", which the track ", other,
-            " ranks in the same environment; practice must not play what is ranked"));
-      }
+      std::set<uint64_t> taken;
+      for (const auto& [seed, unused] : ranked_[config.kind->name]) taken.insert(seed);
+      std::vector<uint64_t>& practice = config.practice_seeds;
+      const size_t count = practice.empty() ? config.seeds.size() : practice.size();
+      std::erase_if(practice, [&](uint64_t seed) { return taken.contains(seed); });
+      taken.insert(practice.begin(), practice.end());
+      const std::vector<uint64_t> more =
+          DefaultPracticeSeeds(taken, static_cast<int64_t>(count - practice.size()));
+      practice.insert(practice.end(), more.begin(), more.end());
       track = std::make_shared<const Track>(Track{std::move(config), track->scoring});
     }
   }
-  return absl::OkStatus();
 }
 
 std::string Tracks::RankedBy(const TrackKind& kind, uint64_t seed) const {

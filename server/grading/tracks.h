@@ -29,8 +29,9 @@ absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config);
 // The tracks on offer. Immutable after Load; safe to use from any thread.
 class Tracks {
  public:
-  // Reads every config of `dir` in every profile, and gives each its practice seeds: no config of
-  // the same environment ranks one of them. The error names the file.
+  // Reads every config of `dir` in every profile, and gives each its practice seeds: those that its
+  // file names, as far as no config of the same environment ranks them, and free ones for the rest.
+  // The error names the file.
   static absl::StatusOr<Tracks> Load(const std::string& dir);
 
   // `profile` "" is the track's default. NotFoundError with the code "unknown_track" or
@@ -48,7 +49,7 @@ class Tracks {
   std::string RankedBy(const TrackKind& kind, uint64_t seed) const;
 
  private:
-  absl::Status GivePracticeSeeds();
+  void GivePracticeSeeds();
 
   std::map<std::string, Entry> entries_;
   // Of each environment, by its name, the ranked seeds, and a track that ranks them.

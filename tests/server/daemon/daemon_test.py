@@ -30,7 +30,8 @@ class DaemonCase(unittest.TestCase):
         self.daemon.command = [BIN / "myograded"]
         self.daemon.environment["MYOGRADE_CACHE"] = str(self.folder / "cache")
         self.daemon.change_config("tracks/demo-manipulation.json", episodes_per_lease=2,
-                                  seeds={"first": 0, "count": 6})
+                                  seeds={"first": 0, "count": 6},
+                                  practice_seeds={"first": 100, "count": 6})
         self.configure(slots=self.slots)
         self.start()
 
