@@ -106,7 +106,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
 
 VERBS = ("serve", "submit", "status", "cancel", "leaderboard", "show", "rerun", "quota", "hide",
          "unhide", "disqualify", "baseline", "export", "import", "backup", "log", "replay",
-         "receipt", "verify", "key", "seeds", "local", "spec", "doctor")
+         "receipt", "verify", "key", "seeds", "login", "logout", "whoami", "local", "spec", "doctor")
 COUNTS = {"total": 2, "done": 2, "success": 1, "failure": 1, "fault": 0}
 STATUS = {"submission": 7, "team": "alpha", "track": "t", "profile": "paper", "artefact": "a" * 64,
           "name": "walker", "ranked": True, "state": "done", "evaluation": 9, "episodes": COUNTS,
