@@ -107,7 +107,8 @@ TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
     const HttpLimits& http = config.http;
     const UploadLimits& uploads = config.artefacts;
     return std::vector<int64_t>{
-        http.organiser_workers, http.organiser_clients, http.peer_clients, http.min_bytes_per_s,
+        http.organiser_workers, http.organiser_clients, http.peer_clients, http.address_clients,
+        http.min_bytes_per_s,
         absl::ToInt64Seconds(http.speed_window), http.spool_bytes, http.peer_spool_bytes,
         http.disk_reserve, http.large_uploads, absl::ToInt64Seconds(uploads.unpack_cpu),
         uploads.disk_reserve, uploads.unsubmitted.count, uploads.unsubmitted.bytes,
@@ -136,6 +137,36 @@ TEST_F(ServerConfigTest, SlotsAreANumberOrTheWordCores) {
     json["slots"] = Json::parse(value);
     EXPECT_THAT(std::string(Load(json.dump()).message()), HasSubstr("slots")) << value;
   }
+}
+
+TEST_F(ServerConfigTest, ADoorToTheNetworkIsSafeOrAMistake) {
+  const auto load = [this](const char* listen) {
+    Json json = shipped_;
+    json["http"]["listen"] = Json::parse(listen);
+    return std::string(Load(json.dump()).message());
+  };
+  for (const char* good :
+       {"null", R"({"address": "127.0.0.1", "port": 0})",
+        R"({"address": "::1", "port": 8080, "certificate": null, "key": null, "behind_proxy": true})",
+        R"({"//": "x", "address": "0.0.0.0", "port": 443, "certificate": "/c", "key": "/k"})"}) {
+    EXPECT_EQ(load(good), "");
+  }
+  const std::pair<const char*, const char*> bad[] = {
+      {"[]", "listen"},
+      {"false", "listen"},
+      {R"({"port": 1})", "\"address\" is missing"},
+      {R"({"address": "127.0.0.1"})", "\"port\" is missing"},
+      {R"({"address": "127.0.0.1", "port": 65536})", "\"port\" is 65536"},
+      {R"({"address": "127.0.0.1", "port": 1, "ports": 2})", "\"ports\" is not a known key"},
+      {R"({"address": "localhost", "port": 1})", "must be an IP address"},
+      {R"({"address": "0.0.0.0", "port": 1})", "without TLS only"},
+      {R"({"address": "::", "port": 1})", "without TLS only"},
+      {R"({"address": "0.0.0.0", "port": 1, "certificate": "/c"})", "\"key\" is missing"},
+      {R"({"address": "0.0.0.0", "port": 1, "key": "/k"})", "\"certificate\" is missing"},
+      {R"({"address": "0.0.0.0", "port": 1, "certificate": "c", "key": "/k"})", "absolute path"},
+      {R"({"address": "0.0.0.0", "port": 1, "certificate": "/c", "key": "/k", "behind_proxy": true})",
+       "for a proxy on this host"}};
+  for (const auto& [listen, sentence] : bad) EXPECT_THAT(load(listen), HasSubstr(sentence)) << listen;
 }
 
 TEST_F(ServerConfigTest, AnUnknownKeyIsAMistake) {
