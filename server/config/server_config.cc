@@ -162,6 +162,7 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
   } else {
     config.http.socket_mode = static_cast<unsigned>(std::stoul(mode, nullptr, 8));
   }
+  reader.Ignore("listen");
   const bool listens = reader.Has("listen") && !json["listen"].is_null();
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   return listens ? ReadListen(json["listen"], absl::StrCat(where, ": listen"), config)

@@ -23,7 +23,7 @@ def narrowed(document, world):
     """The document, with names and numbers of what this daemon has: a made-up one is 404 and shows
     nothing of an answer."""
     schemas = document["components"]["schemas"]
-    track = world.get("/v1/tracks")["tracks"][0]
+    track = next(one for one in world.get("/v1/tracks")["tracks"] if one["track"] == TRACK)
     schemas["TrackName"] = {"enum": [TRACK]}
     schemas["ProfileName"] = {"enum": [profile["profile"] for profile in track["profiles"]]}
     schemas["BoardName"] = {"enum": track["boards"]}
