@@ -15,6 +15,7 @@ MOST_READERS = 64
 VERB_S = 120
 # Large and unlike anything that would occur by chance, so that they can be searched for.
 SEEDS = [914207635518432 + i for i in range(20)]
+RANKED = {"first": 5000, "count": 20}  # all hostile programs are played as practice
 
 BUDGETS = {
     "startup_s": 20, "startup_wall_s": 80, "step_s": 0.2, "overtime_s": 0.8, "wall_factor": 6, "lease_cpu_s": 40,
@@ -25,7 +26,7 @@ BUDGETS = {
 
 
 def _track(base="locomotion", **budgets):
-    return {"extends": base, "seeds": SEEDS, "episodes_per_lease": 20,
+    return {"extends": base, "seeds": RANKED, "practice_seeds": SEEDS, "episodes_per_lease": 20,
             "budgets": {**BUDGETS, **budgets}}
 
 

@@ -31,9 +31,10 @@ std::optional<std::string> RevealedSecret(const Client& client, const std::strin
   if (!answer.ok()) return std::nullopt;
   for (const Json& challenge : answer->value("challenges", Json::array())) {
     for (const Json& known : challenge.value("phases", Json::array())) {
-      if (known.value("phase", "") != phase || !known.value("secret", Json()).is_string()) continue;
+      const Json told = known.value("seeds", Json::object()).value("secret", Json());
+      if (known.value("phase", "") != phase || !told.is_string()) continue;
       const absl::StatusOr<std::string> secret =
-          SecretOfDigits(known["secret"].get<std::string>(), "the daemon's answer");
+          SecretOfDigits(told.get<std::string>(), "the daemon's answer");
       if (secret.ok()) return *secret;
     }
   }
