@@ -130,9 +130,9 @@ absl::StatusOr<bool> Writer::Choose(int64_t submission, const std::string& who) 
   const int64_t team = select.getColumn(0).getInt64();
   SQLite::Statement newest(
       db_, "SELECT c.submission FROM choice AS c JOIN submission AS s ON s.id = c.submission "
-           "JOIN team AS t ON t.id = c.team_id JOIN team AS o ON o.id = ?2 "
-           "WHERE c.phase = ?1 AND s.config = ?3 AND "
-           "ifnull(t.merged_into, t.id) = ifnull(o.merged_into, o.id) ORDER BY c.id DESC LIMIT 1");
+           "JOIN team AS t ON t.id = c.team_id WHERE c.phase = ? AND ifnull(t.merged_into, t.id) = "
+           "(SELECT ifnull(merged_into, id) FROM team WHERE id = ?) AND s.config = ? "
+           "ORDER BY c.id DESC LIMIT 1");
   SQLite::bind(newest, select.getColumn(1).getString(), team, select.getColumn(2).getString());
   if (newest.executeStep() && newest.getColumn(0).getInt64() == submission) return false;
   MendBoardState();
