@@ -119,6 +119,7 @@ CALENDAR_USERS = {
     "tests/integration/soak.py": "draws a seed",
     "tests/lint/lint.py": "names them",
     "tests/redteam/programs/c44_guesses_seeds.py": "prints it, to see that no result hangs on it",
+    "tests/server/admission/submit_phase_test.cc": "sets it",
     "tests/server/challenge/calendar_watch_test.cc": "sets it",
     "tests/server/daemon/phases_test.py": "phases open and close at a date",
     "tests/server/engine/retention_test.cc": "compares with times of files",
