@@ -128,6 +128,9 @@ absl::Status Admission::ChargeRefusal(const UploadRequest& request, const absl::
 }
 
 absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const std::string& who) {
+  absl::StatusOr<std::optional<Accepted>> earlier = FindEarlier(readers_, who, request.key);
+  if (!earlier.ok()) return earlier.status();
+  if (earlier->has_value()) return **earlier;
   const absl::Time now = Now();
   const absl::StatusOr<Entry> entry = EntryOf(request, now);
   if (!entry.ok()) return entry.status();
@@ -141,6 +144,7 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
   if (allowed.ok()) allowed = CheckArtefact(request.artefact, config);
   if (!allowed.ok()) return allowed;
   NewSubmission submission = Compose(request, *entry, *seeds);
+  submission.request_key = request.key;
   submission.founding = request.founding;
   if (submission.ranked) allowed = CheckRankedHere();
   if (!allowed.ok()) return allowed;
@@ -182,6 +186,18 @@ absl::Time Admission::Now() {
                  absl::FormatDuration(absl::AbsDuration(*jump)));
   }
   return now;
+}
+
+absl::StatusOr<std::optional<Accepted>> FindEarlier(ReaderPool& readers, const std::string& who,
+                                                    const RequestKey& key) {
+  if (key.key.empty()) return std::optional<Accepted>();
+  absl::StatusOr<std::optional<Accepted>> earlier = absl::InternalError("");
+  const absl::Status status = readers.Read([&](Reader& reader) {
+    earlier = reader.FindRequest(who, key);
+    return earlier.status();
+  });
+  if (!status.ok()) return status;
+  return earlier;
 }
 
 // Engine::Submit checks for the files again, at a point where nothing can remove them.

@@ -51,6 +51,7 @@ struct SubmitRequest {
   // Both nullopt: a ranked evaluation of all seeds of the track, or of the phase.
   std::optional<std::vector<uint64_t>> seeds;  // of practice; nullopt: the track's practice seeds
   std::optional<int64_t> episodes;             // only so many of them; nullopt: all
+  RequestKey key = {};  // if it came before, the result is what was accepted then
   std::optional<Founding> founding = std::nullopt;  // of the team
 };
 
@@ -86,7 +87,8 @@ class Admission {
   //   FailedPreconditionError     code "quota", "same_artefact", "look_alike", "paused"
   //                               (Writer::Accept), "forbidden" (Writer::FoundTeam); "phase_closed"
   //   UnavailableError            code "not_official": this host may not grade ranked submissions
-  // and the errors of Engine::Submit and ReaderPool::Read.
+  // and the errors of Engine::Submit and ReaderPool::Read. A result that is repeated was accepted
+  // before, when the request came for the first time; nothing is checked again.
   absl::StatusOr<Accepted> Submit(const SubmitRequest& request, const std::string& who);
 
  private:
@@ -117,6 +119,12 @@ class Admission {
   Uploads uploads_;
   CalendarWatch calendar_;
 };
+
+// What `who` was answered when this key came for the first time, so that what would not be accepted
+// any more is answered as it was then; nullopt if it is new. Errors of Reader::FindRequest and
+// ReaderPool::Read.
+absl::StatusOr<std::optional<Accepted>> FindEarlier(ReaderPool& readers, const std::string& who,
+                                                    const RequestKey& key);
 
 // The first and last episodes of a submission's leases: [0, count) cut at multiples of `per_lease`.
 std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease);

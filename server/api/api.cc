@@ -32,6 +32,7 @@ void Api::Install(UnixHttpServer& server) {
   tokens_.Install(routes);
   transfer_.Install(routes);
   whoami_.Install(routes);
+  openapi_.Install(routes);
   routes.AddErrorAnswers();
 }
 

@@ -10,6 +10,7 @@
 #include "server/api/evaluations_resource.h"
 #include "server/api/guard.h"
 #include "server/api/host_resource.h"
+#include "server/api/openapi_resource.h"
 #include "server/api/proof_resource.h"
 #include "server/api/quota_resource.h"
 #include "server/api/reveal_resource.h"
@@ -48,6 +49,7 @@ class Api {
   TokensResource tokens_{context_};
   TransferResource transfer_{context_};
   WhoamiResource whoami_{context_};
+  OpenApiResource openapi_;
 };
 
 }  // namespace myograde::server

@@ -231,7 +231,7 @@ void BoardsResource::Install(Routes& routes) {
 ApiResult BoardsResource::Get(const httplib::Request& request) {
   absl::Status status = CheckParameters(request, {"track", "profile", "phase", "board"});
   if (!status.ok()) return ErrorOf(status);
-  ApiAnswer answer;
+  ApiAnswer answer{.tagged = true};
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
     if (!asked.ok()) return asked.status();
@@ -270,7 +270,7 @@ ApiResult BoardsResource::Explain(const httplib::Request& request) const {
     }
   }
   if (!status.ok()) return ErrorOf(status);
-  ApiAnswer answer;
+  ApiAnswer answer{.tagged = true};
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
     if (!asked.ok()) return asked.status();

@@ -218,6 +218,12 @@ ApiResult EvaluationsResource::Get(const httplib::Request& request) const {
 ApiResult EvaluationsResource::Rerun(const httplib::Request& request, const Json& body) const {
   const absl::StatusOr<RerunRequest> wanted = ParseRerun(body);
   if (!wanted.ok()) return ErrorOf(wanted.status());
+  const absl::StatusOr<RequestKey> key = ReadRequestKey(request, body);
+  if (!key.ok()) return ErrorOf(key.status());
+  const absl::StatusOr<std::optional<Accepted>> earlier =
+      FindEarlier(context_.readers, CallerKey(), *key);
+  if (!earlier.ok()) return ErrorOf(earlier.status());
+  if (earlier->has_value()) return RerunAnswer(**earlier);
   const int64_t submission = IdOf(request);
   absl::StatusOr<NewRerun> rerun = absl::InternalError("");
   const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
@@ -226,19 +232,34 @@ ApiResult EvaluationsResource::Rerun(const httplib::Request& request, const Json
     return rerun.status();
   });
   if (!status.ok()) return ErrorOf(status);
+  rerun->request_key = *key;
   const absl::StatusOr<Accepted> accepted = context_.engine.Rerun(
       *rerun, CallerKey(), CallerIsOrganiser(), context_.config.reruns,
       context_.config.http.request);
   if (!accepted.ok()) return ErrorOf(accepted.status());
-  NoteAct(absl::StrCat("submission ", submission),
-          absl::StrCat("evaluation ", accepted->evaluation));
-  return ApiAnswer{201,
-                   {{"evaluation", accepted->evaluation},
-                    {"submission", submission},
-                    {"kind", "rerun"},
-                    {"state", "queued"},
-                    {"first", rerun->blocks.front().first},
-                    {"last", rerun->blocks.back().second}}};
+  if (accepted->is_new()) {
+    NoteAct(absl::StrCat("submission ", submission),
+            absl::StrCat("evaluation ", accepted->evaluation));
+  }
+  return RerunAnswer(*accepted);
+}
+
+ApiResult EvaluationsResource::RerunAnswer(const Accepted& accepted) const {
+  ApiAnswer answer{.http = accepted.is_new() ? 201 : 200};
+  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+    const absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(accepted.evaluation);
+    if (!evaluation.ok()) return evaluation.status();
+    answer.body = {{"evaluation", accepted.evaluation},
+                   {"submission", accepted.submission},
+                   {"kind", "rerun"},
+                   {"state", EvaluationStateName(evaluation->state)},
+                   {"first", evaluation->first},
+                   {"last", evaluation->last},
+                   {"repeated", accepted.repeated}};
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
 }
 
 }  // namespace myograde::server

@@ -7,6 +7,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/api/paging.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/store/quota.h"
@@ -122,10 +123,8 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
   const std::string asked = request.get_param_value("team");
   const std::string track = request.get_param_value("track");
   if (status.ok()) status = CheckTeam(asked);
-  int64_t before = INT64_MAX;
-  int64_t limit = 100;
-  status.Update(ReadNumber(request, "before", INT64_MAX, before));
-  status.Update(ReadNumber(request, "limit", 1000, limit));
+  const absl::StatusOr<Page> page = ReadPage(request);
+  status.Update(page.status());
   if (!status.ok()) return ErrorOf(status);
   if (!track.empty()) status = context_.tracks.Find(track, "").status();
   if (!status.ok()) return ErrorOf(status);
@@ -134,10 +133,9 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
     if (absl::Status own = RequireTeam(reader, asked); !own.ok()) return own;
     const std::string team = reader.TeamOf(asked);
     answer.body = QuotaOf(reader, context_, team, track);
-    const Listed<LedgerRow> ledger = reader.Ledger(team, track, before, limit);
+    const Listed<LedgerRow> ledger = reader.Ledger(team, track, page->before, page->limit);
     AddLedger(ledger, answer.body);
-    const bool more = std::ssize(ledger.rows) + std::ssize(ledger.damaged) == limit;
-    answer.body["next_before"] = more ? Json(ledger.last_id) : Json();
+    AddNextPage(request, *page, ledger, answer);
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);

@@ -121,6 +121,7 @@ constexpr auto kStatus = std::to_array<Part>({
     {"marks", Always},
     {"evaluations", Always},
     {"linked", Always},
+    {"repeated", Always},
     {"cancel", Always},
     {"chosen", Always},
 });

@@ -7,7 +7,9 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "protocol/lease/track_config.h"
+#include "server/api/paging.h"
 #include "server/grading/leaderboard.h"
 #include "server/base/names.h"
 
@@ -16,6 +18,8 @@ namespace {
 
 constexpr char kWhere[] = "request";
 constexpr size_t kMaxReasonBytes = 200;
+constexpr char kKeyHeader[] = "Idempotency-Key";
+constexpr size_t kMaxKeyBytes = 255;
 
 bool IsHash(const std::string& text) {
   return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string::npos;
@@ -138,6 +142,21 @@ absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body) {
   return grant;
 }
 
+absl::StatusOr<RequestKey> ReadRequestKey(const httplib::Request& request,
+                                          const nlohmann::json& body) {
+  if (!request.has_header(kKeyHeader)) return RequestKey();
+  const std::string key = request.get_header_value(kKeyHeader);
+  const bool good = request.get_header_value_count(kKeyHeader) == 1 && !key.empty() &&
+                    key.size() <= kMaxKeyBytes &&
+                    std::all_of(key.begin(), key.end(), [](char c) { return c > ' ' && c < 0x7f; });
+  if (!good) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the header ", kKeyHeader, " must be there once, with 1 to ", kMaxKeyBytes,
+                     " visible characters of ASCII and no space"));
+  }
+  return RequestKey{key, Sha256Hex(absl::StrCat(request.path, "\n", CanonicalJson(body)))};
+}
+
 absl::Status CheckTeam(const std::string& team) {
   if (IsPlainText(team, kMaxNameBytes)) return absl::OkStatus();
   return CleanName(team, "\"team\"").status();
@@ -146,7 +165,10 @@ absl::Status CheckTeam(const std::string& team) {
 absl::Status ReadNumber(const httplib::Request& request, const char* key, int64_t max,
                         int64_t& value) {
   if (!request.has_param(key)) return absl::OkStatus();
-  if (absl::SimpleAtoi(request.get_param_value(key), &value) && value >= 1 && value <= max) {
+  const std::string text = request.get_param_value(key);
+  // SimpleAtoi alone takes signs and spaces too.
+  const bool digits = text.find_first_not_of("0123456789") == std::string::npos;
+  if (digits && absl::SimpleAtoi(text, &value) && value >= 1 && value <= max) {
     return absl::OkStatus();
   }
   return absl::InvalidArgumentError(
@@ -168,9 +190,11 @@ absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request) {
           "\"state\" must be queued, running, done, failed, cancelled or grader_error"));
     }
   }
-  status.Update(ReadNumber(request, "before", INT64_MAX, filter.before));
-  status.Update(ReadNumber(request, "limit", 1000, filter.limit));
+  const absl::StatusOr<Page> page = ReadPage(request);
+  status.Update(page.status());
   if (!status.ok()) return status;
+  filter.before = page->before;
+  filter.limit = page->limit;
   return filter;
 }
 

@@ -48,6 +48,10 @@ absl::Status ParseNothing(const nlohmann::json& body);
 
 absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body);
 
+// The header Idempotency-Key, with a digest of the address and the body; no key without one.
+absl::StatusOr<RequestKey> ReadRequestKey(const httplib::Request& request,
+                                          const nlohmann::json& body);
+
 // Whether there can be a team of this name; what a new one may be called is stricter
 // and the store's to say (Reader::CheckTeam), as teams of long ago keep their names.
 absl::Status CheckTeam(const std::string& team);

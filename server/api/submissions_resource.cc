@@ -11,6 +11,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/founding.h"
+#include "server/api/paging.h"
 #include "server/api/phase_sight.h"
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
@@ -64,10 +65,11 @@ ApiResult SubmissionsResource::List(const httplib::Request& request) const {
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
-  return ApiAnswer{200,
+  ApiAnswer answer{200,
                    {{"submissions", std::move(list)},
-                    {"unreadable", DamagedToJson(found.damaged)},
-                    {"next_before", more ? Json(found.last_id) : Json()}}};
+                    {"unreadable", DamagedToJson(found.damaged)}}};
+  AddNextPage(request, more, found.last_id, answer);
+  return answer;
 }
 
 ApiResult SubmissionsResource::StatusAnswer(int64_t submission) const {
@@ -93,20 +95,24 @@ ApiResult SubmissionsResource::Get(const httplib::Request& request) const {
   return StatusAnswer(IdOf(request));
 }
 
-ApiResult SubmissionsResource::Submit(const httplib::Request&, const Json& body) const {
-  absl::StatusOr<SubmitRequest> request = ParseSubmit(body);
-  if (!request.ok()) return ErrorOf(request.status());
-  absl::StatusOr<std::optional<Founding>> founding = FoundingFor(context_, request->team);
+ApiResult SubmissionsResource::Submit(const httplib::Request& request, const Json& body) const {
+  absl::StatusOr<SubmitRequest> asked = ParseSubmit(body);
+  if (!asked.ok()) return ErrorOf(asked.status());
+  absl::StatusOr<RequestKey> key = ReadRequestKey(request, body);
+  if (!key.ok()) return ErrorOf(key.status());
+  asked->key = *std::move(key);
+  absl::StatusOr<std::optional<Founding>> founding = FoundingFor(context_, asked->team);
   if (!founding.ok()) return ErrorOf(founding.status());
-  request->founding = *std::move(founding);
-  const absl::StatusOr<Accepted> accepted = context_.admission.Submit(*request, CallerKey());
-  if (!accepted.ok()) return TeamErrorOf(accepted.status(), request->team);
+  asked->founding = *std::move(founding);
+  const absl::StatusOr<Accepted> accepted = context_.admission.Submit(*asked, CallerKey());
+  if (!accepted.ok()) return TeamErrorOf(accepted.status(), asked->team);
   NoteAct(absl::StrCat("submission ", accepted->submission),
-          absl::StrCat("for team ", request->team, accepted->linked ? ", known already" : ""));
+          absl::StrCat("for team ", asked->team, accepted->is_new() ? "" : ", known already"));
   ApiResult result = StatusAnswer(accepted->submission);
   if (auto* answer = std::get_if<ApiAnswer>(&result)) {
-    answer->http = accepted->linked ? 200 : 201;
+    answer->http = accepted->is_new() ? 201 : 200;
     answer->body["linked"] = accepted->linked;
+    answer->body["repeated"] = accepted->repeated;
   }
   return result;
 }

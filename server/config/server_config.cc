@@ -89,6 +89,7 @@ absl::Status ReadArtefacts(const nlohmann::json& json, const std::string& where,
 
 // "" if it is null or left out.
 std::string PathOrNull(ConfigReader& reader, const nlohmann::json& json, const char* key) {
+  reader.Ignore(key);
   if (!reader.Has(key) || json[key].is_null()) return "";
   const std::string path = reader.String(key);
   if (!path.starts_with('/')) reader.Fail(key, "must be the absolute path of a file, or null");
@@ -162,6 +163,7 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
   } else {
     config.http.socket_mode = static_cast<unsigned>(std::stoul(mode, nullptr, 8));
   }
+  reader.Ignore("listen");
   const bool listens = reader.Has("listen") && !json["listen"].is_null();
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   return listens ? ReadListen(json["listen"], absl::StrCat(where, ": listen"), config)

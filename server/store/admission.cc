@@ -104,6 +104,15 @@ absl::Status Writer::AddUpload(const ArtefactRow& artefact, const NewUpload& upl
 
 absl::Status Writer::CheckReruns(int64_t submission, const std::string& who, bool organiser,
                                  const RerunLimits& limits) {
+  if (!organiser) {
+    SQLite::Statement team(db_, "SELECT t.name FROM submission AS s JOIN team AS t ON "
+                                "t.id = s.team_id WHERE s.id = ?");
+    team.bind(1, submission);
+    const bool there = team.executeStep();
+    const absl::Status allowed =
+        there ? CheckNotBanned(db_, team.getColumn(0).getString()) : absl::OkStatus();
+    if (!allowed.ok()) return allowed;
+  }
   // The audit row of a re-run's start says who asked for it.
   SQLite::Statement count(
       db_, "SELECT count(*), ifnull(sum(t.who = ?), 0), ifnull(sum(e.submission = ?), 0) "

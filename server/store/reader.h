@@ -14,6 +14,7 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/base/mutex.h"
+#include "server/store/accepted.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
 #include "server/store/rows.h"
@@ -86,8 +87,8 @@ class Reader {
   std::set<std::string> TeamsOf(const std::string& person);
   // The team called `name`, now or formerly: never one that was merged into another.
   absl::StatusOr<TeamRow> Team(const std::string& name);
-  // All teams by name, with those that were merged.
-  Listed<TeamRow> Teams();
+  // Newest first, with those that were merged; `before` is an id.
+  Listed<TeamRow> Teams(int64_t before = INT64_MAX, int64_t limit = INT64_MAX);
   // By person.
   Listed<MemberRow> Members(const std::string& team);
   // Oldest first, with those of the teams that were merged into it.
@@ -99,8 +100,8 @@ class Reader {
   // By the SHA-256 of its text, whether it is valid or not.
   absl::StatusOr<TokenRow> TokenByHash(const std::string& sha256);
   absl::StatusOr<TokenRow> Token(int64_t id);
-  // Oldest first.
-  Listed<TokenRow> Tokens();
+  // Newest first; `before` is an id.
+  Listed<TokenRow> Tokens(int64_t before = INT64_MAX, int64_t limit = INT64_MAX);
 
   // Whose it is: today's name of the team. NotFoundError if there is no such submission or
   // evaluation, or if nobody can tell whose it is.
@@ -113,6 +114,10 @@ class Reader {
 
   // Newest first. `kind` "" matches any; `before` is an id.
   Listed<AccessEventRow> AccessEvents(const std::string& kind, int64_t before, int64_t limit);
+
+  // What Writer::Once would return without asking to accept; nullopt: it would ask.
+  absl::StatusOr<std::optional<Accepted>> FindRequest(const std::string& who,
+                                                      const RequestKey& key);
 
   // `phase` "": of the track itself.
   QuotaUse Quota(const std::string& team, const std::string& track, int64_t now_ms,

@@ -22,6 +22,7 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
+#include "server/store/accepted.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
 #include "server/store/rows.h"
@@ -54,6 +55,7 @@ struct NewSubmission {
   bool ranked = false;
   std::string grader_json;
   std::vector<std::pair<int64_t, int64_t>> blocks;  // first and last episode of each lease
+  RequestKey request_key = {};
   std::optional<Founding> founding = std::nullopt;  // of its team, in the same change
   std::string phase = "";  // of a challenge; "": the track's own board
   // Why nothing new is accepted; OkStatus(): it is. The ranked evaluation that an artefact has
@@ -101,15 +103,7 @@ struct NewRerun {
   std::string artefact;  // the submission's
   std::string grader_json;
   std::vector<std::pair<int64_t, int64_t>> blocks;
-};
-
-struct Accepted {
-  int64_t submission = 0;
-  int64_t evaluation = 0;
-  std::vector<int64_t> leases;  // in block order
-  // True: nothing new was accepted. The team already has this artefact's ranked evaluation;
-  // `submission` and `evaluation` are those, and `leases` is empty.
-  bool linked = false;
+  RequestKey request_key = {};
 };
 
 // Extra units for a team, for the store's current day and in total.
@@ -163,8 +157,12 @@ class Writer {
   absl::StatusOr<Accepted> Accept(const NewSubmission& submission, const AdmissionRules& rules,
                                   const std::string& who);
   absl::StatusOr<Accepted> AddRerun(const NewRerun& rerun, const std::string& who);
+  // Runs `accept` if `who` has not sent this key before, and keeps what it accepted; otherwise
+  // returns what was accepted then. Errors of `accept`, which keep nothing, and of FindRequestKey.
+  absl::StatusOr<Accepted> Once(const std::string& who, const RequestKey& key,
+                                const std::function<absl::StatusOr<Accepted>()>& accept);
   // Whether `who` may have one more re-run of a submission: FailedPreconditionError with the code
-  // "quota" if too many have not ended.
+  // "quota" if too many have not ended, or "banned" if its team is.
   absl::Status CheckReruns(int64_t submission, const std::string& who, bool organiser,
                            const RerunLimits& limits);
 

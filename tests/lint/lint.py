@@ -123,8 +123,10 @@ CALENDAR_USERS = {
     "tests/server/challenge/calendar_watch_test.cc": "sets it",
     "tests/server/daemon/phases_test.py": "phases open and close at a date",
     "tests/server/engine/retention_test.cc": "compares with times of files",
+    "tests/server/store/people_test.cc": "compares with stored times of day",
     "tests/server/store/phases_test.cc": "compares with stored times of day",
     "tests/server/store/quota_test.cc": "compares with stored times of day",
+    "tests/server/store/tokens_test.cc": "compares with stored times of day",
 }
 # A track lives in folders of its own name (protocol/tracks/<track>, sim/<track>, scoring/<track>).
 # These files list the tracks; nothing else in these parts names one.

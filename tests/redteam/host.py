@@ -55,7 +55,9 @@ class Host(Daemon):
         super().__init__(programs, source, "redteam", user)
         self.data.mkdir(exist_ok=True)
         quota = json.loads((self.configs / "server.json").read_text())["quota"]
+        # Its crowds are there to take places and time, which the limit on requests would save.
         self.configure(slots=SLOTS, artefacts={"bytes": 64 << 20, "files": 1000},
+                       http={"requests_per_s": 1e6, "burst": 1e6},
                        quota={key: 10**6 for key in quota
                               if key.endswith(("_per_day", "_total")) or key == "waiting"})
         for name, track in TRACKS.items():

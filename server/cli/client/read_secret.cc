@@ -51,8 +51,8 @@ class Hidden {
 }  // namespace
 
 absl::StatusOr<std::string> ReadSecret(const std::string& prompt) {
+  const Hidden hidden;  // before anything is typed; what was typed before is dropped
   if (::isatty(STDIN_FILENO) == 1) std::cerr << prompt << std::flush;
-  const Hidden hidden;
   std::string line;
   for (char byte = 0; line.size() < kMaxLine;) {
     const ssize_t n = ::read(STDIN_FILENO, &byte, 1);

@@ -129,7 +129,7 @@ int Submit(const SubmitOptions& options) {
   const absl::StatusOr<std::string> artefact = SendArtefact(options, client);
   if (!artefact.ok()) return ReportError(artefact.status());
   (*request)["artefact"] = *artefact;
-  const absl::StatusOr<Json> submission = client.Post("/v1/submissions", *request);
+  const absl::StatusOr<Json> submission = client.PostOnce("/v1/submissions", *request);
   if (!submission.ok()) return ReportError(submission.status());
   const int64_t id = submission->value("submission", int64_t{0});
   if (options.json && !options.wait) {
