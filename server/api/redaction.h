@@ -17,4 +17,7 @@ void RedactStatus(nlohmann::json& answer, const Visibility& sight);
 // An entry of the answer to GET /v1/submissions.
 void RedactListed(nlohmann::json& entry, const Visibility& sight);
 
+// A row of a team's ledger: the charge names how an episode ended.
+void RedactLedgerRow(nlohmann::json& row, const Visibility& sight);
+
 }  // namespace myograde::server

@@ -164,6 +164,15 @@ TEST(RedactStatus, HidesWhereALeaseIsAndWhatWentWrong) {
   EXPECT_EQ(status["withheld"], Json({"outcomes", "metrics", "output"}));
 }
 
+TEST(RedactLedgerRow, HidesHowAnEpisodeEnded) {
+  const Json charge = {{"entry", "charge"}, {"why", "episode 0 ended as failure"}};
+  Json row = charge;
+  RedactLedgerRow(row, {.logs = false, .seeds = false});
+  EXPECT_EQ(row, charge);
+  RedactLedgerRow(row, {.outcomes = false});
+  EXPECT_EQ(row.dump().find("failure"), std::string::npos);
+}
+
 TEST(RedactListed, HidesCountsAndKeepsTheRest) {
   Json entry = {{"submission", 7}, {"state", "running"}, {"episodes", Counts()}};
   RedactListed(entry, {.outcomes = false});
