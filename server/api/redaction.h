@@ -1,5 +1,6 @@
-// Removes from answers what their reader may not see (server/access/sight.h). Every key of an answer
-// is listed with what it takes to see it; one that is not listed is withheld as soon as anything is.
+// Removes from answers what their reader may not see (server/access/sight.h). Every key of an
+// answer is listed with what it takes to see it; one that is not listed is withheld as soon as
+// anything is.
 #pragma once
 
 #include <nlohmann/json.hpp>

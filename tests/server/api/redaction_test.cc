@@ -85,7 +85,9 @@ TEST(RedactEvaluation, HidesSeedsAndNothingElse) {
 TEST(RedactEvaluation, HidesEachPartByItsName) {
   Json answer = Redacted(Evaluation(), {.outcomes = false});
   Json row = answer["episode_rows"][0];
-  for (const char* key : {"outcome", "reason", "end", "fault"}) EXPECT_TRUE(row[key].is_null()) << key;
+  for (const char* key : {"outcome", "reason", "end", "fault"}) {
+    EXPECT_TRUE(row[key].is_null()) << key;
+  }
   EXPECT_EQ(row["metrics"], Json({{"success", nullptr}, {"time_s", 0.5}}));
   EXPECT_EQ(answer["outcomes"], Json::object());
   EXPECT_EQ(answer["comparison"]["episodes"], Json::array());
