@@ -24,6 +24,7 @@ struct Identity {
   std::string key;
   std::set<std::string> teams;  // of a participant
   bool remote = false;          // came over the network
+  int64_t token = 0;            // that they showed; 0: none
   // Without a challenge, a user of this host may submit for a team that nobody has yet, and so
   // becomes its member.
   bool may_found_team = false;

@@ -51,6 +51,7 @@ absl::StatusOr<ReceivedArtefact> Admission::Receive(const UploadRequest& request
   if (!team.empty()) {
     absl::Status allowed = tracks_.Find(request.track, "").status();
     if (allowed.ok()) allowed = CheckTries(team, request.track);
+    if (allowed.ok() && request.founding.has_value()) allowed = Found(team, *request.founding);
     if (!allowed.ok()) return allowed;
   }
   absl::StatusOr<ReceivedArtefact> received =
@@ -68,6 +69,14 @@ absl::Status Admission::CheckTries(const std::string& team, const std::string& t
     const QuotaUse use = reader.Quota(reader.TeamOf(team), track, absl::ToUnixMillis(clock_.Now()));
     return CheckFailures(use, options_.config.quota.of(track).quota, team, track);
   });
+}
+
+absl::Status Admission::Found(const std::string& team, const Founding& founding) {
+  return engine_.Change(
+      [team, founding](Writer& writer) {
+        return writer.FoundTeam(team, founding.person, founding.most);
+      },
+      options_.config.http.request);
 }
 
 absl::Status Admission::ChargeRefusal(const UploadRequest& request, const absl::Status& refusal) {
@@ -88,7 +97,8 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
   if (!seeds.ok()) return seeds.status();
   absl::Status allowed = CheckArtefact(request.artefact, config);
   if (!allowed.ok()) return allowed;
-  const NewSubmission submission = Compose(request, config, *seeds);
+  NewSubmission submission = Compose(request, config, *seeds);
+  submission.founding = request.founding;
   if (submission.ranked) allowed = CheckRankedHere();
   if (!allowed.ok()) return allowed;
   return engine_.Submit(submission, options_.config.quota.of(config.id), who,

@@ -35,6 +35,7 @@ struct AdmissionOptions {
 struct UploadRequest {
   NewUpload from;     // who uploads, and for which team
   std::string track;  // where a refusal counts as a failed try; "" if `from` has no team
+  std::optional<Founding> founding = std::nullopt;  // of that team
   // Polled during the upload; true: give up.
   std::function<bool()> stopping = [] { return false; };
 };
@@ -46,6 +47,7 @@ struct SubmitRequest {
   std::string profile;  // "": the track's default
   std::optional<std::vector<uint64_t>> seeds;  // nullopt: the track's
   std::optional<int64_t> episodes;             // only so many of them; nullopt: all
+  std::optional<Founding> founding = std::nullopt;  // of the team
 };
 
 // Statuses carry the code that API clients get (ErrorCodeOf of store/quota.h), where it is not the
@@ -61,7 +63,8 @@ class Admission {
   // refused because of its content is charged to it as a failed try; no other error is.
   //   NotFoundError               code "unknown_track"
   //   InvalidArgumentError        code "bad_artefact": the archive; no code: the team's name
-  //   FailedPreconditionError     code "look_alike": the team's name (Writer::Accept); "quota": no
+  //   FailedPreconditionError     code "look_alike": the team's name (Writer::Accept); "forbidden":
+  //                               the team can't be founded (Writer::FoundTeam); "quota": no
   //                               failed tries left, or too many uploads that were never submitted
   // and the other errors of Uploads::Take.
   absl::StatusOr<ReceivedArtefact> Receive(const UploadRequest& request, IncomingArchive& archive);
@@ -72,13 +75,15 @@ class Admission {
   //   NotFoundError               code "unknown_track", "unknown_profile"; no code: the artefact
   //   InvalidArgumentError        code "bad_artefact": too large for the track;
   //                               "unknown_runtime"; no code: episodes, the team's name
-  //   FailedPreconditionError     code "quota", "same_artefact", "look_alike" (Writer::Accept)
+  //   FailedPreconditionError     code "quota", "same_artefact", "look_alike" (Writer::Accept),
+  //                               "forbidden" (Writer::FoundTeam)
   //   UnavailableError            code "not_official": this host may not grade ranked submissions
   // and the errors of Engine::Submit and ReaderPool::Read.
   absl::StatusOr<Accepted> Submit(const SubmitRequest& request, const std::string& who);
 
  private:
   absl::Status CheckTries(const std::string& team, const std::string& track);
+  absl::Status Found(const std::string& team, const Founding& founding);
   // Charges a failed try to the request's team, if it names one.
   absl::Status ChargeRefusal(const UploadRequest& request, const absl::Status& refusal);
   absl::Status CheckArtefact(const std::string& hash, const TrackConfig& config);

@@ -4,8 +4,21 @@
 
 namespace myograde::server {
 
+Api::Api(const ApiContext& context)
+    : context_(context),
+      guard_({.access = context_.config.access,
+              .limits = context_.config.http,
+              .readers = context_.readers,
+              .log = context_.access_log,
+              .clock = context_.clock,
+              .challenge = context_.challenge}) {}
+
 void Api::Install(UnixHttpServer& server) {
-  Routes routes(server);
+  server.SetOrganisers(
+      [this](const Peer& peer) { return IsOrganiser(peer, context_.config.access); });
+  server.SetAdmit([this](Connection& connection) { return guard_.AdmitBody(connection); });
+  Routes routes(server, guard_);
+  access_.Install(routes);
   host_.Install(routes);
   artefacts_.Install(routes);
   submissions_.Install(routes);
@@ -13,6 +26,8 @@ void Api::Install(UnixHttpServer& server) {
   boards_.Install(routes);
   quota_.Install(routes);
   proof_.Install(routes);
+  teams_.Install(routes);
+  tokens_.Install(routes);
   transfer_.Install(routes);
   whoami_.Install(routes);
   routes.AddErrorAnswers();

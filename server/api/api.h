@@ -2,14 +2,18 @@
 // read the store on connections of their own, and hand changes to admission and the engine.
 #pragma once
 
+#include "server/api/access_resource.h"
 #include "server/api/artefacts_resource.h"
 #include "server/api/boards_resource.h"
 #include "server/api/context.h"
 #include "server/api/evaluations_resource.h"
+#include "server/api/guard.h"
 #include "server/api/host_resource.h"
 #include "server/api/proof_resource.h"
 #include "server/api/quota_resource.h"
 #include "server/api/submissions_resource.h"
+#include "server/api/teams_resource.h"
+#include "server/api/tokens_resource.h"
 #include "server/api/transfer_resource.h"
 #include "server/api/unix_http_server.h"
 #include "server/api/whoami_resource.h"
@@ -18,7 +22,7 @@ namespace myograde::server {
 
 class Api {
  public:
-  explicit Api(const ApiContext& context) : context_(context) {}
+  explicit Api(const ApiContext& context);
   Api(const Api&) = delete;
   Api& operator=(const Api&) = delete;
 
@@ -27,6 +31,8 @@ class Api {
 
  private:
   const ApiContext context_;
+  Guard guard_;
+  AccessResource access_{context_, guard_};
   HostResource host_{context_};
   ArtefactsResource artefacts_{context_};
   SubmissionsResource submissions_{context_};
@@ -34,8 +40,10 @@ class Api {
   BoardsResource boards_{context_};
   QuotaResource quota_{context_};
   ProofResource proof_{context_};
+  TeamsResource teams_{context_};
+  TokensResource tokens_{context_};
   TransferResource transfer_{context_};
-  WhoamiResource whoami_;
+  WhoamiResource whoami_{context_};
 };
 
 }  // namespace myograde::server

@@ -1,6 +1,7 @@
 // A refusal, as every client gets it.
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 namespace myograde::server {
@@ -9,6 +10,7 @@ struct ApiError {
   int http = 500;
   std::string code;     // a word of README.md's table
   std::string message;  // one sentence: what, where, and what to do
+  int64_t retry_after_s = 1;  // told with 429 and 503
 };
 
 }  // namespace myograde::server

@@ -1,8 +1,10 @@
 #include "server/api/artefacts_resource.h"
 
 #include <functional>
+#include <optional>
 #include <string>
 
+#include "server/api/founding.h"
 #include "server/api/requests.h"
 
 namespace myograde::server {
@@ -29,7 +31,7 @@ absl::StatusOr<UploadRequest> ParseUpload(const httplib::Request& request) {
   const std::string team = request.get_param_value("team");
   if (status.ok() && request.has_param("team")) status = CheckTeam(team);
   if (!status.ok()) return status;
-  return UploadRequest{.from = {CallerKey(), team, UnixHttpServer::PeerIsOrganiser()},
+  return UploadRequest{.from = {CallerKey(), team, CallerIsOrganiser()},
                        .track = request.get_param_value("track"),
                        .stopping = UnixHttpServer::Stopping};
 }
@@ -37,7 +39,7 @@ absl::StatusOr<UploadRequest> ParseUpload(const httplib::Request& request) {
 }  // namespace
 
 void ArtefactsResource::Install(Routes& routes) {
-  routes.PostUpload("/v1/artefacts",
+  routes.PostUpload("/v1/artefacts", Action::kUpload,
                     {.most = context_.config.artefacts.archive_bytes,
                      .upload = true,
                      .types = {"application/x-tar", "application/tar", "application/gzip",
@@ -47,8 +49,15 @@ void ArtefactsResource::Install(Routes& routes) {
 }
 
 ApiResult ArtefactsResource::Upload(const httplib::Request& request) const {
-  const absl::StatusOr<UploadRequest> upload = ParseUpload(request);
+  absl::StatusOr<UploadRequest> upload = ParseUpload(request);
   if (!upload.ok()) return ErrorOf(upload.status());
+  if (!upload->from.team.empty()) {
+    absl::StatusOr<std::optional<Founding>> founding =
+        FoundingFor(context_, upload->from.team);
+    if (!founding.ok()) return ErrorOf(founding.status());
+    // An organiser may upload for a team of others.
+    if (!CallerIsOrganiser()) upload->founding = *std::move(founding);
+  }
   UploadedBody body;
   const absl::StatusOr<ReceivedArtefact> received = context_.admission.Receive(*upload, body);
   if (!received.ok()) return TeamErrorOf(received.status(), upload->from.team);

@@ -177,9 +177,6 @@ Connection::Next Connection::StartBody(
     const std::function<BodyRule(const RequestHead&)>& rule_of, const SpoolOptions& spool) {
   rule = rule_of(*head);
   reader.emplace(*head, rule.most);
-  if (rule.organiser_only && !peer->peer.organiser) {
-    return Refuse({403, "forbidden", "only root and the user that runs the daemon may do this"});
-  }
   const bool known = head->content_type.empty() ||
                      std::find(rule.types.begin(), rule.types.end(), head->content_type) !=
                          rule.types.end();
@@ -256,6 +253,11 @@ bool Connection::CheckDisk(const SpoolOptions& spool) {
 Connection::Next Connection::Spool(const SpoolOptions& options) {
   static std::atomic<int64_t> names = 0;
   if (!body.spooled()) {
+    if (options.admit != nullptr) {
+      if (std::optional<ApiError> refusal = options.admit(*this)) {
+        return Refuse(*std::move(refusal));
+      }
+    }
     if (head->chunked && !Reserve(kReserveStep, options)) return Refuse(error);
     if (!CheckDisk(options)) return Refuse(error);
     const absl::Status made = body.Spool(absl::StrCat(options.folder, "/body-", ++names));
@@ -311,6 +313,7 @@ void Connection::Forget() {
   reader.reset();
   scanner = HeadScanner();
   rule = BodyRule();
+  admitted = false;
 }
 
 Peer Connection::Asker() const {

@@ -30,15 +30,18 @@ inline constexpr int64_t kMemoryBody = 64 << 10;
 struct BodyRule {
   int64_t most = 0;                // bytes
   bool upload = false;             // has the time of uploads, and workers of their own
-  bool organiser_only = false;
   std::vector<std::string> types;  // of content; the first is the one to tell
 };
+
+class Connection;
 
 // Where bodies lie, and how much of them.
 struct SpoolOptions {
   std::string folder;
   int64_t disk_reserve = 0;  // bytes of the disk that are left free
   SpoolBudget* budget = nullptr;
+  // Asked before any of a large body goes to the disk: why its sender may not send it.
+  std::function<std::optional<ApiError>(Connection&)> admit = nullptr;
 };
 
 // A body of a request: in memory, or in a file that goes with it.
@@ -127,6 +130,7 @@ class Connection {
   bool ended = false;        // the other end sends no more
   bool close_after = false;  // its answer
   bool counted = false;      // among its peer's bodies
+  bool admitted = false;     // its request was counted against its sender's limits
   std::string in;
   std::string out;
   size_t sent = 0;

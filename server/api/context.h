@@ -7,6 +7,7 @@
 
 #include "protocol/base/clock.h"
 #include "server/admission/admission.h"
+#include "server/api/access_log.h"
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
 #include "server/grading/tracks.h"
@@ -25,6 +26,10 @@ struct ApiContext {
   Engine& engine;
   ReaderPool& readers;
   KeyFile& receipts_key;
+  AccessLog& access_log;
+  // Whether there is a challenge (server/challenge): then a user of this host is nobody until an
+  // organiser says who, and organisers create the teams.
+  bool challenge = false;
   const Clock& clock;
   absl::Time started_at;   // by the calendar
   absl::Duration began;    // the same on the monotonic clock

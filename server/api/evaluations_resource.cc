@@ -150,9 +150,12 @@ absl::StatusOr<NewRerun> MakeRerun(Reader& reader, const ApiContext& context, in
 
 void EvaluationsResource::Install(Routes& routes) {
   using Self = EvaluationsResource;
-  routes.Get(R"(/v1/submissions/(\d{1,18})/result)", std::bind_front(&Self::GetResult, this));
-  routes.Get(R"(/v1/evaluations/(\d{1,18}))", std::bind_front(&Self::Get, this));
-  routes.Post(R"(/v1/submissions/(\d{1,18})/rerun)", std::bind_front(&Self::Rerun, this));
+  routes.Get(R"(/v1/submissions/(\d{1,18})/result)", Action::kReadSubmission,
+             std::bind_front(&Self::GetResult, this));
+  routes.Get(R"(/v1/evaluations/(\d{1,18}))", Action::kReadSubmission,
+             std::bind_front(&Self::Get, this));
+  routes.Post(R"(/v1/submissions/(\d{1,18})/rerun)", Action::kRerun,
+              std::bind_front(&Self::Rerun, this));
 }
 
 ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
@@ -165,6 +168,9 @@ ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
   ApiAnswer answer;
   if (status.ok()) {
     status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+      const absl::Status own =
+          of_submission ? RequireSubmission(reader, id) : RequireEvaluation(reader, id);
+      if (!own.ok()) return own;
       int64_t evaluation = id;
       if (of_submission) {
         if (absl::Status found = reader.Submission(id).status(); !found.ok()) return found;
@@ -194,15 +200,18 @@ ApiResult EvaluationsResource::Rerun(const httplib::Request& request, const Json
   if (!wanted.ok()) return ErrorOf(wanted.status());
   const int64_t submission = IdOf(request);
   absl::StatusOr<NewRerun> rerun = absl::InternalError("");
-  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+  const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    if (absl::Status own = RequireSubmission(reader, submission); !own.ok()) return own;
     rerun = MakeRerun(reader, context_, submission, *wanted);
     return rerun.status();
   });
   if (!status.ok()) return ErrorOf(status);
   const absl::StatusOr<Accepted> accepted = context_.engine.Rerun(
-      *rerun, CallerKey(), UnixHttpServer::PeerIsOrganiser(), context_.config.reruns,
+      *rerun, CallerKey(), CallerIsOrganiser(), context_.config.reruns,
       context_.config.http.request);
   if (!accepted.ok()) return ErrorOf(accepted.status());
+  NoteAct(absl::StrCat("submission ", submission),
+          absl::StrCat("evaluation ", accepted->evaluation));
   return ApiAnswer{201,
                    {{"evaluation", accepted->evaluation},
                     {"submission", submission},

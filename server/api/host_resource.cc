@@ -17,12 +17,27 @@ using Json = nlohmann::json;
 }  // namespace
 
 void HostResource::Install(Routes& routes) {
-  routes.Get("/v1/health", std::bind_front(&HostResource::Health, this));
-  routes.Get("/v1/tracks", std::bind_front(&HostResource::ListTracks, this));
+  routes.Get("/v1/health", Action::kReadHealth, std::bind_front(&HostResource::Health, this));
+  routes.Get("/v1/tracks", Action::kReadTracks, std::bind_front(&HostResource::ListTracks, this));
 }
 
+// Everybody sees that it works, participants how busy it is, and organisers the host.
 ApiResult HostResource::Health(const httplib::Request&) const {
   const LiveHealth health = context_.engine.Health();
+  const bool paused = !health.host_trouble.empty();
+  Json body = {{"status", !health.store_trouble.empty() ? "store" : paused ? "paused" : "ok"},
+               {"version", GraderVersion()},
+               {"api", 1}};
+  if (Caller().role >= Role::kParticipant) {
+    body["slots"] = context_.config.scheduler.slots;
+    body["running"] = health.running;
+    body["pending_leases"] = health.pending;
+  }
+  if (CallerMay(Action::kReadHost)) body.update(HostToJson(health));
+  return ApiAnswer{200, std::move(body)};
+}
+
+nlohmann::json HostResource::HostToJson(const LiveHealth& health) const {
   Json running = Json::array();
   for (const auto& [lease, live] : context_.engine.Running()) {
     running.push_back({{"lease", lease},
@@ -43,32 +58,23 @@ ApiResult HostResource::Health(const httplib::Request&) const {
   for (const auto& [slot, left] : health.closed_slots) {
     closed.push_back({{"slot", slot}, {"left", left}});
   }
-  const bool paused = !health.host_trouble.empty();
-  return ApiAnswer{
-      200,
-      {{"status", !health.store_trouble.empty() ? "store" : paused ? "paused" : "ok"},
-       {"message", TextOrNull(health.store_trouble.empty() ? health.host_trouble
-                                                           : health.store_trouble)},
-       {"host",
-        {{"name", HostName()},
-         {"state", HostStateName(health.host)},
-         {"reason", TextOrNull(health.host_trouble)},
-         {"paused_wall_s", SecondsOrNull(health.paused_for)},
-         {"next_test_wall_s", SecondsOrNull(health.next_test)}}},
-       {"leases", std::move(running)},
-       {"ending", health.ending},
-       {"unreadable", std::move(unreadable)},
-       {"closed_slots", std::move(closed)},
-       {"version", GraderVersion()},
-       {"api", 1},
-       {"schema", SchemaMigrations().size()},
-       {"pid", getpid()},
-       {"slots", context_.config.scheduler.slots},
-       {"running", health.running},
-       {"pending_leases", health.pending},
-       {"data", context_.data_dir},
-       {"started_at", TimeToJson(absl::ToUnixMillis(context_.started_at))},
-       {"uptime_wall_s", absl::ToDoubleSeconds(context_.clock.Monotonic() - context_.began)}}};
+  return {{"message", TextOrNull(health.store_trouble.empty() ? health.host_trouble
+                                                              : health.store_trouble)},
+          {"host",
+           {{"name", HostName()},
+            {"state", HostStateName(health.host)},
+            {"reason", TextOrNull(health.host_trouble)},
+            {"paused_wall_s", SecondsOrNull(health.paused_for)},
+            {"next_test_wall_s", SecondsOrNull(health.next_test)}}},
+          {"leases", std::move(running)},
+          {"ending", health.ending},
+          {"unreadable", std::move(unreadable)},
+          {"closed_slots", std::move(closed)},
+          {"schema", SchemaMigrations().size()},
+          {"pid", getpid()},
+          {"data", context_.data_dir},
+          {"started_at", TimeToJson(absl::ToUnixMillis(context_.started_at))},
+          {"uptime_wall_s", absl::ToDoubleSeconds(context_.clock.Monotonic() - context_.began)}};
 }
 
 ApiResult HostResource::ListTracks(const httplib::Request&) const {

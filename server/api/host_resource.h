@@ -1,6 +1,8 @@
 // The daemon's health, and the tracks that it grades.
 #pragma once
 
+#include <nlohmann/json.hpp>
+
 #include "server/api/context.h"
 #include "server/api/routes.h"
 
@@ -16,6 +18,8 @@ class HostResource {
 
  private:
   ApiResult Health(const httplib::Request& request) const;
+  // What organisers see beside.
+  nlohmann::json HostToJson(const LiveHealth& health) const;
   ApiResult ListTracks(const httplib::Request& request) const;
 
   const ApiContext& context_;

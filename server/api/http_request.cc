@@ -22,11 +22,11 @@ constexpr size_t kMaxLineBytes = 8000;
 constexpr size_t kMaxLines = 100;
 constexpr size_t kMaxChunkLine = 256;
 
-// Headers that the handlers must not see: they are about this connection or its framing, or ask
-// for parts of an answer, and every answer is whole.
-constexpr std::array kOwn = {"connection",     "content-length", "expect", "keep-alive",
-                             "proxy-connection", "range",        "te",     "trailer",
-                             "transfer-encoding", "upgrade"};
+// Headers that the handlers must not see: they are about this connection or its framing, hold a
+// secret, or ask for parts of an answer, and every answer is whole.
+constexpr std::array kOwn = {"authorization", "connection",       "content-length", "expect",
+                             "keep-alive",    "proxy-connection", "range",          "te",
+                             "trailer",       "transfer-encoding", "upgrade"};
 
 ApiError Bad(std::string message) { return {400, "bad_request", std::move(message)}; }
 
@@ -68,7 +68,7 @@ struct Headers {
   std::vector<std::string> expect;
   std::vector<std::string> types;
   std::vector<std::string> content_encodings;
-  int authorizations = 0;
+  std::vector<std::string> authorizations;
 };
 
 bool ReadRequestLine(std::string_view line, RequestHead& head, bool& old_version,
@@ -126,8 +126,8 @@ bool ReadHeader(std::string_view line, Headers& headers, RequestHead& head, ApiE
   if (name == "connection") headers.connection.push_back(Lower(value));
   if (name == "expect") headers.expect.push_back(Lower(value));
   if (name == "content-type") headers.types.push_back(Lower(value));
+  if (name == "authorization") headers.authorizations.push_back(value);
   if (name == "content-encoding") headers.content_encodings.push_back(Lower(value));
-  if (name == "authorization") ++headers.authorizations;
   if (name == "x-forwarded-for") {
     head.forwarded_for = Stripped(std::string_view(value).substr(value.rfind(',') + 1));
   }
@@ -161,7 +161,8 @@ bool ReadFraming(const Headers& headers, RequestHead& head, ApiError& error) {
     }
     head.length = *length;
   }
-  if (head.has_body() && (head.method == "GET" || head.method == "HEAD")) {
+  if (head.has_body() &&
+      (head.method == "GET" || head.method == "HEAD" || head.method == "DELETE")) {
     error = Bad(absl::StrCat("a ", head.method, " has no body here; put what you ask for into the "
                              "address"));
     return false;
@@ -216,10 +217,6 @@ bool ParseRequestHead(std::string_view bytes, RequestHead& head, ApiError& error
     if (!ReadHeader(lines[i], headers, head, error)) return false;
   }
   if (!ReadFraming(headers, head, error)) return false;
-  if (headers.authorizations > 1) {
-    error = Bad("Authorization is there twice");
-    return false;
-  }
   head.keep_alive = !old_version;
   for (const std::string& value : headers.connection) {
     for (const absl::string_view word : absl::StrSplit(value, ',')) {
@@ -237,6 +234,11 @@ bool ParseRequestHead(std::string_view bytes, RequestHead& head, ApiError& error
     }
     head.expects_continue = !old_version && head.has_body();
   }
+  if (headers.authorizations.size() > 1) {
+    error = Bad("Authorization is there twice");
+    return false;
+  }
+  if (!headers.authorizations.empty()) head.authorization = headers.authorizations[0];
   if (headers.types.size() > 1) {
     error = Bad("Content-Type is there twice");
     return false;
@@ -339,6 +341,7 @@ size_t BodyReader::Take(std::string_view bytes, std::string& body) {
 std::string_view HttpReason(int status) {
   switch (status) {
     case 400: return "Bad Request";
+    case 401: return "Unauthorized";
     case 403: return "Forbidden";
     case 408: return "Request Timeout";
     case 413: return "Content Too Large";
@@ -362,8 +365,10 @@ std::string RefusalBytes(const ApiError& error) {
   return absl::StrCat("HTTP/1.1 ", error.http, " ", absl::string_view(reason.data(), reason.size()),
                       "\r\nConnection: close\r\nContent-Type: application/json\r\nContent-Length: ",
                       body.size(),
-                      error.http == 429 || error.http == 503 ? "\r\nRetry-After: 1" : "",
-                      "\r\n\r\n", body);
+                      error.http == 429 || error.http == 503
+                          ? absl::StrCat("\r\nRetry-After: ", error.retry_after_s)
+                          : "",
+                      error.http == 401 ? "\r\nWWW-Authenticate: Bearer" : "", "\r\n\r\n", body);
 }
 
 }  // namespace myograde::server

@@ -22,6 +22,8 @@ struct RequestHead {
   std::string method;
   std::string path;          // without the query
   std::string content_type;  // lower case, without parameters; "" if there is none
+  // The value of the header Authorization; nullopt: there is none. It is not in `canonical`.
+  std::optional<std::string> authorization;
   bool keep_alive = true;
   bool expects_continue = false;
   bool chunked = false;
@@ -30,7 +32,8 @@ struct RequestHead {
   // nearest proxy added; "" if there is none.
   std::string forwarded_for;
   // The same request for the handlers, without the empty line at its end: HTTP/1.1, and
-  // without the headers that are about this connection, the framing, or parts of an answer.
+  // without the headers that are about this connection, who asks, the framing, or parts of an
+  // answer.
   std::string canonical;
 
   bool has_body() const { return chunked || length > 0; }

@@ -7,19 +7,21 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "protocol/base/mutex.h"
 
 namespace myograde::server {
 
 // A user of this host, "uid 1000", or an address of the network, "address 192.0.2.1"; the key is all
-// that limits know.
+// that limits on connections know.
 struct Peer {
   std::string key;
   bool organiser = false;  // has places kept free, and limits of its own
   uid_t uid = static_cast<uid_t>(-1);
   bool network = false;    // came over TCP
   bool proxy = false;      // forwards requests of others, and says whose
+  std::vector<gid_t> groups = {};  // of a user: as of the first of the present connections
 };
 
 // What a peer takes up at the moment, over all of its connections.

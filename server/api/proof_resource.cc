@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <memory>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -71,18 +72,31 @@ absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
       {"episodes", std::move(episodes)}};
 }
 
+// Two teams have the same log if they handed in the same policy.
+absl::Status RequireLog(Reader& reader, const std::string& hash, const absl::Status& missing) {
+  const std::set<std::string> teams = reader.TeamsOfLog(hash);
+  if (teams.empty()) return missing;
+  for (const std::string& team : teams) {
+    if (Caller().teams.contains(team)) return Require(team, missing);
+  }
+  return Require(*teams.begin(), missing);
+}
+
 }  // namespace
 
 void ProofResource::Install(Routes& routes) {
-  routes.Get(R"(/v1/submissions/(\d{1,18})/receipt)",
+  routes.Get(R"(/v1/submissions/(\d{1,18})/receipt)", Action::kReadReceipt,
              std::bind_front(&ProofResource::GetReceipt, this));
-  routes.Get("/v1/key", std::bind_front(&ProofResource::GetKey, this));
-  routes.GetFile(R"(/v1/logs/([0-9a-f]{64}))", std::bind_front(&ProofResource::SendLog, this));
+  routes.Get("/v1/key", Action::kReadKey, std::bind_front(&ProofResource::GetKey, this));
+  routes.GetFile(R"(/v1/logs/([0-9a-f]{64}))", Action::kReadLog,
+                 std::bind_front(&ProofResource::SendLog, this));
 }
 
 ApiResult ProofResource::GetReceipt(const httplib::Request& request) const {
   absl::StatusOr<nlohmann::json> receipt = absl::InternalError("");
-  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+  const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    const absl::Status own = RequireSubmission(reader, IdOf(request));
+    if (!own.ok()) return own;
     receipt = ReceiptOf(reader, IdOf(request));
     return receipt.status();
   });
@@ -103,15 +117,19 @@ ApiResult ProofResource::GetKey(const httplib::Request&) const {
 // The file as it is stored. Its name is a hash, so no path of a client's making is opened.
 std::optional<ApiError> ProofResource::SendLog(const httplib::Request& request,
                                                httplib::Response& response) const {
-  const std::string path =
-      absl::StrCat(context_.data_dir, "/logs/", LogFileName(request.matches[1]));
-  absl::Status sent = UnixHttpServer::AnswerWithFile(path, "application/zstd", response);
-  if (absl::IsNotFound(sent)) {
-    sent = absl::NotFoundError(absl::StrCat("there is no log ", std::string(request.matches[1]),
-                                            " here; it was never kept, or was removed"));
+  const std::string hash = request.matches[1];
+  const absl::Status missing = absl::NotFoundError(
+      absl::StrCat("there is no log ", hash, " here; it was never kept, or was removed"));
+  absl::Status sent = CallerIsOrganiser() ? absl::OkStatus()
+                                          : context_.readers.Read([&](Reader& reader) {
+                                              return RequireLog(reader, hash, missing);
+                                            });
+  if (sent.ok()) {
+    const std::string path = absl::StrCat(context_.data_dir, "/logs/", LogFileName(hash));
+    sent = UnixHttpServer::AnswerWithFile(path, "application/zstd", response);
   }
-  if (!sent.ok()) return ErrorOf(sent);
-  return std::nullopt;
+  if (sent.ok()) return std::nullopt;
+  return ErrorOf(absl::IsNotFound(sent) ? missing : sent);
 }
 
 }  // namespace myograde::server

@@ -5,6 +5,8 @@
 #include <iterator>
 #include <string>
 
+#include <absl/strings/str_cat.h>
+
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/store/quota.h"
@@ -41,6 +43,8 @@ void AddLedger(const Listed<LedgerRow>& ledger, Json& body) {
   body["unreadable"] = DamagedToJson(ledger.damaged);
 }
 
+std::string BudgetText(Budget budget) { return std::string(BudgetName(budget)); }
+
 // `track` "": on every one.
 Json QuotaOf(Reader& reader, const ApiContext& context, const std::string& team,
              const std::string& track) {
@@ -69,8 +73,8 @@ Json QuotaOf(Reader& reader, const ApiContext& context, const std::string& team,
 }  // namespace
 
 void QuotaResource::Install(Routes& routes) {
-  routes.Get("/v1/quota", std::bind_front(&QuotaResource::Get, this));
-  routes.Post("/v1/quota/grants", std::bind_front(&QuotaResource::Grant, this));
+  routes.Get("/v1/quota", Action::kReadQuota, std::bind_front(&QuotaResource::Get, this));
+  routes.Post("/v1/quota/grants", Action::kGrant, std::bind_front(&QuotaResource::Grant, this));
 }
 
 ApiResult QuotaResource::Get(const httplib::Request& request) const {
@@ -89,7 +93,8 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
   if (!track.empty()) status = context_.tracks.Find(track, "").status();
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer;
-  status = context_.readers.Read([&](Reader& reader) {
+  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    if (absl::Status own = RequireTeam(reader, asked); !own.ok()) return own;
     const std::string team = reader.TeamOf(asked);
     answer.body = QuotaOf(reader, context_, team, track);
     const Listed<LedgerRow> ledger = reader.Ledger(team, track, before, limit);
@@ -103,7 +108,6 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
 }
 
 ApiResult QuotaResource::Grant(const httplib::Request&, const Json& body) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   absl::StatusOr<NewGrant> grant = ParseGrant(body);
   if (!grant.ok()) return ErrorOf(grant.status());
   absl::Status status = context_.tracks.Find(grant->track, "").status();
@@ -121,6 +125,9 @@ ApiResult QuotaResource::Grant(const httplib::Request&, const Json& body) const 
     });
   }
   if (!status.ok()) return TeamErrorOf(status, grant->team);
+  NoteAct(absl::StrCat("team ", grant->team),
+          absl::StrCat(grant->amount, " more of ", BudgetText(grant->budget), " on ", grant->track,
+                       ": ", grant->why));
   return answer;
 }
 

@@ -21,16 +21,16 @@ bool IsHash(const std::string& text) {
   return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string::npos;
 }
 
+}  // namespace
+
 std::string ReadReason(ConfigReader& reader) {
-  const std::string reason = reader.String("reason");
+  std::string reason = reader.String("reason");
   if (!IsPlainText(reason, kMaxReasonBytes)) {
     reader.Fail("reason", absl::StrCat("must be 1 to ", kMaxReasonBytes,
                                        " bytes of text without control characters"));
   }
   return reason;
 }
-
-}  // namespace
 
 absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body) {
   ConfigReader reader(body, kWhere);

@@ -11,12 +11,16 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
+#include "protocol/base/config_reader.h"
 #include "server/admission/admission.h"
 #include "server/base/plain_text.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
+
+// The text at "reason", which is required.
+std::string ReadReason(ConfigReader& reader);
 
 absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body);
 

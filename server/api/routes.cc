@@ -7,9 +7,6 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/config_reader.h"
-#include "server/store/damage.h"
-#include "server/store/quota.h"
-#include "server/store/reader.h"
 
 namespace myograde::server {
 namespace {
@@ -22,7 +19,10 @@ void SendJson(httplib::Response& response, int http, const nlohmann::json& body)
 }
 
 void SendError(httplib::Response& response, const ApiError& error) {
-  if (error.http == 429 || error.http == 503) response.set_header("Retry-After", "1");
+  if (error.http == 429 || error.http == 503) {
+    response.set_header("Retry-After", absl::StrCat(error.retry_after_s));
+  }
+  if (error.http == 401) response.set_header("WWW-Authenticate", "Bearer");
   if (error.http >= 500) spdlog::warn("answered {}: {}", error.http, error.message);
   SendJson(response, error.http, {{"error", {{"code", error.code}, {"message", error.message}}}});
 }
@@ -35,96 +35,84 @@ void SendResult(httplib::Response& response, const ApiResult& result) {
   response.set_content(*answer.text, kJson);
 }
 
+// Runs `serve`, which fills in the response, if the caller may take the action at all.
+void ServeIfAdmitted(Guard& guard, Action action, const httplib::Request& request,
+                     httplib::Response& response, const std::function<void()>& serve) {
+  const auto admitted = guard.Admit(UnixHttpServer::RequestConnection(), action);
+  if (const auto* error = std::get_if<ApiError>(&admitted)) return SendError(response, *error);
+  CallerScope scope(std::get<Identity>(admitted), action, guard.log());
+  response.status = 200;
+  serve();
+  scope.Finish(request.method, request.path, response.status);
+}
+
 }  // namespace
 
-ApiError ErrorOf(const absl::Status& status) {
-  const std::string message(status.message());
-  const std::string code = ErrorCodeOf(status);
-  if (code == kDamagedRowCode) return {500, code, message};
-  const auto code_or = [&code](const char* usual) { return code.empty() ? usual : code; };
-  switch (status.code()) {
-    case absl::StatusCode::kInvalidArgument:
-      return {400, code_or("bad_request"), message};
-    case absl::StatusCode::kNotFound:
-      // With a code, it is not the resource that is missing, but something that the request names.
-      return {code.empty() ? 404 : 400, code_or("not_found"), message};
-    case absl::StatusCode::kFailedPrecondition:
-      return {409, code_or("conflict"), message};
-    case absl::StatusCode::kCancelled:
-      return {503, "stopping", message};
-    case absl::StatusCode::kDeadlineExceeded:
-      return {504, "deadline", message};
-    case absl::StatusCode::kUnavailable:
-      return {503, code_or("store"), message};
-    case absl::StatusCode::kPermissionDenied:
-    case absl::StatusCode::kResourceExhausted:
-    case absl::StatusCode::kDataLoss:
-      return {503, "store", message};
-    default:
-      return {500, "internal", message};
-  }
-}
-
-ApiError TeamErrorOf(const absl::Status& status, const std::string& team) {
-  ApiError error = ErrorOf(status);
-  const std::string other = ResembledTeam(status);
-  if (other.empty()) return error;
-  spdlog::info("a team \"{}\" was refused: it looks like team \"{}\"", team, other);
-  if (!OnlyOrganiser().has_value()) {
-    error.message = absl::StrCat("the team's name looks like that of team \"", other,
-                                 "\"; choose another name, or write that one exactly as it stands "
-                                 "here");
-  }
-  return error;
-}
-
-std::string CallerKey() { return UnixHttpServer::Caller().key; }
-
-std::optional<ApiError> OnlyOrganiser() {
-  if (UnixHttpServer::PeerIsOrganiser()) return std::nullopt;
-  return ApiError{403, "forbidden", "only root and the user that runs the daemon may do this"};
-}
-
-void Routes::Get(const std::string& pattern, Handler handler) {
-  server_.Get(pattern, [handler = std::move(handler)](const httplib::Request& request,
-                                                      httplib::Response& response) {
-    SendResult(response, handler(request));
+void Routes::Get(const std::string& pattern, Action action, Handler handler) {
+  guard_.AddAddress("GET", pattern, action);
+  server_.Get(pattern, [&guard = guard_, action, handler = std::move(handler)](
+                           const httplib::Request& request, httplib::Response& response) {
+    ServeIfAdmitted(guard, action, request, response,
+                    [&] { SendResult(response, handler(request)); });
   });
 }
 
-void Routes::GetFile(const std::string& pattern, FileHandler handler) {
-  server_.Get(pattern, [handler = std::move(handler)](const httplib::Request& request,
-                                                      httplib::Response& response) {
-    if (const auto error = handler(request, response)) SendError(response, *error);
+void Routes::GetFile(const std::string& pattern, Action action, FileHandler handler) {
+  guard_.AddAddress("GET", pattern, action);
+  server_.Get(pattern, [&guard = guard_, action, handler = std::move(handler)](
+                           const httplib::Request& request, httplib::Response& response) {
+    ServeIfAdmitted(guard, action, request, response, [&] {
+      if (const auto error = handler(request, response)) SendError(response, *error);
+    });
   });
 }
 
 // The body is there as a whole, within its limits; cpp-httplib would take it for a form, if it is
 // called one.
-void Routes::Post(const std::string& pattern, JsonHandler handler) {
-  server_.Post(pattern, [handler = std::move(handler)](const httplib::Request& request,
-                                                       httplib::Response& response,
-                                                       const httplib::ContentReader&) {
-    const absl::StatusOr<std::string> body = UnixHttpServer::RequestBody().Text();
-    if (!body.ok()) return SendError(response, ErrorOf(body.status()));
-    const absl::StatusOr<nlohmann::json> json = ParseJson(*body, "request");
-    if (!json.ok()) return SendError(response, ErrorOf(json.status()));
-    SendResult(response, handler(request, *json));
+void Routes::Post(const std::string& pattern, Action action, JsonHandler handler) {
+  guard_.AddAddress("POST", pattern, action);
+  server_.Post(pattern, [&guard = guard_, action, handler = std::move(handler)](
+                            const httplib::Request& request, httplib::Response& response,
+                            const httplib::ContentReader&) {
+    ServeIfAdmitted(guard, action, request, response, [&] {
+      const absl::StatusOr<std::string> body = UnixHttpServer::RequestBody().Text();
+      if (!body.ok()) return SendError(response, ErrorOf(body.status()));
+      const absl::StatusOr<nlohmann::json> json = ParseJson(*body, "request");
+      if (!json.ok()) return SendError(response, ErrorOf(json.status()));
+      SendResult(response, handler(request, *json));
+    });
   });
 }
 
-void Routes::PostUpload(const std::string& path, BodyRule rule, Handler handler) {
+void Routes::Delete(const std::string& pattern, Action action, Handler handler) {
+  guard_.AddAddress("DELETE", pattern, action);
+  server_.Delete(pattern, [&guard = guard_, action, handler = std::move(handler)](
+                              const httplib::Request& request, httplib::Response& response,
+                              const httplib::ContentReader&) {
+    ServeIfAdmitted(guard, action, request, response,
+                    [&] { SendResult(response, handler(request)); });
+  });
+}
+
+void Routes::PostUpload(const std::string& path, Action action, BodyRule rule, Handler handler) {
+  guard_.AddAddress("POST", path, action);
   server_.SetBodyRule(path, std::move(rule));
-  server_.Post(path, [handler = std::move(handler)](const httplib::Request& request,
-                                                    httplib::Response& response,
-                                                    const httplib::ContentReader&) {
-    SendResult(response, handler(request));
+  server_.Post(path, [&guard = guard_, action, handler = std::move(handler)](
+                         const httplib::Request& request, httplib::Response& response,
+                         const httplib::ContentReader&) {
+    ServeIfAdmitted(guard, action, request, response,
+                    [&] { SendResult(response, handler(request)); });
   });
 }
 
 void Routes::AddErrorAnswers() {
-  server_.set_error_handler([](const httplib::Request& request, httplib::Response& response) {
+  server_.set_error_handler([&guard = guard_](const httplib::Request& request,
+                                              httplib::Response& response) {
     if (!response.body.empty()) return;  // ours
+    if (const auto over = guard.AdmitUnknown(UnixHttpServer::RequestConnection())) {
+      response.status = over->http;
+      return SendError(response, *over);
+    }
     const char* code = response.status == 413 ? "too_large"
                        : response.status == 404 ? "not_found" : "bad_request";
     SendError(response, {response.status, code,

@@ -1,5 +1,6 @@
 // Binds addresses to handlers. A handler returns an answer or an error as a value; turning it into
-// an HTTP response happens here, in one place.
+// an HTTP response happens here, in one place. No handler runs whose caller may not take the
+// address's action.
 #pragma once
 
 #include <httplib.h>
@@ -10,10 +11,12 @@
 #include <string>
 #include <variant>
 
-#include <absl/status/status.h>
 #include <nlohmann/json.hpp>
 
 #include "server/api/api_error.h"
+#include "server/api/caller.h"
+#include "server/api/error_of.h"
+#include "server/api/guard.h"
 #include "server/api/unix_http_server.h"
 
 namespace myograde::server {
@@ -25,20 +28,8 @@ struct ApiAnswer {
 };
 using ApiResult = std::variant<ApiAnswer, ApiError>;
 
-// The entry of README.md's table of errors for a status: by its code (ErrorCodeOf of
-// store/quota.h) if it has one, otherwise by its kind.
-ApiError ErrorOf(const absl::Status& status);
-// The same for an operation that takes a team's name. Only organisers are told which existing team
-// a refused name looks like. Only inside handlers.
-ApiError TeamErrorOf(const absl::Status& status, const std::string& team);
-
-// The caller as the store's rows name it: "uid 1000". Only inside handlers.
-std::string CallerKey();
-// An error unless the caller is root or the daemon's own user. Only inside handlers.
-std::optional<ApiError> OnlyOrganiser();
-
 // Adds addresses to a server. A pattern is a regular expression that must match the whole path; its
-// groups are the request's `matches`.
+// groups are the request's `matches`. Handlers ask about teams with Require (caller.h).
 class Routes {
  public:
   using Handler = std::function<ApiResult(const httplib::Request&)>;
@@ -47,20 +38,22 @@ class Routes {
   using FileHandler =
       std::function<std::optional<ApiError>(const httplib::Request&, httplib::Response&)>;
 
-  // `server` must outlive it.
-  explicit Routes(UnixHttpServer& server) : server_(server) {}
+  // Both must outlive it.
+  Routes(UnixHttpServer& server, Guard& guard) : server_(server), guard_(guard) {}
 
-  void Get(const std::string& pattern, Handler handler);
-  void GetFile(const std::string& pattern, FileHandler handler);
+  void Get(const std::string& pattern, Action action, Handler handler);
+  void GetFile(const std::string& pattern, Action action, FileHandler handler);
   // The body is JSON.
-  void Post(const std::string& pattern, JsonHandler handler);
+  void Post(const std::string& pattern, Action action, JsonHandler handler);
+  void Delete(const std::string& pattern, Action action, Handler handler);
   // The body follows `rule`; the handler reads it from UnixHttpServer::RequestBody().
-  void PostUpload(const std::string& path, BodyRule rule, Handler handler);
+  void PostUpload(const std::string& path, Action action, BodyRule rule, Handler handler);
   // Sets the answers to requests that no handler matches, and to those whose handler throws.
   void AddErrorAnswers();
 
  private:
   UnixHttpServer& server_;
+  Guard& guard_;
 };
 
 }  // namespace myograde::server

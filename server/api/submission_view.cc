@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "server/api/caller.h"
 #include "server/api/views.h"
 
 namespace myograde::server {
@@ -32,7 +33,10 @@ absl::StatusOr<Json> HistoryToJson(Reader& reader, int64_t submission, int64_t e
                        {"from", TextOrNull(row.from)},
                        {"to", row.to},
                        {"who", row.who},
-                       {"why", TextOrNull(row.why)}});
+                       // Of a submission, it tells who else handed in the same bytes.
+                       {"why", row.entity == "submission" && !CallerIsOrganiser()
+                                   ? Json()
+                                   : TextOrNull(row.why)}});
   }
   return history;
 }

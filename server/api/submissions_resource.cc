@@ -8,6 +8,9 @@
 #include <utility>
 #include <vector>
 
+#include <absl/strings/str_cat.h>
+
+#include "server/api/founding.h"
 #include "server/api/requests.h"
 #include "server/api/submission_view.h"
 #include "server/api/views.h"
@@ -22,16 +25,20 @@ using Json = nlohmann::json;
 
 void SubmissionsResource::Install(Routes& routes) {
   using Self = SubmissionsResource;
-  routes.Get("/v1/submissions", std::bind_front(&Self::List, this));
-  routes.Get(R"(/v1/submissions/(\d{1,18}))", std::bind_front(&Self::Get, this));
-  routes.Post("/v1/submissions", std::bind_front(&Self::Submit, this));
-  routes.Post(R"(/v1/submissions/(\d{1,18})/cancel)", std::bind_front(&Self::Cancel, this));
-  routes.Post(R"(/v1/submissions/(\d{1,18})/marks)", std::bind_front(&Self::Mark, this));
+  routes.Get("/v1/submissions", Action::kReadSubmission, std::bind_front(&Self::List, this));
+  routes.Get(R"(/v1/submissions/(\d{1,18}))", Action::kReadSubmission,
+             std::bind_front(&Self::Get, this));
+  routes.Post("/v1/submissions", Action::kSubmit, std::bind_front(&Self::Submit, this));
+  routes.Post(R"(/v1/submissions/(\d{1,18})/cancel)", Action::kCancel,
+              std::bind_front(&Self::Cancel, this));
+  routes.Post(R"(/v1/submissions/(\d{1,18})/marks)", Action::kMark,
+              std::bind_front(&Self::Mark, this));
 }
 
 ApiResult SubmissionsResource::List(const httplib::Request& request) const {
   absl::StatusOr<SubmissionFilter> filter = ParseFilter(request);
   if (!filter.ok()) return ErrorOf(filter.status());
+  if (!CallerIsOrganiser()) filter->teams = Caller().teams;
   Json list = Json::array();
   Listed<SubmissionRow> found;
   bool more = false;
@@ -70,14 +77,22 @@ ApiResult SubmissionsResource::StatusAnswer(int64_t submission) const {
 }
 
 ApiResult SubmissionsResource::Get(const httplib::Request& request) const {
+  const absl::Status own = context_.readers.Read(
+      [&](Reader& reader) { return RequireSubmission(reader, IdOf(request)); });
+  if (!own.ok()) return ErrorOf(own);
   return StatusAnswer(IdOf(request));
 }
 
 ApiResult SubmissionsResource::Submit(const httplib::Request&, const Json& body) const {
-  const absl::StatusOr<SubmitRequest> request = ParseSubmit(body);
+  absl::StatusOr<SubmitRequest> request = ParseSubmit(body);
   if (!request.ok()) return ErrorOf(request.status());
+  absl::StatusOr<std::optional<Founding>> founding = FoundingFor(context_, request->team);
+  if (!founding.ok()) return ErrorOf(founding.status());
+  request->founding = *std::move(founding);
   const absl::StatusOr<Accepted> accepted = context_.admission.Submit(*request, CallerKey());
   if (!accepted.ok()) return TeamErrorOf(accepted.status(), request->team);
+  NoteAct(absl::StrCat("submission ", accepted->submission),
+          absl::StrCat("for team ", request->team, accepted->linked ? ", known already" : ""));
   ApiResult result = StatusAnswer(accepted->submission);
   if (auto* answer = std::get_if<ApiAnswer>(&result)) {
     answer->http = accepted->linked ? 200 : 201;
@@ -90,12 +105,15 @@ ApiResult SubmissionsResource::Cancel(const httplib::Request& request, const Jso
   const absl::StatusOr<std::string> reason = ParseCancel(body);
   if (!reason.ok()) return ErrorOf(reason.status());
   const int64_t id = IdOf(request);
-  absl::Status status =
-      context_.readers.Read([&](Reader& reader) { return reader.Submission(id).status(); });
+  absl::Status status = context_.readers.Read([&](Reader& reader) {
+    const absl::Status own = RequireSubmission(reader, id);
+    return own.ok() ? reader.Submission(id).status() : own;
+  });
   if (!status.ok()) return ErrorOf(status);
   const absl::StatusOr<CancelReport> report =
       context_.engine.Cancel(id, *reason, CallerKey(), context_.config.http.request);
   if (!report.ok()) return ErrorOf(report.status());
+  NoteAct(absl::StrCat("submission ", id), *reason);
   ApiResult result = StatusAnswer(id);
   auto* answer = std::get_if<ApiAnswer>(&result);
   if (answer == nullptr) return result;
@@ -113,7 +131,6 @@ ApiResult SubmissionsResource::Cancel(const httplib::Request& request, const Jso
 }
 
 ApiResult SubmissionsResource::Mark(const httplib::Request& request, const Json& body) const {
-  if (const auto error = OnlyOrganiser()) return *error;
   absl::StatusOr<MarkRequest> wanted = ParseMark(body);
   if (!wanted.ok()) return ErrorOf(wanted.status());
   const int64_t id = IdOf(request);
@@ -151,6 +168,9 @@ ApiResult SubmissionsResource::Mark(const httplib::Request& request, const Json&
     });
   }
   if (!status.ok()) return ErrorOf(status);
+  NoteAct(absl::StrCat("submission ", id),
+          absl::StrCat(wanted->set ? "" : "not ", wanted->mark,
+                       wanted->reason.empty() ? "" : ": ", wanted->reason));
   return answer;
 }
 

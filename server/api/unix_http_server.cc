@@ -99,13 +99,19 @@ class WholeRequest : public httplib::Stream {
   int64_t body_read_ = 0;
 };
 
-// Who is at the other end, as the kernel knows it.
-std::optional<Peer> PeerOf(int fd) {
-  ucred peer = {};
-  socklen_t size = sizeof(peer);
-  if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0) return std::nullopt;
-  const std::string key = PeerKey(peer.uid);
-  return Peer{key, IsOrganiser(key), peer.uid};
+// The groups of the user at the other end, but for the main one.
+std::vector<gid_t> GroupsOf(int fd) {
+  std::vector<gid_t> groups(64);
+  for (;;) {
+    auto size = static_cast<socklen_t>(groups.size() * sizeof(gid_t));
+    const int failed = getsockopt(fd, SOL_SOCKET, SO_PEERGROUPS, groups.data(), &size);
+    if (failed != 0 && errno == ERANGE && size > groups.size() * sizeof(gid_t)) {
+      groups.resize(size / sizeof(gid_t));
+      continue;
+    }
+    groups.resize(failed == 0 ? size / sizeof(gid_t) : 0);
+    return groups;
+  }
 }
 
 // Small numbers of workers are shared out so that no kind of work is left without one.
@@ -188,11 +194,20 @@ absl::Status UnixHttpServer::AnswerWithFile(const std::string& path, const char*
 
 void UnixHttpServer::AllowUploadTime() { current.deadline = Now() + current.upload; }
 
-Peer UnixHttpServer::Caller() { return current.caller; }
+Connection& UnixHttpServer::RequestConnection() { return *current.connection; }
 
-uid_t UnixHttpServer::PeerUid() { return current.connection->peer->peer.uid; }
-
-bool UnixHttpServer::PeerIsOrganiser() { return current.connection->peer->peer.organiser; }
+// Who is at the other end, as the kernel knows it.
+std::optional<Peer> UnixHttpServer::PeerOf(int fd) const {
+  ucred user = {};
+  socklen_t size = sizeof(user);
+  if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &user, &size) != 0) return std::nullopt;
+  const std::string key = PeerKey(user.uid);
+  Peer peer{
+      .key = key, .organiser = IsOrganiser(key), .uid = user.uid, .groups = GroupsOf(fd)};
+  peer.groups.push_back(user.gid);
+  if (is_organiser_ != nullptr && is_organiser_(peer)) peer.organiser = true;
+  return peer;
+}
 
 BodyRule UnixHttpServer::RuleOf(const RequestHead& head) const {
   const auto it = rules_.find(head.path);
@@ -235,7 +250,8 @@ absl::Status UnixHttpServer::Start(const std::string& path) {
   // cpp-httplib takes a server without a listener for one that stops, and cuts files off.
   svr_sock_ = listener_.get();
   for (int i = 0; i < limits_.workers; ++i) workers_.emplace_back([this] { Work(); });
-  std::vector<Listener> listeners = {{.fd = listener_.get(), .peer_of = PeerOf}};
+  std::vector<Listener> listeners = {
+      {.fd = listener_.get(), .peer_of = [this](int fd) { return PeerOf(fd); }}};
   if (network_ != nullptr) listeners.push_back(network_->listener());
   acceptor_ = std::thread(
       [this, listeners = std::move(listeners)]() mutable { gate_.Run(std::move(listeners)); });
@@ -246,7 +262,8 @@ void UnixHttpServer::Work() {
   while (std::optional<Job> job = queue_.Pop()) {
     Connection& connection = *job->connection;
     if (job->work == WorkKind::kDisk || job->work == WorkKind::kHandshake) {
-      connection.next = connection.Work(job->work, {spool_, limits_.disk_reserve, &budget_});
+      connection.next =
+          connection.Work(job->work, {spool_, limits_.disk_reserve, &budget_, admit_});
     } else {
       Serve(connection);
     }

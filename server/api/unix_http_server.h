@@ -8,8 +8,10 @@
 #include <sys/types.h>
 
 #include <atomic>
+#include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -30,6 +32,15 @@ class UnixHttpServer : public httplib::Server {
   UnixHttpServer(const HttpLimits& limits, std::string spool);
   ~UnixHttpServer() override;
 
+  // Who of this host's users is an organiser, besides root and the user that runs this process: has
+  // places kept free. Before Start.
+  void SetOrganisers(std::function<bool(const Peer&)> is_organiser) {
+    is_organiser_ = std::move(is_organiser);
+  }
+  // Asked before a large body is received. Before Start.
+  void SetAdmit(std::function<std::optional<ApiError>(Connection&)> admit) {
+    admit_ = std::move(admit);
+  }
   // What `path` takes for a body; every other address takes JSON of `body_bytes`
   // bytes. Before Start.
   void SetBodyRule(const std::string& path, BodyRule rule) { rules_[path] = std::move(rule); }
@@ -63,22 +74,22 @@ class UnixHttpServer : public httplib::Server {
   // Gives the client more time to take a long answer: `limits.upload` in place of
   // `limits.request`.
   static void AllowUploadTime();
-  // Who asks: the peer, or whom the proxy says that it forwards.
-  static Peer Caller();
-  // The caller's user id as the kernel knows it; -1 if it came over the network.
-  static uid_t PeerUid();
-  // Whether the caller is root or the user that runs this process.
-  static bool PeerIsOrganiser();
+  // The connection of the request that this thread handles: who is at its other end, and the
+  // request's head.
+  static Connection& RequestConnection();
 
  private:
   absl::Status Bind(const std::string& path);
   BodyRule RuleOf(const RequestHead& head) const;
+  std::optional<Peer> PeerOf(int fd) const;
   void Work();
   void Serve(Connection& connection);
 
   const HttpLimits limits_;
   const std::string spool_;
   std::map<std::string, BodyRule> rules_;
+  std::function<bool(const Peer&)> is_organiser_;
+  std::function<std::optional<ApiError>(Connection&)> admit_;
   SpoolBudget budget_;
   WorkQueue queue_;
   Gate gate_;

@@ -1,34 +1,44 @@
 #include "server/api/whoami_resource.h"
 
 #include <functional>
-#include <string>
 
-#include "server/access/access.h"
+#include "server/api/requests.h"
+#include "server/api/views.h"
 
 namespace myograde::server {
 namespace {
 
 using Json = nlohmann::json;
 
-Role RoleOf(const Peer& caller) {
-  if (caller.organiser) return Role::kOperator;
-  return caller.network ? Role::kPublic : Role::kParticipant;
-}
-
 }  // namespace
 
 void WhoamiResource::Install(Routes& routes) {
-  routes.Get("/v1/whoami", std::bind_front(&WhoamiResource::Whoami, this));
+  routes.Get("/v1/whoami", Action::kReadApi, std::bind_front(&WhoamiResource::Whoami, this));
 }
 
-ApiResult WhoamiResource::Whoami(const httplib::Request&) const {
-  const Peer caller = UnixHttpServer::Caller();
+ApiResult WhoamiResource::Whoami(const httplib::Request& request) const {
+  absl::Status status = CheckParameters(request, {});
+  if (!status.ok()) return ErrorOf(status);
+  const Identity& caller = Caller();
+  Json token;
+  if (caller.token != 0) {
+    status = context_.readers.Read([&](Reader& reader) {
+      const absl::StatusOr<TokenRow> row = reader.Token(caller.token);
+      if (row.ok()) {
+        token = {{"id", row->id},
+                 {"label", row->label},
+                 {"expires_at", TimeToJson(row->expires_at)}};
+      }
+      return row.status();
+    });
+  }
+  if (!status.ok()) return ErrorOf(status);
   return ApiAnswer{200,
-                   {{"role", std::string(RoleName(RoleOf(caller)))},
-                    {"teams", Json::array()},
-                    {"token", nullptr},
+                   {{"role", RoleName(caller.role)},
+                    {"teams", caller.teams},
+                    {"token", std::move(token)},
                     {"caller", caller.key},
-                    {"remote", caller.network}}};
+                    {"remote", caller.remote}}};
 }
 
 }  // namespace myograde::server

@@ -8,6 +8,8 @@
 
 #include "protocol/base/config_reader.h"
 #include "server/base/ip_address.h"
+#include "server/base/names.h"
+#include "server/base/plain_text.h"
 
 namespace myograde::server {
 namespace {
@@ -150,6 +152,10 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
       IntegerOr(reader, "peer_spool_bytes", 4 * archive, archive, 1024 * kTiB);
   limits.disk_reserve = config.artefacts.disk_reserve;
   limits.large_uploads = config.artefacts.uploads;
+  if (reader.Has("requests_per_s")) {
+    limits.requests_per_s = reader.Number("requests_per_s", {0.01, 1e6});
+  }
+  if (reader.Has("burst")) limits.burst = reader.Number("burst", {1, 1e6});
   const std::string mode = reader.String("socket_mode");
   if (mode.size() != 4 || mode[0] != '0' ||
       mode.find_first_not_of("01234567") != std::string::npos) {
@@ -162,6 +168,51 @@ absl::Status ReadHttp(const nlohmann::json& json, const std::string& where, Serv
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   return listens ? ReadListen(json["listen"], absl::StrCat(where, ": listen"), config)
                  : absl::OkStatus();
+}
+
+absl::StatusOr<UserRule> ReadUserRule(const nlohmann::json& json, const std::string& where) {
+  constexpr int64_t kMostId = 4'294'967'294;  // the last of 32 bits stands for none
+  ConfigReader reader(json, where);
+  UserRule rule;
+  int named = 0;
+  for (const char* key : {"uid", "user", "gid", "group"}) named += reader.Has(key) ? 1 : 0;
+  if (reader.Has("uid")) rule.uid = static_cast<uid_t>(reader.Integer("uid", 0, kMostId));
+  if (reader.Has("gid")) rule.gid = static_cast<gid_t>(reader.Integer("gid", 0, kMostId));
+  if (reader.Has("user")) rule.user = reader.String("user");
+  if (reader.Has("group")) rule.group = reader.String("group");
+  rule.role = ParseRole(reader.Choice("role", {"participant", "organiser", "operator"}))
+                  .value_or(Role::kPublic);
+  if (reader.Has("team")) rule.team = reader.String("team");
+  const std::string who = !rule.user.empty() ? rule.user : rule.group;
+  if (named != 1) {
+    reader.Fail("uid", "stands for whom: give exactly one of \"uid\", \"user\", \"gid\" and "
+                       "\"group\"");
+  } else if (!rule.uid && !rule.gid && !IsPlainText(who, kMaxNameBytes)) {
+    reader.Fail(rule.user.empty() ? "group" : "user", "must be a name");
+  } else if (rule.role != Role::kParticipant && !rule.team.empty()) {
+    reader.Fail("team", "is of participants only; organisers act for every team");
+  } else if (reader.Has("team") && !IsPlainText(rule.team, kMaxNameBytes)) {
+    reader.Fail("team", absl::StrCat("must be 1 to ", kMaxNameBytes, " bytes of text"));
+  }
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return rule;
+}
+
+absl::Status ReadAccess(const nlohmann::json& json, const std::string& where,
+                        ServerConfig& config) {
+  ConfigReader reader(json, where);
+  AccessConfig& access = config.access;
+  access.teams_of_a_user =
+      IntegerOr(reader, "teams_of_a_user", access.teams_of_a_user, 1, kMany);
+  const nlohmann::json users =
+      reader.Has("users") ? reader.Array("users") : nlohmann::json::array();
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  for (size_t i = 0; i < users.size(); ++i) {
+    absl::StatusOr<UserRule> rule = ReadUserRule(users[i], absl::StrCat(where, ": users[", i, "]"));
+    if (!rule.ok()) return rule.status();
+    access.users.push_back(*std::move(rule));
+  }
+  return absl::OkStatus();
 }
 
 absl::Status ReadReruns(const nlohmann::json& json, const std::string& where,
@@ -266,7 +317,10 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   const nlohmann::json& retention = reader.Object("retention");
   const nlohmann::json reruns =
       reader.Has("reruns") ? reader.Object("reruns") : nlohmann::json::object();
+  const nlohmann::json access =
+      reader.Has("access") ? reader.Object("access") : nlohmann::json::object();
   absl::Status status = reader.Finish();
+  if (status.ok()) status = ReadAccess(access, path + ": access", config);
   if (status.ok()) status = ReadRuntimes(runtimes, path + ": runtimes", cache_dir, config);
   if (status.ok()) status = ReadScheduler(scheduler, path + ": scheduler", config);
   if (status.ok()) status = ReadArtefacts(artefacts, path + ": artefacts", config);

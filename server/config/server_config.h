@@ -11,6 +11,7 @@
 #include <absl/time/time.h>
 
 #include "protocol/lease/track_config.h"
+#include "server/access/identity.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
 #include "server/store/store.h"
@@ -25,7 +26,7 @@ struct HttpLimits {
   absl::Duration idle;
   int64_t body_bytes = 0;
   unsigned socket_mode = 0600;
-  // Organisers are root and the user that runs the daemon.
+  // Organisers are root, the user that runs the daemon, and those that `access` names.
   int organiser_workers = 4;       // of `workers`; at most half of them
   int organiser_clients = 16;      // of `clients`
   int peer_clients = 128;          // connections per user who is not an organiser
@@ -36,6 +37,8 @@ struct HttpLimits {
   absl::Duration speed_window = absl::Seconds(30);
   int64_t spool_bytes = int64_t{32} << 30;  // request bodies on disk: total, and per user
   int64_t peer_spool_bytes = int64_t{16} << 30;
+  double requests_per_s = 100;     // per caller who is not an organiser: on average, and at once
+  double burst = 1000;
   int64_t disk_reserve = 0;        // UploadLimits::disk_reserve
   int large_uploads = 1;           // UploadLimits::uploads
 
@@ -98,6 +101,7 @@ struct ServerConfig {
   std::map<std::string, std::string> runtimes;  // name to host folder
   UploadLimits artefacts;
   HttpLimits http;
+  AccessConfig access;  // names not resolved yet (user_names.h)
   std::optional<ListenConfig> listen;  // nullopt: no door to the network
   QuotaConfig quota;
   RerunLimits reruns;

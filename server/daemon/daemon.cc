@@ -20,6 +20,7 @@
 #include "protocol/base/file.h"
 #include "server/admission/admission.h"
 #include "server/api/api.h"
+#include "server/config/user_names.h"
 #include "server/engine/engine.h"
 #include "server/engine/retention.h"
 #include "server/engine/standings.h"
@@ -199,6 +200,8 @@ absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
   absl::StatusOr<ServerConfig> server =
       LoadServerConfig(options.configs_dir + "/server.json", options.cache_dir);
   if (!server.ok()) return server.status();
+  absl::Status named = ResolveNames(options.configs_dir + "/server.json", server->access);
+  if (!named.ok()) return named;
   if (server->listen.has_value()) {
     const absl::Status usable = CheckCertificate(*server->listen);
     if (!usable.ok()) return usable;
@@ -258,6 +261,11 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
                        .reference =
                            [&](absl::Duration timeout) { return reference.Result(timeout); }},
                       tracks, engine, readers, clock);
+  AccessLog access_log(
+      [&](AccessLog::Change change) {
+        return engine.Change(std::move(change), config.http.request);
+      },
+      clock);
   Api api({.config = config,
            .data_dir = options.data_dir,
            .cache_dir = options.cache_dir,
@@ -266,6 +274,7 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
            .engine = engine,
            .readers = readers,
            .receipts_key = receipts_key,
+           .access_log = access_log,
            .clock = clock,
            .started_at = clock.Now(),
            .began = clock.Monotonic()});
@@ -276,6 +285,7 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   }
   if (absl::Status status = server.Start(options.socket); !status.ok()) return status;
   server_to_stop = &server;
+  access_log.Start();
   const NetworkGuard network(options.data_dir + "/listen", server.NetworkUrl());
   const Retention retention(config.retention, options.data_dir, engine, readers, clock);
   spdlog::info("listening on {}, {} slots, {} tracks", options.socket,
@@ -285,6 +295,14 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   EndSoon(status.ok() ? 0 : 4);
   server_to_stop = nullptr;
   server.Shutdown();
+  access_log.Stop();
+  // The engine, the store's only writer until now, has ended.
+  const absl::Status recorded = access_log.WriteAll(
+      [&](AccessLog::Change change) { return (*store)->Write(change); });
+  if (!recorded.ok()) {
+    spdlog::error("the last denied requests and acts are not recorded: {}",
+                  std::string(recorded.message()));
+  }
   spdlog::info("stopped");
   return status;
 }

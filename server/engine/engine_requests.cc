@@ -4,6 +4,20 @@
 #include "server/engine/engine.h"
 
 namespace myograde::server {
+namespace {
+
+// Makes the submitter the first member of the submission's team, where that is asked for.
+absl::Status Found(Writer& writer, const NewSubmission& submission) {
+  if (!submission.founding.has_value()) return absl::OkStatus();
+  const Founding& founding = *submission.founding;
+  if (founding.needed) return writer.FoundTeam(submission.team, founding.person, founding.most);
+  const absl::Status status = writer.Part([&](Writer& part) {
+    return part.FoundTeam(submission.team, founding.person, founding.most);
+  });
+  return absl::IsFailedPrecondition(status) ? absl::OkStatus() : status;
+}
+
+}  // namespace
 
 absl::Status Engine::Ask(StoreChange change, std::function<absl::Status()> effect,
                          absl::Duration timeout) {
@@ -54,6 +68,7 @@ absl::StatusOr<Accepted> Engine::Submit(const NewSubmission& submission,
     if (absl::Status status = HasArtefactFiles(data_dir_, submission.artefact); !status.ok()) {
       return status;
     }
+    if (absl::Status status = Found(writer, submission); !status.ok()) return status;
     return writer.Accept(submission, rules, who);
   }, timeout);
 }

@@ -19,7 +19,8 @@ constexpr char kOfficial[] =
 // If another team has submitted the same bytes, the audit row says so, for the organiser.
 std::string SameAs(SQLite::Database& db, const NewSubmission& submission) {
   SQLite::Statement select(
-      db, "SELECT s.id, t.name FROM submission AS s JOIN team AS t ON t.id = s.team_id "
+      db, "SELECT s.id, t.name FROM submission AS s JOIN team AS o ON o.id = s.team_id "
+          "JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
           "WHERE s.artefact = ? AND t.name != ? ORDER BY s.id LIMIT 1");
   SQLite::bind(select, submission.artefact, submission.team);
   if (!select.executeStep()) return "";
@@ -59,6 +60,8 @@ absl::Status AddContent(SQLite::Database& db, const NewSubmission& submission, i
 
 absl::Status Writer::AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
                                const UnsubmittedLimits& limits) {
+  if (absl::Status status = CheckNotBanned(db_, upload.team); !status.ok()) return status;
+  const std::string team = KnownTeam(db_, upload.team);
   SQLite::Statement submitted(db_, "SELECT 1 FROM submission WHERE artefact = ? LIMIT 1");
   submitted.bind(1, artefact.hash);
   if (submitted.executeStep()) return absl::OkStatus();
@@ -87,14 +90,14 @@ absl::Status Writer::AddUpload(const ArtefactRow& artefact, const NewUpload& upl
     status = check("u.uploader", upload.uploader, upload.uploader, limits.of_one,
                    limits.bytes_of_one);
   }
-  if (status.ok() && !upload.organiser && !upload.team.empty()) {
-    status = check("u.team", upload.team, absl::StrCat("team \"", upload.team, "\""),
+  if (status.ok() && !upload.organiser && !team.empty()) {
+    status = check("u.team", team, absl::StrCat("team \"", team, "\""),
                    limits.of_one, limits.bytes_of_one);
   }
   if (!status.ok()) return status;
   SQLite::Statement insert(db_, "INSERT INTO upload (artefact, uploader, team, at) "
                                 "VALUES (?, ?, ?, ?)");
-  SQLite::bind(insert, artefact.hash, upload.uploader, upload.team, now_ms_);
+  SQLite::bind(insert, artefact.hash, upload.uploader, team, now_ms_);
   insert.exec();
   return absl::OkStatus();
 }
@@ -139,9 +142,8 @@ absl::Status Writer::CheckReruns(int64_t submission, const std::string& who, boo
 absl::StatusOr<std::optional<Accepted>> Writer::FindOfficial(const NewSubmission& submission,
                                                              const AdmissionRules& rules) {
   SQLite::Statement own(
-      db_, absl::StrCat(kOfficial, "AND s.team_id = (SELECT id FROM team WHERE name = ?) "
-                        "ORDER BY s.id LIMIT 1"));
-  SQLite::bind(own, submission.artefact, submission.config, submission.team);
+      db_, absl::StrCat(kOfficial, "AND s.team_id IN ", RowsOfTeam(3), " ORDER BY s.id LIMIT 1"));
+  SQLite::bind(own, submission.artefact, submission.config, KnownTeamId(db_, submission.team));
   if (own.executeStep()) {
     return std::optional(Accepted{.submission = own.getColumn(0).getInt64(),
                                   .evaluation = own.getColumn(1).getInt64(),
@@ -171,6 +173,7 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
   // In this transaction, so that of two names that look alike the second is rejected.
   absl::StatusOr<std::string> team = TeamNamed(db_, asked.team);
   if (!team.ok()) return team.status();
+  if (absl::Status status = CheckNotBanned(db_, *team); !status.ok()) return status;
   NewSubmission submission = asked;
   submission.team = *std::move(team);
   if (submission.ranked) {
@@ -185,14 +188,13 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
       !status.ok()) {
     return status;
   }
-  AddTeam(db_, submission.team, now_ms_);
+  const int64_t team_id = AddTeam(db_, submission.team, now_ms_, who);
   if (absl::Status status = AddContent(db_, submission, now_ms_); !status.ok()) return status;
   SQLite::Statement insert(
       db_,
       "INSERT INTO submission (team_id, artefact, track, profile, config, seeds, ranked, "
-      "accepted_by, accepted_at) VALUES ((SELECT id FROM team WHERE name = ?), "
-      "?, ?, ?, ?, ?, ?, ?, ?)");
-  SQLite::bind(insert, submission.team, submission.artefact, submission.track, submission.profile,
+      "accepted_by, accepted_at) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)");
+  SQLite::bind(insert, team_id, submission.artefact, submission.track, submission.profile,
                submission.config, submission.seeds, submission.ranked ? 1 : 0, who, now_ms_);
   insert.exec();
   const int64_t id = db_.getLastInsertRowid();
@@ -200,7 +202,8 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
   upload.bind(1, submission.artefact);
   upload.exec();
   SQLite::Statement admission(
-      db_, "INSERT INTO admission SELECT id, team_id, track, ?, ? FROM submission WHERE id = ?");
+      db_, "INSERT INTO admission (submission, team_id, track, budget, day) "
+           "SELECT id, team_id, track, ?, ? FROM submission WHERE id = ?");
   SQLite::bind(admission, std::string(BudgetName(budget)), use.day, id);
   admission.exec();
   if (absl::Status status =

@@ -52,11 +52,11 @@ absl::Status Writer::ChargeFailure(const std::string& team, const std::string& t
                                    const std::string& who, const std::string& why) {
   const absl::StatusOr<std::string> name = TeamNamed(db_, team);
   if (!name.ok()) return name.status();
-  AddTeam(db_, *name, now_ms_);
+  const int64_t id = AddTeam(db_, *name, now_ms_, who);
   SQLite::Statement insert(
       db_, "INSERT INTO ledger (at, day, team_id, track, budget, entry, amount, who, why) "
-           "VALUES (?, ?, (SELECT id FROM team WHERE name = ?), ?, 'failed', 'charge', 1, ?, ?)");
-  SQLite::bind(insert, now_ms_, QuotaDay(db_, now_ms_), *name, track, who, why);
+           "VALUES (?, ?, ?, ?, 'failed', 'charge', 1, ?, ?)");
+  SQLite::bind(insert, now_ms_, QuotaDay(db_, now_ms_), id, track, who, why);
   insert.exec();
   return absl::OkStatus();
 }
@@ -64,11 +64,11 @@ absl::Status Writer::ChargeFailure(const std::string& team, const std::string& t
 absl::Status Writer::Grant(const NewGrant& grant, const std::string& who) {
   const absl::StatusOr<std::string> name = TeamNamed(db_, grant.team);
   if (!name.ok()) return name.status();
-  AddTeam(db_, *name, now_ms_);
+  const int64_t id = AddTeam(db_, *name, now_ms_, who);
   SQLite::Statement insert(
       db_, "INSERT INTO ledger (at, day, team_id, track, budget, entry, amount, who, why) "
-           "VALUES (?, ?, (SELECT id FROM team WHERE name = ?), ?, ?, 'grant', ?, ?, ?)");
-  SQLite::bind(insert, now_ms_, QuotaDay(db_, now_ms_), *name, grant.track,
+           "VALUES (?, ?, ?, ?, ?, 'grant', ?, ?, ?)");
+  SQLite::bind(insert, now_ms_, QuotaDay(db_, now_ms_), id, grant.track,
                std::string(BudgetName(grant.budget)), grant.amount, who, grant.why);
   insert.exec();
   return absl::OkStatus();
@@ -111,10 +111,11 @@ StoredRow LedgerRowOf(SQLite::Statement& select, LedgerRow& entry) {
 Listed<LedgerRow> Reader::Ledger(const std::string& team, const std::string& track,
                                  int64_t before, int64_t limit) {
   SQLite::Statement select(
-      db_, "SELECT l.id, l.at, l.day, l.track, l.budget, l.entry, l.amount, l.submission, l.who, "
-           "l.why FROM ledger AS l WHERE l.team_id = (SELECT id FROM team WHERE name = ?1) AND "
-           "(?2 = '' OR l.track = ?2) AND l.id < ?3 ORDER BY l.id DESC LIMIT ?4");
-  SQLite::bind(select, team, track, before, limit);
+      db_, absl::StrCat(
+               "SELECT l.id, l.at, l.day, l.track, l.budget, l.entry, l.amount, l.submission, "
+               "l.who, l.why FROM ledger AS l WHERE l.team_id IN ", RowsOfTeam(1), " AND "
+               "(?2 = '' OR l.track = ?2) AND l.id < ?3 ORDER BY l.id DESC LIMIT ?4"));
+  SQLite::bind(select, KnownTeamId(db_, team), track, before, limit);
   LedgerRow empty;
   empty.team = team;
   return ListOf(select, empty, LedgerRowOf);

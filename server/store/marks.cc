@@ -144,9 +144,10 @@ int64_t Reader::BoardChanges() {
 Listed<StandingRow> Reader::Standings(const std::string& config) {
   SQLite::Statement select(
       db_, "SELECT s.id, e.id, t.name, a.name, v.aggregate_json, v.successes, v.episodes, "
-           "v.names, v.numbers, s.team_id, s.artefact, e.state "
-           "FROM submission AS s "
-           "LEFT JOIN team AS t ON t.id = s.team_id LEFT JOIN artefact AS a ON a.hash = s.artefact "
+           "v.names, v.numbers, s.team_id, s.artefact, e.state, t.banned "
+           "FROM submission AS s LEFT JOIN team AS o ON o.id = s.team_id "
+           "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
+           "LEFT JOIN artefact AS a ON a.hash = s.artefact "
            "LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
            "LEFT JOIN standing AS v ON v.evaluation = e.id "
            "WHERE s.config = ? AND s.ranked = 1 AND (e.state IN ('queued', 'running', 'failed', "
@@ -163,12 +164,14 @@ Listed<StandingRow> Reader::Standings(const std::string& config) {
     (void)row.Named(11, ParseEvaluationState);
     row.Joined("team", 9);
     standing.team = row.Text(2);
+    const bool banned = row.Flag(12);
     row.Joined("artefact", 10);
     standing.artefact_name = row.Text(3);
     if (!row.ok()) {
       listed.damaged.push_back(*row.damage());
       continue;
     }
+    if (banned) continue;
     ReadView(select, standing.standing);
     listed.rows.push_back(std::move(standing));
   }

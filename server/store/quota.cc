@@ -8,6 +8,7 @@
 #include <absl/time/time.h>
 
 #include "server/base/counted.h"
+#include "server/store/teams.h"
 
 namespace myograde::server {
 namespace {
@@ -29,18 +30,13 @@ std::string CountedUnits(int64_t count, Budget budget) {
   return Counted(count, "failed try", "failed tries");
 }
 
-int64_t TeamId(SQLite::Database& db, const std::string& team) {
-  SQLite::Statement select(db, "SELECT id FROM team WHERE name = ?");
-  select.bind(1, team);
-  return select.executeStep() ? select.getColumn(0).getInt64() : -1;
-}
-
 void AddLedger(SQLite::Database& db, int64_t team, const std::string& track, QuotaUse& use) {
   // Unreadable entries count for nothing; the ledger reports them.
   SQLite::Statement select(
-      db, "SELECT budget, entry, sum(amount), sum(amount * (day = ?)) FROM ledger "
-          "WHERE team_id = ? AND track = ? AND typeof(amount) = 'integer' AND "
-          "amount BETWEEN 1 AND ? GROUP BY budget, entry");
+      db, absl::StrCat("SELECT budget, entry, sum(amount), sum(amount * (day = ?1)) FROM ledger "
+                       "WHERE team_id IN ", RowsOfTeam(2), " AND track = ?3 AND "
+                       "typeof(amount) = 'integer' AND amount BETWEEN 1 AND ?4 "
+                       "GROUP BY budget, entry"));
   SQLite::bind(select, use.day, team, track, kMostUnits);
   while (select.executeStep()) {
     const std::optional<Budget> budget = ParseBudget(select.getColumn(0).getString());
@@ -58,10 +54,11 @@ void AddLedger(SQLite::Database& db, int64_t team, const std::string& track, Quo
 
 void AddOpen(SQLite::Database& db, int64_t team, const std::string& track, QuotaUse& use) {
   SQLite::Statement select(
-      db, "SELECT a.budget, a.day = ?, e.state = 'queued', EXISTS (SELECT 1 FROM ledger AS l "
-          "WHERE l.submission = a.submission AND l.entry = 'charge') "
-          "FROM admission AS a JOIN evaluation AS e ON e.submission = a.submission AND "
-          "e.kind = 'original' WHERE a.team_id = ? AND a.track = ? AND e.finished_at IS NULL");
+      db, absl::StrCat("SELECT a.budget, a.day = ?1, e.state = 'queued', EXISTS (SELECT 1 FROM "
+                       "ledger AS l WHERE l.submission = a.submission AND l.entry = 'charge') "
+                       "FROM admission AS a JOIN evaluation AS e ON e.submission = a.submission "
+                       "AND e.kind = 'original' WHERE a.team_id IN ", RowsOfTeam(2),
+                       " AND a.track = ?3 AND e.finished_at IS NULL"));
   SQLite::bind(select, use.day, team, track);
   while (select.executeStep()) {
     use.waiting += select.getColumn(2).getInt64();
@@ -131,7 +128,7 @@ QuotaUse ReadQuotaUse(SQLite::Database& db, const std::string& team, const std::
                       int64_t now_ms) {
   QuotaUse use;
   use.day = QuotaDay(db, now_ms);
-  const int64_t id = TeamId(db, team);
+  const int64_t id = KnownTeamId(db, team);
   AddLedger(db, id, track, use);
   AddOpen(db, id, track, use);
   return use;

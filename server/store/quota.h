@@ -87,6 +87,10 @@ absl::Status CheckQuota(const QuotaUse& use, const QuotaLimits& limits, Budget b
 absl::Status CheckFailures(const QuotaUse& use, const QuotaLimits& limits, const std::string& team,
                            const std::string& track);
 
+// Codes of things that a team or a person may not do.
+inline constexpr char kBannedCode[] = "banned";
+inline constexpr char kForbiddenCode[] = "forbidden";
+
 // Attaches the API's error code to a status, where it is not the usual one of the status code.
 absl::Status WithErrorCode(absl::Status status, std::string_view code);
 std::string ErrorCodeOf(const absl::Status& status);  // "" if it has none

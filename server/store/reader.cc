@@ -1,7 +1,9 @@
 #include "server/store/reader.h"
 
 #include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
 
+#include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
@@ -17,7 +19,9 @@ constexpr size_t kKept = 16;
 
 constexpr char kSubmissionColumns[] =
     "SELECT s.id, t.name, s.artefact, a.name, s.track, s.profile, s.config, s.seeds, s.ranked, "
-    "s.accepted_at, s.team_id, s.accepted_by FROM submission AS s LEFT JOIN team AS t ON t.id = s.team_id "
+    "s.accepted_at, s.team_id, s.accepted_by FROM submission AS s "
+    "LEFT JOIN team AS o ON o.id = s.team_id "
+    "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
     "LEFT JOIN artefact AS a ON a.hash = s.artefact ";
 
 constexpr char kEvaluationColumns[] =
@@ -160,10 +164,12 @@ Listed<SubmissionRow> Reader::Submissions(const SubmissionFilter& filter) {
                         "WHERE s.id < ?1 AND (?2 = '' OR t.name = ?2) AND (?3 = '' OR s.track = ?3)"
                         " AND (?4 = '' OR s.profile = ?4) AND (?5 = '' OR EXISTS (SELECT 1 FROM "
                         "evaluation AS e WHERE e.submission = s.id AND e.kind = 'original' AND "
-                        "e.state = ?5)) ORDER BY s.id DESC LIMIT ?6"));
+                        "e.state = ?5)) AND (?7 = '' OR t.name IN (SELECT value FROM json_each(?7)))"
+                        " ORDER BY s.id DESC LIMIT ?6"));
   SQLite::bind(select, filter.before, filter.team, filter.track, filter.profile,
                filter.state ? std::string(EvaluationStateName(*filter.state)) : std::string(),
-               filter.limit);
+               filter.limit,
+               filter.teams ? CanonicalJson(nlohmann::json(*filter.teams)) : std::string());
   return ListOf<SubmissionRow>(select, {}, SubmissionOf);
 }
 

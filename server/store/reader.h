@@ -31,6 +31,7 @@ struct SubmissionFilter {
   std::string track = "";
   std::string profile = "";
   std::optional<EvaluationState> state = std::nullopt;  // of the original evaluation
+  std::optional<std::set<std::string>> teams = std::nullopt;  // only theirs
   int64_t before = INT64_MAX;            // only ids below
   int64_t limit = 100;
 };
@@ -75,10 +76,40 @@ class Reader {
   int64_t RankedElsewhere(const std::string& track, const std::string& profile,
                           const std::string& config);
 
-  // Whether a submission by this team would be rejected for its name; errors as of Writer::Accept.
+  // Whether a submission by this team would be rejected for its name, or because it is banned;
+  // errors as of Writer::Accept.
   absl::Status CheckTeam(const std::string& team);
-  // The stored name of the team called `name`; `name` itself if there is none.
+  // The stored name of the team called `name`, now or formerly; `name` itself if there is none.
   std::string TeamOf(const std::string& name);
+  // The teams that a person belongs to: "uid 1000". An unreadable membership is none.
+  std::set<std::string> TeamsOf(const std::string& person);
+  // The team called `name`, now or formerly: never one that was merged into another.
+  absl::StatusOr<TeamRow> Team(const std::string& name);
+  // All teams by name, with those that were merged.
+  Listed<TeamRow> Teams();
+  // By person.
+  Listed<MemberRow> Members(const std::string& team);
+  // Oldest first, with those of the teams that were merged into it.
+  Listed<TeamEventRow> TeamEvents(const std::string& team);
+  // Whether they can be merged; errors as of Writer::MergeTeams.
+  absl::Status CheckMerge(const std::string& team, const std::string& into);
+  // The number of submissions, with those of the teams that were merged into it.
+  int64_t SubmissionsOf(const std::string& team);
+  // By the SHA-256 of its text, whether it is valid or not.
+  absl::StatusOr<TokenRow> TokenByHash(const std::string& sha256);
+  absl::StatusOr<TokenRow> Token(int64_t id);
+  // Oldest first.
+  Listed<TokenRow> Tokens();
+
+  // Whose it is: today's name of the team. NotFoundError if there is no such submission or
+  // evaluation, or if nobody can tell whose it is.
+  absl::StatusOr<std::string> TeamOfSubmission(int64_t id);
+  absl::StatusOr<std::string> TeamOfEvaluation(int64_t id);
+  // The teams one of whose episodes has the log with this SHA-256.
+  std::set<std::string> TeamsOfLog(const std::string& sha256);
+
+  // Newest first. `kind` "" matches any; `before` is an id.
+  Listed<AccessEventRow> AccessEvents(const std::string& kind, int64_t before, int64_t limit);
 
   QuotaUse Quota(const std::string& team, const std::string& track, int64_t now_ms);
   int64_t QuotaDayAt(int64_t now_ms);
@@ -92,8 +123,8 @@ class Reader {
   absl::StatusOr<std::vector<MarkRow>> MarkHistory(int64_t submission);
   // Changes whenever a board may have changed, and only then.
   int64_t BoardChanges();
-  // What may rank under a config: done, ranked and original, by submission. A damaged row of the
-  // view counts as missing from it.
+  // What may rank under a config: done, ranked and original, by submission, but nothing of a banned
+  // team. A damaged row of the view counts as missing from it.
   Listed<StandingRow> Standings(const std::string& config);
   // The whole store as one document, in transfer.h's format.
   absl::Status Export(const ExportSink& sink) { return ExportRows(db_, sink); }

@@ -168,6 +168,49 @@ struct LedgerRow {
   std::string why;
 };
 
+// A team. Names that it had before, and the names of teams that were merged into it, find it too.
+struct TeamRow {
+  int64_t id = 0;
+  std::string name;
+  int64_t created_at = 0;
+  bool banned = false;
+  std::string merged_into;  // the name of the team that it is a part of now; "": none
+  std::vector<std::string> other_names;  // sorted; none if it was merged
+  std::vector<std::string> members;      // sorted: "uid 1000"; none if it was merged
+};
+
+// Somebody who belongs to a team.
+struct MemberRow {
+  std::string person;  // "uid 1000"
+  int64_t since = 0;
+  std::string who;  // who made them a member
+};
+
+// An act on a team.
+struct TeamEventRow {
+  int64_t id = 0;
+  int64_t at = 0;
+  std::string team = "";  // today's name of the team that it was done to
+  std::string event = "";  // "created", "renamed", "merged", "banned", "unbanned"
+  std::string detail = "";  // the name before, or the team that it was merged into; else ""
+  std::string who = "";
+  std::string why = "";
+};
+
+// A bearer token. Its text is not kept, only the text's hash, which is never shown.
+struct TokenRow {
+  int64_t id = 0;
+  std::string role;  // "participant", "organiser", "operator"
+  std::string team;  // of a participant: today's name; else ""
+  std::string label;
+  int64_t created_at = 0;
+  std::string created_by;
+  int64_t expires_at = 0;  // 0: never
+  int64_t revoked_at = 0;  // 0: it is not revoked
+  std::string revoked_by;
+  int64_t last_used_at = 0;  // to the minute; 0: it was never used
+};
+
 // One change of a mark. The newest row of a submission and mark is in force.
 struct MarkRow {
   int64_t id = 0;
@@ -177,6 +220,19 @@ struct MarkRow {
   bool set = false;
   std::string who;
   std::string why;
+};
+
+// A request that was denied, or an act of an organiser or operator.
+struct AccessEventRow {
+  int64_t id = 0;
+  int64_t at = 0;
+  std::string kind;     // "denied", "act"
+  std::string who;      // "uid 1000", "token 7", "address 192.0.2.1"
+  std::string role;
+  std::string action;
+  std::string subject;  // "submission 7"; "": nothing, or a stranger's text
+  std::string detail;   // why it was denied, or what the act changed
+  int64_t count = 1;    // equal denials
 };
 
 }  // namespace myograde::server

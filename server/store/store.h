@@ -33,6 +33,13 @@ class Database;
 
 namespace myograde::server {
 
+// Who becomes a team's first member.
+struct Founding {
+  std::string person;    // "uid 1000"
+  int64_t most = 1;      // teams that the person may have (Writer::FoundTeam)
+  bool needed = true;    // false: it does not matter if the team is somebody else's
+};
+
 // A submission to accept. Content that the store already has is shared.
 struct NewSubmission {
   std::string team;
@@ -47,6 +54,7 @@ struct NewSubmission {
   bool ranked = false;
   std::string grader_json;
   std::vector<std::pair<int64_t, int64_t>> blocks;  // first and last episode of each lease
+  std::optional<Founding> founding = std::nullopt;  // of its team, in the same change
 };
 
 // What a submission must satisfy to be accepted.
@@ -109,6 +117,15 @@ struct NewGrant {
   std::string why;
 };
 
+// A bearer token to add.
+struct NewToken {
+  std::string hash;  // SHA-256 of its text
+  std::string role;  // "participant", "organiser", "operator"
+  std::string team;  // of a participant; else ""
+  std::string label;
+  int64_t expires_at = 0;  // 0: never
+};
+
 // The result of recording an episode.
 struct Recorded {
   bool counted = false;              // false: a row was already there, and stays
@@ -133,8 +150,9 @@ class Writer {
                          const UnsubmittedLimits& limits);
   // NotFoundError if the artefact is not in the store; a damaged row (damage.h) if the stored
   // config or seeds are not those given. FailedPreconditionError with the code "quota" if over a
-  // quota, "same_artefact" for a second ranked evaluation of another team's artefact, "look_alike"
-  // for a new team whose name looks like another's (ResembledTeam). InvalidArgumentError for a name
+  // quota, "same_artefact" for a second ranked evaluation of another team's artefact, "banned" for a
+  // banned team, "look_alike" for a new team whose name looks like another's (ResembledTeam).
+  // InvalidArgumentError for a name
   // that no new team may have. Other operations that take a team have the same name errors.
   absl::StatusOr<Accepted> Accept(const NewSubmission& submission, const AdmissionRules& rules,
                                   const std::string& who);
@@ -178,6 +196,39 @@ class Writer {
   absl::Status ChargeFailure(const std::string& team, const std::string& track,
                              const std::string& who, const std::string& why);
   absl::Status Grant(const NewGrant& grant, const std::string& who);
+
+  // Teams and their members. Every name may also be a former one, or that of a team that was merged
+  // into the one meant. NotFoundError: there is no such team. "True" means that it changed anything.
+  //
+  // The stored name. FailedPreconditionError if there is such a team; otherwise the name errors of
+  // Accept.
+  absl::StatusOr<std::string> CreateTeam(const std::string& team, const std::string& who,
+                                         const std::string& why);
+  // Makes `person` the first member of a team, which is created if there is none. Does nothing for
+  // a member. FailedPreconditionError with the code "forbidden" if the team has or had other
+  // members, or if the person would belong to more than `most` teams.
+  absl::Status FoundTeam(const std::string& team, const std::string& person, int64_t most);
+  // The old name still finds the team. FailedPreconditionError if the new one is or was another
+  // team's; otherwise the name errors of Accept.
+  absl::StatusOr<bool> RenameTeam(const std::string& team, const std::string& name,
+                                  const std::string& who, const std::string& why);
+  absl::StatusOr<bool> SetMember(const std::string& team, const std::string& person, bool belongs,
+                                 const std::string& who);
+  // From now on `team` is a part of `into`: its submissions, its ledger, its tokens and its members
+  // are those of `into`. No row that tells what happened changes. Can't be undone.
+  // FailedPreconditionError if both are one team, if either was merged before, or is banned.
+  absl::Status MergeTeams(const std::string& team, const std::string& into, const std::string& who,
+                          const std::string& why);
+  absl::StatusOr<bool> BanTeam(const std::string& team, bool banned, const std::string& who,
+                               const std::string& why);
+
+  // Bearer tokens. Returns the new one's id. NotFoundError with the code "unknown_team";
+  // InvalidArgumentError for a role that does not fit the team, or a time in the past.
+  absl::StatusOr<int64_t> AddToken(const NewToken& token, const std::string& who);
+  absl::StatusOr<bool> RevokeToken(int64_t id, const std::string& who);
+  // Notes that it was used now. Writes at most once a minute.
+  absl::Status TouchToken(int64_t id);
+
   // Sets or clears a mark; true if that changed anything (setting it again for the same reason does
   // not). NotFoundError if there is no such submission.
   absl::StatusOr<bool> Mark(int64_t submission, const std::string& mark, bool set,
@@ -185,6 +236,8 @@ class Writer {
   // Sets or replaces what a finished evaluation is ranked by.
   absl::Status SetStanding(int64_t evaluation, const Standing& standing);
   absl::Status DropStandings();
+  // Adds a denial or an act, as of now; `event.id` and `event.at` are ignored.
+  absl::Status AddAccessEvent(const AccessEventRow& event);
   // Adds the row for removing the files of an artefact or a log (`name` is its hash); false, and no
   // row, if they are needed.
   absl::StatusOr<bool> Remove(const std::string& kind, const std::string& name, int64_t bytes,

@@ -6,6 +6,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/store/connection.h"
+#include "server/store/episode_log.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
 #include "server/store/stored_row.h"
@@ -19,12 +20,6 @@ namespace {
 constexpr char kOver[] =
     "(e.finished_at IS NOT NULL AND "
     "(s.ranked = 0 OR e.state IN ('failed', 'cancelled', 'grader_error')))";
-
-// The hash of an episode's log, "" if it has none, NULL if its facts are unreadable. The same
-// expression as in the index episode_by_log (schema_v4.sql), so that the index is used.
-constexpr char kLog[] =
-    "CASE WHEN typeof(facts_json) = 'text' AND json_valid(facts_json) "
-    "THEN ifnull(json_extract(facts_json, '$.log.sha256'), '') END";
 
 constexpr char kEpisodesOf[] =
     "FROM episode AS p LEFT JOIN evaluation AS e ON e.id = p.evaluation "
@@ -115,8 +110,8 @@ std::vector<UploadRow> Reader::Uploads() {
 }
 
 std::set<std::string> Reader::NeededLogs() {
-  SQLite::Statement select(db_, absl::StrCat("SELECT ", kLog, ", p.facts_json ", kEpisodesOf,
-                                             "WHERE ", kOver, " IS NOT TRUE AND (", kLog,
+  SQLite::Statement select(db_, absl::StrCat("SELECT ", kLogOfEpisode, ", p.facts_json ", kEpisodesOf,
+                                             "WHERE ", kOver, " IS NOT TRUE AND (", kLogOfEpisode,
                                              ") IS NOT ''"));
   std::set<std::string> logs;
   while (select.executeStep()) {
@@ -136,8 +131,8 @@ absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& 
                           " IS NOT TRUE LIMIT 1");
   } else {
     // Of unreadable facts, those that contain the name anywhere.
-    needed = absl::StrCat("SELECT 1 ", kEpisodesOf, "WHERE (", kLog, ") = ?1 AND ", kOver,
-                          " IS NOT TRUE UNION ALL SELECT 1 ", kEpisodesOf, "WHERE (", kLog,
+    needed = absl::StrCat("SELECT 1 ", kEpisodesOf, "WHERE (", kLogOfEpisode, ") = ?1 AND ", kOver,
+                          " IS NOT TRUE UNION ALL SELECT 1 ", kEpisodesOf, "WHERE (", kLogOfEpisode,
                           ") IS NULL AND instr(p.facts_json, ?1) > 0 AND ", kOver,
                           " IS NOT TRUE LIMIT 1");
   }

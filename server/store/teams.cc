@@ -9,16 +9,128 @@
 #include "server/base/names.h"
 #include "server/store/quota.h"
 #include "server/store/reader.h"
+#include "server/store/stored_row.h"
 
 namespace myograde::server {
 namespace {
 
 constexpr char kResembledKey[] = "myograde/resembled-team";
 
-bool IsThere(SQLite::Database& db, const std::string& name) {
-  SQLite::Statement select(db, "SELECT 1 FROM team WHERE name = ?");
+int64_t RowNamedExactly(SQLite::Database& db, const std::string& name) {
+  SQLite::Statement select(db, "SELECT id FROM team WHERE name = ?1 UNION ALL "
+                               "SELECT team_id FROM former_name WHERE name = ?1 LIMIT 1");
   select.bind(1, name);
-  return select.executeStep();
+  return select.executeStep() ? select.getColumn(0).getInt64() : 0;
+}
+
+// The oldest other team that the name resembles, now or by a former name of its own; "": none.
+std::string Resembled(SQLite::Database& db, const std::string& name, int64_t team) {
+  SQLite::Statement select(
+      db, absl::StrCat("SELECT t.name FROM team_look AS l JOIN team AS t ON t.id = l.team "
+                       "WHERE l.look = ?1 AND t.id NOT IN ", RowsOfTeam(2),
+                       " ORDER BY t.id LIMIT 1"));
+  for (const std::string& look : LooksOf(name)) {
+    select.reset();
+    SQLite::bind(select, look, team);
+    if (select.executeStep()) return select.getColumn(0).getString();
+  }
+  return "";
+}
+
+// Why it was banned; "" if no reason was given.
+std::string ReasonOfBan(SQLite::Database& db, int64_t team) {
+  SQLite::Statement select(db, "SELECT why FROM team_event WHERE team_id = ? AND event = 'banned' "
+                               "ORDER BY id DESC LIMIT 1");
+  select.bind(1, team);
+  return select.executeStep() ? select.getColumn(0).getString() : "";
+}
+
+}  // namespace
+
+std::string RowsOfTeam(int place) {
+  return absl::StrCat("(SELECT id FROM team WHERE id = ?", place, " OR merged_into = ?", place,
+                      ")");
+}
+
+int64_t TeamRowNamed(SQLite::Database& db, const std::string& name) {
+  // As given first: an old team may have a name that is rejected today.
+  if (const int64_t row = RowNamedExactly(db, name); row != 0) return row;
+  const absl::StatusOr<std::string> clean = CleanName(name, "the team's name");
+  return clean.ok() ? RowNamedExactly(db, *clean) : 0;
+}
+
+absl::StatusOr<TeamInForce> TeamOfRow(SQLite::Database& db, int64_t row) {
+  SQLite::Statement select(db, "SELECT t.id, t.name, t.banned FROM team AS o LEFT JOIN team AS t "
+                               "ON t.id = ifnull(o.merged_into, o.id) WHERE o.id = ?");
+  select.bind(1, row);
+  select.executeStep();
+  StoredRow read(select, "team", absl::StrCat(row));
+  if (select.isColumnNull(0)) read.Fail("the team that it was merged into is missing");
+  const TeamInForce team = {select.getColumn(0).getInt64(), read.Text(1), read.Flag(2)};
+  if (!read.ok()) return read.status();
+  return team;
+}
+
+absl::StatusOr<TeamInForce> FindTeam(SQLite::Database& db, const std::string& name) {
+  const int64_t row = TeamRowNamed(db, name);
+  if (row != 0) return TeamOfRow(db, row);
+  return absl::NotFoundError(absl::StrCat("there is no team \"", name, "\""));
+}
+
+absl::Status CheckLooks(SQLite::Database& db, const std::string& clean, int64_t team) {
+  const std::string other = Resembled(db, clean, team);
+  if (other.empty()) return absl::OkStatus();
+  absl::Status status = WithErrorCode(
+      absl::FailedPreconditionError(
+          "the team's name looks like that of another team; choose another name, or write your "
+          "team's exactly as it was first given"),
+      "look_alike");
+  status.SetPayload(kResembledKey, absl::Cord(other));
+  return status;
+}
+
+absl::StatusOr<std::string> TeamNamed(SQLite::Database& db, const std::string& name) {
+  if (const int64_t row = TeamRowNamed(db, name); row != 0) {
+    const absl::StatusOr<TeamInForce> team = TeamOfRow(db, row);
+    if (!team.ok()) return team.status();
+    return team->name;
+  }
+  absl::StatusOr<std::string> clean = CleanName(name, "the team's name");
+  if (!clean.ok()) return clean;
+  if (absl::Status status = CheckLooks(db, *clean, 0); !status.ok()) return status;
+  return clean;
+}
+
+absl::Status CheckNotBanned(SQLite::Database& db, const std::string& name) {
+  const int64_t row = TeamRowNamed(db, name);
+  if (row == 0) return absl::OkStatus();
+  const absl::StatusOr<TeamInForce> team = TeamOfRow(db, row);
+  if (!team.ok()) return team.status();
+  if (!team->banned) return absl::OkStatus();
+  const std::string why = ReasonOfBan(db, team->id);
+  return WithErrorCode(
+      absl::FailedPreconditionError(absl::StrCat(
+          "team \"", team->name, "\" is banned by the organisers",
+          why.empty() ? "" : absl::StrCat(" (", why, ")"),
+          ": nothing more is taken from it; what it has submitted stays readable for it")),
+      kBannedCode);
+}
+
+std::string ResembledTeam(const absl::Status& status) {
+  return std::string(status.GetPayload(kResembledKey).value_or(absl::Cord()));
+}
+
+std::string KnownTeam(SQLite::Database& db, const std::string& name) {
+  if (name.empty()) return name;
+  const int64_t row = TeamRowNamed(db, name);
+  if (row == 0) return name;
+  const absl::StatusOr<TeamInForce> team = TeamOfRow(db, row);
+  return team.ok() ? team->name : name;
+}
+
+int64_t KnownTeamId(SQLite::Database& db, const std::string& name) {
+  const absl::StatusOr<TeamInForce> team = FindTeam(db, name);
+  return team.ok() ? team->id : 0;
 }
 
 void AddLooks(SQLite::Database& db, int64_t team, const std::string& name) {
@@ -30,51 +142,23 @@ void AddLooks(SQLite::Database& db, int64_t team, const std::string& name) {
   }
 }
 
-// The oldest team that the name resembles; "": none.
-std::string Resembled(SQLite::Database& db, const std::string& name) {
-  SQLite::Statement select(db, "SELECT t.name FROM team_look AS l JOIN team AS t ON t.id = l.team "
-                               "WHERE l.look = ? ORDER BY t.id LIMIT 1");
-  for (const std::string& look : LooksOf(name)) {
-    select.reset();
-    select.bind(1, look);
-    if (select.executeStep()) return select.getColumn(0).getString();
-  }
-  return "";
+void AddTeamEvent(SQLite::Database& db, const TeamEventRow& event, int64_t team) {
+  SQLite::Statement insert(db, "INSERT INTO team_event (at, team_id, event, detail, who, why) "
+                               "VALUES (?, ?, ?, ?, ?, ?)");
+  SQLite::bind(insert, event.at, team, event.event, event.detail, event.who, event.why);
+  insert.exec();
 }
 
-}  // namespace
-
-absl::StatusOr<std::string> TeamNamed(SQLite::Database& db, const std::string& name) {
-  // Look it up as given first: an old team may have a name that is rejected today.
-  if (IsThere(db, name)) return name;
-  absl::StatusOr<std::string> clean = CleanName(name, "the team's name");
-  if (!clean.ok() || IsThere(db, *clean)) return clean;
-  const std::string other = Resembled(db, *clean);
-  if (other.empty()) return clean;
-  absl::Status status = WithErrorCode(
-      absl::FailedPreconditionError(
-          "the team's name looks like that of another team; choose another name, or write your "
-          "team's exactly as it was first given"),
-      "look_alike");
-  status.SetPayload(kResembledKey, absl::Cord(other));
-  return status;
-}
-
-std::string ResembledTeam(const absl::Status& status) {
-  return std::string(status.GetPayload(kResembledKey).value_or(absl::Cord()));
-}
-
-std::string KnownTeam(SQLite::Database& db, const std::string& name) {
-  if (name.empty() || IsThere(db, name)) return name;
-  const absl::StatusOr<std::string> clean = CleanName(name, "the team's name");
-  return clean.ok() && IsThere(db, *clean) ? *clean : name;
-}
-
-void AddTeam(SQLite::Database& db, const std::string& name, int64_t now_ms) {
-  SQLite::Statement insert(db, "INSERT INTO team (name, created_at) VALUES (?, ?) "
-                               "ON CONFLICT DO NOTHING");
+int64_t AddTeam(SQLite::Database& db, const std::string& name, int64_t now_ms,
+                const std::string& who, const std::string& why) {
+  if (const int64_t row = RowNamedExactly(db, name); row != 0) return row;
+  SQLite::Statement insert(db, "INSERT INTO team (name, created_at) VALUES (?, ?)");
   SQLite::bind(insert, name, now_ms);
-  if (insert.exec() == 1) AddLooks(db, db.getLastInsertRowid(), name);
+  insert.exec();
+  const int64_t team = db.getLastInsertRowid();
+  AddLooks(db, team, name);
+  AddTeamEvent(db, {.at = now_ms, .event = "created", .who = who, .why = why}, team);
+  return team;
 }
 
 void FillTeamLooks(SQLite::Database& db) {
@@ -82,8 +166,11 @@ void FillTeamLooks(SQLite::Database& db) {
   SQLite::Statement made(db, "SELECT CAST(value AS TEXT) FROM meta WHERE key = 'team_looks'");
   const bool fits = made.executeStep() && made.getColumn(0).getString() == version;
   if (!fits) db.exec("DELETE FROM team_look");
-  SQLite::Statement select(db, "SELECT id, name FROM team WHERE NOT EXISTS "
-                               "(SELECT 1 FROM team_look WHERE team = team.id)");
+  SQLite::Statement select(
+      db, "WITH bare AS (SELECT id FROM team AS t WHERE NOT EXISTS "
+          "(SELECT 1 FROM team_look WHERE team = t.id)) "
+          "SELECT id, name FROM team WHERE id IN bare UNION ALL "
+          "SELECT team_id, name FROM former_name WHERE team_id IN bare");
   std::vector<std::pair<int64_t, std::string>> teams;
   while (select.executeStep()) {
     teams.emplace_back(select.getColumn(0).getInt64(), select.getColumn(1).getString());
@@ -96,7 +183,11 @@ void FillTeamLooks(SQLite::Database& db) {
   set.exec();
 }
 
-absl::Status Reader::CheckTeam(const std::string& team) { return TeamNamed(db_, team).status(); }
+absl::Status Reader::CheckTeam(const std::string& team) {
+  absl::Status status = TeamNamed(db_, team).status();
+  if (status.ok()) status = CheckNotBanned(db_, team);
+  return status;
+}
 
 std::string Reader::TeamOf(const std::string& name) { return KnownTeam(db_, name); }
 

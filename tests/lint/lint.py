@@ -35,11 +35,15 @@ RULES = {
                 r"lcm/|mujoco/|openssl/|SQLiteCpp/|sqlite3|httplib|CLI/|spdlog/|"
                 r"absl/time|absl/random|chrono$|random$|fstream$|filesystem$|ctime$|unistd"),
     "server/base": ({"protocol/base", "server/base"}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
+    # Who may do what is a function of values.
+    "server/access": ({"protocol/base", "server/base", "server/store/rows.h", "server/access"},
+                      r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/|spdlog/|chrono$|fstream$|filesystem$|"
+                      r"unistd"),
     "server/scheduler": ({"protocol/base", "server/base", "server/scheduler"},
                          r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/|fstream$|filesystem$|unistd"),
     "server/store": ({"protocol", "server/base", "server/store"}, r"mujoco/|lcm/|httplib|CLI/"),
-    "server/config": ({"protocol", "server/base", "server/scheduler", "server/store",
-                       "server/config"}, r"mujoco/|lcm/|httplib|CLI/"),
+    "server/config": ({"protocol", "server/base", "server/access", "server/scheduler",
+                       "server/store", "server/config"}, r"mujoco/|lcm/|httplib|CLI/"),
     "server/grading": ({"protocol", "scoring", "server/base", "server/store", "server/proof",
                         "server/grading"}, r"mujoco/|lcm/|httplib|CLI/|fstream$|filesystem$|unistd"),
     "server/engine": ({"protocol", "scoring"} | {f"server/{part}" for part in (
@@ -93,8 +97,11 @@ CALENDAR = re.compile(r"absl::Now\(|\b(system_clock|high_resolution_clock|file_c
 CALENDAR_USERS = {
     "protocol/base/clock.cc": "is the port",
     "server/admission/admission.cc": "quotas are of a day",
+    "server/api/guard.cc": "tokens expire at a time of day",
     "server/api/quota_resource.cc": "quotas are of a day",
     "server/api/submission_view.cc": "shows times of day",
+    "server/api/teams_resource.cc": "quotas are of a day",
+    "server/api/tokens_resource.cc": "tokens expire by the calendar",
     "server/daemon/daemon.cc": "shows when it started",
     "server/engine/engine_leases.cc": "stores when a lease will be over, for people to read",
     "server/engine/retention.cc": "compares with stored times of day",

@@ -5,8 +5,8 @@ The second word of the policy's command says how: "ok", "slow" (0.2 s per
 episode), "crash" (every episode fails by the participant's fault), "grader" (always
 the grader's fault), "once" (the grader's fault on the first attempt, after
 one episode), "garbage", "dies", "unrepeatable", "stubborn" (10 s per episode, and
-exits only when killed) and "mute" (prints nothing until it is killed). The daemon's
-self-test ("-c") passes; with a file "broken" beside this program nothing does.
+exits only when killed), "mute" (prints nothing until it is killed) and "logged" (each episode
+names a log, which nobody writes). The daemon's self-test ("-c") passes; with a file "broken" beside this program nothing does.
 """
 
 import hashlib
@@ -44,6 +44,9 @@ def episode(order, mode):
         "steps": 100 + seed, "sim_time": 1.0 + seed / 100, "clipped": 0,
         "digest": digest.hexdigest(), "wall_s": time.monotonic() % 1, "policy_cpu_s": 0.01,
         "track": "manipulation", "manipulation": manipulation(success)}
+    if mode == "logged":
+        record["log"] = {"sha256": hashlib.sha256(f"log of {seed}".encode()).hexdigest(),
+                         "bytes": 10, "packed_bytes": 10, "steps": record["steps"]}
     if mode in ("crash", "-c"):
         record.update(end="fault", fault={
             "outcome": "crash", "limit": "", "limit_value": 0.0,

@@ -94,11 +94,16 @@ void PrintSlots(const Json& health) {
 
 void PrintHealth(const Json& health) {
   const std::string state = Cell(health, "status");
-  std::cout << "The daemon (" << Cell(health, "version") << ", process " << Cell(health, "pid")
-            << (state == "store" ? ") can't write its store" : absl::StrCat(") is ", state)) << ": "
-            << Cell(health, "running") << " of " << CountCell(health, "slots", "slot")
-            << " at work, " << CountedBlocks(health.value("pending_leases", int64_t{0}))
-            << " waiting\n";
+  // Only organisers see the process, and only participants how busy it is.
+  std::cout << "The daemon (" << Cell(health, "version")
+            << (health.contains("pid") ? absl::StrCat(", process ", Cell(health, "pid")) : "")
+            << (state == "store" ? ") can't write its store" : absl::StrCat(") is ", state));
+  if (health.contains("slots")) {
+    std::cout << ": " << Cell(health, "running") << " of " << CountCell(health, "slots", "slot")
+              << " at work, " << CountedBlocks(health.value("pending_leases", int64_t{0}))
+              << " waiting";
+  }
+  std::cout << '\n';
   if (health.contains("message") && health["message"].is_string()) {
     std::cout << Bold(Cell(health, "message")) << '\n';
   }

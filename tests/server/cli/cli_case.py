@@ -104,7 +104,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
     do_GET = do_POST = reply
 
 
-VERBS = ("serve", "submit", "status", "cancel", "leaderboard", "show", "rerun", "quota", "hide",
+VERBS = ("serve", "submit", "status", "cancel", "leaderboard", "show", "rerun", "quota",
+         "team", "token", "hide",
          "unhide", "disqualify", "baseline", "export", "import", "backup", "log", "replay",
          "receipt", "verify", "key", "seeds", "login", "logout", "whoami", "local", "spec", "doctor")
 COUNTS = {"total": 2, "done": 2, "success": 1, "failure": 1, "fault": 0}

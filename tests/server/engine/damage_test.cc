@@ -18,7 +18,11 @@ namespace {
 
 namespace fs = std::filesystem;
 using testing::AnyOf;
+using testing::Contains;
+using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
 
 const char* const kValues[] = {"NULL", "'garbage'", "x'00ff'", "9223372036854775807", "-1"};
 
@@ -73,6 +77,15 @@ class DamageTest : public testing::Test {
         (void)reader.Ledger(row.team, "", INT64_MAX, 100);
         EXPECT_LT(reader.Quota(row.team, row.track, 0).day, 30'000) << "of year 2052";
       }
+      EXPECT_THAT(reader.TeamsOf("uid 1002"), ElementsAre("other"));
+      EXPECT_THAT(reader.TeamsOf("uid 1001"), Not(Contains("other")));
+      EXPECT_GE(reader.Teams().rows.size() + reader.Teams().damaged.size(), 2u);
+      EXPECT_TRUE(reader.Team("other").ok());
+      EXPECT_THAT(reader.Members("other").damaged, IsEmpty());
+      (void)reader.Team("victim");
+      (void)reader.TeamEvents("victim");
+      EXPECT_TRUE(reader.TokenByHash(std::string(64, 'b')).ok());
+      EXPECT_LE(reader.Tokens().damaged.size(), 1u);
       (void)reader.NeededLogs();
       (void)reader.ArtefactUses();
       return reader.Export([](std::string_view) { return true; });

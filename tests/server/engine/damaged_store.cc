@@ -82,6 +82,15 @@ TwoTeams MakeTwoTeams(const std::string& folder) {
                                         "the grid was down"}, "uid 0");
     status.Update(writer.Mark(1, "baseline", true, "uid 0", "ours").status());
     status.Update(writer.Remove("log", std::string(64, 'f'), 10, "too old").status());
+    status.Update(writer.SetMember("victim", "uid 1001", true, "uid 0").status());
+    status.Update(writer.SetMember("other", "uid 1002", true, "uid 0").status());
+    for (const char* name : {"former", "victim"}) {
+      status.Update(writer.RenameTeam("victim", name, "uid 0", "").status());
+    }
+    status.Update(writer.AddToken({std::string(64, 'a'), "participant", "victim", "laptop"},
+                                  "uid 0").status());
+    status.Update(writer.AddToken({std::string(64, 'b'), "participant", "other", "laptop"},
+                                  "uid 0").status());
     return status;
   }));
   if (!world.broken.empty()) throw std::runtime_error(world.broken);
@@ -109,6 +118,10 @@ std::vector<Target> TargetsIn(const TwoTeams& teams) {
        "team = (SELECT id FROM team WHERE name = 'victim') AND look = (SELECT min(look) "
        "FROM team_look WHERE team = (SELECT id FROM team WHERE name = 'victim'))"},
       {"team", "name = 'victim'"},
+      {"former_name", "name = 'former'"},
+      {"team_event", "id = 1"},
+      {"member", "person = 'uid 1001'"},
+      {"token", "id = 1"},
       {"config", absl::StrCat("hash = '", teams.victim.config, "'")},
       {"board_state", "1"},
       {"removal", "id = 1"},

@@ -115,6 +115,27 @@ TEST_P(OldStores, ShowTheSameBoardsAndPlayOn) {
   EXPECT_NE(world.Submit("new", 2), 0);
 }
 
+// From version 6 on a team has members; in earlier versions whoever handed in for it was one.
+TEST(OldStoresTest, WhoHandedInForATeamIsItsMember) {
+  const std::string path = absl::StrCat(testing::TempDir(), "/old-members-", getpid(), ".db");
+  fs::remove(path);
+  SQLite::Database(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE).exec(TextOf("v5.sql"));
+  ManualClock clock;
+  ASSERT_TRUE(Store::Open(path, clock).ok());
+  EXPECT_TRUE(ReaderPool(path).Read([&](Reader& reader) {
+    EXPECT_THAT(reader.TeamsOf("uid 1001"), ElementsAre("victim"));
+    EXPECT_THAT(reader.TeamsOf("uid 1003"), ElementsAre("other"));
+    EXPECT_THAT(reader.Team("victim")->members, ElementsAre("uid 1001", "uid 1002"));
+    EXPECT_THAT(reader.Team("other")->members, ElementsAre("uid 1003")) << "\"test\" is no user";
+    const std::vector<MemberRow> members = reader.Members("other").rows;
+    EXPECT_EQ(members.size(), 1u) << "once, though two of its submissions are that user's";
+    EXPECT_EQ(members.at(0).since, 1728000060000) << "since the first of them";
+    EXPECT_EQ(members.at(0).who, "migration");
+    return absl::OkStatus();
+  }).ok());
+  fs::remove(path);
+}
+
 INSTANTIATE_TEST_SUITE_P(Versions, OldStores,
                          testing::Range(1, static_cast<int>(SchemaMigrations().size())));
 

@@ -282,9 +282,9 @@ TEST_F(QuotaTest, TheSchemaRefusesToRewriteAccounts) {
       {"UPDATE ledger SET amount = 0", "never changed"},
       {"DELETE FROM ledger", "never deleted"},
       {"INSERT INTO ledger SELECT NULL, at, day, team_id, track, budget, entry, amount, submission,"
-       " who, why FROM ledger", "UNIQUE"},
+       " who, why, phase FROM ledger", "UNIQUE"},
       {"INSERT INTO ledger SELECT NULL, at, day, team_id, track, budget, 'refund', 2, submission,"
-       " who, why FROM ledger", "gives back one charge"},
+       " who, why, phase FROM ledger", "gives back one charge"},
       {"UPDATE mark SET set_to = 0", "never changed"},
       {"DELETE FROM mark", "never deleted"},
       {"UPDATE admission SET day = 0", "never changed"},

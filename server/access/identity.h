@@ -1,0 +1,64 @@
+// Who a request comes from, as a function of what the connection, the settings, the store and a
+// token say. Pure.
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "server/access/access.h"
+#include "server/store/rows.h"
+
+namespace myograde::server {
+
+// One entry of server.json's access.users. Exactly one of uid, user, gid and group is given; user
+// and group are names, which ResolveNames (server/config) turns into ids.
+struct UserRule {
+  std::optional<uid_t> uid;
+  std::optional<gid_t> gid;
+  std::string user;
+  std::string group;
+  Role role = Role::kParticipant;
+  std::string team;  // of participants; "": none of its own
+};
+
+struct AccessConfig {
+  std::vector<UserRule> users;
+  int64_t teams_of_a_user = 1;  // that one user of this host may found, without a challenge
+};
+
+// A user of this host, at the other end of the Unix socket.
+struct HostUser {
+  uid_t uid = 0;
+  std::vector<gid_t> groups;
+  bool owner = false;  // root, or the user that runs the daemon
+};
+
+// What the settings alone say about a user: public if nothing. Of several rules that fit, the
+// highest role counts, and all teams.
+Role RuledRole(const HostUser& user, const AccessConfig& config);
+
+// `member_of`: the teams of the user's member rows. `challenge`: whether there is a challenge;
+// without one, every user of this host is at least a participant and may found a team.
+Identity IdentityOfUser(const HostUser& user, const AccessConfig& config,
+                        const std::vector<std::string>& member_of, bool challenge);
+
+// Somebody without a token, at a network address.
+Identity IdentityOfAddress(const std::string& key);
+
+// Why a token is not accepted.
+enum class TokenProblem { kUnknown, kExpired, kRevoked };
+
+// The holder of a token. `row`: of the store, by the hash of the token's text; nullopt: none.
+std::variant<Identity, TokenProblem> IdentityOfToken(const std::optional<TokenRow>& row,
+                                                     int64_t now_ms, bool remote);
+
+// The token in an Authorization header ("Bearer myo_..."); nullopt: the header has another form.
+std::optional<std::string_view> TokenIn(std::string_view authorization);
+
+}  // namespace myograde::server

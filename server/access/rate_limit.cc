@@ -1,0 +1,34 @@
+#include "server/access/rate_limit.h"
+
+#include <algorithm>
+
+namespace myograde::server {
+
+absl::Duration RateLimit::Take(const std::string& key, absl::Duration now) {
+  Bucket& bucket = buckets_.FindOr(key, {burst_, now});
+  const double passed = std::max(absl::ToDoubleSeconds(now - bucket.at), 0.0);
+  bucket.left = std::min(bucket.left + passed * per_s_, burst_);
+  bucket.at = now;
+  if (bucket.left < 1) return absl::Seconds((1 - bucket.left) / per_s_);
+  bucket.left -= 1;
+  return absl::ZeroDuration();
+}
+
+void BackOff::Fail(const std::string& key, absl::Duration now) {
+  Failures& failures = failures_.FindOr(key, {0, now, now});
+  if (now - failures.last >= kForget) failures.count = 0;
+  ++failures.count;
+  failures.last = now;
+  if (failures.count <= kFree) return;
+  absl::Duration wait = kFirst;
+  for (int i = kFree + 1; i < failures.count && wait < kLongest; ++i) wait *= 2;
+  failures.until = now + std::min(wait, kLongest);
+}
+
+absl::Duration BackOff::Wait(const std::string& key, absl::Duration now) {
+  const Failures* failures = failures_.Find(key);
+  if (failures == nullptr) return absl::ZeroDuration();
+  return std::max(failures->until - now, absl::ZeroDuration());
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,104 @@
+// How many requests a caller may make, and how long one has to wait who shows wrong tokens. Times
+// are monotonic and given by the caller of these functions. Each remembers a bounded number of keys.
+#pragma once
+
+#include <cstddef>
+#include <list>
+#include <string>
+#include <unordered_map>
+
+#include <absl/time/time.h>
+
+namespace myograde::server {
+
+// Values by key, of which the one that was used least recently is forgotten when there are too many.
+template <typename Value>
+class RecentKeys {
+ public:
+  // REQUIRES: most > 0.
+  explicit RecentKeys(size_t most) : most_(most) {}
+  RecentKeys(const RecentKeys&) = delete;
+  RecentKeys& operator=(const RecentKeys&) = delete;
+
+  // The key's value, which becomes the most recent; nullptr: it is not known.
+  Value* Find(const std::string& key) {
+    const auto it = places_.find(key);
+    if (it == places_.end()) return nullptr;
+    order_.splice(order_.begin(), order_, it->second);
+    return &it->second->second;
+  }
+  Value& FindOr(const std::string& key, const Value& usual) {
+    if (Value* value = Find(key)) return *value;
+    if (places_.size() >= most_) Forget(order_.back().first);
+    order_.emplace_front(key, usual);
+    places_.emplace(key, order_.begin());
+    return order_.front().second;
+  }
+  void Forget(const std::string& key) {
+    const auto it = places_.find(key);
+    if (it == places_.end()) return;
+    const auto place = it->second;
+    places_.erase(it);
+    order_.erase(place);
+  }
+  size_t size() const { return places_.size(); }
+
+ private:
+  using Order = std::list<std::pair<std::string, Value>>;
+
+  const size_t most_;
+  Order order_;  // the most recent first
+  std::unordered_map<std::string, typename Order::iterator> places_;
+};
+
+// A token bucket for each key: `per_s` requests a second on average, and up to `burst` at once.
+class RateLimit {
+ public:
+  // REQUIRES: per_s > 0, burst >= 1, most_keys > 0.
+  RateLimit(double per_s, double burst, size_t most_keys)
+      : per_s_(per_s), burst_(burst), buckets_(most_keys) {}
+
+  // Counts one request. Zero: it may be served; else it was not counted, and may be tried again
+  // after so long.
+  absl::Duration Take(const std::string& key, absl::Duration now);
+  size_t keys() const { return buckets_.size(); }
+
+ private:
+  struct Bucket {
+    double left = 0;
+    absl::Duration at;
+  };
+
+  const double per_s_;
+  const double burst_;
+  RecentKeys<Bucket> buckets_;
+};
+
+// Makes a key wait after failures: not after the first few, then twice as long after each. Failures
+// are forgotten after an hour without one.
+class BackOff {
+ public:
+  static constexpr int kFree = 3;
+  static constexpr absl::Duration kFirst = absl::Seconds(1);
+  static constexpr absl::Duration kLongest = absl::Minutes(5);
+  static constexpr absl::Duration kForget = absl::Hours(1);
+
+  // REQUIRES: most_keys > 0.
+  explicit BackOff(size_t most_keys) : failures_(most_keys) {}
+
+  void Fail(const std::string& key, absl::Duration now);
+  // How long the key still has to wait; zero: not at all.
+  absl::Duration Wait(const std::string& key, absl::Duration now);
+  size_t keys() const { return failures_.size(); }
+
+ private:
+  struct Failures {
+    int count = 0;
+    absl::Duration last;
+    absl::Duration until;
+  };
+
+  RecentKeys<Failures> failures_;
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,125 @@
+#include "server/api/access_log.h"
+
+#include <chrono>
+#include <iterator>
+#include <utility>
+
+#include <spdlog/spdlog.h>
+
+namespace myograde::server {
+namespace {
+
+// Acts of organisers that wait for the store; so many can only come together if it takes nothing.
+constexpr size_t kMostActs = 10'000;
+constexpr size_t kMostTokens = 10'000;
+constexpr auto kEvery = std::chrono::milliseconds(500);
+
+}  // namespace
+
+void AccessLog::Deny(const Identity& who, Action action, const std::string& why) {
+  const MutexLock lock(mutex_);
+  denials_.Add({who.key, std::string(RoleName(who.role)), std::string(ActionName(action)), why});
+}
+
+void AccessLog::Act(const Identity& who, Action action, const std::string& subject,
+                    const std::string& detail) {
+  AccessEventRow row;
+  row.kind = "act";
+  row.who = who.key;
+  row.role = RoleName(who.role);
+  row.action = ActionName(action);
+  row.subject = subject;
+  row.detail = detail;
+  const MutexLock lock(mutex_);
+  if (acts_.size() >= kMostActs) {
+    spdlog::error("{} of {} ({}) is not recorded: the store takes no rows", row.action, row.who,
+                  row.subject);
+    return;
+  }
+  acts_.push_back(std::move(row));
+}
+
+void AccessLog::Touch(int64_t token) {
+  const MutexLock lock(mutex_);
+  if (tokens_.size() < kMostTokens) tokens_.insert(token);
+}
+
+void AccessLog::Start() {
+  thread_ = std::thread([this] { Run(); });
+}
+
+void AccessLog::Stop() {
+  {
+    const MutexLock lock(mutex_);
+    stop_ = true;
+  }
+  wake_.NotifyAll();
+  if (thread_.joinable()) thread_.join();
+}
+
+void AccessLog::Run() {
+  for (;;) {
+    {
+      const MutexLock lock(mutex_);
+      const auto until = std::chrono::steady_clock::now() + kEvery;
+      while (!stop_ && wake_.WaitUntil(mutex_, until)) continue;
+      if (stop_) return;
+    }
+    Batch batch = TakeDue();
+    if (batch.empty()) continue;
+    const absl::Status status = WriteBatch(write_, batch);
+    if (status.ok()) continue;
+    // After a deadline the rows may still be written; better none than twice.
+    spdlog::warn("denied requests and acts are not recorded yet: {}", std::string(status.message()));
+    if (!absl::IsDeadlineExceeded(status)) Return(std::move(batch));
+  }
+}
+
+AccessLog::Batch AccessLog::TakeDue() {
+  const MutexLock lock(mutex_);
+  return {std::exchange(acts_, {}), denials_.TakeDue(clock_.Monotonic()),
+          std::exchange(tokens_, {})};
+}
+
+void AccessLog::Return(Batch batch) {
+  const MutexLock lock(mutex_);
+  batch.acts.insert(batch.acts.end(), std::make_move_iterator(acts_.begin()),
+                    std::make_move_iterator(acts_.end()));
+  acts_ = std::move(batch.acts);
+  denials_.Return(batch.denials);
+  tokens_.merge(batch.tokens);
+}
+
+absl::Status AccessLog::WriteBatch(const Write& write, const Batch& batch) {
+  return write([batch](Writer& writer) {
+    absl::Status status;
+    for (const AccessEventRow& act : batch.acts) status.Update(writer.AddAccessEvent(act));
+    for (const CountedDenial& counted : batch.denials) {
+      AccessEventRow row;
+      row.kind = "denied";
+      row.who = counted.denial.who;
+      row.role = counted.denial.role;
+      row.action = counted.denial.action;
+      row.detail = counted.denial.why;
+      row.count = counted.count;
+      status.Update(writer.AddAccessEvent(row));
+    }
+    for (const int64_t token : batch.tokens) {
+      // That it was used is not worth losing an event.
+      (void)writer.Part([token](Writer& part) { return part.TouchToken(token); });
+    }
+    return status;
+  });
+}
+
+absl::Status AccessLog::WriteAll(const Write& write) {
+  Batch batch;
+  {
+    const MutexLock lock(mutex_);
+    batch = {std::exchange(acts_, {}), denials_.TakeAll(), std::exchange(tokens_, {})};
+  }
+  if (batch.empty()) return absl::OkStatus();
+  return WriteBatch(write, batch);
+}
+
+}  // namespace myograde::server

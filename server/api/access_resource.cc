@@ -1,0 +1,76 @@
+#include "server/api/access_resource.h"
+
+#include <functional>
+#include <iterator>
+#include <string>
+
+#include "server/api/requests.h"
+#include "server/api/views.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+Json AddressToJson(const Address& address) {
+  return {{"method", address.method},
+          {"path", PathOf(address.pattern)},
+          {"action", ActionName(address.action)},
+          {"role", RoleName(RoleFor(address.action))},
+          {"own_team", NeedsTeam(address.action)}};
+}
+
+Json EventToJson(const AccessEventRow& event) {
+  return {{"id", event.id},
+          {"at", TimeToJson(event.at)},
+          {"kind", event.kind},
+          {"who", event.who},
+          {"role", TextOrNull(event.role)},
+          {"action", event.action},
+          {"subject", TextOrNull(event.subject)},
+          {"detail", TextOrNull(event.detail)},
+          {"count", event.count}};
+}
+
+}  // namespace
+
+void AccessResource::Install(Routes& routes) {
+  using Self = AccessResource;
+  routes.Get("/v1/addresses", Action::kReadApi, std::bind_front(&Self::ListAddresses, this));
+  routes.Get("/v1/events", Action::kReadEvents, std::bind_front(&Self::ListEvents, this));
+}
+
+ApiResult AccessResource::ListAddresses(const httplib::Request& request) const {
+  if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
+  Json list = Json::array();
+  for (const Address& address : guard_.addresses()) list.push_back(AddressToJson(address));
+  return ApiAnswer{200, {{"addresses", std::move(list)}}};
+}
+
+ApiResult AccessResource::ListEvents(const httplib::Request& request) const {
+  absl::Status status = CheckParameters(request, {"kind", "before", "limit"});
+  const std::string kind = request.get_param_value("kind");
+  if (!kind.empty() && kind != "denied" && kind != "act") {
+    status.Update(absl::InvalidArgumentError("\"kind\" must be denied or act"));
+  }
+  int64_t before = INT64_MAX;
+  int64_t limit = 100;
+  status.Update(ReadNumber(request, "before", INT64_MAX, before));
+  status.Update(ReadNumber(request, "limit", 1000, limit));
+  if (!status.ok()) return ErrorOf(status);
+  ApiAnswer answer;
+  status = context_.readers.Read([&](Reader& reader) {
+    const Listed<AccessEventRow> listed = reader.AccessEvents(kind, before, limit);
+    Json events = Json::array();
+    for (const AccessEventRow& event : listed.rows) events.push_back(EventToJson(event));
+    const bool more = std::ssize(listed.rows) + std::ssize(listed.damaged) == limit;
+    answer.body = {{"events", std::move(events)},
+                   {"unreadable", DamagedToJson(listed.damaged)},
+                   {"next_before", more ? Json(listed.last_id) : Json()}};
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,91 @@
+#include "server/api/caller.h"
+
+#include <absl/strings/strip.h>
+#include <absl/strings/str_cat.h>
+
+#include "server/base/plain_text.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr size_t kMaxActBytes = 400;
+
+struct CurrentCaller {
+  const Identity* identity = nullptr;
+  Action action = Action::kReadHealth;
+  AccessLog* log = nullptr;
+  bool noted = false;
+  std::string subject;
+  std::string detail;
+};
+thread_local CurrentCaller caller;
+
+std::string Short(const std::string& text) {
+  return IsPlainText(text, kMaxActBytes) ? text : "";
+}
+
+}  // namespace
+
+const Identity& Caller() { return *caller.identity; }
+
+std::string CallerKey() { return Caller().key; }
+
+bool CallerIsOrganiser() { return Caller().role >= Role::kOrganiser; }
+
+bool CallerMay(Action action) {
+  return Decide(Caller(), action, std::nullopt) == Access::kAllowed;
+}
+
+absl::Status Require(const std::string& team, const absl::Status& missing) {
+  if (Decide(Caller(), caller.action, team) == Access::kAllowed) return absl::OkStatus();
+  caller.log->Deny(Caller(), caller.action, "another team's");
+  return missing;
+}
+
+absl::Status RequireSubmission(Reader& reader, int64_t id) {
+  if (CallerIsOrganiser()) return absl::OkStatus();
+  const absl::StatusOr<std::string> team = reader.TeamOfSubmission(id);
+  if (!team.ok()) return team.status();
+  return Require(*team, absl::NotFoundError(absl::StrCat("there is no submission ", id)));
+}
+
+absl::Status RequireEvaluation(Reader& reader, int64_t id) {
+  if (CallerIsOrganiser()) return absl::OkStatus();
+  const absl::StatusOr<std::string> team = reader.TeamOfEvaluation(id);
+  if (!team.ok()) return team.status();
+  return Require(*team, absl::NotFoundError(absl::StrCat("there is no evaluation ", id)));
+}
+
+absl::Status RequireTeam(Reader& reader, const std::string& name) {
+  return Require(reader.TeamOf(name),
+                 absl::NotFoundError(absl::StrCat("there is no team \"", name, "\" of yours")));
+}
+
+void NoteDenial(const std::string& why) { caller.log->Deny(Caller(), caller.action, why); }
+
+void NoteAct(const std::string& subject, const std::string& detail) {
+  caller.noted = true;
+  caller.subject = subject;
+  caller.detail = detail;
+}
+
+CallerScope::CallerScope(const Identity& identity, Action action, AccessLog& log) {
+  caller = {&identity, action, &log, false, "", ""};
+}
+
+CallerScope::~CallerScope() { caller = {}; }
+
+void CallerScope::Finish(const std::string& method, const std::string& path, int http) {
+  constexpr int kDeadline = 504;  // it is not known whether it took effect
+  const bool reads = method == "GET" || method == "HEAD";
+  if (!CallerIsOrganiser() || (reads && !caller.noted) || (http >= 400 && http != kDeadline)) {
+    return;
+  }
+  const std::string subject =
+      caller.noted ? caller.subject : std::string(absl::StripPrefix(path, "/v1/"));
+  const std::string detail =
+      http == kDeadline ? "it is not known whether it took effect" : caller.detail;
+  caller.log->Act(Caller(), caller.action, Short(subject), Short(detail));
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,242 @@
+#include "server/api/guard.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/access/token_text.h"
+#include "server/api/error_of.h"
+#include "server/base/peer_key.h"
+
+namespace myograde::server {
+namespace {
+
+// Callers that limits remember at the same time.
+constexpr size_t kMostKeys = 10'000;
+constexpr absl::Duration kTouchEvery = absl::Minutes(1);
+
+HostUser UserOf(const Peer& peer) {
+  return {peer.uid, peer.groups, IsOrganiser(PeerKey(peer.uid))};
+}
+
+// Whole seconds to wait, at least one.
+int64_t SecondsOf(absl::Duration wait) {
+  return std::max<int64_t>(static_cast<int64_t>(std::ceil(absl::ToDoubleSeconds(wait))), 1);
+}
+
+std::string DayOf(int64_t ms) {
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%SZ", absl::FromUnixMillis(ms), absl::UTCTimeZone());
+}
+
+// For those whose role is too low.
+ApiError Forbidden(const Identity& identity, Action action) {
+  if (identity.remote && identity.role == Role::kPublic) {
+    return {401, "no_token",
+            "this needs a token, in the header \"Authorization: Bearer TOKEN\"; organisers give "
+            "tokens to teams"};
+  }
+  switch (RoleFor(action)) {
+    case Role::kOperator:
+      return {403, "forbidden",
+              "only operators may do this: root, the user that runs the daemon, and those whom "
+              "they make operators"};
+    case Role::kOrganiser:
+      return {403, "forbidden", "only organisers may do this"};
+    default:
+      return {403, "forbidden",
+              "only those who belong to a team may do this; ask an organiser to add you to yours"};
+  }
+}
+
+const char* WhyOf(TokenProblem problem) {
+  switch (problem) {
+    case TokenProblem::kExpired: return "expired token";
+    case TokenProblem::kRevoked: return "revoked token";
+    case TokenProblem::kUnknown: return "wrong token";
+  }
+  return "wrong token";
+}
+
+}  // namespace
+
+Guard::Guard(const Options& options)
+    : options_(options),
+      requests_(options.limits.requests_per_s, options.limits.burst, kMostKeys),
+      wrong_tokens_(kMostKeys),
+      good_tokens_(kMostKeys) {}
+
+void Guard::AddAddress(const std::string& method, const std::string& pattern, Action action) {
+  addresses_.push_back({method, pattern, action, std::regex(pattern)});
+}
+
+std::variant<Identity, ApiError> Guard::Admit(Connection& connection, Action action) {
+  auto identified = Identify(connection.Asker(), *connection.head, action);
+  const auto* identity = std::get_if<Identity>(&identified);
+  if (identity == nullptr) return identified;
+  if (!connection.admitted) {
+    if (std::optional<ApiError> over = Count(*identity)) {
+      options_.log.Deny(*identity, action, "too many requests");
+      return *std::move(over);
+    }
+    connection.admitted = true;
+  }
+  if (Decide(*identity, action, std::nullopt) == Access::kAllowed) return identified;
+  options_.log.Deny(*identity, action, "role");
+  return Forbidden(*identity, action);
+}
+
+std::optional<ApiError> Guard::AdmitBody(Connection& connection) {
+  const RequestHead& head = *connection.head;
+  const auto address = std::find_if(addresses_.begin(), addresses_.end(), [&](const Address& one) {
+    return one.method == head.method && std::regex_match(head.path, one.path);
+  });
+  if (address == addresses_.end()) return std::nullopt;
+  auto admitted = Admit(connection, address->action);
+  if (auto* error = std::get_if<ApiError>(&admitted)) return std::move(*error);
+  return std::nullopt;
+}
+
+std::optional<ApiError> Guard::AdmitUnknown(Connection& connection) {
+  auto identified = Identify(connection.Asker(), *connection.head, std::nullopt);
+  if (auto* error = std::get_if<ApiError>(&identified)) return std::move(*error);
+  return connection.admitted ? std::nullopt : Count(std::get<Identity>(identified));
+}
+
+std::variant<Identity, ApiError> Guard::Identify(const Peer& peer, const RequestHead& head,
+                                                 std::optional<Action> action) {
+  if (head.authorization.has_value()) {
+    return IdentifyToken(peer, *head.authorization, action.value_or(Action::kReadApi));
+  }
+  if (peer.network) return IdentityOfAddress(peer.key);
+  return IdentifyUser(peer, action);
+}
+
+std::variant<Identity, ApiError> Guard::IdentifyUser(const Peer& peer,
+                                                     std::optional<Action> action) {
+  const HostUser user = UserOf(peer);
+  Identity identity = IdentityOfUser(user, options_.access, {}, options_.challenge);
+  if (!action.has_value() || identity.role >= Role::kOrganiser) return identity;
+  const absl::Status status = options_.readers.Read([&](Reader& reader) {
+    const std::set<std::string> member_of = reader.TeamsOf(identity.key);
+    identity = IdentityOfUser(user, options_.access, {member_of.begin(), member_of.end()},
+                              options_.challenge);
+    std::set<std::string> named;
+    for (const std::string& team : identity.teams) named.insert(reader.TeamOf(team));
+    identity.teams = std::move(named);
+    return absl::OkStatus();
+  });
+  // What is open to everybody is answered also while the store is in trouble.
+  if (!status.ok() && RoleFor(*action) > Role::kPublic) return ErrorOf(status);
+  return identity;
+}
+
+std::variant<Identity, ApiError> Guard::IdentifyToken(const Peer& peer,
+                                                      std::string_view authorization,
+                                                      Action action) {
+  const std::optional<std::string_view> token = TokenIn(authorization);
+  const std::string hash = token.has_value() ? TokenHash(*token) : "";
+  if (std::optional<ApiError> wait = CheckTries(peer, hash)) return *std::move(wait);
+  std::optional<TokenRow> row;
+  if (token.has_value()) {
+    const absl::Status status = options_.readers.Read([&](Reader& reader) {
+      absl::StatusOr<TokenRow> found = reader.TokenByHash(hash);
+      if (found.ok()) row = *std::move(found);
+      return absl::IsNotFound(found.status()) ? absl::OkStatus() : found.status();
+    });
+    if (!status.ok()) return ErrorOf(status);
+  }
+  auto identity = IdentityOfToken(row, absl::ToUnixMillis(options_.clock.Now()),
+                                  /*remote=*/peer.network);
+  if (const auto* problem = std::get_if<TokenProblem>(&identity)) {
+    return RefuseToken(peer, hash, *problem, row, action);
+  }
+  Accept(hash, row->id);
+  return std::get<Identity>(std::move(identity));
+}
+
+// Tokens that were good before pay for themselves; all others are tries of the address.
+std::optional<ApiError> Guard::CheckTries(const Peer& peer, const std::string& hash) {
+  const absl::Duration now = options_.clock.Monotonic();
+  const MutexLock lock(mutex_);
+  if (good_tokens_.Find(hash) != nullptr) return std::nullopt;
+  absl::Duration wait = wrong_tokens_.Wait(peer.key, now);
+  if (wait == absl::ZeroDuration()) wait = requests_.Take(peer.key, now);
+  if (wait == absl::ZeroDuration()) return std::nullopt;
+  const int64_t seconds = SecondsOf(wait);
+  return ApiError{429, "too_many",
+                  absl::StrCat("too many tries with wrong tokens from here; try again in ", seconds,
+                               " s"),
+                  seconds};
+}
+
+ApiError Guard::RefuseToken(const Peer& peer, const std::string& hash, TokenProblem problem,
+                            const std::optional<TokenRow>& row, Action action) {
+  {
+    const MutexLock lock(mutex_);
+    good_tokens_.Forget(hash);
+    wrong_tokens_.Fail(peer.key, options_.clock.Monotonic());
+  }
+  Identity nobody = IdentityOfAddress(peer.key);
+  // Who holds an old token is known by its number.
+  if (problem != TokenProblem::kUnknown) nobody.key = absl::StrCat("token ", row->id);
+  options_.log.Deny(nobody, action, WhyOf(problem));
+  const char* ask = "; ask an organiser for a new one";
+  switch (problem) {
+    case TokenProblem::kExpired:
+      return {401, "bad_token", absl::StrCat("the token expired at ", DayOf(row->expires_at), ask)};
+    case TokenProblem::kRevoked:
+      return {401, "bad_token", absl::StrCat("the token was revoked at ", DayOf(row->revoked_at),
+                                             ask)};
+    case TokenProblem::kUnknown:
+      break;
+  }
+  return {401, "bad_token",
+          "this is no token of this server; check that it was copied as a whole, or ask an "
+          "organiser for a new one"};
+}
+
+void Guard::Accept(const std::string& hash, int64_t token) {
+  const absl::Duration now = options_.clock.Monotonic();
+  const MutexLock lock(mutex_);
+  absl::Duration& noted = good_tokens_.FindOr(hash, -absl::InfiniteDuration());
+  if (now - noted < kTouchEvery) return;
+  noted = now;
+  options_.log.Touch(token);
+}
+
+std::optional<ApiError> Guard::Count(const Identity& identity) {
+  if (identity.role >= Role::kOrganiser) return std::nullopt;
+  const absl::Duration now = options_.clock.Monotonic();
+  const MutexLock lock(mutex_);
+  const absl::Duration wait = requests_.Take(identity.key, now);
+  if (wait == absl::ZeroDuration()) return std::nullopt;
+  const int64_t seconds = SecondsOf(wait);
+  return ApiError{429, "too_many",
+                  absl::StrCat("too many requests of yours; try again in ", seconds, " s"),
+                  seconds};
+}
+
+bool IsOrganiser(const Peer& peer, const AccessConfig& access) {
+  return RuledRole(UserOf(peer), access) >= Role::kOrganiser;
+}
+
+std::string PathOf(const std::string& pattern) {
+  std::string path;
+  for (size_t i = 0; i < pattern.size(); ++i) {
+    if (pattern[i] != '(') {
+      path += pattern[i];
+      continue;
+    }
+    const size_t end = std::min(pattern.find(')', i), pattern.size() - 1);
+    const std::string group = pattern.substr(i, end - i);
+    path += group.find("\\d") != std::string::npos     ? "ID"
+            : group.find("a-f]") != std::string::npos ? "HASH"
+                                                      : "NAME";
+    i = end;
+  }
+  return path;
+}
+
+}  // namespace myograde::server

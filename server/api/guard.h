@@ -1,0 +1,94 @@
+// The guard before the handlers: finds out who makes a request, holds it against their limits, and
+// decides by their role whether they may take the action of the address. Each denial is recorded.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <regex>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include <absl/time/time.h>
+
+#include "protocol/base/clock.h"
+#include "protocol/base/mutex.h"
+#include "server/access/access.h"
+#include "server/access/identity.h"
+#include "server/access/rate_limit.h"
+#include "server/api/access_log.h"
+#include "server/api/api_error.h"
+#include "server/api/connection.h"
+#include "server/config/server_config.h"
+#include "server/store/reader.h"
+
+namespace myograde::server {
+
+// An address of the API, with what it takes to use it.
+struct Address {
+  std::string method;
+  std::string pattern;  // a regular expression for the path
+  Action action;
+  std::regex path;
+};
+
+// Safe from any thread, once all addresses are there.
+class Guard {
+ public:
+  struct Options {
+    const AccessConfig& access;
+    const HttpLimits& limits;
+    ReaderPool& readers;
+    AccessLog& log;
+    const Clock& clock;
+    bool challenge = false;  // IdentityOfUser
+  };
+  // What `options` refers to must outlive it.
+  explicit Guard(const Options& options);
+
+  void AddAddress(const std::string& method, const std::string& pattern, Action action);
+  const std::vector<Address>& addresses() const { return addresses_; }
+
+  // Who makes the connection's request, if they may take `action` at all; whether they may do so
+  // for a team is the handler's to ask (Require of caller.h). Counts the request once, however often
+  // it is asked about.
+  std::variant<Identity, ApiError> Admit(Connection& connection, Action action);
+  // The same by the address in the request's head, before its body is received. One that is unknown
+  // is answered later.
+  std::optional<ApiError> AdmitBody(Connection& connection);
+  // Counts a request to an address that there is none of.
+  std::optional<ApiError> AdmitUnknown(Connection& connection);
+
+  AccessLog& log() const { return options_.log; }
+
+ private:
+  // nullopt in place of an action: the address is unknown.
+  std::variant<Identity, ApiError> Identify(const Peer& peer, const RequestHead& head,
+                                            std::optional<Action> action);
+  std::variant<Identity, ApiError> IdentifyUser(const Peer& peer, std::optional<Action> action);
+  std::variant<Identity, ApiError> IdentifyToken(const Peer& peer, std::string_view authorization,
+                                                 Action action);
+  std::optional<ApiError> CheckTries(const Peer& peer, const std::string& hash);
+  ApiError RefuseToken(const Peer& peer, const std::string& hash, TokenProblem problem,
+                       const std::optional<TokenRow>& row, Action action);
+  void Accept(const std::string& hash, int64_t token);
+  // Nullopt: within the limit.
+  std::optional<ApiError> Count(const Identity& identity);
+
+  const Options options_;
+  std::vector<Address> addresses_;
+  Mutex mutex_;
+  RateLimit requests_ ABSL_GUARDED_BY(mutex_);
+  BackOff wrong_tokens_ ABSL_GUARDED_BY(mutex_);
+  // Hashes of tokens that were accepted, and when that was last noted: their holders do not wait
+  // for those at the same address who guess.
+  RecentKeys<absl::Duration> good_tokens_ ABSL_GUARDED_BY(mutex_);
+};
+
+// Whether a user of this host is an organiser by the settings, for the places that are kept free.
+bool IsOrganiser(const Peer& peer, const AccessConfig& access);
+
+// The path of an address for people: ID, HASH and NAME in place of groups.
+std::string PathOf(const std::string& pattern);
+
+}  // namespace myograde::server

@@ -1,0 +1,296 @@
+#include "server/api/teams_resource.h"
+
+#include <algorithm>
+#include <memory>
+#include <set>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/config_reader.h"
+#include "server/api/requests.h"
+#include "server/api/views.h"
+#include "server/base/names.h"
+#include "server/base/person.h"
+#include "server/store/quota.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr char kTeam[] = "/v1/teams/([^]{1,64})";  // bytes; a name may hold any character
+
+std::string TeamIn(const httplib::Request& request) { return request.matches[1]; }
+
+// "" if it is left out.
+std::string ReasonOf(ConfigReader& reader, bool required = false) {
+  return required || reader.Has("reason") ? ReadReason(reader) : "";
+}
+
+Json TeamToJson(const TeamRow& team) {
+  return {{"team", team.name},
+          {"created_at", TimeToJson(team.created_at)},
+          {"banned", team.banned},
+          {"merged_into", TextOrNull(team.merged_into)},
+          {"other_names", team.other_names},
+          {"members", team.members}};
+}
+
+void AddHistory(Reader& reader, const std::string& team, Json& body) {
+  const Listed<MemberRow> members = reader.Members(team);
+  body["memberships"] = Json::array();
+  for (const MemberRow& member : members.rows) {
+    body["memberships"].push_back({{"person", member.person},
+                                   {"since_at", TimeToJson(member.since)},
+                                   {"who", member.who}});
+  }
+  const Listed<TeamEventRow> events = reader.TeamEvents(team);
+  body["events"] = Json::array();
+  for (const TeamEventRow& event : events.rows) {
+    body["events"].push_back({{"at", TimeToJson(event.at)},
+                              {"team", event.team},
+                              {"event", event.event},
+                              {"detail", TextOrNull(event.detail)},
+                              {"who", event.who},
+                              {"reason", TextOrNull(event.why)}});
+  }
+  std::vector<Damage> damaged = members.damaged;
+  damaged.insert(damaged.end(), events.damaged.begin(), events.damaged.end());
+  body["unreadable"] = DamagedToJson(damaged);
+}
+
+absl::StatusOr<Json> WholeTeam(Reader& reader, const std::string& name) {
+  const absl::StatusOr<TeamRow> team = reader.Team(name);
+  if (!team.ok()) return team.status();
+  Json body = TeamToJson(*team);
+  body["submissions"] = reader.SubmissionsOf(team->name);
+  AddHistory(reader, team->name, body);
+  return body;
+}
+
+int64_t Used(const BudgetUse& use) { return use.charged + use.open; }
+
+Json SumToJson(const BudgetUse& team, const BudgetUse& into, int64_t limit) {
+  const BudgetUse after = {team.charged + into.charged, team.open + into.open,
+                           team.granted + into.granted};
+  return {{"limit", limit},
+          {"granted", after.granted},
+          {"used_by_team", Used(team)},
+          {"used_by_into", Used(into)},
+          {"used", Used(after)},
+          {"left", std::max<int64_t>(after.left(limit), 0)}};
+}
+
+Json TrackSums(const std::string& track, const QuotaUse& team, const QuotaUse& into,
+               const QuotaLimits& limits) {
+  Json sums = {{"track", track}};
+  for (const Budget budget : kBudgets) {
+    sums[std::string(BudgetName(budget))] = {
+        {"per_day", SumToJson(team.today_of(budget), into.today_of(budget),
+                              limits.of(budget).per_day)},
+        {"total", SumToJson(team.total_of(budget), into.total_of(budget),
+                            limits.of(budget).total)}};
+  }
+  return sums;
+}
+
+int64_t ActiveTokens(Reader& reader, const std::string& team) {
+  const std::vector<TokenRow> tokens = reader.Tokens().rows;
+  return std::count_if(tokens.begin(), tokens.end(), [&](const TokenRow& token) {
+    return token.team == team && token.revoked_at == 0;
+  });
+}
+
+}  // namespace
+
+void TeamsResource::Install(Routes& routes) {
+  const std::string team = kTeam;
+  routes.Get("/v1/teams", Action::kManageTeams, std::bind_front(&TeamsResource::List, this));
+  routes.Post("/v1/teams", Action::kManageTeams, std::bind_front(&TeamsResource::Create, this));
+  routes.Get(team, Action::kReadTeam, std::bind_front(&TeamsResource::Get, this));
+  routes.Post(team + "/rename", Action::kManageTeams,
+              std::bind_front(&TeamsResource::Rename, this));
+  routes.Post(team + "/members", Action::kManageTeams,
+              std::bind_front(&TeamsResource::SetMember, this));
+  routes.Post(team + "/merge", Action::kManageTeams,
+              std::bind_front(&TeamsResource::Merge, this));
+  routes.Post(team + "/ban", Action::kManageTeams,
+              std::bind_front(&TeamsResource::Ban, this));
+}
+
+ApiResult TeamsResource::List(const httplib::Request& request) const {
+  absl::Status status = CheckParameters(request, {});
+  if (!status.ok()) return ErrorOf(status);
+  ApiAnswer answer;
+  status = context_.readers.Read([&](Reader& reader) {
+    const Listed<TeamRow> listed = reader.Teams();
+    answer.body = {{"teams", Json::array()}, {"unreadable", DamagedToJson(listed.damaged)}};
+    for (const TeamRow& team : listed.rows) answer.body["teams"].push_back(TeamToJson(team));
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+ApiResult TeamsResource::Get(const httplib::Request& request) const {
+  absl::Status status = CheckParameters(request, {});
+  if (status.ok()) status = CheckTeam(TeamIn(request));
+  if (!status.ok()) return ErrorOf(status);
+  absl::StatusOr<Json> body = absl::InternalError("");
+  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    if (absl::Status own = RequireTeam(reader, TeamIn(request)); !own.ok()) return own;
+    body = WholeTeam(reader, TeamIn(request));
+    return body.status();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return ApiAnswer{200, *std::move(body)};
+}
+
+ApiResult TeamsResource::Change(const std::string& team,
+                                std::function<absl::StatusOr<bool>(Writer&)> change,
+                                int http) const {
+  const auto changed = std::make_shared<bool>(false);
+  absl::Status status = context_.engine.Change(
+      [changed, change = std::move(change)](Writer& writer) {
+        const absl::StatusOr<bool> done = change(writer);
+        if (done.ok()) *changed = *done;
+        return done.status();
+      },
+      context_.config.http.request);
+  absl::StatusOr<Json> body = absl::InternalError("");
+  if (status.ok()) {
+    status = context_.readers.Read([&](Reader& reader) {
+      body = WholeTeam(reader, team);
+      return body.status();
+    });
+  }
+  if (!status.ok()) return TeamErrorOf(status, team);
+  (*body)["changed"] = *changed;
+  return ApiAnswer{http, *std::move(body)};
+}
+
+ApiResult TeamsResource::Create(const httplib::Request&, const Json& body) const {
+  ConfigReader reader(body, "request");
+  const std::string team = reader.String("team");
+  const std::string why = ReasonOf(reader);
+  absl::Status status = reader.Finish();
+  if (status.ok()) status = CheckTeam(team);
+  if (!status.ok()) return ErrorOf(status);
+  NoteAct(absl::StrCat("team ", team), "created");
+  return Change(team,
+                [team, why, who = CallerKey()](Writer& writer) -> absl::StatusOr<bool> {
+                  const absl::StatusOr<std::string> made = writer.CreateTeam(team, who, why);
+                  if (!made.ok()) return made.status();
+                  return true;
+                },
+                201);
+}
+
+ApiResult TeamsResource::Rename(const httplib::Request& request, const Json& body) const {
+  ConfigReader reader(body, "request");
+  const std::string name = reader.String("name");
+  const std::string why = ReasonOf(reader);
+  const std::string team = TeamIn(request);
+  absl::Status status = reader.Finish();
+  if (status.ok()) status = CheckTeam(team);
+  if (!status.ok()) return ErrorOf(status);
+  NoteAct(absl::StrCat("team ", team), absl::StrCat("renamed to ", name));
+  return Change(team, [=, who = CallerKey()](Writer& writer) {
+    return writer.RenameTeam(team, name, who, why);
+  });
+}
+
+ApiResult TeamsResource::SetMember(const httplib::Request& request, const Json& body) const {
+  ConfigReader reader(body, "request");
+  const std::string text = reader.String("person");
+  const bool belongs = reader.Boolean("belongs");
+  const std::string team = TeamIn(request);
+  absl::Status status = reader.Finish();
+  if (status.ok()) status = CheckTeam(team);
+  if (!status.ok()) return ErrorOf(status);
+  const absl::StatusOr<std::string> person = PersonNamed(text);
+  if (!person.ok()) return ErrorOf(person.status());
+  NoteAct(absl::StrCat("team ", team),
+          absl::StrCat(*person, belongs ? " is a member" : " is no member any more"));
+  return Change(team, [=, person = *person, who = CallerKey()](Writer& writer) {
+    return writer.SetMember(team, person, belongs, who);
+  });
+}
+
+ApiResult TeamsResource::Ban(const httplib::Request& request, const Json& body) const {
+  ConfigReader reader(body, "request");
+  const bool banned = reader.Boolean("banned");
+  const std::string why = ReasonOf(reader, /*required=*/banned);
+  const std::string team = TeamIn(request);
+  absl::Status status = reader.Finish();
+  if (status.ok()) status = CheckTeam(team);
+  if (!status.ok()) return ErrorOf(status);
+  NoteAct(absl::StrCat("team ", team),
+          absl::StrCat(banned ? "banned" : "not banned any more", why.empty() ? "" : ": ", why));
+  return Change(team, [=, who = CallerKey()](Writer& writer) {
+    return writer.BanTeam(team, banned, who, why);
+  });
+}
+
+absl::StatusOr<Json> TeamsResource::ConsequencesOf(const std::string& team,
+                                                   const std::string& into) const {
+  Json body;
+  const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    if (absl::Status mergeable = reader.CheckMerge(team, into); !mergeable.ok()) return mergeable;
+    const std::string from = reader.TeamOf(team);
+    const std::string to = reader.TeamOf(into);
+    std::set<std::string> members;
+    for (const std::string& one : {from, to}) {
+      const absl::StatusOr<TeamRow> row = reader.Team(one);
+      if (!row.ok()) return row.status();
+      members.insert(row->members.begin(), row->members.end());
+    }
+    const int64_t submissions = reader.SubmissionsOf(from);
+    body = {{"team", from},
+            {"into", to},
+            {"submissions_of_team", submissions},
+            {"submissions", submissions + reader.SubmissionsOf(to)},
+            {"tokens_of_team", ActiveTokens(reader, from)},
+            {"members", members},
+            {"tracks", Json::array()}};
+    const int64_t now = absl::ToUnixMillis(context_.clock.Now());
+    for (const auto& [track, offer] : context_.tracks.entries()) {
+      body["tracks"].push_back(TrackSums(track, reader.Quota(from, track, now),
+                                         reader.Quota(to, track, now),
+                                         context_.config.quota.of(track).quota));
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  return body;
+}
+
+ApiResult TeamsResource::Merge(const httplib::Request& request, const Json& body) const {
+  ConfigReader reader(body, "request");
+  const std::string into = reader.String("into");
+  const bool dry_run = reader.Has("dry_run") && reader.Boolean("dry_run");
+  const std::string why = ReasonOf(reader);
+  const std::string team = TeamIn(request);
+  absl::Status status = reader.Finish();
+  for (const std::string& name : {team, into}) {
+    if (status.ok()) status = CheckTeam(name);
+  }
+  if (!status.ok()) return ErrorOf(status);
+  absl::StatusOr<Json> answer = ConsequencesOf(team, into);
+  if (answer.ok() && !dry_run) {
+    status = context_.engine.Change(
+        [=, who = CallerKey()](Writer& writer) {
+          return writer.MergeTeams(team, into, who, why);
+        },
+        context_.config.http.request);
+  }
+  status.Update(answer.status());
+  if (!status.ok()) return ErrorOf(status);
+  (*answer)["merged"] = !dry_run;
+  NoteAct(absl::StrCat("team ", team),
+          absl::StrCat(dry_run ? "to be merged into " : "merged into ", into));
+  return ApiAnswer{200, *std::move(answer)};
+}
+
+}  // namespace myograde::server
