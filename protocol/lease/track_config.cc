@@ -87,6 +87,15 @@ absl::Status CheckName(const std::string& what, const std::string& name) {
                    ": use 1 to 64 of the characters a-z, 0-9 and \"-\""));
 }
 
+constexpr char kPracticeSeeds[] = "practice_seeds";
+
+// A list of practice seeds belongs to the list of seeds that it was chosen beside: other seeds leave
+// it behind.
+void MergeOver(nlohmann::json& base, const nlohmann::json& patch) {
+  if (patch.contains("seeds") && !patch.contains(kPracticeSeeds)) base.erase(kPracticeSeeds);
+  base.merge_patch(patch);
+}
+
 // A config file merged over everything that it extends.
 absl::StatusOr<nlohmann::json> ReadExtended(const std::string& tracks_dir,
                                             const std::string& track) {
@@ -137,7 +146,7 @@ absl::StatusOr<nlohmann::json> ReadExtended(const std::string& tracks_dir,
             "; leave the key out, and write the file in the keys of what it extends"));
       }
     }
-    merged.merge_patch(it->second);
+    MergeOver(merged, it->second);
   }
   return merged;
 }
@@ -151,8 +160,9 @@ absl::StatusOr<nlohmann::json> ProfilesOf(const nlohmann::json& merged, const st
   }
   nlohmann::json profiles = *it;
   RemoveComments(profiles);
-  static const std::set<std::string> kMayChange = {"episodes_per_lease", "seeds", "policy_seed_secret",
-                                                   "budgets", "rules", "scoring"};
+  static const std::set<std::string> kMayChange = {
+      "episodes_per_lease", "seeds", "practice_seeds", "policy_seed_secret", "budgets", "rules",
+      "scoring"};
   for (const auto& [name, patch] : profiles.items()) {
     const std::string place = absl::StrCat(where, ": profile \"", name, "\"");
     if (absl::Status status = CheckName("profile", name); !status.ok()) {
@@ -205,6 +215,22 @@ void ReadPhase(ConfigReader& reader, TrackConfig& config) {
       reader.Fail("seed_salt", "must be 64 hexadecimal digits");
     }
   }
+}
+
+absl::StatusOr<std::vector<uint64_t>> PracticeSeeds(const nlohmann::json& json,
+                                                    const std::vector<uint64_t>& ranked,
+                                                    const std::string& where) {
+  absl::StatusOr<std::vector<uint64_t>> seeds =
+      ParseSeeds(json, absl::StrCat(where, ": ", kPracticeSeeds));
+  if (!seeds.ok()) return seeds;
+  const std::set<uint64_t> known(ranked.begin(), ranked.end());
+  for (const uint64_t seed : *seeds) {
+    if (!known.contains(seed)) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat(where, ": \"", kPracticeSeeds, "\" has the seed ", seed,
+                     ", which \"seeds\" has too; practice must not play what is ranked"));
+  }
+  return seeds;
 }
 
 std::vector<std::string> KeysOf(const nlohmann::json& object) {
@@ -340,10 +366,18 @@ absl::StatusOr<TrackConfig> LoadTrackConfig(const std::string& tracks_dir,
   nlohmann::json effective = *std::move(merged);
   effective.erase("profiles");
   effective.erase("default_profile");
-  effective.merge_patch((*profiles)[wanted]);
+  MergeOver(effective, (*profiles)[wanted]);
   effective["id"] = track;
   effective["profile"] = wanted;
-  return ParseTrackConfig(effective, absl::StrCat(where, " (profile ", wanted, ")"));
+  const nlohmann::json practice = effective.value(kPracticeSeeds, nlohmann::json());
+  effective.erase(kPracticeSeeds);
+  const std::string place = absl::StrCat(where, " (profile ", wanted, ")");
+  absl::StatusOr<TrackConfig> config = ParseTrackConfig(effective, place);
+  if (!config.ok() || practice.is_null()) return config;
+  absl::StatusOr<std::vector<uint64_t>> seeds = PracticeSeeds(practice, config->seeds, place);
+  if (!seeds.ok()) return seeds.status();
+  config->practice_seeds = *std::move(seeds);
+  return config;
 }
 
 absl::StatusOr<std::vector<std::string>> ListProfiles(const std::string& tracks_dir,

@@ -52,6 +52,9 @@ struct TrackConfig {
   std::string profile;       // "paper", "myosuite", "as-graded"
   int64_t episodes_per_lease;
   std::vector<uint64_t> seeds;  // one per episode of the full evaluation
+  // What practice plays, in order; none of them is in `seeds`. Empty unless the config's file names
+  // some. Not part of the effective config and its hash.
+  std::vector<uint64_t> practice_seeds = {};
   // The phase of a challenge that plays it; "": a track's own board.
   std::string phase;
   // What commitments to the seeds are made with (seed_commitment.h), 64 hexadecimal digits; "": the

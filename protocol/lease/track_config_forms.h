@@ -6,6 +6,9 @@
 // track_config_forms.cc, so that a config of every earlier form keeps its meaning; a test compares
 // with tests/protocol/lease/forms, whose meaning.json must be extended too. Released forms never
 // change.
+//
+// Keys of a file that are no part of the effective config need no new form: "extends", "profiles",
+// "default_profile" and "practice_seeds" stand in files of every form and are never stored.
 #pragma once
 
 #include <cstdint>

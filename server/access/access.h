@@ -10,12 +10,9 @@
 #include <string>
 #include <string_view>
 
-namespace myograde::server {
+#include "server/access/role.h"
 
-// Each role may do what those before it may.
-enum class Role { kPublic, kParticipant, kOrganiser, kOperator };
-std::string_view RoleName(Role role);
-std::optional<Role> ParseRole(std::string_view name);
+namespace myograde::server {
 
 // Who asks. `key` is what limits count by and what rows record: "uid 1000", "token 7",
 // "address 192.0.2.1".

@@ -1,6 +1,11 @@
 // What a caller may see of an evaluation: a phase of a challenge may withhold parts of it from its
-// participants.
+// participants. The one place that decides it; server/api/redaction.h applies it to answers. Pure.
 #pragma once
+
+#include <string_view>
+#include <vector>
+
+#include "server/access/role.h"
 
 namespace myograde::server {
 
@@ -12,6 +17,38 @@ struct Visibility {
   bool logs = true;        // facts and log of each episode
   bool output = true;      // what the policy printed, and the text of its faults
   bool seeds = true;       // false as long as committed seeds are not revealed
+
+  bool operator==(const Visibility&) const = default;
 };
+
+// What is known of the phase that an evaluation belongs to. The default is that of evaluations
+// outside of all phases: nothing is withheld.
+struct PhaseSight {
+  Visibility shown = {};   // while it is not published, as its file says; `seeds` is ignored
+  bool published = false;
+  bool committed = false;  // its seeds are hidden until they are revealed
+  bool revealed = false;   // which publishes it, too
+};
+
+// A phase that no file describes any more: until it is published, its teams see the aggregate and
+// nothing else.
+inline constexpr Visibility kSightOfUnknownPhase = {.aggregate = true,
+                                                    .outcomes = false,
+                                                    .metrics = false,
+                                                    .logs = false,
+                                                    .output = false,
+                                                    .seeds = false};
+
+Visibility SightOf(Role role, const PhaseSight& phase);
+
+// Whether nothing is withheld.
+bool SeesAll(const Visibility& sight);
+// Whether the file of a log may be read: it holds its episode's seed.
+bool SeesLogs(const Visibility& sight);
+// Whether a receipt may be read: it lists outcome and metrics of each episode.
+bool SeesReceipt(const Visibility& sight);
+
+// The names of what is withheld, as a challenge file's "show" calls them, and "seeds".
+std::vector<std::string_view> WithheldParts(const Visibility& sight);
 
 }  // namespace myograde::server

@@ -4,10 +4,12 @@
 
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
+#include <spdlog/spdlog.h>
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "server/base/counted.h"
+#include "server/challenge/find_phase.h"
 #include "server/engine/stored.h"
 #include "server/proof/grader_build.h"
 
@@ -21,25 +23,61 @@ absl::Status BadRequest(const std::string& code, const std::string& message) {
   return WithErrorCode(absl::InvalidArgumentError(message), code);
 }
 
-// The seeds to play, in order.
+// The seeds to play, in order: the whole ranked list, or for practice those of the request or of the
+// track's list for it.
 absl::StatusOr<std::vector<uint64_t>> SeedsOf(const SubmitRequest& request,
                                               const TrackConfig& config) {
-  std::vector<uint64_t> seeds = request.seeds.value_or(config.seeds);
+  if (!request.seeds.has_value() && !request.episodes.has_value()) return config.seeds;
+  std::vector<uint64_t> seeds = request.seeds.value_or(config.practice_seeds);
   const auto count = static_cast<int64_t>(seeds.size());
   if (request.episodes.value_or(1) > count) {
-    return absl::InvalidArgumentError(absl::StrCat("request: \"episodes\" is ", *request.episodes,
-                                                   ", the seed list has ", count));
+    return absl::InvalidArgumentError(
+        absl::StrCat("request: \"episodes\" is ", *request.episodes, ", ",
+                     request.seeds.has_value() ? "the seed list has "
+                                               : "the track's list of practice seeds has ",
+                     count));
   }
   seeds.resize(static_cast<size_t>(request.episodes.value_or(count)));
   return seeds;
 }
 
+// Who ranks a seed in an environment: a track, or a phase with public seeds. Hidden seeds are not
+// looked at, so that no answer tells whether one was guessed. "": nobody.
+std::string RankedBy(const TrackKind& kind, uint64_t seed, const Tracks& tracks,
+                     const Phases& phases) {
+  const std::string track = tracks.RankedBy(kind, seed);
+  if (!track.empty()) return absl::StrCat("track \"", track, "\"");
+  for (const PhasePtr& phase : phases.entries()) {
+    const TrackConfig& config = phase->track->config;
+    if (config.kind != &kind || !config.seed_salt.empty()) continue;
+    if (std::find(config.seeds.begin(), config.seeds.end(), seed) != config.seeds.end()) {
+      return absl::StrCat("phase \"", phase->config.name, "\"");
+    }
+  }
+  return "";
+}
+
+// Practice that plays a ranked seed would be a ranked evaluation with more tries.
+absl::Status CheckPractice(const std::vector<uint64_t>& seeds, const TrackConfig& config,
+                           const Tracks& tracks, const Phases& phases) {
+  for (const uint64_t seed : seeds) {
+    const std::string who = RankedBy(*config.kind, seed, tracks, phases);
+    if (who.empty()) continue;
+    return BadRequest("ranked_seed",
+                      absl::StrCat("practice can't play the seed ", seed, ", which ", who,
+                                   " ranks; leave \"seeds\" and \"episodes\" out for a ranked "
+                                   "evaluation, or choose other seeds"));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
-Admission::Admission(AdmissionOptions options, const Tracks& tracks, Engine& engine,
-                     ReaderPool& readers, const Clock& clock)
+Admission::Admission(AdmissionOptions options, const Tracks& tracks, const Phases& phases,
+                     Engine& engine, ReaderPool& readers, const Clock& clock)
     : options_(std::move(options)),
       tracks_(tracks),
+      phases_(phases),
       engine_(engine),
       readers_(readers),
       clock_(clock),
@@ -90,19 +128,76 @@ absl::Status Admission::ChargeRefusal(const UploadRequest& request, const absl::
 }
 
 absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const std::string& who) {
-  const absl::StatusOr<TrackPtr> track = tracks_.Find(request.track, request.profile);
-  if (!track.ok()) return track.status();
-  const TrackConfig& config = (*track)->config;
+  absl::StatusOr<std::optional<Accepted>> earlier = FindEarlier(readers_, who, request.key);
+  if (!earlier.ok()) return earlier.status();
+  if (earlier->has_value()) return **earlier;
+  const absl::Time now = Now();
+  const absl::StatusOr<Entry> entry = EntryOf(request, now);
+  if (!entry.ok()) return entry.status();
+  const TrackConfig& config = entry->track->config;
   const absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOf(request, config);
   if (!seeds.ok()) return seeds.status();
-  absl::Status allowed = CheckArtefact(request.artefact, config);
+  absl::Status allowed;
+  if (request.seeds.has_value() || request.episodes.has_value()) {
+    allowed = CheckPractice(request.seeds.value_or(*seeds), config, tracks_, phases_);
+  }
+  if (allowed.ok()) allowed = CheckArtefact(request.artefact, config);
   if (!allowed.ok()) return allowed;
-  NewSubmission submission = Compose(request, config, *seeds);
+  NewSubmission submission = Compose(request, *entry, *seeds);
+  submission.request_key = request.key;
   submission.founding = request.founding;
   if (submission.ranked) allowed = CheckRankedHere();
   if (!allowed.ok()) return allowed;
-  return engine_.Submit(submission, options_.config.quota.of(config.id), who,
-                        options_.config.http.request);
+  AdmissionRules rules = options_.config.quota.of(config.id);
+  if (entry->phase != nullptr) {
+    rules = PhaseRules(entry->phase->config, rules);
+    submission.closed = CheckOpen(entry->phase->config, now);
+  }
+  return engine_.Submit(submission, rules, who, options_.config.http.request);
+}
+
+// The seeds of a phase are all played or none: what plays others is practice, on the track itself.
+absl::StatusOr<Admission::Entry> Admission::EntryOf(const SubmitRequest& request,
+                                                    absl::Time now) const {
+  const bool practice = request.seeds.has_value() || request.episodes.has_value();
+  if (practice && !request.phase.empty()) {
+    return absl::InvalidArgumentError(
+        "request: \"phase\" can't stand beside \"seeds\" or \"episodes\": a phase is played as a "
+        "whole; leave one of them out");
+  }
+  absl::StatusOr<TrackPtr> track = tracks_.Find(request.track, request.profile);
+  if (!track.ok()) return track.status();
+  if (!HasPhases(phases_, request.track)) {
+    if (request.phase.empty()) return Entry{*track, nullptr, true};
+  } else if (practice) {
+    return Entry{*track, nullptr, false};
+  }
+  absl::StatusOr<PhasePtr> phase =
+      FindPhase(phases_, {request.phase, request.track, request.profile}, now);
+  if (!phase.ok()) return phase.status();
+  return Entry{(*phase)->track, *phase, true};
+}
+
+absl::Time Admission::Now() {
+  const absl::Time now = clock_.Now();
+  if (const auto jump = calendar_.Jump(now, clock_.Monotonic())) {
+    spdlog::warn("the calendar was set {} by {}; phases open and close, and days of quotas begin, by "
+                 "the calendar", *jump > absl::ZeroDuration() ? "forward" : "back",
+                 absl::FormatDuration(absl::AbsDuration(*jump)));
+  }
+  return now;
+}
+
+absl::StatusOr<std::optional<Accepted>> FindEarlier(ReaderPool& readers, const std::string& who,
+                                                    const RequestKey& key) {
+  if (key.key.empty()) return std::optional<Accepted>();
+  absl::StatusOr<std::optional<Accepted>> earlier = absl::InternalError("");
+  const absl::Status status = readers.Read([&](Reader& reader) {
+    earlier = reader.FindRequest(who, key);
+    return earlier.status();
+  });
+  if (!status.ok()) return status;
+  return earlier;
 }
 
 // Engine::Submit checks for the files again, at a point where nothing can remove them.
@@ -131,8 +226,9 @@ absl::Status Admission::CheckArtefact(const std::string& hash, const TrackConfig
   return absl::OkStatus();
 }
 
-NewSubmission Admission::Compose(const SubmitRequest& request, const TrackConfig& config,
+NewSubmission Admission::Compose(const SubmitRequest& request, const Entry& entry,
                                  const std::vector<uint64_t>& seeds) const {
+  const TrackConfig& config = entry.track->config;
   NewSubmission submission;
   submission.team = request.team;
   submission.artefact = request.artefact;
@@ -143,7 +239,8 @@ NewSubmission Admission::Compose(const SubmitRequest& request, const TrackConfig
   submission.seeds_json = CanonicalJson(nlohmann::json(seeds));
   submission.seeds = Sha256Hex(submission.seeds_json);
   submission.seed_count = static_cast<int64_t>(seeds.size());
-  submission.ranked = seeds == config.seeds;
+  submission.ranked = entry.ranks && seeds == config.seeds;
+  submission.phase = config.phase;
   submission.grader_json = CanonicalJson(GraderBuild(options_.cache_dir));
   submission.blocks = BlocksOf(submission.seed_count, config.episodes_per_lease);
   return submission;

@@ -16,6 +16,8 @@
 
 #include "protocol/base/clock.h"
 #include "server/admission/uploads.h"
+#include "server/challenge/calendar_watch.h"
+#include "server/challenge/phases.h"
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
 #include "server/grading/tracks.h"
@@ -44,9 +46,12 @@ struct SubmitRequest {
   std::string artefact;
   std::string team;
   std::string track;
-  std::string profile;  // "": the track's default
-  std::optional<std::vector<uint64_t>> seeds;  // nullopt: the track's
+  std::string profile;     // "": the track's default, or the phase's
+  std::string phase = "";  // "": the only open one of the track, where it has phases
+  // Both nullopt: a ranked evaluation of all seeds of the track, or of the phase.
+  std::optional<std::vector<uint64_t>> seeds;  // of practice; nullopt: the track's practice seeds
   std::optional<int64_t> episodes;             // only so many of them; nullopt: all
+  RequestKey key = {};  // if it came before, the result is what was accepted then
   std::optional<Founding> founding = std::nullopt;  // of the team
 };
 
@@ -56,8 +61,8 @@ struct SubmitRequest {
 class Admission {
  public:
   // All but `options` must outlive it.
-  Admission(AdmissionOptions options, const Tracks& tracks, Engine& engine, ReaderPool& readers,
-            const Clock& clock);
+  Admission(AdmissionOptions options, const Tracks& tracks, const Phases& phases, Engine& engine,
+            ReaderPool& readers, const Clock& clock);
 
   // Turns an archive into an artefact that can be submitted. If a team is named, an archive that is
   // refused because of its content is charged to it as a failed try; no other error is.
@@ -69,35 +74,57 @@ class Admission {
   // and the other errors of Uploads::Take.
   absl::StatusOr<ReceivedArtefact> Receive(const UploadRequest& request, IncomingArchive& archive);
 
-  // Accepts a submission made by `who` and queues its evaluation. If it plays exactly the track's
-  // seeds it is ranked, otherwise practice. A linked result is an earlier submission: nothing new
-  // is played or charged.
-  //   NotFoundError               code "unknown_track", "unknown_profile"; no code: the artefact
+  // Accepts a submission made by `who` and queues its evaluation. If it names neither seeds nor
+  // episodes it plays exactly the seeds of its phase and is ranked, otherwise it is practice; a track
+  // that has no phases is one itself, which is always open. A linked result is an earlier submission:
+  // nothing new is played or charged.
+  //   NotFoundError               code "unknown_track", "unknown_profile", "unknown_phase"; no code:
+  //                               the artefact
   //   InvalidArgumentError        code "bad_artefact": too large for the track;
-  //                               "unknown_runtime"; no code: episodes, the team's name
-  //   FailedPreconditionError     code "quota", "same_artefact", "look_alike" (Writer::Accept),
-  //                               "forbidden" (Writer::FoundTeam)
+  //                               "unknown_runtime"; "ranked_seed": practice on a seed that is
+  //                               ranked; no code: episodes, the team's name, a phase of another
+  //                               track, several phases to choose from
+  //   FailedPreconditionError     code "quota", "same_artefact", "look_alike", "paused"
+  //                               (Writer::Accept), "forbidden" (Writer::FoundTeam); "phase_closed"
   //   UnavailableError            code "not_official": this host may not grade ranked submissions
-  // and the errors of Engine::Submit and ReaderPool::Read.
+  // and the errors of Engine::Submit and ReaderPool::Read. A result that is repeated was accepted
+  // before, when the request came for the first time; nothing is checked again.
   absl::StatusOr<Accepted> Submit(const SubmitRequest& request, const std::string& who);
 
  private:
+  // What a request plays, and as what.
+  struct Entry {
+    TrackPtr track;
+    PhasePtr phase;     // nullptr: none
+    bool ranks = true;  // if it plays all seeds
+  };
+  absl::StatusOr<Entry> EntryOf(const SubmitRequest& request, absl::Time now) const;
+  // The date, with a warning in the log if it was set.
+  absl::Time Now();
   absl::Status CheckTries(const std::string& team, const std::string& track);
   absl::Status Found(const std::string& team, const Founding& founding);
   // Charges a failed try to the request's team, if it names one.
   absl::Status ChargeRefusal(const UploadRequest& request, const absl::Status& refusal);
   absl::Status CheckArtefact(const std::string& hash, const TrackConfig& config);
   absl::Status CheckRankedHere() const;
-  NewSubmission Compose(const SubmitRequest& request, const TrackConfig& config,
+  NewSubmission Compose(const SubmitRequest& request, const Entry& entry,
                         const std::vector<uint64_t>& seeds) const;
 
   const AdmissionOptions options_;
   const Tracks& tracks_;
+  const Phases& phases_;
   Engine& engine_;
   ReaderPool& readers_;
   const Clock& clock_;
   Uploads uploads_;
+  CalendarWatch calendar_;
 };
+
+// What `who` was answered when this key came for the first time, so that what would not be accepted
+// any more is answered as it was then; nullopt if it is new. Errors of Reader::FindRequest and
+// ReaderPool::Read.
+absl::StatusOr<std::optional<Accepted>> FindEarlier(ReaderPool& readers, const std::string& who,
+                                                    const RequestKey& key);
 
 // The first and last episodes of a submission's leases: [0, count) cut at multiples of `per_lease`.
 std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease);

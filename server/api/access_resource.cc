@@ -1,9 +1,9 @@
 #include "server/api/access_resource.h"
 
 #include <functional>
-#include <iterator>
 #include <string>
 
+#include "server/api/paging.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 
@@ -53,20 +53,16 @@ ApiResult AccessResource::ListEvents(const httplib::Request& request) const {
   if (!kind.empty() && kind != "denied" && kind != "act") {
     status.Update(absl::InvalidArgumentError("\"kind\" must be denied or act"));
   }
-  int64_t before = INT64_MAX;
-  int64_t limit = 100;
-  status.Update(ReadNumber(request, "before", INT64_MAX, before));
-  status.Update(ReadNumber(request, "limit", 1000, limit));
+  const absl::StatusOr<Page> page = ReadPage(request);
+  status.Update(page.status());
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer;
   status = context_.readers.Read([&](Reader& reader) {
-    const Listed<AccessEventRow> listed = reader.AccessEvents(kind, before, limit);
+    const Listed<AccessEventRow> listed = reader.AccessEvents(kind, page->before, page->limit);
     Json events = Json::array();
     for (const AccessEventRow& event : listed.rows) events.push_back(EventToJson(event));
-    const bool more = std::ssize(listed.rows) + std::ssize(listed.damaged) == limit;
-    answer.body = {{"events", std::move(events)},
-                   {"unreadable", DamagedToJson(listed.damaged)},
-                   {"next_before", more ? Json(listed.last_id) : Json()}};
+    answer.body = {{"events", std::move(events)}, {"unreadable", DamagedToJson(listed.damaged)}};
+    AddNextPage(request, *page, listed, answer);
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);

@@ -24,12 +24,15 @@ void Api::Install(UnixHttpServer& server) {
   submissions_.Install(routes);
   evaluations_.Install(routes);
   boards_.Install(routes);
+  challenges_.Install(routes);
   quota_.Install(routes);
   proof_.Install(routes);
+  reveal_.Install(routes);
   teams_.Install(routes);
   tokens_.Install(routes);
   transfer_.Install(routes);
   whoami_.Install(routes);
+  openapi_.Install(routes);
   routes.AddErrorAnswers();
 }
 

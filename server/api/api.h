@@ -5,12 +5,15 @@
 #include "server/api/access_resource.h"
 #include "server/api/artefacts_resource.h"
 #include "server/api/boards_resource.h"
+#include "server/api/challenges_resource.h"
 #include "server/api/context.h"
 #include "server/api/evaluations_resource.h"
 #include "server/api/guard.h"
 #include "server/api/host_resource.h"
+#include "server/api/openapi_resource.h"
 #include "server/api/proof_resource.h"
 #include "server/api/quota_resource.h"
+#include "server/api/reveal_resource.h"
 #include "server/api/submissions_resource.h"
 #include "server/api/teams_resource.h"
 #include "server/api/tokens_resource.h"
@@ -38,12 +41,15 @@ class Api {
   SubmissionsResource submissions_{context_};
   EvaluationsResource evaluations_{context_};
   BoardsResource boards_{context_};
+  ChallengesResource challenges_{context_};
   QuotaResource quota_{context_};
   ProofResource proof_{context_};
+  RevealResource reveal_{context_};
   TeamsResource teams_{context_};
   TokensResource tokens_{context_};
   TransferResource transfer_{context_};
   WhoamiResource whoami_{context_};
+  OpenApiResource openapi_;
 };
 
 }  // namespace myograde::server

@@ -36,6 +36,19 @@ absl::StatusOr<UploadRequest> ParseUpload(const httplib::Request& request) {
                        .stopping = UnixHttpServer::Stopping};
 }
 
+// For an upload without a team: one of the caller's must still be allowed to hand something in.
+absl::Status CheckSomeTeam(ReaderPool& readers) {
+  if (CallerIsOrganiser() || Caller().teams.empty()) return absl::OkStatus();
+  return readers.Read([](Reader& reader) {
+    absl::Status refusal;
+    for (const std::string& team : Caller().teams) {
+      refusal = reader.CheckTeam(team);
+      if (refusal.ok()) break;
+    }
+    return refusal;
+  });
+}
+
 }  // namespace
 
 void ArtefactsResource::Install(Routes& routes) {
@@ -51,7 +64,11 @@ void ArtefactsResource::Install(Routes& routes) {
 ApiResult ArtefactsResource::Upload(const httplib::Request& request) const {
   absl::StatusOr<UploadRequest> upload = ParseUpload(request);
   if (!upload.ok()) return ErrorOf(upload.status());
-  if (!upload->from.team.empty()) {
+  if (upload->from.team.empty()) {
+    if (absl::Status status = CheckSomeTeam(context_.readers); !status.ok()) {
+      return ErrorOf(status);
+    }
+  } else {
     absl::StatusOr<std::optional<Founding>> founding =
         FoundingFor(context_, upload->from.team);
     if (!founding.ok()) return ErrorOf(founding.status());

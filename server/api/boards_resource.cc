@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
@@ -10,6 +11,7 @@
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/engine/standings.h"
+#include "server/engine/stored.h"
 #include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 
@@ -37,12 +39,18 @@ absl::Status FillRow(Reader& reader, const std::string& names, StandingRow& row)
   return absl::OkStatus();
 }
 
-absl::StatusOr<Source> SourceOf(Reader& reader, const Track& track) {
+// `before_ms`: what ended from then on is left out.
+absl::StatusOr<Source> SourceOf(Reader& reader, const Track& track, int64_t before_ms) {
   const std::string names = scoring::RankedNames(*track.scoring.track);
   Listed<StandingRow> listed = reader.Standings(track.config.hash);
   MarksInForce marks = reader.Marks();
   Source source{{}, std::move(marks.by_submission), std::move(listed.damaged)};
+  const bool choose = track.scoring.team == scoring::TeamRule::kChosen;
+  const std::set<int64_t> chosen =
+      choose ? reader.Choices(track.config.hash, before_ms) : std::set<int64_t>();
   for (StandingRow& row : listed.rows) {
+    if (row.finished_at >= before_ms) continue;
+    row.chosen = chosen.contains(row.submission);
     // Nobody can tell whether it is hidden or disqualified.
     if (const auto mark = marks.damaged.find(row.submission); mark != marks.damaged.end()) {
       source.damaged.push_back(mark->second);
@@ -98,34 +106,84 @@ Json BoardToJson(const Leaderboard& board) {
   return {{"rows", std::move(rows)}, {"disqualified", std::move(disqualified)}};
 }
 
+// Which rows a caller may see.
+enum class View { kAll, kFrozen, kAllOfFrozen };
+
 // The track and board that a request names.
 struct BoardQuery {
   TrackPtr track;
   std::string board;
   const scoring::BoardSpec* rules = nullptr;  // the track's
+  View view = View::kAll;
+  absl::Time frozen = absl::InfiniteFuture();  // when others' view was frozen
+
+  int64_t before_ms() const {
+    return view == View::kFrozen ? absl::ToUnixMillis(frozen) : INT64_MAX;
+  }
 };
 
-absl::StatusOr<BoardQuery> ParseBoardQuery(const httplib::Request& request, const Tracks& tracks) {
-  if (!request.has_param("track")) {
-    return absl::InvalidArgumentError("\"track\" is missing: a board is of one track");
-  }
+// A phase that no file describes any more is found by its submissions.
+absl::StatusOr<TrackPtr> TrackOfPhase(Reader& reader, const ApiContext& context,
+                                      const std::string& name) {
+  const absl::StatusOr<PhasePtr> phase = context.phases.Find(name);
+  if (phase.ok()) return (*phase)->track;
+  const std::string config = reader.ConfigOfPhase(name);
+  if (config.empty()) return phase.status();
+  return StoredTrack(reader, config);
+}
+
+absl::StatusOr<TrackPtr> AskedTrack(const httplib::Request& request, Reader& reader,
+                                    const ApiContext& context) {
   const std::string name = request.get_param_value("track");
-  absl::StatusOr<TrackPtr> track = tracks.Find(name, request.get_param_value("profile"));
+  const std::string profile = request.get_param_value("profile");
+  if (!request.has_param("phase")) {
+    if (request.has_param("track")) return context.tracks.Find(name, profile);
+    return absl::InvalidArgumentError(
+        "\"track\" is missing: a board is of one track, or of one \"phase\"");
+  }
+  absl::StatusOr<TrackPtr> track =
+      TrackOfPhase(reader, context, request.get_param_value("phase"));
+  if (!track.ok()) return track.status();
+  const TrackConfig& config = (*track)->config;
+  if ((name.empty() || name == config.id) && (profile.empty() || profile == config.profile)) {
+    return track;
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("phase \"", config.phase, "\" is of track \"", config.id,
+                   "\" in the profile \"", config.profile, "\""));
+}
+
+// From a phase's freeze on, only organisers see what ends later.
+absl::Status AddView(Reader& reader, const ApiContext& context, BoardQuery& asked) {
+  const PhaseConfig* phase = context.phases.ConfigOf(asked.track->config.phase);
+  if (phase == nullptr) return absl::OkStatus();
+  const auto events = reader.PhaseEvents(phase->name);
+  if (!events.ok()) return events.status();
+  if (!StatusOfPhase(*phase, *events, context.clock.Now()).frozen) return absl::OkStatus();
+  asked.frozen = phase->freezes;
+  asked.view = CallerIsOrganiser() ? View::kAllOfFrozen : View::kFrozen;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<BoardQuery> ParseBoardQuery(const httplib::Request& request, Reader& reader,
+                                           const ApiContext& context) {
+  absl::StatusOr<TrackPtr> track = AskedTrack(request, reader, context);
   if (!track.ok()) return track.status();
   BoardQuery asked{*track, request.has_param("board") ? request.get_param_value("board")
                                                       : scoring::kMainBoard};
   const auto rules = asked.track->scoring.boards.find(asked.board);
   if (rules == asked.track->scoring.boards.end()) {
     return absl::InvalidArgumentError(
-        absl::StrCat("track \"", name, "\" has no board \"", asked.board, "\""));
+        absl::StrCat("track \"", asked.track->config.id, "\" has no board \"", asked.board, "\""));
   }
   asked.rules = &rules->second;
+  if (absl::Status status = AddView(reader, context, asked); !status.ok()) return status;
   return asked;
 }
 
 absl::StatusOr<std::string> MakeBoardText(Reader& reader, const BoardQuery& asked) {
   const TrackConfig& config = asked.track->config;
-  absl::StatusOr<Source> source = SourceOf(reader, *asked.track);
+  absl::StatusOr<Source> source = SourceOf(reader, *asked.track, asked.before_ms());
   if (!source.ok()) return source.status();
   absl::StatusOr<Leaderboard> board = MakeLeaderboard(
       source->standings, source->marks, asked.rules->rules, asked.track->scoring.team);
@@ -136,6 +194,10 @@ absl::StatusOr<std::string> MakeBoardText(Reader& reader, const BoardQuery& aske
   json["track"] = config.id;
   json["track_kind"] = config.kind->name;
   json["profile"] = config.profile;
+  json["phase"] = TextOrNull(config.phase);
+  json["frozen_at"] =
+      asked.view == View::kAll ? Json() : TimeToJson(absl::ToUnixMillis(asked.frozen));
+  json["complete"] = asked.view != View::kFrozen;
   json["board"] = asked.board;
   json["rules"] = config.scoring["boards"][asked.board];
   json["official_figures"] = asked.track->scoring.official_figures;
@@ -143,7 +205,8 @@ absl::StatusOr<std::string> MakeBoardText(Reader& reader, const BoardQuery& aske
   json["order"] = scoring::DescribeOrder(asked.rules->rules);
   json["config"] = config.hash;
   json["episodes"] = config.seeds.size();
-  json["other_config"] = reader.RankedElsewhere(config.id, config.profile, config.hash);
+  json["other_config"] = 
+      reader.RankedElsewhere(config.id, config.profile, config.phase, config.hash);
   return CanonicalJson(json) + "\n";
 }
 
@@ -158,13 +221,13 @@ void BoardsResource::Install(Routes& routes) {
 }
 
 ApiResult BoardsResource::Get(const httplib::Request& request) {
-  absl::Status status = CheckParameters(request, {"track", "profile", "board"});
+  absl::Status status = CheckParameters(request, {"track", "profile", "phase", "board"});
   if (!status.ok()) return ErrorOf(status);
-  const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, context_.tracks);
-  if (!asked.ok()) return ErrorOf(asked.status());
-  const Key key(asked->track->config.hash, asked->board);
-  ApiAnswer answer;
+  ApiAnswer answer{.tagged = true};
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
+    if (!asked.ok()) return asked.status();
+    const Key key(asked->track->config.hash, asked->board, static_cast<int>(asked->view));
     const int64_t changes = reader.BoardChanges();
     answer.text = Kept(key, changes);
     if (answer.text != nullptr) return absl::OkStatus();
@@ -191,7 +254,7 @@ void BoardsResource::Keep(const Key& key, KeptBoard board) {
 }
 
 ApiResult BoardsResource::Explain(const httplib::Request& request) const {
-  absl::Status status = CheckParameters(request, {"track", "profile", "board", "a", "b"});
+  absl::Status status = CheckParameters(request, {"track", "profile", "phase", "board", "a", "b"});
   for (const char* key : {"a", "b"}) {
     if (!request.has_param(key)) {
       status.Update(absl::InvalidArgumentError(absl::StrCat(
@@ -199,12 +262,12 @@ ApiResult BoardsResource::Explain(const httplib::Request& request) const {
     }
   }
   if (!status.ok()) return ErrorOf(status);
-  const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, context_.tracks);
-  if (!asked.ok()) return ErrorOf(asked.status());
-  const BoardQuery& board = *asked;
-  ApiAnswer answer;
+  ApiAnswer answer{.tagged = true};
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    const absl::StatusOr<Source> source = SourceOf(reader, *board.track);
+    const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
+    if (!asked.ok()) return asked.status();
+    const BoardQuery& board = *asked;
+    const absl::StatusOr<Source> source = SourceOf(reader, *board.track, board.before_ms());
     if (!source.ok()) return source.status();
     const auto explanation = ExplainOrder(source->standings, source->marks, board.rules->rules,
                                           board.track->scoring.team,
@@ -213,6 +276,7 @@ ApiResult BoardsResource::Explain(const httplib::Request& request) const {
     if (!explanation.ok()) return explanation.status();
     answer.body = {{"track", board.track->config.id},
                    {"profile", board.track->config.profile},
+                   {"phase", TextOrNull(board.track->config.phase)},
                    {"board", board.board},
                    {"above", RowToJson(explanation->above)},
                    {"below", RowToJson(explanation->below)},

@@ -5,7 +5,7 @@
 #include <map>
 #include <memory>
 #include <string>
-#include <utility>
+#include <tuple>
 
 #include <nlohmann/json.hpp>
 
@@ -34,7 +34,8 @@ class BoardsResource {
     int64_t changes = -1;
     std::shared_ptr<const std::string> text;
   };
-  using Key = std::pair<std::string, std::string>;  // hash of the track config, name of the board
+  // Hash of the track config, name of the board, and which view of it.
+  using Key = std::tuple<std::string, std::string, int>;
 
   // nullptr: there is none, or it is stale.
   std::shared_ptr<const std::string> Kept(const Key& key, int64_t changes);

@@ -8,6 +8,7 @@
 #include "protocol/base/clock.h"
 #include "server/admission/admission.h"
 #include "server/api/access_log.h"
+#include "server/challenge/phases.h"
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
 #include "server/grading/tracks.h"
@@ -22,6 +23,7 @@ struct ApiContext {
   std::string data_dir;
   std::string cache_dir;
   const Tracks& tracks;
+  const Phases& phases;
   Admission& admission;
   Engine& engine;
   ReaderPool& readers;

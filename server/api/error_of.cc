@@ -14,6 +14,7 @@ ApiError ErrorOf(const absl::Status& status) {
   const std::string message(status.message());
   const std::string code = ErrorCodeOf(status);
   if (code == kDamagedRowCode) return {500, code, message};
+  if (code == kKeyReusedCode) return {422, code, message};
   if (code == kBannedCode || code == kForbiddenCode) return {403, code, message};
   const auto code_or = [&code](const char* usual) { return code.empty() ? usual : code; };
   switch (status.code()) {

@@ -9,6 +9,8 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "server/api/phase_sight.h"
+#include "server/api/redaction.h"
 #include "server/api/requests.h"
 #include "server/api/submission_view.h"
 #include "server/api/views.h"
@@ -59,7 +61,8 @@ absl::StatusOr<Json> ComparisonOf(Reader& reader, const EvaluationRow& evaluatio
   return CompareRows(original->id, *its, evaluation, rows);
 }
 
-absl::StatusOr<Json> EvaluationToJson(Reader& reader, int64_t id, bool episodes) {
+absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context, int64_t id,
+                                      bool episodes) {
   absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
   if (!evaluation.ok()) return evaluation.status();
   absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation->submission);
@@ -93,8 +96,8 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, int64_t id, bool episodes)
   json["hashes"] = {{"artefact", submission->artefact},
                     {"config", submission->config},
                     {"seeds", submission->seeds},
-                    {"results", ResultsHash(rows)}};
-  json["merkle_root"] = rows.empty() ? Json() : Json(MerkleRootOf(rows));
+                    {"results", ResultsHash(rows, config.seed_salt)}};
+  json["merkle_root"] = rows.empty() ? Json() : Json(MerkleRootOf(rows, config.seed_salt));
   json["grader"] = Json::parse(evaluation->grader_json, nullptr, false);
   json["limits"] = LimitsToJson(config);
   json["output"] = OutputToJson(*leases);
@@ -107,9 +110,25 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, int64_t id, bool episodes)
   json["comparison"] = *comparison;
   if (episodes) {
     json["episode_rows"] = Json::array();
-    for (const EpisodeRow& row : rows) json["episode_rows"].push_back(EpisodeToJson(row));
+    for (const EpisodeRow& row : rows) {
+      json["episode_rows"].push_back(EpisodeToJson(row, config.seed_salt));
+    }
   }
+  const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);
+  if (!sight.ok()) return sight.status();
+  RedactEvaluation(json, *sight);
   return json;
+}
+
+// A policy that plays its phase again has one more look at it, which no quota counts.
+absl::Status CheckFurtherLook(Reader& reader, const ApiContext& context,
+                              const StoredEvaluation& stored) {
+  const TrackConfig& config = stored.track->config;
+  const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);
+  if (!sight.ok() || SeesAll(*sight)) return sight.status();
+  return WithheldError(absl::StrCat("submission ", stored.submission.id, " can't be run again yet: "
+                                    "phase \"", config.phase, "\" withholds parts of results, and "
+                                    "a re-run would be a further look"));
 }
 
 // What is to be played again, all of which can be read.
@@ -122,6 +141,7 @@ absl::StatusOr<NewRerun> MakeRerun(Reader& reader, const ApiContext& context, in
   StoredContent content;
   const absl::StatusOr<StoredEvaluation> stored = LoadEvaluation(reader, evaluation->id, content);
   if (!stored.ok()) return stored.status();
+  if (absl::Status may = CheckFurtherLook(reader, context, *stored); !may.ok()) return may;
   const EvaluationRow& original = stored->evaluation;
   if (!IsFinal(original.state)) {
     return absl::FailedPreconditionError(absl::StrCat(
@@ -178,7 +198,7 @@ ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
         if (!original.ok()) return original.status();
         evaluation = original->id;
       }
-      absl::StatusOr<Json> json = EvaluationToJson(reader, evaluation, episodes == "1");
+      absl::StatusOr<Json> json = EvaluationToJson(reader, context_, evaluation, episodes == "1");
       if (json.ok()) answer.body = *std::move(json);
       return json.status();
     });
@@ -198,6 +218,12 @@ ApiResult EvaluationsResource::Get(const httplib::Request& request) const {
 ApiResult EvaluationsResource::Rerun(const httplib::Request& request, const Json& body) const {
   const absl::StatusOr<RerunRequest> wanted = ParseRerun(body);
   if (!wanted.ok()) return ErrorOf(wanted.status());
+  const absl::StatusOr<RequestKey> key = ReadRequestKey(request, body);
+  if (!key.ok()) return ErrorOf(key.status());
+  const absl::StatusOr<std::optional<Accepted>> earlier =
+      FindEarlier(context_.readers, CallerKey(), *key);
+  if (!earlier.ok()) return ErrorOf(earlier.status());
+  if (earlier->has_value()) return RerunAnswer(**earlier);
   const int64_t submission = IdOf(request);
   absl::StatusOr<NewRerun> rerun = absl::InternalError("");
   const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
@@ -206,19 +232,34 @@ ApiResult EvaluationsResource::Rerun(const httplib::Request& request, const Json
     return rerun.status();
   });
   if (!status.ok()) return ErrorOf(status);
+  rerun->request_key = *key;
   const absl::StatusOr<Accepted> accepted = context_.engine.Rerun(
       *rerun, CallerKey(), CallerIsOrganiser(), context_.config.reruns,
       context_.config.http.request);
   if (!accepted.ok()) return ErrorOf(accepted.status());
-  NoteAct(absl::StrCat("submission ", submission),
-          absl::StrCat("evaluation ", accepted->evaluation));
-  return ApiAnswer{201,
-                   {{"evaluation", accepted->evaluation},
-                    {"submission", submission},
-                    {"kind", "rerun"},
-                    {"state", "queued"},
-                    {"first", rerun->blocks.front().first},
-                    {"last", rerun->blocks.back().second}}};
+  if (accepted->is_new()) {
+    NoteAct(absl::StrCat("submission ", submission),
+            absl::StrCat("evaluation ", accepted->evaluation));
+  }
+  return RerunAnswer(*accepted);
+}
+
+ApiResult EvaluationsResource::RerunAnswer(const Accepted& accepted) const {
+  ApiAnswer answer{.http = accepted.is_new() ? 201 : 200};
+  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+    const absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(accepted.evaluation);
+    if (!evaluation.ok()) return evaluation.status();
+    answer.body = {{"evaluation", accepted.evaluation},
+                   {"submission", accepted.submission},
+                   {"kind", "rerun"},
+                   {"state", EvaluationStateName(evaluation->state)},
+                   {"first", evaluation->first},
+                   {"last", evaluation->last},
+                   {"repeated", accepted.repeated}};
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
 }
 
 }  // namespace myograde::server

@@ -23,6 +23,7 @@ class EvaluationsResource {
   ApiResult GetResult(const httplib::Request& request) const;
   ApiResult Get(const httplib::Request& request) const;
   ApiResult Rerun(const httplib::Request& request, const nlohmann::json& body) const;
+  ApiResult RerunAnswer(const Accepted& accepted) const;
   ApiResult EvaluationAnswer(int64_t id, bool of_submission, const httplib::Request& request) const;
 
   const ApiContext& context_;

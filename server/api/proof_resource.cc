@@ -9,68 +9,14 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
-#include "protocol/lease/policy_seed.h"
+#include "server/api/phase_sight.h"
+#include "server/api/receipt_view.h"
 #include "server/api/requests.h"
-#include "server/engine/stored.h"
-#include "server/grading/results.h"
 #include "server/proof/receipt.h"
 #include "server/runner/log_keeper.h"
 
 namespace myograde::server {
 namespace {
-
-// Everything that the result is a function of, and the result.
-absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t id) {
-  absl::StatusOr<SubmissionRow> submission = reader.Submission(id);
-  if (!submission.ok()) return submission.status();
-  const absl::StatusOr<EvaluationRow> original = reader.Original(id);
-  if (!original.ok()) return original.status();
-  const EvaluationRow& evaluation = *original;
-  if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("submission ", id, " is ", std::string(EvaluationStateName(evaluation.state)),
-                     "; there is a receipt once it is done or failed"));
-  }
-  absl::StatusOr<std::string> config = reader.ConfigJson(submission->config);
-  if (!config.ok()) return config.status();
-  const absl::StatusOr<TrackConfig> track = StoredConfig(reader, submission->config);
-  if (!track.ok()) return track.status();
-  const absl::StatusOr<std::vector<EpisodeRow>> read = reader.Episodes(evaluation.id);
-  if (!read.ok()) return read.status();
-  const std::vector<EpisodeRow>& rows = *read;
-  const scoring::ScoredTrack& scored = *scoring::FindScoredTrack(track->kind->name);
-  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(scored, rows);
-  if (!aggregate.ok()) return aggregate.status();
-  nlohmann::json episodes = nlohmann::json::array();
-  nlohmann::json policy_seeds;  // null: they follow from the store's secret
-  for (const EpisodeRow& row : rows) {
-    episodes.push_back(ReceiptEntry(row));
-    if (!track->policy_seed_secret.has_value()) continue;
-    policy_seeds.push_back(PolicySeed(*track->policy_seed_secret, row.index));
-  }
-  return nlohmann::json{
-      {"format", 1},
-      {"submission", id},
-      {"evaluation", evaluation.id},
-      {"team", submission->team},
-      {"name", submission->artefact_name},
-      {"track", submission->track},
-      {"track_kind", track->kind->name},
-      {"profile", submission->profile},
-      {"ranked", submission->ranked},
-      {"state", EvaluationStateName(evaluation.state)},
-      {"artefact", submission->artefact},
-      {"config", submission->config},
-      {"track_config", nlohmann::json::parse(*config)},
-      {"seeds", submission->seeds},
-      {"policy_seeds", std::move(policy_seeds)},
-      {"grader", nlohmann::json::parse(evaluation.grader_json, nullptr, false)},
-      {"aggregate", AggregateToJson(scored, *aggregate)},
-      {"results", ResultsHash(rows)},
-      {"merkle_root", MerkleRootOf(rows)},
-      {"episodes", std::move(episodes)}};
-}
 
 // Two teams have the same log if they handed in the same policy.
 absl::Status RequireLog(Reader& reader, const std::string& hash, const absl::Status& missing) {
@@ -80,6 +26,27 @@ absl::Status RequireLog(Reader& reader, const std::string& hash, const absl::Sta
     if (Caller().teams.contains(team)) return Require(team, missing);
   }
   return Require(*teams.begin(), missing);
+}
+
+// A receipt lists the result of each episode, so a phase that withholds those withholds it as a whole.
+absl::Status CheckReceiptShown(Reader& reader, const ApiContext& context, int64_t submission) {
+  const absl::StatusOr<SubmissionRow> row = reader.Submission(submission);
+  if (!row.ok()) return row.status();
+  const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, row->phase);
+  if (!sight.ok() || SeesReceipt(*sight)) return sight.status();
+  return WithheldError(absl::StrCat("the receipt of submission ", submission, " lists the result of "
+                                    "each episode, which phase \"", row->phase, "\" withholds"));
+}
+
+// A log holds its episode's seed. Equal logs are of one phase, as they hold their config.
+absl::Status CheckLogShown(Reader& reader, const ApiContext& context, const std::string& hash) {
+  for (const std::string& phase : reader.PhasesOfLog(hash)) {
+    const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, phase);
+    if (!sight.ok()) return sight.status();
+    if (SeesLogs(*sight)) continue;
+    return WithheldError(absl::StrCat("phase \"", phase, "\" withholds the logs of its episodes"));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -97,6 +64,9 @@ ApiResult ProofResource::GetReceipt(const httplib::Request& request) const {
   const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     const absl::Status own = RequireSubmission(reader, IdOf(request));
     if (!own.ok()) return own;
+    if (absl::Status shown = CheckReceiptShown(reader, context_, IdOf(request)); !shown.ok()) {
+      return shown;
+    }
     receipt = ReceiptOf(reader, IdOf(request));
     return receipt.status();
   });
@@ -120,10 +90,13 @@ std::optional<ApiError> ProofResource::SendLog(const httplib::Request& request,
   const std::string hash = request.matches[1];
   const absl::Status missing = absl::NotFoundError(
       absl::StrCat("there is no log ", hash, " here; it was never kept, or was removed"));
-  absl::Status sent = CallerIsOrganiser() ? absl::OkStatus()
-                                          : context_.readers.Read([&](Reader& reader) {
-                                              return RequireLog(reader, hash, missing);
-                                            });
+  absl::Status sent;
+  if (!CallerIsOrganiser()) {
+    sent = context_.readers.Read([&](Reader& reader) {
+      const absl::Status own = RequireLog(reader, hash, missing);
+      return own.ok() ? CheckLogShown(reader, context_, hash) : own;
+    });
+  }
   if (sent.ok()) {
     const std::string path = absl::StrCat(context_.data_dir, "/logs/", LogFileName(hash));
     sent = UnixHttpServer::AnswerWithFile(path, "application/zstd", response);

@@ -7,6 +7,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/api/paging.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/store/quota.h"
@@ -29,6 +30,7 @@ Json LedgerToJson(const LedgerRow& row) {
           {"at", TimeToJson(row.at)},
           {"day", DayName(row.day)},
           {"track", row.track},
+          {"phase", TextOrNull(row.phase)},
           {"budget", row.budget},
           {"entry", row.entry},
           {"amount", row.amount},
@@ -44,6 +46,24 @@ void AddLedger(const Listed<LedgerRow>& ledger, Json& body) {
 }
 
 std::string BudgetText(Budget budget) { return std::string(BudgetName(budget)); }
+Json EntryToJson(const std::string& track, const QuotaLimits& limits, const QuotaUse& use) {
+  Json entry = {{"track", track},
+                {"waiting", {{"limit", limits.waiting}, {"used", use.waiting}}}};
+  for (const Budget budget : kBudgets) {
+    entry[std::string(BudgetName(budget))] = {
+        {"per_day", UseToJson(use.today_of(budget), limits.of(budget).per_day)},
+        {"total", UseToJson(use.total_of(budget), limits.of(budget).total)}};
+  }
+  return entry;
+}
+
+// Practice belongs to the track.
+Json PhaseEntryToJson(const PhaseConfig& phase, const QuotaLimits& limits, const QuotaUse& use) {
+  Json entry = EntryToJson(phase.track, limits, use);
+  entry.erase(std::string(BudgetName(Budget::kPractice)));
+  entry["phase"] = phase.name;
+  return entry;
+}
 
 // `track` "": on every one.
 Json QuotaOf(Reader& reader, const ApiContext& context, const std::string& team,
@@ -53,21 +73,39 @@ Json QuotaOf(Reader& reader, const ApiContext& context, const std::string& team,
   Json json = {{"team", team},
                {"day", DayName(day)},
                {"next_day_at", DayName(day + 1) + "T00:00:00.000Z"},
-               {"tracks", Json::array()}};
+               {"tracks", Json::array()},
+               {"phases", Json::array()}};
   for (const auto& [name, offer] : context.tracks.entries()) {
     if (!track.empty() && track != name) continue;
     const QuotaLimits& limits = context.config.quota.of(name).quota;
-    const QuotaUse use = reader.Quota(team, name, now);
-    Json entry = {{"track", name},
-                  {"waiting", {{"limit", limits.waiting}, {"used", use.waiting}}}};
-    for (const Budget budget : kBudgets) {
-      entry[std::string(BudgetName(budget))] = {
-          {"per_day", UseToJson(use.today_of(budget), limits.of(budget).per_day)},
-          {"total", UseToJson(use.total_of(budget), limits.of(budget).total)}};
-    }
-    json["tracks"].push_back(std::move(entry));
+    json["tracks"].push_back(EntryToJson(name, limits, reader.Quota(team, name, now)));
+  }
+  for (const PhasePtr& phase : context.phases.entries()) {
+    const PhaseConfig& config = phase->config;
+    if (!track.empty() && track != config.track) continue;
+    const AdmissionRules rules = PhaseRules(config, context.config.quota.of(config.track));
+    json["phases"].push_back(PhaseEntryToJson(
+        config, rules.quota, reader.Quota(team, config.track, now, config.name)));
   }
   return json;
+}
+
+// Whether there is what a grant is for.
+absl::Status CheckPlace(const NewGrant& grant, const ApiContext& context) {
+  absl::Status status = context.tracks.Find(grant.track, "").status();
+  if (!status.ok() || grant.phase.empty()) return status;
+  const absl::StatusOr<PhasePtr> phase = context.phases.Find(grant.phase);
+  if (!phase.ok()) return phase.status();
+  if ((*phase)->config.track != grant.track) {
+    return absl::InvalidArgumentError(absl::StrCat("request: phase \"", grant.phase,
+                                                   "\" is of track \"", (*phase)->config.track,
+                                                   "\""));
+  }
+  if (grant.budget == Budget::kPractice) {
+    return absl::InvalidArgumentError(
+        "request: practice belongs to the track; leave \"phase\" out to grant it");
+  }
+  return status;
 }
 
 }  // namespace
@@ -85,10 +123,8 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
   const std::string asked = request.get_param_value("team");
   const std::string track = request.get_param_value("track");
   if (status.ok()) status = CheckTeam(asked);
-  int64_t before = INT64_MAX;
-  int64_t limit = 100;
-  status.Update(ReadNumber(request, "before", INT64_MAX, before));
-  status.Update(ReadNumber(request, "limit", 1000, limit));
+  const absl::StatusOr<Page> page = ReadPage(request);
+  status.Update(page.status());
   if (!status.ok()) return ErrorOf(status);
   if (!track.empty()) status = context_.tracks.Find(track, "").status();
   if (!status.ok()) return ErrorOf(status);
@@ -97,10 +133,9 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
     if (absl::Status own = RequireTeam(reader, asked); !own.ok()) return own;
     const std::string team = reader.TeamOf(asked);
     answer.body = QuotaOf(reader, context_, team, track);
-    const Listed<LedgerRow> ledger = reader.Ledger(team, track, before, limit);
+    const Listed<LedgerRow> ledger = reader.Ledger(team, track, page->before, page->limit);
     AddLedger(ledger, answer.body);
-    const bool more = std::ssize(ledger.rows) + std::ssize(ledger.damaged) == limit;
-    answer.body["next_before"] = more ? Json(ledger.last_id) : Json();
+    AddNextPage(request, *page, ledger, answer);
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
@@ -110,7 +145,7 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
 ApiResult QuotaResource::Grant(const httplib::Request&, const Json& body) const {
   absl::StatusOr<NewGrant> grant = ParseGrant(body);
   if (!grant.ok()) return ErrorOf(grant.status());
-  absl::Status status = context_.tracks.Find(grant->track, "").status();
+  absl::Status status = CheckPlace(*grant, context_);
   if (!status.ok()) return ErrorOf(status);
   status = context_.engine.Change(
       [row = *grant, who = CallerKey()](Writer& writer) { return writer.Grant(row, who); },

@@ -7,7 +7,9 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "protocol/lease/track_config.h"
+#include "server/api/paging.h"
 #include "server/grading/leaderboard.h"
 #include "server/base/names.h"
 
@@ -16,6 +18,8 @@ namespace {
 
 constexpr char kWhere[] = "request";
 constexpr size_t kMaxReasonBytes = 200;
+constexpr char kKeyHeader[] = "Idempotency-Key";
+constexpr size_t kMaxKeyBytes = 255;
 
 bool IsHash(const std::string& text) {
   return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string::npos;
@@ -32,6 +36,13 @@ std::string ReadReason(ConfigReader& reader) {
   return reason;
 }
 
+// Of a key that is there.
+std::string ReadPhaseName(ConfigReader& reader) {
+  std::string phase = reader.String("phase");
+  if (!IsTrackName(phase)) reader.Fail("phase", "must be the name of a phase");
+  return phase;
+}
+
 absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body) {
   ConfigReader reader(body, kWhere);
   SubmitRequest request;
@@ -39,6 +50,7 @@ absl::StatusOr<SubmitRequest> ParseSubmit(const nlohmann::json& body) {
   request.team = reader.String("team");
   request.track = reader.String("track");
   if (reader.Has("profile")) request.profile = reader.String("profile");
+  if (reader.Has("phase")) request.phase = ReadPhaseName(reader);
   const nlohmann::json* seeds = reader.Has("seeds") ? &reader.Array("seeds") : nullptr;
   if (reader.Has("episodes")) request.episodes = reader.Integer("episodes", 1, kMaxEpisodes);
   if (!IsHash(request.artefact)) {
@@ -104,11 +116,23 @@ absl::StatusOr<MarkRequest> ParseMark(const nlohmann::json& body) {
   return request;
 }
 
+absl::StatusOr<std::string> ParseReason(const nlohmann::json& body) {
+  ConfigReader reader(body, kWhere);
+  std::string reason = ReadReason(reader);
+  if (absl::Status status = reader.Finish(); !status.ok()) return status;
+  return reason;
+}
+
+absl::Status ParseNothing(const nlohmann::json& body) {
+  return ConfigReader(body, kWhere).Finish();
+}
+
 absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body) {
   ConfigReader reader(body, kWhere);
   NewGrant grant;
   grant.team = reader.String("team");
   grant.track = reader.String("track");
+  if (reader.Has("phase")) grant.phase = ReadPhaseName(reader);
   grant.budget = ParseBudget(reader.Choice("budget", {"official", "practice", "failed"}))
                      .value_or(Budget::kRanked);
   grant.amount = reader.Integer("amount", 1, 1'000'000);
@@ -116,6 +140,21 @@ absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body) {
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   if (absl::Status status = CheckTeam(grant.team); !status.ok()) return status;
   return grant;
+}
+
+absl::StatusOr<RequestKey> ReadRequestKey(const httplib::Request& request,
+                                          const nlohmann::json& body) {
+  if (!request.has_header(kKeyHeader)) return RequestKey();
+  const std::string key = request.get_header_value(kKeyHeader);
+  const bool good = request.get_header_value_count(kKeyHeader) == 1 && !key.empty() &&
+                    key.size() <= kMaxKeyBytes &&
+                    std::all_of(key.begin(), key.end(), [](char c) { return c > ' ' && c < 0x7f; });
+  if (!good) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the header ", kKeyHeader, " must be there once, with 1 to ", kMaxKeyBytes,
+                     " visible characters of ASCII and no space"));
+  }
+  return RequestKey{key, Sha256Hex(absl::StrCat(request.path, "\n", CanonicalJson(body)))};
 }
 
 absl::Status CheckTeam(const std::string& team) {
@@ -126,7 +165,10 @@ absl::Status CheckTeam(const std::string& team) {
 absl::Status ReadNumber(const httplib::Request& request, const char* key, int64_t max,
                         int64_t& value) {
   if (!request.has_param(key)) return absl::OkStatus();
-  if (absl::SimpleAtoi(request.get_param_value(key), &value) && value >= 1 && value <= max) {
+  const std::string text = request.get_param_value(key);
+  // SimpleAtoi alone takes signs and spaces too.
+  const bool digits = text.find_first_not_of("0123456789") == std::string::npos;
+  if (digits && absl::SimpleAtoi(text, &value) && value >= 1 && value <= max) {
     return absl::OkStatus();
   }
   return absl::InvalidArgumentError(
@@ -135,11 +177,12 @@ absl::Status ReadNumber(const httplib::Request& request, const char* key, int64_
 
 absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request) {
   absl::Status status = CheckParameters(
-      request, {"team", "track", "profile", "state", "before", "limit"});
+      request, {"team", "track", "profile", "phase", "state", "before", "limit"});
   SubmissionFilter filter;
   filter.team = request.get_param_value("team");
   filter.track = request.get_param_value("track");
   filter.profile = request.get_param_value("profile");
+  filter.phase = request.get_param_value("phase");
   if (const std::string state = request.get_param_value("state"); !state.empty()) {
     filter.state = ParseEvaluationState(state);
     if (!filter.state) {
@@ -147,9 +190,11 @@ absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request) {
           "\"state\" must be queued, running, done, failed, cancelled or grader_error"));
     }
   }
-  status.Update(ReadNumber(request, "before", INT64_MAX, filter.before));
-  status.Update(ReadNumber(request, "limit", 1000, filter.limit));
+  const absl::StatusOr<Page> page = ReadPage(request);
+  status.Update(page.status());
   if (!status.ok()) return status;
+  filter.before = page->before;
+  filter.limit = page->limit;
   return filter;
 }
 

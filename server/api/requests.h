@@ -40,7 +40,17 @@ struct MarkRequest {
 };
 absl::StatusOr<MarkRequest> ParseMark(const nlohmann::json& body);
 
+// The reason of an organiser's act: {"reason": "…"}.
+absl::StatusOr<std::string> ParseReason(const nlohmann::json& body);
+
+// {}: no keys.
+absl::Status ParseNothing(const nlohmann::json& body);
+
 absl::StatusOr<NewGrant> ParseGrant(const nlohmann::json& body);
+
+// The header Idempotency-Key, with a digest of the address and the body; no key without one.
+absl::StatusOr<RequestKey> ReadRequestKey(const httplib::Request& request,
+                                          const nlohmann::json& body);
 
 // Whether there can be a team of this name; what a new one may be called is stricter
 // and the store's to say (Reader::CheckTeam), as teams of long ago keep their names.

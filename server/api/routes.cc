@@ -1,21 +1,28 @@
 #include "server/api/routes.h"
 
 #include <exception>
+#include <set>
+#include <string>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/config_reader.h"
+#include "server/api/entity_tag.h"
+#include "server/api/methods.h"
 
 namespace myograde::server {
 namespace {
 
 constexpr char kJson[] = "application/json";
 
-void SendJson(httplib::Response& response, int http, const nlohmann::json& body) {
+// Most answers are for their caller alone, or hold only for a moment.
+void SendText(httplib::Response& response, int http, const std::string& text) {
   response.status = http;
-  response.set_content(CanonicalJson(body) + "\n", kJson);
+  response.set_header("Cache-Control", "no-store");
+  response.set_content(text, kJson);
 }
 
 void SendError(httplib::Response& response, const ApiError& error) {
@@ -24,15 +31,63 @@ void SendError(httplib::Response& response, const ApiError& error) {
   }
   if (error.http == 401) response.set_header("WWW-Authenticate", "Bearer");
   if (error.http >= 500) spdlog::warn("answered {}: {}", error.http, error.message);
-  SendJson(response, error.http, {{"error", {{"code", error.code}, {"message", error.message}}}});
+  const nlohmann::json body = {{"error", {{"code", error.code}, {"message", error.message}}}};
+  SendText(response, error.http, CanonicalJson(body) + "\n");
 }
 
-void SendResult(httplib::Response& response, const ApiResult& result) {
+// Sends a text that may be kept, as long as its holder asks each time whether it is still current.
+void SendTagged(const httplib::Request& request, httplib::Response& response, int http,
+                const std::string& text) {
+  const std::string tag = EntityTagOf(text);
+  response.set_header("ETag", tag);
+  response.set_header("Cache-Control", "no-cache");
+  response.set_header("Vary", "Authorization");
+  for (size_t i = 0; i < request.get_header_value_count("If-None-Match"); ++i) {
+    if (!NamesEntityTag(request.get_header_value("If-None-Match", i), tag)) continue;
+    response.status = 304;
+    return;
+  }
+  response.status = http;
+  response.set_content(text, kJson);
+}
+
+void SendResult(const httplib::Request& request, httplib::Response& response,
+                const ApiResult& result) {
   if (const auto* error = std::get_if<ApiError>(&result)) return SendError(response, *error);
   const auto& answer = std::get<ApiAnswer>(result);
-  if (answer.text == nullptr) return SendJson(response, answer.http, answer.body);
-  response.status = answer.http;
-  response.set_content(*answer.text, kJson);
+  if (!answer.next.empty()) {
+    response.set_header("Link", absl::StrCat("<", answer.next, ">; rel=\"next\""));
+  }
+  const std::string text =
+      answer.text == nullptr ? CanonicalJson(answer.body) + "\n" : *answer.text;
+  if (answer.tagged) return SendTagged(request, response, answer.http, text);
+  SendText(response, answer.http, text);
+}
+
+// Whatever cpp-httplib did not give to a handler: a method that the address lacks or that nobody
+// knows, an address that is not there, a head that it could not read.
+void SendUnrouted(const std::vector<Address>& addresses, const httplib::Request& request,
+                  httplib::Response& response) {
+  // The path is not there yet if the method is unknown.
+  const std::string path =
+      request.path.empty() ? request.target.substr(0, request.target.find('?')) : request.path;
+  const std::set<std::string> allowed = MethodsAt(addresses, path);
+  if (!allowed.empty()) response.set_header("Allow", absl::StrJoin(allowed, ", "));
+  if (request.method == "OPTIONS" && !allowed.empty()) {
+    response.status = 204;
+    return;
+  }
+  if (!allowed.empty() && !allowed.contains(request.method)) {
+    return SendError(response, {405, "method_not_allowed",
+                                absl::StrCat(path, " has no ", request.method, "; it has ",
+                                             absl::StrJoin(allowed, ", "))});
+  }
+  const char* code = response.status == 413   ? "too_large"
+                     : response.status == 404 ? "not_found"
+                                              : "bad_request";
+  SendError(response, {response.status, code,
+                       absl::StrCat("there is no ", request.method, " ", path,
+                                    ", or the request is malformed; see the API's description")});
 }
 
 // Runs `serve`, which fills in the response, if the caller may take the action at all.
@@ -53,7 +108,7 @@ void Routes::Get(const std::string& pattern, Action action, Handler handler) {
   server_.Get(pattern, [&guard = guard_, action, handler = std::move(handler)](
                            const httplib::Request& request, httplib::Response& response) {
     ServeIfAdmitted(guard, action, request, response,
-                    [&] { SendResult(response, handler(request)); });
+                    [&] { SendResult(request, response, handler(request)); });
   });
 }
 
@@ -79,7 +134,7 @@ void Routes::Post(const std::string& pattern, Action action, JsonHandler handler
       if (!body.ok()) return SendError(response, ErrorOf(body.status()));
       const absl::StatusOr<nlohmann::json> json = ParseJson(*body, "request");
       if (!json.ok()) return SendError(response, ErrorOf(json.status()));
-      SendResult(response, handler(request, *json));
+      SendResult(request, response, handler(request, *json));
     });
   });
 }
@@ -90,7 +145,7 @@ void Routes::Delete(const std::string& pattern, Action action, Handler handler) 
                               const httplib::Request& request, httplib::Response& response,
                               const httplib::ContentReader&) {
     ServeIfAdmitted(guard, action, request, response,
-                    [&] { SendResult(response, handler(request)); });
+                    [&] { SendResult(request, response, handler(request)); });
   });
 }
 
@@ -101,7 +156,7 @@ void Routes::PostUpload(const std::string& path, Action action, BodyRule rule, H
                          const httplib::Request& request, httplib::Response& response,
                          const httplib::ContentReader&) {
     ServeIfAdmitted(guard, action, request, response,
-                    [&] { SendResult(response, handler(request)); });
+                    [&] { SendResult(request, response, handler(request)); });
   });
 }
 
@@ -113,11 +168,7 @@ void Routes::AddErrorAnswers() {
       response.status = over->http;
       return SendError(response, *over);
     }
-    const char* code = response.status == 413 ? "too_large"
-                       : response.status == 404 ? "not_found" : "bad_request";
-    SendError(response, {response.status, code,
-                         absl::StrCat("there is no ", request.method, " ", request.path,
-                                      ", or the request is malformed; see the API's description")});
+    SendUnrouted(guard.addresses(), request, response);
   });
   server_.set_exception_handler([](const httplib::Request& request, httplib::Response& response,
                                    std::exception_ptr thrown) {

@@ -25,6 +25,8 @@ struct ApiAnswer {
   int http = 200;
   nlohmann::json body = nullptr;
   std::shared_ptr<const std::string> text = nullptr;  // JSON in place of `body`, if set
+  bool tagged = false;    // has an ETag; whoever has the same already gets 304 and no body
+  std::string next = {};  // the address of a list's next page; "": there is none
 };
 using ApiResult = std::variant<ApiAnswer, ApiError>;
 
@@ -41,6 +43,7 @@ class Routes {
   // Both must outlive it.
   Routes(UnixHttpServer& server, Guard& guard) : server_(server), guard_(guard) {}
 
+  // A handler of GET answers HEAD too.
   void Get(const std::string& pattern, Action action, Handler handler);
   void GetFile(const std::string& pattern, Action action, FileHandler handler);
   // The body is JSON.
@@ -48,7 +51,8 @@ class Routes {
   void Delete(const std::string& pattern, Action action, Handler handler);
   // The body follows `rule`; the handler reads it from UnixHttpServer::RequestBody().
   void PostUpload(const std::string& path, Action action, BodyRule rule, Handler handler);
-  // Sets the answers to requests that no handler matches, and to those whose handler throws.
+  // Sets the answers to requests that no handler matches, to OPTIONS, and to requests whose handler
+  // throws.
   void AddErrorAnswers();
 
  private:

@@ -79,6 +79,7 @@ nlohmann::json SubmissionToJson(const SubmissionRow& row, const EvaluationRow& e
           {"team", row.team},
           {"track", row.track},
           {"profile", row.profile},
+          {"phase", TextOrNull(row.phase)},
           {"artefact", row.artefact},
           {"name", row.artefact_name},
           {"ranked", row.ranked},

@@ -11,6 +11,9 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/founding.h"
+#include "server/api/paging.h"
+#include "server/api/phase_sight.h"
+#include "server/api/redaction.h"
 #include "server/api/requests.h"
 #include "server/api/submission_view.h"
 #include "server/api/views.h"
@@ -49,7 +52,10 @@ ApiResult SubmissionsResource::List(const httplib::Request& request) const {
     for (const SubmissionRow& row : found.rows) {
       const absl::StatusOr<EvaluationRow> original = reader.Original(row.id);
       if (original.ok()) {
+        const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context_, row.phase);
+        if (!sight.ok()) return sight.status();
         list.push_back(SubmissionToJson(row, *original, reader.Counts(original->id)));
+        RedactListed(list.back(), *sight);
       } else if (const std::optional<Damage> damage = DamageOf(original.status())) {
         found.damaged.push_back(*damage);
       } else {
@@ -59,18 +65,24 @@ ApiResult SubmissionsResource::List(const httplib::Request& request) const {
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
-  return ApiAnswer{200,
+  ApiAnswer answer{200,
                    {{"submissions", std::move(list)},
-                    {"unreadable", DamagedToJson(found.damaged)},
-                    {"next_before", more ? Json(found.last_id) : Json()}}};
+                    {"unreadable", DamagedToJson(found.damaged)}}};
+  AddNextPage(request, more, found.last_id, answer);
+  return answer;
 }
 
 ApiResult SubmissionsResource::StatusAnswer(int64_t submission) const {
   ApiAnswer answer;
   const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     absl::StatusOr<Json> json = SubmissionStatus(reader, context_, submission);
-    if (json.ok()) answer.body = *std::move(json);
-    return json.status();
+    if (!json.ok()) return json.status();
+    answer.body = *std::move(json);
+    const absl::StatusOr<SubmissionRow> row = reader.Submission(submission);
+    if (!row.ok()) return row.status();
+    const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context_, row->phase);
+    if (sight.ok()) RedactStatus(answer.body, *sight);
+    return sight.status();
   });
   if (!status.ok()) return ErrorOf(status);
   return answer;
@@ -83,20 +95,24 @@ ApiResult SubmissionsResource::Get(const httplib::Request& request) const {
   return StatusAnswer(IdOf(request));
 }
 
-ApiResult SubmissionsResource::Submit(const httplib::Request&, const Json& body) const {
-  absl::StatusOr<SubmitRequest> request = ParseSubmit(body);
-  if (!request.ok()) return ErrorOf(request.status());
-  absl::StatusOr<std::optional<Founding>> founding = FoundingFor(context_, request->team);
+ApiResult SubmissionsResource::Submit(const httplib::Request& request, const Json& body) const {
+  absl::StatusOr<SubmitRequest> asked = ParseSubmit(body);
+  if (!asked.ok()) return ErrorOf(asked.status());
+  absl::StatusOr<RequestKey> key = ReadRequestKey(request, body);
+  if (!key.ok()) return ErrorOf(key.status());
+  asked->key = *std::move(key);
+  absl::StatusOr<std::optional<Founding>> founding = FoundingFor(context_, asked->team);
   if (!founding.ok()) return ErrorOf(founding.status());
-  request->founding = *std::move(founding);
-  const absl::StatusOr<Accepted> accepted = context_.admission.Submit(*request, CallerKey());
-  if (!accepted.ok()) return TeamErrorOf(accepted.status(), request->team);
+  asked->founding = *std::move(founding);
+  const absl::StatusOr<Accepted> accepted = context_.admission.Submit(*asked, CallerKey());
+  if (!accepted.ok()) return TeamErrorOf(accepted.status(), asked->team);
   NoteAct(absl::StrCat("submission ", accepted->submission),
-          absl::StrCat("for team ", request->team, accepted->linked ? ", known already" : ""));
+          absl::StrCat("for team ", asked->team, accepted->is_new() ? "" : ", known already"));
   ApiResult result = StatusAnswer(accepted->submission);
   if (auto* answer = std::get_if<ApiAnswer>(&result)) {
-    answer->http = accepted->linked ? 200 : 201;
+    answer->http = accepted->is_new() ? 201 : 200;
     answer->body["linked"] = accepted->linked;
+    answer->body["repeated"] = accepted->repeated;
   }
   return result;
 }

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <memory>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "server/api/paging.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/base/names.h"
@@ -82,10 +84,12 @@ Json SumToJson(const BudgetUse& team, const BudgetUse& into, int64_t limit) {
           {"left", std::max<int64_t>(after.left(limit), 0)}};
 }
 
-Json TrackSums(const std::string& track, const QuotaUse& team, const QuotaUse& into,
-               const QuotaLimits& limits) {
-  Json sums = {{"track", track}};
+// Of all budgets of a track, or of those of a phase.
+Json SumsToJson(const QuotaUse& team, const QuotaUse& into, const QuotaLimits& limits,
+                bool of_a_phase) {
+  Json sums = Json::object();
   for (const Budget budget : kBudgets) {
+    if (of_a_phase && budget == Budget::kPractice) continue;  // it belongs to the track
     sums[std::string(BudgetName(budget))] = {
         {"per_day", SumToJson(team.today_of(budget), into.today_of(budget),
                               limits.of(budget).per_day)},
@@ -120,13 +124,16 @@ void TeamsResource::Install(Routes& routes) {
 }
 
 ApiResult TeamsResource::List(const httplib::Request& request) const {
-  absl::Status status = CheckParameters(request, {});
+  absl::Status status = CheckParameters(request, {"before", "limit"});
+  const absl::StatusOr<Page> page = ReadPage(request);
+  status.Update(page.status());
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer;
   status = context_.readers.Read([&](Reader& reader) {
-    const Listed<TeamRow> listed = reader.Teams();
+    const Listed<TeamRow> listed = reader.Teams(page->before, page->limit);
     answer.body = {{"teams", Json::array()}, {"unreadable", DamagedToJson(listed.damaged)}};
     for (const TeamRow& team : listed.rows) answer.body["teams"].push_back(TeamToJson(team));
+    AddNextPage(request, *page, listed, answer);
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
@@ -151,7 +158,7 @@ ApiResult TeamsResource::Change(const std::string& team,
                                 std::function<absl::StatusOr<bool>(Writer&)> change,
                                 int http) const {
   const auto changed = std::make_shared<bool>(false);
-  absl::Status status = context_.engine.Change(
+  absl::Status status = context_.engine.ChangeTeams(
       [changed, change = std::move(change)](Writer& writer) {
         const absl::StatusOr<bool> done = change(writer);
         if (done.ok()) *changed = *done;
@@ -253,12 +260,24 @@ absl::StatusOr<Json> TeamsResource::ConsequencesOf(const std::string& team,
             {"submissions", submissions + reader.SubmissionsOf(to)},
             {"tokens_of_team", ActiveTokens(reader, from)},
             {"members", members},
-            {"tracks", Json::array()}};
+            {"tracks", Json::array()},
+            {"phases", Json::array()}};
     const int64_t now = absl::ToUnixMillis(context_.clock.Now());
     for (const auto& [track, offer] : context_.tracks.entries()) {
-      body["tracks"].push_back(TrackSums(track, reader.Quota(from, track, now),
-                                         reader.Quota(to, track, now),
-                                         context_.config.quota.of(track).quota));
+      Json sums = SumsToJson(reader.Quota(from, track, now), reader.Quota(to, track, now),
+                             context_.config.quota.of(track).quota, /*of_a_phase=*/false);
+      sums["track"] = track;
+      body["tracks"].push_back(std::move(sums));
+    }
+    for (const PhasePtr& phase : context_.phases.entries()) {
+      const auto& [name, track] = std::tie(phase->config.name, phase->config.track);
+      Json sums = SumsToJson(reader.Quota(from, track, now, name),
+                             reader.Quota(to, track, now, name),
+                             PhaseRules(phase->config, context_.config.quota.of(track)).quota,
+                             /*of_a_phase=*/true);
+      sums["phase"] = name;
+      sums["track"] = track;
+      body["phases"].push_back(std::move(sums));
     }
     return absl::OkStatus();
   });
@@ -279,7 +298,7 @@ ApiResult TeamsResource::Merge(const httplib::Request& request, const Json& body
   if (!status.ok()) return ErrorOf(status);
   absl::StatusOr<Json> answer = ConsequencesOf(team, into);
   if (answer.ok() && !dry_run) {
-    status = context_.engine.Change(
+    status = context_.engine.ChangeTeams(
         [=, who = CallerKey()](Writer& writer) {
           return writer.MergeTeams(team, into, who, why);
         },

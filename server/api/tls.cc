@@ -109,7 +109,7 @@ class TlsTransport : public Transport {
     if (outcome == Outcome::kBlocked) return outcome;
     plain_http_ = ERR_GET_REASON(ERR_peek_last_error()) == SSL_R_HTTP_REQUEST;
     broken_ = true;
-    return Outcome::kBroken;
+    return Outcome::kLost;
   }
 
   bool met_plain_http() const override { return plain_http_; }
@@ -167,7 +167,7 @@ class TlsTransport : public Transport {
         return Outcome::kEnded;
       default:
         broken_ = true;  // nothing may be asked of OpenSSL any more, not even to say goodbye
-        return Outcome::kBroken;
+        return Outcome::kLost;
     }
   }
 

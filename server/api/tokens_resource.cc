@@ -9,6 +9,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "server/access/token_text.h"
+#include "server/api/paging.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/base/plain_text.h"
@@ -126,16 +127,19 @@ ApiResult TokensResource::Create(const httplib::Request&, const Json& body) cons
 }
 
 ApiResult TokensResource::List(const httplib::Request& request) const {
-  absl::Status status = CheckParameters(request, {});
+  absl::Status status = CheckParameters(request, {"before", "limit"});
+  const absl::StatusOr<Page> page = ReadPage(request);
+  status.Update(page.status());
   if (!status.ok()) return ErrorOf(status);
   const int64_t now = absl::ToUnixMillis(context_.clock.Now());
   ApiAnswer answer;
   status = context_.readers.Read([&](Reader& reader) {
-    const Listed<TokenRow> listed = reader.Tokens();
+    const Listed<TokenRow> listed = reader.Tokens(page->before, page->limit);
     answer.body = {{"tokens", Json::array()}, {"unreadable", DamagedToJson(listed.damaged)}};
     for (const TokenRow& token : listed.rows) {
       answer.body["tokens"].push_back(TokenToJson(token, now));
     }
+    AddNextPage(request, *page, listed, answer);
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);

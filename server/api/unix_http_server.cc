@@ -11,6 +11,7 @@
 #include <cerrno>
 #include <cstring>
 #include <optional>
+#include <string_view>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
@@ -42,6 +43,16 @@ struct CurrentRequest {
 };
 thread_local CurrentRequest current;
 
+// cpp-httplib says of every answer without a body how long that is, which HTTP forbids for these.
+std::string HeadToSend(std::string_view head) {
+  constexpr std::string_view kNoLength = "Content-Length: 0\r\n";
+  const size_t at = head.find(kNoLength);
+  const bool bodiless = head.starts_with("HTTP/1.1 204 ") || head.starts_with("HTTP/1.1 304 ");
+  if (!bodiless || at == std::string_view::npos) return std::string(head);
+  return absl::StrCat(std::string(head.substr(0, at)),
+                      std::string(head.substr(at + kNoLength.size())));
+}
+
 // A request that is there as a whole, as cpp-httplib reads it.
 class WholeRequest : public httplib::Stream {
  public:
@@ -67,8 +78,14 @@ class WholeRequest : public httplib::Stream {
     return n;
   }
 
+  // The first write is the answer's head.
   ssize_t write(const char* from, size_t size) override {
-    connection_.out.append(from, size);
+    if (answered_) {
+      connection_.out.append(from, size);
+    } else {
+      connection_.out += HeadToSend({from, size});
+    }
+    answered_ = true;
     if (connection_.unsent() >= kSendFrom && !connection_.Send()) return -1;
     while (connection_.unsent() > kMaxUnsent) {
       if (*current.stopping || Now() >= current.deadline) return -1;
@@ -97,6 +114,7 @@ class WholeRequest : public httplib::Stream {
   std::string head_;
   size_t read_ = 0;
   int64_t body_read_ = 0;
+  bool answered_ = false;
 };
 
 // The groups of the user at the other end, but for the main one.

@@ -4,6 +4,7 @@
 
 #include <map>
 
+#include "protocol/lease/seed_commitment.h"
 #include "server/store/differences.h"
 
 namespace myograde::server {
@@ -65,10 +66,11 @@ nlohmann::json CountsToJson(int64_t total, const EpisodeCounts& counts) {
           {"fault", counts.fault}};
 }
 
-nlohmann::json EpisodeToJson(const EpisodeRow& row) {
+nlohmann::json EpisodeToJson(const EpisodeRow& row, const std::string& seed_salt) {
   const Json facts = Parse(row.facts_json);
   const Json track = KeyOrNull(facts, "track");
-  return {{"index", row.index},
+  Json json = {
+          {"index", row.index},
           {"seed", row.seed},
           {"outcome", OutcomeName(row.outcome)},
           {"reason", row.reason.name()},
@@ -85,6 +87,10 @@ nlohmann::json EpisodeToJson(const EpisodeRow& row) {
           {"wall_s", KeyOrNull(facts, "wall_s")},
           {"policy_cpu_s", KeyOrNull(facts, "policy_cpu_s")},
           {"attempt", row.attempt}};
+  if (!seed_salt.empty()) {
+    json["seed_commitment"] = SeedCommitment(seed_salt, row.index, row.seed);
+  }
+  return json;
 }
 
 nlohmann::json MarksToJson(const std::vector<MarkRow>& rows) {

@@ -24,8 +24,9 @@ std::string HostName();
 nlohmann::json TextOrNull(const std::string& text);
 nlohmann::json SecondsOrNull(const std::optional<absl::Duration>& duration);
 nlohmann::json CountsToJson(int64_t total, const EpisodeCounts& counts);
-// One row of `episode_rows`.
-nlohmann::json EpisodeToJson(const EpisodeRow& row);
+// One row of `episode_rows`; with the salt of a config that hides its seeds (not ""), it has
+// "seed_commitment", too.
+nlohmann::json EpisodeToJson(const EpisodeRow& row, const std::string& seed_salt);
 // Changes of a submission's marks, oldest first.
 nlohmann::json MarksToJson(const std::vector<MarkRow>& rows);
 // What a participant may use, as in the track's config.

@@ -38,9 +38,11 @@ absl::StatusOr<std::string> PersonNamed(const std::string& text) {
       found != nullptr) {
     return PeerKey(entry.pw_uid);
   }
-  return absl::InvalidArgumentError(absl::StrCat(
-      "the daemon's host has no user \"", text.substr(0, kMaxUserNameBytes),
-      "\"; give a user's name, or a number as in \"uid 1001\""));
+  const std::string shown =
+      IsPlainText(text, kMaxUserNameBytes) ? absl::StrCat(" \"", text, "\"") : " of this name";
+  return absl::InvalidArgumentError(
+      absl::StrCat("the daemon's host has no user", shown,
+                   "; give a user's name, or a number as in \"uid 1001\""));
 }
 
 }  // namespace myograde::server

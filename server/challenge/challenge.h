@@ -17,9 +17,20 @@
 
 #include "scoring/board.h"
 #include "server/access/sight.h"
-#include "server/store/quota.h"
+#include "server/grading/tracks.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
+
+// The quota of a phase: keys of "quota" of server.json, whose values apply where one is nullopt.
+struct PhaseQuota {
+  std::optional<int64_t> official_per_day;
+  std::optional<int64_t> official_total;
+  std::optional<int64_t> failed_per_day;
+  std::optional<int64_t> failed_total;
+  std::optional<int64_t> waiting;
+  std::optional<bool> one_for_everyone;  // AdmissionRules::one_for_everyone
+};
 
 struct PhaseConfig {
   std::string name;        // unique among all challenges of a server; IsTrackName
@@ -34,15 +45,60 @@ struct PhaseConfig {
   absl::Time closes = absl::InfiniteFuture();
   // From here on others see the board as it was, until the phase is published.
   absl::Time freezes = absl::InfiniteFuture();
-  scoring::TeamRule entry = scoring::TeamRule::kBest;
-  std::optional<QuotaLimits> quota;  // nullopt: server.json's
+  std::optional<scoring::TeamRule> entry;  // nullopt: the track's
+  PhaseQuota quota;
   Visibility shown;             // while the phase is not published
 };
 
 struct ChallengeConfig {
-  std::string name;        // of its file
+  std::string name;   // of its file
+  std::string where;  // the file, for messages
   std::string title;
   std::vector<PhaseConfig> phases;
 };
+
+inline constexpr size_t kMaxPhases = 100;  // of a challenge
+inline constexpr size_t kMaxTitleBytes = 200;
+
+// Reads a challenge file. `where` names it in mistakes: sentences with file, phase and key, which are
+// added to `mistakes`. A phase with a mistake is left out.
+ChallengeConfig ReadChallenge(const nlohmann::json& json, const std::string& name,
+                              const std::string& where, std::vector<std::string>& mistakes);
+
+// The same, for callers that need one without a mistake. InvalidArgumentError is the first one.
+absl::StatusOr<ChallengeConfig> ParseChallenge(const nlohmann::json& json, const std::string& name,
+                                               const std::string& where);
+
+// Reads every challenge of a folder, by name; none if there is no such folder. Mistakes include files
+// that can't be read and names that no challenge may have.
+std::vector<ChallengeConfig> ReadChallenges(const std::string& dir,
+                                            std::vector<std::string>& mistakes);
+
+struct ChallengeFindings {
+  std::vector<std::string> mistakes;  // a server with one does not start
+  std::vector<std::string> warnings;  // what is allowed, and probably not meant
+};
+
+// Checks all challenges of a server together. Each finding is one sentence with the file, the phase
+// and what to do. `now`: what is in the past gets a warning; InfinitePast() for none.
+ChallengeFindings CheckChallenges(const std::vector<ChallengeConfig>& challenges,
+                                  const Tracks& tracks, absl::Time now);
+
+// One sentence about mistakes, of which there is at least one.
+absl::Status MistakesToStatus(const std::vector<std::string>& mistakes);
+
+// The track that a phase plays. `secret`: the phase's 32 bytes, used for committed seeds only.
+// Errors as WithPhase and MakeTrack.
+absl::StatusOr<TrackPtr> PhaseTrack(const PhaseConfig& phase, const Track& track,
+                                    const std::string& secret);
+
+// The rules for submissions to a phase, on a track with the rules `usual`.
+AdmissionRules PhaseRules(const PhaseConfig& phase, AdmissionRules usual);
+
+// "best", "last" or "chosen".
+std::string_view TeamRuleName(scoring::TeamRule rule);
+
+// "2026-12-01T00:00:00Z".
+std::string UtcText(absl::Time time);
 
 }  // namespace myograde::server

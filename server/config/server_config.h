@@ -11,7 +11,7 @@
 #include <absl/time/time.h>
 
 #include "protocol/lease/track_config.h"
-#include "server/access/identity.h"
+#include "server/access/access_config.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
 #include "server/store/store.h"

@@ -20,6 +20,7 @@
 #include "protocol/base/file.h"
 #include "server/admission/admission.h"
 #include "server/api/api.h"
+#include "server/challenge/phases.h"
 #include "server/config/user_names.h"
 #include "server/engine/engine.h"
 #include "server/engine/retention.h"
@@ -183,6 +184,44 @@ absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
       "the three"));
 }
 
+// The secret of a phase is drawn when a daemon first loads it.
+absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
+  const auto secret_of = [&](const std::string& phase) {
+    absl::StatusOr<std::string> secret = absl::InternalError("");
+    const absl::Status written = store.Write([&](Writer& writer) {
+      secret = writer.PhaseSecret(phase);
+      return secret.status();
+    });
+    return written.ok() ? secret : absl::StatusOr<std::string>(written);
+  };
+  return Phases::Make(configs.challenges, configs.tracks, secret_of);
+}
+
+// Of what an organiser may have changed without meaning to.
+absl::Status LogPhases(const Phases& phases, ReaderPool& readers) {
+  for (const auto& [name, why] : phases.unusable()) {
+    spdlog::error("phase \"{}\" takes nothing: {}", name, std::string(why.message()));
+  }
+  return readers.Read([&](Reader& reader) {
+    const absl::StatusOr<std::vector<PhaseUse>> uses = reader.PhasesInUse();
+    if (!uses.ok()) {
+      spdlog::error("{}", std::string(uses.status().message()));
+      return absl::OkStatus();
+    }
+    for (const PhaseUse& use : *uses) {
+      const absl::StatusOr<PhasePtr> phase = phases.Find(use.phase);
+      if (phases.ConfigOf(use.phase) == nullptr) {
+        spdlog::info("phase \"{}\" has {} submissions and no file: it is closed, and its board is "
+                     "shown in full", use.phase, use.submissions);
+      } else if (phase.ok() && (*phase)->track->config.hash != use.config) {
+        spdlog::warn("phase \"{}\" was changed after it got submissions: they stand under its "
+                     "earlier config {}, and not on its board", use.phase, use.config);
+      }
+    }
+    return absl::OkStatus();
+  });
+}
+
 }  // namespace
 
 DaemonOptions WithDefaults(DaemonOptions options) {
@@ -211,7 +250,14 @@ absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
   // The runners read it; better to report a mistake once now than in every lease.
   absl::StatusOr<SandboxConfig> sandbox = LoadSandboxConfig(options.configs_dir);
   if (!sandbox.ok()) return sandbox.status();
-  return DaemonConfigs{*std::move(server), *std::move(tracks)};
+  std::vector<std::string> mistakes;
+  std::vector<ChallengeConfig> challenges =
+      ReadChallenges(options.configs_dir + "/challenges", mistakes);
+  if (mistakes.empty()) {
+    mistakes = CheckChallenges(challenges, *tracks, absl::InfinitePast()).mistakes;
+  }
+  if (!mistakes.empty()) return MistakesToStatus(mistakes);
+  return DaemonConfigs{*std::move(server), *std::move(tracks), std::move(challenges)};
 }
 
 absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& configs) {
@@ -235,6 +281,9 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   if (!store.ok()) return store.status();
   if ((*store)->mended()) spdlog::error("{}", DamageText(*(*store)->mended()));
   ReaderPool readers(path);
+  const absl::StatusOr<Phases> phases = MakePhases(configs, **store);
+  if (!phases.ok()) return phases.status();
+  if (absl::Status status = LogPhases(*phases, readers); !status.ok()) return status;
   const absl::StatusOr<std::vector<Damage>> damaged = FillStandings(**store, readers);
   if (!damaged.ok()) return damaged.status();
   for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
@@ -260,7 +309,7 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
                        .cache_dir = options.cache_dir,
                        .reference =
                            [&](absl::Duration timeout) { return reference.Result(timeout); }},
-                      tracks, engine, readers, clock);
+                      tracks, *phases, engine, readers, clock);
   AccessLog access_log(
       [&](AccessLog::Change change) {
         return engine.Change(std::move(change), config.http.request);
@@ -270,11 +319,13 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
            .data_dir = options.data_dir,
            .cache_dir = options.cache_dir,
            .tracks = tracks,
+           .phases = *phases,
            .admission = admission,
            .engine = engine,
            .readers = readers,
            .receipts_key = receipts_key,
            .access_log = access_log,
+           .challenge = phases->any(),
            .clock = clock,
            .started_at = clock.Now(),
            .began = clock.Monotonic()});
@@ -289,8 +340,8 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   server_to_stop = &server;
   access_log.Start();
   const Retention retention(config.retention, options.data_dir, engine, readers, clock);
-  spdlog::info("listening on {}, {} slots, {} tracks", options.socket,
-               config.scheduler.slots, tracks.entries().size());
+  spdlog::info("listening on {}, {} slots, {} tracks, {} phases", options.socket,
+               config.scheduler.slots, tracks.entries().size(), phases->entries().size());
   if (config.listen.has_value()) spdlog::info("listening on {}", server.NetworkUrl());
   const absl::Status status = engine.Run();
   EndSoon(status.ok() ? 0 : 4);

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include "server/challenge/challenge.h"
 #include "server/config/server_config.h"
 #include "server/grading/tracks.h"
 
@@ -27,6 +29,7 @@ DaemonOptions WithDefaults(DaemonOptions options);
 struct DaemonConfigs {
   ServerConfig server;
   Tracks tracks;
+  std::vector<ChallengeConfig> challenges;  // without a mistake
 };
 
 // Reads everything in options.configs_dir. An error names the file and the key.

@@ -32,8 +32,8 @@ class Engine {
   // was added.
   absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact, const NewUpload& upload,
                                    const UnsubmittedLimits& limits, absl::Duration timeout);
-  // If the returned Accepted is linked, it names an earlier submission's evaluation and nothing new
-  // will run. NotFoundError if the artefact's files have been removed.
+  // If the returned Accepted is linked or repeated, it names an earlier evaluation and nothing new
+  // will run. NotFoundError if the artefact's files have been removed. Errors of Writer::Once.
   absl::StatusOr<Accepted> Submit(const NewSubmission& submission, const AdmissionRules& rules,
                                   const std::string& who, absl::Duration timeout);
   absl::StatusOr<Accepted> Rerun(const NewRerun& rerun, const std::string& who, bool organiser,
@@ -42,6 +42,8 @@ class Engine {
   // `effect` runs on the loop's thread once the change is written.
   absl::Status Change(StoreChange change, absl::Duration timeout,
                       std::function<absl::Status()> effect = nullptr);
+  // The same for a change that renames or merges teams.
+  absl::Status ChangeTeams(StoreChange change, absl::Duration timeout);
   absl::StatusOr<CancelReport> Cancel(int64_t submission, const std::string& why,
                                       const std::string& who, absl::Duration timeout);
 

@@ -133,6 +133,9 @@ class EngineCore {
   // Queues an evaluation that is in the store. While the store can't be read it is deferred. An
   // error: the store is beyond repair.
   absl::Status Enqueue(int64_t evaluation);
+  // After teams were renamed or merged: those in the queue follow. What can't be read now keeps its
+  // place until the next start.
+  void FollowTeams();
   // Ends every unfinished evaluation of the submission at once; answers when its runners are dead,
   // or after a second. FailedPreconditionError if there is none.
   void Cancel(int64_t submission, const std::string& why, const std::string& who,

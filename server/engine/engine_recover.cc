@@ -91,6 +91,25 @@ absl::Status EngineCore::Enqueue(int64_t id) {
   return absl::OkStatus();
 }
 
+void EngineCore::FollowTeams() {
+  std::vector<std::string> teams;
+  {
+    const MutexLock lock(mutex_);
+    teams = scheduler_.Teams();
+  }
+  std::map<std::string, std::string> names;
+  const absl::Status status = readers_.Read([&](Reader& reader) {
+    for (const std::string& team : teams) names[team] = reader.TeamOf(team);
+    return absl::OkStatus();
+  });
+  if (!status.ok()) {
+    spdlog::warn("the queue keeps the former names of teams: {}", std::string(status.message()));
+    return;
+  }
+  const MutexLock lock(mutex_);
+  for (const auto& [team, name] : names) scheduler_.MoveTeam(team, name);
+}
+
 absl::Status EngineCore::EnqueueDeferred() {
   for (const int64_t id : std::exchange(deferred_, {})) {
     if (absl::Status status = Enqueue(id); !status.ok()) return status;
@@ -166,9 +185,9 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
   const std::string reason =
       aggregate->failed ? "every episode ended by a fault of the participant's program" : "";
   const Standing standing = StandingOf(*context.track->scoring.track, *aggregate);
+  const std::string results = ResultsHash(rows, context.track->config.seed_salt);
   status = WriteNow([&](Writer& writer) {
-    absl::Status written =
-        writer.EndEvaluation(evaluation, state, reason, ResultsHash(rows), owner_);
+    absl::Status written = writer.EndEvaluation(evaluation, state, reason, results, owner_);
     if (state == EvaluationState::kDone && context.priority != Priority::kRerun) {
       written.Update(writer.SetStanding(evaluation, standing));
     }

@@ -53,7 +53,7 @@ absl::StatusOr<Accepted> Engine::Admit(std::function<absl::StatusOr<Accepted>(Wr
         return added.status();
       },
       [this, accepted] {
-        return accepted->linked ? absl::OkStatus() : core_.Enqueue(accepted->evaluation);
+        return accepted->is_new() ? core_.Enqueue(accepted->evaluation) : absl::OkStatus();
       },
       timeout);
   if (!status.ok()) return status;
@@ -63,13 +63,15 @@ absl::StatusOr<Accepted> Engine::Admit(std::function<absl::StatusOr<Accepted>(Wr
 absl::StatusOr<Accepted> Engine::Submit(const NewSubmission& submission,
                                         const AdmissionRules& rules, const std::string& who,
                                         absl::Duration timeout) {
-  // Files are removed on the loop's thread too, so those that are there now stay.
-  return Admit([this, submission, rules, who](Writer& writer) -> absl::StatusOr<Accepted> {
-    if (absl::Status status = HasArtefactFiles(data_dir_, submission.artefact); !status.ok()) {
-      return status;
-    }
-    if (absl::Status status = Found(writer, submission); !status.ok()) return status;
-    return writer.Accept(submission, rules, who);
+  return Admit([this, submission, rules, who](Writer& writer) {
+    return writer.Once(who, submission.request_key, [&]() -> absl::StatusOr<Accepted> {
+      // Files are removed on the loop's thread too, so those that are there now stay.
+      if (absl::Status status = HasArtefactFiles(data_dir_, submission.artefact); !status.ok()) {
+        return status;
+      }
+      if (absl::Status status = Found(writer, submission); !status.ok()) return status;
+      return writer.Accept(submission, rules, who);
+    });
   }, timeout);
 }
 
@@ -78,21 +80,25 @@ absl::Status Engine::Change(StoreChange change, absl::Duration timeout,
   return Ask(std::move(change), std::move(effect), timeout);
 }
 
+absl::Status Engine::ChangeTeams(StoreChange change, absl::Duration timeout) {
+  const auto follow = [this] {
+    core_.FollowTeams();
+    return absl::OkStatus();
+  };
+  return Ask(std::move(change), follow, timeout);
+}
+
 absl::StatusOr<Accepted> Engine::Rerun(const NewRerun& rerun, const std::string& who,
                                        bool organiser, const RerunLimits& limits,
                                        absl::Duration timeout) {
-  return Admit(
-      [this, rerun, who, organiser, limits](Writer& writer) -> absl::StatusOr<Accepted> {
-        if (absl::Status status = HasArtefactFiles(data_dir_, rerun.artefact); !status.ok()) {
-          return status;
-        }
-        if (absl::Status status = writer.CheckReruns(rerun.submission, who, organiser, limits);
-            !status.ok()) {
-          return status;
-        }
-        return writer.AddRerun(rerun, who);
-      },
-      timeout);
+  return Admit([this, rerun, who, organiser, limits](Writer& writer) {
+    return writer.Once(who, rerun.request_key, [&]() -> absl::StatusOr<Accepted> {
+      absl::Status allowed = HasArtefactFiles(data_dir_, rerun.artefact);
+      if (allowed.ok()) allowed = writer.CheckReruns(rerun.submission, who, organiser, limits);
+      if (!allowed.ok()) return allowed;
+      return writer.AddRerun(rerun, who);
+    });
+  }, timeout);
 }
 
 absl::StatusOr<CancelReport> Engine::Cancel(int64_t submission, const std::string& why,

@@ -32,6 +32,7 @@ BoardEntry EntryOf(const StandingRow& row) {
   entry.submission = absl::StrCat(row.submission);
   entry.team = row.team;
   entry.acceptance = row.submission;
+  entry.chosen = row.chosen;
   entry.successes = ranked.successes;
   entry.episodes = ranked.episodes;
   for (const double number : ranked.numbers) {
@@ -133,7 +134,7 @@ absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& stan
 namespace {
 
 std::string WhyAbsent(int64_t id, const std::vector<StandingRow>& standings, const Marks& marks,
-                      const Leaderboard& board) {
+                      const Leaderboard& board, TeamRule team) {
   const auto own = marks.find(id);
   const auto row = std::find_if(standings.begin(), standings.end(),
                                 [&](const StandingRow& s) { return s.submission == id; });
@@ -142,6 +143,7 @@ std::string WhyAbsent(int64_t id, const std::vector<StandingRow>& standings, con
   }
   if (own != marks.end() && own->second.contains(kHidden)) return "it is hidden";
   if (own != marks.end() && own->second.contains(kDisqualified)) return "it is disqualified";
+  if (team == TeamRule::kChosen && !row->chosen) return "its team has not chosen it";
   for (const LeaderboardRow& other : board.rows) {
     if (other.source.team == row->team && other.ranked.rank != 0) {
       return absl::StrCat("its team stands with submission ", other.source.submission);
@@ -151,8 +153,8 @@ std::string WhyAbsent(int64_t id, const std::vector<StandingRow>& standings, con
 }
 
 absl::StatusOr<const LeaderboardRow*> FindRow(const Leaderboard& board, const std::string& name,
-                                        const std::vector<StandingRow>& standings,
-                                        const Marks& marks) {
+                                              const std::vector<StandingRow>& standings,
+                                              const Marks& marks, TeamRule team) {
   int64_t id = 0;
   const bool is_number = absl::SimpleAtoi(name, &id);
   for (const LeaderboardRow& row : board.rows) {
@@ -166,7 +168,7 @@ absl::StatusOr<const LeaderboardRow*> FindRow(const Leaderboard& board, const st
   }
   if (is_number) {
     return absl::NotFoundError(absl::StrCat("submission ", id, " is not on this board: ",
-                                            WhyAbsent(id, standings, marks, board)));
+                                            WhyAbsent(id, standings, marks, board, team)));
   }
   return absl::NotFoundError(absl::StrCat("no team \"", name, "\" is on this board"));
 }
@@ -179,9 +181,9 @@ absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standin
                                          const std::string& b) {
   absl::StatusOr<Leaderboard> board = MakeLeaderboard(standings, marks, rules, team);
   if (!board.ok()) return board.status();
-  absl::StatusOr<const LeaderboardRow*> first = FindRow(*board, a, standings, marks);
+  absl::StatusOr<const LeaderboardRow*> first = FindRow(*board, a, standings, marks, team);
   if (!first.ok()) return first.status();
-  absl::StatusOr<const LeaderboardRow*> second = FindRow(*board, b, standings, marks);
+  absl::StatusOr<const LeaderboardRow*> second = FindRow(*board, b, standings, marks, team);
   if (!second.ok()) return second.status();
   if (*first == *second) {
     return absl::InvalidArgumentError(

@@ -185,20 +185,20 @@ nlohmann::json ShownMetrics(const scoring::TrackScoring& scoring) {
   return shown;
 }
 
-std::string ResultsHash(const std::vector<EpisodeRow>& rows) {
+std::string ResultsHash(const std::vector<EpisodeRow>& rows, const std::string& seed_salt) {
   Sha256 hash;
-  for (const EpisodeRow& row : rows) hash.Update(CanonicalResult(row) + "\n");
+  for (const EpisodeRow& row : rows) hash.Update(CanonicalResult(row, seed_salt) + "\n");
   return hash.FinishHex();
 }
 
-std::string MerkleRootOf(const std::vector<EpisodeRow>& rows) {
+std::string MerkleRootOf(const std::vector<EpisodeRow>& rows, const std::string& seed_salt) {
   std::vector<std::string> leaves;
-  for (const EpisodeRow& row : rows) leaves.push_back(CanonicalResult(row));
+  for (const EpisodeRow& row : rows) leaves.push_back(CanonicalResult(row, seed_salt));
   return MerkleRoot(leaves);
 }
 
-nlohmann::json ReceiptEntry(const EpisodeRow& row) {
-  Json entry = Json::parse(CanonicalResult(row));
+nlohmann::json ReceiptEntry(const EpisodeRow& row, const std::string& seed_salt) {
+  Json entry = Json::parse(CanonicalResult(row, seed_salt));
   const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
   const bool object = facts.is_object();
   entry["actions_digest"] = object ? facts.value("actions_digest", Json()) : Json();

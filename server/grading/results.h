@@ -42,13 +42,14 @@ nlohmann::json MetricToJson(const scoring::Metric& metric);
 // The metrics that the track's results show.
 nlohmann::json ShownMetrics(const scoring::TrackScoring& scoring);
 
-// SHA-256 over the canonical results of all rows, in index order.
-std::string ResultsHash(const std::vector<EpisodeRow>& rows);
+// SHA-256 over the canonical results of all rows, in index order. `seed_salt` is that of the config
+// (CanonicalResult).
+std::string ResultsHash(const std::vector<EpisodeRow>& rows, const std::string& seed_salt);
 
 // The root of the Merkle tree (server/proof/merkle.h) with the same canonical rows as leaves.
-std::string MerkleRootOf(const std::vector<EpisodeRow>& rows);
+std::string MerkleRootOf(const std::vector<EpisodeRow>& rows, const std::string& seed_salt);
 
 // A receipt's entry for an episode: its canonical row, and the hashes of its actions and its log.
-nlohmann::json ReceiptEntry(const EpisodeRow& row);
+nlohmann::json ReceiptEntry(const EpisodeRow& row, const std::string& seed_salt);
 
 }  // namespace myograde::server

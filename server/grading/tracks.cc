@@ -1,8 +1,12 @@
 #include "server/grading/tracks.h"
 
+#include <set>
+#include <utility>
+
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
+#include "protocol/lease/practice_seeds.h"
 #include "server/store/quota.h"
 
 namespace myograde::server {
@@ -49,10 +53,39 @@ absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {
       if (!config.ok()) return config.status();
       absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
       if (!track.ok()) return track.status();
+      for (const uint64_t seed : (*track)->config.seeds) {
+        tracks.ranked_[(*track)->config.kind->name].try_emplace(seed, name);
+      }
       offer.profiles[profile] = *std::move(track);
     }
   }
+  tracks.GivePracticeSeeds();
   return tracks;
+}
+
+void Tracks::GivePracticeSeeds() {
+  for (auto& [name, offer] : entries_) {
+    for (auto& [profile, track] : offer.profiles) {
+      TrackConfig config = track->config;
+      std::set<uint64_t> taken;
+      for (const auto& [seed, unused] : ranked_[config.kind->name]) taken.insert(seed);
+      std::vector<uint64_t>& practice = config.practice_seeds;
+      const size_t count = practice.empty() ? config.seeds.size() : practice.size();
+      std::erase_if(practice, [&](uint64_t seed) { return taken.contains(seed); });
+      taken.insert(practice.begin(), practice.end());
+      const std::vector<uint64_t> more =
+          DefaultPracticeSeeds(taken, static_cast<int64_t>(count - practice.size()));
+      practice.insert(practice.end(), more.begin(), more.end());
+      track = std::make_shared<const Track>(Track{std::move(config), track->scoring});
+    }
+  }
+}
+
+std::string Tracks::RankedBy(const TrackKind& kind, uint64_t seed) const {
+  const auto of_kind = ranked_.find(kind.name);
+  if (of_kind == ranked_.end()) return "";
+  const auto found = of_kind->second.find(seed);
+  return found == of_kind->second.end() ? "" : found->second;
 }
 
 absl::StatusOr<TrackPtr> Tracks::Find(const std::string& track, const std::string& profile) const {

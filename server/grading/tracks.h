@@ -5,8 +5,10 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
 #include "protocol/lease/track_config.h"
@@ -27,7 +29,9 @@ absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config);
 // The tracks on offer. Immutable after Load; safe to use from any thread.
 class Tracks {
  public:
-  // Reads every config of `dir` in every profile. The error names the file.
+  // Reads every config of `dir` in every profile, and gives each its practice seeds: those that its
+  // file names, as far as no config of the same environment ranks them, and free ones for the rest.
+  // The error names the file.
   static absl::StatusOr<Tracks> Load(const std::string& dir);
 
   // `profile` "" is the track's default. NotFoundError with the code "unknown_track" or
@@ -40,8 +44,16 @@ class Tracks {
   };
   const std::map<std::string, Entry>& entries() const { return entries_; }
 
+  // The track that ranks `seed`, among all of the same environment: what is trained on one of them
+  // is trained for all. "": none does.
+  std::string RankedBy(const TrackKind& kind, uint64_t seed) const;
+
  private:
+  void GivePracticeSeeds();
+
   std::map<std::string, Entry> entries_;
+  // Of each environment, by its name, the ranked seeds, and a track that ranks them.
+  std::map<std::string_view, std::map<uint64_t, std::string>> ranked_;
 };
 
 }  // namespace myograde::server

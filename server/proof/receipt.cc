@@ -1,17 +1,14 @@
 #include "server/proof/receipt.h"
 
-#include <optional>
-
 #include <algorithm>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
-#include "protocol/lease/policy_seed.h"
 #include "protocol/base/sha256.h"
 #include "protocol/lease/track_config.h"
 #include "server/proof/merkle.h"
-#include "server/proof/seed_list.h"
+#include "server/proof/receipt_seeds.h"
 
 namespace myograde::server {
 namespace {
@@ -19,43 +16,6 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr int64_t kMaxReceiptValues = 50 * kMaxEpisodes;
-
-// "" if there is no such text.
-std::string Text(const Json& json, const char* key) {
-  const auto it = json.find(key);
-  return it != json.end() && it->is_string() ? it->get<std::string>() : std::string();
-}
-
-ReceiptCheck Compare(const char* name, const std::string& said, const std::string& found) {
-  ReceiptCheck check = {name, said == found, ""};
-  if (!check.valid) {
-    check.detail = absl::StrCat("the receipt says \"", said, "\", what it holds gives \"", found,
-                                "\"");
-  }
-  return check;
-}
-
-// The policy seeds must follow from the secret that the config names. Configs of form 1 name
-// none.
-std::optional<ReceiptCheck> CheckPolicySeeds(const Json& receipt) {
-  const std::string secret = Text(receipt.value("track_config", Json::object()),
-                                  "policy_seed_secret");
-  if (secret.empty()) return std::nullopt;
-  const Json said = receipt.value("policy_seeds", Json());
-  const Json& episodes = receipt["episodes"];
-  if (!said.is_array() || said.size() != episodes.size()) {
-    return ReceiptCheck{"policy_seeds", false, "they are not as many as the episodes"};
-  }
-  for (size_t i = 0; i < said.size(); ++i) {
-    const auto index = episodes[i]["index"].get<int64_t>();
-    if (const uint64_t found = PolicySeed(secret, index); said[i] != found) {
-      return ReceiptCheck{"policy_seeds", false,
-                          absl::StrCat("the config's secret gives ", found, " for episode ", index,
-                                       ", the receipt says ", said[i].dump().substr(0, 40))};
-    }
-  }
-  return ReceiptCheck{"policy_seeds", true, ""};
-}
 
 // The canonical results of the episodes: the leaves of the Merkle tree.
 std::vector<std::string> LeavesOf(const Json& episodes) {
@@ -74,18 +34,19 @@ bool HasShape(const Json& json) {
     return false;
   }
   const Json& receipt = json["receipt"];
-  if (!receipt.is_object() || receipt.value("format", Json()) != 1 ||
-      !receipt.value("episodes", Json()).is_array() ||
+  if (!receipt.is_object() || !receipt.value("episodes", Json()).is_array() ||
       !receipt.value("grader", Json()).is_object()) {
     return false;
   }
+  const Json format = receipt.value("format", Json());
   for (const Json& entry : receipt["episodes"]) {
     if (!entry.is_object() || !entry.value("index", Json()).is_number_unsigned() ||
-        !entry.value("seed", Json()).is_number_unsigned()) {
+        entry["index"] >= kMaxEpisodes ||
+        (format == 1 && !entry.value("seed", Json()).is_number_unsigned())) {
       return false;
     }
   }
-  return true;
+  return format == 1 || (format == 2 && HasHiddenShape(receipt));
 }
 
 }  // namespace
@@ -114,34 +75,25 @@ absl::StatusOr<Json> ParseReceipt(std::string_view text) {
   return (*json)["receipt"];
 }
 
-std::vector<ReceiptCheck> CheckReceipt(std::string_view text, const PublicKey& key) {
+std::vector<ReceiptCheck> CheckReceipt(std::string_view text, const PublicKey& key,
+                                       const std::string& secret) {
   const Json json = Json::parse(text);
   const Json& receipt = json["receipt"];
   const Json& signature = json["signature"];
   std::vector<ReceiptCheck> checks;
-  const bool good = Text(signature, "algorithm") == "ed25519" &&
-                    key.Verify(CanonicalJson(receipt), Text(signature, "value"));
+  const bool good = TextOf(signature, "algorithm") == "ed25519" &&
+                    key.Verify(CanonicalJson(receipt), TextOf(signature, "value"));
   checks.push_back({"signature", good,
                     good ? "" : "the receipt was not signed with this key, or was altered since"});
   const std::vector<std::string> leaves = LeavesOf(receipt["episodes"]);
-  checks.push_back(Compare("merkle_root", Text(receipt, "merkle_root"), MerkleRoot(leaves)));
+  checks.push_back(
+      CompareTexts("merkle_root", TextOf(receipt, "merkle_root"), MerkleRoot(leaves)));
   std::string rows;
   for (const std::string& leaf : leaves) rows += leaf + "\n";
-  checks.push_back(Compare("results", Text(receipt, "results"), Sha256Hex(rows)));
-  checks.push_back(Compare("config", Text(receipt, "config"),
-                           Sha256Hex(CanonicalJson(receipt.value("track_config", Json())))));
-  std::vector<uint64_t> seeds;
-  bool in_order = true;
-  for (const Json& entry : receipt["episodes"]) {
-    in_order = in_order && entry["index"] == seeds.size();
-    seeds.push_back(entry["seed"].get<uint64_t>());
-  }
-  ReceiptCheck seed_check = Compare("seeds", Text(receipt, "seeds"), SeedListHash(seeds));
-  if (!in_order) seed_check = {"seeds", false, "episodes are missing or out of order"};
-  checks.push_back(std::move(seed_check));
-  if (std::optional<ReceiptCheck> check = CheckPolicySeeds(receipt); check.has_value()) {
-    checks.push_back(*std::move(check));
-  }
+  checks.push_back(CompareTexts("results", TextOf(receipt, "results"), Sha256Hex(rows)));
+  std::vector<ReceiptCheck> more =
+      HidesSeeds(receipt) ? CheckHiddenSeeds(receipt, secret) : CheckPublicSeeds(receipt);
+  checks.insert(checks.end(), more.begin(), more.end());
   return checks;
 }
 
@@ -166,7 +118,7 @@ std::vector<ReceiptCheck> CompareGraders(const Json& receipt, const Json& grader
   // content. A model that is not compiled here yet will be, from verified sources.
   const Json models = theirs.value("models", Json::object());
   const Json here = grader.value("models", Json::object());
-  const std::string kind = Text(receipt, "track_kind");
+  const std::string kind = TextOf(receipt, "track_kind");
   for (const auto& [name, hash] : models.items()) {
     if (!name.starts_with(kind + "-") || !here.contains(name)) continue;
     compare("model " + name, hash, here[name], /*must_equal=*/true);

@@ -4,6 +4,8 @@
 
 #include <set>
 
+#include <absl/strings/ascii.h>
+#include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
@@ -19,6 +21,21 @@ absl::StatusOr<std::string> NewSeedSecret() {
     return absl::InternalError("this host gives no random bytes");
   }
   return secret;
+}
+
+absl::StatusOr<std::string> SecretOfDigits(std::string_view text, const std::string& where) {
+  const std::string digits =
+      absl::AsciiStrToLower(absl::StripAsciiWhitespace({text.data(), text.size()}));
+  if (digits.size() != 2 * kSeedSecretBytes ||
+      digits.find_first_not_of("0123456789abcdef") != std::string::npos) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(where, ": a secret is ", 2 * kSeedSecretBytes, " hexadecimal digits"));
+  }
+  return absl::HexStringToBytes(digits);
+}
+
+std::string SecretCommitment(const std::string& secret) {
+  return Sha256Hex(absl::BytesToHexString(secret));
 }
 
 std::vector<uint64_t> DeriveSeeds(const std::string& secret, const std::string& phase,

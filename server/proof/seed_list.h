@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <absl/status/statusor.h>
@@ -15,6 +16,13 @@ inline constexpr size_t kSeedSecretBytes = 32;
 
 // 32 random bytes.
 absl::StatusOr<std::string> NewSeedSecret();
+
+// The secret that `text` has in hexadecimal digits, with white space around it at most; `where` names
+// it in errors.
+absl::StatusOr<std::string> SecretOfDigits(std::string_view text, const std::string& where);
+
+// SHA-256 over the secret's hexadecimal digits, so that `sha256sum` of them agrees.
+std::string SecretCommitment(const std::string& secret);
 
 // The seeds of `phase`, a name of 1 to 64 bytes that distinguishes its list from those of other
 // phases with the same secret. Candidate N, from 0 on, is the last 63 bits of HMAC-SHA256(secret,

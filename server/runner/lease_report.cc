@@ -32,8 +32,10 @@ void LeaseReport::TakeEpisode(int64_t index, std::optional<uint64_t> seed) {
   const auto ordered = ordered_.find(index);
   const bool asked = ordered != ordered_.end() && (!seed || *seed == ordered->second);
   if (asked && reported_.insert(index).second) return;
+  // Without the seed: participants may read this, and must not know each seed yet.
+  const bool wrong_seed = ordered != ordered_.end() && !asked;
   Fail(absl::StrCat("the runner told of episode ", index,
-                    seed ? absl::StrCat(" with seed ", *seed) : "",
+                    wrong_seed ? " with another seed" : "",
                     asked ? " twice" : ", which the lease did not ask for"));
 }
 

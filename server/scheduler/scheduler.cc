@@ -209,6 +209,28 @@ Decision Scheduler::Cancel(int64_t id) {
   return decision;
 }
 
+void Scheduler::MoveTeam(const std::string& from, const std::string& to) {
+  const auto old = teams_.find(from);
+  if (old == teams_.end() || from == to) return;
+  auto [team, is_new] = teams_.try_emplace(to);
+  const int64_t joined = old->second.joined;
+  team->second.joined = is_new ? joined : std::min(team->second.joined, joined);
+  team->second.running += old->second.running;
+  team->second.last_start = std::max(team->second.last_start, old->second.last_start);
+  for (auto& [id, evaluation] : evaluations_) {
+    if (evaluation.spec.team != from) continue;
+    evaluation.spec.team = to;
+    UpdateLine(evaluation);
+  }
+  teams_.erase(old);
+}
+
+std::vector<std::string> Scheduler::Teams() const {
+  std::vector<std::string> names;
+  for (const auto& [name, team] : teams_) names.push_back(name);
+  return names;
+}
+
 std::vector<Overdue> Scheduler::OverdueAt(absl::Duration now) const {
   std::vector<Overdue> overdue;
   for (const int64_t id : running_) {

@@ -120,6 +120,11 @@ class Scheduler {
   // it has ended or never existed.
   Decision Cancel(int64_t evaluation);
 
+  // The team `from` has a new name, or was merged into the team `to`: from now on they are one.
+  void MoveTeam(const std::string& from, const std::string& to);
+  // The teams that have or had something to play.
+  std::vector<std::string> Teams() const;
+
   // Takes a free slot for something other than a lease; nullopt if none is free.
   std::optional<int> TakeSlot();
   // Takes this slot until Free(), whatever occupies it.

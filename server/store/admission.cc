@@ -104,6 +104,15 @@ absl::Status Writer::AddUpload(const ArtefactRow& artefact, const NewUpload& upl
 
 absl::Status Writer::CheckReruns(int64_t submission, const std::string& who, bool organiser,
                                  const RerunLimits& limits) {
+  if (!organiser) {
+    SQLite::Statement team(db_, "SELECT t.name FROM submission AS s JOIN team AS t ON "
+                                "t.id = s.team_id WHERE s.id = ?");
+    team.bind(1, submission);
+    const bool there = team.executeStep();
+    const absl::Status allowed =
+        there ? CheckNotBanned(db_, team.getColumn(0).getString()) : absl::OkStatus();
+    if (!allowed.ok()) return allowed;
+  }
   // The audit row of a re-run's start says who asked for it.
   SQLite::Statement count(
       db_, "SELECT count(*), ifnull(sum(t.who = ?), 0), ifnull(sum(e.submission = ?), 0) "
@@ -181,10 +190,14 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
     if (!first.ok()) return first.status();
     if (first->has_value()) return **first;
   }
+  // A submission that was accepted before is found above, however late its answer is asked for.
+  if (!submission.closed.ok()) return submission.closed;
+  if (absl::Status status = CheckNotPaused(submission.phase); !status.ok()) return status;
   const Budget budget = submission.ranked ? Budget::kRanked : Budget::kPractice;
-  const QuotaUse use = ReadQuotaUse(db_, submission.team, submission.track, now_ms_);
+  const QuotaUse use = ReadQuotaUse(db_, submission.team, submission.track, submission.phase, now_ms_);
   if (absl::Status status =
-          CheckQuota(use, rules.quota, budget, submission.team, submission.track);
+          CheckQuota(use, rules.quota, budget, submission.team, submission.track,
+                     submission.phase);
       !status.ok()) {
     return status;
   }
@@ -193,17 +206,18 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
   SQLite::Statement insert(
       db_,
       "INSERT INTO submission (team_id, artefact, track, profile, config, seeds, ranked, "
-      "accepted_by, accepted_at) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)");
+      "accepted_by, accepted_at, phase) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   SQLite::bind(insert, team_id, submission.artefact, submission.track, submission.profile,
-               submission.config, submission.seeds, submission.ranked ? 1 : 0, who, now_ms_);
+               submission.config, submission.seeds, submission.ranked ? 1 : 0, who, now_ms_,
+               submission.phase);
   insert.exec();
   const int64_t id = db_.getLastInsertRowid();
   SQLite::Statement upload(db_, "DELETE FROM upload WHERE artefact = ?");
   upload.bind(1, submission.artefact);
   upload.exec();
   SQLite::Statement admission(
-      db_, "INSERT INTO admission (submission, team_id, track, budget, day) "
-           "SELECT id, team_id, track, ?, ? FROM submission WHERE id = ?");
+      db_, "INSERT INTO admission (submission, team_id, track, phase, budget, day) "
+           "SELECT id, team_id, track, phase, ?, ? FROM submission WHERE id = ?");
   SQLite::bind(admission, std::string(BudgetName(budget)), use.day, id);
   admission.exec();
   if (absl::Status status =

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/lease/seed_commitment.h"
 
 namespace myograde::server {
 namespace {
@@ -61,17 +62,22 @@ std::vector<std::string> DifferencesBetween(const EpisodeRow& a, const EpisodeRo
   return differs;
 }
 
-std::string CanonicalResult(const EpisodeRow& row) {
+std::string CanonicalResult(const EpisodeRow& row, const std::string& seed_salt) {
   Json facts = Parse(row.facts_json);
   const Json steps = facts.is_object() && facts.contains("steps") ? facts["steps"] : Json();
   const Json digest = facts.is_object() && facts.contains("digest") ? facts["digest"] : Json();
-  return CanonicalJson({{"index", row.index},
-                        {"seed", row.seed},
-                        {"outcome", OutcomeName(row.outcome)},
-                        {"reason", row.reason.name()},
-                        {"metrics", Parse(row.metrics_json)},
-                        {"steps", steps},
-                        {"digest", digest}});
+  Json result = {{"index", row.index},
+                 {"outcome", OutcomeName(row.outcome)},
+                 {"reason", row.reason.name()},
+                 {"metrics", Parse(row.metrics_json)},
+                 {"steps", steps},
+                 {"digest", digest}};
+  if (seed_salt.empty()) {
+    result["seed"] = row.seed;
+  } else {
+    result["seed_commitment"] = SeedCommitment(seed_salt, row.index, row.seed);
+  }
+  return CanonicalJson(result);
 }
 
 }  // namespace myograde::server

@@ -14,7 +14,8 @@ namespace myograde::server {
 std::vector<std::string> DifferencesBetween(const EpisodeRow& a, const EpisodeRow& b);
 
 // A row's canonical bytes for the hash over an evaluation's results: index, seed, outcome, reason,
-// metrics, steps and digest.
-std::string CanonicalResult(const EpisodeRow& row);
+// metrics, steps and digest. With the salt of a config that hides its seeds
+// (TrackConfig::seed_salt), "seed_commitment" takes the place of the seed; "" for all others.
+std::string CanonicalResult(const EpisodeRow& row, const std::string& seed_salt);
 
 }  // namespace myograde::server

@@ -16,8 +16,8 @@ constexpr char kGrader[] = "daemon";
 
 void Writer::ChargeFirstEpisode(int64_t evaluation, const std::string& why) {
   SQLite::Statement insert(
-      db_, "INSERT INTO ledger (at, day, team_id, track, budget, entry, amount, submission, who, "
-           "why) SELECT ?, a.day, a.team_id, a.track, a.budget, 'charge', 1, a.submission, ?, ? "
+      db_, "INSERT INTO ledger (at, day, team_id, track, phase, budget, entry, amount, "
+           "submission, who, why) SELECT ?, a.day, a.team_id, a.track, a.phase, a.budget, 'charge', 1, a.submission, ?, ? "
            "FROM evaluation AS e JOIN admission AS a ON a.submission = e.submission "
            "WHERE e.id = ? AND e.kind = 'original' ON CONFLICT DO NOTHING");
   SQLite::bind(insert, now_ms_, kGrader, why, evaluation);
@@ -28,8 +28,8 @@ void Writer::SettleCharge(int64_t evaluation, EvaluationState state, const std::
   const bool failed = state == EvaluationState::kFailed;
   if (!failed && state != EvaluationState::kGraderError) return;
   SQLite::Statement refund(
-      db_, "INSERT INTO ledger (at, day, team_id, track, budget, entry, amount, submission, who, "
-           "why) SELECT ?, l.day, l.team_id, l.track, l.budget, 'refund', l.amount, l.submission, "
+      db_, "INSERT INTO ledger (at, day, team_id, track, phase, budget, entry, amount, "
+           "submission, who, why) SELECT ?, l.day, l.team_id, l.track, l.phase, l.budget, 'refund', l.amount, l.submission, "
            "?, ? FROM evaluation AS e JOIN ledger AS l ON l.submission = e.submission "
            "WHERE e.id = ? AND e.kind = 'original' AND l.entry = 'charge' AND l.budget != 'failed' "
            "ON CONFLICT DO NOTHING");
@@ -40,8 +40,8 @@ void Writer::SettleCharge(int64_t evaluation, EvaluationState state, const std::
   refund.exec();
   if (!failed) return;
   SQLite::Statement charge(
-      db_, "INSERT INTO ledger (at, day, team_id, track, budget, entry, amount, submission, who, "
-           "why) SELECT ?, a.day, a.team_id, a.track, 'failed', 'charge', 1, a.submission, ?, ? "
+      db_, "INSERT INTO ledger (at, day, team_id, track, phase, budget, entry, amount, "
+           "submission, who, why) SELECT ?, a.day, a.team_id, a.track, a.phase, 'failed', 'charge', 1, a.submission, ?, ? "
            "FROM evaluation AS e JOIN admission AS a ON a.submission = e.submission "
            "WHERE e.id = ? AND e.kind = 'original' ON CONFLICT DO NOTHING");
   SQLite::bind(charge, now_ms_, who, "every episode ended by the policy's fault", evaluation);
@@ -66,16 +66,17 @@ absl::Status Writer::Grant(const NewGrant& grant, const std::string& who) {
   if (!name.ok()) return name.status();
   const int64_t id = AddTeam(db_, *name, now_ms_, who);
   SQLite::Statement insert(
-      db_, "INSERT INTO ledger (at, day, team_id, track, budget, entry, amount, who, why) "
-           "VALUES (?, ?, ?, ?, ?, 'grant', ?, ?, ?)");
-  SQLite::bind(insert, now_ms_, QuotaDay(db_, now_ms_), id, grant.track,
+      db_, "INSERT INTO ledger (at, day, team_id, track, phase, budget, entry, amount, who, why) "
+           "VALUES (?, ?, ?, ?, ?, ?, 'grant', ?, ?, ?)");
+  SQLite::bind(insert, now_ms_, QuotaDay(db_, now_ms_), id, grant.track, grant.phase,
                std::string(BudgetName(grant.budget)), grant.amount, who, grant.why);
   insert.exec();
   return absl::OkStatus();
 }
 
-QuotaUse Reader::Quota(const std::string& team, const std::string& track, int64_t now_ms) {
-  return ReadQuotaUse(db_, team, track, now_ms);
+QuotaUse Reader::Quota(const std::string& team, const std::string& track, int64_t now_ms,
+                       const std::string& phase) {
+  return ReadQuotaUse(db_, team, track, phase, now_ms);
 }
 
 std::string Reader::ChargedBudget(int64_t submission) {
@@ -103,6 +104,7 @@ StoredRow LedgerRowOf(SQLite::Statement& select, LedgerRow& entry) {
   entry.submission = row.NumberOr(7, 1, INT64_MAX, 0);
   entry.who = row.Text(8);
   entry.why = row.Text(9);
+  entry.phase = row.Text(10);
   return row;
 }
 
@@ -113,7 +115,7 @@ Listed<LedgerRow> Reader::Ledger(const std::string& team, const std::string& tra
   SQLite::Statement select(
       db_, absl::StrCat(
                "SELECT l.id, l.at, l.day, l.track, l.budget, l.entry, l.amount, l.submission, "
-               "l.who, l.why FROM ledger AS l WHERE l.team_id IN ", RowsOfTeam(1), " AND "
+               "l.who, l.why, l.phase FROM ledger AS l WHERE l.team_id IN ", RowsOfTeam(1), " AND "
                "(?2 = '' OR l.track = ?2) AND l.id < ?3 ORDER BY l.id DESC LIMIT ?4"));
   SQLite::bind(select, KnownTeamId(db_, team), track, before, limit);
   LedgerRow empty;

@@ -144,7 +144,7 @@ int64_t Reader::BoardChanges() {
 Listed<StandingRow> Reader::Standings(const std::string& config) {
   SQLite::Statement select(
       db_, "SELECT s.id, e.id, t.name, a.name, v.aggregate_json, v.successes, v.episodes, "
-           "v.names, v.numbers, s.team_id, s.artefact, e.state, t.banned "
+           "v.names, v.numbers, s.team_id, s.artefact, e.state, e.finished_at, t.banned "
            "FROM submission AS s LEFT JOIN team AS o ON o.id = s.team_id "
            "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
            "LEFT JOIN artefact AS a ON a.hash = s.artefact "
@@ -162,9 +162,10 @@ Listed<StandingRow> Reader::Standings(const std::string& config) {
     standing.evaluation = row.NumberOr(1, 1, INT64_MAX, 0);
     row.Joined("evaluation", 1);
     (void)row.Named(11, ParseEvaluationState);
+    standing.finished_at = row.Time(12);
     row.Joined("team", 9);
     standing.team = row.Text(2);
-    const bool banned = row.Flag(12);
+    const bool banned = row.Flag(13);
     row.Joined("artefact", 10);
     standing.artefact_name = row.Text(3);
     if (!row.ok()) {

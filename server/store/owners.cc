@@ -46,4 +46,15 @@ std::set<std::string> Reader::TeamsOfLog(const std::string& sha256) {
   return teams;
 }
 
+std::set<std::string> Reader::PhasesOfLog(const std::string& sha256) {
+  SQLite::Statement select(
+      db_, absl::StrCat("SELECT DISTINCT s.phase FROM episode AS p JOIN evaluation AS e "
+                        "ON e.id = p.evaluation JOIN submission AS s ON s.id = e.submission "
+                        "WHERE (", kLogOfEpisode, ") = ?"));
+  select.bind(1, sha256);
+  std::set<std::string> phases;
+  while (const std::optional<std::string> name = NameIn(select)) phases.insert(*name);
+  return phases;
+}
+
 }  // namespace myograde::server

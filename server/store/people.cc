@@ -288,8 +288,10 @@ StoredRow TeamEventOf(SQLite::Statement& select, TeamEventRow& event) {
 
 }  // namespace
 
-Listed<TeamRow> Reader::Teams() {
-  SQLite::Statement select(db_, absl::StrCat(kTeamColumns, "ORDER BY t.name, t.id"));
+Listed<TeamRow> Reader::Teams(int64_t before, int64_t limit) {
+  SQLite::Statement select(
+      db_, absl::StrCat(kTeamColumns, "WHERE t.id < ? ORDER BY t.id DESC LIMIT ?"));
+  SQLite::bind(select, before, limit);
   Listed<TeamRow> listed = ListOf<TeamRow>(select, {}, TeamRowOf);
   const auto names = TextsByTeam(
       db_, "SELECT ifnull(t.merged_into, t.id), f.name FROM former_name AS f JOIN team AS t ON "

@@ -30,14 +30,15 @@ std::string CountedUnits(int64_t count, Budget budget) {
   return Counted(count, "failed try", "failed tries");
 }
 
-void AddLedger(SQLite::Database& db, int64_t team, const std::string& track, QuotaUse& use) {
+void AddLedger(SQLite::Database& db, int64_t team, const std::string& track,
+               const std::string& phase, QuotaUse& use) {
   // Unreadable entries count for nothing; the ledger reports them.
   SQLite::Statement select(
       db, absl::StrCat("SELECT budget, entry, sum(amount), sum(amount * (day = ?1)) FROM ledger "
-                       "WHERE team_id IN ", RowsOfTeam(2), " AND track = ?3 AND "
+                       "WHERE team_id IN ", RowsOfTeam(2), " AND track = ?3 AND phase = ?5 AND "
                        "typeof(amount) = 'integer' AND amount BETWEEN 1 AND ?4 "
                        "GROUP BY budget, entry"));
-  SQLite::bind(select, use.day, team, track, kMostUnits);
+  SQLite::bind(select, use.day, team, track, kMostUnits, phase);
   while (select.executeStep()) {
     const std::optional<Budget> budget = ParseBudget(select.getColumn(0).getString());
     if (!budget) continue;
@@ -52,14 +53,15 @@ void AddLedger(SQLite::Database& db, int64_t team, const std::string& track, Quo
   }
 }
 
-void AddOpen(SQLite::Database& db, int64_t team, const std::string& track, QuotaUse& use) {
+void AddOpen(SQLite::Database& db, int64_t team, const std::string& track,
+             const std::string& phase, QuotaUse& use) {
   SQLite::Statement select(
       db, absl::StrCat("SELECT a.budget, a.day = ?1, e.state = 'queued', EXISTS (SELECT 1 FROM "
                        "ledger AS l WHERE l.submission = a.submission AND l.entry = 'charge') "
                        "FROM admission AS a JOIN evaluation AS e ON e.submission = a.submission "
                        "AND e.kind = 'original' WHERE a.team_id IN ", RowsOfTeam(2),
-                       " AND a.track = ?3 AND e.finished_at IS NULL"));
-  SQLite::bind(select, use.day, team, track);
+                       " AND a.track = ?3 AND a.phase = ?4 AND e.finished_at IS NULL"));
+  SQLite::bind(select, use.day, team, track, phase);
   while (select.executeStep()) {
     use.waiting += select.getColumn(2).getInt64();
     const std::optional<Budget> budget = ParseBudget(select.getColumn(0).getString());
@@ -73,13 +75,18 @@ absl::Status Refuse(const std::string& sentence) {
   return WithErrorCode(absl::FailedPreconditionError(sentence), "quota");
 }
 
+// What a quota is of, in sentences.
+std::string Place(const std::string& track, const std::string& phase) {
+  return phase.empty() ? absl::StrCat("track \"", track, "\"")
+                       : absl::StrCat("phase \"", phase, "\"");
+}
+
 absl::Status CheckBudget(const QuotaUse& use, const QuotaLimits& limits, Budget budget,
-                         const std::string& team, const std::string& track) {
+                         const std::string& team, const std::string& place) {
   const Allowance& allowance = limits.of(budget);
   const std::string whose = absl::StrCat("team \"", team, "\" has used up its ");
   const auto rest = [&](const BudgetUse& sum, int64_t limit) {
-    std::string text = absl::StrCat(CountedUnits(limit + sum.granted, budget), " of track \"",
-                                    track, "\"");
+    std::string text = absl::StrCat(CountedUnits(limit + sum.granted, budget), " of ", place);
     if (sum.open > 0) {
       absl::StrAppend(&text, " (", sum.open,
                       sum.open == 1 ? " of them waits or runs)" : " of them wait or run)");
@@ -125,12 +132,12 @@ int64_t QuotaDay(SQLite::Database& db, int64_t now_ms) {
 }
 
 QuotaUse ReadQuotaUse(SQLite::Database& db, const std::string& team, const std::string& track,
-                      int64_t now_ms) {
+                      const std::string& phase, int64_t now_ms) {
   QuotaUse use;
   use.day = QuotaDay(db, now_ms);
   const int64_t id = KnownTeamId(db, team);
-  AddLedger(db, id, track, use);
-  AddOpen(db, id, track, use);
+  AddLedger(db, id, track, phase, use);
+  AddOpen(db, id, track, phase, use);
   return use;
 }
 
@@ -139,22 +146,23 @@ std::string DayName(int64_t day) {
 }
 
 absl::Status CheckQuota(const QuotaUse& use, const QuotaLimits& limits, Budget budget,
-                        const std::string& team, const std::string& track) {
+                        const std::string& team, const std::string& track,
+                        const std::string& phase) {
+  const std::string place = Place(track, phase);
   if (use.waiting >= limits.waiting) {
     return Refuse(absl::StrCat("team \"", team, "\" has ", Counted(use.waiting, "evaluation"),
-                               " of track \"", track, "\" waiting, and ",
-                               limits.waiting,
+                               " of ", place, " waiting, and ", limits.waiting,
                                " may wait; hand in more when one of them has started"));
   }
-  if (absl::Status status = CheckBudget(use, limits, budget, team, track); !status.ok()) {
+  if (absl::Status status = CheckBudget(use, limits, budget, team, place); !status.ok()) {
     return status;
   }
-  return CheckFailures(use, limits, team, track);
+  return CheckBudget(use, limits, Budget::kFailed, team, place);
 }
 
 absl::Status CheckFailures(const QuotaUse& use, const QuotaLimits& limits, const std::string& team,
                            const std::string& track) {
-  return CheckBudget(use, limits, Budget::kFailed, team, track);
+  return CheckBudget(use, limits, Budget::kFailed, team, Place(track, ""));
 }
 
 absl::Status WithErrorCode(absl::Status status, std::string_view code) {

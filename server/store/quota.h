@@ -1,4 +1,5 @@
-// Quotas: how much a team may submit on a track, as a function of the store's rows.
+// Quotas: how much a team may submit on a track, or to a phase of a challenge, as a function of the
+// store's rows. Each phase counts its own rows; the track itself counts those of no phase.
 //
 // Each ranked submission is charged one unit of the ranked budget (`official` in requests and
 // rows), any other one unit of `practice`. The charge happens when its first episode has ended in
@@ -74,7 +75,7 @@ inline constexpr int64_t kMostUnits = 1'000'000'000;
 // The store's current day. These throw SQLite::Exception.
 int64_t QuotaDay(SQLite::Database& db, int64_t now_ms);
 QuotaUse ReadQuotaUse(SQLite::Database& db, const std::string& team, const std::string& track,
-                      int64_t now_ms);
+                      const std::string& phase, int64_t now_ms);
 
 // "2024-12-01" for 20058.
 std::string DayName(int64_t day);
@@ -82,7 +83,8 @@ std::string DayName(int64_t day);
 // Whether one more submission fits. FailedPreconditionError with the code "quota" says what is used
 // up and when it becomes available again.
 absl::Status CheckQuota(const QuotaUse& use, const QuotaLimits& limits, Budget budget,
-                        const std::string& team, const std::string& track);
+                        const std::string& team, const std::string& track,
+                        const std::string& phase = "");
 // The same for the budget `failed` alone: whether it has room for one more failure.
 absl::Status CheckFailures(const QuotaUse& use, const QuotaLimits& limits, const std::string& team,
                            const std::string& track);

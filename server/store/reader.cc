@@ -19,7 +19,7 @@ constexpr size_t kKept = 16;
 
 constexpr char kSubmissionColumns[] =
     "SELECT s.id, t.name, s.artefact, a.name, s.track, s.profile, s.config, s.seeds, s.ranked, "
-    "s.accepted_at, s.team_id, s.accepted_by FROM submission AS s "
+    "s.accepted_at, s.team_id, s.accepted_by, s.phase FROM submission AS s "
     "LEFT JOIN team AS o ON o.id = s.team_id "
     "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
     "LEFT JOIN artefact AS a ON a.hash = s.artefact ";
@@ -44,6 +44,7 @@ StoredRow SubmissionOf(SQLite::Statement& select, SubmissionRow& submission) {
   submission.ranked = row.Flag(8);
   submission.accepted_at = row.Time(9);
   submission.accepted_by = row.Text(11);
+  submission.phase = row.Text(12);
   row.Joined("team", 10);
   submission.team = row.Text(1);
   row.Joined("artefact", 2);
@@ -165,11 +166,12 @@ Listed<SubmissionRow> Reader::Submissions(const SubmissionFilter& filter) {
                         " AND (?4 = '' OR s.profile = ?4) AND (?5 = '' OR EXISTS (SELECT 1 FROM "
                         "evaluation AS e WHERE e.submission = s.id AND e.kind = 'original' AND "
                         "e.state = ?5)) AND (?7 = '' OR t.name IN (SELECT value FROM json_each(?7)))"
-                        " ORDER BY s.id DESC LIMIT ?6"));
+                        " AND (?8 = '' OR s.phase = ?8) ORDER BY s.id DESC LIMIT ?6"));
   SQLite::bind(select, filter.before, filter.team, filter.track, filter.profile,
                filter.state ? std::string(EvaluationStateName(*filter.state)) : std::string(),
                filter.limit,
-               filter.teams ? CanonicalJson(nlohmann::json(*filter.teams)) : std::string());
+               filter.teams ? CanonicalJson(nlohmann::json(*filter.teams)) : std::string(),
+               filter.phase);
   return ListOf<SubmissionRow>(select, {}, SubmissionOf);
 }
 
@@ -285,12 +287,13 @@ absl::StatusOr<std::string> Reader::SeedsJson(const std::string& hash) {
 }
 
 int64_t Reader::RankedElsewhere(const std::string& track, const std::string& profile,
-                                const std::string& config) {
+                                const std::string& phase, const std::string& config) {
   SQLite::Statement select(
       db_, "SELECT count(*) FROM evaluation AS e JOIN submission AS s ON s.id = e.submission "
-           "WHERE s.track = ? AND s.profile = ? AND s.config != ? AND s.ranked = 1 AND "
+           "WHERE s.track = ? AND s.profile = ? AND s.phase = ? AND s.config != ? AND "
+           "s.ranked = 1 AND "
            "e.kind = 'original' AND e.state = 'done'");
-  SQLite::bind(select, track, profile, config);
+  SQLite::bind(select, track, profile, phase, config);
   select.executeStep();
   return select.getColumn(0).getInt64();
 }

@@ -14,6 +14,7 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/base/mutex.h"
+#include "server/store/accepted.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
 #include "server/store/rows.h"
@@ -30,6 +31,7 @@ struct SubmissionFilter {
   std::string team = "";
   std::string track = "";
   std::string profile = "";
+  std::string phase = "";
   std::optional<EvaluationState> state = std::nullopt;  // of the original evaluation
   std::optional<std::set<std::string>> teams = std::nullopt;  // only theirs
   int64_t before = INT64_MAX;            // only ids below
@@ -71,10 +73,10 @@ class Reader {
   // The effective config, and the seeds, as canonical JSON with the given hash.
   absl::StatusOr<std::string> ConfigJson(const std::string& hash);
   absl::StatusOr<std::string> SeedsJson(const std::string& hash);
-  // The number of original ranked evaluations that are done under other configs of the same track
-  // and profile.
+  // The number of original ranked evaluations that are done under other configs of the same track,
+  // profile and phase ("": none).
   int64_t RankedElsewhere(const std::string& track, const std::string& profile,
-                          const std::string& config);
+                          const std::string& phase, const std::string& config);
 
   // Whether a submission by this team would be rejected for its name, or because it is banned;
   // errors as of Writer::Accept.
@@ -85,8 +87,8 @@ class Reader {
   std::set<std::string> TeamsOf(const std::string& person);
   // The team called `name`, now or formerly: never one that was merged into another.
   absl::StatusOr<TeamRow> Team(const std::string& name);
-  // All teams by name, with those that were merged.
-  Listed<TeamRow> Teams();
+  // Newest first, with those that were merged; `before` is an id.
+  Listed<TeamRow> Teams(int64_t before = INT64_MAX, int64_t limit = INT64_MAX);
   // By person.
   Listed<MemberRow> Members(const std::string& team);
   // Oldest first, with those of the teams that were merged into it.
@@ -98,8 +100,8 @@ class Reader {
   // By the SHA-256 of its text, whether it is valid or not.
   absl::StatusOr<TokenRow> TokenByHash(const std::string& sha256);
   absl::StatusOr<TokenRow> Token(int64_t id);
-  // Oldest first.
-  Listed<TokenRow> Tokens();
+  // Newest first; `before` is an id.
+  Listed<TokenRow> Tokens(int64_t before = INT64_MAX, int64_t limit = INT64_MAX);
 
   // Whose it is: today's name of the team. NotFoundError if there is no such submission or
   // evaluation, or if nobody can tell whose it is.
@@ -107,11 +109,19 @@ class Reader {
   absl::StatusOr<std::string> TeamOfEvaluation(int64_t id);
   // The teams one of whose episodes has the log with this SHA-256.
   std::set<std::string> TeamsOfLog(const std::string& sha256);
+  // The phases of those episodes; "": of none.
+  std::set<std::string> PhasesOfLog(const std::string& sha256);
 
   // Newest first. `kind` "" matches any; `before` is an id.
   Listed<AccessEventRow> AccessEvents(const std::string& kind, int64_t before, int64_t limit);
 
-  QuotaUse Quota(const std::string& team, const std::string& track, int64_t now_ms);
+  // What Writer::Once would return without asking to accept; nullopt: it would ask.
+  absl::StatusOr<std::optional<Accepted>> FindRequest(const std::string& who,
+                                                      const RequestKey& key);
+
+  // `phase` "": of the track itself.
+  QuotaUse Quota(const std::string& team, const std::string& track, int64_t now_ms,
+                 const std::string& phase = "");
   int64_t QuotaDayAt(int64_t now_ms);
   // The budget that a submission is charged to; "" if none, or if it was refunded.
   std::string ChargedBudget(int64_t submission);
@@ -126,6 +136,17 @@ class Reader {
   // What may rank under a config: done, ranked and original, by submission, but nothing of a banned
   // team. A damaged row of the view counts as missing from it.
   Listed<StandingRow> Standings(const std::string& config);
+  // What happened to a phase and to all submissions (phase ""), or with nullopt to any, by id.
+  absl::StatusOr<std::vector<PhaseEventRow>> PhaseEvents(const std::optional<std::string>& phase);
+  // NotFoundError: it has none; otherwise as Writer::PhaseSecret.
+  absl::StatusOr<std::string> PhaseSecret(const std::string& phase);
+  // The submission that each team stood with before `before_ms`, of those under a config where teams
+  // choose.
+  std::set<int64_t> Choices(const std::string& config, int64_t before_ms);
+  // Phases with submissions, by name.
+  absl::StatusOr<std::vector<PhaseUse>> PhasesInUse();
+  // The config of a phase's latest submission; "": it has none.
+  std::string ConfigOfPhase(const std::string& phase);
   // The whole store as one document, in transfer.h's format.
   absl::Status Export(const ExportSink& sink) { return ExportRows(db_, sink); }
   std::vector<ArtefactUse> ArtefactUses();

@@ -47,6 +47,7 @@ struct SubmissionRow {
   bool ranked = false;
   int64_t accepted_at = 0;
   std::string accepted_by;  // who submitted it: "uid N"
+  std::string phase;        // of a challenge; "": the track's own board
 };
 
 struct EvaluationRow {
@@ -136,6 +137,8 @@ struct StandingRow {
   std::string team;
   std::string artefact_name;
   Standing standing;  // aggregate_json is empty until the view has it
+  int64_t finished_at = 0;
+  bool chosen = false;  // by its team, where teams choose
 };
 
 // What an artefact's files are still needed for.
@@ -160,6 +163,7 @@ struct LedgerRow {
   int64_t day = 0;  // since 1970-01-01 UTC: the day that it counts for
   std::string team;
   std::string track;
+  std::string phase;  // "": the track itself
   std::string budget;
   std::string entry;  // "charge", "refund", "grant"
   int64_t amount = 0;
@@ -197,6 +201,21 @@ struct TeamEventRow {
   std::string why = "";
 };
 
+// An act on a phase of a challenge. The newest pause or resumption of a phase is in force; the others
+// are never taken back.
+inline constexpr char kPausedEvent[] = "paused";
+inline constexpr char kResumedEvent[] = "resumed";
+inline constexpr char kPublishedEvent[] = "published";
+inline constexpr char kRevealedEvent[] = "revealed";
+struct PhaseEventRow {
+  int64_t id = 0;
+  int64_t at = 0;
+  std::string phase;  // "" for a pause and a resumption: all submissions
+  std::string event;
+  std::string who;
+  std::string why;
+};
+
 // A bearer token. Its text is not kept, only the text's hash, which is never shown.
 struct TokenRow {
   int64_t id = 0;
@@ -209,6 +228,16 @@ struct TokenRow {
   int64_t revoked_at = 0;  // 0: it is not revoked
   std::string revoked_by;
   int64_t last_used_at = 0;  // to the minute; 0: it was never used
+};
+
+// A phase that has submissions, whether or not a file still describes it.
+struct PhaseUse {
+  std::string phase;
+  std::string track;
+  std::string profile;
+  std::string config;  // of its latest submission
+  int64_t submissions = 0;
+  int64_t waiting = 0;  // evaluations that have not ended
 };
 
 // One change of a mark. The newest row of a submission and mark is in force.

@@ -12,7 +12,7 @@
 --   phase_event   acts on a phase: paused, resumed, published (a frozen board), revealed (its seeds)
 --   choice        the submission that a team stands with where it may choose; the newest row is in
 --                 force
---   request_key   submissions that were made with an Idempotency-Key
+--   request_key   submissions and re-runs that were asked for with an Idempotency-Key
 --   submission, admission, ledger   belong to a phase; '' is a track's own board
 --
 -- Invariants:
@@ -110,14 +110,18 @@ CREATE INDEX choice_by_team ON choice (phase, team_id, id);
 CREATE TABLE request_key (
   who        TEXT NOT NULL,
   key        TEXT NOT NULL,
-  request    TEXT NOT NULL CHECK (length(request) = 64),   -- SHA-256 of the request's body
+  request    TEXT NOT NULL CHECK (length(request) = 64),   -- SHA-256 of what was asked for
   submission INTEGER NOT NULL REFERENCES submission (id),
+  evaluation INTEGER NOT NULL REFERENCES evaluation (id),
+  linked     INTEGER NOT NULL CHECK (linked IN (0, 1)),
   at         INTEGER NOT NULL,
   PRIMARY KEY (who, key)
 ) STRICT, WITHOUT ROWID;
 CREATE INDEX request_key_by_age ON request_key (at);
+CREATE INDEX request_key_by_caller ON request_key (who, at DESC, key);
 
 ALTER TABLE submission ADD COLUMN phase TEXT NOT NULL DEFAULT '';
+CREATE INDEX submission_by_phase ON submission (phase, id) WHERE phase != '';
 ALTER TABLE admission ADD COLUMN phase TEXT NOT NULL DEFAULT '';
 ALTER TABLE ledger ADD COLUMN phase TEXT NOT NULL DEFAULT '';
 

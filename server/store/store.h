@@ -22,6 +22,7 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
+#include "server/store/accepted.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
 #include "server/store/rows.h"
@@ -54,7 +55,12 @@ struct NewSubmission {
   bool ranked = false;
   std::string grader_json;
   std::vector<std::pair<int64_t, int64_t>> blocks;  // first and last episode of each lease
+  RequestKey request_key = {};
   std::optional<Founding> founding = std::nullopt;  // of its team, in the same change
+  std::string phase = "";  // of a challenge; "": the track's own board
+  // Why nothing new is accepted; OkStatus(): it is. The ranked evaluation that an artefact has
+  // already is found all the same.
+  absl::Status closed = absl::OkStatus();
 };
 
 // What a submission must satisfy to be accepted.
@@ -97,15 +103,7 @@ struct NewRerun {
   std::string artefact;  // the submission's
   std::string grader_json;
   std::vector<std::pair<int64_t, int64_t>> blocks;
-};
-
-struct Accepted {
-  int64_t submission = 0;
-  int64_t evaluation = 0;
-  std::vector<int64_t> leases;  // in block order
-  // True: nothing new was accepted. The team already has this artefact's ranked evaluation;
-  // `submission` and `evaluation` are those, and `leases` is empty.
-  bool linked = false;
+  RequestKey request_key = {};
 };
 
 // Extra units for a team, for the store's current day and in total.
@@ -115,6 +113,7 @@ struct NewGrant {
   Budget budget = Budget::kRanked;
   int64_t amount = 0;
   std::string why;
+  std::string phase = "";  // "": the track itself
 };
 
 // A bearer token to add.
@@ -151,14 +150,19 @@ class Writer {
   // NotFoundError if the artefact is not in the store; a damaged row (damage.h) if the stored
   // config or seeds are not those given. FailedPreconditionError with the code "quota" if over a
   // quota, "same_artefact" for a second ranked evaluation of another team's artefact, "banned" for a
-  // banned team, "look_alike" for a new team whose name looks like another's (ResembledTeam).
+  // banned team, "look_alike" for a new team whose name looks like another's (ResembledTeam),
+  // "paused" if all submissions or those to the phase are paused; submission.closed.
   // InvalidArgumentError for a name
   // that no new team may have. Other operations that take a team have the same name errors.
   absl::StatusOr<Accepted> Accept(const NewSubmission& submission, const AdmissionRules& rules,
                                   const std::string& who);
   absl::StatusOr<Accepted> AddRerun(const NewRerun& rerun, const std::string& who);
+  // Runs `accept` if `who` has not sent this key before, and keeps what it accepted; otherwise
+  // returns what was accepted then. Errors of `accept`, which keep nothing, and of FindRequestKey.
+  absl::StatusOr<Accepted> Once(const std::string& who, const RequestKey& key,
+                                const std::function<absl::StatusOr<Accepted>()>& accept);
   // Whether `who` may have one more re-run of a submission: FailedPreconditionError with the code
-  // "quota" if too many have not ended.
+  // "quota" if too many have not ended, or "banned" if its team is.
   absl::Status CheckReruns(int64_t submission, const std::string& who, bool organiser,
                            const RerunLimits& limits);
 
@@ -233,6 +237,17 @@ class Writer {
   // not). NotFoundError if there is no such submission.
   absl::StatusOr<bool> Mark(int64_t submission, const std::string& mark, bool set,
                             const std::string& who, const std::string& why);
+  // Adds an act on a phase, or on all submissions (`phase` ""); true if that changed anything: what
+  // is paused is not paused again for the same reason, nor published or revealed twice.
+  absl::StatusOr<bool> AddPhaseEvent(const std::string& phase, const std::string& event,
+                                     const std::string& who, const std::string& why);
+  // The secret of a phase, 32 bytes, drawn when it is first asked for. A damaged row (damage.h) if it
+  // is not that long.
+  absl::StatusOr<std::string> PhaseSecret(const std::string& phase);
+  // Makes a submission the one that its team stands with among those under the same config; true if
+  // that changed anything. NotFoundError if there is no such submission; FailedPreconditionError if
+  // it is not ranked, or not done.
+  absl::StatusOr<bool> Choose(int64_t submission, const std::string& who);
   // Sets or replaces what a finished evaluation is ranked by.
   absl::Status SetStanding(int64_t evaluation, const Standing& standing);
   absl::Status DropStandings();
@@ -259,6 +274,8 @@ class Writer {
   // The ranked evaluation that rules out another one; nullopt: none.
   absl::StatusOr<std::optional<Accepted>> FindOfficial(const NewSubmission& submission,
                                                        const AdmissionRules& rules);
+  // FailedPreconditionError with the code "paused".
+  absl::Status CheckNotPaused(const std::string& phase);
   void ChargeFirstEpisode(int64_t evaluation, const std::string& why);
   void SettleCharge(int64_t evaluation, EvaluationState state, const std::string& who);
 

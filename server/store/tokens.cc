@@ -114,8 +114,10 @@ absl::StatusOr<TokenRow> Reader::Token(int64_t id) {
   return OneToken(select, absl::StrCat("there is no token ", id));
 }
 
-Listed<TokenRow> Reader::Tokens() {
-  SQLite::Statement select(db_, absl::StrCat(kTokenColumns, "ORDER BY k.id"));
+Listed<TokenRow> Reader::Tokens(int64_t before, int64_t limit) {
+  SQLite::Statement select(
+      db_, absl::StrCat(kTokenColumns, "WHERE k.id < ? ORDER BY k.id DESC LIMIT ?"));
+  SQLite::bind(select, before, limit);
   return ListOf<TokenRow>(select, {}, TokenOf);
 }
 

@@ -37,6 +37,16 @@ void Check(const std::string& text, bool may_be_signed) {
   }
   Require(!checks.empty() && checks[0].name == "signature", "the signature is checked first");
   Require(checks[0].valid == may_be_signed, "only the key's owner can sign");
+  const std::string secret(32, 's');
+  for (const ReceiptCheck& check : CheckReceipt(text, Public(), secret)) {
+    Require(!check.name.empty() && (check.valid || !check.detail.empty()), "a 'no' has its reason");
+  }
+  if (HidesSeeds(*receipt)) {
+    const absl::StatusOr<nlohmann::json> opened = OpenedReceipt(*receipt, secret);
+    Require(opened.ok() || absl::IsInvalidArgument(opened.status()) ||
+                absl::IsFailedPrecondition(opened.status()),
+            "a config that can't be read is told");
+  }
   const nlohmann::json here = {{"simulator", "a"}, {"mujoco", nullptr}, {"models", {{"x-1", "b"}}}};
   for (const ReceiptCheck& check : CompareGraders(*receipt, here)) {
     Require(!check.name.empty(), "a check has a name");

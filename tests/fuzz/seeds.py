@@ -132,6 +132,29 @@ def configs():
     seed("server_config", "whole", b'\1{"slots": "cores"}')
 
 
+def challenges():
+    phase = {"name": "final", "title": "t", "track": "manipulation", "profile": "paper"}
+
+    def cup(*phases):
+        return json.dumps({"form": 1, "title": "A cup", "phases": phases})
+
+    seed("challenge", "smallest", cup(phase))
+    seed("challenge", "whole", cup({
+        **phase, "seeds": {"committed": 5}, "opens_at": "2026-12-01T00:00:00Z",
+        "freeze_at": "2026-12-02T00:00:00.5+01:00", "closes_at": "2026-12-03T00:00:00Z",
+        "entry": "chosen", "quota": {"official_per_day": 1, "same_artefact": "everyone"},
+        "show": {"metrics": False}}))
+    seed("challenge", "two", cup({**phase, "seeds": {"first": 500, "count": 3}},
+                                 {**phase, "name": "other", "seeds": [600, 700]}))
+    seed("challenge", "overlap", cup(phase, {**phase, "name": "other"}))
+    seed("challenge", "times", cup({**phase, "opens_at": "2026-12-01", "closes_at": "infinite-past"}))
+    seed("challenge", "backwards", cup({**phase, "opens_at": "2026-12-02T00:00:00Z",
+                                        "closes_at": "2026-12-01T00:00:00Z"}))
+    seed("challenge", "no-object", "[[]]")
+    seed("challenge", "numbers", cup({**phase, "seeds": {"committed": -1},
+                                      "quota": {"waiting": 1e300}}))
+
+
 def submissions():
     seed("manifest", "good", '{"name": "walker", "command": ["./policy", "x"], "runtimes": ["python"]}')
     for name, program in (("link", "./link"), ("up", "bin/up"), ("loop", "./loop"),
@@ -254,6 +277,13 @@ def receipts():
     seed("receipt", "models-are-text", b"\1" + canonical({**receipt, "grader": {"models": "x-1"}}))
     seed("receipt", "seed-is-text", b"\1" + canonical({**receipt, "episodes": [
         {"index": 0, "seed": "5"}]}))
+    hidden = {**receipt, "format": 2, "policy_seeds": None, "track_config": {"phase": "final"},
+              "hidden": {"commitment": "b" * 64, "count": 2},
+              "episodes": [{"index": i, "seed_commitment": "c" * 64} for i in range(2)]}
+    seed("receipt", "hidden", b"\1" + canonical(hidden))
+    seed("receipt", "hidden-without-commitment", b"\1" + canonical(
+        {**hidden, "hidden": {"commitment": None, "count": 10000}}))
+    seed("receipt", "hidden-with-seed", b"\1" + canonical({**hidden, "episodes": episodes}))
     seed("receipt", "no-episodes", b"\1" + canonical({**receipt, "episodes": []}))
     seed("receipt", "key", b"\0-----BEGIN PUBLIC KEY-----\nMCowBQYDK2VwAyEA" + b"A" * 43 +
          b"=\n-----END PUBLIC KEY-----\n")
@@ -332,6 +362,6 @@ def deep():
 
 
 if __name__ == "__main__":
-    for write in (datagrams, messages, conversations, frames, records, configs, submissions, archives,
+    for write in (datagrams, messages, conversations, frames, records, configs, challenges, submissions, archives,
                   tars, logs, receipts, exports, connections, deep):
         write()

@@ -39,7 +39,8 @@ class Install(unittest.TestCase):
     def test_programs_configs_schemas_kits_and_message_types_are_there(self):
         self.assertEqual({path.name for path in (self.prefix / "bin").iterdir()}, PROGRAMS)
         for name in ("configs/server.json", "configs/tracks/elbow.json", "configs/sandbox/sim.json",
-                     "configs/schema/show.json", "configs/reference/manipulation.lcmlog.zst",
+                     "configs/schema/show.json", "openapi.json",
+                     "configs/reference/manipulation.lcmlog.zst",
                      "policies/kit-python/myograde_kit/__init__.py",
                      "policies/kit-template-2024/play_agent.py", "policies/scripted-elbow/policy.json",
                      "lcm/myograde.lcm", "lcm/myograde_log.lcm"):

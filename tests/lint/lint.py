@@ -46,15 +46,18 @@ RULES = {
                        "server/store", "server/config"}, r"mujoco/|lcm/|httplib|CLI/"),
     "server/grading": ({"protocol", "scoring", "server/base", "server/store", "server/proof",
                         "server/grading"}, r"mujoco/|lcm/|httplib|CLI/|fstream$|filesystem$|unistd"),
+    "server/challenge": ({"protocol", "scoring"} | {f"server/{part}" for part in (
+        "base", "access", "proof/seed_list.h", "store", "grading", "challenge")},
+        r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/|fstream$|unistd"),
     "server/engine": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "artefact", "sandbox", "runner", "proof", "scheduler", "store", "config", "grading",
         "engine")}, r"mujoco/|lcm/|httplib|CLI/"),
     "server/admission": ({"protocol"} | {f"server/{part}" for part in (
-        "base", "artefact", "sandbox", "proof", "store", "config", "grading", "engine",
+        "base", "artefact", "sandbox", "proof", "store", "config", "grading", "challenge", "engine",
         "admission")}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     "server/api": ({"protocol", "scoring"} | {f"server/{part}" for part in (
-        "access", "base", "runner", "proof", "store", "config", "grading", "engine", "admission",
-        "api")},
+        "base", "access", "runner", "proof", "store", "config", "grading", "challenge", "engine",
+        "admission", "api")},
         r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
     "server/cli/terminal": ({"protocol/base", "server/base", "server/cli/terminal"},
                             r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
@@ -66,7 +69,7 @@ RULES = {
                                "terminal", "base", "client")}, r"mujoco/|lcm/|SQLiteCpp/"),
     "server/cli/offline": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "artefact", "sandbox", "runner", "proof", "scheduler", "store", "config", "grading",
-        "engine", "cli")}, r"mujoco/|lcm/|SQLiteCpp/|httplib"),
+        "challenge", "engine", "cli")}, r"mujoco/|lcm/|SQLiteCpp/|httplib"),
     "server/cli": ({"protocol/tracks/registry.h", "server/cli"},
                    r"mujoco/|lcm/|SQLiteCpp/|httplib"),
     "server": ({"protocol", "scoring", "server"}, r"mujoco/|lcm/"),
@@ -96,12 +99,17 @@ CALENDAR = re.compile(r"absl::Now\(|\b(system_clock|high_resolution_clock|file_c
                       r"\btime\.time(_ns)?\(|\bdate(time)?\.(now|utcnow|today)\(")
 CALENDAR_USERS = {
     "protocol/base/clock.cc": "is the port",
-    "server/admission/admission.cc": "quotas are of a day",
+    "server/admission/admission.cc": "quotas are of a day, phases open and close at a date",
+    "server/api/boards_resource.cc": "phases freeze at a date",
+    "server/api/challenges_resource.cc": "phases open and close at a date",
     "server/api/guard.cc": "tokens expire at a time of day",
+    "server/api/phase_view.cc": "phases open and close at a date",
     "server/api/quota_resource.cc": "quotas are of a day",
+    "server/api/reveal_resource.cc": "phases close at a date",
     "server/api/submission_view.cc": "shows times of day",
     "server/api/teams_resource.cc": "quotas are of a day",
     "server/api/tokens_resource.cc": "tokens expire by the calendar",
+    "server/cli/offline/challenge.cc": "warns of dates in the past",
     "server/daemon/daemon.cc": "shows when it started",
     "server/engine/engine_leases.cc": "stores when a lease will be over, for people to read",
     "server/engine/retention.cc": "compares with stored times of day",
@@ -111,8 +119,13 @@ CALENDAR_USERS = {
     "tests/integration/soak.py": "draws a seed",
     "tests/lint/lint.py": "names them",
     "tests/redteam/programs/c44_guesses_seeds.py": "prints it, to see that no result hangs on it",
+    "tests/server/challenge/calendar_watch_test.cc": "sets it",
+    "tests/server/daemon/phases_test.py": "phases open and close at a date",
     "tests/server/engine/retention_test.cc": "compares with times of files",
+    "tests/server/store/people_test.cc": "compares with stored times of day",
+    "tests/server/store/phases_test.cc": "compares with stored times of day",
     "tests/server/store/quota_test.cc": "compares with stored times of day",
+    "tests/server/store/tokens_test.cc": "compares with stored times of day",
 }
 # A track lives in folders of its own name (protocol/tracks/<track>, sim/<track>, scoring/<track>).
 # These files list the tracks; nothing else in these parts names one.

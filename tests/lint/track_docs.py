@@ -20,7 +20,7 @@ TRACKS = ("manipulation", "locomotion")  # with tables of the whole config in co
 OTHERS = ("elbow",)  # with tables of their own: the rules in sim/<track>/README.md
 SECTIONS = ("budgets", "rules", "scoring")
 # Values that are leaves of a config although they are objects.
-WHOLE = {"seeds"}
+WHOLE = {"seeds", "practice_seeds"}
 # The prosthesis' parameter sets have a table of their own; elsewhere only their number stands.
 SETS = "rules.leg.parameter_sets"
 
@@ -181,6 +181,7 @@ def check_schema_refuses(validator, good):
            "fraction": {"episodes_per_lease": 1.5}, "word": {"default_profile": "Paper"},
            "profile's key": {"profiles": {"paper": {"track": "locomotion"}}},
            "unknown rule": {"rules": {"gravity": 9.81}}, "no seeds": {"seeds": []},
+           "practice of none": {"practice_seeds": {"first": 3, "count": 0}},
            "unknown board": {"scoring": {"boards": {"third": {}}}}}
     for what, patch in bad.items():
         if validator.is_valid(merged(good, patch)):

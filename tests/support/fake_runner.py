@@ -41,7 +41,7 @@ def episode(order, mode):
     success = seed % 2 == 0
     record = {
         "type": "episode", "index": index, "seed": seed, "end": "placed" if success else "time",
-        "steps": 100 + seed, "sim_time": 1.0 + seed / 100, "clipped": 0,
+        "steps": 100 + seed % 1000, "sim_time": 1.0 + seed % 1000 / 100, "clipped": 0,
         "digest": digest.hexdigest(), "wall_s": time.monotonic() % 1, "policy_cpu_s": 0.01,
         "track": "manipulation", "manipulation": manipulation(success)}
     if mode == "logged":

@@ -56,6 +56,15 @@ void PrintOutput(const Json& outputs) {
   }
 }
 
+// The parts of an answer that are withheld from its reader.
+std::vector<std::string> WithheldOf(const Json& answer) {
+  std::vector<std::string> parts;
+  for (const Json& part : answer.value("withheld", Json::array())) {
+    if (part.is_string()) parts.push_back(Harmless(part.get<std::string>()));
+  }
+  return parts;
+}
+
 // "3", or "0, 1, 2 and 7 more".
 std::string EnumeratedEpisodes(const std::vector<std::string>& numbers) {
   constexpr size_t kMost = 8;
@@ -91,10 +100,12 @@ void PrintFaults(const Json& rows) {
 }
 
 std::string CountsText(const Json& episodes) {
-  const auto successes = episodes.value("success", int64_t{0});
   std::string text =
-      absl::StrCat(Cell(episodes, "done"), "/", CountCell(episodes, "total", "episode"), ", ",
-                   Counted(successes, "success", "successes"));
+      absl::StrCat(Cell(episodes, "done"), "/", CountCell(episodes, "total", "episode"));
+  // Null: the phase withholds it.
+  const Json successes = episodes.value("success", Json(0));
+  if (successes.is_null()) return text;
+  absl::StrAppend(&text, ", ", Counted(successes.get<int64_t>(), "success", "successes"));
   if (const auto faults = episodes.value("fault", int64_t{0}); faults > 0) {
     absl::StrAppend(&text, ", ", Counted(faults, "fault"), " of the policy");
   }
@@ -103,8 +114,10 @@ std::string CountsText(const Json& episodes) {
 
 void PrintResult(const Json& result, bool full_hashes) {
   const Json aggregate = result.value("aggregate", Json());
+  const std::vector<std::string> withheld = WithheldOf(result);
   if (!aggregate.is_object()) {
-    std::cout << "  no episode has a result yet\n";
+    std::cout << (withheld.empty() ? "  no episode has a result yet\n"
+                                   : "  no result to see yet\n");
   } else {
     PrintPair("successes", absl::StrCat(Cell(aggregate, "successes"), " of ",
                                         CountCell(aggregate, "episodes", "episode")));
@@ -113,7 +126,9 @@ void PrintResult(const Json& result, bool full_hashes) {
       if (!text.empty()) PrintPair(Harmless(metric.value("title", "")), text);
     }
   }
-  if (result.contains("outcomes")) PrintPair("outcomes", CountsOf(result["outcomes"]));
+  if (result.contains("outcomes") && !result["outcomes"].empty()) {
+    PrintPair("outcomes", CountsOf(result["outcomes"]));
+  }
   if (result.contains("reasons") && !result["reasons"].empty()) {
     PrintPair("failures by reason", CountsOf(result["reasons"]));
   }
@@ -123,6 +138,10 @@ void PrintResult(const Json& result, bool full_hashes) {
   }
   PrintPair("Merkle root", HashText(Cell(result, "merkle_root"), full_hashes));
   PrintOutput(result.value("output", Json::array()));
+  if (!withheld.empty()) {
+    std::cout << "  The phase withholds from its participants: " << absl::StrJoin(withheld, ", ")
+              << ".\n";
+  }
   std::cout.flush();
 }
 
@@ -179,6 +198,10 @@ void PrintComparison(const Json& comparison) {
     std::cout << "differs in " << absl::StrJoin(differs, ", ") << " (was "
               << Cell(before, "outcome") << " after " << CountCell(before, "steps", "step") << ", now "
               << Cell(after, "outcome") << " after " << CountCell(after, "steps", "step") << ")\n";
+  }
+  if (!comparison.value("equal", Json(0)).is_number()) {
+    std::cout << "  the phase withholds the comparison" << std::endl;
+    return;
   }
   const auto equal = comparison.value("equal", int64_t{0});
   std::cout << "  " << equal << " of " << CountCell(comparison, "compared", "episode")

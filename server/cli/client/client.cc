@@ -1,6 +1,7 @@
 #include "server/cli/client/client.h"
 
 #include <httplib.h>
+#include <openssl/rand.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -9,7 +10,9 @@
 #include <utility>
 #include <vector>
 
+#include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
+#include <absl/time/clock.h>
 
 #include "server/cli/client/connect.h"
 #include "server/cli/terminal/text.h"
@@ -24,6 +27,8 @@ using Json = nlohmann::json;
 constexpr time_t kAnswerSeconds = 60;
 constexpr time_t kUploadSeconds = 960;
 constexpr size_t kRefusalBytes = 65536;
+// A daemon that was restarted in between is there again.
+constexpr absl::Duration kBeforeRetry = absl::Seconds(1);
 
 using Http = std::unique_ptr<httplib::ClientImpl>;
 
@@ -53,6 +58,27 @@ absl::StatusOr<Json> AnswerOf(const httplib::Result& result, const ServerChoice&
   return refused ? absl::InvalidArgumentError(message) : absl::InternalError(message);
 }
 
+// Invalid UTF-8 from the command line is sent as U+FFFD; dump would throw otherwise.
+std::string TextOf(const Json& body) {
+  return body.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+// Whether the request may have arrived though there is no answer.
+bool IsLost(const httplib::Result& result) {
+  return !result && (result.error() == httplib::Error::Read ||
+                     result.error() == httplib::Error::Write);
+}
+
+// Of a request, which no other one has.
+absl::StatusOr<std::string> NewKey() {
+  std::string bytes(16, '\0');
+  if (RAND_bytes(reinterpret_cast<unsigned char*>(bytes.data()),
+                 static_cast<int>(bytes.size())) != 1) {
+    return absl::InternalError("this host gives no random bytes");
+  }
+  return absl::BytesToHexString(bytes);
+}
+
 }  // namespace
 
 Client::Client(std::string socket) : choice_(ServerChoice()) {
@@ -70,9 +96,21 @@ absl::StatusOr<Json> Client::Get(const std::string& path) const {
 absl::StatusOr<Json> Client::Post(const std::string& path, const Json& body) const {
   const absl::StatusOr<Http> http = Open(choice_, kAnswerSeconds);
   if (!http.ok()) return http.status();
-  // Invalid UTF-8 from the command line is sent as U+FFFD; dump would throw otherwise.
-  const std::string text = body.dump(-1, ' ', false, Json::error_handler_t::replace);
-  return AnswerOf((*http)->Post(path, text, "application/json"), *choice_, **http);
+  return AnswerOf((*http)->Post(path, TextOf(body), "application/json"), *choice_, **http);
+}
+
+absl::StatusOr<Json> Client::PostOnce(const std::string& path, const Json& body) const {
+  absl::StatusOr<std::string> key = NewKey();
+  if (!key.ok()) return key.status();
+  const httplib::Headers headers = {{"Idempotency-Key", *std::move(key)}};
+  const std::string text = TextOf(body);
+  for (bool again = false;; again = true) {
+    const absl::StatusOr<Http> http = Open(choice_, kAnswerSeconds);
+    if (!http.ok()) return http.status();
+    const httplib::Result result = (*http)->Post(path, headers, text, "application/json");
+    if (again || !IsLost(result)) return AnswerOf(result, *choice_, **http);
+    absl::SleepFor(kBeforeRetry);
+  }
 }
 
 absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& file,
@@ -95,9 +133,7 @@ absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& 
   };
   const httplib::Result result =
       (*http)->Post(path, static_cast<size_t>(size), provide, type);
-  const bool cut = !result && (result.error() == httplib::Error::Read ||
-                               result.error() == httplib::Error::Write);
-  if (cut) {
+  if (IsLost(result)) {
     return absl::UnavailableError(absl::StrCat(
         "the daemon on ", choice_->address.Text(), " hung up in the middle of an upload of ", size, " bytes (",
         httplib::to_string(result.error()),

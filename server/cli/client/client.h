@@ -29,6 +29,11 @@ class Client {
   absl::StatusOr<nlohmann::json> Get(const std::string& path) const;
   absl::StatusOr<nlohmann::json> Post(const std::string& path, const nlohmann::json& body) const;
 
+  // Post for what must be done once: the request has an Idempotency-Key of its own, and is sent once
+  // more if its answer is lost.
+  absl::StatusOr<nlohmann::json> PostOnce(const std::string& path,
+                                          const nlohmann::json& body) const;
+
   // Sends `file`, whose content is of `type`; `progress` hears the bytes sent so far, of how many.
   absl::StatusOr<nlohmann::json> Upload(
       const std::string& path, const std::string& file,

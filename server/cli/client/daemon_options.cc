@@ -17,6 +17,10 @@ void AddCaFile(CLI::App& verb, std::string& file) {
 void AddDaemonOptions(CLI::App& verb, const std::string& schema, DaemonOptions& options,
                       const std::string& json_help) {
   AddJson(verb, schema, options.json, json_help);
+  AddPlaces(verb, options);
+}
+
+void AddPlaces(CLI::App& verb, DaemonOptions& options) {
   CLI::Option* data = verb.add_option(
       "--data", options.data,
       "Data folder of the daemon (default: MYOGRADE_DATA, else /var/lib/myograde for root and "

@@ -24,6 +24,9 @@ void AddCaFile(CLI::App& verb, std::string& file);
 void AddDaemonOptions(CLI::App& verb, const std::string& schema, DaemonOptions& options,
                       const std::string& json_help = "Print JSON");
 
+// Adds --data and --socket alone.
+void AddPlaces(CLI::App& verb, DaemonOptions& options);
+
 // Of verbs about one submission.
 struct SubmissionOptions : DaemonOptions {
   int64_t id = 0;

@@ -25,14 +25,23 @@ using Json = nlohmann::json;
 struct BoardOptions : DaemonOptions {
   std::string track;
   std::string profile;
+  std::string phase;
   std::string board = "main";
   std::vector<std::string> explain;  // two rows, or none
   bool rebuild = false;
 };
 
+// The phase of a board, and the time that it is of.
+std::string PhaseOf(const Json& board) {
+  if (!board.value("phase", Json()).is_string()) return "";
+  const bool frozen = !board.value("complete", true);
+  return absl::StrCat(", phase ", Cell(board, "phase"),
+                      frozen ? absl::StrCat(", as of ", Cell(board, "frozen_at")) : "");
+}
+
 void PrintBoard(const Json& board) {
   std::cout << Bold(absl::StrCat("Leaderboard of ", Cell(board, "track"), ", profile ",
-                                 Cell(board, "profile"), ", board ", Cell(board, "board"), ", ",
+                                 Cell(board, "profile"), PhaseOf(board), ", board ", Cell(board, "board"), ", ",
                                  CountCell(board, "episodes", "episode")))
             << '\n';
   const Json rows = board.value("rows", Json::array());
@@ -68,6 +77,12 @@ void PrintBoard(const Json& board) {
               << Cell(row, "team") << " (" << Cell(row, "name") << "): " << Cell(row, "reason")
               << '\n';
   }
+  if (board.value("frozen_at", Json()).is_string()) {
+    std::cout << (board.value("complete", true)
+                      ? "  It is frozen for everybody but organisers; \"myograde phase publish\" ends "
+                        "that.\n"
+                      : "  It is frozen: what ended later is not on it yet.\n");
+  }
   PrintUnreadable(board);
   if (const auto others = board.value("other_config", int64_t{0}); others > 0) {
     std::cout << "  " << Counted(others, "evaluation")
@@ -78,8 +93,9 @@ void PrintBoard(const Json& board) {
 }
 
 std::string QueryOf(const BoardOptions& options, const std::string& track) {
-  std::string query =
-      absl::StrCat("?track=", QueryValue(track), "&board=", QueryValue(options.board));
+  std::string query = absl::StrCat("?board=", QueryValue(options.board));
+  if (!track.empty()) absl::StrAppend(&query, "&track=", QueryValue(track));
+  if (!options.phase.empty()) absl::StrAppend(&query, "&phase=", QueryValue(options.phase));
   if (!options.profile.empty()) absl::StrAppend(&query, "&profile=", QueryValue(options.profile));
   return query;
 }
@@ -91,14 +107,18 @@ absl::StatusOr<Json> BoardOf(const Client& client, const BoardOptions& options,
 
 int Explain(const Client& client, BoardOptions options) {
   int64_t id = 0;
-  if (options.track.empty() && absl::SimpleAtoi(options.explain.front(), &id)) {
+  const bool board_known = !options.track.empty() || !options.phase.empty();
+  if (!board_known && absl::SimpleAtoi(options.explain.front(), &id)) {
     const absl::StatusOr<Json> submission = client.Get(absl::StrCat("/v1/submissions/", id));
     if (!submission.ok()) return ReportError(submission.status());
     options.track = submission->value("track", "");
     if (options.profile.empty()) options.profile = submission->value("profile", "");
+    const Json phase = submission->value("phase", Json());
+    if (options.phase.empty() && phase.is_string()) options.phase = phase.get<std::string>();
   }
-  if (options.track.empty()) {
-    return ReportError(absl::InvalidArgumentError("teams are compared on one board: give --track"));
+  if (options.track.empty() && options.phase.empty()) {
+    return ReportError(absl::InvalidArgumentError(
+        "teams are compared on one board: give --track or --phase"));
   }
   const std::string path = absl::StrCat(
       "/v1/leaderboard/explain", QueryOf(options, options.track), "&a=",
@@ -153,7 +173,7 @@ int Leaderboard(const BoardOptions& options) {
   const Client client = options.client();
   if (options.rebuild) return Rebuild(client, options.json);
   if (!options.explain.empty()) return Explain(client, options);
-  if (options.track.empty()) return AllBoards(client, options);
+  if (options.track.empty() && options.phase.empty()) return AllBoards(client, options);
   return PrintAnswer(BoardOf(client, options, options.track), options.json, PrintBoard);
 }
 
@@ -163,6 +183,8 @@ Action AddLeaderboard(CLI::App& verb) {
   auto options = std::make_shared<BoardOptions>();
   verb.add_option("--track", options->track, "Name of the track (default: all)");
   verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
+  verb.add_option("--phase", options->phase,
+                  "Phase of a challenge, also of one that is over (default: the track's own board)");
   verb.add_option("--board", options->board, "Name of the board (default: main, which all have)");
   verb.add_option("--explain", options->explain,
                   "Say why one of two submissions (or teams) stands above the other")

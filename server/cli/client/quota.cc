@@ -21,6 +21,7 @@ using Json = nlohmann::json;
 struct QuotaOptions : DaemonOptions {
   std::string team;
   std::string track;
+  std::string phase;
   int64_t grant = 0;  // 0: not given
   std::string budget = "official";
   std::string reason;
@@ -43,30 +44,39 @@ void PrintLedger(const Json& rows) {
     return;
   }
   std::cout << Bold("Ledger, newest first") << '\n';
-  Table ledger({"row", "at", "track", "budget", "entry", "amount", "submission", "who", "why"});
+  Table ledger({"row", "at", "track", "phase", "budget", "entry", "amount", "submission", "who",
+                "why"});
   for (const Json& row : rows) {
-    ledger.Add({Cell(row, "id"), Cell(row, "at"), Cell(row, "track"), Cell(row, "budget"),
-                Cell(row, "entry"), Cell(row, "amount"), Cell(row, "submission"),
-                Cell(row, "who"), Cell(row, "why")});
+    ledger.Add({Cell(row, "id"), Cell(row, "at"), Cell(row, "track"), Cell(row, "phase"),
+                Cell(row, "budget"), Cell(row, "entry"), Cell(row, "amount"),
+                Cell(row, "submission"), Cell(row, "who"), Cell(row, "why")});
   }
   ledger.Print();
   std::cout.flush();
+}
+
+// The budgets of a track or a phase.
+void AddPlace(const Json& place, Table& table) {
+  const std::string track = Cell(place, "track");
+  const std::string phase = Cell(place, "phase");
+  for (const char* budget : {"official", "practice", "failed"}) {
+    if (!place.contains(budget)) continue;
+    const Json uses = place.value(budget, Json::object());
+    table.Add({track, phase, budget, UseText(uses.value("per_day", Json::object())),
+               UseText(uses.value("total", Json::object()))});
+  }
+  const Json waiting = place.value("waiting", Json::object());
+  table.Add({track, phase, "waiting",
+             absl::StrCat(Cell(waiting, "used"), " of ", Cell(waiting, "limit")), "-"});
 }
 
 void PrintQuota(const Json& quota) {
   std::cout << Bold(absl::StrCat("Quota of ", Cell(quota, "team"), " on ", Cell(quota, "day"),
                                  " (UTC)"))
             << '\n';
-  Table table({"track", "budget", "today", "in all"});
-  for (const Json& track : quota.value("tracks", Json::array())) {
-    for (const char* budget : {"official", "practice", "failed"}) {
-      const Json uses = track.value(budget, Json::object());
-      table.Add({Cell(track, "track"), budget, UseText(uses.value("per_day", Json::object())),
-                 UseText(uses.value("total", Json::object()))});
-    }
-    const Json waiting = track.value("waiting", Json::object());
-    table.Add({Cell(track, "track"), "waiting",
-               absl::StrCat(Cell(waiting, "used"), " of ", Cell(waiting, "limit")), "-"});
+  Table table({"track", "phase", "budget", "today", "in all"});
+  for (const char* list : {"tracks", "phases"}) {
+    for (const Json& place : quota.value(list, Json::array())) AddPlace(place, table);
   }
   table.Print();
   std::cout << "The next day begins at " << Cell(quota, "next_day_at") << ".\n";
@@ -78,11 +88,13 @@ absl::StatusOr<Json> Grant(const QuotaOptions& options) {
   if (options.track.empty() || options.reason.empty()) {
     return absl::InvalidArgumentError("a grant needs --track and --reason");
   }
-  return options.client().Post("/v1/quota/grants", {{"team", options.team},
-                                                    {"track", options.track},
-                                                    {"budget", options.budget},
-                                                    {"amount", options.grant},
-                                                    {"reason", options.reason}});
+  Json grant = {{"team", options.team},
+                {"track", options.track},
+                {"budget", options.budget},
+                {"amount", options.grant},
+                {"reason", options.reason}};
+  if (!options.phase.empty()) grant["phase"] = options.phase;
+  return options.client().Post("/v1/quota/grants", grant);
 }
 
 absl::StatusOr<Json> QuotaOf(const QuotaOptions& options) {
@@ -113,6 +125,9 @@ Action AddQuota(CLI::App& verb) {
   verb.add_option("--budget", options->budget,
                   "What to grant: official, practice or failed (default: official)")
       ->check(CLI::IsMember({"official", "practice", "failed"}))
+      ->needs(grant);
+  verb.add_option("--phase", options->phase,
+                  "The phase to grant it for (default: the track itself)")
       ->needs(grant);
   verb.add_option("--reason", options->reason, "Why it is granted, for the ledger; up to 200 bytes")
       ->needs(grant);

@@ -79,7 +79,7 @@ int Rerun(const RerunOptions& options) {
   const absl::StatusOr<Json> range = RangeOf(options.episodes);
   if (!range.ok()) return ReportError(range.status());
   const Client client = options.client();
-  const absl::StatusOr<Json> rerun = client.Post(options.Resource("/rerun"), *range);
+  const absl::StatusOr<Json> rerun = client.PostOnce(options.Resource("/rerun"), *range);
   if (!rerun.ok()) return ReportError(rerun.status());
   const int64_t evaluation = rerun->value("evaluation", int64_t{0});
   if (!options.wait) {

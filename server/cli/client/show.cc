@@ -27,6 +27,7 @@ void PrintShown(const Json& result, const ShowOptions& options) {
                                  Cell(result, "state")))
             << '\n'
             << "  " << Cell(result, "track") << " in the profile " << Cell(result, "profile")
+            << (result.value("phase", Json()).is_string() ? ", phase " + Cell(result, "phase") : "")
             << (result.value("ranked", false) ? "" : " (practice)") << ", "
             << CountsText(result.value("episodes", Json::object())) << '\n';
   if (result.contains("reason") && result["reason"].is_string()) {

@@ -28,6 +28,7 @@ struct SubmitOptions : DaemonOptions {
   std::string track;
   std::string team;
   std::string profile;
+  std::string phase;
   std::string seeds;
   int64_t episodes = 0;  // 0: not given
   bool wait = false;
@@ -37,6 +38,7 @@ struct SubmitOptions : DaemonOptions {
 absl::StatusOr<Json> RequestOf(const SubmitOptions& options) {
   Json request = {{"team", options.team}, {"track", options.track}};
   if (!options.profile.empty()) request["profile"] = options.profile;
+  if (!options.phase.empty()) request["phase"] = options.phase;
   if (options.episodes != 0) request["episodes"] = options.episodes;
   if (!options.seeds.empty()) {
     absl::StatusOr<std::vector<uint64_t>> seeds = ReadSeeds(options.seeds);
@@ -97,6 +99,11 @@ int ReportWaited(const SubmitOptions& options, const Client& client, int64_t id)
   return ExitOfState(state);
 }
 
+std::string PhaseText(const Json& submission) {
+  if (!submission.value("phase", Json()).is_string()) return "";
+  return absl::StrCat(", phase ", Cell(submission, "phase"));
+}
+
 void PrintAccepted(const Json& submission, int64_t id) {
   if (submission.value("linked", false)) {
     std::cout << "Submission " << id << " of " << Cell(submission, "team") << " is the ranked "
@@ -109,6 +116,7 @@ void PrintAccepted(const Json& submission, int64_t id) {
             << CountCell(submission["episodes"], "total", "episode")
             << " of " << Cell(submission, "track") << " in the profile "
             << Cell(submission, "profile")
+            << PhaseText(submission)
             << (submission.value("ranked", false) ? "" : " (practice: it does not rank)")
             << std::endl;
 }
@@ -121,7 +129,7 @@ int Submit(const SubmitOptions& options) {
   const absl::StatusOr<std::string> artefact = SendArtefact(options, client);
   if (!artefact.ok()) return ReportError(artefact.status());
   (*request)["artefact"] = *artefact;
-  const absl::StatusOr<Json> submission = client.Post("/v1/submissions", *request);
+  const absl::StatusOr<Json> submission = client.PostOnce("/v1/submissions", *request);
   if (!submission.ok()) return ReportError(submission.status());
   const int64_t id = submission->value("submission", int64_t{0});
   if (options.json && !options.wait) {
@@ -146,12 +154,17 @@ Action AddSubmit(CLI::App& verb) {
       ->required();
   verb.add_option("--team", options->team, "Name of the team; 1 to 64 bytes")->required();
   verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
+  CLI::Option* phase =
+      verb.add_option("--phase", options->phase,
+                      "Phase of a challenge (default: the only one of the track that is open)");
   verb.add_option("--seeds", options->seeds,
                   "File of seeds in place of the track's list: a JSON array, or one on each line; "
-                  "the submission is practice then");
+                  "the submission is practice then")
+      ->excludes(phase);
   verb.add_option("--episodes", options->episodes,
                   "Play only the first N seeds; fewer than all is practice and does not rank")
-      ->check(CLI::Range(1, 10'000));
+      ->check(CLI::Range(1, 10'000))
+      ->excludes(phase);
   verb.add_flag("--wait", options->wait, "Wait for the end, show progress and print the result");
   AddFullHashes(verb, options->full_hashes);
   AddDaemonOptions(verb, "submit", *options);

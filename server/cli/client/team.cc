@@ -16,8 +16,10 @@
 #include "server/cli/base/report.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
+#include "server/cli/client/pages.h"
 #include "server/cli/client/print_answer.h"
 #include "server/cli/client/verbs.h"
+#include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/table.h"
 #include "server/cli/terminal/text.h"
 
@@ -117,7 +119,8 @@ int CreateTeam(const TeamOptions& options) {
 }
 
 int ListTeams(const TeamOptions& options) {
-  return PrintAnswer(options.client().Get("/v1/teams"), options.json, PrintTeams);
+  return PrintAnswer(GetAllPages(options.client(), "/v1/teams", "teams"), options.json,
+                     PrintTeams);
 }
 
 int ShowTeam(const TeamOptions& options) {
@@ -166,13 +169,17 @@ void PrintConsequences(const Json& merge) {
             << "; a merge can't be undone\n"
             << "quota        units that both have used add up, and so do grants; the limits stay "
                "those of one team\n";
-  Table table({"track", "budget", "used today", "used in all", "left today"});
-  for (const Json& track : merge.value("tracks", Json::array())) {
-    for (const char* budget : {"official", "practice", "failed"}) {
-      const Json sums = track.value(budget, Json::object());
-      const Json today = sums.value("per_day", Json::object());
-      table.Add({Cell(track, "track"), budget, SumText(today),
-                 SumText(sums.value("total", Json::object())), Cell(today, "left")});
+  Table table({"track or phase", "budget", "used today", "used in all", "left today"});
+  for (const char* kind : {"tracks", "phases"}) {
+    for (const Json& place : merge.value(kind, Json::array())) {
+      for (const char* budget : {"official", "practice", "failed"}) {
+        if (!place.contains(budget)) continue;
+        const Json sums = place.value(budget, Json::object());
+        const Json today = sums.value("per_day", Json::object());
+        table.Add({Cell(place, place.contains("phase") ? "phase" : "track"), budget,
+                   SumText(today), SumText(sums.value("total", Json::object())),
+                   Cell(today, "left")});
+      }
     }
   }
   table.Print();
@@ -186,7 +193,8 @@ absl::StatusOr<Json> AskMerge(const TeamOptions& options, bool dry_run) {
 
 // Whether the person at the terminal agrees.
 bool Confirmed() {
-  std::cout << "Merge them? [y/N] " << std::flush;
+  // Standard output keeps a line until it ends.
+  PlainOutput() << "Merge them? [y/N] " << std::flush;
   std::string answer;
   std::getline(std::cin, answer);
   const std::string word = absl::AsciiStrToLower(absl::StripAsciiWhitespace(answer));

@@ -9,6 +9,7 @@
 #include "server/cli/base/report.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
+#include "server/cli/client/pages.h"
 #include "server/cli/client/print_answer.h"
 #include "server/cli/client/verbs.h"
 #include "server/cli/terminal/screen.h"
@@ -75,7 +76,8 @@ int CreateToken(const TokenOptions& options) {
 }
 
 int ListTokens(const TokenOptions& options) {
-  return PrintAnswer(options.client().Get("/v1/tokens"), options.json, PrintTokens);
+  return PrintAnswer(GetAllPages(options.client(), "/v1/tokens", "tokens"), options.json,
+                     PrintTokens);
 }
 
 int RevokeToken(const TokenOptions& options) {

@@ -10,6 +10,8 @@ namespace myograde::server {
 Action AddSubmit(CLI::App& verb);
 Action AddStatus(CLI::App& verb);
 Action AddCancel(CLI::App& verb);
+Action AddChoose(CLI::App& verb);
+Action AddPhase(CLI::App& verb);
 Action AddLeaderboard(CLI::App& verb);
 Action AddShow(CLI::App& verb);
 Action AddRerun(CLI::App& verb);

@@ -191,8 +191,10 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
                {{"artefact", order.artefact.digest},
                 {"config", config.hash},
                 {"seeds", Sha256Hex(CanonicalJson(order.seeds))},
-                {"results", ResultsHash(result.rows)}}},
-              {"merkle_root", result.rows.empty() ? Json() : Json(MerkleRootOf(result.rows))},
+                {"results", ResultsHash(result.rows, config.seed_salt)}}},
+              {"merkle_root", result.rows.empty()
+                                  ? Json()
+                                  : Json(MerkleRootOf(result.rows, config.seed_salt))},
               {"grader", GraderBuild(order.cache_dir)},
               {"episodes", rows},
               {"output", result.outputs},

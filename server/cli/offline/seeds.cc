@@ -12,7 +12,6 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
-#include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 #include "server/base/counted.h"
 #include "server/cli/base/exit_status.h"
@@ -20,6 +19,8 @@
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/base/seed_file.h"
+#include "server/cli/client/daemon_options.h"
+#include "server/cli/offline/secret_source.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
@@ -30,9 +31,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr size_t kSecretDigits = 2 * kSeedSecretBytes;
-constexpr size_t kMaxSecretFileBytes = 4096;
-
 struct SeedOptions {
   std::string secret;      // a file; for check, a file or the digits
   std::string phase;
@@ -41,28 +39,10 @@ struct SeedOptions {
   std::string commitment;  // check: published hash of the secret
   std::string list_hash;   // check: published hash of the list
   int64_t count = 100;
+  std::string reason;      // reveal: for the daemon's history
+  DaemonOptions daemon;    // reveal, without a file of the secret
   bool json = false;
 };
-
-// The commitment is taken over the digits, so that `sha256sum` of them agrees.
-std::string CommitmentOf(const std::string& secret) {
-  return Sha256Hex(absl::BytesToHexString(secret));
-}
-
-absl::StatusOr<std::string> SecretOfDigits(const std::string& text, const std::string& where) {
-  const std::string digits = absl::AsciiStrToLower(absl::StripAsciiWhitespace(text));
-  if (digits.size() != kSecretDigits ||
-      digits.find_first_not_of("0123456789abcdef") != std::string::npos) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(where, ": a secret is ", kSecretDigits, " hexadecimal digits"));
-  }
-  return absl::HexStringToBytes(digits);
-}
-
-absl::StatusOr<std::string> ReadSecret(const std::string& path) {
-  const absl::StatusOr<std::string> text = ReadFile(path, kMaxSecretFileBytes);
-  return text.ok() ? SecretOfDigits(*text, path) : text;
-}
 
 // A new secret in a new file that only its owner may read; never over an old one.
 absl::StatusOr<std::string> MakeSecret(const std::string& path) {
@@ -94,7 +74,7 @@ int PrintList(const SeedOptions& options, const std::string& secret, bool reveal
   }
   Json json = {{"phase", options.phase},
                {"count", options.count},
-               {"commitment", CommitmentOf(secret)},
+               {"commitment", SecretCommitment(secret)},
                {"seeds_sha256", SeedListHash(seeds)}};
   if (reveal) {
     json["secret"] = absl::BytesToHexString(secret);
@@ -128,16 +108,29 @@ int CommitSeeds(const SeedOptions& options) {
   return PrintList(options, *secret, /*reveal=*/false);
 }
 
+// The daemon's phase: from now on everybody may know its seeds.
+int RevealPhase(const SeedOptions& options) {
+  const absl::StatusOr<Json> answer = options.daemon.client().Post(
+      absl::StrCat("/v1/phases/", QueryValue(options.phase), "/reveal"),
+      {{"reason", options.reason}});
+  if (!answer.ok()) return ReportError(answer.status());
+  const absl::StatusOr<std::string> secret =
+      SecretOfDigits(answer->value("secret", ""), "the daemon's answer");
+  if (!secret.ok()) return ReportError(absl::InternalError(secret.status().message()));
+  SeedOptions revealed = options;
+  revealed.count = std::ssize(answer->value("seeds", Json::array()));
+  return PrintList(revealed, *secret, /*reveal=*/true);
+}
+
 int RevealSeeds(const SeedOptions& options) {
+  if (options.secret.empty()) return RevealPhase(options);
   const absl::StatusOr<std::string> secret = ReadSecret(options.secret);
   if (!secret.ok()) return ReportError(secret.status());
   return PrintList(options, *secret, /*reveal=*/true);
 }
 
 int CheckSeeds(const SeedOptions& options) {
-  const bool file = ::access(options.secret.c_str(), R_OK) == 0;
-  const absl::StatusOr<std::string> secret =
-      file ? ReadSecret(options.secret) : SecretOfDigits(options.secret, "--secret");
+  const absl::StatusOr<std::string> secret = GivenSecret(options.secret);
   if (!secret.ok()) return ReportError(secret.status());
   if (options.commitment.empty() && options.list_hash.empty() && options.seeds.empty()) {
     return ReportError(absl::InvalidArgumentError(
@@ -150,7 +143,7 @@ int CheckSeeds(const SeedOptions& options) {
       wrong.push_back(absl::StrCat(what, " is ", found, ", published was ", published));
     }
   };
-  hold(options.commitment, CommitmentOf(*secret), "the secret's SHA-256");
+  hold(options.commitment, SecretCommitment(*secret), "the secret's SHA-256");
   hold(options.list_hash, SeedListHash(seeds), "the SHA-256 of the list that the secret gives");
   if (!options.seeds.empty()) {
     const absl::StatusOr<std::vector<uint64_t>> played = ReadSeeds(options.seeds);
@@ -160,7 +153,7 @@ int CheckSeeds(const SeedOptions& options) {
   if (options.json) {
     PrintJson({{"phase", options.phase},
                {"count", options.count},
-               {"commitment", CommitmentOf(*secret)},
+               {"commitment", SecretCommitment(*secret)},
                {"seeds_sha256", SeedListHash(seeds)},
                {"valid", wrong.empty()},
                {"wrong", wrong}});
@@ -210,10 +203,15 @@ Action AddSeeds(CLI::App& verb) {
   commit->callback([=] { *chosen = [=] { return CommitSeeds(*options); }; });
 
   CLI::App* reveal = AddPart(verb, "reveal",
-                             "Print the secret and its list, to publish when the phase closes",
-                             "myograde seeds reveal --phase final --secret final.secret", *options);
-  reveal->add_option("--secret", options->secret, "File of the secret")->required();
+                             "After the close: reveal the seeds of a phase of the daemon to "
+                             "everybody, or with --secret print a secret and its list",
+                             "myograde seeds reveal --phase final", *options);
+  reveal->add_option("--secret", options->secret,
+                     "File of the secret; without it, the daemon reveals the phase");
+  reveal->add_option("--reason", options->reason, "For the daemon's history")
+      ->default_val("the phase is over");
   reveal->add_option("-o,--output", options->output, "File for the list");
+  AddPlaces(*reveal, options->daemon);
   reveal->callback([=] { *chosen = [=] { return RevealSeeds(*options); }; });
 
   CLI::App* check = AddPart(verb, "check",

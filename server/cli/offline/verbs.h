@@ -12,6 +12,7 @@ Action AddServe(CLI::App& verb);
 Action AddImport(CLI::App& verb);
 Action AddReplay(CLI::App& verb);
 Action AddVerify(CLI::App& verb);
+Action AddChallenge(CLI::App& verb);
 Action AddSeeds(CLI::App& verb);
 Action AddLocal(CLI::App& verb);
 Action AddSpec(CLI::App& verb);

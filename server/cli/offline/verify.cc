@@ -18,6 +18,7 @@
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/offline/log_source.h"
 #include "server/cli/offline/play_logs.h"
+#include "server/cli/offline/secret_source.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/text.h"
 #include "server/proof/grader_build.h"
@@ -35,6 +36,7 @@ struct VerifyOptions : DaemonOptions {
   HostOptions host;
   std::string file;
   std::string key;
+  std::string secret;             // of the phase: its digits, or a file of them; "": ask the daemon
   std::vector<std::string> logs;  // files of logs, or folders of them
   int64_t resimulate = 0;
   int slots = 0;                  // 0: as server.json says
@@ -146,6 +148,19 @@ int ReportVerified(const VerifyOptions& options, const Json& receipt,
   return valid ? kDone : kNoScore;
 }
 
+// The phase's secret, "" if the receipt needs none or nobody knows it yet. What a daemon says need not
+// be trusted: the receipt holds the commitment to it.
+absl::StatusOr<std::string> SecretFor(const VerifyOptions& options, const Json& receipt) {
+  if (!HidesSeeds(receipt)) {
+    if (options.secret.empty()) return "";
+    return absl::InvalidArgumentError(
+        "--secret: the seeds of this receipt are public, so no secret belongs to it; leave it out");
+  }
+  if (!options.secret.empty()) return GivenSecret(options.secret);
+  const std::string phase = receipt["track_config"]["phase"];
+  return RevealedSecret(options.client(), phase).value_or("");
+}
+
 int Verify(const VerifyOptions& options) {
   if (options.key.empty()) {
     return ReportError(absl::InvalidArgumentError(
@@ -165,7 +180,9 @@ int Verify(const VerifyOptions& options) {
     return ReportVerified(options, nullptr,
                   {{"format", false, std::string(receipt.status().message())}}, Json::array());
   }
-  std::vector<ReceiptCheck> checks = CheckReceipt(*text, *key);
+  const absl::StatusOr<std::string> secret = SecretFor(options, *receipt);
+  if (!secret.ok()) return ReportError(secret.status());
+  std::vector<ReceiptCheck> checks = CheckReceipt(*text, *key, *secret);
   const LogSource source(options.logs, options.client());
   for (ReceiptCheck& check : source.Check(*receipt)) checks.push_back(std::move(check));
   Json resimulated = Json::array();
@@ -179,7 +196,15 @@ int Verify(const VerifyOptions& options) {
     const bool same_models = std::all_of(checks.begin(), checks.end(),
                                          [](const ReceiptCheck& check) { return check.valid; });
     if (!same_models) return ReportVerified(options, *receipt, checks, resimulated);
-    absl::StatusOr<Json> list = Resimulate(options, *receipt, source);
+    if (HidesSeeds(*receipt) && secret->empty()) {
+      return ReportError(absl::InvalidArgumentError(
+          "--resimulate: the phase's seeds are not revealed to you yet, and an episode can't be "
+          "simulated without its seed; once they are, give --secret"));
+    }
+    const absl::StatusOr<Json> whole =
+        HidesSeeds(*receipt) ? OpenedReceipt(*receipt, *secret) : *receipt;
+    if (!whole.ok()) return ReportError(whole.status());
+    absl::StatusOr<Json> list = Resimulate(options, *whole, source);
     if (!list.ok()) return ReportError(list.status());
     resimulated = *std::move(list);
   }
@@ -194,6 +219,9 @@ Action AddVerify(CLI::App& verb) {
   verb.add_option("--key", options->key,
                   "File of the organiser's published key (\"myograde key\"); required, as a key "
                   "inside a receipt would prove nothing");
+  verb.add_option("--secret", options->secret,
+                  "For a phase with hidden seeds, once they are revealed: the phase's secret, as "
+                  "digits or a file of them (default: the daemon is asked)");
   verb.add_option("--resimulate", options->resimulate,
                   "Play so many of the episodes, chosen at random, again from their logs")
       ->check(CLI::Range(1, 10'000));

@@ -126,7 +126,8 @@ class AdmissionWorld : public ::testing::Test {
       engine_ = std::make_unique<Engine>(EngineOptions{options_.config, dir_, options_.cache_dir},
                                          *disk_, *readers_, processes_, clock_);
       loop_ = std::thread([this] { (void)engine_->Run(); });
-      admission_ = std::make_unique<Admission>(options_, *tracks_, *engine_, *readers_, clock_);
+      admission_ = std::make_unique<Admission>(options_, *tracks_, phases_, *engine_,
+                                               *readers_, clock_);
     }
     return *admission_;
   }
@@ -201,6 +202,7 @@ class AdmissionWorld : public ::testing::Test {
   std::string dir_;
   AdmissionOptions options_;
   std::unique_ptr<Tracks> tracks_;
+  Phases phases_;
   std::unique_ptr<Store> store_;
   std::unique_ptr<ReaderPool> readers_;
   std::unique_ptr<FillableDisk> disk_;

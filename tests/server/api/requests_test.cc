@@ -128,5 +128,34 @@ TEST(ParseFilter, ChecksEveryParameter) {
   EXPECT_THAT(FilterProblem({{"team", "a"}, {"team", "b"}}), HasSubstr("\"team\" is there twice"));
 }
 
+absl::StatusOr<RequestKey> KeyOf(const std::vector<std::string>& values, const json& body = json(),
+                                 const std::string& path = "/v1/submissions") {
+  httplib::Request request;
+  request.path = path;
+  for (const std::string& value : values) request.headers.emplace("Idempotency-Key", value);
+  return ReadRequestKey(request, body);
+}
+
+TEST(ReadRequestKey, IsOfTheAddressAndTheBody) {
+  EXPECT_EQ(KeyOf({})->key, "");
+  const auto key = KeyOf({"k"}, {{"a", 1}, {"b", 2}});
+  EXPECT_EQ(key->key, "k");
+  EXPECT_EQ(key->request, KeyOf({"other"}, json::parse(R"({"b": 2, "a": 1})"))->request);
+  EXPECT_NE(key->request, KeyOf({"k"}, {{"a", 1}, {"b", 3}})->request);
+  EXPECT_NE(key->request, KeyOf({"k"}, {{"a", 1}, {"b", 2}}, "/v1/submissions/1/rerun")->request);
+}
+
+TEST(ReadRequestKey, IsVisibleAscii) {
+  EXPECT_TRUE(KeyOf({"!\"#~"}).ok());
+  EXPECT_TRUE(KeyOf({std::string(255, 'k')}).ok());
+  const std::vector<std::vector<std::string>> wrong = {
+      {""}, {"a b"}, {"\t"}, {"\x7f"}, {"k\u00e4"}, {std::string(256, 'k')}, {"a", "b"},
+      {std::string("a\0b", 3)}};
+  for (const std::vector<std::string>& values : wrong) {
+    EXPECT_THAT(std::string(KeyOf(values).status().message()), HasSubstr("Idempotency-Key"))
+        << values.front();
+  }
+}
+
 }  // namespace
 }  // namespace myograde::server

@@ -30,7 +30,8 @@ class DaemonCase(unittest.TestCase):
         self.daemon.command = [BIN / "myograded"]
         self.daemon.environment["MYOGRADE_CACHE"] = str(self.folder / "cache")
         self.daemon.change_config("tracks/demo-manipulation.json", episodes_per_lease=2,
-                                  seeds={"first": 0, "count": 6})
+                                  seeds={"first": 0, "count": 6},
+                                  practice_seeds={"first": 100, "count": 6})
         self.configure(slots=self.slots)
         self.start()
 
@@ -59,8 +60,8 @@ class DaemonCase(unittest.TestCase):
         self.assertEqual(status, 200, body)
         return body
 
-    def upload(self, mode):
-        status, body = self.call("POST", "/v1/artefacts", played_by_stand_in(mode))
+    def upload(self, mode, name="fake"):
+        status, body = self.call("POST", "/v1/artefacts", played_by_stand_in(mode, name))
         self.assertIn(status, (200, 201), body)
         return body["artefact"]
 

@@ -128,7 +128,7 @@ class EveryAddress(AccessCase):
         if (method, path) in special:
             return special[method, path]
         own = self.evaluation if "evaluations" in path else self.submission
-        takes_nothing = path.endswith(("/cancel", "/rerun"))
+        takes_nothing = path.endswith(("/cancel", "/choose", "/rerun"))
         body = None if method in ("GET", "DELETE") else {} if takes_nothing else WRONG
         here = path.replace("ID", str(own)).replace("HASH", self.log).replace("NAME", "alpha")
         gone = path.replace("ID", str(MISSING)).replace("HASH", NO_HASH).replace("NAME", "nobody")

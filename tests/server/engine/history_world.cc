@@ -361,7 +361,8 @@ void World::CheckEvaluation(Reader& reader, int64_t id) {
   Promise(reader.Repeats(id)->empty(), absl::StrCat("an episode of ", id, " came out otherwise"));
   if (evaluation->state == EvaluationState::kDone) {
     Promise(rows.size() == seeds.size(), absl::StrCat(id, " is done without all its episodes"));
-    Promise(evaluation->results_hash == ResultsHash(rows), "another hash than its rows have");
+    Promise(evaluation->results_hash == ResultsHash(rows, track->config.seed_salt),
+            "another hash than its rows have");
   }
   CheckHistory(reader, "evaluation", id, std::string(EvaluationStateName(evaluation->state)));
   const std::vector<LeaseRow> leases = *reader.Leases(id);

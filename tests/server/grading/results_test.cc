@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/lease/lease.h"
+#include "protocol/lease/seed_commitment.h"
 #include "scoring/locomotion/track.h"
 #include "scoring/manipulation/track.h"
 
@@ -169,12 +170,31 @@ TEST(AggregateRows, MeansAreOverTheEpisodes) {
   EXPECT_TRUE(AggregateToJson(scoring::ScoredManipulation(), {}).is_null());
 }
 
+TEST(MerkleRootOf, StaysForPublicSeedsAndCommitsToHiddenOnes) {
+  std::vector<EpisodeRow> rows(2);
+  for (int64_t i = 0; i < 2; ++i) {
+    rows[static_cast<size_t>(i)].index = i;
+    rows[static_cast<size_t>(i)].seed = static_cast<uint64_t>(5 + i);
+    rows[static_cast<size_t>(i)].metrics_json = "{}";
+  }
+  EXPECT_EQ(ReceiptEntry(rows[0], "")["seed"], 5);
+  const std::string salt(64, 'a');
+  const nlohmann::json hidden = ReceiptEntry(rows[0], salt);
+  EXPECT_FALSE(hidden.contains("seed"));
+  EXPECT_EQ(hidden["seed_commitment"], SeedCommitment(salt, 0, 5));
+  EXPECT_NE(MerkleRootOf(rows, salt), MerkleRootOf(rows, ""));
+  EXPECT_NE(MerkleRootOf(rows, salt), MerkleRootOf(rows, std::string(64, 'b')));
+  std::vector<EpisodeRow> other = rows;
+  other[1].seed = 7;
+  EXPECT_NE(ResultsHash(rows, salt), ResultsHash(other, salt));
+}
+
 TEST(ResultsHash, DependsOnResultsAndNotOnTheHostsClock) {
   const TrackPtr track = LoadTrack("locomotion");
   ASSERT_NE(track, nullptr);
   const auto hash = [&](const EpisodeFacts& facts) {
     const auto row = JudgedRow(*track, facts);
-    return row.ok() ? ResultsHash({*row}) : std::string(row.status().message());
+    return row.ok() ? ResultsHash({*row}, "") : std::string(row.status().message());
   };
   EpisodeFacts facts = Walked(0, 3);
   const std::string before = hash(facts);

@@ -235,6 +235,44 @@ TEST(SchedulerTest, SeveralMembersOfOneTeamShareOneTurn) {
             (std::map<std::string, int>{{"crowd", 4}, {"honest", 4}}));
 }
 
+TEST(SchedulerTest, TeamsThatBecomeOneShareOneTurn) {
+  Scheduler scheduler({.slots = 1});
+  scheduler.Add(Spec(1, "a", 2), absl::ZeroDuration());
+  scheduler.Add(Spec(2, "b", 2), absl::ZeroDuration());
+  scheduler.Add(Spec(3, "c", 3), absl::ZeroDuration());
+  ASSERT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 1);
+  scheduler.MoveTeam("a", "b");
+  scheduler.MoveTeam("nobody", "c");
+  scheduler.MoveTeam("c", "c");
+  EXPECT_EQ(scheduler.Teams(), (std::vector<std::string>{"b", "c"}));
+  EXPECT_EQ(scheduler.WaitingOf("a"), 0);
+  EXPECT_EQ(scheduler.WaitingOf("b"), 2);
+  // What of it runs already counts for both, so the turns alternate from here on.
+  std::vector<int64_t> order;
+  int64_t running = 1000;
+  for (int i = 0; i < 6; ++i) {
+    scheduler.Finished(running, 1, absl::ZeroDuration());
+    scheduler.Free(0);
+    const auto start = scheduler.Next(absl::ZeroDuration());
+    ASSERT_TRUE(start);
+    order.push_back(start->evaluation);
+    running = start->lease;
+  }
+  EXPECT_EQ(order, (std::vector<int64_t>{3, 1, 3, 2, 3, 2}));
+  EXPECT_EQ(scheduler.Finished(running, 1, absl::ZeroDuration()).kind, Kind::kEvaluationEnds);
+}
+
+// A merge counts what runs: with one running already, the other team goes first.
+TEST(SchedulerTest, ATeamThatBecomesAnotherBringsWhatItRuns) {
+  Scheduler scheduler({.slots = 2});
+  scheduler.Add(Spec(1, "a", 2), absl::ZeroDuration());
+  ASSERT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 1);
+  scheduler.MoveTeam("a", "new");
+  scheduler.Add(Spec(2, "new", 2), absl::ZeroDuration());
+  scheduler.Add(Spec(3, "c", 2), absl::ZeroDuration());
+  EXPECT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 3);
+}
+
 TEST(SchedulerTest, APlaceCostsLittleHoweverManyWait) {
   Scheduler scheduler({.slots = 2});
   for (int64_t id = 1; id <= 10'000; ++id) {

@@ -277,9 +277,13 @@ TEST_F(PeopleTest, AMergedTeamCountsAsTheOtherAndNoRowOfThePastChanges) {
     EXPECT_THAT(reader.Team("beta")->other_names, ElementsAre("beta"));
     const std::vector<TeamRow> teams = reader.Teams().rows;
     ASSERT_EQ(teams.size(), 2u);
-    EXPECT_EQ(teams[1].merged_into, "alpha");
-    EXPECT_THAT(teams[0].members, ElementsAre(kAda, kBob));
-    EXPECT_THAT(teams[1].members, IsEmpty());
+    EXPECT_EQ(teams[0].merged_into, "alpha");
+    EXPECT_THAT(teams[0].members, IsEmpty());
+    EXPECT_THAT(teams[1].members, ElementsAre(kAda, kBob));
+    const Listed<TeamRow> page = reader.Teams(teams[0].id, 1);
+    ASSERT_EQ(page.rows.size(), 1u);
+    EXPECT_EQ(page.last_id, teams[1].id);
+    EXPECT_THAT(page.rows[0].members, ElementsAre(kAda, kBob));
   });
   // Its ranked evaluations are those of the other as well.
   const absl::StatusOr<Accepted> again = TrySubmit("alpha", 'b', /*ranked=*/true);
@@ -288,6 +292,50 @@ TEST_F(PeopleTest, AMergedTeamCountsAsTheOtherAndNoRowOfThePastChanges) {
   EXPECT_EQ(again->submission, second.submission);
   ASSERT_TRUE(SetMember("beta", kBob, false).ok());
   EXPECT_THAT(TeamsOf(kBob), IsEmpty());
+}
+
+TEST_F(PeopleTest, OfTheChoicesOfMergedTeamsTheNewerStands) {
+  const Accepted first = Submit("alpha", 'a');
+  const Accepted second = Submit("beta", 'b');
+  Play(first);
+  Play(second);
+  const auto choose = [&](const Accepted& accepted) {
+    bool changed = false;
+    EXPECT_TRUE(Write([&](Writer& w) {
+      const absl::StatusOr<bool> done = w.Choose(accepted.submission, kAda);
+      changed = done.value_or(false);
+      return done.status();
+    }).ok());
+    return changed;
+  };
+  const auto choices = [&] {
+    std::set<int64_t> chosen;
+    Read([&](Reader& reader) { chosen = reader.Choices(std::string(64, 'c'), INT64_MAX); });
+    return chosen;
+  };
+  EXPECT_TRUE(choose(second));
+  EXPECT_TRUE(choose(first));
+  EXPECT_THAT(choices(), ElementsAre(first.submission, second.submission));
+  ASSERT_TRUE(Merge("beta", "alpha").ok());
+  EXPECT_THAT(choices(), ElementsAre(first.submission));
+  EXPECT_TRUE(choose(second)) << "though it is the newest of its own team's";
+  EXPECT_THAT(choices(), ElementsAre(second.submission));
+  EXPECT_FALSE(choose(second));
+}
+
+TEST_F(PeopleTest, ARerunOfABannedTeamIsTheOrganisersAlone) {
+  const Accepted accepted = Submit("alpha", 'a');
+  Play(accepted);
+  ASSERT_TRUE(Rename("alpha", "beta").ok());
+  const auto rerun = [&](bool organiser) {
+    return Write([&](Writer& w) {
+      return w.CheckReruns(accepted.submission, kAda, organiser, RerunLimits());
+    });
+  };
+  EXPECT_TRUE(rerun(false).ok());
+  ASSERT_TRUE(Ban("beta").ok());
+  EXPECT_EQ(ErrorCodeOf(rerun(false)), kBannedCode);
+  EXPECT_TRUE(rerun(true).ok());
 }
 
 TEST_F(PeopleTest, AMergeIsRefusedInOneSentence) {

@@ -54,7 +54,13 @@ TEST_F(TokensTest, ATokenIsFoundByItsHash) {
   EXPECT_EQ(Find('b')->expires_at, 0);
   EXPECT_EQ(Find('b')->team, "");
   EXPECT_TRUE(absl::IsNotFound(Find('c').status()));
-  Read([&](Reader& reader) { EXPECT_EQ(reader.Tokens().rows.size(), 2u); });
+  Read([&](Reader& reader) {
+    const std::vector<TokenRow> tokens = reader.Tokens().rows;
+    ASSERT_EQ(tokens.size(), 2u);
+    EXPECT_GT(tokens[0].id, tokens[1].id);
+    EXPECT_EQ(reader.Tokens(tokens[0].id, 5).rows.size(), 1u);
+    EXPECT_EQ(reader.Tokens(INT64_MAX, 1).last_id, tokens[0].id);
+  });
 }
 
 TEST_F(TokensTest, WhatMakesNoTokenIsRefused) {

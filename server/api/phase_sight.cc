@@ -1,0 +1,48 @@
+#include "server/api/phase_sight.h"
+
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/api/caller.h"
+#include "server/challenge/phases.h"
+#include "server/store/quota.h"
+
+namespace myograde::server {
+
+absl::StatusOr<Visibility> SightOfPhase(Reader& reader, const ApiContext& context,
+                                        const std::string& phase) {
+  const Role role = Caller().role;
+  if (phase.empty() || role >= Role::kOrganiser) return Visibility{};
+  const absl::StatusOr<std::vector<PhaseEventRow>> events = reader.PhaseEvents(phase);
+  if (!events.ok()) return events.status();
+  PhaseSight known = {.shown = kSightOfUnknownPhase, .committed = true};
+  if (const PhaseConfig* config = context.phases.ConfigOf(phase)) {
+    known.shown = config->shown;
+    known.committed = config->committed != 0;
+  }
+  for (const PhaseEventRow& event : *events) {
+    if (event.phase != phase) continue;
+    known.published = known.published || event.event == kPublishedEvent;
+    known.revealed = known.revealed || event.event == kRevealedEvent;
+  }
+  return SightOf(role, known);
+}
+
+absl::StatusOr<Visibility> SightOfConfig(Reader& reader, const ApiContext& context,
+                                         const TrackConfig& config) {
+  if (config.phase.empty()) return Visibility{};
+  absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, config.phase);
+  // The salt tells for sure whether there is anything to hide, whatever the files say today.
+  if (sight.ok() && config.seed_salt.empty()) sight->seeds = true;
+  return sight;
+}
+
+absl::Status WithheldError(const std::string& what) {
+  return WithErrorCode(absl::FailedPreconditionError(absl::StrCat(
+                           what, "; wait until the organiser has published the phase and revealed "
+                                 "its seeds")),
+                       "withheld");
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,102 @@
+#include "server/api/receipt_view.h"
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/lease/policy_seed.h"
+#include "server/engine/stored.h"
+#include "server/grading/results.h"
+#include "server/proof/seed_list.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+// The policy seeds that follow from a config; null under form 1, where they follow from the store's
+// secret.
+Json PolicySeedsOf(const TrackConfig& config, const std::vector<EpisodeRow>& rows) {
+  Json seeds;
+  if (!config.policy_seed_secret.has_value()) return seeds;
+  for (const EpisodeRow& row : rows) {
+    seeds.push_back(PolicySeed(*config.policy_seed_secret, row.index));
+  }
+  return seeds;
+}
+
+// Null: this store never had the phase's secret, as after an import.
+absl::StatusOr<Json> CommitmentOf(Reader& reader, const std::string& phase) {
+  const absl::StatusOr<std::string> secret = reader.PhaseSecret(phase);
+  if (absl::IsNotFound(secret.status())) return Json();
+  if (!secret.ok()) return secret.status();
+  return Json(SecretCommitment(*secret));
+}
+
+// Takes everything out of a receipt from which its seeds follow.
+absl::Status HideSeeds(Reader& reader, const TrackConfig& config, Json& receipt) {
+  absl::StatusOr<Json> commitment = CommitmentOf(reader, config.phase);
+  if (!commitment.ok()) return commitment.status();
+  receipt["format"] = 2;
+  receipt["policy_seeds"] = nullptr;
+  for (const char* key : {"seeds", "policy_seed_secret", "seed_salt"}) {
+    receipt["track_config"].erase(key);
+  }
+  receipt["hidden"] = {{"commitment", *std::move(commitment)}, {"count", config.seeds.size()}};
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<Json> ReceiptOf(Reader& reader, int64_t id) {
+  absl::StatusOr<SubmissionRow> submission = reader.Submission(id);
+  if (!submission.ok()) return submission.status();
+  const absl::StatusOr<EvaluationRow> original = reader.Original(id);
+  if (!original.ok()) return original.status();
+  const EvaluationRow& evaluation = *original;
+  if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("submission ", id, " is ", std::string(EvaluationStateName(evaluation.state)),
+                     "; there is a receipt once it is done or failed"));
+  }
+  const absl::StatusOr<std::string> config = reader.ConfigJson(submission->config);
+  if (!config.ok()) return config.status();
+  const absl::StatusOr<TrackConfig> track = StoredConfig(reader, submission->config);
+  if (!track.ok()) return track.status();
+  const absl::StatusOr<std::vector<EpisodeRow>> read = reader.Episodes(evaluation.id);
+  if (!read.ok()) return read.status();
+  const std::vector<EpisodeRow>& rows = *read;
+  const scoring::ScoredTrack& scored = *scoring::FindScoredTrack(track->kind->name);
+  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(scored, rows);
+  if (!aggregate.ok()) return aggregate.status();
+  Json episodes = Json::array();
+  for (const EpisodeRow& row : rows) episodes.push_back(ReceiptEntry(row, track->seed_salt));
+  Json receipt = {{"format", 1},
+                  {"submission", id},
+                  {"evaluation", evaluation.id},
+                  {"team", submission->team},
+                  {"name", submission->artefact_name},
+                  {"track", submission->track},
+                  {"track_kind", track->kind->name},
+                  {"profile", submission->profile},
+                  {"ranked", submission->ranked},
+                  {"state", EvaluationStateName(evaluation.state)},
+                  {"artefact", submission->artefact},
+                  {"config", submission->config},
+                  {"track_config", Json::parse(*config)},
+                  {"seeds", submission->seeds},
+                  {"policy_seeds", PolicySeedsOf(*track, rows)},
+                  {"grader", Json::parse(evaluation.grader_json, nullptr, false)},
+                  {"aggregate", AggregateToJson(scored, *aggregate)},
+                  {"results", ResultsHash(rows, track->seed_salt)},
+                  {"merkle_root", MerkleRootOf(rows, track->seed_salt)},
+                  {"episodes", std::move(episodes)}};
+  if (track->seed_salt.empty()) return receipt;
+  const absl::Status hidden = HideSeeds(reader, *track, receipt);
+  if (!hidden.ok()) return hidden;
+  return receipt;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,111 @@
+#include "server/api/reveal_resource.h"
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <absl/strings/escaping.h>
+#include <absl/strings/str_cat.h>
+
+#include "server/api/requests.h"
+#include "server/challenge/phases.h"
+#include "server/engine/stored.h"
+#include "server/proof/seed_list.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+// What a reveal makes known.
+struct HiddenSeeds {
+  std::string secret;  // 32 bytes
+  std::vector<uint64_t> seeds;
+};
+
+// Before the close a reveal would end the phase for good, so nothing does it early.
+absl::Status CheckOver(const PhaseConfig& phase, absl::Time now) {
+  if (now >= phase.closes) return absl::OkStatus();
+  const std::string when = phase.closes == absl::InfiniteFuture()
+                               ? "it never closes; give it \"closes_at\" first"
+                               : absl::StrCat("it closes at ", UtcText(phase.closes),
+                                              "; reveal it afterwards");
+  return absl::FailedPreconditionError(absl::StrCat(
+      "the seeds of phase \"", phase.name, "\" can't be revealed while it takes submissions: ",
+      when));
+}
+
+// The config that a phase has by its file, or had when no file describes it any more.
+absl::StatusOr<TrackConfig> ConfigOf(Reader& reader, const Phases& phases,
+                                     const std::string& name) {
+  const absl::StatusOr<PhasePtr> phase = phases.Find(name);
+  if (phase.ok()) return (*phase)->track->config;
+  const std::string hash = phases.ConfigOf(name) == nullptr ? reader.ConfigOfPhase(name) : "";
+  if (hash.empty()) return phase.status();
+  return StoredConfig(reader, hash);
+}
+
+absl::StatusOr<HiddenSeeds> SeedsToReveal(Reader& reader, const ApiContext& context,
+                                          const std::string& name) {
+  const absl::StatusOr<TrackConfig> config = ConfigOf(reader, context.phases, name);
+  if (!config.ok()) return config.status();
+  if (config->seed_salt.empty()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the seeds of phase \"", name, "\" are public; there is nothing to reveal"));
+  }
+  if (const PhaseConfig* phase = context.phases.ConfigOf(name)) {
+    const absl::Status over = CheckOver(*phase, context.clock.Now());
+    if (!over.ok()) return over;
+  }
+  absl::StatusOr<std::string> secret = reader.PhaseSecret(name);
+  if (absl::IsNotFound(secret.status())) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "this store does not have the secret of phase \"", name,
+        "\", as exports do not hold it; reveal it where it was held, with \"myograde seeds reveal "
+        "--secret\""));
+  }
+  if (!secret.ok()) return secret.status();
+  return HiddenSeeds{*std::move(secret), config->seeds};
+}
+
+}  // namespace
+
+void RevealResource::Install(Routes& routes) {
+  routes.Post("/v1/phases/([a-z0-9-]{1,64})/reveal", Action::kManagePhases,
+              std::bind_front(&RevealResource::Reveal, this));
+}
+
+ApiResult RevealResource::Reveal(const httplib::Request& request, const Json& body) const {
+  const absl::StatusOr<std::string> reason = ParseReason(body);
+  if (!reason.ok()) return ErrorOf(reason.status());
+  const std::string phase = request.matches[1];
+  absl::StatusOr<HiddenSeeds> hidden = absl::InternalError("");
+  absl::Status status = context_.readers.Read([&](Reader& reader) {
+    hidden = SeedsToReveal(reader, context_, phase);
+    return hidden.status();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  const auto changed = std::make_shared<bool>(false);
+  status = context_.engine.Change(
+      [phase, changed, who = CallerKey(), why = *reason](Writer& writer) {
+        absl::StatusOr<bool> added = writer.AddPhaseEvent(phase, kRevealedEvent, who, why);
+        if (added.ok()) *changed = *added;
+        return added.status();
+      },
+      context_.config.http.request);
+  if (!status.ok()) return ErrorOf(status);
+  NoteAct(absl::StrCat("phase ", phase), kRevealedEvent);
+  return ApiAnswer{200, {{"phase", phase},
+                         {"event", kRevealedEvent},
+                         {"changed", *changed},
+                         {"reason", *reason},
+                         {"commitment", SecretCommitment(hidden->secret)},
+                         {"secret", absl::BytesToHexString(hidden->secret)},
+                         {"seeds_sha256", SeedListHash(hidden->seeds)},
+                         {"seeds", hidden->seeds}}};
+}
+
+}  // namespace myograde::server

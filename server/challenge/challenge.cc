@@ -1,0 +1,227 @@
+// Reading the file form.
+#include "server/challenge/challenge.h"
+
+#include <array>
+#include <cctype>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/config_reader.h"
+#include "server/base/plain_text.h"
+
+namespace myograde::server {
+namespace {
+
+using scoring::TeamRule;
+
+constexpr int64_t kForm = 1;
+constexpr int64_t kMostOfAQuota = kMostUnits;
+constexpr std::array<std::pair<TeamRule, const char*>, 3> kTeamRules = {{
+    {TeamRule::kBest, "best"},
+    {TeamRule::kLast, "last"},
+    {TeamRule::kChosen, "chosen"},
+}};
+
+// Only the years that a stored time may have.
+constexpr absl::Time kFirstTime = absl::FromUnixSeconds(946'684'800);     // 2000-01-01
+constexpr absl::Time kLastTime = absl::FromUnixSeconds(253'402'214'400);  // 9999-12-31
+
+absl::Time ReadTime(ConfigReader& reader, const char* key, absl::Time usual) {
+  if (!reader.Has(key)) return usual;
+  const std::string text = reader.String(key);
+  absl::Time time;
+  std::string unused;
+  const bool begins = !text.empty() && std::isdigit(static_cast<unsigned char>(text.front()));
+  const bool ends = begins && !std::isspace(static_cast<unsigned char>(text.back()));
+  if (!ends || !absl::ParseTime(absl::RFC3339_full, text, &time, &unused)) {
+    reader.Fail(key, "must be a time with a zone, as in \"2026-12-01T00:00:00Z\"");
+    return usual;
+  }
+  if (time < kFirstTime || time > kLastTime) {
+    reader.Fail(key, "must lie in the years 2000 to 9999");
+    return usual;
+  }
+  return time;
+}
+
+std::string ReadTitle(ConfigReader& reader) {
+  const std::string title = reader.String("title");
+  if (!IsPlainText(title, kMaxTitleBytes)) {
+    reader.Fail("title", absl::StrCat("must be 1 to ", kMaxTitleBytes,
+                                      " bytes of text without control characters"));
+  }
+  return title;
+}
+
+std::string ReadName(ConfigReader& reader, const char* key) {
+  const std::string name = reader.String(key);
+  if (!IsTrackName(name)) {
+    reader.Fail(key, "must have 1 to 64 of the characters a-z, 0-9 and \"-\"");
+  }
+  return name;
+}
+
+absl::Status ReadSeedsOfPhase(const nlohmann::json& json, const std::string& where,
+                              PhaseConfig& phase) {
+  if (json.is_object() && json.contains("committed")) {
+    ConfigReader reader(json, where);
+    phase.committed = reader.Integer("committed", 1, kMaxEpisodes);
+    return reader.Finish();
+  }
+  absl::StatusOr<std::vector<uint64_t>> seeds = ParseSeeds(json, where);
+  if (!seeds.ok()) return seeds.status();
+  phase.seeds = *std::move(seeds);
+  return absl::OkStatus();
+}
+
+absl::Status ReadQuotaOfPhase(const nlohmann::json& json, const std::string& where,
+                              PhaseQuota& quota) {
+  ConfigReader reader(json, where);
+  const auto read = [&](const char* key, std::optional<int64_t>& units) {
+    if (reader.Has(key)) units = reader.Integer(key, 1, kMostOfAQuota);
+  };
+  read("official_per_day", quota.official_per_day);
+  read("official_total", quota.official_total);
+  read("failed_per_day", quota.failed_per_day);
+  read("failed_total", quota.failed_total);
+  read("waiting", quota.waiting);
+  if (reader.Has("same_artefact")) {
+    quota.one_for_everyone = reader.Choice("same_artefact", {"team", "everyone"}) == "everyone";
+  }
+  for (const char* key : {"practice_per_day", "practice_total"}) {
+    if (!reader.Has(key)) continue;
+    reader.Fail(key, "is no key of a phase, as practice belongs to the track; set it in server.json");
+  }
+  return reader.Finish();
+}
+
+absl::Status ReadShown(const nlohmann::json& json, const std::string& where, Visibility& shown) {
+  ConfigReader reader(json, where);
+  const auto read = [&](const char* key, bool& value) {
+    if (reader.Has(key)) value = reader.Boolean(key);
+  };
+  read("aggregate", shown.aggregate);
+  read("outcomes", shown.outcomes);
+  read("metrics", shown.metrics);
+  read("logs", shown.logs);
+  read("output", shown.output);
+  return reader.Finish();
+}
+
+std::optional<TeamRule> ReadEntry(ConfigReader& reader) {
+  if (!reader.Has("entry")) return std::nullopt;
+  const std::string entry = reader.Choice("entry", {"best", "last", "chosen"});
+  for (const auto& [rule, name] : kTeamRules) {
+    if (entry == name) return rule;
+  }
+  return std::nullopt;
+}
+
+absl::StatusOr<PhaseConfig> ParsePhase(const nlohmann::json& json, const std::string& where) {
+  static const nlohmann::json kNone = nlohmann::json::object();
+  ConfigReader reader(json, where);
+  PhaseConfig phase;
+  phase.name = ReadName(reader, "name");
+  phase.title = ReadTitle(reader);
+  phase.track = ReadName(reader, "track");
+  phase.profile = ReadName(reader, "profile");
+  phase.opens = ReadTime(reader, "opens_at", phase.opens);
+  phase.closes = ReadTime(reader, "closes_at", phase.closes);
+  phase.freezes = ReadTime(reader, "freeze_at", phase.freezes);
+  phase.entry = ReadEntry(reader);
+  const nlohmann::json& quota = reader.Has("quota") ? reader.Object("quota") : kNone;
+  const nlohmann::json& shown = reader.Has("show") ? reader.Object("show") : kNone;
+  const bool has_seeds = reader.Has("seeds");
+  reader.Ignore("seeds");  // ReadSeedsOfPhase reads them
+  absl::Status status = reader.Finish();
+  if (status.ok() && has_seeds) {
+    status = ReadSeedsOfPhase(json["seeds"], where + ": seeds", phase);
+  }
+  // A log holds the seed of its episode.
+  phase.shown.logs = phase.committed == 0;
+  phase.shown.seeds = phase.committed == 0;
+  if (status.ok()) status = ReadQuotaOfPhase(quota, where + ": quota", phase.quota);
+  if (status.ok()) status = ReadShown(shown, where + ": show", phase.shown);
+  if (!status.ok()) return status;
+  return phase;
+}
+
+// How mistakes name a phase: by its name if it has one.
+std::string PlaceOfPhase(const nlohmann::json& json, size_t index) {
+  if (json.is_object()) {
+    const auto name = json.find("name");
+    if (name != json.end() && name->is_string() && IsTrackName(name->get<std::string>())) {
+      return absl::StrCat("phase \"", name->get<std::string>(), "\"");
+    }
+  }
+  return absl::StrCat("phases[", index, "]");
+}
+
+std::string MessageOf(const absl::Status& status) { return std::string(status.message()); }
+
+}  // namespace
+
+ChallengeConfig ReadChallenge(const nlohmann::json& json, const std::string& name,
+                              const std::string& where, std::vector<std::string>& mistakes) {
+  ChallengeConfig challenge{.name = name, .where = where, .title = "", .phases = {}};
+  ConfigReader reader(json, where);
+  reader.Integer("form", kForm, kForm);
+  challenge.title = ReadTitle(reader);
+  const nlohmann::json& phases = reader.Array("phases");
+  if (phases.empty() || phases.size() > kMaxPhases) {
+    reader.Fail("phases", absl::StrCat("has ", phases.size(), " entries, must have 1 to ",
+                                       kMaxPhases));
+  }
+  if (const absl::Status status = reader.Finish(); !status.ok()) {
+    mistakes.push_back(MessageOf(status));
+  }
+  for (size_t i = 0; i < phases.size() && i < kMaxPhases; ++i) {
+    const std::string place = absl::StrCat(where, ": ", PlaceOfPhase(phases[i], i));
+    absl::StatusOr<PhaseConfig> phase = ParsePhase(phases[i], place);
+    if (!phase.ok()) {
+      mistakes.push_back(MessageOf(phase.status()));
+      continue;
+    }
+    phase->challenge = name;
+    challenge.phases.push_back(*std::move(phase));
+  }
+  return challenge;
+}
+
+absl::StatusOr<ChallengeConfig> ParseChallenge(const nlohmann::json& json, const std::string& name,
+                                               const std::string& where) {
+  std::vector<std::string> mistakes;
+  ChallengeConfig challenge = ReadChallenge(json, name, where, mistakes);
+  if (!mistakes.empty()) return MistakesToStatus(mistakes);
+  return challenge;
+}
+
+absl::Status MistakesToStatus(const std::vector<std::string>& mistakes) {
+  if (mistakes.size() == 1) return absl::InvalidArgumentError(mistakes.front());
+  return absl::InvalidArgumentError(absl::StrCat(
+      mistakes.front(), " (the first of ", mistakes.size(),
+      " mistakes; \"myograde challenge check\" lists them all)"));
+}
+
+AdmissionRules PhaseRules(const PhaseConfig& phase, AdmissionRules usual) {
+  const PhaseQuota& own = phase.quota;
+  QuotaLimits& limits = usual.quota;
+  limits.ranked.per_day = own.official_per_day.value_or(limits.ranked.per_day);
+  limits.ranked.total = own.official_total.value_or(limits.ranked.total);
+  limits.failed.per_day = own.failed_per_day.value_or(limits.failed.per_day);
+  limits.failed.total = own.failed_total.value_or(limits.failed.total);
+  limits.waiting = own.waiting.value_or(limits.waiting);
+  usual.one_for_everyone = own.one_for_everyone.value_or(usual.one_for_everyone);
+  return usual;
+}
+
+std::string_view TeamRuleName(TeamRule rule) {
+  return kTeamRules[static_cast<size_t>(rule)].second;
+}
+
+std::string UtcText(absl::Time time) {
+  return absl::FormatTime("%Y-%m-%d%ET%H:%M:%E*SZ", time, absl::UTCTimeZone());
+}
+
+}  // namespace myograde::server

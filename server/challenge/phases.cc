@@ -1,0 +1,190 @@
+#include "server/challenge/phases.h"
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <tuple>
+#include <utility>
+
+#include <absl/strings/escaping.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
+#include "protocol/lease/seed_commitment.h"
+#include "protocol/lease/track_config.h"
+#include "server/proof/seed_list.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kMaxChallengeBytes = 4u << 20;
+constexpr std::array<std::string_view, 4> kStateNames = {"upcoming", "open", "paused", "closed"};
+
+std::string CantBeRead(const std::string& dir, const std::error_code& error) {
+  return absl::StrCat(dir, ": the folder of challenges can't be read: ", error.message());
+}
+
+// The challenge files of a folder, sorted. Hidden files are an editor's.
+std::vector<fs::path> ChallengeFiles(const std::string& dir, std::vector<std::string>& mistakes) {
+  std::vector<fs::path> paths;
+  std::error_code error;
+  if (!fs::exists(dir, error)) {
+    if (error) mistakes.push_back(CantBeRead(dir, error));
+    return paths;
+  }
+  for (fs::directory_iterator it(dir, error), end; !error && it != end; it.increment(error)) {
+    const std::string file = it->path().filename().string();
+    if (file.ends_with(".json") && !file.starts_with('.')) paths.push_back(it->path());
+  }
+  if (error) mistakes.push_back(CantBeRead(dir, error));
+  std::sort(paths.begin(), paths.end());
+  return paths;
+}
+
+}  // namespace
+
+std::vector<ChallengeConfig> ReadChallenges(const std::string& dir,
+                                            std::vector<std::string>& mistakes) {
+  std::vector<ChallengeConfig> challenges;
+  for (const fs::path& path : ChallengeFiles(dir, mistakes)) {
+    const std::string name = path.stem().string();
+    if (!IsTrackName(name)) {
+      mistakes.push_back(absl::StrCat(path.string(), ": the file's name is that of the challenge; "
+                                      "use 1 to 64 of the characters a-z, 0-9 and \"-\""));
+      continue;
+    }
+    const absl::StatusOr<nlohmann::json> json = ReadJsonFile(path.string(), kMaxChallengeBytes);
+    if (!json.ok()) {
+      mistakes.emplace_back(json.status().message());
+      continue;
+    }
+    challenges.push_back(ReadChallenge(*json, name, path.string(), mistakes));
+  }
+  return challenges;
+}
+
+absl::StatusOr<TrackPtr> PhaseTrack(const PhaseConfig& phase, const Track& track,
+                                    const std::string& secret) {
+  nlohmann::json keys = {{"phase", phase.name}};
+  if (phase.entry.has_value()) keys["scoring"] = {{"team", TeamRuleName(*phase.entry)}};
+  if (!phase.seeds.empty()) keys["seeds"] = phase.seeds;
+  if (phase.committed != 0) {
+    PhaseSecrets secrets = SecretsOfPhase(secret, phase.name);
+    keys["seeds"] = DeriveSeeds(secret, phase.name, phase.committed);
+    keys["policy_seed_secret"] = std::move(secrets.policy_seed_secret);
+    keys["seed_salt"] = std::move(secrets.seed_salt);
+  }
+  absl::StatusOr<TrackConfig> config = WithPhase(track.config, keys);
+  if (!config.ok()) return config.status();
+  return MakeTrack(*std::move(config));
+}
+
+absl::StatusOr<Phases> Phases::Make(std::vector<ChallengeConfig> challenges, const Tracks& tracks,
+                                    const SecretOfPhase& secret_of) {
+  Phases phases;
+  phases.challenges_ = std::move(challenges);
+  for (const ChallengeConfig& challenge : phases.challenges_) {
+    for (const PhaseConfig& config : challenge.phases) {
+      absl::StatusOr<TrackPtr> track = tracks.Find(config.track, config.profile);
+      if (!track.ok()) return track.status();
+      absl::StatusOr<std::string> secret = "";
+      if (config.committed != 0) secret = secret_of(config.name);
+      if (!secret.ok()) {
+        phases.unusable_.emplace(config.name, secret.status());
+        continue;
+      }
+      absl::StatusOr<TrackPtr> own = PhaseTrack(config, **track, *secret);
+      if (!own.ok()) return own.status();
+      phases.entries_.push_back(std::make_shared<const Phase>(
+          Phase{config, *std::move(own),
+                secret->empty() ? "" : Sha256Hex(absl::BytesToHexString(*secret))}));
+    }
+  }
+  std::sort(phases.entries_.begin(), phases.entries_.end(), [](const auto& a, const auto& b) {
+    return std::tie(a->config.opens, a->config.name) < std::tie(b->config.opens, b->config.name);
+  });
+  return phases;
+}
+
+absl::StatusOr<Phases> Phases::Load(const std::string& dir, const Tracks& tracks,
+                                    const SecretOfPhase& secret_of) {
+  std::vector<std::string> mistakes;
+  std::vector<ChallengeConfig> challenges = ReadChallenges(dir, mistakes);
+  if (mistakes.empty()) {
+    mistakes = CheckChallenges(challenges, tracks, absl::InfinitePast()).mistakes;
+  }
+  if (!mistakes.empty()) return MistakesToStatus(mistakes);
+  return Make(std::move(challenges), tracks, secret_of);
+}
+
+absl::StatusOr<PhasePtr> Phases::Find(const std::string& name) const {
+  for (const PhasePtr& phase : entries_) {
+    if (phase->config.name == name) return phase;
+  }
+  if (const auto it = unusable_.find(name); it != unusable_.end()) return it->second;
+  const std::string known = absl::StrJoin(entries_, ", ", [](std::string* out, const PhasePtr& p) {
+    out->append(p->config.name);
+  });
+  return WithErrorCode(
+      absl::NotFoundError(absl::StrCat("there is no phase \"", name.substr(0, 80), "\"; known: ",
+                                       known.empty() ? "none" : known)),
+      "unknown_phase");
+}
+
+const PhaseConfig* Phases::ConfigOf(const std::string& name) const {
+  for (const ChallengeConfig& challenge : challenges_) {
+    for (const PhaseConfig& phase : challenge.phases) {
+      if (phase.name == name) return &phase;
+    }
+  }
+  return nullptr;
+}
+
+std::string_view PhaseStateName(PhaseState state) {
+  return kStateNames[static_cast<size_t>(state)];
+}
+
+PhaseStatus StatusOfPhase(const PhaseConfig& phase, std::span<const PhaseEventRow> events,
+                          absl::Time now) {
+  PhaseStatus status;
+  // The newest of each scope is in force; either pauses.
+  std::optional<PhaseEventRow> own;
+  std::optional<PhaseEventRow> all;
+  for (const PhaseEventRow& event : events) {
+    if (event.phase != phase.name && !event.phase.empty()) continue;
+    std::optional<PhaseEventRow>& pause = event.phase.empty() ? all : own;
+    if (event.event == kPausedEvent) pause = event;
+    if (event.event == kResumedEvent) pause = std::nullopt;
+    if (event.phase.empty()) continue;
+    status.published |= event.event == kPublishedEvent;
+    status.revealed |= event.event == kRevealedEvent;
+  }
+  status.pause = own.has_value() ? own : all;
+  if (now < phase.opens) {
+    status.state = PhaseState::kUpcoming;
+  } else if (now >= phase.closes) {
+    status.state = PhaseState::kClosed;
+  } else {
+    status.state = status.pause.has_value() ? PhaseState::kPaused : PhaseState::kOpen;
+  }
+  status.frozen = now >= phase.freezes && !status.published && !status.revealed;
+  return status;
+}
+
+absl::Status CheckOpen(const PhaseConfig& phase, absl::Time now) {
+  if (now >= phase.opens && now < phase.closes) return absl::OkStatus();
+  return WithErrorCode(
+      absl::FailedPreconditionError(
+          now < phase.opens
+              ? absl::StrCat("phase \"", phase.name, "\" opens at ", UtcText(phase.opens),
+                             "; submit then")
+              : absl::StrCat("phase \"", phase.name, "\" closed at ", UtcText(phase.closes),
+                             " and takes nothing any more")),
+      "phase_closed");
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,89 @@
+// The phases of a server: what each plays, and in what state it is.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+
+#include "server/challenge/challenge.h"
+#include "server/grading/tracks.h"
+#include "server/store/rows.h"
+
+namespace myograde::server {
+
+// Immutable and shared.
+struct Phase {
+  PhaseConfig config;
+  TrackPtr track;          // what it plays: its config and hash are the phase's own
+  std::string commitment;  // SHA-256 of its secret's hexadecimal digits; "": the seeds are public
+};
+using PhasePtr = std::shared_ptr<const Phase>;
+
+// The secret of a phase with committed seeds, 32 bytes.
+using SecretOfPhase = std::function<absl::StatusOr<std::string>(const std::string& phase)>;
+
+// The phases of all challenges. Immutable; safe to use from any thread.
+class Phases {
+ public:
+  // Without a challenge.
+  Phases() = default;
+
+  // Of challenges that CheckChallenges found no mistake in. A phase whose secret can't be had exists,
+  // but Find gives that error; any other error is returned.
+  static absl::StatusOr<Phases> Make(std::vector<ChallengeConfig> challenges, const Tracks& tracks,
+                                     const SecretOfPhase& secret_of);
+  // Reads, checks and makes those of a folder. InvalidArgumentError: a mistake.
+  static absl::StatusOr<Phases> Load(const std::string& dir, const Tracks& tracks,
+                                     const SecretOfPhase& secret_of);
+
+  // NotFoundError with the code "unknown_phase" (ErrorCodeOf of store/quota.h) lists those that
+  // there are.
+  absl::StatusOr<PhasePtr> Find(const std::string& name) const;
+  // What the files say of a phase; nullptr: there is none of that name.
+  const PhaseConfig* ConfigOf(const std::string& name) const;
+  // Those that can be played, in order of opening, then by name.
+  const std::vector<PhasePtr>& entries() const { return entries_; }
+  const std::vector<ChallengeConfig>& challenges() const { return challenges_; }
+  // Of phases whose secret can't be had, by name.
+  const std::map<std::string, absl::Status>& unusable() const { return unusable_; }
+  // Whether a challenge is held on this server.
+  bool any() const { return !challenges_.empty(); }
+
+ private:
+  std::vector<ChallengeConfig> challenges_;
+  std::vector<PhasePtr> entries_;
+  std::map<std::string, absl::Status> unusable_;
+};
+
+// What the calendar and the organisers say of a phase.
+enum class PhaseState { kUpcoming, kOpen, kPaused, kClosed };
+std::string_view PhaseStateName(PhaseState state);
+
+struct PhaseStatus {
+  PhaseState state = PhaseState::kUpcoming;
+  // The pause in force, of the phase or of all submissions.
+  std::optional<PhaseEventRow> pause;
+  bool published = false;
+  bool revealed = false;
+  // Only organisers see the board as it is.
+  bool frozen = false;
+};
+
+// A function of its arguments alone. `events`: of the phase, and of all submissions (phase ""), by
+// id; those of other phases are ignored.
+PhaseStatus StatusOfPhase(const PhaseConfig& phase, std::span<const PhaseEventRow> events,
+                          absl::Time now);
+
+// Whether the calendar lets a submission in. FailedPreconditionError with the code "phase_closed"
+// says when the phase opens, or closed.
+absl::Status CheckOpen(const PhaseConfig& phase, absl::Time now);
+
+}  // namespace myograde::server

@@ -1,0 +1,137 @@
+// myograde challenge: check, status
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/clock.h"
+#include "protocol/base/config_reader.h"
+#include "server/base/counted.h"
+#include "server/challenge/challenge.h"
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/options.h"
+#include "server/cli/base/print_json.h"
+#include "server/cli/client/challenge_status.h"
+#include "server/cli/client/daemon_options.h"
+#include "server/cli/offline/verbs.h"
+#include "server/cli/terminal/text.h"
+#include "server/grading/tracks.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+struct CheckOptions {
+  HostOptions host;
+  std::vector<std::string> files;
+  bool json = false;
+};
+
+// Adds the challenge of a file, if it is one.
+void AddFile(const std::string& file, std::vector<ChallengeConfig>& challenges,
+             std::vector<std::string>& mistakes) {
+  const std::string name = fs::path(file).stem().string();
+  if (fs::path(file).extension() != ".json" || !IsTrackName(name)) {
+    mistakes.push_back(absl::StrCat(file, ": a challenge's file is called NAME.json, and its name "
+                                    "has 1 to 64 of the characters a-z, 0-9 and \"-\""));
+    return;
+  }
+  const absl::StatusOr<Json> json = ReadJsonFile(file);
+  if (!json.ok()) {
+    mistakes.emplace_back(json.status().message());
+    return;
+  }
+  challenges.push_back(ReadChallenge(*json, name, file, mistakes));
+}
+
+// All challenges that a daemon would have with these files: those of its folder, of which a file of
+// the same name takes the place of one.
+std::vector<ChallengeConfig> ChallengesWith(const CheckOptions& options,
+                                            std::vector<std::string>& mistakes) {
+  std::vector<ChallengeConfig> challenges;
+  std::set<std::string> given;
+  for (const std::string& file : options.files) {
+    AddFile(file, challenges, mistakes);
+    if (!given.insert(fs::path(file).stem().string()).second) {
+      mistakes.push_back(absl::StrCat(file, ": another file has the same name; give one of them"));
+    }
+  }
+  std::vector<std::string> others_mistakes;
+  const std::string folder = options.host.configs_dir() + "/challenges";
+  for (ChallengeConfig& other : ReadChallenges(folder, others_mistakes)) {
+    if (given.contains(other.name)) {
+      // Its mistakes are no longer there either.
+      std::erase_if(others_mistakes, [&](const std::string& mistake) {
+        return mistake.starts_with(other.where);
+      });
+      continue;
+    }
+    challenges.push_back(std::move(other));
+  }
+  mistakes.insert(mistakes.end(), others_mistakes.begin(), others_mistakes.end());
+  return challenges;
+}
+
+int PrintFindings(const CheckOptions& options, const ChallengeFindings& found,
+                  const std::vector<ChallengeConfig>& challenges) {
+  if (options.json) {
+    Json files = Json::array();
+    for (const ChallengeConfig& challenge : challenges) files.push_back(challenge.where);
+    PrintJson({{"valid", found.mistakes.empty()},
+               {"files", std::move(files)},
+               {"mistakes", found.mistakes},
+               {"warnings", found.warnings}});
+  } else {
+    for (const std::string& text : found.mistakes) std::cout << "Mistake: " << Harmless(text) << '\n';
+    for (const std::string& text : found.warnings) std::cout << "Warning: " << Harmless(text) << '\n';
+    std::cout << Counted(std::ssize(challenges), "challenge") << ", "
+              << Counted(std::ssize(found.mistakes), "mistake") << ", "
+              << Counted(std::ssize(found.warnings), "warning") << "." << std::endl;
+  }
+  return found.mistakes.empty() ? kDone : kWrongUse;
+}
+
+int CheckFiles(const CheckOptions& options) {
+  const absl::StatusOr<Tracks> tracks = Tracks::Load(options.host.configs_dir() + "/tracks");
+  if (!tracks.ok()) return ReportError(tracks.status());
+  std::vector<std::string> mistakes;
+  const std::vector<ChallengeConfig> challenges = ChallengesWith(options, mistakes);
+  // What can be read is checked even if the rest can't be.
+  ChallengeFindings found = CheckChallenges(challenges, *tracks, SystemClock().Now());
+  found.mistakes.insert(found.mistakes.begin(), mistakes.begin(), mistakes.end());
+  return PrintFindings(options, found, challenges);
+}
+
+}  // namespace
+
+Action AddChallenge(CLI::App& verb) {
+  auto options = std::make_shared<CheckOptions>();
+  auto daemon = std::make_shared<DaemonOptions>();
+  auto chosen = std::make_shared<Action>();
+  verb.require_subcommand(1);
+  CLI::App* check = verb.add_subcommand(
+      "check", "Find the mistakes of challenge files before anything opens; exit status 2 if there "
+      "is one");
+  check->footer("Example:\n  myograde challenge check ./cup.json");
+  check->add_option("FILE", options->files,
+                    "Challenge files, checked together with those of the configs (default: those "
+                    "alone)");
+  AddJson(*check, "challenge-check", options->json);
+  AddHostOptions(*check, options->host);
+  check->callback([=] { *chosen = [=] { return CheckFiles(*options); }; });
+
+  CLI::App* status = verb.add_subcommand(
+      "status", "Show the daemon's challenges: what is open, for how long, and what waits");
+  status->footer("Example:\n  myograde challenge status");
+  AddDaemonOptions(*status, "challenge-status", *daemon);
+  status->callback([=] { *chosen = [=] { return ChallengeStatus(*daemon); }; });
+  return [chosen] { return (*chosen)(); };
+}
+
+}  // namespace myograde::server

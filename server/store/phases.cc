@@ -1,0 +1,198 @@
+// The phases of challenges: what happened to them, their secrets, and the choices of teams.
+#include <openssl/rand.h>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/store/connection.h"
+#include "server/store/reader.h"
+#include "server/store/stored_row.h"
+#include "server/store/store.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr int kPhaseSecretBytes = 32;
+
+constexpr char kEventColumns[] = "SELECT p.id, p.at, p.phase, p.event, p.who, p.why FROM ";
+
+StoredRow PhaseEventOf(SQLite::Statement& select, PhaseEventRow& event) {
+  StoredRow row(select, "phase_event", Shown(select.getColumn(0)));
+  event.id = row.Number(0, 1, INT64_MAX);
+  event.at = row.Time(1);
+  event.phase = row.Text(2);
+  event.event = row.OneOf(3, {kPausedEvent, kResumedEvent, kPublishedEvent, kRevealedEvent});
+  event.who = row.Text(4);
+  event.why = row.Text(5);
+  return row;
+}
+
+// The newest event of a phase with one of two names; nullopt: there is none.
+absl::StatusOr<std::optional<PhaseEventRow>> Newest(SQLite::Database& db, const std::string& phase,
+                                                    const char* one, const char* other) {
+  SQLite::Statement select(
+      db, absl::StrCat(kEventColumns, "phase_event AS p WHERE p.phase = ? AND "
+                       "(p.event NOT IN ('paused', 'resumed', 'published', 'revealed') OR "
+                       "p.event IN (?, ?)) ORDER BY p.id DESC LIMIT 1"));
+  SQLite::bind(select, phase, one, other);
+  if (!select.executeStep()) return std::optional<PhaseEventRow>();
+  PhaseEventRow event;
+  if (const StoredRow row = PhaseEventOf(select, event); !row.ok()) return row.status();
+  return std::optional(std::move(event));
+}
+
+// nullopt: none was drawn.
+absl::StatusOr<std::optional<std::string>> FindSecret(SQLite::Database& db,
+                                                      const std::string& phase) {
+  SQLite::Statement select(db, "SELECT secret FROM phase_secret WHERE phase = ?");
+  select.bind(1, phase);
+  if (!select.executeStep()) return std::optional<std::string>();
+  StoredRow row(select, "phase_secret", phase);
+  std::string secret = row.Blob(0);
+  // A secret that can't be read is not shown either.
+  if (!row.ok() || std::ssize(secret) != kPhaseSecretBytes) {
+    return DamagedRow({"phase_secret", phase, absl::StrCat("its \"secret\" is not ",
+                                                           kPhaseSecretBytes, " bytes")});
+  }
+  return std::optional(std::move(secret));
+}
+
+}  // namespace
+
+absl::StatusOr<bool> Writer::AddPhaseEvent(const std::string& phase, const std::string& event,
+                                           const std::string& who, const std::string& why) {
+  const bool pauses = event == kPausedEvent || event == kResumedEvent;
+  if (phase.empty() && !pauses) {
+    return absl::InvalidArgumentError(absl::StrCat("only a phase can be ", event));
+  }
+  const absl::StatusOr<std::optional<PhaseEventRow>> newest =
+      pauses ? Newest(db_, phase, kPausedEvent, kResumedEvent)
+             : Newest(db_, phase, event.c_str(), event.c_str());
+  if (!newest.ok()) return newest.status();
+  const bool there = newest->has_value() && (*newest)->event == event;
+  const bool same = event != kPausedEvent || (there && (*newest)->why == why);
+  if (there && same) return false;
+  if (event == kResumedEvent && !newest->has_value()) return false;
+  MendBoardState();
+  SQLite::Statement insert(
+      db_, "INSERT INTO phase_event (at, phase, event, who, why) VALUES (?, ?, ?, ?, ?)");
+  SQLite::bind(insert, now_ms_, phase, event, who, why);
+  insert.exec();
+  return true;
+}
+
+absl::Status Writer::CheckNotPaused(const std::string& phase) {
+  for (const std::string& scope : {std::string(), phase}) {
+    const absl::StatusOr<std::optional<PhaseEventRow>> newest =
+        Newest(db_, scope, kPausedEvent, kResumedEvent);
+    if (!newest.ok()) return newest.status();
+    if (!newest->has_value() || (*newest)->event == kResumedEvent) continue;
+    const std::string what =
+        scope.empty() ? "submissions are" : absl::StrCat("phase \"", scope, "\" is");
+    return WithErrorCode(
+        absl::FailedPreconditionError(absl::StrCat(what, " paused by the organiser: ",
+                                                   (*newest)->why, "; try again later")),
+        "paused");
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> Writer::PhaseSecret(const std::string& phase) {
+  absl::StatusOr<std::optional<std::string>> there = FindSecret(db_, phase);
+  if (!there.ok()) return there.status();
+  if (there->has_value()) return **std::move(there);
+  std::string secret(kPhaseSecretBytes, '\0');
+  if (RAND_bytes(reinterpret_cast<unsigned char*>(secret.data()), kPhaseSecretBytes) != 1) {
+    return absl::InternalError("the host has no random numbers for the secret of a phase");
+  }
+  SQLite::Statement insert(
+      db_, "INSERT INTO phase_secret (phase, secret, created_at) VALUES (?, ?, ?)");
+  insert.bind(1, phase);
+  insert.bind(2, secret.data(), kPhaseSecretBytes);
+  insert.bind(3, now_ms_);
+  insert.exec();
+  return secret;
+}
+
+absl::StatusOr<bool> Writer::Choose(int64_t submission, const std::string& who) {
+  SQLite::Statement select(
+      db_, "SELECT s.team_id, s.phase, s.config, s.ranked = 1 AND e.state = 'done' "
+           "FROM submission AS s LEFT JOIN evaluation AS e ON e.submission = s.id AND "
+           "e.kind = 'original' WHERE s.id = ?");
+  select.bind(1, submission);
+  if (!select.executeStep()) {
+    return absl::NotFoundError(absl::StrCat("there is no submission ", submission));
+  }
+  if (select.getColumn(3).getInt() != 1) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "submission ", submission, " can't be chosen: it is practice, or its evaluation is not "
+        "done; choose a ranked one that is"));
+  }
+  const int64_t team = select.getColumn(0).getInt64();
+  SQLite::Statement newest(
+      db_, "SELECT c.submission FROM choice AS c JOIN submission AS s ON s.id = c.submission "
+           "JOIN team AS t ON t.id = c.team_id WHERE c.phase = ? AND ifnull(t.merged_into, t.id) = "
+           "(SELECT ifnull(merged_into, id) FROM team WHERE id = ?) AND s.config = ? "
+           "ORDER BY c.id DESC LIMIT 1");
+  SQLite::bind(newest, select.getColumn(1).getString(), team, select.getColumn(2).getString());
+  if (newest.executeStep() && newest.getColumn(0).getInt64() == submission) return false;
+  MendBoardState();
+  SQLite::Statement insert(
+      db_, "INSERT INTO choice (at, team_id, phase, submission, who) VALUES (?, ?, ?, ?, ?)");
+  SQLite::bind(insert, now_ms_, team, select.getColumn(1).getString(), submission, who);
+  insert.exec();
+  return true;
+}
+
+absl::StatusOr<std::vector<PhaseEventRow>> Reader::PhaseEvents(
+    const std::optional<std::string>& phase) {
+  SQLite::Statement select(
+      db_, absl::StrCat(kEventColumns, "phase_event AS p WHERE ?1 OR p.phase IN (?2, '') "
+                        "ORDER BY p.id"));
+  SQLite::bind(select, phase.has_value() ? 0 : 1, phase.value_or(""));
+  return AllOf<PhaseEventRow>(select, {}, PhaseEventOf);
+}
+
+absl::StatusOr<std::string> Reader::PhaseSecret(const std::string& phase) {
+  absl::StatusOr<std::optional<std::string>> secret = FindSecret(db_, phase);
+  if (!secret.ok()) return secret.status();
+  if (secret->has_value()) return **std::move(secret);
+  return absl::NotFoundError(absl::StrCat("phase \"", phase, "\" has no committed seeds"));
+}
+
+std::set<int64_t> Reader::Choices(const std::string& config, int64_t before_ms) {
+  SQLite::Statement select(
+      db_, "SELECT c.submission, max(c.id) FROM choice AS c "
+           "JOIN submission AS s ON s.id = c.submission JOIN team AS t ON t.id = c.team_id "
+           "WHERE s.config = ? AND c.at < ? GROUP BY ifnull(t.merged_into, t.id)");
+  SQLite::bind(select, config, before_ms);
+  std::set<int64_t> chosen;
+  while (select.executeStep()) chosen.insert(select.getColumn(0).getInt64());
+  return chosen;
+}
+
+absl::StatusOr<std::vector<PhaseUse>> Reader::PhasesInUse() {
+  SQLite::Statement select(
+      db_, "SELECT s.phase, s.track, s.profile, s.config, max(s.id), count(*), "
+           "sum(e.finished_at IS NULL AND e.id IS NOT NULL) FROM submission AS s "
+           "LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
+           "WHERE s.phase != '' GROUP BY s.phase ORDER BY s.phase");
+  return AllOf<PhaseUse>(select, {}, [](SQLite::Statement& read, PhaseUse& use) {
+    StoredRow row(read, "submission", Shown(read.getColumn(4)));
+    use.phase = row.Text(0);
+    use.track = row.Text(1);
+    use.profile = row.Text(2);
+    use.config = row.Hash(3);
+    use.submissions = row.Number(5, 1, kMany);
+    use.waiting = row.Number(6, 0, kMany);
+    return row;
+  });
+}
+
+std::string Reader::ConfigOfPhase(const std::string& phase) {
+  SQLite::Statement select(
+      db_, "SELECT config FROM submission WHERE phase = ? AND phase != '' ORDER BY id DESC LIMIT 1");
+  select.bind(1, phase);
+  return select.executeStep() ? select.getColumn(0).getString() : "";
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,65 @@
+// Who sees what of a phase's evaluations.
+#include "server/access/sight.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace myograde::server {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+constexpr Visibility kNothing = {.aggregate = false,
+                                 .outcomes = false,
+                                 .metrics = false,
+                                 .logs = false,
+                                 .output = false,
+                                 .seeds = true};
+
+TEST(SightOf, OrganisersSeeEverything) {
+  for (const Role role : {Role::kOrganiser, Role::kOperator}) {
+    EXPECT_TRUE(SeesAll(SightOf(role, {.shown = kNothing, .committed = true})));
+  }
+}
+
+TEST(SightOf, OutsideOfPhasesNothingIsWithheld) {
+  EXPECT_TRUE(SeesAll(SightOf(Role::kParticipant, {})));
+}
+
+TEST(SightOf, ParticipantsSeeWhatThePhaseShowsUntilItIsPublished) {
+  const PhaseSight open = {.shown = kNothing};
+  EXPECT_EQ(SightOf(Role::kParticipant, open), kNothing);
+  EXPECT_TRUE(SeesAll(SightOf(Role::kParticipant, {.shown = kNothing, .published = true})));
+  EXPECT_TRUE(SeesAll(SightOf(Role::kParticipant, {.shown = kNothing, .revealed = true})));
+}
+
+TEST(SightOf, CommittedSeedsStayHiddenUntilTheyAreRevealed) {
+  for (const bool published : {false, true}) {
+    PhaseSight phase = {.published = published, .committed = true};
+    EXPECT_FALSE(SightOf(Role::kParticipant, phase).seeds);
+    EXPECT_FALSE(SeesLogs(SightOf(Role::kParticipant, phase))) << "a log holds its seed";
+    phase.revealed = true;
+    EXPECT_TRUE(SeesAll(SightOf(Role::kParticipant, phase)));
+  }
+}
+
+TEST(SightOf, AFileCanNotShowCommittedSeeds) {
+  EXPECT_FALSE(SightOf(Role::kParticipant, {.shown = {.seeds = true}, .committed = true}).seeds);
+}
+
+TEST(WithheldParts, AreNamedInOrder) {
+  EXPECT_THAT(WithheldParts({}), IsEmpty());
+  EXPECT_THAT(WithheldParts({.metrics = false, .seeds = false}), ElementsAre("metrics", "seeds"));
+  EXPECT_THAT(WithheldParts(kSightOfUnknownPhase),
+              ElementsAre("outcomes", "metrics", "logs", "output", "seeds"));
+}
+
+TEST(SeesReceipt, NeedsOutcomesAndMetrics) {
+  EXPECT_TRUE(SeesReceipt({.logs = false, .output = false, .seeds = false}));
+  EXPECT_FALSE(SeesReceipt({.outcomes = false}));
+  EXPECT_FALSE(SeesReceipt({.metrics = false}));
+}
+
+}  // namespace
+}  // namespace myograde::server
