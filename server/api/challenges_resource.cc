@@ -89,6 +89,15 @@ ApiResult ChallengesResource::List(const httplib::Request& request) const {
   return answer;
 }
 
+bool ChallengesResource::IsFormer(const std::string& phase) const {
+  bool former = false;
+  const absl::Status read = context_.readers.Read([&](Reader& reader) {
+    former = context_.phases.ConfigOf(phase) == nullptr && !reader.ConfigOfPhase(phase).empty();
+    return absl::OkStatus();
+  });
+  return read.ok() && former;
+}
+
 ApiResult ChallengesResource::Act(const std::string& phase, const std::string& event,
                                   const Json& body) const {
   const absl::StatusOr<std::string> reason = ParseReason(body);
@@ -99,6 +108,8 @@ ApiResult ChallengesResource::Act(const std::string& phase, const std::string& e
     status = CheckAct(*config, event, context_.clock.Now());
   } else if (!phase.empty()) {
     status = context_.phases.Find(phase).status();
+    // What a phase withheld stays withheld until it is published, with a file or without.
+    if (event == kPublishedEvent && IsFormer(phase)) status = absl::OkStatus();
   }
   if (!status.ok()) return ErrorOf(status);
   const auto changed = std::make_shared<bool>(false);

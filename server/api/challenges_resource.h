@@ -25,6 +25,9 @@ class ChallengesResource {
   ApiResult Act(const std::string& phase, const std::string& event,
                 const nlohmann::json& body) const;
 
+  // Whether it has submissions, and no file any more.
+  bool IsFormer(const std::string& phase) const;
+
   const ApiContext& context_;
 };
 

@@ -12,7 +12,7 @@ Transport::Moved AfterCall(ssize_t n) {
   if (n > 0) return {Transport::Outcome::kDone, static_cast<size_t>(n)};
   if (n == 0) return {Transport::Outcome::kEnded};
   const bool later = errno == EAGAIN || errno == EWOULDBLOCK;
-  return {later ? Transport::Outcome::kBlocked : Transport::Outcome::kBroken};
+  return {later ? Transport::Outcome::kBlocked : Transport::Outcome::kLost};
 }
 
 class PlainTransport : public Transport {

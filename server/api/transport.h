@@ -16,10 +16,10 @@ class Transport {
     kDone,     // bytes were moved, or the handshake has ended well
     kBlocked,  // nothing can be done before the socket is ready for what Wants says
     kEnded,    // the other end sends nothing more
-    kBroken,   // nothing can be moved any more
+    kLost,     // nothing can be moved any more
   };
   struct Moved {
-    Outcome outcome = Outcome::kBroken;
+    Outcome outcome = Outcome::kLost;
     size_t bytes = 0;  // 0 unless kDone
   };
 

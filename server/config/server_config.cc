@@ -89,6 +89,7 @@ absl::Status ReadArtefacts(const nlohmann::json& json, const std::string& where,
 
 // "" if it is null or left out.
 std::string PathOrNull(ConfigReader& reader, const nlohmann::json& json, const char* key) {
+  reader.Ignore(key);
   if (!reader.Has(key) || json[key].is_null()) return "";
   const std::string path = reader.String(key);
   if (!path.starts_with('/')) reader.Fail(key, "must be the absolute path of a file, or null");

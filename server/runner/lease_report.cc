@@ -35,9 +35,8 @@ void LeaseReport::TakeEpisode(int64_t index, std::optional<uint64_t> seed) {
   // Without the seed: participants may read this, and must not know each seed yet.
   const bool wrong_seed = ordered != ordered_.end() && !asked;
   Fail(absl::StrCat("the runner told of episode ", index,
-                    asked        ? " twice"
-                    : wrong_seed ? " with another seed than was ordered"
-                                 : ", which the lease did not ask for"));
+                    wrong_seed ? " with another seed" : "",
+                    asked ? " twice" : ", which the lease did not ask for"));
 }
 
 LeaseReport::News LeaseReport::Take(const std::vector<LeaseRecord>& records, absl::Duration now) {

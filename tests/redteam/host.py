@@ -15,6 +15,7 @@ MOST_READERS = 64
 VERB_S = 120
 # Large and unlike anything that would occur by chance, so that they can be searched for.
 SEEDS = [914207635518432 + i for i in range(20)]
+RANKED = {"first": 5000, "count": 20}  # all hostile programs are played as practice
 
 BUDGETS = {
     "startup_s": 20, "startup_wall_s": 80, "step_s": 0.2, "overtime_s": 0.8, "wall_factor": 6, "lease_cpu_s": 40,
@@ -25,7 +26,7 @@ BUDGETS = {
 
 
 def _track(base="locomotion", **budgets):
-    return {"extends": base, "seeds": SEEDS, "episodes_per_lease": 20,
+    return {"extends": base, "seeds": RANKED, "practice_seeds": SEEDS, "episodes_per_lease": 20,
             "budgets": {**BUDGETS, **budgets}}
 
 
@@ -54,7 +55,9 @@ class Host(Daemon):
         super().__init__(programs, source, "redteam", user)
         self.data.mkdir(exist_ok=True)
         quota = json.loads((self.configs / "server.json").read_text())["quota"]
+        # Its crowds are there to take places and time, which the limit on requests would save.
         self.configure(slots=SLOTS, artefacts={"bytes": 64 << 20, "files": 1000},
+                       http={"requests_per_s": 1e6, "burst": 1e6},
                        quota={key: 10**6 for key in quota
                               if key.endswith(("_per_day", "_total")) or key == "waiting"})
         for name, track in TRACKS.items():

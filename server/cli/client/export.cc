@@ -4,6 +4,7 @@
 #include <fstream>
 #include <iostream>
 #include <memory>
+#include <set>
 
 #include <absl/strings/str_cat.h>
 
@@ -19,6 +20,7 @@
 #include "server/cli/client/verbs.h"
 #include "server/cli/terminal/progress.h"
 #include "server/cli/terminal/screen.h"
+#include "server/cli/terminal/text.h"
 #include "server/store/transfer.h"
 
 namespace myograde::server {
@@ -76,6 +78,17 @@ int PrintExport(const std::string& path) {
   return ReportError(absl::InvalidArgumentError("standard output does not take the export"));
 }
 
+// Whoever reads the export knows the seeds.
+absl::Status WarnOfHiddenSeeds(const std::string& document) {
+  const absl::StatusOr<std::set<std::string>> hidden = HiddenPhasesOf(document);
+  if (!hidden.ok()) return hidden.status();
+  for (const std::string& phase : *hidden) {
+    std::cerr << "myograde: warning: the export holds the seeds of phase " << Harmless(phase)
+              << ", which are not revealed yet: keep it to yourself" << std::endl;
+  }
+  return absl::OkStatus();
+}
+
 int Export(const ExportOptions& options) {
   const bool csv = options.format == "csv";
   if (csv && options.file.empty()) {
@@ -92,6 +105,7 @@ int Export(const ExportOptions& options) {
   if (!digest.ok()) return ReportError(digest.status());
   const absl::StatusOr<ExportInfo> info = CheckExport(document);
   if (!info.ok()) return ReportError(HostStatus("the daemon's export", info.status()));
+  if (absl::Status warned = WarnOfHiddenSeeds(document); !warned.ok()) return ReportError(warned);
   if (options.file.empty()) return PrintExport(document);
   const absl::Status written =
       csv ? WriteCsv(document, options.file) : WriteDigest(options.file, *digest);

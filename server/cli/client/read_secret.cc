@@ -1,13 +1,12 @@
 #include "server/cli/client/read_secret.h"
 
+#include <absl/strings/ascii.h>
 #include <signal.h>
 #include <termios.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <iostream>
-
-#include <absl/strings/ascii.h>
 
 namespace myograde::server {
 namespace {
@@ -51,8 +50,8 @@ class Hidden {
 }  // namespace
 
 absl::StatusOr<std::string> ReadSecret(const std::string& prompt) {
+  const Hidden hidden;  // before anything is typed; what was typed before is dropped
   if (::isatty(STDIN_FILENO) == 1) std::cerr << prompt << std::flush;
-  const Hidden hidden;
   std::string line;
   for (char byte = 0; line.size() < kMaxLine;) {
     const ssize_t n = ::read(STDIN_FILENO, &byte, 1);

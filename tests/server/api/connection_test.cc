@@ -46,5 +46,30 @@ TEST(ConnectionTest, WhatWasReadAtATurnsEndIsNotWaitedFor) {
   std::filesystem::remove_all(folder);
 }
 
+// Whom a request is from, if its connection is a `proxy`'s and its head has the header.
+std::string AskerOf(bool proxy, const std::string& header) {
+  const Peer peer = {.key = "address 127.0.0.1", .network = true, .proxy = proxy};
+  int ends[2];
+  EXPECT_EQ(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, ends), 0);
+  const Fd client(ends[1]);
+  Connection connection(1, Fd(ends[0]), std::make_shared<PeerLoad>(peer));
+  connection.in = absl::StrCat("GET / HTTP/1.1\r\n", header, "\r\n");
+  EXPECT_EQ(connection.Feed([](const RequestHead&) { return BodyRule{}; }, {}), Next::kServe);
+  return connection.Asker().key;
+}
+
+TEST(ConnectionTest, OnlyAProxySaysWhoAsks) {
+  const std::string forwarded = "X-Forwarded-For: 192.0.2.7\r\n";
+  EXPECT_EQ(AskerOf(false, forwarded), "address 127.0.0.1");
+  EXPECT_EQ(AskerOf(true, forwarded), "address 192.0.2.7");
+  EXPECT_EQ(AskerOf(true, ""), "address 127.0.0.1");
+  EXPECT_EQ(AskerOf(true, "X-Forwarded-For: 2001:db8::1\r\n"), "address 2001:db8::/64");
+  // The last one is what the proxy itself has seen; those before may be made up.
+  EXPECT_EQ(AskerOf(true, "x-forwarded-for: 1.1.1.1, 2.2.2.2 ,\t192.0.2.7\r\n"), "address 192.0.2.7");
+  EXPECT_EQ(AskerOf(true, "X-Forwarded-For: 1.1.1.1\r\n" + forwarded), "address 192.0.2.7");
+  EXPECT_EQ(AskerOf(true, "X-Forwarded-For: unknown\r\n"), "address 127.0.0.1");
+  EXPECT_EQ(AskerOf(true, "X-Forwarded-For: 192.0.2.7,\r\n"), "address 127.0.0.1");
+}
+
 }  // namespace
 }  // namespace myograde::server

@@ -1,5 +1,5 @@
 // The gate with workers that answer "ok", and clients for it. A peer is identified by the address
-// that its socket is bound to.
+// that its socket is bound to; those whose names begin with "net" come from the network.
 #pragma once
 
 #include <fcntl.h>
@@ -192,7 +192,7 @@ class GateTest : public ::testing::Test {
     if (getpeername(fd, reinterpret_cast<sockaddr*>(&other), &size) != 0) return std::nullopt;
     const std::string name(other.sun_path, size - offsetof(sockaddr_un, sun_path));
     const std::string key = name.substr(name.rfind('-') + 1);
-    return Peer{key, key == "root", 1};
+    return Peer{.key = key, .organiser = key == "root", .uid = 1, .network = key.starts_with("net")};
   }
 
   std::string path() const { return folder_ + "/s"; }

@@ -60,6 +60,16 @@ TEST(RequestHead, IsReadInAnyPieces) {
   }
 }
 
+TEST(RequestHead, HandsATokenOnAndTakesOneAlone) {
+  const Read read = ReadHead("GET / HTTP/1.1\r\nAuthorization: Bearer abc\r\n\r\n");
+  ASSERT_TRUE(read.good) << read.error.message;
+  EXPECT_THAT(read.head.canonical, HasSubstr("\r\nAuthorization: Bearer abc\r\n"));
+  const Read two = ReadHead(
+      "GET / HTTP/1.1\r\nAuthorization: Bearer abc\r\nauthorization: Bearer abc\r\n\r\n");
+  EXPECT_FALSE(two.good);
+  EXPECT_THAT(two.error.message, HasSubstr("Authorization is there twice"));
+}
+
 TEST(RequestHead, SaysWhetherTheConnectionIsKept) {
   const auto kept = [](const std::string& rest) {
     const Read read = ReadHead("GET / " + rest + "\r\n\r\n");

@@ -104,12 +104,14 @@ class Handler(http.server.BaseHTTPRequestHandler):
     do_GET = do_POST = reply
 
 
-VERBS = ("serve", "submit", "status", "cancel", "leaderboard", "show", "rerun", "quota",
+VERBS = ("serve", "submit", "status", "cancel", "choose", "leaderboard", "show", "rerun", "quota",
          "team", "token", "hide",
-         "unhide", "disqualify", "baseline", "export", "import", "backup", "log", "replay",
-         "receipt", "verify", "key", "seeds", "local", "spec", "doctor")
+         "unhide", "disqualify", "baseline", "challenge", "phase", "export", "import", "backup",
+         "log", "replay",
+         "receipt", "verify", "key", "seeds", "login", "logout", "whoami", "local", "spec", "doctor")
 COUNTS = {"total": 2, "done": 2, "success": 1, "failure": 1, "fault": 0}
-STATUS = {"submission": 7, "team": "alpha", "track": "t", "profile": "paper", "artefact": "a" * 64,
+STATUS = {"submission": 7, "team": "alpha", "track": "t", "profile": "paper", "phase": None,
+          "artefact": "a" * 64,
           "name": "walker", "ranked": True, "state": "done", "evaluation": 9, "episodes": COUNTS,
           "queue": None, "waiting": None, "reason": None, "leases": [], "evaluations": [],
           "owner": None, "deadline_at": None, "estimated_end_at": None, "history": []}
@@ -126,13 +128,15 @@ TIME, EFFORT = metric("time_s", "time", "s"), metric("effort", "effort", "", 6)
 TOUCH = metric("max_touch_n", "peak touch", "N", 1, "neither")
 RESULT = {"evaluation": 9, "submission": 7, "kind": "original", "team": "alpha", "track": "t",
           "merkle_root": None,
-          "profile": "paper", "ranked": True, "state": "done", "reason": None, "first": 0, "last": 1,
+          "profile": "paper", "phase": None, "ranked": True, "state": "done", "reason": None,
+          "first": 0, "last": 1,
           "episodes": COUNTS, "outcomes": {"success": 1, "failure": 1}, "reasons": {"time": 1},
           "aggregate": AGGREGATE, "official_figures": False, "metrics": [TIME, EFFORT],
           "hashes": {}, "grader": {}, "limits": {}, "output": [
               {"first": 0, "last": 1, "stderr_tail": "evil \x1b[2J words", "stdout_tail": ""}],
           "comparison": None}
-BOARD = {"track": "t", "profile": "paper", "board": "main", "config": "c" * 64, "episodes": 2,
+BOARD = {"track": "t", "profile": "paper", "phase": None, "frozen_at": None, "complete": True,
+         "board": "main", "config": "c" * 64, "episodes": 2,
          "other_config": 0, "disqualified": [], "rules": {}, "official_figures": False,
          "columns": [TIME, EFFORT],
          "unreadable": [],

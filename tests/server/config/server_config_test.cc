@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
+#include "server/config/user_names.h"
 
 namespace myograde::server {
 namespace {
@@ -45,7 +46,7 @@ class ServerConfigTest : public ::testing::Test {
         "organiser_workers", "organiser_clients", "peer_clients", "address_clients",
         "min_bytes_per_s",
         "speed_window_s", "spool_bytes", "peer_spool_bytes", "unfinished", "of_one",
-        "of_a_submission", "of_organisers"};
+        "of_a_submission", "of_organisers", "requests_per_s", "burst", "teams_of_a_user"};
     return later.contains(place.back());
   }
 
@@ -101,22 +102,70 @@ TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
     if (CameLater(place)) json.at(place.parent_pointer()).erase(place.back());
   }
   json.erase("reruns");
+  json.erase("access");
   std::ofstream(path_) << json.dump();
   const ServerConfig old = LoadServerConfig(path_.string(), "/cache").value();
   const auto numbers = [](const ServerConfig& config) {
     const HttpLimits& http = config.http;
     const UploadLimits& uploads = config.artefacts;
     return std::vector<int64_t>{
-        http.organiser_workers, http.organiser_clients, http.peer_clients, http.min_bytes_per_s,
+        http.organiser_workers, http.organiser_clients, http.peer_clients, http.address_clients,
+        http.min_bytes_per_s,
         absl::ToInt64Seconds(http.speed_window), http.spool_bytes, http.peer_spool_bytes,
         http.disk_reserve, http.large_uploads, absl::ToInt64Seconds(uploads.unpack_cpu),
         uploads.disk_reserve, uploads.unsubmitted.count, uploads.unsubmitted.bytes,
         uploads.unsubmitted.of_one, uploads.unsubmitted.bytes_of_one,
         absl::ToInt64Seconds(uploads.unsubmitted.age),
         absl::ToInt64Seconds(config.retention.upload_age), config.reruns.unfinished,
-        config.reruns.of_one, config.reruns.of_a_submission, config.reruns.of_organisers};
+        config.reruns.of_one, config.reruns.of_a_submission, config.reruns.of_organisers,
+        static_cast<int64_t>(http.requests_per_s), static_cast<int64_t>(http.burst),
+        config.access.teams_of_a_user};
   };
   EXPECT_EQ(numbers(old), numbers(now));
+}
+
+TEST_F(ServerConfigTest, UsersHaveRolesAndParticipantsTeams) {
+  Json json = shipped_;
+  json["access"]["users"] = Json::parse(R"([
+      {"uid": 1001, "role": "participant", "team": "alpha"}, {"user": "ada", "role": "organiser"},
+      {"group": "lab", "role": "participant"}, {"gid": 7, "role": "operator"}])");
+  std::ofstream(path_) << json.dump();
+  const AccessConfig access = LoadServerConfig(path_.string(), "/cache").value().access;
+  ASSERT_EQ(access.users.size(), 4u);
+  EXPECT_EQ(access.users[0].uid, 1001u);
+  EXPECT_EQ(access.users[0].team, "alpha");
+  EXPECT_EQ(access.users[1].user, "ada");
+  EXPECT_EQ(access.users[1].role, Role::kOrganiser);
+  EXPECT_EQ(access.users[2].role, Role::kParticipant);
+  EXPECT_EQ(access.users[3].gid, 7u);
+}
+
+TEST_F(ServerConfigTest, AUserThatIsNotClearIsRefused) {
+  for (const char* entry :
+       {R"({"role": "organiser"})", R"({"uid": 1, "user": "ada", "role": "organiser"})",
+        R"({"uid": 1})", R"({"uid": 1, "role": "public"})", R"({"uid": 1, "role": "root"})",
+        R"({"uid": -1, "role": "organiser"})", R"({"uid": 4294967295, "role": "organiser"})",
+        R"({"uid": "1", "role": "organiser"})", R"({"user": "", "role": "organiser"})",
+        R"({"uid": 1, "role": "organiser", "team": "alpha"})",
+        R"({"uid": 1, "role": "participant", "team": ""})",
+        R"({"uid": 1, "role": "participant", "teams": ["a"]})", R"(5)", R"([])"}) {
+    Json json = shipped_;
+    json["access"]["users"] = Json::array({Json::parse(entry)});
+    EXPECT_THAT(std::string(Load(json.dump()).message()), HasSubstr("access: users[0]")) << entry;
+  }
+}
+
+TEST_F(ServerConfigTest, NamesAreThoseOfTheHost) {
+  AccessConfig access;
+  access.users.resize(2);
+  access.users[0].user = "root";
+  access.users[1].group = "root";
+  ASSERT_TRUE(ResolveNames("server.json", access).ok());
+  EXPECT_EQ(access.users[0].uid, 0u);
+  EXPECT_EQ(access.users[1].gid, 0u);
+  access.users[1].group = "no such group";
+  EXPECT_THAT(std::string(ResolveNames("server.json", access).message()),
+              HasSubstr("server.json: access: users[1]: this host has no group"));
 }
 
 TEST_F(ServerConfigTest, SlotsAndClientsTakeDescriptors) {
@@ -136,6 +185,36 @@ TEST_F(ServerConfigTest, SlotsAreANumberOrTheWordCores) {
     json["slots"] = Json::parse(value);
     EXPECT_THAT(std::string(Load(json.dump()).message()), HasSubstr("slots")) << value;
   }
+}
+
+TEST_F(ServerConfigTest, ADoorToTheNetworkIsSafeOrAMistake) {
+  const auto load = [this](const char* listen) {
+    Json json = shipped_;
+    json["http"]["listen"] = Json::parse(listen);
+    return std::string(Load(json.dump()).message());
+  };
+  for (const char* good :
+       {"null", R"({"address": "127.0.0.1", "port": 0})",
+        R"({"address": "::1", "port": 8080, "certificate": null, "key": null, "behind_proxy": true})",
+        R"({"//": "x", "address": "0.0.0.0", "port": 443, "certificate": "/c", "key": "/k"})"}) {
+    EXPECT_EQ(load(good), "");
+  }
+  const std::pair<const char*, const char*> bad[] = {
+      {"[]", "listen"},
+      {"false", "listen"},
+      {R"({"port": 1})", "\"address\" is missing"},
+      {R"({"address": "127.0.0.1"})", "\"port\" is missing"},
+      {R"({"address": "127.0.0.1", "port": 65536})", "\"port\" is 65536"},
+      {R"({"address": "127.0.0.1", "port": 1, "ports": 2})", "\"ports\" is not a known key"},
+      {R"({"address": "localhost", "port": 1})", "must be an IP address"},
+      {R"({"address": "0.0.0.0", "port": 1})", "without TLS only"},
+      {R"({"address": "::", "port": 1})", "without TLS only"},
+      {R"({"address": "0.0.0.0", "port": 1, "certificate": "/c"})", "\"key\" is missing"},
+      {R"({"address": "0.0.0.0", "port": 1, "key": "/k"})", "\"certificate\" is missing"},
+      {R"({"address": "0.0.0.0", "port": 1, "certificate": "c", "key": "/k"})", "absolute path"},
+      {R"({"address": "0.0.0.0", "port": 1, "certificate": "/c", "key": "/k", "behind_proxy": true})",
+       "for a proxy on this host"}};
+  for (const auto& [listen, sentence] : bad) EXPECT_THAT(load(listen), HasSubstr(sentence)) << listen;
 }
 
 TEST_F(ServerConfigTest, AnUnknownKeyIsAMistake) {

@@ -60,8 +60,8 @@ class DaemonCase(unittest.TestCase):
         self.assertEqual(status, 200, body)
         return body
 
-    def upload(self, mode):
-        status, body = self.call("POST", "/v1/artefacts", played_by_stand_in(mode))
+    def upload(self, mode, name="fake"):
+        status, body = self.call("POST", "/v1/artefacts", played_by_stand_in(mode, name))
         self.assertIn(status, (200, 201), body)
         return body["artefact"]
 

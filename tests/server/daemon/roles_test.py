@@ -360,7 +360,8 @@ class Users(DaemonCase):
         self.daemon.socket = self.daemon.root / "open.sock"
         self.daemon.root.chmod(0o711)
         self.configure(http={"socket_mode": "0666"}, access={"users": [
-            {"uid": self.lab, "role": "organiser"}]})
+            {"uid": self.lab, "role": "organiser"},
+            {"uid": self.lab + 1, "role": "participant", "team": "gamma"}]})
         super().start()
 
     def submit_as(self, uid, team, mode="ok"):
@@ -413,6 +414,21 @@ class Users(DaemonCase):
         self.assertEqual((status, body["error"]["code"]), (403, "forbidden"), body)
         self.submit_as(self.ada, "alpha")
         self.submit("ok", team="alpha", episodes=1)
+
+    def test_a_team_that_the_settings_give_to_somebody_is_nobody_elses(self):
+        # The third is the same name in letters of full width.
+        for name in ("gamma", " gamma", "\uff47amma"):
+            status, body = self.submit_as(self.ada, name)
+            self.assertIn((status, body["error"]["code"]),
+                          ((403, "forbidden"), (400, "bad_request")), body)
+        self.assertEqual(self.submit_as(self.lab + 1, "gamma")[0], 201)
+
+    def test_a_team_of_people_with_tokens_is_nobody_elses(self):
+        self.assertEqual(self.call("POST", "/v1/teams", {"team": "remote"})[0], 201)
+        self.assertEqual(self.call("POST", "/v1/tokens", {
+            "role": "participant", "team": "remote", "label": "x"})[0], 201)
+        status, body = self.submit_as(self.ada, "remote")
+        self.assertEqual((status, body["error"]["code"]), (403, "forbidden"), body)
 
     def test_the_settings_say_who_is_an_organiser(self):
         self.assertEqual(self.call("GET", "/v1/events", uid=self.lab)[0], 200)

@@ -19,7 +19,7 @@ class Scheduling(DaemonCase):
         self.start()
 
     def test_a_cancel_waits_for_nobody_and_tells_what_it_killed(self):
-        stubborn = self.submit("stubborn", episodes=2, seeds=list(range(2)))
+        stubborn = self.submit("stubborn", episodes=2, seeds=[200, 201])
         self.wait("/v1/health", lambda b: any(l["step"] for l in b["leases"]))
         with concurrent.futures.ThreadPoolExecutor(1) as pool:
             begin = time.monotonic()
@@ -58,7 +58,7 @@ class Scheduling(DaemonCase):
     def test_status_tells_place_owner_deadline_and_history(self):
         self.restart(slots=1)
         self.ended(self.submit("ok"))
-        first = self.submit("slow", team="a", seeds=list(range(40)))
+        first = self.submit("slow", team="a", seeds=list(range(200, 240)))
         practice = self.submit("slow", team="b", episodes=2)
         official = self.submit("slow", team="c")
         places = {}

@@ -1,0 +1,124 @@
+// Whose something is, and rows about denied requests and acts.
+#include <gmock/gmock.h>
+
+#include <absl/strings/str_cat.h>
+
+#include "tests/server/store/store_fixture.h"
+
+namespace myograde::server {
+namespace {
+
+class AccessEventsTest : public StoreTest {
+ protected:
+  void Add(const std::string& kind, const std::string& who, int64_t count = 1) {
+    AccessEventRow row;
+    row.kind = kind;
+    row.who = who;
+    row.role = "participant";
+    row.action = "read log";
+    row.detail = "another team's";
+    row.count = count;
+    const absl::Status status =
+        store_->Write([&](Writer& writer) { return writer.AddAccessEvent(row); });
+    ASSERT_TRUE(status.ok()) << status;
+  }
+
+  std::vector<std::string> Who(const std::string& kind, int64_t before = INT64_MAX,
+                               int64_t limit = 100) {
+    std::vector<std::string> who;
+    ReaderPool readers(path_);
+    const absl::Status status = readers.Read([&](Reader& reader) {
+      for (const AccessEventRow& row : reader.AccessEvents(kind, before, limit).rows) {
+        who.push_back(absl::StrCat(row.who, " x", row.count));
+      }
+      return absl::OkStatus();
+    });
+    EXPECT_TRUE(status.ok()) << status;
+    return who;
+  }
+};
+
+TEST_F(AccessEventsTest, TheNewestComeFirstInPagesOfAKind) {
+  Add("denied", "a", 3);
+  Add("act", "b");
+  Add("denied", "c");
+  EXPECT_THAT(Who(""), testing::ElementsAre("c x1", "b x1", "a x3"));
+  EXPECT_THAT(Who("denied"), testing::ElementsAre("c x1", "a x3"));
+  EXPECT_THAT(Who("act"), testing::ElementsAre("b x1"));
+  EXPECT_THAT(Who("", INT64_MAX, 1), testing::ElementsAre("c x1"));
+  EXPECT_THAT(Who("", 3, 1), testing::ElementsAre("b x1"));
+}
+
+TEST_F(AccessEventsTest, AKindThatThereIsNotIsRefused) {
+  AccessEventRow row;
+  row.kind = "other";
+  row.who = "a";
+  row.action = "read log";
+  EXPECT_FALSE(store_->Write([&](Writer& writer) { return writer.AddAccessEvent(row); }).ok());
+  EXPECT_TRUE(Who("").empty());
+}
+
+TEST_F(AccessEventsTest, TheyAreNeverChangedOrDeleted) {
+  Add("act", "a");
+  SQLite::Database db(path_, SQLite::OPEN_READWRITE);
+  EXPECT_THROW(db.exec("UPDATE access_event SET who = 'b'"), SQLite::Exception);
+  EXPECT_THROW(db.exec("DELETE FROM access_event"), SQLite::Exception);
+}
+
+TEST_F(AccessEventsTest, AnUnreadableOneIsReportedAndTheOthersAreShown) {
+  Add("act", "a");
+  Add("act", "b");
+  SQLite::Database db(path_, SQLite::OPEN_READWRITE);
+  db.exec("PRAGMA ignore_check_constraints = ON; UPDATE access_event SET count = 0 WHERE id = 1");
+  ReaderPool readers(path_);
+  const absl::Status status = readers.Read([&](Reader& reader) {
+    const Listed<AccessEventRow> listed = reader.AccessEvents("", INT64_MAX, 100);
+    EXPECT_EQ(listed.rows.size(), 1u);
+    EXPECT_EQ(listed.damaged.size(), 1u);
+    return absl::OkStatus();
+  });
+  EXPECT_TRUE(status.ok()) << status;
+}
+
+TEST_F(AccessEventsTest, SubmissionsEvaluationsAndLogsAreATeams) {
+  const absl::StatusOr<Accepted> accepted = TrySubmit("alpha", 'a', /*ranked=*/true);
+  ASSERT_TRUE(accepted.ok()) << accepted.status();
+  const std::string log(64, 'e');
+  const absl::Status played = store_->Write([&](Writer& writer) -> absl::Status {
+    const int64_t lease = accepted->leases.front();
+    absl::Status status = writer.StartLease(lease, 1, 0, 0, "test");
+    EpisodeRow row;
+    row.evaluation = accepted->evaluation;
+    row.lease = lease;
+    row.attempt = 1;
+    row.seed = 1;
+    row.outcome = Outcome::kSuccess;
+    row.facts_json = absl::StrCat(R"({"log":{"sha256":")", log, R"("}})");
+    row.metrics_json = "{}";
+    status.Update(writer.RecordEpisode(row).status());
+    return status;
+  });
+  ASSERT_TRUE(played.ok()) << played;
+  ReaderPool readers(path_);
+  const absl::Status status = readers.Read([&](Reader& reader) {
+    EXPECT_EQ(reader.TeamOfSubmission(accepted->submission).value_or(""), "alpha");
+    EXPECT_EQ(reader.TeamOfEvaluation(accepted->evaluation).value_or(""), "alpha");
+    EXPECT_THAT(reader.TeamsOfLog(log), testing::ElementsAre("alpha"));
+    EXPECT_TRUE(reader.TeamsOfLog(std::string(64, 'f')).empty());
+    // The words are those of the readers of whole rows: nobody can tell the two apart.
+    EXPECT_EQ(reader.TeamOfSubmission(99).status(), reader.Submission(99).status());
+    EXPECT_EQ(reader.TeamOfEvaluation(99).status(), reader.Evaluation(99).status());
+    SubmissionFilter filter;
+    filter.teams = std::set<std::string>{"beta"};
+    EXPECT_TRUE(reader.Submissions(filter).rows.empty());
+    filter.teams->insert("alpha");
+    EXPECT_EQ(reader.Submissions(filter).rows.size(), 1u);
+    filter.teams->clear();
+    EXPECT_TRUE(reader.Submissions(filter).rows.empty());
+    return absl::OkStatus();
+  });
+  EXPECT_TRUE(status.ok()) << status;
+}
+
+}  // namespace
+}  // namespace myograde::server
