@@ -58,14 +58,15 @@ def narrowed(document, world):
     schemas.update({name: {"enum": values} for name, values in known.items()})
     submission = schemas["NewSubmission"]["properties"]
     submission["artefact"] = {"enum": [world.upload("alpha"), world.upload("beta")]}
-    submission["seeds"].update(maxItems=3, items={"type": "integer", "minimum": 10**9,
-                                                  "maximum": 10**12})
+    # JSON Schema takes 3.0 for an integer, the daemon does not.
+    submission["seeds"].update(maxItems=3, items={"enum": [10**9, 10**9 + 1, 2**63 - 1]})
     submission["episodes"] = {"enum": [1]}
     for name in ("NewSubmission", "NewRerun"):
         schemas[name].pop("examples")
     schemas["NewRerun"]["properties"] = {"first": {"enum": [0]}, "last": {"enum": [1]}}
     token = schemas["NewToken"]["properties"]
-    token["label"] = {"enum": ["one of many"]}
+    token.update(label={"enum": ["one of many"]}, valid_days={"enum": [1, 3650]})
+    schemas["NewGrant"]["properties"]["amount"] = {"enum": [1, 10**6]}
     token.pop("expires_at")
     document["components"]["parameters"]["Track"]["required"] = True
     return document
