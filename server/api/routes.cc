@@ -82,10 +82,11 @@ void SendUnrouted(const std::vector<Address>& addresses, const httplib::Request&
                                 absl::StrCat(path, " has no ", request.method, "; it has ",
                                              absl::StrJoin(allowed, ", "))});
   }
-  const char* code = response.status == 413   ? "too_large"
-                     : response.status == 404 ? "not_found"
-                                              : "bad_request";
-  SendError(response, {response.status, code,
+  // cpp-httplib answers 400 to a method that it does not know, wherever it is asked for.
+  const int http = allowed.empty() && !path.empty() && response.status == 400 ? 404
+                                                                              : response.status;
+  const char* code = http == 413 ? "too_large" : http == 404 ? "not_found" : "bad_request";
+  SendError(response, {http, code,
                        absl::StrCat("there is no ", request.method, " ", path,
                                     ", or the request is malformed; see the API's description")});
 }

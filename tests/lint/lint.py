@@ -124,6 +124,7 @@ CALENDAR_USERS = {
     "tests/server/daemon/phases_test.py": "phases open and close at a date",
     "tests/server/daemon/secrets_test.py": "sets dates in a challenge file",
     "tests/server/engine/retention_test.cc": "compares with times of files",
+    "tests/server/openapi/world.py": "sets dates in a challenge file",
     "tests/server/store/people_fixture.h": "compares with stored times of day",
     "tests/server/store/phases_test.cc": "compares with stored times of day",
     "tests/server/store/quota_test.cc": "compares with stored times of day",

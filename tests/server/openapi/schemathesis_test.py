@@ -9,35 +9,73 @@ import subprocess
 import sys
 import unittest
 
-from world import ROLES, TRACK, World
+from world import CHALLENGE, PROFILE, ROLES, TRACK, World
 
 SCHEMATHESIS = pathlib.Path(os.environ["MYOGRADE_TEST_SCHEMATHESIS"])
 FULL = "--full" in sys.argv
 SECONDS = 60 if FULL else 7  # of one role, with good or with bad requests
 EXAMPLES = 200 if FULL else 8
 SEED = 18
+# Between its bad requests schemathesis makes good ones, with names that nothing has.
+CHECKS = {"positive": [], "negative": ["--exclude-checks", "positive_data_acceptance"]}
 DEADLINE_S = 10 * SECONDS + 120
 
 
+# A GET or DELETE that has a body is refused by its head; http_test.py asks without one. Archives and
+# exports can't be made up, and a key that came with another request before is refused.
+CONFIG = """
+[phases.coverage]
+unexpected-methods = ["PUT", "POST", "OPTIONS", "PATCH", "TRACE", "QUERY"]
+[checks.positive_data_acceptance]
+expected-statuses = ["2xx", "3xx", "401", "403", "404", "409", "422", "429", "503"]
+[[operations]]
+include-operation-id = ["upload", "importStore"]
+checks.positive_data_acceptance.enabled = false
+"""
+
+
+def loosened(value, names):
+    """A schema of answers without references to those of requests."""
+    if isinstance(value, list):
+        return [loosened(entry, names) for entry in value]
+    if not isinstance(value, dict):
+        return value
+    if str(value.get("$ref")).rpartition("/")[2] in names:
+        return {"type": ["string", "integer"]}
+    return {key: loosened(entry, names) for key, entry in value.items()}
+
+
 def narrowed(document, world):
-    """The document, with names and numbers of what this daemon has: a made-up one is 404 and shows
-    nothing of an answer."""
+    """The document, with requests for what this daemon has: what is made up is 404 and shows nothing
+    of an answer."""
+    known = {"TrackName": [TRACK], "ProfileName": [PROFILE], "PhaseName": ["final", "past"],
+             "BoardName": ["main"], "TeamName": ["alpha", "beta"], "Reason": ["because"],
+             "Id": world.submissions}
     schemas = document["components"]["schemas"]
-    track = next(one for one in world.get("/v1/tracks")["tracks"] if one["track"] == TRACK)
-    schemas["TrackName"] = {"enum": [TRACK]}
-    schemas["ProfileName"] = {"enum": [profile["profile"] for profile in track["profiles"]]}
-    schemas["BoardName"] = {"enum": track["boards"]}
-    schemas["TeamName"] = {"enum": ["alpha", "beta"]}
-    schemas["Reason"] = {"enum": ["because"]}
-    schemas["Id"] = {"enum": world.submissions}
-    schemas["NewSubmission"]["properties"]["artefact"] = {"enum": [world.upload("alpha")]}
+    for name, schema in schemas.items():
+        if not name.startswith("New"):
+            schemas[name] = loosened(schema, known)
+    schemas.update({name: {"enum": values} for name, values in known.items()})
+    submission = schemas["NewSubmission"]["properties"]
+    submission["artefact"] = {"enum": [world.upload("alpha"), world.upload("beta")]}
+    # JSON Schema takes 3.0 for an integer, the daemon does not.
+    submission["seeds"].update(maxItems=3, items={"enum": [10**9, 10**9 + 1, 2**63 - 1]})
+    submission["episodes"] = {"enum": [1]}
+    for name in ("NewSubmission", "NewRerun"):
+        schemas[name].pop("examples")
+    schemas["NewRerun"]["properties"] = {"first": {"enum": [0]}, "last": {"enum": [1]}}
+    token = schemas["NewToken"]["properties"]
+    token.update(label={"enum": ["one of many"]}, valid_days={"enum": [1, 3650]})
+    schemas["NewGrant"]["properties"]["amount"] = {"enum": [1, 10**6]}
+    token.pop("expires_at")
+    document["components"]["parameters"]["Track"]["required"] = True
     return document
 
 
 class Schemathesis(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.world = World()
+        cls.world = World(CHALLENGE)
         cls.addClassCleanup(cls.world.close)
         cls.world.start()
 
@@ -53,12 +91,12 @@ class Schemathesis(unittest.TestCase):
         file = self.world.root / f"{role}-{mode}.json"
         file.write_text(json.dumps(document))
         config = self.world.root / "schemathesis.toml"
-        config.write_text("")
+        config.write_text(CONFIG)
         done = subprocess.run(
             [SCHEMATHESIS, "--config-file", config, "--no-color", "run", file,
              "--url", self.world.url, "--mode", mode, "--phases", "examples,coverage,fuzzing",
              "--max-examples", str(EXAMPLES), "--max-time", str(SECONDS), "--seed", str(SEED),
-             *self.identity(role),
+             *self.identity(role), *CHECKS[mode],
              "--suppress-health-check", "all", "--warnings", "off", "--continue-on-failure",
              "--report", "ndjson", "--report-ndjson-path", self.world.root / "report.ndjson"],
             capture_output=True, text=True, cwd=self.world.root, timeout=DEADLINE_S)

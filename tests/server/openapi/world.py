@@ -1,6 +1,8 @@
 """A daemon with stand-in runners, two teams and a caller of each role, that listens to plain HTTP on
 this host as well."""
 
+import datetime
+import json
 import os
 import pathlib
 
@@ -10,16 +12,36 @@ from support.waiting import wait_until
 
 BIN = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"])
 SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
-TRACK = "demo-manipulation"
+TRACK, PROFILE = "demo-manipulation", "paper"
 ROLES = ("participant", "organiser", "operator")
+
+
+def moment(days):
+    """UTC, so many days from now."""
+    at = datetime.datetime.now(datetime.timezone.utc) + datetime.timedelta(days)
+    return at.strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+OPENED = moment(-1)
+# A phase that is open and withholds what it can, and one that is over; both have hidden seeds.
+CHALLENGE = {"form": 1, "title": "A cup", "phases": [
+    {"name": "final", "title": "Final", "track": TRACK, "profile": PROFILE,
+     "seeds": {"committed": 6}, "opens_at": OPENED, "freeze_at": OPENED, "closes_at": moment(9),
+     "entry": "chosen",
+     "show": {"aggregate": False, "outcomes": False, "metrics": False, "logs": False,
+              "output": False}},
+    {"name": "past", "title": "Past", "track": TRACK, "profile": PROFILE,
+     "seeds": {"committed": 6}, "opens_at": moment(-9), "closes_at": moment(-2)}]}
 
 
 class World(Daemon):
     """The daemon. `tokens` has a token of each role, the participant's for the team alpha;
     `submissions` are of alpha and beta, and `url` is its address on the network."""
 
-    def __init__(self):
+    def __init__(self, challenge=None):
         super().__init__(BIN, SOURCE, "openapi")
+        if challenge is not None:
+            (self.configs / "challenges/cup.json").write_text(json.dumps(challenge))
         self.use_stand_in_runner()
         # Whoever asks this much is a test.
         self.configure(slots=2, http={
