@@ -25,6 +25,7 @@ struct Source {
   std::vector<StandingRow> standings;
   Marks marks;
   std::vector<Damage> damaged;
+  bool withheld = false;  // some were left out
 };
 
 // What the view lacks, or has of other numbers than today's, is made of the episode rows on the
@@ -49,7 +50,10 @@ absl::StatusOr<Source> SourceOf(Reader& reader, const Track& track, int64_t befo
   const std::set<int64_t> chosen =
       choose ? reader.Choices(track.config.hash, before_ms) : std::set<int64_t>();
   for (StandingRow& row : listed.rows) {
-    if (row.finished_at >= before_ms) continue;
+    if (row.finished_at >= before_ms) {
+      source.withheld = true;
+      continue;
+    }
     row.chosen = chosen.contains(row.submission);
     // Nobody can tell whether it is hidden or disqualified.
     if (const auto mark = marks.damaged.find(row.submission); mark != marks.damaged.end()) {
@@ -106,20 +110,21 @@ Json BoardToJson(const Leaderboard& board) {
   return {{"rows", std::move(rows)}, {"disqualified", std::move(disqualified)}};
 }
 
-// Which rows a caller may see.
-enum class View { kAll, kFrozen, kAllOfFrozen };
-
 // The track and board that a request names.
 struct BoardQuery {
   TrackPtr track;
   std::string board;
   const scoring::BoardSpec* rules = nullptr;  // the track's
-  View view = View::kAll;
-  absl::Time frozen = absl::InfiniteFuture();  // when others' view was frozen
+  // When its phase freezes it, as long as that has not been undone.
+  absl::Time freezes = absl::InfiniteFuture();
+  bool frozen = false;  // by the calendar
+  bool whole = true;    // the caller sees all of it
 
-  int64_t before_ms() const {
-    return view == View::kFrozen ? absl::ToUnixMillis(frozen) : INT64_MAX;
-  }
+  // What ended from then on is not shown. However the calendar is set, a row that is as late as the
+  // freeze stays hidden.
+  int64_t before_ms() const { return whole ? INT64_MAX : absl::ToUnixMillis(freezes); }
+  // Boards of one config that look different.
+  int view() const { return (frozen ? 2 : 0) + (whole ? 1 : 0); }
 };
 
 // A phase that no file describes any more is found by its submissions.
@@ -154,14 +159,17 @@ absl::StatusOr<TrackPtr> AskedTrack(const httplib::Request& request, Reader& rea
 }
 
 // From a phase's freeze on, only organisers see what ends later.
-absl::Status AddView(Reader& reader, const ApiContext& context, BoardQuery& asked) {
+absl::Status AddFreeze(Reader& reader, const ApiContext& context, BoardQuery& asked) {
   const PhaseConfig* phase = context.phases.ConfigOf(asked.track->config.phase);
   if (phase == nullptr) return absl::OkStatus();
   const auto events = reader.PhaseEvents(phase->name);
   if (!events.ok()) return events.status();
-  if (!StatusOfPhase(*phase, *events, context.clock.Now()).frozen) return absl::OkStatus();
-  asked.frozen = phase->freezes;
-  asked.view = CallerIsOrganiser() ? View::kAllOfFrozen : View::kFrozen;
+  const PhaseStatus status = StatusOfPhase(*phase, *events, context.clock.Now());
+  const bool ever = phase->freezes != absl::InfiniteFuture();
+  if (!ever || status.published || status.revealed) return absl::OkStatus();
+  asked.freezes = phase->freezes;
+  asked.frozen = status.frozen;
+  asked.whole = CallerIsOrganiser();
   return absl::OkStatus();
 }
 
@@ -177,7 +185,7 @@ absl::StatusOr<BoardQuery> ParseBoardQuery(const httplib::Request& request, Read
         absl::StrCat("track \"", asked.track->config.id, "\" has no board \"", asked.board, "\""));
   }
   asked.rules = &rules->second;
-  if (absl::Status status = AddView(reader, context, asked); !status.ok()) return status;
+  if (absl::Status status = AddFreeze(reader, context, asked); !status.ok()) return status;
   return asked;
 }
 
@@ -196,8 +204,8 @@ absl::StatusOr<std::string> MakeBoardText(Reader& reader, const BoardQuery& aske
   json["profile"] = config.profile;
   json["phase"] = TextOrNull(config.phase);
   json["frozen_at"] =
-      asked.view == View::kAll ? Json() : TimeToJson(absl::ToUnixMillis(asked.frozen));
-  json["complete"] = asked.view != View::kFrozen;
+      asked.frozen || source->withheld ? TimeToJson(absl::ToUnixMillis(asked.freezes)) : Json();
+  json["complete"] = asked.whole || !(asked.frozen || source->withheld);
   json["board"] = asked.board;
   json["rules"] = config.scoring["boards"][asked.board];
   json["official_figures"] = asked.track->scoring.official_figures;
@@ -227,7 +235,7 @@ ApiResult BoardsResource::Get(const httplib::Request& request) {
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
     if (!asked.ok()) return asked.status();
-    const Key key(asked->track->config.hash, asked->board, static_cast<int>(asked->view));
+    const Key key(asked->track->config.hash, asked->board, asked->view());
     const int64_t changes = reader.BoardChanges();
     answer.text = Kept(key, changes);
     if (answer.text != nullptr) return absl::OkStatus();

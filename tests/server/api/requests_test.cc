@@ -34,10 +34,11 @@ TEST(ParseSubmit, TakesWhatIsNeededAndWhatMayBe) {
   EXPECT_EQ(least->profile, "");
   EXPECT_FALSE(least->seeds || least->episodes);
   json body = GoodSubmit();
-  body.update({{"profile", "paper"}, {"seeds", {5, 3, 9}}, {"episodes", 2}});
+  body.update({{"profile", "paper"}, {"phase", "final"}, {"seeds", {5, 3, 9}}, {"episodes", 2}});
   const auto most = ParseSubmit(body);
   ASSERT_TRUE(most.ok()) << most.status();
   EXPECT_EQ(most->profile, "paper");
+  EXPECT_EQ(most->phase, "final");
   EXPECT_THAT(*most->seeds, ElementsAre(5, 3, 9));
   EXPECT_EQ(*most->episodes, 2);
 }
@@ -51,6 +52,9 @@ TEST(ParseSubmit, NamesTheKeyThatIsWrong) {
     EXPECT_THAT(SubmitProblem(key, 7), HasSubstr(key));
   }
   EXPECT_THAT(SubmitProblem("speed", 1), HasSubstr("\"speed\" is not a known key"));
+  for (const json& phase : {json(""), json("Final"), json("a/b"), json(5)}) {
+    EXPECT_THAT(SubmitProblem("phase", phase), HasSubstr("\"phase\" must be"));
+  }
   for (const json& artefact : {json(std::string(64, 'A')), json(std::string(63, 'a')), json("../x")}) {
     EXPECT_THAT(SubmitProblem("artefact", artefact), HasSubstr("64 lower-case hexadecimal digits"));
   }
@@ -114,6 +118,17 @@ std::string FilterProblem(const std::vector<std::pair<std::string, std::string>>
   httplib::Request request;
   for (const auto& [key, value] : parameters) request.params.emplace(key, value);
   return std::string(ParseFilter(request).status().message());
+}
+
+TEST(ParseReason, IsThereAndNothingElse) {
+  EXPECT_EQ(*ParseReason({{"reason", "a broken host"}}), "a broken host");
+  for (const json& body : {json::object(), json({{"reason", ""}}), json({{"reason", "a\nb"}}),
+                           json({{"reason", std::string(201, 'a')}}),
+                           json({{"reason", "r"}, {"phase", "final"}})}) {
+    EXPECT_TRUE(absl::IsInvalidArgument(ParseReason(body).status())) << body;
+  }
+  EXPECT_TRUE(ParseNothing(json::object()).ok());
+  EXPECT_FALSE(ParseNothing({{"reason", "r"}}).ok());
 }
 
 TEST(ParseFilter, ChecksEveryParameter) {

@@ -3,8 +3,11 @@
 import datetime
 import json
 import os
+import pathlib
+import shutil
 import signal
 import sqlite3
+import tempfile
 import unittest
 
 from organiser_test import OrganiserCase
@@ -32,12 +35,28 @@ class PhasesCase(OrganiserCase):
     phases = {}
 
     def setUp(self):
+        self.open = pathlib.Path(tempfile.mkdtemp(prefix="myograde-open-"))
+        self.open.chmod(0o755)
+        self.addCleanup(shutil.rmtree, self.open, ignore_errors=True)
         super().setUp()
         self.hold(**self.phases)
 
+    def start(self):
+        self.daemon.socket = self.open / "socket"
+        self.configure(http={"socket_mode": "0666"})
+        super().start()
+
+    def cli(self, *words, data=None, check=True):
+        result = self.daemon.run_verb(*words, "--socket", self.daemon.socket, timeout_s=60,
+                                      text=True)
+        if check:
+            self.assertEqual(result.returncode, 0, result.stderr)
+        return result
+
     def hold(self, **phases):
         """Restarts the daemon with a challenge of these phases; none: without it."""
-        self.stop(signal.SIGTERM)
+        if self.daemon.running:
+            self.stop(signal.SIGTERM)
         file = self.configs / "challenges/cup.json"
         if phases:
             entries = [{"name": name.replace("_", "-"), "title": f"Phase {name}", "track": TRACK,
@@ -46,8 +65,7 @@ class PhasesCase(OrganiserCase):
         else:
             file.unlink(missing_ok=True)
         self.configure(access={"users": [{"uid": uid, "role": "participant", "team": team}
-                                         for team, uid in TEAMS.items()]},
-                       http={"socket_mode": "0666"})
+                                         for team, uid in TEAMS.items()]})
         self.start()
 
     def challenges(self):
@@ -253,6 +271,19 @@ class Boards(PhasesCase):
         late = self.cli("choose", first, check=False)
         self.assertEqual(late.returncode, 2)
         self.assertIn('phase "final" closed at', late.stderr)
+
+    @AS_OTHERS
+    def test_a_clock_that_was_set_back_shows_nothing_that_is_as_late_as_the_freeze(self):
+        first, second = self.played("ok", "alpha"), self.played("ok", "beta")
+        self.stop(signal.SIGTERM)
+        with sqlite3.connect(self.data / "store.db") as db:
+            db.execute("UPDATE evaluation SET finished_at = finished_at + 7200000 "
+                       "WHERE submission = ?", (second,))
+        self.hold(final={**self.phases["final"], "freeze_at": moment(hours=1)})
+        seen = self.as_team("beta", "/v1/leaderboard?phase=final")
+        self.assertEqual((self.submissions_on(seen), seen["complete"]), ([first], False))
+        whole = self.board_of("final")
+        self.assertEqual((len(whole["rows"]), whole["complete"]), (2, True))
 
     def test_where_teams_do_not_choose_it_is_refused(self):
         submission = self.played("ok")

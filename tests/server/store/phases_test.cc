@@ -256,6 +256,21 @@ TEST_F(PhaseStoreTest, TheNewestChoiceOfATeamIsInForce) {
   EXPECT_THAT(SqlError("DELETE FROM choice"), HasSubstr("never deleted"));
 }
 
+TEST_F(PhaseStoreTest, TeamsThatWereMergedHaveOneChoice) {
+  const auto first = SubmitTo("final", 'a');
+  const auto second = SubmitTo("final", 'b', kRules, "beta");
+  for (const auto& each : {first, second}) Finish(*each);
+  EXPECT_TRUE(*Choose(second->submission));
+  EXPECT_TRUE(*Choose(first->submission));
+  const absl::Status merged = store_->Write(
+      [](Writer& writer) { return writer.MergeTeams("beta", "alpha", "uid 0", "why"); });
+  ASSERT_TRUE(merged.ok()) << merged;
+  EXPECT_THAT(Choices('f'), ElementsAre(first->submission));
+  EXPECT_FALSE(*Choose(first->submission));
+  EXPECT_TRUE(*Choose(second->submission));
+  EXPECT_THAT(Choices('f'), ElementsAre(second->submission));
+}
+
 TEST_F(PhaseStoreTest, OnlyWhatIsRankedAndDoneIsChosen) {
   const auto running = SubmitTo("final", 'a');
   EXPECT_TRUE(absl::IsFailedPrecondition(Choose(running->submission).status()));
