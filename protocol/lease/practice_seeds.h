@@ -1,5 +1,5 @@
-// The seeds that practice plays. They are no part of what a result is a function of: a config's hash
-// does not cover them.
+// The seeds that practice plays. They are no part of what a result is a function of: a config's
+// hash does not cover them.
 #pragma once
 
 #include <cstdint>

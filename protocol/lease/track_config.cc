@@ -89,8 +89,8 @@ absl::Status CheckName(const std::string& what, const std::string& name) {
 
 constexpr char kPracticeSeeds[] = "practice_seeds";
 
-// A list of practice seeds belongs to the list of seeds that it was chosen beside: other seeds leave
-// it behind.
+// A list of practice seeds belongs to the list of seeds that it was chosen beside: other seeds
+// leave it behind.
 void MergeOver(nlohmann::json& base, const nlohmann::json& patch) {
   if (patch.contains("seeds") && !patch.contains(kPracticeSeeds)) base.erase(kPracticeSeeds);
   base.merge_patch(patch);

@@ -2,11 +2,11 @@
 // work for the server than for whoever asks for it.
 #pragma once
 
+#include <absl/time/time.h>
+
 #include <algorithm>
 #include <map>
 #include <string>
-
-#include <absl/time/time.h>
 
 namespace myograde::server {
 

@@ -123,7 +123,8 @@ Connection::Next Connection::Handshake() {
   if (!transport->met_plain_http()) return Next::kClose;
   // Whoever forgot the s of https gets an answer that a browser or curl can show.
   transport = MakePlainTransport(fd.get());
-  return Refuse({400, "bad_request", "this port speaks HTTPS alone; write https:// in the address"});
+  return Refuse(
+      {400, "bad_request", "this port speaks HTTPS alone; write https:// in the address"});
 }
 
 Transport::Outcome Connection::ReadOnce(size_t most) {

@@ -1,10 +1,40 @@
 #include "server/api/founding.h"
 
+#include <algorithm>
 #include <cstdint>
 
+#include <absl/strings/str_cat.h>
+
 #include "server/api/caller.h"
+#include "server/base/names.h"
+#include "server/store/quota.h"
 
 namespace myograde::server {
+namespace {
+
+// The name that a team has, or will have once there is one: all forms of a name are one team.
+std::string NameOf(Reader& reader, const std::string& team) {
+  const std::string known = reader.TeamOf(team);
+  return CleanName(known, "the team's name").value_or(known);
+}
+
+// Whether the settings give the team to somebody, who need not have submitted anything yet.
+bool IsGiven(Reader& reader, const AccessConfig& access, const std::string& team) {
+  return std::any_of(access.users.begin(), access.users.end(), [&](const UserRule& rule) {
+    return !rule.team.empty() && NameOf(reader, rule.team) == team;
+  });
+}
+
+absl::Status BelongsToOthers(const std::string& team) {
+  NoteDenial("another team's");
+  return WithErrorCode(
+      absl::FailedPreconditionError(absl::StrCat(
+          "team \"", team, "\" belongs to others; choose another name, or ask an organiser to add "
+          "you")),
+      kForbiddenCode);
+}
+
+}  // namespace
 
 absl::StatusOr<std::optional<Founding>> FoundingFor(const ApiContext& context,
                                                     const std::string& team) {
@@ -18,7 +48,9 @@ absl::StatusOr<std::optional<Founding>> FoundingFor(const ApiContext& context,
   std::optional<Founding> founding;
   const absl::Status status = context.readers.Read([&](Reader& reader) {
     if (!caller.may_found_team) return RequireTeam(reader, team);
-    if (!caller.teams.contains(reader.TeamOf(team))) {
+    const std::string known = reader.TeamOf(team);
+    if (!caller.teams.contains(known)) {
+      if (IsGiven(reader, context.config.access, NameOf(reader, team))) return BelongsToOthers(known);
       founding = {caller.key, context.config.access.teams_of_a_user, /*needed=*/true};
     }
     return absl::OkStatus();

@@ -1,7 +1,9 @@
 #include "server/api/network_door.h"
 
+#include <absl/strings/str_cat.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
+#include <spdlog/spdlog.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -10,9 +12,6 @@
 #include <cstring>
 #include <optional>
 #include <utility>
-
-#include <absl/strings/str_cat.h>
-#include <spdlog/spdlog.h>
 
 #include "server/base/ip_address.h"
 
@@ -32,15 +31,16 @@ absl::Status CantListen(const std::string& where) {
   const int error = errno;
   if (error == EADDRINUSE) {
     return absl::AlreadyExistsError(absl::StrCat(
-        where, ": another program listens there; stop it, or choose another port for \"http\": "
-               "{\"listen\": …} in server.json"));
+        where,
+        ": another program listens there; stop it, or choose another port for \"http\": "
+        "{\"listen\": …} in server.json"));
   }
   const char* advice = error == EADDRNOTAVAIL ? "; no interface of this host has the address"
                        : error == EACCES      ? "; ports below 1024 need root or a capability"
                                               : "";
-  return absl::InvalidArgumentError(absl::StrCat(
-      where, ": can't be listened on (", std::strerror(error), ")", advice,
-      "; correct \"http\": {\"listen\": …} in server.json"));
+  return absl::InvalidArgumentError(
+      absl::StrCat(where, ": can't be listened on (", std::strerror(error), ")", advice,
+                   "; correct \"http\": {\"listen\": …} in server.json"));
 }
 
 absl::StatusOr<Fd> ListenOn(const IpAddress& address, uint16_t port, const std::string& where) {
@@ -105,14 +105,14 @@ absl::StatusOr<std::unique_ptr<NetworkDoor>> NetworkDoor::Open(const ListenConfi
   absl::StatusOr<std::shared_ptr<const TlsContext>> context = LoadContext(config);
   if (!context.ok()) return context.status();
   const std::string host = address->UrlHost();
-  absl::StatusOr<Fd> socket = ListenOn(*address, static_cast<uint16_t>(config.port),
-                                       absl::StrCat(host, ":", config.port));
+  absl::StatusOr<Fd> socket =
+      ListenOn(*address, static_cast<uint16_t>(config.port), absl::StrCat(host, ":", config.port));
   if (!socket.ok()) return socket.status();
   LogWarning(context->get());
-  std::string url = absl::StrCat(*context == nullptr ? "http" : "https", "://", host, ":",
-                                 PortOf(socket->get()));
-  return std::unique_ptr<NetworkDoor>(new NetworkDoor(config, *std::move(socket), std::move(url),
-                                                      *std::move(context)));
+  std::string url =
+      absl::StrCat(*context == nullptr ? "http" : "https", "://", host, ":", PortOf(socket->get()));
+  return std::unique_ptr<NetworkDoor>(
+      new NetworkDoor(config, *std::move(socket), std::move(url), *std::move(context)));
 }
 
 NetworkDoor::NetworkDoor(ListenConfig config, Fd socket, std::string url,
@@ -132,10 +132,9 @@ NetworkDoor::~NetworkDoor() {
 }
 
 Listener NetworkDoor::listener() {
-  Listener listener{
-      .fd = socket_.get(),
-      .peer_of = [proxy = config_.behind_proxy](int fd) { return PeerAt(fd, proxy); },
-      .transport_of = {}};
+  Listener listener{.fd = socket_.get(),
+                    .peer_of = [proxy = config_.behind_proxy](int fd) { return PeerAt(fd, proxy); },
+                    .transport_of = {}};
   if (config_.certificate.empty()) return listener;
   listener.transport_of = [this](int fd) -> std::unique_ptr<Transport> {
     std::shared_ptr<const TlsContext> context;

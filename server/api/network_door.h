@@ -1,13 +1,14 @@
-// The daemon's door to the network: a TCP port with TLS, or with plain HTTP for a proxy on this host.
+// The daemon's door to the network: a TCP port with TLS, or with plain HTTP for a proxy on this
+// host.
 #pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
 
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <thread>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "protocol/base/fd.h"
 #include "protocol/base/mutex.h"

@@ -13,8 +13,8 @@
 
 namespace myograde::server {
 
-// A user of this host, "uid 1000", or an address of the network, "address 192.0.2.1"; the key is all
-// that limits on connections know.
+// A user of this host, "uid 1000", or an address of the network, "address 192.0.2.1"; the key is
+// all that limits on connections know.
 struct Peer {
   std::string key;
   bool organiser = false;  // has places kept free, and limits of its own

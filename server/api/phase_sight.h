@@ -1,5 +1,5 @@
-// What the caller of a request may see of an evaluation, from the challenge files and the store. Only
-// inside handlers.
+// What the caller of a request may see of an evaluation, from the challenge files and the store.
+// Only inside handlers.
 #pragma once
 
 #include <string>

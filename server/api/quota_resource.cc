@@ -8,6 +8,8 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/paging.h"
+#include "server/api/phase_sight.h"
+#include "server/api/redaction.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/store/quota.h"
@@ -39,10 +41,17 @@ Json LedgerToJson(const LedgerRow& row) {
           {"why", row.why}};
 }
 
-void AddLedger(const Listed<LedgerRow>& ledger, Json& body) {
+absl::Status AddLedger(Reader& reader, const ApiContext& context,
+                       const Listed<LedgerRow>& ledger, Json& body) {
   body["ledger"] = Json::array();
-  for (const LedgerRow& row : ledger.rows) body["ledger"].push_back(LedgerToJson(row));
+  for (const LedgerRow& row : ledger.rows) {
+    const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, row.phase);
+    if (!sight.ok()) return sight.status();
+    body["ledger"].push_back(LedgerToJson(row));
+    RedactLedgerRow(body["ledger"].back(), *sight);
+  }
   body["unreadable"] = DamagedToJson(ledger.damaged);
+  return absl::OkStatus();
 }
 
 std::string BudgetText(Budget budget) { return std::string(BudgetName(budget)); }
@@ -134,9 +143,8 @@ ApiResult QuotaResource::Get(const httplib::Request& request) const {
     const std::string team = reader.TeamOf(asked);
     answer.body = QuotaOf(reader, context_, team, track);
     const Listed<LedgerRow> ledger = reader.Ledger(team, track, page->before, page->limit);
-    AddLedger(ledger, answer.body);
     AddNextPage(request, *page, ledger, answer);
-    return absl::OkStatus();
+    return AddLedger(reader, context_, ledger, answer.body);
   });
   if (!status.ok()) return ErrorOf(status);
   return answer;
@@ -155,8 +163,8 @@ ApiResult QuotaResource::Grant(const httplib::Request&, const Json& body) const 
     status = context_.readers.Read([&](Reader& reader) {
       grant->team = reader.TeamOf(grant->team);
       answer.body = QuotaOf(reader, context_, grant->team, grant->track);
-      AddLedger(reader.Ledger(grant->team, grant->track, INT64_MAX, 1), answer.body);
-      return absl::OkStatus();
+      return AddLedger(reader, context_,
+                       reader.Ledger(grant->team, grant->track, INT64_MAX, 1), answer.body);
     });
   }
   if (!status.ok()) return TeamErrorOf(status, grant->team);

@@ -10,9 +10,9 @@
 
 namespace myograde::server {
 
-// Everything that a submission's result is a function of, and the result; in format 2 if its config
-// hides its seeds, whether or not they have been revealed. FailedPreconditionError before it is done
-// or failed.
+// Everything that a submission's result is a function of, and the result; in format 2 if its
+// config hides its seeds, whether or not they have been revealed. FailedPreconditionError before it
+// is done or failed.
 absl::StatusOr<nlohmann::json> ReceiptOf(Reader& reader, int64_t submission);
 
 }  // namespace myograde::server

@@ -262,4 +262,8 @@ void RedactListed(Json& entry, const Visibility& sight) {
   RedactCommon(entry, view);
 }
 
+void RedactLedgerRow(Json& row, const Visibility& sight) {
+  if (!sight.outcomes) row["why"] = "withheld by the phase";
+}
+
 }  // namespace myograde::server

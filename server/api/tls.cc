@@ -1,5 +1,6 @@
 #include "server/api/tls.h"
 
+#include <absl/strings/str_cat.h>
 #include <openssl/err.h>
 #include <openssl/pem.h>
 #include <openssl/x509.h>
@@ -12,8 +13,6 @@
 #include <cstring>
 #include <utility>
 
-#include <absl/strings/str_cat.h>
-
 #include "server/base/counted.h"
 
 namespace myograde::server {
@@ -24,9 +23,9 @@ constexpr int kWarnDays = 14;  // before a certificate expires
 constexpr char kCiphers[] = "ECDHE+AESGCM:ECDHE+CHACHA20";
 
 absl::Status WrongFile(const std::string& path, std::string_view what) {
-  return absl::InvalidArgumentError(absl::StrCat(
-      path, ": ", absl::string_view(what.data(), what.size()),
-      "; correct \"http\": {\"listen\": …} in server.json, or the file"));
+  return absl::InvalidArgumentError(
+      absl::StrCat(path, ": ", absl::string_view(what.data(), what.size()),
+                   "; correct \"http\": {\"listen\": …} in server.json, or the file"));
 }
 
 // OpenSSL's own words on what went wrong last.
@@ -58,18 +57,21 @@ absl::StatusOr<Key> ReadKey(const std::string& path) {
           EVP_PKEY_free);
   if (key != nullptr) return key;
   const std::string reason = TlsReason();
-  if (asked) return WrongFile(path, "the key has a passphrase, and nobody could type it; store it without");
+  if (asked)
+    return WrongFile(path, "the key has a passphrase, and nobody could type it; store it without");
   return WrongFile(path, absl::StrCat("holds no private key in PEM (", reason, ")"));
 }
 
 std::string WarningOf(const std::string& path, const X509* certificate, const std::string& key) {
   if (X509_cmp_current_time(X509_get0_notAfter(certificate)) < 0) {
-    return absl::StrCat(path, ": the certificate has expired, so clients will refuse it; renew it and "
-                              "send SIGHUP");
+    return absl::StrCat(path,
+                        ": the certificate has expired, so clients will refuse it; renew it and "
+                        "send SIGHUP");
   }
   if (X509_cmp_current_time(X509_get0_notBefore(certificate)) > 0) {
-    return absl::StrCat(path, ": the certificate is not valid yet, so clients will refuse it; check "
-                              "it and this host's clock");
+    return absl::StrCat(path,
+                        ": the certificate is not valid yet, so clients will refuse it; check "
+                        "it and this host's clock");
   }
   int days = 0;
   int seconds = 0;
@@ -80,8 +82,9 @@ std::string WarningOf(const std::string& path, const X509* certificate, const st
   }
   struct stat info;
   if (::stat(key.c_str(), &info) == 0 && (info.st_mode & S_IROTH) != 0) {
-    return absl::StrCat(key, ": every user of this host can read the key; take that right away "
-                             "(chmod o-r)");
+    return absl::StrCat(key,
+                        ": every user of this host can read the key; take that right away "
+                        "(chmod o-r)");
   }
   return "";
 }
@@ -213,8 +216,8 @@ absl::StatusOr<std::shared_ptr<const TlsContext>> TlsContext::Load(const std::st
   SetRules(context.get());
   if (absl::Status status = CheckReadable(certificate, "certificate"); !status.ok()) return status;
   if (SSL_CTX_use_certificate_chain_file(context.get(), certificate.c_str()) != 1) {
-    return WrongFile(certificate,
-                 absl::StrCat("holds no certificate in PEM that can be used (", TlsReason(), ")"));
+    return WrongFile(certificate, absl::StrCat("holds no certificate in PEM that can be used (",
+                                               TlsReason(), ")"));
   }
   const absl::StatusOr<Key> private_key = ReadKey(key);
   if (!private_key.ok()) return private_key.status();
@@ -227,8 +230,7 @@ absl::StatusOr<std::shared_ptr<const TlsContext>> TlsContext::Load(const std::st
     return WrongFile(key, absl::StrCat("the key can't be used (", TlsReason(), ")"));
   }
   std::string warning = WarningOf(certificate, own, key);
-  return std::shared_ptr<const TlsContext>(
-      new TlsContext(std::move(context), std::move(warning)));
+  return std::shared_ptr<const TlsContext>(new TlsContext(std::move(context), std::move(warning)));
 }
 
 std::unique_ptr<Transport> TlsContext::Accept(int fd) const {

@@ -1,21 +1,20 @@
 // The server's end of TLS, by OpenSSL, for sockets that do not block.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
 #include <openssl/ssl.h>
 
 #include <memory>
 #include <string>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "server/api/transport.h"
 
 namespace myograde::server {
 
 // A certificate with its key, and what of TLS is spoken: versions 1.2 and 1.3 with forward secrecy,
-// without renegotiation, sessions that could be resumed, or compression. Never changes, so it is safe
-// from any thread.
+// without renegotiation, sessions that could be resumed, or compression. Never changes, so it is
+// safe from any thread.
 class TlsContext {
  public:
   // Reads a certificate with the chain that leads from it, and its private key, from files in PEM.

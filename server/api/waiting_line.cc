@@ -12,8 +12,8 @@ namespace {
 const ApiError kAllBusy = {429, "too_many",
                            "all connections that you may have are busy; let one of them end first"};
 
-// Who only sends no more still waits for an answer; but over TCP that is all that is seen of somebody
-// who has left.
+// Who only sends no more still waits for an answer; but over TCP that is all that is seen of
+// somebody who has left.
 bool HasHungUp(const Newcomer& newcomer) {
   const short left = newcomer.peer.network ? POLLRDHUP : short{0};
   pollfd entry = {newcomer.socket.get(), left, 0};

@@ -17,8 +17,8 @@ namespace myograde::server {
 class Connection;
 
 // kDisk moves what has arrived of a large body to the disk, or the next piece of a file that is
-// sent off it; kHandshake goes on with a TLS handshake, whose arithmetic would hold the gate up; the
-// others answer a whole request.
+// sent off it; kHandshake goes on with a TLS handshake, whose arithmetic would hold the gate up;
+// the others answer a whole request.
 enum class WorkKind { kServe, kDisk, kSmallUpload, kLargeUpload, kHandshake };
 inline constexpr size_t kWorkKinds = 5;
 

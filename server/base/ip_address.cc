@@ -1,12 +1,11 @@
 #include "server/base/ip_address.h"
 
+#include <absl/strings/str_cat.h>
 #include <arpa/inet.h>
 #include <netinet/in.h>
 
 #include <algorithm>
 #include <cstring>
-
-#include <absl/strings/str_cat.h>
 
 namespace myograde::server {
 namespace {

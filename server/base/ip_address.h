@@ -19,9 +19,9 @@ class IpAddress {
 
   // Whether nobody outside of this host can use it.
   bool IsLoopback() const;
-  // Identifies whoever has the address, for limits and rows: "address 192.0.2.1". Of an IPv6 address
-  // only the /64 counts, as anybody who has one has all of it: "address 2001:db8::/64". An IPv4
-  // address has the same key however it is written.
+  // Identifies whoever has the address, for limits and rows: "address 192.0.2.1". Of an IPv6
+  // address only the /64 counts, as anybody who has one has all of it: "address 2001:db8::/64". An
+  // IPv4 address has the same key however it is written.
   std::string Key() const;
   // As it stands in a URL: IPv6 in brackets.
   std::string UrlHost() const;

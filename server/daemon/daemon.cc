@@ -334,10 +334,11 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   if (config.listen.has_value()) {
     if (absl::Status status = server.OpenNetwork(*config.listen); !status.ok()) return status;
   }
+  // Before the socket answers, so that whoever waits for that finds the URL.
+  const NetworkGuard network(options.data_dir + "/listen", server.NetworkUrl());
   if (absl::Status status = server.Start(options.socket); !status.ok()) return status;
   server_to_stop = &server;
   access_log.Start();
-  const NetworkGuard network(options.data_dir + "/listen", server.NetworkUrl());
   const Retention retention(config.retention, options.data_dir, engine, readers, clock);
   spdlog::info("listening on {}, {} slots, {} tracks, {} phases", options.socket,
                config.scheduler.slots, tracks.entries().size(), phases->entries().size());

@@ -8,7 +8,8 @@
 // Format 2 is that of evaluations with hidden seeds (TrackConfig::seed_salt): "seed_commitment"
 // takes the place of each "seed", "policy_seeds" is null, and "track_config" lacks "seeds",
 // "policy_seed_secret" and "seed_salt". In their place "hidden" has the "commitment" to the phase's
-// secret (null: the daemon did not have it) and the "count" of its seeds. The secret opens all of it.
+// secret (null: the daemon did not have it) and the "count" of its seeds. The secret opens all of
+// it.
 #pragma once
 
 #include <string>
@@ -40,13 +41,13 @@ absl::StatusOr<nlohmann::json> ParseReceipt(std::string_view text);
 bool HidesSeeds(const nlohmann::json& receipt);
 
 // Checks the signature, and every hash in the receipt against its content. Needs neither a daemon
-// nor the simulator. `secret` is that of the phase (seed_list.h), "" as long as it is not known: what
-// only it could show is then a remark. REQUIRES: ParseReceipt(text) succeeded.
+// nor the simulator. `secret` is that of the phase (seed_list.h), "" as long as it is not known:
+// what only it could show is then a remark. REQUIRES: ParseReceipt(text) succeeded.
 std::vector<ReceiptCheck> CheckReceipt(std::string_view text, const PublicKey& key,
                                        const std::string& secret = "");
 
-// A receipt with its whole "track_config" and "policy_seeds": what `secret` adds to one that hides its
-// seeds. InvalidArgumentError: its config can't be read.
+// A receipt with its whole "track_config" and "policy_seeds": what `secret` adds to one that hides
+// its seeds. InvalidArgumentError: its config can't be read.
 absl::StatusOr<nlohmann::json> OpenedReceipt(const nlohmann::json& receipt,
                                              const std::string& secret);
 

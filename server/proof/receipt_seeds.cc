@@ -68,7 +68,8 @@ ReceiptCheck CheckCommitments(const Json& receipt, const std::string& salt,
         entry["seed_commitment"] !=
             SeedCommitment(salt, index, seeds[static_cast<size_t>(index)])) {
       return {"seed_commitments", false,
-              absl::StrCat("episode ", index, " is not committed to the seed that the secret gives")};
+              absl::StrCat("episode ", index,
+                           " is not committed to the seed that the secret gives")};
     }
   }
   return {"seed_commitments", true, ""};

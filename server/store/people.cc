@@ -134,11 +134,16 @@ absl::Status Writer::FoundTeam(const std::string& team, const std::string& perso
   if (!name.ok()) return name.status();
   std::set<std::string> teams = Reader(db_).TeamsOf(person);
   if (teams.contains(*name)) return absl::OkStatus();
-  // Also of teams that were merged into it, and those who were removed.
-  SQLite::Statement member(db_, absl::StrCat("SELECT 1 FROM member WHERE team_id IN ",
-                                             RowsOfTeam(1), " LIMIT 1"));
-  member.bind(1, KnownTeamId(db_, *name));
-  if (member.executeStep()) {
+  // Also of teams that were merged into it, and those who were removed; a team may also be of people
+  // with tokens, or of somebody for whom an organiser submits.
+  const std::string rows = RowsOfTeam(1);
+  SQLite::Statement others(
+      db_, absl::StrCat("SELECT 1 FROM member WHERE team_id IN ", rows,
+                        " UNION ALL SELECT 1 FROM token WHERE team_id IN ", rows,
+                        " UNION ALL SELECT 1 FROM submission WHERE team_id IN ", rows,
+                        " AND accepted_by != ?2 LIMIT 1"));
+  SQLite::bind(others, KnownTeamId(db_, *name), person);
+  if (others.executeStep()) {
     return Forbid(absl::StrCat("team \"", *name, "\" belongs to others, and ", person,
                                " is no member of it; choose another name, or ask an organiser to "
                                "add you"));

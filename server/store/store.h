@@ -210,7 +210,7 @@ class Writer {
                                          const std::string& why);
   // Makes `person` the first member of a team, which is created if there is none. Does nothing for
   // a member. FailedPreconditionError with the code "forbidden" if the team has or had other
-  // members, or if the person would belong to more than `most` teams.
+  // members, tokens, or submissions of others, or if the person would belong to more than `most` teams.
   absl::Status FoundTeam(const std::string& team, const std::string& person, int64_t most);
   // The old name still finds the team. FailedPreconditionError if the new one is or was another
   // team's; otherwise the name errors of Accept.

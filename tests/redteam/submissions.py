@@ -1,5 +1,5 @@
 """Cases 47, 48, 73, 74 and 105: what must be rejected at submission, with a reason, before
-anything of it runs. 85 and 86 are in crowds.py."""
+anything of it runs. 85 and 86 are in crowds.py, 106 is in hidden.py."""
 
 import contextlib
 import dataclasses
@@ -13,6 +13,7 @@ from typing import Callable
 
 import archives
 import crowds
+import hidden
 from support.client import ApiError
 
 WRONG_USE = 2
@@ -338,4 +339,6 @@ CASES = (
     SubmissionCase(85, "crowds of clients that are silent, slow or idle", crowds.run_crowds),
     SubmissionCase(86, "re-runs without end", crowds.run_hoard, quick=False),
     SubmissionCase(105, "teams that look like others", run_look_alikes, quick=False),
+    SubmissionCase(106, "a curious program in a phase with hidden seeds", hidden.run_curious,
+                   quick=False),
 )

@@ -42,8 +42,9 @@ absl::StatusOr<Json> AnswerOf(const httplib::Result& result, const ServerChoice&
   if (!result) return NoAnswer(choice, http, result.error());
   if (result->status >= 300 && result->status < 400) {
     return absl::InternalError(absl::StrCat(
-        choice.address.Text(), " sends requests elsewhere, where they don't follow, as a token is for "
-        "one server; give the daemon's own address"));
+        choice.address.Text(),
+        " redirects requests, and redirections are not followed, as a token is for one server; give "
+        "the daemon's own address"));
   }
   Json json = Json::parse(result->body, nullptr, /*allow_exceptions=*/false);
   const bool good = result->status >= 200 && result->status < 300;
@@ -135,7 +136,8 @@ absl::StatusOr<Json> Client::Upload(const std::string& path, const std::string& 
       (*http)->Post(path, static_cast<size_t>(size), provide, type);
   if (IsLost(result)) {
     return absl::UnavailableError(absl::StrCat(
-        "the daemon on ", choice_->address.Text(), " hung up in the middle of an upload of ", size, " bytes (",
+        "the daemon on ", choice_->address.Text(), " hung up in the middle of an upload of ", size,
+        " bytes (",
         httplib::to_string(result.error()),
         "): it may be larger than archive_bytes in server.json allows, or have taken longer than "
         "upload_s; the daemon's log says more"));

@@ -1,5 +1,6 @@
 #include "server/cli/client/connect.h"
 
+#include <absl/strings/str_cat.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
 #include <pwd.h>
@@ -12,8 +13,6 @@
 #include <cstring>
 #include <filesystem>
 #include <utility>
-
-#include <absl/strings/str_cat.h>
 
 #include "server/base/ip_address.h"
 
@@ -61,9 +60,9 @@ absl::Status CheckSocket(const std::string& socket) {
 // On top of cpp-httplib's own checks, OpenSSL's of the host, which are those of RFC 6125.
 absl::StatusOr<std::unique_ptr<httplib::ClientImpl>> SecureClient(const ServerChoice& choice) {
   if (!choice.ca_file.empty() && ::access(choice.ca_file.c_str(), R_OK) != 0) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        choice.ca_file, ": the file of authorities to trust can't be read (", std::strerror(errno),
-        "); correct --ca-file, MYOGRADE_CA_FILE, or the login"));
+    return absl::InvalidArgumentError(
+        absl::StrCat(choice.ca_file, ": the file of authorities to trust can't be read (",
+                     std::strerror(errno), "); correct --ca-file, MYOGRADE_CA_FILE, or the login"));
   }
   const std::string& host = choice.address.host;
   auto http = std::make_unique<httplib::SSLClient>(host, choice.address.port);
@@ -89,7 +88,8 @@ std::string CertificateTrouble(const ServerChoice& choice, long code) {
   const std::string beginning = absl::StrCat("the certificate of ", server, " ");
   switch (code) {
     case X509_V_ERR_CERT_HAS_EXPIRED:
-      return beginning + "has expired; its organiser has to renew it (or this host's clock is wrong)";
+      return beginning +
+             "has expired; its organiser has to renew it (or this host's clock is wrong)";
     case X509_V_ERR_CERT_NOT_YET_VALID:
       return beginning + "is not valid yet; check this host's clock";
     case X509_V_OK:  // cpp-httplib's own check of the host
@@ -107,11 +107,12 @@ std::string CertificateTrouble(const ServerChoice& choice, long code) {
         return absl::StrCat(beginning, "is not signed by an authority in ", choice.ca_file,
                             "; ask the organiser for the right file");
       }
-      return beginning + "is signed by nobody whom this host trusts; if the lab has an authority of "
-                         "its own, give its certificate with --ca-file";
+      return beginning +
+             "is signed by nobody whom this host trusts; if the lab has an authority of "
+             "its own, give its certificate with --ca-file";
     default:
-      return absl::StrCat(beginning, "can't be trusted (",
-                          X509_verify_cert_error_string(code), ")");
+      return absl::StrCat(beginning, "can't be trusted (", X509_verify_cert_error_string(code),
+                          ")");
   }
 }
 
@@ -124,16 +125,19 @@ std::string NetworkTrouble(const ServerChoice& choice, const httplib::ClientImpl
       return absl::StrCat("no server can be reached at ", server,
                           "; check the address and the network, or ask its organiser");
     case httplib::Error::SSLLoadingCerts:
-      return absl::StrCat(choice.ca_file, ": holds no certificates in PEM; correct --ca-file, "
-                                          "MYOGRADE_CA_FILE, or the login");
+      return absl::StrCat(choice.ca_file,
+                          ": holds no certificates in PEM; correct --ca-file, "
+                          "MYOGRADE_CA_FILE, or the login");
     case httplib::Error::SSLConnection:
-      return absl::StrCat("no TLS connection to ", server, " could be made: it may speak plain HTTP "
-                          "or an old TLS there, or have too many connections; check the address, or "
-                          "try again in a minute");
+      return absl::StrCat(
+          "no TLS connection to ", server,
+          " could be made: it may speak plain HTTP "
+          "or an old TLS there, or have too many connections; check the address, or "
+          "try again in a minute");
     case httplib::Error::SSLServerVerification: {
       const auto* secure = dynamic_cast<const httplib::SSLClient*>(&http);
-      return CertificateTrouble(choice,
-                                secure == nullptr ? X509_V_OK : secure->get_openssl_verify_result());
+      return CertificateTrouble(
+          choice, secure == nullptr ? X509_V_OK : secure->get_openssl_verify_result());
     }
     default:
       return absl::StrCat("the server at ", server, " did not answer (", httplib::to_string(error),

@@ -1,13 +1,12 @@
 // Connections to a daemon, and in words why there is none.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
 #include <httplib.h>
 
 #include <ctime>
 #include <memory>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "server/cli/client/server_choice.h"
 
@@ -19,8 +18,8 @@ namespace myograde::server {
 absl::StatusOr<std::unique_ptr<httplib::ClientImpl>> Connect(const ServerChoice& choice,
                                                              std::time_t answer_seconds);
 
-// Why a request of `http` to `choice` had no answer: UnavailableError with a sentence that says what
-// to do.
+// Why a request of `http` to `choice` had no answer: UnavailableError with a sentence that says
+// what to do.
 absl::Status NoAnswer(const ServerChoice& choice, const httplib::ClientImpl& http,
                       httplib::Error error);
 

@@ -11,7 +11,7 @@ Client DaemonOptions::client() const { return Client(ChooseServer(*this)); }
 void AddCaFile(CLI::App& verb, std::string& file) {
   verb.add_option("--ca-file", file,
                   "Certificates in PEM of the authorities that may have signed the server's "
-                  "(default: MYOGRADE_CA_FILE, else the login's, else those that this host trusts)");
+                  "(default: MYOGRADE_CA_FILE, else the login's, else those this host trusts)");
 }
 
 void AddDaemonOptions(CLI::App& verb, const std::string& schema, DaemonOptions& options,

@@ -20,7 +20,8 @@ struct DaemonOptions : ServerOptions {
 // Adds --ca-file.
 void AddCaFile(CLI::App& verb, std::string& file);
 
-// Adds --json, and with --server, --ca-file, --data and --socket where the daemon is. `schema` and `json_help` as for AddJson.
+// Adds --json, and with --server, --ca-file, --data and --socket where the daemon is. `schema` and
+// `json_help` as for AddJson.
 void AddDaemonOptions(CLI::App& verb, const std::string& schema, DaemonOptions& options,
                       const std::string& json_help = "Print JSON");
 

@@ -1,11 +1,11 @@
 // myograde login, logout, whoami
+#include <absl/strings/str_cat.h>
+
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
-
-#include <absl/strings/str_cat.h>
 
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
@@ -80,7 +80,8 @@ absl::StatusOr<ServerChoice> Target(const LoginOptions& options) {
   ServerChoice choice;
   choice.address = *std::move(address);
   choice.ca_file = options.ca_file;
-  if (const char* file = std::getenv("MYOGRADE_CA_FILE"); choice.ca_file.empty() && file != nullptr) {
+  if (const char* file = std::getenv("MYOGRADE_CA_FILE");
+      choice.ca_file.empty() && file != nullptr) {
     choice.ca_file = file;
   }
   if (!choice.ca_file.empty()) choice.ca_file = std::filesystem::absolute(choice.ca_file).string();

@@ -1,5 +1,6 @@
 #include "server/cli/client/login_file.h"
 
+#include <absl/strings/str_cat.h>
 #include <fcntl.h>
 #include <pwd.h>
 #include <sys/stat.h>
@@ -10,8 +11,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
-
-#include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
@@ -32,7 +31,8 @@ std::string HomeOf() {
 }
 
 absl::Status NotUsable(const std::string& path, std::string_view why) {
-  return absl::InvalidArgumentError(absl::StrCat(path, ": ", absl::string_view(why.data(), why.size()),
+  return absl::InvalidArgumentError(absl::StrCat(path, ": ",
+                                                 absl::string_view(why.data(), why.size()),
                                                  "; \"myograde login\" writes it anew, \"myograde "
                                                  "logout\" removes it"));
 }
@@ -44,8 +44,9 @@ absl::Status CheckRights(const std::string& path, int fd) {
   if (info.st_uid != ::geteuid()) return NotUsable(path, "belongs to another user");
   if ((info.st_mode & 077) == 0) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(
-      path, ": other users may read the token in it; take that right away (chmod 600), and have the "
-            "token replaced if they may have done so"));
+      path,
+      ": other users may read the token in it; take that right away (chmod 600), and have the "
+      "token replaced if they may have done so"));
 }
 
 }  // namespace
@@ -58,12 +59,14 @@ std::string LoginFile() {
 }
 
 absl::Status CheckToken(const std::string& token, const std::string& what) {
-  const bool good = !token.empty() && token.size() <= kMaxToken &&
-                    std::all_of(token.begin(), token.end(), [](char c) { return c > ' ' && c < 0x7f; });
+  const bool good =
+      !token.empty() && token.size() <= kMaxToken &&
+      std::all_of(token.begin(), token.end(), [](char c) { return c > ' ' && c < 0x7f; });
   if (good) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat(
-      what, ": this is no token; it is one word of at most ", kMaxToken, " letters, digits and signs, "
-            "as the organiser gave it"));
+  return absl::InvalidArgumentError(
+      absl::StrCat(what, ": this is no token; it is one word of at most ", kMaxToken,
+                   " letters, digits and signs, "
+                   "as the organiser gave it"));
 }
 
 absl::StatusOr<std::optional<Login>> ReadLogin() {

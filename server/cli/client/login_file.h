@@ -1,16 +1,16 @@
 // The login that `myograde login` keeps for the verbs after it.
 #pragma once
 
-#include <optional>
-#include <string>
-
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
+
+#include <optional>
+#include <string>
 
 namespace myograde::server {
 
 struct Login {
-  std::string server;   // ServerAddress::Text
+  std::string server;  // ServerAddress::Text
   std::string token;
   std::string ca_file;  // "": those that this host trusts
 };

@@ -1,13 +1,12 @@
 #include "server/cli/client/read_secret.h"
 
+#include <absl/strings/ascii.h>
 #include <signal.h>
 #include <termios.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <iostream>
-
-#include <absl/strings/ascii.h>
 
 namespace myograde::server {
 namespace {

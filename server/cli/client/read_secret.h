@@ -1,9 +1,9 @@
 // Asks for a secret.
 #pragma once
 
-#include <string>
-
 #include <absl/status/statusor.h>
+
+#include <string>
 
 namespace myograde::server {
 

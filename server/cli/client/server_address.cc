@@ -1,11 +1,11 @@
 #include "server/cli/client/server_address.h"
 
-#include <algorithm>
-#include <optional>
-
 #include <absl/strings/ascii.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
+
+#include <algorithm>
+#include <optional>
 
 #include "server/base/ip_address.h"
 #include "server/cli/terminal/screen.h"
@@ -85,10 +85,11 @@ absl::StatusOr<ServerAddress> ParseServer(const std::string& text, const std::st
     return absl::InvalidArgumentError(absl::StrCat(
         what, ": an address has no user and no password in it; \"myograde login\" takes a token"));
   }
-  const std::string word = absl::AsciiStrToLower(
-      text.substr(0, scheme == std::string::npos ? 0 : scheme));
+  const std::string word =
+      absl::AsciiStrToLower(text.substr(0, scheme == std::string::npos ? 0 : scheme));
   address.kind = word == "https" ? ServerAddress::Kind::kHttps : ServerAddress::Kind::kHttp;
-  const bool good = (word == "https" || word == "http") && ReadAuthority(text.substr(scheme + 3), address);
+  const bool good =
+      (word == "https" || word == "http") && ReadAuthority(text.substr(scheme + 3), address);
   if (!good) {
     return absl::InvalidArgumentError(absl::StrCat(
         what, ": \"", CutText(Harmless(text), 80),
@@ -96,7 +97,8 @@ absl::StatusOr<ServerAddress> ParseServer(const std::string& text, const std::st
   }
   if (address.kind == ServerAddress::Kind::kHttp && !IsThisHost(address.host)) {
     return absl::InvalidArgumentError(absl::StrCat(
-        what, ": ", address.Text(), " is without TLS, so that anybody on the way could read and "
+        what, ": ", address.Text(),
+        " is without TLS, so that anybody on the way could read and "
         "change everything; write https://, or reach this host itself as http://127.0.0.1"));
   }
   return address;

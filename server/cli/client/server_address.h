@@ -1,9 +1,9 @@
 // Where a daemon is: at a Unix socket of this host, or at a URL.
 #pragma once
 
-#include <string>
-
 #include <absl/status/statusor.h>
+
+#include <string>
 
 namespace myograde::server {
 
@@ -20,9 +20,9 @@ struct ServerAddress {
   std::string Text() const;
 };
 
-// "https://host:8443", "http://127.0.0.1:8080", "unix:PATH", or a path with a slash in it. Plain HTTP
-// is for this host alone. InvalidArgumentError: one sentence that begins with `what`, which gave the
-// text; the text is left out if it may hold a password.
+// "https://host:8443", "http://127.0.0.1:8080", "unix:PATH", or a path with a slash in it. Plain
+// HTTP is for this host alone. InvalidArgumentError: one sentence that begins with `what`, which
+// gave the text; the text is left out if it may hold a password.
 absl::StatusOr<ServerAddress> ParseServer(const std::string& text, const std::string& what);
 
 }  // namespace myograde::server

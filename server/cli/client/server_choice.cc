@@ -20,9 +20,9 @@ absl::StatusOr<ServerChoice> ChooseAddress(const ServerOptions& options) {
   const std::string variable = Variable("MYOGRADE_SERVER");
   const bool names_socket = !options.socket.empty() || !options.data.empty();
   if (!options.server.empty() || (!names_socket && !variable.empty())) {
-    absl::StatusOr<ServerAddress> address =
-        options.server.empty() ? ParseServer(variable, "MYOGRADE_SERVER")
-                               : ParseServer(options.server, "--server");
+    absl::StatusOr<ServerAddress> address = options.server.empty()
+                                                ? ParseServer(variable, "MYOGRADE_SERVER")
+                                                : ParseServer(options.server, "--server");
     if (!address.ok()) return address.status();
     choice.address = *std::move(address);
     return choice;

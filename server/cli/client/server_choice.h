@@ -1,9 +1,9 @@
 // Which daemon a verb speaks to, and what it shows there.
 #pragma once
 
-#include <string>
-
 #include <absl/status/statusor.h>
+
+#include <string>
 
 #include "server/cli/client/server_address.h"
 
@@ -24,8 +24,8 @@ struct ServerChoice {
   bool by_login = false;  // nothing but the login chose it
 };
 
-// README.md has the order: --server, --socket and --data; MYOGRADE_SERVER; MYOGRADE_DATA; the login;
-// the default data folder. A token goes to the server that it belongs to and to no other.
+// README.md has the order: --server, --socket and --data; MYOGRADE_SERVER; MYOGRADE_DATA; the
+// login; the default data folder. A token goes to the server that it belongs to and to no other.
 // InvalidArgumentError: an address, the login or a token can't be used.
 absl::StatusOr<ServerChoice> ChooseServer(const ServerOptions& options);
 

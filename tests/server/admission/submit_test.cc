@@ -55,18 +55,35 @@ TEST_F(SubmitTest, OnlyTheWholeSeedListIsRanked) {
     EXPECT_TRUE(accepted.ok()) << accepted.status();
     return SubmissionOf(accepted.value_or(Accepted())).ranked;
   };
+  EXPECT_TRUE(is_ranked());
   request.episodes = 2;
   EXPECT_FALSE(is_ranked());
   request.episodes = 3;
-  EXPECT_TRUE(is_ranked());
+  EXPECT_FALSE(is_ranked()) << "as many as are ranked, and not those";
   request.episodes = std::nullopt;
-  request.seeds = {config().seeds.rbegin(), config().seeds.rend()};
+  request.seeds = {171, 172, 173, 174, 175};
   EXPECT_FALSE(is_ranked());
-  request.seeds = {71, 72, 73, 74, 75};
-  EXPECT_FALSE(is_ranked());
-  request.team = "beta";
-  request.seeds = config().seeds;
-  EXPECT_TRUE(is_ranked());
+}
+
+TEST_F(SubmitTest, PracticePlaysNoSeedThatSomebodyRanks) {
+  AddArtefact('a');
+  SubmitRequest request{.artefact = std::string(64, 'a'),
+                        .team = "alpha",
+                        .track = kTrack,
+                        .profile = "",
+                        .seeds = config().seeds,
+                        .episodes = std::nullopt};
+  const auto refused = [&] { return admission().Submit(request, "uid 7").status(); };
+  EXPECT_EQ(ErrorCodeOf(refused()), "ranked_seed");
+  request.seeds = {171, config().seeds.back()};
+  EXPECT_EQ(ErrorCodeOf(refused()), "ranked_seed");
+  request.episodes = 1;
+  EXPECT_EQ(ErrorCodeOf(refused()), "ranked_seed") << "what is in the list counts";
+  request.episodes = std::nullopt;
+  request.seeds = {171, 99};  // another track's, in the same environment
+  EXPECT_EQ(ErrorCodeOf(refused()), "ranked_seed");
+  EXPECT_THAT(std::string(refused().message()), HasSubstr("the seed 99, which track \"manipulation\""));
+  EXPECT_EQ(Count("submission"), 0);
 }
 
 TEST_F(SubmitTest, MoreEpisodesThanSeedsAreRefused) {
@@ -74,7 +91,7 @@ TEST_F(SubmitTest, MoreEpisodesThanSeedsAreRefused) {
   const auto refused = Submit("alpha", 'a', 4);
   EXPECT_TRUE(absl::IsInvalidArgument(refused.status())) << refused.status();
   EXPECT_EQ(ErrorCodeOf(refused.status()), "");
-  EXPECT_THAT(std::string(refused.status().message()), HasSubstr("the seed list has 3"));
+  EXPECT_THAT(std::string(refused.status().message()), HasSubstr("the track's list of practice seeds has 3"));
 }
 
 TEST_F(SubmitTest, TheSameArtefactAgainIsTheFirstSubmission) {

@@ -1,6 +1,7 @@
 // Certificates for tests, and the client's end of TLS, which trusts anybody.
 #pragma once
 
+#include <absl/time/time.h>
 #include <gtest/gtest.h>
 #include <openssl/err.h>
 #include <openssl/pem.h>
@@ -14,12 +15,10 @@
 #include <memory>
 #include <string>
 
-#include <absl/time/time.h>
-
 namespace myograde::server {
 
-// Writes a new key to `key_path` (with a passphrase, if there is one) and a certificate of it, signed
-// by itself, to `path`. It is valid from `from` on until `until`, counted from now.
+// Writes a new key to `key_path` (with a passphrase, if there is one) and a certificate of it,
+// signed by itself, to `path`. It is valid from `from` on until `until`, counted from now.
 inline void MakeCertificate(const std::string& path, const std::string& key_path,
                             absl::Duration from = -absl::Hours(1),
                             absl::Duration until = absl::Hours(24 * 365),
@@ -54,11 +53,13 @@ inline void MakeCertificate(const std::string& path, const std::string& key_path
 // The client's end of TLS over a connected socket that blocks. A wait lasts a minute at most.
 class TlsEnd {
  public:
-  explicit TlsEnd(int fd, int version = 0) : context_(SSL_CTX_new(TLS_client_method()), SSL_CTX_free) {
+  explicit TlsEnd(int fd, int version = 0)
+      : context_(SSL_CTX_new(TLS_client_method()), SSL_CTX_free) {
     const timeval patience = {60, 0};
     setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
     setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof(patience));
-    SSL_CTX_set_security_level(context_.get(), 0);  // of the server's, nothing is left to the client
+    SSL_CTX_set_security_level(context_.get(),
+                               0);  // of the server's, nothing is left to the client
     SSL_CTX_set_min_proto_version(context_.get(), version);
     SSL_CTX_set_max_proto_version(context_.get(), version);
     ssl_ = {SSL_new(context_.get()), SSL_free};

@@ -56,7 +56,8 @@ class GateTlsTest : public GateTest {
       end.Handshake();
     });
     std::string hello(4096, '\0');
-    hello.resize(static_cast<size_t>(std::max<ssize_t>(read(ours.get(), hello.data(), hello.size()), 0)));
+    hello.resize(
+        static_cast<size_t>(std::max<ssize_t>(read(ours.get(), hello.data(), hello.size()), 0)));
     shutdown(ours.get(), SHUT_RDWR);
     client.join();
     return hello;
@@ -165,7 +166,8 @@ TEST_F(GateTlsTest, SlowReadersGetTheirAnswersAndHoldUpNobody) {
   size_t received = 0;
   const std::string head = absl::StrCat("HTTP/1.1 200 OK\r\nContent-Length: ", kLarge, "\r\n\r\n");
   while (received < head.size() + kLarge) {
-    const size_t piece = end.Receive(std::min<size_t>(100'000, head.size() + kLarge - received)).size();
+    const size_t piece =
+        end.Receive(std::min<size_t>(100'000, head.size() + kLarge - received)).size();
     ASSERT_GT(piece, 0u);
     received += piece;
     absl::SleepFor(absl::Milliseconds(1));
@@ -190,8 +192,9 @@ TEST_F(GateTlsTest, TheNetworkTakesNoPlacesOfOrganisers) {
   Start(NetworkLimits());  // 20 places, 4 of them kept
   std::vector<std::unique_ptr<Client>> crowd;
   for (int address = 0; address < 10; ++address) {
-    for (auto& client : Many(4, absl::StrCat("net-", std::string(1, static_cast<char>('a' + address))),
-                             ClientHello().substr(0, 50))) {
+    for (auto& client :
+         Many(4, absl::StrCat("net-", std::string(1, static_cast<char>('a' + address))),
+              ClientHello().substr(0, 50))) {
       crowd.push_back(std::move(client));
     }
   }

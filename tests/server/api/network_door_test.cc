@@ -1,12 +1,11 @@
 // The door to the network: what keeps it shut.
 #include "server/api/network_door.h"
 
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
-
-#include <absl/strings/numbers.h>
-#include <absl/strings/str_cat.h>
 
 #include "server/base/ip_address.h"
 
@@ -28,7 +27,8 @@ TEST(NetworkDoorTest, TellsItsPortAndWhoComes) {
   ASSERT_TRUE(door.ok()) << door.status();
   ASSERT_THAT((*door)->url(), StartsWith("http://127.0.0.1:"));
   int port = 0;
-  ASSERT_TRUE(absl::SimpleAtoi((*door)->url().substr(std::string("http://127.0.0.1:").size()), &port));
+  ASSERT_TRUE(
+      absl::SimpleAtoi((*door)->url().substr(std::string("http://127.0.0.1:").size()), &port));
   ASSERT_GT(port, 0);
   const Fd client(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
   socklen_t size = 0;
@@ -55,7 +55,8 @@ TEST(NetworkDoorTest, TellsItsPortAndWhoComes) {
 TEST(NetworkDoorTest, AnAddressOfAnotherHostIsAMistake) {
   const absl::Status status = NetworkDoor::Open(PlainAt("192.0.2.1")).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_THAT(std::string(status.message()), HasSubstr("no interface of this host has the address"));
+  EXPECT_THAT(std::string(status.message()),
+              HasSubstr("no interface of this host has the address"));
 }
 
 TEST(NetworkDoorTest, ACertificateIsCheckedFirst) {

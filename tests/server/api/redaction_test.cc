@@ -85,7 +85,9 @@ TEST(RedactEvaluation, HidesSeedsAndNothingElse) {
 TEST(RedactEvaluation, HidesEachPartByItsName) {
   Json answer = Redacted(Evaluation(), {.outcomes = false});
   Json row = answer["episode_rows"][0];
-  for (const char* key : {"outcome", "reason", "end", "fault"}) EXPECT_TRUE(row[key].is_null()) << key;
+  for (const char* key : {"outcome", "reason", "end", "fault"}) {
+    EXPECT_TRUE(row[key].is_null()) << key;
+  }
   EXPECT_EQ(row["metrics"], Json({{"success", nullptr}, {"time_s", 0.5}}));
   EXPECT_EQ(answer["outcomes"], Json::object());
   EXPECT_EQ(answer["comparison"]["episodes"], Json::array());
@@ -162,6 +164,15 @@ TEST(RedactStatus, HidesWhereALeaseIsAndWhatWentWrong) {
   EXPECT_TRUE(status["leases"][0]["step"].is_null());
   EXPECT_EQ(status["leases"][0]["lease"], 1);
   EXPECT_EQ(status["withheld"], Json({"outcomes", "metrics", "output"}));
+}
+
+TEST(RedactLedgerRow, HidesHowAnEpisodeEnded) {
+  const Json charge = {{"entry", "charge"}, {"why", "episode 0 ended as failure"}};
+  Json row = charge;
+  RedactLedgerRow(row, {.logs = false, .seeds = false});
+  EXPECT_EQ(row, charge);
+  RedactLedgerRow(row, {.outcomes = false});
+  EXPECT_EQ(row.dump().find("failure"), std::string::npos);
 }
 
 TEST(RedactListed, HidesCountsAndKeepsTheRest) {

@@ -1,6 +1,7 @@
 // The server's end of TLS over a pair of sockets, and what is wrong with certificates.
 #include "server/api/tls.h"
 
+#include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 #include <poll.h>
 #include <signal.h>
@@ -10,8 +11,6 @@
 #include <fstream>
 #include <future>
 #include <thread>
-
-#include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
 #include "server/api/connection.h"
@@ -51,10 +50,11 @@ class TlsTest : public ::testing::Test {
     ASSERT_EQ(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends), 0);
     client_fd_ = Fd(ends[1]);
     ASSERT_EQ(fcntl(ends[0], F_SETFL, O_NONBLOCK), 0);
-    connection_ = std::make_unique<Connection>(1, Fd(ends[0]), std::make_shared<PeerLoad>(Peer{"a"}),
-                                               (*context)->Accept(ends[0]));
+    connection_ = std::make_unique<Connection>(
+        1, Fd(ends[0]), std::make_shared<PeerLoad>(Peer{"a"}), (*context)->Accept(ends[0]));
     client_ = std::make_unique<TlsEnd>(client_fd_.get(), version);
-    std::future<bool> other = std::async(std::launch::async, [this] { return client_->Handshake(); });
+    std::future<bool> other =
+        std::async(std::launch::async, [this] { return client_->Handshake(); });
     Connection::Next next;
     while ((next = connection_->Handshake()) == Connection::Next::kHandshake) AwaitServer();
     EXPECT_EQ(next, Connection::Next::kRead);
@@ -140,7 +140,8 @@ TEST_F(TlsTest, MistakesOfFilesAreNamed) {
   MakeCertificate(path("locked-cert"), path("locked-key"), -absl::Hours(1), absl::Hours(9999),
                   "secret");
   std::ofstream(path("text")) << "no PEM\n";
-  EXPECT_THAT(ErrorOf("none", "key"), HasSubstr("none: the certificate can't be read (No such file"));
+  EXPECT_THAT(ErrorOf("none", "key"),
+              HasSubstr("none: the certificate can't be read (No such file"));
   EXPECT_THAT(ErrorOf("cert", "none"), HasSubstr("none: the key can't be read (No such file"));
   EXPECT_THAT(ErrorOf("text", "key"), HasSubstr("text: holds no certificate in PEM"));
   EXPECT_THAT(ErrorOf("cert", "text"), HasSubstr("text: holds no private key in PEM"));

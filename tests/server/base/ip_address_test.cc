@@ -1,9 +1,8 @@
 // Which addresses are one caller for limits, and which are this host's own.
 #include "server/base/ip_address.h"
 
-#include <netinet/in.h>
-
 #include <gtest/gtest.h>
+#include <netinet/in.h>
 
 namespace myograde::server {
 namespace {

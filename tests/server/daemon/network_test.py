@@ -7,11 +7,13 @@ import shutil
 import signal
 import socket
 import ssl
+import subprocess
 import unittest
 
-from daemon_test import DaemonCase
+from daemon_test import BIN, DaemonCase
 from support import client
 from support.certificates import make_certificate
+from support.submission import played_by_stand_in
 from support.waiting import wait_until
 
 TIMEOUT_S = 60
@@ -79,6 +81,44 @@ class TlsTest(NetworkCase):
                                     self.folder / "server.pem", "--json", text=True)
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(json.loads(done.stdout)["server"], self.url)
+
+    def myograde(self, *words, typed="", status=0):
+        """What a participant's tool prints who has no folder of the daemon's."""
+        environment = {name: value for name, value in self.daemon.environment.items()
+                       if name != "MYOGRADE_DATA"}
+        done = subprocess.run([BIN / "myograde", *map(str, words)], input=typed, text=True,
+                              capture_output=True, timeout=TIMEOUT_S, check=False,
+                              env={**environment, "XDG_CONFIG_HOME": str(self.folder / "config")})
+        self.assertEqual(done.returncode, status, done.stderr)
+        return done.stdout if status == 0 else done.stderr
+
+    def test_a_participant_logs_in_and_submits_over_the_network(self):
+        def post(path, body):
+            status, answer = self.call("POST", path, body, "application/json")
+            self.assertIn(status, (200, 201), answer)
+            return answer
+        post("/v1/teams", {"team": "alpha"})
+        token = post("/v1/tokens", {"role": "participant", "team": "alpha", "label": "laptop"})
+        login = ("login", self.url, "--ca-file", self.folder / "server.pem")
+        self.assertIn("bad_token", json.dumps(self.call_with("nonsense")))
+        self.myograde(*login, typed="nonsense\n", status=2)
+        self.assertIn("a participant of alpha", self.myograde(*login, typed=token["token"] + "\n"))
+        policy = self.folder / "policy.tar"
+        policy.write_bytes(played_by_stand_in("ok"))
+        answer = json.loads(self.myograde("submit", policy, "--track", "demo-manipulation", "--team",
+                                          "alpha", "--wait", "--json"))
+        self.assertEqual((answer["state"], answer["team"]), ("done", "alpha"))
+        receipt = self.folder / "receipt.json"
+        self.myograde("receipt", answer["submission"], "-o", receipt)
+        self.assertEqual(json.loads(receipt.read_text())["receipt"]["submission"],
+                         answer["submission"])
+        post(f"/v1/tokens/{token['id']}/revoke", {})
+        self.assertIn("token", self.myograde("status", answer["submission"], status=2))
+
+    def call_with(self, token):
+        made = self.connection()
+        made.request("GET", "/v1/whoami", headers={"Authorization": f"Bearer {token}"})
+        return json.loads(made.getresponse().read())
 
     def test_only_modern_tls_is_spoken(self):
         for version in (ssl.TLSVersion.TLSv1_2, ssl.TLSVersion.TLSv1_3):

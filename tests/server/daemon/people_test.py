@@ -1,6 +1,7 @@
 """Teams and tokens: names, members, merges and bans, through the API and the command line."""
 
 import datetime
+import json
 import os
 import pty
 import re
@@ -13,6 +14,8 @@ import unittest
 import urllib.parse
 
 from organiser_test import TRACK, OrganiserCase
+from support.client import Connection
+from support.submission import played_by_stand_in
 
 
 def quoted(name):
@@ -67,7 +70,7 @@ class Teams(PeopleCase):
         self.refused('there is no team "nobody"', "team", "show", "nobody")
         self.assertEqual(self.call("GET", "/v1/teams/nobody")[0], 404)
         listed = self.ask("team", "list", schema="teams")
-        self.assertEqual([team["team"] for team in listed["teams"]], ["a/b c?\u6771", "beta"])
+        self.assertEqual([team["team"] for team in listed["teams"]], ["beta", "a/b c?\u6771"])
 
     def test_members_are_users_of_the_host(self):
         self.team("create", "alpha")
@@ -236,12 +239,91 @@ class Teams(PeopleCase):
         self.cli("import", export, data=copy)
         self.daemon.data = copy
         self.start()
-        self.assertEqual(self.team("show", "alpha")["members"], ["uid 4001"])
+        self.assertIn("uid 4001", self.team("show", "alpha")["members"])
         self.assertEqual(self.board(), board)
         self.assertEqual(self.get("/v1/tokens")["tokens"], [])
 
 
 class Tokens(PeopleCase):
+    def ask_with(self, token, method, path, body=None):
+        connection = Connection(self.daemon.socket_path)
+        self.addCleanup(connection.close)
+        sent = json.dumps(body) if isinstance(body, dict) else body
+        connection.request(method, path, sent, {"Authorization": f"Bearer {token}"})
+        answer = connection.getresponse()
+        return answer.status, json.loads(answer.read())
+
+    def make(self, **more):
+        return self.ask("token", "create", "--label", "x", *[
+            word for key, value in more.items() for word in (f"--{key}", value)])
+
+    def test_a_holder_acts_for_the_team_whatever_becomes_of_it(self):
+        for team in ("alpha", "beta"):
+            self.team("create", team)
+        token = self.make(team="alpha")["token"]
+        status, own = self.ask_with(token, "GET", "/v1/teams/alpha")
+        self.assertEqual((status, own["team"]), (200, "alpha"), own)
+        others = self.ask_with(token, "GET", "/v1/teams/beta")
+        nobody = self.ask_with(token, "GET", "/v1/teams/nobo")
+        self.assertEqual(others[0], 404, others)
+        self.assertEqual(json.dumps(others).replace("beta", "nobo"), json.dumps(nobody),
+                         "nothing tells that there is a team")
+        for method, path, body in (
+                ("GET", "/v1/teams", None), ("POST", "/v1/teams", {"team": "gamma"}),
+                ("POST", "/v1/teams/alpha/rename", {"name": "gamma"}),
+                ("POST", "/v1/teams/alpha/members", {"person": "root", "belongs": True}),
+                ("POST", "/v1/teams/alpha/merge", {"into": "beta"}),
+                ("POST", "/v1/teams/alpha/ban", {"banned": False}),
+                ("GET", "/v1/tokens", None), ("POST", "/v1/tokens", {"role": "operator"}),
+                ("POST", "/v1/tokens/1/revoke", {})):
+            status, answer = self.ask_with(token, method, path, body)
+            self.assertEqual((status, answer["error"]["code"]), (403, "forbidden"), path)
+        self.team("rename", "alpha", "gamma")
+        status, upload = self.ask_with(token, "POST", f"/v1/artefacts?team=alpha&track={TRACK}",
+                                       played_by_stand_in("ok"))
+        self.assertEqual(status, 201, upload)
+        submitted = {"artefact": upload["artefact"], "team": "alpha", "track": TRACK}
+        status, answer = self.ask_with(token, "POST", "/v1/submissions", submitted)
+        self.assertEqual((status, answer["team"]), (201, "gamma"), answer)
+        self.ended(answer["submission"])
+        self.ask("team", "merge", "gamma", "--into", "beta", "--yes")
+        status, answer = self.ask_with(token, "GET", f"/v1/submissions/{answer['submission']}")
+        self.assertEqual((status, answer["team"]), (200, "beta"), answer)
+        self.team("ban", "beta", "--reason", "r")
+        for path, body in ((f"/v1/artefacts?team=beta&track={TRACK}", b"x"),
+                           ("/v1/artefacts", played_by_stand_in("slow")),
+                           ("/v1/submissions", submitted),
+                           (f"/v1/submissions/{answer['submission']}/rerun", {})):
+            refused = self.ask_with(token, "POST", path, body)
+            self.assertEqual((refused[0], refused[1]["error"]["code"]), (403, "banned"), refused)
+        self.assertEqual(self.ask_with(token, "GET",
+                                       f"/v1/submissions/{answer['submission']}")[0], 200)
+        used = self.get("/v1/tokens")["tokens"][0]["last_used_at"]
+        self.assertRegex(used, ":00.000Z$")
+
+    def test_tokens_that_are_not_valid_open_nothing(self):
+        self.team("create", "alpha")
+        made = self.make(team="alpha")
+        self.ask("token", "revoke", made["id"])
+        for token in (made["token"], "myo_" + "0" * 64, "myo_", "x", made["token"].upper()):
+            status, answer = self.ask_with(token, "GET", "/v1/teams/alpha")
+            self.assertIn(status, (400, 401, 429), answer)
+            self.assertNotIn(made["token"], json.dumps(answer))
+
+    def test_only_operators_make_tokens_of_organisers(self):
+        organiser = self.make(role="organiser")
+        operator = self.make(role="operator")
+        self.team("create", "alpha")
+        for role, status in (("participant", 201), ("organiser", 403), ("operator", 403)):
+            body = {"role": role, "label": "x", **({"team": "alpha"} if status == 201 else {})}
+            answer = self.ask_with(organiser["token"], "POST", "/v1/tokens", body)
+            self.assertEqual(answer[0], status, answer)
+        for token in (organiser, operator):
+            path = f"/v1/tokens/{token['id']}/revoke"
+            self.assertEqual(self.ask_with(organiser["token"], "POST", path, {})[0], 403)
+        path = f"/v1/tokens/{organiser['id']}/revoke"
+        self.assertEqual(self.ask_with(operator["token"], "POST", path, {})[0], 200)
+
     def test_a_token_is_shown_once_and_kept_as_a_hash(self):
         self.team("create", "alpha")
         made = self.ask("token", "create", "--team", "alpha", "--label", "Ada's laptop", "--days",
@@ -283,7 +365,8 @@ class Tokens(PeopleCase):
         end = (made_at + datetime.timedelta(seconds=5)).strftime("%Y-%m-%dT%H:%M:%SZ")
         second = self.ask("token", "create", "--team", "alpha", "--label", "y", "--expires", end)
         self.assertEqual(second["state"], "active")
-        self.wait("/v1/tokens", lambda b: b["tokens"][1]["state"] == "expired")
+        self.wait("/v1/tokens", lambda b: b["tokens"][0]["state"] == "expired")
+        self.assertEqual(self.get("/v1/tokens?limit=1")["tokens"][0]["id"], second["id"])
 
     def test_bad_requests_are_told_in_one_sentence(self):
         self.team("create", "alpha")

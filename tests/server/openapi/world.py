@@ -1,13 +1,8 @@
-"""A daemon with stand-in runners, two teams and a caller of each role, and a door to it over plain
-HTTP on this host for programs that can't speak to a Unix socket."""
+"""A daemon with stand-in runners, two teams and a caller of each role, that listens to plain HTTP on
+this host as well."""
 
-import contextlib
 import os
 import pathlib
-import select
-import socket
-import socketserver
-import threading
 
 from support import submission
 from support.daemon import Daemon
@@ -17,64 +12,19 @@ BIN = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"])
 SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
 TRACK = "demo-manipulation"
 ROLES = ("participant", "organiser", "operator")
-PIECE = 65536  # bytes
-
-
-class Door(socketserver.ThreadingMixIn, socketserver.TCPServer):
-    """Hands each TCP connection on to a Unix socket, byte by byte."""
-
-    allow_reuse_address = True
-    daemon_threads = True
-
-    def __init__(self, path):
-        self.path = str(path)
-        super().__init__(("127.0.0.1", 0), Passage)
-
-    def handle_error(self, request, client_address):
-        pass  # a client or the daemon hung up
-
-    @property
-    def url(self):
-        return f"http://127.0.0.1:{self.server_address[1]}"
-
-
-class Passage(socketserver.BaseRequestHandler):
-    def handle(self):
-        with socket.socket(socket.AF_UNIX) as daemon:
-            daemon.connect(self.server.path)
-            other = {self.request: daemon, daemon: self.request}
-            while True:
-                for end in select.select(list(other), [], [])[0]:
-                    piece = end.recv(PIECE)
-                    if not piece:
-                        return
-                    other[end].sendall(piece)
-
-
-@contextlib.contextmanager
-def door(path):
-    """A Door to the socket at `path` that is served until the end of the `with`."""
-    server = Door(path)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    try:
-        yield server
-    finally:
-        server.shutdown()
-        server.server_close()
 
 
 class World(Daemon):
     """The daemon. `tokens` has a token of each role, the participant's for the team alpha;
-    `submissions` are of alpha and beta."""
+    `submissions` are of alpha and beta, and `url` is its address on the network."""
 
     def __init__(self):
         super().__init__(BIN, SOURCE, "openapi")
         self.use_stand_in_runner()
         # Whoever asks this much is a test.
-        self.configure(slots=2, http={"requests_per_s": 1e6, "burst": 1e6})
-        for path in (self.configs / "tracks").glob("*.json"):
-            if path.stem != TRACK:
-                path.unlink()
+        self.configure(slots=2, http={
+            "requests_per_s": 1e6, "burst": 1e6,
+            "listen": {"address": "127.0.0.1", "port": 0}})
         self.tokens = {}
         self.submissions = []
 
@@ -89,6 +39,10 @@ class World(Daemon):
             made = self.post("/v1/tokens", {"role": role, "label": "test", **more})
             self.tokens[role] = made["token"]
         return health
+
+    @property
+    def url(self):
+        return (self.data / "listen").read_text(encoding="utf-8").strip()
 
     def upload(self, name):
         archive = submission.played_by_stand_in("ok", name)

@@ -231,7 +231,7 @@ class ServerTest(CliCase):
         threading.Thread(target=elsewhere.serve_forever, daemon=True).start()
         self.addCleanup(elsewhere.server_close)
         self.addCleanup(elsewhere.shutdown)
-        self.told(4, "sends requests elsewhere", "status", "7", "--server",
+        self.told(4, "redirects requests", "status", "7", "--server",
                   f"http://127.0.0.1:{elsewhere.server_port}", MYOGRADE_TOKEN=TOKEN)
         self.assertEqual(self.shown(), [(elsewhere.server_port, f"Bearer {TOKEN}")])
 

@@ -1,0 +1,117 @@
+// A store with teams and people.
+#pragma once
+
+#include <functional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <absl/strings/str_cat.h>
+#include <gtest/gtest.h>
+
+#include "tests/server/store/store_fixture.h"
+
+namespace myograde::server {
+
+inline constexpr char kAda[] = "uid 1001";
+inline constexpr char kBob[] = "uid 1002";
+
+class PeopleTest : public StoreTest {
+ protected:
+  absl::Status Write(const std::function<absl::Status(Writer&)>& change) {
+    return store_->Write(change);
+  }
+  absl::Status Create(const std::string& team) {
+    return Write([&](Writer& w) { return w.CreateTeam(team, "uid 0", "").status(); });
+  }
+  absl::Status Found(const std::string& team, const std::string& person, int64_t most = 1) {
+    return Write([&](Writer& w) { return w.FoundTeam(team, person, most); });
+  }
+  absl::Status Rename(const std::string& team, const std::string& name) {
+    return Write([&](Writer& w) { return w.RenameTeam(team, name, "uid 0", "asked for").status(); });
+  }
+  absl::Status Merge(const std::string& team, const std::string& into) {
+    return Write([&](Writer& w) { return w.MergeTeams(team, into, "uid 0", "one group"); });
+  }
+  absl::Status Ban(const std::string& team, bool banned = true) {
+    return Write([&](Writer& w) { return w.BanTeam(team, banned, "uid 0", "cheats").status(); });
+  }
+  absl::Status SetMember(const std::string& team, const std::string& person, bool belongs) {
+    return Write([&](Writer& w) { return w.SetMember(team, person, belongs, "uid 0").status(); });
+  }
+  absl::Status Try(const std::string& team, char artefact = 'a') {
+    return TrySubmit(team, artefact, /*ranked=*/true).status();
+  }
+  std::set<std::string> TeamsOf(const std::string& person) {
+    std::set<std::string> teams;
+    Read([&](Reader& reader) { teams = reader.TeamsOf(person); });
+    return teams;
+  }
+  std::vector<std::string> MembersOf(const std::string& team) {
+    std::vector<std::string> members;
+    Read([&](Reader& reader) {
+      for (const MemberRow& member : reader.Members(team).rows) members.push_back(member.person);
+    });
+    return members;
+  }
+  std::string TeamOf(const std::string& name) {
+    std::string team;
+    Read([&](Reader& reader) { team = reader.TeamOf(name); });
+    return team;
+  }
+  // Plays a submission to its end, so that it can stand on a board.
+  void Play(const Accepted& accepted) {
+    for (const size_t lease : {0, 1}) {
+      const auto first = static_cast<int64_t>(2 * lease);
+      ASSERT_TRUE(Start(accepted.leases[lease], 1).ok());
+      ASSERT_TRUE(Record(accepted, first, 1).ok() && Record(accepted, first + 1, 1).ok());
+      ASSERT_TRUE(Write([&](Writer& w) {
+        return w.FinishLease(accepted.leases[lease], 1, "{}", "daemon");
+      }).ok());
+    }
+    ASSERT_TRUE(Write([&](Writer& w) {
+      return w.EndEvaluation(accepted.evaluation, EvaluationState::kDone, "", "x", "daemon");
+    }).ok());
+  }
+  // The teams of the rows that may stand on the board, by submission.
+  std::vector<std::string> Board() {
+    std::vector<std::string> teams;
+    Read([&](Reader& reader) {
+      const Listed<StandingRow> listed = reader.Standings(std::string(64, 'c'));
+      for (const StandingRow& row : listed.rows) teams.push_back(row.team);
+      for (const Damage& damage : listed.damaged) teams.push_back(DamageText(damage));
+    });
+    return teams;
+  }
+  int64_t BoardChanges() {
+    int64_t changes = 0;
+    Read([&](Reader& reader) { changes = reader.BoardChanges(); });
+    return changes;
+  }
+  QuotaUse Quota(const std::string& team) {
+    QuotaUse use;
+    Read([&](Reader& reader) {
+      use = reader.Quota(team, "manipulation", absl::ToUnixMillis(clock_.Now()));
+    });
+    return use;
+  }
+  // All rows of tables that no act on a team may change.
+  std::string History() {
+    SQLite::Database db(path_);
+    std::string text;
+    for (const char* table : {"submission", "admission", "ledger"}) {
+      SQLite::Statement select(db, absl::StrCat("SELECT * FROM ", table, " ORDER BY 1"));
+      while (select.executeStep()) {
+        for (int i = 0; i < select.getColumnCount(); ++i) {
+          absl::StrAppend(&text, select.getColumn(i).getString(), "|");
+        }
+      }
+    }
+    return text;
+  }
+};
+
+inline std::string Sentence(const absl::Status& status) { return std::string(status.message()); }
+
+}  // namespace myograde::server
