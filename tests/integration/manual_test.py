@@ -127,7 +127,7 @@ class Manual(SystemTest):
         health = cls.on_server("myograde status --json")
         if health.returncode != 0:
             return
-        pid = json.loads(health.stdout)["host"]["pid"]
+        pid = json.loads(health.stdout)["daemon"]["pid"]
         os.kill(pid, signal.SIGTERM)
         deadline = time.monotonic() + START_S
         while pathlib.Path(f"/proc/{pid}/cmdline").exists() and time.monotonic() < deadline:
@@ -206,7 +206,7 @@ class Manual(SystemTest):
         self.follow(8, SERVER)
 
     def try_what_must_not_work(self):
-        mine, theirs = (self.ask_laptop(team, f"status --team {team}")["submissions"][0]
+        mine, theirs = (self.ask_laptop(team, "status")["submissions"][0]
                         ["submission"] for team in ("alpha", "beta"))
         there = self.refused(self.on_laptop("alpha", f"myograde show {theirs}"))
         missing = self.refused(self.on_laptop("alpha", "myograde show 4711"))
@@ -256,7 +256,7 @@ class Manual(SystemTest):
                                     "--team gamma"), "closed")
         self.follow(9, SERVER)
         for team in WALKERS:
-            submission = self.ask_laptop(team, f"status --team {team}")["submissions"][0]
+            submission = self.ask_laptop(team, "status")["submissions"][0]
             self.assertEqual(submission["phase"], "final")
             said = self.follow(9, PARTICIPANT, 0, team, SUBMISSION=str(submission["submission"]))
             self.assertNotIn("can't be checked", said)

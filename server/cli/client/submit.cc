@@ -35,6 +35,19 @@ struct SubmitOptions : DaemonOptions {
   bool full_hashes = false;
 };
 
+// The track that a phase plays.
+absl::StatusOr<std::string> TrackOfPhase(const Client& client, const std::string& phase) {
+  const absl::StatusOr<Json> answer = client.Get("/v1/challenges");
+  if (!answer.ok()) return answer.status();
+  for (const Json& challenge : answer->value("challenges", Json::array())) {
+    for (const Json& one : challenge.value("phases", Json::array())) {
+      if (one.value("phase", "") == phase) return one.value("track", "");
+    }
+  }
+  return absl::InvalidArgumentError(absl::StrCat(
+      "there is no phase \"", phase, "\"; \"myograde challenge status\" lists those that there are"));
+}
+
 absl::StatusOr<Json> RequestOf(const SubmitOptions& options) {
   Json request = {{"team", options.team}, {"track", options.track}};
   if (!options.profile.empty()) request["profile"] = options.profile;
@@ -121,11 +134,20 @@ void PrintAccepted(const Json& submission, int64_t id) {
             << std::endl;
 }
 
-int Submit(const SubmitOptions& options) {
-  // Mistakes that can be found here are reported before the daemon is asked.
+int Submit(SubmitOptions options) {
+  if (options.track.empty() && options.phase.empty()) {
+    return ReportError(absl::InvalidArgumentError(
+        "give the track with --track, or the phase of a challenge with --phase"));
+  }
+  const Client client = options.client();
+  if (options.track.empty()) {
+    absl::StatusOr<std::string> track = TrackOfPhase(client, options.phase);
+    if (!track.ok()) return ReportError(track.status());
+    options.track = *std::move(track);
+  }
+  // Mistakes that can be found here are reported before anything is sent.
   absl::StatusOr<Json> request = RequestOf(options);
   if (!request.ok()) return ReportError(request.status());
-  const Client client = options.client();
   const absl::StatusOr<std::string> artefact = SendArtefact(options, client);
   if (!artefact.ok()) return ReportError(artefact.status());
   (*request)["artefact"] = *artefact;
@@ -150,19 +172,19 @@ Action AddSubmit(CLI::App& verb) {
                   "An executable file, a folder with a policy.json, or an archive of such a folder "
                   "(.tar, .tar.gz, .tar.zst, .zip)")
       ->required();
-  verb.add_option("--track", options->track, "Name of the track, as \"myograde spec\" lists them")
-      ->required();
+  verb.add_option("--track", options->track,
+                  "Name of the track, as \"myograde spec\" lists them (default: the phase's)");
   verb.add_option("--team", options->team, "Name of the team; 1 to 64 bytes")->required();
   verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
   CLI::Option* phase =
       verb.add_option("--phase", options->phase,
                       "Phase of a challenge (default: the only one of the track that is open)");
   verb.add_option("--seeds", options->seeds,
-                  "File of seeds in place of the track's list: a JSON array, or one on each line; "
-                  "the submission is practice then")
+                  "File of seeds to practise on: a JSON array, or one on each line; none of them "
+                  "may be ranked")
       ->excludes(phase);
   verb.add_option("--episodes", options->episodes,
-                  "Play only the first N seeds; fewer than all is practice and does not rank")
+                  "Practise on the first N of the track's practice seeds; practice does not rank")
       ->check(CLI::Range(1, 10'000))
       ->excludes(phase);
   verb.add_flag("--wait", options->wait, "Wait for the end, show progress and print the result");

@@ -54,6 +54,22 @@ class ClientTest(CliCase):
         request = [json.loads(b) for c, p, b in Handler.heard if p == "/v1/submissions"]
         self.assertEqual(request, [{"artefact": "a" * 64, "team": "alpha", "track": "t"}])
 
+    def test_a_phase_says_its_track(self):
+        socket = self.serve({
+            "GET /v1/challenges": (200, {"challenges": [
+                {"challenge": "cup", "phases": [{"phase": "final", "track": "t"}]}]}),
+            "POST /v1/artefacts?team=alpha&track=t": (201, {"artefact": "a" * 64}),
+            "POST /v1/submissions": (201, STATUS)})
+        program = self.path("program", "#!/bin/sh\n", 0o755)
+        at = ("--team", "alpha", "--socket", socket)
+        self.refused(2, "--track", "submit", program, *at)
+        self.refused(2, "no phase \"last\"", "submit", program, "--phase", "last", *at)
+        self.assertEqual([p for c, p, b in Handler.heard if c == "POST"], [])
+        self.checked("submit", "submit", program, "--phase", "final", *at)
+        request = [json.loads(b) for c, p, b in Handler.heard if p == "/v1/submissions"]
+        self.assertEqual(request, [{"artefact": "a" * 64, "team": "alpha", "track": "t",
+                                    "phase": "final"}])
+
     def test_figures_are_those_of_the_profile_and_of_the_board(self):
         graded = {"profile": "as-graded", "official_figures": True,
                   "metrics": [TIME, EFFORT, TOUCH], "columns": [TIME, EFFORT, TOUCH]}
