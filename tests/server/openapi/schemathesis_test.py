@@ -13,7 +13,7 @@ from world import CHALLENGE, PROFILE, ROLES, TRACK, World
 
 SCHEMATHESIS = pathlib.Path(os.environ["MYOGRADE_TEST_SCHEMATHESIS"])
 FULL = "--full" in sys.argv
-SECONDS = 60 if FULL else 7  # of one role, with good or with bad requests
+SECONDS = 60 if FULL else 5  # of one role, with good or with bad requests
 EXAMPLES = 200 if FULL else 8
 SEED = 18
 # Between its bad requests schemathesis makes good ones, with names that nothing has.
