@@ -16,7 +16,7 @@ import time
 from system import BIN, POLICIES, SOURCE, SystemTest
 
 MANUAL = SOURCE / "configs/challenges/MANUAL.md"
-HEADING = re.compile(r"^(##|###) (.*)$|^```sh\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+HEADING = re.compile(r"^(##|###) ([^\n]*)$|^```sh\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SERVER, PARTICIPANT = "On the server", "On a participant's machine"
 WALKERS = {"alpha": "scripted-locomotion", "beta": "random", "gamma": "zero"}
 PAST, FUTURE = "2020-01-01T00:00:00Z", "2099-01-01T00:00:00Z"

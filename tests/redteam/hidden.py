@@ -114,5 +114,7 @@ def run_curious(suite):
         submission = json.loads(done.stdout)["submission"]
         status = host.wait(submission, END_S)
         if status is None or status["state"] != "done":
-            return [f"the curious submission is {status and (status['state'], status['reason'])}"]
+            faults = {row["fault"]["detail"] for row in host.result(submission)["episode_rows"]
+                      if row["fault"]}
+            return [f"the curious submission is {status and status['state']}: {faults}"]
         return list(_judge(host, token, submission, words))

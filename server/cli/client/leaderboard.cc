@@ -93,8 +93,8 @@ void PrintBoard(const Json& board) {
 }
 
 std::string QueryOf(const BoardOptions& options, const std::string& track) {
-  std::string query = absl::StrCat("?board=", QueryValue(options.board));
-  if (!track.empty()) absl::StrAppend(&query, "&track=", QueryValue(track));
+  std::string query = track.empty() ? "?" : absl::StrCat("?track=", QueryValue(track), "&");
+  absl::StrAppend(&query, "board=", QueryValue(options.board));
   if (!options.phase.empty()) absl::StrAppend(&query, "&phase=", QueryValue(options.phase));
   if (!options.profile.empty()) absl::StrAppend(&query, "&profile=", QueryValue(options.profile));
   return query;

@@ -16,14 +16,14 @@ constexpr size_t kMaxSecretFileBytes = 4096;
 
 }  // namespace
 
-absl::StatusOr<std::string> ReadSecretFile(const std::string& path) {
+absl::StatusOr<std::string> ReadPhaseSecret(const std::string& path) {
   const absl::StatusOr<std::string> text = ReadFile(path, kMaxSecretFileBytes);
   return text.ok() ? SecretOfDigits(*text, path) : text;
 }
 
 absl::StatusOr<std::string> GivenSecret(const std::string& digits_or_path) {
   const bool file = ::access(digits_or_path.c_str(), R_OK) == 0;
-  return file ? ReadSecretFile(digits_or_path) : SecretOfDigits(digits_or_path, "--secret");
+  return file ? ReadPhaseSecret(digits_or_path) : SecretOfDigits(digits_or_path, "--secret");
 }
 
 std::optional<std::string> RevealedSecret(const Client& client, const std::string& phase) {

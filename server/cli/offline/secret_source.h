@@ -11,7 +11,7 @@
 namespace myograde::server {
 
 // The secret in a file of its digits.
-absl::StatusOr<std::string> ReadSecretFile(const std::string& path);
+absl::StatusOr<std::string> ReadPhaseSecret(const std::string& path);
 
 // The same where a user may give the digits themselves, too.
 absl::StatusOr<std::string> GivenSecret(const std::string& digits_or_path);

@@ -103,7 +103,7 @@ int PrintList(const SeedOptions& options, const std::string& secret, bool reveal
 int CommitSeeds(const SeedOptions& options) {
   const bool there = ::access(options.secret.c_str(), F_OK) == 0;
   const absl::StatusOr<std::string> secret =
-      there ? ReadSecretFile(options.secret) : MakeSecret(options.secret);
+      there ? ReadPhaseSecret(options.secret) : MakeSecret(options.secret);
   if (!secret.ok()) return ReportError(secret.status());
   return PrintList(options, *secret, /*reveal=*/false);
 }
@@ -124,7 +124,7 @@ int RevealPhase(const SeedOptions& options) {
 
 int RevealSeeds(const SeedOptions& options) {
   if (options.secret.empty()) return RevealPhase(options);
-  const absl::StatusOr<std::string> secret = ReadSecretFile(options.secret);
+  const absl::StatusOr<std::string> secret = ReadPhaseSecret(options.secret);
   if (!secret.ok()) return ReportError(secret.status());
   return PrintList(options, *secret, /*reveal=*/true);
 }

@@ -8,10 +8,11 @@ import sys
 
 import hostile
 
-MOST_BYTES = 1 << 20      # of one file
-MOST_FILES = 4000
-SKIPPED = ("/usr", "/sys", "/policy/needles.bin")
-ENDLESS = {"kmsg", "pagemap", "mem", "kcore", "trace_pipe", "clear_refs"}
+MOST_BYTES = 1 << 16      # of one file
+MOST_FILES = 2000
+MOST_PRINTED = 48 << 10   # a flood would be read slowly, and be a case of its own
+SKIPPED = ("/usr", "/sys", "/var", "/proc", "/dev", "/policy/needles.bin")  # /var: the runtime
+OF_A_PROCESS = ("cmdline", "environ", "maps", "mountinfo", "stat", "status", "limits", "cgroup")
 
 
 def needles():
@@ -34,8 +35,15 @@ def files():
         folders[:] = [name for name in folders if os.path.join(folder, name) not in SKIPPED]
         for name in names:
             path = os.path.join(folder, name)
-            if name not in ENDLESS and path not in SKIPPED:
+            if path not in SKIPPED:
                 yield path
+    for place in os.listdir("/proc"):
+        if place.isdigit():
+            yield from (f"/proc/{place}/{name}" for name in OF_A_PROCESS)
+        elif os.path.isfile(f"/proc/{place}") and place not in ("kmsg", "kcore"):
+            yield f"/proc/{place}"
+    for name in os.listdir("/dev/shm"):
+        yield f"/dev/shm/{name}"
 
 
 def read(path):
@@ -65,8 +73,12 @@ def look(player):
             continue
         count += 1
         told.append((path, content))
+    printed = 0
     for place, content in told:
-        sys.stdout.write(f"{place}: {content[:2000]!r}\n")
+        line = f"{place}: {content[:2000]!r}\n"
+        printed += len(line)
+        if printed <= MOST_PRINTED:
+            sys.stdout.write(line)
         for name, forms in wanted.items():
             if any(form in content for form in forms):
                 seen.add(f"{name} in {place}")

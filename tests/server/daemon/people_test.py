@@ -95,7 +95,7 @@ class Teams(PeopleCase):
     def test_a_merge_shows_what_it_does_and_counts_both(self):
         for team, submissions in (("alpha", 2), ("beta", 1)):
             for number in range(submissions):
-                self.played("ok", team, **({"seeds": [1, 2]} if number else {}))
+                self.played("ok", team, **({"seeds": [101, 102]} if number else {}))
         self.call("POST", "/v1/tokens", {"role": "participant", "team": "beta", "label": "x"})
         self.ask("quota", "--team", "beta", "--track", TRACK, "--grant", 3, "--reason", "r")
         before = self.rows_of_the_past()
@@ -173,11 +173,11 @@ class Teams(PeopleCase):
     def test_what_waits_follows_its_team(self):
         first = self.submit("slow", team="alpha")
         second = self.submit("slow", team="beta")
-        third = self.submit("slow", team="beta", seeds=[1, 2])
+        third = self.submit("slow", team="beta", seeds=[101, 102])
         self.wait(f"/v1/submissions/{first}", lambda b: b["state"] == "running")
         self.ask("team", "merge", "alpha", "--into", "beta", "--yes")
         self.team("rename", "beta", "gamma")
-        fourth = self.submit("ok", team="alpha", seeds=[3, 4])
+        fourth = self.submit("ok", team="alpha", seeds=[103, 104])
         for submission in (first, second, third, fourth):
             ended = self.ended(submission)
             self.assertEqual((ended["state"], ended["team"]), ("done", "gamma"))
@@ -185,7 +185,7 @@ class Teams(PeopleCase):
     def test_a_banned_team_hands_in_nothing_and_leaves_the_boards(self):
         self.played("ok", team="alpha")
         self.played("ok", team="beta")
-        running = self.submit("slow", team="alpha", seeds=[1, 2, 3, 4])
+        running = self.submit("slow", team="alpha", seeds=[101, 102, 103, 104])
         self.refused("--reason", "team", "ban", "alpha")
         banned = self.team("ban", "alpha", "--reason", "two names of one group")
         self.assertTrue(banned["banned"])
@@ -219,8 +219,9 @@ class Teams(PeopleCase):
             status, answer = self.call("POST", path, body)
             self.assertEqual((status, answer["error"]["code"]), (400, "bad_request"), answer)
             self.assertIn(words, answer["error"]["message"])
-        for path in ("/v1/teams/" + "x" * 65, "/v1/teams/", "/v1/teams/alpha/paint"):
-            self.assertEqual(self.call("POST", path, {})[0], 404, path)
+        for path, status in (("/v1/teams/" + "x" * 65, 404), ("/v1/teams/", 404),
+                             ("/v1/teams/alpha/paint", 405)):
+            self.assertEqual(self.call("POST", path, {})[0], status, path)
         self.assertEqual(self.call("GET", "/v1/teams/%00")[0], 400)
         self.assertEqual(self.call("GET", "/v1/teams?x=1")[0], 400)
 

@@ -24,6 +24,7 @@ MERGE = {"team": "beta", "into": "alpha", "merged": False, "submissions_of_team"
 TOKEN = {"id": 7, "role": "participant", "team": "alpha", "label": "laptop", "state": "active",
          "created_at": "2026-01-01T00:00:00.000Z", "created_by": "uid 0", "expires_at": None,
          "revoked_at": None, "revoked_by": None, "last_used_at": None}
+PAGE = f"?limit=1000&before={2**63 - 1}"  # the first of a list
 TEXT = "myo_" + "0123456789abcdef" * 4
 
 
@@ -59,13 +60,13 @@ class PeopleTest(CliCase):
     def test_what_is_asked_and_answered(self):
         path = "/v1/teams/a%2Fb%20%C3%A4"
         socket = self.serve({
-            "POST /v1/teams": (201, TEAM), "GET /v1/teams": (200, {"teams": [LISTED],
+            "POST /v1/teams": (201, TEAM), f"GET /v1/teams{PAGE}": (200, {"teams": [LISTED],
                                                                    "unreadable": []}),
             f"GET {path}": (200, TEAM), f"POST {path}/rename": (200, TEAM),
             f"POST {path}/members": (200, TEAM), f"POST {path}/ban": (200, TEAM),
             f"POST {path}/merge": (200, MERGE),
             "POST /v1/tokens": (201, {**TOKEN, "token": TEXT}),
-            "GET /v1/tokens": (200, {"tokens": [TOKEN], "unreadable": []}),
+            f"GET /v1/tokens{PAGE}": (200, {"tokens": [TOKEN], "unreadable": []}),
             "POST /v1/tokens/7/revoke": (200, {**TOKEN, "changed": True})})
         at, name = ("--socket", socket), "a/b \u00e4"
         self.checked("team", "team", "create", name, "--reason", "r", *at)
@@ -82,7 +83,7 @@ class PeopleTest(CliCase):
         self.checked("token", "token", "revoke", "7", *at)
         self.assertEqual(self.heard(), [
             ("POST", "/v1/teams", {"team": name, "reason": "r"}),
-            ("GET", "/v1/teams", None), ("GET", path, None),
+            ("GET", f"/v1/teams{PAGE}", None), ("GET", path, None),
             ("POST", f"{path}/rename", {"name": "new"}),
             ("POST", f"{path}/members", {"person": "ada", "belongs": True}),
             ("POST", f"{path}/members", {"person": "ada", "belongs": False}),
@@ -91,17 +92,17 @@ class PeopleTest(CliCase):
             ("POST", f"{path}/merge", {"into": "b", "dry_run": True}),
             ("POST", "/v1/tokens", {"role": "participant", "team": "b", "label": "l",
                                     "valid_days": 2}),
-            ("GET", "/v1/tokens", None), ("POST", "/v1/tokens/7/revoke", {})])
+            ("GET", f"/v1/tokens{PAGE}", None), ("POST", "/v1/tokens/7/revoke", {})])
 
     def test_text_for_people(self):
         socket = self.serve({
-            "GET /v1/teams": (200, {"teams": [LISTED, {**LISTED, "team": "beta", "banned": True},
+            f"GET /v1/teams{PAGE}": (200, {"teams": [LISTED, {**LISTED, "team": "beta", "banned": True},
                                               {**LISTED, "team": "c", "merged_into": "alpha"}],
                                     "unreadable": []}),
             "GET /v1/teams/alpha": (200, TEAM),
             "POST /v1/teams/beta/merge": (200, MERGE),
             "POST /v1/tokens": (201, {**TOKEN, "token": TEXT}),
-            "GET /v1/tokens": (200, {"tokens": [], "unreadable": []})})
+            f"GET /v1/tokens{PAGE}": (200, {"tokens": [], "unreadable": []})})
         at = ("--socket", socket)
         listed = myograde("team", "list", *at).stdout
         self.assertNotIn("\x1b", listed)
