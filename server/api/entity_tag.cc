@@ -17,9 +17,9 @@ std::string EntityTagOf(std::string_view body) { return absl::StrCat("\"", Sha25
 
 bool NamesEntityTag(std::string_view if_none_match, std::string_view tag) {
   std::string_view rest = if_none_match;
+  if (rest == "*") return true;
   for (;;) {
     rest.remove_prefix(std::min(rest.find_first_not_of(kSpace), rest.size()));
-    if (rest == "*") return true;
     if (rest.starts_with("W/")) rest.remove_prefix(2);
     // A tag may have a comma in it, so quotes decide where it ends.
     if (!rest.starts_with('"')) return false;
