@@ -89,7 +89,6 @@ std::optional<ApiError> TransferResource::SendMade(
   absl::Status status = make(path);
   if (status.ok()) status = UnixHttpServer::AnswerWithFile(path, type, response);
   if (!status.ok()) return ErrorOf(status);
-  NoteAct("store", "handed out as a whole");
   return std::nullopt;
 }
 
@@ -102,7 +101,7 @@ std::optional<ApiError> TransferResource::SendExport(const httplib::Request&,
 
 std::optional<ApiError> TransferResource::SendBackup(const httplib::Request&,
                                                      httplib::Response& response) {
-  return SendMade("application/vnd.sqlite3", response, [this](const std::string& path) {
+  const auto copy = [this](const std::string& path) {
     return context_.readers.Backup(
         path,
         [](int64_t done, int64_t total) {
@@ -111,7 +110,11 @@ std::optional<ApiError> TransferResource::SendBackup(const httplib::Request&,
         [](const std::string& what) {
           spdlog::error("backup: a row of the store is damaged, and so in the copy: {}", what);
         });
-  });
+  };
+  std::optional<ApiError> error = SendMade("application/vnd.sqlite3", response, copy);
+  // An export is a function of the store's rows, so it adds none.
+  if (!error.has_value()) NoteAct("store", "backed up");
+  return error;
 }
 
 ApiResult TransferResource::Import(const httplib::Request&) {
