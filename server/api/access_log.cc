@@ -65,14 +65,19 @@ void AccessLog::Run() {
       while (!stop_ && wake_.WaitUntil(mutex_, until)) continue;
       if (stop_) return;
     }
-    Batch batch = TakeDue();
-    if (batch.empty()) continue;
-    const absl::Status status = WriteBatch(write_, batch);
-    if (status.ok()) continue;
-    // After a deadline the rows may still be written; better none than twice.
-    spdlog::warn("denied requests and acts are not recorded yet: {}", std::string(status.message()));
-    if (!absl::IsDeadlineExceeded(status)) Return(std::move(batch));
+    Flush();
   }
+}
+
+void AccessLog::Flush() {
+  const MutexLock writing(writing_);
+  Batch batch = TakeDue();
+  if (batch.empty()) return;
+  const absl::Status status = WriteBatch(write_, batch);
+  if (status.ok()) return;
+  // After a deadline the rows may still be written; better none than twice.
+  spdlog::warn("denied requests and acts are not recorded yet: {}", std::string(status.message()));
+  if (!absl::IsDeadlineExceeded(status)) Return(std::move(batch));
 }
 
 AccessLog::Batch AccessLog::TakeDue() {

@@ -38,6 +38,9 @@ class AccessLog {
   // A token was used.
   void Touch(int64_t token);
 
+  // Writes now what is due, for whoever is about to copy the store.
+  void Flush();
+
   // Starts the thread.
   void Start();
   // Ends it; what it has not written stays.
@@ -60,6 +63,7 @@ class AccessLog {
 
   const Write write_;
   const Clock& clock_;
+  Mutex writing_;  // held from taking a batch until it is written
   Mutex mutex_;
   Condition wake_;
   std::vector<AccessEventRow> acts_ ABSL_GUARDED_BY(mutex_);

@@ -80,6 +80,7 @@ std::optional<ApiError> TransferResource::SendMade(
     const char* type, httplib::Response& response,
     const std::function<absl::Status(const std::string&)>& make) {
   UnixHttpServer::AllowUploadTime();
+  context_.access_log.Flush();  // what organisers did before is in the copy
   const std::string path = SpoolPath();
   // The answer keeps the file open, so its name can go at once.
   const absl::Cleanup remove = [&] {
