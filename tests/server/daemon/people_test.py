@@ -170,11 +170,11 @@ class Teams(PeopleCase):
     def test_what_waits_follows_its_team(self):
         first = self.submit("slow", team="alpha")
         second = self.submit("slow", team="beta")
-        third = self.submit("slow", team="beta", seeds=[1, 2])
+        third = self.submit("slow", team="beta", seeds=[201, 202])
         self.wait(f"/v1/submissions/{first}", lambda b: b["state"] == "running")
         self.ask("team", "merge", "alpha", "--into", "beta", "--yes")
         self.team("rename", "beta", "gamma")
-        fourth = self.submit("ok", team="alpha", seeds=[3, 4])
+        fourth = self.submit("ok", team="alpha", seeds=[203, 204])
         for submission in (first, second, third, fourth):
             ended = self.ended(submission)
             self.assertEqual((ended["state"], ended["team"]), ("done", "gamma"))
@@ -182,7 +182,7 @@ class Teams(PeopleCase):
     def test_a_banned_team_hands_in_nothing_and_leaves_the_boards(self):
         self.played("ok", team="alpha")
         self.played("ok", team="beta")
-        running = self.submit("slow", team="alpha", seeds=[1, 2, 3, 4])
+        running = self.submit("slow", team="alpha", seeds=[201, 202, 203, 204])
         self.refused("--reason", "team", "ban", "alpha")
         banned = self.team("ban", "alpha", "--reason", "two names of one group")
         self.assertTrue(banned["banned"])
