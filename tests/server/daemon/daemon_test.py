@@ -140,7 +140,7 @@ class Grading(DaemonCase):
         self.assertEqual([r["submission"] for r in board["rows"]], [once])
 
     def test_cancel_kills_within_a_second_and_keeps_what_is_there(self):
-        submission = self.submit("slow", seeds=list(range(100)))
+        submission = self.submit("slow", seeds=list(range(200, 300)))
         self.wait(f"/v1/submissions/{submission}", lambda b: b["episodes"]["done"] >= 2)
         begin = time.monotonic()
         status, body = self.call("POST", f"/v1/submissions/{submission}/cancel",

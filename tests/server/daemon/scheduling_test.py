@@ -44,7 +44,7 @@ class Scheduling(DaemonCase):
 
     def test_a_stopped_runner_is_replaced_and_the_result_is_the_same(self):
         self.restart(scheduler={"heartbeat_s": 2})
-        submission = self.submit("slow", seeds=list(range(12)))
+        submission = self.submit("slow", seeds=list(range(200, 212)))
         status = self.wait(f"/v1/submissions/{submission}",
                            lambda b: any(l["process"] for l in b["leases"]))
         running = [lease for lease in status["leases"] if lease["process"]][0]
