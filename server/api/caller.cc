@@ -30,7 +30,9 @@ const Identity& Caller() { return *caller.identity; }
 
 std::string CallerKey() { return Caller().key; }
 
-bool CallerIsOrganiser() { return Caller().role >= Role::kOrganiser; }
+bool CallerIsOrganiser() {
+  return caller.identity != nullptr && caller.identity->role >= Role::kOrganiser;
+}
 
 bool CallerMay(Action action) {
   return Decide(Caller(), action, std::nullopt) == Access::kAllowed;

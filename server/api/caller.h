@@ -14,7 +14,7 @@ namespace myograde::server {
 const Identity& Caller();
 // As the store's rows name it: "uid 1000", "token 7".
 std::string CallerKey();
-// Organisers and operators.
+// Organisers and operators; false as long as nobody knows who asks.
 bool CallerIsOrganiser();
 // Whether the caller's role allows an action besides that of the request's address.
 bool CallerMay(Action action);

@@ -25,13 +25,26 @@ void SendText(httplib::Response& response, int http, const std::string& text) {
   response.set_content(text, kJson);
 }
 
+// Messages about the host's trouble name its files, which is nothing for strangers.
+std::string MessageFor(const ApiError& error) {
+  if (CallerIsOrganiser() || !UnixHttpServer::RequestConnection().Asker().network) {
+    return error.message;
+  }
+  if (error.code == "store") {
+    return "the server's store can't be read or written at the moment, and nothing was changed; try "
+           "again later, and tell the organisers if this lasts";
+  }
+  if (error.code == "internal") return "the server failed; its log tells the organisers why";
+  return error.message;
+}
+
 void SendError(httplib::Response& response, const ApiError& error) {
   if (error.http == 429 || error.http == 503) {
     response.set_header("Retry-After", absl::StrCat(error.retry_after_s));
   }
   if (error.http == 401) response.set_header("WWW-Authenticate", "Bearer");
   if (error.http >= 500) spdlog::warn("answered {}: {}", error.http, error.message);
-  const nlohmann::json body = {{"error", {{"code", error.code}, {"message", error.message}}}};
+  const nlohmann::json body = {{"error", {{"code", error.code}, {"message", MessageFor(error)}}}};
   SendText(response, error.http, CanonicalJson(body) + "\n");
 }
 

@@ -10,6 +10,7 @@ import sqlite3
 from host import Host
 from support import client
 
+PROGRAM = "c106_prints_all_it_sees.py"
 PHASE, COUNT, TEAM = "final", 2, "Curious"
 END_S = 150
 LEAST_FILES = 30  # that the program read; fewer would show nothing
@@ -103,7 +104,7 @@ def run_curious(suite):
     with Challenge(suite.host.programs, source, suite.host.user) as host:
         host.start()
         words = host.hidden()
-        folder = suite.folder("c106_prints_all_it_sees.py", ())
+        folder = suite.folder(PROGRAM, ())
         (folder / "needles.bin").write_bytes(
             bytes(byte ^ 0xff for byte in json.dumps(words).encode()))
         token = host.token()

@@ -11,6 +11,7 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import archives  # noqa: E402  (needs the folder above)
+import hidden  # noqa: E402
 import judge  # noqa: E402
 import suite as suites  # noqa: E402
 from host import Host  # noqa: E402
@@ -159,7 +160,7 @@ class Tables(unittest.TestCase):
         numbers = [case.number for case in cases]
         self.assertEqual(numbers, sorted(set(numbers)))
         programs = {path.name for path in (SOURCE / "tests/redteam/programs").iterdir()}
-        used = {case.program for case in cases if hasattr(case, "program")}
+        used = {case.program for case in cases if hasattr(case, "program")} | {hidden.PROGRAM}
         self.assertEqual(used - programs, set())
         self.assertEqual({name for name in programs if name[0] == "c"} - used, set())
 

@@ -6,6 +6,7 @@ import json
 import shutil
 import signal
 import socket
+import sqlite3
 import ssl
 import subprocess
 import unittest
@@ -112,12 +113,22 @@ class TlsTest(NetworkCase):
         self.myograde("receipt", answer["submission"], "-o", receipt)
         self.assertEqual(json.loads(receipt.read_text())["receipt"]["submission"],
                          answer["submission"])
+        with contextlib.closing(sqlite3.connect(self.data / "store.db")) as store:
+            store.execute("BEGIN IMMEDIATE")
+            rerun = ("POST", f"/v1/submissions/{answer['submission']}/rerun", {})
+            status, told = self.call(*rerun, "application/json")
+            self.assertIn(str(self.data), told["error"]["message"])
+            self.assertEqual((status, told["error"]["code"]), (503, "store"))
+            told = self.call_with(token["token"], *rerun)
+            self.assertEqual(told["error"]["code"], "store")
+            self.assertNotIn(str(self.data), told["error"]["message"])
         post(f"/v1/tokens/{token['id']}/revoke", {})
         self.assertIn("token", self.myograde("status", answer["submission"], status=2))
 
-    def call_with(self, token):
+    def call_with(self, token, method="GET", path="/v1/whoami", body=None):
         made = self.connection()
-        made.request("GET", "/v1/whoami", headers={"Authorization": f"Bearer {token}"})
+        made.request(method, path, None if body is None else json.dumps(body),
+                     {"Authorization": f"Bearer {token}"})
         return json.loads(made.getresponse().read())
 
     def test_only_modern_tls_is_spoken(self):
