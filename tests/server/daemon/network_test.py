@@ -122,6 +122,7 @@ class TlsTest(NetworkCase):
             told = self.call_with(token["token"], *rerun)
             self.assertEqual(told["error"]["code"], "store")
             self.assertNotIn(str(self.data), told["error"]["message"])
+            store.rollback()
         post(f"/v1/tokens/{token['id']}/revoke", {})
         self.assertIn("token", self.myograde("status", answer["submission"], status=2))
 
