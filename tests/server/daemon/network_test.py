@@ -123,6 +123,8 @@ class TlsTest(NetworkCase):
             self.assertEqual(told["error"]["code"], "store")
             self.assertNotIn(str(self.data), told["error"]["message"])
             store.rollback()
+        wait_until(lambda: self.call("GET", "/v1/health")[1]["status"] == "ok", TIMEOUT_S,
+                   "the store stays in trouble")
         post(f"/v1/tokens/{token['id']}/revoke", {})
         self.assertIn("token", self.myograde("status", answer["submission"], status=2))
 
