@@ -138,6 +138,8 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
   const absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOf(request, config);
   if (!seeds.ok()) return seeds.status();
   absl::Status allowed;
+  if (entry->phase != nullptr) allowed = CheckInvited(request.team, entry->phase->config);
+  if (!allowed.ok()) return allowed;
   if (request.seeds.has_value() || request.episodes.has_value()) {
     allowed = CheckPractice(request.seeds.value_or(*seeds), config, tracks_, phases_);
   }
@@ -198,6 +200,23 @@ absl::StatusOr<std::optional<Accepted>> FindEarlier(ReaderPool& readers, const s
   });
   if (!status.ok()) return status;
   return earlier;
+}
+
+absl::Status Admission::CheckInvited(const std::string& team, const PhaseConfig& phase) {
+  if (phase.teams.empty()) return absl::OkStatus();
+  bool invited = false;
+  const absl::Status status = readers_.Read([&](Reader& reader) {
+    invited = std::any_of(phase.teams.begin(), phase.teams.end(), [&](const std::string& name) {
+      return reader.TeamOf(name) == reader.TeamOf(team);
+    });
+    return absl::OkStatus();
+  });
+  if (!status.ok() || invited) return status;
+  return WithErrorCode(
+      absl::FailedPreconditionError(absl::StrCat(
+          "phase \"", phase.name, "\" is open to ", Counted(std::ssize(phase.teams), "team"),
+          " that the organisers have named, and \"", team, "\" is not among them")),
+      kForbiddenCode);
 }
 
 // Engine::Submit checks for the files again, at a point where nothing can remove them.

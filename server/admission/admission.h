@@ -105,6 +105,8 @@ class Admission {
   absl::Status Found(const std::string& team, const Founding& founding);
   // Charges a failed try to the request's team, if it names one.
   absl::Status ChargeRefusal(const UploadRequest& request, const absl::Status& refusal);
+  // FailedPreconditionError with the code "forbidden": the phase is for other teams only.
+  absl::Status CheckInvited(const std::string& team, const PhaseConfig& phase);
   absl::Status CheckArtefact(const std::string& hash, const TrackConfig& config);
   absl::Status CheckRankedHere() const;
   NewSubmission Compose(const SubmitRequest& request, const Entry& entry,

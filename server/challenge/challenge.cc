@@ -1,6 +1,7 @@
 // Reading the file form.
 #include "server/challenge/challenge.h"
 
+#include <algorithm>
 #include <array>
 #include <cctype>
 #include <utility>
@@ -17,6 +18,8 @@ using scoring::TeamRule;
 
 constexpr int64_t kForm = 1;
 constexpr int64_t kMostOfAQuota = kMostUnits;
+constexpr size_t kMaxTeams = 10'000;
+constexpr size_t kMaxTeamBytes = 64;
 constexpr std::array<std::pair<TeamRule, const char*>, 3> kTeamRules = {{
     {TeamRule::kBest, "best"},
     {TeamRule::kLast, "last"},
@@ -118,6 +121,20 @@ std::optional<TeamRule> ReadEntry(ConfigReader& reader) {
   return std::nullopt;
 }
 
+// The names are not looked up, as a team may be created later.
+std::vector<std::string> ReadTeams(ConfigReader& reader) {
+  if (!reader.Has("teams")) return {};
+  std::vector<std::string> teams = reader.Strings("teams");
+  const bool named = std::all_of(teams.begin(), teams.end(), [](const std::string& team) {
+    return IsPlainText(team, kMaxTeamBytes);
+  });
+  if (teams.empty() || teams.size() > kMaxTeams || !named) {
+    reader.Fail("teams", absl::StrCat("must be 1 to ", kMaxTeams, " names of teams; leave the key "
+                                      "out if every team may submit"));
+  }
+  return teams;
+}
+
 absl::StatusOr<PhaseConfig> ParsePhase(const nlohmann::json& json, const std::string& where) {
   static const nlohmann::json kNone = nlohmann::json::object();
   ConfigReader reader(json, where);
@@ -130,6 +147,7 @@ absl::StatusOr<PhaseConfig> ParsePhase(const nlohmann::json& json, const std::st
   phase.closes = ReadTime(reader, "closes_at", phase.closes);
   phase.freezes = ReadTime(reader, "freeze_at", phase.freezes);
   phase.entry = ReadEntry(reader);
+  phase.teams = ReadTeams(reader);
   const nlohmann::json& quota = reader.Has("quota") ? reader.Object("quota") : kNone;
   const nlohmann::json& shown = reader.Has("show") ? reader.Object("show") : kNone;
   const bool has_seeds = reader.Has("seeds");

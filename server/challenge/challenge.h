@@ -46,6 +46,8 @@ struct PhaseConfig {
   // From here on others see the board as it was, until the phase is published.
   absl::Time freezes = absl::InfiniteFuture();
   std::optional<scoring::TeamRule> entry;  // nullopt: the track's
+  // The teams that may submit, by any of their names; empty: every team.
+  std::vector<std::string> teams = {};
   PhaseQuota quota;
   Visibility shown;             // while the phase is not published
 };

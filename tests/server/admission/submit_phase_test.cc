@@ -95,6 +95,19 @@ TEST_F(SubmitPhaseTest, ThePhasesConfigIsPlayed) {
   EXPECT_NE(row.config, (*tracks_->Find(kTrack, ""))->config.hash);
 }
 
+TEST_F(SubmitPhaseTest, APhaseMayBeForSomeTeamsOnly) {
+  Hold({PhaseJson("final", 700, {{"teams", {"beta", "gamma"}}}), PhaseJson("open", 800)});
+  for (const char artefact : {'a', 'b', 'c'}) AddArtefact(artefact);
+  SetTo(kOpens);
+  const absl::Status refused = To("final", 'a', "alpha").status();
+  EXPECT_EQ(ErrorCodeOf(refused), "forbidden");
+  EXPECT_THAT(refused.message(), HasSubstr("open to 2 teams"));
+  EXPECT_EQ(Count("submission"), 0);
+  EXPECT_TRUE(To("final", 'b', "beta").ok());
+  EXPECT_TRUE(To("open", 'c', "alpha").ok());
+  EXPECT_TRUE(Practise('a').ok()) << "practice belongs to the track";
+}
+
 TEST_F(SubmitPhaseTest, TheCalendarLetsInBetweenOpeningAndClose) {
   Hold({PhaseJson("final", 700)});
   AddArtefact('a');

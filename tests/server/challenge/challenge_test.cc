@@ -36,6 +36,7 @@ TEST(Challenge, EveryKeyIsRead) {
                 {"closes_at", "2026-12-08T01:00:00+01:00"},
                 {"freeze_at", "2026-12-07T12:00:00.5Z"},
                 {"entry", "chosen"},
+                {"teams", {"alpha", "Beta Lab"}},
                 {"quota", {{"official_per_day", 2}, {"waiting", 3}, {"same_artefact", "everyone"}}},
                 {"show", {{"metrics", false}, {"outcomes", false}}}})});
   EXPECT_EQ(challenge.name, "cup");
@@ -52,6 +53,7 @@ TEST(Challenge, EveryKeyIsRead) {
   EXPECT_EQ(UtcText(phase.closes), "2026-12-08T00:00:00Z");
   EXPECT_EQ(UtcText(phase.freezes), "2026-12-07T12:00:00.5Z");
   EXPECT_EQ(phase.entry, scoring::TeamRule::kChosen);
+  EXPECT_EQ(phase.teams, (std::vector<std::string>{"alpha", "Beta Lab"}));
   EXPECT_FALSE(phase.shown.metrics);
   EXPECT_FALSE(phase.shown.outcomes);
   EXPECT_TRUE(phase.shown.aggregate);
@@ -99,6 +101,8 @@ TEST(Challenge, AMistakeIsNamedWithFilePhaseAndKey) {
       {{{"quota", {{"official_total", 0}}}}, "quota: \"official_total\" is 0, must be from 1"},
       {{{"quota", {{"practice_total", 5}}}}, "quota: \"practice_total\" is no key of a phase"},
       {{{"quota", 5}}, "\"quota\" must be an object"},
+      {{{"teams", Json::array()}}, "\"teams\" must be 1 to 10000 names of teams"},
+      {{{"teams", {"a\nb"}}}, "\"teams\" must be 1 to 10000 names of teams"},
       {{{"show", {{"films", true}}}}, "show: \"films\""},
       {{{"show", {{"logs", "no"}}}}, "show: \"logs\" must be true or false"},
   };
