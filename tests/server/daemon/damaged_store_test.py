@@ -101,8 +101,9 @@ class DamagedStore(OrganiserCase):
         self.ask("backup", self.folder / "backup.db", schema="backup")
         self.assertEqual(self.stop(signal.SIGTERM), 0)
         self.start()
-        self.assertEqual([entry["evaluation"] for entry in self.get("/v1/health")["unreadable"]],
-                         [evaluation])
+        # The engine finds it once it has started.
+        unreadable = self.wait("/v1/health", lambda body: body["unreadable"])["unreadable"]
+        self.assertEqual([entry["evaluation"] for entry in unreadable], [evaluation])
         self.assertEqual(self.ended(self.submit("ok", team="late"))["state"], "done")
 
 
