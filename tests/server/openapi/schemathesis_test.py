@@ -98,7 +98,17 @@ class Schemathesis(unittest.TestCase):
         file.write_text(json.dumps(document))
         config = self.world.root / "schemathesis.toml"
         config.write_text(CONFIG)
-        done = subprocess.run(
+        # How far it gets in its time depends on the host's load, and so do timeouts of its requests: a
+        # mistake of the daemon's is one that is found again.
+        done = self.run_once(role, mode, file, config)
+        if done.returncode != 0:
+            print(f"{role}, {mode}, once more:\n{done.stdout}\n{done.stderr}", file=sys.stderr)
+            done = self.run_once(role, mode, file, config)
+        self.assertEqual(done.returncode, 0, f"{role}, {mode}:\n{done.stdout}\n{done.stderr}")
+        self.assertTrue(self.world.running, self.world.state())
+
+    def run_once(self, role, mode, file, config):
+        return subprocess.run(
             [SCHEMATHESIS, "--config-file", config, "--no-color", "run", file,
              "--url", self.world.url, "--mode", mode, "--phases", "examples,coverage,fuzzing",
              "--max-examples", str(EXAMPLES), "--max-time", str(SECONDS), "--seed", str(SEED),
@@ -106,8 +116,6 @@ class Schemathesis(unittest.TestCase):
              "--suppress-health-check", "all", "--warnings", "off", "--continue-on-failure",
              "--report", "ndjson", "--report-ndjson-path", self.world.root / "report.ndjson"],
             capture_output=True, text=True, cwd=self.world.root, timeout=DEADLINE_S)
-        self.assertEqual(done.returncode, 0, f"{role}, {mode}:\n{done.stdout}\n{done.stderr}")
-        self.assertTrue(self.world.running, self.world.state())
 
 
 def add_tests():
