@@ -1,11 +1,10 @@
 #include "server/access/token_text.h"
 
-#include <openssl/rand.h>
-
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/sha256.h"
+#include "server/base/random_bytes.h"
 
 namespace myograde::server {
 namespace {
@@ -16,12 +15,9 @@ constexpr size_t kRandomBytes = 32;
 }  // namespace
 
 absl::StatusOr<std::string> NewTokenText() {
-  std::string bytes(kRandomBytes, '\0');
-  if (RAND_bytes(reinterpret_cast<unsigned char*>(bytes.data()),
-                 static_cast<int>(bytes.size())) != 1) {
-    return absl::InternalError("this host has no random numbers for a token; try again");
-  }
-  return absl::StrCat(std::string(kPrefix), absl::BytesToHexString(bytes));
+  const absl::StatusOr<std::string> bytes = RandomBytes(kRandomBytes);
+  if (!bytes.ok()) return bytes.status();
+  return absl::StrCat(std::string(kPrefix), absl::BytesToHexString(*bytes));
 }
 
 bool IsTokenText(std::string_view text) {

@@ -1,7 +1,5 @@
 #include "server/proof/seed_list.h"
 
-#include <openssl/rand.h>
-
 #include <set>
 
 #include <absl/strings/ascii.h>
@@ -11,17 +9,11 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/lease/policy_seed.h"
+#include "server/base/random_bytes.h"
 
 namespace myograde::server {
 
-absl::StatusOr<std::string> NewSeedSecret() {
-  std::string secret(kSeedSecretBytes, '\0');
-  if (RAND_bytes(reinterpret_cast<unsigned char*>(secret.data()),
-                 static_cast<int>(secret.size())) != 1) {
-    return absl::InternalError("this host gives no random bytes");
-  }
-  return secret;
-}
+absl::StatusOr<std::string> NewSeedSecret() { return RandomBytes(kSeedSecretBytes); }
 
 absl::StatusOr<std::string> SecretOfDigits(std::string_view text, const std::string& where) {
   const std::string digits =

@@ -1,8 +1,7 @@
 // The phases of challenges: what happened to them, their secrets, and the choices of teams.
-#include <openssl/rand.h>
-
 #include <absl/strings/str_cat.h>
 
+#include "server/base/random_bytes.h"
 #include "server/store/connection.h"
 #include "server/store/reader.h"
 #include "server/store/stored_row.h"
@@ -100,14 +99,12 @@ absl::StatusOr<std::string> Writer::PhaseSecret(const std::string& phase) {
   absl::StatusOr<std::optional<std::string>> there = FindSecret(db_, phase);
   if (!there.ok()) return there.status();
   if (there->has_value()) return **std::move(there);
-  std::string secret(kPhaseSecretBytes, '\0');
-  if (RAND_bytes(reinterpret_cast<unsigned char*>(secret.data()), kPhaseSecretBytes) != 1) {
-    return absl::InternalError("the host has no random numbers for the secret of a phase");
-  }
+  absl::StatusOr<std::string> secret = RandomBytes(kPhaseSecretBytes);
+  if (!secret.ok()) return secret;
   SQLite::Statement insert(
       db_, "INSERT INTO phase_secret (phase, secret, created_at) VALUES (?, ?, ?)");
   insert.bind(1, phase);
-  insert.bind(2, secret.data(), kPhaseSecretBytes);
+  insert.bind(2, secret->data(), kPhaseSecretBytes);
   insert.bind(3, now_ms_);
   insert.exec();
   return secret;

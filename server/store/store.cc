@@ -1,9 +1,8 @@
 #include "server/store/store.h"
 
-#include <openssl/rand.h>
-
 #include <absl/strings/str_cat.h>
 
+#include "server/base/random_bytes.h"
 #include "server/store/connection.h"
 #include "server/store/stored_row.h"
 #include "server/store/teams.h"
@@ -34,11 +33,9 @@ absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, cons
 
 absl::Status Store::LoadSecret() {
   return GuardSqlite(path_, [&]() -> absl::Status {
-    std::string fresh(32, '\0');
-    if (RAND_bytes(reinterpret_cast<unsigned char*>(fresh.data()),
-                   static_cast<int>(fresh.size())) != 1) {
-      return absl::InternalError("the host has no random numbers for the store's secret");
-    }
+    absl::StatusOr<std::string> drawn = RandomBytes(32);
+    if (!drawn.ok()) return drawn.status();
+    std::string& fresh = *drawn;
     SQLite::Statement select(*db_, "SELECT value FROM meta WHERE key = 'policy_secret'");
     const bool there = select.executeStep();
     if (there && select.getColumn(0).isBlob() &&

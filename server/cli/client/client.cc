@@ -1,7 +1,6 @@
 #include "server/cli/client/client.h"
 
 #include <httplib.h>
-#include <openssl/rand.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -14,6 +13,7 @@
 #include <absl/strings/str_cat.h>
 #include <absl/time/clock.h>
 
+#include "server/base/random_bytes.h"
 #include "server/cli/client/connect.h"
 #include "server/cli/terminal/text.h"
 
@@ -72,12 +72,9 @@ bool IsLost(const httplib::Result& result) {
 
 // Of a request, which no other one has.
 absl::StatusOr<std::string> NewKey() {
-  std::string bytes(16, '\0');
-  if (RAND_bytes(reinterpret_cast<unsigned char*>(bytes.data()),
-                 static_cast<int>(bytes.size())) != 1) {
-    return absl::InternalError("this host gives no random bytes");
-  }
-  return absl::BytesToHexString(bytes);
+  const absl::StatusOr<std::string> bytes = RandomBytes(16);
+  if (!bytes.ok()) return bytes.status();
+  return absl::BytesToHexString(*bytes);
 }
 
 }  // namespace

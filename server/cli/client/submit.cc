@@ -11,6 +11,7 @@
 #include "server/cli/base/report.h"
 #include "server/cli/base/seed_file.h"
 #include "server/cli/base/temp_folder.h"
+#include "server/cli/client/challenge_phase.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/follow.h"
@@ -39,11 +40,8 @@ struct SubmitOptions : DaemonOptions {
 absl::StatusOr<std::string> TrackOfPhase(const Client& client, const std::string& phase) {
   const absl::StatusOr<Json> answer = client.Get("/v1/challenges");
   if (!answer.ok()) return answer.status();
-  for (const Json& challenge : answer->value("challenges", Json::array())) {
-    for (const Json& one : challenge.value("phases", Json::array())) {
-      if (one.value("phase", "") == phase) return one.value("track", "");
-    }
-  }
+  const Json known = PhaseIn(*answer, phase);
+  if (known.is_object()) return known.value("track", "");
   return absl::InvalidArgumentError(absl::StrCat(
       "there is no phase \"", phase, "\"; \"myograde challenge status\" lists those that there are"));
 }

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/file.h"
+#include "server/cli/client/challenge_phase.h"
 #include "server/proof/seed_list.h"
 
 namespace myograde::server {
@@ -29,16 +30,14 @@ absl::StatusOr<std::string> GivenSecret(const std::string& digits_or_path) {
 std::optional<std::string> RevealedSecret(const Client& client, const std::string& phase) {
   const absl::StatusOr<Json> answer = client.Get("/v1/challenges");
   if (!answer.ok()) return std::nullopt;
-  for (const Json& challenge : answer->value("challenges", Json::array())) {
-    for (const Json& known : challenge.value("phases", Json::array())) {
-      const Json told = known.value("seeds", Json::object()).value("secret", Json());
-      if (known.value("phase", "") != phase || !told.is_string()) continue;
-      const absl::StatusOr<std::string> secret =
-          SecretOfDigits(told.get<std::string>(), "the daemon's answer");
-      if (secret.ok()) return *secret;
-    }
-  }
-  return std::nullopt;
+  const Json known = PhaseIn(*answer, phase);
+  if (!known.is_object()) return std::nullopt;
+  const Json told = known.value("seeds", Json::object()).value("secret", Json());
+  if (!told.is_string()) return std::nullopt;
+  absl::StatusOr<std::string> secret =
+      SecretOfDigits(told.get<std::string>(), "the daemon's answer");
+  if (!secret.ok()) return std::nullopt;
+  return *std::move(secret);
 }
 
 }  // namespace myograde::server
