@@ -1,17 +1,16 @@
 #include "server/api/boards_resource.h"
 
 #include <functional>
-#include <optional>
-#include <set>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "server/api/board_query.h"
+#include "server/api/board_source.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/engine/standings.h"
-#include "server/engine/stored.h"
 #include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 
@@ -19,61 +18,6 @@ namespace myograde::server {
 namespace {
 
 using Json = nlohmann::json;
-
-// Everything that may stand on a board, and what can't be read of it.
-struct Source {
-  std::vector<StandingRow> standings;
-  Marks marks;
-  std::vector<Damage> damaged;
-  bool withheld = false;  // some were left out
-};
-
-// What the view lacks, or has of other numbers than today's, is made of the episode rows on the
-// spot.
-absl::Status FillRow(Reader& reader, const std::string& names, StandingRow& row) {
-  if (!row.standing.aggregate_json.empty() && row.standing.ranked.names == names) {
-    return absl::OkStatus();
-  }
-  absl::StatusOr<Standing> standing = ReadStanding(reader, row.evaluation);
-  if (!standing.ok()) return standing.status();
-  row.standing = *std::move(standing);
-  return absl::OkStatus();
-}
-
-// `before_ms`: what ended from then on is left out.
-absl::StatusOr<Source> SourceOf(Reader& reader, const Track& track, int64_t before_ms) {
-  const std::string names = scoring::RankedNames(*track.scoring.track);
-  Listed<StandingRow> listed = reader.Standings(track.config.hash);
-  MarksInForce marks = reader.Marks();
-  Source source{{}, std::move(marks.by_submission), std::move(listed.damaged)};
-  const bool choose = track.scoring.team == scoring::TeamRule::kChosen;
-  const std::set<int64_t> chosen =
-      choose ? reader.Choices(track.config.hash, before_ms) : std::set<int64_t>();
-  for (StandingRow& row : listed.rows) {
-    if (row.finished_at >= before_ms) {
-      source.withheld = true;
-      continue;
-    }
-    row.chosen = chosen.contains(row.submission);
-    // Nobody can tell whether it is hidden or disqualified.
-    if (const auto mark = marks.damaged.find(row.submission); mark != marks.damaged.end()) {
-      source.damaged.push_back(mark->second);
-      continue;
-    }
-    const absl::Status filled = FillRow(reader, names, row);
-    if (filled.ok()) {
-      source.standings.push_back(std::move(row));
-    } else if (const std::optional<Damage> damage = DamageOf(filled)) {
-      source.damaged.push_back(*damage);
-    } else {
-      return filled;
-    }
-  }
-  if (const auto mark = marks.damaged.find(0); mark != marks.damaged.end()) {
-    source.damaged.push_back(mark->second);
-  }
-  return source;
-}
 
 Json RowToJson(const LeaderboardRow& row) {
   const bool baseline = row.ranked.rank == 0;
@@ -110,88 +54,9 @@ Json BoardToJson(const Leaderboard& board) {
   return {{"rows", std::move(rows)}, {"disqualified", std::move(disqualified)}};
 }
 
-// The track and board that a request names.
-struct BoardQuery {
-  TrackPtr track;
-  std::string board;
-  const scoring::BoardSpec* rules = nullptr;  // the track's
-  // When its phase freezes it, as long as that has not been undone.
-  absl::Time freezes = absl::InfiniteFuture();
-  bool frozen = false;  // by the calendar
-  bool whole = true;    // the caller sees all of it
-
-  // What ended from then on is not shown. However the calendar is set, a row that is as late as the
-  // freeze stays hidden.
-  int64_t before_ms() const { return whole ? INT64_MAX : absl::ToUnixMillis(freezes); }
-  // Boards of one config that look different.
-  int view() const { return (frozen ? 2 : 0) + (whole ? 1 : 0); }
-};
-
-// A phase that no file describes any more is found by its submissions.
-absl::StatusOr<TrackPtr> TrackOfPhase(Reader& reader, const ApiContext& context,
-                                      const std::string& name) {
-  const absl::StatusOr<PhasePtr> phase = context.phases.Find(name);
-  if (phase.ok()) return (*phase)->track;
-  const std::string config = reader.ConfigOfPhase(name);
-  if (config.empty()) return phase.status();
-  return StoredTrack(reader, config);
-}
-
-absl::StatusOr<TrackPtr> AskedTrack(const httplib::Request& request, Reader& reader,
-                                    const ApiContext& context) {
-  const std::string name = request.get_param_value("track");
-  const std::string profile = request.get_param_value("profile");
-  if (!request.has_param("phase")) {
-    if (request.has_param("track")) return context.tracks.Find(name, profile);
-    return absl::InvalidArgumentError(
-        "\"track\" is missing: a board is of one track, or of one \"phase\"");
-  }
-  absl::StatusOr<TrackPtr> track =
-      TrackOfPhase(reader, context, request.get_param_value("phase"));
-  if (!track.ok()) return track.status();
-  const TrackConfig& config = (*track)->config;
-  if ((name.empty() || name == config.id) && (profile.empty() || profile == config.profile)) {
-    return track;
-  }
-  return absl::InvalidArgumentError(
-      absl::StrCat("phase \"", config.phase, "\" is of track \"", config.id,
-                   "\" in the profile \"", config.profile, "\""));
-}
-
-// From a phase's freeze on, only organisers see what ends later.
-absl::Status AddFreeze(Reader& reader, const ApiContext& context, BoardQuery& asked) {
-  const PhaseConfig* phase = context.phases.ConfigOf(asked.track->config.phase);
-  if (phase == nullptr) return absl::OkStatus();
-  const auto events = reader.PhaseEvents(phase->name);
-  if (!events.ok()) return events.status();
-  const PhaseStatus status = StatusOfPhase(*phase, *events, context.clock.Now());
-  const bool ever = phase->freezes != absl::InfiniteFuture();
-  if (!ever || status.published || status.revealed) return absl::OkStatus();
-  asked.freezes = phase->freezes;
-  asked.frozen = status.frozen;
-  asked.whole = CallerIsOrganiser();
-  return absl::OkStatus();
-}
-
-absl::StatusOr<BoardQuery> ParseBoardQuery(const httplib::Request& request, Reader& reader,
-                                           const ApiContext& context) {
-  absl::StatusOr<TrackPtr> track = AskedTrack(request, reader, context);
-  if (!track.ok()) return track.status();
-  BoardQuery asked{*track, request.has_param("board") ? request.get_param_value("board")
-                                                      : scoring::kMainBoard};
-  const auto rules = asked.track->scoring.boards.find(asked.board);
-  if (rules == asked.track->scoring.boards.end()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("track \"", asked.track->config.id, "\" has no board \"", asked.board, "\""));
-  }
-  asked.rules = &rules->second;
-  if (absl::Status status = AddFreeze(reader, context, asked); !status.ok()) return status;
-  return asked;
-}
-
 absl::StatusOr<std::string> MakeBoardText(Reader& reader, const BoardQuery& asked) {
   const TrackConfig& config = asked.track->config;
-  absl::StatusOr<Source> source = SourceOf(reader, *asked.track, asked.before_ms());
+  absl::StatusOr<BoardSource> source = SourceOf(reader, *asked.track, asked.before_ms());
   if (!source.ok()) return source.status();
   absl::StatusOr<Leaderboard> board = MakeLeaderboard(
       source->standings, source->marks, asked.rules->rules, asked.track->scoring.team);
@@ -275,7 +140,7 @@ ApiResult BoardsResource::Explain(const httplib::Request& request) const {
     const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
     if (!asked.ok()) return asked.status();
     const BoardQuery& board = *asked;
-    const absl::StatusOr<Source> source = SourceOf(reader, *board.track, board.before_ms());
+    const absl::StatusOr<BoardSource> source = SourceOf(reader, *board.track, board.before_ms());
     if (!source.ok()) return source.status();
     const auto explanation = ExplainOrder(source->standings, source->marks, board.rules->rules,
                                           board.track->scoring.team,

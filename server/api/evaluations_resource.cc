@@ -53,7 +53,7 @@ Json OutputToJson(const std::vector<LeaseRow>& leases) {
 // A re-run against its original; null for an original.
 absl::StatusOr<Json> ComparisonOf(Reader& reader, const EvaluationRow& evaluation,
                                   const std::vector<EpisodeRow>& rows) {
-  if (!evaluation.rerun) return Json();
+  if (evaluation.kind != EvaluationKind::kRerun) return Json();
   const absl::StatusOr<EvaluationRow> original = reader.Original(evaluation.submission);
   if (!original.ok()) return original.status();
   const absl::StatusOr<std::vector<EpisodeRow>> its = reader.Episodes(original->id);
@@ -67,7 +67,7 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   if (!evaluation.ok()) return evaluation.status();
   absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation->submission);
   if (!submission.ok()) return submission.status();
-  const absl::StatusOr<TrackPtr> track = StoredTrack(reader, submission->config);
+  const absl::StatusOr<TrackPtr> track = StoredTrack(reader, ConfigOf(*evaluation, *submission));
   if (!track.ok()) return track.status();
   const TrackConfig& config = (*track)->config;
   const scoring::TrackScoring& scoring = (*track)->scoring;
@@ -82,8 +82,8 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   if (!repeats.ok()) return repeats.status();
 
   Json json = SubmissionToJson(*submission, *evaluation, reader.Counts(id));
-  json["kind"] = evaluation->rerun ? "rerun" : "original";
-  json["ranked"] = submission->ranked && !evaluation->rerun;
+  json["kind"] = EvaluationKindName(evaluation->kind);
+  json["ranked"] = submission->ranked && evaluation->kind == EvaluationKind::kOriginal;
   json["track_kind"] = config.kind->name;
   json["reason"] = TextOrNull(evaluation->reason);
   json["first"] = evaluation->first;

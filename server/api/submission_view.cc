@@ -138,7 +138,7 @@ absl::StatusOr<nlohmann::json> SubmissionStatus(Reader& reader, const ApiContext
   json["evaluations"] = Json::array();
   for (const EvaluationRow& evaluation : *evaluations) {
     json["evaluations"].push_back({{"evaluation", evaluation.id},
-                                   {"kind", evaluation.rerun ? "rerun" : "original"},
+                                   {"kind", EvaluationKindName(evaluation.kind)},
                                    {"state", EvaluationStateName(evaluation.state)},
                                    {"first", evaluation.first},
                                    {"last", evaluation.last}});

@@ -12,6 +12,19 @@
 
 namespace myograde::server {
 
+namespace {
+
+Priority PriorityOf(const StoredEvaluation& stored) {
+  switch (stored.evaluation.kind) {
+    case EvaluationKind::kRerun: return Priority::kRerun;
+    case EvaluationKind::kRejudge: return Priority::kRejudge;
+    case EvaluationKind::kOriginal: break;
+  }
+  return stored.submission.ranked ? Priority::kRanked : Priority::kPractice;
+}
+
+}  // namespace
+
 EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) const {
   const auto context = std::make_shared<Context>();
   context->evaluation = stored.evaluation.id;
@@ -20,9 +33,7 @@ EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) con
   // An organiser submits on behalf of many people, so it counts for no party.
   const std::string& who = stored.submission.accepted_by;
   context->party = IsOrganiser(who) ? "" : who;
-  context->priority = stored.evaluation.rerun    ? Priority::kRerun
-                      : stored.submission.ranked ? Priority::kRanked
-                                                 : Priority::kPractice;
+  context->priority = PriorityOf(stored);
   context->artefact = stored.artefact.hash;
   context->command = stored.artefact.command;
   context->environment = stored.artefact.environment;
@@ -188,7 +199,7 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
   const std::string results = ResultsHash(rows, context.track->config.seed_salt);
   status = WriteNow([&](Writer& writer) {
     absl::Status written = writer.EndEvaluation(evaluation, state, reason, results, owner_);
-    if (state == EvaluationState::kDone && context.priority != Priority::kRerun) {
+    if (state == EvaluationState::kDone && context.row.kind != EvaluationKind::kRerun) {
       written.Update(writer.SetStanding(evaluation, standing));
     }
     return written;

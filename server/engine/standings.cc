@@ -16,7 +16,7 @@ absl::StatusOr<Standing> ReadStanding(Reader& reader, int64_t evaluation) {
                        std::string(submission.status().message())});
   }
   if (!submission.ok()) return submission.status();
-  absl::StatusOr<TrackConfig> config = StoredConfig(reader, submission->config);
+  absl::StatusOr<TrackConfig> config = StoredConfig(reader, ConfigOf(*row, *submission));
   if (!config.ok()) return config.status();
   absl::StatusOr<std::vector<EpisodeRow>> rows = reader.Episodes(evaluation);
   if (!rows.ok()) return rows.status();

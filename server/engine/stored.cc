@@ -76,10 +76,12 @@ absl::StatusOr<StoredEvaluation> LoadEvaluation(Reader& reader, int64_t id,
   absl::StatusOr<ArtefactRow> artefact = reader.Artefact(stored.submission.artefact);
   if (!artefact.ok()) return artefact.status();
   stored.artefact = *std::move(artefact);
-  absl::StatusOr<TrackPtr> track = content.Track(reader, stored.submission.config);
+  absl::StatusOr<TrackPtr> track =
+      content.Track(reader, ConfigOf(stored.evaluation, stored.submission));
   if (!track.ok()) return track.status();
   stored.track = *std::move(track);
-  absl::StatusOr<SeedsPtr> seeds = content.Seeds(reader, stored.submission.seeds);
+  absl::StatusOr<SeedsPtr> seeds =
+      content.Seeds(reader, SeedsOf(stored.evaluation, stored.submission));
   if (!seeds.ok()) return seeds.status();
   stored.seeds = *std::move(seeds);
   if (stored.evaluation.last >= static_cast<int64_t>(stored.seeds->size())) {

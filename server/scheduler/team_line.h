@@ -11,9 +11,10 @@
 namespace myograde::server {
 
 // Highest class first. kOverdue: has waited too long. kRanked: may rank. kPractice: may not.
-// kRerun: played a second time.
-enum class Priority { kOverdue = 0, kRanked = 1, kPractice = 2, kRerun = 3 };
-constexpr int kPriorities = 4;
+// kRerun: played a second time. kRejudge: played by an organiser's changed rules, which nobody waits
+// for, so it never becomes overdue.
+enum class Priority { kOverdue = 0, kRanked = 1, kPractice = 2, kRerun = 3, kRejudge = 4 };
+constexpr int kPriorities = 5;
 
 class TeamLine {
  public:

@@ -26,12 +26,8 @@ constexpr char kSubmissionColumns[] =
 
 constexpr char kEvaluationColumns[] =
     "SELECT e.id, e.submission, e.kind, e.first, e.last, e.state, e.reason, e.grader_json, "
-    "e.results_hash, e.created_at, e.started_at, e.finished_at FROM evaluation AS e ";
-
-std::optional<bool> ParseIsRerun(std::string_view kind) {
-  if (kind != "original" && kind != "rerun") return std::nullopt;
-  return kind == "rerun";
-}
+    "e.results_hash, e.created_at, e.started_at, e.finished_at, e.config, e.seeds "
+    "FROM evaluation AS e ";
 
 StoredRow SubmissionOf(SQLite::Statement& select, SubmissionRow& submission) {
   StoredRow row(select, "submission", Shown(select.getColumn(0)));
@@ -56,7 +52,7 @@ StoredRow EvaluationOf(SQLite::Statement& select, EvaluationRow& evaluation) {
   StoredRow row(select, "evaluation", Shown(select.getColumn(0)));
   evaluation.id = row.Number(0, 1, INT64_MAX);
   evaluation.submission = row.Number(1, 1, INT64_MAX);
-  evaluation.rerun = row.Named(2, ParseIsRerun);
+  evaluation.kind = row.Named(2, ParseEvaluationKind);
   evaluation.first = row.Number(3, 0, kMaxEpisodes - 1);
   evaluation.last = row.Number(4, evaluation.first, kMaxEpisodes - 1);
   evaluation.state = row.Named(5, ParseEvaluationState);
@@ -66,6 +62,8 @@ StoredRow EvaluationOf(SQLite::Statement& select, EvaluationRow& evaluation) {
   evaluation.created_at = row.Time(9);
   evaluation.started_at = row.TimeOr0(10);
   evaluation.finished_at = row.TimeOr0(11);
+  if (!select.isColumnNull(12)) evaluation.config = row.Hash(12);
+  if (!select.isColumnNull(13)) evaluation.seeds = row.Hash(13);
   if (IsFinal(evaluation.state) == select.isColumnNull(11)) {
     row.Fail(5, "its time of ending says otherwise");
   }
@@ -192,7 +190,7 @@ absl::StatusOr<std::vector<EvaluationRow>> Reader::Evaluations(int64_t submissio
                         "WHERE e.submission = ? ORDER BY e.kind != 'original', e.id"));
   select.bind(1, submission);
   auto rows = AllOf<EvaluationRow>(select, {}, EvaluationOf);
-  if (rows.ok() && (rows->empty() || rows->front().rerun)) {
+  if (rows.ok() && (rows->empty() || rows->front().kind != EvaluationKind::kOriginal)) {
     return DamagedRow({"submission", absl::StrCat(submission),
                        "it has no evaluation, or none that is its original one"});
   }

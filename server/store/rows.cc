@@ -16,6 +16,11 @@ constexpr std::array<std::pair<LeaseState, std::string_view>, 5> kLeaseStates = 
     {LeaseState::kCancelled, "cancelled"},
 }};
 
+constexpr std::array<std::pair<EvaluationKind, std::string_view>, 3> kEvaluationKinds = {{
+    {EvaluationKind::kOriginal, "original"},
+    {EvaluationKind::kRerun, "rerun"},
+    {EvaluationKind::kRejudge, "rejudge"},
+}};
 constexpr std::array<std::pair<EvaluationState, std::string_view>, 6> kEvaluationStates = {{
     {EvaluationState::kQueued, "queued"},
     {EvaluationState::kRunning, "running"},
@@ -55,6 +60,22 @@ std::string_view EvaluationStateName(EvaluationState state) {
 
 std::optional<EvaluationState> ParseEvaluationState(std::string_view name) {
   return ParseIn<EvaluationState>(kEvaluationStates, name);
+}
+
+std::string_view EvaluationKindName(EvaluationKind kind) {
+  return NameIn(kEvaluationKinds, kind);
+}
+
+std::optional<EvaluationKind> ParseEvaluationKind(std::string_view name) {
+  return ParseIn<EvaluationKind>(kEvaluationKinds, name);
+}
+
+const std::string& ConfigOf(const EvaluationRow& evaluation, const SubmissionRow& submission) {
+  return evaluation.config.empty() ? submission.config : evaluation.config;
+}
+
+const std::string& SeedsOf(const EvaluationRow& evaluation, const SubmissionRow& submission) {
+  return evaluation.seeds.empty() ? submission.seeds : evaluation.seeds;
 }
 
 bool IsFinal(LeaseState state) {

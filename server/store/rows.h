@@ -50,10 +50,18 @@ struct SubmissionRow {
   std::string phase;        // of a challenge; "": the track's own board
 };
 
+enum class EvaluationKind {
+  kOriginal,
+  kRerun,    // of some episodes of the original, to compare
+  kRejudge,  // the submission's result under another config
+};
+std::string_view EvaluationKindName(EvaluationKind kind);
+std::optional<EvaluationKind> ParseEvaluationKind(std::string_view name);
+
 struct EvaluationRow {
   int64_t id = 0;
   int64_t submission = 0;
-  bool rerun = false;
+  EvaluationKind kind = EvaluationKind::kOriginal;
   int64_t first = 0;
   int64_t last = 0;
   EvaluationState state = EvaluationState::kQueued;
@@ -63,7 +71,14 @@ struct EvaluationRow {
   int64_t created_at = 0;
   int64_t started_at = 0;
   int64_t finished_at = 0;
+  // Hashes of what a rejudge is played under; "" is the submission's.
+  std::string config = {};
+  std::string seeds = {};
 };
+
+// Hashes of the config and the seeds of an evaluation of `submission`.
+const std::string& ConfigOf(const EvaluationRow& evaluation, const SubmissionRow& submission);
+const std::string& SeedsOf(const EvaluationRow& evaluation, const SubmissionRow& submission);
 
 struct LeaseRow {
   int64_t id = 0;
