@@ -15,6 +15,7 @@
 
 #include "protocol/base/mutex.h"
 #include "server/store/accepted.h"
+#include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
 #include "server/store/rows.h"
@@ -156,6 +157,10 @@ class Reader {
   std::set<std::string> NeededLogs();
   // Evaluations that are done: all, or those without a standing.
   std::vector<int64_t> DoneEvaluations(bool without_standing);
+
+  // Of a board, or with nullopt of all, by id.
+  absl::StatusOr<std::vector<BoardConfigRow>> BoardConfigs(
+      const std::optional<BoardName>& board = std::nullopt);
 
  private:
   SQLite::Database& db_;
