@@ -54,4 +54,10 @@ struct OtherConfig {
   int64_t last_at = 0;
 };
 
+// What a rejudge has to do with an evaluation.
+struct RejudgeOf {
+  int64_t rejudge = 0;        // its id; 0: none
+  bool ever_applied = false;  // its results stood on a board, if they do not still
+};
+
 }  // namespace myograde::server
