@@ -88,11 +88,16 @@ StoredRow BoardConfigOf(SQLite::Statement& select, BoardConfigRow& config) {
   config.config = row.Hash(5);
   config.rejudge = row.NumberOr(6, 1, INT64_MAX, 0);
   config.who = row.Text(7);
+  if (config.rejudge != 0) {
+    row.Joined("rejudge", 8);
+    config.from_config = row.Hash(8);
+  }
   return row;
 }
 
 constexpr char kBoardConfigColumns[] =
-    "SELECT id, at, phase, track, profile, config, rejudge, who FROM board_config ";
+    "SELECT b.id, b.at, b.phase, b.track, b.profile, b.config, b.rejudge, b.who, r.from_config "
+    "FROM board_config AS b LEFT JOIN rejudge AS r ON r.id = b.rejudge ";
 
 }  // namespace
 
@@ -131,18 +136,18 @@ absl::StatusOr<bool> Writer::SetBoardConfig(const NewBoardConfig& change, const 
 absl::StatusOr<std::vector<BoardConfigRow>> Reader::BoardConfigs(
     const std::optional<BoardName>& board) {
   SQLite::Statement select(
-      db_, absl::StrCat(kBoardConfigColumns, board.has_value() ? "WHERE phase = ? AND track = ? AND "
-                                                                 "profile = ? "
+      db_, absl::StrCat(kBoardConfigColumns, board.has_value() ? "WHERE b.phase = ? AND b.track = ? "
+                                                                 "AND b.profile = ? "
                                                                : "",
-                        "ORDER BY id"));
+                        "ORDER BY b.id"));
   if (board.has_value()) SQLite::bind(select, board->phase, board->track, board->profile);
   return AllOf<BoardConfigRow>(select, {}, BoardConfigOf);
 }
 
 absl::StatusOr<std::string> Reader::ConfigAt(const BoardName& board, int64_t before_ms) {
   SQLite::Statement row(db_, absl::StrCat(kBoardConfigColumns,
-                                          "WHERE phase = ? AND track = ? AND profile = ? AND "
-                                          "at < ? ORDER BY id DESC LIMIT 1"));
+                                          "WHERE b.phase = ? AND b.track = ? AND b.profile = ? "
+                                          "AND b.at < ? ORDER BY b.id DESC LIMIT 1"));
   SQLite::bind(row, board.phase, board.track, board.profile, before_ms);
   if (row.executeStep()) {
     BoardConfigRow config;
@@ -150,7 +155,8 @@ absl::StatusOr<std::string> Reader::ConfigAt(const BoardName& board, int64_t bef
     return config.config;
   }
   // `accepted_at` grows with the id, up to a clock that was set back.
-  for (const char* order : {"AND s.accepted_at < ?4 ORDER BY s.id DESC", "AND ?4 IS NOT NULL ORDER BY s.id"}) {
+  for (const char* order :
+       {"AND s.accepted_at < ?4 ORDER BY s.id DESC", "AND ?4 IS NOT NULL ORDER BY s.id"}) {
     SQLite::Statement submission(
         db_, absl::StrCat("SELECT s.config FROM config AS c CROSS JOIN submission AS s ON s.config = "
                           "c.hash WHERE c.track = ?2 AND c.profile = ?3 AND s.ranked = 1 AND "

@@ -24,6 +24,7 @@ struct BoardConfigRow {
   std::string config;   // its hash
   int64_t rejudge = 0;  // whose act it was; 0: the config files changed
   std::string who;
+  std::string from_config;  // of that rejudge; "": none
 };
 
 // The config that a board has from now on.
