@@ -121,7 +121,7 @@ int64_t Reader::BoardChanges() {
 std::vector<int64_t> Reader::DoneEvaluations(bool without_standing) {
   SQLite::Statement select(
       db_, "SELECT e.id FROM evaluation AS e LEFT JOIN standing AS v ON v.evaluation = e.id "
-           "WHERE e.state = 'done' AND e.kind IN ('original', 'rejudge') AND (NOT ?1 OR v.evaluation IS NULL) "
+           "WHERE e.state = 'done' AND e.kind != 'rerun' AND (NOT ?1 OR v.evaluation IS NULL) "
            "ORDER BY e.id");
   select.bind(1, without_standing ? 1 : 0);
   std::vector<int64_t> ids;
