@@ -56,6 +56,28 @@ TEST_F(TrackFiles, AnExtensionChangesWhatItNamesAndNothingElse) {
   EXPECT_NE(made->hash, base.hash);
 }
 
+TEST_F(TrackFiles, AClientsFileTakesThePlaceOfTheTracksOwn) {
+  const auto base = LoadTrackConfig(dir_, "manipulation", "").value();
+  const json change = {{"extends", "manipulation"}, {"budgets", {{"tasks", 9}}}};
+  const auto made = ResolveTrackConfig(dir_, "manipulation", "", change, "request: config");
+  ASSERT_TRUE(made.ok()) << made.status();
+  EXPECT_EQ(made->id, "manipulation");
+  EXPECT_EQ(made->budgets.tasks, 9);
+  EXPECT_EQ(made->practice_seeds, base.practice_seeds);
+  json same = *ReadJsonFile(dir_ + "/manipulation.json");
+  EXPECT_EQ(ResolveTrackConfig(dir_, "manipulation", "", same, "request").value().hash, base.hash);
+  same["budgets"].erase("tasks");
+  const auto error = [&](const json& file) {
+    return std::string(
+        ResolveTrackConfig(dir_, "manipulation", "paper", file, "request: config").status().message());
+  };
+  EXPECT_THAT(error(same), testing::AllOf(HasSubstr("request: config"), HasSubstr("\"tasks\"")));
+  EXPECT_THAT(error(json::array()), HasSubstr("request: config: must hold a JSON object"));
+  EXPECT_THAT(error({{"extends", "../manipulation"}}), HasSubstr("is no name of a track config"));
+  EXPECT_THAT(error({{"extends", "none"}}), HasSubstr("there are: manipulation"));
+  EXPECT_THAT(error({{"extends", 7}}), HasSubstr("\"extends\" must be the name"));
+}
+
 // What was published for the leg's track under the name as-graded is what the code does.
 TEST(ShippedTracks, AsGradedOfTheLegIsMyosuiteUnderThatName) {
   const auto graded = LoadTrackConfig(kTrackFiles, "locomotion", "as-graded");

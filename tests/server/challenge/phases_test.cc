@@ -39,7 +39,7 @@ absl::StatusOr<std::string> SecretFor(const std::string& phase) {
 Phases MakePhases(const std::vector<Json>& phases) {
   absl::StatusOr<Phases> made = Phases::Make({ChallengeOf(phases)}, ShippedTracks(), SecretFor);
   EXPECT_TRUE(made.ok()) << made.status();
-  return made.value_or(Phases());
+  return std::move(made).value_or(Phases());
 }
 
 PhaseEventRow Event(const std::string& phase, const char* event, const std::string& why = "why") {
