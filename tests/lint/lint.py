@@ -100,7 +100,7 @@ CALENDAR = re.compile(r"absl::Now\(|\b(system_clock|high_resolution_clock|file_c
 CALENDAR_USERS = {
     "protocol/base/clock.cc": "is the port",
     "server/admission/admission.cc": "quotas are of a day, phases open and close at a date",
-    "server/api/boards_resource.cc": "phases freeze at a date",
+    "server/api/board_query.cc": "phases freeze at a date, and boards are asked for as of one",
     "server/api/challenges_resource.cc": "phases open and close at a date",
     "server/api/guard.cc": "tokens expire at a time of day",
     "server/api/phase_view.cc": "phases open and close at a date",
@@ -120,6 +120,7 @@ CALENDAR_USERS = {
     "tests/lint/lint.py": "names them",
     "tests/redteam/programs/c44_guesses_seeds.py": "prints it, to see that no result hangs on it",
     "tests/server/admission/submit_phase_test.cc": "sets it",
+    "tests/server/api/board_moments_test.cc": "compares with stored times of day",
     "tests/server/challenge/calendar_watch_test.cc": "sets it",
     "tests/server/daemon/phases_test.py": "phases open and close at a date",
     "tests/server/daemon/secrets_test.py": "sets dates in a challenge file",

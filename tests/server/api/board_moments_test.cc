@@ -1,5 +1,6 @@
 // Boards of earlier moments and of other configs: whatever happens, the board of a moment is the one
 // that was shown then.
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -148,6 +149,9 @@ class Board {
       if (row.ok()) missing = reader.MissingItems(*row);
       return row.status();
     });
+    EpisodeRow judged;
+    judged.outcome = Outcome::kSuccess;
+    judged.metrics_json = "{}";
     for (const RejudgeCandidate& item : missing) {
       // It may have been dropped, or hold an evaluation without episodes.
       (void)store_->Write([&](Writer& writer) -> absl::Status {
@@ -162,7 +166,7 @@ class Board {
                             .submission = item.submission,
                             .source = item.source,
                             .results_hash = "y",
-                            .episodes = {{.outcome = Outcome::kSuccess, .metrics_json = "{}"}},
+                            .episodes = {judged},
                             .standing = StandingWith(number)},
                            "daemon")
             .status();
