@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <regex>
 #include <string>
 #include <utility>
 #include <vector>
@@ -173,6 +174,14 @@ class Board {
       });
     }
   }
+  // A rejudge from its beginning to its end.
+  void RejudgeAll(const TrackPtr& to, double number) {
+    while (!open_.empty()) End(0, true, number);
+    CreateRejudge(to);
+    Follow(rejudges_ - 1, /*play=*/false, 100 - number);
+    Wait(1);
+    Act(rejudges_ - 1, /*apply=*/true);
+  }
   // What organisers do to a rejudge; refused where it can't be done.
   void Act(size_t which, bool apply) {
     if (rejudges_ == 0) return;
@@ -269,36 +278,41 @@ void ActAtRandom(Board& board) {
   const double number = *rc::gen::inRange(1, 100);
   const bool yes = *rc::gen::arbitrary<bool>();
   const TrackPtr& config = Configs()[which % Configs().size()];
-  switch (*rc::gen::inRange(0, 11)) {
+  switch (*rc::gen::inRange(0, 12)) {
     case 0:
     case 1: return board.Submit(absl::StrCat("team ", which % 3));
     case 2:
-    case 3: return board.End(which, which != 0, number);
-    case 4: return board.Mark(static_cast<int64_t>(which) + 1, yes ? kHidden : kBaseline, number > 50);
-    case 5: return board.CreateRejudge(config);
-    case 6:
-    case 7: return board.Follow(which, yes, number);
-    case 8:
-    case 9: return board.Act(which, yes);
-    default: return which == 0 ? board.ChangeFile(config) : board.Act(which, true);
+    case 3:
+    case 4: return board.End(which, which != 0, number);
+    case 5: return board.Mark(static_cast<int64_t>(which) + 1, yes ? kHidden : kBaseline,
+                              number > 50);
+    case 6: return board.CreateRejudge(config);
+    case 7:
+    case 8: return board.Follow(which, yes && number > 50, number);
+    case 9: return which == 0 ? board.ChangeFile(config) : board.Act(which, yes);
+    default: return yes ? board.RejudgeAll(config, number) : board.Act(which, which % 2 == 0);
   }
 }
 
 RC_GTEST_PROP(BoardMoments, TheBoardOfAMomentIsTheOneThatWasShownThen, ()) {
   Board board;
   std::map<int64_t, std::string> shown;  // at the end of each millisecond
-  const auto acts = *rc::gen::inRange(0, 60);
+  const auto acts = *rc::gen::inRange(0, 30);
   for (int i = 0; i < acts; ++i) {
     board.Wait(*rc::gen::inRange(0, 3));
     ActAtRandom(board);
     shown[board.Now()] = board.ShownAt(INT64_MAX);
   }
   for (const auto& [moment, text] : shown) RC_ASSERT(board.ShownAt(moment + 1) == text);
+  const bool by_rejudges = std::any_of(shown.begin(), shown.end(), [](const auto& one) {
+    return std::regex_search(one.second, std::regex("of rejudge [1-9]"));
+  });
+  RC_CLASSIFY(by_rejudges);
 }
 
 class RejudgedBoard : public testing::Test {
  protected:
-  // Two teams, of which the second one is ahead only after the rejudge.
+  // Two teams, of which the first one is ahead only after the rejudge, which makes them equal.
   RejudgedBoard() {
     for (const char* team : {"alpha", "beta"}) {
       board_.Submit(team);
@@ -309,7 +323,7 @@ class RejudgedBoard : public testing::Test {
     board_.Wait(1);
   }
   static constexpr char kBefore[] =
-      "1 alpha 1 by evaluation 1 of rejudge 0\n2 beta 2 by evaluation 2 of rejudge 0\n";
+      "1 beta 2 by evaluation 2 of rejudge 0\n2 alpha 1 by evaluation 1 of rejudge 0\n";
   static constexpr char kAfter[] =
       "1 alpha 1 by evaluation 3 of rejudge 1\n2 beta 2 by evaluation 4 of rejudge 1\n";
 
