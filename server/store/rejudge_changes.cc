@@ -44,7 +44,8 @@ std::string WhyNotApplied(const RejudgeRow& rejudge, const RejudgeProgress& prog
   if (!progress.complete) {
     const int64_t open = progress.missing + progress.items - progress.ended;
     return progress.state == State::kDropped
-               ? absl::StrCat("can't be applied again: it was dropped, and ", open, " of its ",
+               ? absl::StrCat("can't be applied again: it was dropped, and ",
+                              open + progress.cancelled, " of its ",
                               progress.missing + progress.items,
                               " results are missing; create a new one")
                : absl::StrCat("can't be applied yet: ", open, " of its ",
