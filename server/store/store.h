@@ -25,6 +25,7 @@
 #include "server/store/accepted.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
+#include "server/store/rejudges.h"
 #include "server/store/rows.h"
 #include "server/store/transfer.h"
 
@@ -261,6 +262,26 @@ class Writer {
   // as cancelled, as exports have no artefact files.
   absl::Status Import(const std::string& path, const ExportInfo& info, const std::string& who);
 
+  // Rejudges (rejudges.h). Adds one with its event 'created'. For purpose kSeeds `items` has one entry
+  // per submission and repetition, whose `rejudge` is filled in here; otherwise it is empty.
+  absl::StatusOr<RejudgeRow> AddRejudge(const NewRejudge& rejudge, std::vector<NewRejudgeItem> items,
+                                        const SignRejudge& sign, const std::string& who);
+  // An item to play. The answer's `evaluation` is to be queued unless the item is impossible. Adding
+  // an item that is there changes nothing, and `repeated` is true. FailedPreconditionError if the
+  // rejudge was dropped.
+  absl::StatusOr<Accepted> AddRejudgeItem(const NewRejudgeItem& item, const std::string& who);
+  // An item that was computed. True if it is new; otherwise as AddRejudgeItem.
+  absl::StatusOr<bool> AddJudgedItem(const JudgedItem& item, const std::string& who);
+  // Event and board_config row. FailedPreconditionError, in one sentence: it is of purpose kSeeds, is
+  // applied already, is not complete, has other submissions without result than `without` says, or
+  // the board's config in force is not from_config.
+  absl::StatusOr<RejudgeDone> ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
+                                           const std::string& who);
+  // Event; cancels its unfinished evaluations; if it was applied, the board has its config of before.
+  // FailedPreconditionError: it was dropped before, or a later one of its board is applied.
+  absl::StatusOr<RejudgeDone> DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
+                                          const std::string& who);
+
  private:
   absl::StatusOr<LeaseRow> Lease(int64_t lease);
   absl::Status Audit(const char* entity, int64_t id, std::string_view from, std::string_view to,
@@ -269,6 +290,11 @@ class Writer {
       int64_t submission, bool rerun, const std::string& grader_json,
       const std::vector<std::pair<int64_t, int64_t>>& blocks, const std::string& who);
   absl::Status RunEvaluation(int64_t evaluation, const std::string& who);
+  absl::StatusOr<int64_t> AddItem(const NewRejudgeItem& item, RejudgeMethod method,
+                                  int64_t evaluation);
+  absl::StatusOr<RejudgeEventRow> AddRejudgeEvent(const RejudgeRow& rejudge, RejudgeEvent event,
+                                                  const std::string& why, const SignRejudge& sign,
+                                                  const std::string& who);
   void MendTypes(const char* table, int64_t id);
   void MendBoardState();
   // The ranked evaluation that rules out another one; nullopt: none.
