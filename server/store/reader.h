@@ -15,6 +15,7 @@
 
 #include "protocol/base/mutex.h"
 #include "server/store/accepted.h"
+#include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
 #include "server/store/rejudges.h"
@@ -177,6 +178,9 @@ class Reader {
   absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge);
   // Changes whenever rejudges may have something new to do, and only then.
   int64_t RejudgeWork();
+  // Of a board, or with nullopt of all, by id.
+  absl::StatusOr<std::vector<BoardConfigRow>> BoardConfigs(
+      const std::optional<BoardName>& board = std::nullopt);
 
  private:
   SQLite::Database& db_;
