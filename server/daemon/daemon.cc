@@ -318,6 +318,7 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   Api api({.config = config,
            .data_dir = options.data_dir,
            .cache_dir = options.cache_dir,
+           .tracks_dir = options.configs_dir + "/tracks",
            .tracks = tracks,
            .phases = *phases,
            .admission = admission,

@@ -178,6 +178,7 @@ class Reader {
   absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge);
   // Changes whenever rejudges may have something new to do, and only then.
   int64_t RejudgeWork();
+
   // Of a board, or with nullopt of all, by id.
   absl::StatusOr<std::vector<BoardConfigRow>> BoardConfigs(
       const std::optional<BoardName>& board = std::nullopt);
