@@ -182,7 +182,10 @@ absl::StatusOr<NewRejudge> MakeRejudge(Reader& reader, const ApiContext& context
   if (request.config.has_value()) next = NewTrack(context, from, *request.config);
   if (!next.ok()) return next.status();
   const TrackConfig& to = (*next)->config;
-  NewRejudge rejudge = {.phase = from.phase, .track = from.id, .profile = from.profile};
+  NewRejudge rejudge;
+  rejudge.phase = from.phase;
+  rejudge.track = from.id;
+  rejudge.profile = from.profile;
   rejudge.from_config = from.hash;
   rejudge.from_config_json = CanonicalJson(from.effective);
   rejudge.to_config = to.hash;

@@ -155,7 +155,7 @@ ApiResult RejudgesResource::Drop(const httplib::Request& request, const Json& bo
   const absl::StatusOr<SignRejudge> sign = RejudgeSigner(context_);
   if (!sign.ok()) return ErrorOf(sign.status());
   const absl::StatusOr<RejudgeDone> done = context_.engine.DropRejudge(
-      {.rejudge = id, .why = *reason}, *sign, CallerKey(), context_.config.http.request);
+      {id, *reason}, *sign, CallerKey(), context_.config.http.request);
   if (!done.ok()) return ErrorOf(done.status());
   NoteAct(SubjectOf(id), "dropped");
   return Show(id, 200, {{"config_before", TextOrNull(done->config_before)},
