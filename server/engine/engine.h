@@ -61,9 +61,11 @@ class Engine {
   absl::StatusOr<RejudgeDone> DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
                                           const std::string& who, absl::Duration timeout,
                                           StoreChange alongside = nullptr);
-  // For Rejudger: adds items, and queues those to play.
-  absl::Status AddRejudgeItems(std::vector<JudgedItem> judged, std::vector<NewRejudgeItem> to_play,
-                               absl::Duration timeout);
+  // For Rejudger: adds items, each as a whole or not at all, and queues those to play. Returns what
+  // each became, the judged ones first.
+  absl::StatusOr<std::vector<absl::Status>> AddRejudgeItems(
+      std::vector<JudgedItem> judged, std::vector<NewRejudgeItem> to_play,
+      absl::Duration timeout);
 
   // Views. Safe from any thread; never wait for a runner or the disk.
   QueueOutlook OutlookOf(int64_t evaluation) const { return core_.OutlookOf(evaluation); }
@@ -80,6 +82,8 @@ class Engine {
                                  absl::Duration timeout);
 
   const std::string data_dir_;
+  const std::string cache_dir_;
+  ReaderPool& readers_;
   const Clock& clock_;
   CommandQueue commands_;
   EngineCore core_;

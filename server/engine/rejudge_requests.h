@@ -44,8 +44,16 @@ absl::Status CheckNewRejudge(const NewRejudge& rejudge);
 RejudgeMethod MethodOf(RejudgeMethod asked, int64_t repeats, bool same_facts,
                        const nlohmann::json& source_grader, const nlohmann::json& today);
 
-// What it would do now. `today` is this host's build; the artefacts' files are those in `data_dir`.
+// What it would do now. The artefacts' files are those in `data_dir`. InvalidArgumentError: a listed
+// submission has no result that further episodes could be added to.
 absl::StatusOr<RejudgePlan> PlanRejudge(Reader& reader, const NewRejudge& rejudge,
-                                        const nlohmann::json& today, const std::string& data_dir);
+                                        const std::string& data_dir);
+
+// The item of a submission to play, of `count` episodes in leases of `per_lease`; impossible if the
+// files of its artefact are not in `data_dir`.
+absl::StatusOr<NewRejudgeItem> ItemToPlay(Reader& reader, const RejudgeCandidate& candidate,
+                                          int64_t rejudge, const std::string& grader_json,
+                                          int64_t count, int64_t per_lease,
+                                          const std::string& data_dir);
 
 }  // namespace myograde::server

@@ -169,12 +169,12 @@ class Reader {
   // The item whose evaluation this is; nullopt: it is of no rejudge.
   absl::StatusOr<std::optional<RejudgeItemRow>> RejudgeItemOf(int64_t evaluation);
   absl::StatusOr<RejudgeProgress> ProgressOf(const RejudgeRow& rejudge);
-  // The items that it lacks, by submission and repetition; none for purpose kSeeds.
+  // The items that it lacks, first repetitions first; none for purpose kSeeds.
   std::vector<RejudgeCandidate> MissingItems(const RejudgeRow& rejudge, int64_t limit = INT64_MAX);
   // The same before it is created.
   std::vector<RejudgeCandidate> CandidatesFor(const NewRejudge& rejudge);
-  // The submissions with several repetitions, all done or failed, whose results differ. An entry's
-  // `episodes` lists each difference, by index and repetition.
+  // The submissions whose repetitions that have ended as done or failed differ, with every episode
+  // that does.
   absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge);
   // Changes whenever rejudges may have something new to do, and only then.
   int64_t RejudgeWork();

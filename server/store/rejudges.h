@@ -82,8 +82,8 @@ struct RejudgeItemRow {
   int64_t evaluation = 0;
   // Of the evaluation.
   EvaluationState state = EvaluationState::kQueued;
-  std::string reason;
-  std::string results_hash;
+  std::string reason = "";
+  std::string results_hash = "";
 };
 
 // What a rejudge has to do next for a submission.
@@ -130,6 +130,8 @@ struct NewRejudge {
   RejudgeMethod method = RejudgeMethod::kAuto;
   int64_t repeats = 1;     // 1 to kMostRepeats
   std::string why;
+  // The build that plays its items; "": this host's, as the engine finds it.
+  std::string grader_json = "";
   // Purpose kSeeds: exactly these get items, all in the change that creates it. Otherwise empty.
   std::vector<int64_t> submissions = {};
 };
@@ -151,9 +153,11 @@ struct NewRejudgeItem {
   int64_t submission = 0;
   int64_t repetition = 1;
   int64_t source = 0;
+  RejudgeMethod method = RejudgeMethod::kPlay;
   std::string grader_json;  // of the build that plays it
   std::vector<std::pair<int64_t, int64_t>> blocks = {};  // first and last episode of each lease
-  // Not "": it can't be played for this reason, and its evaluation ends as grader_error at once.
+  // Not "": it can't be played, or computed, for this reason: its evaluation ends as grader_error at
+  // once.
   std::string impossible = "";
 };
 
@@ -164,11 +168,10 @@ struct JudgedItem {
   int64_t submission = 0;
   int64_t repetition = 1;
   int64_t source = 0;
-  EvaluationState state = EvaluationState::kDone;  // kDone, kFailed, kGraderError
+  EvaluationState state = EvaluationState::kDone;  // or kFailed
   std::string reason = "";
   std::string results_hash = "";
   // By index, one for each of the source; only index, outcome, reason and metrics_json are used.
-  // Empty for kGraderError.
   std::vector<EpisodeRow> episodes = {};
   Standing standing = {};  // of kDone
 };
@@ -199,7 +202,7 @@ struct Unrepeatable {
   int64_t submission = 0;
   struct Episode {
     int64_t index = 0;
-    int64_t repetition = 0;  // that differs from the first one
+    int64_t repetition = 0;  // that differs from the first one, or from itself if played twice
     std::vector<std::string> differs;  // as of RepeatRow
   };
   std::vector<Episode> episodes;

@@ -195,7 +195,8 @@ class Writer {
   // Ends an evaluation with unreadable rows as grader_error, as far as they can be written: values
   // of a wrong type become 0 and "". An error: it stays as it is.
   absl::Status EndUnreadable(int64_t evaluation, const std::string& why, const std::string& who);
-  // Evaluations that have not ended, of a submission or of all.
+  // Evaluations that have not ended: all, or those that a submission's team asked for, which are not
+  // its rejudges.
   std::vector<int64_t> OpenEvaluations(std::optional<int64_t> submission);
 
   // Charges one unit of the budget `failed` for an attempt that never became a submission.
@@ -266,10 +267,9 @@ class Writer {
   // always gets its row. FailedPreconditionError if the store has neither the config nor its JSON.
   absl::StatusOr<bool> SetBoardConfig(const NewBoardConfig& change, const std::string& who);
 
-  // Rejudges (rejudges.h). Adds one with its event 'created'. For purpose kSeeds `items` has one entry
-  // per submission and repetition, whose `rejudge` is filled in here; otherwise it is empty.
-  absl::StatusOr<RejudgeRow> AddRejudge(const NewRejudge& rejudge, std::vector<NewRejudgeItem> items,
-                                        const SignRejudge& sign, const std::string& who);
+  // Rejudges (rejudges.h). Adds one with its event 'created'.
+  absl::StatusOr<RejudgeRow> AddRejudge(const NewRejudge& rejudge, const SignRejudge& sign,
+                                        const std::string& who);
   // An item to play. The answer's `evaluation` is to be queued unless the item is impossible. Adding
   // an item that is there changes nothing, and `repeated` is true. FailedPreconditionError if the
   // rejudge was dropped.
@@ -290,15 +290,25 @@ class Writer {
   absl::StatusOr<LeaseRow> Lease(int64_t lease);
   absl::Status Audit(const char* entity, int64_t id, std::string_view from, std::string_view to,
                      const std::string& who, const std::string& why);
-  absl::StatusOr<Accepted> AddEvaluation(
-      int64_t submission, bool rerun, const std::string& grader_json,
-      const std::vector<std::pair<int64_t, int64_t>>& blocks, const std::string& who);
+  struct NewEvaluation {
+    int64_t submission = 0;
+    EvaluationKind kind = EvaluationKind::kOriginal;
+    std::string config = "";  // "": the submission's
+    std::string seeds = "";
+    std::string grader_json;
+    std::vector<std::pair<int64_t, int64_t>> blocks;
+  };
+  absl::StatusOr<Accepted> AddEvaluation(const NewEvaluation& added, const std::string& who);
   absl::Status RunEvaluation(int64_t evaluation, const std::string& who);
-  absl::StatusOr<int64_t> AddItem(const NewRejudgeItem& item, RejudgeMethod method,
-                                  int64_t evaluation);
+  // The rejudge that an item is to be added to; nullopt if the item is there.
+  absl::StatusOr<std::optional<RejudgeRow>> RejudgeWithout(int64_t rejudge, int64_t submission,
+                                                           int64_t repetition);
+  void AddItemRow(const RejudgeItemRow& item);
   absl::StatusOr<RejudgeEventRow> AddRejudgeEvent(const RejudgeRow& rejudge, RejudgeEvent event,
                                                   const std::string& why, const SignRejudge& sign,
                                                   const std::string& who);
+  void AddBoardConfig(const RejudgeRow& rejudge, const std::string& config, const std::string& who);
+  std::string BoardConfigOf(const RejudgeRow& rejudge, const std::string& if_none);
   void MendTypes(const char* table, int64_t id);
   void MendBoardState();
   // The ranked evaluation that rules out another one; nullopt: none.
