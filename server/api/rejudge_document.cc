@@ -3,6 +3,8 @@
 #include <string>
 #include <utility>
 
+#include <absl/strings/str_cat.h>
+
 #include "protocol/base/config_reader.h"
 #include "server/api/views.h"
 #include "server/proof/signing_key.h"
@@ -23,6 +25,16 @@ Json ResultsOf(const std::vector<RejudgeItemRow>& items) {
                        {"results", TextOrNull(item.results_hash)}});
   }
   return results;
+}
+
+// The document is made of what was written before the act. A result that is written along with the
+// act would be missing from it.
+absl::Status CheckComplete(Reader& reader, const RejudgeRow& rejudge) {
+  const absl::StatusOr<RejudgeProgress> progress = reader.ProgressOf(rejudge);
+  if (!progress.ok()) return progress.status();
+  if (progress->complete) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      "rejudge ", rejudge.id, " got another result just now; look at it, and try again"));
 }
 
 }  // namespace
@@ -58,10 +70,11 @@ absl::StatusOr<SignRejudge> RejudgeSigner(const ApiContext& context) {
              const RejudgeEventRow& event) -> absl::StatusOr<SignedDocument> {
     std::vector<RejudgeItemRow> items;
     if (event.event == RejudgeEvent::kApplied) {
-      const absl::Status read = readers.Read([&](Reader& reader) {
+      const absl::Status read = readers.Read([&](Reader& reader) -> absl::Status {
         absl::StatusOr<std::vector<RejudgeItemRow>> all = reader.RejudgeItems(rejudge.id);
-        if (all.ok()) items = *std::move(all);
-        return all.status();
+        if (!all.ok()) return all.status();
+        items = *std::move(all);
+        return CheckComplete(reader, rejudge);
       });
       if (!read.ok()) return read;
     }
