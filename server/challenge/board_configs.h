@@ -40,9 +40,4 @@ struct Overlaid {
 // rejudges, or what one of them made of it. If the file says anything else, the file wins.
 absl::StatusOr<Overlaid> OverlayConfigs(Reader& reader, Tracks& tracks, Phases& phases);
 
-// The hash of the config that a board had at a moment: the store's latest of that time, else that
-// of the latest ranked submission of that time, else of the earliest one at all. "": the store knows
-// none, so it was that of the files.
-absl::StatusOr<std::string> ConfigAt(Reader& reader, const BoardName& board, int64_t before_ms);
-
 }  // namespace myograde::server
