@@ -7,12 +7,13 @@ namespace myograde::server {
 KeptBoards::Text KeptBoards::Find(const Key& key, int64_t changes) {
   const MutexLock lock(mutex_);
   const auto it = kept_.find(key);
-  if (it == kept_.end() || it->second.changes != changes) return nullptr;
+  if (changes < 0 || it == kept_.end() || it->second.changes != changes) return nullptr;
   used_.splice(used_.begin(), used_, it->second.used);
   return it->second.text;
 }
 
 void KeptBoards::Keep(const Key& key, int64_t changes, Text text) {
+  if (changes < 0) return;  // the count can't be read, so nobody could tell whether it is stale
   const MutexLock lock(mutex_);
   if (const auto it = kept_.find(key); it != kept_.end()) {
     if (it->second.changes >= changes) return;

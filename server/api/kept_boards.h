@@ -27,10 +27,8 @@ class KeptBoards {
   };
   using Text = std::shared_ptr<const std::string>;
 
-  // Boards of the past are asked for without end, so as many are kept as these bounds allow, the
-  // last used ones. The boards of now count, and one is always kept.
-  explicit KeptBoards(size_t most = 64, size_t most_bytes = size_t{64} << 20)
-      : most_(most), most_bytes_(most_bytes) {}
+  // The last used ones are kept, as many as these bounds allow and one at least.
+  KeptBoards(size_t most, size_t most_bytes) : most_(most), most_bytes_(most_bytes) {}
 
   // `changes`: the store's count of changes. nullptr: there is none, or it is stale.
   Text Find(const Key& key, int64_t changes);

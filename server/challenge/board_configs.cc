@@ -79,9 +79,8 @@ absl::StatusOr<Overlaid> OverlayConfigs(Reader& reader, Tracks& tracks, Phases& 
     if (!FileConfigsBehind(own).contains(hash)) {
       overlaid.changed.push_back({file.board, hash, CanonicalJson(file.track->config.effective)});
       overlaid.warnings.push_back(absl::StrCat(
-          ShownBoard(file.board), " has another config than before: its files say ", hash,
-          ", and ranked submissions stand under ", *before,
-          ", whose board \"myograde leaderboard --config\" still shows"));
+          ShownBoard(file.board), " was changed after it got submissions: they stand under its "
+          "earlier config ", *before, ", and not on its board"));
       continue;
     }
     const absl::Status switched = SwitchConfig(reader, *before, tracks, phases);
@@ -91,11 +90,13 @@ absl::StatusOr<Overlaid> OverlayConfigs(Reader& reader, Tracks& tracks, Phases& 
                                             ", not that of its files, ", hash));
       continue;
     }
-    overlaid.errors.push_back(absl::StrCat(
-        ShownBoard(file.board), " can't have its config ", *before, " of rejudge ",
-        own.back().rejudge, ": ", switched.message(),
-        file.board.phase.empty() ? "; it has that of its files" : "; it takes nothing"));
-    if (!file.board.phase.empty()) phases.Close(file.board.phase, switched);
+    if (!file.board.phase.empty()) {
+      phases.Close(file.board.phase, switched);
+      continue;
+    }
+    overlaid.errors.push_back(absl::StrCat(ShownBoard(file.board), " has the config of its files, "
+                                           "and not the one of rejudge ", own.back().rejudge, ": ",
+                                           switched.message()));
   }
   return overlaid;
 }
