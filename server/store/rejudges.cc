@@ -182,7 +182,7 @@ Listed<RejudgeRow> Reader::Rejudges(int64_t before, int64_t limit) {
   SQLite::Statement select(
       db_, absl::StrCat(kRejudgeColumns, "WHERE id < ? ORDER BY id DESC LIMIT ?"));
   SQLite::bind(select, before, limit);
-  return ListOf<RejudgeRow>(select, {}, RejudgeOf);
+  return ListOf<RejudgeRow>(select, {}, RejudgeRowOf);
 }
 
 absl::StatusOr<std::vector<RejudgeEventRow>> Reader::RejudgeEvents(int64_t rejudge) {
