@@ -22,8 +22,9 @@ struct ApiContext {
   const ServerConfig& config;
   std::string data_dir;
   std::string cache_dir;
-  const Tracks& tracks;
-  const Phases& phases;
+  std::string tracks_dir;  // where "extends" of a config that a client sends is looked up
+  Tracks& tracks;  // rejudges give boards other configs (server/challenge/board_configs.h)
+  Phases& phases;
   Admission& admission;
   Engine& engine;
   ReaderPool& readers;
