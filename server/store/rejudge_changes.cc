@@ -230,13 +230,18 @@ std::string Writer::BoardConfigOf(const RejudgeRow& rejudge, const std::string& 
   return select.executeStep() ? select.getColumn(0).getString() : if_none;
 }
 
-void Writer::AddBoardConfig(const RejudgeRow& rejudge, const std::string& config,
-                            const std::string& who) {
-  SQLite::Statement insert(db_, "INSERT INTO board_config (at, phase, track, profile, config, "
-                                "rejudge, who) VALUES (?, ?, ?, ?, ?, ?, ?)");
-  SQLite::bind(insert, now_ms_, rejudge.phase, rejudge.track, rejudge.profile, config, rejudge.id,
-               who);
-  insert.exec();
+// Gives the board the config that it has after the act.
+absl::StatusOr<RejudgeDone> Writer::MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
+                                              const std::string& who) {
+  if (done.config_after == done.config_before) return done;
+  const absl::Status status = SetBoardConfig({.board = {rejudge.phase, rejudge.track,
+                                                        rejudge.profile},
+                                              .config = done.config_after,
+                                              .rejudge = rejudge.id},
+                                             who)
+                                  .status();
+  if (!status.ok()) return status;
+  return done;
 }
 
 absl::StatusOr<RejudgeDone> Writer::ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
@@ -257,8 +262,7 @@ absl::StatusOr<RejudgeDone> Writer::ApplyRejudge(const RejudgeAct& act, const Si
   if (!event.ok()) return event.status();
   done.event = *std::move(event);
   done.config_after = rejudge->to_config;
-  if (done.config_after != done.config_before) AddBoardConfig(*rejudge, done.config_after, who);
-  return done;
+  return MoveBoard(*rejudge, std::move(done), who);
 }
 
 absl::StatusOr<RejudgeDone> Writer::DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
@@ -304,8 +308,7 @@ absl::StatusOr<RejudgeDone> Writer::DropRejudge(const RejudgeAct& act, const Sig
       AddRejudgeEvent(*rejudge, RejudgeEvent::kDropped, act.why, sign, who);
   if (!event.ok()) return event.status();
   done.event = *std::move(event);
-  if (done.config_after != done.config_before) AddBoardConfig(*rejudge, done.config_after, who);
-  return done;
+  return MoveBoard(*rejudge, std::move(done), who);
 }
 
 }  // namespace myograde::server

@@ -307,8 +307,9 @@ class Writer {
   absl::StatusOr<RejudgeEventRow> AddRejudgeEvent(const RejudgeRow& rejudge, RejudgeEvent event,
                                                   const std::string& why, const SignRejudge& sign,
                                                   const std::string& who);
-  void AddBoardConfig(const RejudgeRow& rejudge, const std::string& config, const std::string& who);
   std::string BoardConfigOf(const RejudgeRow& rejudge, const std::string& if_none);
+  absl::StatusOr<RejudgeDone> MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
+                                        const std::string& who);
   void MendTypes(const char* table, int64_t id);
   void MendBoardState();
   // The ranked evaluation that rules out another one; nullopt: none.

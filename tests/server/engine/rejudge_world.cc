@@ -186,7 +186,7 @@ NewSubmission SubmissionOf(const TrackConfig& config, const std::string& team,
 
 }  // namespace
 
-int64_t RejudgeWorld::Played(const std::string& team, const Json& grader) {
+int64_t RejudgeWorld::Played(const std::string& team, const Json& grader, bool crashes) {
   const TrackConfig& config = base_->config;
   const std::string artefact = Sha256Hex(absl::StrCat(team, "/", ++artefacts_));
   fs::create_directory(ArtefactFolder(dir_, artefact));
@@ -208,7 +208,13 @@ int64_t RejudgeWorld::Played(const std::string& team, const Json& grader) {
         EpisodeOrder order;
         order.index = index;
         order.seed = config.seeds[static_cast<size_t>(index)];
-        EpisodeRow row = *JudgedRow(*base_, FactsOf(order));
+        EpisodeFacts facts = FactsOf(order);
+        if (crashes) {
+          facts.end = EpisodeEnd::kFault;
+          facts.fault.outcome = Outcome::kCrash;
+          facts.fault.value = 7 << 8;
+        }
+        EpisodeRow row = *JudgedRow(*base_, facts);
         row.evaluation = accepted.evaluation;
         row.lease = accepted.leases[i];
         row.attempt = 1;
@@ -220,7 +226,7 @@ int64_t RejudgeWorld::Played(const std::string& team, const Json& grader) {
     const EvaluationResult result = *ResultOf(*base_, rows);
     written.Update(writer.EndEvaluation(accepted.evaluation, result.state, result.reason,
                                         result.results_hash, "test"));
-    written.Update(writer.SetStanding(accepted.evaluation, result.standing));
+    if (!crashes) written.Update(writer.SetStanding(accepted.evaluation, result.standing));
     return written;
   });
   EXPECT_TRUE(status.ok()) << status;

@@ -56,8 +56,9 @@ class RejudgeWorld : public testing::Test {
   // Config `base_` with `change` made to its effective form.
   TrackPtr Changed(const std::function<void(nlohmann::json&)>& change) const;
   // A ranked submission under `base_` that was played by `grader`, done; its artefact's files are
-  // there. Only while nothing runs.
-  int64_t Played(const std::string& team, const nlohmann::json& grader);
+  // there. `crashes`: it failed, as each of its episodes was ended by its own fault. Only while
+  // nothing runs.
+  int64_t Played(const std::string& team, const nlohmann::json& grader, bool crashes = false);
   // The same as a live one, through the engine. Returns its evaluation.
   Accepted Submit(const std::string& team);
 
