@@ -261,6 +261,15 @@ class Writer {
   // as cancelled, as exports have no artefact files.
   absl::Status Import(const std::string& path, const ExportInfo& info, const std::string& who);
 
+  // Adds the entry of a row to the public record (record.h): of kind "accepted" of a submission,
+  // "graded" of an evaluation, "marked" of a mark, "chosen" of a choice, "team" of a team_event,
+  // "phase" of a phase_event, "config" of a board_config, "rejudge" of a rejudge_event. Called in
+  // the transaction that wrote the row, after everything that the entry tells. Does nothing for
+  // what is not public: practice, re-runs, what has not ended.
+  absl::Status AppendRecord(const std::string& kind, int64_t row);
+  // Adds the key that signs from now on, unless it is the latest one already.
+  absl::Status AppendKey(const std::string& public_pem);
+
  private:
   absl::StatusOr<LeaseRow> Lease(int64_t lease);
   absl::Status Audit(const char* entity, int64_t id, std::string_view from, std::string_view to,
