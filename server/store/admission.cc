@@ -225,7 +225,11 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
       !status.ok()) {
     return status;
   }
-  return AddEvaluation(id, /*rerun=*/false, submission.grader_json, submission.blocks, who);
+  absl::StatusOr<Accepted> accepted =
+      AddEvaluation(id, /*rerun=*/false, submission.grader_json, submission.blocks, who);
+  if (!accepted.ok()) return accepted;
+  if (absl::Status status = AppendRecord(kAcceptedEntry, id); !status.ok()) return status;
+  return accepted;
 }
 
 }  // namespace myograde::server

@@ -15,8 +15,9 @@
 //   chosen     "submission"
 //   team       "event", "team_id", "team" (its name afterwards), "into" (the id of the team that it
 //              was merged into)
-//   phase      "event", "phase", and of a phase with committed seeds "commitment" ("event":
-//              "committed") or "secret" ("event": "revealed")
+//   commitment "phase" and "commitment": to the secret that its seeds and their salt follow from
+//   phase      "event" ("paused", "resumed", "published", "revealed"), "phase" (null: all
+//              submissions), and "secret" when it is revealed
 //   config     the config that a board has from now on: "phase", "track", "profile", "config",
 //              "rejudge"
 //   rejudge    "event", "rejudge", "document_sha256", "signature", and the document itself once it
@@ -28,7 +29,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <string_view>
 
@@ -39,6 +39,7 @@ inline constexpr char kGradedEntry[] = "graded";
 inline constexpr char kMarkedEntry[] = "marked";
 inline constexpr char kChosenEntry[] = "chosen";
 inline constexpr char kTeamEntry[] = "team";
+inline constexpr char kCommitmentEntry[] = "commitment";
 inline constexpr char kPhaseEntry[] = "phase";
 inline constexpr char kConfigEntry[] = "config";
 inline constexpr char kRejudgeEntry[] = "rejudge";

@@ -25,6 +25,7 @@
 #include "server/store/accepted.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
+#include "server/store/record.h"
 #include "server/store/rows.h"
 #include "server/store/transfer.h"
 
@@ -263,7 +264,7 @@ class Writer {
 
   // Adds the entry of a row to the public record (record.h): of kind "accepted" of a submission,
   // "graded" of an evaluation, "marked" of a mark, "chosen" of a choice, "team" of a team_event,
-  // "phase" of a phase_event, "config" of a board_config, "rejudge" of a rejudge_event. Called in
+  // "commitment" of a phase_secret, "phase" of a phase_event, "config" of a board_config, "rejudge" of a rejudge_event. Called in
   // the transaction that wrote the row, after everything that the entry tells. Does nothing for
   // what is not public: practice, re-runs, what has not ended.
   absl::Status AppendRecord(const std::string& kind, int64_t row);
