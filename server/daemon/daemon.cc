@@ -222,6 +222,22 @@ absl::Status LogPhases(const Phases& phases, ReaderPool& readers) {
   });
 }
 
+// Adds the key that signs to the public record, and says where the record was changed.
+absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_key,
+                         RecordLog& record) {
+  if (const auto key = receipts_key.Get(); key.ok()) {
+    const absl::Status written = store.Write(
+        [pem = (*key)->PublicPem()](Writer& writer) { return writer.AppendKey(pem); });
+    if (!written.ok()) return written;
+  }
+  return readers.Read([&](Reader& reader) -> absl::Status {
+    const absl::StatusOr<std::vector<Damage>> damaged = record.Damaged(reader);
+    if (!damaged.ok()) return damaged.status();
+    for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
+    return absl::OkStatus();
+  });
+}
+
 }  // namespace
 
 DaemonOptions WithDefaults(DaemonOptions options) {
@@ -296,6 +312,10 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   if (absl::Status status = receipts_key.Get().status(); !status.ok()) {
     spdlog::error("no receipt can be signed: {}", std::string(status.message()));
   }
+  RecordLog record;
+  if (absl::Status status = StartRecord(**store, readers, receipts_key, record); !status.ok()) {
+    return status;
+  }
   const SignalGuard signals(engine);
   if (absl::Status status = engine.Recover(); !status.ok()) return status;
 
@@ -325,6 +345,7 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
            .readers = readers,
            .receipts_key = receipts_key,
            .access_log = access_log,
+           .record = record,
            .challenge = phases->any(),
            .clock = clock,
            .started_at = clock.Now(),
