@@ -25,6 +25,10 @@ class MerkleTree {
   void Append(std::string_view leaf);
   int64_t size() const { return levels_.empty() ? 0 : std::ssize(levels_[0]); }
 
+  // The hash of a leaf. REQUIRES: 0 <= leaf < size().
+  const Sha256Digest& Leaf(int64_t leaf) const {
+    return levels_[0][static_cast<size_t>(leaf)];
+  }
   // Of the tree of the first `size` leaves. REQUIRES: 0 <= size <= size().
   Sha256Digest Root(int64_t size) const;
   // PATH(leaf, D[size]) of the RFC. REQUIRES: 0 <= leaf < size <= size().

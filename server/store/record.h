@@ -6,8 +6,8 @@
 //   accepted   a ranked submission: "submission", "evaluation", "team", "team_id", "track",
 //              "profile", "phase", "config", and "artefact", which commits to the artefact's hash
 //              without telling it (ArtefactCommitment)
-//   graded     how a ranked evaluation ended: "submission", "evaluation", "rejudge" (null: it is the
-//              original), "state", "results", "config", "seeds" and "grader". The state is "graded"
+//   graded     how a ranked evaluation ended: "submission", "evaluation", "rejudge" and "repetition"
+//              (null: it is the original), "state", "results", "config", "seeds" and "grader". The state is "graded"
 //              for done and for failed ones, as that is a result, which boards may withhold; else
 //              "cancelled" or "grader_error", and "results" is null. "results" are the hash of all
 //              episodes' results, "grader" that of the build

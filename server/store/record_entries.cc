@@ -65,8 +65,9 @@ MaybeEntry GradedEntry(SQLite::Database& db, int64_t id) {
   SQLite::Statement select(
       db, "SELECT e.finished_at, e.kind, s.ranked, e.submission, e.state, e.results_hash, "
           "ifnull(e.config, s.config), ifnull(e.seeds, s.seeds), e.grader_json, "
-          "(SELECT rejudge FROM rejudge_item WHERE evaluation = e.id) "
-          "FROM evaluation AS e LEFT JOIN submission AS s ON s.id = e.submission WHERE e.id = ?");
+          "i.rejudge, i.repetition "
+          "FROM evaluation AS e LEFT JOIN submission AS s ON s.id = e.submission "
+          "LEFT JOIN rejudge_item AS i ON i.evaluation = e.id WHERE e.id = ?");
   select.bind(1, id);
   if (!select.executeStep() || select.isColumnNull(0)) return std::nullopt;
   StoredRow row(select, "evaluation", absl::StrCat(id));
@@ -84,7 +85,8 @@ MaybeEntry GradedEntry(SQLite::Database& db, int64_t id) {
       {"config", row.Hash(6)},
       {"seeds", row.Hash(7)},
       {"grader", row.ok() ? GraderHash(row.Object(8)) : ""},
-      {"rejudge", OrNull(row.NumberOr(9, 1, INT64_MAX, 0))}};
+      {"rejudge", OrNull(row.NumberOr(9, 1, INT64_MAX, 0))},
+      {"repetition", OrNull(row.NumberOr(10, 1, INT64_MAX, 0))}};
   return FinishedEntry(row, id, std::move(entry));
 }
 
