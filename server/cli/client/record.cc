@@ -58,8 +58,8 @@ std::string EntryText(const Json& entry) {
                           "state", "mark", "config", "results"}) {
     const Json value = entry.value(key, Json());
     if (value.is_null()) continue;
-    const std::string shown = value.is_string() ? value.get<std::string>() : value.dump();
-    absl::StrAppend(&text, ", ", key, " ", shown.size() == 64 ? shown.substr(0, 12) : shown);
+    const std::string text_of = value.is_string() ? value.get<std::string>() : value.dump();
+    absl::StrAppend(&text, ", ", key, " ", text_of.size() == 64 ? text_of.substr(0, 12) : text_of);
   }
   return Harmless(text);
 }
