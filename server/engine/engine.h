@@ -7,6 +7,7 @@
 
 #include "server/engine/command_queue.h"
 #include "server/engine/engine_core.h"
+#include "server/engine/rejudge_requests.h"
 
 namespace myograde::server {
 
@@ -47,6 +48,25 @@ class Engine {
   absl::StatusOr<CancelReport> Cancel(int64_t submission, const std::string& why,
                                       const std::string& who, absl::Duration timeout);
 
+  // Rejudges (store/rejudges.h). Errors of CheckNewRejudge and of the Writer's operations. `sign` runs
+  // on the loop's thread, as does `alongside` (if set), in the same transaction and after all else:
+  // an error of either undoes the whole.
+  absl::StatusOr<CreatedRejudge> CreateRejudge(const NewRejudge& rejudge, const SignRejudge& sign,
+                                               const std::string& who, absl::Duration timeout,
+                                               StoreChange alongside = nullptr);
+  absl::StatusOr<RejudgeDone> ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
+                                           const std::string& who, absl::Duration timeout,
+                                           StoreChange alongside = nullptr);
+  // The leases that still run of it are killed.
+  absl::StatusOr<RejudgeDone> DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
+                                          const std::string& who, absl::Duration timeout,
+                                          StoreChange alongside = nullptr);
+  // For Rejudger: adds items, each as a whole or not at all, and queues those to play. Returns what
+  // each became, the judged ones first.
+  absl::StatusOr<std::vector<absl::Status>> AddRejudgeItems(
+      std::vector<JudgedItem> judged, std::vector<NewRejudgeItem> to_play,
+      absl::Duration timeout);
+
   // Views. Safe from any thread; never wait for a runner or the disk.
   QueueOutlook OutlookOf(int64_t evaluation) const { return core_.OutlookOf(evaluation); }
   std::map<int64_t, LiveLease> Running() const { return core_.Running(); }
@@ -62,6 +82,8 @@ class Engine {
                                  absl::Duration timeout);
 
   const std::string data_dir_;
+  const std::string cache_dir_;
+  ReaderPool& readers_;
   const Clock& clock_;
   CommandQueue commands_;
   EngineCore core_;

@@ -161,7 +161,8 @@ struct ArtefactUse {
   std::string hash;
   int64_t bytes = 0;
   int64_t last_use = 0;  // the latest upload, acceptance or evaluation end
-  bool needed = false;   // by an evaluation that has not ended, or is done and ranked
+  bool needed = false;   // by an evaluation that has not ended, or is done and ranked, or by a
+                         // rejudge that is neither applied nor dropped
 };
 
 // An artefact with files that nobody has submitted.
