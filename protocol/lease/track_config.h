@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
@@ -81,6 +82,15 @@ absl::StatusOr<TrackConfig> LoadTrackConfig(const std::string& tracks_dir,
                                             const std::string& track,
                                             const std::string& profile);
 
+// The same for a config file that a client sent, with the content `file`, in place of the track's own.
+// What it "extends", which may be `track` itself, is looked up in `tracks_dir`. `where` names it in
+// errors.
+absl::StatusOr<TrackConfig> ResolveTrackConfig(const std::string& tracks_dir,
+                                               const std::string& track,
+                                               const std::string& profile,
+                                               const nlohmann::json& file,
+                                               const std::string& where);
+
 // The seeds of a config or of a participant's seed file: {"first": N, "count": K} or a list of 1 to
 // kMaxEpisodes distinct whole numbers from 0 to 2^63 - 1.
 inline constexpr int64_t kMaxEpisodes = 10000;
@@ -102,6 +112,12 @@ absl::StatusOr<std::vector<std::string>> ListProfiles(const std::string& tracks_
 
 // Names of configs and profiles: 1 to 64 of a-z, 0-9 and "-", so that they are safe in paths.
 bool IsTrackName(std::string_view name);
+// InvalidArgumentError, with what the name is for, unless it is one.
+absl::Status CheckTrackName(const std::string& what, const std::string& name);
+
+// Removes keys that begin with "//", which are comments: with them, a config's hash would depend on
+// their wording.
+void RemoveComments(nlohmann::json& value);
 
 // The names of the configs in a folder, sorted.
 absl::StatusOr<std::vector<std::string>> ListTracks(const std::string& tracks_dir);

@@ -23,8 +23,8 @@ struct ApiContext {
   const ServerConfig& config;
   std::string data_dir;
   std::string cache_dir;
-  const Tracks& tracks;
-  const Phases& phases;
+  Tracks& tracks;  // rejudges give boards other configs (server/challenge/board_configs.h)
+  Phases& phases;
   Admission& admission;
   Engine& engine;
   ReaderPool& readers;

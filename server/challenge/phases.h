@@ -13,6 +13,7 @@
 #include <absl/status/statusor.h>
 #include <absl/time/time.h>
 
+#include "protocol/base/mutex.h"
 #include "server/challenge/challenge.h"
 #include "server/grading/tracks.h"
 #include "server/store/rows.h"
@@ -30,7 +31,8 @@ using PhasePtr = std::shared_ptr<const Phase>;
 // The secret of a phase with committed seeds, 32 bytes.
 using SecretOfPhase = std::function<absl::StatusOr<std::string>(const std::string& phase)>;
 
-// The phases of all challenges. Immutable; safe to use from any thread.
+// The phases of all challenges. What they are never changes, only what each plays. Safe to use from
+// any thread: a reader gets what is played at that moment.
 class Phases {
  public:
   // Without a challenge.
@@ -50,17 +52,28 @@ class Phases {
   // What the files say of a phase; nullptr: there is none of that name.
   const PhaseConfig* ConfigOf(const std::string& name) const;
   // Those that can be played, in order of opening, then by name.
-  const std::vector<PhasePtr>& entries() const { return entries_; }
+  std::vector<PhasePtr> entries() const;
   const std::vector<ChallengeConfig>& challenges() const { return challenges_; }
   // Of phases whose secret can't be had, by name.
   const std::map<std::string, absl::Status>& unusable() const { return unusable_; }
+  // From now on the phase that the config names plays `track`. NotFoundError: there is no such phase;
+  // InvalidArgumentError: it is of another track, profile or environment.
+  absl::Status Replace(const TrackPtr& track);
+  // Takes a phase that can't be played out of those that can; `why` is what Find says then. Not while
+  // other threads use this object.
+  void Close(const std::string& name, const absl::Status& why);
   // Whether a challenge is held on this server.
   bool any() const { return !challenges_.empty(); }
 
  private:
+  struct Played {
+    Mutex mutex;
+    std::vector<PhasePtr> entries ABSL_GUARDED_BY(mutex);
+  };
+
   std::vector<ChallengeConfig> challenges_;
-  std::vector<PhasePtr> entries_;
   std::map<std::string, absl::Status> unusable_;
+  std::unique_ptr<Played> played_ = std::make_unique<Played>();  // a mutex can't be moved
 };
 
 // What the calendar and the organisers say of a phase.

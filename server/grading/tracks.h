@@ -11,6 +11,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include "protocol/base/mutex.h"
 #include "protocol/lease/track_config.h"
 #include "scoring/track.h"
 
@@ -26,7 +27,7 @@ using TrackPtr = std::shared_ptr<const Track>;
 // Errors name the config, the key and its range.
 absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config);
 
-// The tracks on offer. Immutable after Load; safe to use from any thread.
+// The tracks on offer. Safe to use from any thread: a reader gets what is on offer at that moment.
 class Tracks {
  public:
   // Reads every config of `dir` in every profile, and gives each its practice seeds: those that its
@@ -42,18 +43,36 @@ class Tracks {
     std::string default_profile;
     std::map<std::string, TrackPtr> profiles;
   };
-  const std::map<std::string, Entry>& entries() const { return entries_; }
+  std::map<std::string, Entry> entries() const;
+
+  // From now on offers `track` in place of what it has under the same name and profile, with practice
+  // seeds that no config ranks. InvalidArgumentError if there is nothing of that name, profile and
+  // environment.
+  absl::Status Replace(const TrackPtr& track);
 
   // The track that ranks `seed`, among all of the same environment: what is trained on one of them
   // is trained for all. "": none does.
   std::string RankedBy(const TrackKind& kind, uint64_t seed) const;
 
  private:
-  void GivePracticeSeeds();
+  // What is offered at one time. Never changes.
+  struct Offer {
+    std::map<std::string, Entry> entries;
+    // Of each environment, by its name, the ranked seeds, and a track that ranks them.
+    std::map<std::string_view, std::map<uint64_t, std::string>> ranked;
+  };
+  struct Shelf {
+    Mutex mutex;
+    // The configs with the practice seeds that their files name, and what is made of them.
+    std::map<std::string, Entry> named ABSL_GUARDED_BY(mutex);
+    std::shared_ptr<const Offer> offer ABSL_GUARDED_BY(mutex);
+  };
 
-  std::map<std::string, Entry> entries_;
-  // Of each environment, by its name, the ranked seeds, and a track that ranks them.
-  std::map<std::string_view, std::map<uint64_t, std::string>> ranked_;
+  // Finds what the configs rank, and gives them practice seeds beside that.
+  static std::shared_ptr<const Offer> MakeOffer(const std::map<std::string, Entry>& named);
+  std::shared_ptr<const Offer> offer() const;
+
+  std::unique_ptr<Shelf> shelf_ = std::make_unique<Shelf>();  // a mutex can't be moved
 };
 
 }  // namespace myograde::server

@@ -23,6 +23,7 @@
 
 #include "protocol/base/clock.h"
 #include "server/store/accepted.h"
+#include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
 #include "server/store/record.h"
@@ -263,6 +264,9 @@ class Writer {
   // Fills an empty store; errors as in transfer.h. Evaluations that had not ended when exported end
   // as cancelled, as exports have no artefact files.
   absl::Status Import(const std::string& path, const ExportInfo& info, const std::string& who);
+  // Adds the row that gives a board its config from now on; true if it had another one. A rejudge
+  // always gets its row. FailedPreconditionError if the store has neither the config nor its JSON.
+  absl::StatusOr<bool> SetBoardConfig(const NewBoardConfig& change, const std::string& who);
 
   // Adds the entry of a row to the public record (record.h): of kind "accepted" of a submission,
   // "graded" of an evaluation, "marked" of a mark, "chosen" of a choice, "team" of a team_event,
