@@ -64,6 +64,21 @@ absl::StatusOr<EvaluationRow> AskedEvaluation(const httplib::Request& request, R
       "evaluation ", id, " is a re-run, which is for comparison and has no receipt"));
 }
 
+// Until a rejudge is applied, only organisers know of its results.
+absl::Status CheckRejudgeShown(Reader& reader, const EvaluationRow& evaluation, bool everybody) {
+  const RejudgeOf rejudge = reader.RejudgeOfEvaluation(evaluation.id);
+  if (rejudge.rejudge == 0) return absl::OkStatus();
+  if (!CallerSees(rejudge)) {
+    return absl::NotFoundError(absl::StrCat("submission ", evaluation.submission,
+                                            " has no evaluation ", evaluation.id));
+  }
+  if (!everybody || rejudge.ever_applied) return absl::OkStatus();
+  return WithErrorCode(absl::FailedPreconditionError(absl::StrCat(
+                           "evaluation ", evaluation.id, " is of rejudge ", rejudge.rejudge,
+                           ", which has not been applied")),
+                       "withheld");
+}
+
 absl::StatusOr<nlohmann::json> AskedReceipt(const httplib::Request& request, Reader& reader,
                                             const ApiContext& context) {
   absl::Status status = CheckParameters(request, {"evaluation", "public"});
@@ -76,7 +91,8 @@ absl::StatusOr<nlohmann::json> AskedReceipt(const httplib::Request& request, Rea
   const absl::StatusOr<EvaluationRow> evaluation =
       AskedEvaluation(request, reader, submission->id);
   if (!evaluation.ok()) return evaluation.status();
-  status = CheckReceiptShown(reader, context, *submission, *everybody);
+  status = CheckRejudgeShown(reader, *evaluation, *everybody);
+  if (status.ok()) status = CheckReceiptShown(reader, context, *submission, *everybody);
   if (!status.ok()) return status;
   return ReceiptOf(reader, context.record, *submission, *evaluation);
 }

@@ -270,9 +270,9 @@ class Writer {
 
   // Adds the entry of a row to the public record (record.h): of kind "accepted" of a submission,
   // "graded" of an evaluation, "marked" of a mark, "chosen" of a choice, "team" of a team_event,
-  // "commitment" of a phase_secret, "phase" of a phase_event, "config" of a board_config, "rejudge" of a rejudge_event. Called in
-  // the transaction that wrote the row, after everything that the entry tells. Does nothing for
-  // what is not public: practice, re-runs, what has not ended.
+  // "commitment" of a phase_secret, "phase" of a phase_event, "config" of a board_config, "rejudge"
+  // of a rejudge_event. Called in the transaction that wrote the row, after everything that the
+  // entry tells. Does nothing for what is not public: practice, re-runs, what has not ended.
   absl::Status AppendRecord(const std::string& kind, int64_t row);
   // Adds the key that signs from now on, unless it is the latest one already.
   absl::Status AppendKey(const std::string& public_pem);
