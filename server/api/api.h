@@ -13,7 +13,11 @@
 #include "server/api/openapi_resource.h"
 #include "server/api/proof_resource.h"
 #include "server/api/quota_resource.h"
+<<<<<<< HEAD
 #include "server/api/rejudges_resource.h"
+=======
+#include "server/api/record_resource.h"
+>>>>>>> wt-record
 #include "server/api/reveal_resource.h"
 #include "server/api/submissions_resource.h"
 #include "server/api/teams_resource.h"
@@ -45,7 +49,11 @@ class Api {
   ChallengesResource challenges_{context_};
   QuotaResource quota_{context_};
   ProofResource proof_{context_};
+<<<<<<< HEAD
   RejudgesResource rejudges_{context_};
+=======
+  RecordResource record_{context_};
+>>>>>>> wt-record
   RevealResource reveal_{context_};
   TeamsResource teams_{context_};
   TokensResource tokens_{context_};

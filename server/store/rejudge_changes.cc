@@ -7,6 +7,7 @@
 #include "server/store/connection.h"
 #include "server/store/content.h"
 #include "server/store/reader.h"
+#include "server/store/record_appender.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
@@ -88,6 +89,7 @@ absl::StatusOr<RejudgeEventRow> Writer::AddRejudgeEvent(const RejudgeRow& rejudg
                row.document_json, row.signature);
   insert.exec();
   row.id = db_.getLastInsertRowid();
+  if (absl::Status status = AppendRecord(kRejudgeEntry, row.id); !status.ok()) return status;
   return row;
 }
 
@@ -219,6 +221,7 @@ absl::StatusOr<bool> Writer::AddJudgedItem(const JudgedItem& item, const std::st
               .method = RejudgeMethod::kFacts,
               .evaluation = evaluation});
   if (item.state == EvaluationState::kDone) status.Update(SetStanding(evaluation, item.standing));
+  status.Update(AppendRecord(kGradedEntry, evaluation));
   if (!status.ok()) return status;
   return true;
 }

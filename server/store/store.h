@@ -26,6 +26,7 @@
 #include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
+#include "server/store/record.h"
 #include "server/store/rejudges.h"
 #include "server/store/rows.h"
 #include "server/store/transfer.h"
@@ -266,6 +267,15 @@ class Writer {
   // Adds the row that gives a board its config from now on; true if it had another one. A rejudge
   // always gets its row. FailedPreconditionError if the store has neither the config nor its JSON.
   absl::StatusOr<bool> SetBoardConfig(const NewBoardConfig& change, const std::string& who);
+
+  // Adds the entry of a row to the public record (record.h): of kind "accepted" of a submission,
+  // "graded" of an evaluation, "marked" of a mark, "chosen" of a choice, "team" of a team_event,
+  // "commitment" of a phase_secret, "phase" of a phase_event, "config" of a board_config, "rejudge"
+  // of a rejudge_event. Called in the transaction that wrote the row, after everything that the
+  // entry tells. Does nothing for what is not public: practice, re-runs, what has not ended.
+  absl::Status AppendRecord(const std::string& kind, int64_t row);
+  // Adds the key that signs from now on, unless it is the latest one already.
+  absl::Status AppendKey(const std::string& public_pem);
 
   // Rejudges (rejudges.h). Adds one with its event 'created'.
   absl::StatusOr<RejudgeRow> AddRejudge(const NewRejudge& rejudge, const SignRejudge& sign,
