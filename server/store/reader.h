@@ -163,33 +163,11 @@ class Reader {
   // Evaluations that are done: all, or those without a standing.
   std::vector<int64_t> DoneEvaluations(bool without_standing);
 
-<<<<<<< HEAD
-  // Rejudges (rejudges.h).
-  absl::StatusOr<RejudgeRow> Rejudge(int64_t id);
-  // Newest first; `before` is an id.
-  Listed<RejudgeRow> Rejudges(int64_t before = INT64_MAX, int64_t limit = INT64_MAX);
-  absl::StatusOr<std::vector<RejudgeEventRow>> RejudgeEvents(int64_t rejudge);  // oldest first
-  // By submission and repetition.
-  absl::StatusOr<std::vector<RejudgeItemRow>> RejudgeItems(int64_t rejudge);
-  // The item whose evaluation this is; nullopt: it is of no rejudge.
-  absl::StatusOr<std::optional<RejudgeItemRow>> RejudgeItemOf(int64_t evaluation);
-  absl::StatusOr<RejudgeProgress> ProgressOf(const RejudgeRow& rejudge);
-  // The items that it lacks, first repetitions first; none for purpose kSeeds.
-  std::vector<RejudgeCandidate> MissingItems(const RejudgeRow& rejudge, int64_t limit = INT64_MAX);
-  // The same before it is created.
-  std::vector<RejudgeCandidate> CandidatesFor(const NewRejudge& rejudge);
-  // The submissions whose repetitions that have ended as done or failed differ, with every episode
-  // that does.
-  absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge);
-  // Changes whenever rejudges may have something new to do, and only then.
-  int64_t RejudgeWork();
-=======
   // The public record: the index that the next entry gets, entries from an index on, and the entry
   // with an evaluation's result (NotFoundError: there is none).
   int64_t RecordSize();
   Listed<RecordRow> Record(int64_t from, int64_t limit);
   absl::StatusOr<RecordRow> GradedEntry(int64_t evaluation);
->>>>>>> wt-record
 
   // Of a board, or with nullopt of all, by id.
   absl::StatusOr<std::vector<BoardConfigRow>> BoardConfigs(
@@ -217,8 +195,6 @@ class Reader {
   std::vector<std::string> GradersOf(const std::vector<int64_t>& evaluations);
   // The rejudge that an evaluation belongs to.
   RejudgeOf RejudgeOfEvaluation(int64_t evaluation);
-<<<<<<< HEAD
-=======
 
   // Rejudges (rejudges.h).
   absl::StatusOr<RejudgeRow> Rejudge(int64_t id);
@@ -239,7 +215,6 @@ class Reader {
   absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge);
   // Changes whenever rejudges may have something new to do, and only then.
   int64_t RejudgeWork();
->>>>>>> wt-record
 
  private:
   SQLite::Database& db_;
