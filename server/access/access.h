@@ -29,13 +29,13 @@ struct Identity {
 
 enum class Action {
   // Everybody.
-  kReadHealth, kReadTracks, kReadBoard, kReadChallenge, kReadKey, kReadApi,
+  kReadHealth, kReadTracks, kReadBoard, kReadChallenge, kReadKey, kReadRecord, kReadApi,
   // Participants, of their own teams.
   kUpload, kSubmit, kReadSubmission, kCancel, kRerun, kReadReceipt, kReadLog, kReadQuota, kChoose,
   kReadTeam,
   // Organisers.
-  kMark, kGrant, kRebuildBoards, kExport, kManageTeams, kManageTokens, kManagePhases, kReadEvents,
-  kReadHost,
+  kMark, kGrant, kRebuildBoards, kExport, kManageTeams, kManageTokens, kManagePhases, kRejudge,
+  kReadEvents, kReadHost,
   // Operators.
   kImport, kBackup, kManageOperators,
 };

@@ -13,6 +13,8 @@
 #include "server/api/openapi_resource.h"
 #include "server/api/proof_resource.h"
 #include "server/api/quota_resource.h"
+#include "server/api/record_resource.h"
+#include "server/api/rejudges_resource.h"
 #include "server/api/reveal_resource.h"
 #include "server/api/submissions_resource.h"
 #include "server/api/teams_resource.h"
@@ -44,6 +46,8 @@ class Api {
   ChallengesResource challenges_{context_};
   QuotaResource quota_{context_};
   ProofResource proof_{context_};
+  RecordResource record_{context_};
+  RejudgesResource rejudges_{context_};
   RevealResource reveal_{context_};
   TeamsResource teams_{context_};
   TokensResource tokens_{context_};

@@ -8,6 +8,7 @@
 #include "protocol/base/clock.h"
 #include "server/admission/admission.h"
 #include "server/api/access_log.h"
+#include "server/api/record_log.h"
 #include "server/challenge/phases.h"
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
@@ -22,6 +23,7 @@ struct ApiContext {
   const ServerConfig& config;
   std::string data_dir;
   std::string cache_dir;
+  std::string tracks_dir;  // where "extends" of a config that a client sends is looked up
   Tracks& tracks;  // rejudges give boards other configs (server/challenge/board_configs.h)
   Phases& phases;
   Admission& admission;
@@ -29,6 +31,7 @@ struct ApiContext {
   ReaderPool& readers;
   KeyFile& receipts_key;
   AccessLog& access_log;
+  RecordLog& record;
   // Whether there is a challenge (server/challenge): then a user of this host is nobody until an
   // organiser says who, and organisers create the teams.
   bool challenge = false;

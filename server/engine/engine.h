@@ -11,6 +11,9 @@
 
 namespace myograde::server {
 
+// What follows from an act on a rejudge.
+using AfterRejudge = std::function<void(const RejudgeDone&)>;
+
 class Engine {
  public:
   // Everything but `options` must outlive the engine.
@@ -51,16 +54,20 @@ class Engine {
   // Rejudges (store/rejudges.h). Errors of CheckNewRejudge and of the Writer's operations. `sign` runs
   // on the loop's thread, as does `alongside` (if set), in the same transaction and after all else:
   // an error of either undoes the whole.
+  // `after` (if set) runs on that thread too, once the act is written: also for a caller who did not
+  // wait for it, and in the order of the acts. It must own what it touches.
   absl::StatusOr<CreatedRejudge> CreateRejudge(const NewRejudge& rejudge, const SignRejudge& sign,
                                                const std::string& who, absl::Duration timeout,
                                                StoreChange alongside = nullptr);
   absl::StatusOr<RejudgeDone> ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
                                            const std::string& who, absl::Duration timeout,
-                                           StoreChange alongside = nullptr);
+                                           StoreChange alongside = nullptr,
+                                           AfterRejudge after = nullptr);
   // The leases that still run of it are killed.
   absl::StatusOr<RejudgeDone> DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
                                           const std::string& who, absl::Duration timeout,
-                                          StoreChange alongside = nullptr);
+                                          StoreChange alongside = nullptr,
+                                          AfterRejudge after = nullptr);
   // For Rejudger: adds items, each as a whole or not at all, and queues those to play. Returns what
   // each became, the judged ones first.
   absl::StatusOr<std::vector<absl::Status>> AddRejudgeItems(

@@ -91,7 +91,7 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
 
 absl::StatusOr<RejudgeDone> Engine::ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
                                                  const std::string& who, absl::Duration timeout,
-                                                 StoreChange alongside) {
+                                                 StoreChange alongside, AfterRejudge after) {
   const auto done = std::make_shared<RejudgeDone>();
   const absl::Status status = Ask(
       [=](Writer& writer) -> absl::Status {
@@ -100,14 +100,18 @@ absl::StatusOr<RejudgeDone> Engine::ApplyRejudge(const RejudgeAct& act, const Si
         *done = *std::move(applied);
         return RunIfSet(alongside, writer);
       },
-      nullptr, timeout);
+      [done, after] {
+        if (after) after(*done);
+        return absl::OkStatus();
+      },
+      timeout);
   if (!status.ok()) return status;
   return *done;
 }
 
 absl::StatusOr<RejudgeDone> Engine::DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
                                                 const std::string& who, absl::Duration timeout,
-                                                StoreChange alongside) {
+                                                StoreChange alongside, AfterRejudge after) {
   const auto done = std::make_shared<RejudgeDone>();
   const absl::Status status = Ask(
       [=](Writer& writer) -> absl::Status {
@@ -116,8 +120,9 @@ absl::StatusOr<RejudgeDone> Engine::DropRejudge(const RejudgeAct& act, const Sig
         *done = *std::move(dropped);
         return RunIfSet(alongside, writer);
       },
-      [this, done] {
+      [this, done, after] {
         core_.StopEnded(done->cancelled);
+        if (after) after(*done);
         return absl::OkStatus();
       },
       timeout);

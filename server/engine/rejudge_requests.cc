@@ -122,6 +122,7 @@ absl::StatusOr<RejudgePlan> PlanRejudge(Reader& reader, const NewRejudge& rejudg
   for (const RejudgeCandidate& candidate : candidates) {
     submissions.insert(candidate.submission);
     const absl::StatusOr<EvaluationRow> source = reader.Evaluation(candidate.source);
+    if (DamageOf(source.status()).has_value()) continue;  // it will be without a result
     if (!source.ok()) return source.status();
     const auto [method, is_new] = methods.try_emplace(source->grader_json);
     if (is_new) {
@@ -135,6 +136,7 @@ absl::StatusOr<RejudgePlan> PlanRejudge(Reader& reader, const NewRejudge& rejudg
     ++plan.play;
     if (candidate.repetition != 1) continue;
     const absl::StatusOr<SubmissionRow> submission = reader.Submission(candidate.submission);
+    if (DamageOf(submission.status()).has_value()) continue;
     if (!submission.ok()) return submission.status();
     if (!HasArtefactFiles(data_dir, submission->artefact).ok()) {
       without_files.insert(candidate.submission);

@@ -18,6 +18,7 @@
 #include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
+#include "server/store/record.h"
 #include "server/store/rejudges.h"
 #include "server/store/rows.h"
 #include "server/store/transfer.h"
@@ -161,6 +162,12 @@ class Reader {
   std::set<std::string> NeededLogs();
   // Evaluations that are done: all, or those without a standing.
   std::vector<int64_t> DoneEvaluations(bool without_standing);
+
+  // The public record: the index that the next entry gets, entries from an index on, and the entry
+  // with an evaluation's result (NotFoundError: there is none).
+  int64_t RecordSize();
+  Listed<RecordRow> Record(int64_t from, int64_t limit);
+  absl::StatusOr<RecordRow> GradedEntry(int64_t evaluation);
 
   // Of a board, or with nullopt of all, by id.
   absl::StatusOr<std::vector<BoardConfigRow>> BoardConfigs(
