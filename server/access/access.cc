@@ -27,6 +27,7 @@ constexpr Rule kRules[] = {
     {Action::kReadBoard, "read board", Role::kPublic},
     {Action::kReadChallenge, "read challenge", Role::kPublic},
     {Action::kReadKey, "read key", Role::kPublic},
+    {Action::kReadRecord, "read record", Role::kPublic},
     {Action::kReadApi, "read API", Role::kPublic},
     {Action::kUpload, "upload", Role::kParticipant, true},
     {Action::kSubmit, "submit", Role::kParticipant, true},

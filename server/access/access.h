@@ -29,7 +29,7 @@ struct Identity {
 
 enum class Action {
   // Everybody.
-  kReadHealth, kReadTracks, kReadBoard, kReadChallenge, kReadKey, kReadApi,
+  kReadHealth, kReadTracks, kReadBoard, kReadChallenge, kReadKey, kReadRecord, kReadApi,
   // Participants, of their own teams.
   kUpload, kSubmit, kReadSubmission, kCancel, kRerun, kReadReceipt, kReadLog, kReadQuota, kChoose,
   kReadTeam,

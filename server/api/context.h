@@ -8,6 +8,7 @@
 #include "protocol/base/clock.h"
 #include "server/admission/admission.h"
 #include "server/api/access_log.h"
+#include "server/api/record_log.h"
 #include "server/challenge/phases.h"
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
@@ -30,6 +31,7 @@ struct ApiContext {
   ReaderPool& readers;
   KeyFile& receipts_key;
   AccessLog& access_log;
+  RecordLog& record;
   // Whether there is a challenge (server/challenge): then a user of this host is nobody until an
   // organiser says who, and organisers create the teams.
   bool challenge = false;

@@ -10,10 +10,10 @@
 
 namespace myograde::server {
 
-absl::StatusOr<Visibility> SightOfPhase(Reader& reader, const ApiContext& context,
-                                        const std::string& phase) {
-  const Role role = Caller().role;
-  if (phase.empty() || role >= Role::kOrganiser) return Visibility{};
+namespace {
+
+absl::StatusOr<PhaseSight> KnownOf(Reader& reader, const ApiContext& context,
+                                   const std::string& phase) {
   const absl::StatusOr<std::vector<PhaseEventRow>> events = reader.PhaseEvents(phase);
   if (!events.ok()) return events.status();
   PhaseSight known = {.shown = kSightOfUnknownPhase, .committed = true};
@@ -26,7 +26,30 @@ absl::StatusOr<Visibility> SightOfPhase(Reader& reader, const ApiContext& contex
     known.published = known.published || event.event == kPublishedEvent;
     known.revealed = known.revealed || event.event == kRevealedEvent;
   }
-  return SightOf(role, known);
+  return known;
+}
+
+}  // namespace
+
+absl::StatusOr<bool> IsPhasePublic(Reader& reader, const ApiContext& context,
+                                   const std::string& phase) {
+  if (phase.empty()) return true;
+  const absl::StatusOr<PhaseSight> known = KnownOf(reader, context, phase);
+  if (!known.ok()) return known.status();
+  if (known->published || known->revealed) return true;
+  const PhaseConfig* config = context.phases.ConfigOf(phase);
+  const Visibility sight = SightOf(Role::kParticipant, *known);
+  return config != nullptr && config->freezes == absl::InfiniteFuture() && sight.aggregate &&
+         SeesReceipt(sight);
+}
+
+absl::StatusOr<Visibility> SightOfPhase(Reader& reader, const ApiContext& context,
+                                        const std::string& phase) {
+  const Role role = Caller().role;
+  if (phase.empty() || role >= Role::kOrganiser) return Visibility{};
+  const absl::StatusOr<PhaseSight> known = KnownOf(reader, context, phase);
+  if (!known.ok()) return known.status();
+  return SightOf(role, *known);
 }
 
 absl::StatusOr<Visibility> SightOfConfig(Reader& reader, const ApiContext& context,

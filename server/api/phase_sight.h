@@ -13,6 +13,11 @@
 
 namespace myograde::server {
 
+// Whether anybody at all may see the receipts of a phase's evaluations ("": of none): it is
+// published, or withholds nothing of them and never freezes its board.
+absl::StatusOr<bool> IsPhasePublic(Reader& reader, const ApiContext& context,
+                                   const std::string& phase);
+
 // Of evaluations of a phase ("": of none).
 absl::StatusOr<Visibility> SightOfPhase(Reader& reader, const ApiContext& context,
                                         const std::string& phase);

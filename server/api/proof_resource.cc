@@ -29,13 +29,72 @@ absl::Status RequireLog(Reader& reader, const std::string& hash, const absl::Sta
 }
 
 // A receipt lists the result of each episode, so a phase that withholds those withholds it as a whole.
-absl::Status CheckReceiptShown(Reader& reader, const ApiContext& context, int64_t submission) {
-  const absl::StatusOr<SubmissionRow> row = reader.Submission(submission);
-  if (!row.ok()) return row.status();
-  const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, row->phase);
-  if (!sight.ok() || SeesReceipt(*sight)) return sight.status();
-  return WithheldError(absl::StrCat("the receipt of submission ", submission, " lists the result of "
-                                    "each episode, which phase \"", row->phase, "\" withholds"));
+// `everybody`: whoever the caller is, it is to be published.
+absl::Status CheckReceiptShown(Reader& reader, const ApiContext& context,
+                               const SubmissionRow& submission, bool everybody) {
+  absl::StatusOr<bool> shown = true;
+  if (everybody) {
+    shown = IsPhasePublic(reader, context, submission.phase);
+  } else {
+    const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, submission.phase);
+    shown = sight.ok() ? absl::StatusOr<bool>(SeesReceipt(*sight)) : sight.status();
+  }
+  if (!shown.ok()) return shown.status();
+  if (*shown) return absl::OkStatus();
+  return WithheldError(absl::StrCat("the receipt of submission ", submission.id, " lists the "
+                                    "result of each episode, which phase \"", submission.phase,
+                                    "\" withholds"));
+}
+
+// The evaluation that the request asks for; without one, the submission's original.
+absl::StatusOr<EvaluationRow> AskedEvaluation(const httplib::Request& request, Reader& reader,
+                                              int64_t submission) {
+  int64_t id = 0;
+  absl::Status status = ReadNumber(request, "evaluation", INT64_MAX, id);
+  if (!status.ok()) return status;
+  if (id == 0) return reader.Original(submission);
+  absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
+  if (!evaluation.ok()) return evaluation;
+  if (evaluation->submission != submission) {
+    return absl::NotFoundError(
+        absl::StrCat("submission ", submission, " has no evaluation ", id));
+  }
+  if (evaluation->kind != EvaluationKind::kRerun) return evaluation;
+  return absl::FailedPreconditionError(absl::StrCat(
+      "evaluation ", id, " is a re-run, which is for comparison and has no receipt"));
+}
+
+// Until a rejudge is applied, only organisers know of its results.
+absl::Status CheckRejudgeShown(Reader& reader, const EvaluationRow& evaluation, bool everybody) {
+  const RejudgeOf rejudge = reader.RejudgeOfEvaluation(evaluation.id);
+  if (rejudge.rejudge == 0) return absl::OkStatus();
+  if (!CallerSees(rejudge)) {
+    return absl::NotFoundError(absl::StrCat("submission ", evaluation.submission,
+                                            " has no evaluation ", evaluation.id));
+  }
+  if (!everybody || rejudge.ever_applied) return absl::OkStatus();
+  return WithErrorCode(absl::FailedPreconditionError(absl::StrCat(
+                           "evaluation ", evaluation.id, " is of rejudge ", rejudge.rejudge,
+                           ", which has not been applied")),
+                       "withheld");
+}
+
+absl::StatusOr<nlohmann::json> AskedReceipt(const httplib::Request& request, Reader& reader,
+                                            const ApiContext& context) {
+  absl::Status status = CheckParameters(request, {"evaluation", "public"});
+  if (status.ok()) status = RequireSubmission(reader, IdOf(request));
+  if (!status.ok()) return status;
+  const absl::StatusOr<bool> everybody = ReadFlag(request, "public");
+  if (!everybody.ok()) return everybody.status();
+  const absl::StatusOr<SubmissionRow> submission = reader.Submission(IdOf(request));
+  if (!submission.ok()) return submission.status();
+  const absl::StatusOr<EvaluationRow> evaluation =
+      AskedEvaluation(request, reader, submission->id);
+  if (!evaluation.ok()) return evaluation.status();
+  status = CheckRejudgeShown(reader, *evaluation, *everybody);
+  if (status.ok()) status = CheckReceiptShown(reader, context, *submission, *everybody);
+  if (!status.ok()) return status;
+  return ReceiptOf(reader, context.record, *submission, *evaluation);
 }
 
 // A log holds its episode's seed. Equal logs are of one phase, as they hold their config.
@@ -61,13 +120,8 @@ void ProofResource::Install(Routes& routes) {
 
 ApiResult ProofResource::GetReceipt(const httplib::Request& request) const {
   absl::StatusOr<nlohmann::json> receipt = absl::InternalError("");
-  const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    const absl::Status own = RequireSubmission(reader, IdOf(request));
-    if (!own.ok()) return own;
-    if (absl::Status shown = CheckReceiptShown(reader, context_, IdOf(request)); !shown.ok()) {
-      return shown;
-    }
-    receipt = ReceiptOf(reader, IdOf(request));
+  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+    receipt = AskedReceipt(request, reader, context_);
     return receipt.status();
   });
   if (!status.ok()) return ErrorOf(status);

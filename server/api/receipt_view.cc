@@ -48,22 +48,34 @@ absl::Status HideSeeds(Reader& reader, const TrackConfig& config, Json& receipt)
   return absl::OkStatus();
 }
 
+// The proof is that of the record as its entry left it, so that a receipt stays the same for ever.
+// Practice and re-runs have no entry.
+absl::Status AddRecord(Reader& reader, RecordLog& record, const EvaluationRow& evaluation,
+                       Json& receipt) {
+  const absl::StatusOr<RecordRow> entry = reader.GradedEntry(evaluation.id);
+  absl::StatusOr<EntryProof> proof = entry.status();
+  if (entry.ok()) proof = record.Prove(reader, entry->index, entry->index + 1);
+  // A broken record does not keep anybody's result back.
+  if (absl::IsNotFound(proof.status()) || DamageOf(proof.status())) return absl::OkStatus();
+  if (!proof.ok()) return proof.status();
+  receipt["record"] = EntryProofToJson(*proof);
+  return absl::OkStatus();
+}
+
 }  // namespace
 
-absl::StatusOr<Json> ReceiptOf(Reader& reader, int64_t id) {
-  absl::StatusOr<SubmissionRow> submission = reader.Submission(id);
-  if (!submission.ok()) return submission.status();
-  const absl::StatusOr<EvaluationRow> original = reader.Original(id);
-  if (!original.ok()) return original.status();
-  const EvaluationRow& evaluation = *original;
+absl::StatusOr<Json> ReceiptOf(Reader& reader, RecordLog& record, const SubmissionRow& submission,
+                               const EvaluationRow& evaluation) {
   if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
     return absl::FailedPreconditionError(
-        absl::StrCat("submission ", id, " is ", std::string(EvaluationStateName(evaluation.state)),
+        absl::StrCat("submission ", submission.id, " is ",
+                     std::string(EvaluationStateName(evaluation.state)),
                      "; there is a receipt once it is done or failed"));
   }
-  const absl::StatusOr<std::string> config = reader.ConfigJson(submission->config);
+  const std::string& hash = ConfigOf(evaluation, submission);
+  const absl::StatusOr<std::string> config = reader.ConfigJson(hash);
   if (!config.ok()) return config.status();
-  const absl::StatusOr<TrackConfig> track = StoredConfig(reader, submission->config);
+  const absl::StatusOr<TrackConfig> track = StoredConfig(reader, hash);
   if (!track.ok()) return track.status();
   const absl::StatusOr<std::vector<EpisodeRow>> read = reader.Episodes(evaluation.id);
   if (!read.ok()) return read.status();
@@ -74,25 +86,28 @@ absl::StatusOr<Json> ReceiptOf(Reader& reader, int64_t id) {
   Json episodes = Json::array();
   for (const EpisodeRow& row : rows) episodes.push_back(ReceiptEntry(row, track->seed_salt));
   Json receipt = {{"format", 1},
-                  {"submission", id},
+                  {"submission", submission.id},
                   {"evaluation", evaluation.id},
-                  {"team", submission->team},
-                  {"name", submission->artefact_name},
-                  {"track", submission->track},
+                  {"team", submission.team},
+                  {"name", submission.artefact_name},
+                  {"track", submission.track},
                   {"track_kind", track->kind->name},
-                  {"profile", submission->profile},
-                  {"ranked", submission->ranked},
+                  {"profile", submission.profile},
+                  {"ranked", submission.ranked},
                   {"state", EvaluationStateName(evaluation.state)},
-                  {"artefact", submission->artefact},
-                  {"config", submission->config},
+                  {"artefact", submission.artefact},
+                  {"config", hash},
                   {"track_config", Json::parse(*config)},
-                  {"seeds", submission->seeds},
+                  {"seeds", SeedsOf(evaluation, submission)},
                   {"policy_seeds", PolicySeedsOf(*track, rows)},
                   {"grader", Json::parse(evaluation.grader_json, nullptr, false)},
                   {"aggregate", AggregateToJson(scored, *aggregate)},
                   {"results", ResultsHash(rows, track->seed_salt)},
                   {"merkle_root", MerkleRootOf(rows, track->seed_salt)},
                   {"episodes", std::move(episodes)}};
+  if (absl::Status added = AddRecord(reader, record, evaluation, receipt); !added.ok()) {
+    return added;
+  }
   if (track->seed_salt.empty()) return receipt;
   const absl::Status hidden = HideSeeds(reader, *track, receipt);
   if (!hidden.ok()) return hidden;

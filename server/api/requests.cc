@@ -163,16 +163,22 @@ absl::Status CheckTeam(const std::string& team) {
 }
 
 absl::Status ReadNumber(const httplib::Request& request, const char* key, int64_t max,
-                        int64_t& value) {
+                        int64_t& value, int64_t min) {
   if (!request.has_param(key)) return absl::OkStatus();
   const std::string text = request.get_param_value(key);
   // SimpleAtoi alone takes signs and spaces too.
   const bool digits = text.find_first_not_of("0123456789") == std::string::npos;
-  if (digits && absl::SimpleAtoi(text, &value) && value >= 1 && value <= max) {
+  if (digits && absl::SimpleAtoi(text, &value) && value >= min && value <= max) {
     return absl::OkStatus();
   }
   return absl::InvalidArgumentError(
-      absl::StrCat("\"", key, "\" must be a whole number from 1 to ", max));
+      absl::StrCat("\"", key, "\" must be a whole number from ", min, " to ", max));
+}
+
+absl::StatusOr<bool> ReadFlag(const httplib::Request& request, const char* key) {
+  const std::string text = request.has_param(key) ? request.get_param_value(key) : "false";
+  if (text == "true" || text == "false") return text == "true";
+  return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" must be true or false"));
 }
 
 absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request) {

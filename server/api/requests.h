@@ -58,7 +58,10 @@ absl::Status CheckTeam(const std::string& team);
 
 // Whole numbers of a query; a missing parameter leaves `value` as it is.
 absl::Status ReadNumber(const httplib::Request& request, const char* key, int64_t max,
-                        int64_t& value);
+                        int64_t& value, int64_t min = 1);
+
+// "true" or "false"; false if it is missing.
+absl::StatusOr<bool> ReadFlag(const httplib::Request& request, const char* key);
 
 absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request);
 

@@ -76,6 +76,8 @@ constexpr Verb kVerbs[] = {
      "myograde receipt 7 -o receipt.json", AddReceipt},
     {"verify", "Check a receipt against the organiser's key, without a daemon",
      "myograde verify receipt.json --key organiser.pem --resimulate 3 --logs ./logs", AddVerify},
+    {"record", "Read, prove and export the public record of what happened to results",
+     "myograde record export ./record", AddRecord},
     {"key", "Print the public key that receipts are checked against",
      "myograde key -o organiser.pem", AddKey},
     {"seeds", "Commit to a phase's seeds, reveal them afterwards, and check them",

@@ -242,6 +242,22 @@ absl::Status LogPhases(const Phases& phases, ReaderPool& readers) {
   });
 }
 
+// Adds the key that signs to the public record, and says where the record was changed.
+absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_key,
+                         RecordLog& record) {
+  if (const auto key = receipts_key.Get(); key.ok()) {
+    const absl::Status written = store.Write(
+        [pem = (*key)->PublicPem()](Writer& writer) { return writer.AppendKey(pem); });
+    if (!written.ok()) return written;
+  }
+  return readers.Read([&](Reader& reader) -> absl::Status {
+    const absl::StatusOr<std::vector<Damage>> damaged = record.Damaged(reader);
+    if (!damaged.ok()) return damaged.status();
+    for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
+    return absl::OkStatus();
+  });
+}
+
 }  // namespace
 
 DaemonOptions WithDefaults(DaemonOptions options) {
@@ -318,6 +334,10 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   if (absl::Status status = receipts_key.Get().status(); !status.ok()) {
     spdlog::error("no receipt can be signed: {}", std::string(status.message()));
   }
+  RecordLog record;
+  if (absl::Status status = StartRecord(**store, readers, receipts_key, record); !status.ok()) {
+    return status;
+  }
   const SignalGuard signals(engine);
   if (absl::Status status = engine.Recover(); !status.ok()) return status;
 
@@ -348,6 +368,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
            .readers = readers,
            .receipts_key = receipts_key,
            .access_log = access_log,
+           .record = record,
            .challenge = phases->any(),
            .clock = clock,
            .started_at = clock.Now(),

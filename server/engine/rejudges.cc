@@ -179,15 +179,15 @@ absl::Status Rejudger::Carry(const Work& work) {
 absl::Status Rejudger::Add(Reader& reader, const Work& work, const RejudgeCandidate& candidate,
                            const Json& today, Batch& batch) {
   const absl::StatusOr<EvaluationRow> source = reader.Evaluation(candidate.source);
-  if (!source.ok()) return source.status();
-  const RejudgeMethod method =
-      MethodOf(work.rejudge.method, work.rejudge.repeats, work.same_facts,
-               ParsedOrEmpty(source->grader_json), today);
-  absl::Status why_not;
-  if (method == RejudgeMethod::kFacts) {
+  absl::Status why_not = source.status();
+  RejudgeMethod method = RejudgeMethod::kPlay;
+  if (source.ok()) {
+    method = MethodOf(work.rejudge.method, work.rejudge.repeats, work.same_facts,
+                      ParsedOrEmpty(source->grader_json), today);
+  }
+  if (source.ok() && method == RejudgeMethod::kFacts) {
     absl::StatusOr<JudgedItem> judged =
         JudgeAnew(reader, work.rejudge, candidate, *work.track, *work.seeds);
-    if (MayPass(judged.status()) || IsBrokenStore(judged.status())) return judged.status();
     if (judged.ok()) {
       batch.rows += std::ssize(judged->episodes);
       batch.judged.push_back(*std::move(judged));
@@ -195,11 +195,22 @@ absl::Status Rejudger::Add(Reader& reader, const Work& work, const RejudgeCandid
     }
     why_not = judged.status();
   }
-  absl::StatusOr<NewRejudgeItem> item = ItemToPlay(
-      reader, candidate, work.rejudge.id, CanonicalJson(today), std::ssize(*work.seeds),
-      work.track->config.episodes_per_lease, options_.data_dir);
-  if (!item.ok()) return item.status();
+  const int64_t per_lease = work.track->config.episodes_per_lease;
+  absl::StatusOr<NewRejudgeItem> item =
+      ItemToPlay(reader, candidate, work.rejudge.id, CanonicalJson(today),
+                 std::ssize(*work.seeds), per_lease, options_.data_dir);
+  why_not.Update(item.status());
+  if (MayPass(why_not) || IsBrokenStore(why_not)) return why_not;
+  if (!item.ok()) {
+    item = NewRejudgeItem{.rejudge = work.rejudge.id,
+                          .submission = candidate.submission,
+                          .repetition = candidate.repetition,
+                          .source = candidate.source,
+                          .grader_json = CanonicalJson(today),
+                          .blocks = BlocksOf(std::ssize(*work.seeds), per_lease)};
+  }
   item->method = method;
+  // One that can't be read is without a result, and holds up no other.
   if (!why_not.ok()) item->impossible = std::string(why_not.message());
   batch.rows += 2 * std::ssize(item->blocks);
   batch.to_play.push_back(*std::move(item));

@@ -9,6 +9,7 @@
 #include "protocol/lease/track_config.h"
 #include "server/proof/merkle.h"
 #include "server/proof/receipt_seeds.h"
+#include "server/proof/record_head.h"
 
 namespace myograde::server {
 namespace {
@@ -47,6 +48,25 @@ bool HasShape(const Json& json) {
     }
   }
   return format == 1 || (format == 2 && HasHiddenShape(receipt));
+}
+
+// What the entry in the public record says of the result, in the receipt's terms.
+ReceiptCheck CheckRecord(const Json& receipt) {
+  const absl::StatusOr<EntryProof> proof = CheckEntryProof(receipt["record"]);
+  if (!proof.ok()) return {"record", false, std::string(proof.status().message())};
+  const Json& entry = proof->content;
+  if (entry.value("kind", Json()) != "graded") {
+    return {"record", false, "its entry in the record is not that of a result"};
+  }
+  for (const char* key : {"submission", "evaluation", "results", "config", "seeds"}) {
+    if (entry.value(key, Json()) == receipt.value(key, Json())) continue;
+    return {"record", false,
+            absl::StrCat("its entry in the record has another \"", key, "\" than the receipt")};
+  }
+  if (TextOf(entry, "grader") != Sha256Hex(CanonicalJson(receipt["grader"]))) {
+    return {"record", false, "its entry in the record names another build of the grader"};
+  }
+  return {"record", true, absl::StrCat("entry ", proof->index)};
 }
 
 }  // namespace
@@ -91,6 +111,7 @@ std::vector<ReceiptCheck> CheckReceipt(std::string_view text, const PublicKey& k
   std::string rows;
   for (const std::string& leaf : leaves) rows += leaf + "\n";
   checks.push_back(CompareTexts("results", TextOf(receipt, "results"), Sha256Hex(rows)));
+  if (receipt.contains("record")) checks.push_back(CheckRecord(receipt));
   std::vector<ReceiptCheck> more =
       HidesSeeds(receipt) ? CheckHiddenSeeds(receipt, secret) : CheckPublicSeeds(receipt);
   checks.insert(checks.end(), more.begin(), more.end());

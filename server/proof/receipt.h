@@ -10,6 +10,9 @@
 // "policy_seed_secret" and "seed_salt". In their place "hidden" has the "commitment" to the phase's
 // secret (null: the daemon did not have it) and the "count" of its seeds. The secret opens all of
 // it.
+//
+// "record", if there is one, is the entry of the public record (server/store/record.h) with this
+// result, and the proof that the tree with "root" holds it (record_head.h).
 #pragma once
 
 #include <string>

@@ -205,11 +205,14 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
       !status.ok()) {
     return status;
   }
-  return AddEvaluation({.submission = id,
-                        .kind = EvaluationKind::kOriginal,
-                        .grader_json = submission.grader_json,
-                        .blocks = submission.blocks},
-                       who);
+  absl::StatusOr<Accepted> accepted = AddEvaluation({.submission = id,
+                                                     .kind = EvaluationKind::kOriginal,
+                                                     .grader_json = submission.grader_json,
+                                                     .blocks = submission.blocks},
+                                                    who);
+  if (!accepted.ok()) return accepted;
+  if (absl::Status status = AppendRecord(kAcceptedEntry, id); !status.ok()) return status;
+  return accepted;
 }
 
 }  // namespace myograde::server

@@ -130,6 +130,8 @@ absl::StatusOr<bool> Writer::SetBoardConfig(const NewBoardConfig& change, const 
   SQLite::bind(insert, now_ms_, board.phase, board.track, board.profile, change.config,
                change.rejudge, who);
   insert.exec();
+  const absl::Status recorded = AppendRecord(kConfigEntry, db_.getLastInsertRowid());
+  if (!recorded.ok()) return recorded;
   return true;
 }
 

@@ -53,6 +53,8 @@ absl::StatusOr<bool> Writer::Mark(int64_t submission, const std::string& mark, b
                                 "VALUES (?, ?, ?, ?, ?, ?)");
   SQLite::bind(insert, now_ms_, submission, mark, set ? 1 : 0, who, why);
   insert.exec();
+  const absl::Status recorded = AppendRecord(kMarkedEntry, db_.getLastInsertRowid());
+  if (!recorded.ok()) return recorded;
   return true;
 }
 

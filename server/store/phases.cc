@@ -76,6 +76,8 @@ absl::StatusOr<bool> Writer::AddPhaseEvent(const std::string& phase, const std::
       db_, "INSERT INTO phase_event (at, phase, event, who, why) VALUES (?, ?, ?, ?, ?)");
   SQLite::bind(insert, now_ms_, phase, event, who, why);
   insert.exec();
+  const absl::Status recorded = AppendRecord(kPhaseEntry, db_.getLastInsertRowid());
+  if (!recorded.ok()) return recorded;
   return true;
 }
 
@@ -107,6 +109,8 @@ absl::StatusOr<std::string> Writer::PhaseSecret(const std::string& phase) {
   insert.bind(2, secret->data(), kPhaseSecretBytes);
   insert.bind(3, now_ms_);
   insert.exec();
+  const absl::Status recorded = AppendRecord(kCommitmentEntry, db_.getLastInsertRowid());
+  if (!recorded.ok()) return recorded;
   return secret;
 }
 
@@ -138,6 +142,8 @@ absl::StatusOr<bool> Writer::Choose(int64_t submission, const std::string& who) 
       db_, "INSERT INTO choice (at, team_id, phase, submission, who) VALUES (?, ?, ?, ?, ?)");
   SQLite::bind(insert, now_ms_, team, select.getColumn(1).getString(), submission, who);
   insert.exec();
+  const absl::Status recorded = AppendRecord(kChosenEntry, db_.getLastInsertRowid());
+  if (!recorded.ok()) return recorded;
   return true;
 }
 

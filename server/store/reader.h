@@ -18,6 +18,7 @@
 #include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
+#include "server/store/record.h"
 #include "server/store/rejudges.h"
 #include "server/store/rows.h"
 #include "server/store/transfer.h"
@@ -162,25 +163,11 @@ class Reader {
   // Evaluations that are done: all, or those without a standing.
   std::vector<int64_t> DoneEvaluations(bool without_standing);
 
-  // Rejudges (rejudges.h).
-  absl::StatusOr<RejudgeRow> Rejudge(int64_t id);
-  // Newest first; `before` is an id.
-  Listed<RejudgeRow> Rejudges(int64_t before = INT64_MAX, int64_t limit = INT64_MAX);
-  absl::StatusOr<std::vector<RejudgeEventRow>> RejudgeEvents(int64_t rejudge);  // oldest first
-  // By submission and repetition.
-  absl::StatusOr<std::vector<RejudgeItemRow>> RejudgeItems(int64_t rejudge);
-  // The item whose evaluation this is; nullopt: it is of no rejudge.
-  absl::StatusOr<std::optional<RejudgeItemRow>> RejudgeItemOf(int64_t evaluation);
-  absl::StatusOr<RejudgeProgress> ProgressOf(const RejudgeRow& rejudge);
-  // The items that it lacks, first repetitions first; none for purpose kSeeds.
-  std::vector<RejudgeCandidate> MissingItems(const RejudgeRow& rejudge, int64_t limit = INT64_MAX);
-  // The same before it is created.
-  std::vector<RejudgeCandidate> CandidatesFor(const NewRejudge& rejudge);
-  // The submissions whose repetitions that have ended as done or failed differ, with every episode
-  // that does.
-  absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge);
-  // Changes whenever rejudges may have something new to do, and only then.
-  int64_t RejudgeWork();
+  // The public record: the index that the next entry gets, entries from an index on, and the entry
+  // with an evaluation's result (NotFoundError: there is none).
+  int64_t RecordSize();
+  Listed<RecordRow> Record(int64_t from, int64_t limit);
+  absl::StatusOr<RecordRow> GradedEntry(int64_t evaluation);
 
   // Of a board, or with nullopt of all, by id.
   absl::StatusOr<std::vector<BoardConfigRow>> BoardConfigs(
@@ -208,6 +195,26 @@ class Reader {
   std::vector<std::string> GradersOf(const std::vector<int64_t>& evaluations);
   // The rejudge that an evaluation belongs to.
   RejudgeOf RejudgeOfEvaluation(int64_t evaluation);
+
+  // Rejudges (rejudges.h).
+  absl::StatusOr<RejudgeRow> Rejudge(int64_t id);
+  // Newest first; `before` is an id.
+  Listed<RejudgeRow> Rejudges(int64_t before = INT64_MAX, int64_t limit = INT64_MAX);
+  absl::StatusOr<std::vector<RejudgeEventRow>> RejudgeEvents(int64_t rejudge);  // oldest first
+  // By submission and repetition.
+  absl::StatusOr<std::vector<RejudgeItemRow>> RejudgeItems(int64_t rejudge);
+  // The item whose evaluation this is; nullopt: it is of no rejudge.
+  absl::StatusOr<std::optional<RejudgeItemRow>> RejudgeItemOf(int64_t evaluation);
+  absl::StatusOr<RejudgeProgress> ProgressOf(const RejudgeRow& rejudge);
+  // The items that it lacks, first repetitions first; none for purpose kSeeds.
+  std::vector<RejudgeCandidate> MissingItems(const RejudgeRow& rejudge, int64_t limit = INT64_MAX);
+  // The same before it is created.
+  std::vector<RejudgeCandidate> CandidatesFor(const NewRejudge& rejudge);
+  // The submissions whose repetitions that have ended as done or failed differ, with every episode
+  // that does.
+  absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge);
+  // Changes whenever rejudges may have something new to do, and only then.
+  int64_t RejudgeWork();
 
  private:
   SQLite::Database& db_;

@@ -7,6 +7,7 @@
 #include "server/store/connection.h"
 #include "server/store/content.h"
 #include "server/store/reader.h"
+#include "server/store/record_appender.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
@@ -44,7 +45,8 @@ std::string WhyNotApplied(const RejudgeRow& rejudge, const RejudgeProgress& prog
   if (!progress.complete) {
     const int64_t open = progress.missing + progress.items - progress.ended;
     return progress.state == State::kDropped
-               ? absl::StrCat("can't be applied again: it was dropped, and ", open, " of its ",
+               ? absl::StrCat("can't be applied again: it was dropped, and ",
+                              open + progress.cancelled, " of its ",
                               progress.missing + progress.items,
                               " results are missing; create a new one")
                : absl::StrCat("can't be applied yet: ", open, " of its ",
@@ -87,6 +89,7 @@ absl::StatusOr<RejudgeEventRow> Writer::AddRejudgeEvent(const RejudgeRow& rejudg
                row.document_json, row.signature);
   insert.exec();
   row.id = db_.getLastInsertRowid();
+  if (absl::Status status = AppendRecord(kRejudgeEntry, row.id); !status.ok()) return status;
   return row;
 }
 
@@ -218,6 +221,7 @@ absl::StatusOr<bool> Writer::AddJudgedItem(const JudgedItem& item, const std::st
               .method = RejudgeMethod::kFacts,
               .evaluation = evaluation});
   if (item.state == EvaluationState::kDone) status.Update(SetStanding(evaluation, item.standing));
+  status.Update(AppendRecord(kGradedEntry, evaluation));
   if (!status.ok()) return status;
   return true;
 }
@@ -229,13 +233,18 @@ std::string Writer::BoardConfigOf(const RejudgeRow& rejudge, const std::string& 
   return select.executeStep() ? select.getColumn(0).getString() : if_none;
 }
 
-void Writer::AddBoardConfig(const RejudgeRow& rejudge, const std::string& config,
-                            const std::string& who) {
-  SQLite::Statement insert(db_, "INSERT INTO board_config (at, phase, track, profile, config, "
-                                "rejudge, who) VALUES (?, ?, ?, ?, ?, ?, ?)");
-  SQLite::bind(insert, now_ms_, rejudge.phase, rejudge.track, rejudge.profile, config, rejudge.id,
-               who);
-  insert.exec();
+// Gives the board the config that it has after the act.
+absl::StatusOr<RejudgeDone> Writer::MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
+                                              const std::string& who) {
+  if (done.config_after == done.config_before) return done;
+  const absl::Status status = SetBoardConfig({.board = {rejudge.phase, rejudge.track,
+                                                        rejudge.profile},
+                                              .config = done.config_after,
+                                              .rejudge = rejudge.id},
+                                             who)
+                                  .status();
+  if (!status.ok()) return status;
+  return done;
 }
 
 absl::StatusOr<RejudgeDone> Writer::ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
@@ -256,8 +265,7 @@ absl::StatusOr<RejudgeDone> Writer::ApplyRejudge(const RejudgeAct& act, const Si
   if (!event.ok()) return event.status();
   done.event = *std::move(event);
   done.config_after = rejudge->to_config;
-  if (done.config_after != done.config_before) AddBoardConfig(*rejudge, done.config_after, who);
-  return done;
+  return MoveBoard(*rejudge, std::move(done), who);
 }
 
 absl::StatusOr<RejudgeDone> Writer::DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
@@ -303,8 +311,7 @@ absl::StatusOr<RejudgeDone> Writer::DropRejudge(const RejudgeAct& act, const Sig
       AddRejudgeEvent(*rejudge, RejudgeEvent::kDropped, act.why, sign, who);
   if (!event.ok()) return event.status();
   done.event = *std::move(event);
-  if (done.config_after != done.config_before) AddBoardConfig(*rejudge, done.config_after, who);
-  return done;
+  return MoveBoard(*rejudge, std::move(done), who);
 }
 
 }  // namespace myograde::server

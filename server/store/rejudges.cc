@@ -226,6 +226,7 @@ absl::StatusOr<RejudgeProgress> Reader::ProgressOf(const RejudgeRow& rejudge) {
     progress.waiting += item.state == EvaluationState::kQueued;
     progress.running += item.state == EvaluationState::kRunning;
     progress.ended += IsFinal(item.state);
+    progress.cancelled += item.state == EvaluationState::kCancelled;
     const bool has_result = item.state != EvaluationState::kGraderError &&
                             item.state != EvaluationState::kCancelled;
     if (item.repetition == 1 && !has_result) progress.without_result.push_back(item.submission);
@@ -243,7 +244,9 @@ absl::StatusOr<RejudgeProgress> Reader::ProgressOf(const RejudgeRow& rejudge) {
   episodes.executeStep();
   progress.episodes = episodes.getColumn(0).getInt64();
   progress.episodes_done = episodes.getColumn(1).getInt64();
-  progress.complete = progress.missing == 0 && progress.ended == progress.items;
+  const bool dropped = events->back().event == RejudgeEvent::kDropped;
+  progress.complete = progress.missing == 0 && progress.ended == progress.items &&
+                      !(dropped && progress.cancelled > 0);
   switch (events->back().event) {
     case RejudgeEvent::kApplied: progress.state = RejudgeProgress::State::kApplied; break;
     case RejudgeEvent::kDropped: progress.state = RejudgeProgress::State::kDropped; break;

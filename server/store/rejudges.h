@@ -106,10 +106,11 @@ struct RejudgeProgress {
   int64_t waiting = 0;      // items queued
   int64_t running = 0;
   int64_t ended = 0;        // in any way
+  int64_t cancelled = 0;    // of those
   int64_t episodes = 0;       // of all items
   int64_t episodes_done = 0;
   std::vector<int64_t> without_result;  // sorted
-  // Nothing is missing and everything has ended, whatever its state. Only then it may be applied.
+  // Nothing is missing and everything has ended, not by being dropped. Only then it may be applied.
   bool complete = false;
 };
 std::string_view RejudgeStateName(RejudgeProgress::State state);  // "computing", "ready", ...

@@ -4,6 +4,7 @@
 
 #include "server/base/random_bytes.h"
 #include "server/store/connection.h"
+#include "server/store/record_backfill.h"
 #include "server/store/stored_row.h"
 #include "server/store/teams.h"
 
@@ -24,6 +25,7 @@ absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, cons
       SQLite::Transaction transaction(*store->db_, SQLite::TransactionBehavior::IMMEDIATE);
       FillTeamLooks(*store->db_);
       transaction.commit();
+      BackfillRecord(*store->db_);
       return absl::OkStatus();
     });
   }

@@ -26,6 +26,7 @@
 #include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
+#include "server/store/record.h"
 #include "server/store/rejudges.h"
 #include "server/store/rows.h"
 #include "server/store/transfer.h"
@@ -267,6 +268,15 @@ class Writer {
   // always gets its row. FailedPreconditionError if the store has neither the config nor its JSON.
   absl::StatusOr<bool> SetBoardConfig(const NewBoardConfig& change, const std::string& who);
 
+  // Adds the entry of a row to the public record (record.h): of kind "accepted" of a submission,
+  // "graded" of an evaluation, "marked" of a mark, "chosen" of a choice, "team" of a team_event,
+  // "commitment" of a phase_secret, "phase" of a phase_event, "config" of a board_config, "rejudge"
+  // of a rejudge_event. Called in the transaction that wrote the row, after everything that the
+  // entry tells. Does nothing for what is not public: practice, re-runs, what has not ended.
+  absl::Status AppendRecord(const std::string& kind, int64_t row);
+  // Adds the key that signs from now on, unless it is the latest one already.
+  absl::Status AppendKey(const std::string& public_pem);
+
   // Rejudges (rejudges.h). Adds one with its event 'created'.
   absl::StatusOr<RejudgeRow> AddRejudge(const NewRejudge& rejudge, const SignRejudge& sign,
                                         const std::string& who);
@@ -307,8 +317,9 @@ class Writer {
   absl::StatusOr<RejudgeEventRow> AddRejudgeEvent(const RejudgeRow& rejudge, RejudgeEvent event,
                                                   const std::string& why, const SignRejudge& sign,
                                                   const std::string& who);
-  void AddBoardConfig(const RejudgeRow& rejudge, const std::string& config, const std::string& who);
   std::string BoardConfigOf(const RejudgeRow& rejudge, const std::string& if_none);
+  absl::StatusOr<RejudgeDone> MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
+                                        const std::string& who);
   void MendTypes(const char* table, int64_t id);
   void MendBoardState();
   // The ranked evaluation that rules out another one; nullopt: none.

@@ -9,6 +9,7 @@
 #include "server/base/names.h"
 #include "server/store/quota.h"
 #include "server/store/reader.h"
+#include "server/store/record_appender.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {
@@ -147,6 +148,7 @@ void AddTeamEvent(SQLite::Database& db, const TeamEventRow& event, int64_t team)
                                "VALUES (?, ?, ?, ?, ?, ?)");
   SQLite::bind(insert, event.at, team, event.event, event.detail, event.who, event.why);
   insert.exec();
+  AppendEntry(db, kTeamEntry, db.getLastInsertRowid());
 }
 
 int64_t AddTeam(SQLite::Database& db, const std::string& name, int64_t now_ms,

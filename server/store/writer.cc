@@ -263,6 +263,7 @@ absl::Status Writer::EndEvaluation(int64_t evaluation, EvaluationState state,
   SQLite::bind(update, Text(EvaluationStateName(state)), reason, results_hash, now_ms_, evaluation);
   update.exec();
   SettleCharge(evaluation, state, who);
+  if (absl::Status status = AppendRecord(kGradedEntry, evaluation); !status.ok()) return status;
   return Audit("evaluation", evaluation, EvaluationStateName(before), EvaluationStateName(state),
                who, reason);
 }

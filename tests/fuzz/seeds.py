@@ -289,6 +289,24 @@ def receipts():
          b"=\n-----END PUBLIC KEY-----\n")
 
 
+def proofs():
+    """Of a record with one entry, whose leaf's hash is its root."""
+    def canonical(value):
+        return json.dumps(value, sort_keys=True, separators=(",", ":")).encode()
+
+    content = {"kind": "graded"}
+    root = hashlib.sha256(b"\0" + canonical(content)).hexdigest()
+    proof = {"content": content, "entry": 0, "proof": [], "root": root, "size": 1}
+    seed("proof", "entry", b"\1\0\1" + canonical(proof))
+    seed("proof", "entry-elsewhere", b"\1\0\1" + canonical({**proof, "entry": 1, "size": 2}))
+    seed("proof", "nodes", b"\1\3\7" + canonical([root, root, root]))
+    head = {"chain": root, "root": root, "size": 1}
+    signed = {"head": head, "signature": {"algorithm": "ed25519", "value": "0" * 128}}
+    seed("proof", "head", b"\0\0\0" + canonical(signed) + b"\n")
+    seed("proof", "head-of-nothing", b"\0\0\0" + canonical(
+        {**signed, "head": {**head, "chain": "", "size": 0}}) + b"\n")
+
+
 def exports():
     def change(what, line, text=b""):
         return bytes([what, line, len(text)]) + text if what < 2 else bytes([what, line])
@@ -363,5 +381,5 @@ def deep():
 
 if __name__ == "__main__":
     for write in (datagrams, messages, conversations, frames, records, configs, challenges, submissions, archives,
-                  tars, logs, receipts, exports, connections, deep):
+                  tars, logs, proofs, receipts, exports, connections, deep):
         write()

@@ -32,7 +32,7 @@ class HiddenSeeds(SystemTest):
         self.run_cli("receipt", submission, "-o", receipt)
         before = self.ask("verify", receipt, "--key", key)
         self.assertEqual([check["name"] for check in before["checks"]],
-                         ["signature", "merkle_root", "results", "hidden"])
+                         ["signature", "merkle_root", "results", "record", "hidden"])
         early = self.run_cli("verify", receipt, "--key", key, "--resimulate", 1, check=False)
         self.assertEqual(early.returncode, 2, early.stderr)
         again = self.ask("rerun", submission)

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include <absl/strings/cord.h>
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 #include <absl/time/clock.h>
@@ -29,6 +30,7 @@ constexpr time_t kUploadSeconds = 960;
 constexpr size_t kRefusalBytes = 65536;
 // A daemon that was restarted in between is there again.
 constexpr absl::Duration kBeforeRetry = absl::Seconds(1);
+constexpr char kCodeKey[] = "myograde/answered-code";
 
 using Http = std::unique_ptr<httplib::ClientImpl>;
 
@@ -56,7 +58,13 @@ absl::StatusOr<Json> AnswerOf(const httplib::Result& result, const ServerChoice&
     message = Harmless(json["error"]["message"].get<std::string>());
   }
   const bool refused = result->status >= 400 && result->status < 500 && result->status != 429;
-  return refused ? absl::InvalidArgumentError(message) : absl::InternalError(message);
+  absl::Status status =
+      refused ? absl::InvalidArgumentError(message) : absl::InternalError(message);
+  if (json.is_object() && json.contains("error") && json["error"].is_object() &&
+      json["error"].contains("code") && json["error"]["code"].is_string()) {
+    status.SetPayload(kCodeKey, absl::Cord(json["error"]["code"].get<std::string>()));
+  }
+  return status;
 }
 
 // Invalid UTF-8 from the command line is sent as U+FFFD; dump would throw otherwise.
@@ -78,6 +86,10 @@ absl::StatusOr<std::string> NewKey() {
 }
 
 }  // namespace
+
+std::string AnsweredCode(const absl::Status& status) {
+  return std::string(status.GetPayload(kCodeKey).value_or(absl::Cord()));
+}
 
 Client::Client(std::string socket) : choice_(ServerChoice()) {
   choice_->address.socket = std::move(socket);

@@ -2,9 +2,12 @@
 #include <iostream>
 #include <memory>
 
+#include <absl/strings/str_cat.h>
+
 #include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
 #include "server/cli/base/exit_status.h"
+#include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/verbs.h"
@@ -17,10 +20,14 @@ using Json = nlohmann::json;
 
 struct ReceiptOptions : SubmissionOptions {
   std::string file;
+  int64_t evaluation = 0;  // 0: the original
 };
 
 int Receipt(const ReceiptOptions& options) {
-  const absl::StatusOr<Json> receipt = options.client().Get(options.Resource("/receipt"));
+  const std::string part = options.evaluation == 0
+                               ? "/receipt"
+                               : absl::StrCat("/receipt?evaluation=", options.evaluation);
+  const absl::StatusOr<Json> receipt = options.client().Get(options.Resource(part));
   if (!receipt.ok()) return ReportError(receipt.status());
   // The file is canonical JSON whichever way the daemon had sent it.
   const std::string text = CanonicalJson(*receipt) + "\n";
@@ -69,6 +76,10 @@ Action AddReceipt(CLI::App& verb) {
   auto options = std::make_shared<ReceiptOptions>();
   AddSubmissionId(verb, *options);
   verb.add_option("-o,--output", options->file, "The file to write")->required();
+  verb.add_option("--evaluation", options->evaluation,
+                  "Its evaluation by a rejudge, as \"myograde show\" lists them (default: the "
+                  "original)")
+      ->check(WholeNumber(1, "no evaluation's number"));
   AddDaemonOptions(verb, "receipt", *options);
   return [options] { return Receipt(*options); };
 }

@@ -26,6 +26,7 @@ Action AddBackup(CLI::App& verb);
 Action AddEvents(CLI::App& verb);
 Action AddLog(CLI::App& verb);
 Action AddReceipt(CLI::App& verb);
+Action AddRecord(CLI::App& verb);
 Action AddKey(CLI::App& verb);
 Action AddTeam(CLI::App& verb);
 Action AddToken(CLI::App& verb);

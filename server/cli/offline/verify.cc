@@ -5,12 +5,14 @@
 #include <iostream>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
 #include "protocol/log/episode_log.h"
+#include "server/base/counted.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
@@ -20,6 +22,8 @@
 #include "server/cli/offline/play_logs.h"
 #include "server/cli/offline/secret_source.h"
 #include "server/cli/offline/verbs.h"
+#include "server/cli/offline/verify_record.h"
+#include "server/cli/terminal/progress.h"
 #include "server/cli/terminal/text.h"
 #include "server/proof/grader_build.h"
 #include "server/proof/receipt.h"
@@ -31,6 +35,7 @@ using Json = nlohmann::json;
 
 // Of a receipt of the longest evaluation, 10,000 episodes, 7 million are needed.
 constexpr size_t kMaxReceiptBytes = 16u << 20;
+constexpr size_t kMaxKeyBytes = 4096;
 
 struct VerifyOptions : DaemonOptions {
   HostOptions host;
@@ -40,6 +45,8 @@ struct VerifyOptions : DaemonOptions {
   std::vector<std::string> logs;  // files of logs, or folders of them
   int64_t resimulate = 0;
   int slots = 0;                  // 0: as server.json says
+  std::string folder;             // of a whole record; "": a receipt is verified
+  std::string head;               // file of an earlier head; "": none
 };
 
 // `count` different episodes, at random, so that nobody can know which will be looked at.
@@ -161,7 +168,66 @@ absl::StatusOr<std::string> SecretFor(const VerifyOptions& options, const Json& 
   return RevealedSecret(options.client(), phase).value_or("");
 }
 
+void PrintRecordReport(const VerifyOptions& options, const RecordReport& report) {
+  for (const ReceiptCheck& check : report.checks) {
+    std::cout << check.name << ": " << (check.valid ? "good" : "WRONG: " + check.detail) << '\n';
+  }
+  if (report.valid()) {
+    std::cout << Counted(report.size, "entry", "entries") << ", "
+              << Counted(report.receipts, "receipt") << " (" << report.withheld << " withheld), "
+              << Counted(report.boards, "board") << ", root " << report.root << '\n';
+  }
+  std::cout << Bold(report.valid() ? "The record holds." : "The record does not hold.")
+            << std::endl;
+}
+
+int VerifyAll(const VerifyOptions& options, const PublicKey& key) {
+  const absl::StatusOr<std::string> pem = ReadFile(options.key, kMaxKeyBytes);
+  if (!pem.ok()) return ReportError(pem.status());
+  std::optional<std::string> earlier;
+  if (!options.head.empty()) {
+    absl::StatusOr<std::string> text = ReadFile(options.head, kMaxKeyBytes);
+    if (!text.ok()) return ReportError(text.status());
+    earlier = *std::move(text);
+  }
+  const absl::StatusOr<RecordFolder> folder = RecordFolder::Open(options.folder);
+  if (absl::IsNotFound(folder.status())) return ReportError(folder.status());
+  RecordReport report;
+  if (folder.ok()) {
+    Progress progress("receipts");
+    RecordVerifier verifier(*folder, *pem, key, [&](int64_t done, int64_t total) {
+      progress.Show(done, total, "");
+    });
+    report = verifier.Run(earlier);
+  } else {
+    report.checks.push_back({"folder", false, std::string(folder.status().message())});
+  }
+  if (!options.json) {
+    PrintRecordReport(options, report);
+    return report.valid() ? kDone : kNoScore;
+  }
+  Json checks = Json::array();
+  for (const ReceiptCheck& check : report.checks) {
+    checks.push_back({{"name", check.name},
+                      {"valid", check.valid},
+                      {"detail", check.detail.empty() ? Json() : Json(check.detail)}});
+  }
+  PrintJson({{"folder", options.folder},
+             {"valid", report.valid()},
+             {"checks", std::move(checks)},
+             {"size", report.size},
+             {"root", report.root.empty() ? Json() : Json(report.root)},
+             {"receipts", report.receipts},
+             {"withheld", report.withheld},
+             {"boards", report.boards}});
+  return report.valid() ? kDone : kNoScore;
+}
+
 int Verify(const VerifyOptions& options) {
+  if (options.file.empty() == options.folder.empty()) {
+    return ReportError(absl::InvalidArgumentError(
+        "name a receipt's file, or with --all the folder of a whole record"));
+  }
   if (options.key.empty()) {
     return ReportError(absl::InvalidArgumentError(
         "--key: give the file of the key that the organiser published; without it, anybody could "
@@ -169,6 +235,7 @@ int Verify(const VerifyOptions& options) {
   }
   const absl::StatusOr<PublicKey> key = PublicKey::Read(options.key);
   if (!key.ok()) return ReportError(key.status());
+  if (!options.folder.empty()) return VerifyAll(options, *key);
   const absl::StatusOr<std::string> text = ReadFile(options.file, kMaxReceiptBytes);
   if (absl::IsInvalidArgument(text.status())) {
     return ReportError(absl::InvalidArgumentError(
@@ -215,7 +282,16 @@ int Verify(const VerifyOptions& options) {
 
 Action AddVerify(CLI::App& verb) {
   auto options = std::make_shared<VerifyOptions>();
-  verb.add_option("RECEIPT", options->file, "The receipt's file")->required();
+  CLI::Option* file = verb.add_option("RECEIPT", options->file, "The receipt's file");
+  CLI::Option* all =
+      verb.add_option("--all", options->folder,
+                      "Check a whole record with its receipts and boards: the folder that "
+                      "\"myograde record export\" wrote")
+          ->excludes(file);
+  verb.add_option("--head", options->head,
+                  "With --all: a head of the record that you kept earlier; the record must be its "
+                  "continuation")
+      ->needs(all);
   verb.add_option("--key", options->key,
                   "File of the organiser's published key (\"myograde key\"); required, as a key "
                   "inside a receipt would prove nothing");

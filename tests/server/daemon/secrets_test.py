@@ -188,7 +188,7 @@ class Hidden(SecretsCase):
         before = self.ask("verify", receipt, "--key", key, schema="verify")
         self.assertTrue(before["valid"])
         self.assertEqual([check["name"] for check in before["checks"]],
-                         ["signature", "merkle_root", "results", "hidden"])
+                         ["signature", "merkle_root", "results", "record", "hidden"])
         self.assertIn("can't be checked", before["checks"][-1]["detail"])
         refused = self.cli("verify", receipt, "--key", key, "--resimulate", 1, check=False)
         self.assertEqual((refused.returncode, "not revealed" in refused.stderr), (2, True),
@@ -220,7 +220,7 @@ class Hidden(SecretsCase):
             after = self.ask("verify", receipt, "--key", key, *words, schema="verify")
             self.assertTrue(after["valid"], (words, after))
             self.assertEqual([check["name"] for check in after["checks"]],
-                             ["signature", "merkle_root", "results", "commitment",
+                             ["signature", "merkle_root", "results", "record", "commitment",
                               "seed_commitments", "seeds", "config", "policy_seeds"], words)
         wrong = self.cli("verify", receipt, "--key", key, "--secret", "0" * 64, check=False)
         self.assertEqual(wrong.returncode, 1)

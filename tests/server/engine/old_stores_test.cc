@@ -136,6 +136,34 @@ TEST(OldStoresTest, WhoHandedInForATeamIsItsMember) {
   fs::remove(path);
 }
 
+// What people did in version 6 stands, and evaluations may be rejudges from version 7 on.
+TEST(OldStoresTest, PeopleAndPhasesOfVersionSixStand) {
+  const std::string path = absl::StrCat(testing::TempDir(), "/old-people-", getpid(), ".db");
+  fs::remove(path);
+  SQLite::Database(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE).exec(TextOf("v6.sql"));
+  ManualClock clock;
+  ASSERT_TRUE(Store::Open(path, clock).ok());
+  EXPECT_TRUE(ReaderPool(path).Read([&](Reader& reader) {
+    EXPECT_THAT(reader.Team("victim")->members, ElementsAre("uid 1001"));
+    EXPECT_THAT(reader.Team("other")->members, ElementsAre("uid 1003", "uid 1004"));
+    EXPECT_EQ(reader.TeamOf("fifth"), "last") << "merged";
+    EXPECT_EQ(reader.TeamOf("third"), "last") << "renamed";
+    EXPECT_TRUE(reader.Team("fourth")->banned);
+    EXPECT_EQ(reader.Tokens().rows.size(), 2u);
+    EXPECT_EQ(reader.PhaseEvents("final")->size(), 3u);
+    EXPECT_EQ(reader.PhaseSecret("final")->size(), 32u);
+    EXPECT_THAT(reader.Rejudges().rows, IsEmpty());
+    const EvaluationRow row = *reader.Original(1);
+    EXPECT_EQ(row.config, "") << "the submission's";
+    return absl::OkStatus();
+  }).ok());
+  SQLite::Database db(path);
+  EXPECT_EQ(db.execAndGet("PRAGMA integrity_check").getString(), "ok");
+  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM sqlite_schema WHERE name = 'evaluation' AND "
+                          "sql LIKE '%''rejudge''%'").getInt(), 1);
+  fs::remove(path);
+}
+
 INSTANTIATE_TEST_SUITE_P(Versions, OldStores,
                          testing::Range(1, static_cast<int>(SchemaMigrations().size())));
 

@@ -1,0 +1,101 @@
+#include "server/api/record_log.h"
+
+#include <algorithm>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+namespace myograde::server {
+namespace {
+
+constexpr int64_t kRowsAtOnce = 10'000;
+constexpr size_t kMostDamage = 10;
+
+absl::Status OutOfRange(const char* name, int64_t value, int64_t least, int64_t most) {
+  return absl::InvalidArgumentError(absl::StrCat("\"", name, "\" is ", value, "; the record allows ",
+                                                 least, " to ", most, " there"));
+}
+
+}  // namespace
+
+// nullptr: the entry can't be read, or is gone.
+void RecordLog::Add(const RecordRow* row) {
+  const std::string index = absl::StrCat(tree_.size());
+  std::string wrong;
+  if (row == nullptr) {
+    wrong = "it is gone, or of another type";
+  } else if (row->chain != ChainOf(chain_, row->entry_json)) {
+    wrong = "its \"chain\" does not follow from the entry before: the record was changed here, "
+            "behind the daemon's back";
+  }
+  if (!wrong.empty() && damaged_.size() < kMostDamage) {
+    damaged_.push_back({"record", index, std::move(wrong)});
+  }
+  tree_.Append(row == nullptr ? "" : row->entry_json);
+  chain_ = row == nullptr ? "" : row->chain;
+}
+
+absl::Status RecordLog::Follow(Reader& reader) {
+  const int64_t size = reader.RecordSize();
+  while (tree_.size() < size) {
+    const int64_t end = std::min(size, tree_.size() + kRowsAtOnce);
+    const Listed<RecordRow> listed = reader.Record(tree_.size(), end - tree_.size());
+    for (const RecordRow& row : listed.rows) {
+      while (tree_.size() < row.index && tree_.size() < size) Add(nullptr);
+      Add(&row);
+    }
+    while (tree_.size() < end) Add(nullptr);
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<Damage>> RecordLog::Damaged(Reader& reader) {
+  const MutexLock lock(mutex_);
+  if (absl::Status status = Follow(reader); !status.ok()) return status;
+  return damaged_;
+}
+
+absl::StatusOr<RecordHead> RecordLog::Head(Reader& reader) {
+  const MutexLock lock(mutex_);
+  if (absl::Status status = Follow(reader); !status.ok()) return status;
+  RecordHead head;
+  head.size = reader.RecordSize();
+  head.root = tree_.Root(head.size);
+  if (head.size == 0) return head;
+  const Listed<RecordRow> last = reader.Record(head.size - 1, 1);
+  if (!last.damaged.empty()) return DamagedRow(last.damaged.front());
+  if (!last.rows.empty()) head.chain = last.rows.front().chain;
+  return head;
+}
+
+absl::StatusOr<EntryProof> RecordLog::Prove(Reader& reader, int64_t entry, int64_t size) {
+  const int64_t whole = reader.RecordSize();
+  if (size == 0) size = whole;
+  if (entry < 0 || entry >= whole) return OutOfRange("entry", entry, 0, whole - 1);
+  if (size <= entry || size > whole) return OutOfRange("size", size, entry + 1, whole);
+  const Listed<RecordRow> row = reader.Record(entry, 1);
+  if (!row.damaged.empty()) return DamagedRow(row.damaged.front());
+  if (row.rows.empty() || row.rows.front().index != entry) {
+    return DamagedRow({"record", absl::StrCat(entry), "it is gone"});
+  }
+  const MutexLock lock(mutex_);
+  if (absl::Status status = Follow(reader); !status.ok()) return status;
+  return EntryProof{.index = entry,
+                    .content = nlohmann::json::parse(row.rows.front().entry_json),
+                    .size = size,
+                    .root = tree_.Root(size),
+                    .proof = tree_.InclusionProof(entry, size)};
+}
+
+absl::StatusOr<RecordLog::Consistency> RecordLog::Compare(Reader& reader, int64_t from,
+                                                          int64_t to) {
+  const int64_t whole = reader.RecordSize();
+  if (to == 0) to = whole;
+  if (to < 0 || to > whole) return OutOfRange("to", to, 0, whole);
+  if (from < 0 || from > to) return OutOfRange("from", from, 0, to);
+  const MutexLock lock(mutex_);
+  if (absl::Status status = Follow(reader); !status.ok()) return status;
+  return Consistency{tree_.Root(from), tree_.Root(to), tree_.ConsistencyProof(from, to)};
+}
+
+}  // namespace myograde::server

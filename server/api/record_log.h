@@ -1,0 +1,47 @@
+// The tree over the public record (server/store/record.h), kept in memory as the record grows.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "protocol/base/mutex.h"
+#include "server/proof/merkle_tree.h"
+#include "server/proof/record_head.h"
+#include "server/store/reader.h"
+
+namespace myograde::server {
+
+// Safe from any thread. Each function first adds the entries that are new in the reader's state, and
+// answers for that state. 64 bytes of memory for each entry.
+class RecordLog {
+ public:
+  // Where the record was changed or can't be read, the first few. Such an entry keeps its place, as
+  // it is there now, so that everything else goes on.
+  absl::StatusOr<std::vector<Damage>> Damaged(Reader& reader);
+
+  absl::StatusOr<RecordHead> Head(Reader& reader);
+  // InvalidArgumentError says which number is out of range; `size` 0: of all entries.
+  absl::StatusOr<EntryProof> Prove(Reader& reader, int64_t entry, int64_t size);
+
+  struct Consistency {
+    Sha256Digest from_root;
+    Sha256Digest to_root;
+    MerkleProof proof;
+  };
+  absl::StatusOr<Consistency> Compare(Reader& reader, int64_t from, int64_t to);
+
+ private:
+  absl::Status Follow(Reader& reader) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void Add(const RecordRow* row) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  Mutex mutex_;
+  MerkleTree tree_ ABSL_GUARDED_BY(mutex_);
+  std::string chain_ ABSL_GUARDED_BY(mutex_);  // at the last entry
+  std::vector<Damage> damaged_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,134 @@
+#include "server/api/record_resource.h"
+
+#include <algorithm>
+#include <functional>
+#include <memory>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/api/record_log.h"
+#include "server/api/requests.h"
+#include "server/api/views.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int64_t kMaxIndex = int64_t{1} << 40;
+constexpr int64_t kMostEntries = 1000;
+
+Json EntryToJson(const RecordRow& row) {
+  return {{"index", row.index}, {"entry", Json::parse(row.entry_json)}, {"chain", row.chain}};
+}
+
+// Oldest first, as the record is read from its beginning and only grows at its end.
+void AddNext(const httplib::Request& request, int64_t next, int64_t size, ApiAnswer& answer) {
+  const bool more = next < size;
+  answer.body["next_from"] = more ? Json(next) : Json();
+  if (!more) return;
+  answer.next = absl::StrCat(request.path, "?from=", next);
+  if (request.has_param("limit")) {
+    absl::StrAppend(&answer.next, "&limit=", request.get_param_value("limit"));
+  }
+}
+
+}  // namespace
+
+void RecordResource::Install(Routes& routes) {
+  using Self = RecordResource;
+  routes.Get("/v1/record", Action::kReadRecord, std::bind_front(&Self::List, this));
+  routes.Get("/v1/record/head", Action::kReadRecord, std::bind_front(&Self::GetHead, this));
+  routes.Get("/v1/record/proof", Action::kReadRecord, std::bind_front(&Self::Prove, this));
+  routes.Get("/v1/record/consistency", Action::kReadRecord,
+             std::bind_front(&Self::Compare, this));
+}
+
+ApiResult RecordResource::List(const httplib::Request& request) const {
+  int64_t from = 0;
+  int64_t limit = 100;
+  absl::Status status = CheckParameters(request, {"from", "limit"});
+  status.Update(ReadNumber(request, "from", kMaxIndex, from, /*min=*/0));
+  status.Update(ReadNumber(request, "limit", kMostEntries, limit));
+  if (!status.ok()) return ErrorOf(status);
+  ApiAnswer answer{.tagged = true};
+  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    const int64_t size = reader.RecordSize();
+    const Listed<RecordRow> listed = reader.Record(from, limit);
+    Json entries = Json::array();
+    for (const RecordRow& row : listed.rows) entries.push_back(EntryToJson(row));
+    answer.body = {{"size", size},
+                   {"entries", std::move(entries)},
+                   {"unreadable", DamagedToJson(listed.damaged)}};
+    AddNext(request, std::max(listed.last_id + 1, from + limit), size, answer);
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+ApiResult RecordResource::GetHead(const httplib::Request& request) const {
+  absl::Status status = CheckParameters(request, {});
+  if (!status.ok()) return ErrorOf(status);
+  absl::StatusOr<RecordHead> head = absl::InternalError("");
+  status = context_.readers.Read([&](Reader& reader) {
+    head = context_.record.Head(reader);
+    return head.status();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  const absl::StatusOr<std::shared_ptr<const SigningKey>> key = context_.receipts_key.Get();
+  if (!key.ok()) return ErrorOf(key.status());
+  absl::StatusOr<std::string> text = SignHead(*head, **key);
+  if (!text.ok()) return ErrorOf(text.status());
+  ApiAnswer answer{.tagged = true};
+  answer.text = std::make_shared<const std::string>(*std::move(text));
+  return answer;
+}
+
+ApiResult RecordResource::Prove(const httplib::Request& request) const {
+  int64_t entry = -1;
+  int64_t size = 0;
+  absl::Status status = CheckParameters(request, {"entry", "size"});
+  status.Update(ReadNumber(request, "entry", kMaxIndex, entry, /*min=*/0));
+  status.Update(ReadNumber(request, "size", kMaxIndex, size));
+  if (status.ok() && entry < 0) {
+    status = absl::InvalidArgumentError("\"entry\" is missing: the index of the entry to prove");
+  }
+  if (!status.ok()) return ErrorOf(status);
+  ApiAnswer answer{.tagged = true};
+  status = context_.readers.Read([&](Reader& reader) {
+    const absl::StatusOr<EntryProof> proof = context_.record.Prove(reader, entry, size);
+    if (proof.ok()) answer.body = EntryProofToJson(*proof);
+    return proof.status();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+ApiResult RecordResource::Compare(const httplib::Request& request) const {
+  int64_t from = -1;
+  int64_t to = 0;
+  absl::Status status = CheckParameters(request, {"from", "to"});
+  status.Update(ReadNumber(request, "from", kMaxIndex, from, /*min=*/0));
+  status.Update(ReadNumber(request, "to", kMaxIndex, to, /*min=*/0));
+  if (status.ok() && from < 0) {
+    status = absl::InvalidArgumentError("\"from\" is missing: the size of the earlier record");
+  }
+  if (!status.ok()) return ErrorOf(status);
+  ApiAnswer answer{.tagged = true};
+  status = context_.readers.Read([&](Reader& reader) {
+    const auto compared = context_.record.Compare(reader, from, to);
+    if (!compared.ok()) return compared.status();
+    answer.body = {{"from", from},
+                   {"to", to == 0 ? reader.RecordSize() : to},
+                   {"from_root", HexOf(compared->from_root)},
+                   {"to_root", HexOf(compared->to_root)},
+                   {"proof", ProofToJson(compared->proof)}};
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+}  // namespace myograde::server

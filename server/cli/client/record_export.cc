@@ -1,0 +1,228 @@
+#include "server/cli/client/record_export.h"
+
+#include <filesystem>
+#include <set>
+#include <system_error>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/base/file.h"
+#include "server/proof/record_head.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+constexpr int kMostRounds = 5;
+constexpr int64_t kEntriesAtOnce = 1000;
+
+absl::Status Strange(const std::string& what) {
+  return absl::InternalError(absl::StrCat("the daemon's ", what, " is not what this program knows; "
+                                          "use the program of the daemon's version"));
+}
+
+std::string TextAt(const Json& json, const char* key) {
+  const auto it = json.find(key);
+  return it != json.end() && it->is_string() ? it->get<std::string>() : "";
+}
+
+// A name that may stand in a path.
+bool IsName(const std::string& text) {
+  return !text.empty() && text.size() <= 64 &&
+         text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_") ==
+             std::string::npos;
+}
+
+// The keys of `object` that are listed.
+Json Only(const Json& object, std::initializer_list<const char*> keys) {
+  Json some = Json::object();
+  for (const char* key : keys) some[key] = object.value(key, Json());
+  return some;
+}
+
+Json RowsOf(const Json& board, const char* list, std::initializer_list<const char*> keys) {
+  Json rows = Json::array();
+  for (const Json& row : board.value(list, Json::array())) rows.push_back(Only(row, keys));
+  return rows;
+}
+
+}  // namespace
+
+absl::Status RecordExporter::MakeFolders() const {
+  std::error_code error;
+  fs::create_directories(folder_, error);
+  const bool empty = !error && fs::is_empty(folder_, error);
+  if (!error && !empty) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(folder_, ": has files already; name a new folder"));
+  }
+  for (const char* part : {"/receipts", "/configs", "/boards", "/secrets"}) {
+    if (!error) fs::create_directory(folder_ + part, error);
+  }
+  if (!error) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(folder_, ": can't be made (", error.message(), "); name another folder"));
+}
+
+absl::Status RecordExporter::Write(const std::string& name, const std::string& text) const {
+  return WriteFile(absl::StrCat(folder_, "/", name), text);
+}
+
+absl::Status RecordExporter::ReadEntries(int64_t size) {
+  lines_.clear();
+  graded_.clear();
+  for (int64_t from = 0; from < size;) {
+    const absl::StatusOr<Json> page = client_.Get(
+        absl::StrCat("/v1/record?from=", from, "&limit=", std::min(size - from, kEntriesAtOnce)));
+    if (!page.ok()) return page.status();
+    const Json entries = page->value("entries", Json());
+    if (!page->value("unreadable", Json::array()).empty()) {
+      return absl::InternalError(absl::StrCat(
+          "the daemon can't read all of its record: ",
+          TextAt((*page)["unreadable"][0], "message"), "; restore the store from a backup"));
+    }
+    if (!entries.is_array() || entries.empty()) return Strange("record");
+    for (const Json& row : entries) {
+      const Json entry = row.value("entry", Json());
+      if (!entry.is_object() || row.value("index", Json()) != from) return Strange("record");
+      absl::StrAppend(&lines_, CanonicalJson(entry), "\n");
+      ++from;
+      if (TextAt(entry, "kind") == "graded" && TextAt(entry, "state") == "graded") {
+        graded_[entry.value("evaluation", int64_t{0})] = entry;
+      }
+      const std::string secret = TextAt(entry, "secret");
+      if (!secret.empty() && IsName(TextAt(entry, "phase"))) {
+        secrets_[TextAt(entry, "phase")] = secret;
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RecordExporter::WriteReceipt(const Json& entry) {
+  const int64_t evaluation = entry.value("evaluation", int64_t{0});
+  const absl::StatusOr<Json> receipt =
+      client_.Get(absl::StrCat("/v1/submissions/", entry.value("submission", int64_t{0}),
+                               "/receipt?evaluation=", evaluation, "&public=true"));
+  if (!receipt.ok()) {
+    const std::string code = AnsweredCode(receipt.status());
+    const bool rejudge = !entry.value("rejudge", Json()).is_null();
+    if (code != "withheld" && code != "damaged_row") return receipt.status();
+    withheld_.push_back({{"evaluation", evaluation},
+                         {"reason", code == "damaged_row" ? "unreadable"
+                                    : rejudge             ? "rejudge"
+                                                          : "phase"}});
+    return absl::OkStatus();
+  }
+  const Json body = receipt->value("receipt", Json::object());
+  const std::string config = TextAt(body, "config");
+  if (!IsName(config)) return Strange("receipt");
+  configs_[config] = body.value("track_config", Json());
+  receipts_[evaluation] = true;
+  return Write(absl::StrCat("receipts/", evaluation, ".json"), CanonicalJson(*receipt) + "\n");
+}
+
+absl::Status RecordExporter::WriteReceipts() {
+  int64_t done = 0;
+  withheld_ = Json::array();
+  for (const auto& [evaluation, entry] : graded_) {
+    if (!receipts_.contains(evaluation)) {
+      if (absl::Status status = WriteReceipt(entry); !status.ok()) return status;
+    }
+    progress_(++done, std::ssize(graded_));
+  }
+  for (const auto& [hash, config] : configs_) {
+    const absl::Status written =
+        Write(absl::StrCat("configs/", hash, ".json"), CanonicalJson(config) + "\n");
+    if (!written.ok()) return written;
+  }
+  return Write("withheld.json", CanonicalJson({{"receipts", withheld_}}) + "\n");
+}
+
+// What follows from the record is kept, and nothing else, so that every byte can be checked.
+absl::Status RecordExporter::WriteBoard(const std::string& hash, const Json& config,
+                                        const std::string& board) {
+  const std::string phase = TextAt(config, "phase");
+  const std::string which =
+      phase.empty() ? absl::StrCat("track=", QueryValue(TextAt(config, "id")), "&profile=",
+                                   QueryValue(TextAt(config, "profile")))
+                    : absl::StrCat("phase=", QueryValue(phase));
+  const absl::StatusOr<Json> answer = client_.Get(absl::StrCat(
+      "/v1/leaderboard?", which, "&board=", QueryValue(board), "&config=", hash));
+  if (!answer.ok()) return answer.status();
+  Json kept = Only(*answer, {"board", "config", "phase", "track", "profile", "rules",
+                             "official_figures"});
+  kept["rows"] = RowsOf(*answer, "rows", {"rank", "baseline", "team", "submission", "evaluation",
+                                          "name", "qualified", "aggregate"});
+  kept["disqualified"] = RowsOf(*answer, "disqualified", {"team", "submission", "evaluation",
+                                                          "name", "reason", "at", "aggregate"});
+  ++boards_;
+  return Write(absl::StrCat("boards/", hash, ".", board, ".json"), CanonicalJson(kept) + "\n");
+}
+
+absl::Status RecordExporter::WriteBoards() {
+  boards_ = 0;
+  for (const auto& [hash, config] : configs_) {
+    if (!config.is_object() || !config.value("scoring", Json()).is_object()) {
+      return Strange("config");
+    }
+    std::set<std::string> names;
+    for (const auto& [board, rules] : config["scoring"].value("boards", Json::object()).items()) {
+      names.insert(board);
+    }
+    for (const std::string& board : names) {
+      if (!IsName(board)) return Strange("config");
+      if (absl::Status status = WriteBoard(hash, config, board); !status.ok()) return status;
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RecordExporter::WriteSecrets() {
+  for (const auto& [phase, secret] : secrets_) {
+    const absl::Status written =
+        Write(absl::StrCat("secrets/", phase, ".txt"), secret + "\n");
+    if (!written.ok()) return written;
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<RecordExport> RecordExporter::Run() {
+  const absl::StatusOr<Json> key = client_.Get("/v1/key");
+  if (!key.ok()) return key.status();
+  if (absl::Status status = MakeFolders(); !status.ok()) return status;
+  for (int round = 0; round < kMostRounds; ++round) {
+    const absl::StatusOr<Json> signed_head = client_.Get("/v1/record/head");
+    if (!signed_head.ok()) return signed_head.status();
+    const std::string text = CanonicalJson(*signed_head) + "\n";
+    const absl::StatusOr<RecordHead> head = ParseHead(text);
+    if (!head.ok()) return Strange("head");
+    absl::Status status = ReadEntries(head->size);
+    if (status.ok()) status = WriteReceipts();
+    if (status.ok()) status = WriteBoards();
+    if (!status.ok()) return status;
+    // The boards are those of the record only if nothing happened meanwhile.
+    const absl::StatusOr<Json> after = client_.Get("/v1/record/head");
+    if (!after.ok()) return after.status();
+    if (*after != *signed_head) continue;
+    status = WriteSecrets();
+    status.Update(Write("record.jsonl", lines_));
+    status.Update(Write("key.pem", TextAt(*key, "key")));
+    status.Update(Write("head.json", text));
+    if (!status.ok()) return status;
+    return RecordExport{.size = head->size,
+                        .root = HexOf(head->root),
+                        .receipts = std::ssize(receipts_),
+                        .withheld = std::ssize(withheld_),
+                        .boards = boards_};
+  }
+  return absl::UnavailableError(
+      "results keep ending while the record is exported; pause submissions (\"myograde phase pause "
+      "--all\"), wait until they have ended, and export again");
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,243 @@
+#include "server/cli/offline/record_boards.h"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+#include <absl/time/time.h>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/lease/track_config.h"
+#include "protocol/tracks/registry.h"
+#include "server/cli/terminal/text.h"
+#include "server/grading/leaderboard.h"
+#include "server/grading/results.h"
+#include "server/grading/tracks.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+std::string StringAt(const Json& json, const char* key) {
+  const auto it = json.find(key);
+  return it != json.end() && it->is_string() ? it->get<std::string>() : "";
+}
+
+// The row that a receipt's entry was made of, as far as numbers follow from it.
+absl::StatusOr<EpisodeRow> RowOfEntry(const Json& entry, int64_t evaluation) {
+  EpisodeRow row;
+  row.evaluation = evaluation;
+  row.index = entry.at("index").get<int64_t>();
+  const std::optional<Outcome> outcome = ParseOutcome(StringAt(entry, "outcome"));
+  const std::optional<FailureReason> reason = ParseFailureReason(StringAt(entry, "reason"));
+  if (!outcome.has_value() || !reason.has_value()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the outcome of its episode ", row.index, " is not known here"));
+  }
+  row.outcome = *outcome;
+  row.reason = *reason;
+  row.metrics_json = CanonicalJson(entry.value("metrics", Json()));
+  row.facts_json = CanonicalJson({{"steps", entry.value("steps", Json())}});
+  return row;
+}
+
+// A receipt has no facts but the steps: numbers of other facts are taken from its aggregate, which
+// is signed; no board ranks by them.
+void TakeNumbersOfFacts(const scoring::ScoredTrack& track, const Json& said, Json& aggregate) {
+  if (!said.is_object() || !aggregate.is_object()) return;
+  for (const scoring::Metric& metric : track.metrics) {
+    if (metric.source != scoring::Metric::Source::kFacts) continue;
+    const std::string name(metric.name);
+    if (said.contains(name)) aggregate[name] = said[name];
+    const Json spread = said.value("spread", Json());
+    if (spread.is_object() && spread.contains(name)) aggregate["spread"][name] = spread[name];
+  }
+}
+
+std::string AtText(int64_t ms) {
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(ms), absl::UTCTimeZone());
+}
+
+Json RowJson(const LeaderboardRow& row) {
+  const bool baseline = row.ranked.rank == 0;
+  return {{"rank", baseline ? Json() : Json(row.ranked.rank)},
+          {"baseline", baseline},
+          {"team", row.source.team},
+          {"submission", row.source.submission},
+          {"evaluation", row.source.evaluation},
+          {"name", row.source.artefact_name},
+          {"qualified", row.qualified},
+          {"aggregate", row.aggregate}};
+}
+
+Json DisqualifiedJson(const DisqualifiedRow& row) {
+  return {{"team", row.source.team},
+          {"submission", row.source.submission},
+          {"evaluation", row.source.evaluation},
+          {"name", row.source.artefact_name},
+          {"reason", row.mark.why},
+          {"at", AtText(row.mark.at)},
+          {"aggregate", row.aggregate}};
+}
+
+std::vector<StandingRow> StandingsOf(const RecordState& record,
+                                     const std::map<int64_t, ReceivedResult>& results,
+                                     const std::string& config) {
+  const std::set<int64_t> chosen = record.Chosen(config);
+  std::vector<StandingRow> standings;
+  for (const auto& [submission, evaluation] : record.InForce(config)) {
+    const RecordedTeam* team = record.TeamOf(submission);
+    const auto result = results.find(evaluation);
+    if (team == nullptr || team->banned || result == results.end() || !result->second.done) {
+      continue;
+    }
+    StandingRow row;
+    row.submission = submission;
+    row.evaluation = evaluation;
+    row.team = team->name;
+    row.artefact_name = result->second.name;
+    row.standing = result->second.standing;
+    row.chosen = chosen.contains(submission);
+    standings.push_back(std::move(row));
+  }
+  return standings;
+}
+
+std::string RowText(const Json& row) {
+  if (!row.is_object()) return "nothing";
+  return Harmless(absl::StrCat("submission ", Cell(row, "submission"), " of team ",
+                               Cell(row, "team")));
+}
+
+// The key of the first value in which two objects differ.
+std::string DifferentKey(const Json& a, const Json& b) {
+  for (const auto& [key, value] : a.items()) {
+    if (!b.contains(key) || b[key] != value) return key;
+  }
+  for (const auto& [key, value] : b.items()) {
+    if (!a.contains(key)) return key;
+  }
+  return "";
+}
+
+std::string RowDifference(const char* list, size_t place, const Json& found,
+                          const Json& expected) {
+  const bool same_row = found.is_object() && expected.is_object() &&
+                        found.value("submission", Json()) == expected.value("submission", Json());
+  const std::string where = absl::StrCat("row ", place + 1, " of its \"", list, "\"");
+  if (!same_row) {
+    return absl::StrCat(where, " is ", RowText(found), ", and by the record it is ",
+                        RowText(expected));
+  }
+  const std::string key = DifferentKey(found, expected);
+  return Harmless(absl::StrCat(where, ", ", RowText(expected), ", has another \"", key,
+                               "\" than follows from the record: ",
+                               found.value(key, Json()).dump().substr(0, 80), " in place of ",
+                               expected.value(key, Json()).dump().substr(0, 80)));
+}
+
+}  // namespace
+
+absl::StatusOr<RecordedConfig> ReadRecordedConfig(const Json& config) {
+  if (config.is_object() && config.contains("seeds")) {
+    absl::StatusOr<TrackConfig> parsed = ParseTrackConfig(config, "the config");
+    if (!parsed.ok()) return absl::InvalidArgumentError(parsed.status().message());
+    const absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(parsed));
+    if (!track.ok()) return absl::InvalidArgumentError(track.status().message());
+    return RecordedConfig{(*track)->config.id, (*track)->config.profile, (*track)->config.phase,
+                          (*track)->scoring, (*track)->config.scoring["boards"]};
+  }
+  // Without its seeds it is of today's form, and its scoring is all that boards need.
+  const scoring::ScoredTrack* track =
+      config.is_object() ? scoring::FindScoredTrack(StringAt(config, "kind")) : nullptr;
+  if (track == nullptr || !config.value("scoring", Json()).is_object()) {
+    return absl::InvalidArgumentError("it is no track's config");
+  }
+  absl::StatusOr<scoring::TrackScoring> scoring = track->parse(config["scoring"], "scoring");
+  if (!scoring.ok()) return absl::InvalidArgumentError(scoring.status().message());
+  return RecordedConfig{StringAt(config, "id"), StringAt(config, "profile"),
+                        StringAt(config, "phase"), *std::move(scoring),
+                        config["scoring"].value("boards", Json::object())};
+}
+
+absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
+  const scoring::ScoredTrack* track = scoring::FindScoredTrack(StringAt(receipt, "track_kind"));
+  if (track == nullptr) return absl::InvalidArgumentError("its track is not known here");
+  std::vector<EpisodeRow> rows;
+  for (const Json& entry : receipt["episodes"]) {
+    absl::StatusOr<EpisodeRow> row = RowOfEntry(entry, 0);
+    if (!row.ok()) return row.status();
+    rows.push_back(*std::move(row));
+  }
+  const absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(*track, rows);
+  if (!aggregate.ok()) {
+    return absl::InvalidArgumentError("no numbers follow from its episodes");
+  }
+  Json numbers = AggregateToJson(*track, *aggregate);
+  const Json said = receipt.value("aggregate", Json());
+  TakeNumbersOfFacts(*track, said, numbers);
+  const bool done = StringAt(receipt, "state") == "done";
+  if (numbers != said || done == aggregate->failed) {
+    return absl::InvalidArgumentError(
+        "the numbers that it names do not follow from its episodes");
+  }
+  ReceivedResult result = {
+      .done = done, .name = StringAt(receipt, "name"), .standing = StandingOf(*track, *aggregate)};
+  result.standing.aggregate_json = CanonicalJson(numbers);
+  return result;
+}
+
+absl::StatusOr<std::string> BoardText(const RecordState& record,
+                                      const std::map<int64_t, ReceivedResult>& results,
+                                      const std::string& hash, const RecordedConfig& config,
+                                      const std::string& board) {
+  const auto spec = config.scoring.boards.find(board);
+  if (spec == config.scoring.boards.end()) {
+    return absl::InvalidArgumentError("its config has no board of this name");
+  }
+  const absl::StatusOr<Leaderboard> made =
+      MakeLeaderboard(StandingsOf(record, results, hash), record.marks(), spec->second.rules,
+                      config.scoring.team);
+  if (!made.ok()) return made.status();
+  Json rows = Json::array();
+  for (const LeaderboardRow& row : made->rows) rows.push_back(RowJson(row));
+  Json disqualified = Json::array();
+  for (const DisqualifiedRow& row : made->disqualified) {
+    disqualified.push_back(DisqualifiedJson(row));
+  }
+  return CanonicalJson({{"board", board},
+                        {"config", hash},
+                        {"phase", config.phase.empty() ? Json() : Json(config.phase)},
+                        {"track", config.track},
+                        {"profile", config.profile},
+                        {"rules", config.rules.value(board, Json())},
+                        {"official_figures", config.scoring.official_figures},
+                        {"rows", std::move(rows)},
+                        {"disqualified", std::move(disqualified)}}) +
+         "\n";
+}
+
+std::string FirstDifference(const std::string& found, const std::string& expected) {
+  const absl::StatusOr<Json> parsed = ParseJson(found, "the board");
+  if (!parsed.ok() || !parsed->is_object()) return "it is no board";
+  const Json& a = *parsed;
+  const Json b = Json::parse(expected);
+  for (const char* list : {"rows", "disqualified"}) {
+    const Json here = a.value(list, Json());
+    const Json& there = b[list];
+    if (!here.is_array()) return absl::StrCat("it has no list \"", list, "\"");
+    for (size_t i = 0; i < std::max(here.size(), there.size()); ++i) {
+      const Json one = i < here.size() ? here[i] : Json();
+      const Json other = i < there.size() ? there[i] : Json();
+      if (one != other) return RowDifference(list, i, one, other);
+    }
+  }
+  const std::string key = DifferentKey(a, b);
+  if (key.empty()) return "it is not in its canonical form";
+  return Harmless(absl::StrCat("its \"", key, "\" is not what follows from the record"));
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,50 @@
+// The boards that follow from a public record and its receipts.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <set>
+#include <string>
+
+#include <absl/status/statusor.h>
+#include <nlohmann/json.hpp>
+
+#include "scoring/track.h"
+#include "server/cli/offline/record_state.h"
+#include "server/store/rows.h"
+
+namespace myograde::server {
+
+// What boards need of a receipt that holds.
+struct ReceivedResult {
+  bool done = false;  // a failed one stands on no board
+  std::string name;   // of the artefact
+  Standing standing;
+};
+
+// A config as far as boards need it; "seeds" and what they follow from may be missing.
+struct RecordedConfig {
+  std::string track;
+  std::string profile;
+  std::string phase;  // "": none
+  scoring::TrackScoring scoring;
+  nlohmann::json rules;  // by board
+};
+
+// InvalidArgumentError if it can't be read.
+absl::StatusOr<RecordedConfig> ReadRecordedConfig(const nlohmann::json& config);
+
+// The numbers of a receipt's episodes, recomputed, in place of those that it names.
+// InvalidArgumentError if the receipt names others.
+absl::StatusOr<ReceivedResult> ResultOfReceipt(const nlohmann::json& receipt);
+
+// The text of boards/HASH.BOARD.json, as it must be.
+absl::StatusOr<std::string> BoardText(const RecordState& record,
+                                      const std::map<int64_t, ReceivedResult>& results,
+                                      const std::string& hash, const RecordedConfig& config,
+                                      const std::string& board);
+
+// In what a board differs from the one that follows, in one sentence: "rank 2 is ...".
+std::string FirstDifference(const std::string& found, const std::string& expected);
+
+}  // namespace myograde::server

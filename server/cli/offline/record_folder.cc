@@ -1,0 +1,153 @@
+#include "server/cli/offline/record_folder.h"
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include <absl/cleanup/cleanup.h>
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/file.h"
+#include "server/cli/terminal/text.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr size_t kMostFiles = 4'000'000;
+constexpr size_t kReadAtOnce = 1u << 20;
+
+bool IsFolder(std::string_view name) {
+  return name == "receipts" || name == "configs" || name == "boards" || name == "secrets";
+}
+
+bool IsTopFile(std::string_view name) {
+  return name == "record.jsonl" || name == "head.json" || name == "key.pem" ||
+         name == "withheld.json";
+}
+
+// Letters, digits, and what the names of boards, phases and hashes have.
+bool IsPlainName(std::string_view name) {
+  return !name.empty() && name.size() <= 200 && name.front() != '.' &&
+         std::all_of(name.begin(), name.end(), [](char c) {
+           return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                  c == '.' || c == '-' || c == '_';
+         });
+}
+
+absl::Status Stray(const std::string& name, std::string_view what) {
+  return absl::InvalidArgumentError(
+      absl::StrCat(Harmless(name), " ", absl::string_view(what.data(), what.size()),
+                   "; \"myograde record export\" writes no such thing"));
+}
+
+}  // namespace
+
+absl::StatusOr<RecordFolder> RecordFolder::Open(const std::string& path) {
+  Fd fd(::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!fd.valid()) {
+    return absl::NotFoundError(
+        absl::StrCat(path, ": can't be opened as a folder (", strerror(errno),
+                     "); name the folder that \"myograde record export\" wrote"));
+  }
+  RecordFolder folder(path, std::move(fd));
+  if (absl::Status status = folder.List("", 0); !status.ok()) return status;
+  return folder;
+}
+
+absl::Status RecordFolder::List(const std::string& folder, int depth) {
+  const int fd = ::openat(fd_.get(), folder.empty() ? "." : folder.c_str(),
+                          O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+  DIR* dir = fd < 0 ? nullptr : ::fdopendir(fd);
+  if (dir == nullptr) return Stray(folder, "can't be opened as a folder");
+  const absl::Cleanup close = [dir] { ::closedir(dir); };
+  while (const dirent* entry = ::readdir(dir)) {
+    const std::string name = entry->d_name;
+    if (name == "." || name == "..") continue;
+    const std::string path = absl::StrCat(folder, folder.empty() ? "" : "/", name);
+    struct stat info = {};
+    if (::fstatat(fd_.get(), path.c_str(), &info, AT_SYMLINK_NOFOLLOW) != 0) {
+      return Stray(path, "can't be read");
+    }
+    if (depth == 0 && S_ISDIR(info.st_mode) && IsFolder(name)) {
+      if (absl::Status status = List(name, 1); !status.ok()) return status;
+      continue;
+    }
+    if (!S_ISREG(info.st_mode)) return Stray(path, "is no plain file");
+    if (depth == 0 ? !IsTopFile(name) : !IsPlainName(name)) {
+      return Stray(path, "does not belong there");
+    }
+    if (files_.size() == kMostFiles) return Stray(path, "is one file too many");
+    files_.insert(path);
+  }
+  return absl::OkStatus();
+}
+
+// Whoever made the folder may exchange its files while it is read: nothing but a plain file is read,
+// and nothing is waited for.
+absl::StatusOr<Fd> RecordFolder::OpenFile(const std::string& name) const {
+  Fd fd(::openat(fd_.get(), name.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+  struct stat info = {};
+  if (!fd.valid() || ::fstat(fd.get(), &info) != 0 || !S_ISREG(info.st_mode)) {
+    return absl::InvalidArgumentError(absl::StrCat(Harmless(name), " is missing"));
+  }
+  return fd;
+}
+
+absl::StatusOr<std::string> RecordFolder::Read(const std::string& name, int64_t max_bytes) const {
+  const absl::StatusOr<Fd> fd = OpenFile(name);
+  if (!fd.ok()) return fd.status();
+  absl::StatusOr<std::string> text = ReadAll(fd->get(), name, static_cast<size_t>(max_bytes));
+  if (absl::IsInvalidArgument(text.status())) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(Harmless(name), " is larger than such a file can be"));
+  }
+  return text;
+}
+
+std::set<std::string> RecordFolder::In(std::string_view folder) const {
+  std::set<std::string> found;
+  for (auto it = files_.lower_bound(std::string(folder));
+       it != files_.end() && it->starts_with(folder); ++it) {
+    found.insert(*it);
+  }
+  return found;
+}
+
+absl::Status RecordFolder::ForEachLine(
+    const std::string& name, int64_t max_bytes,
+    const std::function<absl::Status(std::string_view line)>& on_line) const {
+  const absl::StatusOr<Fd> fd = OpenFile(name);
+  if (!fd.ok()) return fd.status();
+  std::vector<char> buffer(kReadAtOnce);
+  std::string line;
+  for (;;) {
+    const ssize_t got = ::read(fd->get(), buffer.data(), buffer.size());
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return absl::UnavailableError(absl::StrCat(Harmless(name), ": can't be read"));
+    if (got == 0) break;
+    std::string_view rest(buffer.data(), static_cast<size_t>(got));
+    for (size_t end; (end = rest.find('\n')) != std::string_view::npos;) {
+      line.append(rest.substr(0, end));
+      if (std::ssize(line) > max_bytes) break;
+      if (absl::Status status = on_line(line); !status.ok()) return status;
+      line.clear();
+      rest.remove_prefix(end + 1);
+    }
+    line.append(rest);
+    if (std::ssize(line) > max_bytes) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(Harmless(name), " has a line that is longer than any entry"));
+    }
+  }
+  if (line.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(Harmless(name), " ends in the middle of a line"));
+}
+
+}  // namespace myograde::server

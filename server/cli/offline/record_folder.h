@@ -1,0 +1,56 @@
+// The folder that "myograde record export" writes, as somebody received it: its files may be of any
+// size and any kind.
+//
+//   record.jsonl            the entries, one a line
+//   head.json               their signed head (server/proof/record_head.h)
+//   key.pem                 the key that signed
+//   receipts/EVALUATION.json
+//   withheld.json           the evaluations whose receipts are not public, and why
+//   configs/HASH.json       the config of each receipt, as far as it is public
+//   boards/HASH.BOARD.json  each board of each config
+//   secrets/PHASE.txt       the secrets of revealed phases
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <set>
+#include <string>
+#include <string_view>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "protocol/base/fd.h"
+
+namespace myograde::server {
+
+class RecordFolder {
+ public:
+  // Lists it. InvalidArgumentError names what does not belong there: another name, a link, a device,
+  // more files than any record has.
+  static absl::StatusOr<RecordFolder> Open(const std::string& path);
+
+  // A file by its path in the folder: "head.json". InvalidArgumentError if it is missing, larger
+  // than `max_bytes`, or no plain file.
+  absl::StatusOr<std::string> Read(const std::string& name, int64_t max_bytes) const;
+  bool Has(const std::string& name) const { return files_.contains(name); }
+  // The paths that begin with `folder`, sorted: "receipts/".
+  std::set<std::string> In(std::string_view folder) const;
+
+  // The lines of a file without their ends, whatever its size. A line longer than `max_bytes`, or a
+  // last one without its end, is an InvalidArgumentError. Errors of `on_line` end it.
+  absl::Status ForEachLine(const std::string& name, int64_t max_bytes,
+                           const std::function<absl::Status(std::string_view line)>& on_line) const;
+
+ private:
+  RecordFolder(std::string path, Fd fd) : path_(std::move(path)), fd_(std::move(fd)) {}
+  absl::Status List(const std::string& folder, int depth);
+  absl::StatusOr<Fd> OpenFile(const std::string& name) const;
+
+  std::string path_;
+  Fd fd_;
+  std::set<std::string> files_;
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,329 @@
+#include "server/cli/offline/verify_record.h"
+
+#include <set>
+#include <utility>
+
+#include <absl/strings/match.h>
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
+#include "server/base/counted.h"
+#include "server/cli/terminal/text.h"
+#include "server/proof/seed_list.h"
+#include "server/store/record.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+// More than what the daemon writes has of each.
+constexpr int64_t kMaxEntryBytes = 4 << 20;
+constexpr int64_t kMaxHeadBytes = 4096;
+constexpr int64_t kMaxReceiptFile = 16 << 20;
+constexpr int64_t kMaxConfigFile = 16 << 20;
+constexpr int64_t kMaxBoardFile = 256 << 20;
+constexpr int64_t kMaxListFile = 256 << 20;
+
+absl::Status Wrong(const std::string& sentence) { return absl::InvalidArgumentError(sentence); }
+
+// The same, about a file of the folder.
+absl::Status WrongFile(const std::string& file, std::string_view what) {
+  return Wrong(absl::StrCat(Harmless(file), ": ", absl::string_view(what.data(), what.size())));
+}
+
+// "receipts/7.json" -> "7"; "": it has another form.
+std::string Stem(const std::string& file, const std::string& folder, const std::string& end) {
+  if (file.size() <= folder.size() + end.size() || !absl::EndsWith(file, end)) return "";
+  return file.substr(folder.size(), file.size() - folder.size() - end.size());
+}
+
+}  // namespace
+
+RecordReport RecordVerifier::Run(const std::optional<std::string>& earlier) {
+  RecordReport report;
+  const auto check = [&](const char* name, auto&& step) {
+    if (!report.checks.empty() && !report.valid()) return;
+    absl::Status status;
+    try {
+      status = step();
+    } catch (const Json::exception&) {
+      status = Wrong("a file has values of other types than the export writes");
+    }
+    report.checks.push_back({name, status.ok(), std::string(status.message())});
+  };
+  check("key", [&] { return CheckKey(); });
+  check("head", [&] { return CheckHead(); });
+  check("entries", [&] { return CheckEntries(); });
+  if (earlier.has_value()) check("earlier_head", [&] { return CheckEarlier(*earlier); });
+  check("secrets", [&] { return CheckSecrets(); });
+  check("withheld", [&] { return CheckWithheld(); });
+  check("receipts", [&] { return CheckReceipts(); });
+  check("configs", [&] { return CheckConfigs(); });
+  check("boards", [&] { return CheckBoards(); });
+  report.size = tree_.size();
+  report.root = HexOf(tree_.Root(tree_.size()));
+  report.receipts = std::ssize(results_);
+  report.withheld = std::ssize(withheld_);
+  report.boards = boards_;
+  return report;
+}
+
+absl::Status RecordVerifier::CheckKey() {
+  const absl::StatusOr<std::string> pem = folder_.Read("key.pem", kMaxHeadBytes);
+  if (!pem.ok()) return pem.status();
+  if (*pem == pem_) return absl::OkStatus();
+  return Wrong("key.pem is another key than the one given with --key, which is the one to trust");
+}
+
+absl::Status RecordVerifier::CheckHead() {
+  const absl::StatusOr<std::string> text = folder_.Read("head.json", kMaxHeadBytes);
+  if (!text.ok()) return text.status();
+  const absl::StatusOr<RecordHead> head = ParseHead(*text);
+  if (!head.ok()) return WrongFile("head.json", head.status().message());
+  head_ = *head;
+  if (IsHeadSigned(*text, key_)) return absl::OkStatus();
+  return Wrong("head.json was not signed with this key, or was altered since");
+}
+
+absl::Status RecordVerifier::CheckEntries() {
+  std::string chain;
+  const absl::Status read = folder_.ForEachLine(
+      "record.jsonl", kMaxEntryBytes, [&](std::string_view line) -> absl::Status {
+        const int64_t index = tree_.size();
+        if (index == head_.size) {
+          return Wrong(absl::StrCat("record.jsonl has more entries than the ", head_.size,
+                                    " that its head was signed for"));
+        }
+        const absl::StatusOr<Json> entry = ParseJson(line, "record.jsonl");
+        if (!entry.ok() || CanonicalJson(*entry) != line) {
+          return Wrong(absl::StrCat("record.jsonl: entry ", index,
+                                    " is no JSON in its canonical form"));
+        }
+        if (absl::Status status = state_.Add(index, *entry); !status.ok()) {
+          return WrongFile("record.jsonl", status.message());
+        }
+        tree_.Append(line);
+        chain = ChainOf(chain, line);
+        return absl::OkStatus();
+      });
+  if (!read.ok()) return read;
+  if (tree_.size() < head_.size) {
+    return Wrong(absl::StrCat("record.jsonl has ", tree_.size(), " entries, and its head was "
+                              "signed for ", head_.size, ": entries were taken out"));
+  }
+  if (tree_.Root(tree_.size()) != head_.root) {
+    return Wrong("record.jsonl does not have the root that its head was signed for: an entry was "
+                 "changed, exchanged or put elsewhere");
+  }
+  if (chain != head_.chain) {
+    return Wrong("the chain of record.jsonl does not end as its head says: an entry was changed in "
+                 "the server's store after it was made");
+  }
+  if (!state_.key().empty() && state_.key() != pem_) {
+    return Wrong("the record names another signing key as its latest one than that of --key");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RecordVerifier::CheckEarlier(const std::string& text) {
+  const absl::StatusOr<RecordHead> earlier = ParseHead(text);
+  if (!earlier.ok()) return Wrong(absl::StrCat("--head: ", earlier.status().message()));
+  if (!IsHeadSigned(text, key_)) return Wrong("the earlier head was not signed with this key");
+  if (earlier->size > tree_.size()) {
+    return Wrong(absl::StrCat("the earlier head is of ", Counted(earlier->size, "entry", "entries"),
+                              ", and this record has ", tree_.size(), ": entries were taken out"));
+  }
+  if (tree_.Root(earlier->size) == earlier->root) return absl::OkStatus();
+  return Wrong(absl::StrCat("the first ", earlier->size, " entries are not those that the earlier "
+                            "head was signed for: the record was written anew in between"));
+}
+
+absl::Status RecordVerifier::CheckSecrets() {
+  std::set<std::string> expected;
+  for (const auto& [name, phase] : state_.phases()) {
+    if (phase.secret.empty()) continue;
+    const absl::StatusOr<std::string> secret = SecretOfDigits(phase.secret, "the record");
+    const bool opens = secret.ok() && SecretCommitment(*secret) == phase.commitment;
+    if (!opens) {
+      return Wrong(absl::StrCat("the secret that was revealed for phase ", Harmless(name),
+                                " is not the one that was committed to"));
+    }
+    const std::string file = absl::StrCat("secrets/", name, ".txt");
+    const absl::StatusOr<std::string> text = folder_.Read(file, kMaxHeadBytes);
+    if (!text.ok()) return text.status();
+    if (*text != phase.secret + "\n") {
+      return WrongFile(file, "is not the secret that the record reveals");
+    }
+    expected.insert(file);
+  }
+  for (const std::string& file : folder_.In("secrets/")) {
+    if (!expected.contains(file)) return WrongFile(file, "the record reveals no such secret");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RecordVerifier::CheckWithheld() {
+  const absl::StatusOr<std::string> text = folder_.Read("withheld.json", kMaxListFile);
+  if (!text.ok()) return text.status();
+  const absl::StatusOr<Json> list = ParseJson(*text, "withheld.json");
+  if (!list.ok() || CanonicalJson(*list) + "\n" != *text) {
+    return WrongFile("withheld.json", "it is no JSON in its canonical form");
+  }
+  for (const Json& entry : list->at("receipts")) {
+    const int64_t evaluation = entry.at("evaluation").get<int64_t>();
+    const std::string reason = entry.at("reason").get<std::string>();
+    const auto result = state_.results().find(evaluation);
+    const bool known = result != state_.results().end() && result->second.graded &&
+                       withheld_.emplace(evaluation, reason).second;
+    if (!known) {
+      return WrongFile("withheld.json",
+                       absl::StrCat("the record has no result of evaluation ", evaluation));
+    }
+    const auto submission = state_.submissions().find(result->second.submission);
+    const std::string phase =
+        submission == state_.submissions().end() ? "" : submission->second.phase;
+    const auto found = state_.phases().find(phase);
+    const bool open = phase.empty() || (found != state_.phases().end() &&
+                                        (found->second.published || found->second.revealed));
+    const bool may = reason == "unreadable" || (reason == "phase" && !open) ||
+                     (reason == "rejudge" && result->second.rejudge != 0 &&
+                      !state_.IsApplied(result->second.rejudge));
+    if (!may) {
+      return WrongFile("withheld.json",
+                       absl::StrCat("nothing in the record withholds the receipt of evaluation ",
+                                    evaluation));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RecordVerifier::CheckReceipts() {
+  const std::set<std::string> files = folder_.In("receipts/");
+  int64_t done = 0;
+  for (const std::string& file : files) {
+    int64_t evaluation = 0;
+    const std::string stem = Stem(file, "receipts/", ".json");
+    const bool number = absl::SimpleAtoi(stem, &evaluation) && absl::StrCat(evaluation) == stem;
+    const auto result = state_.results().find(number ? evaluation : 0);
+    if (result == state_.results().end() || !result->second.graded ||
+        withheld_.contains(evaluation)) {
+      return WrongFile(file, "the record has no result that this receipt could be of");
+    }
+    if (absl::Status status = CheckReceiptFile(file, evaluation, result->second); !status.ok()) {
+      return WrongFile(file, status.message());
+    }
+    progress_(++done, std::ssize(files));
+  }
+  for (const auto& [evaluation, result] : state_.results()) {
+    if (!result.graded || results_.contains(evaluation) || withheld_.contains(evaluation)) continue;
+    return Wrong(absl::StrCat("evaluation ", evaluation, " has a result in entry ", result.entry,
+                              " of the record, and neither a receipt nor a line in withheld.json"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RecordVerifier::CheckReceiptFile(const std::string& file, int64_t evaluation,
+                                              const RecordedResult& result) {
+  const absl::StatusOr<std::string> text = folder_.Read(file, kMaxReceiptFile);
+  if (!text.ok()) return Wrong("it can't be read");
+  const absl::StatusOr<Json> receipt = ParseReceipt(*text);
+  if (!receipt.ok()) return receipt.status();
+  const auto submission = state_.submissions().find(result.submission);
+  if (submission == state_.submissions().end()) {
+    return Wrong("the record has no entry of its submission's acceptance");
+  }
+  const auto phase = state_.phases().find(submission->second.phase);
+  std::string secret;
+  if (HidesSeeds(*receipt) && phase != state_.phases().end() && !phase->second.secret.empty()) {
+    secret = SecretOfDigits(phase->second.secret, "the record").value_or("");
+  }
+  for (const ReceiptCheck& check : CheckReceipt(*text, key_, secret)) {
+    if (!check.valid) return Wrong(absl::StrCat(check.name, ": ", check.detail));
+  }
+  if (receipt->value("evaluation", Json()) != evaluation) {
+    return Wrong("it is the receipt of another evaluation");
+  }
+  if (absl::Status status = CheckPlace(*receipt, result); !status.ok()) return status;
+  const std::string artefact = receipt->at("artefact").get<std::string>();
+  if (ArtefactCommitment(result.submission, artefact) != submission->second.artefact) {
+    return Wrong("it names another artefact than the one that was accepted");
+  }
+  absl::StatusOr<ReceivedResult> received = ResultOfReceipt(*receipt);
+  if (!received.ok()) return received.status();
+  results_[evaluation] = *std::move(received);
+  const std::string config = Sha256Hex(CanonicalJson((*receipt)["track_config"]));
+  const auto [known, added] = config_texts_.emplace(result.config, config);
+  if (known->second == config) return absl::OkStatus();
+  return Wrong("other receipts show another config under the same hash");
+}
+
+// The receipt is of the very entry that the record has of this evaluation.
+absl::Status RecordVerifier::CheckPlace(const Json& receipt, const RecordedResult& result) {
+  if (!receipt.contains("record")) {
+    return Wrong("it does not say which entry of the record it is of");
+  }
+  const absl::StatusOr<EntryProof> proof = CheckEntryProof(receipt["record"]);
+  if (!proof.ok()) return proof.status();
+  if (proof->index == result.entry && proof->size <= tree_.size() &&
+      LeafHash(CanonicalJson(proof->content)) == tree_.Leaf(result.entry) &&
+      proof->root == tree_.Root(proof->size)) {
+    return absl::OkStatus();
+  }
+  return Wrong(absl::StrCat("its proof is of another record than this one, which has the result "
+                            "in entry ", result.entry));
+}
+
+absl::Status RecordVerifier::CheckConfigs() {
+  for (const std::string& file : folder_.In("configs/")) {
+    if (!config_texts_.contains(Stem(file, "configs/", ".json"))) {
+      return WrongFile(file, "no receipt is of this config");
+    }
+  }
+  for (const auto& [hash, digest] : config_texts_) {
+    const std::string file = absl::StrCat("configs/", hash, ".json");
+    const absl::StatusOr<std::string> text = folder_.Read(file, kMaxConfigFile);
+    if (!text.ok()) return text.status();
+    if (!text->ends_with('\n') ||
+        Sha256Hex(std::string_view(*text).substr(0, text->size() - 1)) != digest) {
+      return WrongFile(file, "it is not the config that the receipts show");
+    }
+    absl::StatusOr<RecordedConfig> config = ReadRecordedConfig(Json::parse(*text));
+    if (!config.ok()) return WrongFile(file, config.status().message());
+    configs_.emplace(hash, *std::move(config));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RecordVerifier::CheckBoards() {
+  std::set<std::string> expected;
+  for (const auto& [hash, config] : configs_) {
+    for (const auto& [board, spec] : config.scoring.boards) {
+      expected.insert(absl::StrCat("boards/", hash, ".", board, ".json"));
+    }
+  }
+  for (const std::string& file : folder_.In("boards/")) {
+    if (!expected.contains(file)) return WrongFile(file, "no receipt is of such a board");
+  }
+  for (const auto& [hash, config] : configs_) {
+    for (const auto& [board, spec] : config.scoring.boards) {
+      if (absl::Status status = CheckBoard(hash, config, board); !status.ok()) return status;
+      ++boards_;
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RecordVerifier::CheckBoard(const std::string& hash, const RecordedConfig& config,
+                                        const std::string& board) {
+  const std::string file = absl::StrCat("boards/", hash, ".", board, ".json");
+  const absl::StatusOr<std::string> text = folder_.Read(file, kMaxBoardFile);
+  if (!text.ok()) return text.status();
+  const absl::StatusOr<std::string> made = BoardText(state_, results_, hash, config, board);
+  if (!made.ok()) return WrongFile(file, made.status().message());
+  return *text == *made ? absl::OkStatus() : WrongFile(file, FirstDifference(*text, *made));
+}
+
+}  // namespace myograde::server

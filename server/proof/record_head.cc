@@ -1,0 +1,117 @@
+#include "server/proof/record_head.h"
+
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/config_reader.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int64_t kMaxEntries = int64_t{1} << 40;
+constexpr size_t kMaxHeadBytes = 4096;
+
+Json HeadToJson(const RecordHead& head) {
+  return {{"size", head.size}, {"root", HexOf(head.root)}, {"chain", head.chain}};
+}
+
+const Json& At(const Json& json, const char* key) {
+  static const Json kNone;
+  return json.is_object() && json.contains(key) ? json[key] : kNone;
+}
+
+// -1: it is no such number.
+int64_t CountIn(const Json& json, const char* key) {
+  const Json& value = At(json, key);
+  if (!value.is_number_unsigned() || value > kMaxEntries) return -1;
+  return value.get<int64_t>();
+}
+
+std::string StringIn(const Json& json, const char* key) {
+  const Json& value = At(json, key);
+  return value.is_string() ? value.get<std::string>() : "";
+}
+
+absl::StatusOr<RecordHead> HeadOfJson(const Json& json) {
+  RecordHead head;
+  head.size = CountIn(json, "size");
+  head.chain = StringIn(json, "chain");
+  const absl::StatusOr<Sha256Digest> root = DigestOfHex(StringIn(json, "root"));
+  const bool chain = head.size == 0 ? head.chain.empty() : DigestOfHex(head.chain).ok();
+  if (!json.is_object() || json.size() != 3 || head.size < 0 || !chain || !root.ok()) {
+    return absl::DataLossError("this is no head of a record");
+  }
+  head.root = *root;
+  return head;
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> SignHead(const RecordHead& head, const SigningKey& key) {
+  const Json json = HeadToJson(head);
+  absl::StatusOr<std::string> signature = key.Sign(CanonicalJson(json));
+  if (!signature.ok()) return signature.status();
+  return CanonicalJson({{"head", json},
+                        {"signature", {{"algorithm", "ed25519"}, {"value", *signature}}}}) +
+         "\n";
+}
+
+absl::StatusOr<RecordHead> ParseHead(std::string_view text) {
+  if (text.size() > kMaxHeadBytes) {
+    return absl::DataLossError("this is no head of a record: it is too long");
+  }
+  const absl::StatusOr<Json> json = ParseJson(text, "head");
+  if (!json.ok()) return absl::DataLossError(json.status().message());
+  absl::StatusOr<RecordHead> head = HeadOfJson(At(*json, "head"));
+  if (!head.ok()) return head;
+  if (json->size() != 2 || !At(*json, "signature").is_object()) {
+    return absl::DataLossError("this is no head of a record: its signature is missing");
+  }
+  if (CanonicalJson(*json) + "\n" != text) {
+    return absl::DataLossError("the head was altered: it is not in its canonical form");
+  }
+  return head;
+}
+
+bool IsHeadSigned(std::string_view text, const PublicKey& key) {
+  const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const Json& signature = At(json, "signature");
+  return StringIn(signature, "algorithm") == "ed25519" &&
+         key.Verify(CanonicalJson(At(json, "head")), StringIn(signature, "value"));
+}
+
+nlohmann::json EntryProofToJson(const EntryProof& proof) {
+  return {{"entry", proof.index},
+          {"content", proof.content},
+          {"size", proof.size},
+          {"root", HexOf(proof.root)},
+          {"proof", ProofToJson(proof.proof)}};
+}
+
+absl::StatusOr<EntryProof> CheckEntryProof(const Json& json) {
+  EntryProof read;
+  read.index = CountIn(json, "entry");
+  read.size = CountIn(json, "size");
+  read.content = At(json, "content");
+  const absl::StatusOr<Sha256Digest> root = DigestOfHex(StringIn(json, "root"));
+  if (!json.is_object() || json.size() != 5 || read.index < 0 || !read.content.is_object() ||
+      !root.ok()) {
+    return absl::InvalidArgumentError("it is no proof of an entry");
+  }
+  absl::StatusOr<MerkleProof> proof = ProofOfJson(At(json, "proof"));
+  if (!proof.ok()) return proof.status();
+  read.root = *root;
+  read.proof = *std::move(proof);
+  if (!ProvesInclusion(LeafHash(CanonicalJson(read.content)), read.index, read.size, read.proof,
+                       read.root)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "its proof does not show that the entry is number ", read.index, " of a record of ",
+        read.size, " entries with this root"));
+  }
+  return read;
+}
+
+}  // namespace myograde::server

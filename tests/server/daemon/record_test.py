@@ -1,0 +1,306 @@
+"""The public record of a real daemon: exported, checked without it, and altered in every way."""
+
+import json
+import os
+import pathlib
+import shutil
+import signal
+import sqlite3
+import unittest
+
+from organiser_test import OrganiserCase, TRACK
+from secrets_test import SecretsCase
+
+
+class RecordCase(OrganiserCase):
+    def exported(self, name="record"):
+        folder = self.folder / name
+        self.said = self.ask("record", "export", folder, schema="record-export")
+        return folder
+
+    def key(self):
+        path = self.folder / "organiser.pem"
+        if not path.exists():
+            self.cli("key", "-o", path)
+        return path
+
+    def verify(self, folder, *words):
+        """Exit status and answer of verify --all; no daemon is asked."""
+        done = self.daemon.run_verb("verify", "--all", folder, "--key", self.key(), *words, "--json",
+                                    timeout_s=60, text=True)
+        self.assertIn(done.returncode, (0, 1), done.stderr)
+        answer = json.loads(done.stdout)
+        self.assertEqual(answer["valid"], done.returncode == 0)
+        return answer
+
+    def holds(self, folder, *words):
+        answer = self.verify(folder, *words)
+        self.assertTrue(answer["valid"], answer["checks"])
+        return answer
+
+    def refuted(self, folder, name, words, *options):
+        """One check is wrong, and says so in one sentence."""
+        answer = self.verify(folder, *options)
+        wrong = [check for check in answer["checks"] if not check["valid"]]
+        self.assertEqual([check["name"] for check in wrong], [name], answer["checks"])
+        self.assertIn(words, wrong[0]["detail"])
+        self.assertNotIn("\n", wrong[0]["detail"])
+
+    def altered(self, whole):
+        """A copy to be altered."""
+        copy = self.folder / "altered"
+        shutil.rmtree(copy, ignore_errors=True)
+        shutil.copytree(whole, copy)
+        return copy
+
+    def entries(self):
+        return [row["entry"] for row in self.get("/v1/record?limit=1000")["entries"]]
+
+
+def change(path, edit):
+    """Rewrites a JSON file in its canonical form."""
+    value = json.loads(path.read_text())
+    edit(value)
+    path.write_text(json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+                    + "\n")
+
+
+class Records(RecordCase):
+    def setUp(self):
+        super().setUp()
+        self.first = self.played("ok", "alpha")
+        self.second = self.played("logged", "beta")
+        self.played("crash", "gamma")
+        self.played("ok", "alpha", episodes=2)
+
+    def board_file(self, folder):
+        files = list((folder / "boards").glob("*.main.json"))
+        self.assertEqual(len(files), 1)
+        return files[0]
+
+    def test_every_alteration_is_found(self):
+        self.cli("disqualify", self.second, "--reason", "reads the seeds")
+        whole = self.exported()
+        self.assertEqual((self.said["receipts"], self.said["withheld"]), (3, 0))
+        self.assertEqual(self.holds(whole)["boards"], self.said["boards"])
+        self.assertIn("The record holds.",
+                      self.daemon.run_verb("verify", "--all", whole, "--key", self.key(),
+                                           timeout_s=60, text=True).stdout)
+
+        # One byte of every file, in its middle and at its end.
+        for path in sorted(path for path in whole.rglob("*") if path.is_file()):
+            text = path.read_bytes()
+            for place in (len(text) // 2, len(text) - 1):
+                copy = self.altered(whole)
+                other = copy / path.relative_to(whole)
+                other.write_bytes(text[:place] + bytes([text[place] ^ 1]) + text[place + 1:])
+                answer = self.verify(copy)
+                wrong = [check["detail"] for check in answer["checks"] if not check["valid"]]
+                self.assertEqual(len(wrong), 1, f"{other}, byte {place}: {answer}")
+
+        lines = (whole / "record.jsonl").read_text().splitlines(keepends=True)
+        for words, altered in (("entries were taken out", lines[:2] + lines[3:]),
+                               ("more entries", lines + lines[-1:]),
+                               ("the root", [lines[1], lines[0], *lines[2:]])):
+            copy = self.altered(whole)
+            (copy / "record.jsonl").write_text("".join(altered))
+            self.refuted(copy, "entries", words)
+
+        copy = self.altered(whole)
+        receipts = sorted((copy / "receipts").iterdir())
+        receipts[0].write_bytes(receipts[1].read_bytes())
+        self.refuted(copy, "receipts", f"{receipts[0].name}: it is the receipt of another evaluation")
+        copy = self.altered(whole)
+        receipts[0].unlink()
+        self.refuted(copy, "receipts", "neither a receipt nor a line in withheld.json")
+        copy = self.altered(whole)
+        receipts[0].unlink()
+        (copy / "withheld.json").write_text(
+            '{"receipts":[{"evaluation":1,"reason":"phase"}]}\n')
+        self.refuted(copy, "withheld", "nothing in the record withholds")
+
+        def swap(board):
+            board["rows"][0]["rank"] = 2
+
+        def lose_row(board):
+            board["rows"].clear()
+
+        def pardon(board):
+            board["disqualified"].clear()
+
+        def flatter(board):
+            board["rows"][0]["aggregate"]["success_rate"] = 1
+
+        for edit, words in ((swap, 'has another "rank"'), (lose_row, 'row 1 of its "rows" is nothing'),
+                            (pardon, 'row 1 of its "disqualified"'),
+                            (flatter, 'has another "aggregate"')):
+            copy = self.altered(whole)
+            change(self.board_file(copy), edit)
+            self.refuted(copy, "boards", words)
+        copy = self.altered(whole)
+        self.board_file(copy).unlink()
+        self.refuted(copy, "boards", "is missing")
+
+    def test_hostile_folders_are_refused(self):
+        whole = self.exported()
+        for make, words in (
+                (lambda f: (f / "receipts/1.json").unlink() or
+                 os.symlink("/etc/passwd", f / "receipts/1.json"), "is no plain file"),
+                (lambda f: os.mkfifo(f / "secrets/final.txt"), "is no plain file"),
+                (lambda f: (f / "more").write_text("x"), "does not belong there"),
+                (lambda f: (f / "boards/\x1b[2J").write_text("x"), "does not belong there"),
+                (lambda f: (f / "configs/deep").mkdir(), "is no plain file")):
+            copy = self.altered(whole)
+            make(copy)
+            self.refuted(copy, "folder", words)
+        copy = self.altered(whole)
+        with open(copy / "head.json", "ab") as file:
+            file.truncate(1 << 40)  # a hole
+        self.refuted(copy, "head", "larger than such a file can be")
+        copy = self.altered(whole)
+        with open(copy / "record.jsonl", "wb") as file:
+            file.truncate(1 << 40)
+        self.refuted(copy, "entries", "longer than any entry")
+        copy = self.altered(whole)
+        (copy / "withheld.json").write_text("[" * 100000)
+        self.refuted(copy, "withheld", "no JSON in its canonical form")
+        missing = self.daemon.run_verb("verify", "--all", self.folder / "none", "--key", self.key(),
+                                       timeout_s=60, text=True)
+        self.assertEqual(missing.returncode, 2, missing)
+        again = self.cli("record", "export", whole, check=False)
+        self.assertEqual((again.returncode, "has files already" in again.stderr), (2, True), again)
+
+    def test_a_record_that_was_written_anew_is_found_by_an_earlier_head(self):
+        head = self.folder / "head.json"
+        self.ask("record", "head", "-o", head, schema="record-head")
+        self.cli("hide", self.first, "--reason", "private")
+        proved = self.ask("record", "prove", "--since", head, schema="record-prove")
+        self.assertTrue(proved["valid"])
+        self.assertTrue(self.ask("record", "prove", 2, schema="record-prove")["valid"])
+        self.holds(self.exported("before"), "--head", head)
+        # The whole chain anew behind the daemon's back, with another key of a submission.
+        self.stop(signal.SIGTERM)
+        with sqlite3.connect(self.data / "store.db") as store:
+            store.executescript(
+                "DROP TRIGGER record_fixed; UPDATE record SET entry_json = "
+                "replace(entry_json, '\"team\":\"beta\"', '\"team\":\"best\"') WHERE id = "
+                "(SELECT min(id) FROM record WHERE entry_json LIKE '%\"team\":\"beta\"%')")
+        store.close()
+        self.start()
+        self.assertIn("the record was changed here", self.daemon.log())
+        forged = self.exported("forged")
+        self.refuted(forged, "entries", "the chain of record.jsonl does not end")
+        refused = self.cli("record", "prove", "--since", head, check=False)
+        self.assertEqual(refused.returncode, 1, refused)
+        # Somebody with the key signs a head of the altered record, chain and all: only whoever kept
+        # an earlier head can tell.
+        self.stop(signal.SIGTERM)
+        import hashlib
+        with sqlite3.connect(self.data / "store.db") as store:
+            chain = ""
+            for index, text in store.execute("SELECT id, entry_json FROM record").fetchall():
+                chain = hashlib.sha256(f"{chain}\n{text}".encode()).hexdigest()
+                store.execute("UPDATE record SET chain = ? WHERE id = ?", (chain, index))
+        store.close()
+        self.start()
+        forged = self.exported("resigned")
+        self.refuted(forged, "earlier_head", "written anew", "--head", head)
+
+    def test_an_edit_of_the_store_is_found(self):
+        self.holds(self.exported("before"))
+        self.stop(signal.SIGTERM)
+        with sqlite3.connect(self.data / "store.db") as store:
+            store.executescript(
+                "DROP TRIGGER mark_fixed; DROP TRIGGER mark_kept;"
+                if store.execute("SELECT 1 FROM sqlite_master WHERE name = 'mark_fixed'").fetchone()
+                else "")
+            store.execute("INSERT INTO mark (at, submission, mark, set_to, who, why) VALUES "
+                          "(1, ?, 'hidden', 1, 'x', '')", (self.first,))
+        store.close()
+        self.start()
+        self.refuted(self.exported("after"), "boards", 'row 1 of its "rows"')
+
+    def test_receipts_refer_to_their_entry_and_stay_the_same(self):
+        path = f"/v1/submissions/{self.first}/receipt"
+        before = self.get(path)
+        record = before["receipt"]["record"]
+        self.assertEqual(record["size"], record["entry"] + 1)
+        self.assertEqual(self.entries()[record["entry"]], record["content"])
+        self.played("ok", "delta")
+        self.assertEqual(self.get(path), before)
+        self.assertNotIn("record", self.get("/v1/submissions/4/receipt")["receipt"], "practice")
+        receipt = self.folder / "receipt.json"
+        self.cli("receipt", self.first, "-o", receipt, "--evaluation", 1)
+        checks = self.ask("verify", receipt, "--key", self.key(), schema="verify")["checks"]
+        self.assertIn({"name": "record", "valid": True, "detail": f"entry {record['entry']}"}, checks)
+        status, answer = self.call("GET", f"{path}?evaluation=2")
+        self.assertEqual((status, answer["error"]["code"]), (404, "not_found"), answer)
+
+    def test_pages_proofs_and_bad_questions(self):
+        size = self.get("/v1/record")["size"]
+        seen, path = [], "/v1/record?limit=2"
+        while path:
+            page = self.get(path)
+            seen += [row["index"] for row in page["entries"]]
+            path = page["next_from"] and f"/v1/record?limit=2&from={page['next_from']}"
+        self.assertEqual(seen, list(range(size)))
+        self.assertEqual(self.get(f"/v1/record?from={size + 5}")["entries"], [])
+        head = self.get("/v1/record/head")["head"]
+        self.assertEqual(head["size"], size)
+        proof = self.get("/v1/record/proof?entry=0")
+        self.assertEqual((proof["size"], proof["root"]), (size, head["root"]))
+        growth = self.get("/v1/record/consistency?from=1")
+        self.assertEqual((growth["to"], growth["to_root"]), (size, head["root"]))
+        for path in (f"proof?entry={size}", "proof", "proof?entry=3&size=2", "proof?entry=-1",
+                     "consistency", f"consistency?from=1&to={size + 1}", "consistency?from=3&to=2",
+                     "head?x=1", "proof?entry=0&size=x"):
+            status, answer = self.call("GET", f"/v1/record/{path}")
+            self.assertEqual((status, answer["error"]["code"]), (400, "bad_request"), path)
+        self.ask("record", "show", "--from", 1, "--limit", 3, schema="record-show")
+        self.assertIn("accepted, submission 1", self.cli("record", "show").stdout)
+
+    def test_an_imports_record_goes_on(self):
+        before = self.entries()
+        self.cli("export", self.folder / "all.json")
+        other = self.folder / "other"
+        self.cli("import", self.folder / "all.json", data=other)
+        with sqlite3.connect(other / "store.db") as store:
+            after = [json.loads(row[0]) for row in
+                     store.execute("SELECT entry_json FROM record ORDER BY id")]
+        store.close()
+        self.assertEqual(after[:len(before)], before)
+
+
+class HiddenPhases(RecordCase, SecretsCase):
+    def test_what_a_phase_withholds_is_withheld_until_the_reveal(self):
+        self.hold()
+        self.organise("alpha", "beta")
+        submission = self.enter("ok")
+        self.enter("crash", "beta")
+        seeds, secret, texts = self.hidden()
+        status, text = self.as_team("alpha", "GET", "/v1/record?limit=1000")
+        self.assertEqual(status, 200)
+        for hidden in texts:
+            self.assertNotIn(hidden.encode(), text)
+        for word in (b'"score', b"success", b'"failed"', b'"done"'):
+            self.assertNotIn(word, text)
+        hidden_phase = {"aggregate": True, "outcomes": False, "metrics": False, "logs": False,
+                        "output": False}
+        self.hold(show=hidden_phase)
+        folder = self.exported("closed")
+        self.assertEqual((self.said["receipts"], self.said["withheld"]), (0, 2))
+        self.holds(folder)
+        self.hold(closes_in_hours=-1, show=hidden_phase)
+        self.cli("seeds", "reveal", "--phase", "final", "--reason", "it is over")
+        folder = self.exported("open")
+        self.assertEqual((self.said["receipts"], self.said["withheld"]), (2, 0))
+        self.assertEqual((folder / "secrets/final.txt").read_text(), secret.hex() + "\n")
+        self.holds(folder)
+        copy = self.altered(folder)
+        (copy / "secrets/final.txt").write_text("0" * 64 + "\n")
+        self.refuted(copy, "secrets", "is not the secret that the record reveals")
+        self.assertEqual(self.call("GET", f"/v1/submissions/{submission}/receipt?public=true")[0], 200)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,439 @@
+// Rejudges from their creation to their end: from facts, played, followed, applied and dropped.
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+
+#include <absl/strings/str_cat.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "protocol/base/config_reader.h"
+#include "rejudge_world.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+using State = RejudgeProgress::State;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+const Json kOtherBuild = {{"simulator", "older"}, {"mujoco", "b"}, {"models", Json::object()}};
+
+class RejudgesTest : public RejudgeWorld {
+ protected:
+  // Only scoring differs: a failure takes twice as long.
+  TrackPtr SlowFailures() const {
+    return Changed([](Json& config) { config["scoring"]["full_time_s"] = 20; });
+  }
+  // The environment differs.
+  TrackPtr LongerSteps() const {
+    return Changed([](Json& config) {
+      config["budgets"]["step_s"] = config["budgets"]["step_s"].get<double>() * 2;
+    });
+  }
+  int64_t MustCreate(const NewRejudge& rejudge) {
+    const absl::StatusOr<CreatedRejudge> created = Create(rejudge);
+    EXPECT_TRUE(created.ok()) << created.status();
+    return created.ok() ? created->rejudge.id : 0;
+  }
+};
+
+TEST_F(RejudgesTest, ComputesFromFactsWhereOnlyScoringDiffers) {
+  const int64_t alpha = Played("alpha", today_);
+  const int64_t beta = Played("beta", today_);
+  Run();
+  const absl::StatusOr<CreatedRejudge> created = Create(To(SlowFailures()));
+  ASSERT_TRUE(created.ok()) << created.status();
+  EXPECT_EQ(created->plan.facts, 2);
+  EXPECT_EQ(created->plan.play, 0);
+  const int64_t id = created->rejudge.id;
+  AwaitComplete(id);
+  EXPECT_EQ(playing_.starts, 0);
+  const RejudgeProgress progress = Progress(id);
+  EXPECT_EQ(progress.state, State::kReady);
+  EXPECT_EQ(progress.facts, 2);
+  EXPECT_EQ(progress.episodes, 6);
+  EXPECT_EQ(progress.episodes_done, 6);
+  EXPECT_THAT(progress.without_result, IsEmpty());
+  const std::vector<RejudgeItemRow> items = Items(id);
+  ASSERT_EQ(items.size(), 2u);
+  EXPECT_EQ(items[0].submission, alpha);
+  EXPECT_EQ(items[1].submission, beta);
+  Read([&](Reader& reader) {
+    const std::vector<EpisodeRow> before = *reader.Episodes(items[0].source);
+    const std::vector<EpisodeRow> after = *reader.Episodes(items[0].evaluation);
+    ASSERT_EQ(after.size(), before.size());
+    for (size_t i = 0; i < after.size(); ++i) {
+      EXPECT_EQ(after[i].facts_json, before[i].facts_json);
+      const bool failed = after[i].outcome == Outcome::kFailure;
+      EXPECT_EQ(Json::parse(after[i].metrics_json)["time_s"] == 20, failed);
+    }
+    const EvaluationRow source = *reader.Evaluation(items[0].source);
+    const EvaluationRow row = *reader.Evaluation(items[0].evaluation);
+    EXPECT_EQ(row.kind, EvaluationKind::kRejudge);
+    EXPECT_EQ(row.state, EvaluationState::kDone);
+    EXPECT_EQ(row.config, created->rejudge.to_config);
+    EXPECT_EQ(row.grader_json, source.grader_json) << "that build measured the facts";
+    EXPECT_NE(row.results_hash, source.results_hash);
+    EXPECT_EQ(reader.Leases(row.id)->size(), reader.Leases(source.id)->size());
+    EXPECT_THAT(reader.DoneEvaluations(/*without_standing=*/true), IsEmpty());
+    EXPECT_EQ((*reader.RejudgeItemOf(row.id))->rejudge, id);
+    EXPECT_FALSE(reader.RejudgeItemOf(source.id)->has_value());
+  });
+}
+
+TEST_F(RejudgesTest, PlaysWhatTheEnvironmentOrTheBuildChanges) {
+  Played("alpha", today_);
+  Played("older", kOtherBuild);
+  Run();
+  const int64_t rules = MustCreate(To(SlowFailures()));
+  AwaitComplete(rules);
+  EXPECT_EQ(Items(rules)[0].method, RejudgeMethod::kFacts);
+  EXPECT_EQ(Items(rules)[1].method, RejudgeMethod::kPlay);
+  EXPECT_EQ(playing_.starts, 3);
+  const int64_t environment = MustCreate(To(LongerSteps()));
+  AwaitComplete(environment);
+  EXPECT_EQ(Progress(environment).play, 2);
+  EXPECT_EQ(playing_.starts, 9);
+  NewRejudge facts = To(SlowFailures());
+  facts.method = RejudgeMethod::kFacts;
+  const int64_t forced = MustCreate(facts);
+  AwaitComplete(forced);
+  EXPECT_EQ(Progress(forced).facts, 2);
+}
+
+TEST_F(RejudgesTest, WhatCanNotBePlayedIsWithoutResult) {
+  const int64_t gone = Played("gone", today_);
+  Played("there", today_);
+  Read([&](Reader& reader) {
+    std::filesystem::remove_all(ArtefactFolder(dir_, reader.Submission(gone)->artefact));
+  });
+  Run();
+  const absl::StatusOr<CreatedRejudge> created = Create(To(LongerSteps()));
+  ASSERT_TRUE(created.ok()) << created.status();
+  EXPECT_THAT(created->plan.without_files, ElementsAre(gone));
+  const int64_t id = created->rejudge.id;
+  AwaitComplete(id);
+  EXPECT_THAT(Progress(id).without_result, ElementsAre(gone));
+  EXPECT_THAT(Items(id)[0].reason, HasSubstr("are not on this host any more"));
+  EXPECT_THAT(std::string(Apply(id).status().message()), HasSubstr("no result of these"));
+  EXPECT_THAT(std::string(Apply(id, {gone, gone + 1}).status().message()),
+              HasSubstr("name exactly these"));
+  EXPECT_TRUE(Apply(id, {gone}).ok());
+}
+
+TEST_F(RejudgesTest, IsAppliedAndDroppedAsAWhole) {
+  Played("alpha", today_);
+  Run();
+  const TrackPtr rules = SlowFailures();
+  const int64_t id = MustCreate(To(rules));
+  AwaitComplete(id);
+  const absl::StatusOr<RejudgeDone> applied = Apply(id);
+  ASSERT_TRUE(applied.ok()) << applied.status();
+  EXPECT_EQ(applied->config_before, base_->config.hash);
+  EXPECT_EQ(applied->config_after, rules->config.hash);
+  EXPECT_THAT(std::string(Apply(id).status().message()), HasSubstr("is applied already"));
+  // The board is another one now.
+  const int64_t late = MustCreate(To(Changed([](Json& c) { c["scoring"]["full_time_s"] = 30; })));
+  AwaitComplete(late);
+  EXPECT_THAT(std::string(Apply(late).status().message()), HasSubstr("the board's config is now"));
+  const absl::StatusOr<RejudgeDone> dropped = Drop(id);
+  ASSERT_TRUE(dropped.ok()) << dropped.status();
+  EXPECT_EQ(dropped->config_after, base_->config.hash);
+  EXPECT_THAT(std::string(Drop(id).status().message()), HasSubstr("dropped already"));
+  EXPECT_EQ(Progress(id).state, State::kDropped);
+  EXPECT_TRUE(Apply(id).ok());
+  Read([&](Reader& reader) {
+    const std::vector<RejudgeEventRow> events = *reader.RejudgeEvents(id);
+    std::vector<std::string_view> names;
+    for (const RejudgeEventRow& event : events) {
+      names.push_back(RejudgeEventName(event.event));
+      EXPECT_EQ(event.signature.size(), 128u);
+    }
+    EXPECT_THAT(names, ElementsAre("created", "applied", "dropped", "applied"));
+  });
+}
+
+TEST_F(RejudgesTest, OnlyTheLatestOfABoardIsDropped) {
+  Played("alpha", today_);
+  Run();
+  const TrackPtr second = Changed([](Json& c) { c["scoring"]["full_time_s"] = 30; });
+  const int64_t one = MustCreate(To(SlowFailures()));
+  AwaitComplete(one);
+  ASSERT_TRUE(Apply(one).ok());
+  NewRejudge next = To(second);
+  next.from_config = SlowFailures()->config.hash;
+  next.from_config_json = CanonicalJson(SlowFailures()->config.effective);
+  const int64_t two = MustCreate(next);
+  AwaitComplete(two);
+  EXPECT_EQ(Items(two)[0].source, Items(one)[0].evaluation) << "what stands under the first";
+  ASSERT_TRUE(Apply(two).ok());
+  EXPECT_THAT(std::string(Drop(one).status().message()),
+              HasSubstr(absl::StrCat("before rejudge ", two)));
+  const absl::StatusOr<RejudgeDone> dropped = Drop(two);
+  ASSERT_TRUE(dropped.ok()) << dropped.status();
+  EXPECT_EQ(dropped->config_after, SlowFailures()->config.hash);
+  EXPECT_TRUE(Drop(one).ok());
+}
+
+TEST_F(RejudgesTest, FollowsSubmissionsThatEndLater) {
+  Played("alpha", today_);
+  Run();
+  const int64_t id = MustCreate(To(SlowFailures()));
+  AwaitComplete(id);
+  const Accepted late = Submit("late");
+  Await([&] { return Items(id).size() == 2; }, "the late one has its item");
+  EXPECT_EQ(Items(id)[1].submission, late.submission);
+  AwaitComplete(id);
+  ASSERT_TRUE(Apply(id).ok());
+  const Accepted later = Submit("later");
+  Await([&] { return Items(id).size() == 3; }, "it follows while it is applied");
+  AwaitComplete(id);
+  ASSERT_TRUE(Drop(id).ok());
+  const Accepted last = Submit("last");
+  Await([&] { return StateOf(last.evaluation) == "done"; }, "the last one is done");
+  EXPECT_EQ(Items(id).size(), 3u);
+  EXPECT_THAT(std::string(Apply(id).status().message()), HasSubstr("create a new one"));
+}
+
+TEST_F(RejudgesTest, GivesWayToLiveSubmissionsWithoutAFault) {
+  slots_ = 1;
+  const int64_t alpha = Played("alpha", today_);
+  Read([&](Reader& reader) { playing_.held = reader.Submission(alpha)->artefact; });
+  playing_.hold = true;
+  Run();
+  const int64_t id = MustCreate(To(LongerSteps()));
+  Await([&] { return Progress(id).running == 1; }, "the rejudge plays");
+  const Accepted live = Submit("live");
+  Await([&] { return StateOf(live.evaluation) == "done"; }, "the live one is done");
+  EXPECT_GE(playing_.ended_early, 1);
+  playing_.hold = false;
+  AwaitComplete(id);
+  Read([&](Reader& reader) {
+    const std::vector<LeaseRow> leases = *reader.Leases(Items(id)[0].evaluation);
+    EXPECT_GE(leases[0].attempt, 2);
+    for (const LeaseRow& lease : leases) EXPECT_EQ(lease.faults, 0);
+    EXPECT_EQ(reader.Evaluation(Items(id)[0].evaluation)->state, EvaluationState::kDone);
+  });
+}
+
+TEST_F(RejudgesTest, ACancelLeavesItAloneAndADropEndsIt) {
+  const int64_t alpha = Played("alpha", today_);
+  playing_.hold = true;
+  Run();
+  const int64_t id = MustCreate(To(LongerSteps()));
+  Await([&] { return Progress(id).running == 1; }, "the rejudge plays");
+  const auto cancelled = engine_->Cancel(alpha, "test", "uid 0", absl::Seconds(30));
+  EXPECT_THAT(std::string(cancelled.status().message()), HasSubstr("nothing to cancel"));
+  EXPECT_EQ(Progress(id).running, 1);
+  EXPECT_THAT(std::string(Apply(id).status().message()), HasSubstr("can't be applied yet"));
+  const absl::StatusOr<RejudgeDone> dropped = Drop(id);
+  ASSERT_TRUE(dropped.ok()) << dropped.status();
+  EXPECT_THAT(dropped->cancelled, ElementsAre(Items(id)[0].evaluation));
+  Await([&] { return engine_->Health().running == 0; }, "nothing runs");
+  EXPECT_EQ(Items(id)[0].state, EvaluationState::kCancelled);
+  EXPECT_THAT(std::string(Apply(id, {alpha}).status().message()), HasSubstr("dropped"));
+}
+
+TEST_F(RejudgesTest, TellsWhichPoliciesAreNotRepeatable) {
+  const int64_t steady = Played("steady", today_);
+  const int64_t unsteady = Played("unsteady", today_);
+  Read([&](Reader& reader) { playing_.unsteady = reader.Submission(unsteady)->artefact; });
+  Run();
+  NewRejudge rejudge = To(base_);
+  rejudge.repeats = 3;
+  const int64_t id = MustCreate(rejudge);
+  AwaitComplete(id);
+  EXPECT_EQ(Items(id).size(), 6u);
+  EXPECT_EQ(Progress(id).play, 6) << "facts tell nothing about a repetition";
+  Read([&](Reader& reader) {
+    const std::vector<Unrepeatable> found = *reader.UnrepeatableOf(id);
+    ASSERT_EQ(found.size(), 1u);
+    EXPECT_EQ(found[0].submission, unsteady);
+    EXPECT_NE(found[0].submission, steady);
+    ASSERT_EQ(found[0].episodes.size(), 6u) << "three episodes of two repetitions";
+    EXPECT_EQ(found[0].episodes[0].repetition, 2);
+    EXPECT_THAT(found[0].episodes[0].differs, ElementsAre("digest"));
+  });
+  // Once it is applied, what is submitted later has been played like this anyway.
+  ASSERT_TRUE(Apply(id).ok());
+  const Accepted later = Submit("later");
+  Await([&] { return StateOf(later.evaluation) == "done"; }, "the later one is done");
+  EXPECT_EQ(Progress(id).missing, 0);
+}
+
+TEST_F(RejudgesTest, FurtherEpisodesAreForTheListedOnesAndNeverApplied) {
+  Played("first", today_);
+  const int64_t second = Played("second", today_);
+  Run();
+  NewRejudge rejudge = To(Changed([](Json& config) { config["seeds"] = {51, 52, 53, 54, 55}; }));
+  rejudge.purpose = RejudgePurpose::kSeeds;
+  EXPECT_THAT(std::string(Create(rejudge).status().message()), HasSubstr("List at least one"));
+  rejudge.submissions = {second, second + 7};
+  EXPECT_THAT(std::string(Create(rejudge).status().message()),
+              HasSubstr(absl::StrCat("submission ", second + 7, " can't get")));
+  rejudge.submissions = {second};
+  const int64_t id = MustCreate(rejudge);
+  AwaitComplete(id);
+  ASSERT_EQ(Items(id).size(), 1u);
+  EXPECT_EQ(Items(id)[0].submission, second);
+  EXPECT_EQ(Progress(id).episodes_done, 5);
+  EXPECT_THAT(std::string(Apply(id).status().message()), HasSubstr("further episodes"));
+}
+
+TEST_F(RejudgesTest, RefusesWhatMakesNoSense) {
+  Played("alpha", today_);
+  Run();
+  const auto message = [&](const NewRejudge& rejudge) {
+    return std::string(Create(rejudge).status().message());
+  };
+  NewRejudge rejudge = To(LongerSteps());
+  rejudge.method = RejudgeMethod::kFacts;
+  EXPECT_THAT(message(rejudge), HasSubstr("differ in more than \"scoring\""));
+  rejudge = To(base_);
+  rejudge.repeats = 21;
+  EXPECT_THAT(message(rejudge), HasSubstr("1 to 20 repetitions"));
+  rejudge = To(base_);
+  rejudge.why = "";
+  EXPECT_THAT(message(rejudge), HasSubstr("needs a reason"));
+  rejudge = To(base_);
+  rejudge.submissions = {1};
+  EXPECT_THAT(message(rejudge), HasSubstr("for all submissions"));
+  rejudge = To(base_);
+  rejudge.to_config_json = "{}";
+  EXPECT_THAT(message(rejudge), HasSubstr("is not the hash"));
+  EXPECT_THAT(std::string(Apply(99).status().message()), HasSubstr("no rejudge 99"));
+  Read([&](Reader& reader) { EXPECT_THAT(reader.Rejudges().rows, IsEmpty()); });
+}
+
+TEST_F(RejudgesTest, KeepsTheFilesThatItMayHaveToPlay) {
+  const int64_t failed = Played("failed", today_, /*crashes=*/true);
+  std::string artefact;
+  Read([&](Reader& reader) { artefact = reader.Submission(failed)->artefact; });
+  Run();
+  const auto removed = [&] {
+    bool gone = false;
+    EXPECT_TRUE(engine_->Change(
+        [&](Writer& writer) -> absl::Status {
+          const absl::StatusOr<bool> row = writer.Remove("artefact", artefact, 1, "of no use");
+          gone = row.ok() && *row;
+          return row.status();
+        },
+        absl::Seconds(30)).ok());
+    return gone;
+  };
+  const int64_t id = MustCreate(To(SlowFailures()));
+  AwaitComplete(id);
+  EXPECT_EQ(Items(id)[0].state, EvaluationState::kFailed) << "by any rules";
+  EXPECT_FALSE(removed());
+  Read([&](Reader& reader) { EXPECT_TRUE(reader.ArtefactUses()[0].needed); });
+  ASSERT_TRUE(Drop(id).ok());
+  Read([&](Reader& reader) { EXPECT_FALSE(reader.ArtefactUses()[0].needed); });
+  EXPECT_TRUE(removed());
+}
+
+TEST_F(RejudgesTest, AnExportBringsThemAlong) {
+  Played("alpha", today_);
+  Run();
+  const int64_t id = MustCreate(To(SlowFailures()));
+  AwaitComplete(id);
+  ASSERT_TRUE(Apply(id).ok());
+  Halt();
+  const std::string path = dir_ + "/export.json";
+  {
+    std::ofstream file(path);
+    Read([&](Reader& reader) {
+      EXPECT_TRUE(reader.Export([&](std::string_view text) {
+        file << text;
+        return true;
+      }).ok());
+    });
+  }
+  const absl::StatusOr<ExportInfo> info = CheckExport(path);
+  ASSERT_TRUE(info.ok()) << info.status();
+  EXPECT_EQ(info->rows.count("delivery"), 0u);
+  const auto other = Store::Open(dir_ + "/other.db", SystemClock());
+  ASSERT_TRUE(other.ok()) << other.status();
+  const absl::Status imported = (*other)->Write(
+      [&](Writer& writer) { return writer.Import(path, *info, "test"); });
+  ASSERT_TRUE(imported.ok()) << imported;
+  const std::vector<RejudgeItemRow> items = Items(id);
+  EXPECT_TRUE(ReaderPool(dir_ + "/other.db").Read([&](Reader& reader) {
+    EXPECT_EQ(reader.ProgressOf(*reader.Rejudge(id))->state, State::kApplied);
+    const EvaluationRow row = *reader.Evaluation(items[0].evaluation);
+    EXPECT_EQ(row.config, SlowFailures()->config.hash);
+    EXPECT_EQ(row.results_hash, items[0].results_hash);
+    return absl::OkStatus();
+  }).ok());
+}
+
+// Every commit of a daemon's life with a rejudge may be its last.
+TEST_F(RejudgesTest, APowerCutAtAnyCommitLosesNothing) {
+  for (const char* team : {"a", "b"}) Played(team, today_);
+  for (const char* team : {"c", "d"}) Played(team, kOtherBuild);
+  Close();
+  const std::string prepared = dir_ + "/prepared.db";
+  std::filesystem::copy_file(dir_ + "/store.db", prepared);
+  std::vector<std::string> expected;
+  bool was_cut = true;
+  for (int64_t cut = 0; was_cut; ++cut) {
+    for (const bool after : {false, true}) {
+      SCOPED_TRACE(absl::StrCat("power cut ", after ? "after" : "before", " commit ", cut));
+      Close();
+      std::filesystem::copy_file(prepared, dir_ + "/store.db",
+                                 std::filesystem::copy_options::overwrite_existing);
+      Open();
+      // The first round has no cut, for what to expect.
+      disk_->cut = expected.empty() ? INT64_MAX : cut;
+      disk_->after = after;
+      Run();
+      (void)Create(To(SlowFailures()));
+      Await([&] { return disk_->off || (Items(1).size() == 4 && Progress(1).complete); },
+            "it is done or cut");
+      was_cut = disk_->off || expected.empty();
+      Open();
+      Run();
+      bool there = false;
+      Read([&](Reader& reader) { there = reader.Rejudge(1).ok(); });
+      if (!there) {
+        ASSERT_TRUE(Create(To(SlowFailures())).ok());
+      }
+      AwaitComplete(1);
+      std::vector<std::string> results;
+      for (const RejudgeItemRow& item : Items(1)) {
+        results.push_back(absl::StrCat(item.submission, "/", item.repetition, " ",
+                                       std::string(RejudgeMethodName(item.method)), " ",
+                                       std::string(EvaluationStateName(item.state)), " ",
+                                       item.results_hash));
+      }
+      if (expected.empty()) expected = results;
+      ASSERT_EQ(results.size(), 4u);
+      ASSERT_EQ(results, expected);
+      ASSERT_TRUE(Apply(1).ok());
+    }
+  }
+}
+
+// The figure of the issue: MYOGRADE_REJUDGE_SUBMISSIONS=300 in a release build.
+TEST_F(RejudgesTest, FactsOfManySubmissionsTakeSeconds) {
+  const char* asked = getenv("MYOGRADE_REJUDGE_SUBMISSIONS");
+  const int submissions = asked != nullptr ? atoi(asked) : 10;
+  std::vector<uint64_t> seeds;
+  for (uint64_t i = 0; i < 100; ++i) seeds.push_back(1000 + i);
+  base_ = *MakeTrack(*WithSeeds(base_->config, seeds));
+  for (int i = 0; i < submissions; ++i) Played(absl::StrCat("team", i), today_);
+  Run();
+  const absl::Duration begin = SystemClock().Monotonic();
+  const int64_t id = MustCreate(To(SlowFailures()));
+  AwaitComplete(id);
+  const absl::Duration took = SystemClock().Monotonic() - begin;
+  std::cout << submissions << " submissions of 100 episodes: " << took << "\n";
+  EXPECT_EQ(Progress(id).facts, submissions);
+  EXPECT_LT(took, absl::Seconds(5) + submissions * absl::Milliseconds(500));
+}
+
+}  // namespace
+}  // namespace myograde::server

@@ -1,0 +1,225 @@
+// The public record: one entry with each change, a chain over all, and what older stores get.
+#include <map>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+#include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
+
+#include "store_fixture.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+using testing::Contains;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+class RecordTest : public StoreTest {
+ protected:
+  std::vector<RecordRow> Rows() {
+    std::vector<RecordRow> rows;
+    Read([&](Reader& reader) {
+      EXPECT_EQ(reader.RecordSize(), std::ssize(reader.Record(0, 1000).rows));
+      rows = reader.Record(0, 1000).rows;
+    });
+    return rows;
+  }
+
+  std::vector<Json> Entries() {
+    std::vector<Json> entries;
+    for (const RecordRow& row : Rows()) entries.push_back(Json::parse(row.entry_json));
+    return entries;
+  }
+
+  std::vector<std::string> Kinds() {
+    std::vector<std::string> kinds;
+    for (const Json& entry : Entries()) kinds.push_back(entry["kind"]);
+    return kinds;
+  }
+
+  void ExpectChain() {
+    std::string chain;
+    for (const RecordRow& row : Rows()) {
+      chain = ChainOf(chain, row.entry_json);
+      EXPECT_EQ(row.chain, chain) << row.index;
+    }
+  }
+
+  void Play(const Accepted& accepted, EvaluationState state = EvaluationState::kDone) {
+    for (size_t i = 0; i < accepted.leases.size(); ++i) {
+      ASSERT_TRUE(Start(accepted.leases[i], 1).ok());
+      for (const int64_t index : {2 * i, 2 * i + 1}) {
+        ASSERT_TRUE(Record(accepted, index, 1).ok());
+      }
+      ASSERT_TRUE(store_->Write([&](Writer& writer) {
+        return writer.FinishLease(accepted.leases[i], 1, "{}", "daemon");
+      }).ok());
+    }
+    const absl::Status ended = store_->Write([&](Writer& writer) {
+      return writer.EndEvaluation(accepted.evaluation, state, "", std::string(64, 'e'), "daemon");
+    });
+    ASSERT_TRUE(ended.ok()) << ended;
+  }
+
+  void Mark(int64_t submission, const std::string& mark, bool set, const std::string& why) {
+    ASSERT_TRUE(store_->Write([&](Writer& writer) {
+      return writer.Mark(submission, mark, set, "uid 0", why).status();
+    }).ok());
+  }
+
+  // As a store of the version before, whose rows had no entries.
+  void ForgetRecord() {
+    store_.reset();
+    SQLite::Database db(path_, SQLite::OPEN_READWRITE);
+    db.exec("DROP TRIGGER record_kept; DELETE FROM record; "
+            "DELETE FROM meta WHERE key = 'record_backfill'; "
+            "CREATE TRIGGER record_kept BEFORE DELETE ON record "
+            "BEGIN SELECT RAISE(ABORT, 'the record is never deleted'); END;");
+  }
+};
+
+TEST_F(RecordTest, EachChangeAddsItsEntryInItsTransaction) {
+  const Accepted accepted = Submit("alpha");
+  Play(accepted);
+  Mark(accepted.submission, "hidden", true, "a private reason");
+  Mark(accepted.submission, "disqualified", true, "reads the seeds");
+  ASSERT_TRUE(store_->Write([&](Writer& writer) {
+    absl::Status status = writer.Choose(accepted.submission, "uid 0").status();
+    status.Update(writer.PhaseSecret("final").status());
+    status.Update(writer.AddPhaseEvent("final", kPausedEvent, "uid 0", "why").status());
+    status.Update(writer.AddPhaseEvent("final", kRevealedEvent, "uid 0", "why").status());
+    status.Update(writer.RenameTeam("alpha", "beta", "uid 0", "asked").status());
+    status.Update(writer.BanTeam("beta", true, "uid 0", "cheats").status());
+    return status;
+  }).ok());
+  EXPECT_THAT(Kinds(), ElementsAre("team", "accepted", "graded", "marked", "marked", "chosen",
+                                   "commitment", "phase", "phase", "team", "team"));
+  ExpectChain();
+  const std::vector<Json> entries = Entries();
+  EXPECT_EQ(entries[1]["artefact"], ArtefactCommitment(accepted.submission, std::string(64, 'a')));
+  EXPECT_EQ(entries[2]["results"], std::string(64, 'e'));
+  EXPECT_EQ(entries[2]["state"], "graded");
+  EXPECT_EQ(entries[8]["secret"].get<std::string>().size(), 64u);
+  EXPECT_EQ(entries[9]["team"], "beta");
+  std::string all;
+  for (const Json& entry : entries) all += entry.dump();
+  for (const char* hidden : {"a private reason", "cheats", "uid 0", "success", "[1,2,3,4]"}) {
+    EXPECT_THAT(all, testing::Not(HasSubstr(hidden)));
+  }
+  EXPECT_THAT(all, testing::Not(HasSubstr(std::string(64, 'a')))) << "the artefact's hash";
+  EXPECT_THAT(all, HasSubstr("reads the seeds"));
+}
+
+TEST_F(RecordTest, AFailedChangeLeavesNoEntry) {
+  const size_t before = Rows().size();
+  EXPECT_FALSE(store_->Write([&](Writer& writer) -> absl::Status {
+    EXPECT_TRUE(writer.CreateTeam("alpha", "uid 0", "").ok());
+    return absl::CancelledError("no");
+  }).ok());
+  EXPECT_EQ(Rows().size(), before);
+}
+
+TEST_F(RecordTest, PracticeIsNotPublicAndFailedOnesLookLikeDoneOnes) {
+  ASSERT_TRUE(TrySubmit("alpha", 'a', /*ranked=*/false).ok());
+  EXPECT_THAT(Kinds(), ElementsAre("team"));
+  Play(Submit("alpha", 'b'), EvaluationState::kFailed);
+  EXPECT_EQ(Entries().back()["state"], "graded");
+}
+
+TEST_F(RecordTest, AnOlderStoreGetsItsEntriesInTheOrderOfTime) {
+  const Accepted first = Submit("alpha");
+  clock_.Advance(absl::Seconds(1));
+  const Accepted second = Submit("beta", 'b');
+  clock_.Advance(absl::Seconds(1));
+  Play(second);
+  clock_.Advance(absl::Seconds(1));
+  Mark(first.submission, "hidden", true, "why");
+  std::vector<Json> live = Entries();
+  ForgetRecord();
+  Open();
+  for (Json& entry : live) entry["backfilled"] = true;
+  EXPECT_EQ(Entries(), live);
+  ExpectChain();
+  Open();
+  EXPECT_EQ(Entries(), live) << "a second start adds nothing";
+  clock_.Advance(absl::Seconds(1));
+  Mark(first.submission, "hidden", false, "");
+  EXPECT_FALSE(Entries().back().contains("backfilled"));
+}
+
+// As if it had been killed after some of its transactions.
+TEST_F(RecordTest, ABackfillGoesOnWhereItStopped) {
+  Submit("alpha");
+  clock_.Advance(absl::Seconds(1));
+  Submit("beta", 'b');
+  ForgetRecord();
+  Open();
+  const std::vector<Json> whole = Entries();
+  ASSERT_EQ(whole.size(), 4u);
+  store_.reset();
+  EXPECT_EQ(SqlError("DROP TRIGGER record_kept; DELETE FROM record WHERE id >= 2; "
+                     "UPDATE meta SET value = CAST('1700000000000/2/1' AS BLOB) "
+                     "WHERE key = 'record_backfill'"), "");
+  Open();
+  EXPECT_EQ(Entries(), whole);
+  ExpectChain();
+}
+
+TEST_F(RecordTest, AnUnreadableRowHasAnEntryThatSaysSoAndStopsNoOther) {
+  Submit("alpha");
+  clock_.Advance(absl::Seconds(1));
+  Submit("beta", 'b');
+  ForgetRecord();
+  EXPECT_EQ(SqlError("PRAGMA ignore_check_constraints = ON; DROP TRIGGER IF EXISTS "
+                     "submission_fixed; UPDATE submission SET config = 'none' WHERE id = 1"), "");
+  Open();
+  const std::vector<Json> entries = Entries();
+  ASSERT_EQ(entries.size(), 4u);
+  EXPECT_EQ(entries[1].value("unreadable", false), true);
+  EXPECT_EQ(entries[3]["team"], "beta");
+}
+
+TEST_F(RecordTest, ABrokenLastEntryIsGoneOnFrom) {
+  Submit("alpha");
+  EXPECT_EQ(SqlError("DROP TRIGGER record_fixed; UPDATE record SET chain = printf('%064d', 1) "
+                     "WHERE id = 1"), "");
+  Submit("beta", 'b');
+  const std::vector<RecordRow> rows = Rows();
+  ASSERT_EQ(rows.size(), 4u);
+  EXPECT_EQ(rows[2].chain, ChainOf(rows[1].chain, rows[2].entry_json));
+}
+
+TEST_F(RecordTest, NobodyChangesOrRemovesAnEntry) {
+  Submit("alpha");
+  EXPECT_THAT(SqlError("UPDATE record SET entry_json = '{}'"), HasSubstr("never changed"));
+  EXPECT_THAT(SqlError("DELETE FROM record"), HasSubstr("never deleted"));
+  EXPECT_THAT(SqlError("INSERT INTO record VALUES (7, 1, 'x', NULL, '{}', printf('%064d', 1))"),
+              HasSubstr("0, 1, 2 and so on"));
+}
+
+TEST_F(RecordTest, TheSigningKeyIsNamedWhenItIsNew) {
+  for (const char* key : {"one", "one", "two"}) {
+    ASSERT_TRUE(store_->Write([&](Writer& writer) { return writer.AppendKey(key); }).ok());
+  }
+  EXPECT_THAT(Kinds(), ElementsAre("key", "key"));
+  EXPECT_EQ(Entries().back()["key"], "two");
+}
+
+TEST_F(RecordTest, AnEvaluationsEntryIsFound) {
+  const Accepted accepted = Submit("alpha");
+  Read([&](Reader& reader) {
+    EXPECT_TRUE(absl::IsNotFound(reader.GradedEntry(accepted.evaluation).status()));
+  });
+  Play(accepted);
+  Read([&](Reader& reader) {
+    const absl::StatusOr<RecordRow> row = reader.GradedEntry(accepted.evaluation);
+    ASSERT_TRUE(row.ok()) << row.status();
+    EXPECT_EQ(row->index, 2);
+  });
+}
+
+}  // namespace
+}  // namespace myograde::server
