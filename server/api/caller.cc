@@ -60,7 +60,7 @@ absl::Status RequireEvaluation(Reader& reader, int64_t id) {
   return CallerSees(reader.RejudgeOfEvaluation(id)) ? absl::OkStatus() : missing;
 }
 
-bool CallerSees(const RejudgeOf& rejudge) {
+bool CallerSees(const RejudgeSight& rejudge) {
   return rejudge.rejudge == 0 || rejudge.ever_applied || CallerIsOrganiser();
 }
 

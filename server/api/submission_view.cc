@@ -137,7 +137,7 @@ absl::StatusOr<nlohmann::json> SubmissionStatus(Reader& reader, const ApiContext
   json["marks"] = MarksToJson(*marks);
   json["evaluations"] = Json::array();
   for (const EvaluationRow& evaluation : *evaluations) {
-    const RejudgeOf rejudge = reader.RejudgeOfEvaluation(evaluation.id);
+    const RejudgeSight rejudge = reader.RejudgeOfEvaluation(evaluation.id);
     if (!CallerSees(rejudge)) continue;
     json["evaluations"].push_back({{"evaluation", evaluation.id},
                                    {"kind", EvaluationKindName(evaluation.kind)},

@@ -349,7 +349,7 @@ std::vector<std::string> Reader::GradersOf(const std::vector<int64_t>& evaluatio
   return graders;
 }
 
-RejudgeOf Reader::RejudgeOfEvaluation(int64_t evaluation) {
+RejudgeSight Reader::RejudgeOfEvaluation(int64_t evaluation) {
   SQLite::Statement select(
       db_, "SELECT i.rejudge, EXISTS (SELECT 1 FROM rejudge_event AS v WHERE v.rejudge = i.rejudge "
            "AND v.event = 'applied') FROM rejudge_item AS i WHERE i.evaluation = ?");

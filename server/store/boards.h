@@ -56,7 +56,7 @@ struct OtherConfig {
 };
 
 // What a rejudge has to do with an evaluation.
-struct RejudgeOf {
+struct RejudgeSight {
   int64_t rejudge = 0;        // its id; 0: none
   bool ever_applied = false;  // its results stood on a board, if they do not still
 };

@@ -194,7 +194,7 @@ class Reader {
   // The builds that evaluations are of, as stored; "" for one that is missing.
   std::vector<std::string> GradersOf(const std::vector<int64_t>& evaluations);
   // The rejudge that an evaluation belongs to.
-  RejudgeOf RejudgeOfEvaluation(int64_t evaluation);
+  RejudgeSight RejudgeOfEvaluation(int64_t evaluation);
 
   // Rejudges (rejudges.h).
   absl::StatusOr<RejudgeRow> Rejudge(int64_t id);
