@@ -12,7 +12,6 @@ from support.waiting import wait_until
 
 EPISODES = 6
 FULL_TIME_S = 10
-OPEN_STATES = ("computing",)
 
 
 def canonical(value):
@@ -137,8 +136,8 @@ class RejudgeCase(PhasesCase):
         return lines[0]
 
     def computed(self, rejudge):
-        return wait_until(lambda: self.get(f"/v1/rejudges/{rejudge}"), 120, "it is not computed",
-                          lambda one: one["state"] not in OPEN_STATES)
+        return wait_until(lambda: self.get(f"/v1/rejudges/{rejudge}"), 300, "it is not computed",
+                          lambda one: one["state"] != "computing", every_s=0.5)
 
     def ranks(self, rejudge, board="main"):
         """By team: the ranks before and after that show tells of."""

@@ -15,7 +15,7 @@ EPISODES = int(os.environ.get("MYOGRADE_TEST_EPISODES", "20"))
 PATTERNS = 30  # submissions that are played
 COPIES = 10    # of each, with itself
 LOW_FORCE = 500
-SECONDS = 120  # under sanitizers on a busy host
+SECONDS = 240  # under sanitizers on a busy host
 OLD_RULES = {"line": 90, "factor": 1.1}
 NEW_RULES = {"line": 70, "factor": 1.3, "limit": LOW_FORCE}
 
