@@ -181,8 +181,7 @@ class PlayedAgain(Graded):
         dropped = self.act("drop", rejudge)
         self.assertEqual(dropped["state"], "dropped")
         self.wait("/v1/health", lambda health: not health["leases"])
-        self.assertIn("no result of these submissions",
-                      self.fails("apply", rejudge, "--reason", "r"))
+        self.assertIn("can't be applied again", self.fails("apply", rejudge, "--reason", "r"))
 
     def test_repetitions_tell_which_policies_are_not_repeatable(self):
         odd = self.played("unrepeatable", "delta")
