@@ -19,6 +19,30 @@ namespace {
 
 using Json = nlohmann::json;
 
+Json SummaryOf(const RejudgeRow& rejudge, const RejudgeProgress& progress) {
+  return {{"rejudge", rejudge.id},
+          {"at", TimeToJson(rejudge.at)},
+          {"purpose", RejudgePurposeName(rejudge.purpose)},
+          {"state", RejudgeStateName(progress.state)},
+          {"complete", progress.complete},
+          {"phase", TextOrNull(rejudge.phase)},
+          {"track", rejudge.track},
+          {"profile", rejudge.profile},
+          {"from_config", rejudge.from_config},
+          {"to_config", rejudge.to_config},
+          {"method", RejudgeMethodName(rejudge.method)},
+          {"repeats", rejudge.repeats},
+          {"who", rejudge.who},
+          {"reason", rejudge.why},
+          {"submissions", progress.submissions},
+          {"items",
+           {{"total", progress.items + progress.missing},
+            {"ended", progress.ended},
+            {"facts", progress.facts},
+            {"play", progress.play}}},
+          {"episodes", {{"total", progress.episodes}, {"done", progress.episodes_done}}}};
+}
+
 Json EventToJson(const RejudgeEventRow& event) {
   return {{"event", RejudgeEventName(event.event)},
           {"at", TimeToJson(event.at)},
@@ -164,46 +188,25 @@ absl::StatusOr<Json> NotRepeatableToJson(Reader& reader, int64_t rejudge) {
 absl::StatusOr<Json> RejudgeToJson(Reader& reader, const RejudgeRow& rejudge) {
   const absl::StatusOr<RejudgeProgress> progress = reader.ProgressOf(rejudge);
   if (!progress.ok()) return progress.status();
-  return Json{{"rejudge", rejudge.id},
-              {"at", TimeToJson(rejudge.at)},
-              {"purpose", RejudgePurposeName(rejudge.purpose)},
-              {"state", RejudgeStateName(progress->state)},
-              {"complete", progress->complete},
-              {"phase", TextOrNull(rejudge.phase)},
-              {"track", rejudge.track},
-              {"profile", rejudge.profile},
-              {"from_config", rejudge.from_config},
-              {"to_config", rejudge.to_config},
-              {"method", RejudgeMethodName(rejudge.method)},
-              {"repeats", rejudge.repeats},
-              {"who", rejudge.who},
-              {"reason", rejudge.why},
-              {"submissions", progress->submissions},
-              {"items",
-               {{"total", progress->items + progress->missing},
-                {"ended", progress->ended},
-                {"facts", progress->facts},
-                {"play", progress->play}}},
-              {"episodes", {{"total", progress->episodes}, {"done", progress->episodes_done}}}};
+  return SummaryOf(rejudge, *progress);
 }
 
 absl::StatusOr<Json> WholeRejudgeToJson(Reader& reader, const RejudgeRow& rejudge) {
-  absl::StatusOr<Json> json = RejudgeToJson(reader, rejudge);
-  if (!json.ok()) return json;
   const absl::StatusOr<RejudgeProgress> progress = reader.ProgressOf(rejudge);
   if (!progress.ok()) return progress.status();
   absl::StatusOr<Json> without = WithoutResultToJson(reader, rejudge, *progress);
   if (!without.ok()) return without.status();
-  (*json)["without_result"] = *std::move(without);
+  Json json = SummaryOf(rejudge, *progress);
+  json["without_result"] = *std::move(without);
   const absl::StatusOr<std::vector<RejudgeEventRow>> events = reader.RejudgeEvents(rejudge.id);
   if (!events.ok()) return events.status();
-  (*json)["events"] = Json::array();
-  for (const RejudgeEventRow& event : *events) (*json)["events"].push_back(EventToJson(event));
+  json["events"] = Json::array();
+  for (const RejudgeEventRow& event : *events) json["events"].push_back(EventToJson(event));
   const absl::StatusOr<std::string> from = reader.ConfigJson(rejudge.from_config);
   if (!from.ok()) return from.status();
   const absl::StatusOr<std::string> to = reader.ConfigJson(rejudge.to_config);
   if (!to.ok()) return to.status();
-  (*json)["differs"] = DifferingKeys(Json::parse(*from), Json::parse(*to));
+  json["differs"] = DifferingKeys(Json::parse(*from), Json::parse(*to));
   return json;
 }
 

@@ -85,6 +85,10 @@ absl::StatusOr<Json> NewRejudge(const RejudgeOptions& options) {
   if (options.config.empty()) return body;
   absl::StatusOr<Json> config = ReadJsonFile(options.config, kMaxConfigBytes);
   if (!config.ok()) return config.status();
+  if (!config->is_object()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        options.config, ": is no track config, which is an object in braces; see configs/README.md"));
+  }
   body["config"] = *std::move(config);
   return body;
 }

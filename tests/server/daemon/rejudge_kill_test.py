@@ -3,6 +3,7 @@ application: nothing is lost, and the board is always that of what was done."""
 
 import http.client
 import os
+import pathlib
 import shutil
 import signal
 import sqlite3
@@ -25,6 +26,7 @@ TROUBLE = (OSError, http.client.HTTPException, AssertionError, ValueError, KeyEr
 
 class Killed(RejudgeCase):
     def setUp(self):
+        self.assertTrue(pathlib.Path(KILLER).exists(), "build kill_at_sync first")
         super().setUp()
         for team, skill in SKILLS:
             self.played(skill.mode, team)

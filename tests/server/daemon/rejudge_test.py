@@ -29,7 +29,7 @@ class Graded(RejudgeCase):
     more = {}
 
     def expected(self, **how):
-        return expected_order(SKILLS, EPISODES, line=6, factor=1.1, **how)
+        return expected_order(SKILLS, EPISODES, line=90, factor=1.1, **how)
 
     def force_rule(self):
         return self.scoring(force_limit_n=LOW_FORCE)
@@ -153,6 +153,21 @@ class PlayedAgain(Graded):
         self.act("drop", rejudge["rejudge"])
         self.assertEqual(self.order(), OLD)
 
+    def test_another_build_of_the_grader_is_played(self):
+        self.assertEqual(self.create(self.force_rule())["items"]["facts"], 3)
+        self.use_build("two")
+        rejudge = self.create(self.scoring(force_limit_n=LOW_FORCE, full_time_s=20))
+        self.assertEqual((rejudge["items"]["facts"], rejudge["items"]["play"]), (0, 3))
+        same = self.create()
+        self.assertEqual((same["differs"], same["from_config"]), ([], same["to_config"]))
+        self.assertEqual(same["items"]["play"], 3)
+        builds = self.get(self.board_path)["builds"]
+        self.act("apply", same["rejudge"])
+        self.assertEqual(self.order(), OLD)
+        after = self.get(self.board_path)["builds"]
+        self.assertNotEqual(builds, after)
+        self.assertEqual([one["rows"] for one in after], [3])
+
     def test_live_submissions_go_first(self):
         for team in ("delta", "epsilon", "zeta"):
             self.played("slow", team)
@@ -166,7 +181,7 @@ class PlayedAgain(Graded):
         dropped = self.act("drop", rejudge)
         self.assertEqual(dropped["state"], "dropped")
         self.wait("/v1/health", lambda health: not health["leases"])
-        self.assertIn("can't be applied", self.fails("apply", rejudge, "--reason", "r"))
+        self.assertIn("can't be applied again", self.fails("apply", rejudge, "--reason", "r"))
 
     def test_repetitions_tell_which_policies_are_not_repeatable(self):
         odd = self.played("unrepeatable", "delta")
@@ -256,9 +271,9 @@ class BadInput(Graded):
             ("{not json", "rules.json"),
             ("[1]", "rules.json"),
             ('{"extends": "demo-manipulation", "extends": "manipulation"}', "extends"),
-            ({}, "extends"),
+            ({}, '"profiles"'),
             ({"extends": "nothing"}, "nothing"),
-            ({"extends": "../../etc/passwd"}, "extends"),
+            ({"extends": "../../etc/passwd"}, "no name of a track config"),
             ({"extends": TRACK, "colour": 1}, '"colour"'),
             ({"extends": TRACK, "scoring": {"force_limit_n": None}}, '"force_limit_n"'),
             ({"extends": TRACK, "scoring": {"force_limit_n": -1}}, '"force_limit_n"'),
