@@ -242,12 +242,15 @@ absl::Status LogPhases(const Phases& phases, ReaderPool& readers) {
   });
 }
 
-// Adds the key that signs to the public record, and says where the record was changed.
+// Adds the key that signs to the public record, and says where the record was changed. A record
+// without entries stays so: an import needs an empty store.
 absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_key,
                          RecordLog& record) {
   if (const auto key = receipts_key.Get(); key.ok()) {
     const absl::Status written = store.Write(
-        [pem = (*key)->PublicPem()](Writer& writer) { return writer.AppendKey(pem); });
+        [pem = (*key)->PublicPem()](Writer& writer) {
+          return writer.HasRecord() ? writer.AppendKey(pem) : absl::OkStatus();
+        });
     if (!written.ok()) return written;
   }
   return readers.Read([&](Reader& reader) -> absl::Status {

@@ -148,7 +148,7 @@ absl::StatusOr<RecordedConfig> ReadRecordedConfig(const Json& config) {
     const absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(parsed));
     if (!track.ok()) return absl::InvalidArgumentError(track.status().message());
     return RecordedConfig{(*track)->config.id, (*track)->config.profile, (*track)->config.phase,
-                          (*track)->scoring, (*track)->config.scoring["boards"]};
+                          (*track)->scoring, (*track)->config.scoring.value("boards", Json::object())};
   }
   // Without its seeds it is of today's form, and its scoring is all that boards need.
   const scoring::ScoredTrack* track =

@@ -188,6 +188,9 @@ class Records(RecordCase):
         store.close()
         self.start()
         self.assertIn("the record was changed here", self.daemon.log())
+        doctor = json.loads(self.cli("doctor", "--json", check=False).stdout)
+        found = [check for check in doctor["checks"] if check["name"] == "record"]
+        self.assertEqual([check["state"] for check in found], ["degraded"])
         forged = self.exported("forged")
         self.refuted(forged, "entries", "the chain of record.jsonl does not end")
         refused = self.cli("record", "prove", "--since", head, check=False)
