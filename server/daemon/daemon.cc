@@ -246,13 +246,16 @@ absl::Status LogPhases(const Phases& phases, ReaderPool& readers) {
 // without entries stays so: an import needs an empty store.
 absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_key,
                          RecordLog& record) {
-  if (const auto key = receipts_key.Get(); key.ok()) {
-    const absl::Status written = store.Write(
-        [pem = (*key)->PublicPem()](Writer& writer) {
-          return writer.HasRecord() ? writer.AppendKey(pem) : absl::OkStatus();
-        });
-    if (!written.ok()) return written;
+  bool any = false;
+  absl::Status status = readers.Read([&](Reader& reader) {
+    any = reader.RecordSize() > 0;
+    return absl::OkStatus();
+  });
+  if (const auto key = receipts_key.Get(); status.ok() && any && key.ok()) {
+    status = store.Write(
+        [pem = (*key)->PublicPem()](Writer& writer) { return writer.AppendKey(pem); });
   }
+  if (!status.ok()) return status;
   return readers.Read([&](Reader& reader) -> absl::Status {
     const absl::StatusOr<std::vector<Damage>> damaged = record.Damaged(reader);
     if (!damaged.ok()) return damaged.status();

@@ -89,10 +89,6 @@ absl::Status Writer::AppendKey(const std::string& public_pem) {
   return absl::OkStatus();
 }
 
-bool Writer::HasRecord() {
-  return db_.execAndGet("SELECT EXISTS (SELECT 1 FROM record)").getInt() != 0;
-}
-
 int64_t Reader::RecordSize() {
   return db_.execAndGet("SELECT ifnull(max(id) + 1, 0) FROM record").getInt64();
 }

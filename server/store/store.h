@@ -276,7 +276,6 @@ class Writer {
   absl::Status AppendRecord(const std::string& kind, int64_t row);
   // Adds the key that signs from now on, unless it is the latest one already.
   absl::Status AppendKey(const std::string& public_pem);
-  bool HasRecord();  // any entry
 
   // Rejudges (rejudges.h). Adds one with its event 'created'.
   absl::StatusOr<RejudgeRow> AddRejudge(const NewRejudge& rejudge, const SignRejudge& sign,
