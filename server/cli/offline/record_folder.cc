@@ -20,7 +20,7 @@
 namespace myograde::server {
 namespace {
 
-constexpr size_t kMostFiles = 4'000'000;
+constexpr size_t kMostFiles = 1'000'000;
 constexpr size_t kReadAtOnce = 1u << 20;
 
 bool IsFolder(std::string_view name) {

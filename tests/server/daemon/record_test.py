@@ -1,8 +1,8 @@
 """The public record of a real daemon: exported, checked without it, and altered in every way."""
 
+import hashlib
 import json
 import os
-import pathlib
 import shutil
 import signal
 import sqlite3
@@ -198,7 +198,6 @@ class Records(RecordCase):
         # Somebody with the key signs a head of the altered record, chain and all: only whoever kept
         # an earlier head can tell.
         self.stop(signal.SIGTERM)
-        import hashlib
         with sqlite3.connect(self.data / "store.db") as store:
             chain = ""
             for index, text in store.execute("SELECT id, entry_json FROM record").fetchall():
