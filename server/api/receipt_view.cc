@@ -53,8 +53,9 @@ absl::Status HideSeeds(Reader& reader, const TrackConfig& config, Json& receipt)
 absl::Status AddRecord(Reader& reader, RecordLog& record, const EvaluationRow& evaluation,
                        Json& receipt) {
   const absl::StatusOr<RecordRow> entry = reader.GradedEntry(evaluation.id);
-  absl::StatusOr<EntryProof> proof = entry.status();
-  if (entry.ok()) proof = record.Prove(reader, entry->index, entry->index + 1);
+  const absl::StatusOr<EntryProof> proof =
+      entry.ok() ? record.Prove(reader, entry->index, entry->index + 1)
+                 : absl::StatusOr<EntryProof>(entry.status());
   // A broken record does not keep anybody's result back.
   if (absl::IsNotFound(proof.status()) || DamageOf(proof.status())) return absl::OkStatus();
   if (!proof.ok()) return proof.status();

@@ -5,6 +5,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/store/record_check.h"
+
 namespace myograde::server {
 namespace {
 
@@ -21,13 +23,7 @@ absl::Status OutOfRange(const char* name, int64_t value, int64_t least, int64_t 
 // nullptr: the entry can't be read, or is gone.
 void RecordLog::Add(const RecordRow* row) {
   const std::string index = absl::StrCat(tree_.size());
-  std::string wrong;
-  if (row == nullptr) {
-    wrong = "it is gone, or of another type";
-  } else if (row->chain != ChainOf(chain_, row->entry_json)) {
-    wrong = "its \"chain\" does not follow from the entry before: the record was changed here, "
-            "behind the daemon's back";
-  }
+  std::string wrong = ChainMistake(chain_, row);
   if (!wrong.empty() && damaged_.size() < kMostDamage) {
     damaged_.push_back({"record", index, std::move(wrong)});
   }

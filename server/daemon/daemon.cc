@@ -242,14 +242,20 @@ absl::Status LogPhases(const Phases& phases, ReaderPool& readers) {
   });
 }
 
-// Adds the key that signs to the public record, and says where the record was changed.
+// Adds the key that signs to the public record, and says where the record was changed. A record
+// without entries stays so: an import needs an empty store.
 absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_key,
                          RecordLog& record) {
-  if (const auto key = receipts_key.Get(); key.ok()) {
-    const absl::Status written = store.Write(
+  bool any = false;
+  absl::Status status = readers.Read([&](Reader& reader) {
+    any = reader.RecordSize() > 0;
+    return absl::OkStatus();
+  });
+  if (const auto key = receipts_key.Get(); status.ok() && any && key.ok()) {
+    status = store.Write(
         [pem = (*key)->PublicPem()](Writer& writer) { return writer.AppendKey(pem); });
-    if (!written.ok()) return written;
   }
+  if (!status.ok()) return status;
   return readers.Read([&](Reader& reader) -> absl::Status {
     const absl::StatusOr<std::vector<Damage>> damaged = record.Damaged(reader);
     if (!damaged.ok()) return damaged.status();

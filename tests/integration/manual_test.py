@@ -280,3 +280,9 @@ class Manual(SystemTest):
         self.assertEqual([row["seed"] for row in rows["episode_rows"]], self.seeds())
         self.follow(10, SERVER)
         self.refused(self.on_laptop("alpha", "myograde whoami"), "revoked")
+        # The last section without a number but one.
+        self.follow(0, SERVER, -1)
+        shutil.copytree(self.work / "cup-record", self.home("alpha") / "cup-record")
+        said = self.follow(0, PARTICIPANT, -1, "alpha")
+        self.assertIn("The record holds.", said)
+        self.assertIn("(0 withheld)", said)

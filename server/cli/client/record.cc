@@ -1,4 +1,5 @@
 // myograde record: head, show, prove, export
+#include <algorithm>
 #include <iostream>
 #include <memory>
 #include <string>

@@ -1,5 +1,6 @@
 #include "server/cli/client/record_export.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <set>
 #include <system_error>

@@ -3,6 +3,8 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <optional>
+#include <vector>
 
 #include <absl/strings/str_cat.h>
 
@@ -18,6 +20,8 @@
 #include "server/config/server_config.h"
 #include "server/grading/tracks.h"
 #include "server/sandbox/doctor.h"
+#include "server/store/reader.h"
+#include "server/store/record_check.h"
 
 namespace myograde::server {
 namespace {
@@ -100,6 +104,27 @@ Check DaemonCheck(const std::string& data_dir) {
                    ? "mend what the other checks or the reason name; the daemon tests the host "
                      "again by itself"
                    : "mend what the reason names; the daemon tries again by itself";
+  return check;
+}
+
+// Whether the public record in the data folder is as the daemon wrote it; nullopt: there is none that
+// this user can read.
+std::optional<Check> RecordCheck(const std::string& data_dir) {
+  const std::string path = data_dir + "/store.db";
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) return std::nullopt;
+  ReaderPool readers(path);
+  const absl::StatusOr<std::vector<Damage>> damaged = CheckRecordChain(readers, /*most=*/1);
+  if (!damaged.ok()) return std::nullopt;
+  Check check{"record", CheckState::kOk, "", "", ""};
+  if (damaged->empty()) {
+    check.found = absl::StrCat("the public record in ", path, " is as it was written");
+    return check;
+  }
+  check.state = CheckState::kDegraded;
+  check.found = DamageText(damaged->front());
+  check.costs = "nobody can check what came before; grading goes on";
+  check.todo = "restore the store from a backup, or tell those who check the record what happened";
   return check;
 }
 
@@ -198,6 +223,9 @@ int Doctor(const DoctorVerb& verb) {
   }
   std::vector<Check> found = ExamineHost(options);
   checks.insert(checks.end(), found.begin(), found.end());
+  if (std::optional<Check> record = RecordCheck(options.data_dir)) {
+    checks.push_back(*std::move(record));
+  }
   checks.push_back(DaemonCheck(options.data_dir));
   CheckState worst = CheckState::kOk;
   for (const Check& check : checks) worst = std::max(worst, check.state);

@@ -61,7 +61,7 @@ std::string AtText(int64_t ms) {
   return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(ms), absl::UTCTimeZone());
 }
 
-Json RowJson(const LeaderboardRow& row) {
+Json BoardRowJson(const LeaderboardRow& row) {
   const bool baseline = row.ranked.rank == 0;
   return {{"rank", baseline ? Json() : Json(row.ranked.rank)},
           {"baseline", baseline},
@@ -148,7 +148,7 @@ absl::StatusOr<RecordedConfig> ReadRecordedConfig(const Json& config) {
     const absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(parsed));
     if (!track.ok()) return absl::InvalidArgumentError(track.status().message());
     return RecordedConfig{(*track)->config.id, (*track)->config.profile, (*track)->config.phase,
-                          (*track)->scoring, (*track)->config.scoring["boards"]};
+                          (*track)->scoring, (*track)->config.scoring.value("boards", Json::object())};
   }
   // Without its seeds it is of today's form, and its scoring is all that boards need.
   const scoring::ScoredTrack* track =
@@ -203,7 +203,7 @@ absl::StatusOr<std::string> BoardText(const RecordState& record,
                       config.scoring.team);
   if (!made.ok()) return made.status();
   Json rows = Json::array();
-  for (const LeaderboardRow& row : made->rows) rows.push_back(RowJson(row));
+  for (const LeaderboardRow& row : made->rows) rows.push_back(BoardRowJson(row));
   Json disqualified = Json::array();
   for (const DisqualifiedRow& row : made->disqualified) {
     disqualified.push_back(DisqualifiedJson(row));

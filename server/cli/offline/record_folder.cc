@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <memory>
+#include <utility>
 #include <vector>
 
 #include <absl/cleanup/cleanup.h>
@@ -20,7 +20,7 @@
 namespace myograde::server {
 namespace {
 
-constexpr size_t kMostFiles = 4'000'000;
+constexpr size_t kMostFiles = 1'000'000;
 constexpr size_t kReadAtOnce = 1u << 20;
 
 bool IsFolder(std::string_view name) {
@@ -41,10 +41,9 @@ bool IsPlainName(std::string_view name) {
          });
 }
 
-absl::Status Stray(const std::string& name, std::string_view what) {
+absl::Status Stray(const std::string& name, const char* what) {
   return absl::InvalidArgumentError(
-      absl::StrCat(Harmless(name), " ", absl::string_view(what.data(), what.size()),
-                   "; \"myograde record export\" writes no such thing"));
+      absl::StrCat(Harmless(name), " ", what, "; \"myograde record export\" writes no such thing"));
 }
 
 }  // namespace
@@ -56,7 +55,7 @@ absl::StatusOr<RecordFolder> RecordFolder::Open(const std::string& path) {
         absl::StrCat(path, ": can't be opened as a folder (", strerror(errno),
                      "); name the folder that \"myograde record export\" wrote"));
   }
-  RecordFolder folder(path, std::move(fd));
+  RecordFolder folder(std::move(fd));
   if (absl::Status status = folder.List("", 0); !status.ok()) return status;
   return folder;
 }

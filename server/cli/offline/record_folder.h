@@ -13,10 +13,10 @@
 
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
@@ -44,11 +44,10 @@ class RecordFolder {
                            const std::function<absl::Status(std::string_view line)>& on_line) const;
 
  private:
-  RecordFolder(std::string path, Fd fd) : path_(std::move(path)), fd_(std::move(fd)) {}
+  explicit RecordFolder(Fd fd) : fd_(std::move(fd)) {}
   absl::Status List(const std::string& folder, int depth);
   absl::StatusOr<Fd> OpenFile(const std::string& name) const;
 
-  std::string path_;
   Fd fd_;
   std::set<std::string> files_;
 };

@@ -6,6 +6,7 @@
 #include <absl/strings/match.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/string_view.h>
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
@@ -30,8 +31,8 @@ constexpr int64_t kMaxListFile = 256 << 20;
 absl::Status Wrong(const std::string& sentence) { return absl::InvalidArgumentError(sentence); }
 
 // The same, about a file of the folder.
-absl::Status WrongFile(const std::string& file, std::string_view what) {
-  return Wrong(absl::StrCat(Harmless(file), ": ", absl::string_view(what.data(), what.size())));
+absl::Status WrongFile(const std::string& file, absl::string_view what) {
+  return Wrong(absl::StrCat(Harmless(file), ": ", what));
 }
 
 // "receipts/7.json" -> "7"; "": it has another form.
@@ -254,7 +255,7 @@ absl::Status RecordVerifier::CheckReceiptFile(const std::string& file, int64_t e
   absl::StatusOr<ReceivedResult> received = ResultOfReceipt(*receipt);
   if (!received.ok()) return received.status();
   results_[evaluation] = *std::move(received);
-  const std::string config = Sha256Hex(CanonicalJson((*receipt)["track_config"]));
+  const std::string config = Sha256Hex(CanonicalJson(receipt->at("track_config")));
   const auto [known, added] = config_texts_.emplace(result.config, config);
   if (known->second == config) return absl::OkStatus();
   return Wrong("other receipts show another config under the same hash");

@@ -1,8 +1,8 @@
 """The public record of a real daemon: exported, checked without it, and altered in every way."""
 
+import hashlib
 import json
 import os
-import pathlib
 import shutil
 import signal
 import sqlite3
@@ -188,6 +188,9 @@ class Records(RecordCase):
         store.close()
         self.start()
         self.assertIn("the record was changed here", self.daemon.log())
+        doctor = json.loads(self.cli("doctor", "--json", check=False).stdout)
+        found = [check for check in doctor["checks"] if check["name"] == "record"]
+        self.assertEqual([check["state"] for check in found], ["degraded"])
         forged = self.exported("forged")
         self.refuted(forged, "entries", "the chain of record.jsonl does not end")
         refused = self.cli("record", "prove", "--since", head, check=False)
@@ -195,7 +198,6 @@ class Records(RecordCase):
         # Somebody with the key signs a head of the altered record, chain and all: only whoever kept
         # an earlier head can tell.
         self.stop(signal.SIGTERM)
-        import hashlib
         with sqlite3.connect(self.data / "store.db") as store:
             chain = ""
             for index, text in store.execute("SELECT id, entry_json FROM record").fetchall():
