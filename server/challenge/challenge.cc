@@ -150,6 +150,7 @@ absl::StatusOr<PhaseConfig> ParsePhase(const nlohmann::json& json, const std::st
   phase.teams = ReadTeams(reader);
   const nlohmann::json& quota = reader.Has("quota") ? reader.Object("quota") : kNone;
   const nlohmann::json& shown = reader.Has("show") ? reader.Object("show") : kNone;
+  if (reader.Has("statistics")) phase.statistics = reader.Object("statistics");
   const bool has_seeds = reader.Has("seeds");
   reader.Ignore("seeds");  // ReadSeedsOfPhase reads them
   absl::Status status = reader.Finish();
@@ -161,6 +162,9 @@ absl::StatusOr<PhaseConfig> ParsePhase(const nlohmann::json& json, const std::st
   phase.shown.seeds = phase.committed == 0;
   if (status.ok()) status = ReadQuotaOfPhase(quota, where + ": quota", phase.quota);
   if (status.ok()) status = ReadShown(shown, where + ": show", phase.shown);
+  if (status.ok()) {
+    status = scoring::ParseStatistics(phase.statistics, where + ": statistics", {}).status();
+  }
   if (!status.ok()) return status;
   return phase;
 }
@@ -232,6 +236,12 @@ AdmissionRules PhaseRules(const PhaseConfig& phase, AdmissionRules usual) {
   limits.waiting = own.waiting.value_or(limits.waiting);
   usual.one_for_everyone = own.one_for_everyone.value_or(usual.one_for_everyone);
   return usual;
+}
+
+absl::StatusOr<scoring::StatisticsConfig> PhaseStatistics(const PhaseConfig& phase,
+                                                          const scoring::StatisticsConfig& usual) {
+  return scoring::ParseStatistics(
+      phase.statistics, absl::StrCat("phase \"", phase.name, "\": statistics"), usual);
 }
 
 std::string_view TeamRuleName(TeamRule rule) {
