@@ -26,6 +26,11 @@ constexpr std::array<std::pair<TeamRule, const char*>, 3> kTeamRules = {{
     {TeamRule::kChosen, "chosen"},
 }};
 
+// A phase's own keys fit a server with these; whether they fit the server that has them is checked
+// when it starts.
+constexpr scoring::StatisticsConfig kAnyStatistics = {
+    .groups = {.level = 0.5, .samples = scoring::kMostSamples, .places = 2}};
+
 // Only the years that a stored time may have.
 constexpr absl::Time kFirstTime = absl::FromUnixSeconds(946'684'800);     // 2000-01-01
 constexpr absl::Time kLastTime = absl::FromUnixSeconds(253'402'214'400);  // 9999-12-31
@@ -163,7 +168,8 @@ absl::StatusOr<PhaseConfig> ParsePhase(const nlohmann::json& json, const std::st
   if (status.ok()) status = ReadQuotaOfPhase(quota, where + ": quota", phase.quota);
   if (status.ok()) status = ReadShown(shown, where + ": show", phase.shown);
   if (status.ok()) {
-    status = scoring::ParseStatistics(phase.statistics, where + ": statistics", {}).status();
+    status = scoring::ParseStatistics(phase.statistics, where + ": statistics", kAnyStatistics)
+                 .status();
   }
   if (!status.ok()) return status;
   return phase;
