@@ -28,6 +28,7 @@ void Api::Install(UnixHttpServer& server) {
   quota_.Install(routes);
   proof_.Install(routes);
   reveal_.Install(routes);
+  statistics_.Install(routes);
   teams_.Install(routes);
   tokens_.Install(routes);
   transfer_.Install(routes);

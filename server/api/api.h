@@ -14,6 +14,7 @@
 #include "server/api/proof_resource.h"
 #include "server/api/quota_resource.h"
 #include "server/api/reveal_resource.h"
+#include "server/api/statistics_resource.h"
 #include "server/api/submissions_resource.h"
 #include "server/api/teams_resource.h"
 #include "server/api/tokens_resource.h"
@@ -45,6 +46,7 @@ class Api {
   QuotaResource quota_{context_};
   ProofResource proof_{context_};
   RevealResource reveal_{context_};
+  StatisticsResource statistics_{context_};
   TeamsResource teams_{context_};
   TokensResource tokens_{context_};
   TransferResource transfer_{context_};
