@@ -81,6 +81,15 @@ absl::StatusOr<TrackConfig> LoadTrackConfig(const std::string& tracks_dir,
                                             const std::string& track,
                                             const std::string& profile);
 
+// The same for a config file that a client sent, with the content `file`, in place of the track's own.
+// What it "extends", which may be `track` itself, is looked up in `tracks_dir`. `where` names it in
+// errors.
+absl::StatusOr<TrackConfig> ResolveTrackConfig(const std::string& tracks_dir,
+                                               const std::string& track,
+                                               const std::string& profile,
+                                               const nlohmann::json& file,
+                                               const std::string& where);
+
 // The seeds of a config or of a participant's seed file: {"first": N, "count": K} or a list of 1 to
 // kMaxEpisodes distinct whole numbers from 0 to 2^63 - 1.
 inline constexpr int64_t kMaxEpisodes = 10000;

@@ -45,6 +45,7 @@ constexpr Rule kRules[] = {
     {Action::kManageTeams, "manage teams", Role::kOrganiser},
     {Action::kManageTokens, "manage tokens", Role::kOrganiser},
     {Action::kManagePhases, "manage phases", Role::kOrganiser},
+    {Action::kRejudge, "rejudge", Role::kOrganiser},
     {Action::kReadEvents, "read events", Role::kOrganiser},
     {Action::kReadHost, "read host", Role::kOrganiser},
     {Action::kImport, "import", Role::kOperator},

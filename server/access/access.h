@@ -34,8 +34,8 @@ enum class Action {
   kUpload, kSubmit, kReadSubmission, kCancel, kRerun, kReadReceipt, kReadLog, kReadQuota, kChoose,
   kReadTeam,
   // Organisers.
-  kMark, kGrant, kRebuildBoards, kExport, kManageTeams, kManageTokens, kManagePhases, kReadEvents,
-  kReadHost,
+  kMark, kGrant, kRebuildBoards, kExport, kManageTeams, kManageTokens, kManagePhases, kRejudge,
+  kReadEvents, kReadHost,
   // Operators.
   kImport, kBackup, kManageOperators,
 };

@@ -279,12 +279,4 @@ absl::Status Admission::CheckRankedHere() const {
       "not_official");
 }
 
-std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease) {
-  std::vector<std::pair<int64_t, int64_t>> blocks;
-  for (int64_t first = 0; first < count; first += per_lease) {
-    blocks.emplace_back(first, std::min(first + per_lease, count) - 1);
-  }
-  return blocks;
-}
-
 }  // namespace myograde::server

@@ -128,7 +128,4 @@ class Admission {
 absl::StatusOr<std::optional<Accepted>> FindEarlier(ReaderPool& readers, const std::string& who,
                                                     const RequestKey& key);
 
-// The first and last episodes of a submission's leases: [0, count) cut at multiples of `per_lease`.
-std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease);
-
 }  // namespace myograde::server

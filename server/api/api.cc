@@ -27,6 +27,7 @@ void Api::Install(UnixHttpServer& server) {
   challenges_.Install(routes);
   quota_.Install(routes);
   proof_.Install(routes);
+  rejudges_.Install(routes);
   reveal_.Install(routes);
   statistics_.Install(routes);
   teams_.Install(routes);

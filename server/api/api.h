@@ -13,6 +13,7 @@
 #include "server/api/openapi_resource.h"
 #include "server/api/proof_resource.h"
 #include "server/api/quota_resource.h"
+#include "server/api/rejudges_resource.h"
 #include "server/api/reveal_resource.h"
 #include "server/api/statistics_resource.h"
 #include "server/api/submissions_resource.h"
@@ -45,6 +46,7 @@ class Api {
   ChallengesResource challenges_{context_};
   QuotaResource quota_{context_};
   ProofResource proof_{context_};
+  RejudgesResource rejudges_{context_};
   RevealResource reveal_{context_};
   StatisticsResource statistics_{context_};
   TeamsResource teams_{context_};

@@ -1,13 +1,14 @@
-// What may stand on a board.
+// What may stand on a board, and the board that it makes.
 #pragma once
 
-#include <cstdint>
+#include <string>
 #include <vector>
 
 #include <absl/status/statusor.h>
 
 #include "server/grading/leaderboard.h"
 #include "server/grading/tracks.h"
+#include "server/store/boards.h"
 #include "server/store/reader.h"
 
 namespace myograde::server {
@@ -17,10 +18,25 @@ struct BoardSource {
   std::vector<StandingRow> standings;
   Marks marks;
   std::vector<Damage> damaged;
-  bool withheld = false;  // some were left out
+  bool withheld = false;  // a freeze left some out
 };
 
-// `before_ms`: what ended from then on is left out.
-absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track, int64_t before_ms);
+// Of the config of `track`, as of a moment.
+absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track,
+                                     const BoardMoment& moment);
+
+// The ranked board `board` ("main") under the config of `track`, as of a moment, or with a rejudge
+// taken as applied. What can't be read is in `damaged`. InvalidArgumentError: it has no such board.
+//
+//   // The board as it is, and as it would be with rejudge 3:
+//   BoardUnder(reader, *old_track, "main", {});
+//   BoardUnder(reader, *new_track, "main", {.assumed_rejudge = 3});
+absl::StatusOr<Leaderboard> BoardUnder(Reader& reader, const Track& track,
+                                       const std::string& board, const BoardMoment& moment);
+
+// The same under the config that the board had at that moment. `live`: what the daemon plays there
+// now, or played last.
+absl::StatusOr<Leaderboard> BoardAt(Reader& reader, const TrackPtr& live, const std::string& board,
+                                    const BoardMoment& moment);
 
 }  // namespace myograde::server

@@ -22,6 +22,7 @@ struct ApiContext {
   const ServerConfig& config;
   std::string data_dir;
   std::string cache_dir;
+  std::string tracks_dir;  // where "extends" of a config that a client sends is looked up
   const Tracks& tracks;
   const Phases& phases;
   Admission& admission;

@@ -30,7 +30,8 @@ using PhasePtr = std::shared_ptr<const Phase>;
 // The secret of a phase with committed seeds, 32 bytes.
 using SecretOfPhase = std::function<absl::StatusOr<std::string>(const std::string& phase)>;
 
-// The phases of all challenges. Immutable; safe to use from any thread.
+// The phases of all challenges. What they are never changes, only what each plays. Safe to use from
+// any thread: a reader gets what is played at that moment.
 class Phases {
  public:
   // Without a challenge.
@@ -50,10 +51,13 @@ class Phases {
   // What the files say of a phase; nullptr: there is none of that name.
   const PhaseConfig* ConfigOf(const std::string& name) const;
   // Those that can be played, in order of opening, then by name.
-  const std::vector<PhasePtr>& entries() const { return entries_; }
+  std::vector<PhasePtr> entries() const;
   const std::vector<ChallengeConfig>& challenges() const { return challenges_; }
   // Of phases whose secret can't be had, by name.
   const std::map<std::string, absl::Status>& unusable() const { return unusable_; }
+  // From now on the phase that the config names plays `track`. NotFoundError: there is no such phase;
+  // InvalidArgumentError: it is of another track, profile or environment.
+  absl::Status Replace(const TrackPtr& track);
   // Whether a challenge is held on this server.
   bool any() const { return !challenges_.empty(); }
 

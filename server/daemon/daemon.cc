@@ -23,9 +23,11 @@
 #include "server/challenge/phases.h"
 #include "server/config/user_names.h"
 #include "server/engine/engine.h"
+#include "server/engine/rejudges.h"
 #include "server/engine/retention.h"
 #include "server/engine/standings.h"
 #include "server/base/paths.h"
+#include "server/proof/grader_build.h"
 #include "server/proof/reference_check.h"
 #include "server/proof/signing_key.h"
 #include "server/sandbox/control_group.h"
@@ -331,6 +333,7 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   Api api({.config = config,
            .data_dir = options.data_dir,
            .cache_dir = options.cache_dir,
+           .tracks_dir = options.configs_dir + "/tracks",
            .tracks = tracks,
            .phases = *phases,
            .admission = admission,
@@ -353,6 +356,9 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   server_to_stop = &server;
   access_log.Start();
   const Retention retention(config.retention, options.data_dir, engine, readers, clock);
+  const Rejudger rejudger({.data_dir = options.data_dir,
+                           .grader = [&] { return GraderBuild(options.cache_dir); }},
+                          engine, readers);
   spdlog::info("listening on {}, {} slots, {} tracks, {} phases", options.socket,
                config.scheduler.slots, tracks.entries().size(), phases->entries().size());
   if (config.listen.has_value()) spdlog::info("listening on {}", server.NetworkUrl());

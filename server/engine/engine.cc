@@ -17,6 +17,8 @@ constexpr absl::Duration kAfterGrace = absl::Milliseconds(250);
 Engine::Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Processes& processes,
                const Clock& clock)
     : data_dir_(options.data_dir),
+      cache_dir_(options.cache_dir),
+      readers_(readers),
       clock_(clock),
       commands_(kMaxCommands),
       core_(std::move(options), disk, readers, processes, clock) {}

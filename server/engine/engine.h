@@ -7,8 +7,12 @@
 
 #include "server/engine/command_queue.h"
 #include "server/engine/engine_core.h"
+#include "server/engine/rejudge_requests.h"
 
 namespace myograde::server {
+
+// What follows from an act on a rejudge.
+using AfterRejudge = std::function<void(const RejudgeDone&)>;
 
 class Engine {
  public:
@@ -47,6 +51,29 @@ class Engine {
   absl::StatusOr<CancelReport> Cancel(int64_t submission, const std::string& why,
                                       const std::string& who, absl::Duration timeout);
 
+  // Rejudges (store/rejudges.h). Errors of CheckNewRejudge and of the Writer's operations. `sign` runs
+  // on the loop's thread, as does `alongside` (if set), in the same transaction and after all else:
+  // an error of either undoes the whole.
+  // `after` (if set) runs on that thread too, once the act is written: also for a caller who did not
+  // wait for it, and in the order of the acts. It must own what it touches.
+  absl::StatusOr<CreatedRejudge> CreateRejudge(const NewRejudge& rejudge, const SignRejudge& sign,
+                                               const std::string& who, absl::Duration timeout,
+                                               StoreChange alongside = nullptr);
+  absl::StatusOr<RejudgeDone> ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
+                                           const std::string& who, absl::Duration timeout,
+                                           StoreChange alongside = nullptr,
+                                           AfterRejudge after = nullptr);
+  // The leases that still run of it are killed.
+  absl::StatusOr<RejudgeDone> DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
+                                          const std::string& who, absl::Duration timeout,
+                                          StoreChange alongside = nullptr,
+                                          AfterRejudge after = nullptr);
+  // For Rejudger: adds items, each as a whole or not at all, and queues those to play. Returns what
+  // each became, the judged ones first.
+  absl::StatusOr<std::vector<absl::Status>> AddRejudgeItems(
+      std::vector<JudgedItem> judged, std::vector<NewRejudgeItem> to_play,
+      absl::Duration timeout);
+
   // Views. Safe from any thread; never wait for a runner or the disk.
   QueueOutlook OutlookOf(int64_t evaluation) const { return core_.OutlookOf(evaluation); }
   std::map<int64_t, LiveLease> Running() const { return core_.Running(); }
@@ -62,6 +89,8 @@ class Engine {
                                  absl::Duration timeout);
 
   const std::string data_dir_;
+  const std::string cache_dir_;
+  ReaderPool& readers_;
   const Clock& clock_;
   CommandQueue commands_;
   EngineCore core_;

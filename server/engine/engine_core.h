@@ -133,6 +133,10 @@ class EngineCore {
   // Queues an evaluation that is in the store. While the store can't be read it is deferred. An
   // error: the store is beyond repair.
   absl::Status Enqueue(int64_t evaluation);
+  // Stops whatever it has of evaluations that a request has ended in the store.
+  void StopEnded(const std::vector<int64_t>& evaluations) {
+    for (const int64_t evaluation : evaluations) Forget(evaluation);
+  }
   // After teams were renamed or merged: those in the queue follow. What can't be read now keeps its
   // place until the next start.
   void FollowTeams();
@@ -239,6 +243,7 @@ class EngineCore {
   // Leases.
   void StartLeases();
   void StartLease(const Start& start);
+  void GiveWay();
   LeaseOrder OrderFor(const LeaseRun& run) const;
   void Listen(LeaseRun& run);
   void OnProgress(LeaseRun& run, const ProgressRecord& record);

@@ -97,6 +97,7 @@ void EngineCore::FreeSlot(int slot) {
   const std::map<int, std::string> left = processes_.ProcessesOf(slot, 1);
   const MutexLock lock(mutex_);
   if (left.empty()) return scheduler_.Free(slot);
+  scheduler_.Close(slot);
   closed_slots_[slot] = left.at(slot);
   spdlog::warn("slot {} is closed until {} is gone", slot, closed_slots_[slot]);
 }

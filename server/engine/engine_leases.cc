@@ -35,8 +35,28 @@ void EngineCore::StartLeases() {
       const MutexLock lock(mutex_);
       if (host_.may_start()) start = scheduler_.Next(clock_.Monotonic());
     }
-    if (!start.has_value()) return;
+    if (!start.has_value()) break;
     StartLease(*start);
+  }
+  GiveWay();
+}
+
+// Rejudges' leases make room for what teams wait for.
+void EngineCore::GiveWay() {
+  for (;;) {
+    std::optional<GivesWay> lease;
+    {
+      const MutexLock lock(mutex_);
+      if (host_.may_start()) lease = scheduler_.GiveWay(clock_.Monotonic());
+    }
+    if (!lease.has_value()) return;
+    spdlog::info("lease {} (evaluation {}) of a rejudge gives way to others", lease->lease,
+                 lease->evaluation);
+    AddToJournal(lease->evaluation, [lease = *lease, who = owner_](Writer& writer) {
+      return writer.ReturnLease(lease.lease, lease.attempt, /*fault=*/false, who,
+                                "it gave way to submissions that wait");
+    });
+    Reclaim(lease->lease);
   }
 }
 

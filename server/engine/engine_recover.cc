@@ -189,25 +189,20 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
     return read.status();
   });
   if (!status.ok()) return status;
-  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(*context.track->scoring.track, rows);
-  if (!aggregate.ok()) return aggregate.status();
-  const EvaluationState state =
-      aggregate->failed ? EvaluationState::kFailed : EvaluationState::kDone;
-  const std::string reason =
-      aggregate->failed ? "every episode ended by a fault of the participant's program" : "";
-  const Standing standing = StandingOf(*context.track->scoring.track, *aggregate);
-  const std::string results = ResultsHash(rows, context.track->config.seed_salt);
+  const absl::StatusOr<EvaluationResult> result = ResultOf(*context.track, rows);
+  if (!result.ok()) return result.status();
   status = WriteNow([&](Writer& writer) {
-    absl::Status written = writer.EndEvaluation(evaluation, state, reason, results, owner_);
-    if (state == EvaluationState::kDone && context.row.kind != EvaluationKind::kRerun) {
-      written.Update(writer.SetStanding(evaluation, standing));
+    absl::Status written = writer.EndEvaluation(evaluation, result->state, result->reason,
+                                                result->results_hash, owner_);
+    if (result->state == EvaluationState::kDone && context.row.kind != EvaluationKind::kRerun) {
+      written.Update(writer.SetStanding(evaluation, result->standing));
     }
     return written;
   });
   if (status.ok()) {
     spdlog::info("evaluation {}: {}, {} of {} episodes are successes", evaluation,
-                 std::string(EvaluationStateName(state)), aggregate->successes,
-                 aggregate->episodes);
+                 std::string(EvaluationStateName(result->state)), result->successes,
+                 result->episodes);
   }
   return status;
 }

@@ -13,7 +13,9 @@ QueueOutlook EngineCore::OutlookOf(int64_t evaluation) const {
   QueueOutlook outlook;
   const std::optional<absl::Duration> deadline = scheduler_.DeadlineOf(evaluation);
   if (!deadline.has_value()) return outlook;
-  outlook.deadline = std::max(*deadline - now, absl::ZeroDuration());
+  if (*deadline != absl::InfiniteDuration()) {
+    outlook.deadline = std::max(*deadline - now, absl::ZeroDuration());
+  }
   outlook.place = scheduler_.PlaceOf(evaluation);
   outlook.waiting = scheduler_.WhyWaiting(evaluation, now);
   outlook.owner = owner_;

@@ -1,5 +1,6 @@
 #include "server/engine/stored.h"
 
+#include <algorithm>
 #include <filesystem>
 
 #include <absl/strings/str_cat.h>
@@ -125,6 +126,14 @@ absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(Reader& reader,
                        "it is missing, though its lease is done"});
   }
   return rows;
+}
+
+std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease) {
+  std::vector<std::pair<int64_t, int64_t>> blocks;
+  for (int64_t first = 0; first < count; first += per_lease) {
+    blocks.emplace_back(first, std::min(first + per_lease, count) - 1);
+  }
+  return blocks;
 }
 
 std::string ArtefactFolder(const std::string& data_dir, const std::string& hash) {

@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <absl/status/statusor.h>
@@ -49,6 +50,9 @@ absl::StatusOr<StoredEvaluation> LoadEvaluation(Reader& reader, int64_t evaluati
 absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(Reader& reader,
                                                       const EvaluationRow& evaluation,
                                                       const std::vector<uint64_t>& seeds);
+
+// The first and last episodes of an evaluation's leases: [0, count) cut at multiples of `per_lease`.
+std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease);
 
 // The folder of an artefact's files. NotFoundError if the files were removed, or the artefact came
 // with an import.

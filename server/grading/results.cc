@@ -170,6 +170,23 @@ Standing StandingOf(const scoring::ScoredTrack& track, const scoring::Aggregate&
   return standing;
 }
 
+absl::StatusOr<EvaluationResult> ResultOf(const Track& track,
+                                          const std::vector<EpisodeRow>& rows) {
+  const scoring::ScoredTrack& scored = *track.scoring.track;
+  const absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(scored, rows);
+  if (!aggregate.ok()) return aggregate.status();
+  EvaluationResult result;
+  result.state = aggregate->failed ? EvaluationState::kFailed : EvaluationState::kDone;
+  if (aggregate->failed) {
+    result.reason = "every episode ended by a fault of the participant's program";
+  }
+  result.results_hash = ResultsHash(rows, track.config.seed_salt);
+  result.standing = StandingOf(scored, *aggregate);
+  result.episodes = aggregate->episodes;
+  result.successes = aggregate->successes;
+  return result;
+}
+
 nlohmann::json MetricToJson(const scoring::Metric& metric) {
   const char* better = metric.better == scoring::Better::kLess   ? "less"
                        : metric.better == scoring::Better::kMore ? "more"

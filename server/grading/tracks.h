@@ -26,7 +26,7 @@ using TrackPtr = std::shared_ptr<const Track>;
 // Errors name the config, the key and its range.
 absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config);
 
-// The tracks on offer. Immutable after Load; safe to use from any thread.
+// The tracks on offer. Safe to use from any thread: a reader gets what is on offer at that moment.
 class Tracks {
  public:
   // Reads every config of `dir` in every profile, and gives each its practice seeds: those that its
@@ -42,7 +42,12 @@ class Tracks {
     std::string default_profile;
     std::map<std::string, TrackPtr> profiles;
   };
-  const std::map<std::string, Entry>& entries() const { return entries_; }
+  std::map<std::string, Entry> entries() const;
+
+  // From now on offers `track` in place of what it has under the same name and profile, with practice
+  // seeds that no config ranks. InvalidArgumentError if there is nothing of that name, profile and
+  // environment.
+  absl::Status Replace(const TrackPtr& track);
 
   // The track that ranks `seed`, among all of the same environment: what is trained on one of them
   // is trained for all. "": none does.

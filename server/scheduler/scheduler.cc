@@ -36,8 +36,13 @@ void Scheduler::UpdateLine(Evaluation& evaluation) {
 
 void Scheduler::Wait(Evaluation& evaluation, absl::Duration until) {
   waits_.erase({evaluation.wait_over, evaluation.spec.id});
-  evaluation.wait_over = evaluation.waiting.empty() ? absl::InfiniteDuration() : until;
-  if (!evaluation.waiting.empty()) waits_.emplace(until, evaluation.spec.id);
+  const bool waits = !evaluation.waiting.empty() && evaluation.priority != Priority::kRejudge;
+  evaluation.wait_over = waits ? until : absl::InfiniteDuration();
+  if (waits) waits_.emplace(until, evaluation.spec.id);
+}
+
+bool Scheduler::MayStart(const Team& team, Priority priority) const {
+  return priority == Priority::kRejudge || team.running < limits_.team_running;
 }
 
 Scheduler::Lease* Scheduler::FirstReady(const Team& team, Priority priority, absl::Duration now) {
@@ -75,19 +80,17 @@ Scheduler::Precedence Scheduler::PrecedenceOf(const Team& team, const Evaluation
 std::optional<Start> Scheduler::Next(absl::Duration now) {
   const int slot = FreeSlot();
   if (slot < 0) return std::nullopt;
-  Team* best_team = nullptr;
   Lease* best = nullptr;
   Precedence first = {};
   for (int priority = 0; priority < kPriorities && best == nullptr; ++priority) {
     for (auto& [name, team] : teams_) {
-      if (team.running >= limits_.team_running) continue;
+      if (!MayStart(team, Priority(priority))) continue;
       // A party's running leases can only move its teams back.
       if (best != nullptr && first <= Precedence{team.running, team.last_start, team.joined}) continue;
       Lease* lease = FirstReady(team, Priority(priority), now);
       if (lease == nullptr) continue;
       const Precedence turn = PrecedenceOf(team, evaluations_.at(lease->evaluation));
       if (best != nullptr && first <= turn) continue;
-      best_team = &team;
       best = lease;
       first = turn;
     }
@@ -106,13 +109,51 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
   best->over_at = now + evaluation.spec.lease_wall;
   running_.insert(best->id);
   taken_slots_.insert(slot);
-  ++starts_;
-  for (Share* share : {static_cast<Share*>(best_team), PartyOf(evaluation)}) {
-    if (share == nullptr) continue;
+  best->started = ++starts_;
+  for (Share* share : SharesOf(evaluation)) {
     share->running += 1;
     share->last_start = starts_;
   }
   return Start{best->evaluation, best->id, best->attempt, slot, evaluation.spec.lease_wall};
+}
+
+int Scheduler::ReadyAboveRejudges(int most, absl::Duration now) const {
+  int ready = 0;
+  for (const auto& [name, team] : teams_) {
+    int may_start = limits_.team_running - team.running;
+    for (int priority = 0; priority < static_cast<int>(Priority::kRejudge); ++priority) {
+      for (const auto& [id, waiting] : team.line.In(Priority(priority))) {
+        for (const int64_t lease : evaluations_.at(id).waiting) {
+          if (may_start <= 0) break;
+          if (leases_.at(lease).not_before > now) continue;
+          --may_start;
+          if (++ready == most) return ready;
+        }
+      }
+    }
+  }
+  return ready;
+}
+
+std::optional<GivesWay> Scheduler::GiveWay(absl::Duration now) {
+  if (FreeSlot() >= 0) return std::nullopt;
+  // The one that started last has the least to lose.
+  Lease* last = nullptr;
+  for (const int64_t id : running_) {
+    Lease& lease = leases_.at(id);
+    if (evaluations_.at(lease.evaluation).priority != Priority::kRejudge) continue;
+    if (last == nullptr || lease.started > last->started) last = &lease;
+  }
+  if (last == nullptr) return std::nullopt;
+  // Slots that are becoming free serve as many.
+  const int becoming_free = static_cast<int>(giving_way_.size());
+  if (ReadyAboveRejudges(becoming_free + 1, now) <= becoming_free) return std::nullopt;
+  Evaluation& evaluation = evaluations_.at(last->evaluation);
+  giving_way_.insert(last->slot);
+  StopRunning(*last);
+  evaluation.waiting.insert(last->id);
+  UpdateLine(evaluation);
+  return GivesWay{last->evaluation, last->id, last->attempt};
 }
 
 Scheduler::Lease* Scheduler::Current(int64_t lease, int64_t attempt) {
@@ -137,12 +178,14 @@ void Scheduler::StopRunning(Lease& lease) {
   lease.slot = -1;
   running_.erase(lease.id);
   evaluation.running.erase(lease.id);
-  teams_.at(evaluation.spec.team).running -= 1;
-  if (Share* party = PartyOf(evaluation); party != nullptr) party->running -= 1;
+  for (Share* share : SharesOf(evaluation)) share->running -= 1;
 }
 
-Scheduler::Share* Scheduler::PartyOf(const Evaluation& evaluation) {
-  return evaluation.spec.party.empty() ? nullptr : &parties_[evaluation.spec.party];
+std::vector<Scheduler::Share*> Scheduler::SharesOf(const Evaluation& evaluation) {
+  if (evaluation.spec.priority == Priority::kRejudge) return {};
+  std::vector<Share*> shares = {&teams_.at(evaluation.spec.team)};
+  if (!evaluation.spec.party.empty()) shares.push_back(&parties_[evaluation.spec.party]);
+  return shares;
 }
 
 void Scheduler::Remove(int64_t id) {
@@ -329,7 +372,7 @@ std::string Scheduler::WhyWaiting(int64_t id, absl::Duration now) const {
                         absl::FormatDuration(absl::Ceil(delay, absl::Seconds(1))));
   }
   const Team& team = teams_.at(evaluation.spec.team);
-  if (team.running >= limits_.team_running) {
+  if (!MayStart(team, evaluation.priority)) {
     return absl::StrCat(leases, " until another of the team ends: ", team.running,
                         team.running == 1 ? " runs" : " run",
                         ", which is as many as one team may have");

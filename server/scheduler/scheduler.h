@@ -3,13 +3,17 @@
 // what to start, kill and record. Times are monotonic, as a duration since an arbitrary start.
 //
 // Order: a free slot goes to the highest class that has a lease ready (overdue, ranked, practice,
-// re-run); within it to the team with the fewest running leases; of those to the one whose last
+// re-run, rejudge); within it to the team with the fewest running leases; of those to the one whose last
 // start is longest ago; of those to the one that came first. A team's count is its own running
 // leases or those of the party that submitted its evaluation (a person with several teams is one
 // party), whichever is more: neither several teams of a party nor several members of a team get
 // more than one share. Within a team: the older evaluation, then the earlier lease. So a team with
 // a thousand submissions delays another team's first lease by one lease at most, and an evaluation
 // that has waited longer than `queue_wait` goes ahead of all classes.
+//
+// Rejudges are nobody's: they count for no team, wait without a deadline, and give way. While all
+// slots are taken and a lease of another class is ready, GiveWay() names a running lease of theirs to
+// reclaim without a fault; it starts again when nothing else is ready.
 //
 // A slot is taken from the start of a lease until Free() says that nothing of it runs there any
 // more, however long ago the lease was reclaimed.
@@ -71,6 +75,13 @@ struct Overdue {
   std::string why;
 };
 
+// A running lease of a rejudge to reclaim, which waits again.
+struct GivesWay {
+  int64_t evaluation = 0;
+  int64_t lease = 0;
+  int64_t attempt = 0;
+};
+
 // What follows from a lease's end.
 struct Decision {
   enum class Kind {
@@ -106,6 +117,10 @@ class Scheduler {
   // nothing may start yet. Call until nullopt.
   std::optional<Start> Next(absl::Duration now);
 
+  // The lease that must give way now, already counted as waiting; nullopt: none. Its slot stays taken
+  // until Free() or Close(). Call until nullopt, after Next().
+  std::optional<GivesWay> GiveWay(absl::Duration now);
+
   // The attempt's runner is alive: extends the lease's heartbeat deadline.
   void Heartbeat(int64_t lease, int64_t attempt, absl::Duration now);
 
@@ -128,9 +143,15 @@ class Scheduler {
   // Takes a free slot for something other than a lease; nullopt if none is free.
   std::optional<int> TakeSlot();
   // Takes this slot until Free(), whatever occupies it.
-  void Close(int slot) { taken_slots_.insert(slot); }
+  void Close(int slot) {
+    taken_slots_.insert(slot);
+    giving_way_.erase(slot);
+  }
   // Nothing runs on this slot any more.
-  void Free(int slot) { taken_slots_.erase(slot); }
+  void Free(int slot) {
+    taken_slots_.erase(slot);
+    giving_way_.erase(slot);
+  }
 
   // Running leases whose runner has been silent for too long or that are over their time.
   std::vector<Overdue> OverdueAt(absl::Duration now) const;
@@ -154,7 +175,7 @@ class Scheduler {
   // Why a pending lease does not run, for people; "" if none is pending.
   std::string WhyWaiting(int64_t evaluation, absl::Duration now) const;
   // When the scheduler acts on the evaluation even if nothing happens: the end of its wait, or the
-  // first deadline of a running lease. nullopt if unknown.
+  // first deadline of a running lease. Infinite for a rejudge that waits. nullopt if unknown.
   std::optional<absl::Duration> DeadlineOf(int64_t evaluation) const;
 
  private:
@@ -165,6 +186,7 @@ class Scheduler {
     int64_t faults = 0;
     bool running = false;
     int slot = -1;
+    int64_t started = 0;  // sequence number of the last start
     absl::Duration not_before = -absl::InfiniteDuration();
     absl::Duration silent_after = absl::InfiniteDuration();
     absl::Duration over_at = absl::InfiniteDuration();
@@ -197,9 +219,14 @@ class Scheduler {
   void Wait(Evaluation& evaluation, absl::Duration until);
   void UpdateLine(Evaluation& evaluation);
   void Remove(int64_t evaluation);
-  Share* PartyOf(const Evaluation& evaluation);  // null if the party is unknown
   Precedence PrecedenceOf(const Team& team, const Evaluation& evaluation) const;
+  // Whose shares an evaluation's running leases count in: none for a rejudge.
+  std::vector<Share*> SharesOf(const Evaluation& evaluation);
+  // Whether `team` may have a lease of this class started now.
+  bool MayStart(const Team& team, Priority priority) const;
   Lease* FirstReady(const Team& team, Priority priority, absl::Duration now);
+  // How many leases above the class of rejudges could start now if there were slots; counts to `most`.
+  int ReadyAboveRejudges(int most, absl::Duration now) const;
   int FreeSlot() const;
 
   SchedulerLimits limits_;
@@ -209,6 +236,7 @@ class Scheduler {
   std::map<std::string, Share> parties_;
   std::set<int64_t> running_;   // leases
   std::set<int> taken_slots_;
+  std::set<int> giving_way_;    // slots of leases that gave way, until they are free
   std::set<std::pair<absl::Duration, int64_t>> delayed_;  // not_before and lease
   std::set<std::pair<absl::Duration, int64_t>> waits_;    // wait_over and evaluation
   int64_t starts_ = 0;

@@ -2,6 +2,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/store/connection.h"
+#include "server/store/content.h"
 #include "server/store/store.h"
 #include "server/store/teams.h"
 
@@ -28,31 +29,10 @@ std::string SameAs(SQLite::Database& db, const NewSubmission& submission) {
                       " of team \"", select.getColumn(1).getString(), "\"");
 }
 
-// Content that is already stored under the same hash must be equal.
-absl::Status CheckContent(SQLite::Database& db, const char* table, const char* column,
-                          const std::string& hash, const std::string& text) {
-  SQLite::Statement select(
-      db, absl::StrCat("SELECT ", column, " FROM ", table, " WHERE hash = ?"));
-  select.bind(1, hash);
-  if (select.executeStep() && select.getColumn(0).isText() &&
-      select.getColumn(0).getString() == text) {
-    return absl::OkStatus();
-  }
-  return DamagedRow({table, hash, "its content has another hash"});
-}
-
 absl::Status AddContent(SQLite::Database& db, const NewSubmission& submission, int64_t now_ms) {
-  SQLite::Statement config(db, "INSERT INTO config VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING");
-  SQLite::bind(config, submission.config, submission.track, submission.profile,
-               submission.config_json, now_ms);
-  config.exec();
-  SQLite::Statement seeds(db, "INSERT INTO seed_list VALUES (?, ?, ?) ON CONFLICT DO NOTHING");
-  SQLite::bind(seeds, submission.seeds, submission.seed_count, submission.seeds_json);
-  seeds.exec();
-  absl::Status status = CheckContent(db, "config", "effective_json", submission.config,
-                                     submission.config_json);
-  status.Update(CheckContent(db, "seed_list", "seeds_json", submission.seeds,
-                             submission.seeds_json));
+  absl::Status status = AddConfig(db, submission.config, submission.track, submission.profile,
+                                  submission.config_json, now_ms);
+  status.Update(AddSeedList(db, submission.seeds, submission.seed_count, submission.seeds_json));
   return status;
 }
 
@@ -225,7 +205,11 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
       !status.ok()) {
     return status;
   }
-  return AddEvaluation(id, /*rerun=*/false, submission.grader_json, submission.blocks, who);
+  return AddEvaluation({.submission = id,
+                        .kind = EvaluationKind::kOriginal,
+                        .grader_json = submission.grader_json,
+                        .blocks = submission.blocks},
+                       who);
 }
 
 }  // namespace myograde::server

@@ -24,7 +24,7 @@ constexpr char kOpenLeases[] =
 }  // namespace
 
 std::vector<int64_t> Writer::OpenEvaluations(std::optional<int64_t> submission) {
-  const std::string whose = submission ? "submission = ?1" : "?1 = 0";
+  const std::string whose = submission ? "submission = ?1 AND kind != 'rejudge'" : "?1 = 0";
   return Ids(db_, absl::StrCat("SELECT id FROM evaluation WHERE ", whose,
                                " AND finished_at IS NULL ORDER BY id"), submission.value_or(0));
 }

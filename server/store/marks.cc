@@ -182,7 +182,7 @@ Listed<StandingRow> Reader::Standings(const std::string& config) {
 std::vector<int64_t> Reader::DoneEvaluations(bool without_standing) {
   SQLite::Statement select(
       db_, "SELECT e.id FROM evaluation AS e LEFT JOIN standing AS v ON v.evaluation = e.id "
-           "WHERE e.state = 'done' AND e.kind = 'original' AND (NOT ?1 OR v.evaluation IS NULL) "
+           "WHERE e.state = 'done' AND e.kind != 'rerun' AND (NOT ?1 OR v.evaluation IS NULL) "
            "ORDER BY e.id");
   select.bind(1, without_standing ? 1 : 0);
   std::vector<int64_t> ids;

@@ -15,8 +15,10 @@
 
 #include "protocol/base/mutex.h"
 #include "server/store/accepted.h"
+#include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
+#include "server/store/rejudges.h"
 #include "server/store/rows.h"
 #include "server/store/transfer.h"
 
@@ -156,6 +158,30 @@ class Reader {
   std::set<std::string> NeededLogs();
   // Evaluations that are done: all, or those without a standing.
   std::vector<int64_t> DoneEvaluations(bool without_standing);
+
+  // Rejudges (rejudges.h).
+  absl::StatusOr<RejudgeRow> Rejudge(int64_t id);
+  // Newest first; `before` is an id.
+  Listed<RejudgeRow> Rejudges(int64_t before = INT64_MAX, int64_t limit = INT64_MAX);
+  absl::StatusOr<std::vector<RejudgeEventRow>> RejudgeEvents(int64_t rejudge);  // oldest first
+  // By submission and repetition.
+  absl::StatusOr<std::vector<RejudgeItemRow>> RejudgeItems(int64_t rejudge);
+  // The item whose evaluation this is; nullopt: it is of no rejudge.
+  absl::StatusOr<std::optional<RejudgeItemRow>> RejudgeItemOf(int64_t evaluation);
+  absl::StatusOr<RejudgeProgress> ProgressOf(const RejudgeRow& rejudge);
+  // The items that it lacks, first repetitions first; none for purpose kSeeds.
+  std::vector<RejudgeCandidate> MissingItems(const RejudgeRow& rejudge, int64_t limit = INT64_MAX);
+  // The same before it is created.
+  std::vector<RejudgeCandidate> CandidatesFor(const NewRejudge& rejudge);
+  // The submissions whose repetitions that have ended as done or failed differ, with every episode
+  // that does.
+  absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge);
+  // Changes whenever rejudges may have something new to do, and only then.
+  int64_t RejudgeWork();
+
+  // Of a board, or with nullopt of all, by id.
+  absl::StatusOr<std::vector<BoardConfigRow>> BoardConfigs(
+      const std::optional<BoardName>& board = std::nullopt);
 
  private:
   SQLite::Database& db_;

@@ -154,6 +154,7 @@ struct StandingRow {
   Standing standing;  // aggregate_json is empty until the view has it
   int64_t finished_at = 0;
   bool chosen = false;  // by its team, where teams choose
+  int64_t rejudge = 0;  // whose evaluation it is; 0: it is the original
 };
 
 // What an artefact's files are still needed for.
@@ -161,7 +162,8 @@ struct ArtefactUse {
   std::string hash;
   int64_t bytes = 0;
   int64_t last_use = 0;  // the latest upload, acceptance or evaluation end
-  bool needed = false;   // by an evaluation that has not ended, or is done and ranked
+  bool needed = false;   // by an evaluation that has not ended, or is done and ranked, or by a
+                         // rejudge that is neither applied nor dropped
 };
 
 // An artefact with files that nobody has submitted.

@@ -23,8 +23,10 @@
 
 #include "protocol/base/clock.h"
 #include "server/store/accepted.h"
+#include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
+#include "server/store/rejudges.h"
 #include "server/store/rows.h"
 #include "server/store/transfer.h"
 
@@ -193,7 +195,8 @@ class Writer {
   // Ends an evaluation with unreadable rows as grader_error, as far as they can be written: values
   // of a wrong type become 0 and "". An error: it stays as it is.
   absl::Status EndUnreadable(int64_t evaluation, const std::string& why, const std::string& who);
-  // Evaluations that have not ended, of a submission or of all.
+  // Evaluations that have not ended: all, or those that a submission's team asked for, which are not
+  // its rejudges.
   std::vector<int64_t> OpenEvaluations(std::optional<int64_t> submission);
 
   // Charges one unit of the budget `failed` for an attempt that never became a submission.
@@ -260,15 +263,52 @@ class Writer {
   // Fills an empty store; errors as in transfer.h. Evaluations that had not ended when exported end
   // as cancelled, as exports have no artefact files.
   absl::Status Import(const std::string& path, const ExportInfo& info, const std::string& who);
+  // Adds the row that gives a board its config from now on; true if it had another one. A rejudge
+  // always gets its row. FailedPreconditionError if the store has neither the config nor its JSON.
+  absl::StatusOr<bool> SetBoardConfig(const NewBoardConfig& change, const std::string& who);
+
+  // Rejudges (rejudges.h). Adds one with its event 'created'.
+  absl::StatusOr<RejudgeRow> AddRejudge(const NewRejudge& rejudge, const SignRejudge& sign,
+                                        const std::string& who);
+  // An item to play. The answer's `evaluation` is to be queued unless the item is impossible. Adding
+  // an item that is there changes nothing, and `repeated` is true. FailedPreconditionError if the
+  // rejudge was dropped.
+  absl::StatusOr<Accepted> AddRejudgeItem(const NewRejudgeItem& item, const std::string& who);
+  // An item that was computed. True if it is new; otherwise as AddRejudgeItem.
+  absl::StatusOr<bool> AddJudgedItem(const JudgedItem& item, const std::string& who);
+  // Event and board_config row. FailedPreconditionError, in one sentence: it is of purpose kSeeds, is
+  // applied already, is not complete, has other submissions without result than `without` says, or
+  // the board's config in force is not from_config.
+  absl::StatusOr<RejudgeDone> ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
+                                           const std::string& who);
+  // Event; cancels its unfinished evaluations; if it was applied, the board has its config of before.
+  // FailedPreconditionError: it was dropped before, or a later one of its board is applied.
+  absl::StatusOr<RejudgeDone> DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
+                                          const std::string& who);
 
  private:
   absl::StatusOr<LeaseRow> Lease(int64_t lease);
   absl::Status Audit(const char* entity, int64_t id, std::string_view from, std::string_view to,
                      const std::string& who, const std::string& why);
-  absl::StatusOr<Accepted> AddEvaluation(
-      int64_t submission, bool rerun, const std::string& grader_json,
-      const std::vector<std::pair<int64_t, int64_t>>& blocks, const std::string& who);
+  struct NewEvaluation {
+    int64_t submission = 0;
+    EvaluationKind kind = EvaluationKind::kOriginal;
+    std::string config = "";  // "": the submission's
+    std::string seeds = "";
+    std::string grader_json;
+    std::vector<std::pair<int64_t, int64_t>> blocks;
+  };
+  absl::StatusOr<Accepted> AddEvaluation(const NewEvaluation& added, const std::string& who);
   absl::Status RunEvaluation(int64_t evaluation, const std::string& who);
+  // The rejudge that an item is to be added to; nullopt if the item is there.
+  absl::StatusOr<std::optional<RejudgeRow>> RejudgeWithout(int64_t rejudge, int64_t submission,
+                                                           int64_t repetition);
+  void AddItemRow(const RejudgeItemRow& item);
+  absl::StatusOr<RejudgeEventRow> AddRejudgeEvent(const RejudgeRow& rejudge, RejudgeEvent event,
+                                                  const std::string& why, const SignRejudge& sign,
+                                                  const std::string& who);
+  void AddBoardConfig(const RejudgeRow& rejudge, const std::string& config, const std::string& who);
+  std::string BoardConfigOf(const RejudgeRow& rejudge, const std::string& if_none);
   void MendTypes(const char* table, int64_t id);
   void MendBoardState();
   // The ranked evaluation that rules out another one; nullopt: none.

@@ -16,10 +16,16 @@ namespace myograde::server {
 namespace {
 
 // An evaluation `e` of a submission `s` whose files may be removed: it has ended and can't stand on
-// a board. Unreadable rows keep their files.
+// a board, nor on one that a rejudge is made for, which may have to play it. Unreadable rows keep
+// their files.
 constexpr char kOver[] =
     "(e.finished_at IS NOT NULL AND "
-    "(s.ranked = 0 OR e.state IN ('failed', 'cancelled', 'grader_error')))";
+    "(s.ranked = 0 OR e.state IN ('failed', 'cancelled', 'grader_error')) AND NOT "
+    "(s.ranked = 1 AND EXISTS (SELECT 1 FROM rejudge AS q WHERE q.purpose = 'rules' AND "
+    "q.phase = s.phase AND (SELECT event FROM rejudge_event WHERE rejudge = q.id "
+    "ORDER BY id DESC LIMIT 1) = 'created' AND (q.from_config = s.config OR EXISTS "
+    "(SELECT 1 FROM rejudge_item AS i JOIN rejudge AS before ON before.id = i.rejudge "
+    "WHERE i.submission = s.id AND before.to_config = q.from_config)))))";
 
 constexpr char kEpisodesOf[] =
     "FROM episode AS p LEFT JOIN evaluation AS e ON e.id = p.evaluation "

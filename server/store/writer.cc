@@ -63,20 +63,26 @@ absl::StatusOr<bool> Writer::AddArtefact(const ArtefactRow& artefact) {
 }
 
 absl::StatusOr<Accepted> Writer::AddRerun(const NewRerun& rerun, const std::string& who) {
-  return AddEvaluation(rerun.submission, /*rerun=*/true, rerun.grader_json, rerun.blocks, who);
+  return AddEvaluation({.submission = rerun.submission,
+                        .kind = EvaluationKind::kRerun,
+                        .grader_json = rerun.grader_json,
+                        .blocks = rerun.blocks},
+                       who);
 }
 
-absl::StatusOr<Accepted> Writer::AddEvaluation(
-    int64_t submission, bool rerun, const std::string& grader_json,
-    const std::vector<std::pair<int64_t, int64_t>>& blocks, const std::string& who) {
+absl::StatusOr<Accepted> Writer::AddEvaluation(const NewEvaluation& added,
+                                               const std::string& who) {
+  const std::vector<std::pair<int64_t, int64_t>>& blocks = added.blocks;
   if (blocks.empty()) return absl::InvalidArgumentError("an evaluation needs at least one lease");
   SQLite::Statement insert(db_,
                            "INSERT INTO evaluation (submission, kind, first, last, state, "
-                           "grader_json, created_at) VALUES (?, ?, ?, ?, 'queued', ?, ?)");
-  SQLite::bind(insert, submission, rerun ? "rerun" : "original", blocks.front().first,
-               blocks.back().second, grader_json, now_ms_);
+                           "grader_json, created_at, config, seeds) "
+                           "VALUES (?, ?, ?, ?, 'queued', ?, ?, nullif(?, ''), nullif(?, ''))");
+  SQLite::bind(insert, added.submission, Text(EvaluationKindName(added.kind)),
+               blocks.front().first, blocks.back().second, added.grader_json, now_ms_,
+               added.config, added.seeds);
   insert.exec();
-  Accepted accepted{submission, db_.getLastInsertRowid(), {}};
+  Accepted accepted{added.submission, db_.getLastInsertRowid(), {}};
   absl::Status status = Audit("evaluation", accepted.evaluation, "", "queued", who, "");
   int64_t next = blocks.front().first;
   for (const auto& [first, last] : blocks) {

@@ -35,6 +35,14 @@ int ExitOfState(const std::string& state) {
 
 absl::StatusOr<nlohmann::json> Follow(const Client& client, const std::string& path,
                                       const std::string& what) {
+  return FollowUntil(client, path, what, [](const nlohmann::json& status) {
+    return IsFinalState(status.value("state", ""));
+  });
+}
+
+absl::StatusOr<nlohmann::json> FollowUntil(
+    const Client& client, const std::string& path, const std::string& what,
+    const std::function<bool(const nlohmann::json&)>& final) {
   Progress progress(what);
   const Clock& clock = SystemClock();
   const absl::Duration start = clock.Monotonic();
@@ -52,7 +60,7 @@ absl::StatusOr<nlohmann::json> Follow(const Client& client, const std::string& p
       } else {
         progress.Show(done, total, NoteOf(*status));
       }
-      if (IsFinalState(state)) return status;
+      if (final(*status)) return status;
     } else if (status.status().code() == absl::StatusCode::kInvalidArgument ||
                clock.Monotonic() - heard > kPatience) {
       return status;

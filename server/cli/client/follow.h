@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 
 #include <absl/status/statusor.h>
@@ -22,5 +23,10 @@ int ExitOfState(const std::string& state);
 // silent for 30 s in a row ends the waiting; one that restarts does not.
 absl::StatusOr<nlohmann::json> Follow(const Client& client, const std::string& path,
                                       const std::string& what);
+
+// The same for anything that is in progress: until an answer is `final`.
+absl::StatusOr<nlohmann::json> FollowUntil(
+    const Client& client, const std::string& path, const std::string& what,
+    const std::function<bool(const nlohmann::json&)>& final);
 
 }  // namespace myograde::server

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "server/engine/stored.h"
 #include "tests/server/admission/admission_world.h"
 
 namespace myograde::server {

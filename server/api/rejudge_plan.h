@@ -1,0 +1,50 @@
+// From an organiser's request to a rejudge: which board, and which config it would have.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <nlohmann/json.hpp>
+
+#include "server/api/context.h"
+#include "server/grading/tracks.h"
+#include "server/store/rejudges.h"
+
+namespace myograde::server {
+
+// The body of POST /v1/rejudges.
+struct RejudgeRequest {
+  std::string phase;    // one of these two is ""
+  std::string track;
+  std::string profile;  // "": the track's own
+  std::optional<nlohmann::json> config;  // the content of a track config's file
+  RejudgeMethod method = RejudgeMethod::kAuto;
+  int64_t repeats = 1;
+  std::string reason;
+};
+// InvalidArgumentError names the key and says what is allowed.
+absl::StatusOr<RejudgeRequest> ParseRejudge(const nlohmann::json& body);
+
+// The body of POST /v1/rejudges/ID/apply.
+struct ApplyRequest {
+  std::string reason;
+  std::vector<int64_t> without;
+};
+absl::StatusOr<ApplyRequest> ParseApply(const nlohmann::json& body);
+
+// What a board is played and judged by now.
+absl::StatusOr<TrackPtr> LiveTrack(Reader& reader, const ApiContext& context,
+                                   const std::string& phase, const std::string& track,
+                                   const std::string& profile);
+
+// What the store is to create. InvalidArgumentError says in one sentence what is wrong with the
+// config, or how it does not fit the board.
+absl::StatusOr<NewRejudge> MakeRejudge(Reader& reader, const ApiContext& context,
+                                       const RejudgeRequest& request);
+
+// The JSON pointers at which two effective configs differ, sorted.
+std::vector<std::string> DifferingKeys(const nlohmann::json& from, const nlohmann::json& to);
+
+}  // namespace myograde::server

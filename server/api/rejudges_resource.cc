@@ -1,0 +1,166 @@
+#include "server/api/rejudges_resource.h"
+
+#include <functional>
+#include <string>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/api/paging.h"
+#include "server/api/rejudge_document.h"
+#include "server/api/rejudge_plan.h"
+#include "server/api/rejudge_view.h"
+#include "server/api/requests.h"
+#include "server/api/views.h"
+#include "server/challenge/board_configs.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+std::string SubjectOf(int64_t id) { return absl::StrCat("rejudge ", id); }
+
+Json PlanToJson(const RejudgePlan& plan) {
+  return {{"submissions", plan.submissions},
+          {"facts", plan.facts},
+          {"play", plan.play},
+          {"without_files", plan.without_files}};
+}
+
+}  // namespace
+
+void RejudgesResource::Install(Routes& routes) {
+  using Self = RejudgesResource;
+  routes.Get("/v1/rejudges", Action::kRejudge, std::bind_front(&Self::List, this));
+  routes.Post("/v1/rejudges", Action::kRejudge, std::bind_front(&Self::Create, this));
+  routes.Get(R"(/v1/rejudges/(\d{1,18}))", Action::kRejudge, std::bind_front(&Self::Get, this));
+  routes.Post(R"(/v1/rejudges/(\d{1,18})/apply)", Action::kRejudge,
+              std::bind_front(&Self::Apply, this));
+  routes.Post(R"(/v1/rejudges/(\d{1,18})/drop)", Action::kRejudge,
+              std::bind_front(&Self::Drop, this));
+}
+
+ApiResult RejudgesResource::List(const httplib::Request& request) const {
+  absl::Status status = CheckParameters(request, {"before", "limit"});
+  const absl::StatusOr<Page> page = ReadPage(request);
+  status.Update(page.status());
+  if (!status.ok()) return ErrorOf(status);
+  ApiAnswer answer;
+  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    Listed<RejudgeRow> listed = reader.Rejudges(page->before, page->limit);
+    answer.body["rejudges"] = Json::array();
+    for (const RejudgeRow& row : listed.rows) {
+      absl::StatusOr<Json> json = RejudgeToJson(reader, row);
+      if (!json.ok()) return json.status();
+      answer.body["rejudges"].push_back(*std::move(json));
+    }
+    answer.body["unreadable"] = DamagedToJson(listed.damaged);
+    AddNextPage(request, *page, listed, answer);
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+ApiResult RejudgesResource::Get(const httplib::Request& request) const {
+  absl::Status status = CheckParameters(request, {"changes"});
+  const std::string changes = request.get_param_value("changes");
+  if (!changes.empty() && changes != "0" && changes != "1") {
+    status.Update(absl::InvalidArgumentError("\"changes\" must be 0 or 1"));
+  }
+  if (!status.ok()) return ErrorOf(status);
+  ApiAnswer answer;
+  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    const absl::StatusOr<RejudgeRow> row = reader.Rejudge(IdOf(request));
+    if (!row.ok()) return row.status();
+    absl::StatusOr<Json> json = WholeRejudgeToJson(reader, *row);
+    if (!json.ok()) return json.status();
+    answer.body = *std::move(json);
+    return changes == "1" ? AddRejudgeChanges(reader, *row, answer.body) : absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return answer;
+}
+
+ApiResult RejudgesResource::Show(int64_t id, int http, Json more) const {
+  ApiAnswer answer{http};
+  const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    const absl::StatusOr<RejudgeRow> row = reader.Rejudge(id);
+    if (!row.ok()) return row.status();
+    absl::StatusOr<Json> json = WholeRejudgeToJson(reader, *row);
+    if (json.ok()) answer.body = *std::move(json);
+    return json.status();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  answer.body.update(more);
+  return answer;
+}
+
+ApiResult RejudgesResource::Create(const httplib::Request&, const Json& body) const {
+  const absl::StatusOr<RejudgeRequest> asked = ParseRejudge(body);
+  if (!asked.ok()) return ErrorOf(asked.status());
+  absl::StatusOr<NewRejudge> rejudge = absl::InternalError("");
+  absl::Status status = context_.readers.Read([&](Reader& reader) {
+    rejudge = MakeRejudge(reader, context_, *asked);
+    return rejudge.status();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  const absl::StatusOr<SignRejudge> sign = RejudgeSigner(context_);
+  if (!sign.ok()) return ErrorOf(sign.status());
+  const absl::StatusOr<CreatedRejudge> created =
+      context_.engine.CreateRejudge(*rejudge, *sign, CallerKey(), context_.config.http.request);
+  if (!created.ok()) return ErrorOf(created.status());
+  const int64_t id = created->rejudge.id;
+  NoteAct(SubjectOf(id), "created");
+  return Show(id, 201, {{"plan", PlanToJson(created->plan)}});
+}
+
+absl::StatusOr<std::string> RejudgesResource::ConfigInForce(int64_t id) const {
+  std::string hash;
+  const absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    const absl::StatusOr<RejudgeRow> row = reader.Rejudge(id);
+    if (!row.ok()) return row.status();
+    const absl::StatusOr<TrackPtr> live =
+        LiveTrack(reader, context_, row->phase, row->track, row->profile);
+    if (!live.ok()) return live.status();
+    hash = (*live)->config.hash;
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  return hash;
+}
+
+ApiResult RejudgesResource::Apply(const httplib::Request& request, const Json& body) const {
+  absl::StatusOr<ApplyRequest> asked = ParseApply(body);
+  if (!asked.ok()) return ErrorOf(asked.status());
+  const int64_t id = IdOf(request);
+  absl::StatusOr<std::string> in_force = ConfigInForce(id);
+  if (!in_force.ok()) return ErrorOf(in_force.status());
+  const absl::StatusOr<SignRejudge> sign = RejudgeSigner(context_);
+  if (!sign.ok()) return ErrorOf(sign.status());
+  const absl::StatusOr<RejudgeDone> done = context_.engine.ApplyRejudge(
+      {id, asked->reason, std::move(asked->without), *std::move(in_force)}, *sign, CallerKey(),
+      context_.config.http.request);
+  if (!done.ok()) return ErrorOf(done.status());
+  NoteAct(SubjectOf(id), "applied");
+  return Show(id, 200, {{"config_before", done->config_before},
+                        {"config_after", done->config_after}});
+}
+
+ApiResult RejudgesResource::Drop(const httplib::Request& request, const Json& body) const {
+  const absl::StatusOr<std::string> reason = ParseReason(body);
+  if (!reason.ok()) return ErrorOf(reason.status());
+  const int64_t id = IdOf(request);
+  const absl::StatusOr<SignRejudge> sign = RejudgeSigner(context_);
+  if (!sign.ok()) return ErrorOf(sign.status());
+  const absl::StatusOr<RejudgeDone> done = context_.engine.DropRejudge(
+      {id, *reason}, *sign, CallerKey(), context_.config.http.request);
+  if (!done.ok()) return ErrorOf(done.status());
+  NoteAct(SubjectOf(id), "dropped");
+  return Show(id, 200, {{"config_before", TextOrNull(done->config_before)},
+                        {"config_after", TextOrNull(done->config_after)},
+                        {"accepted_under_to_config", done->stay}});
+}
+
+}  // namespace myograde::server

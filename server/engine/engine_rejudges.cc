@@ -1,0 +1,161 @@
+// Requests about rejudges (store/rejudges.h).
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/config_reader.h"
+#include "server/engine/engine.h"
+#include "server/proof/grader_build.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr char kRejudger[] = "daemon";  // in audit rows
+
+// The items of a rejudge with further episodes, complete but for its id.
+absl::StatusOr<std::vector<NewRejudgeItem>> ItemsOf(Reader& reader, const NewRejudge& rejudge,
+                                                    const std::string& data_dir) {
+  std::vector<NewRejudgeItem> items;
+  if (rejudge.purpose != RejudgePurpose::kSeeds) return items;
+  absl::StatusOr<nlohmann::json> json = ParseJson(rejudge.to_config_json, "the new config");
+  if (!json.ok()) return json.status();
+  const absl::StatusOr<TrackConfig> config = ParseTrackConfig(*json, "the new config");
+  if (!config.ok()) return config.status();
+  for (const RejudgeCandidate& candidate : reader.CandidatesFor(rejudge)) {
+    absl::StatusOr<NewRejudgeItem> item =
+        ItemToPlay(reader, candidate, /*rejudge=*/0, rejudge.grader_json, rejudge.seed_count,
+                   config->episodes_per_lease, data_dir);
+    if (!item.ok()) return item.status();
+    items.push_back(*std::move(item));
+  }
+  return items;
+}
+
+using Evaluations = std::vector<int64_t>;
+
+// Adds an item, and its evaluation to `to_queue` if there is something to play.
+absl::Status AddItem(Writer& writer, const NewRejudgeItem& item, const std::string& who,
+                     Evaluations& to_queue) {
+  const absl::StatusOr<Accepted> added = writer.AddRejudgeItem(item, who);
+  if (!added.ok()) return added.status();
+  if (added->is_new() && item.impossible.empty()) to_queue.push_back(added->evaluation);
+  return absl::OkStatus();
+}
+
+absl::Status EnqueueAll(EngineCore& core, const Evaluations& evaluations) {
+  for (const int64_t evaluation : evaluations) {
+    if (absl::Status status = core.Enqueue(evaluation); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RunIfSet(const StoreChange& change, Writer& writer) {
+  return change ? change(writer) : absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
+                                                     const SignRejudge& sign,
+                                                     const std::string& who,
+                                                     absl::Duration timeout,
+                                                     StoreChange alongside) {
+  NewRejudge rejudge = asked;
+  if (rejudge.grader_json.empty()) rejudge.grader_json = CanonicalJson(GraderBuild(cache_dir_));
+  if (absl::Status status = CheckNewRejudge(rejudge); !status.ok()) return status;
+  absl::StatusOr<RejudgePlan> plan = absl::InternalError("");
+  absl::StatusOr<std::vector<NewRejudgeItem>> items = absl::InternalError("");
+  absl::Status status = readers_.Read([&](Reader& reader) {
+    plan = PlanRejudge(reader, rejudge, data_dir_);
+    if (plan.ok()) items = ItemsOf(reader, rejudge, data_dir_);
+    return plan.ok() ? items.status() : plan.status();
+  });
+  if (!status.ok()) return status;
+  const auto created = std::make_shared<RejudgeRow>();
+  const auto to_queue = std::make_shared<Evaluations>();
+  status = Ask(
+      [=, items = *std::move(items)](Writer& writer) mutable -> absl::Status {
+        absl::StatusOr<RejudgeRow> row = writer.AddRejudge(rejudge, sign, who);
+        if (!row.ok()) return row.status();
+        to_queue->clear();
+        for (NewRejudgeItem item : items) {
+          item.rejudge = row->id;
+          if (absl::Status added = AddItem(writer, item, who, *to_queue); !added.ok()) return added;
+        }
+        *created = *std::move(row);
+        return RunIfSet(alongside, writer);
+      },
+      [this, to_queue] { return EnqueueAll(core_, *to_queue); }, timeout);
+  if (!status.ok()) return status;
+  return CreatedRejudge{*created, *std::move(plan)};
+}
+
+absl::StatusOr<RejudgeDone> Engine::ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
+                                                 const std::string& who, absl::Duration timeout,
+                                                 StoreChange alongside, AfterRejudge after) {
+  const auto done = std::make_shared<RejudgeDone>();
+  const absl::Status status = Ask(
+      [=](Writer& writer) -> absl::Status {
+        absl::StatusOr<RejudgeDone> applied = writer.ApplyRejudge(act, sign, who);
+        if (!applied.ok()) return applied.status();
+        *done = *std::move(applied);
+        return RunIfSet(alongside, writer);
+      },
+      [done, after] {
+        if (after) after(*done);
+        return absl::OkStatus();
+      },
+      timeout);
+  if (!status.ok()) return status;
+  return *done;
+}
+
+absl::StatusOr<RejudgeDone> Engine::DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
+                                                const std::string& who, absl::Duration timeout,
+                                                StoreChange alongside, AfterRejudge after) {
+  const auto done = std::make_shared<RejudgeDone>();
+  const absl::Status status = Ask(
+      [=](Writer& writer) -> absl::Status {
+        absl::StatusOr<RejudgeDone> dropped = writer.DropRejudge(act, sign, who);
+        if (!dropped.ok()) return dropped.status();
+        *done = *std::move(dropped);
+        return RunIfSet(alongside, writer);
+      },
+      [this, done, after] {
+        core_.StopEnded(done->cancelled);
+        if (after) after(*done);
+        return absl::OkStatus();
+      },
+      timeout);
+  if (!status.ok()) return status;
+  return *done;
+}
+
+absl::StatusOr<std::vector<absl::Status>> Engine::AddRejudgeItems(
+    std::vector<JudgedItem> judged, std::vector<NewRejudgeItem> to_play, absl::Duration timeout) {
+  const auto statuses = std::make_shared<std::vector<absl::Status>>();
+  const auto to_queue = std::make_shared<Evaluations>();
+  const absl::Status status = Ask(
+      [=, judged = std::move(judged), to_play = std::move(to_play)](Writer& writer) {
+        statuses->clear();
+        to_queue->clear();
+        absl::Status passing;
+        const auto part = [&](const StoreChange& change) {
+          statuses->push_back(writer.Part(change));
+          if (MayPass(statuses->back()) || IsBrokenStore(statuses->back())) {
+            passing.Update(statuses->back());
+          }
+        };
+        for (const JudgedItem& item : judged) {
+          part([&](Writer& one) { return one.AddJudgedItem(item, kRejudger).status(); });
+        }
+        for (const NewRejudgeItem& item : to_play) {
+          part([&](Writer& one) { return AddItem(one, item, kRejudger, *to_queue); });
+        }
+        return passing;
+      },
+      [this, to_queue] { return EnqueueAll(core_, *to_queue); }, timeout);
+  if (!status.ok()) return status;
+  return *statuses;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,168 @@
+#include "server/engine/rejudge_requests.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
+#include "server/engine/stored.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr char kScoring[] = "scoring";
+
+Json ParsedOrNull(const std::string& text) {
+  return Json::parse(text, nullptr, /*allow_exceptions=*/false);
+}
+
+bool HaveSameFacts(const std::string& from_json, const std::string& to_json) {
+  return SameFacts(ParsedOrNull(from_json), ParsedOrNull(to_json));
+}
+
+// A file's hash in a build; null if it is unknown.
+Json HashIn(const Json& build, const char* key) {
+  return build.is_object() ? build.value(key, Json()) : Json();
+}
+
+// Of those listed, the ones that have a result; an error names one that has none.
+absl::Status CheckListed(const NewRejudge& rejudge,
+                         const std::vector<RejudgeCandidate>& candidates) {
+  std::set<int64_t> found;
+  for (const RejudgeCandidate& candidate : candidates) found.insert(candidate.submission);
+  for (const int64_t submission : rejudge.submissions) {
+    if (found.contains(submission)) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("submission ", submission, " can't get further episodes: it is not ranked, has "
+                     "no result under config ", rejudge.from_config.substr(0, 12),
+                     ", or is of another board"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+bool SameFacts(const Json& from, const Json& to) {
+  if (!from.is_object() || !to.is_object()) return false;
+  Json a = from;
+  Json b = to;
+  a.erase(kScoring);
+  b.erase(kScoring);
+  return a == b;
+}
+
+bool SameSimulation(const Json& a, const Json& b) {
+  for (const char* key : {"simulator", "mujoco"}) {
+    if (!HashIn(a, key).is_string() || HashIn(a, key) != HashIn(b, key)) return false;
+  }
+  // A model is compiled when it is first needed, so one of the builds may know fewer.
+  const Json models_a = HashIn(a, "models");
+  const Json models_b = HashIn(b, "models");
+  if (!models_a.is_object() || !models_b.is_object()) return false;
+  return std::all_of(models_a.items().begin(), models_a.items().end(), [&](const auto& model) {
+    const auto other = models_b.find(model.key());
+    return other == models_b.end() || *other == model.value();
+  });
+}
+
+absl::Status CheckNewRejudge(const NewRejudge& rejudge) {
+  const bool rules = rejudge.purpose == RejudgePurpose::kRules;
+  const bool facts = rejudge.method == RejudgeMethod::kFacts;
+  if (rejudge.why.empty()) return absl::InvalidArgumentError("a rejudge needs a reason");
+  if (rejudge.repeats < 1 || rejudge.repeats > kMostRepeats) {
+    return absl::InvalidArgumentError(absl::StrCat("a rejudge has 1 to ", kMostRepeats,
+                                                   " repetitions, not ", rejudge.repeats));
+  }
+  if (rules != rejudge.submissions.empty()) {
+    return absl::InvalidArgumentError(
+        rules ? "a change of rules is for all submissions of the board; don't list some"
+              : "which submissions get further episodes? List at least one");
+  }
+  if (facts && (rejudge.repeats > 1 || !rules)) {
+    return absl::InvalidArgumentError(
+        "repetitions and further episodes have to be played; stored facts don't give them");
+  }
+  if (facts && !HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json)) {
+    return absl::InvalidArgumentError(
+        "stored facts don't give these results: the configs differ in more than \"scoring\"; leave "
+        "the method to \"auto\", or say \"play\"");
+  }
+  for (const auto& [hash, json] : {std::pair(&rejudge.from_config, &rejudge.from_config_json),
+                                   std::pair(&rejudge.to_config, &rejudge.to_config_json),
+                                   std::pair(&rejudge.seeds, &rejudge.seeds_json)}) {
+    if (Sha256Hex(*json) == *hash) continue;
+    return absl::InvalidArgumentError(absl::StrCat(*hash, " is not the hash of its content"));
+  }
+  return absl::OkStatus();
+}
+
+RejudgeMethod MethodOf(RejudgeMethod asked, int64_t repeats, bool same_facts,
+                       const Json& source_grader, const Json& today) {
+  if (asked != RejudgeMethod::kAuto) return asked;
+  const bool facts = repeats == 1 && same_facts && SameSimulation(source_grader, today);
+  return facts ? RejudgeMethod::kFacts : RejudgeMethod::kPlay;
+}
+
+absl::StatusOr<RejudgePlan> PlanRejudge(Reader& reader, const NewRejudge& rejudge,
+                                        const std::string& data_dir) {
+  const std::vector<RejudgeCandidate> candidates = reader.CandidatesFor(rejudge);
+  if (absl::Status status = CheckListed(rejudge, candidates); !status.ok()) return status;
+  const bool same_facts = rejudge.purpose == RejudgePurpose::kRules &&
+                          HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json);
+  const Json today = ParsedOrNull(rejudge.grader_json);
+  std::map<std::string, RejudgeMethod> methods;  // by the source's build
+  std::set<int64_t> submissions;
+  std::set<int64_t> without_files;
+  RejudgePlan plan;
+  for (const RejudgeCandidate& candidate : candidates) {
+    submissions.insert(candidate.submission);
+    const absl::StatusOr<EvaluationRow> source = reader.Evaluation(candidate.source);
+    if (!source.ok()) return source.status();
+    const auto [method, is_new] = methods.try_emplace(source->grader_json);
+    if (is_new) {
+      method->second = MethodOf(rejudge.method, rejudge.repeats, same_facts,
+                                ParsedOrNull(source->grader_json), today);
+    }
+    if (method->second == RejudgeMethod::kFacts) {
+      ++plan.facts;
+      continue;
+    }
+    ++plan.play;
+    if (candidate.repetition != 1) continue;
+    const absl::StatusOr<SubmissionRow> submission = reader.Submission(candidate.submission);
+    if (!submission.ok()) return submission.status();
+    if (!HasArtefactFiles(data_dir, submission->artefact).ok()) {
+      without_files.insert(candidate.submission);
+    }
+  }
+  plan.submissions = std::ssize(submissions);
+  plan.without_files.assign(without_files.begin(), without_files.end());
+  return plan;
+}
+
+absl::StatusOr<NewRejudgeItem> ItemToPlay(Reader& reader, const RejudgeCandidate& candidate,
+                                          int64_t rejudge, const std::string& grader_json,
+                                          int64_t count, int64_t per_lease,
+                                          const std::string& data_dir) {
+  const absl::StatusOr<SubmissionRow> submission = reader.Submission(candidate.submission);
+  if (!submission.ok()) return submission.status();
+  NewRejudgeItem item;
+  item.rejudge = rejudge;
+  item.submission = candidate.submission;
+  item.repetition = candidate.repetition;
+  item.source = candidate.source;
+  item.grader_json = grader_json;
+  item.blocks = BlocksOf(count, per_lease);
+  if (!HasArtefactFiles(data_dir, submission->artefact).ok()) {
+    item.impossible = absl::StrCat("it can't be played again: the files of artefact ",
+                                   submission->artefact, " are not on this host any more");
+  }
+  return item;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,221 @@
+#include "server/engine/rejudges.h"
+
+#include <chrono>
+
+#include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/lease/lease.h"
+#include "server/grading/results.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr absl::Duration kWrite = absl::Seconds(30);
+// About as many rows are written together: a few ms, for which the engine's loop stands still.
+constexpr int64_t kRowsAtOnce = 256;
+
+Json ParsedOrEmpty(const std::string& text) {
+  return Json::parse(text, nullptr, /*allow_exceptions=*/false);
+}
+
+absl::Status CantBeJudged(const EpisodeRow& row, const absl::Status& why) {
+  return absl::InternalError(absl::StrCat("the facts of episode ", row.index, " of evaluation ",
+                                          row.evaluation, " can't be judged: ",
+                                          std::string(why.message())));
+}
+
+}  // namespace
+
+absl::StatusOr<JudgedItem> JudgeAnew(Reader& reader, const RejudgeRow& rejudge,
+                                     const RejudgeCandidate& candidate, const Track& track,
+                                     const std::vector<uint64_t>& seeds) {
+  const absl::StatusOr<EvaluationRow> source = reader.Evaluation(candidate.source);
+  if (!source.ok()) return source.status();
+  if (source->last >= std::ssize(seeds)) {
+    return absl::InternalError(absl::StrCat("evaluation ", source->id, " has more episodes than the "
+                                            "new config has seeds"));
+  }
+  absl::StatusOr<std::vector<EpisodeRow>> rows = WholeEpisodes(reader, *source, seeds);
+  if (!rows.ok()) return rows.status();
+  JudgedItem item;
+  item.rejudge = rejudge.id;
+  item.submission = candidate.submission;
+  item.repetition = candidate.repetition;
+  item.source = candidate.source;
+  for (EpisodeRow& row : *rows) {
+    const absl::StatusOr<EpisodeFacts> facts = EpisodeFactsFromJson(ParsedOrEmpty(row.facts_json));
+    if (!facts.ok()) return CantBeJudged(row, facts.status());
+    absl::StatusOr<EpisodeRow> judged = JudgedRow(track, *facts);
+    if (!judged.ok()) return CantBeJudged(row, judged.status());
+    row.outcome = judged->outcome;
+    row.reason = judged->reason;
+    row.metrics_json = std::move(judged->metrics_json);
+  }
+  absl::StatusOr<EvaluationResult> result = ResultOf(track, *rows);
+  if (!result.ok()) return result.status();
+  item.state = result->state;
+  item.reason = std::move(result->reason);
+  item.results_hash = std::move(result->results_hash);
+  item.standing = std::move(result->standing);
+  item.episodes = *std::move(rows);
+  return item;
+}
+
+Rejudger::Rejudger(RejudgerOptions options, Engine& engine, ReaderPool& readers)
+    : options_(std::move(options)),
+      engine_(engine),
+      readers_(readers),
+      thread_([this] { Loop(); }) {}
+
+Rejudger::~Rejudger() {
+  {
+    const MutexLock lock(mutex_);
+    stop_ = true;
+  }
+  wake_.NotifyAll();
+  thread_.join();
+}
+
+void Rejudger::Loop() {
+  std::string trouble;
+  do {
+    const std::string now = std::string(LookForWork().message());
+    if (!now.empty() && now != trouble) spdlog::warn("rejudges can't go on yet: {}", now);
+    trouble = now;
+  } while (!WaitForStop());
+}
+
+bool Rejudger::WaitForStop() {
+  const auto deadline =
+      std::chrono::steady_clock::now() + absl::ToChronoMilliseconds(options_.every);
+  const MutexLock lock(mutex_);
+  while (!stop_ && wake_.WaitUntil(mutex_, deadline)) {
+  }
+  return stop_;
+}
+
+bool Rejudger::stopping() {
+  const MutexLock lock(mutex_);
+  return stop_;
+}
+
+absl::Status Rejudger::LookForWork() {
+  int64_t newest = 0;
+  absl::Status status = readers_.Read([&](Reader& reader) {
+    newest = reader.RejudgeWork();
+    return absl::OkStatus();
+  });
+  if (!status.ok() || newest == seen_) return status;
+  const absl::StatusOr<std::vector<Work>> open = OpenWork();
+  if (!open.ok()) return open.status();
+  for (const Work& work : *open) {
+    if (status = Carry(work); !status.ok()) return status;
+  }
+  if (!stopping()) seen_ = newest;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<Rejudger::Work>> Rejudger::OpenWork() {
+  std::vector<Work> open;
+  const absl::Status status = readers_.Read([&](Reader& reader) -> absl::Status {
+    Listed<RejudgeRow> rejudges = reader.Rejudges();
+    for (auto it = rejudges.rows.rbegin(); it != rejudges.rows.rend(); ++it) {
+      const int64_t id = it->id;
+      absl::StatusOr<Work> work = WorkOf(reader, *std::move(it));
+      if (MayPass(work.status()) || IsBrokenStore(work.status())) return work.status();
+      if (!work.ok()) {
+        spdlog::error("rejudge {} can't go on: {}", id, std::string(work.status().message()));
+      } else if (!work->missing.empty()) {
+        open.push_back(*std::move(work));
+      }
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  return open;
+}
+
+absl::StatusOr<Rejudger::Work> Rejudger::WorkOf(Reader& reader, RejudgeRow rejudge) {
+  Work work;
+  work.rejudge = std::move(rejudge);
+  const absl::StatusOr<std::vector<RejudgeEventRow>> events = reader.RejudgeEvents(work.rejudge.id);
+  if (!events.ok()) return events.status();
+  if (events->back().event == RejudgeEvent::kDropped) return work;
+  work.missing = reader.MissingItems(work.rejudge);
+  if (work.missing.empty()) return work;
+  absl::StatusOr<TrackPtr> track = content_.Track(reader, work.rejudge.to_config);
+  if (!track.ok()) return track.status();
+  work.track = *std::move(track);
+  absl::StatusOr<SeedsPtr> seeds = content_.Seeds(reader, work.rejudge.seeds);
+  if (!seeds.ok()) return seeds.status();
+  work.seeds = *std::move(seeds);
+  const absl::StatusOr<std::string> from = reader.ConfigJson(work.rejudge.from_config);
+  const absl::StatusOr<std::string> to = reader.ConfigJson(work.rejudge.to_config);
+  if (!from.ok()) return from.status();
+  if (!to.ok()) return to.status();
+  work.same_facts = SameFacts(ParsedOrEmpty(*from), ParsedOrEmpty(*to));
+  return work;
+}
+
+absl::Status Rejudger::Carry(const Work& work) {
+  const Json today = options_.grader();
+  Batch batch;
+  for (const RejudgeCandidate& candidate : work.missing) {
+    if (stopping()) return absl::OkStatus();
+    absl::Status status = readers_.Read([&](Reader& reader) {
+      return Add(reader, work, candidate, today, batch);
+    });
+    if (!status.ok()) return status;
+    if (batch.rows < kRowsAtOnce) continue;
+    if (status = Write(std::exchange(batch, {})); !status.ok()) return status;
+  }
+  return Write(std::move(batch));
+}
+
+absl::Status Rejudger::Add(Reader& reader, const Work& work, const RejudgeCandidate& candidate,
+                           const Json& today, Batch& batch) {
+  const absl::StatusOr<EvaluationRow> source = reader.Evaluation(candidate.source);
+  if (!source.ok()) return source.status();
+  const RejudgeMethod method =
+      MethodOf(work.rejudge.method, work.rejudge.repeats, work.same_facts,
+               ParsedOrEmpty(source->grader_json), today);
+  absl::Status why_not;
+  if (method == RejudgeMethod::kFacts) {
+    absl::StatusOr<JudgedItem> judged =
+        JudgeAnew(reader, work.rejudge, candidate, *work.track, *work.seeds);
+    if (MayPass(judged.status()) || IsBrokenStore(judged.status())) return judged.status();
+    if (judged.ok()) {
+      batch.rows += std::ssize(judged->episodes);
+      batch.judged.push_back(*std::move(judged));
+      return absl::OkStatus();
+    }
+    why_not = judged.status();
+  }
+  absl::StatusOr<NewRejudgeItem> item = ItemToPlay(
+      reader, candidate, work.rejudge.id, CanonicalJson(today), std::ssize(*work.seeds),
+      work.track->config.episodes_per_lease, options_.data_dir);
+  if (!item.ok()) return item.status();
+  item->method = method;
+  if (!why_not.ok()) item->impossible = std::string(why_not.message());
+  batch.rows += 2 * std::ssize(item->blocks);
+  batch.to_play.push_back(*std::move(item));
+  return absl::OkStatus();
+}
+
+absl::Status Rejudger::Write(Batch batch) {
+  if (batch.judged.empty() && batch.to_play.empty()) return absl::OkStatus();
+  const absl::StatusOr<std::vector<absl::Status>> statuses =
+      engine_.AddRejudgeItems(std::move(batch.judged), std::move(batch.to_play), kWrite);
+  if (!statuses.ok()) return statuses.status();
+  for (const absl::Status& status : *statuses) {
+    // One that was dropped meanwhile takes no more items.
+    if (!status.ok()) spdlog::warn("an item is not added: {}", std::string(status.message()));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace myograde::server

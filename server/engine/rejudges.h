@@ -1,0 +1,81 @@
+// Carries out rejudges: a thread that finds the items that open ones lack (at their creation, when an
+// evaluation under from_config ends, and after a restart), computes those that follow from facts, and
+// has the others queued. It writes a few items at a time through the engine, so that grading never
+// waits long; stopping it at any moment loses nothing.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/mutex.h"
+#include "server/engine/engine.h"
+#include "server/engine/stored.h"
+
+namespace myograde::server {
+
+struct RejudgerOptions {
+  std::string data_dir;
+  std::function<nlohmann::json()> grader;          // this host's build (GraderBuild)
+  absl::Duration every = absl::Milliseconds(250);  // between looks for something new
+};
+
+// Computes an item from the facts of its source: pure but for reading. InternalError if the facts
+// can't be judged; a damaged row (store/damage.h).
+absl::StatusOr<JudgedItem> JudgeAnew(Reader& reader, const RejudgeRow& rejudge,
+                                     const RejudgeCandidate& candidate, const Track& track,
+                                     const std::vector<uint64_t>& seeds);
+
+class Rejudger {
+ public:
+  // Everything but `options` must outlive it. The engine's loop must run, as it writes the items.
+  Rejudger(RejudgerOptions options, Engine& engine, ReaderPool& readers);
+  ~Rejudger();
+
+ private:
+  // What an open rejudge lacks, and what its items need.
+  struct Work {
+    RejudgeRow rejudge;
+    std::vector<RejudgeCandidate> missing;
+    TrackPtr track;  // of to_config
+    SeedsPtr seeds;
+    bool same_facts = false;
+  };
+  // Items to add together.
+  struct Batch {
+    std::vector<JudgedItem> judged;
+    std::vector<NewRejudgeItem> to_play;
+    int64_t rows = 0;  // that adding them writes
+  };
+
+  void Loop();
+  bool WaitForStop();
+  bool stopping();
+  // An error: something has to be tried again.
+  absl::Status LookForWork();
+  absl::StatusOr<std::vector<Work>> OpenWork();
+  absl::StatusOr<Work> WorkOf(Reader& reader, RejudgeRow rejudge);
+  absl::Status Carry(const Work& work);
+  // Adds the candidate's item to the batch.
+  absl::Status Add(Reader& reader, const Work& work, const RejudgeCandidate& candidate,
+                   const nlohmann::json& today, Batch& batch);
+  absl::Status Write(Batch batch);
+
+  const RejudgerOptions options_;
+  Engine& engine_;
+  ReaderPool& readers_;
+  StoredContent content_;
+  int64_t seen_ = -1;  // Reader::RejudgeWork() before the last look that left nothing to do
+  Mutex mutex_;
+  Condition wake_;
+  bool stop_ ABSL_GUARDED_BY(mutex_) = false;
+  std::thread thread_;
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,310 @@
+// The operations on rejudges (rejudges.h).
+#include <algorithm>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
+#include "server/store/connection.h"
+#include "server/store/content.h"
+#include "server/store/reader.h"
+#include "server/store/store.h"
+
+namespace myograde::server {
+namespace {
+
+using State = RejudgeProgress::State;
+
+absl::Status Refused(const RejudgeRow& rejudge, const std::string& what) {
+  return absl::FailedPreconditionError(absl::StrCat("rejudge ", rejudge.id, " ", what));
+}
+
+// A later one of the same board that is applied, or 0.
+int64_t LaterApplied(SQLite::Database& db, const RejudgeRow& rejudge) {
+  SQLite::Statement select(
+      db, "SELECT q.id FROM rejudge AS q JOIN rejudge_event AS v ON v.rejudge = q.id "
+          "WHERE q.purpose = 'rules' AND q.phase = ?1 AND q.track = ?2 AND q.profile = ?3 AND "
+          "v.event = 'applied' AND v.id = (SELECT max(id) FROM rejudge_event WHERE rejudge = q.id) "
+          "AND v.id > (SELECT max(id) FROM rejudge_event WHERE rejudge = ?4) ORDER BY v.id DESC");
+  SQLite::bind(select, rejudge.phase, rejudge.track, rejudge.profile, rejudge.id);
+  return select.executeStep() ? select.getColumn(0).getInt64() : 0;
+}
+
+std::string Listing(const std::vector<int64_t>& submissions) {
+  return submissions.empty() ? "none" : absl::StrJoin(submissions, ", ");
+}
+
+// "" if a rejudge may be applied, else why not.
+std::string WhyNotApplied(const RejudgeRow& rejudge, const RejudgeProgress& progress,
+                          std::vector<int64_t> without, const std::string& in_force) {
+  if (rejudge.purpose == RejudgePurpose::kSeeds) {
+    return "can't be applied: it plays further episodes for the statistics, and no rank follows from "
+           "them";
+  }
+  if (progress.state == State::kApplied) return "is applied already";
+  if (!progress.complete) {
+    const int64_t open = progress.missing + progress.items - progress.ended;
+    return progress.state == State::kDropped
+               ? absl::StrCat("can't be applied again: it was dropped, and ", open, " of its ",
+                              progress.missing + progress.items,
+                              " results are missing; create a new one")
+               : absl::StrCat("can't be applied yet: ", open, " of its ",
+                              progress.missing + progress.items, " results are not computed; wait "
+                              "until its state is \"ready\"");
+  }
+  if (in_force != rejudge.from_config) {
+    return absl::StrCat("can't be applied: it starts from config ", rejudge.from_config.substr(0, 12),
+                        ", and the board's config is now ", in_force.substr(0, 12),
+                        "; create a new one");
+  }
+  std::sort(without.begin(), without.end());
+  without.erase(std::unique(without.begin(), without.end()), without.end());
+  if (without == progress.without_result) return "";
+  return absl::StrCat("has no result of these submissions: ", Listing(progress.without_result),
+                      "; to apply it without them, name exactly these (they are off the board "
+                      "then), and ", Listing(without), " named");
+}
+
+}  // namespace
+
+absl::StatusOr<RejudgeEventRow> Writer::AddRejudgeEvent(const RejudgeRow& rejudge,
+                                                        RejudgeEvent event, const std::string& why,
+                                                        const SignRejudge& sign,
+                                                        const std::string& who) {
+  RejudgeEventRow row;
+  row.at = now_ms_;
+  row.rejudge = rejudge.id;
+  row.event = event;
+  row.who = who;
+  row.why = why;
+  absl::StatusOr<SignedDocument> document = sign(rejudge, row);
+  if (!document.ok()) return document.status();
+  row.document_json = std::move(document->json);
+  row.signature = std::move(document->signature);
+  MendBoardState();
+  SQLite::Statement insert(db_, "INSERT INTO rejudge_event (at, rejudge, event, who, why, "
+                                "document_json, signature) VALUES (?, ?, ?, ?, ?, ?, ?)");
+  SQLite::bind(insert, row.at, row.rejudge, std::string(RejudgeEventName(event)), who, why,
+               row.document_json, row.signature);
+  insert.exec();
+  row.id = db_.getLastInsertRowid();
+  return row;
+}
+
+absl::StatusOr<RejudgeRow> Writer::AddRejudge(const NewRejudge& rejudge,
+                                              const SignRejudge& sign, const std::string& who) {
+  absl::Status content = AddConfig(db_, rejudge.from_config, rejudge.track, rejudge.profile,
+                                   rejudge.from_config_json, now_ms_);
+  content.Update(AddConfig(db_, rejudge.to_config, rejudge.track, rejudge.profile,
+                           rejudge.to_config_json, now_ms_));
+  content.Update(AddSeedList(db_, rejudge.seeds, rejudge.seed_count, rejudge.seeds_json));
+  if (!content.ok()) return content;
+  SQLite::Statement insert(
+      db_, "INSERT INTO rejudge (at, purpose, phase, track, profile, from_config, to_config, seeds, "
+           "method, repeats, who, why) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+  SQLite::bind(insert, now_ms_, std::string(RejudgePurposeName(rejudge.purpose)), rejudge.phase,
+               rejudge.track, rejudge.profile, rejudge.from_config, rejudge.to_config,
+               rejudge.seeds, std::string(RejudgeMethodName(rejudge.method)), rejudge.repeats, who,
+               rejudge.why);
+  insert.exec();
+  absl::StatusOr<RejudgeRow> row = Reader(db_).Rejudge(db_.getLastInsertRowid());
+  if (!row.ok()) return row.status();
+  absl::StatusOr<RejudgeEventRow> event =
+      AddRejudgeEvent(*row, RejudgeEvent::kCreated, rejudge.why, sign, who);
+  if (!event.ok()) return event.status();
+  return row;
+}
+
+absl::StatusOr<std::optional<RejudgeRow>> Writer::RejudgeWithout(int64_t id, int64_t submission,
+                                                                 int64_t repetition) {
+  absl::StatusOr<RejudgeRow> rejudge = Reader(db_).Rejudge(id);
+  if (!rejudge.ok()) return rejudge.status();
+  SQLite::Statement there(db_, "SELECT 1 FROM rejudge_item WHERE rejudge = ? AND submission = ? "
+                               "AND repetition = ?");
+  SQLite::bind(there, id, submission, repetition);
+  if (there.executeStep()) return std::optional<RejudgeRow>();
+  absl::StatusOr<std::vector<RejudgeEventRow>> events = Reader(db_).RejudgeEvents(id);
+  if (!events.ok()) return events.status();
+  if (events->back().event == RejudgeEvent::kDropped) return Refused(*rejudge, "was dropped");
+  return std::optional(*std::move(rejudge));
+}
+
+void Writer::AddItemRow(const RejudgeItemRow& item) {
+  SQLite::Statement insert(db_, "INSERT INTO rejudge_item (rejudge, submission, repetition, source, "
+                                "method, evaluation) VALUES (?, ?, ?, ?, ?, ?)");
+  SQLite::bind(insert, item.rejudge, item.submission, item.repetition, item.source,
+               std::string(RejudgeMethodName(item.method)), item.evaluation);
+  insert.exec();
+}
+
+absl::StatusOr<Accepted> Writer::AddRejudgeItem(const NewRejudgeItem& item,
+                                                const std::string& who) {
+  absl::StatusOr<std::optional<RejudgeRow>> rejudge =
+      RejudgeWithout(item.rejudge, item.submission, item.repetition);
+  if (!rejudge.ok()) return rejudge.status();
+  Accepted repeated{.submission = item.submission, .repeated = true};
+  if (!rejudge->has_value()) return repeated;
+  absl::StatusOr<Accepted> added = AddEvaluation({.submission = item.submission,
+                                                  .kind = EvaluationKind::kRejudge,
+                                                  .config = (*rejudge)->to_config,
+                                                  .seeds = (*rejudge)->seeds,
+                                                  .grader_json = item.grader_json,
+                                                  .blocks = item.blocks},
+                                                 who);
+  if (!added.ok()) return added.status();
+  AddItemRow({.rejudge = item.rejudge,
+              .submission = item.submission,
+              .repetition = item.repetition,
+              .source = item.source,
+              .method = item.method,
+              .evaluation = added->evaluation});
+  if (item.impossible.empty()) return added;
+  const absl::Status ended =
+      EndWithLeases(added->evaluation, EvaluationState::kGraderError, item.impossible, who);
+  if (!ended.ok()) return ended;
+  return added;
+}
+
+absl::StatusOr<bool> Writer::AddJudgedItem(const JudgedItem& item, const std::string& who) {
+  absl::StatusOr<std::optional<RejudgeRow>> rejudge =
+      RejudgeWithout(item.rejudge, item.submission, item.repetition);
+  if (!rejudge.ok()) return rejudge.status();
+  if (!rejudge->has_value()) return false;
+  const std::string state(EvaluationStateName(item.state));
+  MendBoardState();
+  SQLite::Statement insert(
+      db_, "INSERT INTO evaluation (submission, kind, first, last, state, reason, grader_json, "
+           "results_hash, created_at, started_at, finished_at, config, seeds) "
+           "SELECT submission, 'rejudge', first, last, ?1, ?2, grader_json, ?3, ?4, ?4, ?4, ?5, ?6 "
+           "FROM evaluation WHERE id = ?7 AND submission = ?8 AND last - first + 1 = ?9");
+  SQLite::bind(insert, state, item.reason, item.results_hash, now_ms_, (*rejudge)->to_config,
+               (*rejudge)->seeds, item.source, item.submission, std::ssize(item.episodes));
+  if (insert.exec() != 1) {
+    return absl::InternalError(absl::StrCat("evaluation ", item.source, " is not of submission ",
+                                            item.submission, ", or has other episodes"));
+  }
+  const int64_t evaluation = db_.getLastInsertRowid();
+  const std::string why =
+      absl::StrCat("judged anew from the facts of evaluation ", item.source);
+  absl::Status status = Audit("evaluation", evaluation, "", state, who, why);
+  SQLite::Statement leases(
+      db_, "INSERT INTO lease (evaluation, first, last, state, attempt, finished_at, output_json) "
+           "SELECT ?, first, last, 'done', 1, ?, output_json FROM lease WHERE evaluation = ? "
+           "ORDER BY first");
+  SQLite::bind(leases, evaluation, now_ms_, item.source);
+  leases.exec();
+  SQLite::Statement audit(
+      db_, "INSERT INTO transition (at, entity, entity_id, from_state, to_state, who, why) "
+           "SELECT ?, 'lease', id, '', 'done', ?, ? FROM lease WHERE evaluation = ? ORDER BY id");
+  SQLite::bind(audit, now_ms_, who, why, evaluation);
+  audit.exec();
+  SQLite::Statement episode(
+      db_, "INSERT INTO episode SELECT ?1, p.idx, l.id, 1, p.seed, ?2, ?3, p.facts_json, ?4, ?5 "
+           "FROM episode AS p JOIN lease AS l ON l.evaluation = ?1 AND p.idx BETWEEN l.first AND "
+           "l.last WHERE p.evaluation = ?6 AND p.idx = ?7");
+  for (const EpisodeRow& judged : item.episodes) {
+    SQLite::bind(episode, evaluation, std::string(OutcomeName(judged.outcome)),
+                 std::string(judged.reason.name()), judged.metrics_json, now_ms_, item.source,
+                 judged.index);
+    if (episode.exec() != 1) {
+      return DamagedRow({"episode", absl::StrCat(item.source, "/", judged.index),
+                         "it is missing, or no lease holds it"});
+    }
+    episode.reset();
+  }
+  AddItemRow({.rejudge = item.rejudge,
+              .submission = item.submission,
+              .repetition = item.repetition,
+              .source = item.source,
+              .method = RejudgeMethod::kFacts,
+              .evaluation = evaluation});
+  if (item.state == EvaluationState::kDone) status.Update(SetStanding(evaluation, item.standing));
+  if (!status.ok()) return status;
+  return true;
+}
+
+std::string Writer::BoardConfigOf(const RejudgeRow& rejudge, const std::string& if_none) {
+  SQLite::Statement select(db_, "SELECT config FROM board_config WHERE phase = ? AND track = ? AND "
+                                "profile = ? ORDER BY id DESC LIMIT 1");
+  SQLite::bind(select, rejudge.phase, rejudge.track, rejudge.profile);
+  return select.executeStep() ? select.getColumn(0).getString() : if_none;
+}
+
+void Writer::AddBoardConfig(const RejudgeRow& rejudge, const std::string& config,
+                            const std::string& who) {
+  SQLite::Statement insert(db_, "INSERT INTO board_config (at, phase, track, profile, config, "
+                                "rejudge, who) VALUES (?, ?, ?, ?, ?, ?, ?)");
+  SQLite::bind(insert, now_ms_, rejudge.phase, rejudge.track, rejudge.profile, config, rejudge.id,
+               who);
+  insert.exec();
+}
+
+absl::StatusOr<RejudgeDone> Writer::ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
+                                                 const std::string& who) {
+  Reader reader(db_);
+  absl::StatusOr<RejudgeRow> rejudge = reader.Rejudge(act.rejudge);
+  if (!rejudge.ok()) return rejudge.status();
+  absl::StatusOr<RejudgeProgress> progress = reader.ProgressOf(*rejudge);
+  if (!progress.ok()) return progress.status();
+  RejudgeDone done;
+  done.config_before = BoardConfigOf(*rejudge, act.in_force);
+  if (const std::string why = WhyNotApplied(*rejudge, *progress, act.without, done.config_before);
+      !why.empty()) {
+    return Refused(*rejudge, why);
+  }
+  absl::StatusOr<RejudgeEventRow> event =
+      AddRejudgeEvent(*rejudge, RejudgeEvent::kApplied, act.why, sign, who);
+  if (!event.ok()) return event.status();
+  done.event = *std::move(event);
+  done.config_after = rejudge->to_config;
+  if (done.config_after != done.config_before) AddBoardConfig(*rejudge, done.config_after, who);
+  return done;
+}
+
+absl::StatusOr<RejudgeDone> Writer::DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
+                                                const std::string& who) {
+  Reader reader(db_);
+  absl::StatusOr<RejudgeRow> rejudge = reader.Rejudge(act.rejudge);
+  if (!rejudge.ok()) return rejudge.status();
+  absl::StatusOr<std::vector<RejudgeEventRow>> events = reader.RejudgeEvents(act.rejudge);
+  if (!events.ok()) return events.status();
+  const RejudgeEventRow& last = events->back();
+  if (last.event == RejudgeEvent::kDropped) return Refused(*rejudge, "was dropped already");
+  const bool applied = last.event == RejudgeEvent::kApplied;
+  if (applied) {
+    if (const int64_t later = LaterApplied(db_, *rejudge); later != 0) {
+      return Refused(*rejudge, absl::StrCat("can't be dropped before rejudge ", later,
+                                            ", which was applied after it to the same board"));
+    }
+  }
+  RejudgeDone done;
+  done.config_before = BoardConfigOf(*rejudge, act.in_force);
+  // If the config files have changed the board's config since, it stays.
+  const bool back = applied && done.config_before == rejudge->to_config;
+  done.config_after = back ? rejudge->from_config : done.config_before;
+  if (applied && rejudge->from_config != rejudge->to_config) {
+    SQLite::Statement stay(db_, "SELECT count(*) FROM submission WHERE config = ? AND ranked = 1 "
+                                "AND phase = ? AND accepted_at >= ?");
+    SQLite::bind(stay, rejudge->to_config, rejudge->phase, last.at);
+    stay.executeStep();
+    done.stay = stay.getColumn(0).getInt64();
+  }
+  SQLite::Statement open(db_, "SELECT e.id FROM rejudge_item AS i JOIN evaluation AS e ON "
+                              "e.id = i.evaluation WHERE i.rejudge = ? AND e.finished_at IS NULL "
+                              "ORDER BY e.id");
+  open.bind(1, rejudge->id);
+  while (open.executeStep()) done.cancelled.push_back(open.getColumn(0).getInt64());
+  for (const int64_t evaluation : done.cancelled) {
+    const absl::Status ended =
+        EndWithLeases(evaluation, EvaluationState::kCancelled,
+                      absl::StrCat("rejudge ", rejudge->id, " was dropped"), who);
+    if (!ended.ok()) return ended;
+  }
+  absl::StatusOr<RejudgeEventRow> event =
+      AddRejudgeEvent(*rejudge, RejudgeEvent::kDropped, act.why, sign, who);
+  if (!event.ok()) return event.status();
+  done.event = *std::move(event);
+  if (done.config_after != done.config_before) AddBoardConfig(*rejudge, done.config_after, who);
+  return done;
+}
+
+}  // namespace myograde::server
