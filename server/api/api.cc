@@ -30,6 +30,7 @@ void Api::Install(UnixHttpServer& server) {
   rejudges_.Install(routes);
   reveal_.Install(routes);
   statistics_.Install(routes);
+  more_seeds_.Install(routes);
   teams_.Install(routes);
   tokens_.Install(routes);
   transfer_.Install(routes);

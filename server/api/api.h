@@ -10,6 +10,7 @@
 #include "server/api/evaluations_resource.h"
 #include "server/api/guard.h"
 #include "server/api/host_resource.h"
+#include "server/api/more_seeds_resource.h"
 #include "server/api/openapi_resource.h"
 #include "server/api/proof_resource.h"
 #include "server/api/quota_resource.h"
@@ -49,6 +50,7 @@ class Api {
   RejudgesResource rejudges_{context_};
   RevealResource reveal_{context_};
   StatisticsResource statistics_{context_};
+  MoreSeedsResource more_seeds_{context_};
   TeamsResource teams_{context_};
   TokensResource tokens_{context_};
   TransferResource transfer_{context_};

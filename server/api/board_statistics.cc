@@ -3,6 +3,7 @@
 #include <map>
 #include <utility>
 
+#include "server/api/further_episodes.h"
 #include "server/challenge/challenge.h"
 #include "server/grading/results.h"
 
@@ -11,16 +12,6 @@ namespace {
 
 using scoring::JudgedEpisode;
 using scoring::TestedRow;
-
-// Nothing of it counts if a part can't be read.
-absl::StatusOr<TestedRow> ReadRow(Reader& reader, const Track& track, const LeaderboardRow& row) {
-  const absl::StatusOr<std::vector<EpisodeRow>> rows = reader.Episodes(row.source.evaluation);
-  if (!rows.ok()) return rows.status();
-  absl::StatusOr<std::vector<JudgedEpisode>> episodes =
-      JudgedEpisodes(*track.scoring.track, *rows);
-  if (!episodes.ok()) return episodes.status();
-  return TestedRow{row.ranked, *std::move(episodes)};
-}
 
 std::vector<std::optional<scoring::Spread>> SpreadsOf(const Track& track,
                                                       const scoring::BoardRules& rules,
@@ -34,6 +25,42 @@ std::vector<std::optional<scoring::Spread>> SpreadsOf(const Track& track,
   }
   return spreads;
 }
+
+// Reads the rows to be tested of one board.
+class RowReader {
+ public:
+  RowReader(Reader& reader, const Track& track, const scoring::BoardRules& rules,
+            FurtherItems further, int64_t before_ms)
+      : reader_(reader),
+        track_(track),
+        rules_(rules),
+        further_(std::move(further)),
+        before_ms_(before_ms) {}
+
+  // Nothing of a row counts if a part can't be read.
+  absl::StatusOr<TestedRow> Read(const LeaderboardRow& row, TestedPlace& place) {
+    const absl::StatusOr<std::vector<EpisodeRow>> rows = reader_.Episodes(row.source.evaluation);
+    if (!rows.ok()) return rows.status();
+    absl::StatusOr<std::vector<JudgedEpisode>> episodes =
+        JudgedEpisodes(*track_.scoring.track, *rows);
+    if (!episodes.ok()) return episodes.status();
+    place.over_steps = SpreadsOf(track_, rules_, *episodes);
+    const absl::StatusOr<std::vector<JudgedEpisode>> further = FurtherEpisodes(
+        reader_, track_, further_[row.source.submission], before_ms_, indices_);
+    if (!further.ok()) return further.status();
+    place.further = std::ssize(*further);
+    episodes->insert(episodes->end(), further->begin(), further->end());
+    return TestedRow{row.ranked, *std::move(episodes)};
+  }
+
+ private:
+  Reader& reader_;
+  const Track& track_;
+  const scoring::BoardRules& rules_;
+  FurtherItems further_;
+  const int64_t before_ms_;
+  FurtherIndices indices_;
+};
 
 }  // namespace
 
@@ -50,21 +77,24 @@ absl::StatusOr<BoardStatistics> StatisticsOf(Reader& reader, const Track& track,
                                              const Leaderboard& board,
                                              const scoring::GroupRules& group_rules,
                                              int64_t before_ms) {
+  absl::StatusOr<FurtherItems> further = FurtherItemsOf(reader, track.config.hash);
+  if (!further.ok()) return further.status();
+  RowReader row_reader(reader, track, rules, *std::move(further), before_ms);
   BoardStatistics statistics;
   std::vector<TestedRow> tested;
   for (size_t i = 0; i < board.rows.size(); ++i) {
-    const LeaderboardRow& row = board.rows[i];
-    if (row.ranked.rank == 0) continue;
+    if (board.rows[i].ranked.rank == 0) continue;
     if (std::ssize(tested) == group_rules.places) break;
-    absl::StatusOr<TestedRow> read = ReadRow(reader, track, row);
+    TestedPlace place;
+    place.row = i;
+    absl::StatusOr<TestedRow> read = row_reader.Read(board.rows[i], place);
     if (const std::optional<Damage> damage = DamageOf(read.status())) {
       statistics.damaged.push_back(*damage);
       continue;
     }
     if (!read.ok()) return read.status();
-    statistics.places.push_back({.row = i,
-                                 .over_steps = SpreadsOf(track, rules, read->episodes)});
     tested.push_back(*std::move(read));
+    statistics.places.push_back(std::move(place));
   }
   scoring::Groups groups =
       scoring::FormGroups(track.scoring.track->metrics, tested, rules, group_rules);
