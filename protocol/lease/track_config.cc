@@ -1,12 +1,10 @@
 #include "protocol/lease/track_config.h"
 
 #include <algorithm>
-#include <filesystem>
 #include <set>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
-#include <absl/strings/str_join.h>
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
@@ -16,23 +14,9 @@
 namespace myograde {
 namespace {
 
-namespace fs = std::filesystem;
-
 constexpr double kDay = 86400;
 constexpr int64_t kMiB = int64_t{1} << 20;
 constexpr int64_t kTiB = int64_t{1} << 40;
-
-// With comments in it, a config's hash would depend on their wording.
-void RemoveComments(nlohmann::json& value) {
-  if (value.is_object()) {
-    for (auto it = value.begin(); it != value.end();) {
-      it = it.key().starts_with("//") ? value.erase(it) : std::next(it);
-    }
-  }
-  if (value.is_structured()) {
-    for (nlohmann::json& child : value) RemoveComments(child);
-  }
-}
 
 // Equal seeds are written equally: a run of consecutive seeds as first and count.
 nlohmann::json SeedsToJson(const std::vector<uint64_t>& seeds) {
@@ -80,107 +64,6 @@ absl::StatusOr<std::vector<uint64_t>> SeedRange(const nlohmann::json& json,
   return seeds;
 }
 
-absl::Status CheckName(const std::string& what, const std::string& name) {
-  if (IsTrackName(name)) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("\"", name.substr(0, 80), "\" is no name of a ", what,
-                   ": use 1 to 64 of the characters a-z, 0-9 and \"-\""));
-}
-
-constexpr char kPracticeSeeds[] = "practice_seeds";
-
-// A list of practice seeds belongs to the list of seeds that it was chosen beside: other seeds
-// leave it behind.
-void MergeOver(nlohmann::json& base, const nlohmann::json& patch) {
-  if (patch.contains("seeds") && !patch.contains(kPracticeSeeds)) base.erase(kPracticeSeeds);
-  base.merge_patch(patch);
-}
-
-// A config file merged over everything that it extends.
-absl::StatusOr<nlohmann::json> ReadExtended(const std::string& tracks_dir,
-                                            const std::string& track) {
-  std::vector<std::pair<std::string, nlohmann::json>> chain;  // the requested one first
-  for (std::string name = track; !name.empty();) {
-    if (absl::Status status = CheckName("track config", name); !status.ok()) return status;
-    for (const auto& [seen, unused] : chain) {
-      if (seen != name) continue;
-      return absl::InvalidArgumentError(absl::StrCat(
-          tracks_dir, "/", chain.back().first, ".json: \"extends\" leads back to \"", name,
-          "\"; let the chain of configs end at one that extends nothing"));
-    }
-    const std::string path = absl::StrCat(tracks_dir, "/", name, ".json");
-    std::error_code error;
-    if (!fs::exists(path, error)) {
-      const absl::StatusOr<std::vector<std::string>> known = ListTracks(tracks_dir);
-      return absl::NotFoundError(absl::StrCat(
-          "no track config \"", name, "\" in ", tracks_dir,
-          chain.empty() ? "" : absl::StrCat(", which ", chain.back().first, ".json extends"),
-          known.ok() ? absl::StrCat("; there are: ", absl::StrJoin(*known, ", ")) : ""));
-    }
-    absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
-    if (!json.ok()) return json.status();
-    if (!json->is_object()) {
-      return absl::InvalidArgumentError(absl::StrCat(path, ": must hold a JSON object"));
-    }
-    std::string next;
-    if (json->contains("extends")) {
-      if (!(*json)["extends"].is_string() || (*json)["extends"] == "") {
-        return absl::InvalidArgumentError(
-            absl::StrCat(path, ": \"extends\" must be the name of another track config"));
-      }
-      next = (*json)["extends"].get<std::string>();
-      json->erase("extends");
-    }
-    chain.emplace_back(name, *std::move(json));
-    name = next;
-  }
-  nlohmann::json merged = nlohmann::json::object();
-  for (auto it = chain.rbegin(); it != chain.rend(); ++it) {
-    // Keys of one form merged over those of another would mean neither.
-    if (it != chain.rbegin() && it->second.contains("form")) {
-      const nlohmann::json base = merged.value("form", nlohmann::json(1));
-      if (it->second["form"] != base) {
-        return absl::InvalidArgumentError(absl::StrCat(
-            tracks_dir, "/", it->first, ".json: \"form\" is ", it->second["form"].dump(),
-            ", and what it extends is of form ", base.dump(),
-            "; leave the key out, and write the file in the keys of what it extends"));
-      }
-    }
-    MergeOver(merged, it->second);
-  }
-  return merged;
-}
-
-// The merged file's profiles, checked to be an object of objects with valid names.
-absl::StatusOr<nlohmann::json> ProfilesOf(const nlohmann::json& merged, const std::string& where) {
-  const auto it = merged.find("profiles");
-  if (it == merged.end() || !it->is_object() || it->empty()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(where, ": \"profiles\" must be an object with at least one profile"));
-  }
-  nlohmann::json profiles = *it;
-  RemoveComments(profiles);
-  static const std::set<std::string> kMayChange = {
-      "episodes_per_lease", "seeds", "practice_seeds", "policy_seed_secret", "budgets", "rules",
-      "scoring"};
-  for (const auto& [name, patch] : profiles.items()) {
-    const std::string place = absl::StrCat(where, ": profile \"", name, "\"");
-    if (absl::Status status = CheckName("profile", name); !status.ok()) {
-      return absl::InvalidArgumentError(absl::StrCat(where, ": ", status.message()));
-    }
-    if (!patch.is_object()) {
-      return absl::InvalidArgumentError(absl::StrCat(place, " must be an object"));
-    }
-    for (const auto& [key, unused] : patch.items()) {
-      if (kMayChange.contains(key)) continue;
-      return absl::InvalidArgumentError(
-          absl::StrCat(place, ": \"", key, "\" can't be changed by a profile; it can be: ",
-                       absl::StrJoin(kMayChange, ", ")));
-    }
-  }
-  return profiles;
-}
-
 // The secret of the policy seeds. Only the upgrade of a form-1 config sets null; a config that has
 // the key itself is of a form that knows it.
 std::optional<std::string> PolicySeedSecretOf(const nlohmann::json& effective,
@@ -217,28 +100,6 @@ void ReadPhase(ConfigReader& reader, TrackConfig& config) {
   }
 }
 
-absl::StatusOr<std::vector<uint64_t>> PracticeSeeds(const nlohmann::json& json,
-                                                    const std::vector<uint64_t>& ranked,
-                                                    const std::string& where) {
-  absl::StatusOr<std::vector<uint64_t>> seeds =
-      ParseSeeds(json, absl::StrCat(where, ": ", kPracticeSeeds));
-  if (!seeds.ok()) return seeds;
-  const std::set<uint64_t> known(ranked.begin(), ranked.end());
-  for (const uint64_t seed : *seeds) {
-    if (!known.contains(seed)) continue;
-    return absl::InvalidArgumentError(
-        absl::StrCat(where, ": \"", kPracticeSeeds, "\" has the seed ", seed,
-                     ", which \"seeds\" has too; practice must not play what is ranked"));
-  }
-  return seeds;
-}
-
-std::vector<std::string> KeysOf(const nlohmann::json& object) {
-  std::vector<std::string> keys;
-  for (const auto& [key, unused] : object.items()) keys.push_back(key);
-  return keys;
-}
-
 }  // namespace
 
 bool IsTrackName(std::string_view name) {
@@ -246,6 +107,24 @@ bool IsTrackName(std::string_view name) {
     return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-';
   };
   return !name.empty() && name.size() <= 64 && std::all_of(name.begin(), name.end(), good);
+}
+
+absl::Status CheckTrackName(const std::string& what, const std::string& name) {
+  if (IsTrackName(name)) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("\"", name.substr(0, 80), "\" is no name of a ", what,
+                   ": use 1 to 64 of the characters a-z, 0-9 and \"-\""));
+}
+
+void RemoveComments(nlohmann::json& value) {
+  if (value.is_object()) {
+    for (auto it = value.begin(); it != value.end();) {
+      it = it.key().starts_with("//") ? value.erase(it) : std::next(it);
+    }
+  }
+  if (value.is_structured()) {
+    for (nlohmann::json& child : value) RemoveComments(child);
+  }
 }
 
 absl::StatusOr<std::vector<uint64_t>> ParseSeeds(const nlohmann::json& json,
@@ -302,7 +181,7 @@ absl::StatusOr<TrackConfig> ParseTrackConfig(const nlohmann::json& effective,
   ReadPhase(reader, config);
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   for (const std::string& name : {config.id, config.profile}) {
-    if (absl::Status status = CheckName("track config or profile", name); !status.ok()) {
+    if (absl::Status status = CheckTrackName("track config or profile", name); !status.ok()) {
       return absl::InvalidArgumentError(absl::StrCat(where, ": ", status.message()));
     }
   }
@@ -334,78 +213,6 @@ absl::StatusOr<TrackConfig> WithPhase(const TrackConfig& config, const nlohmann:
   nlohmann::json effective = config.effective;
   effective.merge_patch(keys);
   return ParseTrackConfig(effective, config.id);
-}
-
-absl::StatusOr<TrackConfig> LoadTrackConfig(const std::string& tracks_dir,
-                                            const std::string& track,
-                                            const std::string& profile) {
-  absl::StatusOr<nlohmann::json> merged = ReadExtended(tracks_dir, track);
-  if (!merged.ok()) return merged.status();
-  const std::string where = absl::StrCat(tracks_dir, "/", track, ".json");
-  absl::StatusOr<nlohmann::json> profiles = ProfilesOf(*merged, where);
-  if (!profiles.ok()) return profiles.status();
-  std::string wanted = profile;
-  if (wanted.empty()) {
-    const auto it = merged->find("default_profile");
-    if (it == merged->end() || !it->is_string() || !profiles->contains(*it)) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          where, ": \"default_profile\" must be one of: ", absl::StrJoin(KeysOf(*profiles), ", ")));
-    }
-    wanted = it->get<std::string>();
-  }
-  if (!profiles->contains(wanted)) {
-    return absl::NotFoundError(
-        absl::StrCat("track \"", track, "\" has no rules profile \"", wanted.substr(0, 80),
-                     "\"; it has: ", absl::StrJoin(KeysOf(*profiles), ", ")));
-  }
-  for (const char* key : {"id", "profile", "phase", "seed_salt"}) {
-    if (!merged->contains(key)) continue;
-    return absl::InvalidArgumentError(absl::StrCat(
-        where, ": \"", key, "\" is given by the file's name and the caller; remove it"));
-  }
-  nlohmann::json effective = *std::move(merged);
-  effective.erase("profiles");
-  effective.erase("default_profile");
-  MergeOver(effective, (*profiles)[wanted]);
-  effective["id"] = track;
-  effective["profile"] = wanted;
-  const nlohmann::json practice = effective.value(kPracticeSeeds, nlohmann::json());
-  effective.erase(kPracticeSeeds);
-  const std::string place = absl::StrCat(where, " (profile ", wanted, ")");
-  absl::StatusOr<TrackConfig> config = ParseTrackConfig(effective, place);
-  if (!config.ok() || practice.is_null()) return config;
-  absl::StatusOr<std::vector<uint64_t>> seeds = PracticeSeeds(practice, config->seeds, place);
-  if (!seeds.ok()) return seeds.status();
-  config->practice_seeds = *std::move(seeds);
-  return config;
-}
-
-absl::StatusOr<std::vector<std::string>> ListProfiles(const std::string& tracks_dir,
-                                                      const std::string& track) {
-  absl::StatusOr<nlohmann::json> merged = ReadExtended(tracks_dir, track);
-  if (!merged.ok()) return merged.status();
-  absl::StatusOr<nlohmann::json> profiles =
-      ProfilesOf(*merged, absl::StrCat(tracks_dir, "/", track, ".json"));
-  if (!profiles.ok()) return profiles.status();
-  return KeysOf(*profiles);
-}
-
-absl::StatusOr<std::vector<std::string>> ListTracks(const std::string& tracks_dir) {
-  std::error_code error;
-  std::vector<std::string> names;
-  for (fs::directory_iterator it(tracks_dir, error), end; !error && it != end;
-       it.increment(error)) {
-    const fs::path& path = it->path();
-    if (path.extension() == ".json" && IsTrackName(path.stem().string())) {
-      names.push_back(path.stem().string());
-    }
-  }
-  if (error) {
-    return absl::NotFoundError(
-        absl::StrCat(tracks_dir, ": the folder of track configs can't be read: ", error.message()));
-  }
-  std::sort(names.begin(), names.end());
-  return names;
 }
 
 }  // namespace myograde

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
@@ -111,6 +112,12 @@ absl::StatusOr<std::vector<std::string>> ListProfiles(const std::string& tracks_
 
 // Names of configs and profiles: 1 to 64 of a-z, 0-9 and "-", so that they are safe in paths.
 bool IsTrackName(std::string_view name);
+// InvalidArgumentError, with what the name is for, unless it is one.
+absl::Status CheckTrackName(const std::string& what, const std::string& name);
+
+// Removes keys that begin with "//", which are comments: with them, a config's hash would depend on
+// their wording.
+void RemoveComments(nlohmann::json& value);
 
 // The names of the configs in a folder, sorted.
 absl::StatusOr<std::vector<std::string>> ListTracks(const std::string& tracks_dir);

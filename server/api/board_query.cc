@@ -1,12 +1,21 @@
 #include "server/api/board_query.h"
 
-#include <absl/strings/str_cat.h>
+#include <map>
+#include <string>
 
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
+#include "server/api/board_source.h"
+#include "server/api/caller.h"
 #include "server/api/requests.h"
 #include "server/engine/stored.h"
 
 namespace myograde::server {
 namespace {
+
+constexpr size_t kLeastDigits = 8;  // of a config's hash
+constexpr size_t kHashDigits = 64;
 
 // A phase that no file describes any more is found by its submissions.
 absl::StatusOr<TrackPtr> TrackOfPhase(Reader& reader, const ApiContext& context,
@@ -18,57 +27,183 @@ absl::StatusOr<TrackPtr> TrackOfPhase(Reader& reader, const ApiContext& context,
   return StoredTrack(reader, config);
 }
 
-absl::StatusOr<TrackPtr> AskedTrack(const httplib::Request& request, Reader& reader,
-                                    const ApiContext& context) {
+// What the daemon plays on the board of a config, or played last.
+absl::StatusOr<TrackPtr> LiveTrack(Reader& reader, const ApiContext& context,
+                                   const TrackConfig& config) {
+  if (!config.phase.empty()) return TrackOfPhase(reader, context, config.phase);
+  return context.tracks.Find(config.id, config.profile);
+}
+
+// Whether the request says nothing else than the config of a board.
+absl::Status CheckNamed(const httplib::Request& request, const TrackConfig& config) {
   const std::string name = request.get_param_value("track");
   const std::string profile = request.get_param_value("profile");
+  const std::string phase = request.get_param_value("phase");
+  const bool fits = (name.empty() || name == config.id) &&
+                    (profile.empty() || profile == config.profile) &&
+                    (!request.has_param("phase") || phase == config.phase);
+  if (fits) return absl::OkStatus();
+  const std::string what = request.has_param("config")
+                               ? absl::StrCat("config ", config.hash)
+                               : absl::StrCat("phase \"", phase, "\"");
+  const std::string of_phase = config.phase.empty() || !request.has_param("config")
+                                   ? ""
+                                   : absl::StrCat(", and of the phase \"", config.phase, "\"");
+  return absl::InvalidArgumentError(absl::StrCat(what, " is of track \"", config.id,
+                                                 "\" in the profile \"", config.profile, "\"",
+                                                 of_phase));
+}
+
+// The board's own config, as it is now.
+absl::StatusOr<TrackPtr> NamedTrack(const httplib::Request& request, Reader& reader,
+                                    const ApiContext& context) {
   if (!request.has_param("phase")) {
-    if (request.has_param("track")) return context.tracks.Find(name, profile);
+    if (request.has_param("track")) {
+      return context.tracks.Find(request.get_param_value("track"),
+                                 request.get_param_value("profile"));
+    }
     return absl::InvalidArgumentError(
         "\"track\" is missing: a board is of one track, or of one \"phase\"");
   }
   absl::StatusOr<TrackPtr> track =
       TrackOfPhase(reader, context, request.get_param_value("phase"));
-  if (!track.ok()) return track.status();
-  const TrackConfig& config = (*track)->config;
-  if ((name.empty() || name == config.id) && (profile.empty() || profile == config.profile)) {
-    return track;
+  if (!track.ok()) return track;
+  if (absl::Status named = CheckNamed(request, (*track)->config); !named.ok()) return named;
+  return track;
+}
+
+// The track whose config's hash begins with `digits`, of those that a board has or had.
+absl::StatusOr<TrackPtr> FindConfig(const std::string& digits, Reader& reader,
+                                    const ApiContext& context) {
+  const bool hexadecimal = digits.find_first_not_of("0123456789abcdef") == std::string::npos;
+  if (!hexadecimal || digits.size() < kLeastDigits || digits.size() > kHashDigits) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"config\" must be the hash of a config, or its first ", kLeastDigits,
+                     " or more of the digits 0-9 and a-f"));
   }
+  std::map<std::string, TrackPtr> found;
+  for (const std::string& hash : reader.ConfigsLike(digits, CallerIsOrganiser())) found[hash];
+  // Nothing need have been accepted under what is played now.
+  const auto add = [&](const TrackPtr& track) {
+    if (track->config.hash.starts_with(digits)) found[track->config.hash] = track;
+  };
+  for (const auto& [name, entry] : context.tracks.entries()) {
+    for (const auto& [profile, track] : entry.profiles) add(track);
+  }
+  for (const PhasePtr& phase : context.phases.entries()) add(phase->track);
+  if (found.size() == 1) {
+    const auto& [hash, track] = *found.begin();
+    if (track != nullptr) return track;
+    return StoredTrack(reader, hash);
+  }
+  if (found.empty()) {
+    return absl::NotFoundError(absl::StrCat("no board has or had a config ", digits,
+                                            "; \"other_configs\" of a board lists its own"));
+  }
+  const std::string hashes =
+      absl::StrJoin(found, ", ", [](std::string* out, const auto& entry) {
+        out->append(entry.first);
+      });
   return absl::InvalidArgumentError(
-      absl::StrCat("phase \"", config.phase, "\" is of track \"", config.id,
-                   "\" in the profile \"", config.profile, "\""));
+      absl::StrCat("several configs begin with ", digits, ": ", hashes, "; give more digits"));
+}
+
+// The track that a request names by its config, as `asked`, and what its board has now.
+absl::StatusOr<TrackPtr> FindTracks(const httplib::Request& request, Reader& reader,
+                                    const ApiContext& context, TrackPtr& asked) {
+  const absl::StatusOr<TrackPtr> found =
+      FindConfig(request.get_param_value("config"), reader, context);
+  if (!found.ok()) return found;
+  if (absl::Status named = CheckNamed(request, (*found)->config); !named.ok()) return named;
+  asked = *found;
+  absl::StatusOr<TrackPtr> live = LiveTrack(reader, context, asked->config);
+  // A track that is not on offer any more has no other config either.
+  if (absl::IsNotFound(live.status())) return asked;
+  return live;
+}
+
+// The moment that a request asks for, in milliseconds; 0: now.
+absl::StatusOr<int64_t> ReadMoment(const httplib::Request& request, absl::Time now) {
+  if (!request.has_param("at")) return int64_t{0};
+  absl::Time time;
+  const std::string text = request.get_param_value("at");
+  if (!absl::ParseTime(absl::RFC3339_full, text, &time, nullptr) ||
+      time < absl::FromUnixMillis(1) || time == absl::InfiniteFuture()) {
+    return absl::InvalidArgumentError(
+        "\"at\" must be a time like 2026-12-01T00:00:00Z, in 1970 or later");
+  }
+  if (time > now) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"at\" is ", UtcText(time), ", which is still to come; leave it out for the "
+                     "board of now"));
+  }
+  return absl::ToUnixMillis(time);
 }
 
 // From a phase's freeze on, only organisers see what ends later.
-absl::Status AddFreeze(Reader& reader, const ApiContext& context, BoardQuery& asked) {
+absl::Status AddFreeze(Reader& reader, const ApiContext& context, absl::Time now,
+                       BoardQuery& asked) {
   const PhaseConfig* phase = context.phases.ConfigOf(asked.track->config.phase);
   if (phase == nullptr) return absl::OkStatus();
   const auto events = reader.PhaseEvents(phase->name);
   if (!events.ok()) return events.status();
-  const PhaseStatus status = StatusOfPhase(*phase, *events, context.clock.Now());
+  const PhaseStatus status = StatusOfPhase(*phase, *events, now);
   const bool ever = phase->freezes != absl::InfiniteFuture();
   if (!ever || status.published || status.revealed) return absl::OkStatus();
   asked.freezes = phase->freezes;
-  asked.frozen = status.frozen;
+  const absl::Time shown = asked.at_ms == 0 ? now : absl::FromUnixMillis(asked.at_ms);
+  asked.frozen = status.frozen && shown >= phase->freezes;
   asked.whole = CallerIsOrganiser();
+  return absl::OkStatus();
+}
+
+// The configs of a query of which all else is known. From a freeze on, a board keeps the config that
+// it had then: results under another one would all be hidden.
+absl::Status AddConfigs(const httplib::Request& request, Reader& reader, const TrackPtr& live,
+                        BoardQuery& asked) {
+  const BoardMoment moment = asked.moment();
+  const absl::StatusOr<TrackPtr> then = TrackAt(reader, live, moment.before_ms);
+  if (!then.ok()) return then.status();
+  asked.config_in_force = (*then)->config.hash;
+  if (request.has_param("config")) return absl::OkStatus();
+  absl::StatusOr<TrackPtr> shown = *then;
+  if (asked.frozen && !asked.whole) shown = TrackAt(reader, live, moment.results_before_ms());
+  if (!shown.ok()) return shown.status();
+  asked.track = *std::move(shown);
   return absl::OkStatus();
 }
 
 }  // namespace
 
+std::vector<std::string> BoardParametersAnd(const std::vector<std::string>& others) {
+  std::vector<std::string> all = {"track", "profile", "phase", "board", "config", "at"};
+  all.insert(all.end(), others.begin(), others.end());
+  return all;
+}
+
 absl::StatusOr<BoardQuery> ParseBoardQuery(const httplib::Request& request, Reader& reader,
                                            const ApiContext& context) {
-  absl::StatusOr<TrackPtr> track = AskedTrack(request, reader, context);
-  if (!track.ok()) return track.status();
-  BoardQuery asked{*track, request.has_param("board") ? request.get_param_value("board")
-                                                      : scoring::kMainBoard};
+  const absl::Time now = context.clock.Now();
+  const absl::StatusOr<int64_t> at = ReadMoment(request, now);
+  if (!at.ok()) return at.status();
+  BoardQuery asked;
+  asked.at_ms = *at;
+  asked.board =
+      request.has_param("board") ? request.get_param_value("board") : scoring::kMainBoard;
+  absl::StatusOr<TrackPtr> live = request.has_param("config")
+                                      ? FindTracks(request, reader, context, asked.track)
+                                      : NamedTrack(request, reader, context);
+  if (!live.ok()) return live.status();
+  if (asked.track == nullptr) asked.track = *live;
+  absl::Status status = AddFreeze(reader, context, now, asked);
+  if (status.ok()) status = AddConfigs(request, reader, *live, asked);
+  if (!status.ok()) return status;
   const auto rules = asked.track->scoring.boards.find(asked.board);
   if (rules == asked.track->scoring.boards.end()) {
     return absl::InvalidArgumentError(
         absl::StrCat("track \"", asked.track->config.id, "\" has no board \"", asked.board, "\""));
   }
   asked.rules = &rules->second;
-  if (absl::Status status = AddFreeze(reader, context, asked); !status.ok()) return status;
   return asked;
 }
 

@@ -5,7 +5,10 @@
 #include <string>
 #include <utility>
 
+#include <absl/strings/str_cat.h>
+
 #include "server/engine/standings.h"
+#include "server/grading/stored_track.h"
 
 namespace myograde::server {
 namespace {
@@ -24,19 +27,17 @@ absl::Status FillRow(Reader& reader, const std::string& names, StandingRow& row)
 
 }  // namespace
 
-absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track, int64_t before_ms) {
+absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track,
+                                     const BoardMoment& moment) {
   const std::string names = scoring::RankedNames(*track.scoring.track);
-  Listed<StandingRow> listed = reader.Standings(track.config.hash);
-  MarksInForce marks = reader.Marks();
-  BoardSource source{{}, std::move(marks.by_submission), std::move(listed.damaged)};
+  InForce in_force = reader.StandingsInForce(track.config.hash, moment);
+  MarksInForce marks = reader.Marks(moment.before_ms);
+  BoardSource source{{}, std::move(marks.by_submission), std::move(in_force.damaged),
+                     in_force.withheld};
   const bool choose = track.scoring.team == scoring::TeamRule::kChosen;
   const std::set<int64_t> chosen =
-      choose ? reader.Choices(track.config.hash, before_ms) : std::set<int64_t>();
-  for (StandingRow& row : listed.rows) {
-    if (row.finished_at >= before_ms) {
-      source.withheld = true;
-      continue;
-    }
+      choose ? reader.Choices(track.config.hash, moment) : std::set<int64_t>();
+  for (StandingRow& row : in_force.rows) {
     row.chosen = chosen.contains(row.submission);
     // Nobody can tell whether it is hidden or disqualified.
     if (const auto mark = marks.damaged.find(row.submission); mark != marks.damaged.end()) {
@@ -56,6 +57,39 @@ absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track, int64_t
     source.damaged.push_back(mark->second);
   }
   return source;
+}
+
+absl::StatusOr<Leaderboard> BoardUnder(Reader& reader, const Track& track,
+                                       const std::string& board, const BoardMoment& moment) {
+  const auto rules = track.scoring.boards.find(board);
+  if (rules == track.scoring.boards.end()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("track \"", track.config.id, "\" has no board \"", board, "\""));
+  }
+  absl::StatusOr<BoardSource> source = SourceOf(reader, track, moment);
+  if (!source.ok()) return source.status();
+  absl::StatusOr<Leaderboard> made = MakeLeaderboard(source->standings, source->marks,
+                                                     rules->second.rules, track.scoring.team);
+  if (!made.ok()) return made.status();
+  made->damaged.insert(made->damaged.begin(), source->damaged.begin(), source->damaged.end());
+  return made;
+}
+
+absl::StatusOr<TrackPtr> TrackAt(Reader& reader, const TrackPtr& live, int64_t before_ms) {
+  const TrackConfig& config = live->config;
+  if (before_ms == INT64_MAX) return live;
+  const absl::StatusOr<std::string> hash =
+      reader.ConfigAt({config.phase, config.id, config.profile}, before_ms);
+  if (!hash.ok()) return hash.status();
+  if (hash->empty() || *hash == config.hash) return live;
+  return StoredTrack(reader, *hash);
+}
+
+absl::StatusOr<Leaderboard> BoardAt(Reader& reader, const TrackPtr& live, const std::string& board,
+                                    const BoardMoment& moment) {
+  const absl::StatusOr<TrackPtr> track = TrackAt(reader, live, moment.results_before_ms());
+  if (!track.ok()) return track.status();
+  return BoardUnder(reader, **track, board, moment);
 }
 
 }  // namespace myograde::server

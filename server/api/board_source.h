@@ -34,8 +34,11 @@ absl::StatusOr<BoardSource> SourceOf(Reader& reader, const Track& track,
 absl::StatusOr<Leaderboard> BoardUnder(Reader& reader, const Track& track,
                                        const std::string& board, const BoardMoment& moment);
 
-// The same under the config that the board had at that moment. `live`: what the daemon plays there
-// now, or played last.
+// What the board of `live` had at a moment; `live` is what the daemon plays there now, or played
+// last. A damaged row (store/damage.h) if that can't be read any more.
+absl::StatusOr<TrackPtr> TrackAt(Reader& reader, const TrackPtr& live, int64_t before_ms);
+
+// BoardUnder the config that the board had at that moment.
 absl::StatusOr<Leaderboard> BoardAt(Reader& reader, const TrackPtr& live, const std::string& board,
                                     const BoardMoment& moment);
 

@@ -8,82 +8,15 @@
 #include "protocol/base/config_reader.h"
 #include "server/api/board_query.h"
 #include "server/api/board_source.h"
+#include "server/api/board_view.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/engine/standings.h"
 #include "server/grading/leaderboard.h"
-#include "server/grading/results.h"
 
 namespace myograde::server {
-namespace {
 
 using Json = nlohmann::json;
-
-Json RowToJson(const LeaderboardRow& row) {
-  const bool baseline = row.ranked.rank == 0;
-  return {{"rank", baseline ? Json() : Json(row.ranked.rank)},
-          {"baseline", baseline},
-          {"team", row.source.team},
-          {"submission", row.source.submission},
-          {"evaluation", row.source.evaluation},
-          {"name", row.source.artefact_name},
-          {"qualified", row.qualified},
-          {"aggregate", row.aggregate}};
-}
-
-// The numbers that the board shows beside the successes.
-Json ColumnsToJson(const scoring::ScoredTrack& track, const scoring::BoardSpec& board) {
-  Json columns = Json::array();
-  for (const size_t place : board.columns) columns.push_back(MetricToJson(track.metrics[place]));
-  return columns;
-}
-
-Json BoardToJson(const Leaderboard& board) {
-  Json rows = Json::array();
-  for (const LeaderboardRow& row : board.rows) rows.push_back(RowToJson(row));
-  Json disqualified = Json::array();
-  for (const DisqualifiedRow& row : board.disqualified) {
-    disqualified.push_back({{"team", row.source.team},
-                            {"submission", row.source.submission},
-                            {"evaluation", row.source.evaluation},
-                            {"name", row.source.artefact_name},
-                            {"reason", row.mark.why},
-                            {"at", TimeToJson(row.mark.at)},
-                            {"aggregate", row.aggregate}});
-  }
-  return {{"rows", std::move(rows)}, {"disqualified", std::move(disqualified)}};
-}
-
-absl::StatusOr<std::string> MakeBoardText(Reader& reader, const BoardQuery& asked) {
-  const TrackConfig& config = asked.track->config;
-  absl::StatusOr<BoardSource> source = SourceOf(reader, *asked.track, asked.before_ms());
-  if (!source.ok()) return source.status();
-  absl::StatusOr<Leaderboard> board = MakeLeaderboard(
-      source->standings, source->marks, asked.rules->rules, asked.track->scoring.team);
-  if (!board.ok()) return board.status();
-  Json json = BoardToJson(*board);
-  source->damaged.insert(source->damaged.end(), board->damaged.begin(), board->damaged.end());
-  json["unreadable"] = DamagedToJson(source->damaged);
-  json["track"] = config.id;
-  json["track_kind"] = config.kind->name;
-  json["profile"] = config.profile;
-  json["phase"] = TextOrNull(config.phase);
-  json["frozen_at"] =
-      asked.frozen || source->withheld ? TimeToJson(absl::ToUnixMillis(asked.freezes)) : Json();
-  json["complete"] = asked.whole || !(asked.frozen || source->withheld);
-  json["board"] = asked.board;
-  json["rules"] = config.scoring["boards"][asked.board];
-  json["official_figures"] = asked.track->scoring.official_figures;
-  json["columns"] = ColumnsToJson(*asked.track->scoring.track, *asked.rules);
-  json["order"] = scoring::DescribeOrder(asked.rules->rules);
-  json["config"] = config.hash;
-  json["episodes"] = config.seeds.size();
-  json["other_config"] = 
-      reader.RankedElsewhere(config.id, config.profile, config.phase, config.hash);
-  return CanonicalJson(json) + "\n";
-}
-
-}  // namespace
 
 void BoardsResource::Install(Routes& routes) {
   routes.Get("/v1/leaderboard", Action::kReadBoard, std::bind_front(&BoardsResource::Get, this));
@@ -94,40 +27,31 @@ void BoardsResource::Install(Routes& routes) {
 }
 
 ApiResult BoardsResource::Get(const httplib::Request& request) {
-  absl::Status status = CheckParameters(request, {"track", "profile", "phase", "board"});
+  absl::Status status = CheckParameters(request, BoardParametersAnd({}));
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer{.tagged = true};
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
     if (!asked.ok()) return asked.status();
-    const Key key(asked->track->config.hash, asked->board, asked->view());
+    const std::string& config = asked->track->config.hash;
+    KeptBoards& kept = asked->at_ms == 0 && config == asked->config_in_force ? now_ : others_;
+    const KeptBoards::Key key{config, asked->config_in_force, asked->board, asked->view(),
+                              asked->at_ms};
     const int64_t changes = reader.BoardChanges();
-    answer.text = Kept(key, changes);
+    answer.text = kept.Find(key, changes);
     if (answer.text != nullptr) return absl::OkStatus();
-    absl::StatusOr<std::string> text = MakeBoardText(reader, *asked);
-    if (!text.ok()) return text.status();
-    answer.text = std::make_shared<const std::string>(*std::move(text));
-    Keep(key, {changes, answer.text});
+    absl::StatusOr<Json> board = BoardView(reader, *asked);
+    if (!board.ok()) return board.status();
+    answer.text = std::make_shared<const std::string>(CanonicalJson(*board) + "\n");
+    kept.Keep(key, changes, answer.text);
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
   return answer;
 }
 
-std::shared_ptr<const std::string> BoardsResource::Kept(const Key& key, int64_t changes) {
-  const MutexLock lock(mutex_);
-  const KeptBoard& kept = kept_[key];
-  return kept.changes == changes ? kept.text : nullptr;
-}
-
-void BoardsResource::Keep(const Key& key, KeptBoard board) {
-  const MutexLock lock(mutex_);
-  KeptBoard& kept = kept_[key];
-  if (board.changes > kept.changes) kept = std::move(board);
-}
-
 ApiResult BoardsResource::Explain(const httplib::Request& request) const {
-  absl::Status status = CheckParameters(request, {"track", "profile", "phase", "board", "a", "b"});
+  absl::Status status = CheckParameters(request, BoardParametersAnd({"a", "b"}));
   for (const char* key : {"a", "b"}) {
     if (!request.has_param(key)) {
       status.Update(absl::InvalidArgumentError(absl::StrCat(
@@ -140,7 +64,7 @@ ApiResult BoardsResource::Explain(const httplib::Request& request) const {
     const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
     if (!asked.ok()) return asked.status();
     const BoardQuery& board = *asked;
-    const absl::StatusOr<BoardSource> source = SourceOf(reader, *board.track, board.before_ms());
+    const absl::StatusOr<BoardSource> source = SourceOf(reader, *board.track, board.moment());
     if (!source.ok()) return source.status();
     const auto explanation = ExplainOrder(source->standings, source->marks, board.rules->rules,
                                           board.track->scoring.team,

@@ -1,16 +1,12 @@
 // Leaderboards, and why they are as they are.
 #pragma once
 
-#include <cstdint>
-#include <map>
-#include <memory>
-#include <string>
-#include <tuple>
+#include <cstddef>
 
 #include <nlohmann/json.hpp>
 
-#include "protocol/base/mutex.h"
 #include "server/api/context.h"
+#include "server/api/kept_boards.h"
 #include "server/api/routes.h"
 
 namespace myograde::server {
@@ -28,22 +24,10 @@ class BoardsResource {
   ApiResult Explain(const httplib::Request& request) const;
   ApiResult Rebuild(const httplib::Request& request, const nlohmann::json& body) const;
 
-  // A board's text, and the store's count of changes when it was made, which shows whether it is
-  // stale.
-  struct KeptBoard {
-    int64_t changes = -1;
-    std::shared_ptr<const std::string> text;
-  };
-  // Hash of the track config, name of the board, and which view of it.
-  using Key = std::tuple<std::string, std::string, int>;
-
-  // nullptr: there is none, or it is stale.
-  std::shared_ptr<const std::string> Kept(const Key& key, int64_t changes);
-  void Keep(const Key& key, KeptBoard board);
-
   const ApiContext& context_;
-  Mutex mutex_;
-  std::map<Key, KeptBoard> kept_ ABSL_GUARDED_BY(mutex_);
+  // Apart, as boards of the past are asked for without end.
+  KeptBoards now_{256, size_t{256} << 20};
+  KeptBoards others_{32, size_t{32} << 20};
 };
 
 }  // namespace myograde::server

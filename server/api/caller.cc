@@ -55,7 +55,13 @@ absl::Status RequireEvaluation(Reader& reader, int64_t id) {
   if (CallerIsOrganiser()) return absl::OkStatus();
   const absl::StatusOr<std::string> team = reader.TeamOfEvaluation(id);
   if (!team.ok()) return team.status();
-  return Require(*team, absl::NotFoundError(absl::StrCat("there is no evaluation ", id)));
+  const absl::Status missing = absl::NotFoundError(absl::StrCat("there is no evaluation ", id));
+  if (absl::Status may = Require(*team, missing); !may.ok()) return may;
+  return CallerSees(reader.RejudgeOfEvaluation(id)) ? absl::OkStatus() : missing;
+}
+
+bool CallerSees(const RejudgeOf& rejudge) {
+  return rejudge.rejudge == 0 || rejudge.ever_applied || CallerIsOrganiser();
 }
 
 absl::Status RequireTeam(Reader& reader, const std::string& name) {

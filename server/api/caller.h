@@ -28,6 +28,8 @@ absl::Status Require(const std::string& team, const absl::Status& missing);
 // store knows of a damaged one.
 absl::Status RequireSubmission(Reader& reader, int64_t id);
 absl::Status RequireEvaluation(Reader& reader, int64_t id);
+// A rejudge's evaluations are the organisers' until it is applied for the first time.
+bool CallerSees(const RejudgeOf& rejudge);
 
 // The same for the team called `name`, now or formerly. NotFoundError for one of others as for one
 // that there is not.

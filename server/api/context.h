@@ -23,8 +23,8 @@ struct ApiContext {
   std::string data_dir;
   std::string cache_dir;
   std::string tracks_dir;  // where "extends" of a config that a client sends is looked up
-  const Tracks& tracks;
-  const Phases& phases;
+  Tracks& tracks;  // rejudges give boards other configs (server/challenge/board_configs.h)
+  Phases& phases;
   Admission& admission;
   Engine& engine;
   ReaderPool& readers;

@@ -83,6 +83,7 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
 
   Json json = SubmissionToJson(*submission, *evaluation, reader.Counts(id));
   json["kind"] = EvaluationKindName(evaluation->kind);
+  json["rejudge"] = IdOrNull(reader.RejudgeOfEvaluation(id).rejudge);
   json["ranked"] = submission->ranked && evaluation->kind == EvaluationKind::kOriginal;
   json["track_kind"] = config.kind->name;
   json["reason"] = TextOrNull(evaluation->reason);
@@ -94,8 +95,8 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   json["official_figures"] = scoring.official_figures;
   json["metrics"] = ShownMetrics(scoring);
   json["hashes"] = {{"artefact", submission->artefact},
-                    {"config", submission->config},
-                    {"seeds", submission->seeds},
+                    {"config", ConfigOf(*evaluation, *submission)},
+                    {"seeds", SeedsOf(*evaluation, *submission)},
                     {"results", ResultsHash(rows, config.seed_salt)}};
   json["merkle_root"] = rows.empty() ? Json() : Json(MerkleRootOf(rows, config.seed_salt));
   json["grader"] = Json::parse(evaluation->grader_json, nullptr, false);

@@ -10,7 +10,6 @@
 #include "protocol/base/sha256.h"
 #include "protocol/lease/track_config.h"
 #include "server/api/requests.h"
-#include "server/challenge/board_configs.h"
 #include "server/engine/stored.h"
 
 namespace myograde::server {
@@ -153,9 +152,9 @@ absl::StatusOr<ApplyRequest> ParseApply(const Json& body) {
   return request;
 }
 
-absl::StatusOr<TrackPtr> LiveTrack(Reader& reader, const ApiContext& context,
-                                   const std::string& phase, const std::string& track,
-                                   const std::string& profile) {
+absl::StatusOr<TrackPtr> TrackInForce(Reader& reader, const ApiContext& context,
+                                      const std::string& phase, const std::string& track,
+                                      const std::string& profile) {
   if (phase.empty()) return context.tracks.Find(track, profile);
   const absl::StatusOr<PhasePtr> found = context.phases.Find(phase);
   if (found.ok()) return (*found)->track;
@@ -163,19 +162,13 @@ absl::StatusOr<TrackPtr> LiveTrack(Reader& reader, const ApiContext& context,
   const std::string hash =
       context.phases.ConfigOf(phase) == nullptr ? reader.ConfigOfPhase(phase) : "";
   if (hash.empty()) return found.status();
-  absl::StatusOr<TrackPtr> last = StoredTrack(reader, hash);
-  if (!last.ok()) return last;
-  const TrackConfig& config = (*last)->config;
-  const absl::StatusOr<std::string> in_force =
-      ConfigAt(reader, {phase, config.id, config.profile}, INT64_MAX);
-  if (!in_force.ok()) return in_force.status();
-  return in_force->empty() || *in_force == hash ? last : StoredTrack(reader, *in_force);
+  return StoredTrack(reader, hash);
 }
 
 absl::StatusOr<NewRejudge> MakeRejudge(Reader& reader, const ApiContext& context,
                                        const RejudgeRequest& request) {
   const absl::StatusOr<TrackPtr> live =
-      LiveTrack(reader, context, request.phase, request.track, request.profile);
+      TrackInForce(reader, context, request.phase, request.track, request.profile);
   if (!live.ok()) return live.status();
   const TrackConfig& from = (*live)->config;
   absl::StatusOr<TrackPtr> next = *live;

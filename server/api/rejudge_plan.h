@@ -35,9 +35,9 @@ struct ApplyRequest {
 absl::StatusOr<ApplyRequest> ParseApply(const nlohmann::json& body);
 
 // What a board is played and judged by now.
-absl::StatusOr<TrackPtr> LiveTrack(Reader& reader, const ApiContext& context,
-                                   const std::string& phase, const std::string& track,
-                                   const std::string& profile);
+absl::StatusOr<TrackPtr> TrackInForce(Reader& reader, const ApiContext& context,
+                                      const std::string& phase, const std::string& track,
+                                      const std::string& profile);
 
 // What the store is to create. InvalidArgumentError says in one sentence what is wrong with the
 // config, or how it does not fit the board.

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
 
 #include "server/api/paging.h"
 #include "server/api/rejudge_document.h"
@@ -122,13 +123,27 @@ absl::StatusOr<std::string> RejudgesResource::ConfigInForce(int64_t id) const {
     const absl::StatusOr<RejudgeRow> row = reader.Rejudge(id);
     if (!row.ok()) return row.status();
     const absl::StatusOr<TrackPtr> live =
-        LiveTrack(reader, context_, row->phase, row->track, row->profile);
+        TrackInForce(reader, context_, row->phase, row->track, row->profile);
     if (!live.ok()) return live.status();
     hash = (*live)->config.hash;
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
   return hash;
+}
+
+AfterRejudge RejudgesResource::PlayFromNowOn() const {
+  return [&context = context_](const RejudgeDone& done) {
+    if (done.config_after == done.config_before) return;
+    const absl::Status switched = context.readers.Read([&](Reader& reader) {
+      return SwitchConfig(reader, done.config_after, context.tracks, context.phases);
+    });
+    if (switched.ok()) return;
+    spdlog::error("rejudge {} is {}, and its board's config is {}; it will be played after a restart, "
+                  "but not yet: {}",
+                  done.event.rejudge, RejudgeEventName(done.event.event), done.config_after,
+                  std::string(switched.message()));
+  };
 }
 
 ApiResult RejudgesResource::Apply(const httplib::Request& request, const Json& body) const {
@@ -141,7 +156,7 @@ ApiResult RejudgesResource::Apply(const httplib::Request& request, const Json& b
   if (!sign.ok()) return ErrorOf(sign.status());
   const absl::StatusOr<RejudgeDone> done = context_.engine.ApplyRejudge(
       {id, asked->reason, std::move(asked->without), *std::move(in_force)}, *sign, CallerKey(),
-      context_.config.http.request);
+      context_.config.http.request, /*alongside=*/nullptr, PlayFromNowOn());
   if (!done.ok()) return ErrorOf(done.status());
   NoteAct(SubjectOf(id), "applied");
   return Show(id, 200, {{"config_before", done->config_before},
@@ -152,14 +167,17 @@ ApiResult RejudgesResource::Drop(const httplib::Request& request, const Json& bo
   const absl::StatusOr<std::string> reason = ParseReason(body);
   if (!reason.ok()) return ErrorOf(reason.status());
   const int64_t id = IdOf(request);
+  absl::StatusOr<std::string> in_force = ConfigInForce(id);
+  if (!in_force.ok()) return ErrorOf(in_force.status());
   const absl::StatusOr<SignRejudge> sign = RejudgeSigner(context_);
   if (!sign.ok()) return ErrorOf(sign.status());
   const absl::StatusOr<RejudgeDone> done = context_.engine.DropRejudge(
-      {id, *reason}, *sign, CallerKey(), context_.config.http.request);
+      {id, *reason, {}, *std::move(in_force)}, *sign, CallerKey(), context_.config.http.request,
+      /*alongside=*/nullptr, PlayFromNowOn());
   if (!done.ok()) return ErrorOf(done.status());
   NoteAct(SubjectOf(id), "dropped");
-  return Show(id, 200, {{"config_before", TextOrNull(done->config_before)},
-                        {"config_after", TextOrNull(done->config_after)},
+  return Show(id, 200, {{"config_before", done->config_before},
+                        {"config_after", done->config_after},
                         {"accepted_under_to_config", done->stay}});
 }
 

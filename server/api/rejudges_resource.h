@@ -29,6 +29,8 @@ class RejudgesResource {
   ApiResult Show(int64_t id, int http, nlohmann::json more) const;
   // The hash of the config in force on its board.
   absl::StatusOr<std::string> ConfigInForce(int64_t id) const;
+  // Has the daemon play and show the board's new config once an act is written.
+  AfterRejudge PlayFromNowOn() const;
 
   const ApiContext& context_;
 };

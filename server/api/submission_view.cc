@@ -137,11 +137,15 @@ absl::StatusOr<nlohmann::json> SubmissionStatus(Reader& reader, const ApiContext
   json["marks"] = MarksToJson(*marks);
   json["evaluations"] = Json::array();
   for (const EvaluationRow& evaluation : *evaluations) {
+    const RejudgeOf rejudge = reader.RejudgeOfEvaluation(evaluation.id);
+    if (!CallerSees(rejudge)) continue;
     json["evaluations"].push_back({{"evaluation", evaluation.id},
                                    {"kind", EvaluationKindName(evaluation.kind)},
                                    {"state", EvaluationStateName(evaluation.state)},
                                    {"first", evaluation.first},
-                                   {"last", evaluation.last}});
+                                   {"last", evaluation.last},
+                                   {"rejudge", IdOrNull(rejudge.rejudge)},
+                                   {"config", ConfigOf(evaluation, *row)}});
   }
   return json;
 }

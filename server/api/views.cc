@@ -52,6 +52,10 @@ std::string HostName() {
   return gethostname(name, sizeof(name) - 1) == 0 ? name : "unknown";
 }
 
+nlohmann::json IdOrNull(int64_t id) {
+  return id == 0 ? nlohmann::json() : nlohmann::json(id);
+}
+
 nlohmann::json TextOrNull(const std::string& text) { return text.empty() ? Json() : Json(text); }
 
 nlohmann::json SecondsOrNull(const std::optional<absl::Duration>& duration) {

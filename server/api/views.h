@@ -1,6 +1,7 @@
 // The parts of the API's answers that more than one address tells.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,6 +21,8 @@ nlohmann::json TimeToJson(int64_t ms);
 nlohmann::json DamagedToJson(const std::vector<Damage>& damaged);
 // This host's own.
 std::string HostName();
+// Null for 0: none.
+nlohmann::json IdOrNull(int64_t id);
 // Null for "".
 nlohmann::json TextOrNull(const std::string& text);
 nlohmann::json SecondsOrNull(const std::optional<absl::Duration>& duration);

@@ -31,18 +31,14 @@ absl::Status SwitchConfig(Reader& reader, const std::string& config_hash, Tracks
 struct Overlaid {
   std::vector<std::string> notes;     // boards whose config is that of a rejudge
   std::vector<std::string> warnings;  // boards whose files say something new, which starts empty
-  std::vector<std::string> errors;    // boards whose config can't be read; their phases take nothing
+  std::vector<std::string> errors;    // tracks whose config can't be read
   std::vector<NewBoardConfig> changed;  // by the files; to be written to the store
 };
 
 // Puts the configs that rejudges brought into force over those of the files, which must be loaded
 // already. A board's config is the store's as long as its file says what it said before those
-// rejudges, or what one of them made of it. If the file says anything else, the file wins.
+// rejudges, or what one of them made of it. If the file says anything else, the file wins. A phase
+// whose config can't be read can't be played: Phases::Find says why.
 absl::StatusOr<Overlaid> OverlayConfigs(Reader& reader, Tracks& tracks, Phases& phases);
-
-// The hash of the config that a board had at a moment: the store's latest of that time, else that
-// of the latest ranked submission of that time, else of the earliest one at all. "": the store knows
-// none, so it was that of the files.
-absl::StatusOr<std::string> ConfigAt(Reader& reader, const BoardName& board, int64_t before_ms);
 
 }  // namespace myograde::server

@@ -86,6 +86,7 @@ absl::StatusOr<TrackPtr> PhaseTrack(const PhaseConfig& phase, const Track& track
 absl::StatusOr<Phases> Phases::Make(std::vector<ChallengeConfig> challenges, const Tracks& tracks,
                                     const SecretOfPhase& secret_of) {
   Phases phases;
+  std::vector<PhasePtr> entries;
   phases.challenges_ = std::move(challenges);
   for (const ChallengeConfig& challenge : phases.challenges_) {
     for (const PhaseConfig& config : challenge.phases) {
@@ -99,14 +100,16 @@ absl::StatusOr<Phases> Phases::Make(std::vector<ChallengeConfig> challenges, con
       }
       absl::StatusOr<TrackPtr> own = PhaseTrack(config, **track, *secret);
       if (!own.ok()) return own.status();
-      phases.entries_.push_back(std::make_shared<const Phase>(
+      entries.push_back(std::make_shared<const Phase>(
           Phase{config, *std::move(own),
                 secret->empty() ? "" : Sha256Hex(absl::BytesToHexString(*secret))}));
     }
   }
-  std::sort(phases.entries_.begin(), phases.entries_.end(), [](const auto& a, const auto& b) {
+  std::sort(entries.begin(), entries.end(), [](const auto& a, const auto& b) {
     return std::tie(a->config.opens, a->config.name) < std::tie(b->config.opens, b->config.name);
   });
+  const MutexLock lock(phases.played_->mutex);
+  phases.played_->entries = std::move(entries);
   return phases;
 }
 
@@ -122,17 +125,51 @@ absl::StatusOr<Phases> Phases::Load(const std::string& dir, const Tracks& tracks
 }
 
 absl::StatusOr<PhasePtr> Phases::Find(const std::string& name) const {
-  for (const PhasePtr& phase : entries_) {
+  const std::vector<PhasePtr> known_phases = entries();
+  for (const PhasePtr& phase : known_phases) {
     if (phase->config.name == name) return phase;
   }
   if (const auto it = unusable_.find(name); it != unusable_.end()) return it->second;
-  const std::string known = absl::StrJoin(entries_, ", ", [](std::string* out, const PhasePtr& p) {
-    out->append(p->config.name);
-  });
+  const std::string known = absl::StrJoin(
+      known_phases, ", ",
+      [](std::string* out, const PhasePtr& p) { out->append(p->config.name); });
   return WithErrorCode(
       absl::NotFoundError(absl::StrCat("there is no phase \"", name.substr(0, 80), "\"; known: ",
                                        known.empty() ? "none" : known)),
       "unknown_phase");
+}
+
+std::vector<PhasePtr> Phases::entries() const {
+  const MutexLock lock(played_->mutex);
+  return played_->entries;
+}
+
+absl::Status Phases::Replace(const TrackPtr& track) {
+  const TrackConfig& config = track->config;
+  const MutexLock lock(played_->mutex);
+  for (PhasePtr& phase : played_->entries) {
+    if (phase->config.name != config.phase) continue;
+    const TrackConfig& before = phase->track->config;
+    if (before.id != config.id || before.profile != config.profile || before.kind != config.kind) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("config ", config.hash, " is of track \"", config.id, "\" in the profile \"",
+                       config.profile, "\", and phase \"", config.phase, "\" is of track \"",
+                       before.id, "\" in the profile \"", before.profile, "\""));
+    }
+    Phase changed = *phase;
+    changed.track = track;
+    phase = std::make_shared<const Phase>(std::move(changed));
+    return absl::OkStatus();
+  }
+  return absl::NotFoundError(
+      absl::StrCat("there is no phase \"", config.phase, "\" that could play config ", config.hash));
+}
+
+void Phases::Close(const std::string& name, const absl::Status& why) {
+  const MutexLock lock(played_->mutex);
+  std::erase_if(played_->entries,
+                [&](const PhasePtr& phase) { return phase->config.name == name; });
+  unusable_.insert_or_assign(name, why);
 }
 
 const PhaseConfig* Phases::ConfigOf(const std::string& name) const {

@@ -13,6 +13,7 @@
 #include <absl/status/statusor.h>
 #include <absl/time/time.h>
 
+#include "protocol/base/mutex.h"
 #include "server/challenge/challenge.h"
 #include "server/grading/tracks.h"
 #include "server/store/rows.h"
@@ -58,13 +59,21 @@ class Phases {
   // From now on the phase that the config names plays `track`. NotFoundError: there is no such phase;
   // InvalidArgumentError: it is of another track, profile or environment.
   absl::Status Replace(const TrackPtr& track);
+  // Takes a phase that can't be played out of those that can; `why` is what Find says then. Not while
+  // other threads use this object.
+  void Close(const std::string& name, const absl::Status& why);
   // Whether a challenge is held on this server.
   bool any() const { return !challenges_.empty(); }
 
  private:
+  struct Played {
+    Mutex mutex;
+    std::vector<PhasePtr> entries ABSL_GUARDED_BY(mutex);
+  };
+
   std::vector<ChallengeConfig> challenges_;
-  std::vector<PhasePtr> entries_;
   std::map<std::string, absl::Status> unusable_;
+  std::unique_ptr<Played> played_ = std::make_unique<Played>();  // a mutex can't be moved
 };
 
 // What the calendar and the organisers say of a phase.

@@ -20,6 +20,7 @@
 #include "protocol/base/file.h"
 #include "server/admission/admission.h"
 #include "server/api/api.h"
+#include "server/challenge/board_configs.h"
 #include "server/challenge/phases.h"
 #include "server/config/user_names.h"
 #include "server/engine/engine.h"
@@ -199,6 +200,28 @@ absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
   return Phases::Make(configs.challenges, configs.tracks, secret_of);
 }
 
+// The configs that boards have by the store, where that is not what the files say.
+absl::Status TakeConfigsInForce(Store& store, ReaderPool& readers, Tracks& tracks,
+                                Phases& phases) {
+  absl::StatusOr<Overlaid> overlaid = absl::InternalError("");
+  const absl::Status read = readers.Read([&](Reader& reader) {
+    overlaid = OverlayConfigs(reader, tracks, phases);
+    return overlaid.status();
+  });
+  if (!read.ok()) return read;
+  for (const std::string& note : overlaid->notes) spdlog::info("{}", note);
+  for (const std::string& warning : overlaid->warnings) spdlog::warn("{}", warning);
+  for (const std::string& error : overlaid->errors) spdlog::error("{}", error);
+  if (overlaid->changed.empty()) return absl::OkStatus();
+  return store.Write([&](Writer& writer) {
+    for (const NewBoardConfig& change : overlaid->changed) {
+      const absl::Status written = writer.SetBoardConfig(change, "daemon").status();
+      if (!written.ok()) return written;
+    }
+    return absl::OkStatus();
+  });
+}
+
 // Of what an organiser may have changed without meaning to.
 absl::Status LogPhases(const Phases& phases, ReaderPool& readers) {
   for (const auto& [name, why] : phases.unusable()) {
@@ -211,14 +234,9 @@ absl::Status LogPhases(const Phases& phases, ReaderPool& readers) {
       return absl::OkStatus();
     }
     for (const PhaseUse& use : *uses) {
-      const absl::StatusOr<PhasePtr> phase = phases.Find(use.phase);
-      if (phases.ConfigOf(use.phase) == nullptr) {
-        spdlog::info("phase \"{}\" has {} submissions and no file: it is closed, and its board is "
-                     "shown in full", use.phase, use.submissions);
-      } else if (phase.ok() && (*phase)->track->config.hash != use.config) {
-        spdlog::warn("phase \"{}\" was changed after it got submissions: they stand under its "
-                     "earlier config {}, and not on its board", use.phase, use.config);
-      }
+      if (phases.ConfigOf(use.phase) != nullptr) continue;
+      spdlog::info("phase \"{}\" has {} submissions and no file: it is closed, and its board is "
+                   "shown in full", use.phase, use.submissions);
     }
     return absl::OkStatus();
   });
@@ -275,12 +293,12 @@ absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
   return DaemonConfigs{*std::move(server), *std::move(tracks), std::move(challenges)};
 }
 
-absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& configs) {
+absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   // With one heap per thread, each heap would keep as much memory as its largest answer took.
   mallopt(M_ARENA_MAX, 4);
   const Clock& clock = SystemClock();
   const ServerConfig& config = configs.server;
-  const Tracks& tracks = configs.tracks;
+  Tracks& tracks = configs.tracks;
   if (absl::Status status = RaiseDescriptorLimit(config); !status.ok()) return status;
   if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
   absl::StatusOr<DataLock> lock = DataLock::Take(options.data_dir);
@@ -296,8 +314,10 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   if (!store.ok()) return store.status();
   if ((*store)->mended()) spdlog::error("{}", DamageText(*(*store)->mended()));
   ReaderPool readers(path);
-  const absl::StatusOr<Phases> phases = MakePhases(configs, **store);
+  absl::StatusOr<Phases> phases = MakePhases(configs, **store);
   if (!phases.ok()) return phases.status();
+  absl::Status overlaid = TakeConfigsInForce(**store, readers, tracks, *phases);
+  if (!overlaid.ok()) return overlaid;
   if (absl::Status status = LogPhases(*phases, readers); !status.ok()) return status;
   const absl::StatusOr<std::vector<Damage>> damaged = FillStandings(**store, readers);
   if (!damaged.ok()) return damaged.status();

@@ -37,6 +37,6 @@ absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options);
 
 // Serves until SIGTERM or SIGINT. OkStatus() after an orderly stop; an error says why it could not
 // start or continue.
-absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& configs);
+absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs);
 
 }  // namespace myograde::server

@@ -1,4 +1,5 @@
 #include <iostream>
+#include <utility>
 
 #include <CLI/CLI.hpp>
 
@@ -34,13 +35,13 @@ int main(int argc, char** argv) {
     return kWrongUse;
   }
   options = myograde::server::WithDefaults(options);
-  const absl::StatusOr<myograde::server::DaemonConfigs> configs =
+  absl::StatusOr<myograde::server::DaemonConfigs> configs =
       myograde::server::LoadConfigs(options);
   if (!configs.ok()) {
     std::cerr << "myograded: error: " << configs.status().message() << "\n";
     return kWrongUse;
   }
-  const absl::Status status = myograde::server::RunDaemon(options, *configs);
+  const absl::Status status = myograde::server::RunDaemon(options, *std::move(configs));
   if (status.ok()) return 0;
   std::cerr << "myograded: error: " << status.message() << "\n";
   return kTrouble;

@@ -18,24 +18,6 @@ absl::Status Unreadable(const char* table, const std::string& key, const absl::S
 
 }  // namespace
 
-absl::StatusOr<TrackConfig> StoredConfig(Reader& reader, const std::string& hash) {
-  absl::StatusOr<std::string> text = reader.ConfigJson(hash);
-  if (!text.ok()) return text.status();
-  absl::StatusOr<nlohmann::json> json = ParseJson(*text, "its content");
-  if (!json.ok()) return Unreadable("config", hash, json.status());
-  absl::StatusOr<TrackConfig> config = ParseTrackConfig(*json, "its content");
-  if (!config.ok()) return Unreadable("config", hash, config.status());
-  return config;
-}
-
-absl::StatusOr<TrackPtr> StoredTrack(Reader& reader, const std::string& hash) {
-  absl::StatusOr<TrackConfig> config = StoredConfig(reader, hash);
-  if (!config.ok()) return config.status();
-  absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
-  if (!track.ok()) return Unreadable("config", hash, track.status());
-  return track;
-}
-
 absl::StatusOr<TrackPtr> StoredContent::Track(Reader& reader, const std::string& hash) {
   if (const auto it = tracks_.find(hash); it != tracks_.end()) return it->second;
   absl::StatusOr<TrackPtr> track = StoredTrack(reader, hash);

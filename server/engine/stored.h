@@ -11,18 +11,13 @@
 
 #include <absl/status/statusor.h>
 
+#include "server/grading/stored_track.h"
 #include "server/grading/tracks.h"
 #include "server/store/reader.h"
 
 namespace myograde::server {
 
 using SeedsPtr = std::shared_ptr<const std::vector<uint64_t>>;
-
-// The config that an accepted submission was made under, in whatever format it was stored.
-absl::StatusOr<TrackConfig> StoredConfig(Reader& reader, const std::string& hash);
-
-// The same as a track. A config that scoring rejects is a damaged row too.
-absl::StatusOr<TrackPtr> StoredTrack(Reader& reader, const std::string& hash);
 
 // Caches configs and seed lists, as thousands of evaluations share a few. Not thread-safe.
 class StoredContent {

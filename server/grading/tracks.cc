@@ -40,11 +40,11 @@ absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {
     return absl::NotFoundError(absl::StrCat(dir, ": holds no track config; give --configs the "
                                             "folder that has tracks/ in it"));
   }
-  Tracks tracks;
+  std::map<std::string, Entry> named;
   for (const std::string& name : *names) {
     absl::StatusOr<TrackConfig> usual = LoadTrackConfig(dir, name, "");
     if (!usual.ok()) return usual.status();
-    Entry& offer = tracks.entries_[name];
+    Entry& offer = named[name];
     offer.default_profile = usual->profile;
     absl::StatusOr<std::vector<std::string>> profiles = ListProfiles(dir, name);
     if (!profiles.ok()) return profiles.status();
@@ -53,54 +53,107 @@ absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {
       if (!config.ok()) return config.status();
       absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
       if (!track.ok()) return track.status();
-      for (const uint64_t seed : (*track)->config.seeds) {
-        tracks.ranked_[(*track)->config.kind->name].try_emplace(seed, name);
-      }
       offer.profiles[profile] = *std::move(track);
     }
   }
-  tracks.GivePracticeSeeds();
+  Tracks tracks;
+  const MutexLock lock(tracks.shelf_->mutex);
+  tracks.shelf_->offer = MakeOffer(named);
+  tracks.shelf_->named = std::move(named);
   return tracks;
 }
 
-void Tracks::GivePracticeSeeds() {
-  for (auto& [name, offer] : entries_) {
-    for (auto& [profile, track] : offer.profiles) {
+namespace {
+
+// Those that the file names and nothing ranks, and free ones for the rest.
+std::vector<uint64_t> PracticeBeside(const TrackConfig& config,
+                                     const std::map<uint64_t, std::string>& ranked) {
+  std::set<uint64_t> taken;
+  for (const auto& [seed, unused] : ranked) taken.insert(seed);
+  std::vector<uint64_t> practice = config.practice_seeds;
+  const size_t count = practice.empty() ? config.seeds.size() : practice.size();
+  std::erase_if(practice, [&](uint64_t seed) { return taken.contains(seed); });
+  taken.insert(practice.begin(), practice.end());
+  const std::vector<uint64_t> more =
+      DefaultPracticeSeeds(taken, static_cast<int64_t>(count - practice.size()));
+  practice.insert(practice.end(), more.begin(), more.end());
+  return practice;
+}
+
+}  // namespace
+
+std::shared_ptr<const Tracks::Offer> Tracks::MakeOffer(const std::map<std::string, Entry>& named) {
+  auto offer = std::make_shared<Offer>(Offer{named, {}});
+  for (const auto& [name, entry] : named) {
+    for (const auto& [profile, track] : entry.profiles) {
+      for (const uint64_t seed : track->config.seeds) {
+        offer->ranked[track->config.kind->name].try_emplace(seed, name);
+      }
+    }
+  }
+  for (auto& [name, entry] : offer->entries) {
+    for (auto& [profile, track] : entry.profiles) {
       TrackConfig config = track->config;
-      std::set<uint64_t> taken;
-      for (const auto& [seed, unused] : ranked_[config.kind->name]) taken.insert(seed);
-      std::vector<uint64_t>& practice = config.practice_seeds;
-      const size_t count = practice.empty() ? config.seeds.size() : practice.size();
-      std::erase_if(practice, [&](uint64_t seed) { return taken.contains(seed); });
-      taken.insert(practice.begin(), practice.end());
-      const std::vector<uint64_t> more =
-          DefaultPracticeSeeds(taken, static_cast<int64_t>(count - practice.size()));
-      practice.insert(practice.end(), more.begin(), more.end());
+      config.practice_seeds = PracticeBeside(config, offer->ranked[config.kind->name]);
       track = std::make_shared<const Track>(Track{std::move(config), track->scoring});
     }
   }
+  return offer;
+}
+
+std::shared_ptr<const Tracks::Offer> Tracks::offer() const {
+  const MutexLock lock(shelf_->mutex);
+  return shelf_->offer;
+}
+
+std::map<std::string, Tracks::Entry> Tracks::entries() const { return offer()->entries; }
+
+absl::Status Tracks::Replace(const TrackPtr& track) {
+  const TrackConfig& config = track->config;
+  const MutexLock lock(shelf_->mutex);
+  const auto entry = shelf_->named.find(config.id);
+  if (entry == shelf_->named.end() || !entry->second.profiles.contains(config.profile)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("config ", config.hash, " is of track \"", config.id, "\" in the profile \"",
+                     config.profile, "\", which this server does not offer"));
+  }
+  TrackPtr& place = entry->second.profiles[config.profile];
+  if (!config.phase.empty() || place->config.kind != config.kind) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("config ", config.hash, " is of ",
+                     config.phase.empty() ? absl::StrCat("environment \"", std::string(config.kind->name), "\"")
+                                          : absl::StrCat("phase \"", config.phase, "\""),
+                     ", and can't take the place of that of track \"", config.id, "\""));
+  }
+  TrackConfig named = config;
+  named.practice_seeds = place->config.practice_seeds;
+  place = std::make_shared<const Track>(Track{std::move(named), track->scoring});
+  shelf_->offer = MakeOffer(shelf_->named);
+  return absl::OkStatus();
 }
 
 std::string Tracks::RankedBy(const TrackKind& kind, uint64_t seed) const {
-  const auto of_kind = ranked_.find(kind.name);
-  if (of_kind == ranked_.end()) return "";
+  const std::shared_ptr<const Offer> now = offer();
+  const auto of_kind = now->ranked.find(kind.name);
+  if (of_kind == now->ranked.end()) return "";
   const auto found = of_kind->second.find(seed);
   return found == of_kind->second.end() ? "" : found->second;
 }
 
 absl::StatusOr<TrackPtr> Tracks::Find(const std::string& track, const std::string& profile) const {
-  const auto offer = entries_.find(track);
-  if (offer == entries_.end()) {
+  const std::shared_ptr<const Offer> now = offer();
+  const auto entry = now->entries.find(track);
+  if (entry == now->entries.end()) {
     return WithErrorCode(absl::NotFoundError(absl::StrCat("there is no track \"", track,
-                                                          "\"; known: ", Keys(entries_))),
+                                                          "\"; known: ", Keys(now->entries))),
                          "unknown_track");
   }
-  const std::string& wanted = profile.empty() ? offer->second.default_profile : profile;
-  const auto found = offer->second.profiles.find(wanted);
-  if (found == offer->second.profiles.end()) {
+  const std::string& wanted = profile.empty() ? entry->second.default_profile : profile;
+  const auto found = entry->second.profiles.find(wanted);
+  if (found == entry->second.profiles.end()) {
     return WithErrorCode(
         absl::NotFoundError(absl::StrCat("track \"", track, "\" has no profile \"", wanted,
-                                         "\"; known: ", Keys(offer->second.profiles))),
+                                         "\"; known: ", Keys(entry->second.profiles))),
         "unknown_profile");
   }
   return found->second;

@@ -11,6 +11,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include "protocol/base/mutex.h"
 #include "protocol/lease/track_config.h"
 #include "scoring/track.h"
 
@@ -54,11 +55,24 @@ class Tracks {
   std::string RankedBy(const TrackKind& kind, uint64_t seed) const;
 
  private:
-  void GivePracticeSeeds();
+  // What is offered at one time. Never changes.
+  struct Offer {
+    std::map<std::string, Entry> entries;
+    // Of each environment, by its name, the ranked seeds, and a track that ranks them.
+    std::map<std::string_view, std::map<uint64_t, std::string>> ranked;
+  };
+  struct Shelf {
+    Mutex mutex;
+    // The configs with the practice seeds that their files name, and what is made of them.
+    std::map<std::string, Entry> named ABSL_GUARDED_BY(mutex);
+    std::shared_ptr<const Offer> offer ABSL_GUARDED_BY(mutex);
+  };
 
-  std::map<std::string, Entry> entries_;
-  // Of each environment, by its name, the ranked seeds, and a track that ranks them.
-  std::map<std::string_view, std::map<uint64_t, std::string>> ranked_;
+  // Finds what the configs rank, and gives them practice seeds beside that.
+  static std::shared_ptr<const Offer> MakeOffer(const std::map<std::string, Entry>& named);
+  std::shared_ptr<const Offer> offer() const;
+
+  std::unique_ptr<Shelf> shelf_ = std::make_unique<Shelf>();  // a mutex can't be moved
 };
 
 }  // namespace myograde::server

@@ -22,8 +22,8 @@ void Scheduler::Add(const EvaluationSpec& spec, absl::Duration now) {
     lease.faults = entry.faults;
     evaluation.waiting.insert(entry.id);
   }
-  auto [team, is_new] = teams_.try_emplace(spec.team);
-  if (is_new) team->second.joined = ++joins_;
+  Team& team = teams_[spec.team];
+  if (team.joined == 0 && spec.priority != Priority::kRejudge) team.joined = ++joins_;
   UpdateLine(evaluation);
   Wait(evaluation, now + limits_.queue_wait);
 }
@@ -257,7 +257,9 @@ void Scheduler::MoveTeam(const std::string& from, const std::string& to) {
   if (old == teams_.end() || from == to) return;
   auto [team, is_new] = teams_.try_emplace(to);
   const int64_t joined = old->second.joined;
-  team->second.joined = is_new ? joined : std::min(team->second.joined, joined);
+  if (is_new || team->second.joined == 0 || (joined != 0 && joined < team->second.joined)) {
+    team->second.joined = joined;
+  }
   team->second.running += old->second.running;
   team->second.last_start = std::max(team->second.last_start, old->second.last_start);
   for (auto& [id, evaluation] : evaluations_) {

@@ -204,7 +204,7 @@ class Scheduler {
   };
   struct Team : Share {
     TeamLine line;
-    int64_t joined = 0;
+    int64_t joined = 0;  // sequence number of its first evaluation; 0: it has had rejudges only
   };
   // The key that teams are compared by; the least goes next.
   struct Precedence {

@@ -24,6 +24,7 @@ struct BoardConfigRow {
   std::string config;   // its hash
   int64_t rejudge = 0;  // whose act it was; 0: the config files changed
   std::string who;
+  std::string from_config;  // of that rejudge; "": none
 };
 
 // The config that a board has from now on.
@@ -52,6 +53,12 @@ struct OtherConfig {
   int64_t teams = 0;
   int64_t first_at = 0;     // when the earliest and the latest of them were accepted
   int64_t last_at = 0;
+};
+
+// What a rejudge has to do with an evaluation.
+struct RejudgeOf {
+  int64_t rejudge = 0;        // its id; 0: none
+  bool ever_applied = false;  // its results stood on a board, if they do not still
 };
 
 }  // namespace myograde::server

@@ -1,8 +1,5 @@
 // Marks on submissions, and the view that boards are built from.
-#include <algorithm>
 #include <bit>
-#include <cmath>
-#include <cstring>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
@@ -33,28 +30,6 @@ StoredRow MarkOf(SQLite::Statement& select, MarkRow& mark) {
 std::string BytesOf(const std::vector<double>& numbers) {
   static_assert(std::endian::native == std::endian::little && sizeof(double) == 8);
   return std::string(reinterpret_cast<const char*>(numbers.data()), numbers.size() * 8);
-}
-
-std::vector<double> NumbersIn(StoredRow& row, int column) {
-  const std::string bytes = row.Blob(column);
-  std::vector<double> numbers(bytes.size() / 8);
-  if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * 8);
-  const bool any_infinite = std::any_of(numbers.begin(), numbers.end(),
-                                        [](double number) { return std::isinf(number); });
-  if (bytes.size() % 8 != 0 || any_infinite) row.Fail(column, "numbers belong there");
-  return numbers;
-}
-
-// Reads the view's numbers and text, or neither; they can be rebuilt from the rows.
-void ReadView(SQLite::Statement& select, Standing& standing) {
-  StoredRow row(select, "standing", "");
-  Standing read;
-  read.aggregate_json = row.Text(4);
-  read.ranked.successes = row.Number(5, 0, kMany);
-  read.ranked.episodes = row.Number(6, 0, kMany);
-  read.ranked.names = row.Text(7);
-  read.ranked.numbers = NumbersIn(row, 8);
-  if (row.ok()) standing = std::move(read);
 }
 
 }  // namespace
@@ -111,10 +86,12 @@ absl::Status Writer::DropStandings() {
   return absl::OkStatus();
 }
 
-MarksInForce Reader::Marks() {
+MarksInForce Reader::Marks(int64_t before_ms) {
   SQLite::Statement select(
       db_, absl::StrCat(kMarkColumns, "FROM mark AS m WHERE m.id = (SELECT max(id) FROM mark "
-                        "WHERE submission IS m.submission AND mark IS m.mark) ORDER BY m.id"));
+                        "WHERE submission IS m.submission AND mark IS m.mark AND at < ?) "
+                        "ORDER BY m.id"));
+  select.bind(1, before_ms);
   MarksInForce marks;
   while (select.executeStep()) {
     MarkRow mark;
@@ -139,44 +116,6 @@ absl::StatusOr<std::vector<MarkRow>> Reader::MarkHistory(int64_t submission) {
 int64_t Reader::BoardChanges() {
   SQLite::Statement select(db_, "SELECT changes FROM board_state WHERE typeof(changes) = 'integer'");
   return select.executeStep() ? select.getColumn(0).getInt64() : -1;
-}
-
-Listed<StandingRow> Reader::Standings(const std::string& config) {
-  SQLite::Statement select(
-      db_, "SELECT s.id, e.id, t.name, a.name, v.aggregate_json, v.successes, v.episodes, "
-           "v.names, v.numbers, s.team_id, s.artefact, e.state, e.finished_at, t.banned "
-           "FROM submission AS s LEFT JOIN team AS o ON o.id = s.team_id "
-           "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
-           "LEFT JOIN artefact AS a ON a.hash = s.artefact "
-           "LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
-           "LEFT JOIN standing AS v ON v.evaluation = e.id "
-           "WHERE s.config = ? AND s.ranked = 1 AND (e.state IN ('queued', 'running', 'failed', "
-           "'cancelled', 'grader_error')) IS NOT TRUE ORDER BY s.id");
-  select.bind(1, config);
-  Listed<StandingRow> listed;
-  while (select.executeStep()) {
-    StandingRow standing;
-    StoredRow row(select, "submission", Shown(select.getColumn(0)));
-    standing.submission = row.Number(0, 1, INT64_MAX);
-    if (select.isColumnNull(1)) row.Fail("it has no original evaluation");
-    standing.evaluation = row.NumberOr(1, 1, INT64_MAX, 0);
-    row.Joined("evaluation", 1);
-    (void)row.Named(11, ParseEvaluationState);
-    standing.finished_at = row.Time(12);
-    row.Joined("team", 9);
-    standing.team = row.Text(2);
-    const bool banned = row.Flag(13);
-    row.Joined("artefact", 10);
-    standing.artefact_name = row.Text(3);
-    if (!row.ok()) {
-      listed.damaged.push_back(*row.damage());
-      continue;
-    }
-    if (banned) continue;
-    ReadView(select, standing.standing);
-    listed.rows.push_back(std::move(standing));
-  }
-  return listed;
 }
 
 std::vector<int64_t> Reader::DoneEvaluations(bool without_standing) {

@@ -112,7 +112,7 @@ absl::StatusOr<std::string> Writer::PhaseSecret(const std::string& phase) {
 
 absl::StatusOr<bool> Writer::Choose(int64_t submission, const std::string& who) {
   SQLite::Statement select(
-      db_, "SELECT s.team_id, s.phase, s.config, s.ranked = 1 AND e.state = 'done' "
+      db_, "SELECT s.team_id, s.phase, s.track, s.ranked = 1 AND e.state = 'done', s.profile "
            "FROM submission AS s LEFT JOIN evaluation AS e ON e.submission = s.id AND "
            "e.kind = 'original' WHERE s.id = ?");
   select.bind(1, submission);
@@ -128,9 +128,10 @@ absl::StatusOr<bool> Writer::Choose(int64_t submission, const std::string& who) 
   SQLite::Statement newest(
       db_, "SELECT c.submission FROM choice AS c JOIN submission AS s ON s.id = c.submission "
            "JOIN team AS t ON t.id = c.team_id WHERE c.phase = ? AND ifnull(t.merged_into, t.id) = "
-           "(SELECT ifnull(merged_into, id) FROM team WHERE id = ?) AND s.config = ? "
-           "ORDER BY c.id DESC LIMIT 1");
-  SQLite::bind(newest, select.getColumn(1).getString(), team, select.getColumn(2).getString());
+           "(SELECT ifnull(merged_into, id) FROM team WHERE id = ?) AND s.track = ? AND "
+           "s.profile = ? ORDER BY c.id DESC LIMIT 1");
+  SQLite::bind(newest, select.getColumn(1).getString(), team, select.getColumn(2).getString(),
+               select.getColumn(4).getString());
   if (newest.executeStep() && newest.getColumn(0).getInt64() == submission) return false;
   MendBoardState();
   SQLite::Statement insert(
@@ -156,17 +157,6 @@ absl::StatusOr<std::string> Reader::PhaseSecret(const std::string& phase) {
   return absl::NotFoundError(absl::StrCat("phase \"", phase, "\" has no committed seeds"));
 }
 
-std::set<int64_t> Reader::Choices(const std::string& config, int64_t before_ms) {
-  SQLite::Statement select(
-      db_, "SELECT c.submission, max(c.id) FROM choice AS c "
-           "JOIN submission AS s ON s.id = c.submission JOIN team AS t ON t.id = c.team_id "
-           "WHERE s.config = ? AND c.at < ? GROUP BY ifnull(t.merged_into, t.id)");
-  SQLite::bind(select, config, before_ms);
-  std::set<int64_t> chosen;
-  while (select.executeStep()) chosen.insert(select.getColumn(0).getInt64());
-  return chosen;
-}
-
 absl::StatusOr<std::vector<PhaseUse>> Reader::PhasesInUse() {
   SQLite::Statement select(
       db_, "SELECT s.phase, s.track, s.profile, s.config, max(s.id), count(*), "
@@ -187,7 +177,10 @@ absl::StatusOr<std::vector<PhaseUse>> Reader::PhasesInUse() {
 
 std::string Reader::ConfigOfPhase(const std::string& phase) {
   SQLite::Statement select(
-      db_, "SELECT config FROM submission WHERE phase = ? AND phase != '' ORDER BY id DESC LIMIT 1");
+      db_, "SELECT config FROM (SELECT * FROM (SELECT 1 AS place, config FROM board_config "
+           "WHERE phase = ?1 AND phase != '' ORDER BY id DESC LIMIT 1) UNION ALL "
+           "SELECT * FROM (SELECT 2, config FROM submission WHERE phase = ?1 AND phase != '' "
+           "ORDER BY id DESC LIMIT 1)) ORDER BY place LIMIT 1");
   select.bind(1, phase);
   return select.executeStep() ? select.getColumn(0).getString() : "";
 }

@@ -284,18 +284,6 @@ absl::StatusOr<std::string> Reader::SeedsJson(const std::string& hash) {
   return Content(db_, "seed_list", "seeds_json", hash);
 }
 
-int64_t Reader::RankedElsewhere(const std::string& track, const std::string& profile,
-                                const std::string& phase, const std::string& config) {
-  SQLite::Statement select(
-      db_, "SELECT count(*) FROM evaluation AS e JOIN submission AS s ON s.id = e.submission "
-           "WHERE s.track = ? AND s.profile = ? AND s.phase = ? AND s.config != ? AND "
-           "s.ranked = 1 AND "
-           "e.kind = 'original' AND e.state = 'done'");
-  SQLite::bind(select, track, profile, phase, config);
-  select.executeStep();
-  return select.getColumn(0).getInt64();
-}
-
 ReaderPool::ReaderPool(std::string path) : path_(std::move(path)) {}
 ReaderPool::~ReaderPool() = default;
 

@@ -51,6 +51,13 @@ struct MarksInForce {
                                       // whose
 };
 
+// What may rank on a board as of a moment.
+struct InForce {
+  std::vector<StandingRow> rows;  // by submission; nothing of a banned team
+  std::vector<Damage> damaged;
+  bool withheld = false;          // a freeze left some out
+};
+
 // The queries, only inside ReaderPool::Read, where all of them see one state. Looking up a missing
 // id is a NotFoundError. Unreadable rows are reported as in damage.h: a query for a single answer
 // fails, lists omit the row and report it.
@@ -75,10 +82,6 @@ class Reader {
   // The effective config, and the seeds, as canonical JSON with the given hash.
   absl::StatusOr<std::string> ConfigJson(const std::string& hash);
   absl::StatusOr<std::string> SeedsJson(const std::string& hash);
-  // The number of original ranked evaluations that are done under other configs of the same track,
-  // profile and phase ("": none).
-  int64_t RankedElsewhere(const std::string& track, const std::string& profile,
-                          const std::string& phase, const std::string& config);
 
   // Whether a submission by this team would be rejected for its name, or because it is banned;
   // errors as of Writer::Accept.
@@ -130,7 +133,8 @@ class Reader {
   // Newest first. `track` "" matches any; `before` is an id.
   Listed<LedgerRow> Ledger(const std::string& team, const std::string& track, int64_t before,
                            int64_t limit);
-  MarksInForce Marks();
+  // Those of before `before_ms`.
+  MarksInForce Marks(int64_t before_ms = INT64_MAX);
   // A submission's mark changes, oldest first.
   absl::StatusOr<std::vector<MarkRow>> MarkHistory(int64_t submission);
   // Changes whenever a board may have changed, and only then.
@@ -142,12 +146,11 @@ class Reader {
   absl::StatusOr<std::vector<PhaseEventRow>> PhaseEvents(const std::optional<std::string>& phase);
   // NotFoundError: it has none; otherwise as Writer::PhaseSecret.
   absl::StatusOr<std::string> PhaseSecret(const std::string& phase);
-  // The submission that each team stood with before `before_ms`, of those under a config where teams
-  // choose.
-  std::set<int64_t> Choices(const std::string& config, int64_t before_ms);
+  // The submission that each team stands with, of those on the board of a config where teams choose.
+  std::set<int64_t> Choices(const std::string& config, const BoardMoment& moment);
   // Phases with submissions, by name.
   absl::StatusOr<std::vector<PhaseUse>> PhasesInUse();
-  // The config of a phase's latest submission; "": it has none.
+  // The config that a phase has by the store, else that of its latest submission; "": it has none.
   std::string ConfigOfPhase(const std::string& phase);
   // The whole store as one document, in transfer.h's format.
   absl::Status Export(const ExportSink& sink) { return ExportRows(db_, sink); }
@@ -182,6 +185,29 @@ class Reader {
   // Of a board, or with nullopt of all, by id.
   absl::StatusOr<std::vector<BoardConfigRow>> BoardConfigs(
       const std::optional<BoardName>& board = std::nullopt);
+  // The hash of the config that a board had: the latest of its rows, else that of the latest ranked
+  // submission of that time, else of the earliest one at all. "": the store knows none, so it was
+  // that of the files.
+  absl::StatusOr<std::string> ConfigAt(const BoardName& board, int64_t before_ms);
+  // Rejudges of rules to a config that are in force as of a moment, in the order in which they were
+  // applied.
+  std::vector<int64_t> AppliedRejudges(const std::string& to_config, const BoardMoment& moment);
+  // What may rank under a config as of a moment, by submission: the results of the latest rejudge in
+  // force that holds a submission, once it has ended there, else of its original.
+  InForce StandingsInForce(const std::string& config, const BoardMoment& moment);
+  // The other configs of a board that ranked submissions stand under, the earliest first.
+  std::vector<OtherConfig> OtherConfigs(const BoardName& board, const std::string& config,
+                                        const BoardMoment& moment);
+  // The number of originals among them that no rejudge has brought to `config`.
+  int64_t RankedElsewhere(const BoardName& board, const std::string& config,
+                          const BoardMoment& moment);
+  // Hashes that begin with `prefix`, of configs that a board has or had, or has been rejudged to;
+  // also by rejudges that were never applied, if asked for.
+  std::vector<std::string> ConfigsLike(const std::string& prefix, bool of_open_rejudges);
+  // The builds that evaluations are of, as stored; "" for one that is missing.
+  std::vector<std::string> GradersOf(const std::vector<int64_t>& evaluations);
+  // The rejudge that an evaluation belongs to.
+  RejudgeOf RejudgeOfEvaluation(int64_t evaluation);
 
  private:
   SQLite::Database& db_;

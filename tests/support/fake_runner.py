@@ -6,7 +6,8 @@ episode), "crash" (every episode fails by the participant's fault), "grader" (al
 the grader's fault), "once" (the grader's fault on the first attempt, after
 one episode), "garbage", "dies", "unrepeatable", "stubborn" (10 s per episode, and
 exits only when killed), "mute" (prints nothing until it is killed) and "logged" (each episode
-names a log, which nobody writes). The daemon's self-test ("-c") passes; with a file "broken" beside this program nothing does.
+names a log, which nobody writes). "skill-P-Q-F-E" places the object in the episodes up to P, or up to Q
+if "max_time_s" of the rules is not 10, with a peak force of F and an effort of E. The daemon's self-test ("-c") passes; with a file "broken" beside this program nothing does.
 """
 
 import hashlib
@@ -22,28 +23,36 @@ def say(record):
     print(json.dumps(record), flush=True)
 
 
-def manipulation(success):
+def manipulation(success, force=10.0, effort=1.5):
     facts = {name: 0 for name in (
         "frames", "frames_start", "frames_goal", "frames_other", "solved_steps")}
     facts.update({name: 0.0 for name in (
         "max_touch", "goal_distance_sum", "final_goal_distance", "final_hand_distance",
         "max_height", "reported_time")})
     facts.update(frames_arm=100, frames_prosthesis=100, goal_only_at_end=success, placed=success,
-                 solved=success, peak_force=10.0, effort_sum=1.5)
+                 solved=success, peak_force=force, effort_sum=effort)
     return facts
 
 
-def episode(order, mode):
+def skill(mode, index, rules):
+    """Whether the episode is a success, its peak force and its effort."""
+    usual, other, force, effort = (int(word) for word in mode.split("-")[1:])
+    return index < (usual if rules["max_time_s"] == 10 else other), float(force), float(effort)
+
+
+def episode(order, mode, rules):
     index, seed = order["index"], order["seed"]
     digest = hashlib.sha256(f"{seed}/{order['policy_seed']}".encode())
     if mode == "unrepeatable":
         digest.update(os.urandom(8))
-    success = seed % 2 == 0
+    success, force, effort = seed % 2 == 0, 10.0, 1.5
+    if mode.startswith("skill-"):
+        success, force, effort = skill(mode, index, rules)
     record = {
         "type": "episode", "index": index, "seed": seed, "end": "placed" if success else "time",
         "steps": 100 + seed % 1000, "sim_time": 1.0 + seed % 1000 / 100, "clipped": 0,
         "digest": digest.hexdigest(), "wall_s": time.monotonic() % 1, "policy_cpu_s": 0.01,
-        "track": "manipulation", "manipulation": manipulation(success)}
+        "track": "manipulation", "manipulation": manipulation(success, force, effort)}
     if mode == "logged":
         record["log"] = {"sha256": hashlib.sha256(f"log of {seed}".encode()).hexdigest(),
                          "bytes": 10, "packed_bytes": 10, "steps": record["steps"]}
@@ -83,7 +92,7 @@ def main():
             time.sleep(0.2)
         if mode == "stubborn":
             time.sleep(10)
-        say(episode(entry, mode))
+        say(episode(entry, mode, order["track"]["rules"]))
     say({"type": "lease_end", "ok": not detail, "detail": detail, "stdout_tail": "",
          "stderr_tail": "hello from the policy", "stdout_truncated": False,
          "stderr_truncated": False, "policy_cpu_s": 0.1, "wall_s": 0.2, "peak_memory_bytes": 0})

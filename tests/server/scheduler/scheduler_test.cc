@@ -337,6 +337,11 @@ RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
       for (const auto& [lease, at] : model.running) RC_ASSERT(at.second != start->slot);
       model.running[start->lease] = {start->attempt, start->slot};
     }
+    while (const auto lease = scheduler.GiveWay(now)) {
+      RC_ASSERT(model.running.at(lease->lease).first == lease->attempt);
+      model.to_free.push_back(model.running.at(lease->lease).second);
+      model.running.erase(lease->lease);
+    }
     RC_ASSERT(static_cast<int>(model.running.size()) == scheduler.running());
   };
   const auto end = [&](int64_t lease, bool fault) {
@@ -368,7 +373,7 @@ RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
       const int leases = *rc::gen::inRange(1, 5);
       const std::string team(1, static_cast<char>('a' + *rc::gen::inRange(0, 4)));
       const EvaluationSpec spec = Spec(next_id++, team, leases, *rc::gen::element(
-          Priority::kRanked, Priority::kPractice, Priority::kRerun));
+          Priority::kRanked, Priority::kPractice, Priority::kRerun, Priority::kRejudge));
       for (const LeaseSpec& lease : spec.leases) model.open[spec.id].insert(lease.id);
       scheduler.Add(spec, now);
     } else if (what <= 2) {

@@ -1,0 +1,118 @@
+#include "server/api/board_view.h"
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "server/api/board_source.h"
+#include "server/api/views.h"
+#include "server/grading/board_builds.h"
+#include "server/grading/results.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+// The numbers that the board shows beside the successes.
+Json ColumnsToJson(const scoring::ScoredTrack& track, const scoring::BoardSpec& board) {
+  Json columns = Json::array();
+  for (const size_t place : board.columns) columns.push_back(MetricToJson(track.metrics[place]));
+  return columns;
+}
+
+// Which build each row is of, and which one the board itself is of.
+void AddBuilds(Reader& reader, const Leaderboard& board, Json& json) {
+  std::vector<int64_t> evaluations;
+  for (const LeaderboardRow& row : board.rows) evaluations.push_back(row.source.evaluation);
+  const BoardBuilds builds = CountBuilds(evaluations, reader.GradersOf(evaluations));
+  for (size_t i = 0; i < builds.of_rows.size(); ++i) {
+    json["rows"][i]["build"] = builds.of_rows[i];
+    json["rows"][i]["other_build"] = builds.of_rows[i] != builds.own();
+  }
+  json["builds"] = Json::array();
+  for (const BoardBuilds::Count& count : builds.counts) {
+    json["builds"].push_back({{"build", count.build}, {"rows", count.rows}});
+  }
+}
+
+// What ranked submissions stand under beside the board's config.
+void AddOtherConfigs(Reader& reader, const BoardQuery& asked, Json& json) {
+  const std::string& config = asked.track->config.hash;
+  const BoardMoment moment = asked.moment();
+  json["other_config"] = reader.RankedElsewhere(asked.name(), config, moment);
+  json["other_configs"] = Json::array();
+  for (const OtherConfig& other : reader.OtherConfigs(asked.name(), config, moment)) {
+    json["other_configs"].push_back({{"config", other.config},
+                                     {"submissions", other.submissions},
+                                     {"teams", other.teams},
+                                     {"from", TimeToJson(other.first_at)},
+                                     {"to", TimeToJson(other.last_at)},
+                                     {"in_force", other.config == asked.config_in_force}});
+  }
+}
+
+Json BoardToJson(const Leaderboard& board) {
+  Json rows = Json::array();
+  for (const LeaderboardRow& row : board.rows) rows.push_back(RowToJson(row));
+  Json disqualified = Json::array();
+  for (const DisqualifiedRow& row : board.disqualified) {
+    disqualified.push_back({{"team", row.source.team},
+                            {"submission", row.source.submission},
+                            {"evaluation", row.source.evaluation},
+                            {"rejudge", IdOrNull(row.source.rejudge)},
+                            {"name", row.source.artefact_name},
+                            {"reason", row.mark.why},
+                            {"at", TimeToJson(row.mark.at)},
+                            {"aggregate", row.aggregate}});
+  }
+  return {{"rows", std::move(rows)}, {"disqualified", std::move(disqualified)}};
+}
+
+}  // namespace
+
+Json RowToJson(const LeaderboardRow& row) {
+  const bool baseline = row.ranked.rank == 0;
+  return {{"rank", baseline ? Json() : Json(row.ranked.rank)},
+          {"baseline", baseline},
+          {"team", row.source.team},
+          {"submission", row.source.submission},
+          {"evaluation", row.source.evaluation},
+          {"rejudge", IdOrNull(row.source.rejudge)},
+          {"name", row.source.artefact_name},
+          {"qualified", row.qualified},
+          {"aggregate", row.aggregate}};
+}
+
+absl::StatusOr<Json> BoardView(Reader& reader, const BoardQuery& asked) {
+  const TrackConfig& config = asked.track->config;
+  absl::StatusOr<BoardSource> source = SourceOf(reader, *asked.track, asked.moment());
+  if (!source.ok()) return source.status();
+  absl::StatusOr<Leaderboard> board = MakeLeaderboard(
+      source->standings, source->marks, asked.rules->rules, asked.track->scoring.team);
+  if (!board.ok()) return board.status();
+  Json json = BoardToJson(*board);
+  AddBuilds(reader, *board, json);
+  AddOtherConfigs(reader, asked, json);
+  source->damaged.insert(source->damaged.end(), board->damaged.begin(), board->damaged.end());
+  json["unreadable"] = DamagedToJson(source->damaged);
+  json["track"] = config.id;
+  json["track_kind"] = config.kind->name;
+  json["profile"] = config.profile;
+  json["phase"] = TextOrNull(config.phase);
+  json["frozen_at"] =
+      asked.frozen || source->withheld ? TimeToJson(absl::ToUnixMillis(asked.freezes)) : Json();
+  json["complete"] = asked.whole || !(asked.frozen || source->withheld);
+  json["at"] = TimeToJson(asked.at_ms);
+  json["board"] = asked.board;
+  json["rules"] = config.scoring["boards"][asked.board];
+  json["official_figures"] = asked.track->scoring.official_figures;
+  json["columns"] = ColumnsToJson(*asked.track->scoring.track, *asked.rules);
+  json["order"] = scoring::DescribeOrder(asked.rules->rules);
+  json["config"] = config.hash;
+  json["config_in_force"] = asked.config_in_force;
+  json["episodes"] = config.seeds.size();
+  return json;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,359 @@
+// Which config each board had, and what stands on a board as of a moment.
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/sha256.h"
+#include "server/store/connection.h"
+#include "server/store/reader.h"
+#include "server/store/stored_row.h"
+#include "server/store/store.h"
+
+namespace myograde::server {
+namespace {
+
+std::vector<double> NumbersIn(StoredRow& row, int column) {
+  const std::string bytes = row.Blob(column);
+  std::vector<double> numbers(bytes.size() / 8);
+  if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * 8);
+  const bool any_infinite = std::any_of(numbers.begin(), numbers.end(),
+                                        [](double number) { return std::isinf(number); });
+  if (bytes.size() % 8 != 0 || any_infinite) row.Fail(column, "numbers belong there");
+  return numbers;
+}
+
+// Reads the view's numbers and text, or neither; they can be rebuilt from the rows.
+void ReadView(SQLite::Statement& select, Standing& standing) {
+  StoredRow row(select, "standing", "");
+  Standing read;
+  read.aggregate_json = row.Text(4);
+  read.ranked.successes = row.Number(5, 0, kMany);
+  read.ranked.episodes = row.Number(6, 0, kMany);
+  read.ranked.names = row.Text(7);
+  read.ranked.numbers = NumbersIn(row, 8);
+  if (row.ok()) standing = std::move(read);
+}
+
+constexpr char kStandingColumns[] =
+    "SELECT s.id, e.id, t.name, a.name, v.aggregate_json, v.successes, v.episodes, v.names, "
+    "v.numbers, s.team_id, s.artefact, e.state, e.finished_at, t.banned ";
+constexpr char kStandingNames[] =
+    "LEFT JOIN team AS o ON o.id = s.team_id "
+    "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
+    "LEFT JOIN artefact AS a ON a.hash = s.artefact ";
+
+// A candidate row, and what is known beside it.
+struct Candidate {
+  StandingRow standing;
+  EvaluationState state = EvaluationState::kQueued;
+  bool banned = false;
+};
+
+StoredRow CandidateOf(SQLite::Statement& select, Candidate& candidate) {
+  StoredRow row(select, "submission", Shown(select.getColumn(0)));
+  StandingRow& standing = candidate.standing;
+  standing.submission = row.Number(0, 1, INT64_MAX);
+  if (select.isColumnNull(1)) row.Fail("it has no evaluation");
+  standing.evaluation = row.NumberOr(1, 1, INT64_MAX, 0);
+  row.Joined("evaluation", 1);
+  candidate.state = row.Named(11, ParseEvaluationState);
+  standing.finished_at = row.Time(12);
+  row.Joined("team", 9);
+  standing.team = row.Text(2);
+  candidate.banned = row.Flag(13);
+  row.Joined("artefact", 10);
+  standing.artefact_name = row.Text(3);
+  if (row.ok()) ReadView(select, standing.standing);
+  return row;
+}
+
+// A rejudge of rules to a config counts as of a moment if the latest of its events says so. Has the
+// parameter ?2, the moment.
+constexpr char kIsApplied[] =
+    "(SELECT v.event FROM rejudge_event AS v WHERE v.rejudge = r.id AND v.at < ?2 "
+    "ORDER BY v.id DESC LIMIT 1) = 'applied'";
+
+StoredRow BoardConfigOf(SQLite::Statement& select, BoardConfigRow& config) {
+  StoredRow row(select, "board_config", Shown(select.getColumn(0)));
+  config.id = row.Number(0, 1, INT64_MAX);
+  config.at = row.Time(1);
+  config.board.phase = row.Text(2);
+  config.board.track = row.Text(3);
+  config.board.profile = row.Text(4);
+  config.config = row.Hash(5);
+  config.rejudge = row.NumberOr(6, 1, INT64_MAX, 0);
+  config.who = row.Text(7);
+  if (config.rejudge != 0) {
+    row.Joined("rejudge", 8);
+    config.from_config = row.Hash(8);
+  }
+  return row;
+}
+
+constexpr char kBoardConfigColumns[] =
+    "SELECT b.id, b.at, b.phase, b.track, b.profile, b.config, b.rejudge, b.who, r.from_config "
+    "FROM board_config AS b LEFT JOIN rejudge AS r ON r.id = b.rejudge ";
+
+}  // namespace
+
+absl::StatusOr<bool> Writer::SetBoardConfig(const NewBoardConfig& change, const std::string& who) {
+  const BoardName& board = change.board;
+  SQLite::Statement last(db_, "SELECT config FROM board_config WHERE phase = ? AND track = ? AND "
+                              "profile = ? ORDER BY id DESC LIMIT 1");
+  SQLite::bind(last, board.phase, board.track, board.profile);
+  if (change.rejudge == 0 && last.executeStep() &&
+      last.getColumn(0).getString() == change.config) {
+    return false;
+  }
+  if (!change.config_json.empty() && Sha256Hex(change.config_json) != change.config) {
+    return absl::InternalError("a board's config has another hash than is said");
+  }
+  if (!change.config_json.empty()) {
+    SQLite::Statement content(db_, "INSERT OR IGNORE INTO config VALUES (?, ?, ?, ?, ?)");
+    SQLite::bind(content, change.config, board.track, board.profile, change.config_json, now_ms_);
+    content.exec();
+  }
+  SQLite::Statement known(db_, "SELECT 1 FROM config WHERE hash = ?");
+  known.bind(1, change.config);
+  if (!known.executeStep()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the store has no config ", change.config, " for a board to have"));
+  }
+  MendBoardState();
+  SQLite::Statement insert(db_, "INSERT INTO board_config (at, phase, track, profile, config, "
+                                "rejudge, who) VALUES (?, ?, ?, ?, ?, nullif(?, 0), ?)");
+  SQLite::bind(insert, now_ms_, board.phase, board.track, board.profile, change.config,
+               change.rejudge, who);
+  insert.exec();
+  return true;
+}
+
+absl::StatusOr<std::vector<BoardConfigRow>> Reader::BoardConfigs(
+    const std::optional<BoardName>& board) {
+  SQLite::Statement select(
+      db_, absl::StrCat(kBoardConfigColumns, board.has_value() ? "WHERE b.phase = ? AND b.track = ? "
+                                                                 "AND b.profile = ? "
+                                                               : "",
+                        "ORDER BY b.id"));
+  if (board.has_value()) SQLite::bind(select, board->phase, board->track, board->profile);
+  return AllOf<BoardConfigRow>(select, {}, BoardConfigOf);
+}
+
+absl::StatusOr<std::string> Reader::ConfigAt(const BoardName& board, int64_t before_ms) {
+  SQLite::Statement row(db_, absl::StrCat(kBoardConfigColumns,
+                                          "WHERE b.phase = ? AND b.track = ? AND b.profile = ? "
+                                          "AND b.at < ? ORDER BY b.id DESC LIMIT 1"));
+  SQLite::bind(row, board.phase, board.track, board.profile, before_ms);
+  if (row.executeStep()) {
+    BoardConfigRow config;
+    if (const StoredRow read = BoardConfigOf(row, config); !read.ok()) return read.status();
+    return config.config;
+  }
+  // `accepted_at` grows with the id, up to a clock that was set back.
+  for (const char* order :
+       {"AND s.accepted_at < ?4 ORDER BY s.id DESC", "AND ?4 IS NOT NULL ORDER BY s.id"}) {
+    SQLite::Statement submission(
+        db_, absl::StrCat("SELECT s.config FROM config AS c CROSS JOIN submission AS s ON s.config = "
+                          "c.hash WHERE c.track = ?2 AND c.profile = ?3 AND s.ranked = 1 AND "
+                          "s.phase = ?1 ", order, " LIMIT 1"));
+    SQLite::bind(submission, board.phase, board.track, board.profile, before_ms);
+    if (submission.executeStep()) return submission.getColumn(0).getString();
+  }
+  return "";
+}
+
+Listed<StandingRow> Reader::Standings(const std::string& config) {
+  SQLite::Statement select(
+      db_, absl::StrCat(kStandingColumns, "FROM submission AS s ", kStandingNames,
+                        "LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
+                        "LEFT JOIN standing AS v ON v.evaluation = e.id "
+                        "WHERE s.config = ? AND s.ranked = 1 AND (e.state IN ('queued', 'running', "
+                        "'failed', 'cancelled', 'grader_error')) IS NOT TRUE ORDER BY s.id"));
+  select.bind(1, config);
+  Listed<StandingRow> listed;
+  while (select.executeStep()) {
+    Candidate candidate;
+    const StoredRow row = CandidateOf(select, candidate);
+    if (!row.ok()) {
+      listed.damaged.push_back(*row.damage());
+    } else if (!candidate.banned) {
+      listed.rows.push_back(std::move(candidate.standing));
+    }
+  }
+  return listed;
+}
+
+std::vector<int64_t> Reader::AppliedRejudges(const std::string& to_config,
+                                             const BoardMoment& moment) {
+  SQLite::Statement select(
+      db_, absl::StrCat("SELECT r.id FROM rejudge AS r WHERE r.to_config = ?1 AND "
+                        "r.purpose = 'rules' AND r.id != ?3 AND ", kIsApplied,
+                        " ORDER BY (SELECT max(v.id) FROM rejudge_event AS v WHERE v.rejudge = r.id "
+                        "AND v.at < ?2 AND v.event = 'applied')"));
+  SQLite::bind(select, to_config, moment.results_before_ms(), moment.assumed_rejudge);
+  std::vector<int64_t> rejudges;
+  while (select.executeStep()) rejudges.push_back(select.getColumn(0).getInt64());
+  SQLite::Statement assumed(db_, "SELECT 1 FROM rejudge WHERE id = ? AND to_config = ?");
+  SQLite::bind(assumed, moment.assumed_rejudge, to_config);
+  if (assumed.executeStep()) rejudges.push_back(moment.assumed_rejudge);
+  return rejudges;
+}
+
+InForce Reader::StandingsInForce(const std::string& config, const BoardMoment& moment) {
+  InForce found;
+  // A row of damage stands for its submission's.
+  const auto ended_then = [&](const StandingRow& row) {
+    if (row.finished_at >= moment.results_before_ms()) {
+      found.withheld |= row.finished_at < moment.before_ms;
+      return false;
+    }
+    return true;
+  };
+  Listed<StandingRow> originals = Standings(config);
+  found.damaged = std::move(originals.damaged);
+  std::erase_if(originals.rows, [&](const StandingRow& row) { return !ended_then(row); });
+  const std::vector<int64_t> rejudges = AppliedRejudges(config, moment);
+  if (rejudges.empty()) {
+    found.rows = std::move(originals.rows);
+    return found;
+  }
+  std::map<int64_t, StandingRow> rows;
+  for (StandingRow& row : originals.rows) rows.emplace(row.submission, std::move(row));
+  for (const int64_t rejudge : rejudges) {
+    SQLite::Statement select(
+        db_, absl::StrCat(kStandingColumns, "FROM rejudge_item AS i "
+                          "LEFT JOIN submission AS s ON s.id = i.submission ", kStandingNames,
+                          "LEFT JOIN evaluation AS e ON e.id = i.evaluation "
+                          "LEFT JOIN standing AS v ON v.evaluation = e.id "
+                          "WHERE i.rejudge = ? AND i.repetition = 1 AND "
+                          "(e.state IN ('queued', 'running')) IS NOT TRUE "
+                          "ORDER BY i.submission"));
+    select.bind(1, rejudge);
+    while (select.executeStep()) {
+      Candidate candidate;
+      const StoredRow row = CandidateOf(select, candidate);
+      if (!row.ok()) {
+        found.damaged.push_back(*row.damage());
+        rows.erase(candidate.standing.submission);
+        continue;
+      }
+      // Until it has ended, the result before stands.
+      if (!ended_then(candidate.standing)) continue;
+      rows.erase(candidate.standing.submission);
+      if (candidate.banned || candidate.state != EvaluationState::kDone) continue;
+      candidate.standing.rejudge = rejudge;
+      rows.emplace(candidate.standing.submission, std::move(candidate.standing));
+    }
+  }
+  for (auto& [submission, row] : rows) found.rows.push_back(std::move(row));
+  return found;
+}
+
+std::set<int64_t> Reader::Choices(const std::string& config, const BoardMoment& moment) {
+  std::string rejudges;
+  for (const int64_t rejudge : AppliedRejudges(config, moment)) {
+    absl::StrAppend(&rejudges, rejudges.empty() ? "" : ", ", rejudge);
+  }
+  SQLite::Statement select(
+      db_, absl::StrCat("SELECT c.submission, max(c.id) FROM choice AS c "
+                        "JOIN submission AS s ON s.id = c.submission "
+                        "JOIN team AS t ON t.id = c.team_id WHERE c.at < ?2 AND (s.config = ?1 ",
+                        rejudges.empty()
+                            ? ""
+                            : absl::StrCat("OR EXISTS (SELECT 1 FROM rejudge_item AS i WHERE "
+                                           "i.submission = s.id AND i.rejudge IN (", rejudges, "))"),
+                        ") GROUP BY ifnull(t.merged_into, t.id)"));
+  SQLite::bind(select, config, moment.results_before_ms());
+  std::set<int64_t> chosen;
+  while (select.executeStep()) chosen.insert(select.getColumn(0).getInt64());
+  return chosen;
+}
+
+std::vector<OtherConfig> Reader::OtherConfigs(const BoardName& board, const std::string& config,
+                                              const BoardMoment& moment) {
+  // Of each config, the submissions that have a result of their own or by a rejudge.
+  SQLite::Statement select(
+      db_, absl::StrCat(
+               "WITH stands (config, submission) AS ("
+               "SELECT c.hash, s.id FROM config AS c CROSS JOIN submission AS s ON s.config = c.hash "
+               "AND s.ranked = 1 JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' "
+               "WHERE c.track = ?4 AND c.profile = ?5 AND c.hash != ?1 AND s.phase = ?3 AND "
+               "e.state = 'done' AND e.finished_at < ?2 "
+               "UNION SELECT r.to_config, i.submission FROM rejudge AS r CROSS JOIN rejudge_item AS i "
+               "ON i.rejudge = r.id AND i.repetition = 1 JOIN evaluation AS e ON e.id = i.evaluation "
+               "WHERE r.phase = ?3 AND r.track = ?4 AND r.profile = ?5 AND r.to_config != ?1 AND "
+               "r.purpose = 'rules' AND e.state = 'done' AND e.finished_at < ?2 AND ", kIsApplied,
+               ") SELECT x.config, count(*), count(DISTINCT ifnull(t.merged_into, t.id)), "
+               "min(s.accepted_at), max(s.accepted_at) FROM stands AS x "
+               "JOIN submission AS s ON s.id = x.submission JOIN team AS t ON t.id = s.team_id "
+               "GROUP BY x.config ORDER BY min(s.accepted_at), x.config"));
+  SQLite::bind(select, config, moment.results_before_ms(), board.phase, board.track, board.profile);
+  std::vector<OtherConfig> others;
+  while (select.executeStep()) {
+    others.push_back({select.getColumn(0).getString(), select.getColumn(1).getInt64(),
+                      select.getColumn(2).getInt64(), select.getColumn(3).getInt64(),
+                      select.getColumn(4).getInt64()});
+  }
+  return others;
+}
+
+int64_t Reader::RankedElsewhere(const BoardName& board, const std::string& config,
+                                const BoardMoment& moment) {
+  std::string rejudges;
+  for (const int64_t rejudge : AppliedRejudges(config, moment)) {
+    absl::StrAppend(&rejudges, rejudges.empty() ? "" : ", ", rejudge);
+  }
+  SQLite::Statement select(
+      db_, absl::StrCat("SELECT count(*) FROM config AS c CROSS JOIN submission AS s "
+                        "ON s.config = c.hash AND s.ranked = 1 JOIN evaluation AS e "
+                        "ON e.submission = s.id AND e.kind = 'original' WHERE c.track = ?4 AND "
+                        "c.profile = ?5 AND c.hash != ?1 AND s.phase = ?3 AND e.state = 'done' AND "
+                        "e.finished_at < ?2",
+                        rejudges.empty()
+                            ? ""
+                            : absl::StrCat(" AND NOT EXISTS (SELECT 1 FROM rejudge_item AS i WHERE "
+                                           "i.submission = s.id AND i.repetition = 1 AND "
+                                           "i.rejudge IN (", rejudges, "))")));
+  SQLite::bind(select, config, moment.results_before_ms(), board.phase, board.track, board.profile);
+  select.executeStep();
+  return select.getColumn(0).getInt64();
+}
+
+std::vector<std::string> Reader::ConfigsLike(const std::string& prefix, bool of_open_rejudges) {
+  SQLite::Statement select(
+      db_, "SELECT c.hash FROM config AS c WHERE c.hash >= ?1 AND c.hash < ?1 || 'g' AND (EXISTS "
+           "(SELECT 1 FROM submission AS s WHERE s.config = c.hash AND s.ranked = 1) OR EXISTS "
+           "(SELECT 1 FROM board_config AS b WHERE b.config = c.hash) OR (?2 AND EXISTS "
+           "(SELECT 1 FROM rejudge AS r WHERE r.to_config = c.hash))) ORDER BY c.hash");
+  SQLite::bind(select, prefix, of_open_rejudges ? 1 : 0);
+  std::vector<std::string> hashes;
+  while (select.executeStep()) hashes.push_back(select.getColumn(0).getString());
+  return hashes;
+}
+
+std::vector<std::string> Reader::GradersOf(const std::vector<int64_t>& evaluations) {
+  SQLite::Statement select(db_, "SELECT grader_json FROM evaluation WHERE id = ?");
+  std::vector<std::string> graders;
+  for (const int64_t evaluation : evaluations) {
+    select.reset();
+    select.bind(1, evaluation);
+    graders.push_back(select.executeStep() ? select.getColumn(0).getString() : "");
+  }
+  return graders;
+}
+
+RejudgeOf Reader::RejudgeOfEvaluation(int64_t evaluation) {
+  SQLite::Statement select(
+      db_, "SELECT i.rejudge, EXISTS (SELECT 1 FROM rejudge_event AS v WHERE v.rejudge = i.rejudge "
+           "AND v.event = 'applied') FROM rejudge_item AS i WHERE i.evaluation = ?");
+  select.bind(1, evaluation);
+  if (!select.executeStep()) return {};
+  return {select.getColumn(0).getInt64(), select.getColumn(1).getInt() != 0};
+}
+
+}  // namespace myograde::server
