@@ -170,7 +170,7 @@ absl::StatusOr<std::vector<NewRejudge>> MakeFurtherRejudges(Reader& reader,
                                                             const ApiContext& context,
                                                             const MoreSeedsRequest& request,
                                                             const std::string& secret) {
-  const absl::StatusOr<TrackPtr> track = LiveTrack(reader, context, request.phase, "", "");
+  const absl::StatusOr<TrackPtr> track = TrackInForce(reader, context, request.phase, "", "");
   if (!track.ok()) return track.status();
   const TrackConfig& live = (*track)->config;
   if (absl::Status fits = CheckCount(live, request.episodes); !fits.ok()) return fits;

@@ -36,7 +36,7 @@ absl::StatusOr<std::string> MoreSeedsResource::SecretOf(const std::string& phase
   absl::StatusOr<std::string> secret = absl::InternalError("");
   bool hidden = false;
   absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    const absl::StatusOr<TrackPtr> track = LiveTrack(reader, context_, phase, "", "");
+    const absl::StatusOr<TrackPtr> track = TrackInForce(reader, context_, phase, "", "");
     if (!track.ok()) return track.status();
     hidden = !(*track)->config.seed_salt.empty();
     secret = reader.PhaseSecret(phase);

@@ -1,7 +1,10 @@
 #include "server/api/statistics_resource.h"
 
 #include <functional>
+#include <memory>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "protocol/base/config_reader.h"
 #include "server/api/board_query.h"
@@ -25,6 +28,8 @@ void AddBoard(const BoardQuery& asked, bool withheld, Json& json) {
   json["phase"] = TextOrNull(config.phase);
   json["board"] = asked.board;
   json["config"] = config.hash;
+  json["config_in_force"] = asked.config_in_force;
+  json["at"] = TimeToJson(asked.at_ms);
   json["episodes"] = config.seeds.size();
   const bool froze = asked.frozen || withheld;
   json["frozen_at"] = froze ? TimeToJson(absl::ToUnixMillis(asked.freezes)) : Json();
@@ -34,7 +39,7 @@ void AddBoard(const BoardQuery& asked, bool withheld, Json& json) {
 absl::StatusOr<std::string> MakeStatisticsText(Reader& reader, const ApiContext& context,
                                                const BoardQuery& asked) {
   const Track& track = *asked.track;
-  absl::StatusOr<BoardSource> source = SourceOf(reader, track, asked.before_ms());
+  absl::StatusOr<BoardSource> source = SourceOf(reader, track, asked.moment());
   if (!source.ok()) return source.status();
   const scoring::BoardRules& rules = asked.rules->rules;
   const absl::StatusOr<Leaderboard> board =
@@ -42,7 +47,8 @@ absl::StatusOr<std::string> MakeStatisticsText(Reader& reader, const ApiContext&
   if (!board.ok()) return board.status();
   const scoring::StatisticsConfig config = StatisticsConfigOf(context, track.config.phase);
   const absl::StatusOr<BoardStatistics> statistics =
-      StatisticsOf(reader, track, rules, *board, config.groups, asked.before_ms());
+      StatisticsOf(reader, track, rules, *board, config.groups,
+                   asked.moment().results_before_ms());
   if (!statistics.ok()) return statistics.status();
   absl::StatusOr<Json> json = StatisticsAnswer(reader, track, rules, *board, *statistics, config);
   if (!json.ok()) return json.status();
@@ -62,36 +68,27 @@ void StatisticsResource::Install(Routes& routes) {
 }
 
 ApiResult StatisticsResource::Get(const httplib::Request& request) {
-  absl::Status status = CheckParameters(request, {"track", "profile", "phase", "board"});
+  absl::Status status = CheckParameters(request, BoardParametersAnd({}));
   if (!status.ok()) return ErrorOf(status);
   ApiAnswer answer{.tagged = true};
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
     if (!asked.ok()) return asked.status();
-    const Key key(asked->track->config.hash, asked->board, asked->view());
+    const std::string& config = asked->track->config.hash;
+    KeptBoards& kept = asked->at_ms == 0 && config == asked->config_in_force ? now_ : others_;
+    const KeptBoards::Key key{config, asked->config_in_force, asked->board, asked->view(),
+                              asked->at_ms};
     const int64_t changes = reader.BoardChanges();
-    answer.text = Kept(key, changes);
+    answer.text = kept.Find(key, changes);
     if (answer.text != nullptr) return absl::OkStatus();
     absl::StatusOr<std::string> text = MakeStatisticsText(reader, context_, *asked);
     if (!text.ok()) return text.status();
     answer.text = std::make_shared<const std::string>(*std::move(text));
-    Keep(key, {changes, answer.text});
+    kept.Keep(key, changes, answer.text);
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
   return answer;
-}
-
-std::shared_ptr<const std::string> StatisticsResource::Kept(const Key& key, int64_t changes) {
-  const MutexLock lock(mutex_);
-  const KeptText& kept = kept_[key];
-  return kept.changes == changes ? kept.text : nullptr;
-}
-
-void StatisticsResource::Keep(const Key& key, KeptText text) {
-  const MutexLock lock(mutex_);
-  KeptText& kept = kept_[key];
-  if (text.changes > kept.changes) kept = std::move(text);
 }
 
 }  // namespace myograde::server

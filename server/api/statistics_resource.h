@@ -1,14 +1,8 @@
 // Which places of a leaderboard its episodes decide.
 #pragma once
 
-#include <cstdint>
-#include <map>
-#include <memory>
-#include <string>
-#include <tuple>
-
-#include "protocol/base/mutex.h"
 #include "server/api/context.h"
+#include "server/api/kept_boards.h"
 #include "server/api/routes.h"
 
 namespace myograde::server {
@@ -24,20 +18,10 @@ class StatisticsResource {
  private:
   ApiResult Get(const httplib::Request& request);
 
-  struct KeptText {
-    int64_t changes = -1;  // the store's count of changes when it was made
-    std::shared_ptr<const std::string> text;
-  };
-  // Hash of the track config, name of the board, and which view of it.
-  using Key = std::tuple<std::string, std::string, int>;
-
-  // nullptr: there is none, or it is stale.
-  std::shared_ptr<const std::string> Kept(const Key& key, int64_t changes);
-  void Keep(const Key& key, KeptText text);
-
   const ApiContext& context_;
-  Mutex mutex_;
-  std::map<Key, KeptText> kept_ ABSL_GUARDED_BY(mutex_);
+  // Apart, as boards of the past are asked for without end.
+  KeptBoards now_{256, size_t{256} << 20};
+  KeptBoards others_{32, size_t{32} << 20};
 };
 
 }  // namespace myograde::server
