@@ -47,7 +47,7 @@ constexpr char kRejudgeColumns[] =
     "SELECT id, at, purpose, phase, track, profile, from_config, to_config, seeds, method, repeats, "
     "who, why FROM rejudge ";
 
-StoredRow RejudgeOf(SQLite::Statement& select, RejudgeRow& rejudge) {
+StoredRow RejudgeRowOf(SQLite::Statement& select, RejudgeRow& rejudge) {
   StoredRow row(select, "rejudge", Shown(select.getColumn(0)));
   rejudge.id = row.Number(0, 1, INT64_MAX);
   rejudge.at = row.Time(1);
@@ -174,7 +174,7 @@ absl::StatusOr<RejudgeRow> Reader::Rejudge(int64_t id) {
     return absl::NotFoundError(absl::StrCat("there is no rejudge ", id));
   }
   RejudgeRow rejudge;
-  if (const StoredRow row = RejudgeOf(select, rejudge); !row.ok()) return row.status();
+  if (const StoredRow row = RejudgeRowOf(select, rejudge); !row.ok()) return row.status();
   return rejudge;
 }
 
@@ -182,7 +182,7 @@ Listed<RejudgeRow> Reader::Rejudges(int64_t before, int64_t limit) {
   SQLite::Statement select(
       db_, absl::StrCat(kRejudgeColumns, "WHERE id < ? ORDER BY id DESC LIMIT ?"));
   SQLite::bind(select, before, limit);
-  return ListOf<RejudgeRow>(select, {}, RejudgeOf);
+  return ListOf<RejudgeRow>(select, {}, RejudgeRowOf);
 }
 
 absl::StatusOr<std::vector<RejudgeEventRow>> Reader::RejudgeEvents(int64_t rejudge) {
