@@ -174,6 +174,7 @@ class Manual(SystemTest):
         self.warm_up()
         self.play_the_final()
         self.try_what_must_not_work()
+        self.change_the_rules()
         self.freeze()
         self.close_and_reveal()
 
@@ -214,7 +215,7 @@ class Manual(SystemTest):
         for words in (f"receipt {theirs} -o their-receipt.json", f"cancel {theirs}",
                       f"rerun {theirs}", "submit policies/alpha-walker --phase warm-up --team beta",
                       "quota --team beta", "token list", "team ban beta --reason envy",
-                      "phase pause final --reason tired", "seeds reveal --phase final",
+                      "phase pause final --reason tired", "rejudge list", "seeds reveal --phase final",
                       f"disqualify {theirs} --reason envy", "backup stolen.db", "events"):
             with self.subTest(words=words):
                 self.refused(self.on_laptop("alpha", f"myograde {words}"))
@@ -222,6 +223,21 @@ class Manual(SystemTest):
         self.refused(self.on_laptop("alpha", "MYOGRADE_TOKEN=myo_" + "0" * 64 + " myograde whoami"))
         self.assertEqual(self.ask_laptop("beta", f"show {theirs}")["state"], "done")
         self.look_for_seeds("alpha", mine)
+
+    def change_the_rules(self):
+        """In the section without a number."""
+        before = self.ask_server("leaderboard --phase final")
+        said = self.follow(0, SERVER, 0)
+        self.assertIn("2 of 2 results; from facts 2, played 0", said)
+        self.assertEqual(self.ask_server("leaderboard --phase final"), before)
+        self.refused(self.on_laptop("alpha", "myograde rejudge show 1"), "organisers")
+        self.follow(0, SERVER, 1)
+        after = self.ask_laptop("alpha", "leaderboard --phase final")
+        self.assertNotEqual(after["config"], before["config"])
+        self.assertEqual(after["rules"]["time_from_m"], 10)
+        self.assertEqual(self.teams_on(after), self.teams_on(before))
+        self.assertIn("applied", self.follow(0, SERVER, 2))
+        self.assertEqual(self.ask_laptop("alpha", "leaderboard --phase final"), after)
 
     def look_for_seeds(self, team, submission):
         """Nothing that a participant can ask for has a seed of the final in it."""

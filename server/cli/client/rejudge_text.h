@@ -7,7 +7,7 @@
 
 namespace myograde::server {
 
-// "phase final" or "track elbow, profile hold".
+// "phase final", or the track and the profile of a board without a phase.
 std::string RejudgedBoard(const nlohmann::json& rejudge);
 
 // One line for each rejudge of a list.
