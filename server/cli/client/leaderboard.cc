@@ -23,11 +23,22 @@ namespace {
 
 using Json = nlohmann::json;
 
+// Marks a row that another build played than most of its board.
+constexpr char kOtherBuild[] = "*";
+constexpr size_t kShortHash = 12;
+
+// Enough of a hash to ask for a board by.
+std::string ShortHash(const Json& of, const char* key) {
+  return Cell(of, key).substr(0, kShortHash);
+}
+
 struct BoardOptions : DaemonOptions {
   std::string track;
   std::string profile;
   std::string phase;
   std::string board = "main";
+  std::string config;  // the hash, or its first digits
+  std::string at;
   std::vector<std::string> explain;  // two rows, or none
   bool statistics = false;
   bool rebuild = false;
@@ -41,11 +52,52 @@ std::string PhaseOf(const Json& board) {
                       frozen ? absl::StrCat(", as of ", Cell(board, "frozen_at")) : "");
 }
 
-void PrintBoard(const Json& board) {
+// What makes it another board than that of now.
+std::string MomentOf(const Json& board) {
+  std::string moment;
+  if (board.value("at", Json()).is_string()) {
+    moment = absl::StrCat(", as it was at ", Cell(board, "at"));
+  }
+  if (Cell(board, "config") != Cell(board, "config_in_force")) {
+    absl::StrAppend(&moment, ", under the config ", ShortHash(board, "config"));
+  }
+  return moment;
+}
+
+void PrintHead(const Json& board) {
   std::cout << Bold(absl::StrCat("Leaderboard of ", Cell(board, "track"), ", profile ",
-                                 Cell(board, "profile"), PhaseOf(board), ", board ", Cell(board, "board"), ", ",
-                                 CountCell(board, "episodes", "episode")))
+                                 Cell(board, "profile"), PhaseOf(board), ", board ",
+                                 Cell(board, "board"), ", ",
+                                 CountCell(board, "episodes", "episode"), MomentOf(board)))
             << '\n';
+}
+
+// What other builds of the grader played, and what stands under other configs.
+void PrintOthers(const Json& board) {
+  const Json builds = board.value("builds", Json::array());
+  for (const Json& build : builds) {
+    if (&build == &builds.front()) continue;
+    std::cout << "  " << kOtherBuild << " " << CountCell(build, "rows", "row")
+              << " played by the build " << Cell(build, "build") << ", the others by "
+              << Cell(builds.front(), "build") << ": builds may differ in results\n";
+  }
+  if (const auto others = board.value("other_config", int64_t{0}); others > 0) {
+    std::cout << "  " << Counted(others, "evaluation")
+              << " under an earlier config of this track " << (others == 1 ? "is" : "are")
+              << " not on it.\n";
+  }
+  for (const Json& other : board.value("other_configs", Json::array())) {
+    const bool in_force = other.value("in_force", false);
+    std::cout << "  Under " << (in_force ? "the config in force, " : "the config ")
+              << ShortHash(other, "config") << ": " << CountCell(other, "submissions", "submission")
+              << " of " << CountCell(other, "teams", "team") << ", accepted from "
+              << Cell(other, "from") << " to " << Cell(other, "to") << "; see it with --config "
+              << ShortHash(other, "config") << '\n';
+  }
+}
+
+void PrintBoard(const Json& board) {
+  PrintHead(board);
   const Json rows = board.value("rows", Json::array());
   const auto aggregate_of = [](const Json& row) { return row.value("aggregate", Json::object()); };
   if (rows.empty()) {
@@ -63,6 +115,7 @@ void PrintBoard(const Json& board) {
       std::vector<std::string> cells = {baseline ? "base" : Cell(row, "rank"),
                                         Cell(row, "team"), Cell(row, "name"),
                                         Cell(row, "submission"), Cell(aggregate, "successes")};
+      if (row.value("other_build", false)) cells[3] += kOtherBuild;
       for (const MetricColumn& column : columns) {
         cells.push_back(Cell(aggregate, column.key, column.digits));
       }
@@ -86,11 +139,7 @@ void PrintBoard(const Json& board) {
                       : "  It is frozen: what ended later is not on it yet.\n");
   }
   PrintUnreadable(board);
-  if (const auto others = board.value("other_config", int64_t{0}); others > 0) {
-    std::cout << "  " << Counted(others, "evaluation")
-              << " under an earlier config of this track " << (others == 1 ? "is" : "are")
-              << " not on it.\n";
-  }
+  PrintOthers(board);
   std::cout.flush();
 }
 
@@ -99,6 +148,8 @@ std::string QueryOf(const BoardOptions& options, const std::string& track) {
   absl::StrAppend(&query, "board=", QueryValue(options.board));
   if (!options.phase.empty()) absl::StrAppend(&query, "&phase=", QueryValue(options.phase));
   if (!options.profile.empty()) absl::StrAppend(&query, "&profile=", QueryValue(options.profile));
+  if (!options.config.empty()) absl::StrAppend(&query, "&config=", QueryValue(options.config));
+  if (!options.at.empty()) absl::StrAppend(&query, "&at=", QueryValue(options.at));
   return query;
 }
 
@@ -109,7 +160,8 @@ absl::StatusOr<Json> BoardOf(const Client& client, const BoardOptions& options,
 
 int Explain(const Client& client, BoardOptions options) {
   int64_t id = 0;
-  const bool board_known = !options.track.empty() || !options.phase.empty();
+  const bool board_known =
+      !options.track.empty() || !options.phase.empty() || !options.config.empty();
   if (!board_known && absl::SimpleAtoi(options.explain.front(), &id)) {
     const absl::StatusOr<Json> submission = client.Get(absl::StrCat("/v1/submissions/", id));
     if (!submission.ok()) return ReportError(submission.status());
@@ -118,7 +170,7 @@ int Explain(const Client& client, BoardOptions options) {
     const Json phase = submission->value("phase", Json());
     if (options.phase.empty() && phase.is_string()) options.phase = phase.get<std::string>();
   }
-  if (options.track.empty() && options.phase.empty()) {
+  if (options.track.empty() && options.phase.empty() && options.config.empty()) {
     return ReportError(absl::InvalidArgumentError(
         "teams are compared on one board: give --track or --phase"));
   }
@@ -140,9 +192,9 @@ int Rebuild(const Client& client, bool json) {
 }
 
 int Statistics(const Client& client, const BoardOptions& options) {
-  if (options.track.empty() && options.phase.empty()) {
+  if (options.track.empty() && options.phase.empty() && options.config.empty()) {
     return ReportError(absl::InvalidArgumentError(
-        "--statistics are of one board: give --track or --phase"));
+        "--statistics are of one board: give --track, --phase or --config"));
   }
   return PrintAnswer(client.Get("/v1/leaderboard/statistics" + QueryOf(options, options.track)),
                      options.json, PrintStatistics);
@@ -184,8 +236,10 @@ int Leaderboard(const BoardOptions& options) {
   const Client client = options.client();
   if (options.rebuild) return Rebuild(client, options.json);
   if (!options.explain.empty()) return Explain(client, options);
+  const bool named =
+      !options.track.empty() || !options.phase.empty() || !options.config.empty();
   if (options.statistics) return Statistics(client, options);
-  if (options.track.empty() && options.phase.empty()) return AllBoards(client, options);
+  if (!named) return AllBoards(client, options);
   return PrintAnswer(BoardOf(client, options, options.track), options.json, PrintBoard);
 }
 
@@ -198,6 +252,11 @@ Action AddLeaderboard(CLI::App& verb) {
   verb.add_option("--phase", options->phase,
                   "Phase of a challenge, also of one that is over (default: the track's own board)");
   verb.add_option("--board", options->board, "Name of the board (default: main, which all have)");
+  verb.add_option("--config", options->config,
+                  "The board under a config that it has or had: its hash, or the first 8 digits or "
+                  "more");
+  verb.add_option("--at", options->at,
+                  "The board as it was at this moment, such as 2026-12-01T12:00:00Z");
   verb.add_option("--explain", options->explain,
                   "Say why one of two submissions (or teams) stands above the other")
       ->expected(2)
