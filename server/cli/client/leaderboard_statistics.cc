@@ -77,7 +77,7 @@ void PrintMeaning(const Json& answer) {
                "(Holm) for "
             << Counted(used.value("tests", int64_t{0}), "test") << " of the first "
             << Cell(used, "places") << " places; * decides at the level "
-            << Cell(used, "level", kMostDigits) << ".\n";
+            << absl::StrCat(used.value("level", 0.0)) << ".\n";
   const auto undecided = answer.value("undecided", int64_t{0});
   if (undecided > 0) {
     std::cout << "  " << Counted(undecided, "place")
