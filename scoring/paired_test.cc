@@ -1,6 +1,7 @@
 #include "scoring/paired_test.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -15,7 +16,7 @@ namespace {
 constexpr double kRounding = 1e-12;
 
 constexpr uint64_t kFirstState = 0x4d796f4772616465;  // "MyoGrade"
-constexpr int64_t kSignsOfADraw = 64;
+constexpr size_t kSignsOfADraw = 64;
 
 // The difference between the two results of a pair, in the direction in which it is positive.
 struct Difference {
@@ -88,6 +89,7 @@ double MeansDifference(const Differences& all, double amount, double weight) {
   return (all.amounts + amount) / 2 / weight_a - (all.amounts - amount) / 2 / weight_b;
 }
 
+// With its sign turned if the lowest bit is set.
 double WithSign(double number, uint64_t sign) {
   return std::bit_cast<double>(std::bit_cast<uint64_t>(number) ^ (sign << 63));
 }
@@ -166,23 +168,43 @@ double EnumeratedP(const Differences& all, double threshold) {
   return static_cast<double>(reached) / static_cast<double>(ways);
 }
 
+// What a has more than b in random ways of exchanging. Each way is a sum of its own, and several at
+// once keep the processor busy.
+constexpr size_t kWaysAtOnce = 8;
+struct RandomSums {
+  std::array<double, kWaysAtOnce> amounts{};
+  std::array<double, kWaysAtOnce> weights{};
+};
+
+RandomSums DrawSums(const Differences& all, SplitMix64& random) {
+  RandomSums sums;
+  std::array<uint64_t, kWaysAtOnce> signs{};
+  for (size_t i = 0; i < all.all.size(); ++i) {
+    if (i % kSignsOfADraw == 0) {
+      for (uint64_t& own : signs) own = random.Next();
+    }
+    const Difference& difference = all.all[i];
+    for (size_t way = 0; way < kWaysAtOnce; ++way) {
+      sums.amounts[way] += WithSign(difference.amount, signs[way]);
+    }
+    for (size_t way = 0; !all.even && way < kWaysAtOnce; ++way) {
+      sums.weights[way] += WithSign(difference.weight, signs[way]);
+    }
+    for (uint64_t& own : signs) own >>= 1;
+  }
+  return sums;
+}
+
 double MonteCarloP(const Differences& all, double threshold, int64_t samples) {
   SplitMix64 random;
   int64_t reached = 0;
-  for (int64_t i = 0; i < samples; ++i) {
-    uint64_t signs = 0;
-    int64_t left = 0;
-    const double difference = Exchanged(all, [&] {
-      if (left == 0) {
-        signs = random.Next();
-        left = kSignsOfADraw;
-      }
-      const uint64_t sign = signs & 1;
-      signs >>= 1;
-      --left;
-      return sign;
-    });
-    if (std::abs(difference) >= threshold) ++reached;
+  for (int64_t drawn = 0; drawn < samples; drawn += kWaysAtOnce) {
+    const RandomSums sums = DrawSums(all, random);
+    const auto ways = std::min<int64_t>(kWaysAtOnce, samples - drawn);
+    for (size_t way = 0; way < static_cast<size_t>(ways); ++way) {
+      const double difference = MeansDifference(all, sums.amounts[way], sums.weights[way]);
+      if (std::abs(difference) >= threshold) ++reached;
+    }
   }
   return static_cast<double>(1 + reached) / static_cast<double>(1 + samples);
 }
