@@ -51,19 +51,21 @@ absl::StatusOr<TrackConfig> ConfigOf(Reader& reader, const Phases& phases,
   return StoredConfig(reader, hash);
 }
 
+absl::Status NothingToReveal(const std::string& phase) {
+  return absl::FailedPreconditionError(
+      absl::StrCat("the seeds of phase \"", phase, "\" are public; there is nothing to reveal"));
+}
+
 absl::StatusOr<HiddenSeeds> SeedsToReveal(Reader& reader, const ApiContext& context,
                                           const std::string& name) {
   const absl::StatusOr<TrackConfig> config = ConfigOf(reader, context.phases, name);
   if (!config.ok()) return config.status();
   const bool is_public = config->seed_salt.empty();
+  absl::StatusOr<std::string> secret = reader.PhaseSecret(name);
+  if (absl::IsNotFound(secret.status()) && is_public) return NothingToReveal(name);
   if (const PhaseConfig* phase = context.phases.ConfigOf(name)) {
     const absl::Status over = CheckOver(*phase, context.clock.Now());
     if (!over.ok()) return over;
-  }
-  absl::StatusOr<std::string> secret = reader.PhaseSecret(name);
-  if (absl::IsNotFound(secret.status()) && is_public) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("the seeds of phase \"", name, "\" are public; there is nothing to reveal"));
   }
   if (absl::IsNotFound(secret.status())) {
     return absl::FailedPreconditionError(absl::StrCat(
@@ -74,6 +76,7 @@ absl::StatusOr<HiddenSeeds> SeedsToReveal(Reader& reader, const ApiContext& cont
   if (!secret.ok()) return secret.status();
   absl::StatusOr<std::vector<uint64_t>> further = PlayedFurtherSeeds(reader, name, *secret);
   if (!further.ok()) return further.status();
+  if (is_public && further->empty()) return NothingToReveal(name);
   return HiddenSeeds{*std::move(secret), config->seeds, *std::move(further)};
 }
 
