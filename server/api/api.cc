@@ -30,6 +30,8 @@ void Api::Install(UnixHttpServer& server) {
   record_.Install(routes);
   rejudges_.Install(routes);
   reveal_.Install(routes);
+  statistics_.Install(routes);
+  more_seeds_.Install(routes);
   teams_.Install(routes);
   tokens_.Install(routes);
   transfer_.Install(routes);

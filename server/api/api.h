@@ -10,12 +10,14 @@
 #include "server/api/evaluations_resource.h"
 #include "server/api/guard.h"
 #include "server/api/host_resource.h"
+#include "server/api/more_seeds_resource.h"
 #include "server/api/openapi_resource.h"
 #include "server/api/proof_resource.h"
 #include "server/api/quota_resource.h"
 #include "server/api/record_resource.h"
 #include "server/api/rejudges_resource.h"
 #include "server/api/reveal_resource.h"
+#include "server/api/statistics_resource.h"
 #include "server/api/submissions_resource.h"
 #include "server/api/teams_resource.h"
 #include "server/api/tokens_resource.h"
@@ -49,6 +51,8 @@ class Api {
   RecordResource record_{context_};
   RejudgesResource rejudges_{context_};
   RevealResource reveal_{context_};
+  StatisticsResource statistics_{context_};
+  MoreSeedsResource more_seeds_{context_};
   TeamsResource teams_{context_};
   TokensResource tokens_{context_};
   TransferResource transfer_{context_};

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "server/api/board_source.h"
+#include "server/api/board_statistics.h"
 #include "server/api/views.h"
 #include "server/grading/board_builds.h"
 #include "server/grading/results.h"
@@ -52,6 +53,22 @@ void AddOtherConfigs(Reader& reader, const BoardQuery& asked, Json& json) {
   }
 }
 
+// Gives each row the rank of its group.
+absl::Status PublishGroups(Reader& reader, const BoardQuery& asked,
+                           const scoring::GroupRules& group_rules, const Leaderboard& board,
+                           std::vector<Damage>& damaged, Json& json) {
+  const absl::StatusOr<BoardStatistics> statistics =
+      StatisticsOf(reader, *asked.track, asked.rules->rules, board, group_rules,
+                   asked.moment().results_before_ms());
+  if (!statistics.ok()) return statistics.status();
+  damaged.insert(damaged.end(), statistics->damaged.begin(), statistics->damaged.end());
+  const std::vector<int64_t> ranks = PublishedRanks(board, *statistics);
+  for (size_t i = 0; i < ranks.size(); ++i) {
+    if (ranks[i] != 0) json["rows"][i]["rank"] = ranks[i];
+  }
+  return absl::OkStatus();
+}
+
 Json BoardToJson(const Leaderboard& board) {
   Json rows = Json::array();
   for (const LeaderboardRow& row : board.rows) rows.push_back(RowToJson(row));
@@ -74,6 +91,7 @@ Json BoardToJson(const Leaderboard& board) {
 Json RowToJson(const LeaderboardRow& row) {
   const bool baseline = row.ranked.rank == 0;
   return {{"rank", baseline ? Json() : Json(row.ranked.rank)},
+          {"rank_by_rules", baseline ? Json() : Json(row.ranked.rank)},
           {"baseline", baseline},
           {"team", row.source.team},
           {"submission", row.source.submission},
@@ -84,7 +102,8 @@ Json RowToJson(const LeaderboardRow& row) {
           {"aggregate", row.aggregate}};
 }
 
-absl::StatusOr<Json> BoardView(Reader& reader, const BoardQuery& asked) {
+absl::StatusOr<Json> BoardView(Reader& reader, const BoardQuery& asked,
+                               const scoring::StatisticsConfig& statistics) {
   const TrackConfig& config = asked.track->config;
   absl::StatusOr<BoardSource> source = SourceOf(reader, *asked.track, asked.moment());
   if (!source.ok()) return source.status();
@@ -92,6 +111,12 @@ absl::StatusOr<Json> BoardView(Reader& reader, const BoardQuery& asked) {
       source->standings, source->marks, asked.rules->rules, asked.track->scoring.team);
   if (!board.ok()) return board.status();
   Json json = BoardToJson(*board);
+  if (statistics.ranks == scoring::StatisticsConfig::Ranks::kGroups) {
+    const absl::Status grouped =
+        PublishGroups(reader, asked, statistics.groups, *board, source->damaged, json);
+    if (!grouped.ok()) return grouped;
+  }
+  json["ranks"] = scoring::StatisticsToJson(statistics)["ranks"];
   AddBuilds(reader, *board, json);
   AddOtherConfigs(reader, asked, json);
   source->damaged.insert(source->damaged.end(), board->damaged.begin(), board->damaged.end());

@@ -4,6 +4,7 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
+#include "scoring/statistics_config.h"
 #include "server/api/board_query.h"
 #include "server/grading/leaderboard.h"
 #include "server/store/reader.h"
@@ -13,6 +14,8 @@ namespace myograde::server {
 // A row, without what it is only beside others.
 nlohmann::json RowToJson(const LeaderboardRow& row);
 
-absl::StatusOr<nlohmann::json> BoardView(Reader& reader, const BoardQuery& asked);
+// `statistics`: of the board. If its ranks are those of groups, so are the rows' ranks.
+absl::StatusOr<nlohmann::json> BoardView(Reader& reader, const BoardQuery& asked,
+                                         const scoring::StatisticsConfig& statistics);
 
 }  // namespace myograde::server

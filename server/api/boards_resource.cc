@@ -8,6 +8,7 @@
 #include "protocol/base/config_reader.h"
 #include "server/api/board_query.h"
 #include "server/api/board_source.h"
+#include "server/api/board_statistics.h"
 #include "server/api/board_view.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
@@ -40,7 +41,8 @@ ApiResult BoardsResource::Get(const httplib::Request& request) {
     const int64_t changes = reader.BoardChanges();
     answer.text = kept.Find(key, changes);
     if (answer.text != nullptr) return absl::OkStatus();
-    absl::StatusOr<Json> board = BoardView(reader, *asked);
+    absl::StatusOr<Json> board = BoardView(
+        reader, *asked, StatisticsConfigOf(context_, asked->track->config.phase));
     if (!board.ok()) return board.status();
     answer.text = std::make_shared<const std::string>(CanonicalJson(*board) + "\n");
     kept.Keep(key, changes, answer.text);

@@ -61,7 +61,8 @@ absl::Status RequireEvaluation(Reader& reader, int64_t id) {
 }
 
 bool CallerSees(const RejudgeSight& rejudge) {
-  return rejudge.rejudge == 0 || rejudge.ever_applied || CallerIsOrganiser();
+  return rejudge.rejudge == 0 || rejudge.ever_applied || rejudge.revealed ||
+         CallerIsOrganiser();
 }
 
 absl::Status RequireTeam(Reader& reader, const std::string& name) {

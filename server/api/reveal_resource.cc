@@ -10,6 +10,7 @@
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
+#include "server/api/more_seeds.h"
 #include "server/api/requests.h"
 #include "server/challenge/phases.h"
 #include "server/engine/stored.h"
@@ -23,8 +24,10 @@ using Json = nlohmann::json;
 // What a reveal makes known.
 struct HiddenSeeds {
   std::string secret;  // 32 bytes
-  std::vector<uint64_t> seeds;
+  std::vector<uint64_t> seeds;    // of the phase, which may be public
+  std::vector<uint64_t> further;  // that follow from the secret after them, as far as they were played
 };
+
 
 // Before the close a reveal would end the phase for good, so nothing does it early.
 absl::Status CheckOver(const PhaseConfig& phase, absl::Time now) {
@@ -48,19 +51,22 @@ absl::StatusOr<TrackConfig> ConfigOf(Reader& reader, const Phases& phases,
   return StoredConfig(reader, hash);
 }
 
+absl::Status NothingToReveal(const std::string& phase) {
+  return absl::FailedPreconditionError(
+      absl::StrCat("the seeds of phase \"", phase, "\" are public; there is nothing to reveal"));
+}
+
 absl::StatusOr<HiddenSeeds> SeedsToReveal(Reader& reader, const ApiContext& context,
                                           const std::string& name) {
   const absl::StatusOr<TrackConfig> config = ConfigOf(reader, context.phases, name);
   if (!config.ok()) return config.status();
-  if (config->seed_salt.empty()) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("the seeds of phase \"", name, "\" are public; there is nothing to reveal"));
-  }
+  const bool is_public = config->seed_salt.empty();
+  absl::StatusOr<std::string> secret = reader.PhaseSecret(name);
+  if (absl::IsNotFound(secret.status()) && is_public) return NothingToReveal(name);
   if (const PhaseConfig* phase = context.phases.ConfigOf(name)) {
     const absl::Status over = CheckOver(*phase, context.clock.Now());
     if (!over.ok()) return over;
   }
-  absl::StatusOr<std::string> secret = reader.PhaseSecret(name);
   if (absl::IsNotFound(secret.status())) {
     return absl::FailedPreconditionError(absl::StrCat(
         "this store does not have the secret of phase \"", name,
@@ -68,7 +74,10 @@ absl::StatusOr<HiddenSeeds> SeedsToReveal(Reader& reader, const ApiContext& cont
         "--secret\""));
   }
   if (!secret.ok()) return secret.status();
-  return HiddenSeeds{*std::move(secret), config->seeds};
+  absl::StatusOr<std::vector<uint64_t>> further = PlayedFurtherSeeds(reader, name, *secret);
+  if (!further.ok()) return further.status();
+  if (is_public && further->empty()) return NothingToReveal(name);
+  return HiddenSeeds{*std::move(secret), config->seeds, *std::move(further)};
 }
 
 }  // namespace
@@ -105,7 +114,8 @@ ApiResult RevealResource::Reveal(const httplib::Request& request, const Json& bo
                          {"commitment", SecretCommitment(hidden->secret)},
                          {"secret", absl::BytesToHexString(hidden->secret)},
                          {"seeds_sha256", SeedListHash(hidden->seeds)},
-                         {"seeds", hidden->seeds}}};
+                         {"seeds", hidden->seeds},
+                         {"further_seeds", hidden->further}}};
 }
 
 }  // namespace myograde::server

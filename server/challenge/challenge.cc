@@ -26,6 +26,11 @@ constexpr std::array<std::pair<TeamRule, const char*>, 3> kTeamRules = {{
     {TeamRule::kChosen, "chosen"},
 }};
 
+// A phase's own keys fit a server with these; whether they fit the server that has them is checked
+// when it starts.
+constexpr scoring::StatisticsConfig kAnyStatistics = {
+    .groups = {.level = 0.5, .samples = scoring::kMostSamples, .places = 2}};
+
 // Only the years that a stored time may have.
 constexpr absl::Time kFirstTime = absl::FromUnixSeconds(946'684'800);     // 2000-01-01
 constexpr absl::Time kLastTime = absl::FromUnixSeconds(253'402'214'400);  // 9999-12-31
@@ -150,6 +155,7 @@ absl::StatusOr<PhaseConfig> ParsePhase(const nlohmann::json& json, const std::st
   phase.teams = ReadTeams(reader);
   const nlohmann::json& quota = reader.Has("quota") ? reader.Object("quota") : kNone;
   const nlohmann::json& shown = reader.Has("show") ? reader.Object("show") : kNone;
+  if (reader.Has("statistics")) phase.statistics = reader.Object("statistics");
   const bool has_seeds = reader.Has("seeds");
   reader.Ignore("seeds");  // ReadSeedsOfPhase reads them
   absl::Status status = reader.Finish();
@@ -161,6 +167,10 @@ absl::StatusOr<PhaseConfig> ParsePhase(const nlohmann::json& json, const std::st
   phase.shown.seeds = phase.committed == 0;
   if (status.ok()) status = ReadQuotaOfPhase(quota, where + ": quota", phase.quota);
   if (status.ok()) status = ReadShown(shown, where + ": show", phase.shown);
+  if (status.ok()) {
+    status = scoring::ParseStatistics(phase.statistics, where + ": statistics", kAnyStatistics)
+                 .status();
+  }
   if (!status.ok()) return status;
   return phase;
 }
@@ -232,6 +242,12 @@ AdmissionRules PhaseRules(const PhaseConfig& phase, AdmissionRules usual) {
   limits.waiting = own.waiting.value_or(limits.waiting);
   usual.one_for_everyone = own.one_for_everyone.value_or(usual.one_for_everyone);
   return usual;
+}
+
+absl::StatusOr<scoring::StatisticsConfig> PhaseStatistics(const PhaseConfig& phase,
+                                                          const scoring::StatisticsConfig& usual) {
+  return scoring::ParseStatistics(
+      phase.statistics, absl::StrCat("phase \"", phase.name, "\": statistics"), usual);
 }
 
 std::string_view TeamRuleName(TeamRule rule) {

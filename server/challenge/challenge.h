@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "scoring/board.h"
+#include "scoring/statistics_config.h"
 #include "server/access/sight.h"
 #include "server/grading/tracks.h"
 #include "server/store/store.h"
@@ -50,6 +51,9 @@ struct PhaseConfig {
   std::vector<std::string> teams = {};
   PhaseQuota quota;
   Visibility shown;             // while the phase is not published
+  // Keys of "statistics" of server.json, whose values apply where one is missing; checked over the
+  // usual ones.
+  nlohmann::json statistics = nlohmann::json::object();
 };
 
 struct ChallengeConfig {
@@ -96,6 +100,11 @@ absl::StatusOr<TrackPtr> PhaseTrack(const PhaseConfig& phase, const Track& track
 
 // The rules for submissions to a phase, on a track with the rules `usual`.
 AdmissionRules PhaseRules(const PhaseConfig& phase, AdmissionRules usual);
+
+// How its board tells close places apart, on a server with `usual`. InvalidArgumentError: the two
+// don't fit together (ParseStatistics).
+absl::StatusOr<scoring::StatisticsConfig> PhaseStatistics(const PhaseConfig& phase,
+                                                          const scoring::StatisticsConfig& usual);
 
 // "best", "last" or "chosen".
 std::string_view TeamRuleName(scoring::TeamRule rule);

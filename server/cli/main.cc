@@ -40,6 +40,8 @@ constexpr Verb kVerbs[] = {
     {"show", "Show the result of a submission", "myograde show 7 --episodes", AddShow},
     {"rerun", "Play a submission's episodes again and print what differs",
      "myograde rerun 7 --episodes 10..19 --verify", AddRerun},
+    {"evaluate", "Have further episodes played for the places that a phase's own do not decide",
+     "myograde evaluate --phase final --more-seeds 100", AddEvaluate},
     {"rejudge", "Compute a board under other rules, see what changes, and apply or drop it",
      "myograde rejudge create --track TRACK --config new_rules.json --reason \"The line is 80.\"",
      AddRejudge},

@@ -279,6 +279,14 @@ absl::Status ReadQuota(const nlohmann::json& json, const std::string& where,
   return absl::OkStatus();
 }
 
+absl::Status ReadStatisticsOf(const nlohmann::json& json, const std::string& where,
+                              ServerConfig& config) {
+  absl::StatusOr<scoring::StatisticsConfig> read =
+      scoring::ParseStatistics(json, where, config.statistics);
+  if (read.ok()) config.statistics = *read;
+  return read.status();
+}
+
 }  // namespace
 
 bool PinsSlots(const ServerConfig& config, int slots, const TrackConfig& track) {
@@ -317,6 +325,8 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   const nlohmann::json& retention = reader.Object("retention");
   const nlohmann::json reruns =
       reader.Has("reruns") ? reader.Object("reruns") : nlohmann::json::object();
+  const nlohmann::json statistics =
+      reader.Has("statistics") ? reader.Object("statistics") : nlohmann::json::object();
   const nlohmann::json access =
       reader.Has("access") ? reader.Object("access") : nlohmann::json::object();
   absl::Status status = reader.Finish();
@@ -328,6 +338,7 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   if (status.ok()) status = ReadQuota(quota, path + ": quota", config);
   if (status.ok()) status = ReadReruns(reruns, path + ": reruns", config);
   if (status.ok()) status = ReadRetention(retention, path + ": retention", config);
+  if (status.ok()) status = ReadStatisticsOf(statistics, path + ": statistics", config);
   if (!status.ok()) return status;
   return config;
 }

@@ -11,6 +11,7 @@
 #include <absl/time/time.h>
 
 #include "protocol/lease/track_config.h"
+#include "scoring/statistics_config.h"
 #include "server/access/access_config.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
@@ -106,6 +107,7 @@ struct ServerConfig {
   QuotaConfig quota;
   RerunLimits reruns;
   RetentionLimits retention;
+  scoring::StatisticsConfig statistics;
   std::string log_level;
 };
 

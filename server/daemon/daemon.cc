@@ -264,6 +264,18 @@ absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_ke
   });
 }
 
+// A phase's statistics must also fit those that the server has for the keys that it leaves out.
+void AddStatisticsMistakes(const std::vector<ChallengeConfig>& challenges,
+                           const scoring::StatisticsConfig& usual,
+                           std::vector<std::string>& mistakes) {
+  for (const ChallengeConfig& challenge : challenges) {
+    for (const PhaseConfig& phase : challenge.phases) {
+      const absl::Status fits = PhaseStatistics(phase, usual).status();
+      if (!fits.ok()) mistakes.push_back(challenge.where + ": " + std::string(fits.message()));
+    }
+  }
+}
+
 }  // namespace
 
 DaemonOptions WithDefaults(DaemonOptions options) {
@@ -298,6 +310,7 @@ absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
   if (mistakes.empty()) {
     mistakes = CheckChallenges(challenges, *tracks, absl::InfinitePast()).mistakes;
   }
+  AddStatisticsMistakes(challenges, server->statistics, mistakes);
   if (!mistakes.empty()) return MistakesToStatus(mistakes);
   return DaemonConfigs{*std::move(server), *std::move(tracks), std::move(challenges)};
 }

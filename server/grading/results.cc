@@ -120,15 +120,22 @@ absl::StatusOr<scoring::Judgement> JudgementOf(const scoring::ScoredTrack& track
   return judgement;
 }
 
-absl::StatusOr<scoring::Aggregate> AggregateRows(const scoring::ScoredTrack& track,
-                                                 const std::vector<EpisodeRow>& rows) {
+absl::StatusOr<std::vector<scoring::JudgedEpisode>> JudgedEpisodes(
+    const scoring::ScoredTrack& track, const std::vector<EpisodeRow>& rows) {
   std::vector<scoring::JudgedEpisode> episodes;
   for (const EpisodeRow& row : rows) {
     absl::StatusOr<scoring::Judgement> judgement = JudgementOf(track, row);
     if (!judgement.ok()) return judgement.status();
     episodes.push_back({row.index, *std::move(judgement)});
   }
-  return scoring::AggregateEpisodes(track.metrics, std::move(episodes));
+  return episodes;
+}
+
+absl::StatusOr<scoring::Aggregate> AggregateRows(const scoring::ScoredTrack& track,
+                                                 const std::vector<EpisodeRow>& rows) {
+  absl::StatusOr<std::vector<scoring::JudgedEpisode>> episodes = JudgedEpisodes(track, rows);
+  if (!episodes.ok()) return episodes.status();
+  return scoring::AggregateEpisodes(track.metrics, *std::move(episodes));
 }
 
 nlohmann::json AggregateToJson(const scoring::ScoredTrack& track,

@@ -26,6 +26,8 @@ absl::StatusOr<scoring::Judgement> JudgementOf(const scoring::ScoredTrack& track
                                                const EpisodeRow& row);
 
 // A damaged row (store/damage.h) if one is unreadable.
+absl::StatusOr<std::vector<scoring::JudgedEpisode>> JudgedEpisodes(
+    const scoring::ScoredTrack& track, const std::vector<EpisodeRow>& rows);
 absl::StatusOr<scoring::Aggregate> AggregateRows(const scoring::ScoredTrack& track,
                                                  const std::vector<EpisodeRow>& rows);
 

@@ -352,10 +352,13 @@ std::vector<std::string> Reader::GradersOf(const std::vector<int64_t>& evaluatio
 RejudgeSight Reader::RejudgeOfEvaluation(int64_t evaluation) {
   SQLite::Statement select(
       db_, "SELECT i.rejudge, EXISTS (SELECT 1 FROM rejudge_event AS v WHERE v.rejudge = i.rejudge "
-           "AND v.event = 'applied') FROM rejudge_item AS i WHERE i.evaluation = ?");
+           "AND v.event = 'applied'), EXISTS (SELECT 1 FROM rejudge AS q JOIN phase_event AS p ON "
+           "p.phase = q.phase AND p.event = 'revealed' WHERE q.id = i.rejudge AND "
+           "q.purpose = 'seeds' AND q.phase != '') FROM rejudge_item AS i WHERE i.evaluation = ?");
   select.bind(1, evaluation);
   if (!select.executeStep()) return {};
-  return {select.getColumn(0).getInt64(), select.getColumn(1).getInt() != 0};
+  return {select.getColumn(0).getInt64(), select.getColumn(1).getInt() != 0,
+          select.getColumn(2).getInt() != 0};
 }
 
 }  // namespace myograde::server

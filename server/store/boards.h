@@ -59,6 +59,7 @@ struct OtherConfig {
 struct RejudgeSight {
   int64_t rejudge = 0;        // its id; 0: none
   bool ever_applied = false;  // its results stood on a board, if they do not still
+  bool revealed = false;      // it has further episodes, and the seeds of its phase are revealed
 };
 
 }  // namespace myograde::server

@@ -169,6 +169,26 @@ class Reader {
   Listed<RecordRow> Record(int64_t from, int64_t limit);
   absl::StatusOr<RecordRow> GradedEntry(int64_t evaluation);
 
+  // Rejudges (rejudges.h).
+  absl::StatusOr<RejudgeRow> Rejudge(int64_t id);
+  // Newest first; `before` is an id.
+  Listed<RejudgeRow> Rejudges(int64_t before = INT64_MAX, int64_t limit = INT64_MAX);
+  absl::StatusOr<std::vector<RejudgeEventRow>> RejudgeEvents(int64_t rejudge);  // oldest first
+  // By submission and repetition.
+  absl::StatusOr<std::vector<RejudgeItemRow>> RejudgeItems(int64_t rejudge);
+  // The item whose evaluation this is; nullopt: it is of no rejudge.
+  absl::StatusOr<std::optional<RejudgeItemRow>> RejudgeItemOf(int64_t evaluation);
+  absl::StatusOr<RejudgeProgress> ProgressOf(const RejudgeRow& rejudge);
+  // The items that it lacks, first repetitions first; none for purpose kSeeds.
+  std::vector<RejudgeCandidate> MissingItems(const RejudgeRow& rejudge, int64_t limit = INT64_MAX);
+  // The same before it is created.
+  std::vector<RejudgeCandidate> CandidatesFor(const NewRejudge& rejudge);
+  // The submissions whose repetitions that have ended as done or failed differ, with every episode
+  // that does.
+  absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge);
+  // Changes whenever rejudges may have something new to do, and only then.
+  int64_t RejudgeWork();
+
   // Of a board, or with nullopt of all, by id.
   absl::StatusOr<std::vector<BoardConfigRow>> BoardConfigs(
       const std::optional<BoardName>& board = std::nullopt);
@@ -195,26 +215,6 @@ class Reader {
   std::vector<std::string> GradersOf(const std::vector<int64_t>& evaluations);
   // The rejudge that an evaluation belongs to.
   RejudgeSight RejudgeOfEvaluation(int64_t evaluation);
-
-  // Rejudges (rejudges.h).
-  absl::StatusOr<RejudgeRow> Rejudge(int64_t id);
-  // Newest first; `before` is an id.
-  Listed<RejudgeRow> Rejudges(int64_t before = INT64_MAX, int64_t limit = INT64_MAX);
-  absl::StatusOr<std::vector<RejudgeEventRow>> RejudgeEvents(int64_t rejudge);  // oldest first
-  // By submission and repetition.
-  absl::StatusOr<std::vector<RejudgeItemRow>> RejudgeItems(int64_t rejudge);
-  // The item whose evaluation this is; nullopt: it is of no rejudge.
-  absl::StatusOr<std::optional<RejudgeItemRow>> RejudgeItemOf(int64_t evaluation);
-  absl::StatusOr<RejudgeProgress> ProgressOf(const RejudgeRow& rejudge);
-  // The items that it lacks, first repetitions first; none for purpose kSeeds.
-  std::vector<RejudgeCandidate> MissingItems(const RejudgeRow& rejudge, int64_t limit = INT64_MAX);
-  // The same before it is created.
-  std::vector<RejudgeCandidate> CandidatesFor(const NewRejudge& rejudge);
-  // The submissions whose repetitions that have ended as done or failed differ, with every episode
-  // that does.
-  absl::StatusOr<std::vector<Unrepeatable>> UnrepeatableOf(int64_t rejudge);
-  // Changes whenever rejudges may have something new to do, and only then.
-  int64_t RejudgeWork();
 
  private:
   SQLite::Database& db_;

@@ -109,6 +109,10 @@ CREATE TRIGGER board_by_standing AFTER INSERT ON standing
   WHEN EXISTS (SELECT 1 FROM evaluation AS e JOIN submission AS s ON s.id = e.submission
                  WHERE e.id = NEW.evaluation AND e.kind IN ('original', 'rejudge') AND s.ranked = 1)
   BEGIN UPDATE board_state SET changes = changes + 1; END;
+-- Further episodes that all failed have no standing, and count in the board's statistics.
+CREATE TRIGGER board_by_failed_rejudge AFTER UPDATE OF state ON evaluation
+  WHEN NEW.kind = 'rejudge' AND NEW.state = 'failed'
+  BEGIN UPDATE board_state SET changes = changes + 1; END;
 CREATE TRIGGER board_by_rejudge AFTER INSERT ON rejudge_event
   BEGIN UPDATE board_state SET changes = changes + 1; END;
 CREATE TRIGGER board_by_config AFTER INSERT ON board_config

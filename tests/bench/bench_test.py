@@ -87,6 +87,12 @@ class Others(unittest.TestCase):
 
 
 class Measuring(unittest.TestCase):
+    def test_the_statistics_are_timed(self):
+        program = pathlib.Path(os.environ["MYOGRADE_TEST_BUILD"]) / "tests/myograde_statistics_bench"
+        said = json.loads(subprocess.run([program, "--quick"], capture_output=True, check=True,
+                                         text=True, timeout=120).stdout)
+        self.assertEqual([row["tests"] for row in said["by_places"]], [10, 45, 190, 1225])
+
     def test_the_schedulers_times_fit_the_schema(self):
         program = pathlib.Path(os.environ["MYOGRADE_TEST_BUILD"]) / "tests/myograde_scheduler_bench"
         done = subprocess.run([program, "--quick"], capture_output=True, text=True, timeout=120,

@@ -162,7 +162,8 @@ class Manual(SystemTest):
     def seeds(self):
         """Those of the final, as the store has them."""
         with sqlite3.connect(self.work / "cup-data/store.db") as store:
-            for (config,) in store.execute("SELECT effective_json FROM config"):
+            for (config,) in store.execute(
+                    "SELECT effective_json FROM config WHERE hash IN (SELECT config FROM submission)"):
                 if json.loads(config).get("phase") == "final":
                     return json.loads(config)["seeds"]
         return self.fail("the final has no config")
@@ -175,6 +176,7 @@ class Manual(SystemTest):
         self.play_the_final()
         self.try_what_must_not_work()
         self.change_the_rules()
+        self.play_further_episodes()
         self.freeze()
         self.close_and_reveal()
 
@@ -238,6 +240,22 @@ class Manual(SystemTest):
         self.assertEqual(self.teams_on(after), self.teams_on(before))
         self.assertIn("applied", self.follow(0, SERVER, 2))
         self.assertEqual(self.ask_laptop("alpha", "leaderboard --phase final"), after)
+
+    def play_further_episodes(self):
+        """In the second section without a number."""
+        before = self.ask_server("leaderboard --phase final")
+        said = self.follow(0, SERVER, 3)
+        self.assertIn("2 further episodes of 2 submissions", said)
+        waited = time.monotonic() + 300
+        last = lambda: self.ask_server("rejudge list")["rejudges"][0]
+        while not last()["complete"]:
+            self.assertLess(time.monotonic(), waited, last())
+            time.sleep(0.5)
+        rows = self.ask_server("leaderboard --phase final --statistics")["rows"]
+        self.assertEqual([row["further_episodes"] for row in rows], [2, 2])
+        self.assertEqual(self.ask_server("leaderboard --phase final"), before)
+        self.refused(self.on_laptop("alpha", "myograde evaluate --phase final --more-seeds 9"),
+                     "organisers")
 
     def look_for_seeds(self, team, submission):
         """Nothing that a participant can ask for has a seed of the final in it."""

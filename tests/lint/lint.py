@@ -42,8 +42,8 @@ RULES = {
     "server/scheduler": ({"protocol/base", "server/base", "server/scheduler"},
                          r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/|fstream$|filesystem$|unistd"),
     "server/store": ({"protocol", "server/base", "server/store"}, r"mujoco/|lcm/|httplib|CLI/"),
-    "server/config": ({"protocol", "server/base", "server/access", "server/scheduler",
-                       "server/store", "server/config"}, r"mujoco/|lcm/|httplib|CLI/"),
+    "server/config": ({"protocol", "scoring/statistics_config.h", "server/base", "server/access",
+                       "server/scheduler", "server/store", "server/config"}, r"mujoco/|lcm/|httplib|CLI/"),
     "server/grading": ({"protocol", "scoring", "server/base", "server/store", "server/proof",
                         "server/grading"}, r"mujoco/|lcm/|httplib|CLI/|fstream$|filesystem$|unistd"),
     "server/challenge": ({"protocol", "scoring"} | {f"server/{part}" for part in (

@@ -12,6 +12,7 @@
 #include "server/cli/base/report.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
+#include "server/cli/client/leaderboard_statistics.h"
 #include "server/cli/client/print_answer.h"
 #include "server/cli/client/verbs.h"
 #include "server/cli/terminal/table.h"
@@ -39,6 +40,7 @@ struct BoardOptions : DaemonOptions {
   std::string config;  // the hash, or its first digits
   std::string at;
   std::vector<std::string> explain;  // two rows, or none
+  bool statistics = false;
   bool rebuild = false;
 };
 
@@ -189,6 +191,15 @@ int Rebuild(const Client& client, bool json) {
   });
 }
 
+int Statistics(const Client& client, const BoardOptions& options) {
+  if (options.track.empty() && options.phase.empty() && options.config.empty()) {
+    return ReportError(absl::InvalidArgumentError(
+        "--statistics are of one board: give --track, --phase or --config"));
+  }
+  return PrintAnswer(client.Get("/v1/leaderboard/statistics" + QueryOf(options, options.track)),
+                     options.json, PrintStatistics);
+}
+
 int AllBoards(const Client& client, const BoardOptions& options) {
   const absl::StatusOr<Json> tracks = client.Get("/v1/tracks");
   if (!tracks.ok()) return ReportError(tracks.status());
@@ -227,6 +238,7 @@ int Leaderboard(const BoardOptions& options) {
   if (!options.explain.empty()) return Explain(client, options);
   const bool named =
       !options.track.empty() || !options.phase.empty() || !options.config.empty();
+  if (options.statistics) return Statistics(client, options);
   if (!named) return AllBoards(client, options);
   return PrintAnswer(BoardOf(client, options, options.track), options.json, PrintBoard);
 }
@@ -249,6 +261,8 @@ Action AddLeaderboard(CLI::App& verb) {
                   "Say why one of two submissions (or teams) stands above the other")
       ->expected(2)
       ->type_name("A B");
+  verb.add_flag("--statistics", options->statistics,
+                "Show which places the episodes decide: groups, intervals and faults");
   verb.add_flag("--rebuild", options->rebuild,
                 "Organiser: rebuild the boards from the episodes' rows, which changes no result");
   AddDaemonOptions(verb, "leaderboard", *options);

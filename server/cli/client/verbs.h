@@ -16,6 +16,7 @@ Action AddLeaderboard(CLI::App& verb);
 Action AddShow(CLI::App& verb);
 Action AddRerun(CLI::App& verb);
 Action AddRejudge(CLI::App& verb);
+Action AddEvaluate(CLI::App& verb);
 Action AddQuota(CLI::App& verb);
 Action AddHide(CLI::App& verb);
 Action AddUnhide(CLI::App& verb);

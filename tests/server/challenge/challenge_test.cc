@@ -105,6 +105,9 @@ TEST(Challenge, AMistakeIsNamedWithFilePhaseAndKey) {
       {{{"teams", {"a\nb"}}}, "\"teams\" must be 1 to 10000 names of teams"},
       {{{"show", {{"films", true}}}}, "show: \"films\""},
       {{{"show", {{"logs", "no"}}}}, "show: \"logs\" must be true or false"},
+      {{{"statistics", 5}}, "\"statistics\" must be an object"},
+      {{{"statistics", {{"power", 1}}}}, "statistics: \"power\""},
+      {{{"statistics", {{"level", 2}}}}, "statistics: \"level\" is 2"},
   };
   for (const auto& [more, what] : mistakes) {
     const std::string mistake = MistakeOf(more);
@@ -150,6 +153,21 @@ TEST(Challenge, OwnKeysOfAQuotaReplaceTheServers) {
   EXPECT_EQ(rules.quota.failed.per_day, 2);
   EXPECT_EQ(rules.quota.failed.total, 70);
   EXPECT_TRUE(rules.one_for_everyone);
+}
+
+TEST(Challenge, OwnKeysOfStatisticsReplaceTheServers) {
+  const scoring::StatisticsConfig usual = {.groups = {.level = 0.02, .samples = 5000, .places = 4}};
+  EXPECT_EQ(*PhaseStatistics(ChallengeOf({PhaseJson("a")}).phases[0], usual), usual);
+  const PhaseConfig own = ChallengeOf({PhaseJson(
+      "a", {{"statistics", {{"places", 6}, {"ranks", "groups"}}}})}).phases[0];
+  const scoring::StatisticsConfig config = *PhaseStatistics(own, usual);
+  EXPECT_EQ(config.groups, (scoring::GroupRules{.level = 0.02, .samples = 5000, .places = 6}));
+  EXPECT_EQ(config.ranks, scoring::StatisticsConfig::Ranks::kGroups);
+  // It fits by itself, but not a server with so few samples.
+  const PhaseConfig many =
+      ChallengeOf({PhaseJson("a", {{"statistics", {{"places", 40}}}})}).phases[0];
+  const std::string mistake(PhaseStatistics(many, usual).status().message());
+  EXPECT_THAT(mistake, HasSubstr("phase \"a\": statistics: \"samples\" is 5000"));
 }
 
 TEST(Challenge, AnyTimeIsReadAsItIsWritten) {

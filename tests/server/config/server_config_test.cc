@@ -46,7 +46,8 @@ class ServerConfigTest : public ::testing::Test {
         "organiser_workers", "organiser_clients", "peer_clients", "address_clients",
         "min_bytes_per_s",
         "speed_window_s", "spool_bytes", "peer_spool_bytes", "unfinished", "of_one",
-        "of_a_submission", "of_organisers", "requests_per_s", "burst", "teams_of_a_user"};
+        "of_a_submission", "of_organisers", "requests_per_s", "burst", "teams_of_a_user", "level",
+        "samples", "places"};
     return later.contains(place.back());
   }
 
@@ -103,6 +104,7 @@ TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
   }
   json.erase("reruns");
   json.erase("access");
+  json.erase("statistics");
   std::ofstream(path_) << json.dump();
   const ServerConfig old = LoadServerConfig(path_.string(), "/cache").value();
   const auto numbers = [](const ServerConfig& config) {
@@ -122,6 +124,33 @@ TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
         config.access.teams_of_a_user};
   };
   EXPECT_EQ(numbers(old), numbers(now));
+  EXPECT_EQ(old.statistics, now.statistics);
+}
+
+TEST_F(ServerConfigTest, StatisticsAreReadAndMustBeAbleToDecide) {
+  const auto load = [&](const char* statistics) {
+    Json json = shipped_;
+    json["statistics"] = Json::parse(statistics);
+    std::ofstream(path_) << json.dump();
+    return LoadServerConfig(path_.string(), "/cache");
+  };
+  const auto config = load(R"({"level": 0.01, "samples": 20000, "places": 5, "ranks": "groups"})");
+  ASSERT_TRUE(config.ok()) << config.status();
+  EXPECT_EQ(config->statistics.groups,
+            (scoring::GroupRules{.level = 0.01, .samples = 20000, .places = 5}));
+  EXPECT_EQ(config->statistics.ranks, scoring::StatisticsConfig::Ranks::kGroups);
+  const std::pair<const char*, const char*> bad[] = {
+      {R"({"places": 50})", "24500"},
+      {R"({"samples": 899})", "no test could decide anything below 900"},
+      {R"({"places": 1})", "\"places\" is 1"},
+      {R"({"method": "t-test"})", "paired-permutation"},
+      {R"({"ranks": "stars"})", "rules, groups"},
+      {R"({"power": 1})", "\"power\""}};
+  for (const auto& [statistics, sentence] : bad) {
+    const std::string said(load(statistics).status().message());
+    EXPECT_THAT(said, HasSubstr(sentence)) << statistics;
+    EXPECT_THAT(said, HasSubstr(": statistics: ")) << statistics;
+  }
 }
 
 TEST_F(ServerConfigTest, UsersHaveRolesAndParticipantsTeams) {

@@ -120,6 +120,8 @@ class EveryAddress(AccessCase):
                 (path, {**submit, "team": team}) for team in ("alpha", "nobody")],
             ("GET", "/v1/quota"): [(f"{path}?team={team}", None) for team in ("alpha", "nobody")],
             ("GET", "/v1/leaderboard"): [(f"{path}?track={TRACK}", None)] * 2,
+            ("GET", "/v1/leaderboard/statistics"): [
+                (f"{path}?track={TRACK}", None)] * 2,
             ("GET", "/v1/leaderboard/explain"): [(f"{path}?track={TRACK}&a=1&b=2", None)] * 2,
         }
         if (method, path) in special:

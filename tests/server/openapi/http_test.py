@@ -77,7 +77,7 @@ class Http(unittest.TestCase):
     # --- tags ---
 
     def test_what_has_a_tag_is_not_sent_twice(self):
-        for path in (BOARD, f"/v1/leaderboard/explain?track={TRACK}&a=alpha&b=beta",
+        for path in (BOARD, f"/v1/leaderboard/statistics?track={TRACK}", f"/v1/leaderboard/explain?track={TRACK}&a=alpha&b=beta",
                      "/v1/openapi.json"):
             status, headers, text = self.ask("GET", path)
             self.assertEqual(status, 200, text)

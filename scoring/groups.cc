@@ -1,0 +1,252 @@
+#include "scoring/groups.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace myograde::scoring {
+namespace {
+
+using Kind = Criterion::Kind;
+
+// The first of `places` whose numbers differ.
+Criterion FirstOf(const BoardEntry& a, const BoardEntry& b, std::initializer_list<size_t> places) {
+  for (const size_t place : places) {
+    if (a.numbers.at(place) != b.numbers.at(place)) return {Kind::kNumber, place};
+  }
+  return {Kind::kAcceptance};
+}
+
+bool EqualRates(const BoardEntry& a, const BoardEntry& b) {
+  return a.successes * b.episodes == b.successes * a.episodes;
+}
+
+Criterion Deciding(const RankedEntry& above, const RankedEntry& below, const TieredBoard& rules) {
+  const BoardEntry& a = above.entry;
+  const BoardEntry& b = below.entry;
+  if (above.band >= 0 && below.band >= 0) {
+    if (above.band == below.band) return FirstOf(a, b, {rules.effort});
+    return rules.bands == BandsOver::kTime ? Criterion{Kind::kNumber, rules.time}
+                                           : Criterion{Kind::kSuccess};
+  }
+  if (above.band != below.band || !EqualRates(a, b)) return {Kind::kSuccess};
+  if (rules.ties == Ties::kAcceptance) return {Kind::kAcceptance};
+  return FirstOf(a, b, {rules.time, rules.effort});
+}
+
+Criterion Deciding(const RankedEntry& above, const RankedEntry& below,
+                   const DistanceBoard& rules) {
+  if (below.band < 0 || above.band != below.band) {
+    return FirstOf(above.entry, below.entry, {rules.distance});
+  }
+  return FirstOf(above.entry, below.entry, {rules.time, rules.distance});
+}
+
+Criterion Deciding(const RankedEntry& above, const RankedEntry& below,
+                   const PhysiologicalBoard& rules) {
+  return FirstOf(above.entry, below.entry, {rules.pain, rules.effort});
+}
+
+size_t PlaceOfMetric(std::span<const Metric> metrics, std::string_view name) {
+  const auto it = std::find_if(metrics.begin(), metrics.end(),
+                               [&](const Metric& metric) { return metric.name == name; });
+  return static_cast<size_t>(it - metrics.begin());
+}
+
+std::optional<double> ValueAt(const JudgedEpisode& episode, size_t metric) {
+  const auto& values = episode.judgement.metrics;
+  return metric < values.size() ? values[metric] : std::nullopt;
+}
+
+// What a criterion has of an episode, as AggregateEpisodes would sum it.
+class Sampler {
+ public:
+  Sampler(std::span<const Metric> metrics, const Criterion& criterion) : kind_(criterion.kind) {
+    if (kind_ != Kind::kNumber) return;
+    const Metric& metric = MetricOf(metrics, criterion.number);
+    over_steps_ = metric.source == Metric::Source::kOverSteps;
+    metric_ = PlaceOfMetric(metrics, over_steps_ ? metric.of : metric.name);
+  }
+
+  std::optional<Sample> Of(const JudgedEpisode& episode) const {
+    if (kind_ == Kind::kAcceptance) return std::nullopt;
+    if (kind_ == Kind::kSuccess) {
+      return Sample{episode.judgement.outcome == Outcome::kSuccess ? 1.0 : 0.0};
+    }
+    const std::optional<double> value = ValueAt(episode, metric_);
+    if (over_steps_) return Sample{value.value_or(0), static_cast<double>(episode.judgement.steps)};
+    return value.has_value() ? std::optional(Sample{*value}) : std::nullopt;
+  }
+
+ private:
+  Kind kind_;
+  bool over_steps_ = false;
+  size_t metric_ = 0;
+};
+
+bool Counts(const JudgedEpisode& episode) {
+  const Outcome outcome = episode.judgement.outcome;
+  return outcome != Outcome::kCancelled && outcome != Outcome::kGraderError;
+}
+
+// Both by index.
+std::vector<Pair> PairsOf(const Sampler& sampler, const std::vector<JudgedEpisode>& above,
+                          const std::vector<JudgedEpisode>& below) {
+  std::vector<Pair> pairs;
+  auto b = below.begin();
+  for (const JudgedEpisode& a : above) {
+    while (b != below.end() && b->index < a.index) ++b;
+    if (b == below.end()) break;
+    if (b->index != a.index || !Counts(a) || !Counts(*b)) continue;
+    const std::optional<Sample> sample_a = sampler.Of(a);
+    const std::optional<Sample> sample_b = sampler.Of(*b);
+    if (sample_a.has_value() && sample_b.has_value()) pairs.push_back({*sample_a, *sample_b});
+  }
+  return pairs;
+}
+
+// Positive if the upper row is ahead.
+double AheadOf(std::span<const Metric> metrics, const PlaceTest& test) {
+  const bool less = test.criterion.kind == Kind::kNumber &&
+                    MetricOf(metrics, test.criterion.number).better == Better::kLess;
+  return less ? -test.test.difference : test.test.difference;
+}
+
+// The tests of all pairs of rows.
+class PairTests {
+ public:
+  PairTests(std::span<const Metric> metrics, std::span<const TestedRow> rows,
+            const BoardRules& rules, const GroupRules& group_rules)
+      : rows_(rows.size()) {
+    std::vector<std::vector<JudgedEpisode>> episodes;
+    for (const TestedRow& row : rows) {
+      episodes.push_back(row.episodes);
+      std::sort(episodes.back().begin(), episodes.back().end(),
+                [](const auto& a, const auto& b) { return a.index < b.index; });
+    }
+    for (size_t below = 1; below < rows_; ++below) {
+      for (size_t above = 0; above < below; ++above) {
+        PlaceTest own;
+        own.criterion = CriterionOf(rows[above].ranked, rows[below].ranked, rules);
+        const Sampler sampler(metrics, own.criterion);
+        own.test = TestPairs(PairsOf(sampler, episodes[above], episodes[below]),
+                             group_rules.samples);
+        tests_.push_back(own);
+      }
+    }
+    Correct();
+    for (PlaceTest& test : tests_) {
+      const double ahead = AheadOf(metrics, test);
+      const bool differ = test.p_adjusted <= group_rules.level;
+      test.decided = differ && ahead > 0;
+      test.reversed = differ && ahead < 0;
+    }
+  }
+
+  // REQUIRES: above < below.
+  const PlaceTest& Of(size_t above, size_t below) const {
+    return tests_.at(below * (below - 1) / 2 + above);
+  }
+  int64_t count() const { return std::ssize(tests_); }
+
+ private:
+  // Holm's: the smallest p-value times the number of tests, the next one times one less, and none
+  // smaller than the one before.
+  void Correct() {
+    std::vector<size_t> order(tests_.size());
+    std::iota(order.begin(), order.end(), size_t{0});
+    std::stable_sort(order.begin(), order.end(),
+                     [&](size_t a, size_t b) { return tests_[a].test.p < tests_[b].test.p; });
+    double least = 0;
+    for (size_t i = 0; i < order.size(); ++i) {
+      PlaceTest& own = tests_[order[i]];
+      least = std::max(least, own.test.p * static_cast<double>(order.size() - i));
+      own.p_adjusted = std::min(least, 1.0);
+    }
+  }
+
+  size_t rows_;
+  std::vector<PlaceTest> tests_;
+};
+
+}  // namespace
+
+int64_t FewestSamples(double level, int64_t places) {
+  const double tests = static_cast<double>(places) * static_cast<double>(places - 1) / 2;
+  return static_cast<int64_t>(std::ceil(tests / level));
+}
+
+Criterion CriterionOf(const RankedEntry& above, const RankedEntry& below,
+                      const BoardRules& rules) {
+  return std::visit([&](const auto& kind) { return Deciding(above, below, kind); }, rules);
+}
+
+Groups FormGroups(std::span<const Metric> metrics, std::span<const TestedRow> rows,
+                  const BoardRules& rules, const GroupRules& group_rules) {
+  rows = rows.first(std::min(rows.size(), static_cast<size_t>(group_rules.places)));
+  const PairTests tests(metrics, rows, rules, group_rules);
+  Groups groups{.places = {}, .tests = tests.count()};
+  size_t opener = 0;
+  int64_t group = 1;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    PlaceInGroup place;
+    if (i > 0) {
+      place.above = tests.Of(i - 1, i);
+      place.opener = tests.Of(opener, i);
+      place.opened_by = opener;
+      if (place.opener->decided) {
+        opener = i;
+        ++group;
+      }
+    }
+    place.group = group;
+    groups.places.push_back(place);
+  }
+  return groups;
+}
+
+std::vector<Criterion> CriteriaOf(const BoardRules& rules) {
+  const auto number = [](size_t place) { return Criterion{Kind::kNumber, place}; };
+  if (const auto* tiered = std::get_if<TieredBoard>(&rules)) {
+    return {{Kind::kSuccess}, number(tiered->time), number(tiered->effort)};
+  }
+  if (const auto* distance = std::get_if<DistanceBoard>(&rules)) {
+    return {number(distance->distance), number(distance->time)};
+  }
+  const auto& body = std::get<PhysiologicalBoard>(rules);
+  return {number(body.pain), number(body.effort)};
+}
+
+const Metric& MetricOf(std::span<const Metric> metrics, size_t number) {
+  const auto it = std::find_if(metrics.begin(), metrics.end(), [&](const Metric& metric) {
+    return metric.ranked && number-- == 0;
+  });
+  return *it;
+}
+
+std::optional<Spread> SpreadOverSteps(std::span<const Metric> metrics, size_t number,
+                                      std::span<const JudgedEpisode> episodes) {
+  constexpr double kHalfWidthOfRatio = 1.959963984540054;  // of a 95 % interval, in errors
+  const Metric& metric = MetricOf(metrics, number);
+  if (metric.source != Metric::Source::kOverSteps) return std::nullopt;
+  const Sampler sampler(metrics, {Kind::kNumber, number});
+  std::vector<Sample> samples;
+  Sample sum{.amount = 0, .weight = 0};
+  for (const JudgedEpisode& episode : episodes) {
+    if (!Counts(episode)) continue;
+    samples.push_back(*sampler.Of(episode));
+    sum.amount += samples.back().amount;
+    sum.weight += samples.back().weight;
+  }
+  if (samples.size() < 2 || sum.weight <= 0) return std::nullopt;
+  const double ratio = sum.amount / sum.weight;
+  double squares = 0;
+  for (const Sample& own : samples) squares += std::pow(own.amount - ratio * own.weight, 2);
+  const double n = static_cast<double>(samples.size());
+  const double error = std::sqrt(squares * n / (n - 1)) / sum.weight;
+  return Spread{.deviation = error * std::sqrt(n),
+                .low = ratio - kHalfWidthOfRatio * error,
+                .high = ratio + kHalfWidthOfRatio * error};
+}
+
+}  // namespace myograde::scoring

@@ -1,0 +1,237 @@
+#include "scoring/paired_test.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+namespace myograde::scoring {
+namespace {
+
+// Sums of decimal fractions that are equal by the numbers differ in their last digits: a difference
+// that is smaller than the observed one by less than this part of the means still reaches it.
+constexpr double kRounding = 1e-12;
+
+constexpr uint64_t kFirstState = 0x4d796f4772616465;  // "MyoGrade"
+constexpr size_t kSignsOfADraw = 64;
+
+// The difference between the two results of a pair, in the direction in which it is positive.
+struct Difference {
+  double amount = 0;
+  double weight = 0;
+  bool reversed = false;  // b is the larger one
+
+  auto key() const { return std::pair(amount, weight); }
+};
+
+struct Differences {
+  std::vector<Difference> all;  // sorted, so that the order of episodes changes no digit of a sum
+  double amounts = 0;           // of both entries together
+  double weights = 0;
+  double size = 0;              // of all amounts, without their signs
+  bool even = true;             // no pair's two weights differ
+};
+
+class SplitMix64 {
+ public:
+  uint64_t Next() {
+    state_ += 0x9e3779b97f4a7c15;
+    uint64_t mixed = state_;
+    mixed = (mixed ^ (mixed >> 30)) * 0xbf58476d1ce4e5b9;
+    mixed = (mixed ^ (mixed >> 27)) * 0x94d049bb133111eb;
+    return mixed ^ (mixed >> 31);
+  }
+
+ private:
+  uint64_t state_ = kFirstState;
+};
+
+// Every sum runs over sorted numbers, for the same reason.
+double SortedSum(std::vector<double> numbers) {
+  std::sort(numbers.begin(), numbers.end());
+  double sum = 0;
+  for (const double number : numbers) sum += number;
+  return sum;
+}
+
+Differences DifferencesOf(std::span<const Pair> pairs) {
+  Differences found;
+  std::vector<double> amounts;
+  std::vector<double> weights;
+  std::vector<double> sizes;
+  for (const auto& [a, b] : pairs) {
+    amounts.insert(amounts.end(), {a.amount, b.amount});
+    weights.insert(weights.end(), {a.weight, b.weight});
+    sizes.insert(sizes.end(), {std::abs(a.amount), std::abs(b.amount)});
+    Difference own{a.amount - b.amount, a.weight - b.weight};
+    if (own.key() == std::pair(0.0, 0.0)) continue;
+    if (own.key() < std::pair(0.0, 0.0)) own = {-own.amount, -own.weight, true};
+    found.even = found.even && own.weight == 0;
+    found.all.push_back(own);
+  }
+  std::sort(found.all.begin(), found.all.end(),
+            [](const Difference& x, const Difference& y) { return x.key() < y.key(); });
+  found.amounts = SortedSum(std::move(amounts));
+  found.weights = SortedSum(std::move(weights));
+  found.size = SortedSum(std::move(sizes));
+  return found;
+}
+
+// The difference of the two means, if a has `amount` and `weight` more than b. Without any weight on
+// one side it is larger than any.
+double MeansDifference(const Differences& all, double amount, double weight) {
+  const double weight_a = (all.weights + weight) / 2;
+  const double weight_b = (all.weights - weight) / 2;
+  if (weight_a <= 0 || weight_b <= 0) return std::numeric_limits<double>::infinity();
+  return (all.amounts + amount) / 2 / weight_a - (all.amounts - amount) / 2 / weight_b;
+}
+
+// With its sign turned if the lowest bit is set.
+double WithSign(double number, uint64_t sign) {
+  return std::bit_cast<double>(std::bit_cast<uint64_t>(number) ^ (sign << 63));
+}
+
+// The same, if the differences whose bit `next` gives as 1 are exchanged.
+template <typename NextBit>
+double Exchanged(const Differences& all, NextBit next) {
+  double amount = 0;
+  double weight = 0;
+  for (const Difference& difference : all.all) {
+    const uint64_t sign = next();
+    amount += WithSign(difference.amount, sign);
+    weight += WithSign(difference.weight, sign);
+  }
+  return MeansDifference(all, amount, weight);
+}
+
+double Observed(const Differences& all) {
+  auto own = all.all.begin();
+  return Exchanged(all, [&] { return uint64_t{(own++)->reversed}; });
+}
+
+// What reaches the observed difference.
+double ThresholdOf(const Differences& all, double observed) {
+  return std::abs(observed) - kRounding * 2 * all.size / all.weights;
+}
+
+// n over k by 2^n. Mantissa and exponent are kept apart, as 2^-n alone may be no double.
+double HalfBinomial(int64_t n, int64_t k) {
+  double mantissa = 1;
+  int64_t exponent = -n;
+  for (int64_t i = 1; i <= k; ++i) {
+    int moved = 0;
+    mantissa = std::frexp(mantissa * static_cast<double>(n - k + i) / static_cast<double>(i),
+                          &moved);
+    exponent += moved;
+  }
+  return std::ldexp(mantissa, static_cast<int>(exponent));
+}
+
+// Twice the probability of at most `fewer` of n, as both tails are alike.
+double BinomialP(int64_t n, int64_t fewer) {
+  double term = HalfBinomial(n, fewer);
+  double sum = 0;
+  for (int64_t i = fewer; i >= 0; --i) {
+    sum += term;
+    term *= static_cast<double>(i) / static_cast<double>(n - i + 1);
+  }
+  return std::clamp(2 * sum, std::numeric_limits<double>::min(), 1.0);
+}
+
+bool SameSize(const Differences& all) {
+  return all.even && all.all.front().amount == all.all.back().amount;
+}
+
+double ClosedP(const Differences& all) {
+  const auto n = std::ssize(all.all);
+  const auto reversed = std::count_if(all.all.begin(), all.all.end(),
+                                      [](const Difference& own) { return own.reversed; });
+  return BinomialP(n, std::min<int64_t>(reversed, n - reversed));
+}
+
+// Exchanging all pairs gives the same size of the difference, so the last pair stays as it is.
+double EnumeratedP(const Differences& all, double threshold) {
+  const uint64_t ways = uint64_t{1} << (all.all.size() - 1);
+  uint64_t reached = 0;
+  for (uint64_t way = 0; way < ways; ++way) {
+    uint64_t signs = way;
+    const double difference = Exchanged(all, [&] {
+      const uint64_t sign = signs & 1;
+      signs >>= 1;
+      return sign;
+    });
+    if (std::abs(difference) >= threshold) ++reached;
+  }
+  return static_cast<double>(reached) / static_cast<double>(ways);
+}
+
+// What a has more than b in random ways of exchanging. Each way is a sum of its own, and several at
+// once keep the processor busy.
+constexpr size_t kWaysAtOnce = 8;
+struct RandomSums {
+  std::array<double, kWaysAtOnce> amounts{};
+  std::array<double, kWaysAtOnce> weights{};
+};
+
+RandomSums DrawSums(const Differences& all, SplitMix64& random) {
+  RandomSums sums;
+  std::array<uint64_t, kWaysAtOnce> signs{};
+  for (size_t i = 0; i < all.all.size(); ++i) {
+    if (i % kSignsOfADraw == 0) {
+      for (uint64_t& own : signs) own = random.Next();
+    }
+    const Difference& difference = all.all[i];
+    for (size_t way = 0; way < kWaysAtOnce; ++way) {
+      sums.amounts[way] += WithSign(difference.amount, signs[way]);
+    }
+    for (size_t way = 0; !all.even && way < kWaysAtOnce; ++way) {
+      sums.weights[way] += WithSign(difference.weight, signs[way]);
+    }
+    for (uint64_t& own : signs) own >>= 1;
+  }
+  return sums;
+}
+
+double MonteCarloP(const Differences& all, double threshold, int64_t samples) {
+  SplitMix64 random;
+  int64_t reached = 0;
+  for (int64_t drawn = 0; drawn < samples; drawn += kWaysAtOnce) {
+    const RandomSums sums = DrawSums(all, random);
+    const auto ways = std::min<int64_t>(kWaysAtOnce, samples - drawn);
+    for (size_t way = 0; way < static_cast<size_t>(ways); ++way) {
+      const double difference = MeansDifference(all, sums.amounts[way], sums.weights[way]);
+      if (std::abs(difference) >= threshold) ++reached;
+    }
+  }
+  return static_cast<double>(1 + reached) / static_cast<double>(1 + samples);
+}
+
+bool CanEnumerate(const Differences& all, int64_t samples) {
+  constexpr size_t kMostPairs = 40;
+  return all.all.size() <= kMostPairs && (int64_t{1} << (all.all.size() - 1)) <= samples;
+}
+
+}  // namespace
+
+PairedTest TestPairs(std::span<const Pair> pairs, int64_t samples) {
+  const Differences all = DifferencesOf(pairs);
+  PairedTest test{.pairs = std::ssize(pairs), .differing = std::ssize(all.all)};
+  if (all.all.empty() || all.weights <= 0) return test;
+  const double observed = Observed(all);
+  test.difference = std::isfinite(observed) ? observed : 0;
+  const double threshold = ThresholdOf(all, observed);
+  if (SameSize(all)) {
+    test.p = ClosedP(all);
+  } else if (CanEnumerate(all, samples)) {
+    test.p = EnumeratedP(all, threshold);
+  } else {
+    test.method = PairedTest::Method::kMonteCarlo;
+    test.p = MonteCarloP(all, threshold, samples);
+  }
+  return test;
+}
+
+}  // namespace myograde::scoring

@@ -1,0 +1,79 @@
+#include "server/api/further_episodes.h"
+
+#include <set>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+
+#include "server/grading/results.h"
+
+namespace myograde::server {
+namespace {
+
+absl::StatusOr<bool> IsDropped(Reader& reader, int64_t rejudge) {
+  const absl::StatusOr<std::vector<RejudgeEventRow>> events = reader.RejudgeEvents(rejudge);
+  if (!events.ok()) return events.status();
+  return !events->empty() && events->back().event == RejudgeEvent::kDropped;
+}
+
+absl::Status AddItems(Reader& reader, const RejudgeRow& rejudge, FurtherItems& all) {
+  const absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOfRejudge(reader, rejudge);
+  if (!seeds.ok()) return seeds.status();
+  const absl::StatusOr<std::vector<RejudgeItemRow>> items = reader.RejudgeItems(rejudge.id);
+  if (!items.ok()) return items.status();
+  for (const RejudgeItemRow& item : *items) {
+    const bool has_none = item.state == EvaluationState::kCancelled ||
+                          item.state == EvaluationState::kGraderError;
+    if (has_none) continue;
+    all[item.submission].push_back({rejudge.id, item.evaluation, item.state, *seeds});
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(Reader& reader, const RejudgeRow& rejudge) {
+  const absl::StatusOr<std::string> text = reader.SeedsJson(rejudge.seeds);
+  if (!text.ok()) return text.status();
+  const nlohmann::json json = nlohmann::json::parse(*text, nullptr, /*allow_exceptions=*/false);
+  return ParseSeeds(json, absl::StrCat("the seeds of rejudge ", rejudge.id));
+}
+
+absl::StatusOr<FurtherItems> FurtherItemsOf(Reader& reader, const std::string& config) {
+  FurtherItems all;
+  const Listed<RejudgeRow> rejudges = reader.Rejudges();
+  for (auto rejudge = rejudges.rows.rbegin(); rejudge != rejudges.rows.rend(); ++rejudge) {
+    if (rejudge->purpose != RejudgePurpose::kSeeds || rejudge->from_config != config) continue;
+    const absl::StatusOr<bool> dropped = IsDropped(reader, rejudge->id);
+    if (!dropped.ok()) return dropped.status();
+    if (*dropped) continue;
+    if (absl::Status added = AddItems(reader, *rejudge, all); !added.ok()) return added;
+  }
+  return all;
+}
+
+absl::StatusOr<std::vector<scoring::JudgedEpisode>> FurtherEpisodes(
+    Reader& reader, const Track& track, const std::vector<FurtherItem>& items, int64_t before_ms,
+    FurtherIndices& indices) {
+  std::vector<scoring::JudgedEpisode> episodes;
+  std::set<int64_t> there;
+  for (const FurtherItem& item : items) {
+    if (item.state != EvaluationState::kDone && item.state != EvaluationState::kFailed) continue;
+    const absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(item.evaluation);
+    if (!evaluation.ok()) return evaluation.status();
+    if (evaluation->finished_at >= before_ms) continue;
+    absl::StatusOr<std::vector<EpisodeRow>> rows = reader.Episodes(item.evaluation);
+    if (!rows.ok()) return rows.status();
+    for (EpisodeRow& row : *rows) row.index = indices.Of(row.seed);
+    const absl::StatusOr<std::vector<scoring::JudgedEpisode>> judged =
+        JudgedEpisodes(*track.scoring.track, *rows);
+    if (!judged.ok()) return judged.status();
+    for (const scoring::JudgedEpisode& episode : *judged) {
+      if (there.insert(episode.index).second) episodes.push_back(episode);
+    }
+  }
+  return episodes;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,92 @@
+#include "server/api/more_seeds_resource.h"
+
+#include <functional>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/api/more_seeds.h"
+#include "server/api/rejudge_document.h"
+#include "server/api/rejudge_plan.h"
+#include "server/proof/seed_list.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+Json CreatedToJson(const CreatedRejudge& created, const NewRejudge& asked) {
+  return {{"rejudge", created.rejudge.id},
+          {"episodes", asked.seed_count},
+          {"seeds_sha256", asked.seeds},
+          {"submissions", asked.submissions},
+          {"without_files", created.plan.without_files}};
+}
+
+}  // namespace
+
+void MoreSeedsResource::Install(Routes& routes) {
+  routes.Post("/v1/phases/([a-z0-9-]{1,64})/more-seeds", Action::kManagePhases,
+              std::bind_front(&MoreSeedsResource::Play, this));
+}
+
+absl::StatusOr<std::string> MoreSeedsResource::SecretOf(const std::string& phase) const {
+  absl::StatusOr<std::string> secret = absl::InternalError("");
+  bool hidden = false;
+  absl::Status status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    const absl::StatusOr<TrackPtr> track = TrackInForce(reader, context_, phase, "", "");
+    if (!track.ok()) return track.status();
+    hidden = !(*track)->config.seed_salt.empty();
+    secret = reader.PhaseSecret(phase);
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  if (!absl::IsNotFound(secret.status())) return secret;
+  if (hidden) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "this store does not have the secret of phase \"", phase,
+        "\", as exports do not hold it; further seeds follow from it where it was held"));
+  }
+  const auto drawn = std::make_shared<absl::StatusOr<std::string>>(absl::InternalError(""));
+  status = context_.engine.Change(
+      [drawn, phase](Writer& writer) {
+        *drawn = writer.PhaseSecret(phase);
+        return drawn->status();
+      },
+      context_.config.http.request);
+  if (!status.ok()) return status;
+  return *drawn;
+}
+
+ApiResult MoreSeedsResource::Play(const httplib::Request& request, const Json& body) const {
+  const absl::StatusOr<MoreSeedsRequest> asked = ParseMoreSeeds(body, request.matches[1]);
+  if (!asked.ok()) return ErrorOf(asked.status());
+  const absl::StatusOr<std::string> secret = SecretOf(asked->phase);
+  if (!secret.ok()) return ErrorOf(secret.status());
+  absl::StatusOr<std::vector<NewRejudge>> rejudges = absl::InternalError("");
+  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+    rejudges = MakeFurtherRejudges(reader, context_, *asked, *secret);
+    return rejudges.status();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  const absl::StatusOr<SignRejudge> sign = RejudgeSigner(context_);
+  if (!sign.ok()) return ErrorOf(sign.status());
+  Json created = Json::array();
+  for (const NewRejudge& rejudge : *rejudges) {
+    const absl::StatusOr<CreatedRejudge> made = context_.engine.CreateRejudge(
+        rejudge, *sign, CallerKey(), context_.config.http.request);
+    if (!made.ok()) return ErrorOf(made.status());
+    NoteAct(absl::StrCat("rejudge ", made->rejudge.id), "created for further episodes");
+    created.push_back(CreatedToJson(*made, rejudge));
+  }
+  return ApiAnswer{201, {{"phase", asked->phase},
+                         {"board", asked->board},
+                         {"episodes", asked->episodes},
+                         {"commitment", SecretCommitment(*secret)},
+                         {"reason", asked->reason},
+                         {"rejudges", std::move(created)}}};
+}
+
+}  // namespace myograde::server

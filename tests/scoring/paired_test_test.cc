@@ -1,0 +1,216 @@
+#include "scoring/paired_test.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+#include <rapidcheck/gtest.h>
+
+#include "protocol/base/config_reader.h"
+
+namespace myograde::scoring {
+namespace {
+
+using nlohmann::json;
+using Method = PairedTest::Method;
+
+constexpr int64_t kSamples = 10'000;
+
+// SciPy's values; tests/golden/statistics/record.py recorded them.
+const json& Golden() {
+  static const json golden =
+      *ReadJsonFile(MYOGRADE_SOURCE_DIR "/tests/golden/statistics/paired_test.json");
+  return golden;
+}
+
+std::vector<Pair> PairsOf(const std::vector<double>& a, const std::vector<double>& b) {
+  std::vector<Pair> pairs;
+  for (size_t i = 0; i < a.size(); ++i) pairs.push_back({{a[i]}, {b.at(i)}});
+  return pairs;
+}
+
+std::vector<Pair> PairsOf(const json& row) {
+  return PairsOf(row.at("a").get<std::vector<double>>(), row.at("b").get<std::vector<double>>());
+}
+
+std::vector<Pair> Successes(int64_t only_a, int64_t only_b, int64_t both) {
+  std::vector<Pair> pairs(static_cast<size_t>(both), Pair{{1}, {1}});
+  pairs.insert(pairs.end(), static_cast<size_t>(only_a), Pair{{1}, {0}});
+  pairs.insert(pairs.end(), static_cast<size_t>(only_b), Pair{{0}, {1}});
+  return pairs;
+}
+
+std::vector<Pair> Exchanged(std::vector<Pair> pairs) {
+  for (Pair& pair : pairs) std::swap(pair.a, pair.b);
+  return pairs;
+}
+
+TEST(PairedTest, OfSuccessesIsSciPysBinomialTest) {
+  for (const json& row : Golden().at("binomial")) {
+    const int64_t n = row.at("differing");
+    const int64_t ahead = row.at("ahead");
+    SCOPED_TRACE(row.dump());
+    const PairedTest test = TestPairs(Successes(ahead, n - ahead, 60), kSamples);
+    EXPECT_NEAR(test.p / row.at("p").get<double>(), 1, 1e-11);
+    EXPECT_EQ(test.method, Method::kExact);
+    EXPECT_EQ(test.differing, n);
+    EXPECT_EQ(test.pairs, n + 60);
+  }
+}
+
+TEST(PairedTest, OfFewPairsIsSciPysExactPermutationTest) {
+  for (const json& row : Golden().at("exact")) {
+    SCOPED_TRACE(row.dump());
+    const PairedTest test = TestPairs(PairsOf(row), kSamples);
+    EXPECT_NEAR(test.p, row.at("p"), 1e-12);
+    EXPECT_EQ(test.method, Method::kExact);
+  }
+}
+
+TEST(PairedTest, OfManyPairsIsNearSciPysRandomPermutationTest) {
+  for (const json& row : Golden().at("monte_carlo")) {
+    const double p = row.at("p");
+    SCOPED_TRACE(p);
+    const PairedTest test = TestPairs(PairsOf(row), 100'000);
+    EXPECT_EQ(test.method, Method::kMonteCarlo);
+    // Five standard errors of both.
+    EXPECT_NEAR(test.p, p, 5 * std::sqrt(p * (1 - p) * (1 / 1e5 + 1 / 2e6)));
+  }
+}
+
+TEST(PairedTest, OfMeansOverStepsIsSciPysExactPermutationTest) {
+  for (const json& row : Golden().at("over_steps")) {
+    std::vector<Pair> pairs;
+    for (const json& pair : row.at("pairs")) {
+      pairs.push_back({{pair[0][0], pair[0][1]}, {pair[1][0], pair[1][1]}});
+    }
+    EXPECT_NEAR(TestPairs(pairs, kSamples).p, row.at("p"), 1e-12);
+  }
+}
+
+TEST(PairedTest, TellsTheDifferenceOfTheMeans) {
+  EXPECT_DOUBLE_EQ(TestPairs(PairsOf({1, 2, 6}, {1, 1, 1}), kSamples).difference, 2);
+  EXPECT_DOUBLE_EQ(TestPairs({{{{6, 3}, {1, 1}}}}, kSamples).difference, 1);
+}
+
+TEST(PairedTest, WithoutPairsOrWeightsDecidesNothing) {
+  EXPECT_EQ(TestPairs({}, kSamples).p, 1);
+  EXPECT_EQ(TestPairs({{{{1, 0}, {2, 0}}}}, kSamples).p, 1);
+  const PairedTest one_sided = TestPairs({{{{1, 0}, {2, 3}}}}, kSamples);
+  EXPECT_EQ(one_sided.p, 1);
+  EXPECT_EQ(one_sided.difference, 0);
+}
+
+TEST(PairedTest, OfThousandsOfClearPairsStaysAboveZero) {
+  EXPECT_GT(TestPairs(Successes(5000, 0, 0), kSamples).p, 0);
+}
+
+// So small a difference in the last digits is rounding, and not one that an exchange must reach.
+TEST(PairedTest, TakesEqualSumsAsEqual) {
+  const PairedTest test = TestPairs(PairsOf({0.1, 0.2, 0.3, 0}, {0, 0, 0, 0.6}), kSamples);
+  EXPECT_EQ(test.p, 1);
+}
+
+std::vector<double> AnyNumbers(size_t count) {
+  std::vector<double> numbers;
+  for (size_t i = 0; i < count; ++i) numbers.push_back(*rc::gen::inRange(-50, 50) / 8.0);
+  return numbers;
+}
+
+// Plain means, or means over steps.
+std::vector<Pair> AnyPairs(int most) {
+  const auto count = static_cast<size_t>(*rc::gen::inRange(0, most));
+  std::vector<Pair> pairs = PairsOf(AnyNumbers(count), AnyNumbers(count));
+  if (*rc::gen::arbitrary<bool>()) {
+    for (Pair& pair : pairs) {
+      pair.a.weight = *rc::gen::inRange(0, 20);
+      pair.b.weight = *rc::gen::inRange(0, 20);
+    }
+  }
+  return pairs;
+}
+
+RC_GTEST_PROP(PairedTestProperties, PIsAProbabilityThatNoExchangeChanges, ()) {
+  const std::vector<Pair> pairs = AnyPairs(60);
+  const PairedTest test = TestPairs(pairs, 500);
+  RC_ASSERT(test.p > 0 && test.p <= 1);
+  const PairedTest exchanged = TestPairs(Exchanged(pairs), 500);
+  RC_ASSERT(exchanged.p == test.p);
+  RC_ASSERT(exchanged.difference == -test.difference);
+}
+
+RC_GTEST_PROP(PairedTestProperties, TheOrderOfEpisodesChangesNothing, ()) {
+  std::vector<Pair> pairs = AnyPairs(60);
+  const PairedTest test = TestPairs(pairs, 500);
+  for (size_t i = pairs.size(); i > 1; --i) {
+    std::swap(pairs[i - 1], pairs[*rc::gen::inRange<size_t>(0, i)]);
+  }
+  const PairedTest shuffled = TestPairs(pairs, 500);
+  RC_ASSERT(shuffled.p == test.p);
+  RC_ASSERT(shuffled.difference == test.difference);
+}
+
+RC_GTEST_PROP(PairedTestProperties, EqualEntriesHaveP1, ()) {
+  std::vector<Pair> pairs = AnyPairs(60);
+  for (Pair& pair : pairs) pair.b = pair.a;
+  RC_ASSERT(TestPairs(pairs, 500).p == 1);
+  RC_ASSERT(TestPairs(pairs, 500).differing == 0);
+}
+
+// The p-value by its definition, over every way of exchanging.
+double Enumerated(const std::vector<Pair>& pairs) {
+  const auto mean_difference = [&](uint64_t way) {
+    Sample a{0, 0};
+    Sample b{0, 0};
+    for (size_t i = 0; i < pairs.size(); ++i) {
+      const bool swap = (way >> i & 1) != 0;
+      const Sample& first = swap ? pairs[i].b : pairs[i].a;
+      const Sample& second = swap ? pairs[i].a : pairs[i].b;
+      a = {a.amount + first.amount, a.weight + first.weight};
+      b = {b.amount + second.amount, b.weight + second.weight};
+    }
+    return std::abs(a.amount / a.weight - b.amount / b.weight);
+  };
+  const uint64_t ways = uint64_t{1} << pairs.size();
+  const double observed = mean_difference(0);
+  int64_t reached = 0;
+  for (uint64_t way = 0; way < ways; ++way) {
+    if (mean_difference(way) >= observed - 1e-9) ++reached;
+  }
+  return static_cast<double>(reached) / static_cast<double>(ways);
+}
+
+RC_GTEST_PROP(PairedTestProperties, TheClosedFormIsTheEnumeration, ()) {
+  const std::vector<Pair> pairs =
+      Successes(*rc::gen::inRange(0, 6), *rc::gen::inRange(0, 6), *rc::gen::inRange(1, 3));
+  const PairedTest test = TestPairs(pairs, 1);
+  RC_ASSERT(test.method == Method::kExact);
+  RC_ASSERT(std::abs(test.p - Enumerated(pairs)) < 1e-12);
+}
+
+RC_GTEST_PROP(PairedTestProperties, TheExactTestIsTheEnumeration, ()) {
+  const auto count = *rc::gen::inRange<size_t>(1, 10);
+  std::vector<Pair> pairs = PairsOf(AnyNumbers(count), AnyNumbers(count));
+  const bool over_steps = *rc::gen::arbitrary<bool>();
+  for (Pair& pair : pairs) {
+    if (!over_steps) break;
+    pair.a.weight = *rc::gen::inRange(1, 20);
+    pair.b.weight = *rc::gen::inRange(1, 20);
+  }
+  const PairedTest test = TestPairs(pairs, 1 << 10);
+  RC_ASSERT(test.method == Method::kExact);
+  RC_ASSERT(std::abs(test.p - Enumerated(pairs)) < 1e-12);
+}
+
+RC_GTEST_PROP(PairedTestProperties, RandomWaysAreNearTheExactTest, ()) {
+  std::vector<Pair> pairs = PairsOf(AnyNumbers(14), AnyNumbers(14));
+  const double exact = TestPairs(pairs, 1 << 14).p;
+  const double random = TestPairs(pairs, 4000).p;
+  RC_ASSERT(std::abs(random - exact) <= 6 * std::sqrt(0.25 / 4000) + 1.0 / 4000);
+}
+
+}  // namespace
+}  // namespace myograde::scoring
