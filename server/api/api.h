@@ -10,6 +10,7 @@
 #include "server/api/evaluations_resource.h"
 #include "server/api/guard.h"
 #include "server/api/host_resource.h"
+#include "server/api/metrics_resource.h"
 #include "server/api/openapi_resource.h"
 #include "server/api/proof_resource.h"
 #include "server/api/quota_resource.h"
@@ -19,6 +20,7 @@
 #include "server/api/tokens_resource.h"
 #include "server/api/transfer_resource.h"
 #include "server/api/unix_http_server.h"
+#include "server/api/webhooks_resource.h"
 #include "server/api/whoami_resource.h"
 
 namespace myograde::server {
@@ -37,6 +39,7 @@ class Api {
   Guard guard_;
   AccessResource access_{context_, guard_};
   HostResource host_{context_};
+  MetricsResource metrics_{context_};
   ArtefactsResource artefacts_{context_};
   SubmissionsResource submissions_{context_};
   EvaluationsResource evaluations_{context_};
@@ -48,6 +51,7 @@ class Api {
   TeamsResource teams_{context_};
   TokensResource tokens_{context_};
   TransferResource transfer_{context_};
+  WebhooksResource webhooks_{context_};
   WhoamiResource whoami_{context_};
   OpenApiResource openapi_;
 };

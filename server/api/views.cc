@@ -47,11 +47,6 @@ nlohmann::json DamagedToJson(const std::vector<Damage>& damaged) {
   return list;
 }
 
-std::string HostName() {
-  char name[256] = {};
-  return gethostname(name, sizeof(name) - 1) == 0 ? name : "unknown";
-}
-
 nlohmann::json TextOrNull(const std::string& text) { return text.empty() ? Json() : Json(text); }
 
 nlohmann::json SecondsOrNull(const std::optional<absl::Duration>& duration) {

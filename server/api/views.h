@@ -18,8 +18,6 @@ namespace myograde::server {
 nlohmann::json TimeToJson(int64_t ms);
 // Of what a list could not show: [{"table": "episode", "key": "7/3", "message": "…"}].
 nlohmann::json DamagedToJson(const std::vector<Damage>& damaged);
-// This host's own.
-std::string HostName();
 // Null for "".
 nlohmann::json TextOrNull(const std::string& text);
 nlohmann::json SecondsOrNull(const std::optional<absl::Duration>& duration);

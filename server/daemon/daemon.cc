@@ -11,27 +11,33 @@
 #include <cstdlib>
 #include <filesystem>
 #include <functional>
+#include <memory>
+#include <set>
 #include <thread>
 
 #include <absl/strings/str_cat.h>
-#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/file.h"
+#include "server/access/token_text.h"
 #include "server/admission/admission.h"
 #include "server/api/api.h"
+#include "server/base/paths.h"
+#include "server/base/private_file.h"
 #include "server/challenge/phases.h"
 #include "server/config/user_names.h"
+#include "server/daemon/log.h"
 #include "server/engine/engine.h"
 #include "server/engine/retention.h"
 #include "server/engine/standings.h"
-#include "server/base/paths.h"
 #include "server/proof/reference_check.h"
 #include "server/proof/signing_key.h"
 #include "server/sandbox/control_group.h"
 #include "server/sandbox/sandbox_config.h"
 #include "server/sandbox/users.h"
+#include "server/metrics/metrics.h"
 #include "server/store/lock.h"
+#include "server/webhook/sender.h"
 
 namespace myograde::server {
 namespace {
@@ -40,6 +46,8 @@ namespace fs = std::filesystem;
 
 // A stop is bounded: a second for the leases, then this for everything else.
 constexpr absl::Duration kLeaveWithin = absl::Seconds(3);
+constexpr size_t kMinMetricsToken = 16;
+constexpr size_t kMaxMetricsToken = 256;
 
 std::string FromEnvironment(const char* name) {
   const char* value = getenv(name);
@@ -89,13 +97,6 @@ void RemoveDrafts(const std::string& folder) {
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
     if (entry.path().filename().string().starts_with(".draft-")) fs::remove(entry.path(), error);
   }
-}
-
-void StartLog(const std::string& level) {
-  auto log = spdlog::stderr_logger_mt("myograded");
-  log->set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %v");
-  log->set_level(spdlog::level::from_str(level));
-  spdlog::set_default_logger(std::move(log));
 }
 
 std::atomic<Engine*> engine_to_stop = nullptr;
@@ -197,6 +198,32 @@ absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
   return Phases::Make(configs.challenges, configs.tracks, secret_of);
 }
 
+// The SHA-256 of the token in a file; "" without a file.
+absl::StatusOr<std::string> LoadMetricsToken(const std::string& path) {
+  if (path.empty()) return std::string();
+  const absl::StatusOr<std::string> token = ReadSecretFile(path, kMinMetricsToken, kMaxMetricsToken);
+  if (!token.ok()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "server.json: metrics: token_file: ", std::string(token.status().message())));
+  }
+  return TokenHash(*token);
+}
+
+// What waits for webhooks that are no more is given up.
+absl::Status SetWebhooks(const std::vector<Webhook>& webhooks, Store& store) {
+  store.SetSubscriptions(SubscriptionsOf(webhooks));
+  std::set<std::string> names;
+  for (const Webhook& webhook : webhooks) names.insert(webhook.config.name);
+  return store.Write([&](Writer& writer) -> absl::Status {
+    const absl::StatusOr<int64_t> given_up = writer.GiveUpStrangers(names);
+    if (!given_up.ok()) return given_up.status();
+    if (*given_up > 0) {
+      spdlog::warn("{} events are given up: server.json has not their webhooks any more", *given_up);
+    }
+    return absl::OkStatus();
+  });
+}
+
 // Of what an organiser may have changed without meaning to.
 absl::Status LogPhases(const Phases& phases, ReaderPool& readers) {
   for (const auto& [name, why] : phases.unusable()) {
@@ -245,6 +272,10 @@ absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
     const absl::Status usable = CheckCertificate(*server->listen);
     if (!usable.ok()) return usable;
   }
+  absl::StatusOr<std::vector<Webhook>> webhooks = LoadWebhooks(server->webhooks);
+  if (!webhooks.ok()) return webhooks.status();
+  absl::StatusOr<std::string> metrics_token = LoadMetricsToken(server->metrics_token_file);
+  if (!metrics_token.ok()) return metrics_token.status();
   absl::StatusOr<Tracks> tracks = Tracks::Load(options.configs_dir + "/tracks");
   if (!tracks.ok()) return tracks.status();
   // The runners read it; better to report a mistake once now than in every lease.
@@ -257,7 +288,8 @@ absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
     mistakes = CheckChallenges(challenges, *tracks, absl::InfinitePast()).mistakes;
   }
   if (!mistakes.empty()) return MistakesToStatus(mistakes);
-  return DaemonConfigs{*std::move(server), *std::move(tracks), std::move(challenges)};
+  return DaemonConfigs{*std::move(server), *std::move(tracks), std::move(challenges),
+                       *std::move(webhooks), *std::move(metrics_token)};
 }
 
 absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& configs) {
@@ -270,7 +302,7 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
   absl::StatusOr<DataLock> lock = DataLock::Take(options.data_dir);
   if (!lock.ok()) return lock.status();
-  StartLog(config.log_level);
+  StartLog(config.log_level, config.log_format);
   ControlGroup::RemoveStale();
   Empty(options.data_dir + "/work");
   Empty(options.data_dir + "/spool");
@@ -280,17 +312,21 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   absl::StatusOr<std::unique_ptr<Store>> store = Store::Open(path, clock);
   if (!store.ok()) return store.status();
   if ((*store)->mended()) spdlog::error("{}", DamageText(*(*store)->mended()));
+  if (absl::Status status = SetWebhooks(configs.webhooks, **store); !status.ok()) return status;
+  const auto metrics = std::make_shared<Metrics>();
   ReaderPool readers(path);
+  readers.SetObserver([&](absl::Duration took) { metrics->ObserveStoreRead(took); });
   const absl::StatusOr<Phases> phases = MakePhases(configs, **store);
   if (!phases.ok()) return phases.status();
   if (absl::Status status = LogPhases(*phases, readers); !status.ok()) return status;
   const absl::StatusOr<std::vector<Damage>> damaged = FillStandings(**store, readers);
   if (!damaged.ok()) return damaged.status();
   for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
-  StoreDisk disk(**store);
+  StoreDisk disk(**store, metrics.get());
   SystemProcesses processes(SlotProcesses(geteuid() == 0 ? config.uid_base : -1,
                                           options.data_dir + "/slots"));
-  Engine engine({config, options.data_dir, options.cache_dir}, disk, readers, processes, clock);
+  Engine engine({config, options.data_dir, options.cache_dir, metrics}, disk, readers, processes,
+                clock);
   // Grading needs no key: without one, the daemon serves everything but receipts.
   KeyFile receipts_key(options.data_dir + "/receipts.key");
   if (absl::Status status = receipts_key.Get().status(); !status.ok()) {
@@ -314,7 +350,15 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
       [&](AccessLog::Change change) {
         return engine.Change(std::move(change), config.http.request);
       },
-      clock);
+      clock, metrics.get());
+  WebhookSender webhooks({.webhooks = configs.webhooks,
+                          .readers = readers,
+                          .write =
+                              [&](WebhookSender::Change change) {
+                                return engine.Change(std::move(change), config.http.request);
+                              },
+                          .metrics = *metrics,
+                          .clock = clock});
   Api api({.config = config,
            .data_dir = options.data_dir,
            .cache_dir = options.cache_dir,
@@ -325,6 +369,9 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
            .readers = readers,
            .receipts_key = receipts_key,
            .access_log = access_log,
+           .metrics = *metrics,
+           .webhooks = webhooks,
+           .metrics_token = configs.metrics_token,
            .challenge = phases->any(),
            .clock = clock,
            .started_at = clock.Now(),
@@ -339,6 +386,7 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   if (absl::Status status = server.Start(options.socket); !status.ok()) return status;
   server_to_stop = &server;
   access_log.Start();
+  webhooks.Start();
   const Retention retention(config.retention, options.data_dir, engine, readers, clock);
   spdlog::info("listening on {}, {} slots, {} tracks, {} phases", options.socket,
                config.scheduler.slots, tracks.entries().size(), phases->entries().size());
@@ -346,6 +394,7 @@ absl::Status RunDaemon(const DaemonOptions& options, const DaemonConfigs& config
   const absl::Status status = engine.Run();
   EndSoon(status.ok() ? 0 : 4);
   server_to_stop = nullptr;
+  webhooks.Stop();
   server.Shutdown();
   access_log.Stop();
   // The engine, the store's only writer until now, has ended.

@@ -104,6 +104,7 @@ absl::Status Writer::EndUnreadable(int64_t evaluation, const std::string& why,
   });
   if (!ended.ok()) return ended;
   (void)part([&] { SettleCharge(evaluation, EvaluationState::kGraderError, who); });
+  TellEnd(evaluation, EvaluationState::kGraderError);
   return Audit("evaluation", evaluation, before, "grader_error", who, why);
 }
 

@@ -1,6 +1,8 @@
 // The phases of challenges: what happened to them, their secrets, and the choices of teams.
 #include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
 
+#include "protocol/base/config_reader.h"
 #include "server/base/random_bytes.h"
 #include "server/store/connection.h"
 #include "server/store/reader.h"
@@ -76,6 +78,11 @@ absl::StatusOr<bool> Writer::AddPhaseEvent(const std::string& phase, const std::
       db_, "INSERT INTO phase_event (at, phase, event, who, why) VALUES (?, ?, ?, ?, ?)");
   SQLite::bind(insert, now_ms_, phase, event, who, why);
   insert.exec();
+  if (!pauses) return true;
+  const nlohmann::json named = phase.empty() ? nlohmann::json() : nlohmann::json(phase);
+  const absl::Status told = Tell(event == kPausedEvent ? kPauseEvent : kResumeEvent,
+                                 CanonicalJson({{"phase", named}, {"reason", why}}));
+  if (!told.ok()) return told;
   return true;
 }
 

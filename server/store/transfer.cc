@@ -26,12 +26,12 @@ constexpr char kHead[] = "{\"data\":{";
 constexpr size_t kMaxLine = 8u << 20;
 constexpr size_t kMaxTables = 64;
 constexpr char kBytes[] = "bytes";  // the key of a value that is neither text nor a whole number
-// Left out: secrets, tokens, the keys of requests, denials and acts (they are this daemon's), the
-// views, the uploads (their files are on this host), and SQLite's own tables.
+// Left out: secrets, tokens, the keys of requests, denials and acts, what webhooks are told (all of
+// these are this daemon's), the views, the uploads (their files are on this host), and SQLite's own tables.
 constexpr char kExportedTables[] =
     "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' AND "
     "name NOT IN ('meta', 'standing', 'board_state', 'team_look', 'upload', 'phase_secret', "
-    "'token', 'request_key', 'access_event') ORDER BY name";
+    "'token', 'request_key', 'access_event', 'delivery') ORDER BY name";
 
 struct Table {
   std::string name;

@@ -257,6 +257,7 @@ absl::Status Writer::EndEvaluation(int64_t evaluation, EvaluationState state,
   SQLite::bind(update, Text(EvaluationStateName(state)), reason, results_hash, now_ms_, evaluation);
   update.exec();
   SettleCharge(evaluation, state, who);
+  TellEnd(evaluation, state);
   return Audit("evaluation", evaluation, EvaluationStateName(before), EvaluationStateName(state),
                who, reason);
 }
