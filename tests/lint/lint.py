@@ -62,7 +62,7 @@ RULES = {
         "admission")}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     "server/api": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "metrics", "access", "runner", "proof", "store", "config", "grading", "challenge",
-        "webhook", "engine", "admission", "api")},
+        "webhook", "scheduler/team_line.h", "engine", "admission", "api")},
         r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
     "server/cli/terminal": ({"protocol/base", "server/base", "server/cli/terminal"},
                             r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
