@@ -1,7 +1,9 @@
 #include "server/api/metrics_resource.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <utility>
 
 #include <absl/strings/str_cat.h>

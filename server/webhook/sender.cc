@@ -20,7 +20,7 @@ namespace {
 using Json = nlohmann::json;
 
 // How often a webhook without anything to do looks for more.
-constexpr absl::Duration kLookEvery = absl::Milliseconds(500);
+constexpr absl::Duration kLookEvery = absl::Seconds(1);
 // Between attempts to write how a delivery ended.
 constexpr absl::Duration kRecordEvery = absl::Seconds(1);
 // Rows of what was delivered or given up stay for so long.

@@ -1,11 +1,12 @@
 """What operators see: metrics, readiness and the log."""
 
 import json
-import os
 import re
 import signal
 import sqlite3
 import unittest
+
+import jsonschema
 
 from daemon_test import SOURCE, DaemonCase
 from roles_test import TRACK, AccessCase
@@ -155,6 +156,22 @@ class Alerts(unittest.TestCase):
         alerts = set(re.findall(r"alert: (\w+)", rules))
         page = (SOURCE / PAGE).read_text()
         self.assertEqual(set(re.findall(r"^\| `(MyoGrade\w+)`", page, re.MULTILINE)), alerts)
+
+
+class Schema(unittest.TestCase):
+    def test_it_takes_the_shipped_settings_and_those_of_the_page(self):
+        schema = json.loads((SOURCE / "configs/schema/server.json").read_text())
+        shipped = json.loads((SOURCE / "configs/server.json").read_text())
+        jsonschema.validate(shipped, schema)
+        page = (SOURCE / PAGE).read_text()
+        example = json.loads(re.search(r"^```\n(\{\"webhooks.*?)^```$", page,
+                                       re.MULTILINE | re.DOTALL).group(1))
+        jsonschema.validate({**shipped, **example}, schema)
+        for key, value in (("events", ["finished"]), ("url", "ftp://x"), ("timeout_s", 61),
+                           ("secret_file", "x"), ("colour", 1)):
+            broken = {"webhooks": [{**example["webhooks"][0], key: value}]}
+            with self.assertRaises(jsonschema.ValidationError, msg=key):
+                jsonschema.validate({**shipped, **broken}, schema)
 
 
 class Readiness(AccessCase):

@@ -51,7 +51,12 @@ class LoadWebhooksTest : public ::testing::Test {
   void TearDown() override { std::filesystem::remove(path_); }
 
   absl::StatusOr<std::vector<Webhook>> Load(const std::string& url) const {
-    return LoadWebhooks({{.name = "hook", .url = url, .secret_file = path_, .events = {"paused"}}});
+    WebhookConfig config;
+    config.name = "hook";
+    config.url = url;
+    config.secret_file = path_;
+    config.events = {"paused"};
+    return LoadWebhooks({config});
   }
 
   std::string path_;
