@@ -49,9 +49,11 @@ constexpr Rule kRules[] = {
     {Action::kRejudge, "rejudge", Role::kOrganiser},
     {Action::kReadEvents, "read events", Role::kOrganiser},
     {Action::kReadHost, "read host", Role::kOrganiser},
+    {Action::kReadMetrics, "read metrics", Role::kOrganiser},
     {Action::kImport, "import", Role::kOperator},
     {Action::kBackup, "back up", Role::kOperator},
     {Action::kManageOperators, "manage operators", Role::kOperator},
+    {Action::kManageWebhooks, "manage webhooks", Role::kOperator},
 };
 
 constexpr auto kActions = [] {
@@ -91,6 +93,7 @@ bool NeedsTeam(Action action) { return RuleOf(action).of_a_team; }
 
 Access Decide(const Identity& identity, Action action, const std::optional<std::string>& team) {
   const Rule& rule = RuleOf(action);
+  if (action == Action::kReadMetrics && identity.scraper) return Access::kAllowed;
   if (identity.role < rule.role) return Access::kForbidden;
   const bool any_team = identity.role >= Role::kOrganiser || !rule.of_a_team;
   if (any_team || !team.has_value() || identity.teams.contains(*team)) return Access::kAllowed;

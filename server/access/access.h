@@ -25,6 +25,8 @@ struct Identity {
   // Without a challenge, a user of this host may submit for a team that nobody has yet, and so
   // becomes its member.
   bool may_found_team = false;
+  // Showed the token of server.json's "metrics", which is good for nothing but those.
+  bool scraper = false;
 };
 
 enum class Action {
@@ -35,9 +37,9 @@ enum class Action {
   kReadTeam,
   // Organisers.
   kMark, kGrant, kRebuildBoards, kExport, kManageTeams, kManageTokens, kManagePhases, kRejudge,
-  kReadEvents, kReadHost,
+  kReadEvents, kReadHost, kReadMetrics,
   // Operators.
-  kImport, kBackup, kManageOperators,
+  kImport, kBackup, kManageOperators, kManageWebhooks,
 };
 std::string_view ActionName(Action action);
 std::span<const Action> AllActions();

@@ -17,6 +17,7 @@ constexpr auto kEvery = std::chrono::milliseconds(500);
 }  // namespace
 
 void AccessLog::Deny(const Identity& who, Action action, const std::string& why) {
+  if (metrics_ != nullptr) metrics_->CountDenial(why);
   const MutexLock lock(mutex_);
   denials_.Add({who.key, std::string(RoleName(who.role)), std::string(ActionName(action)), why});
 }

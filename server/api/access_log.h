@@ -15,6 +15,7 @@
 #include "protocol/base/mutex.h"
 #include "server/access/access.h"
 #include "server/access/denials.h"
+#include "server/metrics/metrics.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
@@ -27,7 +28,9 @@ class AccessLog {
   // may still happen.
   using Write = std::function<absl::Status(Change)>;
 
-  AccessLog(Write write, const Clock& clock) : write_(std::move(write)), clock_(clock) {}
+  // `metrics` counts denials; nullptr: nobody does.
+  AccessLog(Write write, const Clock& clock, Metrics* metrics = nullptr)
+      : write_(std::move(write)), clock_(clock), metrics_(metrics) {}
   ~AccessLog() { Stop(); }
   AccessLog(const AccessLog&) = delete;
   AccessLog& operator=(const AccessLog&) = delete;
@@ -63,6 +66,7 @@ class AccessLog {
 
   const Write write_;
   const Clock& clock_;
+  Metrics* const metrics_;
   Mutex writing_;  // held from taking a batch until it is written
   Mutex mutex_;
   Condition wake_;

@@ -11,15 +11,18 @@ Api::Api(const ApiContext& context)
               .readers = context_.readers,
               .log = context_.access_log,
               .clock = context_.clock,
-              .challenge = context_.challenge}) {}
+              .challenge = context_.challenge,
+              .metrics_token = context_.metrics_token}) {}
 
 void Api::Install(UnixHttpServer& server) {
   server.SetOrganisers(
       [this](const Peer& peer) { return IsOrganiser(peer, context_.config.access); });
   server.SetAdmit([this](Connection& connection) { return guard_.AdmitBody(connection); });
-  Routes routes(server, guard_);
+  server.SetRefusalCounter([this](int http) { context_.metrics.CountRefusal(http); });
+  Routes routes(server, guard_, context_.metrics);
   access_.Install(routes);
   host_.Install(routes);
+  metrics_.Install(routes);
   artefacts_.Install(routes);
   submissions_.Install(routes);
   evaluations_.Install(routes);
@@ -35,6 +38,7 @@ void Api::Install(UnixHttpServer& server) {
   teams_.Install(routes);
   tokens_.Install(routes);
   transfer_.Install(routes);
+  webhooks_.Install(routes);
   whoami_.Install(routes);
   openapi_.Install(routes);
   routes.AddErrorAnswers();

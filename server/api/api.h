@@ -11,6 +11,7 @@
 #include "server/api/guard.h"
 #include "server/api/host_resource.h"
 #include "server/api/more_seeds_resource.h"
+#include "server/api/metrics_resource.h"
 #include "server/api/openapi_resource.h"
 #include "server/api/proof_resource.h"
 #include "server/api/quota_resource.h"
@@ -23,6 +24,7 @@
 #include "server/api/tokens_resource.h"
 #include "server/api/transfer_resource.h"
 #include "server/api/unix_http_server.h"
+#include "server/api/webhooks_resource.h"
 #include "server/api/whoami_resource.h"
 
 namespace myograde::server {
@@ -41,6 +43,7 @@ class Api {
   Guard guard_;
   AccessResource access_{context_, guard_};
   HostResource host_{context_};
+  MetricsResource metrics_{context_};
   ArtefactsResource artefacts_{context_};
   SubmissionsResource submissions_{context_};
   EvaluationsResource evaluations_{context_};
@@ -56,6 +59,7 @@ class Api {
   TeamsResource teams_{context_};
   TokensResource tokens_{context_};
   TransferResource transfer_{context_};
+  WebhooksResource webhooks_{context_};
   WhoamiResource whoami_{context_};
   OpenApiResource openapi_;
 };

@@ -13,8 +13,10 @@
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
 #include "server/grading/tracks.h"
+#include "server/metrics/metrics.h"
 #include "server/proof/signing_key.h"
 #include "server/store/reader.h"
+#include "server/webhook/sender.h"
 
 namespace myograde::server {
 
@@ -32,6 +34,9 @@ struct ApiContext {
   KeyFile& receipts_key;
   AccessLog& access_log;
   RecordLog& record;
+  Metrics& metrics;
+  WebhookSender& webhooks;
+  std::string metrics_token;  // Guard::Options
   // Whether there is a challenge (server/challenge): then a user of this host is nobody until an
   // organiser says who, and organisers create the teams.
   bool challenge = false;

@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include "server/api/caller.h"
+#include "server/base/log_line.h"
 #include "server/store/damage.h"
 #include "server/store/quota.h"
 #include "server/store/reader.h"
@@ -44,6 +45,7 @@ ApiError TeamErrorOf(const absl::Status& status, const std::string& team) {
   ApiError error = ErrorOf(status);
   const std::string other = ResembledTeam(status);
   if (other.empty()) return error;
+  const LogScope scope({.team = team});
   spdlog::info("a team \"{}\" was refused: it looks like team \"{}\"", team, other);
   if (CallerIsOrganiser()) {
     error.message = absl::StrCat("the team's name looks like that of team \"", other,

@@ -348,6 +348,7 @@ void Gate::Refuse(Connection& connection, bool read_on) {
     connection.counted = false;
     --connection.peer->bodies;
   }
+  if (options_.on_refusal != nullptr) options_.on_refusal(connection.error.http);
   connection.out += RefusalBytes(connection.error);
   connection.close_after = true;
   const int64_t drain = read_on ? connection.drain_left : 0;

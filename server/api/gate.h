@@ -32,6 +32,7 @@ class Gate {
     HttpLimits limits;
     SpoolOptions spool;
     std::function<BodyRule(const RequestHead&)> rule_of;
+    std::function<void(int http)> on_refusal = {};  // of a request that no handler sees; may be empty
   };
   // `queue` must outlive it.
   Gate(Options options, WorkQueue& queue);

@@ -42,6 +42,8 @@ class Guard {
     AccessLog& log;
     const Clock& clock;
     bool challenge = false;  // IdentityOfUser
+    // SHA-256 of the token with which a scraper reads the metrics; "": there is none.
+    std::string metrics_token = "";
   };
   // What `options` refers to must outlive it.
   explicit Guard(const Options& options);
@@ -68,6 +70,8 @@ class Guard {
   std::variant<Identity, ApiError> IdentifyUser(const Peer& peer, std::optional<Action> action);
   std::variant<Identity, ApiError> IdentifyToken(const Peer& peer, std::string_view authorization,
                                                  Action action);
+  bool IsMetricsToken(std::string_view authorization) const;
+  Identity AcceptScraper(const Peer& peer);
   std::optional<ApiError> CheckTries(const Peer& peer, const std::string& hash);
   ApiError RefuseToken(const Peer& peer, const std::string& hash, TokenProblem problem,
                        const std::optional<TokenRow>& row, Action action);

@@ -5,7 +5,9 @@
 #include <functional>
 #include <utility>
 
+#include "server/api/readiness.h"
 #include "server/api/views.h"
+#include "server/base/host_name.h"
 #include "server/proof/grader_build.h"
 #include "server/store/schema.h"
 
@@ -18,6 +20,8 @@ using Json = nlohmann::json;
 
 void HostResource::Install(Routes& routes) {
   routes.Get("/v1/health", Action::kReadHealth, std::bind_front(&HostResource::Health, this));
+  routes.Get("/v1/live", Action::kReadHealth, std::bind_front(&HostResource::Live, this));
+  routes.Get("/v1/ready", Action::kReadHealth, std::bind_front(&HostResource::Ready, this));
   routes.Get("/v1/tracks", Action::kReadTracks, std::bind_front(&HostResource::ListTracks, this));
 }
 
@@ -35,6 +39,24 @@ ApiResult HostResource::Health(const httplib::Request&) const {
   }
   if (CallerMay(Action::kReadHost)) body.update(HostToJson(health));
   return ApiAnswer{200, std::move(body)};
+}
+
+ApiResult HostResource::Live(const httplib::Request&) const {
+  return ApiAnswer{200, {{"live", true}}};
+}
+
+ApiResult HostResource::Ready(const httplib::Request&) const {
+  const std::vector<Obstacle> obstacles =
+      ObstaclesOf(context_.engine.Health(), context_.config, context_.data_dir,
+                  UnixHttpServer::Stopping());
+  Json body = {{"ready", obstacles.empty()}};
+  if (CallerMay(Action::kReadHost)) {
+    Json& reasons = body["reasons"] = Json::array();
+    for (const Obstacle& obstacle : obstacles) {
+      reasons.push_back({{"code", obstacle.code}, {"message", obstacle.message}});
+    }
+  }
+  return ApiAnswer{obstacles.empty() ? 200 : 503, std::move(body)};
 }
 
 nlohmann::json HostResource::HostToJson(const LiveHealth& health) const {

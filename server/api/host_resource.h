@@ -18,6 +18,9 @@ class HostResource {
 
  private:
   ApiResult Health(const httplib::Request& request) const;
+  // Whether the process serves requests, and whether it can do its work.
+  ApiResult Live(const httplib::Request& request) const;
+  ApiResult Ready(const httplib::Request& request) const;
   // What organisers see beside.
   nlohmann::json HostToJson(const LiveHealth& health) const;
   ApiResult ListTracks(const httplib::Request& request) const;

@@ -9,6 +9,7 @@
 #include <absl/strings/str_join.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
 #include "server/api/entity_tag.h"
 #include "server/api/methods.h"
@@ -104,9 +105,28 @@ void SendUnrouted(const std::vector<Address>& addresses, const httplib::Request&
                                     ", or the request is malformed; see the API's description")});
 }
 
+// Counts the request that a response is to, when it ends.
+class RequestTimer {
+ public:
+  RequestTimer(Metrics& metrics, std::string_view action, const httplib::Response& response)
+      : metrics_(metrics), action_(action), response_(response) {}
+  ~RequestTimer() {
+    metrics_.ObserveRequest(action_, response_.status, SystemClock().Monotonic() - begin_);
+  }
+  RequestTimer(const RequestTimer&) = delete;
+  RequestTimer& operator=(const RequestTimer&) = delete;
+
+ private:
+  Metrics& metrics_;
+  const std::string_view action_;
+  const httplib::Response& response_;
+  const absl::Duration begin_ = SystemClock().Monotonic();
+};
+
 // Runs `serve`, which fills in the response, if the caller may take the action at all.
-void ServeIfAdmitted(Guard& guard, Action action, const httplib::Request& request,
+void ServeIfAdmitted(Metrics& metrics, Guard& guard, Action action, const httplib::Request& request,
                      httplib::Response& response, const std::function<void()>& serve) {
+  const RequestTimer timer(metrics, ActionName(action), response);
   const auto admitted = guard.Admit(UnixHttpServer::RequestConnection(), action);
   if (const auto* error = std::get_if<ApiError>(&admitted)) return SendError(response, *error);
   CallerScope scope(std::get<Identity>(admitted), action, guard.log());
@@ -119,18 +139,20 @@ void ServeIfAdmitted(Guard& guard, Action action, const httplib::Request& reques
 
 void Routes::Get(const std::string& pattern, Action action, Handler handler) {
   guard_.AddAddress("GET", pattern, action);
-  server_.Get(pattern, [&guard = guard_, action, handler = std::move(handler)](
+  server_.Get(pattern, [&metrics = metrics_, &guard = guard_, action,
+                        handler = std::move(handler)](
                            const httplib::Request& request, httplib::Response& response) {
-    ServeIfAdmitted(guard, action, request, response,
+    ServeIfAdmitted(metrics, guard, action, request, response,
                     [&] { SendResult(request, response, handler(request)); });
   });
 }
 
 void Routes::GetFile(const std::string& pattern, Action action, FileHandler handler) {
   guard_.AddAddress("GET", pattern, action);
-  server_.Get(pattern, [&guard = guard_, action, handler = std::move(handler)](
+  server_.Get(pattern, [&metrics = metrics_, &guard = guard_, action,
+                        handler = std::move(handler)](
                            const httplib::Request& request, httplib::Response& response) {
-    ServeIfAdmitted(guard, action, request, response, [&] {
+    ServeIfAdmitted(metrics, guard, action, request, response, [&] {
       if (const auto error = handler(request, response)) SendError(response, *error);
     });
   });
@@ -140,10 +162,11 @@ void Routes::GetFile(const std::string& pattern, Action action, FileHandler hand
 // called one.
 void Routes::Post(const std::string& pattern, Action action, JsonHandler handler) {
   guard_.AddAddress("POST", pattern, action);
-  server_.Post(pattern, [&guard = guard_, action, handler = std::move(handler)](
+  server_.Post(pattern, [&metrics = metrics_, &guard = guard_, action,
+                        handler = std::move(handler)](
                             const httplib::Request& request, httplib::Response& response,
                             const httplib::ContentReader&) {
-    ServeIfAdmitted(guard, action, request, response, [&] {
+    ServeIfAdmitted(metrics, guard, action, request, response, [&] {
       const absl::StatusOr<std::string> body = UnixHttpServer::RequestBody().Text();
       if (!body.ok()) return SendError(response, ErrorOf(body.status()));
       const absl::StatusOr<nlohmann::json> json = ParseJson(*body, "request");
@@ -155,10 +178,11 @@ void Routes::Post(const std::string& pattern, Action action, JsonHandler handler
 
 void Routes::Delete(const std::string& pattern, Action action, Handler handler) {
   guard_.AddAddress("DELETE", pattern, action);
-  server_.Delete(pattern, [&guard = guard_, action, handler = std::move(handler)](
+  server_.Delete(pattern, [&metrics = metrics_, &guard = guard_, action,
+                        handler = std::move(handler)](
                               const httplib::Request& request, httplib::Response& response,
                               const httplib::ContentReader&) {
-    ServeIfAdmitted(guard, action, request, response,
+    ServeIfAdmitted(metrics, guard, action, request, response,
                     [&] { SendResult(request, response, handler(request)); });
   });
 }
@@ -166,18 +190,20 @@ void Routes::Delete(const std::string& pattern, Action action, Handler handler) 
 void Routes::PostUpload(const std::string& path, Action action, BodyRule rule, Handler handler) {
   guard_.AddAddress("POST", path, action);
   server_.SetBodyRule(path, std::move(rule));
-  server_.Post(path, [&guard = guard_, action, handler = std::move(handler)](
+  server_.Post(path, [&metrics = metrics_, &guard = guard_, action,
+                        handler = std::move(handler)](
                          const httplib::Request& request, httplib::Response& response,
                          const httplib::ContentReader&) {
-    ServeIfAdmitted(guard, action, request, response,
+    ServeIfAdmitted(metrics, guard, action, request, response,
                     [&] { SendResult(request, response, handler(request)); });
   });
 }
 
 void Routes::AddErrorAnswers() {
-  server_.set_error_handler([&guard = guard_](const httplib::Request& request,
-                                              httplib::Response& response) {
+  server_.set_error_handler([&metrics = metrics_, &guard = guard_](
+                                const httplib::Request& request, httplib::Response& response) {
     if (!response.body.empty()) return;  // ours
+    const RequestTimer timer(metrics, "none", response);
     if (const auto over = guard.AdmitUnknown(UnixHttpServer::RequestConnection())) {
       response.status = over->http;
       return SendError(response, *over);

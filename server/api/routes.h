@@ -18,6 +18,7 @@
 #include "server/api/error_of.h"
 #include "server/api/guard.h"
 #include "server/api/unix_http_server.h"
+#include "server/metrics/metrics.h"
 
 namespace myograde::server {
 
@@ -40,8 +41,9 @@ class Routes {
   using FileHandler =
       std::function<std::optional<ApiError>(const httplib::Request&, httplib::Response&)>;
 
-  // Both must outlive it.
-  Routes(UnixHttpServer& server, Guard& guard) : server_(server), guard_(guard) {}
+  // All must outlive the server's last request.
+  Routes(UnixHttpServer& server, Guard& guard, Metrics& metrics)
+      : server_(server), guard_(guard), metrics_(metrics) {}
 
   // A handler of GET answers HEAD too.
   void Get(const std::string& pattern, Action action, Handler handler);
@@ -58,6 +60,7 @@ class Routes {
  private:
   UnixHttpServer& server_;
   Guard& guard_;
+  Metrics& metrics_;
 };
 
 }  // namespace myograde::server

@@ -8,6 +8,7 @@
 
 #include "server/api/caller.h"
 #include "server/api/views.h"
+#include "server/base/host_name.h"
 
 namespace myograde::server {
 namespace {

@@ -187,7 +187,11 @@ UnixHttpServer::UnixHttpServer(const HttpLimits& limits, std::string spool)
       queue_(QueueLimits(limits)),
       gate_({.limits = limits,
              .spool = {spool_, limits.disk_reserve, &budget_},
-             .rule_of = [this](const RequestHead& head) { return RuleOf(head); }},
+             .rule_of = [this](const RequestHead& head) { return RuleOf(head); },
+             .on_refusal =
+                 [this](int http) {
+                   if (count_refusal_ != nullptr) count_refusal_(http);
+                 }},
             queue_) {}
 
 UnixHttpServer::~UnixHttpServer() { Shutdown(); }

@@ -41,6 +41,8 @@ class UnixHttpServer : public httplib::Server {
   void SetAdmit(std::function<std::optional<ApiError>(Connection&)> admit) {
     admit_ = std::move(admit);
   }
+  // Is told of each request that is refused before a handler sees it, with its status. Before Start.
+  void SetRefusalCounter(std::function<void(int http)> count) { count_refusal_ = std::move(count); }
   // What `path` takes for a body; every other address takes JSON of `body_bytes`
   // bytes. Before Start.
   void SetBodyRule(const std::string& path, BodyRule rule) { rules_[path] = std::move(rule); }
@@ -90,6 +92,7 @@ class UnixHttpServer : public httplib::Server {
   std::map<std::string, BodyRule> rules_;
   std::function<bool(const Peer&)> is_organiser_;
   std::function<std::optional<ApiError>(Connection&)> admit_;
+  std::function<void(int http)> count_refusal_;
   SpoolBudget budget_;
   WorkQueue queue_;
   Gate gate_;

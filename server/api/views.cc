@@ -47,11 +47,6 @@ nlohmann::json DamagedToJson(const std::vector<Damage>& damaged) {
   return list;
 }
 
-std::string HostName() {
-  char name[256] = {};
-  return gethostname(name, sizeof(name) - 1) == 0 ? name : "unknown";
-}
-
 nlohmann::json IdOrNull(int64_t id) {
   return id == 0 ? nlohmann::json() : nlohmann::json(id);
 }

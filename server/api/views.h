@@ -19,10 +19,6 @@ namespace myograde::server {
 nlohmann::json TimeToJson(int64_t ms);
 // Of what a list could not show: [{"table": "episode", "key": "7/3", "message": "…"}].
 nlohmann::json DamagedToJson(const std::vector<Damage>& damaged);
-// This host's own.
-std::string HostName();
-// Null for 0: none.
-nlohmann::json IdOrNull(int64_t id);
 // Null for "".
 nlohmann::json TextOrNull(const std::string& text);
 nlohmann::json SecondsOrNull(const std::optional<absl::Duration>& duration);
@@ -37,5 +33,7 @@ nlohmann::json LimitsToJson(const TrackConfig& config);
 // A re-run against its original; both sorted by index.
 nlohmann::json CompareRows(int64_t original, const std::vector<EpisodeRow>& original_rows,
                            const EvaluationRow& rerun, const std::vector<EpisodeRow>& rerun_rows);
+// Null for 0: none.
+nlohmann::json IdOrNull(int64_t id);
 
 }  // namespace myograde::server

@@ -70,6 +70,8 @@ constexpr Verb kVerbs[] = {
      AddBackup},
     {"events", "List the requests that were denied, and what organisers did",
      "myograde events --kind denied", AddEvents},
+    {"webhook", "List the webhooks of server.json and their deliveries, and test one",
+     "myograde webhook test chat", AddWebhook},
     {"log", "Write the log of an episode to a file that LCM's tools can read",
      "myograde log 7 --episode 3 -o episode3.lcmlog", AddLog},
     {"replay", "Simulate episodes again from their logs, without the policy, and compare",

@@ -239,6 +239,13 @@ absl::Status ReadRetention(const nlohmann::json& json, const std::string& where,
   return reader.Finish();
 }
 
+absl::Status ReadMetrics(const nlohmann::json& json, const std::string& where,
+                         ServerConfig& config) {
+  ConfigReader reader(json, where);
+  config.metrics_token_file = PathOrNull(reader, json, "token_file");
+  return reader.Finish();
+}
+
 absl::StatusOr<AdmissionRules> ReadAdmission(ConfigReader& reader) {
   constexpr int64_t kMax = 1'000'000'000;
   AdmissionRules rules;
@@ -317,6 +324,9 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   config.uid_base = reader.Integer("uid_base", 1000, 2'000'000'000);
   config.pin_slots = reader.Boolean("pin_slots");
   config.log_level = reader.Choice("log_level", {"debug", "info", "warn", "error"});
+  if (reader.Has("log_format") && reader.Choice("log_format", {"text", "json"}) == "json") {
+    config.log_format = LogFormat::kJson;
+  }
   const nlohmann::json& runtimes = reader.Object("runtimes");
   const nlohmann::json& scheduler = reader.Object("scheduler");
   const nlohmann::json& artefacts = reader.Object("artefacts");
@@ -329,6 +339,10 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
       reader.Has("statistics") ? reader.Object("statistics") : nlohmann::json::object();
   const nlohmann::json access =
       reader.Has("access") ? reader.Object("access") : nlohmann::json::object();
+  const nlohmann::json metrics =
+      reader.Has("metrics") ? reader.Object("metrics") : nlohmann::json::object();
+  const nlohmann::json webhooks =
+      reader.Has("webhooks") ? reader.Array("webhooks") : nlohmann::json::array();
   absl::Status status = reader.Finish();
   if (status.ok()) status = ReadAccess(access, path + ": access", config);
   if (status.ok()) status = ReadRuntimes(runtimes, path + ": runtimes", cache_dir, config);
@@ -339,7 +353,11 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   if (status.ok()) status = ReadReruns(reruns, path + ": reruns", config);
   if (status.ok()) status = ReadRetention(retention, path + ": retention", config);
   if (status.ok()) status = ReadStatisticsOf(statistics, path + ": statistics", config);
+  if (status.ok()) status = ReadMetrics(metrics, path + ": metrics", config);
   if (!status.ok()) return status;
+  absl::StatusOr<std::vector<WebhookConfig>> hooks = ReadWebhooks(webhooks, path + ": webhooks");
+  if (!hooks.ok()) return hooks.status();
+  config.webhooks = *std::move(hooks);
   return config;
 }
 

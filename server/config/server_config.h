@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <absl/status/statusor.h>
 #include <absl/time/time.h>
@@ -13,6 +14,8 @@
 #include "protocol/lease/track_config.h"
 #include "scoring/statistics_config.h"
 #include "server/access/access_config.h"
+#include "server/base/log_line.h"
+#include "server/config/webhook_config.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
 #include "server/store/store.h"
@@ -109,6 +112,9 @@ struct ServerConfig {
   RetentionLimits retention;
   scoring::StatisticsConfig statistics;
   std::string log_level;
+  LogFormat log_format = LogFormat::kText;
+  std::string metrics_token_file;  // absolute; "": only organisers read /metrics
+  std::vector<WebhookConfig> webhooks;
 };
 
 // Whether a track's slots are pinned to one processor each: every processor has a slot, and the

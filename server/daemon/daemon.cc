@@ -8,33 +8,31 @@
 #include <atomic>
 #include <cerrno>
 #include <csignal>
-#include <cstdlib>
 #include <filesystem>
-#include <functional>
+#include <memory>
 #include <thread>
 
 #include <absl/strings/str_cat.h>
-#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/file.h"
 #include "server/admission/admission.h"
 #include "server/api/api.h"
-#include "server/challenge/board_configs.h"
 #include "server/challenge/phases.h"
-#include "server/config/user_names.h"
+#include "server/daemon/log.h"
+#include "server/daemon/start.h"
 #include "server/engine/engine.h"
 #include "server/engine/rejudges.h"
 #include "server/engine/retention.h"
 #include "server/engine/standings.h"
-#include "server/base/paths.h"
+#include "server/metrics/metrics.h"
 #include "server/proof/grader_build.h"
 #include "server/proof/reference_check.h"
 #include "server/proof/signing_key.h"
 #include "server/sandbox/control_group.h"
-#include "server/sandbox/sandbox_config.h"
 #include "server/sandbox/users.h"
 #include "server/store/lock.h"
+#include "server/webhook/sender.h"
 
 namespace myograde::server {
 namespace {
@@ -43,19 +41,8 @@ namespace fs = std::filesystem;
 
 // A stop is bounded: a second for the leases, then this for everything else.
 constexpr absl::Duration kLeaveWithin = absl::Seconds(3);
-
-std::string FromEnvironment(const char* name) {
-  const char* value = getenv(name);
-  return value == nullptr ? "" : value;
-}
-
-// The option, else the environment variable, else the default folder.
-void Fill(std::string& option, const char* variable, const std::function<std::string()>& usual) {
-  if (option.empty()) option = FromEnvironment(variable);
-  if (option.empty()) option = usual();
-  option = fs::absolute(option).lexically_normal();
-  if (option.size() > 1 && option.ends_with('/')) option.pop_back();
-}
+constexpr size_t kMinMetricsToken = 16;
+constexpr size_t kMaxMetricsToken = 256;
 
 // The data folder is private to the daemon: it holds the secret and everybody's submissions.
 absl::Status MakeFolders(const std::string& data) {
@@ -92,13 +79,6 @@ void RemoveDrafts(const std::string& folder) {
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
     if (entry.path().filename().string().starts_with(".draft-")) fs::remove(entry.path(), error);
   }
-}
-
-void StartLog(const std::string& level) {
-  auto log = spdlog::stderr_logger_mt("myograded");
-  log->set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %v");
-  log->set_level(spdlog::level::from_str(level));
-  spdlog::set_default_logger(std::move(log));
 }
 
 std::atomic<Engine*> engine_to_stop = nullptr;
@@ -187,133 +167,7 @@ absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
       "the three"));
 }
 
-// The secret of a phase is drawn when a daemon first loads it.
-absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
-  const auto secret_of = [&](const std::string& phase) {
-    absl::StatusOr<std::string> secret = absl::InternalError("");
-    const absl::Status written = store.Write([&](Writer& writer) {
-      secret = writer.PhaseSecret(phase);
-      return secret.status();
-    });
-    return written.ok() ? secret : absl::StatusOr<std::string>(written);
-  };
-  return Phases::Make(configs.challenges, configs.tracks, secret_of);
-}
-
-// The configs that boards have by the store, where that is not what the files say.
-absl::Status TakeConfigsInForce(Store& store, ReaderPool& readers, Tracks& tracks,
-                                Phases& phases) {
-  absl::StatusOr<Overlaid> overlaid = absl::InternalError("");
-  const absl::Status read = readers.Read([&](Reader& reader) {
-    overlaid = OverlayConfigs(reader, tracks, phases);
-    return overlaid.status();
-  });
-  if (!read.ok()) return read;
-  for (const std::string& note : overlaid->notes) spdlog::info("{}", note);
-  for (const std::string& warning : overlaid->warnings) spdlog::warn("{}", warning);
-  for (const std::string& error : overlaid->errors) spdlog::error("{}", error);
-  if (overlaid->changed.empty()) return absl::OkStatus();
-  return store.Write([&](Writer& writer) {
-    for (const NewBoardConfig& change : overlaid->changed) {
-      const absl::Status written = writer.SetBoardConfig(change, "daemon").status();
-      if (!written.ok()) return written;
-    }
-    return absl::OkStatus();
-  });
-}
-
-// Of what an organiser may have changed without meaning to.
-absl::Status LogPhases(const Phases& phases, ReaderPool& readers) {
-  for (const auto& [name, why] : phases.unusable()) {
-    spdlog::error("phase \"{}\" takes nothing: {}", name, std::string(why.message()));
-  }
-  return readers.Read([&](Reader& reader) {
-    const absl::StatusOr<std::vector<PhaseUse>> uses = reader.PhasesInUse();
-    if (!uses.ok()) {
-      spdlog::error("{}", std::string(uses.status().message()));
-      return absl::OkStatus();
-    }
-    for (const PhaseUse& use : *uses) {
-      if (phases.ConfigOf(use.phase) != nullptr) continue;
-      spdlog::info("phase \"{}\" has {} submissions and no file: it is closed, and its board is "
-                   "shown in full", use.phase, use.submissions);
-    }
-    return absl::OkStatus();
-  });
-}
-
-// Adds the key that signs to the public record, and says where the record was changed. A record
-// without entries stays so: an import needs an empty store.
-absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_key,
-                         RecordLog& record) {
-  bool any = false;
-  absl::Status status = readers.Read([&](Reader& reader) {
-    any = reader.RecordSize() > 0;
-    return absl::OkStatus();
-  });
-  if (const auto key = receipts_key.Get(); status.ok() && any && key.ok()) {
-    status = store.Write(
-        [pem = (*key)->PublicPem()](Writer& writer) { return writer.AppendKey(pem); });
-  }
-  if (!status.ok()) return status;
-  return readers.Read([&](Reader& reader) -> absl::Status {
-    const absl::StatusOr<std::vector<Damage>> damaged = record.Damaged(reader);
-    if (!damaged.ok()) return damaged.status();
-    for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
-    return absl::OkStatus();
-  });
-}
-
-// A phase's statistics must also fit those that the server has for the keys that it leaves out.
-void AddStatisticsMistakes(const std::vector<ChallengeConfig>& challenges,
-                           const scoring::StatisticsConfig& usual,
-                           std::vector<std::string>& mistakes) {
-  for (const ChallengeConfig& challenge : challenges) {
-    for (const PhaseConfig& phase : challenge.phases) {
-      const absl::Status fits = PhaseStatistics(phase, usual).status();
-      if (!fits.ok()) mistakes.push_back(challenge.where + ": " + std::string(fits.message()));
-    }
-  }
-}
-
 }  // namespace
-
-DaemonOptions WithDefaults(DaemonOptions options) {
-  Fill(options.data_dir, "MYOGRADE_DATA", UsualDataDir);
-  Fill(options.cache_dir, "MYOGRADE_CACHE", UsualCacheDir);
-  Fill(options.configs_dir, "MYOGRADE_CONFIG_DIR", ConfigDir);
-  if (options.socket.empty()) options.socket = options.data_dir + "/myograde.sock";
-  options.socket = fs::absolute(options.socket).lexically_normal();
-  // The runners that this process starts read their sandbox configs there too.
-  setenv("MYOGRADE_CONFIG_DIR", options.configs_dir.c_str(), /*overwrite=*/1);
-  return options;
-}
-
-absl::StatusOr<DaemonConfigs> LoadConfigs(const DaemonOptions& options) {
-  absl::StatusOr<ServerConfig> server =
-      LoadServerConfig(options.configs_dir + "/server.json", options.cache_dir);
-  if (!server.ok()) return server.status();
-  absl::Status named = ResolveNames(options.configs_dir + "/server.json", server->access);
-  if (!named.ok()) return named;
-  if (server->listen.has_value()) {
-    const absl::Status usable = CheckCertificate(*server->listen);
-    if (!usable.ok()) return usable;
-  }
-  absl::StatusOr<Tracks> tracks = Tracks::Load(options.configs_dir + "/tracks");
-  if (!tracks.ok()) return tracks.status();
-  // The runners read it; better to report a mistake once now than in every lease.
-  absl::StatusOr<SandboxConfig> sandbox = LoadSandboxConfig(options.configs_dir);
-  if (!sandbox.ok()) return sandbox.status();
-  std::vector<std::string> mistakes;
-  std::vector<ChallengeConfig> challenges =
-      ReadChallenges(options.configs_dir + "/challenges", mistakes);
-  if (mistakes.empty()) {
-    mistakes = CheckChallenges(challenges, *tracks, absl::InfinitePast()).mistakes;
-  }
-  AddStatisticsMistakes(challenges, server->statistics, mistakes);
-  if (!mistakes.empty()) return MistakesToStatus(mistakes);
-  return DaemonConfigs{*std::move(server), *std::move(tracks), std::move(challenges)};
-}
 
 absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   // With one heap per thread, each heap would keep as much memory as its largest answer took.
@@ -325,7 +179,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
   absl::StatusOr<DataLock> lock = DataLock::Take(options.data_dir);
   if (!lock.ok()) return lock.status();
-  StartLog(config.log_level);
+  StartLog(config.log_level, config.log_format);
   ControlGroup::RemoveStale();
   Empty(options.data_dir + "/work");
   Empty(options.data_dir + "/spool");
@@ -335,7 +189,10 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   absl::StatusOr<std::unique_ptr<Store>> store = Store::Open(path, clock);
   if (!store.ok()) return store.status();
   if ((*store)->mended()) spdlog::error("{}", DamageText(*(*store)->mended()));
+  if (absl::Status status = SetWebhooks(configs.webhooks, **store); !status.ok()) return status;
+  const auto metrics = std::make_shared<Metrics>();
   ReaderPool readers(path);
+  readers.SetObserver([&](absl::Duration took) { metrics->ObserveStoreRead(took); });
   absl::StatusOr<Phases> phases = MakePhases(configs, **store);
   if (!phases.ok()) return phases.status();
   absl::Status overlaid = TakeConfigsInForce(**store, readers, tracks, *phases);
@@ -344,10 +201,11 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   const absl::StatusOr<std::vector<Damage>> damaged = FillStandings(**store, readers);
   if (!damaged.ok()) return damaged.status();
   for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
-  StoreDisk disk(**store);
+  StoreDisk disk(**store, metrics.get());
   SystemProcesses processes(SlotProcesses(geteuid() == 0 ? config.uid_base : -1,
                                           options.data_dir + "/slots"));
-  Engine engine({config, options.data_dir, options.cache_dir}, disk, readers, processes, clock);
+  Engine engine({config, options.data_dir, options.cache_dir, metrics}, disk, readers, processes,
+                clock);
   // Grading needs no key: without one, the daemon serves everything but receipts.
   KeyFile receipts_key(options.data_dir + "/receipts.key");
   if (absl::Status status = receipts_key.Get().status(); !status.ok()) {
@@ -375,7 +233,15 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
       [&](AccessLog::Change change) {
         return engine.Change(std::move(change), config.http.request);
       },
-      clock);
+      clock, metrics.get());
+  WebhookSender webhooks({.webhooks = configs.webhooks,
+                          .readers = readers,
+                          .write =
+                              [&](WebhookSender::Change change) {
+                                return engine.Change(std::move(change), config.http.request);
+                              },
+                          .metrics = *metrics,
+                          .clock = clock});
   Api api({.config = config,
            .data_dir = options.data_dir,
            .cache_dir = options.cache_dir,
@@ -388,6 +254,9 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
            .receipts_key = receipts_key,
            .access_log = access_log,
            .record = record,
+           .metrics = *metrics,
+           .webhooks = webhooks,
+           .metrics_token = configs.metrics_token,
            .challenge = phases->any(),
            .clock = clock,
            .started_at = clock.Now(),
@@ -402,6 +271,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   if (absl::Status status = server.Start(options.socket); !status.ok()) return status;
   server_to_stop = &server;
   access_log.Start();
+  webhooks.Start();
   const Retention retention(config.retention, options.data_dir, engine, readers, clock);
   const Rejudger rejudger({.data_dir = options.data_dir,
                            .grader = [&] { return GraderBuild(options.cache_dir); }},
@@ -412,6 +282,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   const absl::Status status = engine.Run();
   EndSoon(status.ok() ? 0 : 4);
   server_to_stop = nullptr;
+  webhooks.Stop();
   server.Shutdown();
   access_log.Stop();
   // The engine, the store's only writer until now, has ended.

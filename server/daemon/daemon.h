@@ -10,6 +10,7 @@
 #include "server/challenge/challenge.h"
 #include "server/config/server_config.h"
 #include "server/grading/tracks.h"
+#include "server/webhook/webhook.h"
 
 namespace myograde::server {
 
@@ -30,6 +31,8 @@ struct DaemonConfigs {
   ServerConfig server;
   Tracks tracks;
   std::vector<ChallengeConfig> challenges;  // without a mistake
+  std::vector<Webhook> webhooks;
+  std::string metrics_token;  // its SHA-256; "": there is none
 };
 
 // Reads everything in options.configs_dir. An error names the file and the key.

@@ -2,8 +2,10 @@
 #include <utility>
 
 #include <CLI/CLI.hpp>
+#include <absl/time/clock.h>
 
 #include "server/artefact/unpack_process.h"
+#include "server/base/log_line.h"
 #include "server/daemon/daemon.h"
 
 int main(int argc, char** argv) {
@@ -43,6 +45,11 @@ int main(int argc, char** argv) {
   }
   const absl::Status status = myograde::server::RunDaemon(options, *std::move(configs));
   if (status.ok()) return 0;
-  std::cerr << "myograded: error: " << status.message() << "\n";
+  if (configs->server.log_format == myograde::server::LogFormat::kJson) {
+    std::cerr << myograde::server::LogLine(myograde::server::LogFormat::kJson, absl::Now(),
+                                           "critical", std::string(status.message()));
+  } else {
+    std::cerr << "myograded: error: " << status.message() << "\n";
+  }
   return kTrouble;
 }

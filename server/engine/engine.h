@@ -78,6 +78,7 @@ class Engine {
   QueueOutlook OutlookOf(int64_t evaluation) const { return core_.OutlookOf(evaluation); }
   std::map<int64_t, LiveLease> Running() const { return core_.Running(); }
   LiveHealth Health() const { return core_.Health(); }
+  Metrics& metrics() const { return core_.metrics(); }
 
  private:
   void Poll(absl::Duration timeout);

@@ -10,6 +10,8 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "server/base/log_line.h"
+
 namespace myograde::server {
 namespace {
 
@@ -111,7 +113,7 @@ absl::Status EngineCore::WriteNow(const StoreChange& change) {
 absl::Status EngineCore::Flush() {
   if (journal_.empty()) return absl::OkStatus();
   absl::Status status = WriteNow([this](Writer& writer) { return WriteJournal(writer); });
-  if (status.ok()) journal_.clear();
+  if (status.ok()) ClearJournal();
   if (status.ok() || MayPass(status)) return absl::OkStatus();
   // One entry was rejected: its evaluation ends for that, and all the others must stand.
   while (!journal_.empty()) {
@@ -120,9 +122,15 @@ absl::Status EngineCore::Flush() {
     if (MayPass(status)) return absl::OkStatus();
     if (IsBrokenStore(status)) return status;
     journal_.pop_front();
+    journal_size_ = std::ssize(journal_);
     if (!status.ok()) GiveUpUnreadable(entry.evaluation, std::string(status.message()));
   }
   return absl::OkStatus();
+}
+
+void EngineCore::ClearJournal() {
+  journal_.clear();
+  journal_size_ = 0;
 }
 
 absl::Status EngineCore::WriteJournal(Writer& writer) const {
@@ -173,12 +181,22 @@ void EngineCore::Escalate() {
   const std::string waited =
       absl::FormatDuration(options_.config.scheduler.queue_wait);
   for (const int64_t id : late) {
+    const LogScope scope({.evaluation = id});
     spdlog::warn("evaluation {} has waited for {}: it goes ahead of all that have not", id, waited);
     AddToJournal(id, [id, waited, who = owner_](Writer& writer) {
       return writer.NoteEvaluation(
           id, who, absl::StrCat("waited for ", waited, " and goes ahead of all that has not"));
     });
   }
+}
+
+void EngineCore::TellLater(const std::string& event, const std::string& about_json) {
+  AddToJournal(0, [event, about_json](Writer& writer) {
+    const absl::Status told =
+        writer.Part([&](Writer& part) { return part.Tell(event, about_json); });
+    if (!told.ok()) spdlog::error("{} is not told: {}", event, std::string(told.message()));
+    return absl::OkStatus();
+  });
 }
 
 void EngineCore::WriteRequests() {
@@ -205,7 +223,7 @@ void EngineCore::WriteTogether(const std::vector<Request>& requests,
     }
     return status;
   });
-  if (all.ok()) return journal_.clear();
+  if (all.ok()) return ClearJournal();
   statuses.assign(requests.size(), all);
   if (MayPass(all)) return;
   // One request's fault must not harm the others.

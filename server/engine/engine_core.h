@@ -20,6 +20,7 @@
 
 #include <poll.h>
 
+#include <atomic>
 #include <deque>
 #include <functional>
 #include <map>
@@ -35,11 +36,13 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/mutex.h"
+#include "server/base/log_line.h"
 #include "server/config/server_config.h"
 #include "server/engine/ports.h"
 #include "server/engine/self_test.h"
 #include "server/engine/stored.h"
 #include "server/grading/tracks.h"
+#include "server/metrics/metrics.h"
 #include "server/runner/lease_report.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
@@ -52,6 +55,7 @@ struct EngineOptions {
   ServerConfig config;
   std::string data_dir;   // contains artefacts/, work/ and selftest/
   std::string cache_dir;
+  std::shared_ptr<Metrics> metrics = std::make_shared<Metrics>();  // never nullptr
 };
 
 // A snapshot of a running lease.
@@ -77,6 +81,10 @@ struct LiveHealth {
   std::optional<absl::Duration> paused_for;
   std::optional<absl::Duration> next_test;  // from now
   std::map<int64_t, std::string> unreadable;  // evaluations that can't be ended either, and why
+  int64_t journal = 0;        // events that wait to be written
+  int busy_slots = 0;         // by leases, those that end, and self-tests; not the closed ones
+  QueueDepth queue;
+  std::optional<absl::Duration> oldest_run;  // of the lease that runs longest; nullopt: none runs
 };
 
 // The engine's view of an unfinished evaluation.
@@ -149,12 +157,14 @@ class EngineCore {
   QueueOutlook OutlookOf(int64_t evaluation) const;
   std::map<int64_t, LiveLease> Running() const;  // by lease
   LiveHealth Health() const;
+  Metrics& metrics() const { return *options_.metrics; }
 
  private:
   // What playing a lease needs; shared by the leases of an evaluation.
   struct Context {
     int64_t evaluation = 0;
     int64_t submission = 0;
+    std::string track_name;
     std::string team;
     std::string party;  // who submitted it; "" for the organiser, who submits on behalf of others
     Priority priority = Priority::kRanked;
@@ -218,9 +228,13 @@ class EngineCore {
   void ProbeStore();
   absl::Status Flush();
   absl::Status WriteJournal(Writer& writer) const;
+  void ClearJournal();
   void AddToJournal(int64_t evaluation, StoreChange change) {
     journal_.push_back({evaluation, std::move(change)});
+    journal_size_ = std::ssize(journal_);
   }
+  // Has webhooks told of an event; one that can't be is logged, as nothing else hangs on it.
+  void TellLater(const std::string& event, const std::string& about_json);
   absl::Status RequireWritable();
   void WriteRequests();
   void WriteTogether(const std::vector<Request>& requests, std::vector<absl::Status>& statuses);
@@ -245,13 +259,15 @@ class EngineCore {
   void StartLease(const Start& start);
   void GiveWay();
   LeaseOrder OrderFor(const LeaseRun& run) const;
+  static LogFields FieldsOf(const LeaseRun& run);
   void Listen(LeaseRun& run);
   void OnProgress(LeaseRun& run, const ProgressRecord& record);
   void OnEpisode(LeaseRun& run, const EpisodeFacts& facts);
   void ReclaimOverdue();
   void ReapRunners();
   void OnRunnerEnd(LeaseRun& run);
-  void Fault(LeaseRun& run, const std::string& why);
+  // `kind`: as Metrics::CountGraderFault has it.
+  void Fault(LeaseRun& run, const char* kind, const std::string& why);
   void GiveUp(const Decision& decision, int64_t lease, const std::string& why);
   void FreeSlot(int slot);
   void CloseSlots();
@@ -268,6 +284,7 @@ class EngineCore {
   void PollSelfTest();
   void BeginSelfTest();
   void EndSelfTest(const std::string& fault);
+  void TellOfHost(HostHealth::State before, HostHealth::State now);
 
   absl::Duration TimeToNext(absl::Duration now) const;
 
@@ -280,6 +297,7 @@ class EngineCore {
 
   bool stopping_ = false;
   std::deque<Entry> journal_;
+  std::atomic<int64_t> journal_size_ = 0;  // the same for other threads
   std::vector<Request> requests_;
   absl::Duration write_after_ = absl::ZeroDuration();
   std::set<int64_t> deferred_;

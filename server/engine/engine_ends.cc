@@ -7,6 +7,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "server/base/counted.h"
+#include "server/base/log_line.h"
 #include "server/engine/engine_core.h"
 
 namespace myograde::server {
@@ -17,6 +18,9 @@ constexpr absl::Duration kCancelAnswer = absl::Milliseconds(950);
 // For a runner that stays until everything it started is dead; after that, survivors keep the slot
 // closed by themselves.
 constexpr absl::Duration kLongestStay = absl::Minutes(10);
+// Kinds of faults, as they are counted.
+constexpr char kReportFault[] = "report";
+constexpr char kOverdueFault[] = "overdue";
 // How often closed slots are checked.
 constexpr absl::Duration kSlotCheckInterval = absl::Milliseconds(500);
 // The weight of the latest lease in the running mean of durations.
@@ -33,6 +37,14 @@ nlohmann::json OutputJson(const LeaseEndRecord& end) {
 }
 
 }  // namespace
+
+LogFields EngineCore::FieldsOf(const LeaseRun& run) {
+  return {.evaluation = run.context->evaluation,
+          .submission = run.context->submission,
+          .lease = run.lease,
+          .attempt = run.attempt,
+          .team = run.context->team};
+}
 
 // Runners that ended by themselves, and those whose records show a fault.
 void EngineCore::ReapRunners() {
@@ -69,7 +81,7 @@ void EngineCore::ReapRunners() {
     // Giving up an earlier one may have reclaimed this one.
     const auto it = running_.find(lease);
     if (it == running_.end()) continue;
-    Fault(it->second, it->second.report.fault());
+    Fault(it->second, kReportFault, it->second.report.fault());
     Reclaim(lease);
   }
 }
@@ -87,7 +99,7 @@ void EngineCore::ReclaimOverdue() {
     if (it->second.report.end().has_value()) {
       OnRunnerEnd(it->second);
     } else {
-      Fault(it->second, late.why);
+      Fault(it->second, kOverdueFault, late.why);
     }
     Reclaim(late.lease);
   }
@@ -137,11 +149,12 @@ void EngineCore::ReopenSlots() {
 }
 
 void EngineCore::OnRunnerEnd(LeaseRun& run) {
+  const LogScope scope(FieldsOf(run));
   if (!run.report.end().has_value() && !run.report.faulty()) {
     spdlog::error("lease {}: the runner wrote: {}", run.lease, run.runner->stderr_tail());
   }
   run.report.Conclude(run.runner->wait_status(), run.runner->stderr_tail());
-  if (run.report.faulty()) return Fault(run, run.report.fault());
+  if (run.report.faulty()) return Fault(run, kReportFault, run.report.fault());
   AddToJournal(run.context->evaluation, [lease = run.lease, attempt = run.attempt,
                                   output = CanonicalJson(OutputJson(*run.report.end())),
                                   who = owner_](Writer& writer) {
@@ -150,6 +163,7 @@ void EngineCore::OnRunnerEnd(LeaseRun& run) {
   const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
   const absl::Duration took = now - live_.at(run.lease).since;
+  metrics().ObserveLease(run.context->track_name, took);
   mean_lease_ = mean_lease_ == absl::ZeroDuration()
                     ? took
                     : mean_lease_ * (1 - kNewest) + took * kNewest;
@@ -159,7 +173,9 @@ void EngineCore::OnRunnerEnd(LeaseRun& run) {
   if (decision.kind == Decision::Kind::kEvaluationEnds) to_settle_.insert(decision.evaluation);
 }
 
-void EngineCore::Fault(LeaseRun& run, const std::string& why) {
+void EngineCore::Fault(LeaseRun& run, const char* kind, const std::string& why) {
+  const LogScope scope(FieldsOf(run));
+  metrics().CountGraderFault(kind);
   spdlog::error("lease {}, attempt {}: fault of the grader: {}", run.lease, run.attempt, why);
   suspect_track_ = run.context->track;
   Decision decision;
@@ -234,6 +250,7 @@ void EngineCore::ReapStopping() {
       ++it;
       continue;
     }
+    const LogScope scope({.lease = ending.lease, .attempt = ending.attempt});
     if (ending.late > 0) {
       spdlog::info("lease {}, attempt {}: rejected {} records that arrived after it was reclaimed",
                    ending.lease, ending.attempt, ending.late);
@@ -262,6 +279,7 @@ std::set<int64_t> EngineCore::Forget(int64_t evaluation) {
 }
 
 void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
+  const LogScope scope({.evaluation = evaluation});
   const auto [known, is_new] = given_up_.try_emplace(evaluation, why);
   if (!is_new) {
     // This was the write that ends it, and it was rejected too.
@@ -273,6 +291,7 @@ void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
   spdlog::error("evaluation {} can't continue: {}", evaluation, why);
   Forget(evaluation);
   std::erase_if(journal_, [&](const Entry& entry) { return entry.evaluation == evaluation; });
+  journal_size_ = std::ssize(journal_);
   AddToJournal(evaluation, [evaluation, why, who = owner_](Writer& writer) {
     return writer.EndUnreadable(evaluation, why, who);
   });

@@ -2,6 +2,8 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/config_reader.h"
+#include "server/base/host_name.h"
 #include "server/engine/engine_core.h"
 
 namespace myograde::server {
@@ -58,8 +60,26 @@ void EngineCore::EndSelfTest(const std::string& fault) {
     if (runner != nullptr) processes_.CleanUp(order.work_dir);
     FreeSlot(static_cast<int>(order.slot));
   }
-  const MutexLock lock(mutex_);
-  host_.TestEnded(clock_.Monotonic(), fault);
+  HostHealth::State before = HostHealth::State::kWell;
+  HostHealth::State now = HostHealth::State::kWell;
+  {
+    const MutexLock lock(mutex_);
+    before = host_.state();
+    host_.TestEnded(clock_.Monotonic(), fault);
+    now = host_.state();
+  }
+  if (stopping_) return;
+  metrics().CountSelfTest(fault.empty());
+  TellOfHost(before, now);
+}
+
+// The fault itself names files of this host, so it is only logged.
+void EngineCore::TellOfHost(HostHealth::State before, HostHealth::State now) {
+  const bool paused = now == HostHealth::State::kPaused;
+  const std::string about = CanonicalJson({{"host", HostName()}});
+  if (paused) TellLater(kSelfTestFailedEvent, about);
+  if (paused == (before == HostHealth::State::kPaused)) return;
+  TellLater(paused ? kHostPausedEvent : kHostResumedEvent, about);
 }
 
 }  // namespace myograde::server

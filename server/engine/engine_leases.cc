@@ -76,9 +76,10 @@ void EngineCore::StartLease(const Start& start) {
   // The scheduler watches for lateness and silence.
   run.report = LeaseReport(order.episodes, {}, clock_.Monotonic());
   absl::StatusOr<std::unique_ptr<Runner>> runner = processes_.Start(order);
+  const LogScope scope(FieldsOf(run));
   if (!runner.ok()) {
     FreeSlot(run.slot);
-    Fault(run, absl::StrCat("the runner did not start: ", runner.status().message()));
+    Fault(run, "start", absl::StrCat("the runner did not start: ", runner.status().message()));
     return;
   }
   run.runner = *std::move(runner);
@@ -118,10 +119,15 @@ void EngineCore::OnEpisode(LeaseRun& run, const EpisodeFacts& facts) {
   row->evaluation = run.context->evaluation;
   row->lease = run.lease;
   row->attempt = run.attempt;
+  const bool played = row->outcome == Outcome::kSuccess || row->outcome == Outcome::kFailure;
+  metrics().CountEpisode(run.context->track_name, OutcomeName(row->outcome),
+                         /*participant_fault=*/!played);
   AddToJournal(run.context->evaluation, [row = *std::move(row)](Writer& writer) -> absl::Status {
     absl::StatusOr<Recorded> recorded = writer.RecordEpisode(row);
     if (!recorded.ok()) return recorded.status();
     if (!recorded->differs.empty()) {
+      const LogScope about({.evaluation = row.evaluation, .lease = row.lease,
+                            .attempt = row.attempt});
       spdlog::warn("evaluation {}, episode {}: played again with another result (policy not "
                    "repeatable)", row.evaluation, row.index);
     }

@@ -29,6 +29,7 @@ EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) con
   const auto context = std::make_shared<Context>();
   context->evaluation = stored.evaluation.id;
   context->submission = stored.submission.id;
+  context->track_name = stored.submission.track;
   context->team = stored.submission.team;
   // An organiser submits on behalf of many people, so it counts for no party.
   const std::string& who = stored.submission.accepted_by;
@@ -200,6 +201,9 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
     return written;
   });
   if (status.ok()) {
+    const LogScope scope({.evaluation = evaluation,
+                          .submission = context.submission,
+                          .team = context.team});
     spdlog::info("evaluation {}: {}, {} of {} episodes are successes", evaluation,
                  std::string(EvaluationStateName(result->state)), result->successes,
                  result->episodes);

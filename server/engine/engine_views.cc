@@ -62,6 +62,13 @@ LiveHealth EngineCore::Health() const {
   health.unreadable = unreadable_;
   health.host = host_.state();
   health.host_trouble = host_.PauseReason(now);
+  health.journal = journal_size_;
+  health.busy_slots = scheduler_.taken_slots() - static_cast<int>(closed_slots_.size());
+  health.queue = scheduler_.DepthAt(now);
+  for (const auto& [id, live] : live_) {
+    const absl::Duration age = now - live.since;
+    health.oldest_run = std::max(health.oldest_run.value_or(age), age);
+  }
   if (health.host == HostHealth::State::kPaused) health.paused_for = now - host_.paused_since();
   if (const auto next = host_.NextTest()) {
     health.next_test = std::max(*next - now, absl::ZeroDuration());

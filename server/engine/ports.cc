@@ -5,6 +5,7 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "protocol/base/clock.h"
 #include "server/runner/runner_process.h"
 
 namespace myograde::server {
@@ -31,6 +32,15 @@ absl::StatusOr<std::unique_ptr<Runner>> SystemProcesses::Start(const LeaseOrder&
 
 std::map<int, std::string> SystemProcesses::ProcessesOf(int first, int count) {
   return slots_.Find(first, count);
+}
+
+absl::Status StoreDisk::Write(const StoreChange& change) {
+  const absl::Duration begin = SystemClock().Monotonic();
+  absl::Status status = store_.Write(change);
+  if (metrics_ != nullptr) {
+    metrics_->ObserveStoreWrite(SystemClock().Monotonic() - begin, !MayPass(status));
+  }
+  return status;
 }
 
 void SystemProcesses::CleanUp(const std::string& work_dir) {

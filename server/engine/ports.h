@@ -13,6 +13,7 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/lease/lease.h"
+#include "server/metrics/metrics.h"
 #include "server/runner/runner.h"
 #include "server/sandbox/slot_processes.h"
 #include "server/store/store.h"
@@ -64,15 +65,15 @@ class SystemProcesses : public Processes {
 
 class StoreDisk : public Disk {
  public:
-  // `store` must outlive it.
-  explicit StoreDisk(Store& store) : store_(store) {}
-  absl::Status Write(const StoreChange& change) override {
-    return store_.Write(change);
-  }
+  // Both must outlive it. `metrics` may be nullptr.
+  explicit StoreDisk(Store& store, Metrics* metrics = nullptr)
+      : store_(store), metrics_(metrics) {}
+  absl::Status Write(const StoreChange& change) override;
   const std::string& policy_secret() const override { return store_.policy_secret(); }
 
  private:
   Store& store_;
+  Metrics* const metrics_;
 };
 
 }  // namespace myograde::server

@@ -102,7 +102,12 @@ void Retention::Sweep() {
       spdlog::warn("retention of {}s: {}", kind, std::string(files.status().message()));
       return;
     }
-    Remove(kind, ChooseRemovals(*std::move(files), age, bytes, now));
+    int64_t kept = 0;
+    for (const KeptFile& file : *files) kept += file.bytes;
+    const std::vector<Choice> choices = ChooseRemovals(*std::move(files), age, bytes, now);
+    for (const Choice& choice : choices) kept -= choice.file.bytes;
+    Remove(kind, choices);
+    engine_.metrics().SetKept(kind, kept, clock_.Now());
   };
   absl::StatusOr<std::vector<Choice>> unsubmitted = Unsubmitted(now);
   if (unsubmitted.ok()) {
@@ -213,6 +218,7 @@ void Retention::Remove(const std::string& kind, const std::vector<Choice>& choic
     }
     std::error_code error;
     fs::remove_all(to, error);
+    if (*removed) engine_.metrics().CountRemoved(kind, choice.file.bytes);
     if (*removed) spdlog::info("{} {} is removed: {}", kind, choice.file.name, choice.why);
   }
 }

@@ -14,6 +14,7 @@ void Scheduler::Add(const EvaluationSpec& spec, absl::Duration now) {
   evaluation.spec = spec;
   evaluation.spec.leases.clear();
   evaluation.priority = spec.priority;
+  evaluation.waits_since = now;
   for (const LeaseSpec& entry : spec.leases) {
     Lease& lease = leases_[entry.id];
     lease.id = entry.id;
@@ -102,6 +103,7 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
   evaluation.running.insert(best->id);
   UpdateLine(evaluation);
   Wait(evaluation, now + limits_.queue_wait);
+  evaluation.waits_since = now;
   best->running = true;
   best->attempt += 1;
   best->slot = slot;
@@ -329,6 +331,19 @@ int64_t Scheduler::WaitingOf(const std::string& team) const {
   int64_t waiting = 0;
   for (int i = 0; i < kPriorities; ++i) waiting += it->second.line.size(Priority(i));
   return waiting;
+}
+
+QueueDepth Scheduler::DepthAt(absl::Duration now) const {
+  QueueDepth depth;
+  for (const auto& [id, evaluation] : evaluations_) {
+    if (evaluation.waiting.empty()) continue;
+    QueueDepth::OfClass& own = depth.classes[static_cast<size_t>(evaluation.priority)];
+    own.evaluations += 1;
+    own.leases += static_cast<int64_t>(evaluation.waiting.size());
+    const absl::Duration age = std::max(now - evaluation.waits_since, absl::ZeroDuration());
+    depth.oldest = std::max(depth.oldest.value_or(age), age);
+  }
+  return depth;
 }
 
 // The order in which waiting evaluations would get their first slot if each turn were one

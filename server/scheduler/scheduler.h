@@ -19,6 +19,7 @@
 // more, however long ago the lease was reclaimed.
 #pragma once
 
+#include <array>
 #include <compare>
 #include <cstdint>
 #include <map>
@@ -105,6 +106,17 @@ struct QueuePlace {
   int64_t leases_ahead = 0;  // of evaluations ahead of it
 };
 
+// What waits, by class.
+struct QueueDepth {
+  struct OfClass {
+    int64_t evaluations = 0;
+    int64_t leases = 0;
+  };
+  std::array<OfClass, kPriorities> classes;
+  // How long the evaluation that waits longest has had no lease started; nullopt: nothing waits.
+  std::optional<absl::Duration> oldest;
+};
+
 class Scheduler {
  public:
   explicit Scheduler(SchedulerLimits limits);
@@ -172,6 +184,10 @@ class Scheduler {
   // Unfinished evaluations of a team that have a lease waiting.
   int64_t WaitingOf(const std::string& team) const;
   const SchedulerLimits& limits() const { return limits_; }
+  // Slots that a lease or something else has taken.
+  int taken_slots() const { return static_cast<int>(taken_slots_.size()); }
+  // Grows with the number of waiting evaluations.
+  QueueDepth DepthAt(absl::Duration now) const;
   // Why a pending lease does not run, for people; "" if none is pending.
   std::string WhyWaiting(int64_t evaluation, absl::Duration now) const;
   // When the scheduler acts on the evaluation even if nothing happens: the end of its wait, or the
@@ -197,6 +213,7 @@ class Scheduler {
     std::set<int64_t> waiting;
     std::set<int64_t> running;
     absl::Duration wait_over = absl::InfiniteDuration();  // infinite while nothing waits
+    absl::Duration waits_since;  // that it was added, or a lease of it started last
   };
   struct Share {
     int running = 0;

@@ -4,6 +4,17 @@
 
 namespace myograde::server {
 
+std::string_view PriorityName(Priority priority) {
+  switch (priority) {
+    case Priority::kOverdue: return "overdue";
+    case Priority::kRanked: return "ranked";
+    case Priority::kPractice: return "practice";
+    case Priority::kRerun: return "rerun";
+    case Priority::kRejudge: return "rejudge";
+  }
+  return "";
+}
+
 void TeamLine::Set(Priority priority, int64_t evaluation, int64_t waiting) {
   Class& entry = classes_[static_cast<size_t>(priority)];
   entry.stale = true;

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <string_view>
 #include <vector>
 
 namespace myograde::server {
@@ -15,6 +16,7 @@ namespace myograde::server {
 // for, so it never becomes overdue.
 enum class Priority { kOverdue = 0, kRanked = 1, kPractice = 2, kRerun = 3, kRejudge = 4 };
 constexpr int kPriorities = 5;
+std::string_view PriorityName(Priority priority);  // "overdue", "ranked", ...
 
 class TeamLine {
  public:

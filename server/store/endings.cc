@@ -105,6 +105,7 @@ absl::Status Writer::EndUnreadable(int64_t evaluation, const std::string& why,
   if (!ended.ok()) return ended;
   (void)part([&] { SettleCharge(evaluation, EvaluationState::kGraderError, who); });
   (void)Part([&](Writer& writer) { return writer.AppendRecord(kGradedEntry, evaluation); });
+  TellEnd(evaluation, EvaluationState::kGraderError);
   return Audit("evaluation", evaluation, before, "grader_error", who, why);
 }
 

@@ -1,6 +1,8 @@
 // The phases of challenges: what happened to them, their secrets, and the choices of teams.
 #include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
 
+#include "protocol/base/config_reader.h"
 #include "server/base/random_bytes.h"
 #include "server/store/connection.h"
 #include "server/store/reader.h"
@@ -78,6 +80,11 @@ absl::StatusOr<bool> Writer::AddPhaseEvent(const std::string& phase, const std::
   insert.exec();
   const absl::Status recorded = AppendRecord(kPhaseEntry, db_.getLastInsertRowid());
   if (!recorded.ok()) return recorded;
+  if (!pauses) return true;
+  const nlohmann::json named = phase.empty() ? nlohmann::json() : nlohmann::json(phase);
+  const absl::Status told = Tell(event == kPausedEvent ? kPauseEvent : kResumeEvent,
+                                 CanonicalJson({{"phase", named}, {"reason", why}}));
+  if (!told.ok()) return told;
   return true;
 }
 

@@ -3,6 +3,7 @@
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
+#include "protocol/base/clock.h"
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/lease/track_config.h"
@@ -302,6 +303,7 @@ absl::StatusOr<std::unique_ptr<SQLite::Database>> ReaderPool::Take() {
 absl::Status ReaderPool::Read(const std::function<absl::Status(Reader&)>& body) {
   absl::StatusOr<std::unique_ptr<SQLite::Database>> db = Take();
   if (!db.ok()) return db.status();
+  const absl::Duration begin = SystemClock().Monotonic();
   absl::Status answer;
   const absl::Status status = GuardSqlite(path_, [&] {
     SQLite::Transaction transaction(**db);  // deferred: all queries see one state
@@ -310,6 +312,7 @@ absl::Status ReaderPool::Read(const std::function<absl::Status(Reader&)>& body) 
     transaction.commit();
     return absl::OkStatus();
   });
+  if (observer_ != nullptr) observer_(SystemClock().Monotonic() - begin);
   if (!status.ok()) return status;  // close the connection, as its state is unknown
   const MutexLock lock(mutex_);
   if (free_.size() < kKept) free_.push_back(*std::move(db));

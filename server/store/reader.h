@@ -12,11 +12,13 @@
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
+#include <absl/time/time.h>
 
 #include "protocol/base/mutex.h"
 #include "server/store/accepted.h"
 #include "server/store/boards.h"
 #include "server/store/damage.h"
+#include "server/store/deliveries.h"
 #include "server/store/quota.h"
 #include "server/store/record.h"
 #include "server/store/rejudges.h"
@@ -215,6 +217,16 @@ class Reader {
   std::vector<std::string> GradersOf(const std::vector<int64_t>& evaluations);
   // The rejudge that an evaluation belongs to.
   RejudgeSight RejudgeOfEvaluation(int64_t evaluation);
+  // The oldest event that waits for a webhook. NotFoundError: none does; a damaged row (damage.h).
+  absl::StatusOr<DeliveryRow> NextDelivery(const std::string& webhook);
+  // Its id, also if it is damaged; 0: none waits.
+  int64_t NextDeliveryId(const std::string& webhook);
+  // Newest first. `webhook` "" matches any; `before` is an id.
+  Listed<DeliveryRow> Deliveries(const std::string& webhook, int64_t before, int64_t limit);
+  // Of each webhook with rows, by name.
+  std::vector<DeliveryCounts> CountDeliveries();
+  // How many submissions' own evaluations are in each state; "unreadable" counts damaged ones.
+  std::map<std::string, int64_t> SubmissionsByState();
 
  private:
   SQLite::Database& db_;
@@ -225,6 +237,11 @@ class ReaderPool {
  public:
   explicit ReaderPool(std::string path);
   ~ReaderPool();
+
+  // Is told how long each Read took. Before anybody reads.
+  void SetObserver(std::function<void(absl::Duration)> observer) {
+    observer_ = std::move(observer);
+  }
 
   // Runs `body` on a free connection, or opens one.
   absl::Status Read(const std::function<absl::Status(Reader&)>& body);
@@ -239,6 +256,7 @@ class ReaderPool {
   absl::StatusOr<std::unique_ptr<SQLite::Database>> Take();
 
   const std::string path_;
+  std::function<void(absl::Duration)> observer_;
   Mutex mutex_;
   std::vector<std::unique_ptr<SQLite::Database>> free_ ABSL_GUARDED_BY(mutex_);
 };

@@ -103,6 +103,7 @@ CREATE TABLE delivery (
   detail     TEXT NOT NULL DEFAULT ''    -- what went wrong last
 ) STRICT;
 CREATE INDEX delivery_waiting ON delivery (webhook, id) WHERE state = 'waiting';
+CREATE INDEX evaluation_by_state ON evaluation (kind, state);  -- to count them
 
 DROP TRIGGER board_by_standing;
 CREATE TRIGGER board_by_standing AFTER INSERT ON standing

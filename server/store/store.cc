@@ -63,7 +63,7 @@ absl::Status Store::LoadSecret() {
 absl::Status Store::Write(const std::function<absl::Status(Writer&)>& change) {
   return GuardSqlite(path_, [&]() -> absl::Status {
     SQLite::Transaction transaction(*db_, SQLite::TransactionBehavior::IMMEDIATE);
-    Writer writer(*db_, absl::ToUnixMillis(clock_.Now()));
+    Writer writer(*db_, absl::ToUnixMillis(clock_.Now()), &subscriptions_);
     if (absl::Status status = change(writer); !status.ok()) return status;  // rolls back
     transaction.commit();
     return absl::OkStatus();

@@ -13,6 +13,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,6 +26,7 @@
 #include "server/store/accepted.h"
 #include "server/store/boards.h"
 #include "server/store/damage.h"
+#include "server/store/deliveries.h"
 #include "server/store/quota.h"
 #include "server/store/record.h"
 #include "server/store/rejudges.h"
@@ -138,7 +140,9 @@ struct Recorded {
 // that the states do not allow is a FailedPreconditionError.
 class Writer {
  public:
-  Writer(SQLite::Database& db, int64_t now_ms) : db_(db), now_ms_(now_ms) {}
+  // `subscriptions`: who is told of what is written; nullptr: nobody.
+  Writer(SQLite::Database& db, int64_t now_ms, const Subscriptions* subscriptions = nullptr)
+      : db_(db), now_ms_(now_ms), subscriptions_(subscriptions) {}
 
   // One of several changes that share a transaction: if it fails, or the schema rejects one of its
   // rows, all of it is rolled back and the others go on.
@@ -296,6 +300,15 @@ class Writer {
   absl::StatusOr<RejudgeDone> DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
                                           const std::string& who);
 
+  // Webhooks (deliveries.h). Adds what is to be told of an event, for each webhook that wants it.
+  // `about_json`: an object; "id", "event" and "at" are added to it.
+  absl::Status Tell(const std::string& event, const std::string& about_json);
+  absl::Status SetDelivery(int64_t id, const DeliveryOutcome& outcome);
+  // Gives up what waits for webhooks other than these; returns how many.
+  absl::StatusOr<int64_t> GiveUpStrangers(const std::set<std::string>& webhooks);
+  // Removes what was delivered or given up, of events before then.
+  absl::Status PruneDeliveries(int64_t before_ms);
+
  private:
   absl::StatusOr<LeaseRow> Lease(int64_t lease);
   absl::Status Audit(const char* entity, int64_t id, std::string_view from, std::string_view to,
@@ -330,8 +343,12 @@ class Writer {
   void ChargeFirstEpisode(int64_t evaluation, const std::string& why);
   void SettleCharge(int64_t evaluation, EvaluationState state, const std::string& who);
 
+  // Tells that an evaluation has ended, if it is a submission's own.
+  void TellEnd(int64_t evaluation, EvaluationState state);
+
   SQLite::Database& db_;
   int64_t now_ms_;
+  const Subscriptions* subscriptions_;
 };
 
 class Store {
@@ -343,6 +360,9 @@ class Store {
 
   // Runs `change` in one transaction; commits if it returns OkStatus().
   absl::Status Write(const std::function<absl::Status(Writer&)>& change);
+
+  // Who is told of what is written from now on. Not while anybody writes.
+  void SetSubscriptions(Subscriptions subscriptions) { subscriptions_ = std::move(subscriptions); }
 
   // 32 random bytes, created with the store: the key of policy seeds under configs of form 1.
   const std::string& policy_secret() const { return policy_secret_; }
@@ -358,6 +378,7 @@ class Store {
   const Clock& clock_;
   std::string policy_secret_;
   std::optional<Damage> mended_;
+  Subscriptions subscriptions_;
 };
 
 }  // namespace myograde::server

@@ -264,6 +264,7 @@ absl::Status Writer::EndEvaluation(int64_t evaluation, EvaluationState state,
   update.exec();
   SettleCharge(evaluation, state, who);
   if (absl::Status status = AppendRecord(kGradedEntry, evaluation); !status.ok()) return status;
+  TellEnd(evaluation, state);
   return Audit("evaluation", evaluation, EvaluationStateName(before), EvaluationStateName(state),
                who, reason);
 }

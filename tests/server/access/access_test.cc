@@ -47,11 +47,23 @@ TEST(AccessTest, EveryActionHasANameOfItsOwn) {
 TEST(AccessTest, WhatChangesOthersThingsIsNotForParticipants) {
   for (const Action action : {Action::kMark, Action::kGrant, Action::kRebuildBoards,
                               Action::kExport, Action::kManageTeams, Action::kManageTokens,
-                              Action::kManagePhases, Action::kReadEvents, Action::kReadHost}) {
+                              Action::kManagePhases, Action::kReadEvents, Action::kReadHost,
+                              Action::kReadMetrics}) {
     EXPECT_EQ(RoleFor(action), Role::kOrganiser) << ActionName(action);
   }
-  for (const Action action : {Action::kImport, Action::kBackup, Action::kManageOperators}) {
+  for (const Action action : {Action::kImport, Action::kBackup, Action::kManageOperators,
+                              Action::kManageWebhooks}) {
     EXPECT_EQ(RoleFor(action), Role::kOperator) << ActionName(action);
+  }
+}
+
+TEST(AccessTest, AScrapersTokenReadsTheMetricsAndNothingElse) {
+  Identity scraper;
+  scraper.scraper = true;
+  for (const Action action : AllActions()) {
+    const bool open = action == Action::kReadMetrics || RoleFor(action) == Role::kPublic;
+    EXPECT_EQ(Decide(scraper, action, std::nullopt) == Access::kAllowed, open)
+        << ActionName(action);
   }
 }
 

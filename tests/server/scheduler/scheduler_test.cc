@@ -50,6 +50,27 @@ TEST(SchedulerTest, TeamsTakeTurnsWhateverTheirNumberOfSubmissions) {
   EXPECT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 21);
 }
 
+TEST(SchedulerTest, TellsWhatWaitsByClassAndForHowLong) {
+  Scheduler scheduler({.slots = 1});
+  EXPECT_FALSE(scheduler.DepthAt(absl::Seconds(1)).oldest.has_value());
+  scheduler.Add(Spec(1, "a", 2), absl::Seconds(1));
+  scheduler.Add(Spec(2, "b", 3, Priority::kPractice), absl::Seconds(4));
+  const auto of = [](const QueueDepth& depth, Priority priority) {
+    const QueueDepth::OfClass& own = depth.classes[static_cast<size_t>(priority)];
+    return std::pair(own.evaluations, own.leases);
+  };
+  QueueDepth depth = scheduler.DepthAt(absl::Seconds(6));
+  EXPECT_EQ(of(depth, Priority::kRanked), std::pair(int64_t{1}, int64_t{2}));
+  EXPECT_EQ(of(depth, Priority::kPractice), std::pair(int64_t{1}, int64_t{3}));
+  EXPECT_EQ(depth.oldest, absl::Seconds(5));
+  // A lease of the older one starts, and so the other one has waited for longer.
+  ASSERT_TRUE(scheduler.Next(absl::Seconds(7)));
+  EXPECT_EQ(scheduler.taken_slots(), 1);
+  depth = scheduler.DepthAt(absl::Seconds(10));
+  EXPECT_EQ(of(depth, Priority::kRanked), std::pair(int64_t{1}, int64_t{1}));
+  EXPECT_EQ(depth.oldest, absl::Seconds(6));
+}
+
 TEST(SchedulerTest, ATeamsRerunsWaitForItsOriginals) {
   Scheduler scheduler({.slots = 1});
   scheduler.Add(Spec(1, "a", 1, Priority::kRerun), absl::ZeroDuration());

@@ -1,0 +1,198 @@
+#include "server/api/metrics_resource.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/api/readiness.h"
+#include "server/metrics/disk_space.h"
+#include "server/proof/grader_build.h"
+#include "server/scheduler/team_line.h"
+#include "server/store/schema.h"
+
+namespace myograde::server {
+namespace {
+
+using Families = std::vector<MetricFamily>;
+
+void AddGauge(Families& families, const char* name, const char* help, double value) {
+  families.push_back(GaugeFamily(name, help));
+  AddValue(families.back(), "", "", value);
+}
+
+double SecondsOf(const std::optional<absl::Duration>& duration) {
+  return absl::ToDoubleSeconds(duration.value_or(absl::ZeroDuration()));
+}
+
+// The database with its write-ahead log.
+double StoreBytes(const std::string& data_dir) {
+  double bytes = 0;
+  for (const char* name : {"/store.db", "/store.db-wal", "/store.db-shm"}) {
+    std::error_code error;
+    const auto size = std::filesystem::file_size(data_dir + name, error);
+    if (!error) bytes += static_cast<double>(size);
+  }
+  return bytes;
+}
+
+}  // namespace
+
+void MetricsResource::Install(Routes& routes) {
+  routes.GetFile("/metrics", Action::kReadMetrics, std::bind_front(&MetricsResource::Get, this));
+}
+
+std::optional<ApiError> MetricsResource::Get(const httplib::Request&,
+                                             httplib::Response& response) const {
+  Families families = context_.metrics.Collect();
+  const LiveHealth health = context_.engine.Health();
+  AddEngine(health, families);
+  AddHost(health, families);
+  AddDisks(families);
+  AddStore(families);
+  response.set_header("Cache-Control", "no-store");
+  response.set_content(MetricsText(std::move(families)), kMetricsType);
+  return std::nullopt;
+}
+
+void MetricsResource::AddEngine(const LiveHealth& health, Families& families) const {
+  MetricFamily evaluations =
+      GaugeFamily("myograde_queue_evaluations", "Evaluations with a lease that waits, by class");
+  MetricFamily leases = GaugeFamily("myograde_queue_leases", "Leases that wait, by class");
+  for (int i = 0; i < kPriorities; ++i) {
+    const QueueDepth::OfClass& depth = health.queue.classes[static_cast<size_t>(i)];
+    const std::string_view name = PriorityName(Priority(i));
+    AddValue(evaluations, "class", name, static_cast<double>(depth.evaluations));
+    AddValue(leases, "class", name, static_cast<double>(depth.leases));
+  }
+  families.push_back(std::move(evaluations));
+  families.push_back(std::move(leases));
+  AddGauge(families, "myograde_queue_oldest_wait_seconds",
+           "How long the evaluation that waits longest has had no lease started, in seconds; 0: "
+           "nothing waits", SecondsOf(health.queue.oldest));
+  AddGauge(families, "myograde_leases_running", "Leases that run", health.running);
+  AddGauge(families, "myograde_leases_ending",
+           "Leases that were taken back and whose processes are not dead yet", health.ending);
+  AddGauge(families, "myograde_lease_oldest_running_seconds",
+           "How long the lease that runs longest has run, in seconds; 0: none runs",
+           SecondsOf(health.oldest_run));
+  AddGauge(families, "myograde_slots", "Leases that may run at once",
+           context_.config.scheduler.slots);
+  AddGauge(families, "myograde_slots_busy", "Slots that a lease or a self-test occupies",
+           health.busy_slots);
+  AddGauge(families, "myograde_slots_closed",
+           "Slots that are closed until processes on them are gone",
+           static_cast<double>(health.closed_slots.size()));
+  AddGauge(families, "myograde_unreadable_evaluations",
+           "Evaluations with damaged rows that can't be ended",
+           static_cast<double>(health.unreadable.size()));
+  AddGauge(families, "myograde_journal_entries",
+           "Events that wait in memory until the store can be written",
+           static_cast<double>(health.journal));
+  AddGauge(families, "myograde_store_writable", "1, or 0 while the store can't be written",
+           health.store_trouble.empty() ? 1 : 0);
+}
+
+void MetricsResource::AddHost(const LiveHealth& health, Families& families) const {
+  MetricFamily states = GaugeFamily("myograde_host_state",
+                                    "1 for the state that this host is in, 0 for the others");
+  for (const auto state : {HostHealth::State::kWell, HostHealth::State::kSuspected,
+                           HostHealth::State::kPaused}) {
+    AddValue(states, "state", HostStateName(state), health.host == state ? 1 : 0);
+  }
+  families.push_back(std::move(states));
+  const std::vector<Obstacle> obstacles = ObstaclesOf(health, context_.config, context_.data_dir,
+                                                      UnixHttpServer::Stopping());
+  AddGauge(families, "myograde_ready", "1 if GET /v1/ready answers 200, else 0",
+           obstacles.empty() ? 1 : 0);
+  MetricFamily reasons =
+      GaugeFamily("myograde_not_ready", "1 for each reason why the daemon is not ready, else 0");
+  for (const std::string& code : ObstacleCodes()) {
+    const bool holds = std::any_of(obstacles.begin(), obstacles.end(),
+                                   [&](const Obstacle& one) { return one.code == code; });
+    AddValue(reasons, "reason", code, holds ? 1 : 0);
+  }
+  families.push_back(std::move(reasons));
+  MetricFamily build = GaugeFamily("myograde_build_info", "1, with the version of the daemon");
+  AddValue(build, "version", GraderVersion(), 1);
+  build.metric.back().label.push_back({"schema", absl::StrCat(SchemaMigrations().size())});
+  families.push_back(std::move(build));
+  AddGauge(families, "myograde_start_time_seconds",
+           "When the daemon started, in seconds since 1970",
+           absl::ToDoubleSeconds(context_.started_at - absl::UnixEpoch()));
+}
+
+void MetricsResource::AddDisks(Families& families) const {
+  MetricFamily size = GaugeFamily("myograde_disk_size_bytes", "Size of the disk of a folder");
+  MetricFamily used = GaugeFamily("myograde_disk_used_bytes", "Used part of it");
+  MetricFamily free = GaugeFamily("myograde_disk_free_bytes",
+                                  "Free part of it, without what is kept for root");
+  const std::pair<const char*, const std::string*> folders[] = {{"data", &context_.data_dir},
+                                                                {"cache", &context_.cache_dir}};
+  for (const auto& [name, folder] : folders) {
+    const std::optional<DiskSpace> disk = DiskSpaceAt(*folder);
+    if (!disk.has_value()) continue;
+    AddValue(size, "folder", name, static_cast<double>(disk->size));
+    AddValue(used, "folder", name, static_cast<double>(disk->used));
+    AddValue(free, "folder", name, static_cast<double>(disk->free));
+  }
+  for (MetricFamily* family : {&size, &used, &free}) families.push_back(std::move(*family));
+  AddGauge(families, "myograde_disk_reserve_bytes",
+           "What uploads must leave free on the data folder's disk",
+           static_cast<double>(context_.config.artefacts.disk_reserve));
+  AddGauge(families, "myograde_store_size_bytes", "Size of the store with its write-ahead log",
+           StoreBytes(context_.data_dir));
+}
+
+void MetricsResource::AddStore(Families& families) const {
+  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+    MetricFamily states = GaugeFamily("myograde_submissions",
+                                      "Submissions, by the state of their own evaluation");
+    std::map<std::string, int64_t> counts = reader.SubmissionsByState();
+    for (const auto state :
+         {EvaluationState::kQueued, EvaluationState::kRunning, EvaluationState::kDone,
+          EvaluationState::kFailed, EvaluationState::kCancelled, EvaluationState::kGraderError}) {
+      counts.try_emplace(std::string(EvaluationStateName(state)), 0);
+    }
+    for (const auto& [state, count] : counts) {
+      AddValue(states, "state", state, static_cast<double>(count));
+    }
+    families.push_back(std::move(states));
+    double bytes = 0;
+    const std::vector<UploadRow> uploads = reader.Uploads();
+    for (const UploadRow& upload : uploads) bytes += static_cast<double>(upload.bytes);
+    AddGauge(families, "myograde_unsubmitted_uploads", "Uploads that nobody has submitted yet",
+             static_cast<double>(uploads.size()));
+    AddGauge(families, "myograde_unsubmitted_upload_bytes", "Their size in bytes, unpacked", bytes);
+    AddWebhooks(reader, families);
+    return absl::OkStatus();
+  });
+  AddGauge(families, "myograde_store_readable", "1, or 0 if the store could not be read just now",
+           status.ok() ? 1 : 0);
+}
+
+void MetricsResource::AddWebhooks(Reader& reader, Families& families) const {
+  MetricFamily waiting = GaugeFamily("myograde_webhook_waiting",
+                                     "Events that wait to be delivered, by webhook");
+  MetricFamily oldest = GaugeFamily("myograde_webhook_oldest_waiting_seconds",
+                                    "Age of the oldest of them in seconds; 0: none waits");
+  std::map<std::string, DeliveryCounts> counts;
+  for (const DeliveryCounts& count : reader.CountDeliveries()) counts[count.webhook] = count;
+  for (const Webhook& webhook : context_.webhooks.webhooks()) {
+    const DeliveryCounts& count = counts[webhook.config.name];
+    const absl::Duration age =
+        count.oldest_waiting_at == 0
+            ? absl::ZeroDuration()
+            : std::max(context_.clock.Now() - absl::FromUnixMillis(count.oldest_waiting_at),
+                       absl::ZeroDuration());
+    AddValue(waiting, "webhook", webhook.config.name, static_cast<double>(count.waiting));
+    AddValue(oldest, "webhook", webhook.config.name, absl::ToDoubleSeconds(age));
+  }
+  families.push_back(std::move(waiting));
+  families.push_back(std::move(oldest));
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,66 @@
+#include "server/api/readiness.h"
+
+#include <unistd.h>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/base/paths.h"
+#include "server/metrics/disk_space.h"
+
+namespace myograde::server {
+namespace {
+
+// What a lease needs of this installation, beside the models, whose lack the self-test finds.
+constexpr const char* kPrograms[] = {"myograde-runner", "myograde-sim", "myograde-bridge"};
+
+// "" if every program is there.
+std::string MissingProgram() {
+  const absl::StatusOr<std::string> folder = BinDir();
+  if (!folder.ok()) return std::string(folder.status().message());
+  for (const char* program : kPrograms) {
+    const std::string path = absl::StrCat(*folder, "/", program);
+    if (access(path.c_str(), X_OK) != 0) {
+      return absl::StrCat(path, " is missing or can't be run; install MyoGrade again");
+    }
+  }
+  return "";
+}
+
+// "" if there is enough.
+std::string LackOfRoom(const std::string& data_dir, int64_t reserve) {
+  const std::optional<DiskSpace> disk = DiskSpaceAt(data_dir);
+  if (!disk.has_value()) return absl::StrCat(data_dir, ": its disk can't be looked at");
+  if (disk->free >= reserve) return "";
+  return absl::StrCat("the disk of ", data_dir, " has ", disk->free, " bytes free, and uploads must ",
+                      "leave ", reserve, " (disk_reserve_bytes): make room; it goes on by itself");
+}
+
+}  // namespace
+
+const std::vector<std::string>& ObstacleCodes() {
+  static const std::vector<std::string> codes = {"stopping", "store", "disk",
+                                                 "host",     "slots", "simulator"};
+  return codes;
+}
+
+std::vector<Obstacle> ObstaclesOf(const LiveHealth& health, const ServerConfig& config,
+                                  const std::string& data_dir, bool stopping) {
+  std::vector<Obstacle> obstacles;
+  const auto add = [&](const char* code, std::string message) {
+    if (!message.empty()) obstacles.push_back({code, std::move(message)});
+  };
+  add("stopping", stopping ? "the daemon is about to stop" : "");
+  add("store", health.store_trouble);
+  add("disk", LackOfRoom(data_dir, config.artefacts.disk_reserve));
+  add("host", health.host_trouble);
+  const auto closed = static_cast<int>(health.closed_slots.size());
+  if (closed >= config.scheduler.slots) {
+    add("slots", absl::StrCat("all ", closed, " slots are closed until processes on them are gone, ",
+                              "on slot ", health.closed_slots.begin()->first, " ",
+                              health.closed_slots.begin()->second));
+  }
+  add("simulator", MissingProgram());
+  return obstacles;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,31 @@
+// Whether the daemon can do its work now: take submissions and play them.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "server/config/server_config.h"
+#include "server/engine/engine.h"
+
+namespace myograde::server {
+
+// Something that stands in the way, for programs and for people.
+struct Obstacle {
+  std::string code;  // one of ObstacleCodes
+  std::string message;
+};
+
+// What there can be, in this order:
+//   stopping   the daemon is about to end
+//   store      the store can't be written
+//   disk       the data folder's disk has less room than uploads must leave
+//   host       no lease starts: the host is being tested, or paused
+//   slots      every slot is closed by processes that can't be killed yet
+//   simulator  a program that plays leases is missing
+const std::vector<std::string>& ObstacleCodes();
+
+// Empty: it is ready.
+std::vector<Obstacle> ObstaclesOf(const LiveHealth& health, const ServerConfig& config,
+                                  const std::string& data_dir, bool stopping);
+
+}  // namespace myograde::server

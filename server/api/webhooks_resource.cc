@@ -1,0 +1,96 @@
+#include "server/api/webhooks_resource.h"
+
+#include <algorithm>
+#include <functional>
+#include <map>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/api/requests.h"
+#include "server/api/views.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+// Of each webhook; GET /metrics has counts of all.
+constexpr int64_t kShownDeliveries = 20;
+// Of a request's time, what a test may take.
+constexpr double kTestShare = 0.8;
+
+Json DeliveryToJson(const DeliveryRow& row) {
+  return {{"delivery", row.id},
+          {"event", row.event},
+          {"at", TimeToJson(row.at)},
+          {"state", row.state},
+          {"attempts", row.attempts},
+          {"next_attempt_at", row.state == "waiting" ? TimeToJson(row.due_at) : Json()},
+          {"problem", TextOrNull(row.detail)}};
+}
+
+Json WebhookToJson(const Webhook& webhook, const DeliveryCounts& counts) {
+  return {{"webhook", webhook.config.name},
+          {"url", webhook.config.url},
+          {"events", webhook.config.events},
+          {"waiting", counts.waiting},
+          {"delivered", counts.delivered},
+          {"given_up", counts.given_up},
+          {"oldest_waiting_at", TimeToJson(counts.oldest_waiting_at)}};
+}
+
+}  // namespace
+
+void WebhooksResource::Install(Routes& routes) {
+  routes.Get("/v1/webhooks", Action::kManageWebhooks, std::bind_front(&WebhooksResource::List, this));
+  routes.Post(R"(/v1/webhooks/([A-Za-z0-9._-]{1,64})/test)", Action::kManageWebhooks,
+              std::bind_front(&WebhooksResource::Test, this));
+}
+
+ApiResult WebhooksResource::List(const httplib::Request& request) const {
+  if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
+  Json list = Json::array();
+  std::vector<Damage> damaged;
+  const absl::Status status = context_.readers.Read([&](Reader& reader) {
+    std::map<std::string, DeliveryCounts> counts;
+    for (DeliveryCounts& count : reader.CountDeliveries()) counts[count.webhook] = count;
+    for (const Webhook& webhook : context_.webhooks.webhooks()) {
+      const std::string& name = webhook.config.name;
+      list.push_back(WebhookToJson(webhook, counts[name]));
+      const Listed<DeliveryRow> rows = reader.Deliveries(name, INT64_MAX, kShownDeliveries);
+      Json& deliveries = list.back()["deliveries"] = Json::array();
+      for (const DeliveryRow& row : rows.rows) deliveries.push_back(DeliveryToJson(row));
+      damaged.insert(damaged.end(), rows.damaged.begin(), rows.damaged.end());
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return ErrorOf(status);
+  return ApiAnswer{200, {{"webhooks", std::move(list)}, {"unreadable", DamagedToJson(damaged)}}};
+}
+
+ApiResult WebhooksResource::Test(const httplib::Request& request, const Json& body) const {
+  if (absl::Status status = ParseNothing(body); !status.ok()) return ErrorOf(status);
+  const std::string name = request.matches[1];
+  const Webhook* configured = context_.webhooks.Find(name);
+  if (configured == nullptr) {
+    return ApiError{404, "not_found", absl::StrCat("server.json has no webhook \"", name, "\"")};
+  }
+  Webhook webhook = *configured;
+  webhook.config.timeout =
+      std::min(webhook.config.timeout, context_.config.http.request * kTestShare);
+  const absl::Duration begin = context_.clock.Monotonic();
+  const absl::StatusOr<PostResult> result =
+      context_.webhooks.Test(webhook, [] { return UnixHttpServer::Stopping(); });
+  if (!result.ok()) return ErrorOf(result.status());
+  NoteAct(absl::StrCat("webhook ", name), result->delivered ? "delivered" : "not delivered");
+  return ApiAnswer{
+      200,
+      {{"webhook", name},
+       {"delivered", result->delivered},
+       {"status", result->http == 0 ? Json() : Json(result->http)},
+       {"problem", TextOrNull(result->problem)},
+       {"took_wall_s", absl::ToDoubleSeconds(context_.clock.Monotonic() - begin)}}};
+}
+
+}  // namespace myograde::server

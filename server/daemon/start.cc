@@ -1,0 +1,100 @@
+#include "server/daemon/start.h"
+
+#include <set>
+#include <string>
+
+#include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
+
+#include "server/challenge/board_configs.h"
+#include "server/webhook/sender.h"
+
+namespace myograde::server {
+
+absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
+  const auto secret_of = [&](const std::string& phase) {
+    absl::StatusOr<std::string> secret = absl::InternalError("");
+    const absl::Status written = store.Write([&](Writer& writer) {
+      secret = writer.PhaseSecret(phase);
+      return secret.status();
+    });
+    return written.ok() ? secret : absl::StatusOr<std::string>(written);
+  };
+  return Phases::Make(configs.challenges, configs.tracks, secret_of);
+}
+
+absl::Status TakeConfigsInForce(Store& store, ReaderPool& readers, Tracks& tracks,
+                                Phases& phases) {
+  absl::StatusOr<Overlaid> overlaid = absl::InternalError("");
+  const absl::Status read = readers.Read([&](Reader& reader) {
+    overlaid = OverlayConfigs(reader, tracks, phases);
+    return overlaid.status();
+  });
+  if (!read.ok()) return read;
+  for (const std::string& note : overlaid->notes) spdlog::info("{}", note);
+  for (const std::string& warning : overlaid->warnings) spdlog::warn("{}", warning);
+  for (const std::string& error : overlaid->errors) spdlog::error("{}", error);
+  if (overlaid->changed.empty()) return absl::OkStatus();
+  return store.Write([&](Writer& writer) {
+    for (const NewBoardConfig& change : overlaid->changed) {
+      const absl::Status written = writer.SetBoardConfig(change, "daemon").status();
+      if (!written.ok()) return written;
+    }
+    return absl::OkStatus();
+  });
+}
+
+absl::Status SetWebhooks(const std::vector<Webhook>& webhooks, Store& store) {
+  store.SetSubscriptions(SubscriptionsOf(webhooks));
+  std::set<std::string> names;
+  for (const Webhook& webhook : webhooks) names.insert(webhook.config.name);
+  return store.Write([&](Writer& writer) -> absl::Status {
+    const absl::StatusOr<int64_t> given_up = writer.GiveUpStrangers(names);
+    if (!given_up.ok()) return given_up.status();
+    if (*given_up > 0) {
+      spdlog::warn("{} events are given up: server.json has not their webhooks any more", *given_up);
+    }
+    return absl::OkStatus();
+  });
+}
+
+absl::Status LogPhases(const Phases& phases, ReaderPool& readers) {
+  for (const auto& [name, why] : phases.unusable()) {
+    spdlog::error("phase \"{}\" takes nothing: {}", name, std::string(why.message()));
+  }
+  return readers.Read([&](Reader& reader) {
+    const absl::StatusOr<std::vector<PhaseUse>> uses = reader.PhasesInUse();
+    if (!uses.ok()) {
+      spdlog::error("{}", std::string(uses.status().message()));
+      return absl::OkStatus();
+    }
+    for (const PhaseUse& use : *uses) {
+      if (phases.ConfigOf(use.phase) != nullptr) continue;
+      spdlog::info("phase \"{}\" has {} submissions and no file: it is closed, and its board is "
+                   "shown in full", use.phase, use.submissions);
+    }
+    return absl::OkStatus();
+  });
+}
+
+absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_key,
+                         RecordLog& record) {
+  bool any = false;
+  absl::Status status = readers.Read([&](Reader& reader) {
+    any = reader.RecordSize() > 0;
+    return absl::OkStatus();
+  });
+  if (const auto key = receipts_key.Get(); status.ok() && any && key.ok()) {
+    status = store.Write(
+        [pem = (*key)->PublicPem()](Writer& writer) { return writer.AppendKey(pem); });
+  }
+  if (!status.ok()) return status;
+  return readers.Read([&](Reader& reader) -> absl::Status {
+    const absl::StatusOr<std::vector<Damage>> damaged = record.Damaged(reader);
+    if (!damaged.ok()) return damaged.status();
+    for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,35 @@
+// What a start of the daemon takes from the store, and tells it.
+#pragma once
+
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "server/api/record_log.h"
+#include "server/challenge/phases.h"
+#include "server/daemon/daemon.h"
+#include "server/proof/signing_key.h"
+#include "server/store/reader.h"
+#include "server/store/store.h"
+
+namespace myograde::server {
+
+// The secret of a phase is drawn when a daemon first loads it.
+absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store);
+
+// The configs that boards have by the store, where that is not what the files say.
+absl::Status TakeConfigsInForce(Store& store, ReaderPool& readers, Tracks& tracks, Phases& phases);
+
+// What waits for webhooks that are no more is given up.
+absl::Status SetWebhooks(const std::vector<Webhook>& webhooks, Store& store);
+
+// Logs what an organiser may have changed without meaning to.
+absl::Status LogPhases(const Phases& phases, ReaderPool& readers);
+
+// Adds the key that signs to the public record, and logs where the record was changed. A record
+// without entries stays so, as an import needs an empty store.
+absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_key,
+                         RecordLog& record);
+
+}  // namespace myograde::server

@@ -1,0 +1,68 @@
+// What webhooks are told: which events there are, and the rows of `delivery`. A row is written in
+// the same transaction as what it tells of, so that none is told that did not happen, and none that
+// happened is forgotten.
+#pragma once
+
+#include <cstdint>
+#include <set>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace myograde::server {
+
+// The events, for `events` of server.json's webhooks. A submission's own evaluation ended:
+inline constexpr char kFinishedEvent[] = "submission.finished";
+inline constexpr char kFailedEvent[] = "submission.failed";
+inline constexpr char kCancelledEvent[] = "submission.cancelled";
+inline constexpr char kGraderErrorEvent[] = "submission.grader_error";
+// Submissions, all or those to a phase, were paused or resumed by an organiser:
+inline constexpr char kPauseEvent[] = "paused";
+inline constexpr char kResumeEvent[] = "resumed";
+// This host starts no leases, as its self-test failed, or it does again:
+inline constexpr char kHostPausedEvent[] = "host.paused";
+inline constexpr char kHostResumedEvent[] = "host.resumed";
+inline constexpr char kSelfTestFailedEvent[] = "self_test.failed";
+// Only "myograde webhook test" sends it.
+inline constexpr char kTestEvent[] = "test";
+
+// All but the last.
+std::span<const std::string_view> WebhookEvents();
+
+// A webhook, and what it wants to be told.
+struct Subscription {
+  std::string webhook;
+  std::set<std::string> events;
+};
+using Subscriptions = std::vector<Subscription>;
+
+struct DeliveryRow {
+  int64_t id = 0;
+  int64_t at = 0;
+  std::string webhook;
+  std::string event;
+  std::string body_json;  // canonical; "id" in it is the same for every attempt
+  std::string state;      // "waiting", "delivered", "given_up"
+  int64_t attempts = 0;
+  int64_t due_at = 0;     // of the next attempt, by the calendar
+  std::string detail;     // what went wrong last
+};
+
+// How the latest attempt ended.
+struct DeliveryOutcome {
+  std::string state;
+  int64_t attempts = 0;
+  int64_t due_at = 0;
+  std::string detail;
+};
+
+struct DeliveryCounts {
+  std::string webhook;
+  int64_t waiting = 0;
+  int64_t delivered = 0;
+  int64_t given_up = 0;
+  int64_t oldest_waiting_at = 0;  // 0: none waits
+};
+
+}  // namespace myograde::server

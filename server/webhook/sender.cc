@@ -1,0 +1,190 @@
+#include "server/webhook/sender.h"
+
+#include <algorithm>
+#include <chrono>
+#include <random>
+
+#include <absl/strings/escaping.h>
+#include <absl/strings/str_cat.h>
+#include <nlohmann/json.hpp>
+#include <spdlog/spdlog.h>
+
+#include "protocol/base/config_reader.h"
+#include "server/base/log_line.h"
+#include "server/base/random_bytes.h"
+#include "server/webhook/retry.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+// How often a webhook without anything to do looks for more.
+constexpr absl::Duration kLookEvery = absl::Seconds(1);
+// Between attempts to write how a delivery ended.
+constexpr absl::Duration kRecordEvery = absl::Seconds(1);
+// Rows of what was delivered or given up stay for so long.
+constexpr absl::Duration kKeep = absl::Hours(24 * 30);
+constexpr absl::Duration kPruneEvery = absl::Hours(1);
+constexpr size_t kTestIdBytes = 16;
+
+double Random() {
+  thread_local std::mt19937_64 bits{std::random_device()()};
+  return std::uniform_real_distribution<double>(0, 1)(bits);
+}
+
+std::string IdOf(const DeliveryRow& delivery) {
+  const Json body = Json::parse(delivery.body_json, nullptr, /*allow_exceptions=*/false);
+  return body.is_object() && body.contains("id") && body["id"].is_string()
+             ? body["id"].get<std::string>()
+             : absl::StrCat("delivery-", delivery.id);
+}
+
+}  // namespace
+
+void WebhookSender::Start() {
+  for (const Webhook& webhook : options_.webhooks) {
+    threads_.emplace_back([this, &webhook] { Run(webhook); });
+  }
+}
+
+void WebhookSender::Stop() {
+  {
+    const MutexLock lock(mutex_);
+    stop_ = true;
+  }
+  wake_.NotifyAll();
+  for (std::thread& thread : threads_) thread.join();
+  threads_.clear();
+}
+
+const Webhook* WebhookSender::Find(const std::string& name) const {
+  const auto found = std::find_if(options_.webhooks.begin(), options_.webhooks.end(),
+                                  [&](const Webhook& one) { return one.config.name == name; });
+  return found == options_.webhooks.end() ? nullptr : &*found;
+}
+
+absl::StatusOr<PostResult> WebhookSender::Test(const Webhook& webhook,
+                                               const std::function<bool()>& stop) const {
+  const absl::StatusOr<std::string> bytes = RandomBytes(kTestIdBytes);
+  if (!bytes.ok()) return bytes.status();
+  const std::string id = absl::BytesToHexString(*bytes);
+  const absl::Time now = options_.clock.Now();
+  const Json body = {
+      {"id", id},
+      {"event", kTestEvent},
+      {"at", absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", now, absl::UTCTimeZone())}};
+  const PostResult result = Post(webhook, id, CanonicalJson(body), now, stop);
+  options_.metrics.CountWebhook(webhook.config.name, result.delivered);
+  return result;
+}
+
+bool WebhookSender::stopping() {
+  const MutexLock lock(mutex_);
+  return stop_;
+}
+
+bool WebhookSender::WaitFor(absl::Duration duration) {
+  const auto until = std::chrono::steady_clock::now() + absl::ToChronoMilliseconds(duration);
+  const MutexLock lock(mutex_);
+  while (!stop_ && wake_.WaitUntil(mutex_, until)) {
+  }
+  return stop_;
+}
+
+void WebhookSender::Run(const Webhook& webhook) {
+  const LogScope scope({.webhook = webhook.config.name});
+  const bool prunes = &webhook == &options_.webhooks.front();
+  absl::Duration pruned = -absl::InfiniteDuration();
+  while (!stopping()) {
+    if (prunes && options_.clock.Monotonic() - pruned >= kPruneEvery) {
+      pruned = options_.clock.Monotonic();
+      Prune();
+    }
+    const std::optional<DeliveryRow> delivery = Next(webhook);
+    if (!delivery.has_value()) {
+      if (WaitFor(kLookEvery)) return;
+      continue;
+    }
+    // The calendar may have been set back meanwhile, and no wait is longer than the longest.
+    const absl::Duration wait =
+        std::min(absl::FromUnixMillis(delivery->due_at) - options_.clock.Now(), kLongestRetry);
+    if (wait > absl::ZeroDuration() && WaitFor(wait)) return;
+    Deliver(webhook, *delivery);
+  }
+}
+
+std::optional<DeliveryRow> WebhookSender::Next(const Webhook& webhook) {
+  std::optional<DeliveryRow> delivery;
+  int64_t damaged = 0;
+  std::string why;
+  const absl::Status status = options_.readers.Read([&](Reader& reader) {
+    absl::StatusOr<DeliveryRow> next = reader.NextDelivery(webhook.config.name);
+    if (next.ok()) {
+      delivery = *std::move(next);
+    } else if (!absl::IsNotFound(next.status())) {
+      damaged = reader.NextDeliveryId(webhook.config.name);
+      why = std::string(next.status().message());
+    }
+    return absl::OkStatus();
+  });
+  if (status.ok() && damaged != 0) GiveUpDamaged(webhook, damaged, why);
+  return delivery;
+}
+
+void WebhookSender::GiveUpDamaged(const Webhook& webhook, int64_t id, const std::string& why) {
+  spdlog::error("webhook {}: delivery {} is given up: {}", webhook.config.name, id, why);
+  options_.metrics.CountWebhookGivenUp(webhook.config.name);
+  Record(id, {.state = "given_up", .attempts = 0, .due_at = 0, .detail = why});
+}
+
+void WebhookSender::Deliver(const Webhook& webhook, const DeliveryRow& delivery) {
+  const PostResult result = Post(webhook, IdOf(delivery), delivery.body_json,
+                                 options_.clock.Now(), [this] { return stopping(); });
+  // An attempt that the daemon's own end cut off says nothing about the receiver.
+  if (!result.delivered && stopping()) return;
+  options_.metrics.CountWebhook(webhook.config.name, result.delivered);
+  Record(delivery.id, After(webhook, delivery, result));
+}
+
+DeliveryOutcome WebhookSender::After(const Webhook& webhook, const DeliveryRow& delivery,
+                                     const PostResult& result) {
+  const LogScope scope({.delivery = delivery.id, .webhook = webhook.config.name});
+  const absl::Time now = options_.clock.Now();
+  DeliveryOutcome outcome{.state = "delivered",
+                          .attempts = delivery.attempts + 1,
+                          .due_at = delivery.due_at,
+                          .detail = result.problem};
+  if (result.delivered) return outcome;
+  if (now - absl::FromUnixMillis(delivery.at) >= webhook.config.give_up_after) {
+    outcome.state = "given_up";
+    options_.metrics.CountWebhookGivenUp(webhook.config.name);
+    spdlog::error("webhook {}: delivery {} ({}) is given up after {} attempts: {}",
+                  webhook.config.name, delivery.id, delivery.event, outcome.attempts,
+                  result.problem);
+    return outcome;
+  }
+  const absl::Duration delay = DelayAfter(outcome.attempts, Random());
+  outcome.state = "waiting";
+  outcome.due_at = absl::ToUnixMillis(now + delay);
+  spdlog::warn("webhook {}: attempt {} of delivery {} ({}) failed, the next is in {} s: {}",
+               webhook.config.name, outcome.attempts, delivery.id, delivery.event,
+               absl::ToInt64Seconds(delay), result.problem);
+  return outcome;
+}
+
+void WebhookSender::Record(int64_t delivery, const DeliveryOutcome& outcome) {
+  do {
+    const absl::Status status = options_.write(
+        [delivery, outcome](Writer& writer) { return writer.SetDelivery(delivery, outcome); });
+    if (status.ok()) return;
+  } while (!WaitFor(kRecordEvery));
+}
+
+void WebhookSender::Prune() {
+  const int64_t before = absl::ToUnixMillis(options_.clock.Now() - kKeep);
+  // Those that can't be removed now are removed in an hour.
+  (void)options_.write([before](Writer& writer) { return writer.PruneDeliveries(before); });
+}
+
+}  // namespace myograde::server
