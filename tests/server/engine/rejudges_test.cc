@@ -417,7 +417,8 @@ TEST_F(RejudgesTest, APowerCutAtAnyCommitLosesNothing) {
   }
 }
 
-// The figure of the issue: MYOGRADE_REJUDGE_SUBMISSIONS=300 in a release build.
+// For the figure of a release build: MYOGRADE_REJUDGE_SUBMISSIONS=300. Under sanitizers on a busy host
+// a submission takes a second.
 TEST_F(RejudgesTest, FactsOfManySubmissionsTakeSeconds) {
   const char* asked = getenv("MYOGRADE_REJUDGE_SUBMISSIONS");
   const int submissions = asked != nullptr ? atoi(asked) : 10;
@@ -432,7 +433,8 @@ TEST_F(RejudgesTest, FactsOfManySubmissionsTakeSeconds) {
   const absl::Duration took = SystemClock().Monotonic() - begin;
   std::cout << submissions << " submissions of 100 episodes: " << took << "\n";
   EXPECT_EQ(Progress(id).facts, submissions);
-  EXPECT_LT(took, absl::Seconds(5) + submissions * absl::Milliseconds(500));
+  EXPECT_LT(took, absl::Seconds(5) +
+                      submissions * (asked != nullptr ? absl::Milliseconds(50) : absl::Seconds(5)));
 }
 
 }  // namespace

@@ -88,7 +88,9 @@ class PhaseStoreTest : public StoreTest {
 
   std::set<int64_t> Choices(char config, int64_t before = INT64_MAX) {
     std::set<int64_t> chosen;
-    Read([&](Reader& reader) { chosen = reader.Choices(std::string(64, config), before); });
+    Read([&](Reader& reader) {
+      chosen = reader.Choices(std::string(64, config), {.before_ms = before});
+    });
     return chosen;
   }
 
