@@ -66,7 +66,7 @@ absl::StatusOr<EvaluationRow> AskedEvaluation(const httplib::Request& request, R
 
 // Until a rejudge is applied, only organisers know of its results.
 absl::Status CheckRejudgeShown(Reader& reader, const EvaluationRow& evaluation, bool everybody) {
-  const RejudgeOf rejudge = reader.RejudgeOfEvaluation(evaluation.id);
+  const RejudgeSight rejudge = reader.RejudgeOfEvaluation(evaluation.id);
   if (rejudge.rejudge == 0) return absl::OkStatus();
   if (!CallerSees(rejudge)) {
     return absl::NotFoundError(absl::StrCat("submission ", evaluation.submission,
