@@ -172,7 +172,8 @@ absl::Status RecordExporter::WriteBoards() {
       return Strange("config");
     }
     std::set<std::string> names;
-    for (const auto& [board, rules] : config["scoring"].value("boards", Json::object()).items()) {
+    const Json boards = config["scoring"].value("boards", Json::object());
+    for (const auto& [board, rules] : boards.items()) {
       names.insert(board);
     }
     for (const std::string& board : names) {

@@ -168,7 +168,7 @@ absl::StatusOr<std::string> SecretFor(const VerifyOptions& options, const Json& 
   return RevealedSecret(options.client(), phase).value_or("");
 }
 
-void PrintRecordReport(const VerifyOptions& options, const RecordReport& report) {
+void PrintRecordReport(const RecordReport& report) {
   for (const ReceiptCheck& check : report.checks) {
     std::cout << check.name << ": " << (check.valid ? "good" : "WRONG: " + check.detail) << '\n';
   }
@@ -203,7 +203,7 @@ int VerifyAll(const VerifyOptions& options, const PublicKey& key) {
     report.checks.push_back({"folder", false, std::string(folder.status().message())});
   }
   if (!options.json) {
-    PrintRecordReport(options, report);
+    PrintRecordReport(report);
     return report.valid() ? kDone : kNoScore;
   }
   Json checks = Json::array();
