@@ -9,7 +9,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/access/token_text.h"
-#include "server/api/tls.h"
+#include "server/api/network_door.h"
 #include "server/base/paths.h"
 #include "server/base/private_file.h"
 #include "server/config/user_names.h"
@@ -20,6 +20,9 @@ namespace myograde::server {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr size_t kMinMetricsToken = 16;
+constexpr size_t kMaxMetricsToken = 256;
 
 std::string FromEnvironment(const char* name) {
   const char* value = getenv(name);

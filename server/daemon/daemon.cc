@@ -41,8 +41,6 @@ namespace fs = std::filesystem;
 
 // A stop is bounded: a second for the leases, then this for everything else.
 constexpr absl::Duration kLeaveWithin = absl::Seconds(3);
-constexpr size_t kMinMetricsToken = 16;
-constexpr size_t kMaxMetricsToken = 256;
 
 // The data folder is private to the daemon: it holds the secret and everybody's submissions.
 absl::Status MakeFolders(const std::string& data) {

@@ -26,7 +26,7 @@ const Json& At(const Json& json, const char* key) {
 // -1: it is no such number.
 int64_t CountIn(const Json& json, const char* key) {
   const Json& value = At(json, key);
-  if (!value.is_number_unsigned() || value > kMaxEntries) return -1;
+  if (!value.is_number_integer() || value < 0 || value > kMaxEntries) return -1;
   return value.get<int64_t>();
 }
 

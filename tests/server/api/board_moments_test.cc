@@ -174,8 +174,9 @@ class Board {
       });
     }
   }
-  // A rejudge from its beginning to its end.
+  // A rejudge from its beginning to its end. The board was looked at in the moment of its beginning.
   void RejudgeAll(const TrackPtr& to, double number) {
+    Wait(1);
     while (!open_.empty()) End(0, true, number);
     CreateRejudge(to);
     Follow(rejudges_ - 1, /*play=*/false, 100 - number);

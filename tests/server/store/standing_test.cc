@@ -121,7 +121,7 @@ TEST_F(StandingTest, AStoreOfTheVersionBeforeGetsItsViewAnew) {
   SQLite::Database db(path);
   EXPECT_EQ(db.execAndGet("SELECT count(*) FROM pragma_table_info('standing')").getInt(), 6);
   EXPECT_EQ(db.execAndGet("SELECT count(*) FROM sqlite_master WHERE type = 'trigger' AND name "
-                          "LIKE 'board_by_%'").getInt(), 10);
+                          "LIKE 'board_by_%'").getInt(), 11);
 }
 
 // The last version that allowed only the original reasons. Today's belong to the tracks, so the
