@@ -152,7 +152,7 @@ absl::StatusOr<RecordedConfig> ReadRecordedConfig(const Json& config) {
   }
   // Without its seeds it is of today's form, and its scoring is all that boards need.
   const scoring::ScoredTrack* track =
-      config.is_object() ? scoring::FindScoredTrack(StringAt(config, "kind")) : nullptr;
+      config.is_object() ? scoring::FindScoredTrack(StringAt(config, "track")) : nullptr;
   if (track == nullptr || !config.value("scoring", Json()).is_object()) {
     return absl::InvalidArgumentError("it is no track's config");
   }
