@@ -45,8 +45,8 @@ class MyPolicy : public myograde::Policy {
  private:
   static void Print(const char* vector, const std::vector<myograde::part_t>& parts) {
     for (const myograde::part_t& part : parts) {
-      std::fprintf(stderr, "%s: %s, %d entries from %d, in %s\n", vector, part.name.c_str(),
-                   part.size, part.offset, part.unit.c_str());
+      std::fprintf(stderr, "%s: %s from %d, size %d, unit %s\n", vector, part.name.c_str(),
+                   part.offset, part.size, part.unit.c_str());
     }
   }
 

@@ -29,7 +29,7 @@ class MyPolicy(myograde_kit.Policy):
         for vector, parts in (("observation", self.welcome.observation_parts),
                               ("action", self.welcome.action_parts)):
             for part in parts:
-                print(f"{vector}: {part.name}, {part.size} entries from {part.offset}, in "
+                print(f"{vector}: {part.name} from {part.offset}, size {part.size}, unit "
                       f"{part.unit}", file=sys.stderr)
         self.muscles = next(part for part in self.welcome.action_parts if part.name == "muscles")
 
