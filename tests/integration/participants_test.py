@@ -119,25 +119,42 @@ class Participants(SystemTest):
             TOOLS, PATH=f"{cls.prefix / 'bin'}:{os.environ['PATH']}",
             MYOGRADE_SERVER="", XDG_CONFIG_HOME=str(cls.root))
 
-    def example(self, language):
-        """The example of a language as an archive, built in a copy of its folder."""
-        folder = self.root / f"example-{language}"
-        shutil.copytree(SOURCE / "policies" / language / "example", folder)
+    def typed_page(self):
+        """Types the commands of policies/cpp/README.md in what looks like a checkout after ./dev
+        build; the submission that they make."""
+        work = self.root / "checkout"
+        (work / "build").mkdir(parents=True)
+        (work / "build/release").symlink_to(BUILD)
+        (work / "policies").symlink_to(SOURCE / "policies")
+        page = (SOURCE / "policies/cpp/README.md").read_text()
+        script = "".join(re.findall(r"^```sh\n(.*?)^```$", page, re.M | re.S))
+        run("bash", "-e", "-c", script, cwd=work, env={**self.environment, "HOME": str(self.root)})
+        return work / "hold-elbow/submission"
+
+    def example_in_c(self):
+        folder = self.root / "example-c"
+        shutil.copytree(SOURCE / "policies/c/example", folder)
+        environment = {**self.environment, "CMAKE_PREFIX_PATH": str(self.prefix)}
         for words in (("-B", "build"), ("--build", "build"),
                       ("--install", "build", "--prefix", "submission")):
-            run("cmake", *words, cwd=folder, env=self.environment)
-        archive = self.root / f"{language}.tar.gz"
+            run("cmake", *words, cwd=folder, env=environment)
+        return folder / "submission"
+
+    def packed(self, folder, name):
+        archive = self.root / f"{name}.tar.gz"
         with tarfile.open(archive, "w:gz") as tar:
-            tar.add(folder / "submission", ".")
+            tar.add(folder, ".")
         return archive
 
     def test_the_examples_in_both_languages_hold_the_elbow_and_agree_to_the_bit(self):
-        results = {language: self.ask("local", self.example(language), "--track", "short-elbow")
-                   for language in ("cpp", "c")}
+        archives = {"cpp": self.packed(self.typed_page(), "cpp"),
+                    "c": self.packed(self.example_in_c(), "c")}
+        results = {language: self.ask("local", archive, "--track", "short-elbow")
+                   for language, archive in archives.items()}
         for language, result in results.items():
             self.assertEqual(result["outcomes"], {"success": 3}, language)
             self.assertEqual(result["hashes"]["results"], results["cpp"]["hashes"]["results"])
-        other = self.run_cli("local", self.root / "cpp.tar.gz", "--track", "short-leg",
+        other = self.run_cli("local", archives["cpp"], "--track", "short-leg",
                              "--episodes", "1", "--json", check=False)
         self.assertIn("this policy is for tracks of an elbow, and not for locomotion",
                       json.dumps(json.loads(other.stdout)["output"]))
