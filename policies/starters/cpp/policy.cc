@@ -33,8 +33,7 @@ class MyPolicy : public myograde::Policy {
   // Called for each step: fills `action`, which comes with zeros. GiveUp() would end the episode.
   void Act(std::span<const double> observation, std::span<double> action) override {
     // Activations of the muscles; `observation` has the other parts as well.
-    const std::span<const double> active =
-        PartOf(observation, welcome_.observation_parts, "act");
+    const std::span<const double> active = PartOf(observation, welcome_.observation_parts, "act");
     const std::span<double> muscles = PartOf(action, welcome_.action_parts, "muscles");
     std::uniform_real_distribution<double> twitch(-1.0, 0.2);
     for (size_t i = 0; i < muscles.size(); ++i) {

@@ -29,11 +29,11 @@ struct NewOptions {
 // What to type in the folder: the commands of its README.
 std::vector<std::string> CommandsOf(const Starter& starter) {
   const std::string submission = starter.lang == "cpp" ? "submission" : ".";
-  return {starter.lang == "cpp" ? "./build.sh"
-                                : absl::StrCat("myograde spec --track ", starter.track),
-          absl::StrCat("myograde local ", submission, " --track ", starter.track, " --episodes 1"),
-          absl::StrCat("myograde submit ", submission, " --track ", starter.track,
-                       " --team \"Team Blue\" --wait")};
+  return {
+      starter.lang == "cpp" ? "./build.sh" : absl::StrCat("myograde spec --track ", starter.track),
+      absl::StrCat("myograde local ", submission, " --track ", starter.track, " --episodes 1"),
+      absl::StrCat("myograde submit ", submission, " --track ", starter.track,
+                   " --team \"Team Blue\" --wait")};
 }
 
 void PrintMade(const std::string& folder, const std::vector<std::string>& files,

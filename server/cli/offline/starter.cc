@@ -31,8 +31,9 @@ absl::Status CantMake(const std::string& folder, const std::string& reason) {
 
 absl::Status IsThere(const std::string& folder) {
   return absl::InvalidArgumentError(
-      absl::StrCat(folder, ": is there already, and stays as it is; choose another name, or "
-                           "another place with --output"));
+      absl::StrCat(folder,
+                   ": is there already, and stays as it is; choose another name, or "
+                   "another place with --output"));
 }
 
 // A folder beside the one that is to appear, removed with everything in it unless it got its name.
@@ -80,8 +81,9 @@ absl::StatusOr<std::string> TemplatesOf(const std::string& lang) {
     std::error_code error;
     if (fs::exists(templates + "/policy.json", error)) return templates;
   }
-  return absl::InternalError(absl::StrCat("the starter for ", lang, " is not beside the programs in ",
-                                          *bin_dir, "; install MyoGrade again, or build the target "
+  return absl::InternalError(absl::StrCat("the starter for ", lang,
+                                          " is not beside the programs in ", *bin_dir,
+                                          "; install MyoGrade again, or build the target "
                                           "myograde_policies"));
 }
 
@@ -89,8 +91,8 @@ absl::StatusOr<std::string> TemplatesOf(const std::string& lang) {
 absl::Status WriteFrom(const Starter& starter, const std::string& from, const std::string& to) {
   const absl::StatusOr<std::string> text = ReadFile(from);
   if (!text.ok()) return absl::InternalError(text.status().message());
-  const std::string written = absl::StrReplaceAll(
-      *text, {{"@NAME@", starter.name}, {"@TRACK@", starter.track}});
+  const std::string written =
+      absl::StrReplaceAll(*text, {{"@NAME@", starter.name}, {"@TRACK@", starter.track}});
   if (absl::Status status = WriteFile(to, written); !status.ok()) return status;
   struct stat info = {};
   if (::stat(from.c_str(), &info) == 0 && (info.st_mode & S_IXUSR) != 0) {

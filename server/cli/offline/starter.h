@@ -18,12 +18,12 @@ struct Starter {
 // The languages that have a starter, as Starter::lang.
 std::vector<std::string> StarterLanguages();
 
-// "" if `name` can stand in the starter's sources, file names and policy.json; else what it must be.
+// "" if `name` can stand in sources, file names and policy.json; else what it must be.
 std::string CheckPolicyName(const std::string& name);
 
 // Makes the new folder `folder` from the templates that came with this program, and returns the
-// names of its files, sorted. The folder appears only when it is complete, and never in the place of
-// something else. InvalidArgumentError if something has its name or it can't be written,
+// names of its files, sorted. The folder appears only when it is complete, and never in the place
+// of something else. InvalidArgumentError if something has its name or it can't be written,
 // InternalError if the templates are missing.
 absl::StatusOr<std::vector<std::string>> WriteStarter(const Starter& starter,
                                                       const std::string& folder);
