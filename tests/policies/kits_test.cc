@@ -245,9 +245,9 @@ std::vector<std::string> PythonPolicy(const std::string& name, const std::string
 }
 
 constexpr char kGivesUp[] = R"(
-import myograde_kit
+import myograde
 
-class Impatient(myograde_kit.Policy):
+class Impatient(myograde.Policy):
     def reset(self, episode):
         self.asked = 0
     def act(self, observation):
@@ -257,7 +257,7 @@ class Impatient(myograde_kit.Policy):
             return None
         return [float(self.asked)] * self.welcome.action_size
 
-myograde_kit.run(Impatient())
+myograde.serve(Impatient())
 )";
 
 // Given up is given up however often it is asked, and the next episode is played.
@@ -277,16 +277,16 @@ TEST_F(KitsTest, APolicyMayGiveAnEpisodeUp) {
 
 constexpr char kSaysGoodbye[] = R"(
 import atexit, sys
-import myograde_kit
+import myograde
 
-class Polite(myograde_kit.Policy):
+class Polite(myograde.Policy):
     def act(self, observation):
         return [0.0] * self.welcome.action_size
 
 atexit.register(lambda: print("goodbye"))
 sys.stdout = open(sys.argv[1], "w")  # with a buffer
 print("played")
-myograde_kit.run(Polite())
+myograde.serve(Polite())
 )";
 
 // What stdio and the interpreter still hold is written when the grader asks the process to end.

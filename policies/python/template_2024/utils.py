@@ -9,7 +9,7 @@ import numpy as np
 
 import connection
 import leg_sets as legs
-from myograde_kit import seeding
+from myograde.policy import seeding
 
 # The dictionary's entries in the order of the observation vector (protocol/policy/layout.h), with sizes.
 _MANIPULATION = (
