@@ -9,7 +9,6 @@ import os
 import socket
 import ssl
 import threading
-import time
 from typing import Any, BinaryIO, Mapping
 
 from ..errors import ServerError, Unreachable, WrongUse
@@ -46,14 +45,16 @@ class _Exchange:
 
     def __init__(self, server: Server, tls: ssl.SSLContext | None, timeout_s: float) -> None:
         self._server, self._timeout_s = server, timeout_s
-        self._ends = time.monotonic() + timeout_s
-        self._socket = _connect(server, min(CONNECT_S, timeout_s))
         self._over = False
+        self._wire = _connect(server, min(CONNECT_S, timeout_s))
         self._timer = threading.Timer(timeout_s, self._end)
         self._timer.daemon = True
         self._timer.start()
         try:
-            self._wire = self._socket if tls is None else _secure(self._socket, server, tls)
+            if tls is not None:
+                self._wire = tls.wrap_socket(self._wire, server_hostname=server.host,
+                                             do_handshake_on_connect=False)
+                _shake_hands(self._wire, server)
             self._wire.settimeout(timeout_s)
         except BaseException:
             self.__exit__()
@@ -64,7 +65,7 @@ class _Exchange:
 
     def __exit__(self, *_: object) -> None:
         self._timer.cancel()
-        getattr(self, "_wire", self._socket).close()
+        self._wire.close()
 
     def run(self, method: str, path: str, body: bytes | BinaryIO | None, size: int,
             headers: dict[str, str]) -> tuple[int, bytes]:
@@ -86,7 +87,7 @@ class _Exchange:
             answer = made.getresponse()
             return answer.status, _read(answer)
         except (OSError, http.client.HTTPException) as error:
-            late = self._over or isinstance(error, TimeoutError)
+            late = self._over or isinstance(error, (TimeoutError, socket.timeout))
             why = f"within {self._timeout_s:.0f} s" if late else f"({error or type(error).__name__})"
             raise Lost(f"the server at {self._server} did not answer {why}; try again, or ask its "
                        "organiser") from error
@@ -94,8 +95,8 @@ class _Exchange:
     def _end(self) -> None:
         self._over = True
         try:
-            self._socket.shutdown(socket.SHUT_RDWR)
-            getattr(self, "_wire", self._socket).shutdown(socket.SHUT_RDWR)
+            # Below TLS, whose state is in use by the thread that waits.
+            socket.socket.shutdown(self._wire, socket.SHUT_RDWR)
         except OSError:
             pass  # it has ended by itself
 
@@ -133,9 +134,9 @@ def _connect(server: Server, timeout_s: float) -> socket.socket:
     return made
 
 
-def _secure(plain: socket.socket, server: Server, tls: ssl.SSLContext) -> ssl.SSLSocket:
+def _shake_hands(wire: ssl.SSLSocket, server: Server) -> None:
     try:
-        return tls.wrap_socket(plain, server_hostname=server.host)
+        wire.do_handshake()
     except ssl.SSLCertVerificationError as error:
         raise Unreachable(f"the certificate of {server} can't be trusted ({error.verify_message}); "
                           "if the lab has an authority of its own, give its file as ca_file"
@@ -152,6 +153,8 @@ def _read(answer: http.client.HTTPResponse) -> bytes:
         size += len(piece)
         if size > MAX_ANSWER_BYTES:
             raise http.client.HTTPException(f"the answer is larger than {MAX_ANSWER_BYTES} bytes")
+    if answer.length:  # of a body whose length was told
+        raise http.client.IncompleteRead(b"", answer.length)
     return b"".join(pieces)
 
 
