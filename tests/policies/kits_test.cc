@@ -275,6 +275,41 @@ TEST_F(KitsTest, APolicyMayGiveAnEpisodeUp) {
   }
 }
 
+constexpr char kByName[] = R"(
+import myograde
+
+class ByName(myograde.Policy):
+    def leg_sets(self):
+        return myograde.leg_sets()[1:3]
+    def start(self):
+        known = myograde.track(self.welcome.track)
+        for mine, theirs in ((self.observation_layout, known.observation),
+                             (self.action_layout, known.action)):
+            assert mine.size == theirs.size
+            assert [(part.name, part.offset, part.size, part.unit) for part in mine.values()] == \
+                   [(part.name, part.offset, part.size, part.unit) for part in theirs.values()]
+    def act(self, observation):
+        parts = self.named(observation)
+        return self.action_layout.join({"muscles": parts["act"], "leg_set": parts["terrain"]})
+
+myograde.serve(ByName())
+)";
+
+// Names are those of the welcome, and the leg's sets arrive as the grader has them.
+TEST_F(KitsTest, PartsOfVectorsHaveNames) {
+  Grader grader("zero", PythonPolicy("by_name", kByName), LocomotionTrack());
+  const absl::StatusOr<HelloFrame> hello = grader.AwaitHello();
+  ASSERT_TRUE(hello.ok()) << hello.status();
+  EXPECT_EQ(hello->sets.present, 0b00110u);
+  const LegStateParameters& stairs_up = hello->sets.set[1][0];
+  EXPECT_EQ(stairs_up.knee_stiffness, 99.372);
+  EXPECT_THAT(stairs_up.threshold_kind, ::testing::ElementsAre(2, 2, 0, 0, 0));
+  EXPECT_NEAR(stairs_up.threshold[0], 0.1 * 78.66887849930261 * 9.81, 1e-9);
+  grader.Welcome();
+  ASSERT_TRUE(grader.Start(0, 1).ok());
+  EXPECT_EQ(grader.Ask(0, 0, 0.25), Values(55, 0.25));
+}
+
 constexpr char kSaysGoodbye[] = R"(
 import atexit, sys
 import myograde
