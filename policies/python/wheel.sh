@@ -34,7 +34,8 @@ wheel=$out/$(cd "$scratch/wheel" && echo myograde-*.whl)
 install -m 644 "$scratch"/wheel/myograde-*.whl "$wheel"
 echo "$wheel: $(sha256sum "$wheel" | cut -c1-64)"
 
-# python_of VERSION: a program of that version. A name on the PATH may be a stand-in that starts none.
+# python_of VERSION: a program of that version, if there is one. A name on the PATH may be a stand-in
+# that starts nothing.
 python_of() {
   local program
   for program in "python$1" "${PYENV_ROOT:-$HOME/.pyenv}/versions/$1".*/bin/"python$1"; do
@@ -50,7 +51,8 @@ check() {
   local environment=$scratch/$2
   "$1" -m venv --without-pip "$environment" || fail "$1 can't make a virtual environment."
   "$tools/bin/pip" --python "$environment/bin/python" install -q --no-index --no-deps \
-    --no-cache-dir --disable-pip-version-check "$wheel" || fail "the wheel can't be installed for $1."
+    --no-cache-dir --disable-pip-version-check "$wheel" ||
+    fail "the wheel can't be installed for $1."
   (cd / && PATH='' "$environment/bin/python" -I -B -c \
     'import myograde.client, myograde.models; myograde.models.read_list(); myograde.leg_sets()') ||
     fail "the package can't be imported by $1."
@@ -67,4 +69,5 @@ for version in "${versions[@]}"; do
     echo "CPython $version: not checked, as there is no python$version here"
   fi
 done
-[ "$checked" -gt 0 ] || fail "there is no CPython of these versions to check the wheel with: ${versions[*]}."
+[ "$checked" -gt 0 ] ||
+  fail "there is no CPython of these versions to check the wheel with: ${versions[*]}."

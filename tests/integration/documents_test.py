@@ -143,7 +143,8 @@ class Documents(SystemTest):
             said = self.bash(client)
         finally:
             self.stop_daemon()
-        self.assertRegex(said, r"done 2 of 2\n0 (success|failure) [\d.]+\n1 (success|failure) [\d.]+\n$")
+        self.assertRegex(said, r"done 2 of 2\n0 (success|failure) [\d.]+\n1 (success|failure) "
+                         r"[\d.]+\n$")
 
     def test_what_a_policy_still_holds_at_its_end_is_kept_and_its_variables_are_set(self):
         still = next(body for language, body in self.section("In Python") if language == "python")

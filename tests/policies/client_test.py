@@ -264,8 +264,8 @@ class Choice(WithDaemon):
             self.assertEqual(str(choose_server(text)), shown)
         for text, words in (("grader", "is no server's address"), ("ftp://x", "is no server's"),
                             ("https://x/path", "is no server's"), ("https://x:99999", "is no"),
-                            ("https://user@x", "no password"), ("http://example.org", "without TLS"),
-                            ("https://", "is no server's"), ("https://x:0", "is no server's")):
+                            ("https://user@x", "no password"), ("https://", "is no server's"),
+                            ("http://example.org", "without TLS"), ("https://x:0", "is no server's")):
             with self.assertRaisesRegex(WrongUse, words, msg=text):
                 choose_server(text)
         with self.assertRaisesRegex(WrongUse, "not both"):

@@ -25,8 +25,8 @@ def leg_sets(rules):
     """The sets in force: without any of its own, a profile has the controller's default four times
     or however many it stores."""
     leg = rules["leg"]
-    default = spec("--track", "locomotion")["profiles"]["paper"]["rules"]["leg"]["parameter_sets"][0]
-    return leg["parameter_sets"] or [default] * leg["sets"]
+    paper = spec("--track", "locomotion")["profiles"]["paper"]["rules"]["leg"]
+    return leg["parameter_sets"] or [paper["parameter_sets"][0]] * leg["sets"]
 
 
 def expected():
@@ -70,8 +70,8 @@ class Layouts(unittest.TestCase):
             told = [[joint.stiffness, joint.damping, round(math.degrees(joint.target), 9)]
                     for state in states for joint in (state.knee, state.ankle)]
             self.assertEqual([a + b for a, b in zip(told[::2], told[1::2])], rows)
-        untils = re.findall(r"states\[(\d)\]\.until\[k(\w+)\] = \{ThresholdKind::k(\w+), ([\d.]+)\}",
-                            code)
+        untils = re.findall(r"states\[(\d)\]\.until\[k(\w+)\] = \{ThresholdKind::k(\w+), "
+                            r"([\d.]+)\}", code)
         found = {(str(number), until.quantity.title().replace("_", ""),
                   "Above" if until.above else "Below")
                  for number, state in enumerate(states) for until in state.until}

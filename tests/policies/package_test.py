@@ -46,7 +46,8 @@ class Kit(unittest.TestCase):
                     self.assertEqual(len(part.entries), part.size)
                     self.assertTrue(part.unit and part.meaning)
         arm = myograde.track("manipulation").observation
-        self.assertEqual((arm.size, arm["myohand_qvel"].unit, arm["act"].offset), (222, "rad/s", 153))
+        self.assertEqual((arm.size, arm["myohand_qvel"].unit, arm["act"].offset),
+                         (222, "rad/s", 153))
 
     def test_mistakes_are_named(self):
         layout = myograde.track("locomotion").action

@@ -63,8 +63,8 @@ def get_models(cache: str | os.PathLike[str] | None = None,
                pinned_list: pathlib.Path = LIST) -> Models:
     """Fills the cache folder (default: the usual one) with what it lacks of the pinned packages.
     Each appears under its name only when it is whole, so a second call, or one beside this, finds
-    it there. `tell` is called before a download. WrongUse if the folder can't be made, MyogradeError
-    if pip can't get a package or its SHA-256 differs."""
+    it there. `tell` is called before a download. WrongUse if the folder can't be made,
+    MyogradeError if pip can't get a package or its SHA-256 differs."""
     root = pathlib.Path(cache).expanduser() if cache is not None else usual_cache()
     try:
         (root / "wheels").mkdir(parents=True, exist_ok=True)

@@ -94,8 +94,8 @@ def _pack_zip(file: pathlib.Path, target: BinaryIO) -> None:
                 else:
                     _add(archive, name, source.open(entry), size=entry.file_size, mode=_mode(mode))
     except (zipfile.BadZipFile, RuntimeError, NotImplementedError, UnicodeDecodeError) as error:
-        raise WrongUse(f"{file}: can't be read as a zip archive ({error}); pack it again, without a "
-                       "password") from error
+        raise WrongUse(f"{file}: can't be read as a zip archive ({error}); pack it again, without "
+                       "a password") from error
 
 
 def _writer(target: BinaryIO) -> tarfile.TarFile:
@@ -106,7 +106,8 @@ def _mode(mode: int) -> int:
     return 0o755 if mode & 0o111 else 0o644
 
 
-def _add_file(archive: tarfile.TarFile, name: str, path: pathlib.Path, info: os.stat_result) -> None:
+def _add_file(archive: tarfile.TarFile, name: str, path: pathlib.Path,
+              info: os.stat_result) -> None:
     if info.st_mode & (stat.S_ISUID | stat.S_ISGID):
         raise WrongUse(f"{path}: has the setuid or setgid bit; remove it with chmod a-s")
     # Python uses a compiled module only while its source has the time that is recorded in it.

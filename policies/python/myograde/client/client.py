@@ -27,7 +27,8 @@ PAGE = 1000
 
 class Client:
     """Speaks to one server. Without arguments it is the one that the program myograde would ask:
-    MYOGRADE_SERVER with MYOGRADE_TOKEN, else that of `myograde login`, else the daemon of this host.
+    MYOGRADE_SERVER with MYOGRADE_TOKEN, else that of `myograde login`, else the daemon of this
+    host.
 
     `server` is https://HOST:PORT; `socket` or `data` name a daemon of this host; `ca_file` has the
     authorities that may have signed the server's certificate. Every method raises ServerError if
@@ -230,4 +231,5 @@ def _address(submission: int) -> str:
 
 
 def _query(**values: Any) -> str:
-    return urllib.parse.urlencode({key: value for key, value in values.items() if value is not None})
+    given = {key: value for key, value in values.items() if value is not None}
+    return urllib.parse.urlencode(given)

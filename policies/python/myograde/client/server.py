@@ -64,8 +64,8 @@ def parse_server(text: str, what: str) -> Server:
     except ValueError:
         good = False
     if not good:
-        raise WrongUse(f'{what}: "{text[:80]}" is no server\'s address: write https://HOST:PORT, or '
-                       "the path of a daemon's socket")
+        raise WrongUse(f'{what}: "{text[:80]}" is no server\'s address: write https://HOST:PORT, '
+                       "or the path of a daemon's socket")
     here = host == "localhost" or (numeric is not None and numeric.is_loopback)
     if scheme == "http" and not here:
         raise WrongUse(f"{what}: {text[:80]} is without TLS, so that anybody on the way could read "
@@ -82,8 +82,8 @@ def choose_server(server: str | None = None, *, socket: str | os.PathLike[str] |
     to that of MYOGRADE_SERVER, the login's to the login's. WrongUse if something is no address, no
     token or no login."""
     if server is not None and (socket is not None or data is not None):
-        raise WrongUse("give the server's address, or the socket or data folder of a daemon of this "
-                       "host, not both")
+        raise WrongUse("give the server's address, or the socket or data folder of a daemon of "
+                       "this host, not both")
     login = None
     address = _address(server, socket, data)
     if address is None:
@@ -118,8 +118,8 @@ def login_file() -> pathlib.Path:
 
 
 def read_login() -> dict[str, str] | None:
-    """`server`, `token` and `ca_file` ("" for none) of the login; None if there is none. WrongUse if
-    it can't be used, or others may read the token in it."""
+    """`server`, `token` and `ca_file` ("" for none) of the login; None if there is none. WrongUse
+    if it can't be used, or others may read the token in it."""
     path = login_file()
     try:
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))

@@ -74,9 +74,8 @@ class _Exchange:
         made.auto_open = 0  # it is never opened anew without the timer
         headers["Host"] = "myograde" if self._server.socket else self._server.authority
         headers["Connection"] = "close"
-        headers["Content-Length"] = str(len(body) if isinstance(body, bytes) else size)
-        if body is None:
-            del headers["Content-Length"]
+        if body is not None:
+            headers["Content-Length"] = str(len(body) if isinstance(body, bytes) else size)
         if self._server.token:
             headers["Authorization"] = f"Bearer {self._server.token}"
         try:
@@ -88,7 +87,8 @@ class _Exchange:
             return answer.status, _read(answer)
         except (OSError, http.client.HTTPException) as error:
             late = self._over or isinstance(error, (TimeoutError, socket.timeout))
-            why = f"within {self._timeout_s:.0f} s" if late else f"({error or type(error).__name__})"
+            reason = str(error) or type(error).__name__
+            why = f"within {self._timeout_s:.0f} s" if late else f"({reason})"
             raise Lost(f"the server at {self._server} did not answer {why}; try again, or ask its "
                        "organiser") from error
 

@@ -1,5 +1,6 @@
 """Parameter sets of the prosthetic leg (locomotion): an impedance controller with four states, and
-conditions that leave each. A policy uploads sets by Policy.leg_sets; leg_sets() has the grader's."""
+conditions that leave each. A policy uploads sets by Policy.leg_sets; leg_sets() returns those that
+the grader has by itself."""
 
 from __future__ import annotations
 
@@ -97,13 +98,14 @@ def _message_of(state: LegState) -> Any:
 
 
 def _of_config(index: int, config: Mapping[str, Any]) -> LegSet:
-    return LegSet(index, *(_state(config[name]) for name in STATES), name=config["name"])
+    e_stance, l_stance, e_swing, l_swing = (_state(config[name]) for name in STATES)
+    return LegSet(index, e_stance, l_stance, e_swing, l_swing, config["name"])
 
 
 def _state(config: Mapping[str, Any]) -> LegState:
-    joints = [Joint(joint["stiffness"], joint["damping"], math.radians(joint["target_deg"]))
-              for joint in (config["knee"], config["ankle"])]
-    return LegState(*joints, tuple(_threshold(*until) for until in config["until"].items()))
+    knee, ankle = (Joint(joint["stiffness"], joint["damping"], math.radians(joint["target_deg"]))
+                   for joint in (config["knee"], config["ankle"]))
+    return LegState(knee, ankle, tuple(_threshold(*until) for until in config["until"].items()))
 
 
 def _threshold(key: str, value: float) -> Threshold:
