@@ -41,7 +41,7 @@ class Install(unittest.TestCase):
         for name in ("configs/server.json", "configs/tracks/elbow.json", "configs/sandbox/sim.json",
                      "configs/schema/show.json", "openapi.json",
                      "configs/reference/manipulation.lcmlog.zst",
-                     "policies/kit-python/myograde_kit/__init__.py",
+                     "policies/kit-python/myograde/policy/kit.py",
                      "policies/kit-template-2024/play_agent.py", "policies/scripted-elbow/policy.json",
                      "lcm/myograde.lcm", "lcm/myograde_log.lcm",
                      "policies/starter/cpp/policy.cc", "policies/starter/python/policy.py"):
