@@ -121,6 +121,11 @@ class Documents(SystemTest):
                 (folder / name).write_text(body)
         return folder
 
+    def test_the_section_on_a_first_policy_is_followed_to_the_letter(self):
+        for _, body in self.section("A first policy"):
+            self.bash(body)
+        self.play(self.work / "my_policy")
+
     def test_the_sections_on_python_are_followed_to_the_letter(self):
         # pip finds here what it would get from PyPI.
         tools = SOURCE / "docker/wheel-tools.txt"
@@ -143,6 +148,7 @@ class Documents(SystemTest):
             said = self.bash(client)
         finally:
             self.stop_daemon()
+            shutil.rmtree(self.data)  # the tour begins with submission 1
         self.assertRegex(said, r"done 2 of 2\n0 (success|failure) [\d.]+\n1 (success|failure) "
                          r"[\d.]+\n$")
 
