@@ -22,21 +22,8 @@ download() {
   fi
 }
 
-if [ ! -d "$cache/mujoco-2.2.2" ] || [ ! -d "$cache/myosuite-2.8.4" ]; then
-  echo "Getting MuJoCo 2.2.2 and the challenge models (90 MB) ..."
-  download "$here/wheels.txt" --python-version 3.10 --platform manylinux2014_x86_64
-  (cd "$scratch" && mkdir mujoco myosuite &&
-    unzip -q "$cache"/wheels/mujoco-2.2.2-*.whl -d mujoco &&
-    unzip -q "$cache"/wheels/[mM]yo[sS]uite-2.8.4-*.whl -d myosuite) || fail "a wheel in $cache/wheels is damaged; delete it and try again."
-  mkdir -p "$scratch/engine/lib"
-  mv "$scratch/mujoco/mujoco/include" "$scratch/engine/include"
-  mv "$scratch/mujoco/mujoco/libmujoco.so.2.2.2" "$scratch/engine/lib/"
-  # Policy files and training logs of the package are not needed.
-  rm -rf "$scratch/myosuite/myosuite/agents" "$cache/mujoco-2.2.2" "$cache/myosuite-2.8.4"
-  chmod -R a+rX "$scratch/engine" "$scratch/myosuite"
-  mv "$scratch/engine" "$cache/mujoco-2.2.2"
-  mv "$scratch/myosuite" "$cache/myosuite-2.8.4"
-fi
+# As participants get them on their machines.
+/usr/bin/python3 -B "$here/../policies/python/myograde/models.py" "$cache" "$here/wheels.txt"
 
 # A runtime holds the list that it was made of: another list makes it anew.
 if ! cmp -s "$here/runtime-python.txt" "$cache/runtimes/python/requirements.txt"; then

@@ -1,7 +1,8 @@
 // The C++ kit: a policy is a class with Reset and Act, and a main that hands
 // it to RunPolicy. The kit speaks the protocol (protocol/README.md): it says
 // hello until it is welcomed, answers what is asked, and gives the same answer
-// again when the same step is asked again.
+// again when the same step is asked again. Installed as <myograde/kit.h>; needs
+// LCM's headers, and nothing else of this project than the message types.
 //
 //   class Still : public myograde::Policy {
 //     void Act(std::span<const double>, std::span<double> action) override {
@@ -14,13 +15,16 @@
 //   }
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "myograde/leg_parameter_set_t.hpp"
+#include "myograde/part_t.hpp"
 #include "myograde/welcome_t.hpp"
 
 namespace myograde {
@@ -67,6 +71,19 @@ class Policy {
  private:
   bool gives_up_ = false;
 };
+
+// The entries of the part `name` in a vector: an observation with welcome.observation_parts, or an
+// action with welcome.action_parts. Empty if the track has no such part.
+template <typename Number>
+std::span<Number> PartOf(std::span<Number> vector, const std::vector<part_t>& parts,
+                         std::string_view name) {
+  for (const part_t& part : parts) {
+    if (part.name == name) {
+      return vector.subspan(static_cast<size_t>(part.offset), static_cast<size_t>(part.size));
+    }
+  }
+  return {};
+}
 
 // Plays until the grader ends the process: after the last episode it sends SIGTERM, and this
 // returns 0 for main to end in order (unless the program handles that signal itself). The bus is

@@ -90,6 +90,8 @@ constexpr Verb kVerbs[] = {
      "myograde login https://grader.example.org:8443", AddLogin},
     {"logout", "Remove the login", "myograde logout", AddLogout},
     {"whoami", "Show who the server takes you for", "myograde whoami", AddWhoami},
+    {"new", "Start a policy: write a folder with one that plays as it is",
+     "myograde new my_policy --lang python --track TRACK", AddNew},
     {"local", "Grade a policy on this host, without a daemon",
      "myograde local ./my_policy --track TRACK --episodes 5", AddLocal},
     {"spec", "Print a track's observations, actions, budgets, rules and scoring",

@@ -1,9 +1,9 @@
 """The zero action, by the Python kit."""
 
-import myograde_kit
+import myograde
 
 
-class Zero(myograde_kit.Policy):
+class Zero(myograde.Policy):
     name = "python-zero"
 
     def start(self):
@@ -14,4 +14,4 @@ class Zero(myograde_kit.Policy):
 
 
 if __name__ == "__main__":
-    myograde_kit.run(Zero())
+    myograde.serve(Zero())

@@ -1,7 +1,10 @@
 """Tries everything in the documents' fences: manifests, policies, commands. Whatever is copied
 from a page works as it is."""
 
+import hashlib
 import json
+import os
+import pathlib
 import re
 import shutil
 import subprocess
@@ -34,10 +37,10 @@ class Documents(SystemTest):
         (cls.work / "build/release").symlink_to(POLICIES.parent)
         cls.daemon.change_config("tracks/locomotion.json", seeds={"first": 7000, "count": 10})
 
-    def bash(self, script):
-        result = subprocess.run(["bash", "-e", "-c", script], cwd=self.work, env=self.environment,
-                                capture_output=True, text=True, timeout=600,
-                                stdin=subprocess.DEVNULL)
+    def bash(self, script, **variables):
+        result = subprocess.run(["bash", "-e", "-c", script], cwd=self.work, capture_output=True,
+                                text=True, timeout=600, stdin=subprocess.DEVNULL,
+                                env={**self.environment, **variables})
         self.assertEqual(result.returncode, 0, f"{script}\n{result.stdout}{result.stderr}")
         return result.stdout
 
@@ -96,28 +99,58 @@ class Documents(SystemTest):
         self.assertGreaterEqual(count, 4)
 
     def section(self, title):
+        """The fences below a heading, up to the next one."""
         text = (SOURCE / "policies/README.md").read_text(encoding="utf-8")
-        begin = text.index(f"## {title}\n")
-        return FENCE.findall(text[begin:text.index("\n## ", begin)])
+        begin = re.search(f"^#+ {title}\n", text, re.MULTILINE).end()
+        end = re.compile("^#+ ", re.MULTILINE).search(text, begin).start()
+        return FENCE.findall(text[begin:end])
 
-    def follow(self, title, before_last):
-        """Executes a section's steps in order; the folder is the one that it copies to."""
+    def follow(self, title, before_last, **variables):
+        """Executes a section's steps in order; the folder is the one that it creates."""
         folder = None
         steps = self.section(title)
         for number, (language, body) in enumerate(steps):
             if number == len(steps) - 1:
                 before_last(folder)
             if language == "sh":
-                self.bash(body)
-                folder = self.work / body.split()[-1] if body.startswith("cp -r ") else folder
+                self.bash(body, **variables)
+                if body.startswith(("cp -r ", "mkdir ")):
+                    folder = self.work / body.split()[-1]
             else:
                 name = {"python": "policy.py", "json": "policy.json"}[language]
                 (folder / name).write_text(body)
         return folder
 
-    def test_the_section_on_python_is_followed_to_the_letter(self):
-        folder = self.follow("In Python", lambda _: None)
+    def test_the_section_on_a_first_policy_is_followed_to_the_letter(self):
+        for _, body in self.section("A first policy"):
+            self.bash(body)
+        self.play(self.work / "my_policy")
+
+    def test_the_sections_on_python_are_followed_to_the_letter(self):
+        # pip finds here what it would get from PyPI.
+        tools = SOURCE / "docker/wheel-tools.txt"
+        digest = hashlib.sha256(tools.read_bytes()).hexdigest()[:12]
+        environment = pathlib.Path(os.environ["MYOGRADE_CACHE"]) / f"wheel-tools-{digest}"
+        made = subprocess.run([SOURCE / "docker/make_venv.sh", environment, tools],
+                              capture_output=True, text=True, timeout=600)
+        if made.returncode != 0:
+            self.skipTest(f"no package can be built here: {made.stdout}{made.stderr}")
+        found = next(environment.glob("lib/python3*/site-packages"))
+        for name in ("policies", "protocol", "docker"):
+            shutil.copytree(SOURCE / name, self.work / name, dirs_exist_ok=True)
+        shutil.copy(SOURCE / "LICENSE", self.work)
+        folder = self.follow("In Python", lambda _: None, PYTHONPATH=str(found), PIP_NO_INDEX="1",
+                             PIP_NO_BUILD_ISOLATION="0")  # as pip reads it: none
         self.assertEqual(folder, self.work / "still")
+        (_, client), = self.section("Results")
+        type(self).start_daemon()
+        try:
+            said = self.bash(client)
+        finally:
+            self.stop_daemon()
+            shutil.rmtree(self.data)  # the tour begins with submission 1
+        self.assertRegex(said, r"done 2 of 2\n0 (success|failure) [\d.]+\n1 (success|failure) "
+                         r"[\d.]+\n$")
 
     def test_what_a_policy_still_holds_at_its_end_is_kept_and_its_variables_are_set(self):
         still = next(body for language, body in self.section("In Python") if language == "python")

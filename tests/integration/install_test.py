@@ -41,10 +41,16 @@ class Install(unittest.TestCase):
         for name in ("configs/server.json", "configs/tracks/elbow.json", "configs/sandbox/sim.json",
                      "configs/schema/show.json", "openapi.json",
                      "configs/reference/manipulation.lcmlog.zst",
-                     "policies/kit-python/myograde_kit/__init__.py",
+                     "policies/kit-python/myograde/policy/kit.py",
                      "policies/kit-template-2024/play_agent.py", "policies/scripted-elbow/policy.json",
-                     "lcm/myograde.lcm", "lcm/myograde_log.lcm"):
+                     "lcm/myograde.lcm", "lcm/myograde_log.lcm",
+                     "policies/starter/cpp/policy.cc", "policies/starter/python/policy.py"):
             self.assertTrue((self.share / name).is_file(), name)
+
+    def test_a_starter_is_written_and_played(self):
+        told = self.ask("new", "first", "--lang", "python", "-o", self.root / "first")
+        result = self.ask("local", told["folder"], "--track", told["track"], "--episodes", "1")
+        self.assertEqual(result["outcomes"], {"failure": 1})
 
     def test_a_policy_is_graded_by_what_is_installed(self):
         tracks = [track["track"] for track in self.ask("spec")["tracks"]]

@@ -11,7 +11,7 @@ import time
 
 import lcm
 
-import myograde_kit
+import myograde
 from myograde.action_t import action_t
 
 MODE = sys.argv[1]
@@ -27,7 +27,7 @@ WRONG_ANSWERS = {
 }
 
 
-class Misbehaving(myograde_kit.Policy):
+class Misbehaving(myograde.Policy):
     name = "misbehaving"
 
     def reset(self, episode):
@@ -69,4 +69,4 @@ class Misbehaving(myograde_kit.Policy):
 
 if MODE == "silent":
     time.sleep(3600)
-myograde_kit.run(Misbehaving())
+myograde.serve(Misbehaving())

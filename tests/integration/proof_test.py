@@ -139,11 +139,11 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
     def test_a_policy_that_is_not_repeatable_is_told_from_the_simulator(self):
         folder = self.python_policy("unrepeatable", ["policy.py"])
         (folder / "policy.py").write_text(
-            "import os, myograde_kit\n"
-            "class Chance(myograde_kit.Policy):\n"
+            "import os, myograde\n"
+            "class Chance(myograde.Policy):\n"
             "    def act(self, observation):\n"
             "        return [b / 256 for b in os.urandom(54)] + [0.0]\n"
-            "myograde_kit.run(Chance())\n")
+            "myograde.serve(Chance())\n")
         submission = self.ask("submit", folder, "--track", "short-locomotion", "--team", "Chance",
                               "--wait")["submission"]
         result = self.run_cli("rerun", submission, "--verify", "--json", check=False)

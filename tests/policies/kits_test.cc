@@ -245,9 +245,9 @@ std::vector<std::string> PythonPolicy(const std::string& name, const std::string
 }
 
 constexpr char kGivesUp[] = R"(
-import myograde_kit
+import myograde
 
-class Impatient(myograde_kit.Policy):
+class Impatient(myograde.Policy):
     def reset(self, episode):
         self.asked = 0
     def act(self, observation):
@@ -257,7 +257,7 @@ class Impatient(myograde_kit.Policy):
             return None
         return [float(self.asked)] * self.welcome.action_size
 
-myograde_kit.run(Impatient())
+myograde.serve(Impatient())
 )";
 
 // Given up is given up however often it is asked, and the next episode is played.
@@ -275,18 +275,53 @@ TEST_F(KitsTest, APolicyMayGiveAnEpisodeUp) {
   }
 }
 
+constexpr char kByName[] = R"(
+import myograde
+
+class ByName(myograde.Policy):
+    def leg_sets(self):
+        return myograde.leg_sets()[1:3]
+    def start(self):
+        known = myograde.track(self.welcome.track)
+        for mine, theirs in ((self.observation_layout, known.observation),
+                             (self.action_layout, known.action)):
+            assert mine.size == theirs.size
+            assert [(part.name, part.offset, part.size, part.unit) for part in mine.values()] == \
+                   [(part.name, part.offset, part.size, part.unit) for part in theirs.values()]
+    def act(self, observation):
+        parts = self.named(observation)
+        return self.action_layout.join({"muscles": parts["act"], "leg_set": parts["terrain"]})
+
+myograde.serve(ByName())
+)";
+
+// Names are those of the welcome, and the leg's sets arrive as the grader has them.
+TEST_F(KitsTest, PartsOfVectorsHaveNames) {
+  Grader grader("zero", PythonPolicy("by_name", kByName), LocomotionTrack());
+  const absl::StatusOr<HelloFrame> hello = grader.AwaitHello();
+  ASSERT_TRUE(hello.ok()) << hello.status();
+  EXPECT_EQ(hello->sets.present, 0b00110u);
+  const LegStateParameters& stairs_up = hello->sets.set[1][0];
+  EXPECT_EQ(stairs_up.knee_stiffness, 99.372);
+  EXPECT_THAT(stairs_up.threshold_kind, ::testing::ElementsAre(2, 2, 0, 0, 0));
+  EXPECT_NEAR(stairs_up.threshold[0], 0.1 * 78.66887849930261 * 9.81, 1e-9);
+  grader.Welcome();
+  ASSERT_TRUE(grader.Start(0, 1).ok());
+  EXPECT_EQ(grader.Ask(0, 0, 0.25), Values(55, 0.25));
+}
+
 constexpr char kSaysGoodbye[] = R"(
 import atexit, sys
-import myograde_kit
+import myograde
 
-class Polite(myograde_kit.Policy):
+class Polite(myograde.Policy):
     def act(self, observation):
         return [0.0] * self.welcome.action_size
 
 atexit.register(lambda: print("goodbye"))
 sys.stdout = open(sys.argv[1], "w")  # with a buffer
 print("played")
-myograde_kit.run(Polite())
+myograde.serve(Polite())
 )";
 
 // What stdio and the interpreter still hold is written when the grader asks the process to end.

@@ -8,7 +8,7 @@ import tempfile
 import unittest
 
 import numpy as np
-from myograde_kit import seeding
+from myograde.policy import seeding
 
 FAKE = """
 seeds = []

@@ -3,10 +3,10 @@
 import math
 import random
 
-import myograde_kit
+import myograde
 
 
-class Waves(myograde_kit.Policy):
+class Waves(myograde.Policy):
     name = "python-waves"
 
     def start(self):
@@ -26,4 +26,4 @@ class Waves(myograde_kit.Policy):
 
 
 if __name__ == "__main__":
-    myograde_kit.run(Waves())
+    myograde.serve(Waves())

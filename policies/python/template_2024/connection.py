@@ -10,8 +10,8 @@ from myograde.episode_start_t import episode_start_t
 from myograde.give_up_t import give_up_t
 from myograde.hello_t import hello_t
 from myograde.observation_t import observation_t
+from myograde.policy.bus import Bus
 from myograde.welcome_t import welcome_t
-from myograde_kit.bus import Bus
 
 PROTOCOL_VERSION = 1
 RESEND_S = 0.1

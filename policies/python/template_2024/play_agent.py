@@ -11,7 +11,7 @@ import runpy
 import sys
 import time
 
-from myograde_kit import seeding
+from myograde.policy import seeding
 
 HERE = pathlib.Path(__file__).resolve().parent
 

@@ -9,20 +9,16 @@ import numpy as np
 
 import connection
 import leg_sets as legs
-from myograde_kit import seeding
+import myograde
+from myograde.policy import seeding
 
-# The dictionary's entries in the order of the observation vector (protocol/policy/layout.h), with sizes.
-_MANIPULATION = (
-    ("time", 1), ("myohand_qpos", 38), ("myohand_qvel", 38), ("pros_hand_qpos", 26),
-    ("pros_hand_qvel", 26), ("object_qpos", 7), ("object_qvel", 6), ("start_pos", 3),
-    ("goal_pos", 3), ("touching_body", 5), ("act", 63), ("reach_err", 3), ("pass_err", 3),
-)
-_LOCOMOTION = (
-    ("time", 1), ("terrain", 1), ("internal_qpos", 17), ("internal_qvel", 17), ("grf", 2),
-    ("socket_force", 3), ("torso_angle", 4), ("act", 54), ("muscle_length", 54),
-    ("muscle_velocity", 54), ("muscle_force", 54), ("model_root_pos", 2), ("model_root_vel", 2),
-    ("hfield", 100),
-)
+
+def _parts(track):
+    """The dictionary's entries in the order of the observation vector, with sizes."""
+    return tuple((part.name, part.size) for part in myograde.track(track).observation.values())
+
+
+_MANIPULATION, _LOCOMOTION = _parts("manipulation"), _parts("locomotion")
 # What the official environments return where an agent asks for no keys.
 _MANIPULATION_KEYS = ("time", "myohand_qpos", "myohand_qvel", "pros_hand_qpos", "pros_hand_qvel",
                       "object_qpos", "object_qvel", "touching_body", "act")

@@ -15,6 +15,7 @@ Action AddVerify(CLI::App& verb);
 Action AddChallenge(CLI::App& verb);
 Action AddSeeds(CLI::App& verb);
 Action AddLocal(CLI::App& verb);
+Action AddNew(CLI::App& verb);
 Action AddSpec(CLI::App& verb);
 Action AddDoctor(CLI::App& verb);
 

@@ -9,13 +9,13 @@ import gzip
 import pathlib
 import struct
 
-import myograde_kit
+import myograde
 
 RECORD = gzip.decompress(pathlib.Path(__file__).with_name("actions.gz").read_bytes())
 EPISODES, STEPS, ENTRIES = struct.unpack_from("<iii", RECORD)
 
 
-class Player(myograde_kit.Policy):
+class Player(myograde.Policy):
     def reset(self, episode):
         self.episode = episode.episode
         self.step = 0
@@ -29,4 +29,4 @@ class Player(myograde_kit.Policy):
         return action
 
 
-myograde_kit.run(Player())
+myograde.serve(Player())

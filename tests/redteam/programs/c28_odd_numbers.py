@@ -1,7 +1,7 @@
 """Actions of NaN, infinity, huge, tiny, and the wrong number of them."""
 import sys
 
-import myograde_kit
+import myograde
 
 import hostile
 
@@ -10,7 +10,7 @@ VALUES = {"nan": float("nan"), "infinite": float("inf"), "minus-infinite": float
 WHAT = sys.argv[1]
 
 
-class Odd(myograde_kit.Policy):
+class Odd(myograde.Policy):
     """Like the honest player, with odd numbers from the fourth step on, sent past the kit, which
     would reject them."""
 
@@ -39,4 +39,4 @@ class Odd(myograde_kit.Policy):
         return [0.0] * size
 
 
-myograde_kit.run(Odd())
+myograde.serve(Odd())

@@ -18,4 +18,4 @@ class Slow(hostile.Player):
         return answer
 
 
-hostile.myograde_kit.run(Slow())
+hostile.myograde.serve(Slow())

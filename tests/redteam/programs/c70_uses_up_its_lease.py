@@ -8,4 +8,4 @@ class Busy(hostile.Player):
         return super().act(observation)
 
 
-hostile.myograde_kit.run(Busy())
+hostile.myograde.serve(Busy())

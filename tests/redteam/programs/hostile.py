@@ -14,7 +14,7 @@ import struct
 import sys
 import time
 
-import myograde_kit
+import myograde
 from myograde.action_t import action_t
 
 GROUP, PORT = "239.255.76.67", 7667
@@ -38,7 +38,7 @@ def attempt(name, action):
     return value if value is not None else True
 
 
-class Player(myograde_kit.Policy):
+class Player(myograde.Policy):
     """Plays honestly and calls attack(self) once, before it answers `step` of `episode`."""
 
     name = "hostile"
@@ -64,7 +64,7 @@ class Player(myograde_kit.Policy):
 
 
 def play(attack=None, episode=0, step=3, on_reset=None):
-    myograde_kit.run(Player(attack, episode, step, on_reset))
+    myograde.serve(Player(attack, episode, step, on_reset))
 
 
 def burn(cpu_s):

@@ -1,20 +1,19 @@
 """The policy's side of the protocol: see protocol/README.md."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 import sys
 import time
+from typing import Any, Iterable, NoReturn, Sequence
 
-from myograde.action_t import action_t
-from myograde.episode_ready_t import episode_ready_t
-from myograde.episode_start_t import episode_start_t
-from myograde.give_up_t import give_up_t
-from myograde.hello_t import hello_t
-from myograde.observation_t import observation_t
-from myograde.welcome_t import welcome_t
-
+from ..messages import (action_t, episode_ready_t, episode_start_t, give_up_t, hello_t,
+                        observation_t, welcome_t)
 from . import seeding
 from .bus import Bus
+from .layout import Layout, layout_of
+from .leg import LegSet
 
 PROTOCOL_VERSION = 1
 HELLO_PERIOD_S = 0.1
@@ -35,28 +34,36 @@ class Episode:
 
 
 class Policy:
-    """What a participant writes. `welcome` is there before the first reset."""
+    """What a participant writes: act, and whatever else is needed of the methods below."""
 
-    name = "policy"  # for logs; at most 64 bytes
-    direct = False  # True: muscles in [0, 1], prosthesis targets in rad
-    welcome = None  # the grader's welcome_t: track, layout, bounds, budgets
+    name: str = "policy"  # for logs; at most 64 bytes
+    direct: bool = False  # True: muscles in [0, 1], prosthesis targets in rad
+    # What the grader says first; there before start() and the first reset().
+    welcome: Any = None  # its welcome_t: track, bounds, budgets
+    observation_layout: Layout  # names, offsets, sizes and units of the parts
+    action_layout: Layout
 
-    def leg_sets(self):
-        """Locomotion: leg_parameter_set_t values to use instead of the defaults."""
+    def leg_sets(self) -> Iterable[LegSet]:
+        """Locomotion: up to five parameter sets, each in place of the grader's of its index."""
         return []
 
-    def start(self):
+    def start(self) -> None:
         """Called once, when self.welcome is there."""
 
-    def reset(self, episode):
-        """Called with an Episode at the beginning of each episode, once random, numpy.random, torch
-        and tensorflow are seeded with its policy_seed."""
+    def reset(self, episode: Episode) -> None:
+        """Called at the beginning of each episode, once random, numpy.random, torch and tensorflow
+        are seeded with its policy_seed."""
 
-    def act(self, observation):
-        """Takes welcome.observation_size floats, returns welcome.action_size finite floats."""
+    def act(self, observation: Sequence[float]) -> Iterable[float]:
+        """Takes welcome.observation_size floats, returns welcome.action_size finite floats. SI
+        units; self.named(observation) has the parts by name."""
         raise NotImplementedError("a policy needs act(self, observation)")
 
-    def give_up(self):
+    def named(self, observation: Any) -> dict[str, Any]:
+        """The observation's parts by name: slices of it."""
+        return self.observation_layout.split(observation)
+
+    def give_up(self) -> None:
         """Called by act: ends the episode as it stands, and what act returns is not looked at."""
         self._gives_up = True
 
@@ -64,7 +71,7 @@ class Policy:
 
 
 class _Conversation:
-    def __init__(self, bus, policy):
+    def __init__(self, bus: Bus, policy: Policy) -> None:
         self.bus = bus
         self.policy = policy
         self.heard = time.monotonic()
@@ -84,7 +91,8 @@ class _Conversation:
         hello.protocol_version = PROTOCOL_VERSION
         hello.name = self.policy.name
         hello.direct = int(self.policy.direct)
-        hello.leg_sets = list(self.policy.leg_sets())
+        hello.leg_sets = [leg_set.message() if isinstance(leg_set, LegSet) else leg_set
+                          for leg_set in self.policy.leg_sets()]
         hello.num_leg_sets = len(hello.leg_sets)
         encoded = hello.encode()
         deadline = time.monotonic() + WELCOME_DEADLINE_S
@@ -95,9 +103,11 @@ class _Conversation:
             self.bus.wait(HELLO_PERIOD_S)
         if not self.policy.welcome.accepted:
             sys.exit(f"error: the grader refused this policy: {self.policy.welcome.reason}")
+        self.policy.observation_layout = layout_of(self.policy.welcome.observation_parts)
+        self.policy.action_layout = layout_of(self.policy.welcome.action_parts)
         self.policy.start()
 
-    def play(self):
+    def play(self) -> NoReturn:
         self.heard = time.monotonic()
         while time.monotonic() - self.heard < SILENCE_DEADLINE_S:
             self.bus.wait(1.0)
@@ -152,13 +162,14 @@ class _Conversation:
         return "MYOGRADE_ACTION", action.encode()
 
 
-def tell(sentence):
+def tell(sentence: str) -> None:
     """On standard error, before the grader ends this process."""
     print(sentence, file=sys.stderr, flush=True)
 
 
-def run(policy):
-    """Plays `policy` until the grader ends the process; exits with 1 and a sentence on trouble."""
+def serve(policy: Policy) -> NoReturn:
+    """Plays `policy` until the grader ends the process, as sys.exit does. Exits with 1 and a
+    sentence if there is no bus, or nothing is heard on it."""
     conversation = _Conversation(Bus(), policy)
     conversation.greet()
     conversation.play()

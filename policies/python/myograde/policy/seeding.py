@@ -10,7 +10,7 @@ import sys
 _current = None  # the seed in force
 
 
-def seed(value):
+def seed(value: int) -> None:
     """Seeds what is imported, and remembers the seed for what is not yet."""
     global _current
     if _current is None:

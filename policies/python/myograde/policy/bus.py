@@ -1,16 +1,23 @@
 """The bus of a sandbox, and the end of a policy: once the last episode is over the grader sends
 SIGTERM, and a policy that ends by it flushes its files and runs what atexit was given."""
 
+from __future__ import annotations
+
 import os
 import select
 import signal
 import sys
 
-import lcm
-
 
 class Bus:
-    def __init__(self):
+    """LCM at the address in MYOGRADE_LCM_URL. Exits with 1 and a sentence if there is none."""
+
+    def __init__(self) -> None:
+        try:
+            import lcm  # here, so that the rest of the package needs nothing
+        except ImportError as error:
+            sys.exit(f"error: the package lcm is missing ({error}); name the runtime \"python\" in "
+                     "policy.json, or put lcm into the submission")
         url = os.environ.get("MYOGRADE_LCM_URL", "")
         try:
             self._lcm = lcm.LCM(url)
@@ -26,7 +33,7 @@ class Bus:
         except ValueError:
             pass  # not the main thread: SIGTERM ends the process as ever
 
-    def wait(self, seconds):
+    def wait(self, seconds: float) -> None:
         """Handles one message, or none if none comes in time."""
         if self._asked_to_end:
             sys.exit(0)

@@ -1,0 +1,24 @@
+"""MyoGrade for participants: the kit for policies and the message types that it speaks.
+
+    import myograde
+
+    class Still(myograde.Policy):
+        def act(self, observation):
+            return [-1.0] * self.welcome.action_size
+
+    if __name__ == "__main__":
+        myograde.serve(Still())
+
+`myograde.client` submits policies and reads results; it is no part of what `python -m myograde
+bundle` puts into a submission. The message types (`myograde.action_t` and the others of
+protocol/policy/myograde.lcm) are classes that lcm-gen made.
+"""
+
+from .messages import *  # noqa: F403  (generated; each type refers to the others by myograde.NAME)
+from .policy import Episode, Joint, Layout, LegSet, LegState, Part, Policy, Threshold, Track
+from .policy import leg_sets, serve, track
+
+__version__ = "0.1.0"
+
+__all__ = ["Episode", "Joint", "Layout", "LegSet", "LegState", "Part", "Policy", "Threshold",
+           "Track", "leg_sets", "serve", "track"]

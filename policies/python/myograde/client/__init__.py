@@ -1,0 +1,17 @@
+"""Submits policies and reads results over the HTTP API, with Python's own library alone.
+
+    import myograde.client
+
+    server = myograde.client.Client()  # the one that the program myograde would ask
+    submission = server.submit("still", track="elbow", team="alpha")
+    status = server.wait(submission["submission"], timeout_s=3600)
+    records = server.episodes(status["submission"])  # pandas.DataFrame(records) works
+"""
+
+from ..errors import DeadlinePassed, MyogradeError, ServerError, Unreachable, WrongUse
+from .client import FINAL_STATES, Client
+from .records import flat
+from .server import Server, choose_server
+
+__all__ = ["FINAL_STATES", "Client", "DeadlinePassed", "MyogradeError", "Server", "ServerError",
+           "Unreachable", "WrongUse", "choose_server", "flat"]

@@ -1,0 +1,130 @@
+"""Packs a submission as a tar for the upload. The server checks every rule and names the entry that
+breaks one; here only those mistakes are found that would make a wrong archive."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import pathlib
+import shutil
+import stat
+import tarfile
+import zipfile
+from typing import BinaryIO
+
+from ..errors import WrongUse
+
+SENT_AS_THEY_ARE = (".tar", ".tar.gz", ".tgz", ".tar.zst")
+
+
+def pack(path: str | os.PathLike[str], target: BinaryIO) -> None:
+    """Writes to `target` a tar of the submission at `path`: a folder with a policy.json, one
+    executable file, or an archive of such a folder (.tar, .tar.gz, .tgz, .tar.zst, .zip). WrongUse
+    names what can't be packed."""
+    source = pathlib.Path(path)
+    try:
+        if source.is_dir():
+            _pack_folder(source, target)
+        elif not source.is_file():
+            raise WrongUse(f"{source}: there is no such folder or file")
+        elif source.name.endswith(SENT_AS_THEY_ARE):
+            with open(source, "rb") as stream:
+                shutil.copyfileobj(stream, target)
+        elif source.name.endswith(".zip"):
+            _pack_zip(source, target)
+        else:
+            _pack_program(source, target)
+    except OSError as error:
+        raise WrongUse(f"{error.filename or source}: can't be packed ({error.strerror})") from error
+
+
+def _pack_folder(folder: pathlib.Path, target: BinaryIO) -> None:
+    if not (folder / "policy.json").is_file():
+        raise WrongUse(f'{folder}: has no policy.json, such as {{"name": "my-policy", "command": '
+                       '["python3", "policy.py"], "runtimes": ["python"]}')
+    with _writer(target) as archive:
+        for path in _below(folder):
+            info = os.lstat(path)
+            name = path.relative_to(folder).as_posix()
+            if stat.S_ISLNK(info.st_mode):
+                _add(archive, name, type=tarfile.SYMTYPE, linkname=os.readlink(path))
+            elif stat.S_ISDIR(info.st_mode):
+                _add(archive, name, type=tarfile.DIRTYPE, mode=0o755)
+            elif stat.S_ISREG(info.st_mode):
+                _add_file(archive, name, path, info)
+            else:
+                raise WrongUse(f"{path}: is no file, folder or symbolic link; remove it")
+
+
+def _below(folder: pathlib.Path) -> list[pathlib.Path]:
+    """Everything below a folder, by path; links are not followed."""
+    found = []
+    for root, folders, files in os.walk(folder, onerror=_raise):
+        found += [pathlib.Path(root, name) for name in folders + files]
+    return sorted(found)
+
+
+def _raise(error: OSError) -> None:
+    raise error
+
+
+def _pack_program(program: pathlib.Path, target: BinaryIO) -> None:
+    info = os.stat(program)
+    if not info.st_mode & 0o111:
+        raise WrongUse(f"{program}: is not executable; set its bit with chmod +x, or give a folder "
+                       "with a policy.json or an archive of one (.tar, .tar.gz, .tar.zst, .zip)")
+    about = json.dumps({"name": program.name[:64], "command": [f"./{program.name}"]}).encode()
+    with _writer(target) as archive:
+        _add_file(archive, program.name, program, info)
+        _add(archive, "policy.json", about)
+
+
+def _pack_zip(file: pathlib.Path, target: BinaryIO) -> None:
+    try:
+        with zipfile.ZipFile(file) as source, _writer(target) as archive:
+            for entry in source.infolist():
+                mode = entry.external_attr >> 16  # 0 if it was packed elsewhere than on Unix
+                name = entry.filename.rstrip("/")
+                if entry.is_dir():
+                    _add(archive, name, type=tarfile.DIRTYPE, mode=0o755)
+                elif stat.S_ISLNK(mode):
+                    _add(archive, name, type=tarfile.SYMTYPE,
+                         linkname=source.read(entry).decode("utf-8"))
+                else:
+                    _add(archive, name, source.open(entry), size=entry.file_size, mode=_mode(mode))
+    except (zipfile.BadZipFile, RuntimeError, NotImplementedError, UnicodeDecodeError) as error:
+        raise WrongUse(f"{file}: can't be read as a zip archive ({error}); pack it again, without "
+                       "a password") from error
+
+
+def _writer(target: BinaryIO) -> tarfile.TarFile:
+    return tarfile.open(fileobj=target, mode="w", format=tarfile.PAX_FORMAT)
+
+
+def _mode(mode: int) -> int:
+    return 0o755 if mode & 0o111 else 0o644
+
+
+def _add_file(archive: tarfile.TarFile, name: str, path: pathlib.Path,
+              info: os.stat_result) -> None:
+    if info.st_mode & (stat.S_ISUID | stat.S_ISGID):
+        raise WrongUse(f"{path}: has the setuid or setgid bit; remove it with chmod a-s")
+    # Python uses a compiled module only while its source has the time that is recorded in it.
+    with open(path, "rb") as stream:
+        try:
+            _add(archive, name, stream, size=info.st_size, mode=_mode(info.st_mode),
+                 mtime=max(0, int(info.st_mtime)))
+        except OSError as error:
+            if error.filename is None and error.errno is None:  # tarfile's "unexpected end of data"
+                raise WrongUse(f"{path}: changed while it was packed; try again") from error
+            raise
+
+
+def _add(archive: tarfile.TarFile, name: str, content: object = b"", **fields: object) -> None:
+    entry = tarfile.TarInfo(name)
+    if isinstance(content, bytes):
+        entry.size, content = len(content), io.BytesIO(content)
+    for field, value in fields.items():
+        setattr(entry, field, value)
+    archive.addfile(entry, content)  # type: ignore[arg-type]

@@ -1,0 +1,235 @@
+"""The client: one method for each thing that participants ask of a server."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import tempfile
+import time
+import urllib.parse
+from typing import Any, Callable, Iterator, Sequence
+
+from ..errors import DeadlinePassed, ServerError, Unreachable, WrongUse
+from .archive import pack
+from .records import Record, board_record, episode_record, flat
+from .server import Server, choose_server
+from .transport import ANSWER_S, UPLOAD_S, Lost, Transport, size_of
+
+Json = dict[str, Any]
+FINAL_STATES = frozenset(("done", "failed", "cancelled", "grader_error"))
+# Each poll takes processor time from the policies that are graded.
+SHORTEST_POLL_S, LONGEST_POLL_S, POLLS_IN_A_WAIT = 0.25, 1.0, 20
+PATIENCE_S = 30.0  # with a server that does not answer while a submission is followed
+TRIES, BEFORE_RETRY_S = 3, 1.0  # a daemon that was restarted in between is there again
+PAGE = 1000
+
+
+class Client:
+    """Speaks to one server. Without arguments it is the one that the program myograde would ask:
+    MYOGRADE_SERVER with MYOGRADE_TOKEN, else that of `myograde login`, else the daemon of this
+    host.
+
+    `server` is https://HOST:PORT; `socket` or `data` name a daemon of this host; `ca_file` has the
+    authorities that may have signed the server's certificate. Every method raises ServerError if
+    the server refuses, Unreachable if it does not answer, and WrongUse if an argument can't be
+    used. Every request has a deadline of a minute, an upload one of 16. A client keeps no
+    connection open, and may be used by several threads."""
+
+    def __init__(self, server: str | None = None, *,
+                 socket: str | os.PathLike[str] | None = None,
+                 data: str | os.PathLike[str] | None = None, token: str | None = None,
+                 ca_file: str | os.PathLike[str] | None = None) -> None:
+        self.server: Server = choose_server(server, socket=socket, data=data, token=token,
+                                            ca_file=ca_file)
+        self._transport = Transport(self.server)
+
+    # --- what there is ---
+
+    def whoami(self) -> Json:
+        """Whom the server takes the caller for: `role`, `teams`, `token`."""
+        return self._get("/v1/whoami")
+
+    def tracks(self) -> list[Record]:
+        """One record for each profile of each track that can be submitted to."""
+        return [flat({"track": track["track"], "kind": track["kind"],
+                      "default": profile["profile"] == track["default_profile"], **profile})
+                for track in self._get("/v1/tracks")["tracks"] for profile in track["profiles"]]
+
+    def phases(self) -> list[Record]:
+        """One record for each phase of each challenge."""
+        return [flat({"challenge": challenge["challenge"], **phase})
+                for challenge in self._get("/v1/challenges")["challenges"]
+                for phase in challenge["phases"]]
+
+    # --- submitting ---
+
+    def submit(self, path: str | os.PathLike[str], *, team: str, track: str | None = None,
+               phase: str | None = None, profile: str | None = None, episodes: int | None = None,
+               seeds: Sequence[int] | None = None) -> Json:
+        """Uploads a submission (a folder with a policy.json, an executable file, or an archive) and
+        has it graded; returns its status, whose number is under "submission". With `episodes` or
+        `seeds` it is practice. If the answer is lost, the request is sent again and takes effect
+        once."""
+        if track is None and phase is None:
+            raise WrongUse("give the track, or the phase of a challenge")
+        request: Json = {"team": team, "track": track or self._track_of(str(phase))}
+        given = {"phase": phase, "profile": profile, "episodes": episodes,
+                 "seeds": None if seeds is None else [int(seed) for seed in seeds]}
+        request.update((key, value) for key, value in given.items() if value is not None)
+        request["artefact"] = self.upload(path, team=team, track=request["track"])["artefact"]
+        return self._post("/v1/submissions", request, {"Idempotency-Key": secrets.token_hex(16)})
+
+    def upload(self, path: str | os.PathLike[str], *, team: str, track: str) -> Json:
+        """The upload alone; its answer has the id of the content under "artefact"."""
+        query = urllib.parse.urlencode({"team": team, "track": track})
+        with tempfile.TemporaryFile() as archive:
+            pack(path, archive)
+            archive.flush()
+
+            def send() -> Json:
+                archive.seek(0)
+                return self._transport.ask("POST", f"/v1/artefacts?{query}", archive,
+                                           size=size_of(archive), timeout_s=UPLOAD_S,
+                                           headers={"Content-Type": "application/x-tar"})
+
+            return _with_retries(send)  # the same content has the same id
+
+    def cancel(self, submission: int, reason: str | None = None) -> Json:
+        """Ends a submission; its status then has "cancel". Episodes recorded so far stay."""
+        body = {} if reason is None else {"reason": reason}
+        return self._post(f"{_address(submission)}/cancel", body, retry=False)
+
+    # --- following ---
+
+    def status(self, submission: int) -> Json:
+        """A submission's status: `state`, `episodes`, `waiting`, `reason` and more."""
+        return self._get(_address(submission))
+
+    def follow(self, submission: int, *, timeout_s: float) -> Iterator[Json]:
+        """Yields the submission's status at once and at each change of its state or its number of
+        episodes, up to its end. DeadlinePassed after `timeout_s`: grading goes on then. A server
+        that does not answer is asked again for half a minute."""
+        begun = heard = time.monotonic()
+        shown = None
+        while True:
+            left = begun + timeout_s - time.monotonic()
+            try:
+                status = self._transport.ask("GET", _address(submission),
+                                             timeout_s=max(1.0, min(left, ANSWER_S)))
+            except (Unreachable, ServerError) as error:
+                if not _passes(error) or time.monotonic() - heard > PATIENCE_S:
+                    raise
+            else:
+                heard = time.monotonic()
+                now = (status["state"], status["episodes"], status.get("waiting"))
+                if now != shown:
+                    yield status
+                shown = now
+                if status["state"] in FINAL_STATES:
+                    return
+            left = begun + timeout_s - time.monotonic()
+            if left <= 0:
+                state = "unheard of" if shown is None else shown[0]
+                raise DeadlinePassed(f"submission {submission} is still {state} after "
+                                     f"{timeout_s:g} s; it is graded all the same, and can be "
+                                     "followed again")
+            pause = (time.monotonic() - begun) / POLLS_IN_A_WAIT
+            time.sleep(min(max(pause, SHORTEST_POLL_S), LONGEST_POLL_S, left))
+
+    def wait(self, submission: int, *, timeout_s: float,
+             on_change: Callable[[Json], None] | None = None) -> Json:
+        """The status at the end, as follow() has it; `on_change` is called with each one."""
+        for status in self.follow(submission, timeout_s=timeout_s):
+            if on_change is not None:
+                on_change(status)
+        return status
+
+    # --- results ---
+
+    def show(self, submission: int) -> Json:
+        """The whole result of a submission: `aggregate`, `outcomes`, `hashes` and more."""
+        return self._get(f"{_address(submission)}/result")
+
+    def episodes(self, submission: int) -> list[Record]:
+        """One record for each recorded episode: `index`, `outcome`, `reason`, the track's metrics
+        under their names, `facts.…`, `fault.…`. What a phase withholds is None."""
+        result = self._get(f"{_address(submission)}/result?episodes=1")
+        return [episode_record(row) for row in result["episode_rows"]]
+
+    def leaderboard(self, *, track: str | None = None, phase: str | None = None,
+                    profile: str | None = None, board: str | None = None) -> list[Record]:
+        """One record for each row of a board, best first: `rank` (None for baselines), `team`,
+        `submission`, `name` and the metrics."""
+        if (track is None) == (phase is None):
+            raise WrongUse("give the track or the phase of the leaderboard")
+        query = _query(track=track, phase=phase, profile=profile, board=board)
+        return [board_record(row) for row in self._get(f"/v1/leaderboard?{query}")["rows"]]
+
+    def submissions(self, *, team: str | None = None, track: str | None = None,
+                    profile: str | None = None, phase: str | None = None,
+                    state: str | None = None) -> Iterator[Record]:
+        """One record for each submission that the caller may see, newest first; pages are asked for
+        as they are needed."""
+        before = None
+        while True:
+            query = _query(team=team, track=track, profile=profile, phase=phase, state=state,
+                           limit=PAGE, before=before)
+            page = self._get(f"/v1/submissions?{query}")
+            yield from map(flat, page["submissions"])
+            before = page["next_before"]
+            if before is None:
+                return
+
+    def receipt(self, submission: int) -> Json:
+        """The signed receipt, which `myograde verify` checks."""
+        return self._get(f"{_address(submission)}/receipt")
+
+    # --- requests ---
+
+    def _track_of(self, name: str) -> str:
+        for phase in self.phases():
+            if phase["phase"] == name:
+                return phase["track"]
+        raise WrongUse(f'there is no phase "{name}"; phases() lists those that there are')
+
+    def _get(self, path: str) -> Json:
+        return _with_retries(lambda: self._transport.ask("GET", path))
+
+    def _post(self, path: str, body: Json, headers: dict[str, str] | None = None, *,
+              retry: bool = True) -> Json:
+        headers = {"Content-Type": "application/json", **(headers or {})}
+        text = json.dumps(body).encode()
+
+        def send() -> Json:
+            return self._transport.ask("POST", path, text, headers=headers)
+
+        return _with_retries(send) if retry else send()
+
+
+def _with_retries(send: Callable[[], Json]) -> Json:
+    """For requests that take effect once however often they arrive."""
+    for tried in range(1, TRIES + 1):
+        try:
+            return send()
+        except Lost:
+            if tried == TRIES:
+                raise
+            time.sleep(BEFORE_RETRY_S)
+    raise AssertionError("not reached")
+
+
+def _passes(error: Exception) -> bool:
+    """Whether the same request may be answered a little later."""
+    return not isinstance(error, ServerError) or error.status == 429 or error.status >= 500
+
+
+def _address(submission: int) -> str:
+    if isinstance(submission, bool) or not isinstance(submission, int) or submission < 1:
+        raise WrongUse(f"{submission!r} is no submission's number")
+    return f"/v1/submissions/{submission}"
+
+
+def _query(**values: Any) -> str:
+    given = {key: value for key, value in values.items() if value is not None}
+    return urllib.parse.urlencode(given)

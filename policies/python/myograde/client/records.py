@@ -1,0 +1,40 @@
+"""Answers as flat records, one dictionary a row: what pandas.DataFrame, csv.DictWriter and polars
+take."""
+
+from __future__ import annotations
+
+from typing import Any, Mapping
+
+Record = dict[str, Any]
+
+
+def flat(value: Mapping[str, Any], prefix: str = "") -> Record:
+    """Nested objects with dots in their keys: {"a": {"b": 1}} as {"a.b": 1}. Lists stay values."""
+    record: Record = {}
+    for key, entry in value.items():
+        if isinstance(entry, Mapping):
+            record.update(flat(entry, f"{prefix}{key}."))
+        else:
+            record[prefix + key] = entry
+    return record
+
+
+def episode_record(row: Mapping[str, Any]) -> Record:
+    """A row of a result: its metrics under their own names, the rest as flat() has it."""
+    return _with_metrics(row, "metrics")
+
+
+def board_record(row: Mapping[str, Any]) -> Record:
+    """A row of a leaderboard, with the metrics of its `aggregate` under their own names."""
+    return _with_metrics(row, "aggregate")
+
+
+def _with_metrics(row: Mapping[str, Any], key: str) -> Record:
+    record: Record = {}
+    for name, value in row.items():
+        if name != key:
+            record.update(flat({name: value}))
+            continue
+        for metric, number in flat(value or {}).items():
+            record.setdefault(metric, number)
+    return record

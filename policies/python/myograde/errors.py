@@ -1,0 +1,26 @@
+"""What can go wrong here. Every message is a sentence for people that says what to do."""
+
+
+class MyogradeError(Exception):
+    """The base of all that this package raises on purpose."""
+
+
+class WrongUse(MyogradeError, ValueError):
+    """An argument, file or setting of the caller's that can't be used."""
+
+
+class Unreachable(MyogradeError):
+    """No server answers, or it can't be trusted. What was asked for may have taken effect."""
+
+
+class DeadlinePassed(MyogradeError, TimeoutError):
+    """A wait is over; what was waited for goes on."""
+
+
+class ServerError(MyogradeError):
+    """The server refused a request, or could not carry it out; the text is its own sentence."""
+
+    def __init__(self, status: int, code: str, message: str) -> None:
+        super().__init__(message)
+        self.status = status  # of HTTP
+        self.code = code  # such as "unknown_track"; server/api/README.md lists them

@@ -1,0 +1,169 @@
+#include "server/cli/offline/starter.h"
+
+#include <fcntl.h>
+#include <stdio.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <system_error>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_replace.h>
+
+#include "protocol/base/file.h"
+#include "server/base/paths.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kLongestName = 64;  // of policy.json
+
+absl::Status CantMake(const std::string& folder, const std::string& reason) {
+  return absl::InvalidArgumentError(
+      absl::StrCat(folder, ": can't be made: ", reason, "; choose another place with --output"));
+}
+
+absl::Status IsThere(const std::string& folder) {
+  return absl::InvalidArgumentError(
+      absl::StrCat(folder,
+                   ": is there already, and stays as it is; choose another name, or "
+                   "another place with --output"));
+}
+
+// A folder beside the one that is to appear, removed with everything in it unless it got its name.
+class PartFolder {
+ public:
+  explicit PartFolder(const std::string& folder) : path_(folder + ".part-XXXXXX") {
+    made_ = ::mkdtemp(path_.data()) != nullptr;
+  }
+  PartFolder(const PartFolder&) = delete;
+  PartFolder& operator=(const PartFolder&) = delete;
+  ~PartFolder() {
+    std::error_code ignored;  // nobody is left to tell
+    if (made_) fs::remove_all(path_, ignored);
+  }
+
+  bool made() const { return made_; }
+  const std::string& path() const { return path_; }
+
+  // The folder's final name, if nothing has it; else sets errno.
+  bool Keep(const std::string& folder) {
+    // mkdtemp makes it for its owner only. The mask can't be asked without being set.
+    const mode_t mask = ::umask(0);
+    ::umask(mask);
+    if (::chmod(path_.c_str(), 0777 & ~mask) != 0) return false;
+    if (::renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, folder.c_str(), RENAME_NOREPLACE) != 0) {
+      // Some file systems can't promise to replace nothing. There rename() replaces an empty folder
+      // at worst, if one appeared since WriteStarter() looked.
+      if (errno != EINVAL || ::rename(path_.c_str(), folder.c_str()) != 0) return false;
+    }
+    made_ = false;
+    return true;
+  }
+
+ private:
+  std::string path_;
+  bool made_;
+};
+
+// Where an installation and a build tree have the templates of a language, seen from the programs.
+absl::StatusOr<std::string> TemplatesOf(const std::string& lang) {
+  const absl::StatusOr<std::string> bin_dir = BinDir();
+  if (!bin_dir.ok()) return bin_dir.status();
+  for (const char* place : {"/../share/myograde/policies/starter/", "/../policies/starter/"}) {
+    const std::string templates = absl::StrCat(*bin_dir, place, lang);
+    std::error_code error;
+    if (fs::exists(templates + "/policy.json", error)) return templates;
+  }
+  return absl::InternalError(absl::StrCat("the starter for ", lang,
+                                          " is not beside the programs in ", *bin_dir,
+                                          "; install MyoGrade again, or build the target "
+                                          "myograde_policies"));
+}
+
+// One file of a template. `from` is a file of this installation.
+absl::Status WriteFrom(const Starter& starter, const std::string& from, const std::string& to) {
+  const absl::StatusOr<std::string> text = ReadFile(from);
+  if (!text.ok()) return absl::InternalError(text.status().message());
+  const std::string written =
+      absl::StrReplaceAll(*text, {{"@NAME@", starter.name}, {"@TRACK@", starter.track}});
+  if (absl::Status status = WriteFile(to, written); !status.ok()) return status;
+  struct stat info = {};
+  if (::stat(from.c_str(), &info) == 0 && (info.st_mode & S_IXUSR) != 0) {
+    std::error_code error;
+    using fs::perms;
+    fs::permissions(to, perms::owner_exec | perms::group_exec | perms::others_exec,
+                    fs::perm_options::add, error);
+    if (error) return CantMake(to, error.message());
+  }
+  return absl::OkStatus();
+}
+
+// All files of a template below `folder`; their names, sorted.
+absl::StatusOr<std::vector<std::string>> WriteAllFrom(const Starter& starter,
+                                                      const std::string& templates,
+                                                      const std::string& folder) {
+  std::vector<std::string> names;
+  std::error_code error;
+  fs::recursive_directory_iterator entry(templates, error);
+  for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
+    const std::string name = entry->path().lexically_relative(templates).string();
+    const std::string to = absl::StrCat(folder, "/", name);
+    if (entry->is_directory(error)) {
+      fs::create_directory(to, error);
+      if (error) return CantMake(to, error.message());
+    } else {
+      if (absl::Status status = WriteFrom(starter, entry->path(), to); !status.ok()) return status;
+      names.push_back(name);
+    }
+  }
+  if (error) return absl::InternalError(absl::StrCat(templates, ": ", error.message()));
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+}  // namespace
+
+std::vector<std::string> StarterLanguages() { return {"cpp", "python"}; }
+
+std::string CheckPolicyName(const std::string& name) {
+  const auto is_letter_or_digit = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+  };
+  const bool good = !name.empty() && name.size() <= kLongestName &&
+                    is_letter_or_digit(name.front()) &&
+                    std::all_of(name.begin(), name.end(), [&](char c) {
+                      return is_letter_or_digit(c) || c == '-' || c == '_' || c == '.';
+                    });
+  return good ? ""
+              : absl::StrCat("a policy's name here has 1 to ", kLongestName,
+                             " of the characters A-Z, a-z, 0-9, \"-\", \"_\" and \".\", and begins "
+                             "with a letter or digit");
+}
+
+absl::StatusOr<std::vector<std::string>> WriteStarter(const Starter& starter,
+                                                      const std::string& folder) {
+  std::error_code error;
+  if (fs::symlink_status(folder, error).type() != fs::file_type::not_found) {
+    return error ? CantMake(folder, error.message()) : IsThere(folder);
+  }
+  const absl::StatusOr<std::string> templates = TemplatesOf(starter.lang);
+  if (!templates.ok()) return templates.status();
+  PartFolder part(folder);
+  if (!part.made()) return CantMake(folder, std::strerror(errno));
+  absl::StatusOr<std::vector<std::string>> names = WriteAllFrom(starter, *templates, part.path());
+  if (!names.ok()) return names;
+  if (!part.Keep(folder)) {
+    return errno == EEXIST || errno == ENOTEMPTY ? IsThere(folder)
+                                                 : CantMake(folder, std::strerror(errno));
+  }
+  return names;
+}
+
+}  // namespace myograde::server
