@@ -171,7 +171,7 @@ class Grading(WithDaemon):
             self.here.wait(number, timeout_s=LONG_S)
 
     def test_a_submission_is_cancelled(self):
-        number = self.here.submit(self.policy("slow", "slow"), track=TRACK,
+        number = self.here.submit(self.policy("mute", "mute"), track=TRACK,
                                   team="canceller")["submission"]
         begun = time.monotonic()
         with self.assertRaises(DeadlinePassed) as passed:
@@ -361,10 +361,14 @@ class Answers(unittest.TestCase):
                  "not followed"),
                 (self.ok(b"<html>"), "unreadable", "HTTP status 200"),
                 (self.ok(b"[]", b"500 X"), "unreadable", "HTTP status 500"),
-                (self.ok(b'{"error": {"code": 5}}', b"400 X"), "unreadable", "HTTP status 400")):
+                (self.ok(b'{"error": {"code": 5}}', b"400 X"), "unreadable", "HTTP status 400"),
+                (self.ok(b"[" * 100000), "unreadable", "HTTP status 200"),
+                (self.ok(b"{}"), "unreadable", 'lacks "tracks"'),
+                (self.ok(b'{"error": {"code": "x", "message": "a\\u001b[2Jb"}}', b"400 X"), "x",
+                 "^a\ufffd\\[2Jb$")):
             client, _ = self.serve(answer)
             with self.assertRaisesRegex(ServerError, words) as refused:
-                client.whoami()
+                client.tracks()
             self.assertEqual(refused.exception.code, code)
 
     def test_a_refusal_in_the_middle_of_an_upload_is_read(self):

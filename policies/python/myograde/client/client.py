@@ -52,14 +52,15 @@ class Client:
 
     def tracks(self) -> list[Record]:
         """One record for each profile of each track that can be submitted to."""
+        tracks = self._get("/v1/tracks", tracks=list)["tracks"]
         return [flat({"track": track["track"], "kind": track["kind"],
                       "default": profile["profile"] == track["default_profile"], **profile})
-                for track in self._get("/v1/tracks")["tracks"] for profile in track["profiles"]]
+                for track in tracks for profile in track["profiles"]]
 
     def phases(self) -> list[Record]:
         """One record for each phase of each challenge."""
         return [flat({"challenge": challenge["challenge"], **phase})
-                for challenge in self._get("/v1/challenges")["challenges"]
+                for challenge in self._get("/v1/challenges", challenges=list)["challenges"]
                 for phase in challenge["phases"]]
 
     # --- submitting ---
@@ -78,7 +79,9 @@ class Client:
                  "seeds": None if seeds is None else [int(seed) for seed in seeds]}
         request.update((key, value) for key, value in given.items() if value is not None)
         request["artefact"] = self.upload(path, team=team, track=request["track"])["artefact"]
-        return self._post("/v1/submissions", request, {"Idempotency-Key": secrets.token_hex(16)})
+        accepted = self._post("/v1/submissions", request,
+                              {"Idempotency-Key": secrets.token_hex(16)})
+        return self._with(accepted, submission=int)
 
     def upload(self, path: str | os.PathLike[str], *, team: str, track: str) -> Json:
         """The upload alone; its answer has the id of the content under "artefact"."""
@@ -93,7 +96,8 @@ class Client:
                                            size=size_of(archive), timeout_s=UPLOAD_S,
                                            headers={"Content-Type": "application/x-tar"})
 
-            return _with_retries(send)  # the same content has the same id
+            # The same content has the same id.
+            return self._with(_with_retries(send), artefact=str)
 
     def cancel(self, submission: int, reason: str | None = None) -> Json:
         """Ends a submission; its status then has "cancel". Episodes recorded so far stay."""
@@ -104,7 +108,7 @@ class Client:
 
     def status(self, submission: int) -> Json:
         """A submission's status: `state`, `episodes`, `waiting`, `reason` and more."""
-        return self._get(_address(submission))
+        return self._get(_address(submission), state=str, episodes=dict)
 
     def follow(self, submission: int, *, timeout_s: float) -> Iterator[Json]:
         """Yields the submission's status at once and at each change of its state or its number of
@@ -115,8 +119,10 @@ class Client:
         while True:
             left = begun + timeout_s - time.monotonic()
             try:
-                status = self._transport.ask("GET", _address(submission),
-                                             timeout_s=max(1.0, min(left, ANSWER_S)))
+                status = self._with(
+                    self._transport.ask("GET", _address(submission),
+                                        timeout_s=max(1.0, min(left, ANSWER_S))),
+                    state=str, episodes=dict)
             except (Unreachable, ServerError) as error:
                 if not _passes(error) or time.monotonic() - heard > PATIENCE_S:
                     raise
@@ -154,7 +160,7 @@ class Client:
     def episodes(self, submission: int) -> list[Record]:
         """One record for each recorded episode: `index`, `outcome`, `reason`, the track's metrics
         under their names, `facts.…`, `fault.…`. What a phase withholds is None."""
-        result = self._get(f"{_address(submission)}/result?episodes=1")
+        result = self._get(f"{_address(submission)}/result?episodes=1", episode_rows=list)
         return [episode_record(row) for row in result["episode_rows"]]
 
     def leaderboard(self, *, track: str | None = None, phase: str | None = None,
@@ -164,7 +170,8 @@ class Client:
         if (track is None) == (phase is None):
             raise WrongUse("give the track or the phase of the leaderboard")
         query = _query(track=track, phase=phase, profile=profile, board=board)
-        return [board_record(row) for row in self._get(f"/v1/leaderboard?{query}")["rows"]]
+        rows = self._get(f"/v1/leaderboard?{query}", rows=list)["rows"]
+        return [board_record(row) for row in rows]
 
     def submissions(self, *, team: str | None = None, track: str | None = None,
                     profile: str | None = None, phase: str | None = None,
@@ -175,9 +182,9 @@ class Client:
         while True:
             query = _query(team=team, track=track, profile=profile, phase=phase, state=state,
                            limit=PAGE, before=before)
-            page = self._get(f"/v1/submissions?{query}")
+            page = self._get(f"/v1/submissions?{query}", submissions=list)
             yield from map(flat, page["submissions"])
-            before = page["next_before"]
+            before = page.get("next_before")
             if before is None:
                 return
 
@@ -193,8 +200,16 @@ class Client:
                 return phase["track"]
         raise WrongUse(f'there is no phase "{name}"; phases() lists those that there are')
 
-    def _get(self, path: str) -> Json:
-        return _with_retries(lambda: self._transport.ask("GET", path))
+    def _get(self, path: str, **wanted: type) -> Json:
+        return self._with(_with_retries(lambda: self._transport.ask("GET", path)), **wanted)
+
+    def _with(self, answer: Json, **wanted: type) -> Json:
+        """The answer, which must have these keys of these types."""
+        for key, kind in wanted.items():
+            if not isinstance(answer.get(key), kind):
+                raise ServerError(200, "unreadable", f'the answer of {self.server} lacks "{key}"; '
+                                  "is it a server of MyoGrade?")
+        return answer
 
     def _post(self, path: str, body: Json, headers: dict[str, str] | None = None, *,
               retry: bool = True) -> Json:

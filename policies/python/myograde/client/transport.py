@@ -19,6 +19,7 @@ CONNECT_S = 10.0
 # sentence arrives.
 ANSWER_S, UPLOAD_S = 60.0, 960.0
 MAX_ANSWER_BYTES = 1 << 30
+MAX_SENTENCE = 4000
 PIECE = 256 << 10
 
 
@@ -165,7 +166,7 @@ def _answer(server: Server, status: int, text: bytes) -> Any:
                           "address")
     try:
         answer = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         answer = None
     if 200 <= status < 300 and isinstance(answer, dict):
         return answer
@@ -173,7 +174,12 @@ def _answer(server: Server, status: int, text: bytes) -> Any:
     if not isinstance(error, dict) or not isinstance(error.get("message"), str):
         raise ServerError(status, "unreadable", f"{server} answered with HTTP status {status} and "
                           "nothing that can be read")
-    raise ServerError(status, str(error.get("code", "")), error["message"])
+    raise ServerError(status, _harmless(str(error.get("code", ""))), _harmless(error["message"]))
+
+
+def _harmless(text: str) -> str:
+    """Without what a terminal would obey."""
+    return "".join(sign if sign.isprintable() else "\ufffd" for sign in text[:MAX_SENTENCE])
 
 
 def size_of(stream: BinaryIO) -> int:
