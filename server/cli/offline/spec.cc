@@ -236,7 +236,7 @@ int Spec(const SpecOptions& options) {
   if (options.track.empty()) return ListTracksOnOffer(*tracks, options.json);
   const absl::StatusOr<TrackPtr> track = tracks->Find(options.track, options.profile);
   if (!track.ok()) return ReportError(track.status());
-  const Tracks::Entry& entry = tracks->entries().at(options.track);
+  const Tracks::Entry entry = tracks->entries().at(options.track);
   if (options.json) {
     PrintJson(SpecJson((*track)->config, entry));
   } else {

@@ -128,7 +128,7 @@ def metric(name, title, unit, digits=4, better="less"):
 TIME, EFFORT = metric("time_s", "time", "s"), metric("effort", "effort", "", 6)
 TOUCH = metric("max_touch_n", "peak touch", "N", 1, "neither")
 RESULT = {"evaluation": 9, "submission": 7, "kind": "original", "team": "alpha", "track": "t",
-          "merkle_root": None,
+          "merkle_root": None, "rejudge": None,
           "profile": "paper", "phase": None, "ranked": True, "state": "done", "reason": None,
           "first": 0, "last": 1,
           "episodes": COUNTS, "outcomes": {"success": 1, "failure": 1}, "reasons": {"time": 1},
