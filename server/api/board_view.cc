@@ -102,6 +102,22 @@ Json RowToJson(const LeaderboardRow& row) {
           {"aggregate", row.aggregate}};
 }
 
+void AddBoardAsked(const BoardQuery& asked, bool withheld, Json& json) {
+  const TrackConfig& config = asked.track->config;
+  json["track"] = config.id;
+  json["track_kind"] = config.kind->name;
+  json["profile"] = config.profile;
+  json["phase"] = TextOrNull(config.phase);
+  json["board"] = asked.board;
+  json["config"] = config.hash;
+  json["config_in_force"] = asked.config_in_force;
+  json["at"] = TimeToJson(asked.at_ms);
+  json["episodes"] = config.seeds.size();
+  const bool froze = asked.frozen || withheld;
+  json["frozen_at"] = froze ? TimeToJson(absl::ToUnixMillis(asked.freezes)) : Json();
+  json["complete"] = asked.whole || !froze;
+}
+
 absl::StatusOr<Json> BoardView(Reader& reader, const BoardQuery& asked,
                                const scoring::StatisticsConfig& statistics) {
   const TrackConfig& config = asked.track->config;
@@ -121,22 +137,11 @@ absl::StatusOr<Json> BoardView(Reader& reader, const BoardQuery& asked,
   AddOtherConfigs(reader, asked, json);
   source->damaged.insert(source->damaged.end(), board->damaged.begin(), board->damaged.end());
   json["unreadable"] = DamagedToJson(source->damaged);
-  json["track"] = config.id;
-  json["track_kind"] = config.kind->name;
-  json["profile"] = config.profile;
-  json["phase"] = TextOrNull(config.phase);
-  json["frozen_at"] =
-      asked.frozen || source->withheld ? TimeToJson(absl::ToUnixMillis(asked.freezes)) : Json();
-  json["complete"] = asked.whole || !(asked.frozen || source->withheld);
-  json["at"] = TimeToJson(asked.at_ms);
-  json["board"] = asked.board;
+  AddBoardAsked(asked, source->withheld, json);
   json["rules"] = config.scoring["boards"][asked.board];
   json["official_figures"] = asked.track->scoring.official_figures;
   json["columns"] = ColumnsToJson(*asked.track->scoring.track, *asked.rules);
   json["order"] = scoring::DescribeOrder(asked.rules->rules);
-  json["config"] = config.hash;
-  json["config_in_force"] = asked.config_in_force;
-  json["episodes"] = config.seeds.size();
   return json;
 }
 

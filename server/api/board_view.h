@@ -14,6 +14,9 @@ namespace myograde::server {
 // A row, without what it is only beside others.
 nlohmann::json RowToJson(const LeaderboardRow& row);
 
+// Adds which board was asked for, and how much of it the caller sees. `withheld`: some was left out.
+void AddBoardAsked(const BoardQuery& asked, bool withheld, nlohmann::json& json);
+
 // `statistics`: of the board. If its ranks are those of groups, so are the rows' ranks.
 absl::StatusOr<nlohmann::json> BoardView(Reader& reader, const BoardQuery& asked,
                                          const scoring::StatisticsConfig& statistics);

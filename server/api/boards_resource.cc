@@ -19,6 +19,15 @@ namespace myograde::server {
 
 using Json = nlohmann::json;
 
+BoardsResource::BoardsResource(const ApiContext& context)
+    : context_(context),
+      answers_(context, [&context](Reader& reader, const BoardQuery& asked) {
+        const absl::StatusOr<Json> board = BoardView(
+            reader, asked, StatisticsConfigOf(context, asked.track->config.phase));
+        return board.ok() ? CanonicalJson(*board) + "\n"
+                          : absl::StatusOr<std::string>(board.status());
+      }) {}
+
 void BoardsResource::Install(Routes& routes) {
   routes.Get("/v1/leaderboard", Action::kReadBoard, std::bind_front(&BoardsResource::Get, this));
   routes.Get("/v1/leaderboard/explain", Action::kReadBoard,
@@ -27,30 +36,7 @@ void BoardsResource::Install(Routes& routes) {
               std::bind_front(&BoardsResource::Rebuild, this));
 }
 
-ApiResult BoardsResource::Get(const httplib::Request& request) {
-  absl::Status status = CheckParameters(request, BoardParametersAnd({}));
-  if (!status.ok()) return ErrorOf(status);
-  ApiAnswer answer{.tagged = true};
-  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
-    const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
-    if (!asked.ok()) return asked.status();
-    const std::string& config = asked->track->config.hash;
-    KeptBoards& kept = asked->at_ms == 0 && config == asked->config_in_force ? now_ : others_;
-    const KeptBoards::Key key{config, asked->config_in_force, asked->board, asked->view(),
-                              asked->at_ms};
-    const int64_t changes = reader.BoardChanges();
-    answer.text = kept.Find(key, changes);
-    if (answer.text != nullptr) return absl::OkStatus();
-    absl::StatusOr<Json> board = BoardView(
-        reader, *asked, StatisticsConfigOf(context_, asked->track->config.phase));
-    if (!board.ok()) return board.status();
-    answer.text = std::make_shared<const std::string>(CanonicalJson(*board) + "\n");
-    kept.Keep(key, changes, answer.text);
-    return absl::OkStatus();
-  });
-  if (!status.ok()) return ErrorOf(status);
-  return answer;
-}
+ApiResult BoardsResource::Get(const httplib::Request& request) { return answers_.Get(request); }
 
 ApiResult BoardsResource::Explain(const httplib::Request& request) const {
   absl::Status status = CheckParameters(request, BoardParametersAnd({"a", "b"}));

@@ -1,12 +1,10 @@
 // Leaderboards, and why they are as they are.
 #pragma once
 
-#include <cstddef>
-
 #include <nlohmann/json.hpp>
 
+#include "server/api/board_answers.h"
 #include "server/api/context.h"
-#include "server/api/kept_boards.h"
 #include "server/api/routes.h"
 
 namespace myograde::server {
@@ -15,7 +13,7 @@ namespace myograde::server {
 class BoardsResource {
  public:
   // `context` must outlive it.
-  explicit BoardsResource(const ApiContext& context) : context_(context) {}
+  explicit BoardsResource(const ApiContext& context);
 
   void Install(Routes& routes);
 
@@ -25,9 +23,7 @@ class BoardsResource {
   ApiResult Rebuild(const httplib::Request& request, const nlohmann::json& body) const;
 
   const ApiContext& context_;
-  // Apart, as boards of the past are asked for without end.
-  KeptBoards now_{256, size_t{256} << 20};
-  KeptBoards others_{32, size_t{32} << 20};
+  BoardAnswers answers_;
 };
 
 }  // namespace myograde::server

@@ -156,7 +156,7 @@ ApiResult RejudgesResource::Apply(const httplib::Request& request, const Json& b
   if (!sign.ok()) return ErrorOf(sign.status());
   const absl::StatusOr<RejudgeDone> done = context_.engine.ApplyRejudge(
       {id, asked->reason, std::move(asked->without), *std::move(in_force)}, *sign, CallerKey(),
-      context_.config.http.request, /*alongside=*/nullptr, PlayFromNowOn());
+      context_.config.http.request, PlayFromNowOn());
   if (!done.ok()) return ErrorOf(done.status());
   NoteAct(SubjectOf(id), "applied");
   return Show(id, 200, {{"config_before", done->config_before},
@@ -173,7 +173,7 @@ ApiResult RejudgesResource::Drop(const httplib::Request& request, const Json& bo
   if (!sign.ok()) return ErrorOf(sign.status());
   const absl::StatusOr<RejudgeDone> done = context_.engine.DropRejudge(
       {id, *reason, {}, *std::move(in_force)}, *sign, CallerKey(), context_.config.http.request,
-      /*alongside=*/nullptr, PlayFromNowOn());
+      PlayFromNowOn());
   if (!done.ok()) return ErrorOf(done.status());
   NoteAct(SubjectOf(id), "dropped");
   return Show(id, 200, {{"config_before", done->config_before},

@@ -52,21 +52,17 @@ class Engine {
                                       const std::string& who, absl::Duration timeout);
 
   // Rejudges (store/rejudges.h). Errors of CheckNewRejudge and of the Writer's operations. `sign` runs
-  // on the loop's thread, as does `alongside` (if set), in the same transaction and after all else:
-  // an error of either undoes the whole.
+  // on the loop's thread, in the act's transaction: its error undoes the whole.
   // `after` (if set) runs on that thread too, once the act is written: also for a caller who did not
   // wait for it, and in the order of the acts. It must own what it touches.
   absl::StatusOr<CreatedRejudge> CreateRejudge(const NewRejudge& rejudge, const SignRejudge& sign,
-                                               const std::string& who, absl::Duration timeout,
-                                               StoreChange alongside = nullptr);
+                                               const std::string& who, absl::Duration timeout);
   absl::StatusOr<RejudgeDone> ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
                                            const std::string& who, absl::Duration timeout,
-                                           StoreChange alongside = nullptr,
                                            AfterRejudge after = nullptr);
   // The leases that still run of it are killed.
   absl::StatusOr<RejudgeDone> DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
                                           const std::string& who, absl::Duration timeout,
-                                          StoreChange alongside = nullptr,
                                           AfterRejudge after = nullptr);
   // For Rejudger: adds items, each as a whole or not at all, and queues those to play. Returns what
   // each became, the judged ones first.
@@ -88,6 +84,8 @@ class Engine {
                    absl::Duration timeout);
   absl::StatusOr<Accepted> Admit(std::function<absl::StatusOr<Accepted>(Writer&)> add,
                                  absl::Duration timeout);
+  absl::StatusOr<RejudgeDone> ActOnRejudge(std::function<absl::StatusOr<RejudgeDone>(Writer&)> act,
+                                           absl::Duration timeout, AfterRejudge after);
 
   const std::string data_dir_;
   const std::string cache_dir_;

@@ -48,17 +48,12 @@ absl::Status EnqueueAll(EngineCore& core, const Evaluations& evaluations) {
   return absl::OkStatus();
 }
 
-absl::Status RunIfSet(const StoreChange& change, Writer& writer) {
-  return change ? change(writer) : absl::OkStatus();
-}
-
 }  // namespace
 
 absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
                                                      const SignRejudge& sign,
                                                      const std::string& who,
-                                                     absl::Duration timeout,
-                                                     StoreChange alongside) {
+                                                     absl::Duration timeout) {
   NewRejudge rejudge = asked;
   if (rejudge.grader_json.empty()) rejudge.grader_json = CanonicalJson(GraderBuild(cache_dir_));
   if (absl::Status status = CheckNewRejudge(rejudge); !status.ok()) return status;
@@ -82,7 +77,7 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
           if (absl::Status added = AddItem(writer, item, who, *to_queue); !added.ok()) return added;
         }
         *created = *std::move(row);
-        return RunIfSet(alongside, writer);
+        return absl::OkStatus();
       },
       [this, to_queue] { return EnqueueAll(core_, *to_queue); }, timeout);
   if (!status.ok()) return status;
@@ -91,36 +86,30 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
 
 absl::StatusOr<RejudgeDone> Engine::ApplyRejudge(const RejudgeAct& act, const SignRejudge& sign,
                                                  const std::string& who, absl::Duration timeout,
-                                                 StoreChange alongside, AfterRejudge after) {
-  const auto done = std::make_shared<RejudgeDone>();
-  const absl::Status status = Ask(
-      [=](Writer& writer) -> absl::Status {
-        absl::StatusOr<RejudgeDone> applied = writer.ApplyRejudge(act, sign, who);
-        if (!applied.ok()) return applied.status();
-        *done = *std::move(applied);
-        return RunIfSet(alongside, writer);
-      },
-      [done, after] {
-        if (after) after(*done);
-        return absl::OkStatus();
-      },
-      timeout);
-  if (!status.ok()) return status;
-  return *done;
+                                                 AfterRejudge after) {
+  return ActOnRejudge([=](Writer& writer) { return writer.ApplyRejudge(act, sign, who); }, timeout,
+                      std::move(after));
 }
 
 absl::StatusOr<RejudgeDone> Engine::DropRejudge(const RejudgeAct& act, const SignRejudge& sign,
                                                 const std::string& who, absl::Duration timeout,
-                                                StoreChange alongside, AfterRejudge after) {
+                                                AfterRejudge after) {
+  return ActOnRejudge([=](Writer& writer) { return writer.DropRejudge(act, sign, who); }, timeout,
+                      std::move(after));
+}
+
+absl::StatusOr<RejudgeDone> Engine::ActOnRejudge(
+    std::function<absl::StatusOr<RejudgeDone>(Writer&)> act, absl::Duration timeout,
+    AfterRejudge after) {
   const auto done = std::make_shared<RejudgeDone>();
   const absl::Status status = Ask(
-      [=](Writer& writer) -> absl::Status {
-        absl::StatusOr<RejudgeDone> dropped = writer.DropRejudge(act, sign, who);
-        if (!dropped.ok()) return dropped.status();
-        *done = *std::move(dropped);
-        return RunIfSet(alongside, writer);
+      [act = std::move(act), done](Writer& writer) -> absl::Status {
+        absl::StatusOr<RejudgeDone> acted = act(writer);
+        if (!acted.ok()) return acted.status();
+        *done = *std::move(acted);
+        return absl::OkStatus();
       },
-      [this, done, after] {
+      [this, done, after = std::move(after)] {
         core_.StopEnded(done->cancelled);
         if (after) after(*done);
         return absl::OkStatus();

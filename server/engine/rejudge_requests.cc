@@ -17,12 +17,8 @@ using Json = nlohmann::json;
 
 constexpr char kScoring[] = "scoring";
 
-Json ParsedOrNull(const std::string& text) {
-  return Json::parse(text, nullptr, /*allow_exceptions=*/false);
-}
-
 bool HaveSameFacts(const std::string& from_json, const std::string& to_json) {
-  return SameFacts(ParsedOrNull(from_json), ParsedOrNull(to_json));
+  return SameFacts(ParsedText(from_json), ParsedText(to_json));
 }
 
 // A file's hash in a build; null if it is unknown.
@@ -114,7 +110,7 @@ absl::StatusOr<RejudgePlan> PlanRejudge(Reader& reader, const NewRejudge& rejudg
   if (absl::Status status = CheckListed(rejudge, candidates); !status.ok()) return status;
   const bool same_facts = rejudge.purpose == RejudgePurpose::kRules &&
                           HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json);
-  const Json today = ParsedOrNull(rejudge.grader_json);
+  const Json today = ParsedText(rejudge.grader_json);
   std::map<std::string, RejudgeMethod> methods;  // by the source's build
   std::set<int64_t> submissions;
   std::set<int64_t> without_files;
@@ -127,7 +123,7 @@ absl::StatusOr<RejudgePlan> PlanRejudge(Reader& reader, const NewRejudge& rejudg
     const auto [method, is_new] = methods.try_emplace(source->grader_json);
     if (is_new) {
       method->second = MethodOf(rejudge.method, rejudge.repeats, same_facts,
-                                ParsedOrNull(source->grader_json), today);
+                                ParsedText(source->grader_json), today);
     }
     if (method->second == RejudgeMethod::kFacts) {
       ++plan.facts;

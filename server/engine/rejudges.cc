@@ -18,10 +18,6 @@ constexpr absl::Duration kWrite = absl::Seconds(30);
 // About as many rows are written together: a few ms, for which the engine's loop stands still.
 constexpr int64_t kRowsAtOnce = 256;
 
-Json ParsedOrEmpty(const std::string& text) {
-  return Json::parse(text, nullptr, /*allow_exceptions=*/false);
-}
-
 absl::Status CantBeJudged(const EpisodeRow& row, const absl::Status& why) {
   return absl::InternalError(absl::StrCat("the facts of episode ", row.index, " of evaluation ",
                                           row.evaluation, " can't be judged: ",
@@ -47,7 +43,7 @@ absl::StatusOr<JudgedItem> JudgeAnew(Reader& reader, const RejudgeRow& rejudge,
   item.repetition = candidate.repetition;
   item.source = candidate.source;
   for (EpisodeRow& row : *rows) {
-    const absl::StatusOr<EpisodeFacts> facts = EpisodeFactsFromJson(ParsedOrEmpty(row.facts_json));
+    const absl::StatusOr<EpisodeFacts> facts = EpisodeFactsFromJson(ParsedText(row.facts_json));
     if (!facts.ok()) return CantBeJudged(row, facts.status());
     absl::StatusOr<EpisodeRow> judged = JudgedRow(track, *facts);
     if (!judged.ok()) return CantBeJudged(row, judged.status());
@@ -157,7 +153,7 @@ absl::StatusOr<Rejudger::Work> Rejudger::WorkOf(Reader& reader, RejudgeRow rejud
   const absl::StatusOr<std::string> to = reader.ConfigJson(work.rejudge.to_config);
   if (!from.ok()) return from.status();
   if (!to.ok()) return to.status();
-  work.same_facts = SameFacts(ParsedOrEmpty(*from), ParsedOrEmpty(*to));
+  work.same_facts = SameFacts(ParsedText(*from), ParsedText(*to));
   return work;
 }
 
@@ -183,7 +179,7 @@ absl::Status Rejudger::Add(Reader& reader, const Work& work, const RejudgeCandid
   RejudgeMethod method = RejudgeMethod::kPlay;
   if (source.ok()) {
     method = MethodOf(work.rejudge.method, work.rejudge.repeats, work.same_facts,
-                      ParsedOrEmpty(source->grader_json), today);
+                      ParsedText(source->grader_json), today);
   }
   if (source.ok() && method == RejudgeMethod::kFacts) {
     absl::StatusOr<JudgedItem> judged =

@@ -118,6 +118,10 @@ std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lea
   return blocks;
 }
 
+nlohmann::json ParsedText(const std::string& text) {
+  return nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
+}
+
 std::string ArtefactFolder(const std::string& data_dir, const std::string& hash) {
   return absl::StrCat(data_dir, "/artefacts/", hash);
 }

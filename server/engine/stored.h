@@ -10,6 +10,7 @@
 #include <vector>
 
 #include <absl/status/statusor.h>
+#include <nlohmann/json.hpp>
 
 #include "server/grading/stored_track.h"
 #include "server/grading/tracks.h"
@@ -48,6 +49,9 @@ absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(Reader& reader,
 
 // The first and last episodes of an evaluation's leases: [0, count) cut at multiples of `per_lease`.
 std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease);
+
+// A text that should be JSON; is_discarded() if it is not.
+nlohmann::json ParsedText(const std::string& text);
 
 // The folder of an artefact's files. NotFoundError if the files were removed, or the artefact came
 // with an import.

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
 #include "protocol/base/sha256.h"
 #include "server/store/connection.h"
@@ -257,10 +258,7 @@ InForce Reader::StandingsInForce(const std::string& config, const BoardMoment& m
 }
 
 std::set<int64_t> Reader::Choices(const std::string& config, const BoardMoment& moment) {
-  std::string rejudges;
-  for (const int64_t rejudge : AppliedRejudges(config, moment)) {
-    absl::StrAppend(&rejudges, rejudges.empty() ? "" : ", ", rejudge);
-  }
+  const std::string rejudges = absl::StrJoin(AppliedRejudges(config, moment), ", ");
   SQLite::Statement select(
       db_, absl::StrCat("SELECT c.submission, max(c.id) FROM choice AS c "
                         "JOIN submission AS s ON s.id = c.submission "
@@ -306,10 +304,7 @@ std::vector<OtherConfig> Reader::OtherConfigs(const BoardName& board, const std:
 
 int64_t Reader::RankedElsewhere(const BoardName& board, const std::string& config,
                                 const BoardMoment& moment) {
-  std::string rejudges;
-  for (const int64_t rejudge : AppliedRejudges(config, moment)) {
-    absl::StrAppend(&rejudges, rejudges.empty() ? "" : ", ", rejudge);
-  }
+  const std::string rejudges = absl::StrJoin(AppliedRejudges(config, moment), ", ");
   SQLite::Statement select(
       db_, absl::StrCat("SELECT count(*) FROM config AS c CROSS JOIN submission AS s "
                         "ON s.config = c.hash AND s.ranked = 1 JOIN evaluation AS e "

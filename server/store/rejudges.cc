@@ -8,6 +8,7 @@
 
 #include "server/store/connection.h"
 #include "server/store/differences.h"
+#include "server/store/name_table.h"
 #include "server/store/reader.h"
 #include "server/store/stored_row.h"
 
@@ -28,20 +29,6 @@ constexpr std::array<std::pair<RejudgeEvent, std::string_view>, 3> kEvents = {{
     {RejudgeEvent::kApplied, "applied"},
     {RejudgeEvent::kDropped, "dropped"},
 }};
-
-template <typename Table, typename Value>
-std::string_view NameOf(const Table& table, Value value) {
-  return std::find_if(table.begin(), table.end(),
-                      [&](const auto& entry) { return entry.first == value; })->second;
-}
-
-template <typename Value, typename Table>
-std::optional<Value> ValueOf(const Table& table, std::string_view name) {
-  for (const auto& [value, known] : table) {
-    if (known == name) return value;
-  }
-  return std::nullopt;
-}
 
 constexpr char kRejudgeColumns[] =
     "SELECT id, at, purpose, phase, track, profile, from_config, to_config, seeds, method, repeats, "
@@ -144,17 +131,17 @@ std::vector<RejudgeCandidate> Candidates(SQLite::Statement& select) {
 
 }  // namespace
 
-std::string_view RejudgePurposeName(RejudgePurpose purpose) { return NameOf(kPurposes, purpose); }
+std::string_view RejudgePurposeName(RejudgePurpose purpose) { return NameIn(kPurposes, purpose); }
 std::optional<RejudgePurpose> ParseRejudgePurpose(std::string_view name) {
-  return ValueOf<RejudgePurpose>(kPurposes, name);
+  return ParseIn<RejudgePurpose>(kPurposes, name);
 }
-std::string_view RejudgeMethodName(RejudgeMethod method) { return NameOf(kMethods, method); }
+std::string_view RejudgeMethodName(RejudgeMethod method) { return NameIn(kMethods, method); }
 std::optional<RejudgeMethod> ParseRejudgeMethod(std::string_view name) {
-  return ValueOf<RejudgeMethod>(kMethods, name);
+  return ParseIn<RejudgeMethod>(kMethods, name);
 }
-std::string_view RejudgeEventName(RejudgeEvent event) { return NameOf(kEvents, event); }
+std::string_view RejudgeEventName(RejudgeEvent event) { return NameIn(kEvents, event); }
 std::optional<RejudgeEvent> ParseRejudgeEvent(std::string_view name) {
-  return ValueOf<RejudgeEvent>(kEvents, name);
+  return ParseIn<RejudgeEvent>(kEvents, name);
 }
 
 std::string_view RejudgeStateName(RejudgeProgress::State state) {

@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "server/store/name_table.h"
+
 namespace myograde::server {
 namespace {
 
@@ -21,6 +23,7 @@ constexpr std::array<std::pair<EvaluationKind, std::string_view>, 3> kEvaluation
     {EvaluationKind::kRerun, "rerun"},
     {EvaluationKind::kRejudge, "rejudge"},
 }};
+
 constexpr std::array<std::pair<EvaluationState, std::string_view>, 6> kEvaluationStates = {{
     {EvaluationState::kQueued, "queued"},
     {EvaluationState::kRunning, "running"},
@@ -29,22 +32,6 @@ constexpr std::array<std::pair<EvaluationState, std::string_view>, 6> kEvaluatio
     {EvaluationState::kCancelled, "cancelled"},
     {EvaluationState::kGraderError, "grader_error"},
 }};
-
-template <typename Table, typename State>
-std::string_view NameIn(const Table& table, State state) {
-  for (const auto& [value, name] : table) {
-    if (value == state) return name;
-  }
-  return "";
-}
-
-template <typename State, typename Table>
-std::optional<State> ParseIn(const Table& table, std::string_view name) {
-  for (const auto& [value, known] : table) {
-    if (known == name) return value;
-  }
-  return std::nullopt;
-}
 
 }  // namespace
 
