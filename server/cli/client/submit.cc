@@ -1,6 +1,6 @@
-// myograde submit
+#include "server/cli/client/submit.h"
+
 #include <iostream>
-#include <memory>
 
 #include <absl/strings/str_cat.h>
 
@@ -12,10 +12,7 @@
 #include "server/cli/base/seed_file.h"
 #include "server/cli/base/temp_folder.h"
 #include "server/cli/client/challenge_phase.h"
-#include "server/cli/client/client.h"
-#include "server/cli/client/daemon_options.h"
 #include "server/cli/client/follow.h"
-#include "server/cli/client/verbs.h"
 #include "server/cli/terminal/progress.h"
 #include "server/cli/terminal/text.h"
 
@@ -23,28 +20,6 @@ namespace myograde::server {
 namespace {
 
 using Json = nlohmann::json;
-
-struct SubmitOptions : DaemonOptions {
-  std::string path;
-  std::string track;
-  std::string team;
-  std::string profile;
-  std::string phase;
-  std::string seeds;
-  int64_t episodes = 0;  // 0: not given
-  bool wait = false;
-  bool full_hashes = false;
-};
-
-// The track that a phase plays.
-absl::StatusOr<std::string> TrackOfPhase(const Client& client, const std::string& phase) {
-  const absl::StatusOr<Json> answer = client.Get("/v1/challenges");
-  if (!answer.ok()) return answer.status();
-  const Json known = PhaseIn(*answer, phase);
-  if (known.is_object()) return known.value("track", "");
-  return absl::InvalidArgumentError(absl::StrCat(
-      "there is no phase \"", phase, "\"; \"myograde challenge status\" lists those that there are"));
-}
 
 absl::StatusOr<Json> RequestOf(const SubmitOptions& options) {
   Json request = {{"team", options.team}, {"track", options.track}};
@@ -132,16 +107,30 @@ void PrintAccepted(const Json& submission, int64_t id) {
             << std::endl;
 }
 
+}  // namespace
+
+absl::Status CheckPlaceGiven(const SubmitOptions& options) {
+  if (!options.track.empty() || !options.phase.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      "give the track with --track, or the phase of a challenge with --phase");
+}
+
+absl::StatusOr<Json> FindPhaseOf(const Client& client, const std::string& phase) {
+  const absl::StatusOr<Json> answer = client.Get("/v1/challenges");
+  if (!answer.ok()) return answer.status();
+  Json known = PhaseIn(*answer, phase);
+  if (known.is_object()) return known;
+  return absl::InvalidArgumentError(absl::StrCat(
+      "there is no phase \"", phase, "\"; \"myograde challenge status\" lists those that there are"));
+}
+
 int Submit(SubmitOptions options) {
-  if (options.track.empty() && options.phase.empty()) {
-    return ReportError(absl::InvalidArgumentError(
-        "give the track with --track, or the phase of a challenge with --phase"));
-  }
+  if (const absl::Status given = CheckPlaceGiven(options); !given.ok()) return ReportError(given);
   const Client client = options.client();
   if (options.track.empty()) {
-    absl::StatusOr<std::string> track = TrackOfPhase(client, options.phase);
-    if (!track.ok()) return ReportError(track.status());
-    options.track = *std::move(track);
+    const absl::StatusOr<Json> phase = FindPhaseOf(client, options.phase);
+    if (!phase.ok()) return ReportError(phase.status());
+    options.track = phase->value("track", "");
   }
   // Mistakes that can be found here are reported before anything is sent.
   absl::StatusOr<Json> request = RequestOf(options);
@@ -162,33 +151,31 @@ int Submit(SubmitOptions options) {
   return kDone;
 }
 
-}  // namespace
-
-Action AddSubmit(CLI::App& verb) {
-  auto options = std::make_shared<SubmitOptions>();
-  verb.add_option("PATH", options->path,
+CLI::Option* AddSubmitOptions(CLI::App& verb, SubmitOptions& options) {
+  verb.add_option("PATH", options.path,
                   "An executable file, a folder with a policy.json, or an archive of such a folder "
                   "(.tar, .tar.gz, .tar.zst, .zip)")
       ->required();
-  verb.add_option("--track", options->track,
+  verb.add_option("--track", options.track,
                   "Name of the track, as \"myograde spec\" lists them (default: the phase's)");
-  verb.add_option("--team", options->team, "Name of the team; 1 to 64 bytes")->required();
-  verb.add_option("--profile", options->profile, "Rules profile (default: the track's own)");
+  verb.add_option("--team", options.team, "Name of the team; 1 to 64 bytes")->required();
+  verb.add_option("--profile", options.profile, "Rules profile (default: the track's own)");
   CLI::Option* phase =
-      verb.add_option("--phase", options->phase,
+      verb.add_option("--phase", options.phase,
                       "Phase of a challenge (default: the only one of the track that is open)");
-  verb.add_option("--seeds", options->seeds,
+  verb.add_option("--seeds", options.seeds,
                   "File of seeds to practise on: a JSON array, or one on each line; none of them "
                   "may be ranked")
       ->excludes(phase);
-  verb.add_option("--episodes", options->episodes,
+  verb.add_option("--episodes", options.episodes,
                   "Practise on the first N of the track's practice seeds; practice does not rank")
       ->check(CLI::Range(1, 10'000))
       ->excludes(phase);
-  verb.add_flag("--wait", options->wait, "Wait for the end, show progress and print the result");
-  AddFullHashes(verb, options->full_hashes);
-  AddDaemonOptions(verb, "submit", *options);
-  return [options] { return Submit(*options); };
+  CLI::Option* wait = verb.add_flag("--wait", options.wait,
+                                    "Wait for the end, show progress and print the result");
+  AddFullHashes(verb, options.full_hashes);
+  AddDaemonOptions(verb, "submit", options);
+  return wait;
 }
 
 }  // namespace myograde::server

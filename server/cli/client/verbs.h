@@ -7,7 +7,6 @@
 
 namespace myograde::server {
 
-Action AddSubmit(CLI::App& verb);
 Action AddStatus(CLI::App& verb);
 Action AddCancel(CLI::App& verb);
 Action AddChoose(CLI::App& verb);

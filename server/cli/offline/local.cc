@@ -1,4 +1,5 @@
-// myograde local
+#include "server/cli/offline/local.h"
+
 #include <filesystem>
 #include <iostream>
 #include <map>
@@ -12,12 +13,10 @@
 #include "protocol/base/outcome.h"
 #include "protocol/base/sha256.h"
 #include "server/cli/base/exit_status.h"
-#include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
 #include "server/cli/base/seed_file.h"
 #include "server/cli/base/temp_folder.h"
-#include "server/cli/offline/local_run.h"
 #include "server/cli/offline/stop_signal.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/progress.h"
@@ -32,19 +31,6 @@ namespace myograde::server {
 namespace {
 
 using Json = nlohmann::json;
-
-struct LocalOptions {
-  HostOptions host;
-  std::string path;
-  std::string track;
-  std::string profile;
-  std::string seeds;
-  std::string logs;      // "": none are kept
-  int64_t episodes = 0;  // 0: not given
-  int slots = 0;         // 0: as server.json says
-  bool full_hashes = false;
-  bool json = false;
-};
 
 absl::StatusOr<std::vector<uint64_t>> SeedsOf(const LocalOptions& options,
                                               const TrackConfig& config) {
@@ -85,9 +71,9 @@ ByteProgress ShownBy(Progress& progress) {
   return [&progress](int64_t done, int64_t total) { progress.Show(done, total, ""); };
 }
 
-// Everything that can be wrong with what the user gave is found here, before
-// anything runs. `temp` keeps the unpacked submission.
-absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::string& temp) {
+}  // namespace
+
+absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options) {
   LocalOrder order;
   const std::string configs = options.host.configs_dir();
   absl::StatusOr<TrackConfig> config =
@@ -96,8 +82,6 @@ absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::strin
   absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOf(options, *config);
   if (!seeds.ok()) return seeds.status();
   order.seeds = *std::move(seeds);
-  const ArtefactLimits limits = {.bytes = config->budgets.submission_bytes,
-                                 .files = config->budgets.submission_files};
   absl::StatusOr<TrackPtr> track = MakeTrack(*std::move(config));
   if (!track.ok()) return HostStatus("", track.status());
   order.track = *std::move(track);
@@ -108,43 +92,44 @@ absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::strin
   const absl::StatusOr<SandboxConfig> sandbox = LoadSandboxConfig(configs);
   if (!sandbox.ok()) return HostStatus("", sandbox.status());
   order.slots = options.slots > 0 ? options.slots : order.config.scheduler.slots;
+  return order;
+}
+
+absl::Status TakeSubmission(const std::string& path, const std::string& temp, LocalOrder& order) {
+  const Budgets& budgets = order.track->config.budgets;
+  const ArtefactLimits limits = {.bytes = budgets.submission_bytes,
+                                 .files = budgets.submission_files};
   const std::string archive = temp + "/artefact.tar";
   {
     Progress progress("packing", Progress::Unit::kBytes);
     const absl::Status packed =
-        HostStatus(options.path, PackArtefact(options.path, archive, limits, ShownBy(progress)));
+        HostStatus(path, PackArtefact(path, archive, limits, ShownBy(progress)));
     if (!packed.ok()) return packed;
   }
   order.artefact_dir = temp + "/artefact";
-  {
-    Progress progress("unpacking", Progress::Unit::kBytes);
-    absl::StatusOr<Artefact> artefact =
-        UnpackArtefact(archive, order.artefact_dir, limits, ShownBy(progress));
-    if (!artefact.ok()) return HostStatus(options.path, artefact.status());
-    order.artefact = *std::move(artefact);
-  }
-  std::filesystem::remove(archive);
-  absl::StatusOr<std::vector<std::string>> runtimes =
-      RuntimesOf(order.artefact.manifest, order.config);
-  if (!runtimes.ok()) return runtimes.status();
-  order.runtimes = *std::move(runtimes);
-  const absl::Status program = HostStatus(
-      options.path, CheckProgram(order.artefact.manifest, order.artefact_dir, order.runtimes));
-  if (!program.ok()) return program;
+  Progress progress("unpacking", Progress::Unit::kBytes);
+  absl::StatusOr<Artefact> artefact =
+      UnpackArtefact(archive, order.artefact_dir, limits, ShownBy(progress));
+  if (!artefact.ok()) return HostStatus(path, artefact.status());
+  order.artefact = *std::move(artefact);
   order.work_dir = temp;
-  if (!options.logs.empty()) {
-    std::error_code error;
-    order.log_dir = std::filesystem::absolute(options.logs).lexically_normal();
-    std::filesystem::create_directories(order.log_dir, error);
-    if (error) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("--logs: ", options.logs, " can't be made: ", error.message()));
-    }
-  }
-  return order;
+  std::filesystem::remove(archive);
+  return absl::OkStatus();
 }
 
-Json RowJson(const EpisodeRow& row) {
+absl::Status TakeRuntimes(LocalOrder& order) {
+  absl::StatusOr<std::vector<std::string>> runtimes =
+      RuntimesOf(order.artefact.manifest, order.config);
+  if (runtimes.ok()) order.runtimes = *std::move(runtimes);
+  return runtimes.status();
+}
+
+absl::Status CheckLocalProgram(const std::string& path, const LocalOrder& order) {
+  return HostStatus(path,
+                    CheckProgram(order.artefact.manifest, order.artefact_dir, order.runtimes));
+}
+
+Json LocalRowJson(const EpisodeRow& row) {
   const Json facts = Json::parse(row.facts_json);
   Json json = {{"index", row.index},
                {"seed", row.seed},
@@ -161,6 +146,29 @@ Json RowJson(const EpisodeRow& row) {
   return json;
 }
 
+namespace {
+
+// Everything that can be wrong with what the user gave is found here, before
+// anything runs. `temp` keeps the unpacked submission.
+absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::string& temp) {
+  absl::StatusOr<LocalOrder> order = MakeLocalOrder(options);
+  if (!order.ok()) return order;
+  absl::Status status = TakeSubmission(options.path, temp, *order);
+  if (status.ok()) status = TakeRuntimes(*order);
+  if (status.ok()) status = CheckLocalProgram(options.path, *order);
+  if (!status.ok()) return status;
+  if (!options.logs.empty()) {
+    std::error_code error;
+    order->log_dir = std::filesystem::absolute(options.logs).lexically_normal();
+    std::filesystem::create_directories(order->log_dir, error);
+    if (error) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("--logs: ", options.logs, " can't be made: ", error.message()));
+    }
+  }
+  return order;
+}
+
 absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& result,
                                 absl::Duration wall) {
   const scoring::TrackScoring& scoring = order.track->scoring;
@@ -173,7 +181,7 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
   for (const EpisodeRow& row : result.rows) {
     ++outcomes[std::string(OutcomeName(row.outcome))];
     if (row.reason != FailureReason::kNone) ++reasons[std::string(row.reason.name())];
-    rows.push_back(RowJson(row));
+    rows.push_back(LocalRowJson(row));
   }
   const char* state = result.interrupted ? "cancelled" : aggregate->failed ? "failed" : "done";
   return Json{{"track", config.id},

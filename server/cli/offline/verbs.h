@@ -1,4 +1,4 @@
-// The verbs that do their work on this host and need no daemon. Each adds its options to `verb` and
+// The verbs that do their work on this host and need no daemon, and submit, which can. Each adds its options to `verb` and
 // returns what it does.
 #pragma once
 
@@ -9,6 +9,7 @@
 namespace myograde::server {
 
 Action AddServe(CLI::App& verb);
+Action AddSubmit(CLI::App& verb);
 Action AddImport(CLI::App& verb);
 Action AddReplay(CLI::App& verb);
 Action AddVerify(CLI::App& verb);

@@ -1,0 +1,49 @@
+// A policy graded on this host, in the steps that its verbs share: what is to be played is gathered,
+// the submission is checked, and LocalRun plays it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+#include <nlohmann/json.hpp>
+
+#include "server/cli/base/options.h"
+#include "server/cli/offline/local_run.h"
+#include "server/store/rows.h"
+
+namespace myograde::server {
+
+struct LocalOptions {
+  HostOptions host;
+  std::string path;
+  std::string track;
+  std::string profile;
+  std::string seeds;
+  std::string logs;      // "": none are kept
+  int64_t episodes = 0;  // 0: not given
+  int slots = 0;         // 0: as server.json says
+  bool full_hashes = false;
+  bool json = false;
+};
+
+// An order with track, seeds, this host's configuration and nothing of the submission.
+// InvalidArgumentError or NotFoundError: an option or a config file.
+absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options);
+
+// Packs and unpacks the submission at `path` below the folder `temp`, as an upload would be.
+// InvalidArgumentError or NotFoundError: the submission.
+absl::Status TakeSubmission(const std::string& path, const std::string& temp, LocalOrder& order);
+
+// Finds the folders of the runtimes that the submission names. InvalidArgumentError: this host has
+// none of a name; InternalError: it is not set up.
+absl::Status TakeRuntimes(LocalOrder& order);
+
+// Whether the submission's command can start here. InvalidArgumentError: it can't.
+absl::Status CheckLocalProgram(const std::string& path, const LocalOrder& order);
+
+// An episode as `local` prints it.
+nlohmann::json LocalRowJson(const EpisodeRow& row);
+
+}  // namespace myograde::server
