@@ -175,7 +175,7 @@ void PrintReport(const DryRunOptions& options, const LocalOrder& order, const Re
             << '\n';
   PrintFindings(report.findings);
   const int status = ExitOfReport(report);
-  if (status != kDone) PrintOutput(report.episode.output);
+  if (status == kNoScore) PrintOutput(report.episode.output);
   const bool warned = HasFinding(report.findings, FindingState::kWarning);
   std::cout << (status == kNoScore && report.episode.interrupted ? "It was interrupted."
                 : status == kNoScore     ? "The submission would fail: see above."

@@ -37,7 +37,8 @@ Finding EpisodeFinding(const EpisodeRow& row, const Json& shown) {
 }
 
 std::string Seconds(double seconds) {
-  return seconds < 1 ? absl::StrFormat("%.3g ms", seconds * 1e3) : absl::StrFormat("%.3g s", seconds);
+  if (seconds < 1) return absl::StrFormat("%.3g ms", seconds * 1e3);
+  return seconds < 100 ? absl::StrFormat("%.3g s", seconds) : absl::StrFormat("%.0f s", seconds);
 }
 
 // CPU time of an average step and of a whole block of episodes like this one.
