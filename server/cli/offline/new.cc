@@ -28,7 +28,7 @@ struct NewOptions {
 
 // What to type in the folder: the commands of its README.
 std::vector<std::string> CommandsOf(const Starter& starter) {
-  const std::string submission = starter.lang == "cpp" ? "submission" : ".";
+  const std::string submission = starter.lang == "python" ? "." : "submission";
   return {
       starter.lang == "cpp" ? "./build.sh" : absl::StrCat("myograde spec --track ", starter.track),
       absl::StrCat("myograde local ", submission, " --track ", starter.track, " --episodes 1"),

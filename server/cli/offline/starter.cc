@@ -79,7 +79,7 @@ absl::StatusOr<std::string> TemplatesOf(const std::string& lang) {
   for (const char* place : {"/../share/myograde/policies/starter/", "/../policies/starter/"}) {
     const std::string templates = absl::StrCat(*bin_dir, place, lang);
     std::error_code error;
-    if (fs::exists(templates + "/policy.json", error)) return templates;
+    if (fs::exists(templates + "/README.md", error)) return templates;
   }
   return absl::InternalError(absl::StrCat("the starter for ", lang,
                                           " is not beside the programs in ", *bin_dir,
@@ -130,7 +130,7 @@ absl::StatusOr<std::vector<std::string>> WriteAllFrom(const Starter& starter,
 
 }  // namespace
 
-std::vector<std::string> StarterLanguages() { return {"cpp", "python"}; }
+std::vector<std::string> StarterLanguages() { return {"cpp", "python", "torch"}; }
 
 std::string CheckPolicyName(const std::string& name) {
   const auto is_letter_or_digit = [](char c) {

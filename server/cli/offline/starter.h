@@ -10,7 +10,7 @@ namespace myograde::server {
 
 // What `myograde new` knows about a policy when it is written.
 struct Starter {
-  std::string lang;   // "cpp" or "python"
+  std::string lang;   // "cpp", "python" or "torch"
   std::string name;   // of the policy, as CheckPolicyName() takes it
   std::string track;  // that its README plays
 };

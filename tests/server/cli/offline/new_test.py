@@ -12,7 +12,9 @@ sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 from cli_case import BIN_DIR, CliCase, myograde  # pylint: disable=wrong-import-position
 
 OWN_FILES = {"cpp": {"CMakeLists.txt", "README.md", "build.sh", "policy.cc", "policy.json"},
-             "python": {"README.md", "policy.json", "policy.py"}}
+             "python": {"README.md", "policy.json", "policy.py"},
+             "torch": {"README.md", "train.py", "submission/policy.json", "submission/policy.py",
+                       "submission/network.py"}}
 
 
 class NewTest(CliCase):
@@ -28,13 +30,16 @@ class NewTest(CliCase):
             folder, told = self.made(f"my-{lang}", lang, "--track", "locomotion")
             there = {path.relative_to(folder).as_posix() for path in folder.rglob("*")
                      if path.is_file()}
+            place = folder / "submission" if lang == "torch" else folder
             self.assertEqual(sorted(there), told["files"])
             self.assertLessEqual(own, there)
             if lang == "cpp":
                 self.assertEqual(own, there)
+            else:  # the kit lies beside the program
+                self.assertTrue((place / "myograde/policy/kit.py").is_file())
             for name in own:
                 self.assertNotRegex((folder / name).read_text(), "@[A-Z]+@", name)
-            manifest = json.loads((folder / "policy.json").read_text())
+            manifest = json.loads((place / "policy.json").read_text())
             self.assertEqual(manifest["name"], f"my-{lang}")
             page = (folder / "README.md").read_text()
             self.assertTrue(page.startswith(f"# my-{lang}\n"), page)
