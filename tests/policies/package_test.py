@@ -12,6 +12,8 @@ import tempfile
 import unittest
 import unittest.mock
 
+import jsonschema
+
 import myograde
 from myograde import errors, models
 from myograde.policy import tracks
@@ -24,6 +26,12 @@ PACKAGE = pathlib.Path(myograde.__file__).parent
 class InFolder(unittest.TestCase):
     def setUp(self):
         self.folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
+
+    def told(self, said, verb):
+        """What --json printed, which is as its schema says."""
+        value = json.loads(said.stdout)
+        jsonschema.validate(value, json.loads((SOURCE / f"configs/schema/{verb}.json").read_text()))
+        return value
 
     def run_module(self, *words, **variables):
         """python -m myograde."""
@@ -105,7 +113,7 @@ class Bundle(InFolder):
     def test_a_bundle_has_what_a_policy_imports_and_no_client(self):
         said = self.run_module("bundle", self.folder, "--json")
         self.assertEqual(said.returncode, 0, said.stderr)
-        told = json.loads(said.stdout)
+        told = self.told(said, "bundle")
         kit = self.folder / "myograde"
         self.assertEqual((told["folder"], told["replaced"]), (str(kit), False))
         files = {path.relative_to(kit).as_posix() for path in kit.rglob("*") if path.is_file()}
@@ -168,7 +176,7 @@ class Models(InFolder):
     def test_the_cache_is_filled_as_the_graders_is_and_then_left_alone(self):
         said = self.get("--json", **self.nearby)
         self.assertEqual(said.returncode, 0, said.stderr)
-        self.assertEqual(json.loads(said.stdout)["fetched"], ["mujoco", "myosuite"])
+        self.assertEqual(self.told(said, "get-models")["fetched"], ["mujoco", "myosuite"])
         for name in ("mujoco-2.2.2", "myosuite-2.8.4"):
             self.assertEqual(self.tree(self.folder / "cache" / name), self.tree(CACHE / name))
         before = (self.folder / "cache/mujoco-2.2.2").stat().st_mtime_ns
@@ -179,7 +187,7 @@ class Models(InFolder):
         # What was deleted comes from the wheel that was kept, without a network.
         shutil.rmtree(self.folder / "cache/mujoco-2.2.2")
         said = self.get("--json", **self.offline)
-        self.assertEqual(json.loads(said.stdout)["fetched"], ["mujoco"])
+        self.assertEqual(self.told(said, "get-models")["fetched"], ["mujoco"])
         self.assertEqual(sorted(path.name for path in (self.folder / "cache").iterdir()),
                          ["mujoco-2.2.2", "myosuite-2.8.4", "wheels"])
 
