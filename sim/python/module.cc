@@ -1,0 +1,8 @@
+// The extension module myograde._env: the simulator's environments for Python.
+#include "sim/python/bindings.h"
+
+NB_MODULE(_env, module) {
+  module.doc() = "The simulator's environments; myograde.envs is the interface for people.";
+  myograde::sim::BindHost(module);
+  myograde::sim::BindEnvironment(module);
+}
