@@ -114,13 +114,9 @@ void BindEnvironment(nb::module_& module) {
       .def("reward_values", &RewardTerms, "The reward terms of the current state, unweighted.")
       .def("facts", [](const GradedEnvironment& self) { return FactsOf(self.facts()); },
            "What was measured in the episode so far, by the keys of a result's JSON.")
-      .def_prop_ro("end",
-                   [](const GradedEnvironment& self) {
-                     if (self.unstable()) return OutcomeName(Outcome::kUnstable);
-                     if (self.running() || self.steps() == 0) return std::string_view();
-                     return self.facts().end.name();
-                   },
-                   "How the episode ended, as in a result; \"\" until then.")
+      .def("end_of", nb::overload_cast<const GradedEnvironment&>(&EndOf),
+           "How the episode ended (end is \"\" while it runs), and what was measured in it.")
+      .def_prop_ro("end", &EndNameOf, "How the episode ended, as in a result; \"\" until then.")
       .def_prop_ro("digest", &GradedEnvironment::digest,
                    "SHA-256 over the states of all steps so far, as in a result.")
       .def_prop_ro("actions_digest", &GradedEnvironment::actions_digest,

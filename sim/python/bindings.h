@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include <absl/status/status.h>
 #include <nanobind/nanobind.h>
@@ -50,5 +51,9 @@ nanobind::list PartsOf(const VectorLayout& layout, int offset = 0);
 nanobind::tuple BoundsOf(std::span<const Bounds> bounds);
 // What was measured, by the keys of the result's JSON.
 nanobind::dict FactsOf(const EpisodeFacts& facts);
+// "end", "facts", "digest", "actions_digest", "seed" and "steps" of an episode.
+nanobind::dict EndOf(const GradedEnvironment& environment);
+// How it ended, as in a result; "" while it runs.
+std::string_view EndNameOf(const GradedEnvironment& environment);
 
 }  // namespace myograde::sim

@@ -103,4 +103,21 @@ nb::dict FactsOf(const EpisodeFacts& facts) {
   return dict;
 }
 
+std::string_view EndNameOf(const GradedEnvironment& environment) {
+  if (environment.unstable()) return OutcomeName(Outcome::kUnstable);
+  if (!environment.terminated() && !environment.truncated()) return "";
+  return environment.facts().end.name();
+}
+
+nb::dict EndOf(const GradedEnvironment& environment) {
+  nb::dict dict;
+  dict["end"] = EndNameOf(environment);
+  dict["facts"] = FactsOf(environment.facts());
+  dict["digest"] = environment.digest();
+  dict["actions_digest"] = environment.actions_digest();
+  dict["seed"] = environment.seed();
+  dict["steps"] = environment.steps();
+  return dict;
+}
+
 }  // namespace myograde::sim
