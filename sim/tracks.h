@@ -10,6 +10,7 @@
 #include "protocol/lease/track_config.h"
 #include "sim/environment.h"
 #include "sim/model/source.h"
+#include "sim/render/camera_view.h"
 
 namespace myograde::sim {
 
@@ -17,11 +18,16 @@ namespace myograde::sim {
 struct SimulatedTrack {
   const TrackKind* kind;
   const ModelSource* model;
+  const CameraView* view;  // of pictures, unless another is asked for
   absl::StatusOr<std::unique_ptr<Environment>> (*make)(const TrackConfig& config,
                                                        const std::string& cache_dir);
+  std::span<const RewardTerm> reward_terms;  // in the order of Environment::RewardTerms
 };
 
 std::span<const SimulatedTrack> SimulatedTracks();
+
+// REQUIRES: the kind of a parsed config.
+const SimulatedTrack& SimulatedTrackOf(const TrackKind& kind);
 
 // Makes the environment that a track config asks for. `cache_dir` holds the
 // challenge's models (see sim/model/model.h). Errors: the rules are wrong

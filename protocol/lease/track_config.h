@@ -56,6 +56,8 @@ struct TrackConfig {
   // What practice plays, in order; none of them is in `seeds`. Empty unless the config's file names
   // some. Not part of the effective config and its hash.
   std::vector<uint64_t> practice_seeds = {};
+  // A submission may ask for TrackLayout::extra. Not part of the effective config and its hash.
+  bool extra_observations = false;
   // The phase of a challenge that plays it; "": a track's own board.
   std::string phase;
   // What commitments to the seeds are made with (seed_commitment.h), 64 hexadecimal digits; "": the

@@ -181,6 +181,9 @@ absl::StatusOr<ArtefactManifest> ReadManifest(int folder) {
   manifest.command = reader.Strings("command");
   if (reader.Has("runtimes")) manifest.runtimes = reader.Strings("runtimes");
   if (reader.Has("env")) manifest.environment = ReadEnvironment(reader);
+  if (reader.Has("extra_observations")) {
+    manifest.extra_observations = reader.Boolean("extra_observations");
+  }
   CheckName(reader, manifest.name);
   CheckCommand(reader, manifest.command);
   CheckRuntimes(reader, manifest.runtimes);

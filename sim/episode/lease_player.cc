@@ -215,10 +215,9 @@ LeasePlayer::Result LeasePlayer::RunSteps() {
     const auto& action = std::get<ActionFrame>(answer);
     const StepResult result = environment_.Step({action.values, action.size});
     const std::span<const double> values = {action.values, action.size};
-    digest_.Update(std::as_bytes(environment_.state()));
-    actions_digest_.Update(std::as_bytes(values));
+    digests_.Step(values, environment_.state());
     if (log_ != nullptr) {
-      log_->Step(values, Shorten(observation_digest_.Finish()), Shorten(digest_.Peek()));
+      log_->Step(values, Shorten(observation_digest_.Finish()), Shorten(digests_.PeekStates()));
     }
     ++step_;
     if (result.overflow) {
@@ -292,8 +291,8 @@ absl::Status LeasePlayer::Record(const EpisodeOrder& episode,
   EpisodeFacts facts = reset_ ? environment_.facts() : NothingPlayed(*order_.track.kind);
   facts.index = episode.index;
   facts.seed = episode.seed;
-  facts.digest = digest_.FinishHex();
-  facts.actions_digest = actions_digest_.FinishHex();
+  facts.digest = digests_.FinishStates();
+  facts.actions_digest = digests_.FinishActions();
   observation_digest_.Finish();  // of a question that was not answered
   if (given_up_) facts.end = EpisodeEnd::kGivenUp;
   if (fault.has_value()) {

@@ -15,6 +15,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/lease/sim_channel.h"
 #include "sim/environment.h"
+#include "sim/episode/digests.h"
 #include "sim/episode/log_writer.h"
 #include "sim/episode/messages.h"
 #include "sim/episode/policy_session.h"
@@ -66,8 +67,7 @@ class LeasePlayer {
   LogWriter* const log_;
 
   Messages messages_;
-  Sha256 digest_;          // of the episode's states
-  Sha256 actions_digest_;
+  EpisodeDigests digests_;
   Sha256 observation_digest_;
   std::optional<PolicySession> session_;
   LegParameterSets hello_sets_ = {};

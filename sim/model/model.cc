@@ -152,6 +152,11 @@ absl::StatusOr<ModelPtr> LoadModel(const ModelSource& source, const std::string&
   return Unseal(sealed, path);
 }
 
+bool IsCompiled(const ModelSource& source, const std::string& cache_dir) {
+  std::error_code error;
+  return fs::exists(CompiledPath(source, cache_dir), error);
+}
+
 absl::Status CompileModel(const ModelSource& source, const std::string& cache_dir) {
   InstallCallbacks();
   auto model = CompileFromSources(source, PackageDir(cache_dir));

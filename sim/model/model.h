@@ -34,6 +34,9 @@ using DataPtr = std::unique_ptr<mjData, DataDeleter>;
 // or a damaged compiled model (it carries its own).
 absl::StatusOr<ModelPtr> LoadModel(const ModelSource& source, const std::string& cache_dir);
 
+// True if LoadModel would find a compiled model.
+bool IsCompiled(const ModelSource& source, const std::string& cache_dir);
+
 // Compiles it anew and stores it (`myograde-sim --compile-models`).
 absl::Status CompileModel(const ModelSource& source, const std::string& cache_dir);
 

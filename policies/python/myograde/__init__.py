@@ -9,8 +9,8 @@
     if __name__ == "__main__":
         myograde.serve(Still())
 
-`myograde.client` submits policies and reads results; it is no part of what `python -m myograde
-bundle` puts into a submission. The message types (`myograde.action_t` and the others of
+`myograde.client` submits policies and reads results, and `myograde.envs` has the graded environments
+for training; neither is part of what `python -m myograde bundle` puts into a submission. The message types (`myograde.action_t` and the others of
 protocol/policy/myograde.lcm) are classes that lcm-gen made.
 """
 
@@ -22,3 +22,11 @@ __version__ = "0.1.0"
 
 __all__ = ["Episode", "Joint", "Layout", "LegSet", "LegState", "Part", "Policy", "Threshold",
            "Track", "leg_sets", "serve", "track"]
+
+
+def __getattr__(name: str):  # type: ignore[no-untyped-def]
+    # Imported when it is asked for: a submission's kit has no environments.
+    if name == "vec":
+        from .envs import vec
+        return vec
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -9,7 +9,7 @@ import sys
 from . import __version__, bundle, models
 from .errors import MyogradeError, WrongUse
 
-DONE, WRONG_USE, TROUBLE = 0, 2, 4  # as of the program myograde
+DONE, DIFFERENT, WRONG_USE, TROUBLE = 0, 1, 2, 4  # as of the program myograde
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -31,7 +31,20 @@ def _parser() -> argparse.ArgumentParser:
         epilog="example: python -m myograde get-models --cache ~/models")
     getting.add_argument("--cache", metavar="DIR", help="folder for them (default: MYOGRADE_CACHE, "
                          "else /var/cache/myograde for root and ~/.cache/myograde for others)")
-    for verb in (bundling, getting):
+    running = verbs.add_parser(
+        "run", help="run a script whose environments compute what a grader does, to the bit",
+        description="Runs a Python script with the C library's maths functions that every grader "
+        "has, whatever the processor, so that myograde.envs.exact() is true in it.",
+        epilog="example: python -m myograde run train.py --steps 100000")
+    running.add_argument("words", metavar="SCRIPT ...", nargs=argparse.REMAINDER,
+                         help="the script (or -m MODULE) and its arguments")
+    checking = verbs.add_parser(
+        "check", help="tell whether this machine gives a server's digests",
+        description="Plays the episodes that come with the package as a grader would, and compares "
+        "each observation and state with the grader's, to the bit. Exit status 1 if they differ.",
+        epilog="example: python -m myograde check")
+    checking.add_argument("--cache", metavar="DIR", help="folder of the models, as of get-models")
+    for verb in (bundling, getting, checking):
         verb.add_argument("--json", action="store_true", help="print JSON")
     return parser
 
@@ -61,17 +74,44 @@ def _get_models(options: argparse.Namespace) -> None:
         print(f"Everything is there already: {', '.join(str(folder) for folder in got.folders)}")
 
 
+def _run(options: argparse.Namespace) -> None:
+    from .envs import check
+    words = options.words[1:] if options.words[:1] == ["--"] else options.words
+    if not words:
+        raise WrongUse("run needs a script, such as: python -m myograde run train.py")
+    check.become_pinned(words)
+
+
+def _check(options: argparse.Namespace) -> int:
+    from .envs import check, exact
+    if not check.is_pinned_as_far_as_possible():
+        check.become_pinned(["-m", "myograde", *sys.argv[1:]])
+    played = check.check(options.cache)
+    equal = exact() and all(episode.equal for episode in played)
+    if options.json:
+        print(json.dumps({"equal": equal, "tracks": {
+            episode.track: {"equal": episode.equal, "steps": episode.steps,
+                            "detail": episode.detail} for episode in played}}))
+    else:
+        for episode in played:
+            print(f"{episode.track}: " + (f"{episode.steps} steps, equal to the bit"
+                                          if episode.equal else episode.detail))
+        print("Digests that are made here are a server's." if equal else
+              "Digests that are made here may differ from a server's; training does not mind.")
+    return DONE if equal else DIFFERENT
+
+
 def main() -> int:
     options = _parser().parse_args()
+    verbs = {"bundle": _bundle, "get-models": _get_models, "run": _run, "check": _check}
     try:
-        {"bundle": _bundle, "get-models": _get_models}[options.verb](options)
+        return verbs[options.verb](options) or DONE
     except WrongUse as error:
         print(f"myograde: error: {error}", file=sys.stderr)
         return WRONG_USE
     except MyogradeError as error:
         print(f"myograde: error: {error}", file=sys.stderr)
         return TROUBLE
-    return DONE
 
 
 if __name__ == "__main__":

@@ -1,0 +1,40 @@
+"""The names of the environments in Gymnasium's registry."""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import Any
+
+from ..errors import MyogradeError
+
+# Name in the registry -> track.
+ENVIRONMENTS = {
+    "myograde/Manipulation-v0": "manipulation",
+    "myograde/Locomotion-v0": "locomotion",
+    "myograde/Elbow-v0": "elbow",
+}
+
+
+def register(required: bool = True) -> None:
+    """Registers the environments, unless they are. Gymnasium itself calls this when it is imported
+    (the package's entry point). MyogradeError without Gymnasium, if it is `required`."""
+    if importlib.util.find_spec("gymnasium") is None:
+        if required:
+            raise MyogradeError('the package gymnasium is missing; install it by: pip install '
+                                '"myograde[gym]"')
+        return
+    from gymnasium.envs import registration
+    for name, track in ENVIRONMENTS.items():
+        if name not in registration.registry:
+            registration.register(id=name, entry_point="myograde.envs.single:GradedEnv",
+                                  vector_entry_point="myograde.envs.vector:GradedVectorEnv",
+                                  kwargs={"track": track})
+
+
+def vec(name: str, num_envs: int, threads: int = 0, **settings: Any) -> Any:
+    """A GradedVectorEnv of a name in ENVIRONMENTS: gymnasium.make_vec with C++ threads (0: one for
+    each processor). `settings` are its own. MyogradeError without Gymnasium."""
+    register()
+    import gymnasium
+    return gymnasium.make_vec(name, num_envs=num_envs, vectorization_mode="vector_entry_point",
+                              threads=threads, **settings)

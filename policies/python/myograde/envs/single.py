@@ -1,0 +1,100 @@
+"""One environment."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Mapping, Optional, Sequence
+
+import gymnasium
+import numpy as np
+
+from ..errors import WrongUse
+from ..policy.leg import LegSet
+from . import extension, settings
+
+
+class GradedEnv(gymnasium.Env[Any, np.ndarray]):
+    """An environment of one of the grader's tracks.
+
+    Observations and actions are float64, as a policy gets and gives them. An episode is `terminated`
+    when it ends by itself, `truncated` when its time runs out. The reward is the sum of the official
+    reward terms times `weights`.
+
+    reset(seed=N) plays the episode that a grader plays for the seed N; without a seed, one drawn from
+    the generator that the last seed has begun. In the profile "as-graded" of manipulation one
+    environment plays all episodes, as the official evaluation did: there only the first seed counts.
+
+    `info` has of a reset: "seed". Of a step: "rewards" (each term, unweighted) and "facts" (what was
+    measured so far, by the keys of a result). Of the last step also "end" (how it ended), "digest",
+    "actions_digest" (SHA-256 over states and actions, as in a result), "seed" and "steps".
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}
+
+    def __init__(self, track: str, profile: str = "", observation: str = "flat",
+                 actions: str = "normalized", weights: Optional[Mapping[str, float]] = None,
+                 extra_observations: bool = False, leg_sets: Sequence[LegSet] = (),
+                 config: Optional[str | os.PathLike[str]] = None,
+                 cache: Optional[str | os.PathLike[str]] = None, exact: bool = False,
+                 render_mode: Optional[str] = None) -> None:
+        """track: a config's name, such as "elbow".
+        profile: its rules profile; "": the config's default.
+        observation: "flat", one vector, or "dict", its parts by name.
+        actions: "normalized" or "direct", the convention that a policy names when it begins.
+        weights: of reward terms, in place of the official ones.
+        extra_observations: what the official dictionary has beyond the graded observation follows it
+            (profiles "myosuite" and "as-graded").
+        leg_sets: parameter sets of the prosthetic leg in place of the grader's.
+        config: an organiser's config file, which replaces that of `track`.
+        cache: the folder of the models (default: as get-models).
+        exact: refuse to run where digests might differ from a server's; see exact().
+
+        WrongUse if there is no such track, profile, word or term, or the config file is wrong;
+        MyogradeError if the models are missing."""
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise WrongUse(f'render_mode="{render_mode}" is unknown; there are: None'
+                           + "".join(f", {mode}" for mode in self.metadata["render_modes"]))
+        self.settings = settings.Settings(track, profile, observation, actions, weights or {},
+                                          extra_observations, leg_sets, config, cache, exact)
+        self.core = settings.make_core(extension.load().Environment, settings=self.settings)
+        self.render_mode = render_mode
+        self.layout = settings.layout_of(self.core.observation_parts)
+        self.action_layout = settings.layout_of(self.core.action_parts)
+        self.observation_space = settings.observation_space(self.layout, observation)
+        self.action_space = settings.action_space(self.core)
+        self._terms = [name for name, _ in self.core.reward_terms]
+        self._weights = settings.weights_of(self.core.reward_terms, self.settings.weights)
+        self._leg_sets = settings.leg_set_values(leg_sets)
+
+    def reset(self, *, seed: Optional[int] = None,
+              options: Optional[dict[str, Any]] = None) -> tuple[Any, dict[str, Any]]:
+        """Begins an episode. options["leg_sets"]: those of this episode, in place of the
+        constructor's. ValueError names a number in them that is out of range."""
+        if seed is not None:
+            seed = settings.check_seed(seed)
+        super().reset(seed=seed)
+        episode = int(self.np_random.integers(2**63)) if seed is None else seed
+        sets = (options or {}).get("leg_sets")
+        values = self._leg_sets if sets is None else settings.leg_set_values(sets)
+        observation = self.core.reset(episode, *values)
+        return self._in_form(observation), {"seed": episode}
+
+    def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Plays one control step. ValueError if the action has another size or a number that is not
+        finite; entries out of range are treated as the profile says. RuntimeError if no episode is
+        being played."""
+        observation, terms, terminated, truncated = self.core.step(
+            np.asarray(action, dtype=np.float64))
+        info: dict[str, Any] = {"rewards": dict(zip(self._terms, terms.tolist()))}
+        if terminated or truncated:
+            info.update(self.core.end_of())
+        else:
+            info["facts"] = self.core.facts()
+        reward = settings.weighted(terms, self._weights)
+        return self._in_form(observation), reward, terminated, truncated, info
+
+    def close(self) -> None:
+        """Nothing to close: the memory goes with the object."""
+
+    def _in_form(self, observation: np.ndarray) -> Any:
+        return settings.in_form(observation, self.layout, self.settings.observation)

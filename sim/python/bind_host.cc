@@ -1,0 +1,132 @@
+#include <fcntl.h>
+
+#include <cerrno>
+#include <cstring>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "protocol/base/fd.h"
+#include "protocol/base/file.h"
+#include "protocol/base/pinned_maths.h"
+#include "protocol/lease/policy_seed.h"
+#include "protocol/log/episode_log.h"
+#include "protocol/log/packed_log.h"
+#include "sim/episode/replay_player.h"
+#include "sim/model/model.h"
+#include "sim/python/bindings.h"
+
+namespace myograde::sim {
+namespace {
+
+namespace nb = nanobind;
+using nb::literals::operator""_a;
+
+// The variables that the process was started with: what was set later came too late for the C
+// library.
+bool MathsArePinned() {
+  const absl::StatusOr<std::string> environ = ReadFile("/proc/self/environ");
+  if (!environ.ok()) return false;
+  const std::string name = std::string(kTunablesVariable) + "=";
+  for (size_t at = 0; at < environ->size();) {
+    const std::string_view variable = environ->c_str() + at;
+    if (variable.starts_with(name)) return IsPinned(variable.substr(name.size()));
+    at += variable.size() + 1;
+  }
+  return false;
+}
+
+void CompileAll(const std::string& cache_dir) {
+  absl::Status status;
+  {
+    nb::gil_scoped_release released;
+    status = CompileModels(cache_dir);
+  }
+  RaiseUnlessOk(status);
+}
+
+bool AreCompiled(const std::string& cache_dir) {
+  for (const SimulatedTrack& track : SimulatedTracks()) {
+    if (!IsCompiled(*track.model, cache_dir)) return false;
+  }
+  return true;
+}
+
+nb::dict DescribeConfig(const std::string& tracks_dir, const std::string& track,
+                        const std::string& profile, const std::string& config_file) {
+  const absl::StatusOr<TrackConfig> config =
+      ConfigOf(OptionsFrom(tracks_dir, track, profile, config_file, "", false, false));
+  RaiseUnlessOk(config.status());
+  nb::list policy_seeds;
+  if (config->policy_seed_secret.has_value()) {
+    for (size_t i = 0; i < config->seeds.size(); ++i) {
+      policy_seeds.append(PolicySeed(*config->policy_seed_secret, static_cast<int64_t>(i)));
+    }
+  }
+  const absl::StatusOr<int64_t> max_steps = config->kind->max_steps(config->rules);
+  RaiseUnlessOk(max_steps.status());
+  nb::dict described;
+  described["id"] = config->id;
+  described["profile"] = config->profile;
+  described["seeds"] = config->seeds;
+  described["practice_seeds"] = config->practice_seeds;
+  described["policy_seeds"] = policy_seeds;
+  described["max_steps"] = *max_steps;
+  described["extra_observations"] = config->extra_observations;
+  described["hash"] = config->hash;
+  return described;
+}
+
+absl::StatusOr<ReplayRecord> ReplayLogFile(const std::string& path, const std::string& cache_dir) {
+  const Fd file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!file.valid()) {
+    return absl::NotFoundError(absl::StrCat(path, ": can't be opened: ", strerror(errno)));
+  }
+  absl::StatusOr<std::string> bytes = ReadPackedLog(file.get());
+  if (!bytes.ok()) return bytes.status();
+  const absl::StatusOr<EpisodeLog> log = ParseEpisodeLog(*bytes);
+  if (!log.ok()) return log.status();
+  auto environment = MakeEnvironment(log->header.track, cache_dir);
+  if (!environment.ok()) return environment.status();
+  return ReplayLog(*log, **environment, [](int64_t) {});
+}
+
+nb::dict Replay(const std::string& path, const std::string& cache_dir) {
+  absl::StatusOr<ReplayRecord> record;
+  {
+    nb::gil_scoped_release released;
+    record = ReplayLogFile(path, cache_dir);
+  }
+  RaiseUnlessOk(record.status());
+  nb::dict result;
+  result["episode"] = record->episode;
+  result["equal"] = record->equal;
+  result["steps"] = record->steps;
+  result["step"] = record->step;
+  result["differs"] = record->differs;
+  result["detail"] = record->detail;
+  return result;
+}
+
+}  // namespace
+
+void BindHost(nb::module_& module) {
+  module.attr("PINNED_VARIABLE") = kTunablesVariable;
+  module.attr("PINNED_VALUE") = kPinnedTunables;
+  module.def("maths_are_pinned", &MathsArePinned,
+             "Whether this process was started with the maths functions that every grader has.");
+  module.def("compile_models", &CompileAll, "cache_dir"_a,
+             "Compiles the models of all tracks into the cache. The maths must be pinned, as "
+             "graders may share the cache.");
+  module.def("models_are_compiled", &AreCompiled, "cache_dir"_a);
+  module.def("describe_config", &DescribeConfig, "tracks_dir"_a, "track"_a, "profile"_a = "",
+             "config_file"_a = "");
+  module.def("replay", &Replay, "path"_a, "cache_dir"_a,
+             "Plays the episode of a log again and compares observations and states.");
+}
+
+}  // namespace myograde::sim

@@ -1,0 +1,115 @@
+#include "sim/python/graded_environment.h"
+
+#include <cmath>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/base/file.h"
+
+namespace myograde::sim {
+
+absl::StatusOr<TrackConfig> ConfigOf(const EnvironmentOptions& options) {
+  if (options.config_file.empty()) {
+    return LoadTrackConfig(options.tracks_dir, options.track, options.profile);
+  }
+  absl::StatusOr<nlohmann::json> file = ReadJsonFile(options.config_file);
+  if (!file.ok()) return file.status();
+  return ResolveTrackConfig(options.tracks_dir, options.track, options.profile, *file,
+                            options.config_file);
+}
+
+absl::StatusOr<std::unique_ptr<GradedEnvironment>> GradedEnvironment::Make(
+    const EnvironmentOptions& options) {
+  absl::StatusOr<TrackConfig> config = ConfigOf(options);
+  if (!config.ok()) return config.status();
+  if (options.extra_observations && !config->extra_observations) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("track ", config->id, " gives no extra observations in its profile ",
+                     config->profile, ", so that a policy can't use them there"));
+  }
+  auto environment = MakeEnvironment(*config, options.cache_dir);
+  if (!environment.ok()) return environment.status();
+  return std::unique_ptr<GradedEnvironment>(
+      new GradedEnvironment(*std::move(config), *std::move(environment), options));
+}
+
+GradedEnvironment::GradedEnvironment(TrackConfig config, std::unique_ptr<Environment> environment,
+                                     const EnvironmentOptions& options)
+    : config_(std::move(config)),
+      environment_(std::move(environment)),
+      convention_(options.convention),
+      extra_(options.extra_observations) {}
+
+absl::Status GradedEnvironment::Reset(uint64_t seed, const LegParameterSets& sets) {
+  environment_->Reset(seed);
+  environment_->SetConvention(convention_);
+  digests_ = EpisodeDigests();
+  seed_ = seed;
+  steps_ = 0;
+  running_ = terminated_ = truncated_ = unstable_ = false;
+  if (sets.present != 0) {
+    if (absl::Status status = environment_->SetLegParameters(sets); !status.ok()) return status;
+  }
+  running_ = true;
+  return absl::OkStatus();
+}
+
+absl::Status GradedEnvironment::CheckAction(std::span<const double> action) const {
+  if (static_cast<int>(action.size()) != action_size()) {
+    return absl::InvalidArgumentError(absl::StrCat("an action has ", action_size(),
+                                                   " entries, this one has ", action.size()));
+  }
+  for (size_t i = 0; i < action.size(); ++i) {
+    if (std::isfinite(action[i])) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("entry ", i, " of the action is ", action[i],
+                     "; every entry must be a finite number"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status GradedEnvironment::Step(std::span<const double> action) {
+  if (!running_) {
+    return absl::FailedPreconditionError("no episode is being played; call reset() first");
+  }
+  const StepResult result = environment_->Step(action);
+  digests_.Step(action, environment_->state());
+  ++steps_;
+  if (result.overflow) {
+    running_ = false;
+    return absl::InternalError(
+        absl::StrCat("a contact or constraint buffer was too small in step ", steps_ - 1,
+                     " of the episode with seed ", seed_, "; reset() begins another one"));
+  }
+  unstable_ = result.unstable;
+  truncated_ = result.ended && !unstable_ && environment_->facts().end == EpisodeEnd::kTime;
+  terminated_ = (result.ended || unstable_) && !truncated_;
+  running_ = !terminated_ && !truncated_;
+  return absl::OkStatus();
+}
+
+void GradedEnvironment::Observe(std::span<double> out) const {
+  const auto graded = static_cast<size_t>(environment_->observation_size());
+  environment_->Observe(out.first(graded));
+  if (extra_) environment_->ObserveExtra(out.subspan(graded));
+}
+
+int GradedEnvironment::observation_size() const {
+  return environment_->observation_size() + (extra_ ? ExtraOf(*config_.kind).size() : 0);
+}
+
+std::span<const RewardTerm> GradedEnvironment::reward_terms() const {
+  return SimulatedTrackOf(*config_.kind).reward_terms;
+}
+
+EpisodeFacts GradedEnvironment::facts() const {
+  EpisodeFacts facts = environment_->facts();
+  facts.seed = seed_;
+  facts.digest = digest();
+  facts.actions_digest = actions_digest();
+  return facts;
+}
+
+}  // namespace myograde::sim
