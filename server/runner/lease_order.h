@@ -18,6 +18,7 @@ struct LeaseProgram {
   std::vector<std::string> command;
   std::map<std::string, std::string> environment;
   std::vector<std::string> runtimes;  // host folders
+  std::string adapter = {};           // "": none
 };
 
 // Where to run it.

@@ -8,6 +8,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
+#include "server/store/artefact_options.h"
 #include "server/store/connection.h"
 #include "server/store/stored_row.h"
 
@@ -128,7 +129,7 @@ absl::StatusOr<std::string> Content(SQLite::Database& db, const char* table, con
 
 absl::StatusOr<ArtefactRow> Reader::Artefact(const std::string& hash) {
   SQLite::Statement select(db_, "SELECT name, command_json, runtimes_json, bytes, files, "
-                                "environment_json FROM artefact WHERE hash = ?");
+                                "environment_json, options_json FROM artefact WHERE hash = ?");
   select.bind(1, hash);
   if (!select.executeStep()) {
     return absl::NotFoundError(absl::StrCat("there is no artefact ", hash, "; upload it first"));
@@ -142,6 +143,7 @@ absl::StatusOr<ArtefactRow> Reader::Artefact(const std::string& hash) {
   artefact.bytes = row.Number(3, 0, INT64_MAX);
   artefact.files = row.Number(4, 0, INT64_MAX);
   artefact.environment = row.Texts(5);
+  ReadArtefactOptions(row, 6, artefact);
   if (artefact.command.empty()) row.Fail(1, "a program belongs there");
   if (!row.ok()) return row.status();
   return artefact;

@@ -33,6 +33,7 @@ struct ArtefactRow {
   int64_t bytes = 0;
   int64_t files = 0;
   std::map<std::string, std::string> environment = {};
+  std::string adapter = {};  // "": none
 };
 
 struct SubmissionRow {
