@@ -2,7 +2,7 @@
 2024. The grader's bridge starts it in the participant's sandbox, in the place of a policy:
 
     python3 -I FOLDER --track KIND [--runtime FOLDER ...] [--env NAME=VALUE ...] [--cwd FOLDER]
-        [--image] -- COMMAND ...
+        [--extra-observations] [--image] -- COMMAND ...
 
 It serves the template's gRPC service on the ports 8085 and 8086 of this machine, starts COMMAND, the
 agent, and speaks LCM with the grader. It ends when the agent ends, with its exit status, or when the
@@ -29,6 +29,7 @@ def parse(arguments):
     parser.add_argument("--runtime", action="append", default=[])
     parser.add_argument("--env", action="append", default=[])
     parser.add_argument("--cwd", default="/policy")
+    parser.add_argument("--extra-observations", action="store_true")
     parser.add_argument("--image", action="store_true")  # the agent has its own packages
     split = arguments.index("--")
     options = parser.parse_args(arguments[:split])
@@ -60,7 +61,7 @@ def main():
     use_runtimes(options.runtime)
     from service import Service  # what it imports is in the runtimes
 
-    service = Service(options.track)
+    service = Service(options.track, options.extra_observations)
 
     def on_term(_signal, _frame):
         service.stop()
@@ -75,9 +76,6 @@ def main():
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         agent.end(FAREWELL_S)
         end_as(0)
-    if status != 0:
-        how = f"signal {-status}" if status < 0 else f"status {status}"
-        print(f"template-2024: the agent ended with {how}", file=sys.stderr)
     end_as(status)
 
 

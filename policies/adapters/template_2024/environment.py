@@ -15,12 +15,13 @@ class Refused(Exception):
     """What the agent asked for can't be done; the sentence says why."""
 
 
-def environment_of(track, stop):
-    """The environment of a kind of track. SystemExit with a sentence if the template has none."""
+def environment_of(track, extra_observations, stop):
+    """The environment of a kind of track, with all that the official one observes or what the graded
+    observation has. SystemExit with a sentence if the template has none."""
     if track not in OBSERVATIONS:
         raise SystemExit(f"error: the template of 2024 has no environment for the track {track}; it "
                          f"has {' and '.join(sorted(OBSERVATIONS))}")
-    return Environment(track, stop)
+    return Environment(track, OBSERVATIONS[track](extra_observations), stop)
 
 
 class Environment:
@@ -31,10 +32,10 @@ class Environment:
     CALLS = ("act_on_environment", "change_osl_mode", "get_action_space", "get_observation_space",
              "get_obsdict", "get_output_keys", "reset", "set_environment_keys", "set_output_keys")
 
-    def __init__(self, track, stop):
+    def __init__(self, track, observations, stop):
         self._track, self._stop = track, stop
         self._connection = None
-        self._observations = OBSERVATIONS[track]()
+        self._observations = observations
         self._keys = self._observations.default_keys()
         self._direct = False
         self._leg = Leg()

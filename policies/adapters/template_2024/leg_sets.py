@@ -3,8 +3,10 @@ force.
 
 In the official environment an upload fills a library of four sets, and change_osl_mode copies one
 of them into the controller, where it stays through later uploads and resets. The grader's protocol
-has five sets for each episode and selects one in each step: 0 to 3 are the library, and 4 is what
-the controller has at the start of an episode."""
+has four or five sets for each episode, by the rule profile, and selects one in each step. So the
+library takes the first four, and what the controller has at the start of an episode the fifth, or
+one that another is a copy of. Where neither is free, the set that the agent changed to last stands
+for it, in its present form."""
 
 from myograde.leg_parameter_set_t import leg_parameter_set_t
 from myograde.leg_state_t import leg_state_t
@@ -18,12 +20,14 @@ _QUANTITIES = ("load", "knee_angle", "knee_vel", "ankle_angle", "ankle_vel")
 
 
 class Leg:
-    """`selected` is the set for the next step."""
+    """`selected` is the set for the next step, as the grader counts them."""
 
     def __init__(self):
         self.selected = 0
+        self._chosen = 0  # by the agent
         self._library = {}  # what was uploaded, by index
         self._in_force = 0  # an uploaded set, or the number of one of the grader's own
+        self._place = list(range(COUNT))  # of each set of the library, in this episode
 
     def upload(self, sets):
         """{index: {state: {"gain": {...}, "threshold": {quantity: (value, side)}}}}. ValueError
@@ -41,18 +45,30 @@ class Leg:
         """The sets to use in an episode that begins now."""
         if not self._library:
             return []
-        in_force = self._in_force
-        if isinstance(in_force, int):
-            in_force = leg_sets(profile)[in_force].message()
-        self.selected = _IN_FORCE
-        return [*self._library.values(), _numbered(in_force, _IN_FORCE)]
+        own = [entry.message() for entry in leg_sets(profile)]
+        sets = [self._library.get(index, own[index]) for index in range(COUNT)]
+        in_force = own[self._in_force] if isinstance(self._in_force, int) else self._in_force
+        contents = [_content(entry) for entry in sets]
+        self._place = [contents.index(content) for content in contents]
+        if _content(in_force) in contents:
+            self.selected = contents.index(_content(in_force))
+        else:
+            free = [index for index in range(len(own)) if index not in self._place]
+            self.selected = free[-1] if free else self._chosen
+            if free:
+                sets[free[-1]:free[-1] + 1] = [in_force]
+        return [_numbered(entry, index) for index, entry in enumerate(sets)]
 
     def change(self, index):
         """Puts a set of the library in force."""
         if not 0 <= index < COUNT:
             raise ValueError(f"there is no parameter set {index}; there are 0 to {COUNT - 1}")
-        self.selected = index
+        self._chosen, self.selected = index, self._place[index]
         self._in_force = self._library.get(index, index)
+
+
+def _content(parameters):
+    return b"".join(state.encode() for state in parameters.states)
 
 
 def _numbered(parameters, index):

@@ -16,12 +16,14 @@ class Observations:
 
     track = ""
     integers = ()  # entries that the official environment counts in integers
+    extra = ()  # names and sizes beyond the graded observation
     defaults = ()
 
-    def __init__(self):
-        track = myograde.track(self.track)
-        layouts = [track.observation, getattr(track, "extra", None) or {}]
-        self._parts = [(part.name, part.size) for layout in layouts for part in layout.values()]
+    def __init__(self, extra_observations):
+        graded = myograde.track(self.track).observation
+        self._parts = [(part.name, part.size) for part in graded.values()]
+        if extra_observations:
+            self._parts += self.extra
         self._values = np.zeros(sum(size for _, size in self._parts))
 
     def default_keys(self):
@@ -63,6 +65,8 @@ class Observations:
 class Manipulation(Observations):
     track = "manipulation"
     integers = ("touching_body",)
+    extra = (("max_force", 1), *((name, 3) for name in (
+        "palm_pos", *_FINGERS, "Rpalm_pos", "MPL_ori", "MPL_ori_err", "obj_pos")))
     defaults = ("time", "myohand_qpos", "myohand_qvel", "pros_hand_qpos", "pros_hand_qvel",
                 "object_qpos", "object_qvel", "touching_body")
 

@@ -25,9 +25,9 @@ class Service:
     """Serves one agent. One thread answers all calls, one after the other, as the template's
     environment does."""
 
-    def __init__(self, track):
+    def __init__(self, track, extra_observations):
         self._stop = Stop()
-        self._environment = environment_of(track, self._stop)
+        self._environment = environment_of(track, extra_observations, self._stop)
         self._server = grpc.server(futures.ThreadPoolExecutor(max_workers=1),
                                    options=[("grpc.so_reuseport", 0)])
         methods = {name: self._handler(name) for name in self._environment.CALLS}
