@@ -5,13 +5,27 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string_view>
 
 #include <absl/status/status.h>
 
 #include "protocol/tracks/episode_facts.h"
 #include "protocol/bridge/frames.h"
 
+struct mjModel_;
+struct mjData_;
+
 namespace myograde::sim {
+
+// A term of the official environment's reward.
+struct RewardTerm {
+  std::string_view name;  // its key in the official reward dictionary
+  double weight;          // by default; 0: reported, and not part of the reward
+};
+
+// The official dense reward: the sum of the terms times their weights. REQUIRES: as many values as
+// terms.
+double DenseReward(std::span<const RewardTerm> terms, std::span<const double> values);
 
 // What a policy's action does before it reaches the controls.
 struct StepResult {
@@ -44,6 +58,15 @@ class Environment {
   // entries, in the order of the layout of its track (protocol/tracks).
   virtual void Observe(std::span<double> out) const = 0;
 
+  // Writes what the official observation dictionary has beyond that; `out` has an entry for each of
+  // its track's layout().extra, in that order.
+  virtual void ObserveExtra(std::span<double> out) const = 0;
+
+  // Writes the terms of the official reward for the state after the last Reset or Step, without
+  // their weights; `out` has an entry for each of SimulatedTrack::reward_terms, in that order.
+  // Flags are 0 or 1.
+  virtual void RewardTerms(std::span<double> out) const = 0;
+
   // Plays one control step. REQUIRES: action.size() == action_size(), finite.
   virtual StepResult Step(std::span<const double> action) = 0;
 
@@ -54,6 +77,11 @@ class Environment {
   // The full physics state after the last step (time, qpos, qvel, act), for
   // digests. Valid until the next call of a non-const method.
   virtual std::span<const double> state() const = 0;
+
+  // For pictures. Valid as long as the environment; their content changes with each call of a
+  // non-const method.
+  virtual const mjModel_& model() const = 0;
+  virtual const mjData_& data() const = 0;
 };
 
 }  // namespace myograde::sim

@@ -1,6 +1,8 @@
 #include "sim/tracks.h"
 
+#include <algorithm>
 #include <array>
+#include <cstdlib>
 
 #include <absl/strings/str_cat.h>
 
@@ -19,11 +21,29 @@ namespace myograde::sim {
 
 std::span<const SimulatedTrack> SimulatedTracks() {
   static const std::array tracks = {
-      SimulatedTrack{&ManipulationTrack(), &ManipulationModel(), MakeManipulation},
-      SimulatedTrack{&LocomotionTrack(), &LocomotionModel(), MakeLocomotion},
-      SimulatedTrack{&ElbowTrack(), &ElbowModel(), MakeElbow},
+      SimulatedTrack{&ManipulationTrack(), &ManipulationModel(), MakeManipulation,
+                     ManipulationRewardTerms()},
+      SimulatedTrack{&LocomotionTrack(), &LocomotionModel(), MakeLocomotion,
+                     LocomotionRewardTerms()},
+      SimulatedTrack{&ElbowTrack(), &ElbowModel(), MakeElbow,
+                     ElbowRewardTerms()},
   };
   return tracks;
+}
+
+const SimulatedTrack& SimulatedTrackOf(const TrackKind& kind) {
+  const std::span<const SimulatedTrack> all = SimulatedTracks();
+  const auto found = std::ranges::find(all, &kind, &SimulatedTrack::kind);
+  if (found == all.end()) std::abort();  // a test compares the registries
+  return *found;
+}
+
+double DenseReward(std::span<const RewardTerm> terms, std::span<const double> values) {
+  double sum = 0;
+  for (size_t i = 0; i < terms.size(); ++i) {
+    if (terms[i].weight != 0) sum += terms[i].weight * values[i];
+  }
+  return sum;
 }
 
 absl::StatusOr<std::unique_ptr<Environment>> MakeEnvironment(const TrackConfig& config,

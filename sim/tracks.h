@@ -19,9 +19,13 @@ struct SimulatedTrack {
   const ModelSource* model;
   absl::StatusOr<std::unique_ptr<Environment>> (*make)(const TrackConfig& config,
                                                        const std::string& cache_dir);
+  std::span<const RewardTerm> reward_terms;  // in the order of Environment::RewardTerms
 };
 
 std::span<const SimulatedTrack> SimulatedTracks();
+
+// REQUIRES: the kind of a parsed config.
+const SimulatedTrack& SimulatedTrackOf(const TrackKind& kind);
 
 // Makes the environment that a track config asks for. `cache_dir` holds the
 // challenge's models (see sim/model/model.h). Errors: the rules are wrong

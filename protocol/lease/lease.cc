@@ -112,6 +112,7 @@ nlohmann::json LeaseOrderToJson(const LeaseOrder& order) {
           {"command", order.command},
           {"environment", order.environment},
           {"runtimes", order.runtimes},
+          {"extra_observations", order.extra_observations},
           {"track", order.track.effective},
           {"episodes", std::move(episodes)},
           {"uid", order.uid},
@@ -138,6 +139,9 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
   if (reader.Has("environment")) order.environment = reader.StringsByName("environment");
   order.runtimes = reader.Strings("runtimes");
   if (reader.Has("adapter")) order.adapter = reader.String("adapter");
+  if (reader.Has("extra_observations")) {
+    order.extra_observations = reader.Boolean("extra_observations");
+  }
   const Json& track = reader.Object("track");
   const Json& episodes = reader.Array("episodes");
   order.uid = reader.Integer("uid", -1, INT32_MAX);

@@ -100,6 +100,14 @@ void ReadPhase(ConfigReader& reader, TrackConfig& config) {
   }
 }
 
+// Parses what was made of `config`, and keeps what the effective config does not say.
+absl::StatusOr<TrackConfig> ParseChanged(const nlohmann::json& effective,
+                                         const TrackConfig& config) {
+  absl::StatusOr<TrackConfig> changed = ParseTrackConfig(effective, config.id);
+  if (changed.ok()) changed->extra_observations = config.extra_observations;
+  return changed;
+}
+
 }  // namespace
 
 bool IsTrackName(std::string_view name) {
@@ -206,13 +214,25 @@ absl::StatusOr<TrackConfig> WithSeeds(const TrackConfig& config,
                                       const std::vector<uint64_t>& seeds) {
   nlohmann::json effective = config.effective;
   effective["seeds"] = seeds;
-  return ParseTrackConfig(effective, config.id);
+  return ParseChanged(effective, config);
+}
+
+bool ShowsExtraObservations(bool asked, bool adapted, const TrackConfig& config) {
+  return asked || (adapted && config.extra_observations);
+}
+
+absl::Status CheckExtraObservations(bool asked, const TrackConfig& config) {
+  if (!asked || config.extra_observations) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "policy.json asks for \"extra_observations\", which the profile \"", config.profile,
+      "\" of track \"", config.id, "\" does not allow; take the key out, or choose a profile that "
+      "does"));
 }
 
 absl::StatusOr<TrackConfig> WithPhase(const TrackConfig& config, const nlohmann::json& keys) {
   nlohmann::json effective = config.effective;
   effective.merge_patch(keys);
-  return ParseTrackConfig(effective, config.id);
+  return ParseChanged(effective, config);
 }
 
 }  // namespace myograde

@@ -56,6 +56,8 @@ struct TrackConfig {
   // What practice plays, in order; none of them is in `seeds`. Empty unless the config's file names
   // some. Not part of the effective config and its hash.
   std::vector<uint64_t> practice_seeds = {};
+  // A submission may ask for TrackLayout::extra. Not part of the effective config and its hash.
+  bool extra_observations = false;
   // The phase of a challenge that plays it; "": a track's own board.
   std::string phase;
   // What commitments to the seeds are made with (seed_commitment.h), 64 hexadecimal digits; "": the
@@ -101,6 +103,13 @@ absl::StatusOr<std::vector<uint64_t>> ParseSeeds(const nlohmann::json& json,
 // the policy seed of an index does not. Errors as ParseSeeds.
 absl::StatusOr<TrackConfig> WithSeeds(const TrackConfig& config,
                                       const std::vector<uint64_t>& seeds);
+
+// InvalidArgumentError if a submission asks for extra observations and the profile has none for it.
+absl::Status CheckExtraObservations(bool asked, const TrackConfig& config);
+
+// Whether a submission is shown extra observations: it asks for them, or an adapter, which takes what
+// there is, stands between it and the grader.
+bool ShowsExtraObservations(bool asked, bool adapted, const TrackConfig& config);
 
 // The config of a challenge's phase: `keys` ("phase", "seeds", "policy_seed_secret", "seed_salt",
 // "scoring") are merged over it. Errors as ParseTrackConfig.

@@ -16,6 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kPracticeSeeds[] = "practice_seeds";
+constexpr char kExtraObservations[] = "extra_observations";
 
 // A list of practice seeds belongs to the list of seeds that it was chosen beside: other seeds
 // leave it behind.
@@ -119,8 +120,8 @@ absl::StatusOr<nlohmann::json> ProfilesOf(const nlohmann::json& merged, const st
   nlohmann::json profiles = *it;
   RemoveComments(profiles);
   static const std::set<std::string> kMayChange = {
-      "episodes_per_lease", "seeds", "practice_seeds", "policy_seed_secret", "budgets", "rules",
-      "scoring"};
+      "episodes_per_lease", "seeds",   "practice_seeds", "extra_observations",
+      "policy_seed_secret", "budgets", "rules",          "scoring"};
   for (const auto& [name, patch] : profiles.items()) {
     const std::string place = absl::StrCat(where, ": profile \"", name, "\"");
     if (absl::Status status = CheckTrackName("profile", name); !status.ok()) {
@@ -192,10 +193,18 @@ absl::StatusOr<TrackConfig> ConfigOfProfile(nlohmann::json merged, const std::st
   effective["id"] = track;
   effective["profile"] = wanted;
   const nlohmann::json practice = effective.value(kPracticeSeeds, nlohmann::json());
+  const nlohmann::json extra = effective.value(kExtraObservations, nlohmann::json(false));
   effective.erase(kPracticeSeeds);
+  effective.erase(kExtraObservations);
   const std::string place = absl::StrCat(where, " (profile ", wanted, ")");
   absl::StatusOr<TrackConfig> config = ParseTrackConfig(effective, place);
-  if (!config.ok() || practice.is_null()) return config;
+  if (!config.ok()) return config;
+  if (!extra.is_boolean()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(place, ": \"", kExtraObservations, "\" must be true or false"));
+  }
+  config->extra_observations = extra.get<bool>();
+  if (practice.is_null()) return config;
   absl::StatusOr<std::vector<uint64_t>> seeds = PracticeSeeds(practice, config->seeds, place);
   if (!seeds.ok()) return seeds.status();
   config->practice_seeds = *std::move(seeds);

@@ -64,6 +64,9 @@ class VectorLayout {
 struct TrackLayout {
   // Bounds hold in ordinary play (joint ranges where they exist, else wide); not enforced.
   VectorLayout observation;
+  // What the official observation dictionary has beyond it, for submissions that ask for extra
+  // observations: the entries follow those of `observation` then. May be empty.
+  VectorLayout extra;
   VectorLayout action;                // bounds: in the normalized convention
   std::vector<Bounds> direct_bounds;  // of the action in the direct convention
 

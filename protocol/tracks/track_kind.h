@@ -48,6 +48,7 @@ absl::StatusOr<int64_t> MaxStepsKey(const nlohmann::json& rules);
 inline const VectorLayout& ObservationOf(const TrackKind& kind) {
   return kind.layout().observation;
 }
+inline const VectorLayout& ExtraOf(const TrackKind& kind) { return kind.layout().extra; }
 inline const VectorLayout& ActionOf(const TrackKind& kind) { return kind.layout().action; }
 
 }  // namespace myograde

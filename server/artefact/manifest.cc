@@ -197,6 +197,9 @@ absl::StatusOr<ArtefactManifest> ReadManifest(int folder) {
   if (reader.Has("runtimes")) manifest.runtimes = reader.Strings("runtimes");
   if (reader.Has("env")) manifest.environment = ReadEnvironment(reader);
   if (reader.Has("adapter")) ReadAdapter(reader, manifest);
+  if (reader.Has("extra_observations")) {
+    manifest.extra_observations = reader.Boolean("extra_observations");
+  }
   CheckName(reader, manifest.name);
   CheckCommand(reader, manifest.command);
   CheckRuntimes(reader, manifest.runtimes);

@@ -52,6 +52,7 @@ nlohmann::json AnswerOf(const absl::StatusOr<Artefact>& artefact) {
           {"runtimes", artefact->manifest.runtimes},
           {"environment", artefact->manifest.environment},
           {"adapter", artefact->manifest.adapter},
+          {"extra_observations", artefact->manifest.extra_observations},
           {"bytes", artefact->bytes},
           {"files", artefact->files}};
 }
@@ -184,6 +185,7 @@ absl::StatusOr<Artefact> ArtefactOf(const std::string& answer, int wait_status,
   artefact.manifest.runtimes = reader.Strings("runtimes");
   artefact.manifest.environment = reader.StringsByName("environment");
   artefact.manifest.adapter = reader.String("adapter");
+  artefact.manifest.extra_observations = reader.Boolean("extra_observations");
   artefact.bytes = reader.Integer("bytes", 0, INT64_MAX);
   artefact.files = reader.Integer("files", 0, INT64_MAX);
   if (const absl::Status status = reader.Finish(); !status.ok()) return status;

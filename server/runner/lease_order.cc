@@ -41,6 +41,7 @@ LeaseOrder MakeLeaseOrder(std::string id, const TrackConfig& track,
   order.environment = program.environment;
   order.runtimes = program.runtimes;
   order.adapter = program.adapter;
+  order.extra_observations = program.extra_observations;
   return order;
 }
 

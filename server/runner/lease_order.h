@@ -19,6 +19,7 @@ struct LeaseProgram {
   std::map<std::string, std::string> environment;
   std::vector<std::string> runtimes;  // host folders
   std::string adapter = {};           // "": none
+  bool extra_observations = false;    // see LeaseOrder
 };
 
 // Where to run it.

@@ -24,6 +24,7 @@ std::vector<std::string> AdapterCommand(const LeaseOrder& order) {
   for (const auto& [name, value] : order.environment) {
     command.insert(command.end(), {"--env", absl::StrCat(name, "=", value)});
   }
+  if (order.extra_observations) command.emplace_back("--extra-observations");
   command.emplace_back("--");
   command.insert(command.end(), order.command.begin(), order.command.end());
   return command;

@@ -1,27 +1,28 @@
 #include "server/store/artefact_options.h"
 
-#include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
 
 namespace myograde::server {
 
-std::string ArtefactOptionsText(const ArtefactRow& artefact) {
+std::string ArtefactOptionsOf(const ArtefactRow& artefact) {
   nlohmann::json options = nlohmann::json::object();
   if (!artefact.adapter.empty()) options["adapter"] = artefact.adapter;
+  if (artefact.extra_observations) options["extra_observations"] = true;
   return CanonicalJson(options);
 }
 
 void ReadArtefactOptions(StoredRow& row, int column, ArtefactRow& artefact) {
-  const auto options =
-      nlohmann::json::parse(row.Object(column), nullptr, /*allow_exceptions=*/false);
+  const std::string text = row.Object(column);
   if (!row.ok()) return;
-  ConfigReader reader(options, "options_json");
+  const nlohmann::json options = nlohmann::json::parse(text);
+  ConfigReader reader(options, "options");
   if (reader.Has("adapter")) artefact.adapter = reader.String("adapter");
-  if (const absl::Status status = reader.Finish(); !status.ok()) {
-    row.Fail(column, std::string(status.message()));
+  if (reader.Has("extra_observations")) {
+    artefact.extra_observations = reader.Boolean("extra_observations");
   }
+  if (const absl::Status read = reader.Finish(); !read.ok()) row.Fail(column, std::string(read.message()));
 }
 
 }  // namespace myograde::server

@@ -1,5 +1,4 @@
-// The column artefact.options_json: what a policy.json says beyond name, command, runtimes and env.
-// Internal to the store.
+// The column artefact.options_json: a key for each wish of a policy.json that is not the default.
 #pragma once
 
 #include <string>
@@ -9,10 +8,10 @@
 
 namespace myograde::server {
 
-// A canonical JSON object of what differs from its default.
-std::string ArtefactOptionsText(const ArtefactRow& artefact);
+// Canonical JSON.
+std::string ArtefactOptionsOf(const ArtefactRow& artefact);
 
-// The reverse. An unknown key fails `row`: whoever stored it knew what it changes.
+// The reverse. What is not understood is damage of the row.
 void ReadArtefactOptions(StoredRow& row, int column, ArtefactRow& artefact);
 
 }  // namespace myograde::server

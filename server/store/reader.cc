@@ -21,7 +21,7 @@ constexpr size_t kKept = 16;
 
 constexpr char kSubmissionColumns[] =
     "SELECT s.id, t.name, s.artefact, a.name, s.track, s.profile, s.config, s.seeds, s.ranked, "
-    "s.accepted_at, s.team_id, s.accepted_by, s.phase FROM submission AS s "
+    "s.accepted_at, s.team_id, s.accepted_by, s.phase, s.extra_observations FROM submission AS s "
     "LEFT JOIN team AS o ON o.id = s.team_id "
     "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
     "LEFT JOIN artefact AS a ON a.hash = s.artefact ";
@@ -43,6 +43,7 @@ StoredRow SubmissionOf(SQLite::Statement& select, SubmissionRow& submission) {
   submission.accepted_at = row.Time(9);
   submission.accepted_by = row.Text(11);
   submission.phase = row.Text(12);
+  submission.extra_observations = row.Flag(13);
   row.Joined("team", 10);
   submission.team = row.Text(1);
   row.Joined("artefact", 2);

@@ -59,8 +59,7 @@ absl::StatusOr<bool> Writer::AddArtefact(const ArtefactRow& artefact) {
   SQLite::bind(insert, artefact.hash, artefact.name,
                CanonicalJson(nlohmann::json(artefact.command)),
                CanonicalJson(nlohmann::json(artefact.runtimes)), artefact.bytes, artefact.files,
-               now_ms_, CanonicalJson(nlohmann::json(artefact.environment)),
-               ArtefactOptionsText(artefact));
+               now_ms_, CanonicalJson(nlohmann::json(artefact.environment)), ArtefactOptionsOf(artefact));
   return insert.exec() == 1;
 }
 

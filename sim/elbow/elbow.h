@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
 
 #include <absl/status/statusor.h>
@@ -15,5 +16,8 @@ namespace myograde::sim {
 // be loaded (see LoadModel).
 absl::StatusOr<std::unique_ptr<Environment>> MakeElbow(const TrackConfig& config,
                                                        const std::string& cache_dir);
+
+// The terms of the official reward, in the order of the official dictionary.
+std::span<const RewardTerm> ElbowRewardTerms();
 
 }  // namespace myograde::sim

@@ -202,6 +202,24 @@ void ElbowEnvironment::Observe(std::span<double> out) const {
       target_ - data_->qpos[0], Eigen::VectorXd::Map(data_->act, kMuscleCount);
 }
 
+void ElbowEnvironment::ObserveExtra(std::span<double> out) const {
+  assert(std::ssize(out) == 1);
+  out[0] = data_->time;
+}
+
+std::span<const RewardTerm> ElbowRewardTerms() {
+  static constexpr RewardTerm kTerms[] = {{"pose", 1},    {"bonus", 4},  {"penalty", 50},
+                                          {"act_reg", 1}, {"sparse", 0}, {"solved", 0},
+                                          {"done", 0}};
+  return kTerms;
+}
+
+void ElbowEnvironment::RewardTerms(std::span<double> out) const {
+  const Official now = official();
+  Eigen::VectorXd::Map(out.data(), std::ssize(out)) << now.pose, now.bonus, now.penalty,
+      now.act_reg, now.pose, static_cast<double>(now.solved), static_cast<double>(now.done);
+}
+
 ElbowEnvironment::Official ElbowEnvironment::official() const {
   const double error = Error();
   Official official;

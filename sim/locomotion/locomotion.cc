@@ -303,6 +303,18 @@ LocomotionTerms Locomotion::terms() const {
   return out;
 }
 
+std::span<const RewardTerm> LocomotionRewardTerms() {
+  static constexpr RewardTerm kTerms[] = {
+      {"act_reg", 0}, {"pain", 0}, {"sparse", 1}, {"solved", 10}, {"done", 0}};
+  return kTerms;
+}
+
+void Locomotion::RewardTerms(std::span<double> out) const {
+  const LocomotionTerms now = terms();
+  VectorXd::Map(out.data(), std::ssize(out)) << now.effort, now.pain, now.sparse,
+      static_cast<double>(now.solved), static_cast<double>(now.done());
+}
+
 int64_t Locomotion::MaxSteps() const {
   return std::llround(rules_.end.time_limit_s / kControlPeriod);
 }

@@ -30,6 +30,9 @@ namespace myograde::sim {
 absl::StatusOr<std::unique_ptr<Environment>> MakeLocomotion(const TrackConfig& config,
                                                             const std::string& cache_dir);
 
+// The terms of the official reward, in the order of the official dictionary.
+std::span<const RewardTerm> LocomotionRewardTerms();
+
 // The official environment's terms of reward for the current state.
 struct LocomotionTerms {
   double effort = 0;  // act_reg: mean over the muscles of squared activation
@@ -59,6 +62,11 @@ class Locomotion final : public Environment {
   StepResult Step(std::span<const double> action) override;
   EpisodeFacts facts() const override;
   std::span<const double> state() const override { return state_; }
+  // The official dictionary has nothing beyond the observation.
+  void ObserveExtra(std::span<double>) const override {}
+  void RewardTerms(std::span<double> out) const override;
+  const mjModel& model() const override { return *model_; }
+  const mjData& data() const override { return *data_; }
 
   // What follows is for tests that compare with the official environment,
   // and for the renderer.
@@ -86,7 +94,6 @@ class Locomotion final : public Environment {
   LegSensors SenseLeg() const;
   const NumpyGenerator& random() const { return *random_; }
   const LocomotionIndices& indices() const { return at_; }
-  const mjModel& model() const { return *model_; }
   mjData& data() { return *data_; }
 
  private:

@@ -319,6 +319,24 @@ void ManipulationEnvironment::Observe(std::span<double> out) const {
       VectorXd::Map(d.act, kMuscles), view.reach_error, view.pass_error;
 }
 
+// Order and sizes: protocol/tracks/manipulation/layout.cc.
+void ManipulationEnvironment::ObserveExtra(std::span<double> out) const {
+  const OfficialView view = ComputeOfficialView(*data_, scene_);
+  Eigen::VectorXd::Map(out.data(), std::ssize(out))
+      << std::get<ManipulationFacts>(facts_.track).max_touch, view.palm, view.fingers.reshaped(),
+      view.prosthesis_palm, view.prosthesis_orientation, view.prosthesis_orientation_error,
+      view.object;
+}
+
+void ManipulationEnvironment::RewardTerms(std::span<double> out) const {
+  const Official now = official();
+  const OfficialReward& reward = now.reward;
+  Eigen::VectorXd::Map(out.data(), std::ssize(out))
+      << reward.reach_dist, reward.act, reward.fin_open, reward.fin_dis, reward.lift_bonus,
+      reward.lift_height, reward.pass_err, 0.0, reward.goal_dist,
+      static_cast<double>(now.solved), static_cast<double>(now.done);
+}
+
 ManipulationEnvironment::Official ManipulationEnvironment::official() const {
   const ManipulationFacts& facts = std::get<ManipulationFacts>(facts_.track);
   Official official;

@@ -32,6 +32,10 @@ class ManipulationEnvironment final : public Environment {
   StepResult Step(std::span<const double> action) override;
   EpisodeFacts facts() const override { return facts_; }
   std::span<const double> state() const override { return state_; }
+  void ObserveExtra(std::span<double> out) const override;
+  void RewardTerms(std::span<double> out) const override;
+  const mjModel& model() const override { return *model_; }
+  const mjData& data() const override { return *data_; }
 
   // What the golden tests compare besides.
   struct Official {

@@ -26,6 +26,12 @@ VectorLayout Observation() {
   return v;
 }
 
+VectorLayout Extra() {
+  VectorLayout v;
+  v.Add("time", "s", "Simulated time since the start of the episode.", {{"", {0, 2.01}}});
+  return v;
+}
+
 VectorLayout Action() {
   VectorLayout v;
   v.Add("muscles", "1",
@@ -36,7 +42,10 @@ VectorLayout Action() {
 }
 
 TrackLayout Layout() {
-  TrackLayout layout{.observation = Observation(), .action = Action(), .direct_bounds = {}};
+  TrackLayout layout{.observation = Observation(),
+                     .extra = Extra(),
+                     .action = Action(),
+                     .direct_bounds = {}};
   layout.direct_bounds.assign(std::size(kMuscles), Bounds{0, 1});
   return layout;
 }

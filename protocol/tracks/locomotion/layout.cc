@@ -133,7 +133,10 @@ VectorLayout Action() {
 }
 
 TrackLayout Layout() {
-  TrackLayout layout{.observation = Observation(), .action = Action(), .direct_bounds = {}};
+  TrackLayout layout{.observation = Observation(),
+                     .extra = {},
+                     .action = Action(),
+                     .direct_bounds = {}};
   layout.direct_bounds.assign(std::size(kMuscles), Bounds{0, 1});
   layout.direct_bounds.push_back({0, 4});
   return layout;

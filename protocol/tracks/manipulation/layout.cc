@@ -1,4 +1,5 @@
 #include <array>
+#include <numbers>
 
 #include "protocol/tracks/manipulation/track.h"
 
@@ -61,6 +62,7 @@ constexpr Entry kServos[] = {
 };
 
 constexpr std::string_view kAxes[] = {"x", "y", "z"};
+constexpr std::string_view kAngles[] = {"roll", "pitch", "yaw"};
 constexpr std::string_view kTouching[] = {"arm", "prosthesis", "start_pillar", "goal_pillar",
                                           "anything_else"};
 constexpr Bounds kPlace{-3, 3};      // m: everything happens well inside
@@ -123,6 +125,29 @@ VectorLayout Observation() {
   return v;
 }
 
+// What the official dictionary has beyond that, except copies of it (qp, qv, elbow_fle).
+VectorLayout Extra() {
+  const std::vector<Entry> place = LayoutEntries(kAxes, kPlace);
+  const std::vector<Entry> angles = LayoutEntries(kAngles, {-std::numbers::pi, std::numbers::pi});
+  VectorLayout v;
+  v.Add("max_force", "N", "Largest reading of the object's touch sensor at a frame so far.",
+        {{"", {0, 1e5}}});
+  v.Add("palm_pos", "m", "The arm's palm in the world.", place);
+  constexpr std::string_view kTips[][2] = {{"fin0", "The tip of the thumb in the world."},
+                                           {"fin1", "The tip of the index finger."},
+                                           {"fin2", "The tip of the middle finger."},
+                                           {"fin3", "The tip of the ring finger."},
+                                           {"fin4", "The tip of the little finger."}};
+  for (const auto& [name, meaning] : kTips) v.Add(name, "m", meaning, place);
+  v.Add("Rpalm_pos", "m", "The prosthesis' palm in the world: the middle of its two sites.", place);
+  v.Add("MPL_ori", "rad", "Orientation of the prosthesis' palm in the world, as Euler angles.",
+        angles);
+  v.Add("MPL_ori_err", "rad", "MPL_ori minus (pi, 0, pi), not wrapped.",
+        LayoutEntries(kAngles, {-2 * std::numbers::pi, std::numbers::pi}));
+  v.Add("obj_pos", "m", "The object's touch site in the world.", place);
+  return v;
+}
+
 VectorLayout Action() {
   VectorLayout v;
   v.Add("muscles", "1",
@@ -137,7 +162,10 @@ VectorLayout Action() {
 }
 
 TrackLayout Layout() {
-  TrackLayout layout{.observation = Observation(), .action = Action(), .direct_bounds = {}};
+  TrackLayout layout{.observation = Observation(),
+                     .extra = Extra(),
+                     .action = Action(),
+                     .direct_bounds = {}};
   layout.direct_bounds.assign(std::size(kMuscles), Bounds{0, 1});
   for (const Entry& servo : kServos) layout.direct_bounds.push_back(servo.bounds);
   return layout;

@@ -72,6 +72,12 @@ class CountingEnvironment : public Environment {
   }
   EpisodeFacts facts() const override { return facts_; }
   std::span<const double> state() const override { return state_; }
+  void ObserveExtra(std::span<double> out) const override {
+    std::fill(out.begin(), out.end(), 1000 + state_[1]);
+  }
+  void RewardTerms(std::span<double>) const override {}
+  const mjModel_& model() const override { std::abort(); }
+  const mjData_& data() const override { std::abort(); }
 
   int64_t length = 5;
   int64_t unstable_at = 0;
