@@ -33,6 +33,7 @@ void Api::Install(UnixHttpServer& server) {
   record_.Install(routes);
   rejudges_.Install(routes);
   reveal_.Install(routes);
+  runtimes_.Install(routes);
   statistics_.Install(routes);
   more_seeds_.Install(routes);
   teams_.Install(routes);

@@ -18,6 +18,7 @@
 #include "server/api/record_resource.h"
 #include "server/api/rejudges_resource.h"
 #include "server/api/reveal_resource.h"
+#include "server/api/runtimes_resource.h"
 #include "server/api/statistics_resource.h"
 #include "server/api/submissions_resource.h"
 #include "server/api/teams_resource.h"
@@ -54,6 +55,7 @@ class Api {
   RecordResource record_{context_};
   RejudgesResource rejudges_{context_};
   RevealResource reveal_{context_};
+  RuntimesResource runtimes_{context_};
   StatisticsResource statistics_{context_};
   MoreSeedsResource more_seeds_{context_};
   TeamsResource teams_{context_};

@@ -327,6 +327,12 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   if (reader.Has("log_format") && reader.Choice("log_format", {"text", "json"}) == "json") {
     config.log_format = LogFormat::kJson;
   }
+  config.runtimes_dir = absl::StrReplaceAll(
+      reader.Has("runtimes_dir") ? reader.String("runtimes_dir") : "${cache}/runtimes",
+      {{"${cache}", cache_dir}});
+  if (!config.runtimes_dir.starts_with('/')) {
+    reader.Fail("runtimes_dir", "must be absolute, or begin with ${cache}");
+  }
   const nlohmann::json& runtimes = reader.Object("runtimes");
   const nlohmann::json& scheduler = reader.Object("scheduler");
   const nlohmann::json& artefacts = reader.Object("artefacts");

@@ -103,6 +103,7 @@ struct ServerConfig {
   int64_t uid_base = 0;
   bool pin_slots = false;
   std::map<std::string, std::string> runtimes;  // name to host folder
+  std::string runtimes_dir;                     // of `myograde runtime add` (server/runtime)
   UploadLimits artefacts;
   HttpLimits http;
   AccessConfig access;  // names not resolved yet (user_names.h)

@@ -44,6 +44,8 @@ RULES = {
     # No HTTP server: it only calls others.
     "server/webhook": ({"protocol/base", "server/base", "server/metrics", "server/config",
                         "server/store", "server/webhook"}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
+    "server/runtime": ({"protocol/base", "server/base", "server/artefact/listing.h",
+                        "server/runtime"}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/|spdlog/"),
     "server/scheduler": ({"protocol/base", "server/base", "server/scheduler"},
                          r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/|fstream$|filesystem$|unistd"),
     "server/store": ({"protocol", "server/base", "server/store"}, r"mujoco/|lcm/|httplib|CLI/"),
@@ -55,14 +57,14 @@ RULES = {
         "base", "access", "proof/seed_list.h", "store", "grading", "challenge")},
         r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/|fstream$|unistd"),
     "server/engine": ({"protocol", "scoring"} | {f"server/{part}" for part in (
-        "base", "metrics", "artefact", "sandbox", "runner", "proof", "scheduler", "store", "config",
-        "grading", "engine")}, r"mujoco/|lcm/|httplib|CLI/"),
+        "base", "metrics", "artefact", "runtime", "sandbox", "runner", "proof", "scheduler", "store",
+        "config", "grading", "engine")}, r"mujoco/|lcm/|httplib|CLI/"),
     "server/admission": ({"protocol"} | {f"server/{part}" for part in (
-        "base", "artefact", "sandbox", "proof", "store", "config", "grading", "challenge", "engine",
-        "admission")}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
+        "base", "artefact", "runtime", "sandbox", "proof", "store", "config", "grading", "challenge",
+        "engine", "admission")}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     "server/api": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "metrics", "access", "runner", "proof", "store", "config", "grading", "challenge",
-        "webhook", "scheduler/team_line.h", "engine", "admission", "api")},
+        "webhook", "runtime", "scheduler/team_line.h", "engine", "admission", "api")},
         r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
     "server/cli/terminal": ({"protocol/base", "server/base", "server/cli/terminal"},
                             r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
@@ -74,8 +76,8 @@ RULES = {
                            "server/store/transfer.h"} | {f"server/cli/{part}" for part in (
                                "terminal", "base", "client")}, r"mujoco/|lcm/|SQLiteCpp/"),
     "server/cli/offline": ({"protocol", "scoring"} | {f"server/{part}" for part in (
-        "base", "artefact", "sandbox", "runner", "proof", "scheduler", "store", "config", "grading",
-        "challenge", "engine", "cli")}, r"mujoco/|lcm/|SQLiteCpp/|httplib"),
+        "base", "artefact", "runtime", "sandbox", "runner", "proof", "scheduler", "store", "config",
+        "grading", "challenge", "engine", "cli")}, r"mujoco/|lcm/|SQLiteCpp/|httplib"),
     "server/cli": ({"protocol/tracks/registry.h", "server/cli"},
                    r"mujoco/|lcm/|SQLiteCpp/|httplib"),
     "server": ({"protocol", "scoring", "server"}, r"mujoco/|lcm/"),

@@ -1,0 +1,169 @@
+#include "server/runtime/runtimes.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <system_error>
+#include <utility>
+
+#include <absl/strings/match.h>
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/config_reader.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+constexpr size_t kLongestName = 64;
+constexpr size_t kLargestFile = 4u << 20;  // of runtime.json
+constexpr int64_t kMany = int64_t{1} << 50;
+// Below the runtimes' folder; no runtime can be called that.
+constexpr char kFormerFolder[] = ".former";
+
+bool IsDigest(const std::string& text) {
+  return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string::npos;
+}
+
+absl::Status ReadPackages(const Json& list, const std::string& where, Runtime& runtime) {
+  for (const Json& entry : list) {
+    ConfigReader reader(entry, where);
+    RuntimePackage package{reader.String("name"), reader.String("version"),
+                           reader.Choice("source", {"pypi", "debian"})};
+    reader.Ignore("sha256");
+    if (absl::Status status = reader.Finish(); !status.ok()) return status;
+    runtime.packages.push_back(std::move(package));
+  }
+  return absl::OkStatus();
+}
+
+// A folder of server.json: its content is known only if it was made by `myograde runtime add`.
+absl::StatusOr<Runtime> Configured(const std::string& name, const std::string& folder) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) {
+    return absl::InternalError(absl::StrCat("the runtime \"", name, "\" has no folder ", folder,
+                                            "; run ./dev setup, or mend runtimes in server.json"));
+  }
+  absl::StatusOr<Runtime> runtime = ReadRuntime(folder);
+  if (absl::IsNotFound(runtime.status())) runtime = Runtime{.folder = folder};
+  if (!runtime.ok()) return absl::InternalError(runtime.status().message());
+  runtime->name = name;
+  runtime->configured = true;
+  return runtime;
+}
+
+}  // namespace
+
+bool IsRuntimeName(std::string_view name) {
+  return !name.empty() && name.size() <= kLongestName && std::string_view("._-").find(name[0]) ==
+                                                             std::string_view::npos &&
+         name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789._-") ==
+             std::string_view::npos;
+}
+
+absl::StatusOr<Runtime> ReadRuntime(const std::string& folder) {
+  const std::string path = absl::StrCat(folder, "/", kRuntimeFile);
+  std::error_code error;
+  if (!fs::exists(fs::symlink_status(path, error))) {
+    return absl::NotFoundError(absl::StrCat(path, ": is not there"));
+  }
+  const absl::StatusOr<Json> json = ReadJsonFile(path, kLargestFile);
+  if (!json.ok()) return absl::InvalidArgumentError(json.status().message());
+  ConfigReader reader(*json, path);
+  reader.Integer("format", 1, 1);
+  Runtime runtime{.name = reader.String("runtime"),
+                  .folder = folder,
+                  .digest = reader.String("digest"),
+                  .python = reader.String("python"),
+                  .made_at = reader.String("made_at"),
+                  .bytes = reader.Integer("bytes", 0, kMany),
+                  .files = reader.Integer("files", 0, kMany)};
+  const Json packages = reader.Array("packages");
+  if (!IsDigest(runtime.digest)) reader.Fail("digest", "is no SHA-256");
+  if (!IsRuntimeName(runtime.name)) reader.Fail("runtime", "is no name of a runtime");
+  absl::Status status = reader.Finish();
+  if (status.ok()) status = ReadPackages(packages, path + ": packages", runtime);
+  if (!status.ok()) return absl::InvalidArgumentError(status.message());
+  return runtime;
+}
+
+Runtimes::Runtimes(std::map<std::string, std::string> configured, std::string dir)
+    : configured_(std::move(configured)), dir_(std::move(dir)) {}
+
+std::vector<Runtime> Runtimes::List() const {
+  std::vector<Runtime> all;
+  const auto add = [&](absl::StatusOr<Runtime> runtime) {
+    if (runtime.ok()) all.push_back(*std::move(runtime));
+  };
+  for (const auto& [name, folder] : configured_) add(Configured(name, folder));
+  std::error_code error;
+  if (!dir_.empty()) {
+    for (const fs::directory_entry& entry : fs::directory_iterator(dir_, error)) {
+      const std::string name = entry.path().filename().string();
+      if (!IsRuntimeName(name) || configured_.contains(name)) continue;
+      add(Find(name));
+    }
+  }
+  std::sort(all.begin(), all.end(),
+            [](const Runtime& a, const Runtime& b) { return a.name < b.name; });
+  return all;
+}
+
+absl::StatusOr<Runtime> Runtimes::Find(const std::string& name) const {
+  const auto found = configured_.find(name);
+  if (found != configured_.end()) return Configured(name, found->second);
+  const absl::Status none = absl::NotFoundError(absl::StrCat("there is no runtime \"", name, "\""));
+  if (dir_.empty() || !IsRuntimeName(name)) return none;
+  absl::StatusOr<Runtime> runtime = ReadRuntime(absl::StrCat(dir_, "/", name));
+  if (absl::IsNotFound(runtime.status())) return none;
+  if (!runtime.ok()) return absl::InternalError(runtime.status().message());
+  runtime->name = name;
+  return runtime;
+}
+
+absl::StatusOr<Runtime> Runtimes::Find(const std::string& name, const std::string& digest) const {
+  absl::StatusOr<Runtime> present = Find(name);
+  if (present.ok() && present->digest == digest) return present;
+  for (Runtime& former : Former()) {
+    if (former.name == name && former.digest == digest) return std::move(former);
+  }
+  const std::string now = !present.ok() ? "is not there any more"
+                          : present->digest.empty()
+                              ? "has an unknown content now"
+                              : absl::StrCat("is ", present->digest.substr(0, 12), " now");
+  return absl::NotFoundError(absl::StrCat("the runtime \"", name, "\" of the digest ",
+                                          digest.substr(0, 12), " is gone: \"", name, "\" ", now));
+}
+
+std::vector<Runtime> Runtimes::Former() const {
+  std::vector<Runtime> all;
+  std::error_code error;
+  if (dir_.empty()) return all;
+  for (const fs::directory_entry& entry :
+       fs::directory_iterator(absl::StrCat(dir_, "/", kFormerFolder), error)) {
+    absl::StatusOr<Runtime> runtime = ReadRuntime(entry.path().string());
+    if (runtime.ok()) all.push_back(*std::move(runtime));
+  }
+  std::sort(all.begin(), all.end(),
+            [](const Runtime& a, const Runtime& b) { return a.folder < b.folder; });
+  return all;
+}
+
+nlohmann::json RuntimeToJson(const Runtime& runtime) {
+  const bool known = !runtime.digest.empty();
+  Json packages = Json::array();
+  for (const RuntimePackage& package : runtime.packages) {
+    packages.push_back({{"name", package.name}, {"version", package.version},
+                        {"source", package.source}});
+  }
+  return {{"runtime", runtime.name},
+          {"digest", known ? Json(runtime.digest) : Json()},
+          {"python", known ? Json(runtime.python) : Json()},
+          {"made_at", known ? Json(runtime.made_at) : Json()},
+          {"bytes", known ? Json(runtime.bytes) : Json()},
+          {"files", known ? Json(runtime.files) : Json()},
+          {"packages", std::move(packages)}};
+}
+
+}  // namespace myograde::server
