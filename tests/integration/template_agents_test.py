@@ -22,6 +22,11 @@ class TemplateAgents(SystemTest):
                                 budgets={"startup_s": 6, "startup_wall_s": 30, "restarts": 1}),
     }
 
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.daemon.configure(runtimes={"template-2024": {"path": str(RUNTIME)}})
+
     def agent(self, name, *arguments, files=(), **manifest):
         """A submission as a participant has it: the template's files, the agent and its own."""
         folder = self.root / "-".join([name, *arguments])
