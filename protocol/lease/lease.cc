@@ -107,7 +107,7 @@ nlohmann::json LeaseOrderToJson(const LeaseOrder& order) {
                         {"seed", episode.seed},
                         {"policy_seed", episode.policy_seed}});
   }
-  return {{"lease", order.lease},
+  Json json = {{"lease", order.lease},
           {"artefact_dir", order.artefact_dir},
           {"command", order.command},
           {"environment", order.environment},
@@ -124,6 +124,8 @@ nlohmann::json LeaseOrderToJson(const LeaseOrder& order) {
           {"log_dir", order.log_dir},
           {"log_bytes", order.log_bytes},
           {"replay", order.replay}};
+  if (!order.adapter.empty()) json["adapter"] = order.adapter;
+  return json;
 }
 
 absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
@@ -136,6 +138,7 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
   // Absent in orders of earlier versions.
   if (reader.Has("environment")) order.environment = reader.StringsByName("environment");
   order.runtimes = reader.Strings("runtimes");
+  if (reader.Has("adapter")) order.adapter = reader.String("adapter");
   if (reader.Has("extra_observations")) {
     order.extra_observations = reader.Boolean("extra_observations");
   }

@@ -31,6 +31,7 @@ struct LeaseOrder {
   std::vector<std::string> command;
   std::map<std::string, std::string> environment;  // environment variables for the policy
   std::vector<std::string> runtimes;  // host folders mounted read-only at their own path
+  std::string adapter;  // program of the grader that plays the command; "": it speaks LCM itself
   // The policy is shown TrackLayout::extra after the graded observation.
   bool extra_observations = false;
   TrackConfig track;

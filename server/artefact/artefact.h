@@ -31,6 +31,7 @@ struct ArtefactManifest {
   std::vector<std::string> command;
   std::vector<std::string> runtimes;  // names of the server's runtimes that it needs
   std::map<std::string, std::string> environment;  // environment variables to set for the policy
+  std::string adapter;  // of adapters.h, through which the command is played; "": it speaks LCM
   bool extra_observations = false;  // observations carry the track's extra entries too
 };
 

@@ -3,6 +3,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <climits>
 #include <filesystem>
@@ -12,6 +13,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/config_reader.h"
+#include "server/artefact/adapters.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/environment.h"
@@ -162,6 +164,19 @@ void CheckRuntimes(ConfigReader& reader, const std::vector<std::string>& runtime
   }
 }
 
+// What an adapter runs in is one of the submission's runtimes, named or not.
+void ReadAdapter(ConfigReader& reader, ArtefactManifest& manifest) {
+  std::vector<std::string> names;
+  for (const Adapter& adapter : Adapters()) names.emplace_back(adapter.name);
+  manifest.adapter = reader.Choice("adapter", names);
+  const Adapter* adapter = FindAdapter(manifest.adapter);
+  if (adapter == nullptr) return;
+  const std::string runtime(adapter->runtime);
+  if (std::ranges::find(manifest.runtimes, runtime) == manifest.runtimes.end()) {
+    manifest.runtimes.push_back(runtime);
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<ArtefactManifest> ReadManifest(const std::string& folder) {
@@ -181,6 +196,7 @@ absl::StatusOr<ArtefactManifest> ReadManifest(int folder) {
   manifest.command = reader.Strings("command");
   if (reader.Has("runtimes")) manifest.runtimes = reader.Strings("runtimes");
   if (reader.Has("env")) manifest.environment = ReadEnvironment(reader);
+  if (reader.Has("adapter")) ReadAdapter(reader, manifest);
   if (reader.Has("extra_observations")) {
     manifest.extra_observations = reader.Boolean("extra_observations");
   }

@@ -51,6 +51,7 @@ nlohmann::json AnswerOf(const absl::StatusOr<Artefact>& artefact) {
           {"command", artefact->manifest.command},
           {"runtimes", artefact->manifest.runtimes},
           {"environment", artefact->manifest.environment},
+          {"adapter", artefact->manifest.adapter},
           {"extra_observations", artefact->manifest.extra_observations},
           {"bytes", artefact->bytes},
           {"files", artefact->files}};
@@ -183,6 +184,7 @@ absl::StatusOr<Artefact> ArtefactOf(const std::string& answer, int wait_status,
   artefact.manifest.command = reader.Strings("command");
   artefact.manifest.runtimes = reader.Strings("runtimes");
   artefact.manifest.environment = reader.StringsByName("environment");
+  artefact.manifest.adapter = reader.String("adapter");
   artefact.manifest.extra_observations = reader.Boolean("extra_observations");
   artefact.bytes = reader.Integer("bytes", 0, INT64_MAX);
   artefact.files = reader.Integer("files", 0, INT64_MAX);

@@ -13,6 +13,7 @@
 
 #include "protocol/policy/channels.h"
 #include "protocol/base/pinned_maths.h"
+#include "server/sandbox/adapter_command.h"
 #include "server/sandbox/users.h"
 
 namespace myograde::server {
@@ -72,6 +73,23 @@ void AddSanitizerOptions(SandboxSpec& spec) {
   if (kSanitized) spec.environment.emplace_back("ASAN_OPTIONS", "detect_leaks=0");
 }
 
+// What the bridge starts. The participant's variables are set by whoever starts the participant's
+// program, so that none of them affects another.
+void AddPolicyCommand(const LeaseOrder& order, SandboxSpec& spec) {
+  std::vector<std::string> command = order.command;
+  if (!order.adapter.empty()) {
+    command = AdapterCommand(order);
+  } else {
+    for (const auto& [name, value] : order.environment) {
+      const bool joins = name == "PYTHONPATH" && !order.runtimes.empty();
+      const std::string more = joins ? ":" + absl::StrJoin(order.runtimes, ":") : "";
+      spec.command.insert(spec.command.end(), {"--env", absl::StrCat(name, "=", value, more)});
+    }
+  }
+  spec.command.emplace_back("--");
+  spec.command.insert(spec.command.end(), command.begin(), command.end());
+}
+
 }  // namespace
 
 std::vector<std::string> PolicyPath(const std::vector<std::string>& runtimes) {
@@ -107,7 +125,7 @@ absl::StatusOr<EtcFiles> StageEtcFiles(const Stage& stage) {
   } entries[] = {{&files.passwd, "passwd",
                   "root:x:0:0:root:/:/usr/sbin/nologin\npolicy:x:1000:1000::/tmp:/bin/sh\n"},
                  {&files.group, "group", "root:x:0:\npolicy:x:1000:\n"},
-                 {&files.hosts, "hosts", "127.0.0.1 localhost myograde\n::1 localhost\n"}};
+                 {&files.hosts, "hosts", "127.0.0.1 localhost myograde environment\n::1 localhost\n"}};
   for (const auto& entry : entries) {
     absl::StatusOr<std::string> path = stage.AddFile(entry.name, entry.text);
     if (!path.ok()) return path.status();
@@ -121,6 +139,7 @@ std::vector<std::string> StagedSources(const LeaseOrder& order, const std::strin
   // An order that only replays logs has no artefact.
   if (order.replay.empty()) sources.push_back(order.artefact_dir);
   if (!order.slot_mark.empty()) sources.push_back(order.slot_mark);
+  if (!order.adapter.empty()) sources.push_back(AdapterFolder(order.adapter, bin_dir));
   sources.insert(sources.end(), order.runtimes.begin(), order.runtimes.end());
   return sources;
 }
@@ -180,6 +199,10 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig
     spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(runtime), runtime});
   }
   spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(order.artefact_dir), "/policy"});
+  if (!order.adapter.empty()) {
+    spec.mounts.push_back({Kind::kReadOnly,
+                           stage.PathOf(AdapterFolder(order.adapter, bin_dir)), kAdapterPlace});
+  }
   AddMark(order, stage, spec);
   Seal(spec);
 
@@ -209,14 +232,7 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig
       farewell > 0) {
     spec.command.insert(spec.command.end(), {"--farewell", std::to_string(farewell)});
   }
-  // Set through the bridge, so that none of them affects a program that is not the participant's.
-  for (const auto& [name, value] : order.environment) {
-    const bool joins = name == "PYTHONPATH" && !order.runtimes.empty();
-    const std::string more = joins ? ":" + absl::StrJoin(order.runtimes, ":") : "";
-    spec.command.insert(spec.command.end(), {"--env", absl::StrCat(name, "=", value, more)});
-  }
-  spec.command.emplace_back("--");
-  spec.command.insert(spec.command.end(), order.command.begin(), order.command.end());
+  AddPolicyCommand(order, spec);
   spec.working_dir = "/policy";
   spec.bus = true;
   spec.as_first = true;

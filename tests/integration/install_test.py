@@ -42,7 +42,7 @@ class Install(unittest.TestCase):
                      "configs/schema/show.json", "openapi.json",
                      "configs/reference/manipulation.lcmlog.zst",
                      "policies/kit-python/myograde/policy/kit.py",
-                     "policies/kit-template-2024/play_agent.py", "policies/scripted-elbow/policy.json",
+                     "adapters/template-2024/__main__.py", "policies/scripted-elbow/policy.json",
                      "lcm/myograde.lcm", "lcm/myograde_log.lcm",
                      "policies/starter/cpp/policy.cc", "policies/starter/python/policy.py"):
             self.assertTrue((self.share / name).is_file(), name)

@@ -1,64 +1,158 @@
-"""Agents written for the template of 2024, on the real tracks, by the kit that stands in for it."""
+"""Agents written for the template of 2024, on the real tracks, through the adapter that serves their
+gRPC service. Needs the runtime template-2024 in the cache folder."""
 
+import json
+import os
+import pathlib
 import shutil
 import unittest
 
 from system import HERE, POLICIES, SystemTest, track_config
 
+AGENTS = HERE / "template_agents"
+RUNTIME = pathlib.Path(os.environ.get("MYOGRADE_CACHE", "/nonexistent"), "runtimes/template-2024")
 
+
+@unittest.skipUnless((RUNTIME / "grpc").is_dir(), f"there is no runtime {RUNTIME}")
 class TemplateAgents(SystemTest):
     tracks = {
         "short-arm": track_config("manipulation"),
         "short-leg": track_config("locomotion"),
+        "one-arm": track_config("manipulation", seeds={"first": 7000, "count": 1},
+                                budgets={"startup_s": 6, "startup_wall_s": 30, "restarts": 1}),
     }
 
-    def agent(self, name, *arguments):
-        return self.python_policy("-".join([name, *arguments]),
-                                  ["play_agent.py", f"{name}.py", *arguments],
-                                  HERE / f"template_agents/{name}.py", kit="kit-template-2024")
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.daemon.configure(runtimes={"template-2024": {"path": str(RUNTIME)}})
+
+    def agent(self, name, *arguments, files=(), **manifest):
+        """A submission as a participant has it: the template's files, the agent and its own."""
+        folder = self.root / "-".join([name, *arguments])
+        if not folder.exists():
+            shutil.copytree(AGENTS / "template", folder)
+            for file in (f"{name}.py", *files):
+                shutil.copy(AGENTS / file, folder)
+            (folder / "policy.json").write_text(json.dumps({
+                "name": name, "command": ["python3", f"{name}.py", *arguments],
+                "adapter": "template-2024", **manifest}))
+        return folder
 
     def play(self, policy, track, profile):
         result = self.ask("local", policy, "--track", track, "--profile", profile)
         self.assertEqual(len(result["episodes"]), 3)
         for row in result["episodes"]:
             self.assertIn(row["outcome"], ("success", "failure"), row)
-        return result["episodes"]
+        return result
+
+    def digests(self, policy, track, profile="myosuite"):
+        return [row["digest"] for row in self.play(policy, track, profile)["episodes"]]
+
+    def fault(self, mode):
+        """How the only episode of a hostile agent ends, and what it said."""
+        result = self.ask("local", self.agent("hostile_agent", mode), "--track", "one-arm",
+                          "--profile", "myosuite", check=False)
+        (row,) = result["episodes"]
+        return row, "".join(output["stderr_tail"] for output in result["output"])
 
     def test_an_agent_of_zeros_is_the_zero_policy(self):
         for profile in ("myosuite", "as-graded"):
             with self.subTest(profile=profile):
-                agent = self.agent("manipulation_agent", profile)
-                mine = self.play(agent, "short-arm", profile)
-                zero = self.play(POLICIES / "zero", "short-arm", profile)
-                self.assertEqual([row["digest"] for row in mine],
-                                 [row["digest"] for row in zero])
+                mine = self.play(self.agent("manipulation_agent"), "short-arm", profile)
+                self.assertEqual([row["digest"] for row in mine["episodes"]],
+                                 self.digests(POLICIES / "zero", "short-arm", profile))
+                said = mine["output"][0]["stderr_tail"].splitlines()
+                self.assertEqual(said[-1], "all trials are over", said)
+
+    def test_an_agent_that_needs_finger_tips_and_forces(self):
+        agent = self.agent("fingers_agent", files=["hand.json"], env={"POLICY_LOCAL": "1"})
+        self.assertEqual(self.digests(agent, "short-arm"), self.digests(agent, "short-arm"))
 
     def test_a_reset_before_the_end_ends_the_episode_as_it_stands(self):
         result = self.ask("local", self.agent("impatient_agent"), "--track", "short-arm",
                           "--profile", "myosuite")
         for row in result["episodes"]:
             self.assertEqual((row["outcome"], row["reason"]), ("failure", "given-up"), row)
-        self.assertEqual([row["facts"]["steps"] for row in result["episodes"]], [3, 0, 3])
+        self.assertEqual([row["facts"]["steps"] for row in result["episodes"]], [3, 3, 3])
 
     def test_an_agent_that_samples_from_torch_repeats(self):
         agent = self.agent("sampling_agent")
         (agent / "torch").mkdir()
-        shutil.copy(HERE / "template_agents/fake_torch.py", agent / "torch/__init__.py")
-        first = [row["digest"] for row in self.play(agent, "short-leg", "myosuite")]
-        again = [row["digest"] for row in self.play(agent, "short-leg", "myosuite")]
-        self.assertEqual(first, again)
+        shutil.copy(AGENTS / "fake_torch.py", agent / "torch/__init__.py")
+        first = self.digests(agent, "short-leg")
+        self.assertEqual(first, self.digests(agent, "short-leg"))
         self.assertEqual(len(set(first)), 3)
 
     def test_a_walking_agent_with_its_own_parameter_sets(self):
         def digests(*arguments):
-            rows = self.play(self.agent("locomotion_agent", *arguments), "short-leg", "myosuite")
-            return [row["digest"] for row in rows]
+            return self.digests(self.agent("locomotion_agent", *arguments,
+                                           files=["locomotion_sets.py"]), "short-leg")
 
         soft = digests("normalized", "0.1")
         self.assertEqual(len(set(soft)), 3)
-        stiff = digests("normalized", "0.5")
-        self.assertNotEqual(soft, stiff, "its parameter sets make no difference")
+        self.assertEqual(soft, digests("normalized", "0.1"), "its unseeded samples do not repeat")
+        self.assertNotEqual(soft, digests("normalized", "0.5"), "its sets make no difference")
         self.assertNotEqual(soft, digests("direct", "0.1"))
+
+    def test_a_parameter_set_is_in_force_from_change_osl_mode_on(self):
+        def digests(*modes):
+            return self.digests(self.agent("modes_agent", *modes, files=["locomotion_sets.py"]),
+                                "short-leg")
+
+        default = digests("-", "-", "-")
+        stiff, soft = digests("2", "2", "2"), digests("3", "3", "3")
+        for one, other in ((default, stiff), (default, soft), (stiff, soft)):
+            self.assertTrue(all(a != b for a, b in zip(one, other)))
+        self.assertEqual(digests("-", "2", "-"), [default[0], stiff[1], stiff[2]])
+        self.assertEqual(digests("3", "-", "2"), [soft[0], soft[1], stiff[2]])
+        self.assertEqual(digests("0", "1", "3"), [default[0], default[1], soft[2]])
+
+    def test_hostile_pickles_end_in_their_own_sandbox(self):
+        row, said = self.fault("pickles")
+        self.assertEqual((row["outcome"], row["fault"]["whose"]), ("crash", "participant"), row)
+        self.assertIn("still served", said)
+        self.assertIn("an action has 80 entries, this one has 3", said)
+        self.assertIn("can't be unpickled", said)
+
+    def test_an_agent_that_floods_the_port(self):
+        row, _ = self.fault("flood")
+        self.assertIn(row["outcome"], ("memory_limit", "crash", "init_timeout"), row)
+        self.assertEqual(row["fault"]["whose"], "participant", row)
+
+    def test_an_agent_that_never_connects(self):
+        row, _ = self.fault("silent")
+        self.assertEqual(row["outcome"], "init_timeout", row)
+
+    def test_an_agent_that_leaves(self):
+        row, said = self.fault("leaves")
+        self.assertEqual(row["outcome"], "crash", row)
+        self.assertIn("status 7", row["fault"]["detail"])
+        self.assertIn("I have seen enough", row["fault"]["detail"])
+
+    def test_messages_that_are_too_large(self):
+        row, said = self.fault("large")
+        self.assertEqual(row["fault"]["whose"], "participant", row)
+        self.assertIn("RESOURCE_EXHAUSTED", said)
+
+    def test_the_profile_paper_has_no_finger_tips_and_says_so(self):
+        result = self.ask("local", self.agent("fingers_agent", files=["hand.json"]), "--track",
+                          "short-arm", "--profile", "paper", check=False)
+        row = result["episodes"][0]
+        self.assertEqual(row["outcome"], "crash", row)
+        self.assertIn("max_force", row["fault"]["detail"])
+
+    def test_a_track_that_the_template_did_not_have(self):
+        result = self.ask("local", self.agent("manipulation_agent"), "--track", "elbow",
+                          "--episodes", "1", check=False)
+        self.assertIn("no environment for the track elbow",
+                      result["episodes"][0]["fault"]["detail"])
+
+    def test_an_adapter_that_nobody_knows_is_refused(self):
+        folder = self.agent("manipulation_agent", "unknown", adapter="template-1999")
+        run = self.run_cli("local", folder, "--track", "short-arm", check=False)
+        self.assertNotEqual(run.returncode, 0)
+        self.assertIn("template-2024", run.stderr)
 
 
 if __name__ == "__main__":

@@ -112,6 +112,9 @@ absl::Status TakeSubmission(const std::string& path, const std::string& temp, Lo
       UnpackArtefact(archive, order.artefact_dir, limits, ShownBy(progress));
   if (!artefact.ok()) return HostStatus(path, artefact.status());
   order.artefact = *std::move(artefact);
+  const absl::Status extra = HostStatus(
+      path, CheckExtraObservations(order.artefact.manifest.extra_observations, order.track->config));
+  if (!extra.ok()) return extra;
   order.work_dir = temp;
   std::filesystem::remove(archive);
   return absl::OkStatus();

@@ -79,7 +79,11 @@ LeaseOrder LocalRun::OrderFor(const Lease& lease) const {
       {.artefact_dir = order_.artefact_dir,
        .command = order_.artefact.manifest.command,
        .environment = order_.artefact.manifest.environment,
-       .runtimes = order_.runtimes},
+       .runtimes = order_.runtimes,
+       .adapter = order_.artefact.manifest.adapter,
+       .extra_observations = ShowsExtraObservations(
+           order_.artefact.manifest.extra_observations, !order_.artefact.manifest.adapter.empty(),
+           track)},
       {.slot = lease.slot,
        .uid = ::geteuid() == 0 ? order_.config.uid_base + kLocalUsers + lease.slot : -1,
        .pinned = PinsSlots(order_.config, order_.slots, track),

@@ -21,8 +21,9 @@ spaces = DummyManiEnv("myoChallengeBimanual-v0", rc)
 assert spaces.action_space.shape == (80,), spaces.action_space.shape
 trial, completed = 0, False
 while not completed:
-    observation = rc.reset()
+    observation, info = rc.reset()
     assert observation.shape == rc.observation_space.shape and observation.dtype == np.float32
+    assert info == {}
     first = rc.get_obsdict()
     # The object starts turned so that its own third axis is the world's -y.
     offset = first["obj_pos"] - first["object_qpos"][:3]
@@ -31,6 +32,10 @@ while not completed:
     while not ended:
         base = rc.act_on_environment(np.zeros(80))
         steps += 1
+        assert base["current_score"] == steps
         ended, completed = base["feedback"][2], base["eval_completed"]
+    again = rc.act_on_environment(np.ones(80))  # changes nothing any more
+    assert again["feedback"][2] and again["current_score"] == steps
     trial += 1
     print(f"trial {trial}: {steps} steps", file=sys.stderr, flush=True)
+print("all trials are over", file=sys.stderr, flush=True)

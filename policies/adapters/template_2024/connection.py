@@ -1,8 +1,12 @@
 """A conversation with the grader in which the policy takes the steps: it asks for the next episode
 and hands over actions, where the kit calls the policy. The protocol is in protocol/README.md."""
 
+import os
+import select
 import sys
 import time
+
+import lcm
 
 from myograde.action_t import action_t
 from myograde.episode_ready_t import episode_ready_t
@@ -10,7 +14,6 @@ from myograde.episode_start_t import episode_start_t
 from myograde.give_up_t import give_up_t
 from myograde.hello_t import hello_t
 from myograde.observation_t import observation_t
-from myograde.policy.bus import Bus
 from myograde.welcome_t import welcome_t
 
 PROTOCOL_VERSION = 1
@@ -20,22 +23,44 @@ RESEND_S = 0.1
 SILENCE_DEADLINE_S = 600.0
 
 
-class Connection:
-    """What the grader says is kept until the policy asks for it. `policy_seed` is the current
-    episode's. Every wait ends the process with
-    a sentence after SILENCE_DEADLINE_S without a word."""
+class EvaluationOver(Exception):
+    """The grader has no further episode."""
 
-    def __init__(self, name, direct):
-        self._bus = Bus()
+
+class Stop:
+    """Set once, from a signal handler too; wakes whoever waits for the grader."""
+
+    def __init__(self):
+        self._waits, self._sets = os.pipe()
+
+    def set(self):
+        os.write(self._sets, b"1")
+
+    def fileno(self):
+        return self._waits
+
+
+class Connection:
+    """What the grader says is kept until the policy asks for it. Of one thread. `policy_seed` is
+    the current episode's, `welcome` the grader's. Every wait ends with SystemExit and a sentence
+    after SILENCE_DEADLINE_S without a word, and with EvaluationOver once `stop` is set."""
+
+    def __init__(self, name, direct, stop):
+        url = os.environ.get("MYOGRADE_LCM_URL", "")
+        try:
+            self._lcm = lcm.LCM(url)
+        except RuntimeError as error:
+            sys.exit(f'error: no LCM bus at "{url}" ({error}); set MYOGRADE_LCM_URL')
+        self._stop = stop
         self.welcome = None
-        self.policy_seed = None
+        self.policy_seed = 0
         self._start = None  # the last episode_start_t
         self._observation = None  # the last of the episode that is played
         self._ready = None  # the answer to its episode_start_t
         self._answer = None  # to _observation: channel and bytes, sent again when asked again
-        self._bus.subscribe("MYOGRADE_WELCOME", self._on_welcome)
-        self._bus.subscribe("MYOGRADE_EPISODE_START", self._on_episode_start)
-        self._bus.subscribe("MYOGRADE_OBSERVATION", self._on_observation)
+        self._lcm.subscribe("MYOGRADE_WELCOME", self._on_welcome)
+        self._lcm.subscribe("MYOGRADE_EPISODE_START", self._on_episode_start)
+        self._lcm.subscribe("MYOGRADE_OBSERVATION", self._on_observation)
         self._greet(name, direct)
 
     def begin_episode(self, leg_sets):
@@ -54,13 +79,12 @@ class Connection:
         self._ready.leg_sets = list(leg_sets)
         self._ready.num_leg_sets = len(leg_sets)
         self._observation = self._answer = None
-        self._bus.publish("MYOGRADE_EPISODE_READY", self._ready.encode())
+        self._lcm.publish("MYOGRADE_EPISODE_READY", self._ready.encode())
         self._wait(lambda: self._observation is not None)
         return self._observation.values
 
     def step(self, values):
-        """Answers the last observation. Returns the next one, or None where the episode ended.
-        After the last episode of a run the grader ends this process instead."""
+        """Answers the last observation. Returns the next one, or None where the episode ended."""
         answered = self._observation
         action = action_t()
         action.episode, action.step = answered.episode, answered.step
@@ -72,7 +96,7 @@ class Connection:
 
     def _say(self, channel, message):
         self._answer = (channel, message)
-        self._bus.publish(channel, message)
+        self._lcm.publish(channel, message)
 
     def _greet(self, name, direct):
         hello = hello_t()
@@ -86,8 +110,8 @@ class Connection:
         while self.welcome is None:
             if time.monotonic() > deadline:
                 sys.exit("error: no grader answered on the bus; check MYOGRADE_LCM_URL")
-            self._bus.publish("MYOGRADE_HELLO", encoded)
-            self._bus.wait(RESEND_S)
+            self._lcm.publish("MYOGRADE_HELLO", encoded)
+            self._handle(RESEND_S)
         if not self.welcome.accepted:
             sys.exit(f"error: the grader refused this policy: {self.welcome.reason}")
 
@@ -96,7 +120,14 @@ class Connection:
         while not arrived():
             if time.monotonic() > deadline:
                 sys.exit(f"error: nothing was heard from the grader for {SILENCE_DEADLINE_S:.0f} s")
-            self._bus.wait(1.0)
+            self._handle(1.0)
+
+    def _handle(self, seconds):
+        readable, _, _ = select.select([self._lcm.fileno(), self._stop], [], [], seconds)
+        if self._stop in readable:
+            raise EvaluationOver
+        if readable:
+            self._lcm.handle()
 
     def _on_welcome(self, _channel, data):
         if self.welcome is None:
@@ -107,7 +138,7 @@ class Connection:
         if self._start is None or start.episode > self._start.episode:
             self._start = start
         elif self._ready is not None and start.episode == self._ready.episode:
-            self._bus.publish("MYOGRADE_EPISODE_READY", self._ready.encode())
+            self._lcm.publish("MYOGRADE_EPISODE_READY", self._ready.encode())
 
     def _on_observation(self, _channel, data):
         observation = observation_t.decode(data)
@@ -117,4 +148,4 @@ class Connection:
             self._observation = observation
             self._answer = None
         elif self._answer is not None and observation.step == self._observation.step:
-            self._bus.publish(*self._answer)
+            self._lcm.publish(*self._answer)

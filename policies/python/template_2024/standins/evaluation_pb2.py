@@ -1,1 +1,0 @@
-"""For agents that import the template's messages and never use them."""

@@ -1,0 +1,23 @@
+// How an adapter (server/artefact/adapters.h) is started inside a policy's sandbox, and with it the
+// participant's own program.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "protocol/lease/lease.h"
+
+namespace myograde::server {
+
+// Where a policy's sandbox shows the adapter of its order.
+inline constexpr char kAdapterPlace[] = "/myograde/adapter";
+
+// The host folder of the adapter's program; `bin_dir`: that of the project's programs. There need
+// not be one.
+std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir);
+
+// The command that the bridge starts: the adapter, which starts order.command with
+// order.environment once it listens. REQUIRES: order.adapter is not empty.
+std::vector<std::string> AdapterCommand(const LeaseOrder& order);
+
+}  // namespace myograde::server

@@ -1,0 +1,217 @@
+"""The adapter template-2024 without a grader: what it makes of observations, parameter sets and
+pickles. tests/integration/template_agents_test.py has it play."""
+
+import os
+import pathlib
+import pickle
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+
+ADAPTER = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"]).parent / "adapters/template-2024"
+sys.path.insert(0, str(ADAPTER))
+
+from agent import HOOKS, Agent, agent_environment  # noqa: E402
+from leg_sets import Leg  # noqa: E402
+from observations import Locomotion, Manipulation  # noqa: E402
+from pickles import pack, unpack  # noqa: E402
+
+STATES = ("e_stance", "l_stance", "e_swing", "l_swing")
+
+
+def a_set(stiffness):
+    gain = {f"{joint}_{key}": value for joint in ("knee", "ankle")
+            for key, value in (("stiffness", stiffness), ("damping", 1), ("target_angle", 0.1))}
+    return {state: {"gain": gain, "threshold": {"load": (100.0, "above")}} for state in STATES}
+
+
+def stiffness(sets, index):
+    (entry,) = [entry for entry in sets if entry.index == index]
+    return entry.states[0].knee_stiffness
+
+
+class LegSets(unittest.TestCase):
+    def in_force(self, leg, sets):
+        return stiffness(sets, leg.selected)
+
+    def test_an_upload_acts_from_the_next_change_on_and_stays(self):
+        leg = Leg()
+        leg.upload({np.int64(1): a_set(11), 2: a_set(12)})
+        default = self.in_force(leg, leg.begin("myosuite"))
+        self.assertNotIn(default, (11, 12))
+        sets = leg.begin("myosuite")
+        leg.change(1)
+        self.assertEqual(self.in_force(leg, sets), 11)
+        leg.upload({1: a_set(21)})
+        sets = leg.begin("myosuite")
+        self.assertEqual(self.in_force(leg, sets), 11, "a change before it counts on")
+        leg.change(1)
+        self.assertEqual(self.in_force(leg, sets), 21)
+        leg.change(0)
+        self.assertEqual(self.in_force(leg, sets), default)
+
+    def test_each_set_of_the_library_can_be_chosen_in_every_profile(self):
+        for profile in ("paper", "myosuite", "as-graded"):
+            leg = Leg()
+            leg.upload({index: a_set(10 + index) for index in range(4)})
+            for trial in range(3):
+                sets = leg.begin(profile)
+                indices = [entry.index for entry in sets]
+                self.assertEqual(indices, sorted(set(indices)))
+                for index in (2, 0, 3, 1):
+                    leg.change(index)
+                    self.assertEqual(self.in_force(leg, sets), 10 + index, (profile, trial))
+
+    def test_equal_sets_leave_a_place_for_the_one_in_force(self):
+        leg = Leg()
+        leg.upload({index: a_set(5) for index in range(4)})
+        sets = leg.begin("myosuite")
+        self.assertNotEqual(self.in_force(leg, sets), 5)
+        for index in range(4):
+            leg.change(index)
+            self.assertEqual(self.in_force(leg, sets), 5)
+
+    def test_nothing_is_uploaded_where_the_agent_uploads_nothing(self):
+        leg = Leg()
+        self.assertEqual(leg.begin("paper"), [])
+        leg.change(3)
+        self.assertEqual((leg.begin("paper"), leg.selected), ([], 3))
+
+    def test_mistakes_are_told(self):
+        broken = a_set(1)
+        del broken["e_swing"]["gain"]["knee_damping"]
+        sideways = a_set(1)
+        sideways["e_stance"]["threshold"] = {"load": (1.0, "beside")}
+        for sets, words in (({0: broken}, "knee_damping"), ({0: sideways}, "beside"),
+                            ({4: a_set(1)}, "no parameter set 4"), ({-1: a_set(1)}, "set -1"),
+                            ([1], "dictionaries"), ({0: None}, "dictionaries"),
+                            ({"one": a_set(1)}, "one")):
+            leg = Leg()
+            with self.subTest(words), self.assertRaisesRegex(ValueError, words):
+                leg.upload(sets)
+            self.assertEqual(leg.begin("paper"), [], "half of an upload was taken")
+        with self.assertRaisesRegex(ValueError, "no parameter set 4"):
+            Leg().change(4)
+
+
+class Observed(unittest.TestCase):
+    def test_the_official_names_shapes_and_types(self):
+        arm = Manipulation(extra_observations=True).by_name()
+        self.assertEqual(len(arm), 27)
+        sizes = {"time": 1, "qp": 71, "qv": 70, "elbow_fle": 1, "max_force": 1, "touching_body": 5,
+                 "fin4": 3, "MPL_ori": 3, "act": 63, "Rpalm_pos": 3}
+        self.assertEqual({name: arm[name].shape for name in sizes},
+                         {name: (size,) for name, size in sizes.items()})
+        integers = {name for name, entry in arm.items() if entry.dtype == np.int64}
+        self.assertEqual(integers, {"touching_body", "max_force"})
+        leg = Locomotion(extra_observations=True).by_name()
+        self.assertEqual((len(leg), leg["hfield"].shape, leg["terrain"].dtype),
+                         (14, (100,), np.int64))
+
+    def test_a_force_is_a_number_with_a_point(self):
+        arm = Manipulation(extra_observations=True)
+        arm.take(np.linspace(1, 2, arm._values.size))
+        self.assertEqual(arm.by_name()["max_force"].dtype, np.float64)
+
+    def test_derived_entries_follow_from_the_graded_ones(self):
+        arm = Manipulation(extra_observations=False)
+        values = np.random.default_rng(1).uniform(-1, 1, arm._values.size)
+        arm.take(values)
+        entries = arm.by_name()
+        self.assertEqual(set(entries) & {"fin0", "max_force", "MPL_ori"}, set())
+        self.assertTrue(np.array_equal(entries["qp"][:38], entries["myohand_qpos"]))
+        self.assertTrue(np.array_equal(entries["qv"][-6:], entries["object_qvel"]))
+        self.assertEqual(entries["elbow_fle"][0], entries["myohand_qpos"][14])
+        self.assertTrue(np.allclose(entries["palm_pos"] - entries["obj_pos"], entries["reach_err"]))
+        self.assertEqual(arm.reward(), 0.0)
+
+    def test_vectors_are_rounded_and_entries_are_not(self):
+        leg = Locomotion(extra_observations=False)
+        leg.take(np.full(leg._values.size, 1 / 3))
+        vector = leg.vector(leg.default_keys())
+        self.assertEqual((vector.dtype, vector.size), (np.float32, 260))
+        self.assertEqual(leg.by_name()["act"][0], 1 / 3)
+        self.assertEqual(leg.reward(), -1 / 3)
+        leg.by_name()["act"][0] = 5.0
+        self.assertEqual(leg.by_name()["act"][0], 1 / 3, "a caller changed the observation")
+
+
+class Pickles(unittest.TestCase):
+    def test_old_pythons_and_numpys_read_what_is_sent(self):
+        packed = pack({"a": np.arange(3.0), "b": np.float64(1)})
+        self.assertEqual(packed[:2], b"\x80\x04")
+        self.assertIn(b"numpy.core.multiarray", packed)
+
+    def test_what_newer_ones_send_is_read(self):
+        sent = np.arange(3.0)
+        # As NumPy 2 names it; a text protocol, so that the length does not matter.
+        newer = pickle.dumps(sent, 2).replace(b"numpy.core.", b"numpy._core.")
+        self.assertIn(b"numpy._core.multiarray", newer)
+        self.assertTrue(np.array_equal(unpack(newer), sent))
+        self.assertTrue(np.array_equal(unpack(pickle.dumps(sent, 5)), sent))
+
+    def test_rubbish_is_refused_in_a_sentence(self):
+        for rubbish in (b"", b"\xff" * 9, b"\x80\x04.", b"cno_such_module\nthing\n."):
+            with self.assertRaisesRegex(ValueError, "unpickled|needs no_such_module"):
+                unpack(rubbish)
+
+
+class AgentProcess(unittest.TestCase):
+    def run_agent(self, *command):
+        agent = Agent(command, agent_environment([], []), "/")
+        agent.start()
+        return agent.wait()
+
+    def test_its_exit_status_or_signal_is_known(self):
+        self.assertEqual(self.run_agent("/bin/sh", "-c", "exit 3"), 3)
+        self.assertEqual(self.run_agent("/bin/sh", "-c", "kill -9 $$"), -9)
+        self.assertEqual(self.run_agent("/no/such/program"), 127)
+
+    def test_it_can_be_ended_with_all_that_it_started(self):
+        agent = Agent(["/bin/sh", "-c", "sleep 100 & sleep 100"], agent_environment([], []), "/")
+        agent.start()
+        agent.end(0.05)
+        self.assertLess(agent.wait(), 0)
+
+    def test_its_variables(self):
+        own = {"PATH": "/bin", "MYOGRADE_LCM_URL": "udpm://", "PYTHONHOME": "/x", "PYTHONPATH": "/y"}
+        variables = agent_environment(["PYTHONPATH=/policy/packages", "A=b=c"], ["/r"], own)
+        self.assertEqual(variables, {"PATH": "/bin", "A": "b=c",
+                                     "PYTHONPATH": f"{HOOKS}:/policy/packages:/r"})
+
+
+class Hooks(unittest.TestCase):
+    """In another Python process, as an agent has it."""
+
+    def run_python(self, text, **files):
+        with tempfile.TemporaryDirectory() as folder:
+            for name, content in files.items():
+                pathlib.Path(folder, f"{name}.py").write_text(content, encoding="utf-8")
+            path = f"{HOOKS}:{folder}:{os.environ.get('PYTHONPATH', '')}"
+            done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True,
+                                  env=dict(os.environ, PYTHONPATH=path), check=False, timeout=60)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return done.stdout + done.stderr
+
+    def test_what_an_agent_draws_repeats(self):
+        text = "import random, numpy; print(random.random(), numpy.random.random())"
+        self.assertEqual(self.run_python(text), self.run_python(text))
+
+    def test_a_minute_of_waiting_is_skipped_and_a_moment_is_not(self):
+        self.run_python("import time\nbegun = time.monotonic(); time.sleep(3600); time.sleep(0.05)\n"
+                        "assert 0.05 <= time.monotonic() - begun < 30")
+
+    def test_the_sitecustomize_that_it_hides_runs_too(self):
+        self.assertEqual(self.run_python("", sitecustomize="print('mine')"), "mine\n")
+
+    def test_another_grpc_does_not_stop_the_agent(self):
+        said = self.run_python("import grpc; print(grpc.other)", grpc="other = 1")
+        self.assertIn("1\n", said)
+        self.assertIn("can't seed grpc", said)
+
+
+if __name__ == "__main__":
+    unittest.main()
