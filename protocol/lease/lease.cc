@@ -107,22 +107,24 @@ nlohmann::json LeaseOrderToJson(const LeaseOrder& order) {
                         {"seed", episode.seed},
                         {"policy_seed", episode.policy_seed}});
   }
-  return {{"lease", order.lease},
-          {"artefact_dir", order.artefact_dir},
-          {"command", order.command},
-          {"environment", order.environment},
-          {"runtimes", order.runtimes},
-          {"track", order.track.effective},
-          {"episodes", std::move(episodes)},
-          {"uid", order.uid},
-          {"slot", order.slot},
-          {"slot_mark", order.slot_mark},
-          {"pinned", order.pinned},
-          {"work_dir", order.work_dir},
-          {"cache_dir", order.cache_dir},
-          {"log_dir", order.log_dir},
-          {"log_bytes", order.log_bytes},
-          {"replay", order.replay}};
+  Json json = {{"lease", order.lease},
+               {"artefact_dir", order.artefact_dir},
+               {"command", order.command},
+               {"environment", order.environment},
+               {"runtimes", order.runtimes},
+               {"track", order.track.effective},
+               {"episodes", std::move(episodes)},
+               {"uid", order.uid},
+               {"slot", order.slot},
+               {"slot_mark", order.slot_mark},
+               {"pinned", order.pinned},
+               {"work_dir", order.work_dir},
+               {"cache_dir", order.cache_dir},
+               {"log_dir", order.log_dir},
+               {"log_bytes", order.log_bytes},
+               {"replay", order.replay}};
+  if (order.image.has_value()) json["image"] = PolicyImageToJson(*order.image);
+  return json;
 }
 
 absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
@@ -135,6 +137,12 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
   // Absent in orders of earlier versions.
   if (reader.Has("environment")) order.environment = reader.StringsByName("environment");
   order.runtimes = reader.Strings("runtimes");
+  if (reader.Has("image")) {
+    absl::StatusOr<PolicyImage> image =
+        PolicyImageFromJson(reader.Object("image"), absl::StrCat(where, ": image"));
+    if (!image.ok()) return image.status();
+    order.image = *std::move(image);
+  }
   const Json& track = reader.Object("track");
   const Json& episodes = reader.Array("episodes");
   order.uid = reader.Integer("uid", -1, INT32_MAX);

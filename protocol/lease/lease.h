@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -14,6 +15,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/tracks/episode_facts.h"
+#include "protocol/lease/policy_image.h"
 #include "protocol/lease/track_config.h"
 
 namespace myograde {
@@ -31,6 +33,9 @@ struct LeaseOrder {
   std::vector<std::string> command;
   std::map<std::string, std::string> environment;  // environment variables for the policy
   std::vector<std::string> runtimes;  // host folders mounted read-only at their own path
+  // The submission is a container image: artefact_dir's folder kImageFolder is the policy's root, and
+  // the command starts in it.
+  std::optional<PolicyImage> image = {};
   TrackConfig track;
   std::vector<EpisodeOrder> episodes;  // consecutive indices
   int64_t uid = -1;                // unprivileged uid and gid of the slot; -1: the caller's own

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/base/fd.h"
+#include "protocol/lease/policy_image.h"
 
 namespace myograde::server {
 
@@ -31,6 +33,9 @@ struct ArtefactManifest {
   std::vector<std::string> command;
   std::vector<std::string> runtimes;  // names of the server's runtimes that it needs
   std::map<std::string, std::string> environment;  // environment variables to set for the policy
+  // A container image is submitted: its files are in the folder kImageFolder, and the command starts
+  // in it.
+  std::optional<PolicyImage> image = {};
 };
 
 struct Artefact {

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,7 @@ struct LeaseProgram {
   std::vector<std::string> command;
   std::map<std::string, std::string> environment;
   std::vector<std::string> runtimes;  // host folders
+  std::optional<PolicyImage> image = {};
 };
 
 // Where to run it.

@@ -124,11 +124,28 @@ absl::StatusOr<std::string> Content(SQLite::Database& db, const char* table, con
   return text;
 }
 
+// What a manifest holds beyond its columns. Keys of later versions are damage, as they would change
+// what is played.
+void ReadFurtherManifest(StoredRow& row, int column, ArtefactRow& artefact) {
+  const std::string text = row.Object(column);
+  if (!row.ok()) return;
+  const nlohmann::json further = nlohmann::json::parse(text);
+  ConfigReader reader(further, "manifest_json");
+  if (reader.Has("image")) {
+    absl::StatusOr<PolicyImage> image = PolicyImageFromJson(reader.Object("image"), "image");
+    if (!image.ok()) return row.Fail(column, std::string(image.status().message()));
+    artefact.image = *std::move(image);
+  }
+  if (absl::Status read = reader.Finish(); !read.ok()) {
+    row.Fail(column, std::string(read.message()));
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<ArtefactRow> Reader::Artefact(const std::string& hash) {
   SQLite::Statement select(db_, "SELECT name, command_json, runtimes_json, bytes, files, "
-                                "environment_json FROM artefact WHERE hash = ?");
+                                "environment_json, manifest_json FROM artefact WHERE hash = ?");
   select.bind(1, hash);
   if (!select.executeStep()) {
     return absl::NotFoundError(absl::StrCat("there is no artefact ", hash, "; upload it first"));
@@ -142,6 +159,7 @@ absl::StatusOr<ArtefactRow> Reader::Artefact(const std::string& hash) {
   artefact.bytes = row.Number(3, 0, INT64_MAX);
   artefact.files = row.Number(4, 0, INT64_MAX);
   artefact.environment = row.Texts(5);
+  ReadFurtherManifest(row, 6, artefact);
   if (artefact.command.empty()) row.Fail(1, "a program belongs there");
   if (!row.ok()) return row.status();
   return artefact;

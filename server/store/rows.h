@@ -11,6 +11,7 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/base/outcome.h"
+#include "protocol/lease/policy_image.h"
 
 namespace myograde::server {
 
@@ -33,6 +34,7 @@ struct ArtefactRow {
   int64_t bytes = 0;
   int64_t files = 0;
   std::map<std::string, std::string> environment = {};
+  std::optional<PolicyImage> image = {};
 };
 
 struct SubmissionRow {

@@ -21,6 +21,13 @@ absl::Status Refuse(const char* what, const LeaseRow& lease, std::string_view st
                    Text(LeaseStateName(lease.state)), ", attempt ", lease.attempt, Text(step)));
 }
 
+// What a manifest holds beyond its columns.
+nlohmann::json FurtherManifest(const ArtefactRow& artefact) {
+  nlohmann::json further = nlohmann::json::object();
+  if (artefact.image.has_value()) further["image"] = PolicyImageToJson(*artefact.image);
+  return further;
+}
+
 }  // namespace
 
 absl::Status Writer::Audit(const char* entity, int64_t id, std::string_view from,
@@ -53,12 +60,13 @@ absl::StatusOr<LeaseRow> Writer::Lease(int64_t lease) {
 
 absl::StatusOr<bool> Writer::AddArtefact(const ArtefactRow& artefact) {
   SQLite::Statement insert(db_,
-                           "INSERT INTO artefact VALUES (?, ?, ?, ?, ?, ?, ?, ?) "
+                           "INSERT INTO artefact VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) "
                            "ON CONFLICT DO NOTHING");
   SQLite::bind(insert, artefact.hash, artefact.name,
                CanonicalJson(nlohmann::json(artefact.command)),
                CanonicalJson(nlohmann::json(artefact.runtimes)), artefact.bytes, artefact.files,
-               now_ms_, CanonicalJson(nlohmann::json(artefact.environment)));
+               now_ms_, CanonicalJson(nlohmann::json(artefact.environment)),
+               CanonicalJson(FurtherManifest(artefact)));
   return insert.exec() == 1;
 }
 
