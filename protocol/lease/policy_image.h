@@ -26,6 +26,10 @@ struct PolicyImage {
 // The folder of an unpacked image in its artefact's folder.
 inline constexpr char kImageFolder[] = "image";
 
+// The /etc/hosts of an image in its sandbox. 2024's agents look for their simulator at
+// "environment".
+inline constexpr char kImageHosts[] = "127.0.0.1 localhost myograde environment\n::1 localhost\n";
+
 nlohmann::json PolicyImageToJson(const PolicyImage& image);
 // `where` names the object in errors.
 absl::StatusOr<PolicyImage> PolicyImageFromJson(const nlohmann::json& json, std::string_view where);
