@@ -9,6 +9,7 @@
 
 #include "server/base/counted.h"
 #include "server/cli/client/challenge_phase.h"
+#include "server/cli/client/offered_runtimes.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
@@ -202,6 +203,21 @@ Finding RulesFinding(const Client& client, const SubmissionPlan& plan) {
           absl::StrCat("it has ", absl::StrJoin(names, ", "))};
 }
 
+// Whether the server offers the runtimes that policy.json names.
+Finding RuntimesFinding(const Client& client, const SubmissionPlan& plan) {
+  if (plan.runtimes.empty()) return {"runtimes", FindingState::kOk, "policy.json names none", ""};
+  const absl::StatusOr<std::vector<std::string>> offered = OfferedRuntimes(client);
+  if (!offered.ok()) return NotAnswered("runtimes", offered.status());
+  const std::string missing = MissingRuntime(plan.runtimes, *offered);
+  if (!missing.empty()) {
+    return {"runtimes", FindingState::kFails, missing,
+            "name one that it has in policy.json, put what you need into the submission, or ask the "
+            "organisers"};
+  }
+  return {"runtimes", FindingState::kOk,
+          absl::StrCat("the server has ", absl::StrJoin(plan.runtimes, ", ")), ""};
+}
+
 // Why nothing is left of one budget; "" while something is.
 std::string UsedUp(const Json& place, const std::string& budget, const std::string& next_day) {
   const Json uses = place.value(budget, Json::object());
@@ -311,6 +327,7 @@ Acceptance AskAcceptance(const Client& client, const SubmissionPlan& plan) {
   }
   findings.push_back(place.finding);
   findings.push_back(RulesFinding(client, plan));
+  findings.push_back(RuntimesFinding(client, plan));
   if (auto quota = QuotaFinding(client, plan, place.phase)) findings.push_back(*std::move(quota));
   if (auto twin = TwinFinding(client, plan, place.phase)) findings.push_back(*std::move(twin));
   return acceptance;

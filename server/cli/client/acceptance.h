@@ -16,6 +16,7 @@ struct SubmissionPlan {
   std::string phase;          // "": the only open one of the track
   bool practice = false;      // on seeds of its own, or on some of the practice seeds
   std::string artefact;       // its digest; "": unknown
+  std::vector<std::string> runtimes;  // that its policy.json names
   std::string config;         // hash of this host's config of track and profile; "": unknown
 };
 
@@ -25,7 +26,7 @@ struct Acceptance {
 };
 
 // Asks who the caller is and whether the team may submit, whether track and phase are open, whether
-// the server's rules are those of this host, and what is left of the quota. Nothing is changed there,
+// the server's rules are those of this host, which runtimes it has, and what is left of the quota. Nothing is changed there,
 // except that a denied request is counted like any other.
 Acceptance AskAcceptance(const Client& client, const SubmissionPlan& plan);
 

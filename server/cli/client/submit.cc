@@ -13,6 +13,7 @@
 #include "server/cli/base/temp_folder.h"
 #include "server/cli/client/challenge_phase.h"
 #include "server/cli/client/follow.h"
+#include "server/cli/client/offered_runtimes.h"
 #include "server/cli/terminal/progress.h"
 #include "server/cli/terminal/text.h"
 
@@ -135,6 +136,8 @@ int Submit(SubmitOptions options) {
   // Mistakes that can be found here are reported before anything is sent.
   absl::StatusOr<Json> request = RequestOf(options);
   if (!request.ok()) return ReportError(request.status());
+  const absl::Status offered = CheckRuntimesOffered(client, options.path);
+  if (!offered.ok()) return ReportError(offered);
   const absl::StatusOr<std::string> artefact = SendArtefact(options, client);
   if (!artefact.ok()) return ReportError(artefact.status());
   (*request)["artefact"] = *artefact;

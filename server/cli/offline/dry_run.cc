@@ -102,6 +102,7 @@ SubmissionPlan PlanOf(const DryRunOptions& options, const LocalOrder& order) {
           .phase = options.phase,
           .practice = !options.seeds.empty() || options.episodes > 0,
           .artefact = order.artefact.digest,
+          .runtimes = order.artefact.manifest.runtimes,
           .config = order.track->config.hash};
 }
 

@@ -39,6 +39,16 @@ def pack(path: str | os.PathLike[str], target: BinaryIO) -> None:
         raise WrongUse(f"{error.filename or source}: can't be packed ({error.strerror})") from error
 
 
+def named_runtimes(path: str | os.PathLike[str]) -> list[str]:
+    """What the policy.json of a submission's folder names; of anything else nothing is known, and
+    what is wrong with the file the server says."""
+    try:
+        about = json.loads((pathlib.Path(path) / "policy.json").read_text(encoding="utf-8"))
+        return [name for name in about.get("runtimes", []) if isinstance(name, str)]
+    except (OSError, ValueError, AttributeError, TypeError):
+        return []
+
+
 def _pack_folder(folder: pathlib.Path, target: BinaryIO) -> None:
     if not (folder / "policy.json").is_file():
         raise WrongUse(f'{folder}: has no policy.json, such as {{"name": "my-policy", "command": '

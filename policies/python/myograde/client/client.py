@@ -11,7 +11,7 @@ import urllib.parse
 from typing import Any, Callable, Iterator, Sequence
 
 from ..errors import DeadlinePassed, ServerError, Unreachable, WrongUse
-from .archive import pack
+from .archive import named_runtimes, pack
 from .records import Record, board_record, episode_record, flat
 from .server import Server, choose_server
 from .transport import ANSWER_S, UPLOAD_S, Lost, Transport, size_of
@@ -78,10 +78,33 @@ class Client:
         given = {"phase": phase, "profile": profile, "episodes": episodes,
                  "seeds": None if seeds is None else [int(seed) for seed in seeds]}
         request.update((key, value) for key, value in given.items() if value is not None)
+        self._check_runtimes(path)
         request["artefact"] = self.upload(path, team=team, track=request["track"])["artefact"]
         accepted = self._post("/v1/submissions", request,
                               {"Idempotency-Key": secrets.token_hex(16)})
         return self._with(accepted, submission=int)
+
+    def runtimes(self) -> list[Record]:
+        """One record for each runtime that a policy.json may name: `runtime`, `digest` and more."""
+        return [flat(runtime) for runtime in
+                self._get("/v1/runtimes", runtimes=list)["runtimes"]]
+
+    def _check_runtimes(self, path: str | os.PathLike[str]) -> None:
+        """WrongUse, before anything is sent, if the server lacks a runtime that the folder's
+        policy.json names."""
+        named = named_runtimes(path)
+        if not named:
+            return
+        try:
+            offered = [str(record["runtime"]) for record in self.runtimes()]
+        except ServerError as error:
+            if error.code != "not_found":  # of an earlier version, which says it later
+                raise
+            return
+        for name in named:
+            if name not in offered:
+                raise WrongUse(f'{path}: the server has no runtime "{name}"; it has '
+                               f'{", ".join(offered) or "none"}')
 
     def upload(self, path: str | os.PathLike[str], *, team: str, track: str) -> Json:
         """The upload alone; its answer has the id of the content under "artefact"."""

@@ -47,6 +47,7 @@ class DryRunTest(CliCase):
             f"GET /v1/quota?team=alpha&track={TRACK}&limit=1": {
                 "next_day_at": "2026-01-02T00:00:00.000Z", "tracks": [{"track": TRACK, **PLACE}],
                 "phases": [{"phase": "final", "track": TRACK, **PLACE}]},
+            "GET /v1/runtimes": {"runtimes": [{"runtime": "python"}, {"runtime": "torch-cpu"}]},
             SUBMISSIONS: {"submissions": []},
             SUBMISSIONS + "&phase=final": {"submissions": []}}
         self.socket = self.serve({})
@@ -92,7 +93,7 @@ class DryRunTest(CliCase):
         checks = self.dry(0)
         self.assertEqual({name: check["state"] for name, check in checks.items()}, {
             "submission": "ok", "program": "ok", "server": "ok", "team": "ok", "phase": "ok",
-            "rules": "ok", "quota": "ok", "episode": "ok", "time": "ok", "output": "ok",
+            "rules": "ok", "runtimes": "ok", "quota": "ok", "episode": "ok", "time": "ok", "output": "ok",
             "memory": "unknown"})  # the stand-in does not measure it
         self.assertIn("4 official submissions are left today, 8 in all", checks["quota"]["found"])
         # The first practice seed, which is never a ranked one.
@@ -125,9 +126,12 @@ class DryRunTest(CliCase):
         self.fails("program", "no program of the sandbox")
         self.path("policy/policy.json",
                   '{"name": "w", "command": ["/bin/true"], "runtimes": ["elsewhere"]}')
-        checks = self.dry(4)
+        self.fails("runtimes", 'no runtime "elsewhere"; it has python, torch-cpu')
+        # It may be there and not here.
+        checks = self.dry(4, answers={"GET /v1/runtimes": {"runtimes": [{"runtime": "elsewhere"}]}})
         self.assertIn('asks for the runtime "elsewhere"', checks["program"]["found"])
-        self.assertEqual(checks["episode"]["state"], "unknown")
+        self.assertEqual((checks["runtimes"]["state"], checks["episode"]["state"]),
+                         ("ok", "unknown"))
 
     def test_who_submits(self):
         self.fails("server", "does not know you", answers={"GET /v1/whoami": {
