@@ -193,6 +193,21 @@ TEST(LeaseOrder, ComesBack) {
   EXPECT_EQ(back->episodes[0].policy_seed, std::numeric_limits<uint64_t>::max());
 }
 
+// Orders of earlier versions do not have the key.
+TEST(LeaseOrder, MayAskForExtraObservations) {
+  LeaseOrder order = DemoOrder();
+  order.extra_observations = true;
+  nlohmann::json json = LeaseOrderToJson(order);
+  EXPECT_TRUE(LeaseOrderFromJson(json, "order")->extra_observations);
+  json["extra_observations"] = 1;
+  EXPECT_THAT(std::string(LeaseOrderFromJson(json, "order").status().message()),
+              HasSubstr("extra_observations"));
+  json.erase("extra_observations");
+  const auto earlier = LeaseOrderFromJson(json, "order");
+  ASSERT_TRUE(earlier.ok()) << earlier.status();
+  EXPECT_FALSE(earlier->extra_observations);
+}
+
 TEST(LeaseOrder, MistakesAreNamed) {
   const nlohmann::json good = LeaseOrderToJson(DemoOrder());
   nlohmann::json wrong = good;
