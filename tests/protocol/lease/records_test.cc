@@ -197,13 +197,13 @@ TEST(LeaseOrder, ComesBack) {
 TEST(LeaseOrder, MayAskForExtraObservations) {
   LeaseOrder order = DemoOrder();
   order.extra_observations = true;
-  nlohmann::json json = LeaseOrderToJson(order);
-  EXPECT_TRUE(LeaseOrderFromJson(json, "order")->extra_observations);
-  json["extra_observations"] = 1;
-  EXPECT_THAT(std::string(LeaseOrderFromJson(json, "order").status().message()),
+  nlohmann::json written = LeaseOrderToJson(order);
+  EXPECT_TRUE(LeaseOrderFromJson(written, "order")->extra_observations);
+  written["extra_observations"] = 1;
+  EXPECT_THAT(std::string(LeaseOrderFromJson(written, "order").status().message()),
               HasSubstr("extra_observations"));
-  json.erase("extra_observations");
-  const auto earlier = LeaseOrderFromJson(json, "order");
+  written.erase("extra_observations");
+  const auto earlier = LeaseOrderFromJson(written, "order");
   ASSERT_TRUE(earlier.ok()) << earlier.status();
   EXPECT_FALSE(earlier->extra_observations);
 }
