@@ -25,6 +25,16 @@ download() {
 # As participants get them on their machines.
 /usr/bin/python3 -B "$here/../policies/python/myograde/models.py" "$cache" "$here/wheels.txt"
 
+# nanobind, as headers and sources.
+if [ ! -e "$cache/nanobind-2.9.2" ]; then
+  echo "Getting nanobind ..."
+  download "$here/nanobind.txt"
+  unzip -q -o "$cache"/wheels/nanobind-2.9.2-*.whl -d "$scratch/nanobind" ||
+    fail "the wheel of nanobind in $cache/wheels is damaged; delete it and try again."
+  chmod -R a+rX "$scratch/nanobind"
+  mv "$scratch/nanobind" "$cache/nanobind-2.9.2"
+fi
+
 # A runtime holds the list that it was made of: another list makes it anew.
 if ! cmp -s "$here/runtime-python.txt" "$cache/runtimes/python/requirements.txt"; then
   echo "Getting the Python runtime for policies (20 MB) ..."

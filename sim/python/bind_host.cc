@@ -6,7 +6,10 @@
 #include <string_view>
 #include <utility>
 
+#include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_split.h>
+#include <absl/strings/strip.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -26,16 +29,17 @@ namespace {
 namespace nb = nanobind;
 using nb::literals::operator""_a;
 
-// The variables that the process was started with: what was set later came too late for the C
-// library.
+// Looks at the variables that the process was started with: what was set later came too late for
+// the C library, which reads the variable at the start, and ends each setting in it with a NUL.
 bool MathsArePinned() {
   const absl::StatusOr<std::string> environ = ReadFile("/proc/self/environ");
   if (!environ.ok()) return false;
-  const std::string name = std::string(kTunablesVariable) + "=";
-  for (size_t at = 0; at < environ->size();) {
-    const std::string_view variable = environ->c_str() + at;
-    if (variable.starts_with(name)) return IsPinned(variable.substr(name.size()));
-    at += variable.size() + 1;
+  const std::string name = absl::StrCat(kTunablesVariable, "=");
+  bool inside = false;
+  for (absl::string_view variable : absl::StrSplit(*environ, '\0')) {
+    const bool first = absl::ConsumePrefix(&variable, name);
+    inside = first || (inside && absl::StartsWith(variable, "glibc."));
+    if (inside && IsPinned({variable.data(), variable.size()})) return true;
   }
   return false;
 }

@@ -66,7 +66,7 @@ nb::list PartsOf(const VectorLayout& layout, int offset) {
     nb::list entries;
     for (int i = part.offset; i < part.offset + part.size; ++i) {
       const std::string_view full = layout.names()[static_cast<size_t>(i)];
-      entries.append(full.size() > part.name.size() ? full.substr(part.name.size() + 1) : "");
+      entries.append(full);
     }
     nb::dict described;
     described["name"] = part.name;

@@ -14,6 +14,9 @@ for training; neither is part of what `python -m myograde bundle` puts into a su
 protocol/policy/myograde.lcm) are classes that lcm-gen made.
 """
 
+import importlib.util as _importing
+import sys as _sys
+
 from .messages import *  # noqa: F403  (generated; each type refers to the others by myograde.NAME)
 from .policy import Episode, Joint, Layout, LegSet, LegState, Part, Policy, Threshold, Track
 from .policy import leg_sets, serve, track
@@ -30,3 +33,9 @@ def __getattr__(name: str):  # type: ignore[no-untyped-def]
         from .envs import vec
         return vec
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+# So that gymnasium.make knows them after `import gymnasium, myograde`. Gymnasium takes a second to
+# import, which a policy that does without it should not wait for.
+if "gymnasium" in _sys.modules and _importing.find_spec(f"{__name__}.envs") is not None:
+    from . import envs as _envs  # noqa: F401

@@ -16,8 +16,8 @@ ENVIRONMENTS = {
 
 
 def register(required: bool = True) -> None:
-    """Registers the environments, unless they are. Gymnasium itself calls this when it is imported
-    (the package's entry point). MyogradeError without Gymnasium, if it is `required`."""
+    """Registers the environments, unless they are; importing myograde.envs does it, and so does
+    importing myograde after Gymnasium. MyogradeError without Gymnasium, if it is `required`."""
     if importlib.util.find_spec("gymnasium") is None:
         if required:
             raise MyogradeError('the package gymnasium is missing; install it by: pip install '
