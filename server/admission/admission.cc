@@ -81,6 +81,7 @@ Admission::Admission(AdmissionOptions options, const Tracks& tracks, const Phase
       engine_(engine),
       readers_(readers),
       clock_(clock),
+      runtimes_(options_.config.runtimes, options_.config.runtimes_dir),
       uploads_(options_.config, options_.data_dir, engine, readers) {}
 
 absl::StatusOr<ReceivedArtefact> Admission::Receive(const UploadRequest& request,
@@ -143,9 +144,10 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
   if (request.seeds.has_value() || request.episodes.has_value()) {
     allowed = CheckPractice(request.seeds.value_or(*seeds), config, tracks_, phases_);
   }
-  if (allowed.ok()) allowed = CheckArtefact(request.artefact, config);
+  std::vector<std::string> needed;
+  if (allowed.ok()) allowed = CheckArtefact(request.artefact, config, needed);
   if (!allowed.ok()) return allowed;
-  NewSubmission submission = Compose(request, *entry, *seeds);
+  NewSubmission submission = Compose(request, *entry, *seeds, needed);
   submission.request_key = request.key;
   submission.founding = request.founding;
   if (submission.ranked) allowed = CheckRankedHere();
@@ -220,7 +222,8 @@ absl::Status Admission::CheckInvited(const std::string& team, const PhaseConfig&
 }
 
 // Engine::Submit checks for the files again, at a point where nothing can remove them.
-absl::Status Admission::CheckArtefact(const std::string& hash, const TrackConfig& config) {
+absl::Status Admission::CheckArtefact(const std::string& hash, const TrackConfig& config,
+                                      std::vector<std::string>& needed) {
   absl::StatusOr<ArtefactRow> artefact = absl::InternalError("");
   absl::Status status = readers_.Read([&](Reader& reader) {
     artefact = reader.Artefact(hash);
@@ -236,8 +239,10 @@ absl::Status Admission::CheckArtefact(const std::string& hash, const TrackConfig
                                    "\" allows ", config.budgets.submission_bytes, " bytes and ",
                                    config.budgets.submission_files, " files"));
   }
-  for (const std::string& runtime : artefact->runtimes) {
+  needed = artefact->runtimes;
+  for (const std::string& runtime : needed) {
     if (options_.config.runtimes.contains(runtime)) continue;
+    if (!absl::IsNotFound(runtimes_.Find(runtime).status())) continue;
     return BadRequest("unknown_runtime",
                       absl::StrCat("this server has no runtime \"", runtime,
                                    "\", which the artefact's policy.json asks for"));
@@ -246,7 +251,8 @@ absl::Status Admission::CheckArtefact(const std::string& hash, const TrackConfig
 }
 
 NewSubmission Admission::Compose(const SubmitRequest& request, const Entry& entry,
-                                 const std::vector<uint64_t>& seeds) const {
+                                 const std::vector<uint64_t>& seeds,
+                                 const std::vector<std::string>& needed) const {
   const TrackConfig& config = entry.track->config;
   NewSubmission submission;
   submission.team = request.team;
@@ -260,7 +266,8 @@ NewSubmission Admission::Compose(const SubmitRequest& request, const Entry& entr
   submission.seed_count = static_cast<int64_t>(seeds.size());
   submission.ranked = entry.ranks && seeds == config.seeds;
   submission.phase = config.phase;
-  submission.grader_json = CanonicalJson(GraderBuild(options_.cache_dir));
+  submission.grader_json = CanonicalJson(
+      WithRuntimes(GraderBuild(options_.cache_dir), RuntimeDigests(runtimes_, needed)));
   submission.blocks = BlocksOf(submission.seed_count, config.episodes_per_lease);
   return submission;
 }

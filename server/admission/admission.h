@@ -21,6 +21,7 @@
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
 #include "server/grading/tracks.h"
+#include "server/runtime/runtimes.h"
 #include "server/store/reader.h"
 
 namespace myograde::server {
@@ -107,10 +108,13 @@ class Admission {
   absl::Status ChargeRefusal(const UploadRequest& request, const absl::Status& refusal);
   // FailedPreconditionError with the code "forbidden": the phase is for other teams only.
   absl::Status CheckInvited(const std::string& team, const PhaseConfig& phase);
-  absl::Status CheckArtefact(const std::string& hash, const TrackConfig& config);
+  // `needed` receives the names of the runtimes that it asks for.
+  absl::Status CheckArtefact(const std::string& hash, const TrackConfig& config,
+                             std::vector<std::string>& needed);
   absl::Status CheckRankedHere() const;
   NewSubmission Compose(const SubmitRequest& request, const Entry& entry,
-                        const std::vector<uint64_t>& seeds) const;
+                        const std::vector<uint64_t>& seeds,
+                        const std::vector<std::string>& needed) const;
 
   const AdmissionOptions options_;
   const Tracks& tracks_;
@@ -118,6 +122,7 @@ class Admission {
   Engine& engine_;
   ReaderPool& readers_;
   const Clock& clock_;
+  const Runtimes runtimes_;
   Uploads uploads_;
   CalendarWatch calendar_;
 };

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <map>
 
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
@@ -70,6 +71,31 @@ void AddCommonLimits(SandboxSpec& spec) {
 void AddSanitizerOptions(SandboxSpec& spec) {
   // The leak check uses ptrace, which no sandbox allows.
   if (kSanitized) spec.environment.emplace_back("ASAN_OPTIONS", "detect_leaks=0");
+}
+
+// The libraries that runtimes bring for their modules (server/runtime/README.md).
+std::vector<std::string> LibraryFolders(const std::vector<std::string>& runtimes) {
+  std::vector<std::string> folders;
+  for (const std::string& runtime : runtimes) {
+    const std::string folder = runtime + "/debian-lib";
+    if (access(folder.c_str(), F_OK) == 0) folders.push_back(folder);
+  }
+  return folders;
+}
+
+// What a submission sets comes before what its runtimes need.
+std::map<std::string, std::string> PolicyEnvironment(const LeaseOrder& order) {
+  std::map<std::string, std::string> environment = order.environment;
+  const auto join = [&](const char* name, const std::vector<std::string>& folders) {
+    std::string& value = environment[name];
+    absl::StrAppend(&value, value.empty() ? "" : ":", absl::StrJoin(folders, ":"));
+  };
+  if (environment.contains("PYTHONPATH") && !order.runtimes.empty()) {
+    join("PYTHONPATH", order.runtimes);
+  }
+  const std::vector<std::string> libraries = LibraryFolders(order.runtimes);
+  if (!libraries.empty()) join("LD_LIBRARY_PATH", libraries);
+  return environment;
 }
 
 }  // namespace
@@ -210,10 +236,8 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig
     spec.command.insert(spec.command.end(), {"--farewell", std::to_string(farewell)});
   }
   // Set through the bridge, so that none of them affects a program that is not the participant's.
-  for (const auto& [name, value] : order.environment) {
-    const bool joins = name == "PYTHONPATH" && !order.runtimes.empty();
-    const std::string more = joins ? ":" + absl::StrJoin(order.runtimes, ":") : "";
-    spec.command.insert(spec.command.end(), {"--env", absl::StrCat(name, "=", value, more)});
+  for (const auto& [name, value] : PolicyEnvironment(order)) {
+    spec.command.insert(spec.command.end(), {"--env", absl::StrCat(name, "=", value)});
   }
   spec.command.emplace_back("--");
   spec.command.insert(spec.command.end(), order.command.begin(), order.command.end());
