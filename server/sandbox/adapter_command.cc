@@ -4,7 +4,14 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/sandbox/image_sandbox.h"
+
 namespace myograde::server {
+namespace {
+
+constexpr char kPython[] = "/usr/bin/python3";
+
+}  // namespace
 
 std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir) {
   const std::filesystem::path installed =
@@ -16,13 +23,19 @@ std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir
 
 std::vector<std::string> AdapterCommand(const LeaseOrder& order) {
   // Isolated: no variable and no file of the participant decides what the adapter imports.
-  std::vector<std::string> command = {"/usr/bin/python3", "-I", kAdapterPlace, "--track",
-                                      std::string(order.track.kind->name)};
+  std::vector<std::string> command = order.image.has_value()
+                                         ? HostCommand(kPython)
+                                         : std::vector<std::string>{kPython};
+  command.insert(command.end(),
+                 {"-I", kAdapterPlace, "--track", std::string(order.track.kind->name)});
+  if (order.image.has_value()) {
+    command.insert(command.end(), {"--image", "--cwd", order.image->working_dir});
+  }
   for (const std::string& runtime : order.runtimes) {
     command.insert(command.end(), {"--runtime", runtime});
   }
-  for (const auto& [name, value] : order.environment) {
-    command.insert(command.end(), {"--env", absl::StrCat(name, "=", value)});
+  for (std::string& variable : AgentEnvironment(order)) {
+    command.insert(command.end(), {"--env", std::move(variable)});
   }
   if (order.extra_observations) command.emplace_back("--extra-observations");
   command.emplace_back("--");
