@@ -48,6 +48,9 @@ class Routes {
   // A handler of GET answers HEAD too.
   void Get(const std::string& pattern, Action action, Handler handler);
   void GetFile(const std::string& pattern, Action action, FileHandler handler);
+  // A web page or a file of one, for everybody. It is no address of the API.
+  void GetPage(const std::string& path,
+               std::function<void(const httplib::Request&, httplib::Response&)> handler);
   // The body is JSON.
   void Post(const std::string& pattern, Action action, JsonHandler handler);
   void Delete(const std::string& pattern, Action action, Handler handler);
