@@ -95,7 +95,7 @@ function boardRows(board, statistics, query, mayRead) {
   const known = new Map((statistics?.rows ?? []).map((row) => [row.submission, row]));
   const criteria = statistics?.criteria ?? [];
   const groups = (statistics?.groups ?? []).some((group) => group.rows > 1);
-  const span = board.columns.length + 5 + (groups ? 1 : 0);
+  const span = board.columns.length + 4 + (groups ? 1 : 0);
   let above = null;
   let group = null;
   const rows = [];
@@ -111,9 +111,8 @@ function boardRows(board, statistics, query, mayRead) {
       groups && h("td", {class: `group ${(more?.group ?? 0) % 2 ? "odd" : "even"}`},
         more?.group ?? "–"),
       h("th", {scope: "row"}, h("a", {href: href("/team", {name: row.team})}, name(row.team)),
-        tags(row)),
-      h("td", null, mayRead(row.team)
-        ? h("a", {href: href("/submission", {id: row.submission})}, submission) : submission),
+        tags(row), h("span", {class: "policy"}, mayRead(row.team)
+          ? h("a", {href: href("/submission", {id: row.submission})}, submission) : submission)),
       successCell(row, more?.intervals),
       board.columns.map((column) => h("td", {class: "num"},
         h("span", {class: "value"}, number(row.aggregate?.[column.name], column.digits)),
@@ -130,7 +129,7 @@ function boardTable(board, statistics, query, mayRead) {
   const arrow = {less: " ↓", more: " ↑", neither: ""};
   const heads = [h("th", {scope: "col", class: "num"}, "Rank"),
     groups && h("th", {scope: "col", class: "group"}, "Group"),
-    "Team", "Policy", h("th", {scope: "col", class: "num"}, "Success ↑"),
+    "Team and policy", h("th", {scope: "col", class: "num"}, "Success ↑"),
     ...board.columns.map((column) => h("th", {scope: "col", class: "num",
       title: {less: "less is better", more: "more is better", neither: "not ranked"}[column.better]},
     heading(column) + arrow[column.better])),

@@ -5,7 +5,7 @@ import {number, whole} from "./format.js";
 const WIDTH = 360;
 const HEIGHT = 150;
 const LEFT = 34;
-const BOTTOM = 30;
+const BOTTOM = 22;
 const TOP = 8;
 const BINS = 24;
 
@@ -33,13 +33,12 @@ function quantile(sorted, part) {
   return sorted[Math.round(part * (sorted.length - 1))];
 }
 
-function xAxis(low, high, x, unit) {
+function xAxis(low, high, x) {
   const base = HEIGHT - BOTTOM;
   return [s("line", {class: "axis", x1: LEFT, x2: WIDTH - 6, y1: base, y2: base}),
     ticks(low, high, 5).map((value) => [
       s("line", {class: "axis", x1: x(value), x2: x(value), y1: base, y2: base + 4}),
-      s("text", {x: x(value), y: base + 15, "text-anchor": "middle"}, label(value))]),
-    unit && s("text", {x: WIDTH - 6, y: HEIGHT - 2, "text-anchor": "end", class: "unit"}, unit)];
+      s("text", {x: x(value), y: base + 15, "text-anchor": "middle"}, label(value))])];
 }
 
 function rangeOf(values) {
@@ -93,7 +92,7 @@ export function histogram(title, points, metric) {
   const middle = x(quantile(values, 0.5));
   return figure(title, words, [counts, bars,
     s("line", {class: "median", x1: middle, x2: middle, y1: TOP, y2: HEIGHT - BOTTOM}),
-    xAxis(low, high, x, metric.unit)]);
+    xAxis(low, high, x)]);
 }
 
 // Where along an axis episodes ended, a line of dots for each kind. `points`: {value, kind, outcome,
@@ -119,7 +118,7 @@ export function strips(title, points, metric) {
       .sort((a, b) => a - b);
     return `${kind}: ${whole(own.length)}, median ${number(quantile(own, 0.5), 2)} ${metric.unit}`;
   }).join("; ");
-  return figure(title, words, [lines, xAxis(low, high, x, metric.unit)]);
+  return figure(title, words, [lines, xAxis(low, high, x)]);
 }
 
 // Bars of shares, one for each kind: {kind, part, of}.

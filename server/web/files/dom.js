@@ -32,13 +32,15 @@ export function href(path, query = {}) {
   return path + (given.length ? `?${new URLSearchParams(given)}` : "");
 }
 
-// A table in a box of its own that scrolls sideways where the page is narrow. `label` names it.
+// A table in a box of its own that scrolls sideways where the page is narrow. `label` names it. A head
+// is an element or a text; "#" at its end is not shown and means a column of numbers.
 export function table(label, heads, rows, attributes = {}) {
   return h("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": label},
     h("table", attributes,
       h("caption", {class: "hidden"}, label),
       h("thead", null, h("tr", null, heads.map((head) => (head instanceof Node ? head
-        : h("th", {scope: "col"}, head))))),
+        : h("th", {scope: "col", class: head.endsWith("#") ? "num" : null},
+          head.replace(/#$/, "")))))),
       h("tbody", null, rows)));
 }
 

@@ -32,7 +32,9 @@ export function measure(value, metric) {
 }
 
 export function percent(part, of) {
-  return of ? `${number(100 * part / of, of > 1000 ? 2 : of > 100 ? 1 : 0)} %` : "–";
+  if (!of) return "–";
+  const value = 100 * part / of;
+  return `${number(value, Number.isInteger(value) ? 0 : of > 1000 ? 2 : 1)} %`;
 }
 
 // Columns are called by words, with the unit in brackets.

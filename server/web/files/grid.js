@@ -1,6 +1,6 @@
 // The episodes of an evaluation as a grid, one of which can be looked at.
 import {facts, h, replace} from "./dom.js";
-import {duration, number, measure, visible, whole} from "./format.js";
+import {duration, heading, number, measure, visible, whole} from "./format.js";
 
 const PAGE = 500;
 const SIGNS = {success: "✓", failure: "✕"};
@@ -36,7 +36,7 @@ function details(row, metrics) {
       ["Steps", whole(row.steps)],
       ...metrics.filter((metric) => row.metrics?.[metric.name] !== null
         && row.metrics?.[metric.name] !== undefined)
-        .map((metric) => [metric.title, measure(row.metrics[metric.name], metric)]),
+        .map((metric) => [heading({...metric, unit: ""}), measure(row.metrics[metric.name], metric)]),
       ["Clipped actions", whole(row.clipped)],
       ["Policy's CPU time", row.policy_cpu_s === null ? "–" : `${number(row.policy_cpu_s, 2)} s`],
       ["Wall time", duration(row.wall_s)],

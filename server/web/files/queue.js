@@ -48,7 +48,7 @@ export async function show(main) {
     if (line.textContent !== text) line.textContent = text;
     replace(box, view.submissions.length
       ? table("Submissions that wait or are played",
-        ["Place", "Policy", "Team", "For", "State", "Episodes", "Why it waits", "Ends about"],
+        ["Place#", "Policy", "Team", "For", "State", "Episodes", "Why it waits", "Ends about"],
         view.submissions.map(row))
       : h("p", {class: "empty"}, "Nothing of yours waits or is played."),
     view.total > view.submissions.length && h("p", {class: "quiet"},

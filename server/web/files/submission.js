@@ -72,11 +72,11 @@ function values(rows, of) {
 
 function distributions(result, rows) {
   const charts = result.metrics.filter((metric) => metric.name !== "success").map((metric) =>
-    histogram(heading({...metric, unit: ""}), values(rows, (row) => row.metrics?.[metric.name]),
+    histogram(heading(metric), values(rows, (row) => row.metrics?.[metric.name]),
       metric));
   const force = values(rows, (row) => row.facts?.[FORCE.name]);
   if (force.length && !result.metrics.some((metric) => metric.name.includes("force"))) {
-    charts.push(histogram("Peak force on the object", force, FORCE));
+    charts.push(histogram("Peak force (N)", force, FORCE));
   }
   return charts.filter((chart) => chart);
 }
@@ -85,10 +85,10 @@ function endings(result, rows) {
   const ended = rows.filter((row) => kindOf(row) !== "success" && kindOf(row) !== "withheld");
   const distance = result.metrics.find((metric) => metric.name === "distance_m");
   return [
-    strips("When episodes failed", values(ended, (row) => row.sim_time_s),
-      {unit: "s of simulated time"}),
-    distance && strips("Where episodes failed", values(ended, (row) => row.metrics?.distance_m),
-      {unit: "m from the start"}),
+    strips("When episodes failed (s of simulated time)",
+      values(ended, (row) => row.sim_time_s), {unit: "s"}),
+    distance && strips("Where episodes failed (m from the start)",
+      values(ended, (row) => row.metrics?.distance_m), {unit: "m"}),
   ];
 }
 
@@ -136,7 +136,7 @@ function output(result) {
   if (!result.output?.length) return null;
   return h("section", null, h("h2", null, "Output"), result.output.map((lease) =>
     h("details", {class: "card"}, h("summary", null, `Episodes ${lease.first} to ${lease.last}: `
-      + `${number(lease.policy_cpu_s, 1)} s of CPU time, ${bytes(lease.peak_memory_bytes)} at most`),
+      + `${number(lease.policy_cpu_s, 1)} s of CPU time, ${bytes(lease.peak_memory_bytes)} of memory`),
     stream("Standard output", lease.stdout_tail, lease.stdout_truncated),
     stream("Standard error", lease.stderr_tail, lease.stderr_truncated),
     !lease.stdout_tail && !lease.stderr_tail && h("p", {class: "quiet"}, "It printed nothing."))));

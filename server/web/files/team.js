@@ -12,9 +12,9 @@ function gauge(title, of) {
   const used = of.used + (of.open ?? 0);
   return h("div", {class: "gauge"},
     h("span", null, title),
+    h("span", {class: "num"}, `${whole(used)} of ${whole(most)}`),
     h("meter", {min: 0, max: Math.max(most, 1), value: Math.min(used, most), "aria-label":
-      `${title}: ${used} of ${most}`}),
-    h("span", {class: "num"}, `${whole(used)} of ${whole(most)}`));
+      `${title}: ${used} of ${most}`}));
 }
 
 function quotaCard(title, query, entry) {
@@ -75,10 +75,10 @@ async function showTeam(main, team) {
   const [info, quota] = await Promise.all([get(`/v1/teams/${at}`),
     get(`/v1/quota?team=${at}&limit=1`)]);
   const [ledger, ledgerLoaded] = pages("Ledger of the quota",
-    ["When", "Entry", "Amount", "Budget", "For", "Submission", "Why"],
+    ["When", "Entry", "Amount#", "Budget", "For", "Submission", "Why"],
     `/v1/quota?team=${at}&limit=20`, "ledger", ledgerRow);
   const [list, listLoaded] = pages("Submissions",
-    ["Number", "Policy", "For", "State", "Episodes", "Successes", "Handed in"],
+    ["Number#", "Policy", "For", "State", "Episodes#", "Successes#", "Handed in"],
     `/v1/submissions?team=${at}&limit=50`, "submissions", submissionRow);
   replace(main, h("h1", null, name(info.team)),
     info.banned && h("p", {class: "problem"}, "The organisers have banned this team."),
@@ -106,7 +106,7 @@ async function showTeams(main, who) {
       : "You are in no team yet."));
     return;
   }
-  const [list, loaded] = pages("Teams", ["Team", "Submissions", "Members", "Since"],
+  const [list, loaded] = pages("Teams", ["Team", "Submissions#", "Members#", "Since"],
     "/v1/teams?limit=100", "teams", (team) => h("tr", null,
       h("th", {scope: "row"}, h("a", {href: href("/team", {name: team.team})}, name(team.team)),
         team.banned && h("span", {class: "tag bad"}, "banned")),
