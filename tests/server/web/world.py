@@ -33,6 +33,7 @@ class World(Daemon):
                            practice_seeds={"first": 1000, "count": EPISODES})
         self.configure(slots=2, http={
             "requests_per_s": 1e6, "burst": 1e6, "clients": clients, "address_clients": clients,
+            "peer_clients": min(clients, 128), "organiser_clients": min(clients // 4, 16),
             "listen": {"address": "127.0.0.1", "port": 0}})
         self.tokens = {"public": None}
         self.submissions = {}
