@@ -75,6 +75,11 @@ void SendResult(const httplib::Request& request, httplib::Response& response,
   if (!answer.next.empty()) {
     response.set_header("Link", absl::StrCat("<", answer.next, ">; rel=\"next\""));
   }
+  // A page of another origin has its reader's network but none of their tokens.
+  const bool anonymous = Caller().remote && Caller().token == 0;
+  if (answer.for_all_origins && anonymous) {
+    response.set_header("Access-Control-Allow-Origin", "*");
+  }
   const std::string text =
       answer.text == nullptr ? CanonicalJson(answer.body) + "\n" : *answer.text;
   if (answer.tagged) return SendTagged(request, response, answer.http, text);

@@ -27,6 +27,7 @@ struct ApiAnswer {
   nlohmann::json body = nullptr;
   std::shared_ptr<const std::string> text = nullptr;  // JSON in place of `body`, if set
   bool tagged = false;    // has an ETag; whoever has the same already gets 304 and no body
+  bool for_all_origins = false;  // pages of other origins may read it, if nobody's token asked
   std::string next = {};  // the address of a list's next page; "": there is none
 };
 using ApiResult = std::variant<ApiAnswer, ApiError>;

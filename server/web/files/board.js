@@ -168,13 +168,15 @@ function notices(board) {
 function otherBoards(board, query) {
   const others = board.other_configs ?? [];
   const at = h("input", {type: "datetime-local", id: "at", step: 1});
-  return h("details", {class: "more"}, h("summary", null, "Past boards and other configs"),
+  return h("details", {class: "more"}, h("summary", null, "Feed, past boards and other configs"),
     h("form", {class: "row", onsubmit: (event) => {
       event.preventDefault();
       if (!at.value) return;
       location.assign(href("/board", boardQuery(query, {at: new Date(at.value).toISOString()})));
     }}, h("label", {for: "at"}, "The board at"), at, h("button", {type: "submit"}, "Show"),
     query.get("at") && h("a", {href: href("/board", boardQuery(query, {at: ""}))}, "Show today's")),
+    h("p", null, h("a", {href: api("/v1/leaderboard/feed", query)}, "Feed of this board (Atom)"),
+      ", ", h("a", {href: api("/v1/leaderboard", query)}, "the same as JSON")),
     others.length > 0 && h("ul", null, others.map((other) => h("li", null,
       h("a", {href: href("/board", boardQuery(query, {config: other.config}))},
         `Config ${other.config.slice(0, 12)}`),

@@ -39,10 +39,11 @@ async function fillLeaders(box, query) {
   }
 }
 
-// A card of a phase or of a track, with links to its boards.
-function card(title, lines, query, boards) {
+// A card of a phase or of a track, with links to its boards. What it still has to ask for goes to
+// `waiting`.
+function card(title, lines, query, boards, waiting) {
   const box = h("div", {class: "leaders-box"}, h("p", {class: "quiet"}, "Loading…"));
-  fillLeaders(box, query);
+  waiting.push(fillLeaders(box, query));
   return h("section", {class: "card"},
     h("h3", null, h("a", {href: href("/board", query)}, title)), lines, box,
     boards.length > 1 && h("p", {class: "links"}, boards.map((board) =>
@@ -70,22 +71,24 @@ export async function show(main) {
   document.title = "Boards – MyoGrade";
   const [{tracks}, all] = await Promise.all([get("/v1/tracks"), get("/v1/challenges")]);
   const ofPhases = new Set();
+  const waiting = [];
   const sections = all.challenges.map((challenge) => h("section", null,
     h("h2", null, visible(challenge.title ?? challenge.challenge)),
     h("div", {class: "cards"}, challenge.phases.map((phase) => {
       ofPhases.add(phase.track);
       return card(visible(phase.title), phaseLines(phase), {phase: phase.phase},
-        boardsOf(tracks, phase.track));
+        boardsOf(tracks, phase.track), waiting);
     }))));
   const former = all.former_phases.map((phase) => card(phase.phase,
     [h("p", null, h("span", {class: "state closed"}, "former"))], {phase: phase.phase},
-    boardsOf(tracks, phase.track)));
+    boardsOf(tracks, phase.track), waiting));
   const open = tracks.filter((track) => !ofPhases.has(track.track));
   replace(main, h("h1", null, "Boards"),
     all.paused && h("p", {class: "notice"}, "Submissions are paused: ", visible(all.paused.reason)),
     sections,
     open.length > 0 && h("section", null, h("h2", null, "Tracks"), h("div", {class: "cards"},
-      open.map((track) => card(track.track, [], {track: track.track}, track.boards)))),
+      open.map((track) => card(track.track, [], {track: track.track}, track.boards, waiting)))),
     former.length > 0 && h("section", null, h("h2", null, "Former phases"),
       h("div", {class: "cards"}, former)));
+  await Promise.all(waiting);
 }

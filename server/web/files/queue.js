@@ -19,14 +19,13 @@ function row(entry) {
     h("td", {class: "num place"}, entry.queue ? entry.queue.position : "–"),
     h("th", {scope: "row"}, h("a", {href: href("/submission", {id: entry.submission})},
       name(entry.name || `submission ${entry.submission}`)),
-    !entry.ranked && h("span", {class: "tag"}, "practice")),
-    h("td", null, name(entry.team)),
-    h("td", null, visible(entry.phase ?? entry.track)),
+    !entry.ranked && h("span", {class: "tag"}, "practice"),
+    h("span", {class: "policy"}, name(entry.team), ", ", visible(entry.phase ?? entry.track))),
     h("td", null, state(entry.state)),
-    h("td", {class: "wide"}, progress(entry)),
-    h("td", {class: "wide"}, wait(entry)),
+    h("td", null, progress(entry)),
     h("td", null, entry.estimated_end_at ? [time(entry.estimated_end_at),
-      h("span", {class: "hidden"}, ` (${duration(entry.remaining_wall_s)})`)] : "–"));
+      h("span", {class: "hidden"}, ` (${duration(entry.remaining_wall_s)})`)] : "–"),
+    h("td", {class: "wide"}, wait(entry)));
 }
 
 function summary(view) {
@@ -48,7 +47,7 @@ export async function show(main) {
     if (line.textContent !== text) line.textContent = text;
     replace(box, view.submissions.length
       ? table("Submissions that wait or are played",
-        ["Place#", "Policy", "Team", "For", "State", "Episodes", "Why it waits", "Ends about"],
+        ["Place#", "Policy", "State", "Episodes", "Ends about", "Why it waits"],
         view.submissions.map(row))
       : h("p", {class: "empty"}, "Nothing of yours waits or is played."),
     view.total > view.submissions.length && h("p", {class: "quiet"},

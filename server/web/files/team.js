@@ -17,6 +17,24 @@ function gauge(title, of) {
       `${title}: ${used} of ${most}`}));
 }
 
+function inUse(entry) {
+  return entry.waiting.used > 0 || LIMITS.some(([budget, span]) => entry[budget]?.[span]?.used
+    || entry[budget]?.[span]?.open || entry[budget]?.[span]?.granted);
+}
+
+// Those of tracks that the team has not used are folded away.
+function quotas(quota) {
+  const cards = (tracks) => tracks.map((track) =>
+    quotaCard(track.track, {track: track.track}, track));
+  const idle = quota.tracks.filter((track) => !inUse(track));
+  return [h("div", {class: "cards"}, quota.phases.map((phase) =>
+    quotaCard(`Phase ${phase.phase}`, {phase: phase.phase}, phase)),
+  cards(quota.tracks.filter(inUse))),
+  idle.length > 0 && h("details", {class: "more"},
+    h("summary", null, `Quota of ${idle.map((track) => track.track).join(", ")}`),
+    h("div", {class: "cards"}, cards(idle)))];
+}
+
 function quotaCard(title, query, entry) {
   return h("section", {class: "card"}, h("h3", null, h("a", {href: href("/board", query)}, title)),
     gauge("Waiting", entry.waiting),
@@ -88,9 +106,7 @@ async function showTeam(main, team) {
         ? info.other_names.map((one, place) => [place ? ", " : "", name(one)]) : "–"],
       ["Next day begins", time(quota.next_day_at)]]),
     h("h2", null, "Submissions"), list,
-    h("h2", null, "Quota"), h("div", {class: "cards"},
-      quota.phases.map((phase) => quotaCard(`Phase ${phase.phase}`, {phase: phase.phase}, phase)),
-      quota.tracks.map((track) => quotaCard(track.track, {track: track.track}, track))),
+    h("h2", null, "Quota"), quotas(quota),
     h("h2", null, "Ledger"), ledger);
   await Promise.all([ledgerLoaded, listLoaded]);
 }

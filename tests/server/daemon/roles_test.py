@@ -124,6 +124,8 @@ class EveryAddress(AccessCase):
             # It would go on: whether it is refused shows before.
             ("GET", "/v1/queue/events"): [(f"{path}?no_such_key=1", None)] * 2,
             ("GET", "/v1/leaderboard"): [(f"{path}?track={TRACK}", None)] * 2,
+            ("GET", "/v1/leaderboard/badge"): [(f"{path}?track={TRACK}&team=alpha", None)] * 2,
+            ("GET", "/v1/leaderboard/feed"): [(f"{path}?track={TRACK}", None)] * 2,
             ("GET", "/v1/leaderboard/statistics"): [
                 (f"{path}?track={TRACK}", None)] * 2,
             ("GET", "/v1/leaderboard/explain"): [(f"{path}?track={TRACK}&a=1&b=2", None)] * 2,

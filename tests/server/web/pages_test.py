@@ -11,9 +11,10 @@ import subprocess
 import tempfile
 import unittest
 import urllib.parse
+import xml.etree.ElementTree
 
 from support.waiting import wait_until
-from world import SOURCE, TRACK, World
+from world import MARKUP, SCRIPT, SOURCE, TRACK, World
 
 FILES = SOURCE / "server/web/files"
 PAGES = ("/", "/board", "/queue", "/sign-in", "/submission", "/submit", "/team")
@@ -122,6 +123,51 @@ class Files(PagesCase):
                 for name in names.split(","):
                     self.assertRegex(exported, rf"export (async )?(function|class|const) {name.strip()}\b",
                                      f"{file.name} imports {name} of {other}")
+
+
+class Elsewhere(PagesCase):
+    def test_a_badge_tells_a_rank_and_escapes_names(self):
+        for team, words in (("Neon Tendons", "rank 1 of 5"), (MARKUP, "rank 3 of 5"),
+                            (SCRIPT, "rank 5 of 5")):
+            query = urllib.parse.urlencode({"track": TRACK, "team": team})
+            status, headers, body = self.ask("GET", f"/v1/leaderboard/badge?{query}")
+            self.assertEqual((status, headers["Content-Type"]), (200, "image/svg+xml"))
+            self.assertEqual(headers["Content-Security-Policy"], "default-src 'none'; sandbox")
+            drawing = xml.etree.ElementTree.fromstring(body)
+            self.assertTrue(drawing.findtext("{*}title").startswith(f"{team}, "))
+            texts = [element.text for element in drawing.iter("{*}text")]
+            self.assertEqual(texts, [TRACK, words])
+            tags = {element.tag.split("}")[1] for element in drawing.iter()}
+            self.assertEqual(tags, {"svg", "title", "rect", "path", "g", "text"})
+        status, _, body = self.ask("GET", f"/v1/leaderboard/badge?track={TRACK}&team=nobody")
+        self.assertEqual((status, json.loads(body)["error"]["code"]), (404, "not_found"))
+        self.assertEqual(self.ask("GET", f"/v1/leaderboard/badge?track={TRACK}")[0], 400)
+
+    def test_a_feed_has_an_entry_for_each_row(self):
+        status, headers, body = self.ask("GET", f"/v1/leaderboard/feed?track={TRACK}")
+        self.assertEqual((status, headers["Content-Type"]), (200, "application/atom+xml"))
+        feed = xml.etree.ElementTree.fromstring(body)
+        titles = [entry.findtext("{*}title") for entry in feed.iter("{*}entry")]
+        self.assertEqual(titles[0], "Neon Tendons: rank 1")
+        self.assertIn(f"{MARKUP}: rank 3", titles)
+        ids = [element.text for element in feed.iter("{*}id")]
+        self.assertEqual(len(ids), len(set(ids)))
+        updated = [element.text for element in feed.iter("{*}updated")]
+        self.assertEqual(updated[0], max(updated[1:]))
+        for moment in updated:
+            self.assertRegex(moment, r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z$")
+        self.assertEqual(self.ask("GET", "/v1/leaderboard/feed?track=elbow")[0], 200)
+
+    def test_other_origins_read_boards_that_everybody_sees_and_nothing_else(self):
+        def allowed(path, role="public"):
+            return self.ask("GET", path, role, Origin="https://example.org")[1][
+                "Access-Control-Allow-Origin"]
+        for path in ("/v1/leaderboard", "/v1/leaderboard/statistics"):
+            self.assertEqual(allowed(f"{path}?track={TRACK}"), "*")
+            self.assertIsNone(allowed(f"{path}?track={TRACK}", "participant"))
+        for path in ("/v1/health", "/v1/whoami", "/v1/queue", "/v1/submissions", "/"):
+            for role in ("public", "participant"):
+                self.assertIsNone(allowed(path, role), path)
 
 
 class Queue(PagesCase):

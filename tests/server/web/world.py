@@ -17,7 +17,7 @@ SCRIPT = "<script>alert(2)</script>"
 FINAL = ("done", "failed", "cancelled", "grader_error")
 # How the stand-in plays each team's policy (fake_runner.py).
 MODES = {"Neon Tendons": "skill-36-36-12-40", "Sarcomere Club": "skill-35-35-14-35",
-         "Flexors United": "skill-31-31-20-50", MARKUP: "skill-20-20-9-60",
+         "Flexors United": "skill-31-31-20-50", MARKUP: "skill-33-33-9-60",
          SCRIPT: "skill-4-4-22-80", "Antagonists": "crash"}
 
 
