@@ -43,7 +43,9 @@ void AccessResource::Install(Routes& routes) {
 ApiResult AccessResource::ListAddresses(const httplib::Request& request) const {
   if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
   Json list = Json::array();
-  for (const Address& address : guard_.addresses()) list.push_back(AddressToJson(address));
+  for (const Address& address : guard_.addresses()) {
+    if (!address.page) list.push_back(AddressToJson(address));
+  }
   return ApiAnswer{200, {{"addresses", std::move(list)}}};
 }
 

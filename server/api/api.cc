@@ -42,6 +42,8 @@ void Api::Install(UnixHttpServer& server) {
   webhooks_.Install(routes);
   whoami_.Install(routes);
   openapi_.Install(routes);
+  queue_.Install(routes);
+  pages_.Install(routes);
   routes.AddErrorAnswers();
 }
 

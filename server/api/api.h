@@ -13,7 +13,9 @@
 #include "server/api/more_seeds_resource.h"
 #include "server/api/metrics_resource.h"
 #include "server/api/openapi_resource.h"
+#include "server/api/pages_resource.h"
 #include "server/api/proof_resource.h"
+#include "server/api/queue_resource.h"
 #include "server/api/quota_resource.h"
 #include "server/api/record_resource.h"
 #include "server/api/rejudges_resource.h"
@@ -64,6 +66,8 @@ class Api {
   WebhooksResource webhooks_{context_};
   WhoamiResource whoami_{context_};
   OpenApiResource openapi_;
+  QueueResource queue_{context_, guard_};
+  PagesResource pages_;
 };
 
 }  // namespace myograde::server

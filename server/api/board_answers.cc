@@ -3,9 +3,24 @@
 #include <cstdint>
 #include <memory>
 
+#include "server/api/phase_sight.h"
 #include "server/api/requests.h"
 
 namespace myograde::server {
+
+absl::StatusOr<std::shared_ptr<const std::string>> BoardAnswers::TextOf(Reader& reader,
+                                                                        const BoardQuery& asked) {
+  const std::string& config = asked.track->config.hash;
+  KeptBoards& kept = asked.at_ms == 0 && config == asked.config_in_force ? now_ : others_;
+  const KeptBoards::Key key{config, asked.config_in_force, asked.board, asked.view(), asked.at_ms};
+  const int64_t changes = reader.BoardChanges();
+  if (auto found = kept.Find(key, changes); found != nullptr) return found;
+  absl::StatusOr<std::string> made = make_(reader, asked);
+  if (!made.ok()) return made.status();
+  auto text = std::make_shared<const std::string>(*std::move(made));
+  kept.Keep(key, changes, text);
+  return text;
+}
 
 ApiResult BoardAnswers::Get(const httplib::Request& request) {
   absl::Status status = CheckParameters(request, BoardParametersAnd({}));
@@ -14,17 +29,12 @@ ApiResult BoardAnswers::Get(const httplib::Request& request) {
   status = context_.readers.Read([&](Reader& reader) -> absl::Status {
     const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
     if (!asked.ok()) return asked.status();
-    const std::string& config = asked->track->config.hash;
-    KeptBoards& kept = asked->at_ms == 0 && config == asked->config_in_force ? now_ : others_;
-    const KeptBoards::Key key{config, asked->config_in_force, asked->board, asked->view(),
-                              asked->at_ms};
-    const int64_t changes = reader.BoardChanges();
-    answer.text = kept.Find(key, changes);
-    if (answer.text != nullptr) return absl::OkStatus();
-    absl::StatusOr<std::string> text = make_(reader, *asked);
+    absl::StatusOr<std::shared_ptr<const std::string>> text = TextOf(reader, *asked);
     if (!text.ok()) return text.status();
-    answer.text = std::make_shared<const std::string>(*std::move(text));
-    kept.Keep(key, changes, answer.text);
+    answer.text = *std::move(text);
+    const absl::StatusOr<bool> open = IsPhasePublic(reader, context_, asked->track->config.phase);
+    if (!open.ok()) return open.status();
+    answer.for_all_origins = *open;
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);

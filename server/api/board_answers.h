@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <memory>
 #include <string>
 #include <utility>
 
@@ -27,6 +28,9 @@ class BoardAnswers {
 
   // The answer about the board that a request asks for; its parameters are BoardParametersAnd({}).
   ApiResult Get(const httplib::Request& request);
+  // The text of that answer.
+  absl::StatusOr<std::shared_ptr<const std::string>> TextOf(Reader& reader,
+                                                            const BoardQuery& asked);
 
  private:
   const ApiContext& context_;

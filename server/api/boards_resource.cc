@@ -1,11 +1,14 @@
 #include "server/api/boards_resource.h"
 
 #include <functional>
+#include <map>
+#include <optional>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "server/api/board_feeds.h"
 #include "server/api/board_query.h"
 #include "server/api/board_source.h"
 #include "server/api/board_statistics.h"
@@ -19,6 +22,18 @@ namespace myograde::server {
 
 using Json = nlohmann::json;
 
+namespace {
+
+// Opened by itself, an image runs nothing and loads nothing either.
+void SendDrawing(const std::string& svg, httplib::Response& response) {
+  response.set_header("Cache-Control", "no-cache");
+  response.set_header("X-Content-Type-Options", "nosniff");
+  response.set_header("Content-Security-Policy", "default-src 'none'; sandbox");
+  response.set_content(svg, "image/svg+xml");
+}
+
+}  // namespace
+
 BoardsResource::BoardsResource(const ApiContext& context)
     : context_(context),
       answers_(context, [&context](Reader& reader, const BoardQuery& asked) {
@@ -30,10 +45,60 @@ BoardsResource::BoardsResource(const ApiContext& context)
 
 void BoardsResource::Install(Routes& routes) {
   routes.Get("/v1/leaderboard", Action::kReadBoard, std::bind_front(&BoardsResource::Get, this));
+  routes.GetFile("/v1/leaderboard/badge", Action::kReadBoard,
+                 std::bind_front(&BoardsResource::Badge, this));
+  routes.GetFile("/v1/leaderboard/feed", Action::kReadBoard,
+                 std::bind_front(&BoardsResource::Feed, this));
   routes.Get("/v1/leaderboard/explain", Action::kReadBoard,
              std::bind_front(&BoardsResource::Explain, this));
   routes.Post("/v1/leaderboard/rebuild", Action::kRebuildBoards,
               std::bind_front(&BoardsResource::Rebuild, this));
+}
+
+std::optional<ApiError> BoardsResource::Badge(const httplib::Request& request,
+                                              httplib::Response& response) {
+  absl::Status status = CheckParameters(request, BoardParametersAnd({"team"}));
+  if (!request.has_param("team")) {
+    status.Update(absl::InvalidArgumentError("\"team\" is missing: the name of a team"));
+  }
+  if (!status.ok()) return ErrorOf(status);
+  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
+    if (!asked.ok()) return asked.status();
+    const auto text = answers_.TextOf(reader, *asked);
+    if (!text.ok()) return text.status();
+    const auto badge =
+        BadgeOf(Json::parse(**text), reader.TeamOf(request.get_param_value("team")));
+    if (!badge.ok()) return badge.status();
+    SendDrawing(*badge, response);
+    return absl::OkStatus();
+  });
+  return status.ok() ? std::nullopt : std::optional(ErrorOf(status));
+}
+
+std::optional<ApiError> BoardsResource::Feed(const httplib::Request& request,
+                                             httplib::Response& response) {
+  absl::Status status = CheckParameters(request, BoardParametersAnd({}));
+  if (!status.ok()) return ErrorOf(status);
+  status = context_.readers.Read([&](Reader& reader) -> absl::Status {
+    const absl::StatusOr<BoardQuery> asked = ParseBoardQuery(request, reader, context_);
+    if (!asked.ok()) return asked.status();
+    const auto text = answers_.TextOf(reader, *asked);
+    if (!text.ok()) return text.status();
+    const Json board = Json::parse(**text);
+    std::map<int64_t, std::string> ended;
+    for (const Json& row : board["rows"]) {
+      const auto evaluation = row["evaluation"].get<int64_t>();
+      const absl::StatusOr<EvaluationRow> found = reader.Evaluation(evaluation);
+      if (!found.ok()) return found.status();
+      ended[evaluation] = TimeToJson(found->finished_at).get<std::string>();
+    }
+    response.set_header("Cache-Control", "no-cache");
+    response.set_header("X-Content-Type-Options", "nosniff");
+    response.set_content(FeedOf(board, ended), "application/atom+xml");
+    return absl::OkStatus();
+  });
+  return status.ok() ? std::nullopt : std::optional(ErrorOf(status));
 }
 
 ApiResult BoardsResource::Get(const httplib::Request& request) { return answers_.Get(request); }

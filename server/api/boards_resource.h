@@ -1,6 +1,8 @@
 // Leaderboards, and why they are as they are.
 #pragma once
 
+#include <optional>
+
 #include <nlohmann/json.hpp>
 
 #include "server/api/board_answers.h"
@@ -19,6 +21,8 @@ class BoardsResource {
 
  private:
   ApiResult Get(const httplib::Request& request);
+  std::optional<ApiError> Badge(const httplib::Request& request, httplib::Response& response);
+  std::optional<ApiError> Feed(const httplib::Request& request, httplib::Response& response);
   ApiResult Explain(const httplib::Request& request) const;
   ApiResult Rebuild(const httplib::Request& request, const nlohmann::json& body) const;
 

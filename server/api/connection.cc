@@ -306,6 +306,7 @@ Connection::Next Connection::ReadFile() {
 
 void Connection::Forget() {
   file = FilePart();
+  stream.reset();
   if (out.empty()) out.shrink_to_fit();
   body.Drop();
   if (reserved > 0) budget_->Give(*peer, reserved);

@@ -82,9 +82,21 @@ struct FilePart {
   int64_t left = 0;  // bytes
 };
 
+// An answer that goes on after its first part: whatever `next` returns is sent, and `next` is called
+// again `every` after that, until it returns nullopt or the time is over. It runs on a worker's
+// thread, like a handler, and must own what it touches.
+struct Stream {
+  std::function<std::optional<std::string>()> next;
+  absl::Duration every;
+  absl::Duration due;    // the next call; monotonic
+  absl::Duration began;
+  absl::Duration until;
+};
+
 class Connection {
  public:
-  enum class State { kHandshake, kIdle, kReceiving, kAnswering, kRefused };
+  // kStreaming: all of a stream that is there was sent, and more is to come.
+  enum class State { kHandshake, kIdle, kReceiving, kAnswering, kStreaming, kRefused };
   // What is to be done for it next.
   enum class Next { kHandshake, kRead, kSend, kServe, kSpool, kRefuse, kClose };
 
@@ -136,6 +148,7 @@ class Connection {
   size_t sent = 0;
   int64_t counted_unsent = 0;  // among its peer's
   FilePart file;               // follows `out`
+  std::unique_ptr<Stream> stream;  // of the answer; nullptr: it ends
 
   // The request.
   HeadScanner scanner;

@@ -252,6 +252,12 @@ void Gate::OnReady(Connection& connection) {
   if (connection.state == State::kHandshake) return Lend(connection, WorkKind::kHandshake);
   if (connection.state == State::kAnswering) return Answer(connection);
   if (connection.state == State::kRefused) return DrainOne(connection);
+  if (connection.state == State::kStreaming) {
+    // Nothing is asked after a stream: what comes is dropped, and who hangs up is gone.
+    const bool alive = connection.Read(kReadAtOnce);
+    connection.in = std::string();
+    return alive ? Wait(connection, /*to_send=*/false) : Close(connection);
+  }
   // A large body goes from the socket to the disk by a worker.
   if (connection.body.spooled() && !connection.lent) return Do(connection, Next::kSpool);
   if (!connection.Read(kReadAtOnce)) {
@@ -335,10 +341,20 @@ void Gate::Answer(Connection& connection) {
   CountUnsent(connection);
   if (connection.unsent() > 0) return Wait(connection, /*to_send=*/true);
   if (connection.file.left > 0) return Lend(connection, WorkKind::kDisk);
+  if (connection.stream != nullptr) return Follow(connection);
   if (connection.close_after) return Close(connection);
   connection.Forget();
   Enter(connection, State::kIdle);
   answered_.push_back(connection.id);  // those who wait for its place come first
+}
+
+void Gate::Follow(Connection& connection) {
+  Enter(connection, State::kStreaming);
+  // Among those who may give way to newcomers it has waited since the stream began.
+  connection.since = connection.stream->began;
+  connection.deadline = connection.stream->until;
+  if (Now() >= connection.stream->due) return Lend(connection, WorkKind::kServe);
+  Wait(connection, /*to_send=*/false);  // it may hang up
 }
 
 // Tells the error and, where the other end may still be sending, reads on so that it gets to hear
@@ -399,10 +415,16 @@ void Gate::LookAtClocks() {
   std::vector<Connection*> over;
   for (const auto& [id, connection] : places_.all()) {
     if (connection->lent) continue;
-    const bool moves = connection->state != State::kIdle && connection->state != State::kHandshake;
+    const State state = connection->state;
+    const bool moves = state != State::kIdle && state != State::kHandshake &&
+                       state != State::kStreaming;
     const bool slow = moves && TooSlow(*connection, now);
     const bool stops = draining_ && connection->reader.has_value();
-    if (slow || stops || now >= connection->deadline) over.push_back(connection.get());
+    if (slow || stops || now >= connection->deadline) {
+      over.push_back(connection.get());
+    } else if (state == State::kStreaming && now >= connection->stream->due) {
+      Lend(*connection, WorkKind::kServe);
+    }
   }
   for (Connection* connection : over) {
     if (connection->state != State::kReceiving) {

@@ -72,6 +72,8 @@ class Gate {
   void Lend(Connection& connection, WorkKind work);
   // Sends what is left of an answer, then goes on with the next request.
   void Answer(Connection& connection);
+  // Waits until the next part of a stream is due.
+  void Follow(Connection& connection);
   void Refuse(Connection& connection, bool read_on);
   void DrainOne(Connection& connection);
   void Wait(Connection& connection, bool to_send);

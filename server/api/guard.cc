@@ -68,7 +68,11 @@ Guard::Guard(const Options& options)
       good_tokens_(kMostKeys) {}
 
 void Guard::AddAddress(const std::string& method, const std::string& pattern, Action action) {
-  addresses_.push_back({method, pattern, action, std::regex(pattern)});
+  addresses_.push_back({method, pattern, action, std::regex(pattern), /*page=*/false});
+}
+
+void Guard::AddPage(const std::string& path) {
+  addresses_.push_back({"GET", path, Action::kReadApi, std::regex(path), /*page=*/true});
 }
 
 std::variant<Identity, ApiError> Guard::Admit(Connection& connection, Action action) {

@@ -30,6 +30,7 @@ struct Address {
   std::string pattern;  // a regular expression for the path
   Action action;
   std::regex path;
+  bool page = false;  // of the web pages, no address of the API
 };
 
 // Safe from any thread, once all addresses are there.
@@ -49,6 +50,7 @@ class Guard {
   explicit Guard(const Options& options);
 
   void AddAddress(const std::string& method, const std::string& pattern, Action action);
+  void AddPage(const std::string& path);
   const std::vector<Address>& addresses() const { return addresses_; }
 
   // Who makes the connection's request, if they may take `action` at all; whether they may do so

@@ -10,12 +10,13 @@ namespace {
 using State = Connection::State;
 
 // The lowest goes first: those that have had an answer and ask for more already, then the ones
-// that have asked for nothing, then those that do not read, then half requests.
+// that have asked for nothing or only follow a stream, then those that do not read, then half requests.
 int RankOf(const Connection& connection) {
   switch (connection.state) {
     case State::kIdle:
       return connection.in.empty() ? 1 : 0;
     case State::kHandshake:
+    case State::kStreaming:
       return 1;
     case State::kRefused:
       return 2;

@@ -7,6 +7,7 @@
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
+#include <absl/strings/str_replace.h>
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/clock.h"
@@ -23,6 +24,7 @@ constexpr char kJson[] = "application/json";
 void SendText(httplib::Response& response, int http, const std::string& text) {
   response.status = http;
   response.set_header("Cache-Control", "no-store");
+  response.set_header("X-Content-Type-Options", "nosniff");
   response.set_content(text, kJson);
 }
 
@@ -56,6 +58,7 @@ void SendTagged(const httplib::Request& request, httplib::Response& response, in
   response.set_header("ETag", tag);
   response.set_header("Cache-Control", "no-cache");
   response.set_header("Vary", "Authorization");
+  response.set_header("X-Content-Type-Options", "nosniff");
   for (size_t i = 0; i < request.get_header_value_count("If-None-Match"); ++i) {
     if (!NamesEntityTag(request.get_header_value("If-None-Match", i), tag)) continue;
     response.status = 304;
@@ -71,6 +74,11 @@ void SendResult(const httplib::Request& request, httplib::Response& response,
   const auto& answer = std::get<ApiAnswer>(result);
   if (!answer.next.empty()) {
     response.set_header("Link", absl::StrCat("<", answer.next, ">; rel=\"next\""));
+  }
+  // A page of another origin has its reader's network but none of their tokens.
+  const bool anonymous = Caller().remote && Caller().token == 0;
+  if (answer.for_all_origins && anonymous) {
+    response.set_header("Access-Control-Allow-Origin", "*");
   }
   const std::string text =
       answer.text == nullptr ? CanonicalJson(answer.body) + "\n" : *answer.text;
@@ -155,6 +163,17 @@ void Routes::GetFile(const std::string& pattern, Action action, FileHandler hand
     ServeIfAdmitted(metrics, guard, action, request, response, [&] {
       if (const auto error = handler(request, response)) SendError(response, *error);
     });
+  });
+}
+
+void Routes::GetPage(const std::string& path,
+                     std::function<void(const httplib::Request&, httplib::Response&)> handler) {
+  const std::string pattern = absl::StrReplaceAll(path, {{".", "[.]"}});
+  guard_.AddPage(pattern);
+  server_.Get(pattern, [&metrics = metrics_, &guard = guard_, handler = std::move(handler)](
+                           const httplib::Request& request, httplib::Response& response) {
+    ServeIfAdmitted(metrics, guard, Action::kReadApi, request, response,
+                    [&] { handler(request, response); });
   });
 }
 

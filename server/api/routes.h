@@ -27,6 +27,7 @@ struct ApiAnswer {
   nlohmann::json body = nullptr;
   std::shared_ptr<const std::string> text = nullptr;  // JSON in place of `body`, if set
   bool tagged = false;    // has an ETag; whoever has the same already gets 304 and no body
+  bool for_all_origins = false;  // pages of other origins may read it, if nobody's token asked
   std::string next = {};  // the address of a list's next page; "": there is none
 };
 using ApiResult = std::variant<ApiAnswer, ApiError>;
@@ -48,6 +49,9 @@ class Routes {
   // A handler of GET answers HEAD too.
   void Get(const std::string& pattern, Action action, Handler handler);
   void GetFile(const std::string& pattern, Action action, FileHandler handler);
+  // A web page or a file of one, for everybody. It is no address of the API.
+  void GetPage(const std::string& path,
+               std::function<void(const httplib::Request&, httplib::Response&)> handler);
   // The body is JSON.
   void Post(const std::string& pattern, Action action, JsonHandler handler);
   void Delete(const std::string& pattern, Action action, Handler handler);

@@ -91,6 +91,30 @@ nlohmann::json SubmissionToJson(const SubmissionRow& row, const EvaluationRow& e
           {"finished_at", TimeToJson(evaluation.finished_at)}};
 }
 
+QueueOutlook AddOutlook(const ApiContext& context, const EvaluationRow& evaluation,
+                        const EpisodeCounts& counts, nlohmann::json& json) {
+  const int64_t now = absl::ToUnixMillis(context.clock.Now());
+  QueueOutlook outlook = context.engine.OutlookOf(evaluation.id);
+  json["queue"] = nullptr;
+  if (outlook.place && evaluation.state == EvaluationState::kQueued) {
+    json["queue"] = {{"position", outlook.place->position},
+                     {"leases_ahead", outlook.place->leases_ahead}};
+  }
+  json["waiting"] = TextOrNull(outlook.waiting);
+  json["started_at"] = TimeToJson(evaluation.started_at);
+  const int64_t end = evaluation.finished_at == 0 ? now : evaluation.finished_at;
+  json["running_wall_s"] = evaluation.started_at == 0
+                               ? Json()
+                               : Json(static_cast<double>(end - evaluation.started_at) / 1000);
+  json["remaining_wall_s"] = Remaining(evaluation, counts, now);
+  if (json["remaining_wall_s"].is_null()) json["remaining_wall_s"] = SecondsOrNull(outlook.end);
+  json["estimated_end_at"] =
+      json["remaining_wall_s"].is_null()
+          ? Json()
+          : Ahead(absl::Seconds(json["remaining_wall_s"].get<double>()), context.clock.Now());
+  return outlook;
+}
+
 absl::StatusOr<nlohmann::json> SubmissionStatus(Reader& reader, const ApiContext& context,
                                                 int64_t id) {
   absl::StatusOr<SubmissionRow> row = reader.Submission(id);
@@ -105,27 +129,9 @@ absl::StatusOr<nlohmann::json> SubmissionStatus(Reader& reader, const ApiContext
   absl::StatusOr<Json> history = HistoryToJson(reader, id, original.id);
   if (!history.ok()) return history.status();
   const EpisodeCounts counts = reader.Counts(original.id);
-  const int64_t now = absl::ToUnixMillis(context.clock.Now());
   Json json = SubmissionToJson(*row, original, counts);
-  const QueueOutlook outlook = context.engine.OutlookOf(original.id);
-  json["queue"] = nullptr;
-  if (outlook.place && original.state == EvaluationState::kQueued) {
-    json["queue"] = {{"position", outlook.place->position},
-                     {"leases_ahead", outlook.place->leases_ahead}};
-  }
-  json["waiting"] = TextOrNull(outlook.waiting);
+  const QueueOutlook outlook = AddOutlook(context, original, counts, json);
   json["reason"] = TextOrNull(original.reason);
-  json["started_at"] = TimeToJson(original.started_at);
-  const int64_t end = original.finished_at == 0 ? now : original.finished_at;
-  json["running_wall_s"] = original.started_at == 0
-                               ? Json()
-                               : Json(static_cast<double>(end - original.started_at) / 1000);
-  json["remaining_wall_s"] = Remaining(original, counts, now);
-  if (json["remaining_wall_s"].is_null()) json["remaining_wall_s"] = SecondsOrNull(outlook.end);
-  json["estimated_end_at"] =
-      json["remaining_wall_s"].is_null()
-          ? Json()
-          : Ahead(absl::Seconds(json["remaining_wall_s"].get<double>()), context.clock.Now());
   json["owner"] = TextOrNull(outlook.owner);
   json["deadline_at"] = Ahead(outlook.deadline, context.clock.Now());
   json["history"] = *std::move(history);

@@ -10,11 +10,13 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <exception>
 #include <optional>
 #include <string_view>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
 
 #include "protocol/base/clock.h"
 #include "server/base/peer_key.h"
@@ -43,12 +45,13 @@ struct CurrentRequest {
 };
 thread_local CurrentRequest current;
 
-// cpp-httplib says of every answer without a body how long that is, which HTTP forbids for these.
-std::string HeadToSend(std::string_view head) {
+// cpp-httplib says of every answer without a body how long that is, which HTTP forbids for these,
+// and which is not so of a stream.
+std::string HeadToSend(std::string_view head, bool streams) {
   constexpr std::string_view kNoLength = "Content-Length: 0\r\n";
   const size_t at = head.find(kNoLength);
   const bool bodiless = head.starts_with("HTTP/1.1 204 ") || head.starts_with("HTTP/1.1 304 ");
-  if (!bodiless || at == std::string_view::npos) return std::string(head);
+  if (!(bodiless || streams) || at == std::string_view::npos) return std::string(head);
   return absl::StrCat(std::string(head.substr(0, at)),
                       std::string(head.substr(at + kNoLength.size())));
 }
@@ -83,7 +86,7 @@ class WholeRequest : public httplib::Stream {
     if (answered_) {
       connection_.out.append(from, size);
     } else {
-      connection_.out += HeadToSend({from, size});
+      connection_.out += HeadToSend({from, size}, connection_.stream != nullptr);
     }
     answered_ = true;
     if (connection_.unsent() >= kSendFrom && !connection_.Send()) return -1;
@@ -214,6 +217,18 @@ absl::Status UnixHttpServer::AnswerWithFile(const std::string& path, const char*
   return absl::OkStatus();
 }
 
+void UnixHttpServer::AnswerWithStream(const char* type, absl::Duration every, absl::Duration time,
+                                      std::function<std::optional<std::string>()> next,
+                                      httplib::Response& response) {
+  response.set_header("Content-Type", type);
+  response.set_header("Connection", "close");  // ends it
+  current.connection->close_after = true;
+  if (current.connection->head->method == "HEAD") return;
+  const absl::Duration now = Now();
+  current.connection->stream = std::make_unique<Stream>(
+      Stream{std::move(next), every, /*due=*/now, /*began=*/now, /*until=*/now + time});
+}
+
 void UnixHttpServer::AllowUploadTime() { current.deadline = Now() + current.upload; }
 
 Connection& UnixHttpServer::RequestConnection() { return *current.connection; }
@@ -286,6 +301,8 @@ void UnixHttpServer::Work() {
     if (job->work == WorkKind::kDisk || job->work == WorkKind::kHandshake) {
       connection.next =
           connection.Work(job->work, {spool_, limits_.disk_reserve, &budget_, admit_});
+    } else if (connection.state == Connection::State::kStreaming) {
+      Continue(connection);
     } else {
       Serve(connection);
     }
@@ -305,6 +322,21 @@ void UnixHttpServer::Serve(Connection& connection) {
   // The body's place is free before the client knows that it may send the next.
   connection.body.Drop();
   connection.next = connection.Send() ? Connection::Next::kSend : Connection::Next::kClose;
+  current = {};
+}
+
+void UnixHttpServer::Continue(Connection& connection) {
+  current = {&connection, &stopping_, Now() + limits_.request, limits_.upload,
+             connection.Asker()};
+  std::optional<std::string> more;
+  try {
+    more = connection.stream->next();
+  } catch (const std::exception& error) {
+    spdlog::warn("a stream of {} ended: {}", connection.head->path, error.what());
+  }
+  connection.stream->due = Now() + connection.stream->every;
+  connection.next = more.has_value() ? Connection::Next::kSend : Connection::Next::kClose;
+  if (more.has_value()) connection.out += *more;
   current = {};
 }
 

@@ -73,6 +73,11 @@ class UnixHttpServer : public httplib::Server {
   // NotFoundError: there is none.
   static absl::Status AnswerWithFile(const std::string& path, const char* type,
                                      httplib::Response& response);
+  // Answers with what `next` returns, at once and then every so often (see Stream), for `time` at
+  // most; the connection ends with it.
+  static void AnswerWithStream(const char* type, absl::Duration every, absl::Duration time,
+                               std::function<std::optional<std::string>()> next,
+                               httplib::Response& response);
   // Gives the client more time to take a long answer: `limits.upload` in place of
   // `limits.request`.
   static void AllowUploadTime();
@@ -86,6 +91,7 @@ class UnixHttpServer : public httplib::Server {
   std::optional<Peer> PeerOf(int fd) const;
   void Work();
   void Serve(Connection& connection);
+  void Continue(Connection& connection);
 
   const HttpLimits limits_;
   const std::string spool_;

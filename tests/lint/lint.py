@@ -64,8 +64,10 @@ RULES = {
         "engine", "admission")}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     "server/api": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "metrics", "access", "runner", "proof", "store", "config", "grading", "challenge",
-        "webhook", "runtime", "scheduler/team_line.h", "engine", "admission", "api")},
+        "webhook", "web", "runtime", "scheduler/team_line.h", "engine", "admission", "api")},
         r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
+    # What browsers are sent as it is.
+    "server/web": ({"server/web"}, r"absl/|nlohmann/|mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     "server/cli/terminal": ({"protocol/base", "server/base", "server/cli/terminal"},
                             r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     "server/cli/base": ({"protocol/base", "protocol/lease", "server/base", "server/cli/terminal",

@@ -18,6 +18,8 @@ NO_HASH = "0" * 64
 RANKS = ("public", "participant", "organiser", "operator")
 # A body that no address takes: an error of its own shows that the caller was let through.
 WRONG = {"no such key": 1}
+# What lists a team's own, and nothing for others.
+LISTS = ("/v1/queue", "/v1/queue/events", "/v1/submissions")
 
 
 def table():
@@ -119,7 +121,11 @@ class EveryAddress(AccessCase):
             ("POST", "/v1/submissions"): [
                 (path, {**submit, "team": team}) for team in ("alpha", "nobody")],
             ("GET", "/v1/quota"): [(f"{path}?team={team}", None) for team in ("alpha", "nobody")],
+            # It would go on: whether it is refused shows before.
+            ("GET", "/v1/queue/events"): [(f"{path}?no_such_key=1", None)] * 2,
             ("GET", "/v1/leaderboard"): [(f"{path}?track={TRACK}", None)] * 2,
+            ("GET", "/v1/leaderboard/badge"): [(f"{path}?track={TRACK}&team=alpha", None)] * 2,
+            ("GET", "/v1/leaderboard/feed"): [(f"{path}?track={TRACK}", None)] * 2,
             ("GET", "/v1/leaderboard/statistics"): [
                 (f"{path}?track={TRACK}", None)] * 2,
             ("GET", "/v1/leaderboard/explain"): [(f"{path}?track={TRACK}&a=1&b=2", None)] * 2,
@@ -158,7 +164,7 @@ class EveryAddress(AccessCase):
                         self.check_refusal(caller, status, headers, text)
                         # Neither does it tell what there is.
                         self.assertEqual(text, self.ask(caller, method, missing)[2])
-                    elif own_team and caller == "beta" and path != "/v1/submissions" or (
+                    elif own_team and caller == "beta" and path not in LISTS or (
                             own_team and caller == "beta" and method == "POST"):
                         gone, _, told = self.ask(caller, method, missing)
                         self.assertEqual((status, gone), (404, 404), text)

@@ -1,0 +1,108 @@
+#include "server/api/board_feeds.h"
+
+#include <algorithm>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int kCharacterWidth = 7;  // of the badge's font, in its units
+constexpr int kPadding = 8;
+
+// How wide a text is about; characters of several bytes count once.
+int WidthOf(const std::string& text) {
+  const auto characters = std::count_if(text.begin(), text.end(),
+                                        [](char c) { return (c & 0xC0) != 0x80; });
+  return static_cast<int>(characters) * kCharacterWidth + 2 * kPadding;
+}
+
+// What the board is of.
+std::string SubjectOf(const Json& board) {
+  const std::string name =
+      (board["phase"].is_string() ? board["phase"] : board["track"]).get<std::string>();
+  const auto which = board["board"].get<std::string>();
+  return which == "main" ? name : absl::StrCat(name, ", ", which);
+}
+
+std::string PlaceOf(const Json& row) {
+  if (row["rank"].is_null()) return "baseline";
+  return absl::StrCat("rank ", row["rank"].get<int64_t>());
+}
+
+std::string EntryOf(const Json& board, const Json& row, const std::string& ended) {
+  const Json& aggregate = row["aggregate"];
+  const std::string results =
+      absl::StrCat(aggregate.value("successes", int64_t{0}), " of ",
+                   aggregate.value("episodes", int64_t{0}), " episodes succeeded");
+  const std::string team = XmlText(row["team"].get<std::string>());
+  return absl::StrCat(
+      "<entry><id>urn:myograde:", board["config"].get<std::string>(), ":",
+      XmlText(board["board"].get<std::string>()), ":", row["evaluation"].get<int64_t>(),
+      "</id><title>", team, ": ", PlaceOf(row), "</title><updated>", ended,
+      "</updated><author><name>", team, "</name></author><content type=\"text\">",
+      XmlText(row["name"].get<std::string>()), ": ", results, "</content></entry>\n");
+}
+
+}  // namespace
+
+std::string XmlText(const std::string& text) {
+  std::string escaped;
+  for (const char c : text) {
+    switch (c) {
+      case '&': escaped += "&amp;"; break;
+      case '<': escaped += "&lt;"; break;
+      case '>': escaped += "&gt;"; break;
+      case '"': escaped += "&quot;"; break;
+      case '\'': escaped += "&#39;"; break;
+      default:
+        if (static_cast<unsigned char>(c) >= 0x20 || c == '\t' || c == '\n') escaped += c;
+    }
+  }
+  return escaped;
+}
+
+absl::StatusOr<std::string> BadgeOf(const nlohmann::json& board, const std::string& team) {
+  const Json& rows = board["rows"];
+  const auto row = std::find_if(rows.begin(), rows.end(),
+                                [&](const Json& one) { return one["team"] == team; });
+  if (row == rows.end()) {
+    return absl::NotFoundError(absl::StrCat("there is no team \"", team, "\" on this board"));
+  }
+  const std::string left = SubjectOf(board);
+  const std::string right = absl::StrCat(PlaceOf(*row), " of ", rows.size());
+  const int middle = WidthOf(left);
+  const int width = middle + WidthOf(right);
+  return absl::StrFormat(
+      R"(<svg xmlns="http://www.w3.org/2000/svg" width="%d" height="20" role="img" aria-label="%s">)"
+      R"(<title>%s</title><rect width="%d" height="20" rx="4" fill="#3a48c4"/>)"
+      R"(<path d="M4 0h%dv20H4a4 4 0 0 1-4-4V4a4 4 0 0 1 4-4z" fill="#33374a"/>)"
+      R"(<g fill="#fff" font-family="Verdana,DejaVu Sans,sans-serif" font-size="11" )"
+      R"(text-anchor="middle"><text x="%d" y="14">%s</text><text x="%d" y="14">%s</text></g></svg>)"
+      "\n",
+      width, XmlText(absl::StrCat(left, ": ", right)),
+      XmlText(absl::StrCat(team, ", ", left, ": ", right)), width, middle - 4, middle / 2,
+      XmlText(left), middle + (width - middle) / 2, XmlText(right));
+}
+
+std::string FeedOf(const nlohmann::json& board, const std::map<int64_t, std::string>& ended) {
+  std::string entries;
+  std::string newest = "1970-01-01T00:00:00.000Z";  // of an empty board
+  for (const Json& row : board["rows"]) {
+    const std::string& at = ended.at(row["evaluation"].get<int64_t>());
+    newest = std::max(newest, at);  // they sort as texts
+    entries += EntryOf(board, row, at);
+  }
+  const std::string subject = XmlText(SubjectOf(board));
+  return absl::StrCat("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n"
+                      "<feed xmlns=\"http://www.w3.org/2005/Atom\"><id>urn:myograde:",
+                      board["config"].get<std::string>(), ":",
+                      XmlText(board["board"].get<std::string>()), "</id><title>MyoGrade: ",
+                      subject, "</title><updated>", newest,
+                      "</updated><author><name>MyoGrade</name></author>\n", entries, "</feed>\n");
+}
+
+}  // namespace myograde::server

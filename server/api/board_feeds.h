@@ -1,0 +1,25 @@
+// A board elsewhere: a badge for a team's own page, and a feed for readers of news. Pure functions of
+// the answer to GET /v1/leaderboard.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+
+#include <absl/status/statusor.h>
+#include <nlohmann/json.hpp>
+
+namespace myograde::server {
+
+// `text` as character data or an attribute's value of XML 1.0: markup is escaped, and characters that
+// XML can't hold are left out.
+std::string XmlText(const std::string& text);
+
+// An SVG that tells a team's rank on the board. NotFoundError: it has none.
+absl::StatusOr<std::string> BadgeOf(const nlohmann::json& board, const std::string& team);
+
+// An Atom feed (RFC 4287) with an entry for each row. `ended`: when each row's evaluation did, as
+// RFC 3339 writes it.
+std::string FeedOf(const nlohmann::json& board, const std::map<int64_t, std::string>& ended);
+
+}  // namespace myograde::server

@@ -1,0 +1,136 @@
+// The HTTP API, asked with the reader's own token, which is kept for this tab only.
+
+const KEY = "myograde.token";
+
+export function token() {
+  return sessionStorage.getItem(KEY);
+}
+
+export function keepToken(text) {
+  if (text) sessionStorage.setItem(KEY, text);
+  else sessionStorage.removeItem(KEY);
+}
+
+// An answer that tells of an error, or that there was none (status 0).
+export class ApiError extends Error {
+  constructor(status, code, message) {
+    super(message);
+    this.status = status;
+    this.code = code;
+  }
+}
+
+const LOST = "The server does not answer. Check the connection and try again.";
+
+function headers(more = {}) {
+  return token() ? {...more, Authorization: `Bearer ${token()}`} : more;
+}
+
+export function errorOf(status, body) {
+  const error = body?.error ?? {code: "internal", message: `The server answered ${status}.`};
+  return new ApiError(status, error.code, error.message);
+}
+
+async function ask(method, path, {body, more, signal} = {}) {
+  let answer;
+  try {
+    answer = await fetch(path, {method, headers: headers(more), signal, credentials: "omit",
+      body: body === undefined ? undefined : JSON.stringify(body)});
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new ApiError(0, "lost", LOST);
+  }
+  const json = await answer.json().catch(() => null);
+  if (!answer.ok || json === null) throw errorOf(answer.status, json);
+  return json;
+}
+
+export function get(path, signal) {
+  return ask("GET", path, {signal});
+}
+
+export function post(path, body, more = {}) {
+  return ask("POST", path, {body, more: {"Content-Type": "application/json", ...more}});
+}
+
+let me = null;
+
+// Who the server takes the reader for. A token that is not valid any more is dropped.
+export function whoami() {
+  me ??= get("/v1/whoami").catch((error) => {
+    if (error.code !== "bad_token") throw error;
+    keepToken(null);
+    return get("/v1/whoami");
+  });
+  return me;
+}
+
+export function isOrganiser(who) {
+  return who.role === "organiser" || who.role === "operator";
+}
+
+// Sends a file and tells of its progress: progress(sent bytes, all bytes).
+export function upload(path, blob, progress, signal) {
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    request.open("POST", path);
+    for (const [name, value] of Object.entries(headers({"Content-Type": "application/x-tar"}))) {
+      request.setRequestHeader(name, value);
+    }
+    request.responseType = "json";
+    request.upload.addEventListener("progress", (event) => progress(event.loaded, event.total));
+    request.addEventListener("load", () => {
+      if (request.status < 400 && request.response) resolve(request.response);
+      else reject(errorOf(request.status, request.response));
+    });
+    request.addEventListener("error", () => reject(new ApiError(0, "lost", LOST)));
+    request.addEventListener("abort", () => reject(new ApiError(0, "aborted", "Cancelled.")));
+    signal?.addEventListener("abort", () => request.abort());
+    request.send(blob);
+  });
+}
+
+// Reads server-sent events until the stream ends. EventSource would do, but sends no token.
+async function readEvents(path, onEvent) {
+  const answer = await fetch(path, {headers: headers(), credentials: "omit"});
+  if (!answer.ok) throw errorOf(answer.status, await answer.json().catch(() => null));
+  const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
+  let rest = "";
+  for (;;) {
+    const {value, done} = await reader.read();
+    if (done) return;
+    const events = (rest + value).split("\n\n");
+    rest = events.pop();
+    for (const event of events) {
+      const data = event.split("\n").filter((line) => line.startsWith("data: "))
+        .map((line) => line.slice(6)).join("\n");
+      if (data) onEvent(JSON.parse(data));
+    }
+  }
+}
+
+const RETRY_MS = 2000;
+const POLL_MS = 10000;
+const pause = (ms) => new Promise((resolve) => {
+  setTimeout(resolve, ms * (0.8 + 0.4 * Math.random()));
+});
+
+// Follows `events`; where streams don't come through or end early, asks `address` now and then. Ends
+// with the page, or with an error that asking again won't mend.
+export async function follow(events, address, onState, onTrouble) {
+  let short = 0;
+  for (;;) {
+    const begin = performance.now();
+    let trouble = null;
+    try {
+      if (short < 3) await readEvents(events, onState);
+      else onState(await get(address));
+    } catch (error) {
+      if (error.status >= 400 && error.status < 500 && error.status !== 429) throw error;
+      trouble = error;
+    }
+    onTrouble(trouble);
+    short = performance.now() - begin > 30000 ? 0 : short + 1;
+    await pause(short < 3 ? RETRY_MS : POLL_MS);
+  }
+}

@@ -1,0 +1,99 @@
+// Numbers with units, times, and the texts of participants.
+import {h} from "./dom.js";
+
+// Characters that nobody sees, or that turn the text around them: shown by their number.
+const UNSEEN = /[\u0000-\u0008\u000b-\u001f\u007f-\u009f\u00ad\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb]/g;
+
+// A text of several lines, as it is, but for what can't be seen.
+export function visible(text) {
+  return String(text).replace(UNSEEN, (one) =>
+    `⟨U+${one.codePointAt(0).toString(16).toUpperCase().padStart(4, "0")}⟩`);
+}
+
+// A name that somebody chose: on one line, and whatever its direction, the text around keeps its own.
+export function name(text) {
+  return h("bdi", {class: "name"}, visible(String(text).replace(/[\n\t]+/g, " ")));
+}
+
+export function number(value, digits = 3) {
+  if (value === null || value === undefined) return "–";
+  if (!Number.isFinite(value)) return String(value);
+  return value.toLocaleString("en", {minimumFractionDigits: digits, maximumFractionDigits: digits});
+}
+
+export function whole(value) {
+  return value === null || value === undefined ? "–" : value.toLocaleString("en");
+}
+
+// A number with its unit; of a metric as the API describes it.
+export function measure(value, metric) {
+  if (value === null || value === undefined) return "–";
+  return number(value, metric.digits) + (metric.unit ? ` ${metric.unit}` : "");
+}
+
+export function percent(part, of) {
+  if (!of) return "–";
+  const value = 100 * part / of;
+  return `${number(value, Number.isInteger(value) ? 0 : of > 1000 ? 2 : 1)} %`;
+}
+
+// Columns are called by words, with the unit in brackets.
+export function heading(metric) {
+  const title = metric.title.charAt(0).toUpperCase() + metric.title.slice(1);
+  return metric.unit ? `${title} (${metric.unit})` : title;
+}
+
+export function duration(seconds) {
+  if (seconds === null || seconds === undefined) return "–";
+  const all = Math.max(Math.round(seconds), 0);
+  if (all < 60) return `${all} s`;
+  if (all < 3600) return `${Math.floor(all / 60)} min ${all % 60} s`;
+  if (all < 86400) return `${Math.floor(all / 3600)} h ${Math.floor(all % 3600 / 60)} min`;
+  return `${Math.floor(all / 86400)} d ${Math.floor(all % 86400 / 3600)} h`;
+}
+
+export function bytes(count) {
+  const units = ["B", "kB", "MB", "GB", "TB"];
+  let unit = 0;
+  while (count >= 1000 && unit < units.length - 1) {
+    count /= 1000;
+    unit += 1;
+  }
+  return `${number(count, unit && count < 10 ? 1 : 0)} ${units[unit]}`;
+}
+
+const RELATIVE = new Intl.RelativeTimeFormat("en", {numeric: "auto"});
+const STEPS = [["year", 31557600], ["month", 2629800], ["week", 604800], ["day", 86400],
+  ["hour", 3600], ["minute", 60]];
+
+function relative(at) {
+  const seconds = (at - new Date()) / 1000;
+  for (const [unit, length] of STEPS) {
+    if (Math.abs(seconds) >= length) return RELATIVE.format(Math.round(seconds / length), unit);
+  }
+  return RELATIVE.format(Math.round(seconds), "second");
+}
+
+// A time of the API, told from now, with the exact one as its title. It stays current.
+export function time(text) {
+  if (!text) return "–";
+  const at = new Date(text);
+  const exact = `${text.slice(0, 19).replace("T", " ")} UTC`;
+  return h("time", {datetime: text, title: exact}, relative(at));
+}
+
+export function keepTimesCurrent() {
+  setInterval(() => {
+    for (const element of document.querySelectorAll("time")) {
+      const now = relative(new Date(element.dateTime));
+      if (element.textContent !== now) element.textContent = now;
+    }
+  }, 5000);
+}
+
+const STATES = {queued: "waits", running: "is played", done: "done", failed: "failed",
+  cancelled: "cancelled", grader_error: "grader's fault"};
+
+export function state(word) {
+  return h("span", {class: `state ${word}`}, STATES[word] ?? word);
+}

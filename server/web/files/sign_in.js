@@ -1,0 +1,44 @@
+// Signing in with a token, and out again.
+import {errorOf, keepToken, token} from "./api.js";
+import {h, replace} from "./dom.js";
+import {visible} from "./format.js";
+
+async function check(text) {
+  const answer = await fetch("/v1/whoami", {headers: {Authorization: `Bearer ${text}`},
+    credentials: "omit"});
+  if (!answer.ok) throw errorOf(answer.status, await answer.json().catch(() => null));
+}
+
+// Where to go next: a page of this server, whatever the address says.
+function target(query) {
+  const wanted = new URL(query.get("to") || "/", location.origin);
+  return wanted.origin === location.origin ? wanted.pathname + wanted.search : "/";
+}
+
+export function show(main, query) {
+  document.title = "Sign in – MyoGrade";
+  const input = h("input", {id: "token", type: "password", autocomplete: "current-password",
+    required: true, spellcheck: "false", "aria-describedby": "token-help"});
+  const problem = h("p", {class: "problem", role: "alert"});
+  const form = h("form", {class: "card narrow", onsubmit: async (event) => {
+    event.preventDefault();
+    const text = input.value.trim();
+    replace(problem);
+    try {
+      if (!/^[!-~]+$/.test(text)) throw new Error("This is no token: it has other characters.");
+      await check(text);
+      keepToken(text);
+      location.assign(target(query));
+    } catch (error) {
+      problem.textContent = visible(error.message);
+      input.focus();
+    }
+  }},
+  h("label", {for: "token"}, "Token"), input,
+  h("p", {id: "token-help", class: "quiet"}, "Organisers make tokens, each for a team, with ",
+    h("code", null, "myograde token create"), ". Yours is kept in this tab until you close it or sign "
+    + "out, and is sent to this server only."),
+  problem, h("button", {class: "main", type: "submit"}, token() ? "Use another token" : "Sign in"));
+  replace(main, h("h1", null, "Sign in"), form);
+  input.focus();
+}

@@ -1,0 +1,141 @@
+// A team: what it may still hand in, what it was charged, and its submissions.
+import {get, isOrganiser, whoami} from "./api.js";
+import {facts, h, href, replace, table} from "./dom.js";
+import {name, state, time, visible, whole} from "./format.js";
+
+const LIMITS = [["official", "per_day", "Ranked today"], ["official", "total", "Ranked in all"],
+  ["practice", "per_day", "Practice today"], ["practice", "total", "Practice in all"],
+  ["failed", "per_day", "Failed today"], ["failed", "total", "Failed in all"]];
+
+function gauge(title, of) {
+  const most = of.limit + (of.granted ?? 0);
+  const used = of.used + (of.open ?? 0);
+  return h("div", {class: "gauge"},
+    h("span", null, title),
+    h("span", {class: "num"}, `${whole(used)} of ${whole(most)}`),
+    h("meter", {min: 0, max: Math.max(most, 1), value: Math.min(used, most), "aria-label":
+      `${title}: ${used} of ${most}`}));
+}
+
+function inUse(entry) {
+  return entry.waiting.used > 0 || LIMITS.some(([budget, span]) => entry[budget]?.[span]?.used
+    || entry[budget]?.[span]?.open || entry[budget]?.[span]?.granted);
+}
+
+// Those of tracks that the team has not used are folded away.
+function quotas(quota) {
+  const cards = (tracks) => tracks.map((track) =>
+    quotaCard(track.track, {track: track.track}, track));
+  const idle = quota.tracks.filter((track) => !inUse(track));
+  return [h("div", {class: "cards"}, quota.phases.map((phase) =>
+    quotaCard(`Phase ${phase.phase}`, {phase: phase.phase}, phase)),
+  cards(quota.tracks.filter(inUse))),
+  idle.length > 0 && h("details", {class: "more"},
+    h("summary", null, `Quota of ${idle.map((track) => track.track).join(", ")}`),
+    h("div", {class: "cards"}, cards(idle)))];
+}
+
+function quotaCard(title, query, entry) {
+  return h("section", {class: "card"}, h("h3", null, h("a", {href: href("/board", query)}, title)),
+    gauge("Waiting", entry.waiting),
+    LIMITS.filter(([budget, span]) => entry[budget]?.[span]).map(([budget, span, words]) =>
+      gauge(words, entry[budget][span])));
+}
+
+const ENTRIES = {charge: "charged", refund: "refunded", grant: "granted"};
+
+function ledgerRow(row) {
+  return h("tr", null, h("td", null, time(row.at)),
+    h("th", {scope: "row"}, ENTRIES[row.entry] ?? row.entry),
+    h("td", {class: "num"}, whole(row.amount)), h("td", null, row.budget),
+    h("td", null, visible(row.phase ?? row.track)),
+    h("td", null, row.submission ? h("a", {href: href("/submission", {id: row.submission})},
+      `${row.submission}`) : "–"),
+    h("td", {class: "wide"}, visible(row.why ?? "")));
+}
+
+function submissionRow(row) {
+  const {success, done, total} = row.episodes;
+  return h("tr", null,
+    h("td", {class: "num"}, row.submission),
+    h("th", {scope: "row"}, h("a", {href: href("/submission", {id: row.submission})},
+      name(row.name || `submission ${row.submission}`)),
+    !row.ranked && h("span", {class: "tag"}, "practice")),
+    h("td", null, visible(row.phase ?? row.track)), h("td", null, state(row.state)),
+    h("td", {class: "num"}, `${whole(done)} of ${whole(total)}`),
+    h("td", {class: "num"}, whole(success)), h("td", null, time(row.accepted_at)));
+}
+
+// A table whose further pages come by a button.
+function pages(label, heads, address, key, row) {
+  const body = h("tbody");
+  const more = h("button", {type: "button", hidden: true, onclick: () => load()}, "Show older");
+  const empty = h("p", {class: "empty", hidden: true}, "There are none.");
+  let next = null;
+  async function load() {
+    more.disabled = true;
+    const joint = address.includes("?") ? "&" : "?";
+    const page = await get(address + (next ? `${joint}before=${next}` : ""));
+    body.append(...page[key].map(row));
+    next = page.next_before;
+    more.hidden = next === null;
+    more.disabled = false;
+    empty.hidden = body.childNodes.length > 0;
+  }
+  const box = table(label, heads, []);
+  box.querySelector("tbody").replaceWith(body);
+  return [h("div", null, box, empty, more), load()];
+}
+
+async function showTeam(main, team) {
+  const at = encodeURIComponent(team);
+  document.title = `${team} – MyoGrade`;
+  const [info, quota] = await Promise.all([get(`/v1/teams/${at}`),
+    get(`/v1/quota?team=${at}&limit=1`)]);
+  const [ledger, ledgerLoaded] = pages("Ledger of the quota",
+    ["When", "Entry", "Amount#", "Budget", "For", "Submission", "Why"],
+    `/v1/quota?team=${at}&limit=20`, "ledger", ledgerRow);
+  const [list, listLoaded] = pages("Submissions",
+    ["Number#", "Policy", "For", "State", "Episodes#", "Successes#", "Handed in"],
+    `/v1/submissions?team=${at}&limit=50`, "submissions", submissionRow);
+  replace(main, h("h1", null, name(info.team)),
+    info.banned && h("p", {class: "problem"}, "The organisers have banned this team."),
+    facts([["Members", info.members.length ? info.members.join(", ") : "–"],
+      ["Submissions", whole(info.submissions)],
+      ["Other names", info.other_names.length
+        ? info.other_names.map((one, place) => [place ? ", " : "", name(one)]) : "–"],
+      ["Next day begins", time(quota.next_day_at)]]),
+    h("h2", null, "Submissions"), list,
+    h("h2", null, "Quota"), quotas(quota),
+    h("h2", null, "Ledger"), ledger);
+  await Promise.all([ledgerLoaded, listLoaded]);
+}
+
+async function showTeams(main, who) {
+  document.title = "Teams – MyoGrade";
+  if (!isOrganiser(who)) {
+    replace(main, h("h1", null, "Teams"), who.teams.length ? h("ul", {class: "plain"},
+      who.teams.map((team) => h("li", null, h("a", {href: href("/team", {name: team})},
+        name(team))))) : h("p", {class: "empty"}, who.role === "public"
+      ? ["Teams are shown to their members: ",
+        h("a", {href: href("/sign-in", {to: "/team"})}, "sign in"), "."]
+      : "You are in no team yet."));
+    return;
+  }
+  const [list, loaded] = pages("Teams", ["Team", "Submissions#", "Members#", "Since"],
+    "/v1/teams?limit=100", "teams", (team) => h("tr", null,
+      h("th", {scope: "row"}, h("a", {href: href("/team", {name: team.team})}, name(team.team)),
+        team.banned && h("span", {class: "tag bad"}, "banned")),
+      h("td", {class: "num"}, whole(team.submissions)),
+      h("td", {class: "num"}, whole(team.members.length)), h("td", null, time(team.created_at))));
+  replace(main, h("h1", null, "Teams"), list);
+  await loaded;
+}
+
+export async function show(main, query) {
+  const who = await whoami();
+  const team = query.get("name");
+  if (team) await showTeam(main, team);
+  else if (!isOrganiser(who) && who.teams.length === 1) await showTeam(main, who.teams[0]);
+  else await showTeams(main, who);
+}

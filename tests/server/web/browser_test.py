@@ -1,0 +1,322 @@
+"""The web pages in a headless Chromium: at three widths, in light and dark, as each role; by keyboard,
+with axe-core, with names that are markup, with an upload, and with large boards.
+
+MYOGRADE_TEST_PICTURES: a folder for screenshots of every page (none: they are not kept)."""
+
+import contextlib
+import json
+import os
+import pathlib
+import tempfile
+import threading
+import time
+import unittest
+
+from support.browser import Browser, Page
+from support.submission import PROGRAM
+from support.waiting import wait_until
+from world import MARKUP, SCRIPT, TRACK, World
+
+AXE = pathlib.Path(os.environ["MYOGRADE_TEST_AXE"]).read_text(encoding="utf-8")
+PICTURES = os.environ.get("MYOGRADE_TEST_PICTURES")
+WIDTHS = (390, 820, 1280)
+LIVE = "!!document.querySelector('.live.on')"
+TEAM = "Neon Tendons"
+
+
+def pages(world):
+    """Each page by name: its address, and what is true of it when it is there."""
+    shown = "document.getElementById('main')?.dataset.ready === 'yes'"
+    best, failed = world.submissions["Flexors United"], world.submissions["Antagonists"]
+    return {"boards": ("/", shown), "board": (f"/board?track={TRACK}", shown),
+            "queue": ("/queue", LIVE), "submission": (f"/submission?id={best}", shown),
+            "failed": (f"/submission?id={failed}", shown), "teams": ("/team", shown),
+            "team": (f"/team?name={TEAM.replace(' ', '+')}", shown), "submit": ("/submit", shown),
+            "sign-in": ("/sign-in", shown)}
+
+
+class BrowserCase(unittest.TestCase):
+    clients = 256
+
+    @classmethod
+    def setUpClass(cls):
+        cls.world = World(cls.clients)
+        cls.addClassCleanup(cls.world.close)
+        cls.world.start()
+        cls.browser = Browser()
+        cls.addClassCleanup(cls.browser.close)
+
+    def page(self, role="public", **more):
+        """A tab whose reader has a role."""
+        page = Page(self.browser, **more)
+        self.addCleanup(page.close)
+        if self.world.tokens[role]:
+            page.open(self.world.url + "/sign-in")
+            page.evaluate("sessionStorage.setItem('myograde.token', "
+                          f"{json.dumps(self.world.tokens[role])})")
+        return page
+
+    def open(self, page, path, *ready):
+        page.open(self.world.url + path, *ready)
+
+    def check_quiet(self, page):
+        """Nothing went wrong, and nothing was asked of anybody else."""
+        foreign = [url for url in page.requests if not url.startswith((self.world.url, "data:"))
+                   and url != "about:blank"]
+        self.assertEqual(foreign, [])
+        self.assertEqual(page.problems, [])
+
+
+class Looks(BrowserCase):
+    def check_accessible(self, page, name):
+        page.call("Page.setBypassCSP", enabled=True)
+        page.evaluate(AXE + ";0")
+        found = page.evaluate("axe.run().then((all) => ({passes: all.passes.length, violations: "
+                              "all.violations.map((one) => [one.id, one.nodes.map((node) => "
+                              "node.html.slice(0, 200) + node.failureSummary)])}))")
+        self.assertGreater(found["passes"], 10)
+        self.assertEqual(found["violations"], [], name)
+
+    def check_page(self, page, name, label):
+        self.assertLessEqual(page.evaluate("document.documentElement.scrollWidth - innerWidth"), 0,
+                             f"{label} is wider than the screen")
+        self.check_accessible(page, label)
+        if PICTURES:
+            page.screenshot(pathlib.Path(PICTURES, f"{label}.png"))
+
+    def test_every_page_fits_and_is_accessible(self):
+        for width in WIDTHS:
+            for dark in (False, True):
+                page = self.page("organiser", width=width, dark=dark)
+                for name, (path, ready) in pages(self.world).items():
+                    with self.subTest(f"{name} {width} {'dark' if dark else 'light'}"):
+                        self.open(page, path, ready)
+                        self.check_page(page, name, f"{name}-{width}-{'dark' if dark else 'light'}")
+                self.check_quiet(page)
+
+    def test_each_role_sees_what_the_api_shows_it(self):
+        own, other = self.world.submissions[TEAM], self.world.submissions["Flexors United"]
+        for role, may in (("public", ()), ("participant", (own,)), ("organiser", (own, other)),
+                          ("operator", (own, other))):
+            page = self.page(role)
+            self.open(page, f"/board?track={TRACK}")
+            self.assertIn("Flexors United", page.text())
+            for submission in (own, other):
+                self.open(page, f"/submission?id={submission}")
+                shown = page.evaluate("document.querySelectorAll('.cell[data-index]').length")
+                self.assertEqual(shown, 40 if submission in may else 0, (role, submission))
+            self.open(page, "/team?name=Flexors+United")
+            self.assertEqual("Ledger" in page.text(), other in may, role)
+
+    def test_a_token_is_typed_in_and_leaves_with_the_tab(self):
+        page = self.page()
+        self.open(page, "/sign-in?to=%2Fteam")
+        page.evaluate("document.getElementById('token').value = 'myo_wrong'")
+        page.evaluate("document.querySelector('main form').requestSubmit()")
+        page.wait("document.querySelector('.problem').textContent.length > 5")
+        page.evaluate("document.getElementById('token').value = "
+                      f"{json.dumps(self.world.tokens['participant'])}")
+        page.evaluate("document.querySelector('main form').requestSubmit()")
+        page.wait("location.pathname === '/team' && document.querySelector('h1')?.textContent === "
+                  f"{json.dumps(TEAM)}")
+        self.assertEqual(page.evaluate("[localStorage.length, document.cookie]"), [0, ""])
+        page.evaluate("document.querySelector('#who button').click()")
+        page.wait("location.pathname === '/' && !sessionStorage.length")
+        for to in ("https://example.org/", "//example.org/x", "javascript:alert(1)"):
+            self.open(page, f"/sign-in?to={to}")
+            page.evaluate("document.getElementById('token').value = "
+                          f"{json.dumps(self.world.tokens['participant'])}")
+            page.evaluate("document.querySelector('main form').requestSubmit()")
+            page.wait("location.pathname !== '/sign-in'")
+            self.assertTrue(page.evaluate("location.href").startswith(self.world.url), to)
+
+    def test_the_keyboard_reaches_everything(self):
+        page = self.page("organiser")
+        self.open(page, f"/submission?id={self.world.submissions['Antagonists']}")
+        def press(key):
+            for kind in ("keyDown", "keyUp"):
+                page.call("Input.dispatchKeyEvent", type=kind, key=key, code=key,
+                          windowsVirtualKeyCode={"Tab": 9, "Enter": 13, "ArrowRight": 39,
+                                                 "End": 35}[key],
+                          **({"text": "\r"} if key == "Enter" and kind == "keyDown" else {}))
+        press("Tab")
+        self.assertEqual(page.evaluate("document.activeElement.className"), "skip")
+        for _ in range(30):
+            press("Tab")
+            if page.evaluate("document.activeElement.dataset.index") == "0":
+                break
+        press("ArrowRight")
+        press("Enter")
+        page.wait("document.querySelector('.details h3')?.textContent.startsWith('Episode 1:')")
+        press("End")
+        self.assertEqual(page.evaluate("document.activeElement.dataset.index"), "39")
+        press("Tab")
+        self.assertIsNone(page.evaluate("document.activeElement.dataset.index"))
+
+
+class Texts(BrowserCase):
+    def test_names_and_output_are_texts(self):
+        page = self.page("organiser")
+        made = self.world.submit(MARKUP, "crash", name=SCRIPT)
+        self.world.ended(made)
+        for path in ("/", f"/board?track={TRACK}", f"/submission?id={made}",
+                     "/team", "/team?name=" + MARKUP.replace(" ", "+").replace("=", "%3D")):
+            self.open(page, path)
+            if "submission" in path:
+                page.evaluate("document.querySelector('.cell[data-index]').click()")
+            self.assertTrue(MARKUP in page.text() or SCRIPT in page.text(), path)
+            self.assertEqual(page.evaluate("document.querySelectorAll('main script, main img, "
+                                           "main iframe, main object').length"), 0)
+        self.check_quiet(page)
+
+    def test_an_address_is_text_as_well(self):
+        page = self.page("organiser")
+        for path in ("/board?track=%3Cimg%20src%3Dx%20onerror%3Dalert(1)%3E", "/submission?id=<b>",
+                     "/team?name=%3Cscript%3Ealert(1)%3C/script%3E", "/submission?id=999"):
+            page.call("Page.navigate", url=self.world.url + path)
+            page.wait("!!document.querySelector('[role=alert]')")
+            self.assertEqual(page.evaluate("document.querySelectorAll('main img, main script')"
+                                           ".length"), 0)
+        self.assertFalse([one for one in page.problems if "dialog" in one])
+
+    def test_markup_that_a_script_would_make_is_refused(self):
+        page = self.page()
+        self.open(page, "/")
+        for script in ("document.body.innerHTML = '<img src=x onerror=alert(1)>'",
+                       "document.write('<script>alert(1)</script>')"):
+            self.assertTrue(page.evaluate(
+                f"(() => {{ try {{ {script}; return false; }} catch (e) {{ return true; }} }})()"))
+        page.evaluate("document.body.append(Object.assign(document.createElement('div'), "
+                      "{id: 'inline'})); document.getElementById('inline')"
+                      ".setAttribute('style', 'position: fixed')")
+        self.assertEqual(page.evaluate("getComputedStyle(document.getElementById('inline'))"
+                                       ".position"), "static")
+
+    def test_characters_that_turn_texts_around_are_shown(self):
+        page = self.page()
+        self.open(page, "/")
+        self.assertEqual(page.evaluate("import('/web/format.js').then((all) => "
+                                       "all.visible('a\\u202eb\\u0007\\n\\u200bc'))"),
+                         "a⟨U+202E⟩b⟨U+0007⟩\n⟨U+200B⟩c")
+
+
+class Uploads(BrowserCase):
+    def choose(self, page, selector, *files):
+        root = page.call("DOM.getDocument")["root"]["nodeId"]
+        node = page.call("DOM.querySelector", nodeId=root, selector=selector)["nodeId"]
+        page.call("DOM.setFileInputFiles", nodeId=node, files=[str(file) for file in files])
+
+    def hand_in(self, page):
+        page.wait("!document.querySelector('button.main').disabled")
+        page.evaluate(f"document.getElementById('target').value = [...document.querySelectorAll("
+                      f"'#target option')].find((one) => one.textContent === '{TRACK}, practice')"
+                      ".value; document.getElementById('target').dispatchEvent(new Event('change'))")
+        page.evaluate("document.getElementById('count').value = 4")
+        page.evaluate("document.querySelector('main form').requestSubmit()")
+        page.wait("!!document.querySelector('.card.good a') || "
+                  "document.querySelector('.problem').textContent.length > 0")
+        return page.text()
+
+    def test_a_folder_is_packed_and_an_archive_sent_as_it_is(self):
+        page = self.page("participant")
+        with tempfile.TemporaryDirectory() as folder:
+            policy = pathlib.Path(folder, "walker")
+            deep = policy / ("d" * 90) / ("e" * 90)
+            deep.mkdir(parents=True)
+            (policy / "policy.json").write_text(json.dumps(
+                {"name": "from a browser", "command": ["./policy", "ok"], "runtimes": []}))
+            (policy / "policy").write_bytes(PROGRAM)
+            (deep / "größe.txt").write_text("x" * 1000)
+            self.open(page, "/submit")
+            self.choose(page, "#folder", policy)
+            self.assertIn("It is handed in", self.hand_in(page))
+            self.open(page, "/submit")
+            self.choose(page, "#archive", policy / "policy")
+            page.wait("document.querySelector('.problem').textContent.includes('policy.json')")
+            archive = pathlib.Path(folder, "broken.tar")
+            archive.write_bytes(b"junk" * 1000)
+            self.choose(page, "#archive", archive)
+            self.assertIn("archive", self.hand_in(page))
+        newest = self.world.get("/v1/submissions?limit=1")["submissions"][0]
+        self.assertEqual((newest["name"], newest["team"]), ("from a browser", TEAM))
+        self.assertEqual(self.world.ended(newest["submission"])["state"], "done")
+
+    def test_the_queue_is_shown_as_it_changes(self):
+        page = self.page("participant")
+        self.open(page, "/queue", LIVE)
+        self.assertIn("Nothing of yours", page.text())
+        made = self.world.submit(TEAM, "slow", episodes=20)
+        page.wait("document.querySelector('progress')?.value > 0")
+        self.world.post(f"/v1/submissions/{made}/cancel", {})
+        page.wait("document.querySelector('main').innerText.includes('Nothing of yours')")
+        streams = [url for url in page.requests if url.endswith("/v1/queue/events")]
+        self.assertEqual(len(streams), 1)
+        self.check_quiet(page)
+
+
+class Loads(BrowserCase):
+    """Large things stay quick, and many open pages do not hold up the daemon."""
+    clients = 512
+
+    def paint(self, page, path):
+        """Seconds from the request for a page until its first contents were painted."""
+        self.open(page, path)
+        return page.evaluate("performance.getEntriesByName('first-contentful-paint')[0]"
+                             ".startTime") / 1000
+
+    def test_a_board_of_500_teams_paints_within_a_second(self):
+        def fill(part):
+            for number in range(part, 500, 4):
+                self.world.submit(f"Team {number:03}", f"skill-{number % 40}-1-{number}-{number}")
+        self.world.configure(quota={"waiting": 1000})
+        threads = [threading.Thread(target=fill, args=(part,)) for part in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        wait_until(lambda: self.world.get(f"/v1/leaderboard?track={TRACK}"), 1200,
+                   "not all are ranked", fits=lambda board: len(board["rows"]) >= 500)
+        page = self.page()
+        self.assertLess(self.paint(page, f"/board?track={TRACK}"), 1.0)
+        self.assertGreaterEqual(page.evaluate("document.querySelectorAll('.board tbody th').length"),
+                                500)
+        self.check_quiet(page)
+
+    def test_10000_episodes_are_shown_in_pages(self):
+        made = self.world.submit(TEAM, "ok", seeds=list(range(10000, 20000)))
+        wait_until(lambda: self.world.get(f"/v1/submissions/{made}"), 1200, "it does not end",
+                   fits=lambda status: status["state"] == "done")
+        page = self.page("participant")
+        self.assertLess(self.paint(page, f"/submission?id={made}"), 1.0)
+        self.assertEqual(page.evaluate("document.querySelectorAll('.cell[data-index]').length"), 500)
+        page.evaluate("[...document.querySelectorAll('button')].find((one) => one.textContent === "
+                      "'Next').click()")
+        self.assertIn("Episodes 500 to 999", page.text())
+        self.check_quiet(page)
+
+    def test_200_open_pages_do_not_hold_up_the_daemon(self):
+        with contextlib.ExitStack() as open_pages:
+            first = self.page("participant")
+            self.open(first, "/queue", LIVE)
+            for _ in range(199):
+                page = Page(self.browser, width=390, height=600)
+                open_pages.callback(page.close)
+                page.open(self.world.url + "/sign-in")
+                page.evaluate("sessionStorage.setItem('myograde.token', "
+                              f"{json.dumps(self.world.tokens['participant'])})")
+                page.call("Page.navigate", url=self.world.url + "/queue")
+            made = self.world.submit(TEAM, "slow", episodes=30)
+            waits = []
+            for _ in range(40):
+                begin = time.monotonic()
+                self.world.get("/v1/live")
+                waits.append(time.monotonic() - begin)
+                time.sleep(0.1)
+            self.assertLess(sorted(waits)[len(waits) // 2], 0.5)
+            first.wait("document.querySelector('progress')?.value > 0", 120)
+            self.assertEqual(self.world.ended(made)["state"], "done")
+        self.check_quiet(first)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
