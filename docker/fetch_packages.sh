@@ -5,7 +5,22 @@
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 cache=${1:?usage: fetch_packages.sh CACHE}
-mkdir -p "$cache"
+mkdir -p "$cache/wheels"
+scratch=$(mktemp -d "$cache/.unpack.XXXXXX")
+trap 'rm -rf "$scratch"' EXIT
+
+fail() { echo "error: $1" >&2; exit 4; }
+
+# download REQUIREMENTS [pip options]: leaves the wheels in $cache/wheels.
+download() {
+  local requirements=$1
+  shift
+  if ! /usr/bin/python3 -m pip download -q --no-deps --only-binary :all: --require-hashes \
+      --disable-pip-version-check -d "$cache/wheels" -r "$requirements" "$@" >"$scratch/pip.log" 2>&1; then
+    tail -n 5 "$scratch/pip.log" >&2
+    fail "pip could not get the packages of $(basename "$requirements") or their SHA-256 differs; pip's last lines are above. Check the network and try again."
+  fi
+}
 
 # As participants get them on their machines.
 /usr/bin/python3 -B "$here/../policies/python/myograde/models.py" "$cache" "$here/wheels.txt"
