@@ -9,6 +9,7 @@
 # The same sources give the same pure wheel, byte for byte; SOURCE_DATE_EPOCH dates the files in it
 # (default: the last commit). Exit status 77 if the tools can't be had here.
 set -euo pipefail
+unset PYTHONPATH  # what is on it would count as installed
 pure=no
 if [ "${1:-}" = --pure ]; then
   pure=yes
@@ -25,6 +26,7 @@ list=$root/docker/wheel-tools.txt
 tools=$cache/wheel-tools-$(sha256sum "$list" | cut -c1-12)
 scratch=$(mktemp -d "${TMPDIR:-/tmp}/myograde-wheel.XXXXXX")
 trap 'rm -rf "$scratch"' EXIT
+export CCACHE_BASEDIR=$scratch  # another build, in another folder, finds what this one compiled
 
 fail() { echo "error: $1" >&2; exit 4; }
 
