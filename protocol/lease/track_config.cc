@@ -217,6 +217,14 @@ absl::StatusOr<TrackConfig> WithSeeds(const TrackConfig& config,
   return ParseChanged(effective, config);
 }
 
+absl::Status CheckExtraObservations(bool asked, const TrackConfig& config) {
+  if (!asked || config.extra_observations) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "policy.json asks for \"extra_observations\", which the profile \"", config.profile,
+      "\" of track \"", config.id, "\" does not allow; take the key out, or choose a profile that "
+      "does"));
+}
+
 absl::StatusOr<TrackConfig> WithPhase(const TrackConfig& config, const nlohmann::json& keys) {
   nlohmann::json effective = config.effective;
   effective.merge_patch(keys);

@@ -104,6 +104,9 @@ absl::StatusOr<std::vector<uint64_t>> ParseSeeds(const nlohmann::json& json,
 absl::StatusOr<TrackConfig> WithSeeds(const TrackConfig& config,
                                       const std::vector<uint64_t>& seeds);
 
+// InvalidArgumentError if a submission asks for extra observations and the profile has none for it.
+absl::Status CheckExtraObservations(bool asked, const TrackConfig& config);
+
 // The config of a challenge's phase: `keys` ("phase", "seeds", "policy_seed_secret", "seed_salt",
 // "scoring") are merged over it. Errors as ParseTrackConfig.
 absl::StatusOr<TrackConfig> WithPhase(const TrackConfig& config, const nlohmann::json& keys);

@@ -143,9 +143,11 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
   if (request.seeds.has_value() || request.episodes.has_value()) {
     allowed = CheckPractice(request.seeds.value_or(*seeds), config, tracks_, phases_);
   }
-  if (allowed.ok()) allowed = CheckArtefact(request.artefact, config);
   if (!allowed.ok()) return allowed;
+  const absl::StatusOr<ArtefactRow> artefact = CheckedArtefact(request.artefact, config);
+  if (!artefact.ok()) return artefact.status();
   NewSubmission submission = Compose(request, *entry, *seeds);
+  submission.extra_observations = artefact->extra_observations;
   submission.request_key = request.key;
   submission.founding = request.founding;
   if (submission.ranked) allowed = CheckRankedHere();
@@ -220,7 +222,8 @@ absl::Status Admission::CheckInvited(const std::string& team, const PhaseConfig&
 }
 
 // Engine::Submit checks for the files again, at a point where nothing can remove them.
-absl::Status Admission::CheckArtefact(const std::string& hash, const TrackConfig& config) {
+absl::StatusOr<ArtefactRow> Admission::CheckedArtefact(const std::string& hash,
+                                                       const TrackConfig& config) {
   absl::StatusOr<ArtefactRow> artefact = absl::InternalError("");
   absl::Status status = readers_.Read([&](Reader& reader) {
     artefact = reader.Artefact(hash);
@@ -242,7 +245,10 @@ absl::Status Admission::CheckArtefact(const std::string& hash, const TrackConfig
                       absl::StrCat("this server has no runtime \"", runtime,
                                    "\", which the artefact's policy.json asks for"));
   }
-  return absl::OkStatus();
+  if (status = CheckExtraObservations(artefact->extra_observations, config); !status.ok()) {
+    return WithErrorCode(status, "bad_artefact");
+  }
+  return artefact;
 }
 
 NewSubmission Admission::Compose(const SubmitRequest& request, const Entry& entry,

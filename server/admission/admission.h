@@ -80,7 +80,8 @@ class Admission {
   // nothing new is played or charged.
   //   NotFoundError               code "unknown_track", "unknown_profile", "unknown_phase"; no code:
   //                               the artefact
-  //   InvalidArgumentError        code "bad_artefact": too large for the track;
+  //   InvalidArgumentError        code "bad_artefact": too large for the track, or asks for extra
+  //                               observations that the profile does not allow;
   //                               "unknown_runtime"; "ranked_seed": practice on a seed that is
   //                               ranked; no code: episodes, the team's name, a phase of another
   //                               track, several phases to choose from
@@ -107,7 +108,8 @@ class Admission {
   absl::Status ChargeRefusal(const UploadRequest& request, const absl::Status& refusal);
   // FailedPreconditionError with the code "forbidden": the phase is for other teams only.
   absl::Status CheckInvited(const std::string& team, const PhaseConfig& phase);
-  absl::Status CheckArtefact(const std::string& hash, const TrackConfig& config);
+  // The artefact's row, if the config can be played with it.
+  absl::StatusOr<ArtefactRow> CheckedArtefact(const std::string& hash, const TrackConfig& config);
   absl::Status CheckRankedHere() const;
   NewSubmission Compose(const SubmitRequest& request, const Entry& entry,
                         const std::vector<uint64_t>& seeds) const;

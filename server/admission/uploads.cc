@@ -108,7 +108,7 @@ absl::Status CheckStart(const ArtefactManifest& manifest, const std::string& fol
 ArtefactRow RowOf(const Artefact& artefact) {
   return {artefact.digest,           artefact.manifest.name, artefact.manifest.command,
           artefact.manifest.runtimes, artefact.bytes,         artefact.files,
-          artefact.manifest.environment};
+          artefact.manifest.environment, artefact.manifest.extra_observations};
 }
 
 }  // namespace

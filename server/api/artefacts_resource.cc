@@ -85,6 +85,7 @@ ApiResult ArtefactsResource::Upload(const httplib::Request& request) const {
                     {"command", artefact.command},
                     {"runtimes", artefact.runtimes},
                     {"env", artefact.environment},
+                    {"extra_observations", artefact.extra_observations},
                     {"bytes", artefact.bytes},
                     {"files", artefact.files},
                     {"new", received->is_new}}};

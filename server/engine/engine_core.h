@@ -172,6 +172,7 @@ class EngineCore {
     std::vector<std::string> command;
     std::vector<std::string> runtimes;  // host folders
     std::map<std::string, std::string> environment;
+    bool extra_observations = false;
     TrackPtr track;
     SeedsPtr seeds;
     std::map<int64_t, std::pair<int64_t, int64_t>> leases;  // id to first and last episode

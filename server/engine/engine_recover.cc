@@ -38,6 +38,7 @@ EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) con
   context->artefact = stored.artefact.hash;
   context->command = stored.artefact.command;
   context->environment = stored.artefact.environment;
+  context->extra_observations = stored.submission.extra_observations;
   for (const std::string& runtime : stored.artefact.runtimes) {
     const auto it = options_.config.runtimes.find(runtime);
     // If a runtime has left the settings, the runner reports the missing folder as the grader's

@@ -20,7 +20,8 @@ LeaseOrder SelfTestOrder(const TrackConfig& track, const std::string& artefact_d
                         {.artefact_dir = artefact_dir,
                          .command = {"/bin/sh", "-c", absl::StrCat("exit ", kExitStatus)},
                          .environment = {},
-                         .runtimes = {}},
+                         .runtimes = {},
+                         .extra_observations = false},
                         {.work_dir = work_dir, .cache_dir = cache_dir, .log_dir = ""});
 }
 

@@ -40,6 +40,7 @@ LeaseOrder MakeLeaseOrder(std::string id, const TrackConfig& track,
   order.command = program.command;
   order.environment = program.environment;
   order.runtimes = program.runtimes;
+  order.extra_observations = program.extra_observations;
   return order;
 }
 

@@ -18,6 +18,7 @@ struct LeaseProgram {
   std::vector<std::string> command;
   std::map<std::string, std::string> environment;
   std::vector<std::string> runtimes;  // host folders
+  bool extra_observations = false;    // see LeaseOrder
 };
 
 // Where to run it.

@@ -186,10 +186,11 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
   SQLite::Statement insert(
       db_,
       "INSERT INTO submission (team_id, artefact, track, profile, config, seeds, ranked, "
-      "accepted_by, accepted_at, phase) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+      "accepted_by, accepted_at, phase, extra_observations) "
+      "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   SQLite::bind(insert, team_id, submission.artefact, submission.track, submission.profile,
                submission.config, submission.seeds, submission.ranked ? 1 : 0, who, now_ms_,
-               submission.phase);
+               submission.phase, submission.extra_observations ? 1 : 0);
   insert.exec();
   const int64_t id = db_.getLastInsertRowid();
   SQLite::Statement upload(db_, "DELETE FROM upload WHERE artefact = ?");

@@ -8,6 +8,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
+#include "server/store/artefact_options.h"
 #include "server/store/connection.h"
 #include "server/store/stored_row.h"
 
@@ -20,7 +21,7 @@ constexpr size_t kKept = 16;
 
 constexpr char kSubmissionColumns[] =
     "SELECT s.id, t.name, s.artefact, a.name, s.track, s.profile, s.config, s.seeds, s.ranked, "
-    "s.accepted_at, s.team_id, s.accepted_by, s.phase FROM submission AS s "
+    "s.accepted_at, s.team_id, s.accepted_by, s.phase, s.extra_observations FROM submission AS s "
     "LEFT JOIN team AS o ON o.id = s.team_id "
     "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) "
     "LEFT JOIN artefact AS a ON a.hash = s.artefact ";
@@ -42,6 +43,7 @@ StoredRow SubmissionOf(SQLite::Statement& select, SubmissionRow& submission) {
   submission.accepted_at = row.Time(9);
   submission.accepted_by = row.Text(11);
   submission.phase = row.Text(12);
+  submission.extra_observations = row.Flag(13);
   row.Joined("team", 10);
   submission.team = row.Text(1);
   row.Joined("artefact", 2);
@@ -128,7 +130,7 @@ absl::StatusOr<std::string> Content(SQLite::Database& db, const char* table, con
 
 absl::StatusOr<ArtefactRow> Reader::Artefact(const std::string& hash) {
   SQLite::Statement select(db_, "SELECT name, command_json, runtimes_json, bytes, files, "
-                                "environment_json FROM artefact WHERE hash = ?");
+                                "environment_json, options_json FROM artefact WHERE hash = ?");
   select.bind(1, hash);
   if (!select.executeStep()) {
     return absl::NotFoundError(absl::StrCat("there is no artefact ", hash, "; upload it first"));
@@ -142,6 +144,7 @@ absl::StatusOr<ArtefactRow> Reader::Artefact(const std::string& hash) {
   artefact.bytes = row.Number(3, 0, INT64_MAX);
   artefact.files = row.Number(4, 0, INT64_MAX);
   artefact.environment = row.Texts(5);
+  ReadArtefactOptions(row, 6, artefact);
   if (artefact.command.empty()) row.Fail(1, "a program belongs there");
   if (!row.ok()) return row.status();
   return artefact;

@@ -33,6 +33,7 @@ struct ArtefactRow {
   int64_t bytes = 0;
   int64_t files = 0;
   std::map<std::string, std::string> environment = {};
+  bool extra_observations = false;  // its policy.json asks for them
 };
 
 struct SubmissionRow {
@@ -48,6 +49,7 @@ struct SubmissionRow {
   int64_t accepted_at = 0;
   std::string accepted_by;  // who submitted it: "uid N"
   std::string phase;        // of a challenge; "": the track's own board
+  bool extra_observations = false;  // its policy is shown TrackLayout::extra
 };
 
 enum class EvaluationKind {

@@ -63,6 +63,7 @@ struct NewSubmission {
   RequestKey request_key = {};
   std::optional<Founding> founding = std::nullopt;  // of its team, in the same change
   std::string phase = "";  // of a challenge; "": the track's own board
+  bool extra_observations = false;  // its policy is shown them
   // Why nothing new is accepted; OkStatus(): it is. The ranked evaluation that an artefact has
   // already is found all the same.
   absl::Status closed = absl::OkStatus();

@@ -5,6 +5,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/lease/track_config.h"
 #include "protocol/tracks/registry.h"
+#include "server/store/artefact_options.h"
 #include "server/store/connection.h"
 #include "server/store/differences.h"
 #include "server/store/store.h"
@@ -53,12 +54,12 @@ absl::StatusOr<LeaseRow> Writer::Lease(int64_t lease) {
 
 absl::StatusOr<bool> Writer::AddArtefact(const ArtefactRow& artefact) {
   SQLite::Statement insert(db_,
-                           "INSERT INTO artefact VALUES (?, ?, ?, ?, ?, ?, ?, ?) "
+                           "INSERT INTO artefact VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) "
                            "ON CONFLICT DO NOTHING");
   SQLite::bind(insert, artefact.hash, artefact.name,
                CanonicalJson(nlohmann::json(artefact.command)),
                CanonicalJson(nlohmann::json(artefact.runtimes)), artefact.bytes, artefact.files,
-               now_ms_, CanonicalJson(nlohmann::json(artefact.environment)));
+               now_ms_, CanonicalJson(nlohmann::json(artefact.environment)), ArtefactOptionsOf(artefact));
   return insert.exec() == 1;
 }
 

@@ -70,6 +70,7 @@ LeasePlayer::LeasePlayer(const LeaseOrder& order, Environment& environment, int6
       cpu_(cpu),
       clock_(clock),
       log_(log),
+      extra_size_(order.extra_observations ? ExtraOf(*order.track.kind).size() : 0),
       restarts_left_(order.track.budgets.restarts),
       use_{absl::ZeroDuration(), clock.Monotonic()},
       last_progress_(clock.Monotonic()) {}
@@ -169,6 +170,7 @@ LeasePlayer::Result LeasePlayer::Greet() {
   WelcomeInfo info;
   info.convention = hello.convention;
   info.max_steps = max_steps_;
+  info.extra_observations = order_.extra_observations;
   if (hello.protocol_version != static_cast<uint32_t>(kProtocolVersion)) {
     info.reason = absl::StrCat("the policy speaks protocol version ",
                                static_cast<int32_t>(hello.protocol_version),
@@ -203,9 +205,11 @@ std::optional<FaultEvidence> LeasePlayer::StartEpisode(uint64_t policy_seed) {
 LeasePlayer::Result LeasePlayer::RunSteps() {
   const auto action_size = static_cast<uint32_t>(environment_.action_size());
   while (true) {
-    const std::span<double> observation =
-        messages_.ObservationValues(environment_.observation_size());
+    const std::span<double> values =
+        messages_.ObservationValues(environment_.observation_size() + extra_size_);
+    const std::span<double> observation = values.first(values.size() - extra_size_);
     environment_.Observe(observation);
+    if (extra_size_ > 0) environment_.ObserveExtra(values.last(extra_size_));
     if (log_ != nullptr) observation_digest_.Update(std::as_bytes(observation));
     PolicySession::StepAnswer answer =
         session_->Ask(messages_.Observation(wire_episode_, step_, action_size));

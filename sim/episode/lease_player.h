@@ -65,6 +65,7 @@ class LeasePlayer {
   CpuPage* const cpu_;
   const Clock& clock_;
   LogWriter* const log_;
+  const int extra_size_;  // entries of an observation after the graded ones
 
   Messages messages_;
   EpisodeDigests digests_;

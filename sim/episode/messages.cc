@@ -15,16 +15,15 @@ namespace {
 
 constexpr size_t kHead = offsetof(PublishFrame, payload);
 
-std::vector<part_t> Parts(std::span<const Part> layout) {
-  std::vector<part_t> parts;
-  for (const Part& part : layout) {
+// Adds the parts of a vector that begins at entry `first` of the whole.
+void AddParts(const VectorLayout& layout, int first, std::vector<part_t>& parts) {
+  for (const Part& part : layout.parts()) {
     parts.push_back({});
     parts.back().name = part.name;
-    parts.back().offset = part.offset;
+    parts.back().offset = first + part.offset;
     parts.back().size = part.size;
     parts.back().unit = part.unit;
   }
-  return parts;
 }
 
 void Split(std::span<const Bounds> bounds, std::vector<double>& low,
@@ -33,6 +32,14 @@ void Split(std::span<const Bounds> bounds, std::vector<double>& low,
     low.push_back(bound.low);
     high.push_back(bound.high);
   }
+}
+
+// Appends entries to what the welcome says of observations.
+void AddObservation(const VectorLayout& layout, welcome_t& message) {
+  AddParts(layout, message.observation_size, message.observation_parts);
+  message.num_observation_parts = static_cast<int32_t>(message.observation_parts.size());
+  message.observation_size += layout.size();
+  Split(layout.bounds(), message.observation_low, message.observation_high);
 }
 
 }  // namespace
@@ -66,13 +73,12 @@ const PublishFrame& Messages::Welcome(const TrackConfig& track, const WelcomeInf
   message.max_steps = static_cast<int32_t>(info.max_steps);
   message.step_budget_s = track.budgets.step_s;
   message.overtime_s = track.budgets.overtime_s;
-  message.observation_parts = Parts(ObservationOf(*track.kind).parts());
-  message.num_observation_parts = static_cast<int32_t>(message.observation_parts.size());
-  message.action_parts = Parts(ActionOf(*track.kind).parts());
+  message.observation_size = 0;
+  AddObservation(ObservationOf(*track.kind), message);
+  if (info.extra_observations) AddObservation(ExtraOf(*track.kind), message);
+  AddParts(ActionOf(*track.kind), 0, message.action_parts);
   message.num_action_parts = static_cast<int32_t>(message.action_parts.size());
-  message.observation_size = ObservationOf(*track.kind).size();
   message.action_size = ActionOf(*track.kind).size();
-  Split(ObservationOf(*track.kind).bounds(), message.observation_low, message.observation_high);
   Split(track.kind->layout().action_bounds(info.convention), message.action_low, message.action_high);
   return Fill(Channel::kWelcome, Expect::kNothing, -1, -1, 0, message);
 }

@@ -18,6 +18,7 @@ struct WelcomeInfo {
   std::string reason;  // if refused: why
   ActionConvention convention = ActionConvention::kNormalized;
   int64_t max_steps = 0;
+  bool extra_observations = false;  // observations end with the entries of TrackLayout::extra
 };
 
 // Fills one frame after the other; every call returns the same frame, valid

@@ -124,6 +124,10 @@ absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::strin
     order.artefact = *std::move(artefact);
   }
   std::filesystem::remove(archive);
+  const absl::Status extra = HostStatus(
+      options.path, CheckExtraObservations(order.artefact.manifest.extra_observations,
+                                           order.track->config));
+  if (!extra.ok()) return extra;
   absl::StatusOr<std::vector<std::string>> runtimes =
       RuntimesOf(order.artefact.manifest, order.config);
   if (!runtimes.ok()) return runtimes.status();

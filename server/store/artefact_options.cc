@@ -1,0 +1,26 @@
+#include "server/store/artefact_options.h"
+
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/config_reader.h"
+
+namespace myograde::server {
+
+std::string ArtefactOptionsOf(const ArtefactRow& artefact) {
+  nlohmann::json options = nlohmann::json::object();
+  if (artefact.extra_observations) options["extra_observations"] = true;
+  return CanonicalJson(options);
+}
+
+void ReadArtefactOptions(StoredRow& row, int column, ArtefactRow& artefact) {
+  const std::string text = row.Object(column);
+  if (!row.ok()) return;
+  const nlohmann::json options = nlohmann::json::parse(text);
+  ConfigReader reader(options, "options");
+  if (reader.Has("extra_observations")) {
+    artefact.extra_observations = reader.Boolean("extra_observations");
+  }
+  if (const absl::Status read = reader.Finish(); !read.ok()) row.Fail(column, std::string(read.message()));
+}
+
+}  // namespace myograde::server
