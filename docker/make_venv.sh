@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Makes a virtual environment of pinned packages in the cache, unless it is there.
 #   make_venv.sh FOLDER REQUIREMENTS [REQUIREMENTS ...]
+#   VENV_OPTIONS  options of python3 -m venv, such as --system-site-packages
 # Exit status 77, pip's last lines and a sentence on standard output if that can't be done here.
 set -euo pipefail
 folder=${1:?usage: make_venv.sh FOLDER REQUIREMENTS ...}
@@ -10,7 +11,7 @@ log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 echo "Getting packages for $(basename "$folder") ..."
 rm -rf "$folder"
-if ! { /usr/bin/python3 -m venv "$folder" &&
+if ! { /usr/bin/python3 -m venv ${VENV_OPTIONS:-} "$folder" &&
   "$folder/bin/pip" install -q --disable-pip-version-check --no-deps --only-binary :all: \
     --require-hashes "${@/#/--requirement=}" && touch "$folder/complete"; } >"$log" 2>&1; then
   tail -n 3 "$log"

@@ -21,11 +21,11 @@ namespace myograde::sim {
 
 std::span<const SimulatedTrack> SimulatedTracks() {
   static const std::array tracks = {
-      SimulatedTrack{&ManipulationTrack(), &ManipulationModel(), MakeManipulation,
+      SimulatedTrack{&ManipulationTrack(), &ManipulationModel(), &ManipulationView(), MakeManipulation,
                      ManipulationRewardTerms()},
-      SimulatedTrack{&LocomotionTrack(), &LocomotionModel(), MakeLocomotion,
+      SimulatedTrack{&LocomotionTrack(), &LocomotionModel(), &LocomotionView(), MakeLocomotion,
                      LocomotionRewardTerms()},
-      SimulatedTrack{&ElbowTrack(), &ElbowModel(), MakeElbow,
+      SimulatedTrack{&ElbowTrack(), &ElbowModel(), &ElbowView(), MakeElbow,
                      ElbowRewardTerms()},
   };
   return tracks;

@@ -10,6 +10,7 @@
 #include "protocol/lease/track_config.h"
 #include "sim/environment.h"
 #include "sim/model/source.h"
+#include "sim/render/camera_view.h"
 
 namespace myograde::sim {
 
@@ -17,6 +18,7 @@ namespace myograde::sim {
 struct SimulatedTrack {
   const TrackKind* kind;
   const ModelSource* model;
+  const CameraView* view;  // of pictures, unless another is asked for
   absl::StatusOr<std::unique_ptr<Environment>> (*make)(const TrackConfig& config,
                                                        const std::string& cache_dir);
   std::span<const RewardTerm> reward_terms;  // in the order of Environment::RewardTerms

@@ -19,4 +19,10 @@ const ModelSource& ElbowModel() {
   return source;
 }
 
+const CameraView& ElbowView() {
+  static const CameraView view = {.look_at = {-0.15, -0.05, 1.15}, .distance_m = 0.95, .azimuth_deg = 60,
+                                  .elevation_deg = -10};
+  return view;
+}
+
 }  // namespace myograde::sim

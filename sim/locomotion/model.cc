@@ -66,4 +66,10 @@ const ModelSource& LocomotionModel() {
   return source;
 }
 
+const CameraView& LocomotionView() {
+  static const CameraView view = {.body = "root", .look_at = {0, 0, -0.05}, .distance_m = 2.8,
+                                  .azimuth_deg = 30, .elevation_deg = -15};
+  return view;
+}
+
 }  // namespace myograde::sim

@@ -84,4 +84,10 @@ const ModelSource& ManipulationModel() {
   return source;
 }
 
+const CameraView& ManipulationView() {
+  static const CameraView view = {.look_at = {0, -0.2, 1.15}, .distance_m = 1.7, .azimuth_deg = 90,
+                                  .elevation_deg = -25};
+  return view;
+}
+
 }  // namespace myograde::sim

@@ -20,6 +20,7 @@
 namespace myograde::sim {
 
 void BindEnvironment(nanobind::module_& module);        // class Environment
+void BindRender(nanobind::module_& module);             // class Renderer
 void BindVectorEnvironment(nanobind::module_& module);  // class VectorEnvironment
 void BindHost(nanobind::module_& module);               // what belongs to no environment
 

@@ -5,5 +5,6 @@ NB_MODULE(_env, module) {
   module.doc() = "The simulator's environments; myograde.envs is the interface for people.";
   myograde::sim::BindHost(module);
   myograde::sim::BindEnvironment(module);
+  myograde::sim::BindRender(module);
   myograde::sim::BindVectorEnvironment(module);
 }

@@ -62,7 +62,8 @@ class Others(unittest.TestCase):
             return {name: {"median": rate, "min": rate, "max": rate}
                     for name, rate in (("one_core", one), ("all_cores", many)) if rate}
         figures = {"myosuite": rates(400, 800), "loop": rates(200, 400),
-                   "envpool": {"skipped": "no network here"}, "env": rates(500, 1000),
+                   "envpool": {"skipped": "no network here"}, "vector": rates(480, 960),
+                   "env": rates(500, 1000),
                    "evaluation": rates(None, 900), "evaluation_python": rates(None, 800)}
         return dict(figures, ratios=others.ratios(figures))
 
@@ -76,14 +77,25 @@ class Others(unittest.TestCase):
     def test_the_table_says_why_something_is_skipped(self):
         text = others.table({"tracks": {"locomotion": self.figures()}})
         self.assertIn("skipped: no network here", text)
-        self.assertIn("2.50 / 2.50", text)
+        self.assertIn("2.40 / 2.40", text)
+
+    def test_a_ratio_is_the_median_over_turns(self):
+        def turns(*rates):
+            return others.summary(list(rates))
+        self.assertEqual(others.ratio(turns(2, 30, 4), turns(1, 10, 4)), 2)
+        self.assertEqual(others.ratio(turns(2, 30, 4), turns(1)), 4)  # one failed later
 
     def test_a_program_that_fails_is_skipped_with_its_reason(self):
-        options = type("Options", (), {"quick": True})
-        found = others.other("/bin/false", "", "myosuite", "locomotion", options, 2)
-        self.assertEqual(found, {"skipped": "exit 1"})
-        self.assertEqual(others.other("", "no\n  network", "loop", "locomotion", options, 2),
-                         {"skipped": "no network"})
+        options = type("Options", (), {"quick": True, "myosuite": "/bin/false", "loop": "",
+                                       "envpool": "", "vector": "", "myosuite_why": "",
+                                       "loop_why": "no\n  network", "envpool_why": "",
+                                       "vector_why": ""})
+        said = []
+        found = others.in_turns("locomotion", options, 2, said.append)
+        self.assertEqual(found["myosuite"], {"skipped": "exit 1"})
+        self.assertEqual(found["loop"], {"skipped": "no network"})
+        self.assertEqual(found["vector"], {"skipped": "its packages are not installed"})
+        self.assertIn("locomotion: environments in Python on 2 cores, turn 1 of 1", said)
 
 
 class Measuring(unittest.TestCase):

@@ -1,9 +1,10 @@
-"""Control steps per second of one environment that others made, with the zero action.
+"""Control steps per second of one environment, of others or ours, with the zero action.
 
-    one.py {myosuite,envpool,loop} {manipulation,locomotion} --steps N [--environments N]
+    one.py {myosuite,envpool,loop,vector} {manipulation,locomotion} --steps N [--environments N]
 
 Run by others.py in the Python that has the packages. Prints one JSON object. Only steps are timed;
-what a reset takes is left out, but for EnvPool, which resets within a step."""
+what a reset takes is left out, but for EnvPool and our vector environment, which reset within a
+step."""
 
 import argparse
 import concurrent.futures
@@ -21,6 +22,7 @@ os.environ.setdefault("MUJOCO_GL", "disabled")
 import numpy as np  # noqa: E402  (after the choice of no renderer)
 
 NAMES = {"manipulation": "myoChallengeBimanual-v0", "locomotion": "myoChallengeOslRunRandom-v0"}
+OURS = {"manipulation": "myograde/Manipulation-v0", "locomotion": "myograde/Locomotion-v0"}
 WARM_UP = 20
 SEED = 1
 SERVICE = "bench.Environment"
@@ -62,14 +64,33 @@ def envpool_env(options):
     env = envpool.make(NAMES[options.track], env_type="gymnasium", num_envs=count,
                        num_threads=count, seed=SEED)
     env.reset()
-    action = np.zeros((count, *env.action_space.shape), env.action_space.dtype)
+    return play_many(env, np.zeros((count, *env.action_space.shape), env.action_space.dtype),
+                     options)
+
+
+def vector_env(options):
+    """Ours as people get it from Gymnasium: with the official rules for the end of an episode, in
+    C++ threads, and with new arrays from each step."""
+    import myograde
+    import myograde.envs
+    if not myograde.envs.exact():
+        sys.exit("the maths functions are not the grader's")
+    count = options.environments
+    env = myograde.vec(OURS[options.track], count, threads=count, profile="myosuite")
+    env.reset(seed=SEED)
+    return play_many(env, np.zeros(env.action_space.shape), options)
+
+
+def play_many(env, action, options):
+    """The same as play() of environments that are stepped together and restart by themselves."""
     for _ in range(WARM_UP):
         env.step(action)
     ends, start = 0, time.perf_counter()
     for _ in range(options.steps):
         _, _, terminated, truncated, _ = env.step(action)
         ends += int(np.sum(terminated | truncated))
-    return {"steps": options.steps * count, "seconds": time.perf_counter() - start, "ends": ends}
+    return {"steps": options.steps * options.environments,
+            "seconds": time.perf_counter() - start, "ends": ends}
 
 
 # --- the official style of loop: the environment behind gRPC, pickled arrays in its messages ---
@@ -110,15 +131,16 @@ def loop_env(options):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("myosuite", "envpool", "loop", "serve"))
+    parser.add_argument("what", choices=("myosuite", "envpool", "loop", "vector", "serve"))
     parser.add_argument("track", choices=tuple(NAMES))
     parser.add_argument("--steps", type=int, default=1)
-    parser.add_argument("--environments", type=int, default=1, help="of EnvPool, a thread each")
+    parser.add_argument("--environments", type=int, default=1, help="of EnvPool and ours, a thread each")
     options = parser.parse_args()
     if options.what == "serve":
         serve(options.track)
         return
-    measure = {"myosuite": myosuite_env, "envpool": envpool_env, "loop": loop_env}[options.what]
+    measure = {"myosuite": myosuite_env, "envpool": envpool_env, "loop": loop_env,
+               "vector": vector_env}[options.what]
     print(json.dumps(measure(options)))
 
 

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Control steps per second of other people's environments beside ours, in the same run.
 
-Run by run.sh, which makes the virtual environments. All play the zero action. README.md of the
-folder above says what each figure is."""
+Run by run.sh, which makes the virtual environments. All play the zero action. The environments in
+Python take turns, so that what slows the machine down for a while slows all of them down. README.md
+of the folder above says what each figure is."""
 
 import argparse
 import json
@@ -18,9 +19,16 @@ import bench  # noqa: E402  (in the folder above)
 from grader import Grader  # noqa: E402
 
 TIMEOUT_S = 900
+TURNS = 7
+# The maths functions that a grader's simulators have (protocol/base/pinned_maths.h).
+PINNED = {"GLIBC_TUNABLES":
+          "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL,-AVX"}
 OTHERS = {"myosuite": "MyoSuite, Python", "loop": "official style of loop (gRPC, pickle)",
           "envpool": "EnvPool, C++"}
-OURS = {"env": "ours, environment alone", "evaluation": "ours, whole evaluation, C++ policy",
+VECTOR = {"vector": "ours, Gymnasium's vector environment"}
+IN_PYTHON = {**OTHERS, **VECTOR}
+OURS = {**VECTOR,
+        "env": "ours, environment alone", "evaluation": "ours, whole evaluation, C++ policy",
         "evaluation_python": "ours, whole evaluation, Python"}
 
 
@@ -33,8 +41,9 @@ def start(python, what, track, steps, environments=1):
         [python, "-B", "-W", "ignore", str(HERE / "one.py"), what, track, "--steps", str(steps),
          "--environments", str(environments)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        # One thread each, as the cores are shared out by processes or by EnvPool itself.
-        env=dict(os.environ, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1"))
+        # One thread each, as the cores are shared out by processes, or by EnvPool and ours themselves.
+        env=dict(os.environ, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1",
+                 **(PINNED if what in VECTOR else {})))
 
 
 def finish(process):
@@ -52,11 +61,11 @@ def finish(process):
 
 
 def rate(python, what, track, steps, cores):
-    """Steps per second of all cores together. EnvPool has a thread for each environment, the
-    others a process."""
+    """Steps per second of all cores together. EnvPool and ours have a thread for each environment,
+    the others a process."""
     processes = []
     try:
-        if what == "envpool":
+        if what in ("envpool", "vector"):
             processes.append(start(python, what, track, steps, cores))
         else:
             processes += [start(python, what, track, steps) for _ in range(cores)]
@@ -70,21 +79,50 @@ def rate(python, what, track, steps, cores):
             "ends": sum(result["ends"] for result in results)}
 
 
-def other(python, why, what, track, options, cores):
-    """The figures of one of the others, or why there are none."""
-    if not python:
-        return {"skipped": " ".join(why.split()) or "its packages are not installed"}
-    steps, repetitions = (200, 1) if options.quick else (1000, 3)
-    figures = {}
-    try:
-        for name, count in (("one_core", 1), ("all_cores", cores)):
-            runs = [rate(python, what, track, steps, count) for _ in range(repetitions)]
-            rates = [run["rate"] for run in runs]
-            figures[name] = {"median": statistics.median(rates), "min": min(rates),
-                             "max": max(rates), "episodes_ended": sum(r["ends"] for r in runs)}
-    except Unavailable as error:
-        return {"skipped": str(error)}
-    return figures
+class Contender:
+    """One of the environments in Python on one track, and what was measured of it."""
+
+    def __init__(self, what, options, track):
+        self.what, self.track = what, track
+        self.python = getattr(options, what)
+        why = " ".join(getattr(options, f"{what}_why").split())
+        self.skipped = None if self.python else why or "its packages are not installed"
+        self.turns = {}  # by one_core and all_cores
+
+    def take_turn(self, name, steps, cores):
+        if self.skipped:
+            return
+        try:
+            turn = rate(self.python, self.what, self.track, steps, cores)
+        except Unavailable as error:
+            self.skipped = str(error)
+        else:
+            self.turns.setdefault(name, []).append(turn)
+
+    def figures(self):
+        if self.skipped:
+            return {"skipped": self.skipped}
+        return {name: {**summary([turn["rate"] for turn in turns]),
+                       "episodes_ended": sum(turn["ends"] for turn in turns)}
+                for name, turns in self.turns.items()}
+
+
+def summary(rates):
+    return {"median": statistics.median(rates), "min": min(rates), "max": max(rates),
+            "turns": rates}
+
+
+def in_turns(track, options, cores, say):
+    """The figures of the environments in Python, or why there are none."""
+    contenders = [Contender(what, options, track) for what in IN_PYTHON]
+    steps, turns = (200, 1) if options.quick else (500, TURNS)
+    for name, count in (("one_core", 1), ("all_cores", cores)):
+        for turn in range(turns):
+            say(f"{track}: environments in Python on {count} core{'s' * (count > 1)}, turn "
+                f"{turn + 1} of {turns}")
+            for contender in contenders:
+                contender.take_turn(name, steps, count)
+    return {contender.what: contender.figures() for contender in contenders}
 
 
 def ours(measured, track, quick):
@@ -108,6 +146,13 @@ def ours(measured, track, quick):
     return figures
 
 
+def ratio(mine, theirs):
+    """The median over turns, where both took turns."""
+    if "turns" in mine and len(mine["turns"]) == len(theirs.get("turns", ())):
+        return statistics.median(a / b for a, b in zip(mine["turns"], theirs["turns"]))
+    return mine["median"] / theirs["median"]
+
+
 def ratios(figures):
     """Ours over each of the others, by cores."""
     found = {}
@@ -115,8 +160,8 @@ def ratios(figures):
         for theirs in OTHERS:
             for cores in ("one_core", "all_cores"):
                 if cores in figures[mine] and cores in figures[theirs]:
-                    found[f"{mine}_over_{theirs}_{cores}"] = (
-                        figures[mine][cores]["median"] / figures[theirs][cores]["median"])
+                    found[f"{mine}_over_{theirs}_{cores}"] = ratio(figures[mine][cores],
+                                                                   figures[theirs][cores])
     return found
 
 
@@ -124,7 +169,7 @@ def table(result):
     lines = []
     for track, figures in result["tracks"].items():
         lines.append(f"{track + ', control steps per second':40}{'one core':>10}"
-                     f"{'all cores':>11}{'environment of ours over it':>30}")
+                     f"{'all cores':>11}{'ours in Python over it':>25}")
         for key, text in {**OTHERS, **OURS}.items():
             if "skipped" in figures[key]:
                 lines.append(f"{text:40}   skipped: {figures[key]['skipped']}")
@@ -132,9 +177,9 @@ def table(result):
             cells = [f"{figures[key][cores]['median']:.0f}" if cores in figures[key] else "-"
                      for cores in ("one_core", "all_cores")]
             over = [f"{figures['ratios'][name]:.2f}" for name in
-                    (f"env_over_{key}_one_core", f"env_over_{key}_all_cores")
+                    (f"vector_over_{key}_one_core", f"vector_over_{key}_all_cores")
                     if name in figures["ratios"]]
-            lines.append(f"{text:40}{cells[0]:>10}{cells[1]:>11}{' / '.join(over):>30}")
+            lines.append(f"{text:40}{cells[0]:>10}{cells[1]:>11}{' / '.join(over):>25}")
         lines.append("")
     return "\n".join(lines).rstrip()
 
@@ -143,7 +188,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--build", required=True, help="build folder, as for bench.py")
     parser.add_argument("--source", required=True, help="the checkout")
-    for what, text in OTHERS.items():
+    for what, text in IN_PYTHON.items():
         parser.add_argument(f"--{what}", default="", metavar="PYTHON", help=f"that has {text}")
         parser.add_argument(f"--{what}-why", default="", metavar="TEXT", help="why there is none")
     parser.add_argument("--json", metavar="FILE", help="write the JSON to FILE")
@@ -155,11 +200,7 @@ def main():
     result = {"cores": measured.cores, "quick": options.quick, "load_before": os.getloadavg()[0],
               "tracks": {}}
     for track in bench.TRACKS:
-        figures = {}
-        for what, text in OTHERS.items():
-            measured.say(f"{track}: {text}")
-            figures[what] = other(getattr(options, what), getattr(options, f"{what}_why"), what,
-                                  track, options, measured.cores)
+        figures = in_turns(track, options, measured.cores, measured.say)
         measured.say(f"{track}: ours")
         figures.update(ours(measured, track, options.quick))
         figures["ratios"] = ratios(figures)

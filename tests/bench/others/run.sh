@@ -29,6 +29,10 @@ case " $* " in
     options+=("--loop=$python" "--loop-why=$why")
     venv envpool-1.2.5 "$here/envpool.txt"
     options+=("--envpool=$python" "--envpool-why=$why")
+    gym=$here/../../../docker/gym.txt
+    venv "gym-$(sha256sum "$gym" | cut -c1-12)" "$gym"
+    options+=("--vector=$python" "--vector-why=$why")
+    export PYTHONPATH=$(cd "$build" && pwd)/python
     ;;
 esac
 exec /usr/bin/python3 -B "$here/others.py" --build "$build" --source "$here/../../.." \

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import WrongUse
 from ..policy.leg import LegSet
 from . import extension, settings
+from .pictures import Pictures
 
 
 class GradedEnv(gymnasium.Env[Any, np.ndarray]):
@@ -29,14 +30,15 @@ class GradedEnv(gymnasium.Env[Any, np.ndarray]):
     "actions_digest" (SHA-256 over states and actions, as in a result), "seed" and "steps".
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
 
     def __init__(self, track: str, profile: str = "", observation: str = "flat",
                  actions: str = "normalized", weights: Optional[Mapping[str, float]] = None,
                  extra_observations: bool = False, leg_sets: Sequence[LegSet] = (),
                  config: Optional[str | os.PathLike[str]] = None,
                  cache: Optional[str | os.PathLike[str]] = None, exact: bool = False,
-                 render_mode: Optional[str] = None) -> None:
+                 render_mode: Optional[str] = None, width: int = 640, height: int = 480,
+                 camera: Optional[Mapping[str, Any]] = None) -> None:
         """track: a config's name, such as "elbow".
         profile: its rules profile; "": the config's default.
         observation: "flat", one vector, or "dict", its parts by name.
@@ -48,6 +50,12 @@ class GradedEnv(gymnasium.Env[Any, np.ndarray]):
         config: an organiser's config file, which replaces that of `track`.
         cache: the folder of the models (default: as get-models).
         exact: refuse to run where digests might differ from a server's; see exact().
+        render_mode: "rgb_array": render() draws the state. That needs Mesa's OSMesa (Debian:
+            libosmesa6) and no display.
+        width, height: of a picture, in pixels.
+        camera: where it is taken from, in place of the track's own: "body" (which it follows; "":
+            none), "look_at" (x, y, z in m, from that body or from the world's origin), "distance"
+            (m), "azimuth" and "elevation" (degrees; below 0: looking down).
 
         WrongUse if there is no such track, profile, word or term, or the config file is wrong;
         MyogradeError if the models are missing."""
@@ -58,6 +66,9 @@ class GradedEnv(gymnasium.Env[Any, np.ndarray]):
                                           extra_observations, leg_sets, config, cache, exact)
         self.core = settings.make_core(extension.load().Environment, settings=self.settings)
         self.render_mode = render_mode
+        self._begun = False
+        self._pictures = Pictures(self.core, width, height, camera)
+        self.metadata = {**self.metadata, "render_fps": round(1 / self.core.control_period_s)}
         self.layout = settings.layout_of(self.core.observation_parts)
         self.action_layout = settings.layout_of(self.core.action_parts)
         self.observation_space = settings.observation_space(self.layout, observation)
@@ -77,6 +88,7 @@ class GradedEnv(gymnasium.Env[Any, np.ndarray]):
         sets = (options or {}).get("leg_sets")
         values = self._leg_sets if sets is None else settings.leg_set_values(sets)
         observation = self.core.reset(episode, *values)
+        self._begun = True
         return self._in_form(observation), {"seed": episode}
 
     def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -93,8 +105,19 @@ class GradedEnv(gymnasium.Env[Any, np.ndarray]):
         reward = settings.weighted(terms, self._weights)
         return self._in_form(observation), reward, terminated, truncated, info
 
+    def render(self) -> Optional[np.ndarray]:
+        """The current state: height x width x 3 uint8, the top row first; None without a
+        render_mode. MyogradeError if OSMesa is missing; WrongUse before the first reset(), and for a
+        body or a size that can't be."""
+        if self.render_mode is None:
+            return None
+        if not self._begun:
+            raise WrongUse("there is nothing to draw before the first reset()")
+        return self._pictures.draw()
+
     def close(self) -> None:
-        """Nothing to close: the memory goes with the object."""
+        """Gives the renderer's memory back; the rest goes with the object."""
+        self._pictures.close()
 
     def _in_form(self, observation: np.ndarray) -> Any:
         return settings.in_form(observation, self.layout, self.settings.observation)

@@ -1,0 +1,164 @@
+// Pictures of each track's environment.
+#include "sim/render/renderer.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <fstream>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "protocol/lease/track_config.h"
+#include "sim/tracks.h"
+#include "tests/sim/golden.h"
+
+// Mesa keeps some hundred bytes of each context.
+extern "C" const char* __lsan_default_suppressions() { return "leak:libOSMesa"; }
+
+namespace myograde::sim {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr int kWidth = 160;
+constexpr int kHeight = 120;
+
+using Picture = std::vector<uint8_t>;
+
+class PicturesOf : public testing::Test {
+ protected:
+  // A profile that every track has.
+  void Make(const SimulatedTrack& track) {
+    track_ = &track;
+    const auto config = LoadTrackConfig(MYOGRADE_SOURCE_DIR "/configs/tracks",
+                                        std::string(track.kind->name), "myosuite");
+    ASSERT_TRUE(config.ok()) << config.status();
+    auto environment = MakeEnvironment(*config, CacheDir());
+    ASSERT_TRUE(environment.ok()) << environment.status();
+    environment_ = *std::move(environment);
+    environment_->Reset(7);
+    auto renderer = Renderer::Make(environment_->model(), kWidth, kHeight);
+    ASSERT_TRUE(renderer.ok()) << renderer.status();
+    renderer_ = *std::move(renderer);
+  }
+
+  Picture Draw(const CameraView& view) {
+    Picture rgb(static_cast<size_t>(kWidth) * kHeight * 3);
+    const absl::Status status = renderer_->Draw(environment_->data(), view, rgb);
+    EXPECT_TRUE(status.ok()) << status;
+    return rgb;
+  }
+
+  // With MYOGRADE_PICTURES, a folder, they can be looked at.
+  void Keep(const Picture& rgb, const std::string& name) const {
+    const char* folder = std::getenv("MYOGRADE_PICTURES");
+    if (folder == nullptr) return;
+    std::ofstream file(std::string(folder) + "/" + std::string(track_->kind->name) + name);
+    file << "P6 " << kWidth << " " << kHeight << " 255\n";
+    file.write(reinterpret_cast<const char*>(rgb.data()), std::ssize(rgb));
+  }
+
+  const SimulatedTrack* track_ = nullptr;
+  std::unique_ptr<Environment> environment_;
+  std::unique_ptr<Renderer> renderer_;
+};
+
+class Pictures : public PicturesOf, public testing::WithParamInterface<const SimulatedTrack*> {
+ protected:
+  void SetUp() override { Make(*GetParam()); }
+};
+
+// What does not depend on the track.
+class PicturesOfOneTrack : public PicturesOf {
+ protected:
+  void SetUp() override { Make(SimulatedTracks().back()); }
+};
+
+size_t Colours(const Picture& rgb) {
+  std::set<std::array<uint8_t, 3>> colours;
+  for (size_t i = 0; i < rgb.size(); i += 3) colours.insert({rgb[i], rgb[i + 1], rgb[i + 2]});
+  return colours.size();
+}
+
+TEST_P(Pictures, ShowTheStateAndLeaveItAsItIs) {
+  const std::vector<double> before(environment_->state().begin(), environment_->state().end());
+  const Picture first = Draw(*track_->view);
+  Keep(first, "-first.ppm");
+  EXPECT_GT(Colours(first), 500U);  // neither empty nor flat
+  EXPECT_EQ(first, Draw(*track_->view));
+  EXPECT_EQ(before, std::vector<double>(environment_->state().begin(),
+                                        environment_->state().end()));
+
+  const std::vector<double> action(static_cast<size_t>(environment_->action_size()), 1.0);
+  for (int step = 0; step < 20; ++step) environment_->Step(action);
+  const Picture later = Draw(*track_->view);
+  Keep(later, "-later.ppm");
+  EXPECT_NE(first, later);
+}
+
+// At eye level, sky or a lit wall is above, and the darker floor below.
+TEST_P(Pictures, HaveTheirTopRowFirst) {
+  CameraView level = *track_->view;
+  level.elevation_deg = 0;
+  const auto brightness = [](const Picture& rgb, int from_row, int to_row) {
+    double sum = 0;
+    for (int i = from_row * kWidth * 3; i < to_row * kWidth * 3; ++i) sum += rgb[i];
+    return sum / ((to_row - from_row) * kWidth * 3);
+  };
+  const Picture picture = Draw(level);
+  Keep(picture, "-level.ppm");
+  EXPECT_GT(brightness(picture, 0, 20), brightness(picture, kHeight - 20, kHeight));
+}
+
+// The environment changes sizes and terrain from episode to episode.
+TEST_P(Pictures, OfOtherEpisodesDiffer) {
+  const Picture first = Draw(*track_->view);
+  environment_->Reset(8);
+  const Picture second = Draw(*track_->view);
+  Keep(second, "-second.ppm");
+  EXPECT_NE(first, second);
+}
+
+TEST_F(PicturesOfOneTrack, OfTheWrongSizeOrAnUnknownBodyAreRefused) {
+  Picture small(5);
+  EXPECT_THAT(renderer_->Draw(environment_->data(), *track_->view, small).ToString(),
+              HasSubstr("160 by 120 pixels does not have 5 bytes"));
+  Picture rgb(static_cast<size_t>(kWidth) * kHeight * 3);
+  EXPECT_THAT(renderer_->Draw(environment_->data(), {.body = "tail"}, rgb).ToString(),
+              HasSubstr("the model has no body tail"));
+}
+
+TEST_F(PicturesOfOneTrack, CanBeDrawnByTwoRenderersInTurn) {
+  auto other = Renderer::Make(environment_->model(), 64, 48);
+  ASSERT_TRUE(other.ok()) << other.status();
+  Picture small(64 * 48 * 3);
+  const Picture first = Draw(*track_->view);
+  ASSERT_TRUE((*other)->Draw(environment_->data(), *track_->view, small).ok());
+  EXPECT_EQ(first, Draw(*track_->view));
+  other->reset();
+  EXPECT_EQ(first, Draw(*track_->view));
+}
+
+TEST_F(PicturesOfOneTrack, HaveSidesWithinLimits) {
+  for (const auto& [width, height] : {std::pair{0, 10}, {10, -1}, {4097, 10}}) {
+    EXPECT_TRUE(absl::IsInvalidArgument(
+        Renderer::Make(environment_->model(), width, height).status()));
+  }
+}
+
+std::vector<const SimulatedTrack*> Tracks() {
+  std::vector<const SimulatedTrack*> tracks;
+  for (const SimulatedTrack& track : SimulatedTracks()) tracks.push_back(&track);
+  return tracks;
+}
+
+INSTANTIATE_TEST_SUITE_P(OfEachTrack, Pictures, testing::ValuesIn(Tracks()),
+                         [](const auto& each) { return std::string(each.param->kind->name); });
+
+}  // namespace
+}  // namespace myograde::sim
