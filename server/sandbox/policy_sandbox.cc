@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <map>
 
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
@@ -73,17 +74,37 @@ void AddSanitizerOptions(SandboxSpec& spec) {
   if (kSanitized) spec.environment.emplace_back("ASAN_OPTIONS", "detect_leaks=0");
 }
 
+// The libraries that runtimes bring for their modules (server/runtime/README.md).
+std::vector<std::string> LibraryFolders(const std::vector<std::string>& runtimes) {
+  std::vector<std::string> folders;
+  for (const std::string& runtime : runtimes) {
+    const std::string folder = runtime + "/debian-lib";
+    if (access(folder.c_str(), F_OK) == 0) folders.push_back(folder);
+  }
+  return folders;
+}
+
+// Appends folders to a list of them in a variable: what a submission sets comes first.
+void JoinFolders(std::map<std::string, std::string>& environment, const char* name,
+                 const std::vector<std::string>& folders) {
+  std::string& value = environment[name];
+  absl::StrAppend(&value, value.empty() ? "" : ":", absl::StrJoin(folders, ":"));
+}
+
 // What the bridge starts. The participant's variables are set by whoever starts the participant's
 // program, so that none of them affects another.
-void AddPolicyCommand(const LeaseOrder& order, SandboxSpec& spec) {
+void AddPolicyCommand(LeaseOrder order, SandboxSpec& spec) {
+  const std::vector<std::string> libraries = LibraryFolders(order.runtimes);
+  if (!libraries.empty()) JoinFolders(order.environment, "LD_LIBRARY_PATH", libraries);
   std::vector<std::string> command = order.command;
   if (!order.adapter.empty()) {
     command = AdapterCommand(order);
   } else {
+    if (order.environment.contains("PYTHONPATH") && !order.runtimes.empty()) {
+      JoinFolders(order.environment, "PYTHONPATH", order.runtimes);
+    }
     for (const auto& [name, value] : order.environment) {
-      const bool joins = name == "PYTHONPATH" && !order.runtimes.empty();
-      const std::string more = joins ? ":" + absl::StrJoin(order.runtimes, ":") : "";
-      spec.command.insert(spec.command.end(), {"--env", absl::StrCat(name, "=", value, more)});
+      spec.command.insert(spec.command.end(), {"--env", absl::StrCat(name, "=", value)});
     }
   }
   spec.command.emplace_back("--");

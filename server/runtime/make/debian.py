@@ -22,6 +22,14 @@ _LINE = re.compile(r"Inst (\S+) \((\S+) ")
 _NEEDED = re.compile(r"\s*(\S+) => (not found|\S+)")
 
 
+def names_in(path: pathlib.Path) -> list[str]:
+    """The packages that the file of a recipe names, one a line; none if it is not there."""
+    if not path.exists():
+        return []
+    lines = [line.partition("#")[0].strip() for line in path.read_text(encoding="utf-8").splitlines()]
+    return [line for line in lines if line]
+
+
 def install(names: list[str], target: pathlib.Path, worker: Worker) -> list[dict]:
     """Adds the Python packages `names` of Debian, with all that they need and the host's Python does
     not bring, to the tree `target`: modules at its top unless they are there already, shared
@@ -35,8 +43,8 @@ def install(names: list[str], target: pathlib.Path, worker: Worker) -> list[dict
     wanted = {name: version for name, version in _closure(names, worker).items()
               if name not in base}
     packages = _unpack(wanted, worker)
-    _add_modules(worker.folder / "debian", target)
-    _add_libraries(worker.folder / "debian", target, worker)
+    added = _add_modules(worker.folder / "debian", target)
+    _add_libraries(worker.folder / "debian", target, added, worker)
     return packages
 
 
@@ -73,14 +81,15 @@ def _unpack(wanted: dict[str, str], worker: Worker) -> list[dict]:
     return packages
 
 
-def _add_modules(root: pathlib.Path, target: pathlib.Path) -> None:
+def _add_modules(root: pathlib.Path, target: pathlib.Path) -> list[pathlib.Path]:
     place = root / _PACKAGES
     if not place.is_dir():
         raise WrongUse("--debian: these packages hold no Python module")
     there = {path.name for path in target.iterdir()}
-    for path in sorted(place.iterdir()):
-        if path.name not in there:
-            _take(path, target / path.name, root)
+    added = [path for path in sorted(place.iterdir()) if path.name not in there]
+    for path in added:
+        _take(path, target / path.name, root)
+    return [target / path.name for path in added]
 
 
 def _take(source: pathlib.Path, target: pathlib.Path, root: pathlib.Path) -> None:
@@ -125,15 +134,17 @@ def _end_of(path: pathlib.Path, root: pathlib.Path) -> pathlib.Path | None:
     return None
 
 
-def _add_libraries(root: pathlib.Path, target: pathlib.Path, worker: Worker) -> None:
+def _add_libraries(root: pathlib.Path, target: pathlib.Path, added: list[pathlib.Path],
+                   worker: Worker) -> None:
     """Puts each shared library that a module needs, or that such a library needs, into debian-lib/ under
     the name by which it is asked for. The loader says which, without running any of them."""
-    modules = [path for path in target.rglob("*.so*") if path.is_file() and not path.is_symlink()]
-    modules += [path for path in _linked(target, root)]
+    linked = _linked(target, root)
+    modules = [path for top in added for path in [top, *top.rglob("*.so*")]
+               if path.is_file() and not path.is_symlink()] + linked
     folders = sorted({str(path.parent) for path in (root / "usr/lib").rglob("*.so*")
                       if _PACKAGES not in str(path)}, key=lambda name: (name.count("/"), name))
     lib = target / LIBRARIES
-    needed: dict[str, pathlib.Path] = {path.name: path for path in _linked(target, root)}
+    needed: dict[str, pathlib.Path] = {path.name: path for path in linked}
     for path in modules:
         if not _is_elf(path):
             continue

@@ -117,6 +117,9 @@ def add(args: argparse.Namespace) -> None:
     place = Place(args.dir)
     target = place.of(args.name)
     path = pathlib.Path(args.requirements)
+    if path.is_dir():
+        args.debian = args.debian + debian.names_in(path / "debian.txt")
+        path = path / "requirements.txt"
     made_from = "" if args.lock else (requirements.check(path) or recipe_digest(args, path))
     if args.if_changed and description_of(target).get("made_from") == made_from:
         return
