@@ -4,6 +4,10 @@
 
 namespace myograde {
 
+bool IsReplacedByTheSandbox(std::string_view top) {
+  return top == "proc" || top == "dev" || top == "tmp" || top == "myograde";
+}
+
 nlohmann::json PolicyImageToJson(const PolicyImage& image) {
   return {{"environment", image.environment},
           {"working_dir", image.working_dir},

@@ -30,6 +30,10 @@ inline constexpr char kImageFolder[] = "image";
 // "environment".
 inline constexpr char kImageHosts[] = "127.0.0.1 localhost myograde environment\n::1 localhost\n";
 
+// Names at the top of an image that its sandbox replaces by its own. What an image has there is left
+// out.
+bool IsReplacedByTheSandbox(std::string_view top);
+
 nlohmann::json PolicyImageToJson(const PolicyImage& image);
 // `where` names the object in errors.
 absl::StatusOr<PolicyImage> PolicyImageFromJson(const nlohmann::json& json, std::string_view where);

@@ -49,10 +49,6 @@ bool IsReplaced(const std::string& path) {
 
 }  // namespace
 
-bool IsReplacedByTheSandbox(std::string_view top) {
-  return top == "proc" || top == "dev" || top == "tmp" || top == "myograde";
-}
-
 absl::Status ImageTree::AddLayer(StreamArchive& layer) {
   ++layer_;
   for (;;) {

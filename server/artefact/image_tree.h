@@ -22,10 +22,6 @@
 
 namespace myograde::server {
 
-// Names at the top of an image that its sandbox replaces by its own. What an image has there is
-// left out.
-bool IsReplacedByTheSandbox(std::string_view top);
-
 class ImageTree {
  public:
   // `root`: an empty folder, which must outlive it.
