@@ -48,7 +48,8 @@ std::vector<std::string> PolicyEnvironment(const std::vector<std::string>& own) 
 }
 
 // Between fork and exec: only async-signal-safe calls.
-[[noreturn]] void BecomePolicy(char* const* arguments, char* const* environment, bool foreign,
+// `refused`: an errno that is known before, or 0.
+[[noreturn]] void BecomePolicy(char* const* arguments, char* const* environment, int refused,
                                int errors) {
   setsid();
   sigset_t none;
@@ -63,8 +64,8 @@ std::vector<std::string> PolicyEnvironment(const std::vector<std::string>& own) 
     // unknowingly.
     if (close_range(STDERR_FILENO + 1, ~0u, CLOSE_RANGE_CLOEXEC) == 0) {
       // execvpe passes a format that the kernel does not know to a shell, as a script.
-      if (!foreign) execvpe(arguments[0], arguments, environment);
-      errno = foreign ? ENOEXEC : errno;
+      if (refused == 0) execvpe(arguments[0], arguments, environment);
+      if (refused != 0) errno = refused;
     }
   }
   const int error = errno;
@@ -81,13 +82,16 @@ absl::StatusOr<Child> StartPolicy(const PolicyCommand& command) {
   child.start_error = std::move(errors->read);
   std::vector<std::string> words = command.words;
   std::vector<std::string> environment = PolicyEnvironment(command.environment);
-  const bool foreign = IsForeignProgram(FindProgram(words[0]));
+  // The bridge itself goes there: a command's relative path begins there too.
+  int refused = 0;
+  if (!command.working_dir.empty() && chdir(command.working_dir.c_str()) != 0) refused = errno;
+  if (refused == 0 && IsForeignProgram(FindProgram(words[0]))) refused = ENOEXEC;
   const std::vector<char*> arguments = ExecVector(words);
   const std::vector<char*> variables = ExecVector(environment);
   child.pid = fork();
   if (child.pid < 0) return absl::UnavailableError(absl::StrCat("fork: ", strerror(errno)));
   if (child.pid == 0) {
-    BecomePolicy(arguments.data(), variables.data(), foreign, errors->write.get());
+    BecomePolicy(arguments.data(), variables.data(), refused, errors->write.get());
   }
   return child;
 }

@@ -15,6 +15,7 @@ namespace myograde::bridge {
 // How to start the policy.
 struct PolicyCommand {
   std::vector<std::string> words;        // the program and its arguments; not empty
+  std::string working_dir;  // "": where the bridge is
   std::vector<std::string> environment;  // "NAME=value"; these override the environment that every
                                          // policy gets
 };
@@ -24,7 +25,7 @@ struct Child {
   Fd start_error;  // yields an errno if exec failed, end of file if it succeeded
 };
 
-// Starts `command` in its own session, in the current folder, with stdin from /dev/null, stdout and
+// Starts `command` in its own session, in its working folder, with stdin from /dev/null, stdout and
 // stderr inherited, no other descriptor, and an environment of MYOGRADE_LCM_URL, MYOGRADE_PROTOCOL,
 // HOME, those of kPassedOn (child.cc) that the bridge has itself, and the command's own variables.
 absl::StatusOr<Child> StartPolicy(const PolicyCommand& command);

@@ -1,6 +1,6 @@
 // myograde-bridge: process 1 of a participant's sandbox. See bridge.h.
 //
-//   myograde-bridge --stray N --wrong N [--farewell MS] [--env NAME=VALUE]... --
+//   myograde-bridge --stray N --wrong N [--farewell MS] [--cwd FOLDER] [--env NAME=VALUE]... --
 //                   COMMAND ARGUMENTS...
 //
 // Exit status: 0 the simulator hung up, 2 wrong use, 70 the sandbox is unusable (no bus, no
@@ -45,6 +45,10 @@ bool TakeOption(const std::string& name, const std::string& value, Arguments& ar
     arguments.command.environment.push_back(value);
     return value.find('=') != std::string::npos && !value.starts_with('=');
   }
+  if (name == "--cwd") {
+    arguments.command.working_dir = value;
+    return value.starts_with('/');
+  }
   const std::optional<int64_t> number = PositiveNumber(value);
   if (!number.has_value()) return false;
   if (name == "--stray") {
@@ -85,8 +89,8 @@ int Main(int argc, char** argv) {
   const std::optional<Arguments> arguments = Parse({argv + 1, argv + argc});
   if (!arguments.has_value()) {
     std::fprintf(stderr,
-                 "usage: myograde-bridge --stray N --wrong N [--farewell MS] [--env NAME=VALUE]... "
-                 "-- COMMAND ARGUMENTS...\n"
+                 "usage: myograde-bridge --stray N --wrong N [--farewell MS] [--cwd FOLDER] "
+                 "[--env NAME=VALUE]... -- COMMAND ARGUMENTS...\n"
                  "N, MS: a number from 1; the simulator's socket is descriptor %d\n",
                  kBridgeSocketFd);
     return kWrongUse;

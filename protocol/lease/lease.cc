@@ -125,6 +125,7 @@ nlohmann::json LeaseOrderToJson(const LeaseOrder& order) {
           {"log_bytes", order.log_bytes},
           {"replay", order.replay}};
   if (!order.adapter.empty()) json["adapter"] = order.adapter;
+  if (order.image.has_value()) json["image"] = PolicyImageToJson(*order.image);
   return json;
 }
 
@@ -141,6 +142,12 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
   if (reader.Has("adapter")) order.adapter = reader.String("adapter");
   if (reader.Has("extra_observations")) {
     order.extra_observations = reader.Boolean("extra_observations");
+  }
+  if (reader.Has("image")) {
+    absl::StatusOr<PolicyImage> image =
+        PolicyImageFromJson(reader.Object("image"), absl::StrCat(where, ": image"));
+    if (!image.ok()) return image.status();
+    order.image = *std::move(image);
   }
   const Json& track = reader.Object("track");
   const Json& episodes = reader.Array("episodes");

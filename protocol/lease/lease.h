@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -14,6 +15,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/tracks/episode_facts.h"
+#include "protocol/lease/policy_image.h"
 #include "protocol/lease/track_config.h"
 
 namespace myograde {
@@ -34,6 +36,9 @@ struct LeaseOrder {
   std::string adapter;  // program of the grader that plays the command; "": it speaks LCM itself
   // The policy is shown TrackLayout::extra after the graded observation.
   bool extra_observations = false;
+  // The submission is a container image: artefact_dir's folder kImageFolder is the policy's root, and
+  // the command starts in it.
+  std::optional<PolicyImage> image = {};
   TrackConfig track;
   std::vector<EpisodeOrder> episodes;  // consecutive indices
   int64_t uid = -1;                // unprivileged uid and gid of the slot; -1: the caller's own

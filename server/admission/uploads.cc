@@ -109,7 +109,7 @@ ArtefactRow RowOf(const Artefact& artefact) {
   return {artefact.digest,           artefact.manifest.name, artefact.manifest.command,
           artefact.manifest.runtimes, artefact.bytes,         artefact.files,
           artefact.manifest.environment, artefact.manifest.adapter,
-          artefact.manifest.extra_observations};
+          artefact.manifest.extra_observations, artefact.manifest.image};
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/base/fd.h"
+#include "protocol/lease/policy_image.h"
 
 namespace myograde::server {
 
@@ -33,6 +35,9 @@ struct ArtefactManifest {
   std::map<std::string, std::string> environment;  // environment variables to set for the policy
   std::string adapter;  // of adapters.h, through which the command is played; "": it speaks LCM
   bool extra_observations = false;  // observations carry the track's extra entries too
+  // A container image is submitted: its files are in the folder kImageFolder, and the command starts
+  // in it.
+  std::optional<PolicyImage> image = {};
 };
 
 struct Artefact {

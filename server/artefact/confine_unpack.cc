@@ -38,7 +38,8 @@ constexpr std::array kAllowed = {
     SCMP_SYS(newfstatat), SCMP_SYS(openat),        SCMP_SYS(openat2),      SCMP_SYS(pread64),
     SCMP_SYS(read),       SCMP_SYS(readlinkat),    SCMP_SYS(rt_sigprocmask),
     SCMP_SYS(rt_sigreturn), SCMP_SYS(statx),       SCMP_SYS(symlinkat),    SCMP_SYS(time),
-    SCMP_SYS(write)};
+    // An image's upper layer removes and replaces what a lower one has.
+    SCMP_SYS(unlinkat), SCMP_SYS(write)};
 
 #if defined(__SANITIZE_ADDRESS__)
 // What the sanitizers' reports and memory need.

@@ -138,17 +138,37 @@ std::string Listing::Digest() const {
 
 int64_t KeptTime(int64_t seconds) { return std::clamp<int64_t>(seconds, 0, UINT32_MAX); }
 
-absl::Status CheckLinkTarget(std::string_view path, std::string_view target) {
+absl::Status CheckLinkText(std::string_view path, std::string_view target) {
   if (target.empty()) return Broken(path, "is a symbolic link without a target");
   if (HasControlCharacter(target) || !IsUtf8(target)) {
     return Broken(path, "is a symbolic link whose target is not plain UTF-8 text");
   }
+  return absl::OkStatus();
+}
+
+absl::Status CheckLinkTarget(std::string_view path, std::string_view target) {
+  if (absl::Status plain = CheckLinkText(path, target); !plain.ok()) return plain;
   if (target == ".." || target.starts_with("../") || target.ends_with("/..") ||
       target.find("/../") != std::string_view::npos) {
     return Broken(path, absl::StrCat("is a symbolic link to ", Quoted(target),
                                      "; targets with \"..\" are not allowed, put a copy there"));
   }
   return absl::OkStatus();
+}
+
+std::string PolicyNameOf(const std::string& file) {
+  constexpr size_t kMaxBytes = 64;
+  std::string name;
+  for (size_t at = 0; at < file.size();) {
+    const size_t begin = at;
+    const char32_t c = TakeCodePoint(file, at);
+    if (name.size() + at - begin > kMaxBytes) break;
+    if (c != kBroken && !IsHarmful(c) && (c != ' ' || !name.empty())) {
+      name.append(file, begin, at - begin);
+    }
+  }
+  name.erase(name.find_last_not_of(' ') + 1);
+  return name.empty() ? "policy" : name;
 }
 
 Utf8Names::Utf8Names() : utf8_(::newlocale(LC_CTYPE_MASK, "C.UTF-8", nullptr)) {

@@ -70,6 +70,12 @@ int64_t KeptTime(int64_t seconds);
 // An error if the target of a symbolic link has "..", is empty or not UTF-8.
 absl::Status CheckLinkTarget(std::string_view path, std::string_view target);
 
+// An error if the text of a symbolic link is empty or not plain UTF-8.
+absl::Status CheckLinkText(std::string_view path, std::string_view target);
+
+// The part of a file's name that is allowed in a policy's name.
+std::string PolicyNameOf(const std::string& file);
+
 // A path for a message: quoted, shortened, and without bytes that could affect a terminal.
 std::string Quoted(std::string_view path);
 

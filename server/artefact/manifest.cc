@@ -18,6 +18,7 @@
 #include "server/artefact/beneath.h"
 #include "server/artefact/environment.h"
 #include "server/artefact/listing.h"
+#include "server/artefact/submitted_manifest.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
@@ -177,6 +178,60 @@ void ReadAdapter(ConfigReader& reader, ArtefactManifest& manifest) {
   }
 }
 
+absl::Status BadImageFile(const std::string& file, std::string_view rule) {
+  return absl::InvalidArgumentError(absl::StrCat("policy.json: \"image\" is ", Quoted(file), ", which ",
+                                                 absl::string_view(rule.data(), rule.size())));
+}
+
+// The image's archive lies beside policy.json, and nothing else does: the image has all files.
+absl::Status CheckImageFile(int root, const std::string& file) {
+  if (file.find('/') != std::string::npos || file == "policy.json" || file.starts_with('.')) {
+    return BadImageFile(file, "is not the name of a file beside policy.json");
+  }
+  const Fd fd = OpenBeneath(root, file, O_PATH);
+  struct stat info = {};
+  if (!fd.valid() || ::fstat(fd.get(), &info) != 0 || !S_ISREG(info.st_mode)) {
+    return BadImageFile(file, "is not there; save the image into the submission's folder");
+  }
+  const int copy = ::openat(root, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  DIR* names = copy >= 0 ? ::fdopendir(copy) : nullptr;
+  if (names == nullptr) return HostError("can't list the submission");
+  std::string further;
+  while (const dirent* name = ::readdir(names)) {
+    const std::string entry = name->d_name;
+    if (entry != "." && entry != ".." && entry != file && entry != "policy.json") further = entry;
+  }
+  ::closedir(names);
+  if (further.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "beside policy.json and its image there is ", Quoted(further),
+      ", which the image would not see; put it into the image, or remove it"));
+}
+
+// `image`: where to put the name of the image's archive; null: there must be none.
+absl::StatusOr<ArtefactManifest> ParseKeys(const nlohmann::json& json, std::string* image) {
+  ConfigReader reader(json, "policy.json");
+  ArtefactManifest manifest;
+  manifest.name = reader.String("name");
+  if (image != nullptr && reader.Has("image")) {
+    *image = reader.String("image");
+    if (image->empty()) reader.Fail("image", "must be the name of an image's archive");
+  }
+  const bool own_command = image == nullptr || image->empty() || reader.Has("command");
+  if (own_command) manifest.command = reader.Strings("command");
+  if (reader.Has("runtimes")) manifest.runtimes = reader.Strings("runtimes");
+  if (reader.Has("env")) manifest.environment = ReadEnvironment(reader);
+  if (reader.Has("adapter")) ReadAdapter(reader, manifest);
+  if (reader.Has("extra_observations")) {
+    manifest.extra_observations = reader.Boolean("extra_observations");
+  }
+  CheckName(reader, manifest.name);
+  if (own_command) CheckCommand(reader, manifest.command);
+  CheckRuntimes(reader, manifest.runtimes);
+  if (absl::Status read = reader.Finish(); !read.ok()) return read;
+  return manifest;
+}
+
 }  // namespace
 
 absl::StatusOr<ArtefactManifest> ReadManifest(const std::string& folder) {
@@ -186,31 +241,36 @@ absl::StatusOr<ArtefactManifest> ReadManifest(const std::string& folder) {
 }
 
 absl::StatusOr<ArtefactManifest> ReadManifest(int folder) {
+  absl::StatusOr<SubmittedManifest> submitted = ReadSubmittedManifest(folder);
+  if (!submitted.ok()) return submitted.status();
+  return std::move(submitted->manifest);
+}
+
+absl::StatusOr<ArtefactManifest> ParseManifest(const nlohmann::json& json) {
+  return ParseKeys(json, /*image=*/nullptr);
+}
+
+absl::StatusOr<SubmittedManifest> ReadSubmittedManifest(int folder) {
   const absl::StatusOr<std::string> text = ReadManifestText(folder);
   if (!text.ok()) return text.status();
-  const absl::StatusOr<nlohmann::json> json = ParseJson(*text, "policy.json");
+  absl::StatusOr<nlohmann::json> json = ParseJson(*text, "policy.json");
   if (!json.ok()) return json.status();
-  ConfigReader reader(*json, "policy.json");
-  ArtefactManifest manifest;
-  manifest.name = reader.String("name");
-  manifest.command = reader.Strings("command");
-  if (reader.Has("runtimes")) manifest.runtimes = reader.Strings("runtimes");
-  if (reader.Has("env")) manifest.environment = ReadEnvironment(reader);
-  if (reader.Has("adapter")) ReadAdapter(reader, manifest);
-  if (reader.Has("extra_observations")) {
-    manifest.extra_observations = reader.Boolean("extra_observations");
+  SubmittedManifest submitted;
+  absl::StatusOr<ArtefactManifest> manifest = ParseKeys(*json, &submitted.image_file);
+  if (!manifest.ok()) return manifest.status();
+  submitted.manifest = *std::move(manifest);
+  submitted.json = *std::move(json);
+  std::vector<std::string>& command = submitted.manifest.command;
+  if (!submitted.image_file.empty()) {
+    if (absl::Status image = CheckImageFile(folder, submitted.image_file); !image.ok()) return image;
+    return submitted;
   }
-  CheckName(reader, manifest.name);
-  CheckCommand(reader, manifest.command);
-  CheckRuntimes(reader, manifest.runtimes);
-  const absl::Status read = reader.Finish();
-  if (!read.ok()) return read;
-  NameOwnProgram(folder, manifest.command[0]);
-  if (manifest.command[0].find('/') != std::string::npos && manifest.command[0][0] != '/') {
-    const absl::Status program = CheckProgram(folder, manifest.command[0]);
+  NameOwnProgram(folder, command[0]);
+  if (command[0].find('/') != std::string::npos && command[0][0] != '/') {
+    const absl::Status program = CheckProgram(folder, command[0]);
     if (!program.ok()) return program;
   }
-  return manifest;
+  return submitted;
 }
 
 }  // namespace myograde::server

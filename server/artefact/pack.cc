@@ -19,6 +19,8 @@
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
+#include "server/artefact/submitted_manifest.h"
+#include "server/artefact/unpack_image.h"
 #include "server/base/names.h"
 #include "server/base/plain_text.h"
 
@@ -226,45 +228,28 @@ absl::Status PackFolder(const std::string& folder, const std::string& archive,
   return tar->Close();
 }
 
-// The part of a file's name that is allowed in a policy's name.
-std::string PolicyNameOf(const std::string& file) {
-  constexpr size_t kMaxBytes = 64;
-  std::string name;
-  for (size_t at = 0; at < file.size();) {
-    const size_t begin = at;
-    const char32_t c = TakeCodePoint(file, at);
-    if (name.size() + at - begin > kMaxBytes) break;
-    if (c != kBroken && !IsHarmful(c) && (c != ' ' || !name.empty())) {
-      name.append(file, begin, at - begin);
-    }
-  }
-  name.erase(name.find_last_not_of(' ') + 1);
-  return name.empty() ? "policy" : name;
-}
-
-absl::Status PackProgram(const std::string& program, const std::string& archive,
-                         const ArtefactLimits& limits, const ByteProgress& progress) {
+// Packs one file with the manifest that belongs to it.
+absl::Status PackWithManifest(const std::string& source, const std::string& name, bool executable,
+                              const nlohmann::json& about_it, const std::string& archive,
+                              const ArtefactLimits& limits, const ByteProgress& progress) {
   Listing listing(limits);
-  const std::string base = std::filesystem::path(program).filename().string();
-  const absl::StatusOr<std::string> name = listing.CleanPath(base);
-  if (!name.ok()) return name.status();
+  const absl::StatusOr<std::string> clean = listing.CleanPath(name);
+  if (!clean.ok()) return clean.status();
   const std::string manifest =
-      nlohmann::json{{"name", PolicyNameOf(base)}, {"command", {"./" + base}}}.dump(
-          2, ' ', false, nlohmann::json::error_handler_t::ignore) +
-      "\n";
-  const Fd fd(::open(program.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+      about_it.dump(2, ' ', false, nlohmann::json::error_handler_t::ignore) + "\n";
+  const Fd fd(::open(source.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
   struct stat info = {};
-  if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return Unreadable(program);
-  const absl::StatusOr<Entry*> file = listing.Add(base, EntryType::kFile);
+  if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return Unreadable(source);
+  const absl::StatusOr<Entry*> file = listing.Add(name, EntryType::kFile);
   const absl::StatusOr<Entry*> about = listing.Add("policy.json", EntryType::kFile);
-  absl::Status status = listing.AddBytes(base, info.st_size);
+  absl::Status status = listing.AddBytes(name, info.st_size);
   for (const absl::Status& added : {file.status(), about.status()}) {
     if (status.ok()) status = added;
   }
   if (!status.ok()) return status;
   (*file)->size = info.st_size;
   (*file)->time = KeptTime(info.st_mtim.tv_sec);
-  (*file)->executable = true;
+  (*file)->executable = executable;
   (*about)->size = static_cast<int64_t>(manifest.size());
   absl::StatusOr<TarWriter> tar = TarWriter::Create(archive);
   if (!tar.ok()) return tar.status();
@@ -272,11 +257,37 @@ absl::Status PackProgram(const std::string& program, const std::string& archive,
   for (const auto& [path, entry] : listing.entries()) {
     status = tar->Begin(path, entry);
     if (!status.ok()) return status;
-    status = path == base ? CopyFile(fd.get(), path, entry.size, *tar, packed)
+    status = path == name ? CopyFile(fd.get(), path, entry.size, *tar, packed)
                           : tar->Write(manifest.data(), manifest.size());
     if (!status.ok()) return status;
   }
   return tar->Close();
+}
+
+absl::Status PackProgram(const std::string& program, const std::string& archive,
+                         const ArtefactLimits& limits, const ByteProgress& progress) {
+  const std::string base = std::filesystem::path(program).filename().string();
+  return PackWithManifest(program, base, /*executable=*/true,
+                          {{"name", PolicyNameOf(base)}, {"command", {"./" + base}}}, archive,
+                          limits, progress);
+}
+
+bool IsImage(const std::string& path) {
+  const Fd file(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+  return file.valid() && MayBeImageArchive(file.get());
+}
+
+// An image is sent as it is: the daemon unpacks it, and checks it there.
+absl::Status PackImage(const std::string& image, const std::string& archive,
+                       const ArtefactLimits& limits, const ByteProgress& progress) {
+  constexpr char kName[] = "image.tar";
+  const Fd file(::open(image.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+  if (!file.valid()) return Unreadable(image);
+  const std::string stem = std::filesystem::path(image).filename().string();
+  return PackWithManifest(
+      image, kName, /*executable=*/false,
+      {{"name", ImageName(file.get(), stem.substr(0, stem.find(".tar")))}, {"image", kName}},
+      archive, limits, progress);
 }
 
 // An archive is unpacked and packed again: so it is checked against every rule before it is sent,
@@ -284,8 +295,8 @@ absl::Status PackProgram(const std::string& program, const std::string& archive,
 absl::Status Repack(const std::string& source, const std::string& archive,
                     const ArtefactLimits& limits, const ByteProgress& progress) {
   const std::string folder = archive + ".unpacked";
-  const absl::StatusOr<Artefact> artefact = UnpackArtefact(source, folder, limits, progress);
-  if (!artefact.ok()) return artefact.status();
+  const absl::Status unpacked = UnpackSubmission(source, folder, limits, progress);
+  if (!unpacked.ok()) return unpacked;
   const absl::Status packed = PackFolder(folder, archive, limits, progress);
   std::error_code ignored;
   std::filesystem::remove_all(folder, ignored);
@@ -312,6 +323,7 @@ absl::Status PackArtefact(const std::string& path, const std::string& archive,
   if (!S_ISREG(info.st_mode)) {
     return absl::InvalidArgumentError("is neither a file nor a folder");
   }
+  if (HasArchiveName(path) && IsImage(path)) return PackImage(path, archive, limits, progress);
   if (HasArchiveName(path)) return Repack(path, archive, limits, progress);
   if ((info.st_mode & 0111) == 0) {
     return absl::InvalidArgumentError(

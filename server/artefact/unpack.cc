@@ -15,23 +15,15 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/sha256.h"
+#include "server/artefact/archive_errors.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
+#include "server/artefact/submitted_manifest.h"
+#include "server/artefact/unpack_image.h"
 
 namespace myograde::server {
 namespace {
-
-// libarchive's error message, as part of one line.
-std::string ReasonOf(archive* reader) {
-  const char* text = archive_error_string(reader);
-  std::string reason = text != nullptr ? std::string(text).substr(0, 200) : "unreadable";
-  for (char& c : reason) {
-    if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) >= 0x7f) c = ' ';
-  }
-  reason.erase(reason.find_last_not_of(' ') + 1);
-  return reason;
-}
 
 // Whether the host failed to read, which says nothing about the archive.
 bool HostFailed(archive* reader) {
@@ -201,7 +193,7 @@ absl::Status Unpacker::CopyContent(const std::string& path, int fd, Entry& file)
     if (got < 0 && HostFailed(reader_)) return HostError("can't read the archive");
     if (got < 0) {
       return absl::InvalidArgumentError(absl::StrCat("the archive is broken in the entry ",
-                                                     Quoted(path), ": ", ReasonOf(reader_)));
+                                                     Quoted(path), ": ", ArchiveReason(reader_)));
     }
     if (got == 0) break;
     const absl::Status counted = listing_.AddBytes(path, got);
@@ -252,40 +244,15 @@ std::unique_ptr<archive, ArchiveReader> MakeReader(Compression compression) {
   return reader;
 }
 
-}  // namespace
-
-absl::StatusOr<UnpackPlace> OpenUnpackPlace(const std::string& archive,
-                                            const std::string& destination) {
-  if (::mkdir(destination.c_str(), 0755) != 0) {
-    return HostError(absl::StrCat("can't make the folder ", destination));
-  }
-  UnpackPlace place;
-  place.folder = Fd(::open(destination.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
-  absl::Status status;
-  if (!place.folder.valid() || ::fchmod(place.folder.get(), 0755) != 0) {
-    status = HostError(absl::StrCat("can't open the folder ", destination));
-  } else {
-    place.archive = Fd(::open(archive.c_str(), O_RDONLY | O_CLOEXEC));
-    if (!place.archive.valid()) {
-      status = HostError(absl::StrCat("can't open the archive ", archive));
-    }
-  }
-  if (status.ok()) return place;
-  ::rmdir(destination.c_str());
-  return status;
-}
-
-absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLimits& limits,
-                                      const ByteProgress& progress) {
-  const absl::Status good_limits = CheckLimits(limits);
-  if (!good_limits.ok()) return good_limits;
-  const Utf8Names utf8_names;
+// Unpacks an ordinary submission, which may hold an image's archive as a file.
+absl::StatusOr<Listing> UnpackFiles(int archive, int folder, const ArtefactLimits& limits,
+                                    const ByteProgress& progress) {
   const Compression compression = CompressionOf(archive);
   const auto reader = MakeReader(compression);
   const auto broken = [&](std::string_view what) {
     if (HostFailed(reader.get())) return HostError("can't read the archive");
     return absl::InvalidArgumentError(
-        absl::StrCat(absl::string_view(what.data(), what.size()), ": ", ReasonOf(reader.get())));
+        absl::StrCat(absl::string_view(what.data(), what.size()), ": ", ArchiveReason(reader.get())));
   };
   if (archive_read_open_fd(reader.get(), archive, 64 << 10) != ARCHIVE_OK) {
     return broken("this is no archive of a kind that is accepted (tar, tar.gz, tar.zst, zip)");
@@ -313,27 +280,95 @@ absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLim
     const absl::Status taken = unpacker.Take(entry);
     if (!taken.ok()) return taken;
   }
-  absl::StatusOr<ArtefactManifest> manifest = ReadManifest(folder);
-  if (!manifest.ok()) return manifest.status();
-  const Listing& listing = unpacker.listing();
-  return Artefact{.digest = listing.Digest(),
-                  .manifest = *std::move(manifest),
-                  .bytes = listing.bytes(),
-                  .files = static_cast<int64_t>(listing.entries().size())};
+  return unpacker.listing();
 }
 
-absl::StatusOr<Artefact> UnpackArtefact(const std::string& archive, const std::string& destination,
-                                        const ArtefactLimits& limits,
-                                        const ByteProgress& progress) {
+// Replaces a submission's two files by the image's content. The archive's name is gone first, so
+// that nothing of it collides with what is made.
+absl::StatusOr<Artefact> UnpackImageFile(const SubmittedManifest& submitted, int folder,
+                                         const ArtefactLimits& limits) {
+  const Fd file = OpenBeneath(folder, submitted.image_file, O_RDONLY | O_NONBLOCK);
+  if (!file.valid()) return HostError("can't open the image's archive");
+  for (const std::string& name : {submitted.image_file, std::string("policy.json")}) {
+    if (::unlinkat(folder, name.c_str(), 0) != 0) return HostError("can't remove " + name);
+  }
+  return UnpackImage(file.get(), folder, submitted.json, limits, [] {});
+}
+
+absl::StatusOr<Artefact> UnpackAny(int archive, int folder, const ArtefactLimits& limits,
+                                   bool images, const ByteProgress& progress) {
+  const absl::Status good_limits = CheckLimits(limits);
+  if (!good_limits.ok()) return good_limits;
+  const Utf8Names utf8_names;
+  if (images && IsImageArchive(archive, folder)) {
+    return UnpackImage(archive, folder, nlohmann::json::object(), limits, [] {});
+  }
+  const absl::StatusOr<Listing> listing = UnpackFiles(archive, folder, limits, progress);
+  if (!listing.ok()) return listing.status();
+  absl::StatusOr<SubmittedManifest> submitted = ReadSubmittedManifest(folder);
+  if (!submitted.ok()) return submitted.status();
+  if (images && !submitted->image_file.empty()) return UnpackImageFile(*submitted, folder, limits);
+  return Artefact{.digest = listing->Digest(),
+                  .manifest = std::move(submitted->manifest),
+                  .bytes = listing->bytes(),
+                  .files = static_cast<int64_t>(listing->entries().size())};
+}
+
+}  // namespace
+
+absl::StatusOr<UnpackPlace> OpenUnpackPlace(const std::string& archive,
+                                            const std::string& destination) {
+  if (::mkdir(destination.c_str(), 0755) != 0) {
+    return HostError(absl::StrCat("can't make the folder ", destination));
+  }
+  UnpackPlace place;
+  place.folder = Fd(::open(destination.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+  absl::Status status;
+  if (!place.folder.valid() || ::fchmod(place.folder.get(), 0755) != 0) {
+    status = HostError(absl::StrCat("can't open the folder ", destination));
+  } else {
+    place.archive = Fd(::open(archive.c_str(), O_RDONLY | O_CLOEXEC));
+    if (!place.archive.valid()) {
+      status = HostError(absl::StrCat("can't open the archive ", archive));
+    }
+  }
+  if (status.ok()) return place;
+  ::rmdir(destination.c_str());
+  return status;
+}
+
+absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLimits& limits,
+                                      const ByteProgress& progress) {
+  return UnpackAny(archive, folder, limits, /*images=*/true, progress);
+}
+
+namespace {
+
+absl::StatusOr<Artefact> UnpackInto(const std::string& archive, const std::string& destination,
+                                    const ArtefactLimits& limits, bool images,
+                                    const ByteProgress& progress) {
   const absl::StatusOr<UnpackPlace> place = OpenUnpackPlace(archive, destination);
   if (!place.ok()) return place.status();
   absl::StatusOr<Artefact> artefact =
-      UnpackOpened(place->archive.get(), place->folder.get(), limits, progress);
+      UnpackAny(place->archive.get(), place->folder.get(), limits, images, progress);
   if (!artefact.ok()) {
     std::error_code ignored;  // the first error is the one to report
     std::filesystem::remove_all(destination, ignored);
   }
   return artefact;
+}
+
+}  // namespace
+
+absl::StatusOr<Artefact> UnpackArtefact(const std::string& archive, const std::string& destination,
+                                        const ArtefactLimits& limits,
+                                        const ByteProgress& progress) {
+  return UnpackInto(archive, destination, limits, /*images=*/true, progress);
+}
+
+absl::Status UnpackSubmission(const std::string& archive, const std::string& destination,
+                              const ArtefactLimits& limits, const ByteProgress& progress) {
+  return UnpackInto(archive, destination, limits, /*images=*/false, progress).status();
 }
 
 }  // namespace myograde::server

@@ -45,16 +45,19 @@ nlohmann::json AnswerOf(const absl::StatusOr<Artefact>& artefact) {
     return {{"code", artefact.status().raw_code()},
             {"message", std::string(artefact.status().message())}};
   }
-  return {{"code", 0},
-          {"digest", artefact->digest},
-          {"name", artefact->manifest.name},
-          {"command", artefact->manifest.command},
-          {"runtimes", artefact->manifest.runtimes},
-          {"environment", artefact->manifest.environment},
-          {"adapter", artefact->manifest.adapter},
-          {"extra_observations", artefact->manifest.extra_observations},
-          {"bytes", artefact->bytes},
-          {"files", artefact->files}};
+  nlohmann::json answer = {
+      {"code", 0},
+      {"digest", artefact->digest},
+      {"name", artefact->manifest.name},
+      {"command", artefact->manifest.command},
+      {"runtimes", artefact->manifest.runtimes},
+      {"environment", artefact->manifest.environment},
+      {"bytes", artefact->bytes},
+      {"files", artefact->files}};
+  if (artefact->manifest.image.has_value()) {
+    answer["image"] = PolicyImageToJson(*artefact->manifest.image);
+  }
+  return answer;
 }
 
 bool Limit(int resource, int64_t value, int64_t hard) {
@@ -188,6 +191,12 @@ absl::StatusOr<Artefact> ArtefactOf(const std::string& answer, int wait_status,
   artefact.manifest.extra_observations = reader.Boolean("extra_observations");
   artefact.bytes = reader.Integer("bytes", 0, INT64_MAX);
   artefact.files = reader.Integer("files", 0, INT64_MAX);
+  if (reader.Has("image")) {
+    absl::StatusOr<PolicyImage> image =
+        PolicyImageFromJson(reader.Object("image"), "unpacking: image");
+    if (!image.ok()) return image.status();
+    artefact.manifest.image = *std::move(image);
+  }
   if (const absl::Status status = reader.Finish(); !status.ok()) return status;
   return artefact;
 }

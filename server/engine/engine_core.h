@@ -174,6 +174,7 @@ class EngineCore {
     std::map<std::string, std::string> environment;
     std::string adapter;  // "": none
     bool extra_observations = false;
+    std::optional<PolicyImage> image;
     TrackPtr track;
     SeedsPtr seeds;
     std::map<int64_t, std::pair<int64_t, int64_t>> leases;  // id to first and last episode

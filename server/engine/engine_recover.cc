@@ -40,6 +40,7 @@ EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) con
   context->environment = stored.artefact.environment;
   context->adapter = stored.artefact.adapter;
   context->extra_observations = stored.submission.extra_observations;
+  context->image = stored.artefact.image;
   for (const std::string& runtime : stored.artefact.runtimes) {
     const auto it = options_.config.runtimes.find(runtime);
     // If a runtime has left the settings, the runner reports the missing folder as the grader's

@@ -42,6 +42,7 @@ LeaseOrder MakeLeaseOrder(std::string id, const TrackConfig& track,
   order.runtimes = program.runtimes;
   order.adapter = program.adapter;
   order.extra_observations = program.extra_observations;
+  order.image = program.image;
   return order;
 }
 

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,7 @@ struct LeaseProgram {
   std::vector<std::string> runtimes;  // host folders
   std::string adapter = {};           // "": none
   bool extra_observations = false;    // see LeaseOrder
+  std::optional<PolicyImage> image = {};
 };
 
 // Where to run it.

@@ -95,11 +95,12 @@ absl::StatusOr<std::unique_ptr<PolicyRun>> PolicyRun::Prepare(const LeaseContext
   absl::StatusOr<Pipe> stderr_pipe = MakeOutputPipe();
   if (!stderr_pipe.ok()) return stderr_pipe.status();
   Fd nothing(open("/dev/null", O_RDONLY | O_CLOEXEC));
-  const SandboxSpec spec =
+  const absl::StatusOr<SandboxSpec> spec =
       MakePolicySandbox(order, context.config.policy, context.bin_dir, context.stage, context.etc,
                         run->scratch_, run->group_->controllers());
+  if (!spec.ok()) return spec.status();
   absl::StatusOr<std::unique_ptr<Sandbox>> sandbox =
-      Sandbox::Start(spec,
+      Sandbox::Start(*spec,
                      {{nothing.get(), 0},
                       {stdout_pipe->write.get(), 1},
                       {stderr_pipe->write.get(), 2},

@@ -248,8 +248,10 @@ absl::Status WithSandboxes(const DoctorOptions& options,
   for (const std::string& source : StagedSources(order, options.bin_dir)) {
     staged[stage->PathOf(source)] = source;
   }
-  return use({MakePolicySandbox(order, config->policy, options.bin_dir, *stage, *etc, *scratch,
-                                group),
+  absl::StatusOr<SandboxSpec> policy = MakePolicySandbox(
+      order, config->policy, options.bin_dir, *stage, *etc, *scratch, group);
+  if (!policy.ok()) return policy.status();
+  return use({*std::move(policy),
               MakeSimSandbox(order, config->sim, options.bin_dir, *stage, *etc), *config, budgets,
               group, staged});
 }

@@ -14,6 +14,7 @@
 #include "protocol/policy/channels.h"
 #include "protocol/base/pinned_maths.h"
 #include "server/sandbox/adapter_command.h"
+#include "server/sandbox/image_sandbox.h"
 #include "server/sandbox/users.h"
 
 namespace myograde::server {
@@ -31,8 +32,8 @@ constexpr bool kSanitized = true;
 constexpr bool kSanitized = false;
 #endif
 
-// The parts of the host that every sandbox shows.
-void AddSystem(const EtcFiles& etc, SandboxSpec& spec) {
+// The host's files that every sandbox shows, but for images'.
+void AddHostFiles(const EtcFiles& etc, SandboxSpec& spec) {
   const auto add = [&](Kind kind, std::string source, std::string target) {
     spec.mounts.push_back({kind, std::move(source), std::move(target)});
   };
@@ -43,8 +44,11 @@ void AddSystem(const EtcFiles& etc, SandboxSpec& spec) {
   add(Kind::kReadOnly, etc.group, "/etc/group");
   add(Kind::kReadOnly, etc.hosts, "/etc/hosts");
   for (const std::string& path : SystemPlaces()) add(Kind::kReadOnly, path, path);
-  add(Kind::kProc, "", "/proc");
-  add(Kind::kDev, "", "/dev");
+}
+
+void AddKernelFiles(SandboxSpec& spec) {
+  spec.mounts.push_back({Kind::kProc, "", "/proc"});
+  spec.mounts.push_back({Kind::kDev, "", "/dev"});
 }
 
 // Identifies the sandbox' processes to the daemon; see slot_processes.h.
@@ -73,21 +77,40 @@ void AddSanitizerOptions(SandboxSpec& spec) {
   if (kSanitized) spec.environment.emplace_back("ASAN_OPTIONS", "detect_leaks=0");
 }
 
-// What the bridge starts. The participant's variables are set by whoever starts the participant's
-// program, so that none of them affects another.
-void AddPolicyCommand(const LeaseOrder& order, SandboxSpec& spec) {
-  std::vector<std::string> command = order.command;
+// The bridge, which starts the policy. The policy's variables are set through it, so that none of
+// them affects a program that is not the participant's.
+void AddBridgeCommand(const LeaseOrder& order, const PolicySandboxConfig& config,
+                      const std::string& bridge, SandboxSpec& spec) {
+  const Budgets& budgets = order.track.budgets;
+  const bool image = order.image.has_value();
+  spec.command = image ? LoaderCommand(bridge, bridge) : std::vector<std::string>{bridge};
+  const auto add = [&](const std::string& option, std::string value) {
+    spec.command.insert(spec.command.end(), {option, std::move(value)});
+  };
+  add("--stray", std::to_string(budgets.stray_messages));
+  add("--wrong", std::to_string(budgets.wrong_answers));
+  if (const auto farewell = static_cast<int64_t>(std::lround(config.farewell_s * 1000));
+      farewell > 0) {
+    add("--farewell", std::to_string(farewell));
+  }
+  spec.working_dir = image ? "/" : "/policy";
   if (!order.adapter.empty()) {
-    command = AdapterCommand(order);
+    for (std::string& variable : AdapterEnvironment(order)) add("--env", std::move(variable));
+  } else if (image) {
+    // An image's folder may be missing, which is not the sandbox' fault.
+    add("--cwd", order.image->working_dir);
+    for (std::string& variable : AgentEnvironment(order)) add("--env", std::move(variable));
   } else {
     for (const auto& [name, value] : order.environment) {
       const bool joins = name == "PYTHONPATH" && !order.runtimes.empty();
       const std::string more = joins ? ":" + absl::StrJoin(order.runtimes, ":") : "";
-      spec.command.insert(spec.command.end(), {"--env", absl::StrCat(name, "=", value, more)});
+      add("--env", absl::StrCat(name, "=", value, more));
     }
   }
+  const std::vector<std::string> policy =
+      order.adapter.empty() ? order.command : AdapterCommand(order);
   spec.command.emplace_back("--");
-  spec.command.insert(spec.command.end(), command.begin(), command.end());
+  spec.command.insert(spec.command.end(), policy.begin(), policy.end());
 }
 
 }  // namespace
@@ -125,7 +148,7 @@ absl::StatusOr<EtcFiles> StageEtcFiles(const Stage& stage) {
   } entries[] = {{&files.passwd, "passwd",
                   "root:x:0:0:root:/:/usr/sbin/nologin\npolicy:x:1000:1000::/tmp:/bin/sh\n"},
                  {&files.group, "group", "root:x:0:\npolicy:x:1000:\n"},
-                 {&files.hosts, "hosts", "127.0.0.1 localhost myograde environment\n::1 localhost\n"}};
+                 {&files.hosts, "hosts", kImageHosts}};
   for (const auto& entry : entries) {
     absl::StatusOr<std::string> path = stage.AddFile(entry.name, entry.text);
     if (!path.ok()) return path.status();
@@ -176,12 +199,22 @@ GroupLimits PolicyGroupLimits(const Budgets& budgets) {
   return {budgets.memory_bytes, budgets.tasks + kOwnTasks, budgets.cpus};
 }
 
-SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig& config,
-                              const std::string& bin_dir, const Stage& stage, const EtcFiles& etc,
-                              const std::string& scratch, const GroupControllers& group) {
+absl::StatusOr<SandboxSpec> MakePolicySandbox(const LeaseOrder& order,
+                                              const PolicySandboxConfig& config,
+                                              const std::string& bin_dir, const Stage& stage,
+                                              const EtcFiles& etc, const std::string& scratch,
+                                              const GroupControllers& group) {
   const Budgets& budgets = order.track.budgets;
   SandboxSpec spec;
-  AddSystem(etc, spec);
+  if (order.image.has_value()) {
+    if (absl::Status added = AddImage(order, stage, spec); !added.ok()) return added;
+    spec.inner_uid = order.image->uid;
+    spec.inner_gid = order.image->gid;
+    spec.prlimit = HostCommand("/usr/bin/prlimit");
+  } else {
+    AddHostFiles(etc, spec);
+  }
+  AddKernelFiles(spec);
   for (const auto& [name, path] : stage.devices()) {
     spec.mounts.push_back({Kind::kDevice, path, "/dev/" + name});
   }
@@ -198,7 +231,9 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig
   for (const std::string& runtime : order.runtimes) {
     spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(runtime), runtime});
   }
-  spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(order.artefact_dir), "/policy"});
+  if (!order.image.has_value()) {
+    spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(order.artefact_dir), "/policy"});
+  }
   if (!order.adapter.empty()) {
     spec.mounts.push_back({Kind::kReadOnly,
                            stage.PathOf(AdapterFolder(order.adapter, bin_dir)), kAdapterPlace});
@@ -211,7 +246,9 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig
   spec.batch = true;
   const std::string processors =
       std::to_string(std::max<int64_t>(1, static_cast<int64_t>(std::ceil(budgets.cpus))));
-  spec.environment = {{"PATH", absl::StrJoin(PolicyPath(order.runtimes), ":")},
+  const std::vector<std::string> path =
+      order.image.has_value() ? ImagePath(*order.image) : PolicyPath(order.runtimes);
+  spec.environment = {{"PATH", absl::StrJoin(path, ":")},
                       {"HOME", "/tmp"},
                       {"LANG", "C.UTF-8"},
                       {kBusUrlVariable, kBusUrl},
@@ -221,19 +258,12 @@ SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig
                       // order in every run.
                       {"PYTHONUNBUFFERED", "1"},
                       {"PYTHONHASHSEED", "0"}};
-  if (!order.runtimes.empty()) {
+  // An image's Python is another than the one that the runtimes are for.
+  if (!order.runtimes.empty() && !order.image.has_value()) {
     spec.environment.emplace_back("PYTHONPATH", absl::StrJoin(order.runtimes, ":"));
   }
   AddSanitizerOptions(spec);
-
-  spec.command = {bridge, "--stray", std::to_string(budgets.stray_messages), "--wrong",
-                  std::to_string(budgets.wrong_answers)};
-  if (const auto farewell = static_cast<int64_t>(std::lround(config.farewell_s * 1000));
-      farewell > 0) {
-    spec.command.insert(spec.command.end(), {"--farewell", std::to_string(farewell)});
-  }
-  AddPolicyCommand(order, spec);
-  spec.working_dir = "/policy";
+  AddBridgeCommand(order, config, bridge, spec);
   spec.bus = true;
   spec.as_first = true;
   spec.held = true;
@@ -258,7 +288,8 @@ GroupLimits SimGroupLimits(const SimSandboxConfig& config) {
 SandboxSpec MakeSimSandbox(const LeaseOrder& order, const SimSandboxConfig& config,
                            const std::string& bin_dir, const Stage& stage, const EtcFiles& etc) {
   SandboxSpec spec;
-  AddSystem(etc, spec);
+  AddHostFiles(etc, spec);
+  AddKernelFiles(spec);
   const std::string sim = absl::StrCat(kPrograms, "/myograde-sim");
   spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(bin_dir) + "/myograde-sim", sim});
   spec.mounts.push_back({Kind::kReadOnly, stage.PathOf(order.cache_dir), order.cache_dir});

@@ -38,12 +38,16 @@ std::vector<std::string> PolicyPath(const std::vector<std::string>& runtimes);
 std::vector<std::string> SystemPlaces();
 std::vector<std::string> SystemLinks();
 
-// The participant's sandbox: bridge as process 1, the artefact at /policy. `scratch`: from
+// The participant's sandbox: bridge as process 1, the artefact at /policy, or the artefact's image as
+// the root. `scratch`: from
 // Stage::MountScratch. `group` tells which limits the kernel already enforces; the others become
 // rlimits.
-SandboxSpec MakePolicySandbox(const LeaseOrder& order, const PolicySandboxConfig& config,
-                              const std::string& bin_dir, const Stage& stage, const EtcFiles& etc,
-                              const std::string& scratch, const GroupControllers& group);
+// FailedPreconditionError: an image's files are damaged.
+absl::StatusOr<SandboxSpec> MakePolicySandbox(const LeaseOrder& order,
+                                              const PolicySandboxConfig& config,
+                                              const std::string& bin_dir, const Stage& stage,
+                                              const EtcFiles& etc, const std::string& scratch,
+                                              const GroupControllers& group);
 
 // The limits of the participant's control group.
 GroupLimits PolicyGroupLimits(const Budgets& budgets);

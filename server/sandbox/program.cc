@@ -22,6 +22,7 @@
 #include "protocol/base/program_head.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
+#include "server/sandbox/image_sandbox.h"
 #include "server/sandbox/policy_sandbox.h"
 
 namespace myograde::server {
@@ -45,8 +46,13 @@ struct Found {
 // The sandbox' file system as far as programs need it, seen from outside.
 class SandboxView {
  public:
-  SandboxView(int artefact, const std::vector<std::string>& runtimes)
-      : artefact_(artefact), host_(SystemPlaces()), links_(SystemLinks()) {
+  // `image`: `artefact` is the root of an image instead of what is shown at /policy.
+  SandboxView(int artefact, const std::vector<std::string>& runtimes, bool image)
+      : artefact_(artefact), image_(image) {
+    if (!image) {
+      host_ = SystemPlaces();
+      links_ = SystemLinks();
+    }
     host_.insert(host_.end(), runtimes.begin(), runtimes.end());
   }
 
@@ -84,6 +90,9 @@ class SandboxView {
 
   // Opens a file that Find returned, for reading.
   Fd Open(const std::string& path) const {
+    if (IsInImage(path)) {
+      return OpenBeneath(artefact_, path.substr(1), O_RDONLY | O_NONBLOCK);
+    }
     if (IsAtOrBelow(path, kPolicy)) {
       return OpenBeneath(artefact_, path.substr(sizeof(kPolicy)), O_RDONLY | O_NONBLOCK);
     }
@@ -97,8 +106,11 @@ class SandboxView {
     for (const std::string& link : links_) {
       if (path == "/" + link) return target = "usr/" + link, S_IFLNK;
     }
-    if (path == kPolicy) return S_IFDIR | 0755;
-    if (IsAtOrBelow(path, kPolicy)) {
+    if (IsInImage(path)) {
+      return ModeOf(OpenBeneath(artefact_, path.substr(1), O_PATH), target);
+    }
+    if (!image_ && path == kPolicy) return S_IFDIR | 0755;
+    if (!image_ && IsAtOrBelow(path, kPolicy)) {
       return ModeOf(OpenBeneath(artefact_, path.substr(sizeof(kPolicy)), O_PATH), target);
     }
     for (const std::string& place : host_) {
@@ -108,6 +120,16 @@ class SandboxView {
       if (IsAtOrBelow(place, path)) return S_IFDIR | 0755;
     }
     return 0;
+  }
+
+  // Whether it is a path of the image, which a runtime or the sandbox' own parts may replace.
+  bool IsInImage(const std::string& path) const {
+    if (!image_) return false;
+    for (const std::string& place : host_) {
+      if (IsAtOrBelow(path, place) || IsAtOrBelow(place, path)) return false;
+    }
+    const std::string_view top = std::string_view(path).substr(1, path.find('/', 1) - 1);
+    return !IsReplacedByTheSandbox(top);
   }
 
   static mode_t ModeOf(const Fd& fd, std::string& target) {
@@ -123,21 +145,31 @@ class SandboxView {
   }
 
   const int artefact_;
+  const bool image_;
   std::vector<std::string> host_;
-  const std::vector<std::string> links_;
+  std::vector<std::string> links_;
 };
 
 class ProgramCheck {
  public:
-  ProgramCheck(const std::string& word, int artefact, const std::vector<std::string>& runtimes)
-      : word_(word), view_(artefact, runtimes), path_(PolicyPath(runtimes)) {}
+  ProgramCheck(const ArtefactManifest& manifest, int artefact,
+               const std::vector<std::string>& runtimes)
+      : word_(manifest.command[0]),
+        image_(manifest.image.has_value()),
+        folder_(image_ ? manifest.image->working_dir : kPolicy),
+        view_(artefact, runtimes, image_),
+        path_(image_ ? ImagePath(*manifest.image) : PolicyPath(runtimes)) {}
 
   absl::Status Run() const {
     if (word_.find('/') != std::string::npos) {
-      return Check(word_[0] == '/' ? word_ : absl::StrCat(kPolicy, "/", word_), 0);
+      return Check(word_[0] == '/' ? word_ : absl::StrCat(folder_, "/", word_), 0);
     }
     const std::string place = OnPath(word_);
     if (!place.empty()) return Check(place, 0);
+    if (image_) {
+      return Refused(absl::StrCat("is in none of the image's folders of programs: ",
+                                  absl::StrJoin(path_, ", "), "; set PATH in its ENV"));
+    }
     return Refused(absl::StrCat("is no file of the submission and no program of the sandbox, which "
                                 "has its own in ", absl::StrJoin(path_, ", "),
                                 "; add the file, or name a program of Debian, a runtime or the "
@@ -180,7 +212,9 @@ class ProgramCheck {
       case ProgramHead::Kind::kBinary:
         if (head.interpreter.empty() || view_.Find(head.interpreter, missing)) break;
         return Refused(absl::StrCat(start, "needs the dynamic loader ", Quoted(head.interpreter),
-                                    ", which the sandbox does not have; build it on Debian 12, or "
+                                    ", which the ",
+                                    image_ ? "image does not have; add it, or "
+                                           : "sandbox does not have; build it on Debian 12, or ",
                                     "link it statically"));
       case ProgramHead::Kind::kScript:
         return CheckInterpreter(head, depth);
@@ -194,7 +228,7 @@ class ProgramCheck {
     if (head.interpreter.empty() || depth >= kMaxInterpreters) return absl::OkStatus();
     const std::string interpreter = head.interpreter[0] == '/'
                                         ? head.interpreter
-                                        : absl::StrCat(kPolicy, "/", head.interpreter);
+                                        : absl::StrCat(folder_, "/", head.interpreter);
     if (absl::Status status = Check(interpreter, depth + 1); !status.ok()) return status;
     // "env python3" looks up the next word in turn; env's own options are not interpreted here.
     const std::string next = head.argument.substr(0, head.argument.find_first_of(" \t="));
@@ -212,7 +246,7 @@ class ProgramCheck {
     const std::filesystem::path name = std::filesystem::path(path).lexically_normal();
     const std::string venv = name.parent_path().parent_path().string();
     std::string missing;
-    if (!IsAtOrBelow(venv, kPolicy)) return absl::OkStatus();
+    if (image_ || !IsAtOrBelow(venv, kPolicy)) return absl::OkStatus();
     const std::optional<Found> config = view_.Find(venv + "/pyvenv.cfg", missing);
     if (!config || !S_ISREG(config->mode)) return absl::OkStatus();
     const std::string place = venv == kPolicy ? "." : venv.substr(sizeof(kPolicy));
@@ -248,7 +282,13 @@ class ProgramCheck {
     return "";
   }
 
-  static std::string Absent(const std::string& path, const std::string& missing) {
+  std::string Absent(const std::string& path, const std::string& missing) const {
+    if (image_) {
+      return absl::StrCat("needs ", Quoted(missing), ", which the image does not have",
+                          IsReplacedByTheSandbox(missing.substr(1, missing.find('/', 1) - 1))
+                              ? ": /dev, /myograde, /proc and /tmp are the sandbox' own"
+                              : "");
+    }
     const std::string place = std::filesystem::path(path).lexically_normal().string();
     if (missing == place) {
       return absl::StrCat("is not there: the sandbox has the submission in ", kPolicy,
@@ -265,6 +305,8 @@ class ProgramCheck {
   }
 
   const std::string word_;
+  const bool image_;
+  const std::string folder_;  // where it starts
   const SandboxView view_;
   const std::vector<std::string> path_;
 };
@@ -275,7 +317,10 @@ absl::Status CheckProgram(const ArtefactManifest& manifest, const std::string& f
                           const std::vector<std::string>& runtimes) {
   const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!root.valid()) return HostError(absl::StrCat("can't open the folder ", folder));
-  return ProgramCheck(manifest.command[0], root.get(), runtimes).Run();
+  if (!manifest.image.has_value()) return ProgramCheck(manifest, root.get(), runtimes).Run();
+  const Fd image = OpenBeneath(root.get(), kImageFolder, O_PATH | O_DIRECTORY);
+  if (!image.valid()) return HostError(absl::StrCat("can't open the image in ", folder));
+  return ProgramCheck(manifest, image.get(), runtimes).Run();
 }
 
 }  // namespace myograde::server

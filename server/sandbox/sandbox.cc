@@ -28,8 +28,6 @@ namespace myograde::server {
 namespace {
 
 constexpr char kBubblewrap[] = "/usr/bin/bwrap";
-constexpr char kPrlimit[] = "/usr/bin/prlimit";
-constexpr int kInnerUid = 1000;  // the uid inside every sandbox
 // Above those that a command is given.
 constexpr int kStatusFd = 20;
 constexpr int kFilterFd = 21;
@@ -79,10 +77,10 @@ void AppendMount(const SandboxMount& mount, std::vector<std::string>& arguments)
 }
 
 std::vector<std::string> Arguments(const SandboxSpec& spec, bool filter) {
-  const std::string inner_uid = std::to_string(kInnerUid);
   std::vector<std::string> arguments = {
       kBubblewrap,      "--unshare-user", "--unshare-pid", "--unshare-ipc", "--unshare-uts",
-      "--unshare-cgroup-try", "--uid",    inner_uid,       "--gid",         inner_uid,
+      "--unshare-cgroup-try", "--uid",    std::to_string(spec.inner_uid),
+      "--gid",          std::to_string(spec.inner_gid),
       "--hostname",     "myograde",       "--new-session", "--die-with-parent",
       "--cap-drop",     "ALL",            "--json-status-fd", std::to_string(kStatusFd)};
   if (spec.as_first) arguments.push_back("--as-pid-1");
@@ -99,8 +97,9 @@ std::vector<std::string> Arguments(const SandboxSpec& spec, bool filter) {
   // The kernel counts a user's processes per user namespace, so a limit set inside counts only the
   // sandbox' own.
   if (spec.tasks > 0) {
+    arguments.insert(arguments.end(), spec.prlimit.begin(), spec.prlimit.end());
     arguments.insert(arguments.end(),
-                     {kPrlimit, absl::StrCat("--nproc=", spec.tasks, ":", spec.tasks), "--"});
+                     {absl::StrCat("--nproc=", spec.tasks, ":", spec.tasks), "--"});
   }
   arguments.insert(arguments.end(), spec.command.begin(), spec.command.end());
   return arguments;
@@ -189,7 +188,7 @@ nlohmann::json SandboxSpecToJson(const SandboxSpec& spec) {
                          {"process_1", spec.as_first ? spec.command.front() : "bwrap"},
                          {"begins", spec.held ? "when it is asked for" : "at once"},
                          {"uid", spec.uid},
-                         {"uid_inside", kInnerUid},
+                         {"uid_inside", spec.inner_uid},
                          {"tasks", spec.tasks},
                          {"scheduling", spec.batch ? "batch" : "other"},
                          {"namespaces", {"user", "pid", "ipc", "uts", "mount", "net", "cgroup"}},

@@ -45,6 +45,10 @@ struct SandboxSpec {
   // not like this (SCHED_BATCH).
   bool batch = false;
   int64_t uid = -1;         // set before any namespace is created; -1: the caller's own
+  int64_t inner_uid = 1000;  // the user and group that its processes see themselves as
+  int64_t inner_gid = 1000;
+  // Starts the command that follows with a limit of `tasks`; a path in the sandbox.
+  std::vector<std::string> prlimit = {"/usr/bin/prlimit"};
   int64_t tasks = 0;        // RLIMIT_NPROC, set inside the sandbox' own user namespace; 0: none
   std::vector<SandboxLimit> limits;
 };

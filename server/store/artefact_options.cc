@@ -10,6 +10,7 @@ std::string ArtefactOptionsOf(const ArtefactRow& artefact) {
   nlohmann::json options = nlohmann::json::object();
   if (!artefact.adapter.empty()) options["adapter"] = artefact.adapter;
   if (artefact.extra_observations) options["extra_observations"] = true;
+  if (artefact.image.has_value()) options["image"] = PolicyImageToJson(*artefact.image);
   return CanonicalJson(options);
 }
 
@@ -22,7 +23,14 @@ void ReadArtefactOptions(StoredRow& row, int column, ArtefactRow& artefact) {
   if (reader.Has("extra_observations")) {
     artefact.extra_observations = reader.Boolean("extra_observations");
   }
-  if (const absl::Status read = reader.Finish(); !read.ok()) row.Fail(column, std::string(read.message()));
+  if (reader.Has("image")) {
+    absl::StatusOr<PolicyImage> image = PolicyImageFromJson(reader.Object("image"), "options: image");
+    if (!image.ok()) return row.Fail(column, std::string(image.status().message()));
+    artefact.image = *std::move(image);
+  }
+  if (const absl::Status read = reader.Finish(); !read.ok()) {
+    row.Fail(column, std::string(read.message()));
+  }
 }
 
 }  // namespace myograde::server

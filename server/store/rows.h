@@ -11,6 +11,7 @@
 #include <absl/status/statusor.h>
 
 #include "protocol/base/outcome.h"
+#include "protocol/lease/policy_image.h"
 
 namespace myograde::server {
 
@@ -35,6 +36,7 @@ struct ArtefactRow {
   std::map<std::string, std::string> environment = {};
   std::string adapter = {};  // "": none
   bool extra_observations = false;  // its policy.json asks for them
+  std::optional<PolicyImage> image = {};
 };
 
 struct SubmissionRow {

@@ -83,7 +83,8 @@ LeaseOrder LocalRun::OrderFor(const Lease& lease) const {
        .adapter = order_.artefact.manifest.adapter,
        .extra_observations = ShowsExtraObservations(
            order_.artefact.manifest.extra_observations, !order_.artefact.manifest.adapter.empty(),
-           track)},
+           track),
+       .image = order_.artefact.manifest.image},
       {.slot = lease.slot,
        .uid = ::geteuid() == 0 ? order_.config.uid_base + kLocalUsers + lease.slot : -1,
        .pinned = PinsSlots(order_.config, order_.slots, track),

@@ -1,0 +1,112 @@
+// Bytes that are read once, from the beginning to the end, and may be archives in each other.
+#pragma once
+
+#include <archive.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "protocol/base/sha256.h"
+#include "server/artefact/listing.h"
+
+namespace myograde::server {
+
+class ByteStream {
+ public:
+  virtual ~ByteStream() = default;
+  // The next bytes, valid until the next call; empty at the end. InvalidArgumentError: the bytes are
+  // no archive, or a broken one; other codes: the host can't read them.
+  virtual absl::StatusOr<std::string_view> Next() = 0;
+  // Passes over at most `bytes` without reading them; the number passed over.
+  virtual int64_t Skip([[maybe_unused]] int64_t bytes) { return 0; }
+};
+
+// A file from `offset` on. Does not own it, and does not use its position.
+class FileStream : public ByteStream {
+ public:
+  explicit FileStream(int fd, int64_t offset = 0);
+  absl::StatusOr<std::string_view> Next() override;
+  int64_t Skip(int64_t bytes) override;
+
+ private:
+  const int fd_;
+  int64_t at_;
+  int64_t size_ = 0;
+  std::string buffer_;
+};
+
+// Counts what another stream yields, up to a limit, and hashes it.
+class CheckedStream : public ByteStream {
+ public:
+  // `what`: names the bytes in errors. `left`: the bytes that it and others may still yield
+  // together. Both streams share it, and it outlives them.
+  CheckedStream(ByteStream& from, std::string what, int64_t& left)
+      : from_(from), what_(std::move(what)), left_(left) {}
+  absl::StatusOr<std::string_view> Next() override;
+
+  // Reads to the end; then the number of bytes and their SHA-256 are known.
+  absl::Status Finish();
+  int64_t size() const { return size_; }
+  const std::string& sha256() const { return sha256_; }  // "" before Finish()
+
+ private:
+  ByteStream& from_;
+  const std::string what_;
+  int64_t& left_;
+  int64_t size_ = 0;
+  Sha256 hash_;
+  std::string sha256_;
+};
+
+// An archive that is read from a stream, which it does not own.
+class StreamArchive {
+ public:
+  // Which parsers may read it: each more adds attack surface.
+  enum class Form { kTar, kPacked };  // a tar, uncompressed; any bytes, compressed at most once
+  StreamArchive(ByteStream& from, Form form);
+
+  // After construction: whether it could be opened.
+  absl::Status Open();
+  // False at the end of the archive. Also for damage that libarchive would pass over: a file would
+  // be missing.
+  absl::StatusOr<bool> NextEntry(archive_entry** entry);
+  // The next bytes of the entry; empty at its end.
+  absl::StatusOr<std::string_view> NextData();
+  // Of the entry's header in the stream, which must have begun at its first byte.
+  int64_t header_position() const { return archive_read_header_position(reader_.get()); }
+
+ private:
+  static la_ssize_t Read(archive* reader, void* self, const void** buffer);
+  static la_int64_t SkipSome(archive* reader, void* self, la_int64_t bytes);
+  absl::Status Failure(std::string_view what) const;
+
+  ByteStream& from_;
+  const Form form_;
+  absl::Status failure_;  // of `from_`
+  std::string buffer_;
+  std::unique_ptr<archive, ArchiveReader> reader_;
+};
+
+// What a stream yields once it is decompressed, by gzip or zstd; the bytes themselves if they are
+// not compressed.
+class DecompressedStream : public ByteStream {
+ public:
+  explicit DecompressedStream(ByteStream& from)
+      : archive_(from, StreamArchive::Form::kPacked) {}
+  absl::StatusOr<std::string_view> Next() override;
+
+ private:
+  StreamArchive archive_;
+  bool open_ = false;
+  bool empty_ = false;
+};
+
+// Whether a file begins as gzip or zstd do.
+bool IsCompressed(int file);
+
+}  // namespace myograde::server

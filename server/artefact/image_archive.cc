@@ -1,0 +1,317 @@
+#include "server/artefact/image_archive.h"
+
+#include <archive_entry.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
+#include "protocol/base/config_reader.h"
+#include "server/artefact/archive_errors.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int64_t kMaxImageJson = 4 << 20;
+constexpr size_t kMaxMembers = 4096;
+constexpr int kMaxMemberLinks = 4;
+constexpr int kMaxIndexDepth = 3;
+constexpr size_t kHexDigits = 64;
+
+absl::Status BadImage(std::string_view what) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("the image ", absl::string_view(what.data(), what.size())));
+}
+
+// A name in the archive without "." and "..", which leads nowhere else.
+std::string PlainName(const std::string& name) {
+  std::string plain = std::filesystem::path("/" + name).lexically_normal().string().substr(1);
+  while (plain.ends_with('/')) plain.pop_back();
+  return plain;
+}
+
+bool IsHexDigest(std::string_view text) {
+  return text.size() >= kHexDigits &&
+         text.substr(0, kHexDigits).find_first_not_of("0123456789abcdef") == std::string_view::npos;
+}
+
+bool IsIndex(const std::string& media_type) {
+  return media_type == "application/vnd.oci.image.index.v1+json" ||
+         media_type == "application/vnd.docker.distribution.manifest.list.v2+json";
+}
+
+}  // namespace
+
+absl::StatusOr<std::string_view> MemberStream::Next() {
+  if (!open_) {
+    open_ = true;
+    if (absl::Status status = archive_.Open(); !status.ok()) return status;
+    archive_entry* entry = nullptr;
+    const absl::StatusOr<bool> found = archive_.NextEntry(&entry);
+    if (!found.ok()) return found.status();
+    if (!*found) return absl::InvalidArgumentError("a member of the image is cut off");
+  }
+  return archive_.NextData();
+}
+
+bool ImageArchive::MayBe(int file) {
+  FileStream stream(file);
+  DecompressedStream bytes(stream);
+  StreamArchive archive(bytes, StreamArchive::Form::kTar);
+  archive_entry* entry = nullptr;
+  if (!archive.Open().ok()) return false;
+  const absl::StatusOr<bool> found = archive.NextEntry(&entry);
+  if (!found.ok() || !*found || archive_entry_pathname(entry) == nullptr) return false;
+  std::string top = PlainName(archive_entry_pathname(entry));
+  top.erase(std::min(top.find('/'), top.size()));
+  for (const char* known : {"blobs", "oci-layout", "index.json", "manifest.json", "repositories"}) {
+    if (top == known) return true;
+  }
+  // Docker's archives begin with a folder or file that is named by its digest.
+  return IsHexDigest(top);
+}
+
+absl::StatusOr<ImageArchive> ImageArchive::Index(int file) {
+  FileStream stream(file);
+  StreamArchive archive(stream, StreamArchive::Form::kTar);
+  if (absl::Status status = archive.Open(); !status.ok()) return status;
+  ImageArchive image;
+  image.file_ = file;
+  for (;;) {
+    archive_entry* entry = nullptr;
+    const absl::StatusOr<bool> found = archive.NextEntry(&entry);
+    if (!found.ok()) return found.status();
+    if (!*found) return image;
+    if (absl::Status status = image.Take(entry, archive.header_position()); !status.ok()) {
+      return status;
+    }
+  }
+}
+
+absl::Status ImageArchive::Take(archive_entry* entry, int64_t position) {
+  const char* raw = archive_entry_pathname(entry);
+  if (raw == nullptr) return BadImage("has a member without a name");
+  const std::string name = PlainName(raw);
+  Member member = {.position = position, .size = archive_entry_size(entry), .link = {}};
+  if (const char* target = archive_entry_hardlink(entry); target != nullptr) {
+    member.link = PlainName(target);
+  } else if (archive_entry_filetype(entry) == AE_IFLNK) {
+    const char* text = archive_entry_symlink(entry);
+    const std::string folder = name.substr(0, name.rfind('/') + 1);  // all of it, or ""
+    member.link = PlainName((name.find('/') == std::string::npos ? "" : folder) +
+                            (text == nullptr ? "" : text));
+  } else if (archive_entry_filetype(entry) == AE_IFDIR) {
+    return absl::OkStatus();
+  } else if (archive_entry_filetype(entry) != AE_IFREG) {
+    return BadImage(absl::StrCat("has the member ", Quoted(name), ", which is no file"));
+  } else if (archive_entry_sparse_count(entry) > 0) {
+    return BadImage(absl::StrCat("has the member ", Quoted(name), ", which is a sparse file"));
+  }
+  if (!members_.emplace(name, std::move(member)).second) {
+    return BadImage(absl::StrCat("has the member ", Quoted(name), " twice"));
+  }
+  if (members_.size() > kMaxMembers) return BadImage("has more members than images have");
+  return absl::OkStatus();
+}
+
+bool ImageArchive::IsImage() const {
+  if (members_.contains("policy.json")) return false;
+  return members_.contains("manifest.json") ||
+         (members_.contains("oci-layout") && members_.contains("index.json"));
+}
+
+std::unique_ptr<MemberStream> ImageArchive::Open(const std::string& member) const {
+  return std::make_unique<MemberStream>(file_, members_.at(member).position);
+}
+
+absl::StatusOr<std::string> ImageArchive::Find(const std::string& name) const {
+  std::string at = PlainName(name);
+  for (int link = 0; link <= kMaxMemberLinks; ++link) {
+    const auto found = members_.find(at);
+    if (found == members_.end()) break;
+    if (found->second.link.empty()) return at;
+    at = found->second.link;
+  }
+  return BadImage(absl::StrCat("names its member ", Quoted(name),
+                               ", which is not in the archive; save the image again"));
+}
+
+absl::StatusOr<std::string> ImageArchive::TextOf(const std::string& name) const {
+  const absl::StatusOr<std::string> member = Find(name);
+  if (!member.ok()) return member.status();
+  if (SizeOf(*member) > kMaxImageJson) {
+    return BadImage(absl::StrCat("has more than ", kMaxImageJson, " bytes in ", Quoted(name)));
+  }
+  const std::unique_ptr<MemberStream> stream = Open(*member);
+  std::string text;
+  while (std::ssize(text) <= kMaxImageJson) {
+    const absl::StatusOr<std::string_view> piece = stream->Next();
+    if (!piece.ok()) return piece.status();
+    if (piece->empty()) return text;
+    text += *piece;
+  }
+  return BadImage(absl::StrCat("has more than ", kMaxImageJson, " bytes in ", Quoted(name)));
+}
+
+absl::StatusOr<Json> ImageArchive::JsonOf(const std::string& name) const {
+  const absl::StatusOr<std::string> text = TextOf(name);
+  if (!text.ok()) return text.status();
+  return ParseJson(*text, absl::StrCat("the image's ", Quoted(name)));
+}
+
+absl::StatusOr<Json> ImageArchive::BlobOf(const Described& described, const std::string& what) const {
+  const absl::StatusOr<std::string> text = TextOf("blobs/sha256/" + described.sha256);
+  if (!text.ok()) return text.status();
+  if (std::ssize(*text) != described.size) {
+    return BadImage(absl::StrCat("has a ", what, " of ", text->size(), " bytes where its archive states ",
+                                 described.size, "; save the image again"));
+  }
+  if (Sha256Hex(*text) != described.sha256) {
+    return BadImage(absl::StrCat("has a ", what, " whose digest is not the stated one; save the image again"));
+  }
+  return ParseJson(*text, absl::StrCat("the image's ", what));
+}
+
+absl::StatusOr<ImageArchive::Described> ImageArchive::Descriptor(const nlohmann::json& json,
+                                                                 const std::string& where) const {
+  const absl::StatusOr<std::string> sha256 = DigestOf(TextAt(json, "digest"), where);
+  if (!sha256.ok()) return sha256.status();
+  const nlohmann::json& size = At(json, "size");
+  if (!size.is_number_unsigned() || size.get<uint64_t>() > INT64_MAX) {
+    return BadImage(absl::StrCat("states no size for its ", where));
+  }
+  return Described{*sha256, size.get<int64_t>()};
+}
+
+absl::StatusOr<ImageContent> ImageArchive::Read() const {
+  // Newer versions of Docker write both; OCI's has more digests.
+  const bool oci = members_.contains("oci-layout") && members_.contains("index.json");
+  absl::StatusOr<ImageContent> content = oci ? ReadOci() : ReadDocker();
+  if (!content.ok()) return content;
+  if (content->layers.size() != content->config.diff_ids.size()) {
+    return BadImage(absl::StrCat("has ", content->layers.size(), " layers, and its config lists ",
+                                 content->config.diff_ids.size(), "; save the image again"));
+  }
+  for (size_t i = 0; i < content->layers.size(); ++i) {
+    content->layers[i].diff_id = content->config.diff_ids[i];
+  }
+  return content;
+}
+
+absl::StatusOr<ImageContent> ImageArchive::ReadDocker() const {
+  const absl::StatusOr<nlohmann::json> images = JsonOf("manifest.json");
+  if (!images.ok()) return images.status();
+  if (!images->is_array() || images->size() != 1) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the archive's manifest.json lists ", images->is_array() ? images->size() : 0,
+        " images; save exactly one"));
+  }
+  const nlohmann::json& image = (*images)[0];
+  const std::string config_name = TextAt(image, "Config");
+  const absl::StatusOr<std::string> text = TextOf(config_name);
+  if (!text.ok()) return text.status();
+  // Its name is its digest, wherever tools put it.
+  const std::string base = config_name.substr(config_name.rfind('/') + 1);
+  if (IsHexDigest(base) && Sha256Hex(*text) != base.substr(0, kHexDigits)) {
+    return BadImage("has a config whose digest is not its name; save the image again");
+  }
+  const absl::StatusOr<nlohmann::json> config = ParseJson(*text, "the image's config");
+  if (!config.ok()) return config.status();
+  absl::StatusOr<ImageConfig> read = ReadImageConfig(*config);
+  if (!read.ok()) return read.status();
+  ImageContent content = {.config = *std::move(read), .layers = {}, .tag = {}};
+  for (const nlohmann::json& layer : At(image, "Layers")) {
+    if (!layer.is_string()) return BadImage("lists a layer that is no name");
+    absl::StatusOr<std::string> member = Find(layer.get<std::string>());
+    if (!member.ok()) return member.status();
+    content.layers.push_back({.member = *std::move(member), .sha256 = {}, .diff_id = {}});
+  }
+  const nlohmann::json& tags = At(image, "RepoTags");
+  if (tags.is_array() && !tags.empty() && tags[0].is_string()) content.tag = tags[0];
+  return content;
+}
+
+absl::Status ImageArchive::Collect(const nlohmann::json& index, int depth,
+                                   std::map<std::string, Described>& fitting,
+                                   std::vector<std::string>& others) const {
+  for (const nlohmann::json& entry : At(index, "manifests")) {
+    const nlohmann::json& platform = At(entry, "platform");
+    const std::string system = TextAt(platform, "os");
+    const std::string name = absl::StrCat(system, "/", TextAt(platform, "architecture"));
+    if (system == "unknown") continue;  // attestations
+    const absl::StatusOr<Described> described = Descriptor(entry, "index");
+    if (!described.ok()) return described.status();
+    if (IsIndex(TextAt(entry, "mediaType"))) {
+      if (depth >= kMaxIndexDepth) return BadImage("has an index in an index in an index");
+      const absl::StatusOr<nlohmann::json> inner = BlobOf(*described, "index");
+      if (!inner.ok()) return inner.status();
+      absl::Status status = Collect(*inner, depth + 1, fitting, others);
+      if (!status.ok()) return status;
+    } else if (platform.is_object() && name != "linux/amd64") {
+      if (others.size() < 16) others.push_back(Quoted(name));
+    } else {
+      fitting.emplace(described->sha256, *described);
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<ImageContent> ImageArchive::ReadOci() const {
+  const absl::StatusOr<nlohmann::json> index = JsonOf("index.json");
+  if (!index.ok()) return index.status();
+  std::map<std::string, Described> fitting;
+  std::vector<std::string> others;
+  absl::Status collected = Collect(*index, 1, fitting, others);
+  if (!collected.ok()) return collected;
+  if (fitting.empty() && !others.empty()) {
+    return BadImage(absl::StrCat("is for ", absl::StrJoin(others, ", "), ", and the server runs "
+                                 "linux/amd64; build it with --platform linux/amd64"));
+  }
+  if (fitting.size() != 1) {
+    return absl::InvalidArgumentError(absl::StrCat("the archive's index.json lists ", fitting.size(),
+                                                   " images; save exactly one"));
+  }
+  absl::StatusOr<ImageContent> content = ReadManifest(fitting.begin()->second);
+  if (!content.ok()) return content;
+  for (const nlohmann::json& entry : At(*index, "manifests")) {
+    const nlohmann::json& notes = At(entry, "annotations");
+    for (const char* key : {"io.containerd.image.name", "org.opencontainers.image.ref.name"}) {
+      if (content->tag.empty()) content->tag = TextAt(notes, key);
+    }
+  }
+  return content;
+}
+
+absl::StatusOr<ImageContent> ImageArchive::ReadManifest(const Described& described) const {
+  const absl::StatusOr<nlohmann::json> manifest = BlobOf(described, "manifest");
+  if (!manifest.ok()) return manifest.status();
+  const absl::StatusOr<Described> about = Descriptor(At(*manifest, "config"), "config");
+  if (!about.ok()) return about.status();
+  const absl::StatusOr<nlohmann::json> config = BlobOf(*about, "config");
+  if (!config.ok()) return config.status();
+  absl::StatusOr<ImageConfig> read = ReadImageConfig(*config);
+  if (!read.ok()) return read.status();
+  ImageContent content = {.config = *std::move(read), .layers = {}, .tag = {}};
+  for (const nlohmann::json& layer : At(*manifest, "layers")) {
+    const std::string kind = TextAt(layer, "mediaType");
+    if (kind.find("encrypted") != std::string::npos || kind.find("foreign") != std::string::npos) {
+      return BadImage(absl::StrCat("has a layer of the kind ", Quoted(kind),
+                                   ", which is not in the archive as it is; save it without"));
+    }
+    const absl::StatusOr<Described> stated = Descriptor(layer, "layer");
+    if (!stated.ok()) return stated.status();
+    absl::StatusOr<std::string> member = Find("blobs/sha256/" + stated->sha256);
+    if (!member.ok()) return member.status();
+    content.layers.push_back({.member = *std::move(member),
+                              .sha256 = stated->sha256,
+                              .size = stated->size,
+                              .diff_id = {}});
+  }
+  return content;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,93 @@
+// The outer archive of a container image: an uncompressed tar of JSON files and layers, in OCI's
+// layout or in Docker's.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <nlohmann/json.hpp>
+
+#include "server/artefact/byte_stream.h"
+#include "server/artefact/image_config.h"
+
+namespace myograde::server {
+
+// One member of the archive as a stream.
+class MemberStream : public ByteStream {
+ public:
+  MemberStream(int file, int64_t position)
+      : file_(file, position), archive_(file_, StreamArchive::Form::kTar) {}
+  absl::StatusOr<std::string_view> Next() override;
+
+ private:
+  FileStream file_;
+  StreamArchive archive_;
+  bool open_ = false;
+};
+
+struct ImageLayer {
+  std::string member;   // its name in the archive
+  std::string sha256;   // hex, of the layer as it is in the archive; "": not stated
+  int64_t size = -1;    // likewise; -1: not stated
+  std::string diff_id;  // hex SHA-256 of the layer's tar
+};
+
+struct ImageContent {
+  ImageConfig config;
+  std::vector<ImageLayer> layers;  // the lowest first
+  std::string tag;                 // the name that it was saved by; "": none
+};
+
+class ImageArchive {
+ public:
+  // True if the archive may be an image, by the name of its first member. Cheap.
+  static bool MayBe(int file);
+
+  // Lists the members. `file` must outlive it. InvalidArgumentError: it is no tar, or has more
+  // members than an image can have.
+  static absl::StatusOr<ImageArchive> Index(int file);
+
+  bool IsImage() const;
+
+  // Reads and checks all but the layers. InvalidArgumentError: the image breaks a rule, with what
+  // and what to do.
+  absl::StatusOr<ImageContent> Read() const;
+
+  // A member that Read() named.
+  std::unique_ptr<MemberStream> Open(const std::string& member) const;
+  int64_t SizeOf(const std::string& member) const { return members_.at(member).size; }
+
+ private:
+  struct Member {
+    int64_t position = 0;
+    int64_t size = 0;
+    std::string link;  // "": a file
+  };
+  struct Described {  // a content descriptor
+    std::string sha256;
+    int64_t size = 0;
+  };
+
+  absl::Status Take(archive_entry* entry, int64_t position);
+  // The member that a name stands for, through links.
+  absl::StatusOr<std::string> Find(const std::string& name) const;
+  absl::StatusOr<std::string> TextOf(const std::string& name) const;
+  absl::StatusOr<nlohmann::json> JsonOf(const std::string& name) const;
+  absl::StatusOr<nlohmann::json> BlobOf(const Described& described, const std::string& what) const;
+  absl::StatusOr<ImageContent> ReadDocker() const;
+  absl::StatusOr<ImageContent> ReadOci() const;
+  absl::StatusOr<ImageContent> ReadManifest(const Described& described) const;
+  absl::StatusOr<Described> Descriptor(const nlohmann::json& json, const std::string& where) const;
+  absl::Status Collect(const nlohmann::json& index, int depth,
+                       std::map<std::string, Described>& fitting,
+                       std::vector<std::string>& others) const;
+
+  int file_ = -1;
+  std::map<std::string, Member> members_;
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,170 @@
+#include "server/artefact/image_config.h"
+
+#include <algorithm>
+
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_split.h>
+
+#include "server/artefact/listing.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr size_t kMaxImageVariables = 256;
+constexpr size_t kMaxImageEnvironmentBytes = 32 << 10;
+constexpr size_t kMaxLayers = 128;  // as engines have
+
+absl::Status BadConfig(std::string_view what) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("the image's config ", absl::string_view(what.data(), what.size())));
+}
+
+// An array of texts, or null.
+absl::StatusOr<std::vector<std::string>> Texts(const Json& json, std::string_view key) {
+  std::vector<std::string> texts;
+  const Json& list = At(json, key);
+  if (list.is_null()) return texts;
+  bool good = list.is_array();
+  for (size_t i = 0; good && i < list.size(); ++i) {
+    good = list[i].is_string() && list[i].get_ref<const std::string&>().find('\0') == std::string::npos;
+    if (good) texts.push_back(list[i]);
+  }
+  if (!good) return BadConfig(absl::StrCat("has a \"", std::string(key), "\" that is no list of texts"));
+  return texts;
+}
+
+absl::Status ReadVariables(const Json& config, PolicyImage& image) {
+  const absl::StatusOr<std::vector<std::string>> variables = Texts(config, "Env");
+  if (!variables.ok()) return variables.status();
+  size_t bytes = 0;
+  for (const std::string& variable : *variables) {
+    const size_t equals = variable.find('=');
+    if (equals == 0 || equals == std::string::npos) continue;
+    const std::string name = variable.substr(0, equals);
+    // The grader's own.
+    if (name == "HOME" || name.starts_with("MYOGRADE_")) continue;
+    image.environment[name] = variable.substr(equals + 1);
+    bytes += variable.size() + 1;
+  }
+  if (image.environment.size() <= kMaxImageVariables && bytes <= kMaxImageEnvironmentBytes) {
+    return absl::OkStatus();
+  }
+  return BadConfig(absl::StrCat("sets more than ", kMaxImageVariables, " variables or ",
+                                kMaxImageEnvironmentBytes, " bytes of them"));
+}
+
+// The fields of the line of a passwd or group file whose field `key` is `value`.
+std::vector<std::string> LineWith(std::string_view text, size_t key, std::string_view value) {
+  for (const absl::string_view line : absl::StrSplit(absl::string_view(text.data(), text.size()), '\n')) {
+    std::vector<std::string> fields = absl::StrSplit(line, ':');
+    if (fields.size() > std::max<size_t>(key, 2) && fields[key] == value) return fields;
+  }
+  return {};
+}
+
+// A user or group number; nullopt: none.
+std::optional<int64_t> IdOf(std::string_view text) {
+  int64_t id = 0;
+  const bool digits = !text.empty() && text.find_first_not_of("0123456789") == std::string_view::npos;
+  if (!digits || !absl::SimpleAtoi(absl::string_view(text.data(), text.size()), &id)) {
+    return std::nullopt;
+  }
+  return id;
+}
+
+absl::Status UnknownUser(std::string_view kind, std::string_view name, std::string_view file) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("the image's ", std::string(kind), " ", Quoted(name), " is not in its ",
+                   std::string(file), ", and is no number from 0 to ", INT32_MAX,
+                   "; add it, or build the image with another USER"));
+}
+
+}  // namespace
+
+const Json& At(const Json& json, std::string_view key) {
+  static const Json none;
+  if (!json.is_object()) return none;
+  const auto found = json.find(std::string(key));
+  return found == json.end() ? none : *found;
+}
+
+std::string TextAt(const Json& json, std::string_view key) {
+  const Json& value = At(json, key);
+  return value.is_string() ? value.get<std::string>() : "";
+}
+
+absl::StatusOr<std::string> DigestOf(std::string_view text, std::string_view where) {
+  constexpr std::string_view kPrefix = "sha256:";
+  const std::string_view hex = text.substr(std::min(text.size(), kPrefix.size()));
+  if (text.starts_with(kPrefix) && hex.size() == 64 &&
+      hex.find_first_not_of("0123456789abcdef") == std::string_view::npos) {
+    return std::string(hex);
+  }
+  return absl::InvalidArgumentError(absl::StrCat("the image's ", std::string(where),
+                                                 " has the digest ", Quoted(text),
+                                                 "; only SHA-256 is accepted"));
+}
+
+absl::StatusOr<ImageConfig> ReadImageConfig(const Json& json) {
+  const std::string system = TextAt(json, "os");
+  const std::string processor = TextAt(json, "architecture");
+  if (system != "linux" || processor != "amd64") {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the image is for ", Quoted(system + "/" + processor),
+        ", and the server runs linux/amd64; build it with --platform linux/amd64"));
+  }
+  ImageConfig read;
+  const Json& config = At(json, "config");
+  for (const char* key : {"Entrypoint", "Cmd"}) {
+    const absl::StatusOr<std::vector<std::string>> words = Texts(config, key);
+    if (!words.ok()) return words.status();
+    read.command.insert(read.command.end(), words->begin(), words->end());
+  }
+  if (absl::Status status = ReadVariables(config, read.image); !status.ok()) return status;
+  read.user = TextAt(config, "User");
+  if (const std::string folder = TextAt(config, "WorkingDir"); !folder.empty()) {
+    read.image.working_dir = folder;
+  }
+  if (!read.image.working_dir.starts_with('/')) {
+    return BadConfig("has a working folder that is no absolute path");
+  }
+  absl::StatusOr<std::vector<std::string>> ids = Texts(At(json, "rootfs"), "diff_ids");
+  if (!ids.ok()) return ids.status();
+  if (ids->empty() || ids->size() > kMaxLayers) {
+    return BadConfig(absl::StrCat("lists ", ids->size(), " layers; 1 to ", kMaxLayers,
+                                  " are possible"));
+  }
+  for (const std::string& id : *ids) {
+    absl::StatusOr<std::string> hex = DigestOf(id, "config");
+    if (!hex.ok()) return hex.status();
+    read.diff_ids.push_back(*std::move(hex));
+  }
+  return read;
+}
+
+absl::Status FindUser(std::string_view user, std::string_view passwd, std::string_view group,
+                      PolicyImage& image) {
+  const size_t colon = user.find(':');
+  const std::string_view name = user.substr(0, colon);
+  const std::string_view group_name = colon == std::string_view::npos ? "" : user.substr(colon + 1);
+  if (name.empty()) return absl::OkStatus();
+  std::vector<std::string> line = LineWith(passwd, 0, name);
+  if (line.empty()) line = LineWith(passwd, 2, name);
+  const std::optional<int64_t> uid = IdOf(line.empty() ? name : std::string_view(line[2]));
+  if (!uid.has_value() || *uid > INT32_MAX) return UnknownUser("user", name, "/etc/passwd");
+  std::optional<int64_t> gid = line.size() > 3 ? IdOf(line[3]) : 0;
+  if (!group_name.empty()) {
+    const std::vector<std::string> found = LineWith(group, 0, group_name);
+    gid = IdOf(found.empty() ? group_name : std::string_view(found[2]));
+  }
+  if (!gid.has_value() || *gid > INT32_MAX) return UnknownUser("group", group_name, "/etc/group");
+  // No policy is root.
+  if (*uid > 0) image.uid = *uid;
+  if (*gid > 0) image.gid = *gid;
+  return absl::OkStatus();
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,415 @@
+#include "server/artefact/image_tree.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <climits>
+#include <deque>
+#include <ranges>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_split.h>
+
+#include "server/artefact/beneath.h"
+#include "server/artefact/image_config.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr int kMaxTreeLinks = 40;  // as in the kernel
+constexpr size_t kMaxTopNames = 128;
+constexpr int64_t kMaxUserFile = 1 << 20;
+constexpr std::string_view kWhiteout = ".wh.";
+constexpr std::string_view kOpaque = ".wh..wh..opq";
+constexpr std::string_view kEngineOwn = ".wh..wh.";
+
+absl::Status BadEntry(std::string_view path, std::string_view rule) {
+  return absl::InvalidArgumentError(absl::StrCat("the image's ", Quoted(path), " ",
+                                                 absl::string_view(rule.data(), rule.size())));
+}
+
+std::string FolderName(const std::string& path) {
+  const size_t slash = path.rfind('/');
+  return slash == std::string::npos ? "" : path.substr(0, slash);
+}
+
+std::string LastName(const std::string& path) { return path.substr(path.rfind('/') + 1); }
+
+std::string Joined(const std::string& folder, const std::string& name) {
+  return folder.empty() ? name : folder + "/" + name;
+}
+
+bool IsReplaced(const std::string& path) {
+  return IsReplacedByTheSandbox(std::string_view(path).substr(0, path.find('/')));
+}
+
+}  // namespace
+
+absl::Status ImageTree::AddLayer(StreamArchive& layer) {
+  ++layer_;
+  for (;;) {
+    archive_entry* entry = nullptr;
+    const absl::StatusOr<bool> found = layer.NextEntry(&entry);
+    if (!found.ok()) return found.status();
+    if (!*found) return absl::OkStatus();
+    // Layers name again what they change, so there may be more headers than files.
+    if (++headers_ > 2 * limits_.files) return names_.TooManyEntries("its layers");
+    if (absl::Status status = Take(layer, entry); !status.ok()) return status;
+  }
+}
+
+absl::Status ImageTree::Take(StreamArchive& layer, archive_entry* entry) {
+  const char* raw = archive_entry_pathname(entry);
+  if (raw == nullptr) {
+    return absl::InvalidArgumentError("a layer of the image has a name that is not UTF-8");
+  }
+  // An image's paths begin at its root, with or without a slash.
+  std::string_view from_root = raw;
+  while (from_root.starts_with('/')) from_root.remove_prefix(1);
+  const absl::StatusOr<std::string> clean = names_.CleanPath(from_root);
+  if (!clean.ok()) return clean.status();
+  if (clean->empty()) {
+    return archive_entry_filetype(entry) == AE_IFDIR
+               ? absl::OkStatus()
+               : BadEntry("/", "is no folder, and an image's top must be one");
+  }
+  const absl::StatusOr<std::string> path = Real(*clean, /*last=*/false);
+  if (!path.ok()) return path.status();
+  const std::string name = LastName(*path);
+  if (name == kOpaque) return Remove(FolderName(*path), /*itself=*/false, /*of_this_layer=*/false);
+  if (name.starts_with(kEngineOwn)) return absl::OkStatus();
+  if (name.starts_with(kWhiteout)) {
+    return Whiteout(FolderName(*path), name.substr(kWhiteout.size()));
+  }
+  if (IsReplaced(*path)) return absl::OkStatus();
+  return Put(*path, layer, entry);
+}
+
+absl::Status ImageTree::Whiteout(const std::string& folder, const std::string& name) {
+  if (name.empty() || name == "." || name == "..") {
+    return BadEntry(Joined(folder, std::string(kWhiteout) + name),
+                    "removes no name; it is not a whiteout as container engines write it");
+  }
+  return Remove(Joined(folder, name), /*itself=*/true, /*of_this_layer=*/false);
+}
+
+absl::Status ImageTree::Put(const std::string& path, StreamArchive& layer, archive_entry* entry) {
+  const char* hard_link = archive_entry_hardlink(entry);
+  const mode_t type = archive_entry_filetype(entry);
+  const auto known = nodes_.find(path);
+  const bool folder = hard_link == nullptr && type == AE_IFDIR;
+  if (folder && known != nodes_.end() && known->second.entry.type == EntryType::kFolder) {
+    known->second.layer = layer_;
+    return MakeFoldersOf(path);
+  }
+  if (hard_link != nullptr) return PutHardLink(path, hard_link);
+  if (type != AE_IFDIR && type != AE_IFREG && type != AE_IFLNK) {
+    return BadEntry(path, "is a device node, a named pipe or a socket; images may have devices "
+                          "in /dev only, which the sandbox replaces by its own");
+  }
+  if (absl::Status removed = Remove(path, /*itself=*/true, /*of_this_layer=*/true); !removed.ok()) {
+    return removed;
+  }
+  if (absl::Status made = MakeFoldersOf(path); !made.ok()) return made;
+  if (folder) return MakeFolder(path);
+  if (type == AE_IFREG) return PutFile(path, layer, entry);
+  const char* target = archive_entry_symlink(entry);
+  return PutLink(path, target == nullptr ? "" : target);
+}
+
+absl::Status ImageTree::PutFile(const std::string& path, StreamArchive& layer,
+                                archive_entry* entry) {
+  Entry about = {.executable = (archive_entry_perm(entry) & 0111) != 0,
+                 .time = KeptTime(archive_entry_mtime(entry))};
+  // A claimed size proves nothing, but one above the limit can be rejected at once.
+  if (archive_entry_size_is_set(entry) != 0) {
+    absl::Status fits = names_.CheckRoom(path, archive_entry_size(entry));
+    if (!fits.ok()) return fits;
+  }
+  return Write(path, std::move(about), [&] { return layer.NextData(); });
+}
+
+absl::Status ImageTree::PutHardLink(const std::string& path, const std::string& target) {
+  std::string_view from_root = target;
+  while (from_root.starts_with('/')) from_root.remove_prefix(1);
+  const absl::StatusOr<std::string> clean = names_.CleanPath(from_root);
+  if (!clean.ok()) return clean.status();
+  const absl::StatusOr<std::string> real = Real(*clean, /*last=*/false);
+  if (!real.ok()) return real.status();
+  if (*real == path) return absl::OkStatus();
+  if (absl::Status removed = Remove(path, /*itself=*/true, /*of_this_layer=*/true); !removed.ok()) {
+    return removed;
+  }
+  const auto found = nodes_.find(*real);
+  if (found == nodes_.end() || found->second.entry.type == EntryType::kFolder) {
+    return BadEntry(path, absl::StrCat("is a hard link to ", Quoted(target),
+                                       ", which is no file of the image"));
+  }
+  if (absl::Status made = MakeFoldersOf(path); !made.ok()) return made;
+  const Entry original = found->second.entry;
+  if (original.type == EntryType::kLink) return PutLink(path, original.target);
+  // A copy: the file system's own links could be made to lead elsewhere, and need a further system
+  // call. Equal files share their place on the disk later (share_files.h).
+  const Fd source = OpenBeneath(root_, *real, O_RDONLY | O_NONBLOCK);
+  if (!source.valid()) return HostError(absl::StrCat("can't open the file ", Quoted(*real)));
+  FileStream bytes(source.get());
+  return Write(path, Entry{.executable = original.executable, .time = original.time},
+               [&] { return bytes.Next(); });
+}
+
+absl::Status ImageTree::PutLink(const std::string& path, const std::string& target) {
+  if (target.empty() || target.size() >= PATH_MAX) {
+    return BadEntry(path, "is a symbolic link without a target, or with one that is too long");
+  }
+  if (absl::Status plain = CheckLinkText(path, target); !plain.ok()) return plain;
+  const absl::StatusOr<Node*> node = Add(path, {.type = EntryType::kLink, .target = target});
+  if (!node.ok()) return node.status();
+  const absl::StatusOr<Fd> folder = OpenFolderOf(path);
+  if (!folder.ok()) return folder.status();
+  if (::symlinkat(target.c_str(), folder->get(), LastName(path).c_str()) != 0) {
+    return HostError(absl::StrCat("can't make the link ", Quoted(path)));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ImageTree::Write(const std::string& path, Entry about,
+                              const std::function<absl::StatusOr<std::string_view>()>& next) {
+  const absl::StatusOr<Node*> node = Add(path, std::move(about));
+  if (!node.ok()) return node.status();
+  Entry& entry = (*node)->entry;
+  const absl::StatusOr<Fd> folder = OpenFolderOf(path);
+  if (!folder.ok()) return folder.status();
+  const Fd file(::openat(folder->get(), LastName(path).c_str(),
+                         O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
+  if (!file.valid()) return HostError(absl::StrCat("can't make the file ", Quoted(path)));
+  Sha256 hash;
+  for (;;) {
+    const absl::StatusOr<std::string_view> piece = next();
+    if (!piece.ok()) return piece.status();
+    if (piece->empty()) break;
+    const auto size = static_cast<int64_t>(piece->size());
+    if (absl::Status counted = names_.AddBytes(path, size); !counted.ok()) return counted;
+    hash.Update(*piece);
+    for (int64_t done = 0; done < size;) {
+      const ssize_t put =
+          ::write(file.get(), piece->data() + done, static_cast<size_t>(size - done));
+      if (put < 0 && errno == EINTR) continue;
+      if (put <= 0) return HostError(absl::StrCat("can't write the file ", Quoted(path)));
+      done += put;
+    }
+    entry.size += size;
+  }
+  entry.sha256 = hash.FinishHex();
+  const timespec time = {entry.time, 0};
+  if (const timespec times[] = {time, time}; ::futimens(file.get(), times) != 0) {
+    return HostError(absl::StrCat("can't set the time of ", Quoted(path)));
+  }
+  if (::fchmod(file.get(), entry.executable ? 0755 : 0644) != 0) {
+    return HostError(absl::StrCat("can't set the mode of ", Quoted(path)));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> ImageTree::Real(const std::string& path, bool last) const {
+  std::deque<std::string> names = absl::StrSplit(path, '/');
+  std::string at;
+  int links = 0;
+  while (!names.empty()) {
+    const std::string name = names.front();
+    names.pop_front();
+    if (name.empty() || name == ".") continue;
+    if (name == "..") {
+      at = FolderName(at);  // the root's own is the root
+      continue;
+    }
+    const std::string next = Joined(at, name);
+    const auto found = nodes_.find(next);
+    const bool link = found != nodes_.end() && found->second.entry.type == EntryType::kLink;
+    if (!link || (names.empty() && !last)) {
+      if (found != nodes_.end() && found->second.entry.type == EntryType::kFile && !names.empty()) {
+        return BadEntry(path, absl::StrCat("lies below ", Quoted(next), ", which is no folder"));
+      }
+      at = next;
+      continue;
+    }
+    if (++links > kMaxTreeLinks) return BadEntry(path, "leads through a loop of symbolic links");
+    const std::string& target = found->second.entry.target;
+    if (target.starts_with('/')) at.clear();
+    const std::vector<std::string> more = absl::StrSplit(target, '/');
+    names.insert(names.begin(), more.begin(), more.end());
+    if (names.size() > PATH_MAX) return BadEntry(path, "leads through links that are too long");
+  }
+  return names_.CleanPath(at);  // links can make it too deep
+}
+
+absl::Status ImageTree::MakeFoldersOf(const std::string& path) {
+  for (size_t slash = path.find('/'); slash != std::string::npos;
+       slash = path.find('/', slash + 1)) {
+    const std::string above = path.substr(0, slash);
+    const auto found = nodes_.find(above);
+    if (found == nodes_.end()) {
+      if (absl::Status made = MakeFolder(above); !made.ok()) return made;
+    } else {
+      found->second.layer = layer_;
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ImageTree::MakeFolder(const std::string& path) {
+  const absl::StatusOr<Node*> node = Add(path, {.type = EntryType::kFolder});
+  if (!node.ok()) return node.status();
+  const absl::StatusOr<Fd> folder = OpenFolderOf(path);
+  if (!folder.ok()) return folder.status();
+  const std::string name = LastName(path);
+  if (::mkdirat(folder->get(), name.c_str(), 0755) != 0 ||
+      ::fchmodat(folder->get(), name.c_str(), 0755, 0) != 0) {
+    return HostError(absl::StrCat("can't make the folder ", Quoted(path)));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<ImageTree::Node*> ImageTree::Add(const std::string& path, Entry entry) {
+  if (static_cast<int64_t>(nodes_.size()) >= limits_.files) return names_.TooManyEntries(path);
+  const auto [node, added] = nodes_.try_emplace(path, Node{std::move(entry), layer_});
+  if (!added) return absl::InternalError("the image's tree has an entry twice");
+  return &node->second;
+}
+
+std::vector<std::string> ImageTree::Below(const std::string& path) const {
+  std::vector<std::string> below;
+  // '0' follows '/'.
+  auto entry = path.empty() ? nodes_.begin() : nodes_.lower_bound(path + "/");
+  const auto end = path.empty() ? nodes_.end() : nodes_.lower_bound(path + "0");
+  for (; entry != end; ++entry) below.push_back(entry->first);
+  return below;
+}
+
+absl::Status ImageTree::Remove(const std::string& path, bool itself, bool of_this_layer) {
+  std::vector<std::string> chosen = Below(path);
+  if (itself && nodes_.contains(path)) chosen.insert(chosen.begin(), path);
+  // What is in a folder comes after it. A folder that this layer uses stays, and so do those above.
+  for (const std::string& one : std::views::reverse(chosen)) {
+    if (!of_this_layer && nodes_.at(one).layer == layer_) continue;
+    if (absl::Status removed = RemoveOne(one); !removed.ok()) return removed;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ImageTree::RemoveOne(const std::string& path) {
+  const absl::StatusOr<Fd> folder = OpenFolderOf(path);
+  if (!folder.ok()) return folder.status();
+  const bool is_folder = nodes_.at(path).entry.type == EntryType::kFolder;
+  if (::unlinkat(folder->get(), LastName(path).c_str(), is_folder ? AT_REMOVEDIR : 0) != 0) {
+    return HostError(absl::StrCat("can't remove ", Quoted(path)));
+  }
+  nodes_.erase(path);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Fd> ImageTree::OpenFolderOf(const std::string& path) const {
+  const std::string folder = FolderName(path);
+  Fd opened = OpenBeneath(root_, folder.empty() ? "." : folder, O_PATH | O_DIRECTORY);
+  if (!opened.valid()) return HostError(absl::StrCat("can't open the folder ", Quoted(folder)));
+  return opened;
+}
+
+absl::StatusOr<std::string> ImageTree::ReadText(const std::string& path) const {
+  const absl::StatusOr<std::string> real = Real(path, /*last=*/true);
+  if (!real.ok()) return real.status();
+  const auto found = nodes_.find(*real);
+  if (found == nodes_.end() || found->second.entry.type != EntryType::kFile) return std::string();
+  if (found->second.entry.size > kMaxUserFile) {
+    return BadEntry(path, absl::StrCat("has more than ", kMaxUserFile, " bytes"));
+  }
+  const Fd file = OpenBeneath(root_, *real, O_RDONLY | O_NONBLOCK);
+  if (!file.valid()) return HostError(absl::StrCat("can't open the file ", Quoted(*real)));
+  std::string text;
+  FileStream stream(file.get());
+  for (;;) {
+    const absl::StatusOr<std::string_view> piece = stream.Next();
+    if (!piece.ok()) return piece.status();
+    if (piece->empty()) return text;
+    text += *piece;
+  }
+}
+
+absl::Status ImageTree::AddText(const std::string& path, std::string_view text) {
+  if (absl::Status removed = Remove(path, /*itself=*/true, /*of_this_layer=*/true); !removed.ok()) {
+    return removed;
+  }
+  if (absl::Status made = MakeFoldersOf(path); !made.ok()) return made;
+  return Write(path, Entry{}, [&] { return std::exchange(text, std::string_view()); });
+}
+
+absl::Status ImageTree::PlaceWorkingFolder(PolicyImage& image) {
+  std::string_view from_root = image.working_dir;
+  while (from_root.starts_with('/')) from_root.remove_prefix(1);
+  const absl::StatusOr<std::string> clean = names_.CleanPath(from_root);
+  if (!clean.ok()) return clean.status();
+  const absl::StatusOr<std::string> real = Real(*clean, /*last=*/true);
+  if (!real.ok()) return real.status();
+  image.working_dir = "/" + *real;
+  if (real->empty() || *real == "tmp") return absl::OkStatus();
+  if (IsReplaced(*real)) {
+    return BadEntry(image.working_dir, "is its working folder, which the sandbox replaces by its "
+                                       "own; choose another WORKDIR");
+  }
+  // Engines make it if it is missing.
+  const auto found = nodes_.find(*real);
+  if (found != nodes_.end() && found->second.entry.type != EntryType::kFolder) {
+    return BadEntry(image.working_dir, "is its working folder, but no folder");
+  }
+  if (absl::Status made = MakeFoldersOf(*real); !made.ok()) return made;
+  return found == nodes_.end() ? MakeFolder(*real) : absl::OkStatus();
+}
+
+absl::Status ImageTree::Finish(std::string_view user, PolicyImage& image) {
+  ++layer_;
+  const auto etc = nodes_.find("etc");
+  if (etc != nodes_.end() && etc->second.entry.type != EntryType::kFolder) {
+    return BadEntry("/etc", "must be a folder, not a link or a file");
+  }
+  // The dynamic loader would load its libraries into the grader's programs too.
+  if (nodes_.contains("etc/ld.so.preload")) {
+    return BadEntry("/etc/ld.so.preload", "is not allowed; set LD_PRELOAD in the image's ENV");
+  }
+  if (absl::Status placed = PlaceWorkingFolder(image); !placed.ok()) return placed;
+  absl::Status removed = Remove("etc/resolv.conf", /*itself=*/true, /*of_this_layer=*/true);
+  if (!removed.ok()) return removed;
+  absl::Status hosts = AddText("etc/hosts", kImageHosts);
+  if (!hosts.ok()) return hosts;
+  size_t tops = 0;
+  for (const auto& [path, node] : nodes_) tops += path.find('/') == std::string::npos ? 1 : 0;
+  if (tops > kMaxTopNames) {
+    return BadEntry("/", absl::StrCat("has ", tops, " names; put them into folders, of which it "
+                                      "may have ", kMaxTopNames));
+  }
+  const absl::StatusOr<std::string> passwd = ReadText("etc/passwd");
+  if (!passwd.ok()) return passwd.status();
+  const absl::StatusOr<std::string> group = ReadText("etc/group");
+  if (!group.ok()) return group.status();
+  return FindUser(user, *passwd, *group, image);
+}
+
+absl::Status ImageTree::ListIn(Listing& listing) const {
+  for (const auto& [path, node] : nodes_) {
+    const absl::StatusOr<std::string> clean =
+        listing.CleanPath(absl::StrCat(kImageFolder, "/", path));
+    if (!clean.ok()) return clean.status();
+    const absl::StatusOr<Entry*> entry = listing.Add(*clean, node.entry.type);
+    if (!entry.ok()) return entry.status();
+    const bool stated = (*entry)->stated;
+    **entry = node.entry;
+    (*entry)->stated = stated;
+    absl::Status counted = listing.AddBytes(*clean, node.entry.size);
+    if (!counted.ok()) return counted;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,29 @@
+// A policy.json as a participant writes it. Internal to the artefact's library.
+#pragma once
+
+#include <string>
+
+#include <absl/status/statusor.h>
+#include <nlohmann/json.hpp>
+
+#include "server/artefact/artefact.h"
+
+namespace myograde::server {
+
+struct SubmittedManifest {
+  ArtefactManifest manifest;
+  std::string image_file;  // the image's archive, beside policy.json; "": an ordinary submission
+  nlohmann::json json;     // the whole object
+};
+
+// Reads and checks the policy.json of a folder, and that what it names is there.
+absl::StatusOr<SubmittedManifest> ReadSubmittedManifest(int folder);
+
+// Unpacks an archive like UnpackArtefact, but leaves the archive of an image in it as it is.
+absl::Status UnpackSubmission(const std::string& archive, const std::string& destination,
+                              const ArtefactLimits& limits, const ByteProgress& progress);
+
+// Checks a manifest without "image" by itself, without the files.
+absl::StatusOr<ArtefactManifest> ParseManifest(const nlohmann::json& json);
+
+}  // namespace myograde::server

@@ -1,0 +1,41 @@
+// What the sandbox of a container image shows: the image's files at the top, where other policies
+// see the host's. The grader's own programs in it run with the host's loader and libraries.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "protocol/lease/lease.h"
+#include "server/sandbox/sandbox.h"
+#include "server/sandbox/stage.h"
+
+namespace myograde::server {
+
+// Where the sandbox of an image shows the host's /usr.
+inline constexpr char kHostPlace[] = "/myograde/host";
+
+// Where a program of this host is found and how it is started in an image's sandbox: by the host's
+// dynamic loader, with libraries of the host's only. Neither the image's loader, its ld.so.cache nor
+// its libraries have a part in it. `program`: a path of the host below /usr. Append the arguments.
+std::vector<std::string> HostCommand(const std::string& program);
+
+// The same for a program at `path` in the sandbox that was built for this host.
+std::vector<std::string> LoaderCommand(const std::string& path, const std::string& name);
+
+// Adds the mounts of an image's files, which lie in the staged artefact's kImageFolder, and of the
+// host's /usr at /myograde/host. Folders in which one of `order.runtimes` is mounted are made of
+// their parts. FailedPreconditionError: the files are not as the unpacking leaves them.
+absl::Status AddImage(const LeaseOrder& order, const Stage& stage, SandboxSpec& spec);
+
+// Where the image's command is looked up, in this order.
+std::vector<std::string> ImagePath(const PolicyImage& image);
+
+// The variables of the image's command that are not every policy's, as "NAME=value": the image's,
+// then those of policy.json.
+std::vector<std::string> AgentEnvironment(const LeaseOrder& order);
+
+}  // namespace myograde::server
