@@ -55,10 +55,11 @@ def fields(source, names):
     return {name: plain(np.array(getattr(source, name))) for name in names}
 
 
-def extras(obs_dict, keys, squeeze):
+def extras(obs_dict, squeeze):
+    """The whole dictionary of an observation."""
     return {
-        key: plain(np.squeeze(obs_dict[key]) if squeeze else np.array(obs_dict[key]))
-        for key in keys
+        key: plain(np.squeeze(value) if squeeze else np.array(value))
+        for key, value in obs_dict.items()
     }
 
 

@@ -28,13 +28,6 @@ class ActionSource:
 
 # --- manipulation --------------------------------------------------------
 
-MANIP_EXTRAS = [
-    "time", "start_pos", "goal_pos", "elbow_fle", "max_force", "touching_body", "palm_pos",
-    "fin0", "fin1", "fin2", "fin3", "fin4", "Rpalm_pos", "MPL_ori", "MPL_ori_err", "obj_pos",
-    "reach_err", "pass_err",
-]
-
-
 def manip_state(env):
     data = env.sim.data
     contacts = [[int(c.geom1), int(c.geom2), float(c.dist)] for c in data.contact]
@@ -74,13 +67,13 @@ def record_manipulation(gymnasium, versions, seed, steps, formula):
             **reset_record(env, index),
             "scale_draw_skipped": index == 0,
             "model": manip_model(env),
-            "obs_extra": extras(env.obs_dict, MANIP_EXTRAS, squeeze=False),
+            "obs_extra": extras(env.obs_dict, squeeze=False),
             "state_after_reset": manip_state(env),
         }
         actions = ActionSource(seed + index, env.sim.model.nu, formula)
         for step in range(steps):
             played = step_record(env, actions.next(step))
-            played["obs_extra"] = extras(env.obs_dict, MANIP_EXTRAS, squeeze=True)
+            played["obs_extra"] = extras(env.obs_dict, squeeze=True)
             reset["steps"].append(played | manip_state(env))
         resets.append(reset)
     return file_record(
@@ -89,12 +82,6 @@ def record_manipulation(gymnasium, versions, seed, steps, formula):
 
 
 # --- locomotion ----------------------------------------------------------
-
-LOCO_EXTRAS = [
-    "time", "terrain", "internal_qpos", "internal_qvel", "grf", "socket_force", "torso_angle",
-    "model_root_pos", "model_root_vel", "hfield",
-]
-
 
 def loco_state(env):
     data = env.sim.data
@@ -135,14 +122,14 @@ def record_locomotion(gymnasium, versions, seed, steps, formula, name, **kwargs)
         "terrain_type": terrain.name,
         "terrain_code": int(terrain.value),
         "hfield": field_record(env),
-        "obs_extra": extras(env.obs_dict, LOCO_EXTRAS, squeeze=False),
+        "obs_extra": extras(env.obs_dict, squeeze=False),
         "state_after_reset": loco_state(env),
     }
     actions = ActionSource(seed, env.sim.model.na, formula)
     for step in range(steps):
         sensed = {key: float(value) for key, value in env.get_osl_sens().items()}
         played = step_record(env, actions.next(step))
-        played["obs_extra"] = extras(env.obs_dict, LOCO_EXTRAS, squeeze=True)
+        played["obs_extra"] = extras(env.obs_dict, squeeze=True)
         played["osl_sens_before"] = sensed
         torque = env.OSL_CTRL.get_osl_torque()
         played["osl_torque_cmd"] = {key: float(value) for key, value in torque.items()}

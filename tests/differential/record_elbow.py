@@ -66,12 +66,13 @@ def record_elbow(gymnasium, versions, seed, steps, kind):
     reset = {
         **reset_record(wrapped),
         "target": plain(env.target_jnt_value),
-        "obs_extra": extras(env.obs_dict, ["time", "pose_err"], squeeze=False),
+        "obs_extra": extras(env.obs_dict, squeeze=False),
         "state_after_reset": state(env),
     }
     generator = np.random.Generator(np.random.PCG64([seed, 2024]))
     for step in range(steps):
         played = step_record(wrapped, ACTIONS[kind](env, step, generator))
+        played["obs_extra"] = extras(env.obs_dict, squeeze=True)
         reset["steps"].append(played | state(env))
         if played["terminated"] or played["truncated"]:
             break

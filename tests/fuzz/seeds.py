@@ -163,6 +163,8 @@ def submissions():
     seed("manifest", "path", '{"name": "a", "command": ["python3", "policy.py"]}')
     seed("manifest", "env", json.dumps({"name": "a", "command": ["policy"], "env": {
         "OMP_NUM_THREADS": "2", "POLICY_MODE": "fast"}}))
+    seed("manifest", "extra", json.dumps({"name": "a", "command": ["policy"],
+                                          "extra_observations": True}))
     seed("manifest", "env-reserved", '{"name": "a", "command": ["policy"], "env": {"PATH": "/"}}')
     seed("request", "submit", b"\0" + json.dumps(
         {"artefact": "a" * 64, "team": "alpha", "track": "t", "profile": "p", "seeds": [1, 2],

@@ -106,7 +106,9 @@ class Participants(SystemTest):
     """Programs on the package, graded."""
 
     tracks = {"short-elbow": track_config("elbow"), "short-leg": track_config("locomotion"),
-              "short-arm": track_config("manipulation")}
+              "short-arm": track_config("manipulation"),
+              "tiny-arm": track_config("manipulation", rules={"max_steps": 40},
+                                       seeds={"first": 7000, "count": 2})}
 
     @classmethod
     def setUpClass(cls):
@@ -196,3 +198,32 @@ class Participants(SystemTest):
                 for track in ("short-leg", "short-arm"):
                     played = self.ask("local", submission, "--track", track, "--episodes", "1")
                     self.assertEqual(played["outcomes"], {"failure": 1}, played)
+
+    def looking(self, extra):
+        """A policy that is started to expect extra observations, or none, and asks for what it
+        expects."""
+        folder = self.python_policy(f"looks-{extra}", ["extra_policy.py", *["extra"] * extra],
+                                    SOURCE / "tests/integration/extra_policy.py")
+        manifest = json.loads((folder / "policy.json").read_text())
+        (folder / "policy.json").write_text(json.dumps({**manifest, "extra_observations": extra}))
+        return folder
+
+    def test_extra_observations_are_shown_where_they_are_allowed_and_change_no_result(self):
+        official = ("--track", "tiny-arm", "--profile", "myosuite")
+        played = {extra: self.ask("local", self.looking(extra), *official)
+                  for extra in (False, True)}
+        for result in played.values():
+            self.assertEqual(result["outcomes"], {"failure": 2}, result["output"])
+        self.assertEqual(played[True]["merkle_root"], played[False]["merkle_root"])
+        refusal = 'which the profile "paper" of track "tiny-arm" does not allow'
+        for command in (("local",), ("submit", "--team", "lookers")):
+            if command[0] == "submit":
+                self.start_daemon()
+                self.addCleanup(self.stop_daemon)
+            refused = self.run_cli(command[0], self.looking(True), "--track", "tiny-arm",
+                                   *command[1:], check=False)
+            self.assertEqual(refused.returncode, 2, refused.stderr)
+            self.assertIn(refusal, refused.stderr)
+        graded = self.ask("submit", self.looking(True), *official, "--team", "lookers", "--wait")
+        self.assertEqual(graded["episodes"]["failure"], 2, graded)
+        self.assertEqual(graded["result"]["merkle_root"], played[False]["merkle_root"])

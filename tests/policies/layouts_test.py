@@ -37,6 +37,7 @@ def expected():
         assert told["kind"] == kind, told["kind"]
         tracks[kind] = {"control_period_s": told["control_period_s"],
                         "observation": told["observation"]["parts"],
+                        "extra": told["extra_observation"]["parts"],
                         "action": told["action"]["parts"]}
         if any("leg" in profile["rules"] for profile in told["profiles"].values()):
             tracks[kind]["leg_sets"] = {name: leg_sets(profile["rules"])
@@ -82,7 +83,7 @@ def write():
     rows = []
     for kind, track in expected().items():
         parts = [f'  "{key}": [\n    ' + ",\n    ".join(map(json.dumps, value)) + "\n  ]"
-                 if isinstance(value, list) else f'  "{key}": {json.dumps(value)}'
+                 if isinstance(value, list) and value else f'  "{key}": {json.dumps(value)}'
                  for key, value in track.items()]
         rows.append(f'"{kind}": {{\n' + ",\n".join(parts) + "\n}")
     FILE.write_text("{\n" + ",\n".join(rows) + "\n}\n")

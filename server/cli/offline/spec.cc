@@ -68,6 +68,7 @@ Json SpecJson(const TrackConfig& config, const Tracks::Entry& entry) {
                       {"scoring", track->config.scoring}};
   }
   const VectorLayout& observation = ObservationOf(*config.kind);
+  const VectorLayout& extra = ExtraOf(*config.kind);
   const VectorLayout& action = ActionOf(*config.kind);
   return {{"track", config.id},
           {"kind", config.kind->name},
@@ -85,6 +86,11 @@ Json SpecJson(const TrackConfig& config, const Tracks::Entry& entry) {
            {{"size", observation.size()},
             {"parts", LayoutJson(observation)},
             {"bounds", BoundsJson(observation.bounds())}}},
+          {"extra_observation",
+           {{"allowed", config.extra_observations},
+            {"size", extra.size()},
+            {"parts", LayoutJson(extra)},
+            {"bounds", BoundsJson(extra.bounds())}}},
           {"action",
            {{"size", action.size()},
             {"parts", LayoutJson(action)},
@@ -193,6 +199,10 @@ void PrintSpec(const TrackConfig& config, const Tracks::Entry& entry, bool full_
             << "control step every " << config.kind->control_period_s << " s\n"
             << "  config hash " << HashText(config.hash, full_hashes) << '\n';
   PrintLayout("Observation", ObservationOf(*config.kind));
+  if (config.extra_observations && ExtraOf(*config.kind).size() > 0) {
+    PrintLayout("Extra observation (\"extra_observations\" in policy.json; behind the others)",
+                ExtraOf(*config.kind));
+  }
   PrintLayout("Action", ActionOf(*config.kind));
   std::cout
       << "\nA policy chooses at the handshake how it acts: normalized (every number in [-1, 1])\n"

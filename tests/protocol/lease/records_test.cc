@@ -193,6 +193,21 @@ TEST(LeaseOrder, ComesBack) {
   EXPECT_EQ(back->episodes[0].policy_seed, std::numeric_limits<uint64_t>::max());
 }
 
+// Orders of earlier versions do not have the key.
+TEST(LeaseOrder, MayAskForExtraObservations) {
+  LeaseOrder order = DemoOrder();
+  order.extra_observations = true;
+  nlohmann::json written = LeaseOrderToJson(order);
+  EXPECT_TRUE(LeaseOrderFromJson(written, "order")->extra_observations);
+  written["extra_observations"] = 1;
+  EXPECT_THAT(std::string(LeaseOrderFromJson(written, "order").status().message()),
+              HasSubstr("extra_observations"));
+  written.erase("extra_observations");
+  const auto earlier = LeaseOrderFromJson(written, "order");
+  ASSERT_TRUE(earlier.ok()) << earlier.status();
+  EXPECT_FALSE(earlier->extra_observations);
+}
+
 TEST(LeaseOrder, MistakesAreNamed) {
   const nlohmann::json good = LeaseOrderToJson(DemoOrder());
   nlohmann::json wrong = good;

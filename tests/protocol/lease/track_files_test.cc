@@ -56,6 +56,33 @@ TEST_F(TrackFiles, AnExtensionChangesWhatItNamesAndNothingElse) {
   EXPECT_NE(made->hash, base.hash);
 }
 
+TEST_F(TrackFiles, ExtraObservationsAreAllowedBesideTheConfigsHash) {
+  const auto paper = LoadTrackConfig(dir_, "manipulation", "paper").value();
+  const auto official = LoadTrackConfig(dir_, "manipulation", "myosuite").value();
+  EXPECT_FALSE(paper.extra_observations);
+  EXPECT_TRUE(official.extra_observations);
+  EXPECT_TRUE(LoadTrackConfig(dir_, "manipulation", "as-graded")->extra_observations);
+  EXPECT_TRUE(WithSeeds(official, {1})->extra_observations);
+  EXPECT_TRUE(WithPhase(official, {{"phase", "final"}})->extra_observations);
+  EXPECT_FALSE(official.effective.contains("extra_observations"));
+
+  json file = *ReadJsonFile(dir_ + "/manipulation.json");
+  file["profiles"]["myosuite"].erase("extra_observations");
+  Write("manipulation", file.dump());
+  const auto without = LoadTrackConfig(dir_, "manipulation", "myosuite").value();
+  EXPECT_FALSE(without.extra_observations);
+  EXPECT_EQ(without.hash, official.hash);
+  file["profiles"]["myosuite"]["extra_observations"] = "yes";
+  Write("manipulation", file.dump());
+  EXPECT_THAT(ErrorOf("manipulation", "myosuite"),
+              HasSubstr("(profile myosuite): \"extra_observations\" must be true or false"));
+
+  EXPECT_TRUE(CheckExtraObservations(false, paper).ok());
+  EXPECT_TRUE(CheckExtraObservations(true, official).ok());
+  EXPECT_THAT(std::string(CheckExtraObservations(true, paper).message()),
+              HasSubstr("profile \"paper\" of track \"manipulation\" does not allow"));
+}
+
 TEST_F(TrackFiles, AClientsFileTakesThePlaceOfTheTracksOwn) {
   const auto base = LoadTrackConfig(dir_, "manipulation", "").value();
   const json change = {{"extends", "manipulation"}, {"budgets", {{"tasks", 9}}}};

@@ -1,5 +1,6 @@
 #include "protocol/tracks/registry.h"
 
+#include <algorithm>
 #include <set>
 
 #include <gmock/gmock.h>
@@ -24,7 +25,8 @@ TEST(Tracks, EachIsFoundByItsNameAndNoOtherIs) {
 TEST(Tracks, LayoutsHaveNoGapsAndActionsFitTheirFrame) {
   for (const TrackKind* track : AllTracks()) {
     SCOPED_TRACE(track->name);
-    for (const VectorLayout* vector : {&ObservationOf(*track), &ActionOf(*track)}) {
+    for (const VectorLayout* vector :
+         {&ObservationOf(*track), &ExtraOf(*track), &ActionOf(*track)}) {
       int offset = 0;
       for (const Part& part : vector->parts()) {
         EXPECT_EQ(part.offset, offset) << part.name;
@@ -34,6 +36,12 @@ TEST(Tracks, LayoutsHaveNoGapsAndActionsFitTheirFrame) {
       EXPECT_EQ(std::set(vector->names().begin(), vector->names().end()).size(),
                 vector->names().size());
       for (const Bounds& bounds : vector->bounds()) EXPECT_LT(bounds.low, bounds.high);
+    }
+    // On the wire the extra parts stand behind the others, and a name means one part.
+    for (const Part& part : ExtraOf(*track).parts()) {
+      EXPECT_TRUE(std::ranges::none_of(
+          ObservationOf(*track).parts(),
+          [&](const Part& graded) { return graded.name == part.name; })) << part.name;
     }
     EXPECT_LE(ActionOf(*track).size(), kMaxActionSize);
     EXPECT_EQ(std::visit([](const auto& facts) { return facts.kActionSize; }, track->no_facts),

@@ -145,11 +145,14 @@ class AdmissionWorld : public ::testing::Test {
 
   // An artefact with files, as if received; its hash is `letter` repeated.
   void AddArtefact(char letter, int64_t bytes = 10, std::vector<std::string> runtimes = {}) {
-    const std::string hash(64, letter);
+    AddArtefact(letter, {std::string(64, letter), "walker", {"./policy"}, std::move(runtimes),
+                         bytes, 2});
+  }
+  void AddArtefact(char letter, const ArtefactRow& row) {
     admission();
-    ASSERT_TRUE(engine_->AddArtefact({hash, "walker", {"./policy"}, std::move(runtimes), bytes, 2},
-                                     {"uid 7", "", true}, {}, absl::Minutes(1)).ok());
-    std::filesystem::create_directory(ArtefactPath(hash));
+    ASSERT_TRUE(
+        engine_->AddArtefact(row, {"uid 7", "", true}, {}, absl::Minutes(1)).ok());
+    std::filesystem::create_directory(ArtefactPath(std::string(64, letter)));
   }
 
   // The track's seeds, or the first `episodes` of them.

@@ -219,6 +219,32 @@ TEST_F(SubmitTest, WhatThisServerLacksIsNamed) {
   EXPECT_TRUE(Submit("alpha", 'b').ok());
 }
 
+TEST_F(SubmitTest, ExtraObservationsAreShownWhereTheProfileAllowsThem) {
+  AddArtefact('a');
+  AddArtefact('b', {.hash = std::string(64, 'b'),
+                    .name = "walker",
+                    .command = {"./policy"},
+                    .runtimes = {},
+                    .bytes = 10,
+                    .files = 2,
+                    .extra_observations = true});
+  EXPECT_EQ(CodeOf("alpha", 'b'), "bad_artefact") << "the profile is paper";
+  EXPECT_EQ(Count("submission"), 0);
+  SubmitRequest request{.artefact = std::string(64, 'b'),
+                        .team = "alpha",
+                        .track = kTrack,
+                        .profile = "myosuite",
+                        .seeds = std::nullopt,
+                        .episodes = std::nullopt};
+  const auto shown = admission().Submit(request, "uid 7");
+  ASSERT_TRUE(shown.ok()) << shown.status();
+  EXPECT_TRUE(SubmissionOf(*shown).extra_observations);
+  request.artefact = std::string(64, 'a');
+  const auto plain = admission().Submit(request, "uid 7");
+  ASSERT_TRUE(plain.ok()) << plain.status();
+  EXPECT_FALSE(SubmissionOf(*plain).extra_observations) << "it did not ask";
+}
+
 TEST_F(SubmitTest, AnArtefactMustBeHereWithItsFiles) {
   AddArtefact('a');
   fs::remove(ArtefactPath(std::string(64, 'a')));

@@ -203,6 +203,10 @@ TEST(ReadManifest, IsStrict) {
   EXPECT_EQ(
       ManifestComplaint(R"({"name": "a", "command": ["policy", "x"], "runtimes": ["python"]})"),
       "");
+  const std::string start = R"({"name": "a", "command": ["./policy"], "extra_observations": )";
+  EXPECT_EQ(ManifestComplaint(start + "true}"), "");
+  EXPECT_EQ(ManifestComplaint(start + "false}"), "");
+  EXPECT_THAT(ManifestComplaint(start + "1}"), HasSubstr("\"extra_observations\" must be"));
   EXPECT_THAT(ManifestComplaint("{"), HasSubstr("policy.json: is not valid JSON"));
   EXPECT_THAT(ManifestComplaint("[]"), HasSubstr("must be an object"));
   EXPECT_THAT(ManifestComplaint(R"({"name": "a"})"), HasSubstr("\"command\" is missing"));

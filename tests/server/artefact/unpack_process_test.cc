@@ -37,7 +37,8 @@ const UnpackBudget kBudget = {.time = absl::Seconds(60), .memory_bytes = 256 << 
 
 std::string HonestArchive() {
   return TarEntry('0', "policy.json",
-                  R"({"name": "ü", "command": ["./policy", "a b"], "env": {"POLICY_A": "ü"}})") +
+                  R"({"name": "ü", "command": ["./policy", "a b"], "env": {"POLICY_A": "ü"},
+                      "extra_observations": true})") +
          TarEntry('0', "policy", "#!/bin/sh\n", {}, 0755);
 }
 
@@ -52,6 +53,7 @@ TEST(UnpackProcess, AnswersAsUnpackArtefactDoes) {
   EXPECT_EQ(apart->manifest.name, here->manifest.name);
   EXPECT_EQ(apart->manifest.command, here->manifest.command);
   EXPECT_EQ(apart->manifest.environment, here->manifest.environment);
+  EXPECT_TRUE(apart->manifest.extra_observations && here->manifest.extra_observations);
   EXPECT_EQ(apart->bytes, here->bytes);
   EXPECT_EQ(apart->files, here->files);
   EXPECT_TRUE(fs::exists(temp / "out/policy"));

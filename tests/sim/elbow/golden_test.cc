@@ -5,6 +5,8 @@
 
 #include <gtest/gtest.h>
 
+#include "protocol/tracks/elbow/track.h"
+#include "tests/sim/dictionary.h"
 #include "tests/sim/elbow/helpers.h"
 #include "tests/sim/golden.h"
 
@@ -135,6 +137,20 @@ void CompareOfficial(GoldenTable& table, const ElbowEnvironment& env, const json
   table.CompareExact("reward: done", official.done, Number(want.at("done")), where);
 }
 
+void CompareShownAndTerms(GoldenTable& table, const ElbowEnvironment& env, const json& step,
+                          const std::string& where) {
+  const auto tolerance = [](std::string_view key) {
+    return key == "qvel" ? kElbowVelocity : kElbowAngle;
+  };
+  if (step.contains("obs_extra")) {
+    CompareShown(table, ShownByName(env, ElbowTrack()), step.at("obs_extra"), tolerance, "free: ",
+                 where);
+  }
+  if (step.contains("rwd_dict")) {
+    CompareRewardTerms(table, env, ElbowTrack(), step.at("rwd_dict"), tolerance, "free: ", where);
+  }
+}
+
 // The sums and counts that an episode's facts hold against those of the recorded steps.
 void CompareFacts(GoldenTable& table, const ElbowEnvironment& env, const json& steps,
                   const std::string& where) {
@@ -160,12 +176,14 @@ void CompareFacts(GoldenTable& table, const ElbowEnvironment& env, const json& s
 void CheckEpisode(GoldenTable& table, ElbowEnvironment& env, const json& reset,
                   const std::string& here) {
   CompareReset(table, env, reset, here);
+  CompareShownAndTerms(table, env, reset, here);
   int t = 0;
   for (const json& step : reset.at("steps")) {
     const std::string where = here + " step " + std::to_string(t++);
     const StepResult result = env.Step(Doubles(step.at("action")));
     CompareRecorded(table, env, step, "free: ", where);
     CompareOfficial(table, env, step, where);
+    CompareShownAndTerms(table, env, step, where);
     table.CompareRelative("free: observation (single precision)", ObservationOf(env),
                           Doubles(step.at("obs")), kElbowSingle, where);
     const bool ended = step.at("terminated").get<bool>() || step.at("truncated").get<bool>();
@@ -185,6 +203,14 @@ void CheckSteps(GoldenTable& table, ElbowEnvironment& env, const json& reset,
     CompareRecorded(table, env, step, "step: ", here + " step " + std::to_string(t++));
     before = &step;
   }
+}
+
+TEST(ElbowGolden, ARecordingHasTheWholeDictionary) {
+  int whole = 0;
+  for (const GoldenFile& file : ElbowFiles()) {
+    whole += HasWholeDictionary(file, {"time", "qpos", "qvel", "act", "pose_err"});
+  }
+  EXPECT_GE(whole, 1);
 }
 
 TEST(ElbowGolden, ModelResetsAndWholeEpisodesAgree) {

@@ -90,6 +90,61 @@ TEST_F(LeasePlayerTest, ThePolicyHearsWhatTheProtocolSays) {
   EXPECT_THAT(first_values, ElementsAre(100, 101, 102));
 }
 
+// The welcome, and the values of the first observation, as a policy sees them.
+struct Seen {
+  welcome_t welcome;
+  std::vector<double> values;
+};
+
+Seen LookAt(Sandbox& sandbox, Seen seen = {}) {
+  sandbox.Hello();
+  while (const PublishFrame* question = sandbox.Hear()) {
+    const int size = static_cast<int>(question->payload_size);
+    observation_t observation;
+    if (question->channel == Channel::kWelcome) {
+      EXPECT_EQ(seen.welcome.decode(question->payload, 0, size), size);
+    } else if (question->channel == Channel::kObservation && seen.values.empty()) {
+      EXPECT_EQ(observation.decode(question->payload, 0, size), size);
+      seen.values = observation.values;
+    }
+    sandbox.Answer(*question);
+  }
+  return seen;
+}
+
+TEST_F(LeasePlayerTest, ExtraObservationsFollowTheGradedOnesAndChangeNoDigest) {
+  Seen with, without;
+  order_.episodes.resize(1);
+  const LeaseResult plain = Play({[&](Sandbox& sandbox) { without = LookAt(sandbox); }});
+  order_.extra_observations = true;
+  const LeaseResult extra = Play({[&](Sandbox& sandbox) { with = LookAt(sandbox); }});
+  ASSERT_TRUE(plain.done && extra.done);
+  EXPECT_EQ(plain.episodes[0].digest, extra.episodes[0].digest);
+
+  const VectorLayout& graded = ObservationOf(ManipulationTrack());
+  const VectorLayout& added = ExtraOf(ManipulationTrack());
+  const auto all = static_cast<size_t>(graded.size() + added.size());
+  EXPECT_EQ(all, 253u);
+  EXPECT_EQ(without.values.size(), 222u);
+  EXPECT_EQ(with.welcome.observation_size, 253);
+  EXPECT_EQ(with.welcome.observation_low.size(), all);
+  EXPECT_EQ(with.welcome.observation_high.size(), all);
+  ASSERT_EQ(with.values.size(), all);
+  EXPECT_TRUE(std::equal(without.values.begin(), without.values.end(), with.values.begin()));
+  for (size_t i = without.values.size(); i < all; ++i) EXPECT_EQ(with.values[i], 1000) << i;
+  // The parts have no gap, and begin with those of the graded vector.
+  int next = 0;
+  for (const part_t& part : with.welcome.observation_parts) {
+    EXPECT_EQ(part.offset, next) << part.name;
+    next += part.size;
+  }
+  EXPECT_EQ(next, 253);
+  const size_t parts = without.welcome.observation_parts.size();
+  EXPECT_EQ(with.welcome.observation_parts.size(), parts + added.parts().size());
+  EXPECT_EQ(with.welcome.observation_parts[parts].name, "max_force");
+  EXPECT_EQ(with.welcome.observation_parts[parts].offset, 222);
+}
+
 TEST_F(LeasePlayerTest, AnEpisodeThatIsGivenUpEndsAsItStandsAndTheSameProcessPlaysOn) {
   std::vector<std::pair<int64_t, int64_t>> ends;  // as the policy hears them
   const LeaseResult result = Play({[&](Sandbox& sandbox) {

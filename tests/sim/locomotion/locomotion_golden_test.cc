@@ -21,6 +21,8 @@
 #include <gtest/gtest.h>
 
 #include "protocol/base/sha256.h"
+#include "protocol/tracks/locomotion/track.h"
+#include "tests/sim/dictionary.h"
 #include "tests/sim/golden.h"
 #include "tests/sim/locomotion/fixture.h"
 
@@ -217,6 +219,20 @@ class EpisodeFile {
     table_.CompareExact(row("height map"), part(265, 365), list("hfield"), where_);
   }
 
+  // The whole dictionary by name, and all terms of the reward.
+  void CheckShownAndTerms(const nlohmann::json& step, const std::string& kind) {
+    const auto tolerance = [](std::string_view key) {
+      if (key == "grf" || key == "socket_force" || key == "muscle_force") return kForce;
+      return key.ends_with("qvel") || key.ends_with("_vel") || key == "muscle_velocity" ? kQvel
+                                                                                        : kQpos;
+    };
+    const std::string prefix = kind + ": ";
+    CompareShown(table_, ShownByName(*environment_, LocomotionTrack()), step.at("obs_extra"),
+                 tolerance, prefix, where_);
+    CompareRewardTerms(table_, *environment_, LocomotionTrack(), step.at("rwd_dict"),
+                       [](std::string_view) { return kQvel; }, prefix, where_);
+  }
+
   void CheckTerms(const nlohmann::json& step, const std::string& kind) {
     const LocomotionTerms terms = environment_->terms();
     const auto& want = step.at("rwd_dict");
@@ -247,6 +263,7 @@ class EpisodeFile {
       if (longer) continue;
       CheckObservation(steps[t], kind, "obs");
       CheckTerms(steps[t], kind);
+      CheckShownAndTerms(steps[t], kind);
     }
     where_ = reset;
   }
@@ -262,6 +279,7 @@ class EpisodeFile {
       if (step.contains("osl_sens_before")) CheckLegSensors(step["osl_sens_before"]);
       environment_->Step(ActionOf(step, t));
       CheckState(step, "single", 1, kStepQpos, kQvel);
+      if (step.contains("obs_extra")) CheckShownAndTerms(step, "single");
       before = &step;
     }
     where_ = name;
@@ -273,6 +291,20 @@ class EpisodeFile {
   std::unique_ptr<Locomotion> environment_;
   std::string where_;
 };
+
+TEST(LocomotionGolden, ARecordingHasTheWholeDictionary) {
+  // What get_obs_dict of the official environment returns.
+  const std::vector<std::string> keys = {
+      "time", "terrain", "internal_qpos", "internal_qvel", "grf", "socket_force", "torso_angle",
+      "muscle_length", "muscle_velocity", "muscle_force", "act", "model_root_pos",
+      "model_root_vel", "hfield"};
+  ASSERT_EQ(keys.size(), 14u);
+  int whole = 0;
+  for (const GoldenFile& file : GoldenFiles()) {
+    whole += IsEpisodeFile(file) && HasWholeDictionary(file, keys);
+  }
+  EXPECT_GE(whole, 1);
+}
 
 TEST(LocomotionGolden, EpisodesFollowTheOfficialOnes) {
   GoldenTable table;

@@ -4,12 +4,16 @@
 #include <cmath>
 #include <tuple>
 
+#include "protocol/tracks/manipulation/track.h"
+#include "tests/sim/dictionary.h"
+
 namespace myograde::sim {
 
 using nlohmann::json;
 
 namespace {
 
+constexpr size_t kElbowFlexion = 14;  // its place among the arm's joints
 constexpr char kKnownFormula[] = "a_t[i] = sin(0.1*t + i), t=0..N-1";
 
 }  // namespace
@@ -71,6 +75,35 @@ void CompareDictionary(GoldenTable& table, ManipulationEnvironment& env, const j
   vector("pass_err", view.pass_error);
   std::vector<double> touch(env.touch().begin(), env.touch().end());
   table.CompareExact(prefix + "touching_body", touch, Doubles(want.at("touching_body")), where);
+}
+
+void CompareShownAndTerms(GoldenTable& table, ManipulationEnvironment& env, const json& record,
+                          Bounds bounds, bool history, const std::string& prefix,
+                          const std::string& where) {
+  auto shown = ShownByName(env, ManipulationTrack());
+  // What the official dictionary repeats.
+  const auto joined = [&](const std::string& kind) {
+    std::vector<double> all;
+    for (const char* who : {"myohand_", "pros_hand_", "object_"}) {
+      const auto& part = shown.at(who + kind);
+      all.insert(all.end(), part.begin(), part.end());
+    }
+    return all;
+  };
+  shown["qp"] = joined("qpos");
+  shown["qv"] = joined("qvel");
+  shown["elbow_fle"] = {shown.at("myohand_qpos").at(kElbowFlexion)};
+  const auto tolerance = [&](std::string_view key) {
+    if (key == "max_force") return history ? kForce : -1;
+    return key == "qv" || key.ends_with("qvel") ? bounds.velocity : bounds.position;
+  };
+  CompareShown(table, shown, record.at("obs_extra"), tolerance, prefix, where);
+  if (!record.contains("rwd_dict")) return;
+  const auto term = [&](std::string_view key) {
+    if (key == "solved" || key == "done") return history ? 0.0 : -1;
+    return std::max(bounds.velocity, kFormula * 100);
+  };
+  CompareRewardTerms(table, env, ManipulationTrack(), record.at("rwd_dict"), term, prefix, where);
 }
 
 void CompareReward(GoldenTable& table, ManipulationEnvironment& env, const json& want,

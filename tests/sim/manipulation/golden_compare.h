@@ -58,6 +58,12 @@ void CompareDictionary(GoldenTable& table, ManipulationEnvironment& env,
                        const nlohmann::json& want, double tolerance, const std::string& prefix,
                        const std::string& where);
 
+// What a policy is shown by name, and all terms of the reward. `history`: the environment has
+// played the episode, so that what depends on earlier frames is compared too.
+void CompareShownAndTerms(GoldenTable& table, ManipulationEnvironment& env,
+                          const nlohmann::json& record, Bounds bounds, bool history,
+                          const std::string& prefix, const std::string& where);
+
 void CompareReward(GoldenTable& table, ManipulationEnvironment& env, const nlohmann::json& want,
                    double tolerance, const std::string& prefix, const std::string& where);
 

@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/sim/dictionary.h"
 #include "tests/sim/golden.h"
 #include "tests/sim/manipulation/golden_compare.h"
 
@@ -29,6 +30,7 @@ void CompareLoadedState(GoldenTable& table, ManipulationEnvironment& env, const 
                         const std::string& where) {
   CompareDictionary(table, env, step.at("obs_extra"), kFormula, "state: ", where);
   CompareReward(table, env, step.at("rwd_dict"), kFormula * 100, "state: ", where);
+  CompareShownAndTerms(table, env, step, {kFormula, kFormula}, false, "state: ", where);
   CompareContacts(table, env, step.at("contacts"), kFormula, "state: ", where);
   table.CompareRelative("state: observation (single precision)", OfficialObservation(env),
                         Doubles(step.at("obs")), kSinglePrecision, where);
@@ -48,6 +50,7 @@ void CompareReset(GoldenTable& table, ManipulationEnvironment& env, const json& 
   table.CompareRelative("reset: observation (single precision)", OfficialObservation(env),
                         Doubles(reset.at("obs_at_reset")), kSinglePrecision, where);
   CompareDictionary(table, env, reset.at("obs_extra"), kFormula, "reset: ", where);
+  CompareShownAndTerms(table, env, reset, {kFormula, kFormula}, true, "reset: ", where);
   CompareState(table, env, reset.at("state_after_reset"), kStrict, "reset: ", where);
   CompareContacts(table, env, reset.at("state_after_reset").at("contacts"), kFormula, "reset: ",
                   where);
@@ -62,6 +65,7 @@ void CompareFreeStep(GoldenTable& table, ManipulationEnvironment& env, const Ste
   CompareContacts(table, env, step.at("contacts"), bounds.position, prefix, where);
   CompareDictionary(table, env, step.at("obs_extra"), bounds.position, prefix, where);
   CompareReward(table, env, step.at("rwd_dict"), bounds.velocity, prefix, where);
+  CompareShownAndTerms(table, env, step, bounds, true, prefix, where);
   const auto official = env.official();
   table.CompareExact(prefix + "goal_touch", static_cast<double>(official.goal_touch),
                      step.at("goal_touch"), where);
@@ -141,6 +145,22 @@ void CheckResets(GoldenTable& table, const GoldenFile& file) {
     CheckSingleSteps(table, *single, file.json, reset.at("steps"), here);
     CheckFreeRun(table, *free, file.json, reset, here);
   }
+}
+
+// What get_obs_dict of the official environment returns.
+const std::vector<std::string> kOfficialKeys = {
+    "time", "qp", "qv", "myohand_qpos", "myohand_qvel", "pros_hand_qpos", "pros_hand_qvel",
+    "object_qpos", "object_qvel", "start_pos", "goal_pos", "elbow_fle", "max_force",
+    "touching_body", "palm_pos", "fin0", "fin1", "fin2", "fin3", "fin4", "Rpalm_pos", "MPL_ori",
+    "MPL_ori_err", "obj_pos", "reach_err", "pass_err", "act"};
+
+TEST(ManipulationGolden, ARecordingHasTheWholeDictionary) {
+  ASSERT_EQ(kOfficialKeys.size(), 27u);
+  int whole = 0;
+  for (const GoldenFile& file : GoldenFiles()) {
+    whole += IsManipulation(file) && HasWholeDictionary(file, kOfficialKeys);
+  }
+  EXPECT_GE(whole, 1);
 }
 
 TEST(ManipulationGolden, ResetsStatesAndStepsAgree) {

@@ -76,6 +76,9 @@ class Track:
     control_period_s: float
     observation: Layout
     action: Layout
+    # What follows the observation if policy.json asks for it ("extra_observations"); may be empty.
+    # Offsets count from its own first entry.
+    extra: Layout = dataclasses.field(default_factory=lambda: Layout([]))
 
 
 @functools.lru_cache(maxsize=None)
@@ -96,7 +99,7 @@ def track(kind: str) -> Track:
     if kind not in known:
         raise ValueError(f'there is no kind of track "{kind}"; known: {", ".join(known)}')
     return Track(kind, known[kind]["control_period_s"], _layout(known[kind]["observation"]),
-                 _layout(known[kind]["action"]))
+                 _layout(known[kind]["action"]), _layout(known[kind]["extra"]))
 
 
 def layout_of(parts: Sequence[Any]) -> Layout:

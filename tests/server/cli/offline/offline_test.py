@@ -43,13 +43,18 @@ class OfflineTest(CliCase):
         self.refused(2, "manipulation.json", *spec)
 
     def test_spec_keeps_its_schema_and_the_paper_s_sizes(self):
-        for track, sizes in (("manipulation", (222, 80)), ("locomotion", (365, 55))):
+        for track, sizes in (("manipulation", (222, 80, 31)), ("locomotion", (365, 55, 0))):
             spec = self.checked("spec", "spec", "--track", track)
-            for vector, size in zip(("observation", "action"), sizes):
+            self.assertFalse(spec["extra_observation"]["allowed"])
+            for vector, size in zip(("observation", "action", "extra_observation"), sizes):
                 self.assertEqual(spec[vector]["size"], size)
                 self.assertEqual(sum(p["size"] for p in spec[vector]["parts"]), size)
         self.assertGreaterEqual(len(self.checked("spec", "spec")["tracks"]), 2)
+        official = myograde("spec", "--track", "manipulation", "--profile", "myosuite").stdout
+        self.assertIn("Extra observation", official)
+        self.assertIn("MPL_ori_err", official)
         shown = myograde("spec", "--track", "locomotion").stdout
+        self.assertNotIn("Extra observation", shown)
         self.assertIn("Observation", shown)
         for name in ("0 default", "1 stairs-up", "2 stairs-down", "3 slopes", "4 standing"):
             self.assertIn(name, shown)
