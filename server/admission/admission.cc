@@ -81,6 +81,7 @@ Admission::Admission(AdmissionOptions options, const Tracks& tracks, const Phase
       engine_(engine),
       readers_(readers),
       clock_(clock),
+      runtimes_(options_.config.runtimes, options_.config.runtimes_dir),
       uploads_(options_.config, options_.data_dir, engine, readers) {}
 
 absl::StatusOr<ReceivedArtefact> Admission::Receive(const UploadRequest& request,
@@ -146,7 +147,7 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
   if (!allowed.ok()) return allowed;
   const absl::StatusOr<ArtefactRow> artefact = CheckedArtefact(request.artefact, config);
   if (!artefact.ok()) return artefact.status();
-  NewSubmission submission = Compose(request, *entry, *seeds);
+  NewSubmission submission = Compose(request, *entry, *seeds, artefact->runtimes);
   submission.extra_observations = ShowsExtraObservations(
       artefact->extra_observations, !artefact->adapter.empty(), config);
   submission.request_key = request.key;
@@ -242,6 +243,7 @@ absl::StatusOr<ArtefactRow> Admission::CheckedArtefact(const std::string& hash,
   }
   for (const std::string& runtime : artefact->runtimes) {
     if (options_.config.runtimes.contains(runtime)) continue;
+    if (!absl::IsNotFound(runtimes_.Find(runtime).status())) continue;
     return BadRequest("unknown_runtime",
                       absl::StrCat("this server has no runtime \"", runtime,
                                    "\", which the artefact's policy.json asks for"));
@@ -253,7 +255,8 @@ absl::StatusOr<ArtefactRow> Admission::CheckedArtefact(const std::string& hash,
 }
 
 NewSubmission Admission::Compose(const SubmitRequest& request, const Entry& entry,
-                                 const std::vector<uint64_t>& seeds) const {
+                                 const std::vector<uint64_t>& seeds,
+                                 const std::vector<std::string>& needed) const {
   const TrackConfig& config = entry.track->config;
   NewSubmission submission;
   submission.team = request.team;
@@ -267,7 +270,8 @@ NewSubmission Admission::Compose(const SubmitRequest& request, const Entry& entr
   submission.seed_count = static_cast<int64_t>(seeds.size());
   submission.ranked = entry.ranks && seeds == config.seeds;
   submission.phase = config.phase;
-  submission.grader_json = CanonicalJson(GraderBuild(options_.cache_dir));
+  submission.grader_json = CanonicalJson(
+      WithRuntimes(GraderBuild(options_.cache_dir), RuntimeDigests(runtimes_, needed)));
   submission.blocks = BlocksOf(submission.seed_count, config.episodes_per_lease);
   return submission;
 }

@@ -21,6 +21,7 @@
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
 #include "server/grading/tracks.h"
+#include "server/runtime/runtimes.h"
 #include "server/store/reader.h"
 
 namespace myograde::server {
@@ -112,7 +113,8 @@ class Admission {
   absl::StatusOr<ArtefactRow> CheckedArtefact(const std::string& hash, const TrackConfig& config);
   absl::Status CheckRankedHere() const;
   NewSubmission Compose(const SubmitRequest& request, const Entry& entry,
-                        const std::vector<uint64_t>& seeds) const;
+                        const std::vector<uint64_t>& seeds,
+                        const std::vector<std::string>& needed) const;
 
   const AdmissionOptions options_;
   const Tracks& tracks_;
@@ -120,6 +122,7 @@ class Admission {
   Engine& engine_;
   ReaderPool& readers_;
   const Clock& clock_;
+  const Runtimes runtimes_;
   Uploads uploads_;
   CalendarWatch calendar_;
 };

@@ -8,7 +8,6 @@
 #include <cerrno>
 #include <cstdio>
 #include <filesystem>
-#include <map>
 #include <optional>
 #include <string_view>
 #include <system_error>
@@ -23,6 +22,7 @@
 #include "server/artefact/unpack_process.h"
 #include "server/base/names.h"
 #include "server/engine/stored.h"
+#include "server/runtime/runtimes.h"
 #include "server/sandbox/program.h"
 
 namespace myograde::server {
@@ -93,14 +93,12 @@ absl::Status Settle(const std::string& fresh, const std::string& place) {
 // Checks nothing if a runtime is missing, as nobody can say what it would bring: an unknown one is
 // refused when the artefact is submitted, and one without its folder is the host's trouble.
 absl::Status CheckStart(const ArtefactManifest& manifest, const std::string& folder,
-                        const std::map<std::string, std::string>& runtimes_here) {
+                        const Runtimes& runtimes_here) {
   std::vector<std::string> runtimes;
   for (const std::string& name : manifest.runtimes) {
-    const auto known = runtimes_here.find(name);
-    if (known == runtimes_here.end() || !fs::is_directory(known->second)) {
-      return absl::OkStatus();
-    }
-    runtimes.push_back(known->second);
+    const absl::StatusOr<Runtime> known = runtimes_here.Find(name);
+    if (!known.ok()) return absl::OkStatus();
+    runtimes.push_back(known->folder);
   }
   return CheckProgram(manifest, folder, runtimes);
 }
@@ -163,7 +161,8 @@ absl::StatusOr<Artefact> Uploads::Unpack(const std::string& file, const std::str
   absl::StatusOr<Artefact> artefact =
       UnpackInProcess(file, folder, {.bytes = limits.bytes, .files = limits.files}, budget);
   if (!artefact.ok()) return TroubleOf(artefact.status());
-  absl::Status status = CheckStart(artefact->manifest, folder, config_.runtimes);
+  absl::Status status = CheckStart(
+      artefact->manifest, folder, Runtimes(config_.runtimes, config_.runtimes_dir));
   if (!status.ok()) return status;
   return artefact;
 }

@@ -17,6 +17,7 @@
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
 #include "server/proof/grader_build.h"
+#include "server/runtime/runtimes.h"
 
 namespace myograde::server {
 namespace {
@@ -154,8 +155,11 @@ absl::StatusOr<NewRerun> MakeRerun(Reader& reader, const ApiContext& context, in
         absl::StrCat("request: \"last\" is ", *wanted.last, ", the last episode of submission ",
                      submission, " is ", original.last));
   }
+  const Runtimes runtimes(context.config.runtimes, context.config.runtimes_dir);
   NewRerun rerun{submission, stored->submission.artefact,
-                 CanonicalJson(GraderBuild(context.cache_dir)), {}};
+                 CanonicalJson(WithRuntimes(GraderBuild(context.cache_dir),
+                                            RuntimeDigests(runtimes, stored->artefact.runtimes))),
+                 {}};
   if (absl::Status files = HasArtefactFiles(context.data_dir, rerun.artefact); !files.ok()) {
     return files;
   }

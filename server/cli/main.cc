@@ -94,6 +94,8 @@ constexpr Verb kVerbs[] = {
      "myograde new my_policy --lang python --track TRACK", AddNew},
     {"local", "Grade a policy on this host, without a daemon",
      "myograde local ./my_policy --track TRACK --episodes 5", AddLocal},
+    {"runtime", "Make, list and remove the runtimes that policies may ask for",
+     "myograde runtime add torch-cpu", AddRuntime},
     {"spec", "Print a track's observations, actions, budgets, rules and scoring",
      "myograde spec --track TRACK --json", AddSpec},
     {"doctor", "Check what this host has for grading, what it lacks and what that costs", "myograde doctor",

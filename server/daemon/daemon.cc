@@ -29,6 +29,7 @@
 #include "server/proof/grader_build.h"
 #include "server/proof/reference_check.h"
 #include "server/proof/signing_key.h"
+#include "server/runtime/runtimes.h"
 #include "server/sandbox/control_group.h"
 #include "server/sandbox/users.h"
 #include "server/store/lock.h"
@@ -272,7 +273,11 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   webhooks.Start();
   const Retention retention(config.retention, options.data_dir, engine, readers, clock);
   const Rejudger rejudger({.data_dir = options.data_dir,
-                           .grader = [&] { return GraderBuild(options.cache_dir); }},
+                           .grader = [&] {
+                             return WithRuntimes(
+                                 GraderBuild(options.cache_dir),
+                                 RuntimeDigests(Runtimes(config.runtimes, config.runtimes_dir)));
+                           }},
                           engine, readers);
   spdlog::info("listening on {}, {} slots, {} tracks, {} phases", options.socket,
                config.scheduler.slots, tracks.entries().size(), phases->entries().size());

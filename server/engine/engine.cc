@@ -18,6 +18,7 @@ Engine::Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Processes
                const Clock& clock)
     : data_dir_(options.data_dir),
       cache_dir_(options.cache_dir),
+      runtimes_(options.config.runtimes, options.config.runtimes_dir),
       readers_(readers),
       clock_(clock),
       commands_(kMaxCommands),

@@ -89,6 +89,7 @@ class Engine {
 
   const std::string data_dir_;
   const std::string cache_dir_;
+  const Runtimes runtimes_;
   ReaderPool& readers_;
   const Clock& clock_;
   CommandQueue commands_;

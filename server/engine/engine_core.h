@@ -44,6 +44,7 @@
 #include "server/grading/tracks.h"
 #include "server/metrics/metrics.h"
 #include "server/runner/lease_report.h"
+#include "server/runtime/runtimes.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
 #include "server/store/reader.h"
@@ -170,7 +171,8 @@ class EngineCore {
     Priority priority = Priority::kRanked;
     std::string artefact;
     std::vector<std::string> command;
-    std::vector<std::string> runtimes;  // host folders
+    // Those that it is to be played with, as it began: name and digest ("": not known).
+    std::vector<std::pair<std::string, std::string>> runtimes;
     std::map<std::string, std::string> environment;
     std::string adapter;  // "": none
     bool extra_observations = false;
@@ -261,7 +263,8 @@ class EngineCore {
   void StartLeases();
   void StartLease(const Start& start);
   void GiveWay();
-  LeaseOrder OrderFor(const LeaseRun& run) const;
+  // NotFoundError, InternalError: a runtime is not there any more.
+  absl::StatusOr<LeaseOrder> OrderFor(const LeaseRun& run) const;
   static LogFields FieldsOf(const LeaseRun& run);
   void Listen(LeaseRun& run);
   void OnProgress(LeaseRun& run, const ProgressRecord& record);
@@ -292,6 +295,7 @@ class EngineCore {
   absl::Duration TimeToNext(absl::Duration now) const;
 
   const EngineOptions options_;
+  const Runtimes runtimes_{options_.config.runtimes, options_.config.runtimes_dir};
   Disk& disk_;
   ReaderPool& readers_;
   Processes& processes_;

@@ -9,8 +9,15 @@
 
 namespace myograde::server {
 
-LeaseOrder EngineCore::OrderFor(const LeaseRun& run) const {
+absl::StatusOr<LeaseOrder> EngineCore::OrderFor(const LeaseRun& run) const {
   const Context& context = *run.context;
+  std::vector<std::string> runtimes;
+  for (const auto& [name, digest] : context.runtimes) {
+    const absl::StatusOr<Runtime> runtime =
+        digest.empty() ? runtimes_.Find(name) : runtimes_.Find(name, digest);
+    if (!runtime.ok()) return runtime.status();
+    runtimes.push_back(runtime->folder);
+  }
   const TrackConfig& track = context.track->config;
   const Form1PolicySeeds form1 = {disk_.policy_secret(), context.artefact};
   return MakeLeaseOrder(
@@ -19,7 +26,7 @@ LeaseOrder EngineCore::OrderFor(const LeaseRun& run) const {
       {.artefact_dir = ArtefactFolder(options_.data_dir, context.artefact),
        .command = context.command,
        .environment = context.environment,
-       .runtimes = context.runtimes,
+       .runtimes = std::move(runtimes),
        .adapter = context.adapter,
        .extra_observations = context.extra_observations,
        .image = context.image},
@@ -75,10 +82,13 @@ void EngineCore::StartLease(const Start& start) {
   AddToJournal(start.evaluation, [start, deadline, who = owner_](Writer& writer) {
     return writer.StartLease(start.lease, start.attempt, start.slot, deadline, who);
   });
-  const LeaseOrder order = OrderFor(run);
-  // The scheduler watches for lateness and silence.
-  run.report = LeaseReport(order.episodes, {}, clock_.Monotonic());
-  absl::StatusOr<std::unique_ptr<Runner>> runner = processes_.Start(order);
+  const absl::StatusOr<LeaseOrder> order = OrderFor(run);
+  absl::StatusOr<std::unique_ptr<Runner>> runner = order.status();
+  if (order.ok()) {
+    // The scheduler watches for lateness and silence.
+    run.report = LeaseReport(order->episodes, {}, clock_.Monotonic());
+    runner = processes_.Start(*order);
+  }
   const LogScope scope(FieldsOf(run));
   if (!runner.ok()) {
     FreeSlot(run.slot);

@@ -23,6 +23,26 @@ Priority PriorityOf(const StoredEvaluation& stored) {
   return stored.submission.ranked ? Priority::kRanked : Priority::kPractice;
 }
 
+// What an evaluation began with holds for all its leases. Those of earlier versions did not record
+// it: they have what is there now.
+std::vector<std::pair<std::string, std::string>> RuntimesOf(const StoredEvaluation& stored,
+                                                            const Runtimes& runtimes) {
+  const nlohmann::json grader = ParsedText(stored.evaluation.grader_json);
+  const nlohmann::json recorded =
+      grader.is_object() ? grader.value("runtimes", nlohmann::json()) : nlohmann::json();
+  std::vector<std::pair<std::string, std::string>> needed;
+  for (const std::string& name : stored.artefact.runtimes) {
+    const auto digest = recorded.is_object() ? recorded.find(name) : recorded.end();
+    if (recorded.is_object() && digest != recorded.end() && digest->is_string()) {
+      needed.emplace_back(name, digest->get<std::string>());
+    } else {
+      const absl::StatusOr<Runtime> present = runtimes.Find(name);
+      needed.emplace_back(name, present.ok() ? present->digest : "");
+    }
+  }
+  return needed;
+}
+
 }  // namespace
 
 EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) const {
@@ -41,13 +61,7 @@ EngineCore::ContextPtr EngineCore::ContextOf(const StoredEvaluation& stored) con
   context->adapter = stored.artefact.adapter;
   context->extra_observations = stored.submission.extra_observations;
   context->image = stored.artefact.image;
-  for (const std::string& runtime : stored.artefact.runtimes) {
-    const auto it = options_.config.runtimes.find(runtime);
-    // If a runtime has left the settings, the runner reports the missing folder as the grader's
-    // fault.
-    context->runtimes.push_back(it == options_.config.runtimes.end() ? "/nonexistent/" + runtime
-                                                                     : it->second);
-  }
+  context->runtimes = RuntimesOf(stored, runtimes_);
   context->track = stored.track;
   context->seeds = stored.seeds;
   for (const LeaseRow& lease : stored.leases) {

@@ -55,7 +55,10 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
                                                      const std::string& who,
                                                      absl::Duration timeout) {
   NewRejudge rejudge = asked;
-  if (rejudge.grader_json.empty()) rejudge.grader_json = CanonicalJson(GraderBuild(cache_dir_));
+  if (rejudge.grader_json.empty()) {
+    rejudge.grader_json = CanonicalJson(
+        WithRuntimes(GraderBuild(cache_dir_), RuntimeDigests(runtimes_)));
+  }
   if (absl::Status status = CheckNewRejudge(rejudge); !status.ok()) return status;
   absl::StatusOr<RejudgePlan> plan = absl::InternalError("");
   absl::StatusOr<std::vector<NewRejudgeItem>> items = absl::InternalError("");

@@ -79,6 +79,7 @@ absl::StatusOr<Runtime> ReadRuntime(const std::string& folder) {
                   .made_at = reader.String("made_at"),
                   .bytes = reader.Integer("bytes", 0, kMany),
                   .files = reader.Integer("files", 0, kMany)};
+  reader.Ignore("made_from");
   const Json packages = reader.Array("packages");
   if (!IsDigest(runtime.digest)) reader.Fail("digest", "is no SHA-256");
   if (!IsRuntimeName(runtime.name)) reader.Fail("runtime", "is no name of a runtime");
@@ -148,6 +149,26 @@ std::vector<Runtime> Runtimes::Former() const {
   std::sort(all.begin(), all.end(),
             [](const Runtime& a, const Runtime& b) { return a.folder < b.folder; });
   return all;
+}
+
+nlohmann::json RuntimeDigests(const Runtimes& runtimes, const std::vector<std::string>& names) {
+  Json digests = Json::object();
+  for (const std::string& name : names) {
+    const absl::StatusOr<Runtime> runtime = runtimes.Find(name);
+    if (runtime.ok() && !runtime->digest.empty()) digests[name] = runtime->digest;
+  }
+  return digests;
+}
+
+nlohmann::json RuntimeDigests(const Runtimes& runtimes) {
+  std::vector<std::string> names;
+  for (const Runtime& runtime : runtimes.List()) names.push_back(runtime.name);
+  return RuntimeDigests(runtimes, names);
+}
+
+nlohmann::json WithRuntimes(nlohmann::json grader, nlohmann::json digests) {
+  if (!digests.empty()) grader["runtimes"] = std::move(digests);
+  return grader;
 }
 
 nlohmann::json RuntimeToJson(const Runtime& runtime) {

@@ -71,6 +71,14 @@ class Runtimes {
   const std::string dir_;
 };
 
+// {name: digest} of the runtimes that there are, without those of unknown digest; of `names` only.
+nlohmann::json RuntimeDigests(const Runtimes& runtimes, const std::vector<std::string>& names);
+nlohmann::json RuntimeDigests(const Runtimes& runtimes);
+
+// A grader's build (GraderBuild) together with runtimes, of RuntimeDigests: what a result depends on
+// besides submission, config and seeds. Without runtimes it stays as it is.
+nlohmann::json WithRuntimes(nlohmann::json grader, nlohmann::json digests);
+
 // As GET /v1/runtimes has it; where it lies is nothing for strangers.
 nlohmann::json RuntimeToJson(const Runtime& runtime);
 

@@ -26,9 +26,10 @@ std::vector<std::string> AdapterEnvironment(const LeaseOrder& order) {
   return {absl::StrCat("PYTHONHOME=", kHostPlace, "/usr")};
 }
 
-std::vector<std::string> AdapterCommand(const LeaseOrder& order) {
-  // No variable and no file of the participant decides what the adapter imports. In an image, Python
-  // needs a variable that tells it where its own library is, so it can't be wholly isolated there.
+std::vector<std::string> AdapterCommand(const LeaseOrder& order,
+                                        const std::vector<std::string>& variables) {
+  // No variable and no file of the participant decides what the adapter imports. In an image Python
+  // needs a variable that tells it where its library is, so it can't be wholly isolated there.
   std::vector<std::string> command;
   if (order.image.has_value()) {
     command = HostCommand(kPython);
@@ -42,14 +43,10 @@ std::vector<std::string> AdapterCommand(const LeaseOrder& order) {
   add(kAdapterPlace, "--track");
   command.emplace_back(order.track.kind->name);
   for (const std::string& runtime : order.runtimes) add("--runtime", runtime);
+  for (const std::string& variable : variables) add("--env", variable);
   if (order.image.has_value()) {
-    for (const std::string& variable : AgentEnvironment(order)) add("--env", variable);
     add("--cwd", order.image->working_dir);
     command.emplace_back("--image");
-  } else {
-    for (const auto& [name, value] : order.environment) {
-      add("--env", absl::StrCat(name, "=", value));
-    }
   }
   if (order.extra_observations) command.emplace_back("--extra-observations");
   command.emplace_back("--");

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -37,6 +38,8 @@ struct DoctorOptions {
   // Whose budgets a sandbox gets; unset if no track can be read.
   std::optional<TrackConfig> track;
   std::map<std::string, std::string> runtimes;  // name to host folder
+  // Whether the content of a runtime is what it was made with; null: not checked.
+  std::function<absl::Status(const std::string& name)> check_runtime = nullptr;
   int64_t uid_base = 0;   // of the slots, if root runs them
   int slots = 1;
   int64_t submission_bytes = 0;  // the largest that the data folder must hold

@@ -252,12 +252,22 @@ void CheckPython(const DoctorOptions& options, std::vector<Check>& checks) {
   }
   for (const auto& [name, folder] : options.runtimes) {
     const std::string check = "runtime_" + name;
-    if (access(folder.c_str(), R_OK | X_OK) == 0) {
-      checks.push_back(Fine(check, folder));
-    } else {
+    if (access(folder.c_str(), R_OK | X_OK) != 0) {
       checks.push_back(Poorer(check, absl::StrCat(folder, ": ", std::strerror(errno)),
                               "submissions that ask for this runtime are refused",
                               "run ./dev setup, or mend runtimes in server.json"));
+      continue;
+    }
+    const absl::Status same =
+        options.check_runtime == nullptr ? absl::OkStatus() : options.check_runtime(name);
+    if (same.ok()) {
+      checks.push_back(Fine(check, folder));
+    } else {
+      checks.push_back(Poorer(check, std::string(same.message()),
+                              "policies with this runtime are played with something else than "
+                              "their receipts say",
+                              absl::StrCat("make it anew: myograde runtime add ", name,
+                                           " REQUIREMENTS --replace")));
     }
   }
 }

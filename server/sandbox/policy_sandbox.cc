@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <map>
 
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
@@ -77,6 +78,35 @@ void AddSanitizerOptions(SandboxSpec& spec) {
   if (kSanitized) spec.environment.emplace_back("ASAN_OPTIONS", "detect_leaks=0");
 }
 
+// The libraries that runtimes bring for their modules (server/runtime/README.md).
+std::vector<std::string> LibraryFolders(const std::vector<std::string>& runtimes) {
+  std::vector<std::string> folders;
+  for (const std::string& runtime : runtimes) {
+    const std::string folder = runtime + "/debian-lib";
+    if (access(folder.c_str(), F_OK) == 0) folders.push_back(folder);
+  }
+  return folders;
+}
+
+// "NAME=value". What a submission sets comes before what its runtimes need.
+std::vector<std::string> PolicyEnvironment(const LeaseOrder& order) {
+  std::map<std::string, std::string> environment = order.environment;
+  const auto join = [&](const char* name, const std::vector<std::string>& folders) {
+    std::string& value = environment[name];
+    absl::StrAppend(&value, value.empty() ? "" : ":", absl::StrJoin(folders, ":"));
+  };
+  if (environment.contains("PYTHONPATH") && !order.runtimes.empty()) {
+    join("PYTHONPATH", order.runtimes);
+  }
+  const std::vector<std::string> libraries = LibraryFolders(order.runtimes);
+  if (!libraries.empty()) join("LD_LIBRARY_PATH", libraries);
+  std::vector<std::string> variables;
+  for (const auto& [name, value] : environment) {
+    variables.push_back(absl::StrCat(name, "=", value));
+  }
+  return variables;
+}
+
 // The bridge, which starts the policy. The policy's variables are set through it, so that none of
 // them affects a program that is not the participant's.
 void AddBridgeCommand(const LeaseOrder& order, const PolicySandboxConfig& config,
@@ -94,21 +124,17 @@ void AddBridgeCommand(const LeaseOrder& order, const PolicySandboxConfig& config
     add("--farewell", std::to_string(farewell));
   }
   spec.working_dir = image ? "/" : "/policy";
-  if (!order.adapter.empty()) {
-    for (std::string& variable : AdapterEnvironment(order)) add("--env", std::move(variable));
-  } else if (image) {
+  const std::vector<std::string> variables =
+      image ? AgentEnvironment(order) : PolicyEnvironment(order);
+  std::vector<std::string> policy = order.command;
+  if (order.adapter.empty()) {
     // An image's folder may be missing, which is not the sandbox' fault.
-    add("--cwd", order.image->working_dir);
-    for (std::string& variable : AgentEnvironment(order)) add("--env", std::move(variable));
+    if (image) add("--cwd", order.image->working_dir);
+    for (const std::string& variable : variables) add("--env", variable);
   } else {
-    for (const auto& [name, value] : order.environment) {
-      const bool joins = name == "PYTHONPATH" && !order.runtimes.empty();
-      const std::string more = joins ? ":" + absl::StrJoin(order.runtimes, ":") : "";
-      add("--env", absl::StrCat(name, "=", value, more));
-    }
+    for (const std::string& variable : AdapterEnvironment(order)) add("--env", variable);
+    policy = AdapterCommand(order, variables);
   }
-  const std::vector<std::string> policy =
-      order.adapter.empty() ? order.command : AdapterCommand(order);
   spec.command.emplace_back("--");
   spec.command.insert(spec.command.end(), policy.begin(), policy.end());
 }

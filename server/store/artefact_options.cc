@@ -24,7 +24,8 @@ void ReadArtefactOptions(StoredRow& row, int column, ArtefactRow& artefact) {
     artefact.extra_observations = reader.Boolean("extra_observations");
   }
   if (reader.Has("image")) {
-    absl::StatusOr<PolicyImage> image = PolicyImageFromJson(reader.Object("image"), "options: image");
+    absl::StatusOr<PolicyImage> image =
+        PolicyImageFromJson(reader.Object("image"), "options: image");
     if (!image.ok()) return row.Fail(column, std::string(image.status().message()));
     artefact.image = *std::move(image);
   }

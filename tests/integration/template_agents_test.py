@@ -1,5 +1,5 @@
-"""Agents written for the template of 2024, on the real tracks, through the adapter that serves their
-gRPC service. Needs the runtime template-2024 in the cache folder."""
+"""Agents written for the template of 2024, on the real tracks, through the adapter that serves
+their gRPC service. Needs the runtime template-2024 in the cache folder."""
 
 import json
 import os

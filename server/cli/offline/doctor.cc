@@ -19,6 +19,8 @@
 #include "server/cli/terminal/text.h"
 #include "server/config/server_config.h"
 #include "server/grading/tracks.h"
+#include "server/runtime/runtimes.h"
+#include "server/runtime/tree.h"
 #include "server/sandbox/doctor.h"
 #include "server/store/reader.h"
 #include "server/store/record_check.h"
@@ -54,6 +56,12 @@ DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks) {
       LoadServerConfig(options.config_dir + "/server.json", options.cache_dir);
   if (config.ok()) {
     options.runtimes = config->runtimes;
+    const Runtimes runtimes(config->runtimes, config->runtimes_dir);
+    for (const Runtime& runtime : runtimes.List()) options.runtimes[runtime.name] = runtime.folder;
+    options.check_runtime = [runtimes](const std::string& name) {
+      const absl::StatusOr<Runtime> runtime = runtimes.Find(name);
+      return runtime.ok() ? CheckRuntime(*runtime) : runtime.status();
+    };
     options.uid_base = config->uid_base;
     options.slots = config->scheduler.slots;
     options.submission_bytes = config->artefacts.bytes;

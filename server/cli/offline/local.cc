@@ -25,6 +25,7 @@
 #include "server/config/server_config.h"
 #include "server/grading/results.h"
 #include "server/proof/grader_build.h"
+#include "server/runtime/runtimes.h"
 #include "server/sandbox/program.h"
 #include "server/sandbox/sandbox_config.h"
 
@@ -61,22 +62,19 @@ absl::StatusOr<std::vector<uint64_t>> SeedsOf(const LocalOptions& options,
 }
 
 absl::StatusOr<std::vector<std::string>> RuntimesOf(const ArtefactManifest& manifest,
-                                                    const ServerConfig& config) {
+                                                    const Runtimes& runtimes) {
   std::vector<std::string> folders;
   for (const std::string& name : manifest.runtimes) {
-    const auto found = config.runtimes.find(name);
-    if (found == config.runtimes.end()) {
+    absl::StatusOr<Runtime> runtime = runtimes.Find(name);
+    if (absl::IsNotFound(runtime.status())) {
       return absl::InvalidArgumentError(absl::StrCat(
           "policy.json asks for the runtime \"", name, "\"; known: ",
-          absl::StrJoin(config.runtimes, ", ", [](std::string* out, const auto& entry) {
-            out->append(entry.first);
+          absl::StrJoin(runtimes.List(), ", ", [](std::string* out, const Runtime& entry) {
+            out->append(entry.name);
           })));
     }
-    if (!std::filesystem::is_directory(found->second)) {
-      return absl::InternalError(absl::StrCat("the runtime \"", name, "\" has no folder ",
-                                              found->second, "; run ./dev setup"));
-    }
-    folders.push_back(found->second);
+    if (!runtime.ok()) return runtime.status();
+    folders.push_back(std::move(runtime->folder));
   }
   return folders;
 }
@@ -129,7 +127,8 @@ absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::strin
                                            order.track->config));
   if (!extra.ok()) return extra;
   absl::StatusOr<std::vector<std::string>> runtimes =
-      RuntimesOf(order.artefact.manifest, order.config);
+      RuntimesOf(
+          order.artefact.manifest, Runtimes(order.config.runtimes, order.config.runtimes_dir));
   if (!runtimes.ok()) return runtimes.status();
   order.runtimes = *std::move(runtimes);
   const absl::Status program = HostStatus(
@@ -199,7 +198,10 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
               {"merkle_root", result.rows.empty()
                                   ? Json()
                                   : Json(MerkleRootOf(result.rows, config.seed_salt))},
-              {"grader", GraderBuild(order.cache_dir)},
+              {"grader", WithRuntimes(GraderBuild(order.cache_dir),
+                                       RuntimeDigests(Runtimes(order.config.runtimes,
+                                                               order.config.runtimes_dir),
+                                                      order.artefact.manifest.runtimes))},
               {"episodes", rows},
               {"output", result.outputs},
               {"wall", {{"slots", order.slots}, {"wall_s", absl::ToDoubleSeconds(wall)}}}};

@@ -16,6 +16,7 @@ Action AddChallenge(CLI::App& verb);
 Action AddSeeds(CLI::App& verb);
 Action AddLocal(CLI::App& verb);
 Action AddNew(CLI::App& verb);
+Action AddRuntime(CLI::App& verb);
 Action AddSpec(CLI::App& verb);
 Action AddDoctor(CLI::App& verb);
 

@@ -1,0 +1,220 @@
+// myograde runtime
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <set>
+#include <system_error>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+#include <absl/strings/str_join.h>
+#include <nlohmann/json.hpp>
+
+#include "protocol/base/spawn.h"
+#include "server/base/paths.h"
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/options.h"
+#include "server/cli/base/print_json.h"
+#include "server/cli/offline/verbs.h"
+#include "server/cli/terminal/table.h"
+#include "server/cli/terminal/text.h"
+#include "server/config/server_config.h"
+#include "server/runtime/runtimes.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+struct RuntimeOptions {
+  HostOptions host;
+  std::string name;
+  std::string requirements;
+  std::string python = "/usr/bin/python3";
+  std::string wheels;
+  std::vector<std::string> debian;
+  int64_t most_bytes = int64_t{8} << 30;
+  int64_t timeout_s = 3600;
+  bool lock = false;
+  bool replace = false;
+  bool former = false;
+  bool json = false;
+};
+
+absl::StatusOr<ServerConfig> ConfigOf(const RuntimeOptions& options) {
+  absl::StatusOr<ServerConfig> config = LoadServerConfig(
+      options.host.configs_dir() + "/server.json", options.host.cache_dir());
+  if (!config.ok()) return HostStatus("", config.status());
+  return config;
+}
+
+// The program that makes and removes runtimes: of an installed MyoGrade, else of the source tree.
+std::string Maker() {
+  const absl::StatusOr<std::string> bin = BinDir();
+  const std::string installed =
+      bin.ok() ? *bin + "/../share/myograde/runtime/make_runtime.py" : "";
+  return std::filesystem::exists(installed) ? installed : MYOGRADE_SOURCE_RUNTIME_MAKER;
+}
+
+// The folder of a shipped recipe; NotFoundError lists those that there are.
+absl::StatusOr<std::string> Recipe(const std::string& name) {
+  namespace fs = std::filesystem;
+  const absl::StatusOr<std::string> bin = BinDir();
+  std::string recipes = bin.ok() ? *bin + "/../share/myograde/runtimes" : "";
+  if (!fs::exists(recipes)) recipes = MYOGRADE_SOURCE_RECIPES;
+  if (IsRuntimeName(name) && fs::exists(absl::StrCat(recipes, "/", name, "/requirements.txt"))) {
+    return absl::StrCat(recipes, "/", name);
+  }
+  std::set<std::string> known;
+  std::error_code ignored;  // without the folder there are none
+  for (const fs::directory_entry& entry : fs::directory_iterator(recipes, ignored)) {
+    known.insert(entry.path().filename().string());
+  }
+  return absl::NotFoundError(absl::StrCat("there is no recipe \"", name, "\"; give a requirements ",
+                                          "file, or the name of one of these: ",
+                                          absl::StrJoin(known, ", ")));
+}
+
+// Becomes the maker. `words` follow the runtimes' folder and the name.
+int Become(const RuntimeOptions& options, const std::string& verb,
+           std::vector<std::string> words) {
+  const absl::StatusOr<ServerConfig> config = ConfigOf(options);
+  if (!config.ok()) return ReportError(config.status());
+  if (const auto own = config->runtimes.find(options.name);
+      own != config->runtimes.end() && own->second != config->runtimes_dir + "/" + options.name) {
+    return ReportError(absl::InvalidArgumentError(
+        absl::StrCat("server.json names the folder ", own->second, " as the runtime \"",
+                     options.name, "\"; choose another name, or take it out of \"runtimes\"")));
+  }
+  std::vector<std::string> all = {"/usr/bin/python3", "-B", "-s", "-E", Maker(), verb,
+                                  config->runtimes_dir, options.name};
+  all.insert(all.end(), words.begin(), words.end());
+  if (options.json) all.emplace_back("--json");
+  ::execv(all[0].c_str(), ExecVector(all).data());
+  return ReportError(absl::InternalError(absl::StrCat(
+      all[0], " can't be started: ", std::strerror(errno), "; install the package python3")));
+}
+
+int Add(const RuntimeOptions& options) {
+  absl::StatusOr<std::string> source = options.requirements;
+  if (source->empty()) source = Recipe(options.name);
+  if (!source.ok()) return ReportError(source.status());
+  std::vector<std::string> words = {*source,
+                                    "--python", options.python,
+                                    "--timeout", std::to_string(options.timeout_s),
+                                    "--most-bytes", std::to_string(options.most_bytes)};
+  for (const std::string& package : options.debian) {
+    words.insert(words.end(), {"--debian", package});
+  }
+  if (!options.wheels.empty()) words.insert(words.end(), {"--wheels", options.wheels});
+  if (options.lock) words.emplace_back("--lock");
+  if (options.replace) words.emplace_back("--replace");
+  return Become(options, "add", std::move(words));
+}
+
+int Remove(const RuntimeOptions& options) {
+  return Become(options, "remove",
+                options.former ? std::vector<std::string>{"--former"} : std::vector<std::string>());
+}
+
+Json RowOf(const Runtime& runtime, bool former) {
+  Json row = RuntimeToJson(runtime);
+  row["folder"] = runtime.folder;
+  row["configured"] = runtime.configured;
+  row["former"] = former;
+  return row;
+}
+
+void PrintRuntimes(const Json& runtimes) {
+  Table table({"runtime", "Python", "packages", "MB", "digest", "folder"});
+  for (const Json& row : runtimes) {
+    const bool known = row["digest"].is_string();
+    const std::string digest = known ? row["digest"].get<std::string>().substr(0, 12) : "unknown";
+    table.Add({Cell(row, "runtime"), known ? Cell(row, "python") : "-",
+               known ? std::to_string(row["packages"].size()) : "-",
+               known ? absl::StrFormat("%.0f", static_cast<double>(row["bytes"]) / 1e6) : "-",
+               absl::StrCat(digest, row.value("former", false) ? " (former)" : ""),
+               Cell(row, "folder")});
+  }
+  table.Print();
+}
+
+int List(const RuntimeOptions& options) {
+  const absl::StatusOr<ServerConfig> config = ConfigOf(options);
+  if (!config.ok()) return ReportError(config.status());
+  const Runtimes runtimes(config->runtimes, config->runtimes_dir);
+  Json rows = Json::array();
+  for (const Runtime& runtime : runtimes.List()) rows.push_back(RowOf(runtime, false));
+  for (const Runtime& runtime : runtimes.Former()) rows.push_back(RowOf(runtime, true));
+  if (options.json) {
+    PrintJson({{"dir", config->runtimes_dir}, {"runtimes", rows}});
+  } else if (rows.empty()) {
+    std::cout << "There is no runtime; myograde runtime add makes one." << std::endl;
+  } else {
+    PrintRuntimes(rows);
+  }
+  return kDone;
+}
+
+CLI::App* AddPart(CLI::App& verb, const std::string& name, const std::string& does,
+                  const std::string& example, RuntimeOptions& options) {
+  CLI::App* part = verb.add_subcommand(name, does);
+  part->footer("Example:\n  " + example);
+  AddJson(*part, name == "add" ? "runtime" : name == "list" ? "runtimes" : "runtime-remove",
+          options.json);
+  AddHostOptions(*part, options.host);
+  return part;
+}
+
+void AddMaking(CLI::App& part, RuntimeOptions& options) {
+  part.add_option("NAME", options.name, "What policy.json calls it: a-z, 0-9, \".\", \"_\", \"-\"")
+      ->required();
+  part.add_option("REQUIREMENTS", options.requirements,
+                  "Requirements file of pip in which each package has a version and a SHA-256, or a "
+                  "folder with a requirements.txt and a debian.txt (default: the shipped recipe of "
+                  "that name)");
+  part.add_option("--debian", options.debian,
+                  "Python package of Debian to add, with what it needs; may be repeated");
+  part.add_flag("--lock", options.lock,
+                "Find versions and hashes first, and write them beside the requirements file");
+  part.add_flag("--replace", options.replace,
+                "Replace the runtime of that name; evaluations that began with it keep it");
+  part.add_option("--python", options.python,
+                  "Python that policies will run it with; below /usr (others: in images only)")
+      ->capture_default_str();
+  part.add_option("--wheels", options.wheels,
+                  "Folder to take the packages from instead of the network");
+  part.add_option("--most-bytes", options.most_bytes, "Largest size, unpacked")
+      ->check(WholeNumber(1, "no size"))
+      ->capture_default_str();
+  part.add_option("--timeout", options.timeout_s, "Seconds that getting the packages may take")
+      ->check(WholeNumber(1, "no time"))
+      ->capture_default_str();
+}
+
+}  // namespace
+
+Action AddRuntime(CLI::App& verb) {
+  auto options = std::make_shared<RuntimeOptions>();
+  auto chosen = std::make_shared<Action>();
+  verb.require_subcommand(1);
+  CLI::App* add = AddPart(verb, "add", "Make a runtime from a requirements file",
+                          "myograde runtime add torch-cpu", *options);
+  AddMaking(*add, *options);
+  add->callback([=] { *chosen = [=] { return Add(*options); }; });
+  CLI::App* list = AddPart(verb, "list", "List the runtimes of this host",
+                           "myograde runtime list", *options);
+  list->callback([=] { *chosen = [=] { return List(*options); }; });
+  CLI::App* remove = AddPart(verb, "remove", "Remove a runtime and its former versions",
+                             "myograde runtime remove torch", *options);
+  remove->add_option("NAME", options->name, "Its name")->required();
+  remove->add_flag("--former", options->former, "Only those that were replaced");
+  remove->callback([=] { *chosen = [=] { return Remove(*options); }; });
+  return [chosen] { return (*chosen)(); };
+}
+
+}  // namespace myograde::server
