@@ -33,7 +33,7 @@ std::vector<std::string> AdapterCommand(const LeaseOrder& order,
   std::vector<std::string> command;
   if (order.image.has_value()) {
     command = HostCommand(kPython);
-    command.insert(command.end(), {"-P", "-s"});
+    command.insert(command.end(), {"-P", "-s", "-S"});
   } else {
     command = {kPython, "-I"};
   }
