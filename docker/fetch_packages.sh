@@ -11,5 +11,7 @@ mkdir -p "$cache"
 /usr/bin/python3 -B "$here/../policies/python/myograde/models.py" "$cache" "$here/wheels.txt"
 
 # As organisers make runtimes. Another list makes it anew.
-/usr/bin/python3 -B "$here/../server/runtime/make/make_runtime.py" add "$cache/runtimes" python \
-  "$here/../policies/runtimes/python" --if-changed
+for runtime in python template-2024; do
+  /usr/bin/python3 -B "$here/../server/runtime/make/make_runtime.py" add "$cache/runtimes" "$runtime" \
+    "$here/../policies/runtimes/$runtime" --if-changed
+done
