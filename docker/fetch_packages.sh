@@ -36,5 +36,7 @@ if [ ! -e "$cache/nanobind-2.9.2" ]; then
 fi
 
 # As organisers make runtimes. Another list makes it anew.
-/usr/bin/python3 -B "$here/../server/runtime/make/make_runtime.py" add "$cache/runtimes" python \
-  "$here/../policies/runtimes/python" --if-changed
+for runtime in python template-2024; do
+  /usr/bin/python3 -B "$here/../server/runtime/make/make_runtime.py" add "$cache/runtimes" "$runtime" \
+    "$here/../policies/runtimes/$runtime" --if-changed
+done

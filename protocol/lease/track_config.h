@@ -107,8 +107,8 @@ absl::StatusOr<TrackConfig> WithSeeds(const TrackConfig& config,
 // InvalidArgumentError if a submission asks for extra observations and the profile has none for it.
 absl::Status CheckExtraObservations(bool asked, const TrackConfig& config);
 
-// Whether a submission is shown extra observations: it asks for them, or an adapter, which takes what
-// there is, stands between it and the grader.
+// Whether a submission is shown extra observations: it asks for them, or an adapter, which takes
+// what there is, stands between it and the grader.
 bool ShowsExtraObservations(bool asked, bool adapted, const TrackConfig& config);
 
 // The config of a challenge's phase: `keys` ("phase", "seeds", "policy_seed_secret", "seed_salt",

@@ -21,21 +21,32 @@ std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir
   return (std::filesystem::path(bin_dir).parent_path() / "adapters" / adapter).string();
 }
 
-std::vector<std::string> AdapterCommand(const LeaseOrder& order) {
-  // Isolated: no variable and no file of the participant decides what the adapter imports.
-  std::vector<std::string> command = order.image.has_value()
-                                         ? HostCommand(kPython)
-                                         : std::vector<std::string>{kPython};
-  command.insert(command.end(),
-                 {"-I", kAdapterPlace, "--track", std::string(order.track.kind->name)});
+std::vector<std::string> AdapterEnvironment(const LeaseOrder& order) {
+  if (!order.image.has_value()) return {};
+  return {absl::StrCat("PYTHONHOME=", kHostPlace, "/usr")};
+}
+
+std::vector<std::string> AdapterCommand(const LeaseOrder& order,
+                                        const std::vector<std::string>& variables) {
+  // No variable and no file of the participant decides what the adapter imports. In an image Python
+  // needs a variable that tells it where its library is, so it can't be wholly isolated there.
+  std::vector<std::string> command;
   if (order.image.has_value()) {
-    command.insert(command.end(), {"--image", "--cwd", order.image->working_dir});
+    command = HostCommand(kPython);
+    command.insert(command.end(), {"-P", "-s", "-S"});
+  } else {
+    command = {kPython, "-I"};
   }
-  for (const std::string& runtime : order.runtimes) {
-    command.insert(command.end(), {"--runtime", runtime});
-  }
-  for (std::string& variable : AgentEnvironment(order)) {
-    command.insert(command.end(), {"--env", std::move(variable)});
+  const auto add = [&](const std::string& option, const std::string& value) {
+    command.insert(command.end(), {option, value});
+  };
+  add(kAdapterPlace, "--track");
+  command.emplace_back(order.track.kind->name);
+  for (const std::string& runtime : order.runtimes) add("--runtime", runtime);
+  for (const std::string& variable : variables) add("--env", variable);
+  if (order.image.has_value()) {
+    add("--cwd", order.image->working_dir);
+    command.emplace_back("--image");
   }
   if (order.extra_observations) command.emplace_back("--extra-observations");
   command.emplace_back("--");

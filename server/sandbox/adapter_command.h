@@ -16,8 +16,12 @@ inline constexpr char kAdapterPlace[] = "/myograde/adapter";
 // not be one.
 std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir);
 
-// The command that the bridge starts: the adapter, which starts order.command with
-// order.environment once it listens. REQUIRES: order.adapter is not empty.
-std::vector<std::string> AdapterCommand(const LeaseOrder& order);
+// The adapter's own variables, as "NAME=value".
+std::vector<std::string> AdapterEnvironment(const LeaseOrder& order);
+
+// The command that the bridge starts: the adapter, which starts order.command with `variables`
+// ("NAME=value") once it listens. REQUIRES: order.adapter is not empty.
+std::vector<std::string> AdapterCommand(const LeaseOrder& order,
+                                        const std::vector<std::string>& variables);
 
 }  // namespace myograde::server

@@ -22,18 +22,17 @@ namespace {
 
 using Kind = SandboxMount::Kind;
 
-constexpr char kHost[] = "/myograde/host";
 constexpr char kLoader[] = "/lib64/ld-linux-x86-64.so.2";
 constexpr char kDefaultPath[] = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin";
 // Each is a mount, which takes the kernel some 0.1 ms.
 constexpr size_t kMaxImageMounts = 512;
 
-// A path of this host without links, as it is seen below kHost, where the target of an absolute link
+// A path of this host without links, as it is seen below kHostPlace, where the target of an absolute link
 // would be the image's.
 std::string OnHost(const std::string& path) {
   std::error_code error;
   const std::string real = std::filesystem::canonical(path, error).string();
-  return kHost + (error ? path : real);
+  return kHostPlace + (error ? path : real);
 }
 
 absl::Status Damaged(const std::string& path, const std::string& what) {
@@ -130,8 +129,8 @@ class ImageMounts {
 std::vector<std::string> LoaderCommand(const std::string& path, const std::string& name) {
   const std::string loader = OnHost(kLoader);
   const std::vector<std::string> folders = {loader.substr(0, loader.rfind('/')),
-                                            absl::StrCat(kHost, "/usr/lib"),
-                                            absl::StrCat(kHost, "/usr/local/lib")};
+                                            absl::StrCat(kHostPlace, "/usr/lib"),
+                                            absl::StrCat(kHostPlace, "/usr/local/lib")};
   return {loader,    "--inhibit-cache", "--library-path", absl::StrJoin(folders, ":"),
           "--argv0", name,              path};
 }
@@ -146,7 +145,7 @@ absl::Status AddImage(const LeaseOrder& order, const Stage& stage, SandboxSpec& 
   if (!root.valid()) return Damaged("/", "is missing");
   absl::Status shown = ImageMounts(root.get(), staged, order, spec).ShowAll("");
   if (!shown.ok()) return shown;
-  spec.mounts.push_back({Kind::kReadOnly, "/usr", absl::StrCat(kHost, "/usr")});
+  spec.mounts.push_back({Kind::kReadOnly, "/usr", absl::StrCat(kHostPlace, "/usr")});
   return absl::OkStatus();
 }
 

@@ -15,6 +15,9 @@
 
 namespace myograde::server {
 
+// Where the sandbox of an image shows the host's /usr.
+inline constexpr char kHostPlace[] = "/myograde/host";
+
 // Where a program of this host is found and how it is started in an image's sandbox: by the host's
 // dynamic loader, with libraries of the host's only. Neither the image's loader, its ld.so.cache nor
 // its libraries have a part in it. `program`: a path of the host below /usr; it is told the place at

@@ -88,62 +88,55 @@ std::vector<std::string> LibraryFolders(const std::vector<std::string>& runtimes
   return folders;
 }
 
-// Appends folders to a list of them in a variable: what a submission sets comes first.
-void JoinFolders(std::map<std::string, std::string>& environment, const char* name,
-                 const std::vector<std::string>& folders) {
-  std::string& value = environment[name];
-  absl::StrAppend(&value, value.empty() ? "" : ":", absl::StrJoin(folders, ":"));
-}
-
-// The order with the variables that its runtimes add to the participant's own. An image's program
-// has libraries and packages of its own.
-LeaseOrder WithRuntimes(LeaseOrder order) {
-  if (order.image.has_value()) return order;
-  const std::vector<std::string> libraries = LibraryFolders(order.runtimes);
-  if (!libraries.empty()) JoinFolders(order.environment, "LD_LIBRARY_PATH", libraries);
-  // An adapter adds them itself.
-  if (order.adapter.empty() && !order.runtimes.empty() &&
-      order.environment.contains("PYTHONPATH")) {
-    JoinFolders(order.environment, "PYTHONPATH", order.runtimes);
-  }
-  return order;
-}
-
-// The participant's variables are set by whoever starts the participant's program, the bridge or an
-// adapter, so that none of them affects another program.
-void AddProgram(const LeaseOrder& given, SandboxSpec& spec) {
-  const LeaseOrder order = WithRuntimes(given);
-  const bool image = order.image.has_value();
-  const auto add = [&](const std::string& option, std::string value) {
-    spec.command.insert(spec.command.end(), {option, std::move(value)});
+// "NAME=value". What a submission sets comes before what its runtimes need.
+std::vector<std::string> PolicyEnvironment(const LeaseOrder& order) {
+  std::map<std::string, std::string> environment = order.environment;
+  const auto join = [&](const char* name, const std::vector<std::string>& folders) {
+    std::string& value = environment[name];
+    absl::StrAppend(&value, value.empty() ? "" : ":", absl::StrJoin(folders, ":"));
   };
-  std::vector<std::string> command = order.command;
-  if (!order.adapter.empty()) {
-    command = AdapterCommand(order);
-  } else {
-    // An image's folder may be missing, which is not the sandbox' fault.
-    if (image) add("--cwd", order.image->working_dir);
-    for (std::string& variable : AgentEnvironment(order)) add("--env", std::move(variable));
+  if (environment.contains("PYTHONPATH") && !order.runtimes.empty()) {
+    join("PYTHONPATH", order.runtimes);
   }
-  spec.command.emplace_back("--");
-  spec.command.insert(spec.command.end(), command.begin(), command.end());
+  const std::vector<std::string> libraries = LibraryFolders(order.runtimes);
+  if (!libraries.empty()) join("LD_LIBRARY_PATH", libraries);
+  std::vector<std::string> variables;
+  for (const auto& [name, value] : environment) {
+    variables.push_back(absl::StrCat(name, "=", value));
+  }
+  return variables;
 }
 
-// The bridge, which starts the policy.
+// The bridge, which starts the policy. The policy's variables are set through it, so that none of
+// them affects a program that is not the participant's.
 void AddBridgeCommand(const LeaseOrder& order, const PolicySandboxConfig& config,
                       const std::string& bridge, SandboxSpec& spec) {
   const Budgets& budgets = order.track.budgets;
   const bool image = order.image.has_value();
   spec.command = image ? LoaderCommand(bridge, bridge) : std::vector<std::string>{bridge};
-  spec.command.insert(spec.command.end(),
-                      {"--stray", std::to_string(budgets.stray_messages), "--wrong",
-                       std::to_string(budgets.wrong_answers)});
+  const auto add = [&](const std::string& option, std::string value) {
+    spec.command.insert(spec.command.end(), {option, std::move(value)});
+  };
+  add("--stray", std::to_string(budgets.stray_messages));
+  add("--wrong", std::to_string(budgets.wrong_answers));
   if (const auto farewell = static_cast<int64_t>(std::lround(config.farewell_s * 1000));
       farewell > 0) {
-    spec.command.insert(spec.command.end(), {"--farewell", std::to_string(farewell)});
+    add("--farewell", std::to_string(farewell));
   }
   spec.working_dir = image ? "/" : "/policy";
-  AddProgram(order, spec);
+  const std::vector<std::string> variables =
+      image ? AgentEnvironment(order) : PolicyEnvironment(order);
+  std::vector<std::string> policy = order.command;
+  if (order.adapter.empty()) {
+    // An image's folder may be missing, which is not the sandbox' fault.
+    if (image) add("--cwd", order.image->working_dir);
+    for (const std::string& variable : variables) add("--env", variable);
+  } else {
+    for (const std::string& variable : AdapterEnvironment(order)) add("--env", variable);
+    policy = AdapterCommand(order, variables);
+  }
+  spec.command.emplace_back("--");
+  spec.command.insert(spec.command.end(), policy.begin(), policy.end());
 }
 
 }  // namespace

@@ -25,11 +25,14 @@ void ReadArtefactOptions(StoredRow& row, int column, ArtefactRow& artefact) {
     artefact.extra_observations = reader.Boolean("extra_observations");
   }
   if (reader.Has("image")) {
-    absl::StatusOr<PolicyImage> image = PolicyImageFromJson(reader.Object("image"), "image");
+    absl::StatusOr<PolicyImage> image =
+        PolicyImageFromJson(reader.Object("image"), "options: image");
     if (!image.ok()) return row.Fail(column, std::string(image.status().message()));
     artefact.image = *std::move(image);
   }
-  if (const absl::Status read = reader.Finish(); !read.ok()) row.Fail(column, std::string(read.message()));
+  if (const absl::Status read = reader.Finish(); !read.ok()) {
+    row.Fail(column, std::string(read.message()));
+  }
 }
 
 }  // namespace myograde::server

@@ -15,7 +15,7 @@ from system import POLICIES, SystemTest, track_config
 CHECKS = """#!/bin/sh
 # Says what it sees; the policy follows.
 echo "user $(id -u):$(id -g) in $PWD, $MINE, home $HOME"
-for path in /policy /etc/resolv.conf /proc/1/environ /myograde/evil; do
+for path in /policy/policy.json /etc/resolv.conf /proc/1/environ /myograde/evil; do
   [ -r "$path" ] && echo "sees $path"
 done
 touch /written 2>/dev/null && echo "writes to its root"
@@ -59,7 +59,7 @@ class Images(SystemTest):
 
     def test_an_image_plays_as_its_program_does(self):
         zero = self.ask("local", POLICIES / "zero", "--track", "short-leg")
-        layers = [images.program_layer(POLICIES / "zero"), shell_layer(),
+        layers = [images.program_layer(POLICIES / "zero/zero"), shell_layer(),
                   [images.folder("app"), images.member("app/start", CHECKS.encode(), mode=0o755),
                    images.link("app/policy", "../../../policy"),
                    images.member("proc/evil", b"x"), images.member("myograde/evil", b"x"),
@@ -81,7 +81,7 @@ class Images(SystemTest):
 
     def test_the_images_libraries_and_variables_stay_out_of_the_graders_programs(self):
         evil = b"not a library"
-        layers = [images.program_layer(POLICIES / "zero"),
+        layers = [images.program_layer(POLICIES / "zero/zero"),
                   [images.member("etc/ld.so.cache", evil), images.member("usr/lib/evil.so", evil),
                    images.member("usr/bin/prlimit", b"#!/bin/false\n", mode=0o755)]]
         # The policy's own loader complains of LD_PRELOAD and goes on.
@@ -93,7 +93,7 @@ class Images(SystemTest):
                          ["failure"] * len(result["episodes"]))
 
     def test_the_daemon_takes_images_and_keeps_their_layers_once(self):
-        base = images.program_layer(POLICIES / "zero")
+        base = images.program_layer(POLICIES / "zero/zero")
         for number in (1, 2):
             layers = [base, [images.member("number", str(number).encode())]]
             archive = self.write(f"image{number}.tar", images.image(layers, form="oci-gzip"))
@@ -125,7 +125,7 @@ class BuiltImages(SystemTest):
 
     def build(self):
         root = self.folder / "tree"
-        for info, content in images.program_layer(POLICIES / "zero"):
+        for info, content in images.program_layer(POLICIES / "zero/zero"):
             path = root / info.name
             path.parent.mkdir(parents=True, exist_ok=True)
             if info.isdir():

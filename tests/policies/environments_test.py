@@ -1,84 +1,26 @@
-"""The graded environments in Python: Gymnasium's own check, a server's digests to the bit, and many
-environments side by side. Runs with the grader's maths functions (environments.sh)."""
+"""The graded environments in Python: Gymnasium's own check, and a server's digests to the bit. Runs with
+the grader's maths functions (environments.sh)."""
 
 import contextlib
 import io
 import json
 import os
 import pathlib
-import struct
+import re
 import subprocess
-import sys
-import tempfile
-import threading
-import time
 import unittest
 import unittest.mock
 import warnings
 
-import gymnasium
 import numpy as np
 from gymnasium.utils.env_checker import check_env
 
 import myograde
 import myograde.envs
+from environments_support import NAMES, SOURCE, InFolder, actions_of, make, read_log
 from myograde import errors
 
-SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
-NAMES = list(myograde.envs.ENVIRONMENTS)
 TUNABLES = "GLIBC_TUNABLES"
-
-
-def make(name, **settings):
-    """Without the wrappers of gymnasium.make."""
-    return gymnasium.make(name, **settings).unwrapped
-
-
-def actions_of(env, count, seed=0):
-    """Random ones, the same for the same seed."""
-    generator = np.random.default_rng(seed)
-    low, high = env.action_space.low, env.action_space.high
-    return generator.uniform(low, high, (count, *low.shape))
-
-
-def read_log(track):
-    """An episode that a server graded: the header, the actions, and how it ended."""
-    file = SOURCE / f"configs/reference/{track}.lcmlog.zst"
-    data = subprocess.run(["zstd", "-dc", file], check=True, capture_output=True).stdout
-    place, header, end, actions = 0, None, None, []
-    while place < len(data):
-        _, _, _, name_size, size = struct.unpack_from(">IqqII", data, place)
-        name = data[place + 28:place + 28 + name_size].decode()
-        body = data[place + 28 + name_size:place + 28 + name_size + size]
-        place += 28 + name_size + size
-        if name == "MYOGRADE_LOG_HEADER":
-            header = json.loads(myograde.log_text_t.decode(body).json)
-        elif name == "MYOGRADE_LOG_END":
-            end = json.loads(myograde.log_text_t.decode(body).json)
-        elif name == "MYOGRADE_ACTION":
-            actions.append(list(myograde.action_t.decode(body).values))
-    return header, np.array(actions), end
-
-
-class InFolder(unittest.TestCase):
-    def setUp(self):
-        self.folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
-
-    def short(self, track, steps):
-        """A config of short episodes."""
-        rules = {"elbow": {"max_steps": steps, "hold_steps": 5},
-                 "manipulation": {"max_steps": steps},
-                 "locomotion": {"end": {"time_limit_s": steps / 200}}}[track]
-        file = self.folder / f"{track}-{steps}.json"
-        file.write_text(json.dumps({"extends": track, "rules": rules}))
-        return file
-
-    def python(self, *words, **variables):
-        environment = {**os.environ, **variables}
-        return subprocess.run([sys.executable, "-B", *map(str, words)], capture_output=True,
-                              text=True, timeout=120, cwd=self.folder,
-                              env={name: value for name, value in environment.items()
-                                   if value is not None})
 
 
 class Gymnasium(InFolder):
@@ -238,11 +180,21 @@ class Digests(InFolder):
             said = self.python("-m", "myograde", "check", "--json", GLIBC_TUNABLES=tunables)
             self.assertEqual(said.returncode, 0, said.stderr)
             told = json.loads(said.stdout)
+            self.assert_fits("check", said.stdout)
             self.assertTrue(told["equal"])
             self.assertEqual({track: (each["equal"], each["steps"], each["detail"])
                               for track, each in told["tracks"].items()},
                              {"elbow": (True, 50, ""), "locomotion": (True, 120, ""),
                               "manipulation": (True, 100, "")})
+
+    def assert_fits(self, schema, text):
+        """By Debian's jsonschema, which is no part of this test's Python."""
+        script = ("import json, sys, jsonschema\n"
+                  "jsonschema.validate(json.load(sys.stdin), json.load(open(sys.argv[1])))")
+        said = subprocess.run(["/usr/bin/python3", "-c", script,
+                               SOURCE / f"configs/schema/{schema}.json"], input=text, text=True,
+                              capture_output=True, env={"PATH": "/usr/bin:/bin"}, timeout=60)
+        self.assertEqual(said.returncode, 0, said.stderr)
 
     def test_check_tells_of_a_difference(self):
         # What a server would have logged of another action.
@@ -287,163 +239,6 @@ class Digests(InFolder):
         self.assertRegex(said.stderr, "WrongUse: this process was not started with the grader's")
 
 
-class SideBySide(InFolder):
-    def settings(self, name, steps=8):
-        return {"config": self.short(myograde.envs.ENVIRONMENTS[name], steps)}
-
-    def test_each_plays_what_a_single_one_does_whatever_the_threads(self):
-        for name in NAMES:
-            settings = self.settings(name)
-            singles = [make(name, **settings) for _ in range(3)]
-            actions = np.stack([actions_of(singles[0], 20, seed=i) for i in range(3)])
-            told = [self.play_alone(env, 50 + i, actions[i]) for i, env in enumerate(singles)]
-            for threads in (1, 2, 3):
-                envs = myograde.vec(name, 3, threads=threads, **settings)
-                self.assertEqual(envs.unwrapped.threads, threads)
-                observations, info = envs.reset(seed=50)
-                self.assertEqual(info["seed"].tolist(), [50, 51, 52])
-                for i in range(3):
-                    np.testing.assert_array_equal(observations[i], told[i][0][0])
-                for step in range(20):
-                    results = envs.step(actions[:, step])
-                    for i in range(3):
-                        self.compare(results, i, told[i][step + 1])
-
-    def play_alone(self, env, seed, actions):
-        """As many environments do it: (observation, reward, terminated, truncated, info)."""
-        steps = [(env.reset(seed=seed)[0], 0.0, False, False, {"seed": seed})]
-        for action in actions:
-            if steps[-1][2] or steps[-1][3]:
-                observation, info = env.reset()
-                steps.append((observation, 0.0, False, False, info))
-            else:
-                steps.append(env.step(action))
-        return steps
-
-    def compare(self, results, i, expected):
-        observation, reward, terminated, truncated, info = results
-        np.testing.assert_array_equal(observation[i], expected[0])
-        self.assertEqual((reward[i], terminated[i], truncated[i]), expected[1:4])
-        if "digest" in expected[4]:
-            self.assertTrue(info["_digest"][i])
-            self.assertEqual(info["digest"][i], expected[4]["digest"])
-            self.assertEqual(info["end"][i], expected[4]["end"])
-            for key, value in expected[4]["facts"].items():
-                self.assertEqual(info["facts"][key][i], value, key)
-        elif "seed" in expected[4]:
-            self.assertTrue(info["_seed"][i])
-            self.assertEqual(info["seed"][i], expected[4]["seed"])
-        for term, value in expected[4].get("rewards", {}).items():
-            self.assertEqual(info["rewards"][term][i], value)
-
-    def test_gymnasium_makes_them(self):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            envs = gymnasium.make_vec("myograde/Elbow-v0", num_envs=4, threads=2,
-                                      observation="dict")
-        self.assertIs(type(envs.unwrapped), myograde.envs.GradedVectorEnv)
-        self.assertEqual(envs.metadata["autoreset_mode"],
-                         gymnasium.vector.AutoresetMode.NEXT_STEP)
-        observations, _ = envs.reset(seed=1)
-        self.assertTrue(envs.observation_space.contains(observations))
-        self.assertTrue(envs.action_space.contains(envs.action_space.sample()))
-        self.assertEqual({len(part) for part in observations.values()}, {4})
-        # Gymnasium's own wrappers take them.
-        recorded = gymnasium.wrappers.vector.RecordEpisodeStatistics(envs)
-        recorded.reset(seed=1)
-        self.assertEqual(recorded.step(envs.action_space.sample())[1].shape, (4,))
-        envs.close()
-
-    def test_arrays_are_copied_or_stay_in_place(self):
-        for copy in (True, False):
-            envs = myograde.vec("myograde/Elbow-v0", 2, copy=copy)
-            first, _ = envs.reset(seed=0)
-            before = first.copy()
-            second, reward, terminated, truncated, _ = envs.step(np.ones((2, 6)))
-            third, *_ = envs.step(np.ones((2, 6)))
-            self.assertEqual(np.shares_memory(second, third), not copy)
-            self.assertEqual(np.array_equal(first, before), copy)
-            self.assertEqual((reward.dtype, terminated.dtype, truncated.dtype),
-                             (np.float64, np.bool_, np.bool_))
-        del envs
-        self.assertTrue(np.isfinite(third).all())  # it keeps what it is a view of
-
-    def test_some_can_be_reset(self):
-        envs = myograde.vec("myograde/Elbow-v0", 3)
-        envs.reset(seed=9)
-        for _ in range(3):
-            moved, *_ = envs.step(np.ones((3, 6)))
-        observations, info = envs.reset(seed=[9, 9, 9],
-                                        options={"reset_mask": np.array([False, True, False])})
-        self.assertEqual(info["_seed"].tolist(), [False, True, False])
-        np.testing.assert_array_equal(observations[[0, 2]], moved[[0, 2]])
-        self.assertFalse(np.array_equal(observations[1], moved[1]))
-
-    def test_mistakes_step_nothing(self):
-        envs = myograde.vec("myograde/Elbow-v0", 2)
-        with self.assertRaisesRegex(RuntimeError, r"call reset\(\) first"):
-            envs.step(np.zeros((2, 6)))
-        envs.reset(seed=5)
-        wrong = np.zeros((2, 6))
-        wrong[1, 4] = np.inf
-        for error, words, mistake in (
-                (ValueError, "environment 1: entry 4 .* inf", lambda: envs.step(wrong)),
-                (ValueError, "must be an array of 2 x 6, it is one of 2 x 5",
-                 lambda: envs.step(np.zeros((2, 5)))),
-                (ValueError, "1 seeds were given for 2", lambda: envs.reset(seed=[1])),
-                (ValueError, "reset_mask", lambda: envs.reset(options={"reset_mask": [1]})),
-                (errors.WrongUse, "at least 1", lambda: myograde.vec("myograde/Elbow-v0", 0)),
-                (errors.WrongUse, "no pictures",
-                 lambda: myograde.vec("myograde/Elbow-v0", 1, render_mode="rgb_array"))):
-            with self.assertRaisesRegex(error, words):
-                mistake()
-        alone = make("myograde/Elbow-v0")
-        alone.reset(seed=5)
-        np.testing.assert_array_equal(envs.step(np.ones((2, 6)))[0][0], alone.step(np.ones(6))[0])
-
-    def test_python_goes_on_while_they_step(self):
-        envs = myograde.vec("myograde/Manipulation-v0", 2, threads=1)
-        envs.reset(seed=0)
-        counted, done = [0], threading.Event()
-
-        def count():
-            while not done.is_set():
-                counted[0] += 1
-                time.sleep(0)
-        thread = threading.Thread(target=count)
-        interval = sys.getswitchinterval()
-        sys.setswitchinterval(60)  # nobody is made to give Python's lock away
-        try:
-            thread.start()
-            before = counted[0]
-            for _ in range(500):
-                envs.step(np.zeros((2, 80)))
-                after = counted[0]
-                if after > before:
-                    break
-        finally:
-            sys.setswitchinterval(interval)
-            done.set()
-            thread.join()
-        self.assertGreater(after, before)
-
-    def test_a_fork_is_told_that_the_threads_are_gone(self):
-        script = ("import os, numpy, warnings, myograde.envs\n"
-                  "envs = myograde.vec('myograde/Elbow-v0', 2, threads=2)\n"
-                  "envs.reset(seed=0)\n"
-                  "child = os.fork()\n"
-                  "if child == 0:\n"
-                  "    try:\n        envs.step(numpy.zeros((2, 6)))\n"
-                  "    except RuntimeError as error:\n"
-                  "        os.write(1, str(error).encode())\n        os._exit(0)\n"
-                  "    os._exit(1)\n"
-                  "print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))\n"
-                  "envs.step(numpy.zeros((2, 6)))\n")
-        said = self.python("-c", script)
-        self.assertEqual(said.returncode, 0, said.stderr)
-        self.assertRegex(said.stdout, "^these environments were made in another process.*0\n$")
-
-
 class Lacking(InFolder):
     def test_without_gymnasium_the_sentence_names_the_extra(self):
         script = ("import sys; sys.modules['gymnasium'] = None\nimport myograde.envs\n"
@@ -462,6 +257,24 @@ class Lacking(InFolder):
         self.assertEqual(said.stdout, "6\n", said.stderr)
         self.assertRegex(said.stderr, "MyogradeError: this installation of myograde has the kit and "
                                       "the client, and no environments")
+
+
+class Documented(InFolder):
+    def test_the_pages_scripts_run(self):
+        page = (SOURCE / "policies/README.md").read_text()
+        section = page[page.index("### Train"):page.index("### Results")]
+        scripts = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+        self.assertEqual(len(scripts), 2)
+        for script in scripts:
+            said = self.python("-c", script)
+            self.assertEqual((said.returncode, said.stderr), (0, ""))
+
+    def test_the_pages_table_has_every_setting(self):
+        page = (SOURCE / "policies/README.md").read_text()
+        section = page[page.index("### Train"):page.index("### Results")]
+        told = set(re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE))
+        self.assertLessEqual(set(myograde.envs.settings.Settings.__dataclass_fields__) - {"track"},
+                             told)
 
 
 if __name__ == "__main__":

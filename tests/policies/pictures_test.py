@@ -29,7 +29,7 @@ class Pictures(unittest.TestCase):
                 self.assertEqual((first.shape, first.dtype), ((48, 64, 3), np.uint8))
                 self.assertGreater(len(np.unique(first.reshape(-1, 3), axis=0)), 100)
                 np.testing.assert_array_equal(env.render(), first)
-                for _ in range(20):
+                for _ in range(10):
                     env.step(env.action_space.high)
                 self.assertFalse(np.array_equal(env.render(), first))
                 env.close()
@@ -72,18 +72,18 @@ class Pictures(unittest.TestCase):
                 env.render()
         with self.assertRaisesRegex(errors.WrongUse, "before the first reset"):
             make().unwrapped.render()
-        with self.assertRaisesRegex(errors.WrongUse, 'render_mode="human" is unknown'):
-            gymnasium.make("myograde/Elbow-v0", render_mode="human")
+        with self.assertRaisesRegex(errors.WrongUse, 'render_mode="ansi" is unknown'):
+            myograde.envs.GradedEnv("elbow", render_mode="ansi")
 
     def test_threads_draw_environments_of_their_own(self):
         def play(seed):
             env = make()
             env.reset(seed=seed)
             first = env.render()
-            return all(np.array_equal(env.render(), first) for _ in range(5))
+            return all(np.array_equal(env.render(), first) for _ in range(2))
 
-        with concurrent.futures.ThreadPoolExecutor(4) as threads:
-            self.assertEqual(list(threads.map(play, range(8))), [True] * 8)
+        with concurrent.futures.ThreadPoolExecutor(3) as threads:
+            self.assertEqual(list(threads.map(play, range(3))), [True] * 3)
 
     def test_record_video_takes_the_pictures(self):
         env = gymnasium.wrappers.RenderCollection(make())

@@ -15,7 +15,7 @@ UNAVAILABLE = 77
 
 def make(source, out, umask=0o022):
     """Builds the wheel from the sources in a folder, and has it checked with Debian's Python."""
-    said = subprocess.run([source / "policies/python/wheel.sh", out, "3.11"], capture_output=True,
+    said = subprocess.run([source / "policies/python/wheel.sh", "--pure", out, "3.11"], capture_output=True,
                           text=True, timeout=600, umask=umask,
                           env={**os.environ, "SOURCE_DATE_EPOCH": "1700000000"})
     if said.returncode == UNAVAILABLE:

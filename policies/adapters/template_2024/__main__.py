@@ -4,9 +4,9 @@
     python3 -I FOLDER --track KIND [--runtime FOLDER ...] [--env NAME=VALUE ...] [--cwd FOLDER]
         [--extra-observations] [--image] -- COMMAND ...
 
-It serves the template's gRPC service on the ports 8085 and 8086 of this machine, starts COMMAND, the
-agent, and speaks LCM with the grader. It ends when the agent ends, with its exit status, or when the
-grader asks it to. README.md tells what the agent sees."""
+It serves the template's gRPC service on the ports 8085 and 8086 of this machine, starts COMMAND,
+the agent, and speaks LCM with the grader. It ends when the agent ends, with its exit status, or
+when the grader asks it to. README.md tells what the agent sees."""
 
 import argparse
 import os

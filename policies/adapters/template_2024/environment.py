@@ -16,11 +16,11 @@ class Refused(Exception):
 
 
 def environment_of(track, extra_observations, stop):
-    """The environment of a kind of track, with all that the official one observes or what the graded
-    observation has. SystemExit with a sentence if the template has none."""
+    """The environment of a kind of track, with all that the official one observes or what the
+    graded observation has. SystemExit with a sentence if the template has none."""
     if track not in OBSERVATIONS:
-        raise SystemExit(f"error: the template of 2024 has no environment for the track {track}; it "
-                         f"has {' and '.join(sorted(OBSERVATIONS))}")
+        raise SystemExit(f"error: the template of 2024 has no environment for the track {track}; "
+                         f"it has {' and '.join(sorted(OBSERVATIONS))}")
     return Environment(track, OBSERVATIONS[track](extra_observations), stop)
 
 
@@ -65,8 +65,8 @@ class Environment:
         known = self._observations.by_name()
         unknown = [key for key in keys if key not in known]
         if unknown:
-            raise Refused(f"{', '.join(unknown)}: not observed in this track and profile; there are "
-                          + ", ".join(known))
+            raise Refused(f"{', '.join(unknown)}: not observed in this track and profile; there "
+                          f"are {', '.join(known)}")
         # As the official environment does, whose vectors always have the activations.
         self._keys = keys if "act" in keys else [*keys, "act"]
 
@@ -122,12 +122,12 @@ class Environment:
             values = np.asarray(action, dtype=float).ravel()
         except (TypeError, ValueError) as error:
             raise Refused(f"an action is a vector of numbers ({error})") from error
-        needed = _ARM_ACTIONS if self._track == "manipulation" else _MUSCLES
-        wrong = values.size != needed if self._track == "manipulation" else values.size < needed
-        if wrong:
+        arm = self._track == "manipulation"
+        needed = _ARM_ACTIONS if arm else _MUSCLES
+        if values.size < needed or (arm and values.size > needed):
             raise Refused(f"an action has {needed} entries, this one has {values.size}")
         values = values[:needed].tolist()
-        return values if self._track == "manipulation" else [*values, float(self._leg.selected)]
+        return values if arm else [*values, float(self._leg.selected)]
 
     def _choose(self, direct):
         if self._connection is not None and direct != self._direct:
@@ -139,10 +139,8 @@ class Environment:
             self._connection = Connection("template-2024", self._direct, self._stop)
             self._observations.expect(
                 myograde.policy.layout.layout_of(self._connection.welcome.observation_parts))
-        sets = self._leg.begin(self._connection.welcome.profile) if self._uploads() else []
+        leg = self._track == "locomotion"
+        sets = self._leg.begin(self._connection.welcome.profile) if leg else []
         self._observations.take(self._connection.begin_episode(sets))
         self.policy_seed = self._connection.policy_seed
         self._steps, self._feedback, self._uploaded = 0, None, False
-
-    def _uploads(self):
-        return self._track == "locomotion"

@@ -1,5 +1,5 @@
-"""An agent of an image: it opens its files at absolute paths, as they are in Docker, and samples its
-actions."""
+"""An agent of an image: it opens its files at absolute paths, as they are in Docker, and samples
+its actions."""
 
 import os
 

@@ -1,6 +1,6 @@
-"""An agent that tells by its trials which of the leg's parameter sets is in force: it uploads a stiff
-set (2) and a soft one (3) in each reset, changes to those of its arguments, one for each trial
-("-": to none), and lets the muscles rest."""
+"""An agent that tells by its trials which of the leg's parameter sets is in force: it uploads two
+(2 and 3) in each reset, changes to those of its arguments, one for each trial ("-": to none), and
+lets the muscles rest."""
 
 import sys
 

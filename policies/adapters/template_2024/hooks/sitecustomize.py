@@ -85,7 +85,8 @@ def _hook_space(module):
     space.np_random = property(np_random)
 
 
-_HOOKS = {"grpc": _hook_grpc, "gymnasium.spaces.space": _hook_space, "gym.spaces.space": _hook_space}
+_HOOKS = {"grpc": _hook_grpc, "gymnasium.spaces.space": _hook_space,
+          "gym.spaces.space": _hook_space}
 
 
 class _HookOnImport(importlib.abc.MetaPathFinder):
