@@ -123,6 +123,7 @@ CALENDAR_USERS = {
     "server/daemon/main.cc": "stamps a line of the log",
     "server/engine/engine_leases.cc": "stores when a lease will be over, for people to read",
     "server/engine/retention.cc": "compares with stored times of day",
+    "server/runtime/make/make_runtime.py": "stamps a runtime",
     "server/store/store.cc": "stamps rows",
     "server/webhook/sender.cc": "signs times of day, and compares with stored ones",
     "tests/bench/latency_policy.cc": "is compared with stored times of day",

@@ -39,6 +39,35 @@ def pack(path: str | os.PathLike[str], target: BinaryIO) -> None:
         raise WrongUse(f"{error.filename or source}: can't be packed ({error.strerror})") from error
 
 
+def runtimes_of(path: str | os.PathLike[str]) -> list[str]:
+    """The runtimes that the policy.json of a submission asks for; none where that can't be told
+    here, as the server tells then."""
+    source = pathlib.Path(path)
+    try:
+        manifest = json.loads(_manifest(source))
+    except (OSError, KeyError, ValueError, tarfile.TarError, zipfile.BadZipFile):
+        return []
+    asked = manifest.get("runtimes") if isinstance(manifest, dict) else None
+    if not isinstance(asked, list):
+        return []
+    return [name for name in asked if isinstance(name, str)]
+
+
+def _manifest(source: pathlib.Path) -> bytes:
+    if source.is_dir():
+        return (source / "policy.json").read_bytes()
+    if source.name.endswith(".zip"):
+        with zipfile.ZipFile(source) as archive:
+            return archive.read("policy.json")
+    if source.name.endswith(SENT_AS_THEY_ARE):
+        with tarfile.open(source) as archive:
+            for name in ("policy.json", "./policy.json"):
+                if name in archive.getnames():
+                    file = archive.extractfile(name)
+                    return file.read() if file is not None else b""
+    return b"{}"
+
+
 def _pack_folder(folder: pathlib.Path, target: BinaryIO) -> None:
     if not (folder / "policy.json").is_file():
         raise WrongUse(f'{folder}: has no policy.json, such as {{"name": "my-policy", "command": '
