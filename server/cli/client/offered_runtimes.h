@@ -18,9 +18,4 @@ absl::StatusOr<std::vector<std::string>> OfferedRuntimes(const Client& client);
 std::string MissingRuntime(const std::vector<std::string>& named,
                            const std::vector<std::string>& offered);
 
-// Asks the server before an upload whether it has the runtimes of the submission at `path`.
-// InvalidArgumentError: it lacks one, or policy.json can't be used. A single file names none, and what
-// an archive names the server says after the upload.
-absl::Status CheckRuntimesOffered(const Client& client, const std::string& path);
-
 }  // namespace myograde::server

@@ -35,6 +35,19 @@ absl::StatusOr<Json> RequestOf(const SubmitOptions& options) {
   return request;
 }
 
+// A runtime that the server lacks is told before anything is sent. Servers of before 0.2 can't be
+// asked, and refuse it themselves.
+absl::Status CheckRuntimes(const std::string& archive, const Client& client) {
+  const absl::StatusOr<std::vector<std::string>> needed = PackedRuntimes(archive);
+  if (!needed.ok() || needed->empty()) return absl::OkStatus();  // the server checks the rest
+  const absl::StatusOr<std::vector<std::string>> offered = OfferedRuntimes(client);
+  if (AnsweredCode(offered.status()) == "not_found") return absl::OkStatus();
+  if (!offered.ok()) return offered.status();
+  const std::string missing = MissingRuntime(*needed, *offered);
+  if (missing.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(missing, "; nothing was sent"));
+}
+
 // Packs the submission and sends it; the artefact's id.
 absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Client& client) {
   absl::StatusOr<TempFolder> temp = TempFolder::Make("submit");
@@ -49,6 +62,7 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
                                    }));
     if (!packed.ok()) return packed;
   }
+  if (absl::Status known = CheckRuntimes(archive, client); !known.ok()) return known;
   Progress progress("sending", Progress::Unit::kBytes);
   const absl::StatusOr<Json> answer = client.Upload(
       absl::StrCat("/v1/artefacts?team=", QueryValue(options.team), "&track=",
@@ -136,8 +150,6 @@ int Submit(SubmitOptions options) {
   // Mistakes that can be found here are reported before anything is sent.
   absl::StatusOr<Json> request = RequestOf(options);
   if (!request.ok()) return ReportError(request.status());
-  const absl::Status offered = CheckRuntimesOffered(client, options.path);
-  if (!offered.ok()) return ReportError(offered);
   const absl::StatusOr<std::string> artefact = SendArtefact(options, client);
   if (!artefact.ok()) return ReportError(artefact.status());
   (*request)["artefact"] = *artefact;
