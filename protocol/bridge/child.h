@@ -15,9 +15,9 @@ namespace myograde::bridge {
 // How to start the policy.
 struct PolicyCommand {
   std::vector<std::string> words;        // the program and its arguments; not empty
-  std::string working_dir;  // "": where the bridge is
   std::vector<std::string> environment;  // "NAME=value"; these override the environment that every
                                          // policy gets
+  std::string working_dir = {};          // "": where the bridge is
 };
 
 struct Child {

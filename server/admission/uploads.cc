@@ -19,6 +19,7 @@
 
 #include "protocol/base/fd.h"
 #include "protocol/base/sha256.h"
+#include "server/artefact/share_files.h"
 #include "server/artefact/unpack_process.h"
 #include "server/base/names.h"
 #include "server/engine/stored.h"
@@ -188,6 +189,7 @@ absl::StatusOr<ReceivedArtefact> Uploads::Keep(const Artefact& artefact, const s
     if (added.ok()) received.is_new = *added;
     status = added.status();
   }
+  if (status.ok()) status = ShareImage(folder, SharedFolder(data_dir_));
   if (status.ok()) status = Settle(folder, ArtefactFolder(data_dir_, row.hash));
   if (!status.ok()) return status;
   return received;

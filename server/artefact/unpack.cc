@@ -300,7 +300,7 @@ absl::StatusOr<Artefact> UnpackAny(int archive, int folder, const ArtefactLimits
   const absl::Status good_limits = CheckLimits(limits);
   if (!good_limits.ok()) return good_limits;
   const Utf8Names utf8_names;
-  if (images && IsImageArchive(archive, folder)) {
+  if (images && IsImageArchive(archive, folder, limits)) {
     return UnpackImage(archive, folder, nlohmann::json::object(), limits, [] {});
   }
   const absl::StatusOr<Listing> listing = UnpackFiles(archive, folder, limits, progress);

@@ -45,7 +45,7 @@ absl::StatusOr<Fd> Decompressed(int file, int folder, int64_t limit) {
   }
   FileStream bytes(file);
   DecompressedStream stream(bytes);
-  CheckedStream counted(stream, "the compressed image", limit);
+  CheckedStream counted(stream, "it", limit);
   for (;;) {
     const absl::StatusOr<std::string_view> piece = counted.Next();
     if (!piece.ok()) return About("the compressed image", piece.status());
@@ -72,8 +72,9 @@ absl::Status CheckLayer(const CheckedStream& packed, const CheckedStream& tar,
 }
 
 // Adds one layer, which is decompressed and hashed on its way.
-absl::Status AddLayer(const ImageArchive& archive, const ImageLayer& layer, int64_t& left,
-                      ImageTree& tree) {
+// `place`: "2 of 5".
+absl::Status AddLayer(const ImageArchive& archive, const ImageLayer& layer,
+                      const std::string& place, int64_t& left, ImageTree& tree) {
   const std::unique_ptr<MemberStream> member = archive.Open(layer.member);
   int64_t packed_left = archive.SizeOf(layer.member);
   CheckedStream packed(*member, "it", packed_left);
@@ -85,7 +86,7 @@ absl::Status AddLayer(const ImageArchive& archive, const ImageLayer& layer, int6
   if (status.ok()) status = tar.Finish();
   if (status.ok()) status = packed.Finish();
   if (status.ok()) status = CheckLayer(packed, tar, layer);
-  return About(absl::StrCat("the image's layer ", Quoted(layer.member)), status);
+  return About(absl::StrCat("the image's layer ", place), status);
 }
 
 // "registry/name:latest" is shown as "name".
@@ -130,8 +131,10 @@ absl::StatusOr<Artefact> FromContent(const ImageArchive& archive, ImageContent c
   if (!root.ok()) return root.status();
   ImageTree tree(root->get(), limits);
   int64_t left = StreamLimit(limits);
-  for (const ImageLayer& layer : content.layers) {
-    if (absl::Status added = AddLayer(archive, layer, left, tree); !added.ok()) return added;
+  for (size_t i = 0; i < content.layers.size(); ++i) {
+    const std::string place = absl::StrCat(i + 1, " of ", content.layers.size());
+    absl::Status added = AddLayer(archive, content.layers[i], place, left, tree);
+    if (!added.ok()) return added;
     read();
   }
   PolicyImage& image = content.config.image;
@@ -161,11 +164,11 @@ absl::StatusOr<Artefact> FromContent(const ImageArchive& archive, ImageContent c
 
 }  // namespace
 
-bool IsImageArchive(int file, int folder) {
+bool IsImageArchive(int file, int folder, const ArtefactLimits& limits) {
   if (!ImageArchive::MayBe(file)) return false;
   Fd plain;
   if (IsCompressed(file)) {
-    absl::StatusOr<Fd> made = Decompressed(file, folder, ArtefactLimits().bytes);
+    absl::StatusOr<Fd> made = Decompressed(file, folder, StreamLimit(limits));
     if (!made.ok()) return false;
     plain = *std::move(made);
   }

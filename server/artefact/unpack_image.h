@@ -14,7 +14,7 @@ namespace myograde::server {
 
 // Whether a file is the archive of an image, compressed at most once, and not of an ordinary
 // submission. Ordinary ones are told by their first header.
-bool IsImageArchive(int file, int folder);
+bool IsImageArchive(int file, int folder, const ArtefactLimits& limits);
 
 // The same without a folder to decompress into: a compressed archive is judged by its first names.
 bool MayBeImageArchive(int file);

@@ -11,6 +11,7 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "server/artefact/share_files.h"
 #include "server/engine/stored.h"
 
 namespace myograde::server {
@@ -116,6 +117,8 @@ void Retention::Sweep() {
     spdlog::warn("retention of uploads: {}", std::string(unsubmitted.status().message()));
   }
   look("artefact", Artefacts(), limits_.artefact_age, limits_.artefact_bytes);
+  const int64_t freed = SweepPool(SharedFolder(data_dir_));
+  if (freed > 0) spdlog::info("{} bytes that images had shared are removed", freed);
   absl::StatusOr<std::vector<KeptFile>> logs = Logs();  // `needed` is unset
   // Which logs are needed is in every episode's row, so don't ask while there is room for all.
   if (!ChooseRemovals(*logs, limits_.log_age, limits_.log_bytes, now).empty()) {
@@ -149,6 +152,10 @@ absl::StatusOr<std::vector<KeptFile>> Retention::Artefacts() {
       std::error_code error;
       if (!fs::exists(file.path, error)) continue;
       file.last_use = std::max(file.last_use, ChangedAt(file.path));
+      // What it shares with others would be counted for each of them.
+      if (fs::exists(absl::StrCat(file.path, "/", kImageFolder), error)) {
+        file.bytes = DiskBytes(file.path);
+      }
       files.push_back(std::move(file));
     }
     return absl::OkStatus();

@@ -126,6 +126,8 @@ std::string ArtefactFolder(const std::string& data_dir, const std::string& hash)
   return absl::StrCat(data_dir, "/artefacts/", hash);
 }
 
+std::string SharedFolder(const std::string& data_dir) { return data_dir + "/shared"; }
+
 absl::Status HasArtefactFiles(const std::string& data_dir, const std::string& hash) {
   std::error_code error;
   if (std::filesystem::exists(ArtefactFolder(data_dir, hash), error)) return absl::OkStatus();

@@ -56,6 +56,8 @@ nlohmann::json ParsedText(const std::string& text);
 // The folder of an artefact's files. NotFoundError if the files were removed, or the artefact came
 // with an import.
 std::string ArtefactFolder(const std::string& data_dir, const std::string& hash);
+// The folder of files that images share (server/artefact/share_files.h).
+std::string SharedFolder(const std::string& data_dir);
 absl::Status HasArtefactFiles(const std::string& data_dir, const std::string& hash);
 
 }  // namespace myograde::server

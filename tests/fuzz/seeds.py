@@ -241,6 +241,32 @@ def tars():
     seed("tar", "no-manifest", b"\2" + entry("0", "policy"))
 
 
+def images():
+    def layer(*entries):  # (type, index of the name, index of the target) as in image_fuzz.cc
+        return b"".join(kind.encode() + bytes([name, target]) for kind, name, target in entries)
+
+    run, end = layer(("0", 24, 0)), b"8"
+    seed("image", "one-layer", run + end)
+    seed("image", "whiteouts", run + layer(("0", 2, 0), ("0", 4, 0)) + b"7" +
+         layer(("0", 8, 0), ("0", 7, 0), ("0", 3, 0), ("0", 10, 0)) + b"7" + layer(("0", 9, 0)) +
+         run + end)
+    seed("image", "through-links", run + layer(("2", 5, 4), ("0", 6, 0), ("2", 0, 5), ("0", 2, 0)) +
+         b"7" + layer(("0", 11, 0), ("2", 5, 2), ("0", 6, 0), ("1", 1, 8)) + end)
+    seed("image", "replaced", run + layer(("3", 19, 0), ("0", 20, 0), ("5", 21, 0), ("0", 22, 0)) +
+         end)
+    seed("image", "preload", run + layer(("0", 18, 0)) + end)
+    seed("image", "etc-is-a-link", run + layer(("2", 14, 0)) + end)
+    seed("image", "user", run + layer(("0", 15, 0), ("0", 16, 0)) + end + json.dumps(
+        {"Entrypoint": ["run"], "User": "app:app", "WorkingDir": "/a/b", "Env": ["PATH=/", "A=b"]}
+    ).encode())
+    seed("image", "folder-over-file", run + layer(("0", 0, 0)) + b"7" +
+         layer(("5", 0, 0), ("0", 2, 0)) + b"7" + layer(("2", 0, 7)) + end)
+    for name, config in (("numbers", {"Entrypoint": 7, "Env": {"A": 1}}),
+                         ("foreign", {"architecture": "arm64", "Cmd": ["/run"]}),
+                         ("no-command", {}), ("list", [[]])):
+        seed("image", name, run + end + json.dumps(config).encode())
+
+
 def logs():
     # Recipes: track, episode, begun, seal, then 0 a step, 1 a start, 2 a text, 3 bytes, 4 jumps.
     begin, step = b"\1\0\4\0", b"\0\0\1\2\3\4"
@@ -383,5 +409,5 @@ def deep():
 
 if __name__ == "__main__":
     for write in (datagrams, messages, conversations, frames, records, configs, challenges, submissions, archives,
-                  tars, logs, proofs, receipts, exports, connections, deep):
+                  tars, images, logs, proofs, receipts, exports, connections, deep):
         write()

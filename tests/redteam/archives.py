@@ -3,11 +3,13 @@ escape is called redteam-escaped, so that it can be searched for."""
 
 import gzip
 import io
+import json
 import shutil
 import subprocess
 import tarfile
 import zipfile
 
+from support import images
 from support.submission import entry, tar
 
 ESCAPED = "redteam-escaped"
@@ -50,7 +52,13 @@ def _through_link():
 
 
 def good():
-    return {"plain.tar": _tar(), "packed.tar.gz": gzip.compress(_tar()), "packed.zip": _zip()}
+    # A layer may have what the sandbox replaces, setuid bits and links to anywhere.
+    odd = _image([images.member("proc/version", b"x"), images.member("myograde/x", b"x"),
+                  images.member("dev/mem", type=tarfile.CHRTYPE, devmajor=1, devminor=1),
+                  images.member("policy/run", b"x", mode=0o4755), images.link("up", "../" * 20),
+                  *images.program_layer("/bin/sh", name="bin/sh")])
+    return {"plain.tar": _tar(), "packed.tar.gz": gzip.compress(_tar()), "packed.zip": _zip(),
+            "image.tar": odd}
 
 
 def _tars():
@@ -106,5 +114,81 @@ def _zips():
     }
 
 
+RUN = [images.member("run", b"#!/bin/sh\n", mode=0o755), images.folder("bin")]
+
+
+def _image(*layers, **about):
+    return images.image([RUN, *layers], **{"entrypoint": ("/run",), **about})
+
+
+def _lying(change, form=images.docker):
+    """An image's archive of which `change` spoils the files: name -> bytes."""
+    layers = [images.tar(RUN), images.tar([images.member("data", b"x" * 5000)])]
+    files = form(layers, images.config(layers, entrypoint=("/run",)))
+    change(files)
+    return images.archive(files)
+
+
+def _replace_layer(files):
+    name = next(name for name in files if name.endswith("layer.tar"))
+    files[name] = images.tar([images.member("other", b"y")])
+
+
+def _replace_blob(files):
+    data = next(name for name in files if b"xxxx" in files[name])
+    files[data] = files[data].replace(b"x", b"y")
+
+
+def _lie_about_sizes(files):
+    index = json.loads(files["index.json"])
+    index["manifests"][0]["size"] = 7
+    files["index.json"] = json.dumps(index).encode()
+
+
+def _images():
+    """Container images. What would escape is below links, in whiteouts and in other layers."""
+    up = "../" * 20
+    device = {"devmajor": 1, "devminor": 1}
+    return {
+        "image-device.tar": _image([images.member("mem", type=tarfile.CHRTYPE, **device)]),
+        "image-pipe.tar": _image([images.member("pipe", type=tarfile.FIFOTYPE)]),
+        "image-up.tar": _image([images.member(f"{up}tmp/{ESCAPED}", b"x")]),
+        "image-hard-link.tar": _image([images.hard_link("passwd", "/etc/passwd")]),
+        "image-hard-link-up.tar": _image([images.hard_link("passwd", up + "etc/passwd")]),
+        # Refused for the whiteout, after the links were used.
+        "image-through-link.tar": _image(
+            [images.link("way", "/tmp"), images.link("up", up + "tmp")],
+            [images.member(f"way/{ESCAPED}", b"x"), images.member(f"up/{ESCAPED}", b"x"),
+             images.member("way/.wh...")]),
+        "image-link-loop.tar": _image([images.link("loop", "loop"), images.member("loop/x", b"x")]),
+        "image-no-whiteout.tar": _image([images.member(".wh.")]),
+        "image-preload.tar": _image([images.member("etc/ld.so.preload", b"/evil.so")]),
+        "image-etc-link.tar": _image([images.link("etc", "/tmp")]),
+        "image-arm.tar": _image(architecture="arm64"),
+        "image-windows.tar": _image(system="windows"),
+        "image-foreign-program.tar": _image(
+            [images.member("run", b"\x7fELF\x02\x01\x01" + bytes(9) + b"\2\0\xb7\0" + bytes(200),
+                           mode=0o755)]),
+        "image-no-program.tar": _image([images.member(".wh.run")]),
+        "image-program-in-tmp.tar": _image([images.member("tmp/run", b"#!/bin/sh\n", mode=0o755)],
+                                           entrypoint=("/tmp/run",)),
+        "image-unknown-user.tar": _image(user="nobody-knows"),
+        "image-folder-in-proc.tar": _image(workdir="/proc/self"),
+        "image-many.tar": _image([images.member(f"many/{i}") for i in range(MANY_ENTRIES)]),
+        "image-bomb.tar.gz": gzip.compress(_image([images.member("zeros", b"\0" * BOMB_BYTES)]), 1),
+        "image-again.tar": _image(*[[images.member("same", bytes([i]) * (BOMB_BYTES // 9))]
+                                    for i in range(10)], form="oci-gzip"),
+        "image-layer-lie.tar": _lying(_replace_layer),
+        "image-blob-lie.tar": _lying(_replace_blob, images.oci),
+        "image-size-lie.tar": _lying(_lie_about_sizes, images.oci),
+        "image-two.tar": _lying(lambda files: files.update(
+            {"manifest.json": json.dumps(json.loads(files["manifest.json"]) * 2).encode()})),
+        "image-config-elsewhere.tar": _lying(lambda files: files.update(
+            {"manifest.json": files["manifest.json"].replace(b'"Config": "', b'"Config": "elsewhere/')})),
+        "image-deep-json.tar": _lying(lambda files: files.update(
+            {"manifest.json": b"[" * 100_000})),
+    }
+
+
 def bad():
-    return {**_tars(), **_zips()}
+    return {**_tars(), **_zips(), **_images()}

@@ -35,6 +35,7 @@ class ProgramTest : public ::testing::Test {
   std::string Complaint(const std::string& word) {
     ArtefactManifest manifest;
     manifest.command = {word};
+    manifest.image = image_;
     const absl::Status status = CheckProgram(manifest, folder_.path().string(), runtimes_);
     EXPECT_TRUE(status.ok() || absl::IsInvalidArgument(status)) << status;
     return std::string(status.message());
@@ -58,6 +59,7 @@ class ProgramTest : public ::testing::Test {
 
   const TempFolder folder_;
   std::vector<std::string> runtimes_;
+  std::optional<PolicyImage> image_;
 };
 
 TEST_F(ProgramTest, ABareWordIsLookedUpOnThePath) {
@@ -145,6 +147,31 @@ TEST_F(ProgramTest, ABinaryNeedsThisProcessorAndItsLoader) {
               HasSubstr("needs the dynamic loader \"/lib/ld-no-such-libc.so.1\""));
   EXPECT_THAT(Complaint("./other"), HasSubstr(std::string("is a program for ") + kOtherName));
   EXPECT_THAT(Complaint("./narrow"), HasSubstr("is a program for 32-bit x86"));
+}
+
+TEST_F(ProgramTest, AnImagesProgramIsLookedForInTheImageOnly) {
+  image_ = PolicyImage{{{"PATH", "/app/bin:/usr/bin"}}, "/app", 1000, 1000};
+  // The host has it, and the image does not.
+  EXPECT_THAT(Complaint("/usr/bin/env"), HasSubstr("which the image does not have"));
+  EXPECT_THAT(Complaint("env"), HasSubstr("none of the image's folders of programs: /app/bin"));
+  Write("image/usr/bin/sh", Elf(EM_X86_64, ELFCLASS64, "/lib64/loader"));
+  EXPECT_THAT(Complaint("sh"), HasSubstr("\"/lib64/loader\", which the image does not have"));
+  Link("image/lib64", "../../usr/lib");
+  Write("image/usr/lib/loader", "x");
+  Link("image/bin", "usr/bin");
+  EXPECT_EQ(Complaint("sh"), "");
+  EXPECT_EQ(Complaint("/bin/sh"), "");
+  Write("image/app/start", "#!/bin/sh\n");
+  EXPECT_EQ(Complaint("./start"), "");
+  Write("image/app/lost", "#!/usr/bin/python9\n");
+  EXPECT_THAT(Complaint("./lost"), HasSubstr("/usr/bin/python9"));
+  Write("image/tmp/run", "#!/bin/sh\n");
+  EXPECT_THAT(Complaint("/tmp/run"), HasSubstr("/tmp are the sandbox' own"));
+  Link("image/app/out", folder_ / "image/app/start");
+  EXPECT_THAT(Complaint("./out"), HasSubstr("the image does not have"))
+      << "a link leads within the image, whatever the host has there";
+  Write("image/app/arm", Elf(EM_AARCH64, ELFCLASS64, ""));
+  EXPECT_THAT(Complaint("./arm"), HasSubstr("is a program for"));
 }
 
 TEST_F(ProgramTest, AVirtualEnvironmentIsOfAPythonThatTheSandboxHas) {

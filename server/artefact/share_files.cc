@@ -1,0 +1,129 @@
+#include "server/artefact/share_files.h"
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <functional>
+#include <memory>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/fd.h"
+#include "protocol/base/sha256.h"
+#include "protocol/lease/policy_image.h"
+#include "server/artefact/listing.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr int kMostFolders = 80;  // in each other; unpacking allows fewer
+
+struct CloseNames {
+  void operator()(DIR* names) const { ::closedir(names); }
+};
+
+Fd OpenFolder(int at, const char* name) {
+  return Fd(::openat(at, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+}
+
+// Calls `use` with each file at and below a folder, its folder and its name.
+void ForEachFile(Fd folder, int depth,
+                 const std::function<void(int at, const char* name, const struct stat&)>& use) {
+  const int at = folder.get();
+  const std::unique_ptr<DIR, CloseNames> names(folder.valid() ? ::fdopendir(at) : nullptr);
+  if (names == nullptr || depth > kMostFolders) return;
+  folder.release();  // `names` closes it
+  while (const dirent* entry = ::readdir(names.get())) {
+    const std::string name = entry->d_name;
+    struct stat info = {};
+    if (name == "." || name == ".." ||
+        ::fstatat(at, name.c_str(), &info, AT_SYMLINK_NOFOLLOW) != 0) {
+      continue;
+    }
+    if (S_ISDIR(info.st_mode)) {
+      ForEachFile(OpenFolder(at, name.c_str()), depth + 1, use);
+    } else if (S_ISREG(info.st_mode)) {
+      use(at, name.c_str(), info);
+    }
+  }
+}
+
+// The name in the pool of an open file; "" if it can't be read.
+std::string PoolName(int file, const struct stat& info) {
+  Sha256 hash;
+  std::string buffer(256 << 10, '\0');
+  for (int64_t at = 0;;) {
+    const ssize_t got = ::pread(file, buffer.data(), buffer.size(), at);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return "";
+    if (got == 0) break;
+    hash.Update(std::string_view(buffer.data(), static_cast<size_t>(got)));
+    at += got;
+  }
+  return absl::StrCat(hash.FinishHex(), (info.st_mode & 0111) != 0 ? "-x-" : "-r-",
+                      info.st_mtim.tv_sec);
+}
+
+// Replaces one file by the pool's, or gives it to the pool.
+void ShareFile(int pool, int at, const char* name, const struct stat& info) {
+  static std::atomic<int64_t> numbers = 0;
+  if (info.st_size < kLeastSharedBytes || info.st_nlink != 1) return;
+  const Fd file(::openat(at, name, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+  if (!file.valid()) return;
+  const std::string pooled = PoolName(file.get(), info);
+  if (pooled.empty() || ::linkat(at, name, pool, pooled.c_str(), 0) == 0 || errno != EEXIST) return;
+  struct stat known = {};
+  if (::fstatat(pool, pooled.c_str(), &known, AT_SYMLINK_NOFOLLOW) != 0 ||
+      !S_ISREG(known.st_mode) || known.st_size != info.st_size) {
+    return;
+  }
+  // Under a name of the pool first, as the image may have any other.
+  const std::string fresh = absl::StrCat("new-", ::getpid(), "-", ++numbers);
+  if (::linkat(pool, pooled.c_str(), pool, fresh.c_str(), 0) != 0) return;  // too many links
+  if (::renameat(pool, fresh.c_str(), at, name) != 0) ::unlinkat(pool, fresh.c_str(), 0);
+}
+
+}  // namespace
+
+absl::Status ShareImage(const std::string& artefact, const std::string& pool) {
+  const Fd folder = OpenFolder(AT_FDCWD, artefact.c_str());
+  Fd image = folder.valid() ? OpenFolder(folder.get(), kImageFolder) : Fd();
+  if (!image.valid()) return absl::OkStatus();
+  if (::mkdir(pool.c_str(), 0755) != 0 && errno != EEXIST) {
+    return HostError(absl::StrCat("can't make the folder ", pool));
+  }
+  const Fd pooled = OpenFolder(AT_FDCWD, pool.c_str());
+  if (!pooled.valid()) return HostError(absl::StrCat("can't open the folder ", pool));
+  ForEachFile(std::move(image), 0, [&](int at, const char* name, const struct stat& info) {
+    ShareFile(pooled.get(), at, name, info);
+  });
+  return absl::OkStatus();
+}
+
+int64_t SweepPool(const std::string& pool) {
+  int64_t freed = 0;
+  // What is shared at this moment keeps its bytes, and is not in the pool afterwards.
+  ForEachFile(OpenFolder(AT_FDCWD, pool.c_str()), 0,
+              [&](int at, const char* name, const struct stat& info) {
+                if (info.st_nlink == 1 && ::unlinkat(at, name, 0) == 0) freed += info.st_size;
+              });
+  return freed;
+}
+
+int64_t DiskBytes(const std::string& artefact) {
+  int64_t bytes = 0;
+  ForEachFile(OpenFolder(AT_FDCWD, artefact.c_str()), 0,
+              [&](int, const char*, const struct stat& info) {
+                // One of the links is the pool's.
+                const auto sharers = static_cast<int64_t>(info.st_nlink) - 1;
+                bytes += sharers > 1 ? info.st_size / sharers : info.st_size;
+              });
+  return bytes;
+}
+
+}  // namespace myograde::server
