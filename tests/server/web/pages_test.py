@@ -26,11 +26,9 @@ PARSERS = re.compile(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|DO
 
 
 class PagesCase(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.world = World()
-        cls.addClassCleanup(cls.world.close)
-        cls.world.start()
+    """All have one daemon, whose boards they leave as they are."""
+
+    world = None
 
     def connect(self):
         url = urllib.parse.urlsplit(self.world.url)
@@ -50,6 +48,12 @@ class PagesCase(unittest.TestCase):
         token = self.world.tokens[role]
         own = {key.replace("_", "-"): value for key, value in dict(more).items()}
         return {**own, **({"Authorization": f"Bearer {token}"} if token else {})}
+
+
+def setUpModule():
+    PagesCase.world = World()
+    unittest.addModuleCleanup(PagesCase.world.close)
+    PagesCase.world.start()
 
 
 class Files(PagesCase):
@@ -241,7 +245,7 @@ class ManyReaders(unittest.TestCase):
 
     def test_followers_give_way_and_leave_no_trace(self):
         with World(clients=24) as world:
-            world.start()
+            world.start(teams=1)
             url = urllib.parse.urlsplit(world.url)
             head = {"Authorization": f"Bearer {world.tokens['participant']}"}
             connections = []
