@@ -139,7 +139,7 @@ class Elsewhere(PagesCase):
             self.assertEqual(headers["Content-Security-Policy"], "default-src 'none'; sandbox")
             drawing = xml.etree.ElementTree.fromstring(body)
             self.assertTrue(drawing.findtext("{*}title").startswith(f"{team}, "))
-            texts = [element.text for element in drawing.iter("{*}text")]
+            texts = [element.text for element in drawing.findall(".//{*}text")]
             self.assertEqual(texts, [TRACK, words])
             tags = {element.tag.split("}")[1] for element in drawing.iter()}
             self.assertEqual(tags, {"svg", "title", "rect", "path", "g", "text"})
@@ -151,12 +151,12 @@ class Elsewhere(PagesCase):
         status, headers, body = self.ask("GET", f"/v1/leaderboard/feed?track={TRACK}")
         self.assertEqual((status, headers["Content-Type"]), (200, "application/atom+xml"))
         feed = xml.etree.ElementTree.fromstring(body)
-        titles = [entry.findtext("{*}title") for entry in feed.iter("{*}entry")]
+        titles = [entry.findtext("{*}title") for entry in feed.findall(".//{*}entry")]
         self.assertEqual(titles[0], "Neon Tendons: rank 1")
         self.assertIn(f"{MARKUP}: rank 3", titles)
-        ids = [element.text for element in feed.iter("{*}id")]
+        ids = [element.text for element in feed.findall(".//{*}id")]
         self.assertEqual(len(ids), len(set(ids)))
-        updated = [element.text for element in feed.iter("{*}updated")]
+        updated = [element.text for element in feed.findall(".//{*}updated")]
         self.assertEqual(updated[0], max(updated[1:]))
         for moment in updated:
             self.assertRegex(moment, r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z$")
