@@ -34,7 +34,9 @@ void CompareRewardTerms(GoldenTable& table, const Environment& environment, cons
                         const nlohmann::json& rwd_dict, const ToleranceOf& tolerance,
                         const std::string& prefix, const std::string& where);
 
-// True if a golden file has a step with exactly these keys of the official dictionary or more.
-bool HasWholeDictionary(const GoldenFile& file, const std::vector<std::string>& keys);
+// Fails unless a step of one of the files has all these keys of the official dictionary. A folder
+// without a file of the track skips the test.
+void ExpectWholeDictionary(const std::vector<GoldenFile>& files,
+                           const std::vector<std::string>& keys);
 
 }  // namespace myograde::sim
