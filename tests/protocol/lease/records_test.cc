@@ -208,6 +208,15 @@ TEST(LeaseOrder, MayAskForExtraObservations) {
   EXPECT_FALSE(earlier->extra_observations);
 }
 
+TEST(LeaseOrder, MayNameAnAdapter) {
+  LeaseOrder order = DemoOrder();
+  EXPECT_FALSE(LeaseOrderToJson(order).contains("adapter"));
+  order.adapter = "template-2024";
+  const auto back = LeaseOrderFromJson(LeaseOrderToJson(order), "order");
+  ASSERT_TRUE(back.ok()) << back.status();
+  EXPECT_EQ(back->adapter, "template-2024");
+}
+
 TEST(LeaseOrder, MistakesAreNamed) {
   const nlohmann::json good = LeaseOrderToJson(DemoOrder());
   nlohmann::json wrong = good;

@@ -243,6 +243,19 @@ TEST_F(SubmitTest, ExtraObservationsAreShownWhereTheProfileAllowsThem) {
   const auto plain = admission().Submit(request, "uid 7");
   ASSERT_TRUE(plain.ok()) << plain.status();
   EXPECT_FALSE(SubmissionOf(*plain).extra_observations) << "it did not ask";
+  // An adapter takes what there is, and plays without.
+  AddArtefact('c', {.hash = std::string(64, 'c'),
+                    .name = "veteran",
+                    .command = {"./policy"},
+                    .runtimes = {},
+                    .bytes = 10,
+                    .files = 2,
+                    .adapter = "template-2024"});
+  EXPECT_EQ(CodeOf("alpha", 'c'), "") << "the profile is paper";
+  request.artefact = std::string(64, 'c');
+  const auto adapted = admission().Submit(request, "uid 7");
+  ASSERT_TRUE(adapted.ok()) << adapted.status();
+  EXPECT_TRUE(SubmissionOf(*adapted).extra_observations);
 }
 
 TEST_F(SubmitTest, AnArtefactMustBeHereWithItsFiles) {

@@ -207,6 +207,11 @@ TEST(ReadManifest, IsStrict) {
   EXPECT_EQ(ManifestComplaint(start + "true}"), "");
   EXPECT_EQ(ManifestComplaint(start + "false}"), "");
   EXPECT_THAT(ManifestComplaint(start + "1}"), HasSubstr("\"extra_observations\" must be"));
+  const std::string agent = R"({"name": "a", "command": ["./policy"], "adapter": )";
+  EXPECT_EQ(ManifestComplaint(agent + "\"template-2024\"}"), "");
+  for (const char* wrong : {"\"template-1999\"", "\"\"", "1", "[\"template-2024\"]", "null"}) {
+    EXPECT_THAT(ManifestComplaint(agent + wrong + "}"), HasSubstr("\"adapter\"")) << wrong;
+  }
   EXPECT_THAT(ManifestComplaint("{"), HasSubstr("policy.json: is not valid JSON"));
   EXPECT_THAT(ManifestComplaint("[]"), HasSubstr("must be an object"));
   EXPECT_THAT(ManifestComplaint(R"({"name": "a"})"), HasSubstr("\"command\" is missing"));

@@ -38,7 +38,7 @@ const UnpackBudget kBudget = {.time = absl::Seconds(60), .memory_bytes = 256 << 
 std::string HonestArchive() {
   return TarEntry('0', "policy.json",
                   R"({"name": "ü", "command": ["./policy", "a b"], "env": {"POLICY_A": "ü"},
-                      "extra_observations": true})") +
+                      "extra_observations": true, "adapter": "template-2024"})") +
          TarEntry('0', "policy", "#!/bin/sh\n", {}, 0755);
 }
 
@@ -54,6 +54,10 @@ TEST(UnpackProcess, AnswersAsUnpackArtefactDoes) {
   EXPECT_EQ(apart->manifest.command, here->manifest.command);
   EXPECT_EQ(apart->manifest.environment, here->manifest.environment);
   EXPECT_TRUE(apart->manifest.extra_observations && here->manifest.extra_observations);
+  EXPECT_EQ(apart->manifest.adapter, "template-2024");
+  EXPECT_EQ(here->manifest.adapter, "template-2024");
+  // The adapter brings the runtime that it needs.
+  EXPECT_EQ(apart->manifest.runtimes, std::vector<std::string>{"template-2024"});
   EXPECT_EQ(apart->bytes, here->bytes);
   EXPECT_EQ(apart->files, here->files);
   EXPECT_TRUE(fs::exists(temp / "out/policy"));
