@@ -60,6 +60,10 @@ using ByteProgress = std::function<void(int64_t done, int64_t total)>;
 absl::Status PackArtefact(const std::string& path, const std::string& archive,
                           const ArtefactLimits& limits, const ByteProgress& progress = nullptr);
 
+// The runtimes that the policy.json of an archive asks for which PackArtefact wrote. NotFoundError:
+// it has none at its top; other errors: it can't be read.
+absl::StatusOr<std::vector<std::string>> PackedRuntimes(const std::string& archive);
+
 // Unpacks an untrusted archive into `destination`, which must not exist and is removed again after
 // an error. Links are kept as links and never followed. Nothing is synced to disk: call syncfs if
 // you need that. InvalidArgumentError: the archive breaks a rule, with the entry and the rule;

@@ -337,6 +337,20 @@ class Answers(unittest.TestCase):
         self.assertEqual(keys[2], keys[3])
         self.assertEqual({body for _, body in requests[1:]}, {requests[1][1]})
 
+    def test_a_runtime_that_the_server_lacks_is_told_before_the_upload(self):
+        listed = self.ok(b'{"runtimes": [{"runtime": "python"}, {"runtime": "jax"}]}')
+        manifest = json.dumps({"name": "a", "command": ["x"], "runtimes": ["python", "torch"]})
+        with tempfile.TemporaryDirectory() as folder:
+            (pathlib.Path(folder) / "policy.json").write_text(manifest)
+            packed = pathlib.Path(folder) / "a.tar.gz"
+            with tarfile.open(packed, "w:gz") as archive:
+                archive.add(pathlib.Path(folder) / "policy.json", "./policy.json")
+            for path in (folder, packed):
+                client, requests = self.serve(listed)
+                with self.assertRaisesRegex(WrongUse, '"torch", which .* it has python, jax'):
+                    client.submit(path, track="elbow", team="a")
+                self.assertEqual([head.split()[1] for head, _ in requests], [b"/v1/runtimes"])
+
     def test_a_server_that_sends_a_byte_now_and_then_holds_nobody(self):
         def trickle(wire):
             for _ in range(200):

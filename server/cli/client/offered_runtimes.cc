@@ -1,13 +1,9 @@
 #include "server/cli/client/offered_runtimes.h"
 
 #include <algorithm>
-#include <filesystem>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
-
-#include "server/artefact/artefact.h"
-#include "server/cli/base/exit_status.h"
 
 namespace myograde::server {
 
@@ -29,24 +25,6 @@ std::string MissingRuntime(const std::vector<std::string>& named,
                         offered.empty() ? "none" : absl::StrJoin(offered, ", "));
   }
   return "";
-}
-
-absl::Status CheckRuntimesOffered(const Client& client, const std::string& path) {
-  std::error_code error;
-  if (!std::filesystem::is_directory(path, error)) return absl::OkStatus();
-  const absl::StatusOr<ArtefactManifest> manifest = ReadManifest(path);
-  if (!manifest.ok()) return HostStatus(path, manifest.status());
-  if (manifest->runtimes.empty()) return absl::OkStatus();
-  const absl::StatusOr<std::vector<std::string>> offered = OfferedRuntimes(client);
-  if (!offered.ok()) {
-    // A server of an earlier version says it when the submission arrives.
-    return AnsweredCode(offered.status()) == "not_found" ? absl::OkStatus() : offered.status();
-  }
-  const std::string missing = MissingRuntime(manifest->runtimes, *offered);
-  if (missing.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat(path, ": ", missing, "; name one of them in policy.json, or put what the policy "
-                   "needs into the submission"));
 }
 
 }  // namespace myograde::server

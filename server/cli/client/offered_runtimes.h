@@ -4,7 +4,6 @@
 #include <string>
 #include <vector>
 
-#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
 #include "server/cli/client/client.h"
@@ -17,10 +16,5 @@ absl::StatusOr<std::vector<std::string>> OfferedRuntimes(const Client& client);
 // A sentence on the first of `named` that is not offered; "" if all are.
 std::string MissingRuntime(const std::vector<std::string>& named,
                            const std::vector<std::string>& offered);
-
-// Asks the server before an upload whether it has the runtimes of the submission at `path`.
-// InvalidArgumentError: it lacks one, or policy.json can't be used. A single file names none, and what
-// an archive names the server says after the upload.
-absl::Status CheckRuntimesOffered(const Client& client, const std::string& path);
 
 }  // namespace myograde::server

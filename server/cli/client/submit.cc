@@ -1,8 +1,10 @@
 #include "server/cli/client/submit.h"
 
+#include <algorithm>
 #include <iostream>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
 #include "server/artefact/artefact.h"
 #include "server/cli/base/exit_status.h"
@@ -35,6 +37,25 @@ absl::StatusOr<Json> RequestOf(const SubmitOptions& options) {
   return request;
 }
 
+// A runtime that the server lacks is told before anything is sent. Servers of before 0.2 can't be
+// asked, and refuse it themselves.
+absl::Status CheckRuntimes(const std::string& archive, const Client& client) {
+  const absl::StatusOr<std::vector<std::string>> needed = PackedRuntimes(archive);
+  if (!needed.ok() || needed->empty()) return absl::OkStatus();  // the server checks the rest
+  const absl::StatusOr<std::vector<std::string>> offered = OfferedRuntimes(client);
+  if (AnsweredCode(offered.status()) == "not_found") return absl::OkStatus();
+  if (!offered.ok()) return offered.status();
+  for (const std::string& name : *needed) {
+    if (std::find(offered->begin(), offered->end(), name) != offered->end()) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        "policy.json asks for the runtime \"", Harmless(name), "\", which this server does not have; ",
+        offered->empty() ? std::string("it has none")
+                        : absl::StrCat("it has ", Harmless(absl::StrJoin(*offered, ", "))),
+        "; nothing was sent"));
+  }
+  return absl::OkStatus();
+}
+
 // Packs the submission and sends it; the artefact's id.
 absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Client& client) {
   absl::StatusOr<TempFolder> temp = TempFolder::Make("submit");
@@ -49,6 +70,7 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
                                    }));
     if (!packed.ok()) return packed;
   }
+  if (absl::Status known = CheckRuntimes(archive, client); !known.ok()) return known;
   Progress progress("sending", Progress::Unit::kBytes);
   const absl::StatusOr<Json> answer = client.Upload(
       absl::StrCat("/v1/artefacts?team=", QueryValue(options.team), "&track=",
@@ -136,8 +158,6 @@ int Submit(SubmitOptions options) {
   // Mistakes that can be found here are reported before anything is sent.
   absl::StatusOr<Json> request = RequestOf(options);
   if (!request.ok()) return ReportError(request.status());
-  const absl::Status offered = CheckRuntimesOffered(client, options.path);
-  if (!offered.ok()) return ReportError(offered);
   const absl::StatusOr<std::string> artefact = SendArtefact(options, client);
   if (!artefact.ok()) return ReportError(artefact.status());
   (*request)["artefact"] = *artefact;

@@ -141,8 +141,8 @@ def _add_libraries(root: pathlib.Path, target: pathlib.Path, added: list[pathlib
     linked = _linked(target, root)
     modules = [path for top in added for path in [top, *top.rglob("*.so*")]
                if path.is_file() and not path.is_symlink()] + linked
-    folders = sorted({str(path.parent) for path in (root / "usr/lib").rglob("*.so*")
-                      if _PACKAGES not in str(path)}, key=lambda name: (name.count("/"), name))
+    folders = sorted({str(path.parent) for path in _libraries(root)},
+                     key=lambda name: (name.count("/"), name))
     lib = target / LIBRARIES
     needed: dict[str, pathlib.Path] = {path.name: path for path in linked}
     for path in modules:
@@ -168,8 +168,14 @@ def _linked(target: pathlib.Path, root: pathlib.Path) -> list[pathlib.Path]:
     """The libraries that links of modules lead to."""
     names = {os.path.basename(os.readlink(path)) for path in target.rglob("*.so*")
              if path.is_symlink()}
-    return [path for path in sorted((root / "usr/lib").rglob("*.so*"))
+    return [path for path in _libraries(root)
             if path.name in names and path.is_file() and not path.is_symlink()]
+
+
+def _libraries(root: pathlib.Path) -> list[pathlib.Path]:
+    """Debian 12 has packages that still use /lib, which is a link to /usr/lib on every host."""
+    found = [path for top in ("usr/lib", "lib") for path in (root / top).rglob("*.so*")]
+    return sorted(path for path in found if _PACKAGES not in str(path))
 
 
 def _is_elf(path: pathlib.Path) -> bool:

@@ -189,8 +189,9 @@ def finish(args: argparse.Namespace, place: Place, new: pathlib.Path) -> None:
             del package["sha256"]
         print(json.dumps({**described, "folder": str(target)}, indent=2))
     else:
-        print(f"The runtime {args.name} is made: {len(described['packages'])} packages, "
-              f"{described['bytes'] / 1e6:.0f} MB, digest {described['digest'][:12]}, in {target}")
+        count = len(described["packages"])
+        print(f"The runtime {args.name} is made: {count} package{'s' if count != 1 else ''}, "
+              f"{described['bytes'] / 1e6:.1f} MB, digest {described['digest'][:12]}, in {target}")
 
 
 def remove(args: argparse.Namespace) -> None:

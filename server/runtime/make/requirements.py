@@ -6,7 +6,10 @@ import json
 import pathlib
 import re
 import shutil
+import urllib.parse
+import urllib.request
 
+import tree
 from failure import Trouble, WrongUse
 from worker import Worker
 
@@ -50,7 +53,7 @@ def lock(python: str, path: pathlib.Path, wheels: list[str], worker: Worker) -> 
                "finding versions")
     report = worker.folder / "report.json"
     pins = sorted(f"{item['metadata']['name'].lower()}=={item['metadata']['version']} --hash=sha256:"
-                  f"{item['download_info']['archive_info']['hashes']['sha256']}\n"
+                  f"{_sha256_of(item)}\n"
                   for item in json.loads(report.read_text(encoding="utf-8"))["install"])
     report.unlink()
     locked = path.with_name(path.stem + ".lock.txt")
@@ -76,9 +79,19 @@ def install(python: str, path: pathlib.Path, wheels: list[str], worker: Worker
         raise Trouble("pip installed nothing, and gave no reason")
     packages = [{"name": item["metadata"]["name"], "version": item["metadata"]["version"],
                  "source": "pypi",
-                 "sha256": item["download_info"]["archive_info"]["hashes"]["sha256"]}
+                 "sha256": _sha256_of(item)}
                 for item in report["install"]]
     return target, packages
+
+
+def _sha256_of(item: dict) -> str:
+    """The SHA-256 of what pip chose, an entry of its report; for files of a folder it gives none."""
+    info = item["download_info"]
+    known = info.get("archive_info", {}).get("hashes", {}).get("sha256")
+    if known is None:
+        known = tree.sha256(pathlib.Path(urllib.request.url2pathname(
+            urllib.parse.urlsplit(info["url"]).path)))
+    return known
 
 
 def wheels_of(folder: str, worker: Worker) -> list[str]:

@@ -39,14 +39,33 @@ def pack(path: str | os.PathLike[str], target: BinaryIO) -> None:
         raise WrongUse(f"{error.filename or source}: can't be packed ({error.strerror})") from error
 
 
-def named_runtimes(path: str | os.PathLike[str]) -> list[str]:
-    """What the policy.json of a submission's folder names; of anything else nothing is known, and
-    what is wrong with the file the server says."""
+def runtimes_of(path: str | os.PathLike[str]) -> list[str]:
+    """The runtimes that the policy.json of a submission asks for; none where that can't be told
+    here, as the server tells then."""
+    source = pathlib.Path(path)
     try:
-        about = json.loads((pathlib.Path(path) / "policy.json").read_text(encoding="utf-8"))
-        return [name for name in about.get("runtimes", []) if isinstance(name, str)]
-    except (OSError, ValueError, AttributeError, TypeError):
+        manifest = json.loads(_manifest(source))
+    except (OSError, KeyError, ValueError, tarfile.TarError, zipfile.BadZipFile):
         return []
+    asked = manifest.get("runtimes") if isinstance(manifest, dict) else None
+    if not isinstance(asked, list):
+        return []
+    return [name for name in asked if isinstance(name, str)]
+
+
+def _manifest(source: pathlib.Path) -> bytes:
+    if source.is_dir():
+        return (source / "policy.json").read_bytes()
+    if source.name.endswith(".zip"):
+        with zipfile.ZipFile(source) as archive:
+            return archive.read("policy.json")
+    if source.name.endswith(SENT_AS_THEY_ARE):
+        with tarfile.open(source) as archive:
+            for name in ("policy.json", "./policy.json"):
+                if name in archive.getnames():
+                    file = archive.extractfile(name)
+                    return file.read() if file is not None else b""
+    return b"{}"
 
 
 def _pack_folder(folder: pathlib.Path, target: BinaryIO) -> None:

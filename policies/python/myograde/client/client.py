@@ -11,7 +11,7 @@ import urllib.parse
 from typing import Any, Callable, Iterator, Sequence
 
 from ..errors import DeadlinePassed, ServerError, Unreachable, WrongUse
-from .archive import named_runtimes, pack
+from .archive import pack, runtimes_of
 from .records import Record, board_record, episode_record, flat
 from .server import Server, choose_server
 from .transport import ANSWER_S, UPLOAD_S, Lost, Transport, size_of
@@ -63,6 +63,10 @@ class Client:
                 for challenge in self._get("/v1/challenges", challenges=list)["challenges"]
                 for phase in challenge["phases"]]
 
+    def runtimes(self) -> list[Record]:
+        """One record for each runtime that a policy.json may name: `runtime`, `digest`, `packages`."""
+        return [flat(runtime) for runtime in self._get("/v1/runtimes", runtimes=list)["runtimes"]]
+
     # --- submitting ---
 
     def submit(self, path: str | os.PathLike[str], *, team: str, track: str | None = None,
@@ -78,36 +82,15 @@ class Client:
         given = {"phase": phase, "profile": profile, "episodes": episodes,
                  "seeds": None if seeds is None else [int(seed) for seed in seeds]}
         request.update((key, value) for key, value in given.items() if value is not None)
-        self._check_runtimes(path)
         request["artefact"] = self.upload(path, team=team, track=request["track"])["artefact"]
         accepted = self._post("/v1/submissions", request,
                               {"Idempotency-Key": secrets.token_hex(16)})
         return self._with(accepted, submission=int)
 
-    def runtimes(self) -> list[Record]:
-        """One record for each runtime that a policy.json may name: `runtime`, `digest` and more."""
-        return [flat(runtime) for runtime in
-                self._get("/v1/runtimes", runtimes=list)["runtimes"]]
-
-    def _check_runtimes(self, path: str | os.PathLike[str]) -> None:
-        """WrongUse, before anything is sent, if the server lacks a runtime that the folder's
-        policy.json names."""
-        named = named_runtimes(path)
-        if not named:
-            return
-        try:
-            offered = [str(record["runtime"]) for record in self.runtimes()]
-        except ServerError as error:
-            if error.code != "not_found":  # of an earlier version, which says it later
-                raise
-            return
-        for name in named:
-            if name not in offered:
-                raise WrongUse(f'{path}: the server has no runtime "{name}"; it has '
-                               f'{", ".join(offered) or "none"}')
-
     def upload(self, path: str | os.PathLike[str], *, team: str, track: str) -> Json:
-        """The upload alone; its answer has the id of the content under "artefact"."""
+        """The upload alone; its answer has the id of the content under "artefact". A runtime that the
+        server lacks is WrongUse, and nothing is sent."""
+        self._check_runtimes(runtimes_of(path))
         query = urllib.parse.urlencode({"team": team, "track": track})
         with tempfile.TemporaryFile() as archive:
             pack(path, archive)
@@ -222,6 +205,20 @@ class Client:
             if phase["phase"] == name:
                 return phase["track"]
         raise WrongUse(f'there is no phase "{name}"; phases() lists those that there are')
+
+    def _check_runtimes(self, needed: list[str]) -> None:
+        if not needed:
+            return
+        try:
+            offered = [record["runtime"] for record in self.runtimes()]
+        except ServerError as error:
+            if error.status == 404:  # an earlier version, which refuses it itself
+                return
+            raise
+        for name in needed:
+            if name not in offered:
+                raise WrongUse(f'policy.json asks for the runtime "{name}", which this server does not '
+                               f"have; it has {', '.join(offered) or 'none'}; nothing was sent")
 
     def _get(self, path: str, **wanted: type) -> Json:
         return self._with(_with_retries(lambda: self._transport.ask("GET", path)), **wanted)

@@ -1,0 +1,208 @@
+"""Runtimes: made, listed, used, replaced and removed by the real programs, from tiny wheels."""
+
+import base64
+import hashlib
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import time
+import zipfile
+
+import jsonschema
+
+from system import BIN, SOURCE, SystemTest, track_config
+
+TRACK = "runtimes"
+PLAYER = """import greet
+import myograde
+
+class Greeter(myograde.Policy):
+    def start(self):
+        print(greet.WORD, flush=True)
+
+    def act(self, observation):
+        return [0.0] * self.welcome.action_size
+
+myograde.serve(Greeter())
+"""
+
+
+def wheel(folder, version, says):
+    """A wheel of the package `greet`, whose WORD is `says`; its path."""
+    files = {"greet/__init__.py": f"WORD = {says!r}\n",
+             f"greet-{version}.dist-info/METADATA":
+                 f"Metadata-Version: 2.1\nName: greet\nVersion: {version}\n",
+             f"greet-{version}.dist-info/WHEEL":
+                 "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: py3-none-any\n"}
+    record = "".join(
+        f"{name},sha256={base64.urlsafe_b64encode(hashlib.sha256(text.encode()).digest()).decode().rstrip('=')},"
+        f"{len(text)}\n" for name, text in files.items())
+    files[f"greet-{version}.dist-info/RECORD"] = (
+        record + f"greet-{version}.dist-info/RECORD,,\n")
+    path = folder / f"greet-{version}-py3-none-any.whl"
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, text in files.items():
+            archive.writestr(zipfile.ZipInfo(name, (2024, 1, 1, 0, 0, 0)), text)
+    return path
+
+
+class Runtimes(SystemTest):
+    tracks = {TRACK: track_config("elbow", seeds={"first": 7000, "count": 4}, episodes_per_lease=1)}
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.dir = cls.root / "runtimes"
+        cls.wheels = cls.root / "wheels"
+        cls.wheels.mkdir()
+        cls.daemon.configure(runtimes_dir=str(cls.dir))
+        cls.start_daemon()
+
+    def setUp(self):
+        for old in self.wheels.iterdir():
+            old.unlink()
+
+    def add(self, *words, requirements, wheels=True):
+        """The exit status, what was printed, and the complaint of myograde runtime add."""
+        path = self.root / "requirements.txt"
+        path.write_text(requirements, encoding="utf-8")
+        command = [BIN / "myograde", "runtime", "add", *words[:1], path, *words[1:]]
+        if wheels:
+            command += ["--wheels", self.wheels]
+        done = subprocess.run(command, env=self.environment, capture_output=True, text=True,
+                              timeout=120, check=False)
+        return done.returncode, done.stdout, done.stderr
+
+    def pinned(self, version, says):
+        """Requirements of a new wheel."""
+        path = wheel(self.wheels, version, says)
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        return f"greet=={version} --hash=sha256:{digest}\n"
+
+    def offered(self):
+        """The runtimes by name, as this host lists them."""
+        answer = self.ask("runtime", "list")
+        jsonschema.validate(answer, json.loads(
+            (SOURCE / "configs/schema/runtimes.json").read_text(encoding="utf-8")))
+        return {entry["runtime"]: entry for entry in answer["runtimes"] if not entry["former"]}
+
+    def policy(self, name, runtimes):
+        """A policy that prints the word of `greet`."""
+        folder = self.python_policy(name, ["policy.py"])
+        (folder / "policy.py").write_text(PLAYER, encoding="utf-8")
+        manifest = json.loads((folder / "policy.json").read_text())
+        (folder / "policy.json").write_text(json.dumps({**manifest, "runtimes": runtimes}))
+        return folder
+
+    def submit(self, folder):
+        return self.ask("submit", folder, "--track", TRACK, "--team", "greeters")["submission"]
+
+    def result(self, submission):
+        """The evaluation of a submission, when it has ended."""
+        end = time.monotonic() + 300
+        while time.monotonic() < end:
+            if self.ask("status", str(submission))["state"] in ("done", "failed", "grader_error"):
+                return self.ask("show", str(submission))
+            time.sleep(0.5)
+        self.fail("no end in time")
+
+    def test_a_runtime_is_what_a_policy_was_played_with(self):
+        status, printed, complaint = self.add("greet", "--json",
+                                              requirements=self.pinned("1.0", "one"))
+        self.assertEqual(status, 0, complaint)
+        made = json.loads(printed)
+        jsonschema.validate(made, json.loads(
+            (SOURCE / "configs/schema/runtime.json").read_text(encoding="utf-8")))
+        self.assertEqual(self.offered()["greet"]["digest"], made["digest"])
+        self.assertEqual([p["name"] for p in made["packages"]], ["greet"])
+        for path in [self.dir / "greet", *(self.dir / "greet").rglob("*")]:
+            self.assertEqual(path.lstat().st_mode & 0o222, 0, path)
+            self.assertEqual(path.owner(), pathlib.Path(self.root).owner())
+
+        submission = self.submit(self.policy("greeter", ["greet", "python"]))
+        # It is replaced while it is in use: all leases have the one that they began with.
+        status, _, complaint = self.add("greet", "--replace",
+                                        requirements=self.pinned("2.0", "two"))
+        self.assertEqual(status, 0, complaint)
+        shown = self.result(submission)
+        self.assertEqual(shown["state"], "done", shown)
+        self.assertEqual(shown["grader"]["runtimes"]["greet"], made["digest"])
+        words = [line for entry in shown["output"] for line in entry["text"].split()]
+        self.assertEqual(set(words), {"one"})
+        receipt = self.root / "receipt.json"
+        self.run_cli("receipt", str(submission), "-o", receipt)
+        self.assertIn(made["digest"], receipt.read_text(encoding="utf-8"))
+
+        former = [entry for entry in self.ask("runtime", "list")["runtimes"] if entry["former"]]
+        self.assertEqual([entry["digest"] for entry in former], [made["digest"]])
+        again = self.result(self.submit(self.policy("greeter2", ["greet", "python"])))
+        self.assertNotEqual(again["grader"]["runtimes"]["greet"], made["digest"])
+
+        self.ask("runtime", "remove", "greet")
+        self.assertNotIn("greet", self.offered())
+        refused = self.run_cli("submit", self.policy("greeter3", ["greet", "python"]), "--track",
+                               TRACK, "--team", "greeters", check=False)
+        self.assertEqual(refused.returncode, 2)
+        self.assertIn('the runtime "greet", which this server does not have; it has python',
+                      refused.stderr)
+
+    def test_pins_are_found_and_written(self):
+        self.pinned("1.0", "one")
+        status, _, complaint = self.add("loose", requirements="greet\n")
+        self.assertEqual(status, 2)
+        self.assertIn("--lock", complaint)
+        status, _, complaint = self.add("loose", "--lock", requirements="greet\n")
+        self.assertEqual(status, 0, complaint)
+        lock = (self.root / "requirements.lock.txt").read_text(encoding="utf-8")
+        self.assertRegex(lock, r"greet==1\.0 --hash=sha256:[0-9a-f]{64}\n")
+        first = self.offered()["loose"]["digest"]
+        status, _, complaint = self.add("loose", "--replace", requirements=lock)
+        self.assertEqual(status, 0, complaint)
+        self.assertEqual(len(first), 64)
+        self.run_cli("runtime", "remove", "loose")
+
+    def test_mistakes_leave_nothing(self):
+        good = self.pinned("1.0", "one")
+        # Name, requirements, exit status, part of the complaint.
+        cases = [("../up", good, 2, "can't be the name of a runtime"),
+                 ("a/b", good, 2, "can't be the name of a runtime"),
+                 ("bad", good.replace("sha256:", "sha256:" + "0" * 64)[:-65] + "\n", 4, "HASH"),
+                 ("bad", "greet==9 --hash=sha256:" + "0" * 64, 4, "greet==9"),
+                 ("bad", "--index-url https://example.org\n" + good, 2, "is an option of pip"),
+                 ("bad", "-e .\n", 2, "is an option of pip"),
+                 ("bad", "greet @ file:///etc/passwd\n", 2, "is not pinned"),
+                 ("bad", "\n", 2, "names no package")]
+        for name, requirements, wanted, words in cases:
+            with self.subTest(requirements=requirements, name=name):
+                status, printed, complaint = self.add(name, requirements=requirements)
+                self.assertEqual(status, wanted, complaint)
+                self.assertIn(words, complaint)
+                self.assertEqual(printed, "")
+                self.assertNotIn("bad", self.offered())
+        status, _, complaint = self.add("bad", "--python", "/root/python", requirements=good)
+        self.assertEqual(status, 2)
+        self.assertIn("hand in an image", complaint)
+        status, _, complaint = self.add("bad", "--most-bytes", "10", requirements=good)
+        self.assertEqual(status, 2)
+        self.assertIn("--most-bytes", complaint)
+        self.assertEqual(list(self.dir.glob(".part-*")), [])
+
+    def test_a_kill_leaves_nothing(self):
+        requirements = self.root / "kill.txt"
+        requirements.write_text(self.pinned("1.0", "one"), encoding="utf-8")
+        for wait in (0.3, 1.0, 2.0):
+            with subprocess.Popen([BIN / "myograde", "runtime", "add", "killed", requirements,
+                                   "--wheels", self.wheels, "--replace"], env=self.environment,
+                                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as adding:
+                time.sleep(wait)
+                os.kill(adding.pid, signal.SIGKILL)
+            offered = self.offered().get("killed")
+            if offered is not None:
+                self.assertTrue((pathlib.Path(offered["folder"]) / "greet/__init__.py").exists())
+        status, _, complaint = self.add("killed", "--replace",
+                                        requirements=requirements.read_text(encoding="utf-8"))
+        self.assertEqual(status, 0, complaint)
+        self.assertEqual(list(self.dir.glob(".part-*")), [])
+        self.run_cli("runtime", "remove", "killed")
