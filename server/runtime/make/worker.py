@@ -40,6 +40,22 @@ class Worker:
         folder.mkdir()
         if self._lowered:
             os.chown(folder, NOBODY, NOBODY)
+        self._settings = self._settings_of_pip()
+
+    def _settings_of_pip(self) -> dict[str, str]:
+        """The caller's settings of pip (its index, say), which the programs can't find themselves, as
+        they have another home."""
+        if "PIP_CONFIG_FILE" in os.environ:
+            return {}
+        home = pathlib.Path.home()
+        for path in (home / ".config/pip/pip.conf", home / ".pip/pip.conf"):
+            if path.is_file():
+                own = self.folder / "pip.conf"
+                own.touch(0o600)
+                own.write_bytes(path.read_bytes())
+                self.give(own)
+                return {"PIP_CONFIG_FILE": str(own)}
+        return {}
 
     def give(self, path: pathlib.Path) -> None:
         """Lets the programs change what was put into the folder."""
@@ -65,7 +81,7 @@ class Worker:
                 stderr=subprocess.STDOUT, start_new_session=True,
                 env={"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LANG": "C.UTF-8",
                      "HOME": str(self.folder), "TMPDIR": str(self.folder), **passed,
-                     **environment}) as child:
+                     **self._settings, **environment}) as child:
             try:
                 self._watch(child, says)
             finally:
