@@ -82,7 +82,7 @@ class Examples(unittest.TestCase):
             daemon.start()
             accepted = daemon.ask("submit", submission, "--team", "examples", "--track", "elbow",
                                   "--wait")
-            shown = daemon.ask("show", accepted["submission"])
+            shown = daemon.ask("show", accepted["submission"], "--episodes")
             return [(row["digest"], row["actions_digest"]) for row in shown["episode_rows"]]
 
     def check_the_export_is_the_trained_network(self, model, submission):
