@@ -94,7 +94,7 @@ absl::Status ShareImage(const std::string& artefact, const std::string& pool) {
   const Fd folder = OpenFolder(AT_FDCWD, artefact.c_str());
   Fd image = folder.valid() ? OpenFolder(folder.get(), kImageFolder) : Fd();
   if (!image.valid()) return absl::OkStatus();
-  if (::mkdir(pool.c_str(), 0755) != 0 && errno != EEXIST) {
+  if (::mkdir(pool.c_str(), 0700) != 0 && errno != EEXIST) {
     return HostError(absl::StrCat("can't make the folder ", pool));
   }
   const Fd pooled = OpenFolder(AT_FDCWD, pool.c_str());

@@ -168,8 +168,8 @@ int Submit(SubmitOptions options) {
 
 CLI::Option* AddSubmitOptions(CLI::App& verb, SubmitOptions& options) {
   verb.add_option("PATH", options.path,
-                  "An executable file, a folder with a policy.json, or an archive of such a folder "
-                  "(.tar, .tar.gz, .tar.zst, .zip)")
+                  "An executable file, a folder with a policy.json, an archive of such a folder "
+                  "(.tar, .tar.gz, .tar.zst, .zip), or a container image as podman save writes it")
       ->required();
   verb.add_option("--track", options.track,
                   "Name of the track, as \"myograde spec\" lists them (default: the phase's)");

@@ -253,7 +253,8 @@ int Local(const LocalOptions& options) {
 Action AddLocal(CLI::App& verb) {
   auto options = std::make_shared<LocalOptions>();
   verb.add_option("PATH", options->path,
-                  "An executable file, a folder with a policy.json, or an archive of such a folder")
+                  "An executable file, a folder with a policy.json, an archive of such a folder, or "
+                  "a container image as podman save writes it")
       ->required();
   verb.add_option("--track", options->track, "Name of the track, as \"myograde spec\" lists them")
       ->required();
