@@ -218,10 +218,10 @@ LeasePlayer::Result LeasePlayer::RunSteps() {
     if (given_up_) return std::optional<FaultEvidence>();
     const auto& action = std::get<ActionFrame>(answer);
     const StepResult result = environment_.Step({action.values, action.size});
-    const std::span<const double> values = {action.values, action.size};
-    digests_.Step(values, environment_.state());
+    const std::span<const double> entries = {action.values, action.size};
+    digests_.Step(entries, environment_.state());
     if (log_ != nullptr) {
-      log_->Step(values, Shorten(observation_digest_.Finish()), Shorten(digests_.PeekStates()));
+      log_->Step(entries, Shorten(observation_digest_.Finish()), Shorten(digests_.PeekStates()));
     }
     ++step_;
     if (result.overflow) {
