@@ -79,6 +79,16 @@ class Others(unittest.TestCase):
         self.assertIn("skipped: no network here", text)
         self.assertIn("2.40 / 2.40", text)
 
+    def test_cpu_time_is_compared_where_both_have_it(self):
+        figures = self.figures()
+        self.assertNotIn("by CPU time", others.table({"tracks": {"locomotion": figures}}))
+        for what, rates in (("vector", [30, 90]), ("myosuite", [10, 10])):
+            figures[what]["one_core"]["cpu"] = others.summary(rates)
+        figures["ratios"] = others.ratios(figures)
+        self.assertEqual(figures["ratios"]["vector_over_myosuite_one_core_cpu"], 6)
+        self.assertIn("by CPU time: MyoSuite, Python 6.00",
+                      others.table({"tracks": {"locomotion": figures}}))
+
     def test_a_ratio_is_the_median_over_turns(self):
         def turns(*rates):
             return others.summary(list(rates))

@@ -90,9 +90,11 @@ class Examples(unittest.TestCase):
                   "from stable_baselines3 import PPO\n"
                   "sys.path.insert(0, sys.argv[2])\n"
                   "import network\n"
-                  "model, own = PPO.load(sys.argv[1], device='cpu'), network.of_folder(sys.argv[2])\n"
+                  "model = PPO.load(sys.argv[1], device='cpu')\n"
+                  "own = network.of_folder(sys.argv[2])\n"
+                  "size = own.layers[0][0].shape[1]\n"
                   "for seed in range(100):\n"
-                  "    values = np.random.default_rng(seed).normal(0, 2, own.layers[0][0].shape[1])\n"
+                  "    values = np.random.default_rng(seed).normal(0, 2, size)\n"
                   "    theirs, _ = model.predict(values, deterministic=True)\n"
                   "    np.testing.assert_allclose(own.act(values), theirs, atol=1e-5)\n")
         run("-c", script, model, submission)
