@@ -29,7 +29,7 @@ TORCH = {
         self.net = torch.nn.Sequential(torch.nn.Linear(self.welcome.observation_size, 32),
                                        torch.nn.Tanh(), torch.nn.Linear(32, self.size))""",
     "act": """        with torch.no_grad():
-            values = torch.tensor(list(observation.values), dtype=torch.float32)
+            values = torch.tensor(list(observation), dtype=torch.float32)
             return torch.tanh(self.net(values)).tolist()""",
     "module": "torch"}
 JAX = {
@@ -38,7 +38,7 @@ JAX = {
         weights = jax.random.normal(key, (self.size, self.welcome.observation_size)) * 0.1
         self.net = jax.jit(lambda values: jnp.tanh(weights @ values))
         self.net(jnp.zeros(self.welcome.observation_size))""",
-    "act": """        values = jnp.asarray(list(observation.values), dtype=jnp.float32)
+    "act": """        values = jnp.asarray(list(observation), dtype=jnp.float32)
         return [float(x) for x in self.net(values)]""",
     "module": "jax"}
 

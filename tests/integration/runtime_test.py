@@ -129,7 +129,7 @@ class Runtimes(SystemTest):
         shown = self.result(submission)
         self.assertEqual(shown["state"], "done", shown)
         self.assertEqual(shown["grader"]["runtimes"]["greet"], made["digest"])
-        words = [line for entry in shown["output"] for line in entry["text"].split()]
+        words = [line for entry in shown["output"] for line in entry["stdout_tail"].split()]
         self.assertEqual(set(words), {"one"})
         receipt = self.root / "receipt.json"
         self.run_cli("receipt", str(submission), "-o", receipt)

@@ -72,7 +72,7 @@ absl::StatusOr<std::string> Recipe(const std::string& name) {
   std::set<std::string> known;
   std::error_code ignored;  // without the folder there are none
   for (const fs::directory_entry& entry : fs::directory_iterator(recipes, ignored)) {
-    known.insert(entry.path().filename().string());
+    if (entry.is_directory(ignored)) known.insert(entry.path().filename().string());
   }
   return absl::NotFoundError(absl::StrCat("there is no recipe \"", name, "\"; give a requirements ",
                                           "file, or the name of one of these: ",
