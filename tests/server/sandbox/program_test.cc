@@ -151,6 +151,7 @@ TEST_F(ProgramTest, ABinaryNeedsThisProcessorAndItsLoader) {
 
 TEST_F(ProgramTest, AnImagesProgramIsLookedForInTheImageOnly) {
   image_ = PolicyImage{{{"PATH", "/app/bin:/usr/bin"}}, "/app", 1000, 1000};
+  Write("image/etc/hosts", "", 0644);
   // The host has it, and the image does not.
   EXPECT_THAT(Complaint("/usr/bin/env"), HasSubstr("which the image does not have"));
   EXPECT_THAT(Complaint("env"), HasSubstr("none of the image's folders of programs: /app/bin"));
