@@ -201,9 +201,13 @@ class Documents(SystemTest):
         self.assertEqual(self.play(policy)["output"][0]["stdout_tail"], "True\n")
 
     def test_the_section_on_agents_of_2024_is_followed_to_the_letter(self):
-        agent = SOURCE / "tests/integration/template_agents/manipulation_agent.py"
-        folder = self.follow("With an agent of 2024",
-                             lambda folder: shutil.copy(agent, folder / "agent.py"))
+        agents = SOURCE / "tests/integration/template_agents"
+        (body,) = [body for language, body in self.section("With an agent of 2024")
+                   if language == "json"]
+        folder = self.work / "veteran"
+        shutil.copytree(agents / "template", folder)
+        shutil.copy(agents / "manipulation_agent.py", folder / json.loads(body)["command"][1])
+        (folder / "policy.json").write_text(body)
         self.play(folder, "short-arm", "--profile", "myosuite")
 
     def test_the_tour_of_the_command_line_can_be_typed(self):
