@@ -24,7 +24,7 @@ DEADLINE_S = 10 * SECONDS + 120
 # A GET or DELETE that has a body is refused by its head; http_test.py asks without one. Archives and
 # exports can't be made up, schemathesis takes phases from answers, where they may be null, and a key
 # that came with another request before is refused. A stream of events ends with its reader alone
-(tests/server/web reads it).
+# (tests/server/web reads it).
 CONFIG = """
 [phases.coverage]
 unexpected-methods = ["PUT", "POST", "OPTIONS", "PATCH", "TRACE", "QUERY"]

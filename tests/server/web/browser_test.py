@@ -162,7 +162,7 @@ class Texts(BrowserCase):
         made = self.world.submit(MARKUP, "crash", name=SCRIPT)
         self.world.ended(made)
         for path in ("/", f"/board?track={TRACK}", f"/submission?id={made}",
-                     "/team", "/team?name=" + MARKUP.replace(" ", "+").replace("=", "%3D")):
+                     "/team", "/team?" + urllib.parse.urlencode({"name": MARKUP})):
             self.open(page, path)
             if "submission" in path:
                 page.evaluate("document.querySelector('.cell[data-index]').click()")
