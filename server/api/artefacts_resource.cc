@@ -85,7 +85,7 @@ ApiResult ArtefactsResource::Upload(const httplib::Request& request) const {
                     {"command", artefact.command},
                     {"runtimes", artefact.runtimes},
                     {"env", artefact.environment},
-                    {"adapter", artefact.adapter.empty() ? nlohmann::json() : artefact.adapter},
+                    {"adapter", artefact.adapter.empty() ? nlohmann::json() : nlohmann::json(artefact.adapter)},
                     {"extra_observations", artefact.extra_observations},
                     {"bytes", artefact.bytes},
                     {"files", artefact.files},
