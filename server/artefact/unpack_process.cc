@@ -52,6 +52,8 @@ nlohmann::json AnswerOf(const absl::StatusOr<Artefact>& artefact) {
       {"command", artefact->manifest.command},
       {"runtimes", artefact->manifest.runtimes},
       {"environment", artefact->manifest.environment},
+      {"adapter", artefact->manifest.adapter},
+      {"extra_observations", artefact->manifest.extra_observations},
       {"bytes", artefact->bytes},
       {"files", artefact->files}};
   if (artefact->manifest.image.has_value()) {

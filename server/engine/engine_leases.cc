@@ -83,12 +83,11 @@ void EngineCore::StartLease(const Start& start) {
     return writer.StartLease(start.lease, start.attempt, start.slot, deadline, who);
   });
   const absl::StatusOr<LeaseOrder> order = OrderFor(run);
-  absl::StatusOr<std::unique_ptr<Runner>> runner = order.status();
-  if (order.ok()) {
-    // The scheduler watches for lateness and silence.
-    run.report = LeaseReport(order->episodes, {}, clock_.Monotonic());
-    runner = processes_.Start(*order);
-  }
+  // The scheduler watches for lateness and silence.
+  if (order.ok()) run.report = LeaseReport(order->episodes, {}, clock_.Monotonic());
+  absl::StatusOr<std::unique_ptr<Runner>> runner =
+      order.ok() ? processes_.Start(*order)
+                 : absl::StatusOr<std::unique_ptr<Runner>>(order.status());
   const LogScope scope(FieldsOf(run));
   if (!runner.ok()) {
     FreeSlot(run.slot);
