@@ -66,7 +66,9 @@ class SecretsCase(OrganiserCase):
         try:
             connection.request(method, path, body, headers)
             answer = connection.getresponse()
-            return answer.status, answer.read()
+            if answer.headers["Content-Type"] != "text/event-stream":
+                return answer.status, answer.read()
+            return answer.status, b"".join(iter(answer.readline, b"\n"))  # the first event
         finally:
             connection.close()
 
@@ -133,6 +135,8 @@ class SecretsCase(OrganiserCase):
                 paths.append(path)
         queries = {"/v1/leaderboard": ["?phase=final", f"?track={TRACK}"],
                    "/v1/leaderboard/explain": ["?phase=final&a=alpha&b=beta"],
+                   "/v1/leaderboard/badge": ["?phase=final&team=alpha", "?phase=final"],
+                   "/v1/leaderboard/feed": ["?phase=final"],
                    "/v1/quota": ["?team=alpha"]}
         asked = []
         for path in paths:

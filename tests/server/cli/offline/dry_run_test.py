@@ -126,7 +126,8 @@ class DryRunTest(CliCase):
         self.fails("program", "no program of the sandbox")
         self.path("policy/policy.json",
                   '{"name": "w", "command": ["/bin/true"], "runtimes": ["elsewhere"]}')
-        self.fails("runtimes", 'no runtime "elsewhere"; it has python, torch-cpu')
+        self.fails("runtimes",
+                   'the runtime "elsewhere", which this server does not have; it has python, torch-cpu')
         # It may be there and not here.
         checks = self.dry(4, answers={"GET /v1/runtimes": {"runtimes": [{"runtime": "elsewhere"}]}})
         self.assertIn('asks for the runtime "elsewhere"', checks["program"]["found"])
