@@ -17,7 +17,7 @@ from support.waiting import wait_until
 from world import MARKUP, SCRIPT, SOURCE, TRACK, World
 
 FILES = SOURCE / "server/web/files"
-PAGES = ("/", "/board", "/queue", "/sign-in", "/submission", "/submit", "/team")
+PAGES = ("/", "/board", "/queue", "/replay", "/sign-in", "/submission", "/submit", "/team")
 TYPES = {".html": "text/html; charset=utf-8", ".css": "text/css; charset=utf-8",
          ".js": "text/javascript; charset=utf-8", ".svg": "image/svg+xml"}
 # What would make markup of a text, or run one.
