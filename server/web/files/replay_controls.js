@@ -30,7 +30,8 @@ const WHAT = {first_contact: "first contact", handover: "handover", release: "re
 
 // What an event is, in words: its kind and what the file says of it.
 export function eventWords(event) {
-  const kind = WHAT[event.kind] ?? visible(event.kind.replaceAll("_", " "));
+  const kind = Object.hasOwn(WHAT, event.kind) ? WHAT[event.kind]
+    : visible(event.kind.replaceAll("_", " "));
   const said = visible(event.text);
   const value = event.value === null ? "" : `${number(event.value, 2)} ${visible(event.unit)}`.trim();
   return [kind, said && said !== kind ? `: ${said}` : "", value && !said.includes(value)

@@ -78,7 +78,8 @@ function timeAxis(duration, x) {
   return [s("line", {class: "axis", x1: LEFT, x2: WIDTH - RIGHT, y1: base, y2: base}),
     ticks(0, duration, 5).map((value) => [
       s("line", {class: "axis", x1: x(value), x2: x(value), y1: base, y2: base + 4}),
-      s("text", {x: x(value), y: base + 15, "text-anchor": "middle"}, label(value))])];
+      s("text", {x: x(value), y: base + 15, "text-anchor": "middle"},
+        value ? label(value) : "0 s")])];
 }
 
 // Lets a press on a drawing choose the time.
@@ -105,7 +106,7 @@ function graph(own, duration, onSeek) {
   const digits = digitsOf(low, high);
   const x = (time) => LEFT + (WIDTH - LEFT - RIGHT) * time / duration;
   const y = (value) => TOP + (HEIGHT - BOTTOM - TOP) * (high - value) / (high - low);
-  const levels = series.labels ? series.labels.map((_, place) => place) : ticks(low, high, 3);
+  const levels = series.labels ? series.labels.map((_, place) => place) : ticks(low, high, 5);
   const line = cursor();
   const drawing = s("svg", {viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img",
     "aria-label": `${visible(series.title)} over time: ${own.map((one) =>

@@ -7,6 +7,8 @@ import struct
 
 MAGIC = b"MYOTRAJ1"
 MODEL = "0123456789abcdef"
+PERIOD = 0.02  # s
+ROWS, COLUMNS = 120, 12  # of the terrain
 
 
 def packed(numbers, kind):
@@ -50,62 +52,74 @@ def written(head, arrays):
     return MAGIC + struct.pack("<I", len(text)) + text + b"".join(parts)
 
 
-def walk(seconds=8.0, model=MODEL, end="fell", track="locomotion", events=(), terrain=True):
+class Walk:
     """An episode in which a block ("root") with an arm ("arm") walks along y and turns, moved by two
-    muscles."""
-    period = 0.02
-    frames = round(seconds / period) + 1
-    times = [frame * period for frame in range(frames)]
-    position = [[0.1 * math.sin(t) for t in times], [-1.2 * t for t in times],
-                [1 + 0.05 * math.sin(9 * t) for t in times],
-                [0.0] * frames, [0.0] * frames, [0.3] * frames]
-    turn = [math.sin(t) / 2 for t in times]
-    swing = [math.sin(6 * t) / 2 for t in times]
-    rotation = [[math.cos(a) for a in turn], [0.0] * frames, [0.0] * frames,
-                [math.sin(a) for a in turn],
-                [math.cos(a) for a in swing], [math.sin(a) for a in swing], [0.0] * frames,
-                [0.0] * frames]
-    activation = [[0.5 + 0.5 * math.sin(6 * t) for t in times],
-                  [0.5 - 0.5 * math.sin(6 * t) for t in times]]
-    wrap = [[i // 50 % 2 for i in range(frames)], *([0.1] * frames for _ in range(6))]
-    counts = [2 if i % 20 < 8 else 0 for i in range(frames)]
-    ys = [position[1][i] for i in range(frames) for _ in range(counts[i])]
-    contact = [[0.05 * (i % 2) for i in range(len(ys))], ys, [0.01] * len(ys), [20.0] * len(ys),
-               [0.0] * len(ys), [400.0 + 100 * (i % 5) for i in range(len(ys))]]
-    series = [[-y for y in position[1]], [1.2 + 0.2 * math.sin(3 * t) for t in times]]
-    states = [i // 30 % 4 for i in range(frames)]
-    rows, columns = 120, 12
-    heights = [[0.15 * max(0.0, math.sin(row / 6)) for _ in range(columns)] for row in range(rows)]
-    head = {"format": 1, "track": track, "model": model, "episode": 37, "end": end,
-            "steps": 2 * (frames - 1), "duration_s": seconds, "period_s": period, "frames": frames,
-            "bodies": [{"name": "root"}, {"name": "arm", "from": 0}], "muscles": ["flexor", "extensor"],
-            "wraps": 1,
+    muscles: what it is at each frame."""
+
+    def __init__(self, seconds):
+        self.seconds = seconds
+        self.frames = round(seconds / PERIOD) + 1
+        times = [frame * PERIOD for frame in range(self.frames)]
+        still = [0.0] * self.frames
+        self.position = [[0.1 * math.sin(t) for t in times], [-1.2 * t for t in times],
+                         [1 + 0.05 * math.sin(9 * t) for t in times], still, still,
+                         [0.3] * self.frames]
+        turn, swing = [math.sin(t) / 2 for t in times], [math.sin(6 * t) / 2 for t in times]
+        self.rotation = [[math.cos(a) for a in turn], still, still, [math.sin(a) for a in turn],
+                         [math.cos(a) for a in swing], [math.sin(a) for a in swing], still, still]
+        self.activation = [[0.5 + 0.5 * math.sin(6 * t) for t in times],
+                           [0.5 - 0.5 * math.sin(6 * t) for t in times]]
+        self.wrapped = [frame // 50 % 2 for frame in range(self.frames)]
+        self.counts = [2 if frame % 20 < 8 else 0 for frame in range(self.frames)]
+        self.distance = [1.2 * t for t in times]
+        self.speed = [1.2 + 0.2 * math.sin(3 * t) for t in times]
+        self.states = [frame // 30 % 4 for frame in range(self.frames)]
+        self.heights = [[0.15 * max(0.0, math.sin(row / 6)) for _ in range(COLUMNS)]
+                        for row in range(ROWS)]
+        self.strongest = math.hypot(20, 800)
+
+    def contacts(self):
+        places = [self.position[1][frame] for frame in range(self.frames)
+                  for _ in range(self.counts[frame])]
+        count = len(places)
+        return [[0.05 * (i % 2) for i in range(count)], places, [0.01] * count, [20.0] * count,
+                [0.0] * count, [400.0 + 100 * (i % 5) for i in range(count)]]
+
+    def arrays(self):
+        numbers = [[round((value - min(one)) / (max(one) - min(one)) * 65535) for value in one]
+                   for one in (self.distance, self.speed)] + [self.states]
+        series = {"type": "u16", "channels": 3, "length": self.frames,
+                  "low": [min(self.distance), min(self.speed), 0],
+                  "high": [max(self.distance), max(self.speed), 65535]}
+        wrap = {"type": "u8", "channels": 7, "length": self.frames, "low": [0] + [0.1] * 6,
+                "high": [255] + [0.2] * 6}
+        return {
+            "position": array(self.position, "u16"),
+            "rotation": array(self.rotation, "u16", -1, 1),
+            "activation": array(self.activation, "u8", 0, 1),
+            "wrap": (wrap, packed([self.wrapped, *([0] * self.frames for _ in range(6))], "u8")),
+            "contact_count": array([self.counts], "u8", 0, 255),
+            "contact": array(self.contacts(), "u16"), "series": (series, packed(numbers, "u16")),
+            "terrain": array(self.heights, "u16", 0, 0.2)}
+
+
+def walk(seconds=8.0, end="fell", events=(), **more):
+    """The file of a Walk; `more` are keys of its head."""
+    made = Walk(seconds)
+    head = {"format": 1, "track": "locomotion", "model": MODEL, "episode": 37, "end": end,
+            "steps": 2 * (made.frames - 1), "duration_s": seconds, "period_s": PERIOD,
+            "frames": made.frames, "bodies": [{"name": "root"}, {"name": "arm", "from": 0}],
+            "muscles": ["flexor", "extensor"], "wraps": 1,
             "series": [{"name": "distance", "title": "Distance", "unit": "m"},
                        {"name": "speed", "title": "Speed", "unit": "m/s"},
                        {"name": "leg_state", "title": "State of the leg", "unit": "",
                         "labels": ["early stance", "late stance", "early swing", "late swing"]}],
             "events": [*events, {"time_s": 0.6, "kind": "leg_state", "text": "late stance"},
                        {"time_s": 3.2, "kind": "peak_force", "text": "the largest force",
-                        "value": 840.0, "unit": "N"},
+                        "value": 800.0, "unit": "N"},
                        {"time_s": seconds, "kind": "end", "text": end}],
-            "terrain": {"rows": rows, "columns": columns, "low": [-1.5, -12], "high": [1.5, 2]}
-            if terrain else None}
-    arrays = {
-        "position": array(position, "u16"), "rotation": array(rotation, "u16", -1, 1),
-        "activation": array(activation, "u8", 0, 1), "wrap": array(wrap, "u8"),
-        "contact_count": array([counts], "u8", 0, 255), "contact": array(contact, "u16"),
-        "series": array([*series, states], "u16")}
-    arrays["series"][0]["low"] = [min(one) for one in series] + [0]
-    arrays["series"][0]["high"] = [max(one) for one in series] + [65535]
-    numbers = [[round((v - min(one)) / (max(one) - min(one)) * 65535) for v in one] for one in series]
-    arrays["series"] = (arrays["series"][0], packed([*numbers, states], "u16"))
-    # What a wrap's first number stands for is itself.
-    arrays["wrap"] = (arrays["wrap"][0], packed([wrap[0], *([0] * frames for _ in range(6))], "u8"))
-    arrays["wrap"][0]["low"] = [0] + [0.1] * 6
-    arrays["wrap"][0]["high"] = [255] + [0.2] * 6
-    if terrain:
-        arrays["terrain"] = array(heights, "u16", 0, 0.2)
-    return written(head, arrays)
+            "terrain": {"rows": ROWS, "columns": COLUMNS, "low": [-1.5, -12], "high": [1.5, 2]}}
+    return written({**head, **more}, made.arrays())
 
 
 CORNERS = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
