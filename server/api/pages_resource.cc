@@ -43,11 +43,11 @@ void SetHeaders(httplib::Response& response) {
 bool TakesGzip(const httplib::Request& request) {
   for (size_t i = 0; i < request.get_header_value_count("Accept-Encoding"); ++i) {
     const std::string value = request.get_header_value("Accept-Encoding", i);
-    for (std::string_view part : absl::StrSplit(value, ',')) {
-      const std::vector<std::string> words = absl::StrSplit(part, ';');
+    for (absl::string_view part : absl::StrSplit(value, ',')) {
+      const std::vector<absl::string_view> words = absl::StrSplit(part, ';');
       if (!absl::EqualsIgnoreCase(absl::StripAsciiWhitespace(words[0]), "gzip")) continue;
       if (words.size() == 1) return true;
-      std::string_view weight = absl::StripAsciiWhitespace(words[1]);
+      absl::string_view weight = absl::StripAsciiWhitespace(words[1]);
       double number = 0;
       return absl::ConsumePrefix(&weight, "q=") && absl::SimpleAtod(weight, &number) && number > 0;
     }

@@ -130,7 +130,7 @@ class Meter {
 class Player {
   constructor(clock, views, parts, controls, meter) {
     Object.assign(this, {clock, views, parts, controls, meter, changed: true, before: null, told: 0,
-      slow: 0});
+      slow: 0, spared: 0});
     this.request = requestAnimationFrame((now) => this.frame(now));
   }
 
@@ -152,13 +152,16 @@ class Player {
     this.spare(ran ? passed : 0);
   }
 
-  // A computer that can't keep up is asked for less.
+  // A computer that can't keep up is asked for less, twice at most. Frames that were slow because
+  // nobody saw the page don't count.
   spare(passed) {
-    if (passed > 1000) return;
-    this.slow = passed > SLOW_MS ? this.slow + 1 : Math.max(this.slow - 1, 0);
-    if (this.slow < 20 || this.simple) return;
-    this.simple = true;
-    this.views.forEach((view) => view.simplify());
+    if (document.hidden) return;
+    if (passed <= SLOW_MS) this.slow = Math.max(this.slow - 1, 0);
+    else this.slow += passed > 5 * SLOW_MS ? 5 : 1;
+    if (this.slow < 20 || this.spared >= 2) return;
+    this.slow = 0;
+    this.spared += 1;
+    this.views.forEach((view) => view.simplify(this.spared));
   }
 
   // Ends it and frees what it has.

@@ -80,6 +80,7 @@ export class View {
     this.renderer.shadowMap.type = three.PCFSoftShadowMap;
     this.scene = new three.Scene();
     this.following = true;
+    this.most = 2;  // pixels per pixel of the page, at most
     this.addWorld(model, dark ? DARK : LIGHT, strongest);
     this.addCamera(onMove);
     host.append(this.renderer.domElement);
@@ -252,18 +253,18 @@ export class View {
     this.arrows.group.visible = shown;
   }
 
-  // Less beautiful, for computers that are slow to draw.
-  simplify() {
+  // Less beautiful, for computers that are slow to draw: 1 is without shadows, 2 also coarse.
+  simplify(level) {
     this.renderer.shadowMap.enabled = false;
     this.sun.castShadow = false;
-    this.simple = true;
+    this.most = level > 1 ? 0.5 : 1;
     this.fit();
   }
 
   fit() {
     const {clientWidth: width, clientHeight: height} = this.host;
     if (!width || !height) return;
-    this.renderer.setPixelRatio(this.simple ? 1 : Math.min(devicePixelRatio, 2));
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, this.most));
     this.renderer.setSize(width, height);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
