@@ -26,7 +26,7 @@ function tick(words, checked, onChange) {
 
 const WHAT = {first_contact: "first contact", handover: "handover", release: "release",
   goal_contact: "contact with the goal", peak_force: "peak force", leg_state: "state of the leg",
-  fall: "fall", end: "end"};
+  fall: "fall", target: "target", end: "end"};
 
 // What an event is, in words: its kind and what the file says of it.
 export function eventWords(event) {

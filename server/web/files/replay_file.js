@@ -283,5 +283,6 @@ export function readModelExtras(extras) {
     })),
     floor: extras.floor === null || extras.floor === undefined ? null
       : {height: finite(object(extras.floor, "floor").height_m, "height_m"),
-        square: finite(extras.floor.square_m, "square_m")}};
+        square: finite(extras.floor.square_m, "square_m"),
+        halfSize: vector(extras.floor.half_size_m, 2, "half_size_m")}};
 }

@@ -136,7 +136,7 @@ export function terrainMesh(terrain, colors) {
   for (let row = 0, at = 0; row < rows - 1; row += 1) {
     for (let column = 0; column < columns - 1; column += 1, at += 6) {
       const a = row * columns + column;
-      corners.set([a, a + 1, a + columns, a + 1, a + columns + 1, a + columns], at);
+      corners.set([a, a + 1, a + columns + 1, a, a + columns + 1, a + columns], at);
     }
   }
   const geometry = new three.BufferGeometry();
@@ -153,23 +153,16 @@ export function terrainMesh(terrain, colors) {
   return mesh;
 }
 
-// A floor that reaches farther than one sees; it goes along with what is looked at (moveFloor).
-export function floorMesh(height, square, colors) {
-  const side = 400 * square;
-  const geometry = new three.PlaneGeometry(side, side);
+// A level floor around the origin.
+export function floorMesh({height, square, halfSize}, colors) {
+  const [x, y] = halfSize;
+  const geometry = new three.PlaneGeometry(2 * x, 2 * y);
   const places = geometry.attributes.uv;
   for (let i = 0; i < places.count; i += 1) {
-    places.setXY(i, places.getX(i) * 200, places.getY(i) * 200);
+    places.setXY(i, (places.getX(i) - 0.5) * x / square, (places.getY(i) - 0.5) * y / square);
   }
   const mesh = new three.Mesh(geometry, groundMaterial(colors));
   mesh.position.z = height;
   mesh.receiveShadow = true;
-  mesh.userData.square = square;
   return mesh;
-}
-
-export function moveFloor(mesh, target) {
-  const step = 2 * mesh.userData.square;
-  mesh.position.x = Math.round(target.x / step) * step;
-  mesh.position.y = Math.round(target.y / step) * step;
 }

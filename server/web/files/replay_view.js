@@ -4,7 +4,7 @@ import * as three from "./three.js";
 import * as gltf from "./three_gltf_loader.js";
 import * as orbit from "./three_orbit_controls.js";
 import {FileError, readModelExtras} from "./replay_file.js";
-import {Arrows, Tubes, floorMesh, moveFloor, terrainMesh} from "./replay_parts.js";
+import {Arrows, Tubes, floorMesh, terrainMesh} from "./replay_parts.js";
 import {boundPaths, followedPath, frameAt, mostSegments, pointAt, posesAt, segmentsAt}
   from "./replay_pose.js";
 
@@ -111,10 +111,7 @@ export class View {
     const {terrain} = this.trajectory;
     const {floor} = model.extras;
     if (terrain) this.scene.add(terrainMesh(terrain, style.squares));
-    else if (floor) {
-      this.floor = floorMesh(floor.height, floor.square, style.squares);
-      this.scene.add(this.floor);
-    }
+    else if (floor) this.scene.add(floorMesh(floor, style.squares));
   }
 
   addBodies(nodes) {
@@ -230,7 +227,6 @@ export class View {
     const at = this.controls.target;
     this.sun.position.set(at.x + 0.9 * reach, at.y - 0.8 * reach, at.z + 2.2 * reach);
     this.sun.target.position.copy(at);
-    if (this.floor) moveFloor(this.floor, at);
     const {camera} = this.sun.shadow;
     if (camera.right === reach) return;
     Object.assign(camera, {left: -reach, right: reach, top: reach, bottom: -reach,
