@@ -11,6 +11,7 @@
 #include "sim/environment.h"
 #include "sim/model/source.h"
 #include "sim/render/camera_view.h"
+#include "sim/trajectory/telemetry.h"
 
 namespace myograde::sim {
 
@@ -22,6 +23,7 @@ struct SimulatedTrack {
   absl::StatusOr<std::unique_ptr<Environment>> (*make)(const TrackConfig& config,
                                                        const std::string& cache_dir);
   std::span<const RewardTerm> reward_terms;  // in the order of Environment::RewardTerms
+  MakeTelemetry telemetry;  // of one of its environments
 };
 
 std::span<const SimulatedTrack> SimulatedTracks();
