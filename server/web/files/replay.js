@@ -69,7 +69,7 @@ async function makeViews(episodes, hosts, signal) {
   }
   if (!drawing.canDraw()) return {views: [], viewpoints: [], why: NO_WEBGL};
   const dark = matchMedia("(prefers-color-scheme: dark)").matches;
-  const strongest = Math.max(...episodes.map((one) => one.trajectory.strongest));
+  const strong = Math.max(...episodes.map((one) => one.trajectory.strongForce));
   const views = [];
   try {
     for (const [place, one] of episodes.entries()) {
@@ -78,7 +78,7 @@ async function makeViews(episodes, hosts, signal) {
       const {data} = await download(href(address, {model}), {signal, most: MOST_BYTES});
       const onMove = (moved) => views.forEach((view) => view !== moved && view.lookLike(moved));
       views.push(new drawing.View(hosts[place], one.trajectory, await drawing.readModel(data),
-        {dark, strongest, onMove}));
+        {dark, strong, onMove}));
     }
   } catch (error) {
     views.forEach((view) => view.dispose());
@@ -93,7 +93,7 @@ function actions(views) {
   const each = (act) => (...values) => views.forEach((view) => act(view, ...values));
   return {look: each((view, from) => view.lookFrom(from)),
     turn: (...by) => views[0]?.turn(...by),
-    follow: each((view, on) => {
+    canFollow: views.some((view) => view.followed), follow: each((view, on) => {
       view.following = on;
     }),
     muscles: each((view, on) => view.showMuscles(on)), forces: each((view, on) => view.showForces(on))};
@@ -178,11 +178,11 @@ function stageOf(episodes, hosts, why) {
 }
 
 function legend(episodes) {
-  const strongest = Math.max(...episodes.map((one) => one.trajectory.strongest));
+  const strong = Math.max(...episodes.map((one) => one.trajectory.strongForce));
   const muscles = episodes.some((one) => one.trajectory.muscles.length > 0);
   return h("p", {class: "quiet scale"}, muscles && ["Muscles: at rest ",
     h("span", {class: "tones", "aria-hidden": "true"}), " fully active. "],
-  strongest > 0 && `Arrows: contact forces, the longest ${number(strongest, 0)} N.`);
+  strong > 0 && `Arrows: contact forces; the longest stand for ${number(strong, 0)} N and more.`);
 }
 
 async function build(main, title, episodes, signal) {

@@ -163,7 +163,7 @@ class Looks(ReplayCase):
             f"const episode = file.readTrajectory(await get('/v1/logs/{A}/trajectory'));"
             "const host = document.querySelector('.canvas');"
             "const model = await drawing.readModel(await get('/v1/models/locomotion.glb'));"
-            "const view = new drawing.View(host, episode, model, {dark: false, strongest: 1});"
+            "const view = new drawing.View(host, episode, model, {dark: false, strong: 1});"
             "for (let i = 0; i < 200; i += 1) view.place(i / 50);"
             "const begin = performance.now();"
             "for (let i = 0; i < 1000; i += 1) view.place(i * 0.008);"
