@@ -10,6 +10,7 @@
 #include <mujoco/mujoco.h>
 
 #include "sim/render/camera_view.h"
+#include "sim/render/picture_text.h"
 
 namespace myograde::sim {
 
@@ -33,7 +34,9 @@ class Renderer {
   // Draws `data`, a state of the model whose positions are up to date (as they are after a step or
   // a reset), and leaves the state as it is. `rgb` gets height x width x 3 bytes, the top row
   // first. InvalidArgumentError: `rgb` has another size, or the model has no such body.
-  absl::Status Draw(const mjData& data, const CameraView& view, std::span<uint8_t> rgb);
+  // `text` is written over it.
+  absl::Status Draw(const mjData& data, const CameraView& view, std::span<uint8_t> rgb,
+                    const PictureText& text = {});
 
  private:
   class Implementation;
