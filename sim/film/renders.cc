@@ -70,12 +70,14 @@ absl::StatusOr<Renders> Renders::Prepare(RenderOrder order) {
   const SimulatedTrack& track = SimulatedTrackOf(*order.track.kind);
   Renders renders(std::move(order), track);
   const RenderOrder& wanted = renders.order_;
+  const Quality quality =
+      wanted.form == RenderOrder::Form::kFilm ? Quality::kFast : Quality::kBest;
   for (const RenderEpisode& episode : wanted.episodes) {
     auto recording = Recording::Open(episode.logs);
     if (!recording.ok()) return recording.status();
     auto environment = MakeEnvironment(wanted.track, wanted.cache_dir);
     if (!environment.ok()) return environment.status();
-    auto renderer = Renderer::Make((*environment)->model(), wanted.width, wanted.height);
+    auto renderer = Renderer::Make((*environment)->model(), wanted.width, wanted.height, quality);
     if (!renderer.ok()) return renderer.status();
     renders.stages_.push_back(
         {*std::move(environment), *std::move(renderer), *std::move(recording)});

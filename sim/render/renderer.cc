@@ -14,6 +14,7 @@ namespace myograde::sim {
 namespace {
 
 constexpr int kMostGeoms = 10'000;  // the arm's tendons wrap in some 1,500 pieces
+constexpr int kFastShadowSide = 1024;  // pixels; models ask for 4096
 
 // What of a height field the graphics memory has a copy of.
 std::vector<float> HeightField(const mjModel& model) {
@@ -90,12 +91,16 @@ class Renderer::Implementation {
   int height() const { return height_; }
 
   // Copies meshes, height fields and textures to where OpenGL draws from.
-  absl::Status Upload() {
+  absl::Status Upload(Quality quality) {
     if (absl::Status status = opengl_->MakeCurrent(); !status.ok()) return status;
     mjModel shown = model_;  // shares the arrays
     textures_.PutInto(shown);
     shown.vis.global.offwidth = width_;
     shown.vis.global.offheight = height_;
+    if (quality == Quality::kFast) {
+      shown.vis.quality.shadowsize = kFastShadowSide;
+      shown.vis.quality.offsamples = 0;
+    }
     mjr_makeContext(&shown, &context_, FontScale(height_));
     mjr_setBuffer(mjFB_OFFSCREEN, &context_);
     field_ = HeightField(model_);
@@ -176,7 +181,7 @@ class Renderer::Implementation {
 };
 
 absl::StatusOr<std::unique_ptr<Renderer>> Renderer::Make(const mjModel& model, int width,
-                                                         int height) {
+                                                         int height, Quality quality) {
   if (std::min(width, height) < 1 || std::max(width, height) > kLargestSide) {
     return absl::InvalidArgumentError(absl::StrCat("a picture can't have ", width, " by ", height,
                                                    " pixels: both must be from 1 to ",
@@ -186,7 +191,7 @@ absl::StatusOr<std::unique_ptr<Renderer>> Renderer::Make(const mjModel& model, i
   if (!opengl.ok()) return opengl.status();
   auto implementation =
       std::make_unique<Implementation>(model, *std::move(opengl), width, height);
-  if (absl::Status status = implementation->Upload(); !status.ok()) return status;
+  if (absl::Status status = implementation->Upload(quality); !status.ok()) return status;
   return std::unique_ptr<Renderer>(new Renderer(std::move(implementation)));
 }
 

@@ -14,6 +14,11 @@
 
 namespace myograde::sim {
 
+enum class Quality {
+  kBest,  // smooth edges and fine shadows
+  kFast,  // for films: a third of the time
+};
+
 // Draws one model in pictures of one size. Any thread may call it, but one at a time.
 class Renderer {
  public:
@@ -23,7 +28,8 @@ class Renderer {
   // (sizes, positions, height fields). InvalidArgumentError: a side is not in [1, kLargestSide].
   // FailedPreconditionError: Mesa's off-screen renderer is not installed.
   static absl::StatusOr<std::unique_ptr<Renderer>> Make(const mjModel& model, int width,
-                                                        int height);
+                                                        int height,
+                                                        Quality quality = Quality::kBest);
   ~Renderer();
   Renderer(const Renderer&) = delete;
   Renderer& operator=(const Renderer&) = delete;
