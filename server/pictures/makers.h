@@ -14,7 +14,7 @@
 namespace myograde::server {
 
 // An episode to show, as the store knows it.
-struct ShownEpisode {
+struct PicturedEpisode {
   TrackConfig track;                   // that it was played under
   std::vector<EpisodeOrder> episodes;  // it is the last; before it those that it can't be played without
   std::vector<std::string> logs;       // a file for each
@@ -31,11 +31,11 @@ struct MakerOptions {
 using Stopped = std::function<bool()>;
 
 // The trajectory file (sim/trajectory/README.md).
-absl::StatusOr<std::string> MakeTrajectory(const ShownEpisode& episode,
+absl::StatusOr<std::string> MakeTrajectory(const PicturedEpisode& episode,
                                            const MakerOptions& options, const Stopped& stopped);
 
 // A PNG of 320 by 180 pixels.
-absl::StatusOr<std::string> MakePicture(const ShownEpisode& episode, const MakerOptions& options,
+absl::StatusOr<std::string> MakePicture(const PicturedEpisode& episode, const MakerOptions& options,
                                         const Stopped& stopped);
 
 // The model file of a track.

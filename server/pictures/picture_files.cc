@@ -52,8 +52,14 @@ struct Kept {
 
 }  // namespace
 
-PictureFiles::PictureFiles(std::string folder, std::string build, int64_t most_bytes)
-    : folder_(std::move(folder)), build_(std::move(build)), most_bytes_(most_bytes) {}
+PictureFiles::PictureFiles(std::string folder, std::function<std::string()> build,
+                           int64_t most_bytes)
+    : folder_(std::move(folder)), ask_build_(std::move(build)), most_bytes_(most_bytes) {}
+
+const std::string& PictureFiles::Build() const {
+  std::call_once(asked_, [this] { build_ = ask_build_(); });
+  return build_;
+}
 
 void PictureFiles::RemoveDrafts() const {
   std::error_code error;
@@ -63,7 +69,7 @@ void PictureFiles::RemoveDrafts() const {
 }
 
 std::string PictureFiles::PathOf(const PictureKey& key, Packing packing) const {
-  return absl::StrCat(folder_, "/", key.of, "-", build_, std::string(EndingOf(key.kind)),
+  return absl::StrCat(folder_, "/", key.of, "-", Build(), std::string(EndingOf(key.kind)),
                       std::string(EndingOf(packing)));
 }
 
@@ -75,7 +81,7 @@ std::optional<PictureFiles::Found> PictureFiles::Find(const PictureKey& key,
       access(found.path.c_str(), R_OK) != 0) {
     return std::nullopt;
   }
-  found.tag = absl::StrCat("\"", key.of.substr(0, 64), "-", build_,
+  found.tag = absl::StrCat("\"", key.of.substr(0, 64), "-", Build(),
                            std::string(EndingOf(packing)), "\"");
   return found;
 }

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -28,8 +30,9 @@ enum class Packing { kPlain, kZstd, kGzip };
 // Safe from any thread, but files are added by one alone.
 class PictureFiles {
  public:
-  // `build`: identifies the programs that make them; those of another build are not found.
-  PictureFiles(std::string folder, std::string build, int64_t most_bytes);
+  // `build`: identifies the programs that make them (asked once, when it is first needed, as it reads
+  // them); files of another build are not found.
+  PictureFiles(std::string folder, std::function<std::string()> build, int64_t most_bytes);
 
   // Removes drafts of an earlier daemon.
   void RemoveDrafts() const;
@@ -47,13 +50,16 @@ class PictureFiles {
   absl::Status Keep(const PictureKey& key, std::string_view bytes) const;
 
  private:
+  const std::string& Build() const;
   std::string PathOf(const PictureKey& key, Packing packing) const;
   absl::Status WriteWhole(const std::string& path, std::string_view bytes) const;
   void Trim() const;
 
   const std::string folder_;
-  const std::string build_;
+  const std::function<std::string()> ask_build_;
   const int64_t most_bytes_;
+  mutable std::once_flag asked_;
+  mutable std::string build_;
 };
 
 }  // namespace myograde::server

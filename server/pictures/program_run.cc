@@ -74,7 +74,7 @@ absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
   if (!bin_dir.ok()) return bin_dir.status();
   const std::string path = absl::StrCat(*bin_dir, "/", order.program);
   if (access(path.c_str(), X_OK) != 0) {
-    return absl::NotFoundError(absl::StrCat("no program ", path, " (", std::strerror(errno), ")"));
+    return absl::InternalError(absl::StrCat("no program ", path, " (", std::strerror(errno), ")"));
   }
   absl::StatusOr<Fd> in = InputFile(order.input);
   if (!in.ok()) return in.status();

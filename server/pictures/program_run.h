@@ -28,7 +28,7 @@ struct ProgramEnd {
 
 // CancelledError as soon as `stopped` (asked ten times a second), DeadlineExceededError,
 // ResourceExhaustedError if it prints more than it may: it and what it started are dead on return.
-// NotFoundError, InternalError: it can't be started.
+// InternalError: it can't be started.
 absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
                                       const std::function<bool()>& stopped);
 
