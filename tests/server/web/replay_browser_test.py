@@ -286,8 +286,8 @@ class Troubles(ReplayCase):
             (503, {"Retry-After": "1"}, error("busy", "Too many wait.")),
             (202, {"Retry-After": "1"}, {"state": "playing", "place": 0})]
         page.call("Page.navigate", url=f"{self.world.url}/replay?log={A}")
-        page.wait("document.body.innerText.includes('2 others come first')")
-        page.wait("document.body.innerText.includes('is played again from its log')")
+        page.wait("document.body?.innerText.includes('2 others come first')")
+        page.wait("document.body?.innerText.includes('is played again from its log')")
         page.wait(READY)
         self.assertEqual(len([url for url in page.requests if url.endswith("/trajectory")]), 4)
 
