@@ -123,7 +123,10 @@ std::optional<Pictures::Job> Pictures::Next() {
 }
 
 std::optional<Pictures::Job> Pictures::NextSuggested() {
-  if (options_.grading()) busy_at_ = clock_.Monotonic();
+  if (options_.grading()) {
+    busy_at_ = clock_.Monotonic();
+    return std::nullopt;
+  }
   if (clock_.Monotonic() - busy_at_ < options_.quiet) return std::nullopt;
   if (suggested_.empty()) {
     for (PictureKey& key : options_.suggestions()) suggested_.push_back(std::move(key));
@@ -160,8 +163,12 @@ void Pictures::Make(const Job& job, bool asked) {
   absl::Status status = bytes.ok() ? files_.Keep(job.key, *bytes) : bytes.status();
   const MutexLock lock(mutex_);
   if (absl::IsCancelled(status) && !stop_) {
-    // It is asked for again if it was asked for meanwhile.
-    if (playing_was_asked_) waiting_.push_front({job.key, job.who});
+    // It was for nobody when it was stopped, and may be for somebody now.
+    if (playing_was_asked_) {
+      waiting_.push_front({job.key, job.who});
+    } else {
+      suggested_.push_front(job.key);
+    }
   } else if (!status.ok() && !stop_) {
     NoteFailure(job.key, status);
   }
