@@ -4,22 +4,16 @@
 
 #include <functional>
 #include <string_view>
-#include <vector>
 
-#include <absl/strings/ascii.h>
-#include <absl/strings/match.h>
-#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
-#include <absl/strings/str_split.h>
-#include <absl/strings/strip.h>
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
 #include "protocol/lease/sim_channel.h"
 #include "protocol/tracks/registry.h"
 #include "server/api/caller.h"
-#include "server/api/entity_tag.h"
 #include "server/api/log_access.h"
+#include "server/api/negotiation.h"
 #include "server/api/requests.h"
 #include "server/pictures/packing.h"
 #include "server/runner/log_keeper.h"
@@ -29,33 +23,10 @@ namespace {
 
 constexpr int kAskAgainSeconds = 1;
 
-// Whether a client takes answers in a coding: it names it and does not give it the weight 0.
-bool TakesCoding(const httplib::Request& request, absl::string_view coding) {
-  for (size_t i = 0; i < request.get_header_value_count("Accept-Encoding"); ++i) {
-    const std::string value = request.get_header_value("Accept-Encoding", i);
-    for (const absl::string_view part : absl::StrSplit(value, ',')) {
-      const std::vector<absl::string_view> words = absl::StrSplit(part, ';');
-      if (!absl::EqualsIgnoreCase(absl::StripAsciiWhitespace(words[0]), coding)) continue;
-      if (words.size() == 1) return true;
-      absl::string_view weight = absl::StripAsciiWhitespace(words[1]);
-      double number = 0;
-      return absl::ConsumePrefix(&weight, "q=") && absl::SimpleAtod(weight, &number) && number > 0;
-    }
-  }
-  return false;
-}
-
 Packing PackingFor(const PictureKey& key, const httplib::Request& request) {
   if (key.kind == PictureKind::kPicture) return Packing::kPlain;
   if (TakesCoding(request, "zstd")) return Packing::kZstd;
   return TakesCoding(request, "gzip") ? Packing::kGzip : Packing::kPlain;
-}
-
-bool TellsTag(const httplib::Request& request, const std::string& tag) {
-  for (size_t i = 0; i < request.get_header_value_count("If-None-Match"); ++i) {
-    if (NamesEntityTag(request.get_header_value("If-None-Match", i), tag)) return true;
-  }
-  return false;
 }
 
 // For the few clients that take no compressed answer.
@@ -80,7 +51,7 @@ bool SendFile(const PictureFiles& files, const PictureKey& key, const char* type
                       key.kind == PictureKind::kModel ? "no-cache" : "private, no-cache");
   response.set_header("Vary", "Accept-Encoding, Authorization");
   response.set_header("X-Content-Type-Options", "nosniff");
-  if (TellsTag(request, found->tag)) {
+  if (HasCurrent(request, found->tag)) {
     response.status = 304;
     return true;
   }
