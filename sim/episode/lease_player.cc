@@ -314,9 +314,8 @@ absl::Status LeasePlayer::Record(const EpisodeOrder& episode,
     facts.policy_cpu_s = absl::ToDoubleSeconds(
         std::max(session_->cpu_used() - episode_cpu_start_, absl::ZeroDuration()));
   }
-  nlohmann::json record = EpisodeFactsToJson(facts);
-  record["type"] = "episode";
-  return SendSimMessage(runner_, record);
+  if (reset_) facts.details = environment_.details();
+  return SendSimMessage(runner_, EpisodeRecordToJson(facts));
 }
 
 absl::StatusOr<SimMessage> LeasePlayer::AskRunner(const nlohmann::json& question,
