@@ -171,6 +171,7 @@ constexpr auto kEvaluation = std::to_array<Part>({
     {"not_repeatable", SeesComparison, Blank::kList},
     {"comparison", Always},
     {"episode_rows", Always},
+    {"details_summary", SeesMetrics},
 });
 
 constexpr auto kComparison = std::to_array<Part>({
