@@ -16,6 +16,7 @@
 #include "server/api/submission_view.h"
 #include "server/api/views.h"
 #include "server/engine/stored.h"
+#include "server/grading/highlights.h"
 #include "server/grading/results.h"
 #include "server/proof/grader_build.h"
 #include "server/runtime/runtimes.h"
@@ -52,24 +53,34 @@ Json OutputToJson(const std::vector<LeaseRow>& leases) {
   return list;
 }
 
-// The rows and the summary that are asked for.
+// The rows that are asked for.
 void AddRows(const std::vector<EpisodeRow>& rows, const std::string& seed_salt,
              const EpisodeSelection& selection, Json& json) {
-  if (selection.rows) {
-    Json& list = json["episode_rows"] = Json::array();
-    for (const EpisodeRow& row : rows) {
-      const bool asked = row.index >= selection.first && row.index <= selection.last;
-      if (asked) list.push_back(EpisodeToJson(row, seed_salt));
-    }
+  Json& list = json["episode_rows"] = Json::array();
+  for (const EpisodeRow& row : rows) {
+    const bool asked = row.index >= selection.first && row.index <= selection.last;
+    if (asked) list.push_back(EpisodeToJson(row, seed_salt));
   }
-  if (!selection.summary) return;
+}
+
+// What all episodes come to together, and which of them to look at.
+absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows, Json& json) {
   DetailsSummary summary;
   for (const EpisodeRow& row : rows) {
-    const Json episode = EpisodeToJson(row, seed_salt);
+    const Json episode = EpisodeToJson(row, "");
     if (episode["steps"].is_null()) continue;
     summary.Add(episode.value("details", Json()), episode["steps"].get<int64_t>());
   }
   json["details_summary"] = summary.Result();
+  json["highlights"] = nullptr;
+  const auto highlights = HighlightsOf(track.scoring, rows);
+  if (!highlights.ok()) return highlights.status();
+  if (!highlights->has_value()) return absl::OkStatus();
+  const std::string& salt = track.config.seed_salt;
+  json["highlights"] = {{"best", EpisodeToJson(rows[(*highlights)->best], salt)},
+                        {"median", EpisodeToJson(rows[(*highlights)->median], salt)},
+                        {"worst", EpisodeToJson(rows[(*highlights)->worst], salt)}};
+  return absl::OkStatus();
 }
 
 // A re-run against its original; null for an original.
@@ -131,7 +142,10 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   const absl::StatusOr<Json> comparison = ComparisonOf(reader, *evaluation, rows);
   if (!comparison.ok()) return comparison.status();
   json["comparison"] = *comparison;
-  AddRows(rows, config.seed_salt, selection, json);
+  if (selection.rows) AddRows(rows, config.seed_salt, selection, json);
+  if (selection.summary) {
+    if (absl::Status status = AddSummary(**track, rows, json); !status.ok()) return status;
+  }
   const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);
   if (!sight.ok()) return sight.status();
   RedactEvaluation(json, *sight);

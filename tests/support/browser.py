@@ -1,6 +1,7 @@
 """A headless Chromium, driven over its debugging pipe (the Chrome DevTools Protocol)."""
 
 import base64
+import contextlib
 import json
 import os
 import select
@@ -15,6 +16,10 @@ PROGRAM = shutil.which("chromium")
 
 class BrowserError(RuntimeError):
     """The browser reported an error, or did not answer in time."""
+
+
+class PageLeft(BrowserError):
+    """The page that was asked is being left for another one."""
 
 
 class Browser:
@@ -84,7 +89,8 @@ class Browser:
             if answer.get("id") == self._number:
                 break
         if "error" in answer:
-            raise BrowserError(f"{method}: {answer['error']}")
+            kind = PageLeft if "navigated" in answer["error"]["message"] else BrowserError
+            raise kind(f"{method}: {answer['error']}")
         return answer["result"]
 
 
@@ -134,9 +140,9 @@ class Page:
         """Waits until an expression is true, and returns its value."""
         deadline = time.monotonic() + timeout_s
         while True:
-            value = self.evaluate(script)
-            if value:
-                return value
+            with contextlib.suppress(PageLeft):
+                if value := self.evaluate(script):
+                    return value
             if time.monotonic() > deadline:
                 raise BrowserError(f"{script} does not become true; the page: "
                                    + str(self.evaluate("document.body.innerText"))[:1500])
