@@ -151,6 +151,19 @@ void Terrain::WriteNormalised(RowRange rows, double scale) {
       ((samples - low) / (samples.maxCoeff() - low) * scale).cast<float>();
 }
 
+std::optional<double> Terrain::HighestPassed(CourseKind kind, double y) const {
+  std::optional<double> highest;
+  for (size_t i = 0; i < patches_.size(); ++i) {
+    if (patches_[i] != kind) continue;
+    const RowRange rows = PatchRows(static_cast<int>(i));
+    if (rows.begin == rows.end || y >= RowY(rows.begin)) continue;
+    // Every obstacle is built up from the level of the course.
+    const double top = heights_.middleRows(rows.begin, rows.end - rows.begin).maxCoeff();
+    highest = std::max(highest.value_or(0), top);
+  }
+  return highest;
+}
+
 double Terrain::GroundAt(double x, double y) const {
   const double column = (x / field_.half_width_m + 1) * 0.5 * (field_.columns - 1);
   const double row = (y / field_.half_length_m + 1) * 0.5 * (field_.rows - 1);

@@ -7,6 +7,7 @@
 // is MuJoCo's: each cell is two triangles.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -46,6 +47,10 @@ class Terrain {
   // World height in m of the ground at (x, y): the field's surface, or the
   // ground plane (0) outside of the field.
   double GroundAt(double x, double y) const;
+
+  // Of the obstacles of this kind that lie wholly behind a person at `y`, the highest: m from the
+  // level ground before it to its top. nullopt if there is none.
+  std::optional<double> HighestPassed(CourseKind kind, double y) const;
 
  private:
   struct RowRange {
