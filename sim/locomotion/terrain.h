@@ -48,8 +48,8 @@ class Terrain {
   // ground plane (0) outside of the field.
   double GroundAt(double x, double y) const;
 
-  // Of the obstacles of this kind that lie wholly behind a person at `y`, the highest: m from the
-  // level ground before it to its top. nullopt if there is none.
+  // The height in m of the highest obstacle of this kind that lies wholly behind a person at `y`: of
+  // its top above the level ground before it, of stairs that of one step. nullopt if there is none.
   std::optional<double> HighestPassed(CourseKind kind, double y) const;
 
  private:
@@ -59,6 +59,7 @@ class Terrain {
   };
 
   RowRange PatchRows(int patch) const;
+  double ObstacleHeight(CourseKind kind, RowRange rows) const;
   void FillPatch(int patch, CourseKind kind, NumpyGenerator& random,
                  LegacyNumpyGenerator& legacy);
   void FillStairs(RowRange rows, double step);
