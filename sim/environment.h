@@ -74,7 +74,7 @@ class Environment {
   // the episode loop's to fill).
   virtual EpisodeFacts facts() const = 0;
 
-  // Details of the episode so far, all finite; none before its first step is judged.
+  // Details of the episode so far, finite where its facts are; none before its first step is judged.
   virtual EpisodeDetails details() const { return {}; }
 
   // The full physics state after the last step (time, qpos, qvel, act), for

@@ -15,9 +15,12 @@ namespace {
 
 using DetailsObject = nlohmann::json;
 
-// To a millionth of the unit: further digits would only cost space, as no result depends on them.
-double Rounded(double value) {
-  const double rounded = std::round(value * 1e6) / 1e6;
+// No result depends on details, so further digits would only cost space.
+constexpr double kPartsOfNumber = 1e6;
+constexpr double kPartsOfRadian = 1e4;
+
+double Rounded(double value, double parts = kPartsOfNumber) {
+  const double rounded = std::round(value * parts) / parts;
   return std::isfinite(rounded) ? rounded : value;
 }
 
@@ -26,8 +29,11 @@ DetailsObject DetailToJson(const std::optional<double>& value) {
   return value ? DetailsObject(Rounded(*value)) : DetailsObject();
 }
 DetailsObject DetailToJson(const JointRange& range) {
-  return {Rounded(range.low), Rounded(range.high), Rounded(range.limit_low),
-          Rounded(range.limit_high)};
+  DetailsObject numbers = DetailsObject::array();
+  for (const double value : {range.low, range.high, range.limit_low, range.limit_high}) {
+    numbers.push_back(Rounded(value, kPartsOfRadian));
+  }
+  return numbers;
 }
 template <typename Values, size_t n>
 DetailsObject DetailToJson(const ByName<Values, n>& by_name) {

@@ -107,7 +107,8 @@ absl::StatusOr<EpisodeFacts> EpisodeFactsFromJson(const nlohmann::json& json);
 // An episode's record: its facts and, where it has some, its details.
 nlohmann::json EpisodeRecordToJson(const EpisodeFacts& facts);
 
-// One object with a key for each detail; numbers are rounded to six decimals.
+// One object with a key for each detail; numbers are rounded to six decimals,
+// angles to four.
 nlohmann::json DetailsToJson(const TrackDetails& details);
 // The details of an episode with facts of this track. InvalidArgumentError: a key is missing, unknown
 // or no number.

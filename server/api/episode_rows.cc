@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <string_view>
 
 #include <absl/strings/str_cat.h>
@@ -9,6 +10,8 @@
 #include <absl/strings/str_split.h>
 
 #include "server/api/requests.h"
+#include "server/api/views.h"
+#include "server/grading/highlights.h"
 
 namespace myograde::server {
 namespace {
@@ -21,10 +24,11 @@ constexpr auto kRowKeys = std::to_array<std::string_view>(
      "facts", "details"});
 constexpr size_t kMaxFields = 40;
 
-absl::StatusOr<bool> ReadSwitch(const httplib::Request& request, const char* key) {
+absl::StatusOr<bool> ReadSwitch(const httplib::Request& request, const char* key,
+                                bool otherwise) {
   const std::string text = request.get_param_value(key);
-  if (text.empty() || text == "0") return false;
-  if (text == "1") return true;
+  if (text.empty()) return otherwise;
+  if (text == "0" || text == "1") return text == "1";
   return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" must be 0 or 1"));
 }
 
@@ -53,13 +57,25 @@ Json ValueAt(const Json& row, const std::string& field) {
   return outer->is_object() ? outer->value(field.substr(dot + 1), Json()) : Json();
 }
 
+bool IsOfDetails(const std::string& field) {
+  return field == "details" || field.starts_with("details.");
+}
+
 }  // namespace
+
+bool EpisodeSelection::needs_details() const {
+  if (summary) return true;
+  if (!rows) return false;
+  return fields.empty() ? details : std::any_of(fields.begin(), fields.end(), IsOfDetails);
+}
 
 absl::StatusOr<EpisodeSelection> ParseEpisodes(const httplib::Request& request) {
   EpisodeSelection selection;
-  const absl::StatusOr<bool> rows = ReadSwitch(request, "episodes");
-  const absl::StatusOr<bool> summary = ReadSwitch(request, "summary");
+  const absl::StatusOr<bool> rows = ReadSwitch(request, "episodes", false);
+  const absl::StatusOr<bool> details = ReadSwitch(request, "details", true);
+  const absl::StatusOr<bool> summary = ReadSwitch(request, "summary", false);
   absl::Status status = rows.status();
+  status.Update(details.status());
   status.Update(summary.status());
   constexpr int64_t kMost = std::numeric_limits<int64_t>::max();
   status.Update(ReadNumber(request, "first", kMost, selection.first, 0));
@@ -69,8 +85,20 @@ absl::StatusOr<EpisodeSelection> ParseEpisodes(const httplib::Request& request) 
   }
   if (!status.ok()) return status;
   selection.rows = *rows;
+  selection.details = *details;
   selection.summary = *summary;
   return selection;
+}
+
+Json RowsToJson(const std::vector<EpisodeRow>& rows, const std::string& seed_salt,
+                const EpisodeSelection& selection) {
+  Json list = Json::array();
+  for (const EpisodeRow& row : rows) {
+    if (row.index < selection.first || row.index > selection.last) continue;
+    list.push_back(EpisodeToJson(row, seed_salt));
+    if (!selection.details) list.back()["details"] = nullptr;
+  }
+  return list;
 }
 
 Json ColumnsOf(const std::vector<std::string>& fields, const Json& rows) {
@@ -80,6 +108,25 @@ Json ColumnsOf(const std::vector<std::string>& fields, const Json& rows) {
     for (const Json& row : rows) column.push_back(ValueAt(row, field));
   }
   return columns;
+}
+
+absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows, Json& json) {
+  const std::string& salt = track.config.seed_salt;
+  DetailsSummary summary;
+  for (const EpisodeRow& row : rows) {
+    const Json episode = EpisodeToJson(row, "");
+    if (episode["steps"].is_null()) continue;
+    summary.Add(episode["details"], episode["steps"].get<int64_t>());
+  }
+  json["details_summary"] = summary.Result();
+  json["highlights"] = nullptr;
+  const absl::StatusOr<std::optional<Highlights>> highlights = HighlightsOf(track.scoring, rows);
+  if (!highlights.ok()) return highlights.status();
+  if (!highlights->has_value()) return absl::OkStatus();
+  json["highlights"] = {{"best", EpisodeToJson(rows[(*highlights)->best], salt)},
+                        {"median", EpisodeToJson(rows[(*highlights)->median], salt)},
+                        {"worst", EpisodeToJson(rows[(*highlights)->worst], salt)}};
+  return absl::OkStatus();
 }
 
 void DetailsSummary::Add(const Json& details, int64_t steps) {

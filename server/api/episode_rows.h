@@ -13,6 +13,9 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
+#include "server/grading/tracks.h"
+#include "server/store/rows.h"
+
 namespace myograde::server {
 
 // What a request asks for.
@@ -23,16 +26,28 @@ struct EpisodeSelection {
   // Keys of rows, of which columns are made: "outcome", or "facts.course" for a key within one. Empty:
   // whole rows.
   std::vector<std::string> fields;
-  bool summary = false;  // DetailsSummary of all episodes
+  bool details = true;   // whole rows have their details
+  bool summary = false;  // AddSummary
+
+  bool needs_details() const;
 };
 
-// The parameters "episodes", "first", "last", "fields" and "summary". InvalidArgumentError: one has a
-// value that it can't have.
+// The parameters "details", "episodes", "fields", "first", "last" and "summary". InvalidArgumentError:
+// one has a value that it can't have.
 absl::StatusOr<EpisodeSelection> ParseEpisodes(const httplib::Request& request);
+
+// Those of `rows` that are asked for, whole.
+nlohmann::json RowsToJson(const std::vector<EpisodeRow>& rows, const std::string& seed_salt,
+                          const EpisodeSelection& selection);
 
 // Whole rows as columns: {"index": [0, 1], "facts.course": [2, null]}, with "index" and the fields. A
 // value that a row lacks is null.
 nlohmann::json ColumnsOf(const std::vector<std::string>& fields, const nlohmann::json& rows);
+
+// Adds "details_summary" and "highlights" of all `rows`, which have their details, to the answer about
+// their evaluation. A damaged row (store/damage.h) if one is unreadable.
+absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows,
+                        nlohmann::json& json);
 
 // Adds up the details of episodes, whatever their track: {"episodes", "steps", "values"}, where `values`
 // has the shape of the details, with {"count", "min", "mean", "max"} in the place of each number. Of

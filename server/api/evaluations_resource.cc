@@ -1,6 +1,7 @@
 #include "server/api/evaluations_resource.h"
 
 #include <functional>
+#include <map>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -16,7 +17,6 @@
 #include "server/api/submission_view.h"
 #include "server/api/views.h"
 #include "server/engine/stored.h"
-#include "server/grading/highlights.h"
 #include "server/grading/results.h"
 #include "server/proof/grader_build.h"
 #include "server/runtime/runtimes.h"
@@ -53,34 +53,20 @@ Json OutputToJson(const std::vector<LeaseRow>& leases) {
   return list;
 }
 
-// The rows that are asked for.
-void AddRows(const std::vector<EpisodeRow>& rows, const std::string& seed_salt,
-             const EpisodeSelection& selection, Json& json) {
-  Json& list = json["episode_rows"] = Json::array();
-  for (const EpisodeRow& row : rows) {
-    const bool asked = row.index >= selection.first && row.index <= selection.last;
-    if (asked) list.push_back(EpisodeToJson(row, seed_salt));
+// The rows that are asked for, what all episodes come to together, and which of them to look at.
+absl::Status AddEpisodes(Reader& reader, const Track& track, int64_t evaluation,
+                         std::vector<EpisodeRow> rows, const EpisodeSelection& selection,
+                         Json& json) {
+  if (selection.needs_details()) {
+    absl::StatusOr<std::map<int64_t, std::string>> details = reader.EpisodeDetails(evaluation);
+    if (!details.ok()) return details.status();
+    for (EpisodeRow& row : rows) {
+      const auto its = details->find(row.index);
+      if (its != details->end()) row.details_json = std::move(its->second);
+    }
   }
-}
-
-// What all episodes come to together, and which of them to look at.
-absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows, Json& json) {
-  DetailsSummary summary;
-  for (const EpisodeRow& row : rows) {
-    const Json episode = EpisodeToJson(row, "");
-    if (episode["steps"].is_null()) continue;
-    summary.Add(episode.value("details", Json()), episode["steps"].get<int64_t>());
-  }
-  json["details_summary"] = summary.Result();
-  json["highlights"] = nullptr;
-  const auto highlights = HighlightsOf(track.scoring, rows);
-  if (!highlights.ok()) return highlights.status();
-  if (!highlights->has_value()) return absl::OkStatus();
-  const std::string& salt = track.config.seed_salt;
-  json["highlights"] = {{"best", EpisodeToJson(rows[(*highlights)->best], salt)},
-                        {"median", EpisodeToJson(rows[(*highlights)->median], salt)},
-                        {"worst", EpisodeToJson(rows[(*highlights)->worst], salt)}};
-  return absl::OkStatus();
+  if (selection.rows) json["episode_rows"] = RowsToJson(rows, track.config.seed_salt, selection);
+  return selection.summary ? AddSummary(track, rows, json) : absl::OkStatus();
 }
 
 // A re-run against its original; null for an original.
@@ -142,9 +128,9 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   const absl::StatusOr<Json> comparison = ComparisonOf(reader, *evaluation, rows);
   if (!comparison.ok()) return comparison.status();
   json["comparison"] = *comparison;
-  if (selection.rows) AddRows(rows, config.seed_salt, selection, json);
-  if (selection.summary) {
-    if (absl::Status status = AddSummary(**track, rows, json); !status.ok()) return status;
+  if (absl::Status status = AddEpisodes(reader, **track, id, rows, selection, json);
+      !status.ok()) {
+    return status;
   }
   const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);
   if (!sight.ok()) return sight.status();
@@ -220,7 +206,7 @@ void EvaluationsResource::Install(Routes& routes) {
 ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
                                                 const httplib::Request& request) const {
   absl::Status status =
-      CheckParameters(request, {"episodes", "first", "last", "fields", "summary"});
+      CheckParameters(request, {"details", "episodes", "fields", "first", "last", "summary"});
   const absl::StatusOr<EpisodeSelection> selection = ParseEpisodes(request);
   status.Update(selection.status());
   ApiAnswer answer;

@@ -171,7 +171,7 @@ constexpr auto kEvaluation = std::to_array<Part>({
     {"not_repeatable", SeesComparison, Blank::kList},
     {"comparison", Always},
     {"episode_rows", Always},
-    {"details_summary", SeesMetrics},
+    {"details_summary", SeesFacts},
     {"highlights", SeesComparison},
 });
 
@@ -202,6 +202,7 @@ constexpr auto kRow = std::to_array<Part>({
     {"policy_cpu_s", SeesMetrics},
     {"log", SeesFacts},
     {"facts", SeesFacts},
+    {"details", SeesFacts},
 });
 
 constexpr auto kFault = std::to_array<Part>({
