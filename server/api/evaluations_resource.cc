@@ -128,9 +128,9 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   const absl::StatusOr<Json> comparison = ComparisonOf(reader, *evaluation, rows);
   if (!comparison.ok()) return comparison.status();
   json["comparison"] = *comparison;
-  if (absl::Status status = AddEpisodes(reader, **track, id, rows, selection, json);
-      !status.ok()) {
-    return status;
+  if (selection.rows || selection.summary) {
+    const absl::Status added = AddEpisodes(reader, **track, id, rows, selection, json);
+    if (!added.ok()) return added;
   }
   const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);
   if (!sight.ok()) return sight.status();

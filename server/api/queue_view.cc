@@ -26,7 +26,7 @@ struct Waiting {
 };
 
 // What the engine plays or will play. nullopt: it has ended since the engine was asked.
-absl::StatusOr<std::optional<Waiting>> Find(int64_t id, Reader& reader) {
+absl::StatusOr<std::optional<Waiting>> FindWaiting(int64_t id, Reader& reader) {
   absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
   if (absl::IsNotFound(evaluation.status())) return std::nullopt;  // it is newer than what is read
   if (!evaluation.ok()) return evaluation.status();
@@ -67,7 +67,7 @@ absl::StatusOr<nlohmann::json> QueueView(Reader& reader, const ApiContext& conte
   Json entries = Json::array();
   for (const int64_t id : queue) {
     if (entries.size() == kShow) break;
-    const absl::StatusOr<std::optional<Waiting>> found = Find(id, reader);
+    const absl::StatusOr<std::optional<Waiting>> found = FindWaiting(id, reader);
     if (const auto damage = DamageOf(found.status())) {
       damaged.push_back(*damage);
       continue;

@@ -53,6 +53,18 @@ export function post(path, body, more = {}) {
   return ask("POST", path, {body, more: {"Content-Type": "application/json", ...more}});
 }
 
+// A picture: {blob}, or while the server makes it {state, place, retry_s}.
+export async function picture(path) {
+  const answer = await fetch(path, {headers: headers(), credentials: "omit"}).catch(() => {
+    throw new ApiError(0, "lost", LOST);
+  });
+  if (answer.status === 200) return {blob: await answer.blob()};
+  const json = await answer.json().catch(() => null);
+  if (answer.status !== 202 || json === null) throw errorOf(answer.status, json);
+  const after = Number(answer.headers.get("Retry-After"));
+  return {...json, retry_s: Math.min(Math.max(after || 0, 1), 60)};
+}
+
 let me = null;
 
 // Who the server takes the reader for. A token that is not valid any more is dropped.
