@@ -77,16 +77,23 @@ class Browser:
             self._listeners[message["sessionId"]](message["method"], message["params"])
         return message
 
-    def call(self, method, session=None, timeout_s=ANSWER_S, **params):
-        """The result of a command."""
+    def send(self, method, session=None, **params):
+        """Sends a command whose answer nobody waits for, and returns its number."""
         self._number += 1
         request = {"id": self._number, "method": method, "params": params,
                    **({"sessionId": session} if session else {})}
-        os.write(self.to_browser, json.dumps(request).encode() + b"\0")
+        data = memoryview(json.dumps(request).encode() + b"\0")
+        while data:
+            data = data[os.write(self.to_browser, data):]
+        return self._number
+
+    def call(self, method, session=None, timeout_s=ANSWER_S, **params):
+        """The result of a command."""
+        number = self.send(method, session, **params)
         deadline = time.monotonic() + timeout_s
         while True:
             answer = self.pump(deadline)
-            if answer.get("id") == self._number:
+            if answer.get("id") == number:
                 break
         if "error" in answer:
             kind = PageLeft if "navigated" in answer["error"]["message"] else BrowserError

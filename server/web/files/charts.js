@@ -16,7 +16,7 @@ function roundStep(span, count) {
   return [1, 2, 5, 10].map((one) => one * power).find((step) => step >= rough);
 }
 
-function ticks(low, high, count) {
+export function ticks(low, high, count) {
   const step = roundStep(high - low, count);
   const all = [];
   for (let value = Math.ceil(low / step) * step; value <= high + step * 1e-6; value += step) {
@@ -25,7 +25,7 @@ function ticks(low, high, count) {
   return all;
 }
 
-function label(value) {
+export function label(value) {
   return Math.abs(value) >= 10000 ? value.toExponential(0) : String(Number(value.toPrecision(3)));
 }
 
@@ -45,7 +45,7 @@ function xAxis(low, high, x) {
   return axisAt(HEIGHT - BOTTOM, low, high, x);
 }
 
-function rangeOf(values) {
+export function rangeOf(values) {
   let low = Infinity;
   let high = -Infinity;
   for (const value of values) {

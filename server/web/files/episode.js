@@ -1,11 +1,10 @@
 // All about one episode of a submission: its figures, a picture, and ways to look at it in motion.
 import {get} from "./api.js";
-import {rivals} from "./compare.js";
 import {facts, h, replace} from "./dom.js";
 import {duration, heading, measure, number, visible, whole} from "./format.js";
 import {verdict} from "./grid.js";
 import {picture} from "./pictures.js";
-import {replayAddress} from "./replays.js";
+import {leadersEpisode, replayAddress} from "./replays.js";
 
 function flat(values, path = "") {
   return Object.entries(values ?? {}).flatMap(([key, value]) => {
@@ -42,28 +41,19 @@ function faultBox(fault) {
     visible(fault.stderr_tail)));
 }
 
-// Links to the episode in motion: alone, and beside the same episode of others whose logs may be seen.
+// Links to the episode in motion: alone, and beside the leader's.
 function motion(status, result, row) {
   if (!row.log) return null;
-  const own = row.log.sha256;
+  const own = {log: row.log.sha256, of: status.submission};
   const links = h("p", {class: "row"}, h("a", {class: "button main", href: replayAddress(own)},
     "Replay"));
-  const others = h("ul", {class: "plain"});
-  const more = h("details", {ontoggle: async () => {
-    if (!more.open || others.childNodes.length) return;
-    replace(others, h("li", {class: "quiet"}, "Loading…"));
-    const found = (await rivals(status, result, row)).filter((rival) => !rival.leader);
-    replace(others, found.length ? found.map((rival) => h("li", null,
-      h("a", {href: replayAddress(own, rival.log)}, rival.words), ` (${rival.verdict})`))
-      : h("li", {class: "quiet"}, "No other submission that you may look at has this episode's log."));
-  }}, h("summary", null, "Compare with another submission"), others);
-  rivals(status, result, row, 1).then(([rival]) => {
-    if (rival?.leader) {
-      links.append(h("a", {class: "button", href: replayAddress(own, rival.log)},
+  leadersEpisode(status, result, row.index).then((theirs) => {
+    if (theirs) {
+      links.append(h("a", {class: "button", href: replayAddress(own, theirs)},
         "Compare with the leader"));
     }
   });
-  return [links, more];
+  return links;
 }
 
 // Fills a panel with what is known of an episode. `row` has its index and verdict; the rest is asked for.

@@ -1,33 +1,24 @@
 // Small pictures of episodes. The server makes them when they are asked for, so they may come late.
+import {download} from "./api.js";
 import {h} from "./dom.js";
 import {visible, whole} from "./format.js";
-import {picture as load} from "./api.js";
 
 const WIDTH = 320;
 const HEIGHT = 180;
-const LONGEST_MS = 10 * 60 * 1000;
-
-const pause = (ms) => new Promise((resolve) => {
-  setTimeout(resolve, ms);
-});
+const MOST_BYTES = 1 << 20;
 
 async function fill(canvas, words) {
-  const begin = performance.now();
-  while (canvas.isConnected && performance.now() - begin < LONGEST_MS) {
-    const answer = await load(`/v1/logs/${canvas.dataset.log}/picture.png`);
-    if (answer.blob) {
-      const image = await createImageBitmap(answer.blob);
-      canvas.getContext("2d").drawImage(image, 0, 0, WIDTH, HEIGHT);
-      image.close();
-      canvas.classList.add("there");
-      words.remove();
-      return;
-    }
-    words.textContent = answer.state === "playing" ? "The picture is being made."
-      : `The picture is made after ${whole(answer.place)} others.`;
-    await pause(answer.retry_s * 1000);
-  }
-  words.textContent = "The picture takes long; open the page again later.";
+  const leave = new AbortController();
+  const {data} = await download(`/v1/logs/${canvas.dataset.log}/picture.png`, {
+    signal: leave.signal, most: MOST_BYTES, onWait: ({state, place}) => {
+      if (!canvas.isConnected) leave.abort();
+      words.textContent = state === "playing" || !place ? "The picture is being made."
+        : `The picture is made after ${whole(place)} others.`;
+    }});
+  const image = await createImageBitmap(new Blob([data], {type: "image/png"}));
+  canvas.getContext("2d").drawImage(image, 0, 0, WIDTH, HEIGHT);
+  image.close();
+  words.remove();
 }
 
 // Told when one comes into view: those that nobody looks at are not asked for.

@@ -120,7 +120,7 @@ export function addOutput(box, result) {
 }
 
 // Pictures of the best, the median and the worst episode, by the order of the board.
-export function highlights(rows, metrics) {
+export function highlights(rows, metrics, submission) {
   const shown = Object.entries(rows ?? {}).filter(([, row]) => row.log);
   const once = shown.filter(([, row], at) =>
     shown.findIndex(([, other]) => other.index === row.index) === at);
@@ -130,7 +130,7 @@ export function highlights(rows, metrics) {
     once.map(([place, row]) => {
       const figures = first ? `, ${measure(row.metrics?.[first.name], first)}` : "";
       const words = `Episode ${row.index}, ${verdict(row)}${figures}`;
-      const link = h("a", {href: replayAddress(row.log.sha256)}, words);
+      const link = h("a", {href: replayAddress({log: row.log.sha256, of: submission})}, words);
       return picture(row.log.sha256, `A moment of the ${place} episode: ${words}`,
         once.length > 1 ? [`The ${place}: `, link] : link);
     })));

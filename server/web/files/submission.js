@@ -104,7 +104,7 @@ function makeParts() {
   const sum = async (address) => {
     const {details_summary: summary, highlights: rows} = await get(`${address}?summary=1`);
     drawSummary(sums, summary, now.result.episodes.done);
-    replace(looks, highlights(rows, now.result.metrics));
+    replace(looks, highlights(rows, now.result.metrics, now.status.submission));
   };
   return {elements: [figures, looks, episodes, charts, sums, output, end], draw, sum};
 }
