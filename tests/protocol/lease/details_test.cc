@@ -64,19 +64,19 @@ TEST(Details, ComeBackWithTheRecordOfEveryTrack) {
 }
 
 TEST(Details, AreRoundedAndStaySoWhenTheyAreReadAndWrittenAgain) {
-  const nlohmann::json json = DetailsToJson(Walk());
-  EXPECT_EQ(json["obstacle_heights"],
+  const nlohmann::json told = DetailsToJson(Walk());
+  EXPECT_EQ(told["obstacle_heights"],
             nlohmann::json({{"hilly", 0.1875}, {"rough", nullptr}, {"stairs", 0.333333}}));
-  EXPECT_EQ(json["pain_by_joint"]["hip_adduction_l"], 0.000001);
-  EXPECT_EQ(json["pain_by_joint"]["subtalar_angle_l"], 12.5);
-  EXPECT_EQ(json["pain_by_joint"].size(), 12u);
-  EXPECT_EQ(json["joint_ranges"]["hip_flexion_r"],
+  EXPECT_EQ(told["pain_by_joint"]["hip_adduction_l"], 0.000001);
+  EXPECT_EQ(told["pain_by_joint"]["subtalar_angle_l"], 12.5);
+  EXPECT_EQ(told["pain_by_joint"].size(), 12u);
+  EXPECT_EQ(told["joint_ranges"]["hip_flexion_r"],
             nlohmann::json({-0.1235, 1.2346, -0.5236, 2.0944}));
-  EXPECT_EQ(json["joint_ranges"].size(), 14u);
-  EXPECT_EQ(json["fall_time"], 3.415);
-  const auto back = DetailsFromJson(LocomotionFacts(), json);
+  EXPECT_EQ(told["joint_ranges"].size(), 14u);
+  EXPECT_EQ(told["fall_time"], 3.415);
+  const auto back = DetailsFromJson(LocomotionFacts(), told);
   ASSERT_TRUE(back.ok()) << back.status();
-  EXPECT_EQ(DetailsToJson(*back), json);
+  EXPECT_EQ(DetailsToJson(*back), told);
 }
 
 TEST(Details, AreNoPartOfTheFacts) {
