@@ -201,9 +201,7 @@ absl::StatusOr<bool> Writer::AddJudgedItem(const JudgedItem& item, const std::st
   SQLite::bind(audit, now_ms_, who, why, evaluation);
   audit.exec();
   SQLite::Statement episode(
-      db_, "INSERT INTO episode (evaluation, idx, lease, attempt, seed, outcome, reason, "
-           "facts_json, metrics_json, recorded_at, details_json) "
-           "SELECT ?1, p.idx, l.id, 1, p.seed, ?2, ?3, p.facts_json, ?4, ?5, p.details_json "
+      db_, "INSERT INTO episode SELECT ?1, p.idx, l.id, 1, p.seed, ?2, ?3, p.facts_json, ?4, ?5 "
            "FROM episode AS p JOIN lease AS l ON l.evaluation = ?1 AND p.idx BETWEEN l.first AND "
            "l.last WHERE p.evaluation = ?6 AND p.idx = ?7");
   for (const EpisodeRow& judged : item.episodes) {
@@ -216,6 +214,7 @@ absl::StatusOr<bool> Writer::AddJudgedItem(const JudgedItem& item, const std::st
     }
     episode.reset();
   }
+  CopyDetails(item.source, evaluation);
   AddItemRow({.rejudge = item.rejudge,
               .submission = item.submission,
               .repetition = item.repetition,

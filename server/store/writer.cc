@@ -136,15 +136,13 @@ absl::StatusOr<Recorded> Writer::RecordEpisode(const EpisodeRow& row) {
     return Refuse("given an episode", *lease, absl::StrCat(", the episode is of ", row.attempt));
   }
   SQLite::Statement insert(db_,
-                           "INSERT INTO episode (evaluation, idx, lease, attempt, seed, outcome, "
-                           "reason, facts_json, metrics_json, recorded_at, details_json) "
-                           "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, nullif(?, '')) "
+                           "INSERT INTO episode VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
                            "ON CONFLICT (evaluation, idx) DO NOTHING");
   SQLite::bind(insert, row.evaluation, row.index, row.lease, row.attempt,
                static_cast<int64_t>(row.seed), Text(OutcomeName(row.outcome)),
-               Text(row.reason.name()), row.facts_json, row.metrics_json, now_ms_,
-               row.details_json);
+               Text(row.reason.name()), row.facts_json, row.metrics_json, now_ms_);
   if (insert.exec() == 1) {
+    AddDetails(row);
     ChargeFirstEpisode(row.evaluation, absl::StrCat("episode ", row.index, " ended as ",
                                                     Text(OutcomeName(row.outcome))));
     return Recorded{.counted = true, .differs = {}};

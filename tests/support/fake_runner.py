@@ -6,8 +6,8 @@ episode), "crash" (every episode fails by the participant's fault), "grader" (al
 the grader's fault), "once" (the grader's fault on the first attempt, after
 one episode), "garbage", "dies", "unrepeatable", "stubborn" (10 s per episode, and
 exits only when killed), "mute" (prints nothing until it is killed) and "logged" (each episode
-names a log, which nobody writes). "skill-P-Q-F-E" places the object in the episodes up to P, or up to Q
-if "max_time_s" of the rules is not 10, with a peak force of F and an effort of E, and measures details.
+names a log, which nobody writes). "old" plays as "ok", and measures no details, as earlier versions. "skill-P-Q-F-E" places the object in the episodes up to P, or up to Q
+if "max_time_s" of the rules is not 10, with a peak force of F and an effort of E,
 "says-HEX" crashes with this text, in hexadecimal, as its output and as the reason. The daemon's
 self-test ("-c") passes; with a file "broken" beside this program nothing does.
 """
@@ -36,22 +36,21 @@ def manipulation(success, force=10.0, effort=1.5):
     return facts
 
 
-JOINTS = (
-    "elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion",
-    "cmc_abduction", "cmc_flexion", "mp_flexion", "ip_flexion", "mcp2_flexion", "mcp2_abduction",
-    "pm2_flexion", "md2_flexion", "mcp3_flexion", "mcp3_abduction", "pm3_flexion", "md3_flexion",
-    "mcp4_flexion", "mcp4_abduction", "pm4_flexion", "md4_flexion", "mcp5_flexion",
-    "mcp5_abduction", "pm5_flexion", "md5_flexion")
+FINGERS = [f"{joint}{finger}_{motion}" for finger in range(2, 6) for joint, motion in (
+    ("mcp", "flexion"), ("mcp", "abduction"), ("pm", "flexion"), ("md", "flexion"))]
+JOINTS = ["elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation",
+          "flexion", "cmc_abduction", "cmc_flexion", "mp_flexion", "ip_flexion", *FINGERS]
 
 
-def details(index, success):
-    """An arm that touches the object, and hands it over if it is a success."""
-    wide = 1 + index % 7 / 10
-    return {"first_contact_time": 0.5 + index % 10 / 20, "goal_contact_time": 4.0 if success else None,
-            "handover_time": 2.0 + index % 5 / 10 if success else None,
-            "peak_force_time": 1.5, "release_time": 2.5 if success else None,
-            "joint_ranges": {joint: [-0.1 * place, 0.1 * place * wide, -0.5 - 0.1 * place, 1.5]
-                             for place, joint in enumerate(JOINTS)}}
+def details(seed, success):
+    """As far as the episode goes: an object that is not handed over is never released."""
+    times = {"first_contact_time": 0.25 + seed % 10 / 100, "peak_force_time": 0.5,
+             "handover_time": 1.5, "release_time": 1.75, "goal_contact_time": 2.0}
+    if not success:
+        times.update(handover_time=None, release_time=None, goal_contact_time=None)
+    return {**times, "joint_ranges": {
+        joint: [-0.1 * place, 0.1 * place, -0.2 * place - 0.1, 0.2 * place + 0.1]
+        for place, joint in enumerate(JOINTS)}}
 
 
 def skill(mode, index, rules):
@@ -65,15 +64,16 @@ def episode(order, mode, rules):
     digest = hashlib.sha256(f"{seed}/{order['policy_seed']}".encode())
     if mode == "unrepeatable":
         digest.update(os.urandom(8))
-    success, force, effort, more = seed % 2 == 0, 10.0, 1.5, {}
+    success, force, effort = seed % 2 == 0, 10.0, 1.5
     if mode.startswith("skill-"):
         success, force, effort = skill(mode, index, rules)
-        more = {"details": details(index, success)}
     record = {
         "type": "episode", "index": index, "seed": seed, "end": "placed" if success else "time",
         "steps": 100 + seed % 1000, "sim_time": 1.0 + seed % 1000 / 100, "clipped": 0,
         "digest": digest.hexdigest(), "wall_s": time.monotonic() % 1, "policy_cpu_s": 0.01,
-        "track": "manipulation", "manipulation": manipulation(success, force, effort), **more}
+        "track": "manipulation", "manipulation": manipulation(success, force, effort)}
+    if mode not in ("crash", "-c", "old"):
+        record["details"] = details(seed, success)
     if mode == "logged":
         record["log"] = {"sha256": hashlib.sha256(f"log of {seed}".encode()).hexdigest(),
                          "bytes": 10, "packed_bytes": 10, "steps": record["steps"]}
