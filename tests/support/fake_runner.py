@@ -5,11 +5,11 @@ The second word of the policy's command says how: "ok", "slow" (0.2 s per
 episode), "crash" (every episode fails by the participant's fault), "grader" (always
 the grader's fault), "once" (the grader's fault on the first attempt, after
 one episode), "garbage", "dies", "unrepeatable", "stubborn" (10 s per episode, and
-exits only when killed), "mute" (prints nothing until it is killed) and "logged" (each episode
-names a log, which nobody writes). "old" plays as "ok", and measures no details, as earlier versions. "skill-P-Q-F-E" places the object in the episodes up to P, or up to Q
-if "max_time_s" of the rules is not 10, with a peak force of F and an effort of E,
-"says-HEX" crashes with this text, in hexadecimal, as its output and as the reason. The daemon's
-self-test ("-c") passes; with a file "broken" beside this program nothing does.
+exits only when killed), "mute" (prints nothing until it is killed), "logged" (each episode
+names a log, which nobody writes) and "old" (no details, as runners of earlier versions). "skill-P-Q-F-E"
+places the object in the episodes up to P, or up to Q if "max_time_s" of the rules is not 10, with a peak
+force of F and an effort of E. "says-HEX" crashes with this text, in hexadecimal, as its output and as the
+reason. The daemon's self-test ("-c") passes; with a file "broken" beside this program nothing does.
 """
 
 import hashlib
