@@ -103,8 +103,8 @@ TEST(RedactEvaluation, WithholdsSummaryAndHighlightsAsTheRowsThatTheyAreOf) {
   EXPECT_TRUE(seen["details_summary"].is_null());
   EXPECT_EQ(seen["highlights"]["best"]["outcome"], "success");
   EXPECT_TRUE(seen["highlights"]["best"]["log"].is_null());
-  EXPECT_TRUE(redacted({.outcomes = false})["highlights"].is_null());
-  EXPECT_TRUE(redacted({.metrics = false})["highlights"].is_null());
+  EXPECT_EQ(redacted({.outcomes = false})["highlights"], Json::object());
+  EXPECT_EQ(redacted({.metrics = false})["highlights"], Json::object());
   EXPECT_FALSE(redacted({.metrics = false})["details_summary"].is_null());
   EXPECT_EQ(redacted({.seeds = false})["details_summary"], answer["details_summary"]);
 }
