@@ -90,7 +90,7 @@ class Pictures(BrowserCase):
     def test_no_picture_is_asked_for_before_it_comes_into_view(self):
         page = self.page(height=80)
         self.open(page, f"/submission?id={self.own}")
-        self.assertEqual([url for url in page.requests if "picture" in url], [])
+        self.assertEqual([url for url in page.requests if url.endswith("picture.png")], [])
         page.evaluate("document.querySelector('.pictures').scrollIntoView()")
         page.wait("document.querySelector('.pictures').innerText.includes('There is no picture')")
 
