@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <string_view>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
@@ -18,7 +17,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr auto kRowKeys = std::to_array<std::string_view>(
+constexpr auto kRowKeys = std::to_array<const char*>(
     {"index", "attempt", "seed", "seed_commitment", "outcome", "reason", "end", "fault", "metrics",
      "steps", "sim_time_s", "clipped", "digest", "actions_digest", "wall_s", "policy_cpu_s", "log",
      "facts", "details"});
