@@ -81,7 +81,7 @@ function makeParts() {
     h("div", {class: "split"}, grid.element, panel));
   const charts = h("div", {class: "part"});
   const sums = h("div", {class: "part"});
-  const output = h("section");
+  const output = h("section", {class: "output"});
   const end = h("div");
   const draw = async (status) => {
     const address = `/v1/submissions/${status.submission}/result`;
