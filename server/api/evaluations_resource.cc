@@ -1,6 +1,7 @@
 #include "server/api/evaluations_resource.h"
 
 #include <functional>
+#include <map>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -9,6 +10,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "server/api/episode_rows.h"
 #include "server/api/phase_sight.h"
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
@@ -51,6 +53,22 @@ Json OutputToJson(const std::vector<LeaseRow>& leases) {
   return list;
 }
 
+// The rows that are asked for, what all episodes come to together, and which of them to look at.
+absl::Status AddEpisodes(Reader& reader, const Track& track, int64_t evaluation,
+                         std::vector<EpisodeRow> rows, const EpisodeSelection& selection,
+                         Json& json) {
+  if (selection.needs_details()) {
+    absl::StatusOr<std::map<int64_t, std::string>> details = reader.EpisodeDetails(evaluation);
+    if (!details.ok()) return details.status();
+    for (EpisodeRow& row : rows) {
+      const auto its = details->find(row.index);
+      if (its != details->end()) row.details_json = std::move(its->second);
+    }
+  }
+  if (selection.rows) json["episode_rows"] = RowsToJson(rows, track.config.seed_salt, selection);
+  return selection.summary ? AddSummary(track, rows, json) : absl::OkStatus();
+}
+
 // A re-run against its original; null for an original.
 absl::StatusOr<Json> ComparisonOf(Reader& reader, const EvaluationRow& evaluation,
                                   const std::vector<EpisodeRow>& rows) {
@@ -63,7 +81,7 @@ absl::StatusOr<Json> ComparisonOf(Reader& reader, const EvaluationRow& evaluatio
 }
 
 absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context, int64_t id,
-                                      bool episodes) {
+                                      const EpisodeSelection& selection) {
   absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
   if (!evaluation.ok()) return evaluation.status();
   absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation->submission);
@@ -110,15 +128,17 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   const absl::StatusOr<Json> comparison = ComparisonOf(reader, *evaluation, rows);
   if (!comparison.ok()) return comparison.status();
   json["comparison"] = *comparison;
-  if (episodes) {
-    json["episode_rows"] = Json::array();
-    for (const EpisodeRow& row : rows) {
-      json["episode_rows"].push_back(EpisodeToJson(row, config.seed_salt));
-    }
+  if (selection.rows || selection.summary) {
+    const absl::Status added = AddEpisodes(reader, **track, id, rows, selection, json);
+    if (!added.ok()) return added;
   }
   const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);
   if (!sight.ok()) return sight.status();
   RedactEvaluation(json, *sight);
+  if (selection.rows && !selection.fields.empty()) {
+    json["episode_columns"] = ColumnsOf(selection.fields, json["episode_rows"]);
+    json.erase("episode_rows");
+  }
   return json;
 }
 
@@ -185,11 +205,10 @@ void EvaluationsResource::Install(Routes& routes) {
 
 ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
                                                 const httplib::Request& request) const {
-  absl::Status status = CheckParameters(request, {"episodes"});
-  const std::string episodes = request.get_param_value("episodes");
-  if (!episodes.empty() && episodes != "0" && episodes != "1") {
-    status.Update(absl::InvalidArgumentError("\"episodes\" must be 0 or 1"));
-  }
+  absl::Status status =
+      CheckParameters(request, {"details", "episodes", "fields", "first", "last", "summary"});
+  const absl::StatusOr<EpisodeSelection> selection = ParseEpisodes(request);
+  status.Update(selection.status());
   ApiAnswer answer;
   if (status.ok()) {
     status = context_.readers.Read([&](Reader& reader) -> absl::Status {
@@ -203,7 +222,7 @@ ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
         if (!original.ok()) return original.status();
         evaluation = original->id;
       }
-      absl::StatusOr<Json> json = EvaluationToJson(reader, context_, evaluation, episodes == "1");
+      absl::StatusOr<Json> json = EvaluationToJson(reader, context_, evaluation, *selection);
       if (json.ok()) answer.body = *std::move(json);
       return json.status();
     });

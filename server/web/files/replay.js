@@ -4,6 +4,7 @@ import {ApiError, download, get} from "./api.js";
 import {facts, h, href, replace} from "./dom.js";
 import {bytes, name, number, visible, whole} from "./format.js";
 import {Clock} from "./replay_clock.js";
+import {compare} from "./replay_compare.js";
 import {Controls, eventTable, keyList, seconds} from "./replay_controls.js";
 import {FileError, MOST_BYTES, readTrajectory} from "./replay_file.js";
 import {graphs} from "./replay_graphs.js";
@@ -213,8 +214,10 @@ async function build(main, title, episodes, tell, signal) {
   const box = h("section", {class: "replay", "aria-label": "Replay", onkeydown: (event) => {
     if (controls.key(event)) event.preventDefault();
   }}, stageOf(episodes, hosts, why), controls.element, views.length > 0 && legend(episodes));
+  const own = episodes.length === 1 ? episodes[0] : null;
   replace(main, title, h("div", {class: "abouts"}, episodes.map(about)), box,
-    drawn.element, h("h2", null, "Events"),
+    own?.status && Number.isInteger(own.trajectory.episode)
+      && compare(own.status, {log: own.log, index: own.trajectory.episode}), drawn.element, h("h2", null, "Events"),
     events.element, keyList(), h("details", {class: "more"}, h("summary", null, "About the drawing"),
       meter.element, h("p", {class: "quiet"}, episodes.map((one) => `${one.label}: `
         + `${bytes(one.received)} of poses, ${whole(one.trajectory.frames)} frames, `
