@@ -217,8 +217,8 @@ async function build(main, title, episodes, tell, signal) {
   const own = episodes.length === 1 ? episodes[0] : null;
   replace(main, title, h("div", {class: "abouts"}, episodes.map(about)), box,
     own?.status && Number.isInteger(own.trajectory.episode)
-      && compare(own.status, {log: own.log, index: own.trajectory.episode}), drawn.element, h("h2", null, "Events"),
-    events.element, keyList(), h("details", {class: "more"}, h("summary", null, "About the drawing"),
+      && compare(own.status, {log: own.log, index: own.trajectory.episode}),
+    drawn.element, h("h2", null, "Events"), events.element, keyList(), h("details", {class: "more"}, h("summary", null, "About the drawing"),
       meter.element, h("p", {class: "quiet"}, episodes.map((one) => `${one.label}: `
         + `${bytes(one.received)} of poses, ${whole(one.trajectory.frames)} frames, `
         + `${whole(one.trajectory.steps)} steps`).join("; "))));
