@@ -125,17 +125,10 @@ class Looks(ReplayCase):
                         page.evaluate("document.querySelectorAll('details').forEach((one) => {"
                                       "one.open = true; })")
                         self.settled(page)
-                        self.check(page, f"replay-{name}-{width}-{'dark' if dark else 'light'}")
+                        self.check_page(
+                            page, name, f"replay-{name}-{width}-{'dark' if dark else 'light'}")
+                        page.call("Page.setBypassCSP", enabled=False)
                 self.check_quiet(page)
-
-    def check(self, page, label):
-        self.assertLessEqual(page.evaluate("document.documentElement.scrollWidth - innerWidth"), 0,
-                             f"{label} is wider than the screen")
-        if PICTURES:
-            os.makedirs(PICTURES, exist_ok=True)
-            page.screenshot(pathlib.Path(PICTURES, f"{label}.png"))
-        self.check_accessible(page, label)
-        page.call("Page.setBypassCSP", enabled=False)
 
     def test_what_is_drawn_changes_with_time_and_choices(self):
         page = self.page()
