@@ -74,6 +74,9 @@ class Environment {
   // the episode loop's to fill).
   virtual EpisodeFacts facts() const = 0;
 
+  // Details of the episode so far, finite where its facts are; none before its first step is judged.
+  virtual EpisodeDetails details() const { return {}; }
+
   // The full physics state after the last step (time, qpos, qvel, act), for
   // digests. Valid until the next call of a non-const method.
   virtual std::span<const double> state() const = 0;

@@ -113,6 +113,11 @@ void VisitLog(Info& info, Visitor&& visit) {
 absl::Status ReadOptional(ConfigReader& reader, const Json& json, EpisodeFacts& facts) {
   if (!json.is_object()) return absl::OkStatus();
   if (reader.Has("actions_digest")) facts.actions_digest = reader.String("actions_digest");
+  if (reader.Has("details")) {
+    const absl::StatusOr<TrackDetails> details = DetailsFromJson(facts.track, json["details"]);
+    if (!details.ok()) return details.status();
+    facts.details = *details;
+  }
   if (!reader.Has("log")) return absl::OkStatus();
   ConfigReader log(reader.Object("log"), "log");
   VisitLog(facts.log, Reader{log});
@@ -158,6 +163,13 @@ nlohmann::json EpisodeFactsToJson(const EpisodeFacts& facts) {
         json[std::string(measured.kTrack)] = std::move(part);
       },
       facts.track);
+  return json;
+}
+
+nlohmann::json EpisodeRecordToJson(const EpisodeFacts& facts) {
+  Json json = EpisodeFactsToJson(facts);
+  json["type"] = "episode";
+  if (facts.details.has_value()) json["details"] = DetailsToJson(*facts.details);
   return json;
 }
 

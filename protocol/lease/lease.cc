@@ -62,11 +62,7 @@ Json RecordToJson(const ProgressRecord& record) {
   return {{"type", "progress"}, {"episode", record.episode}, {"step", record.step}};
 }
 
-Json RecordToJson(const EpisodeFacts& facts) {
-  Json json = EpisodeFactsToJson(facts);
-  json["type"] = "episode";
-  return json;
-}
+Json RecordToJson(const EpisodeFacts& facts) { return EpisodeRecordToJson(facts); }
 
 ReplayRecord ReadReplay(ConfigReader& reader) {
   ReplayRecord record;

@@ -99,7 +99,19 @@ using LeaseRecord = std::variant<ProgressRecord, EpisodeFacts, LeaseEndRecord, R
 std::string LeaseRecordToLine(const LeaseRecord& record);
 absl::StatusOr<LeaseRecord> LeaseRecordFromLine(std::string_view line);
 
+// Without the details: it is what a result's row keeps as its facts.
 nlohmann::json EpisodeFactsToJson(const EpisodeFacts& facts);
+// Reads the details too, where the key "details" is there.
 absl::StatusOr<EpisodeFacts> EpisodeFactsFromJson(const nlohmann::json& json);
+
+// An episode's record: its facts and, where it has some, its details.
+nlohmann::json EpisodeRecordToJson(const EpisodeFacts& facts);
+
+// One object with a key for each detail; numbers are rounded to six decimals,
+// angles to four.
+nlohmann::json DetailsToJson(const TrackDetails& details);
+// The details of an episode with facts of this track. InvalidArgumentError: a key is missing, unknown
+// or no number.
+absl::StatusOr<TrackDetails> DetailsFromJson(const TrackFacts& track, const nlohmann::json& json);
 
 }  // namespace myograde

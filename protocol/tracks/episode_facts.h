@@ -12,6 +12,7 @@
 #include "protocol/base/fault_evidence.h"
 #include "protocol/base/outcome.h"
 #include "protocol/tracks/elbow/facts.h"
+#include "protocol/tracks/episode_details.h"
 #include "protocol/tracks/locomotion/facts.h"
 #include "protocol/tracks/manipulation/facts.h"
 
@@ -48,6 +49,8 @@ struct EpisodeFacts {
   // Depends on the host's clock, so never part of a result's identity.
   double wall_s = 0;
   double policy_cpu_s = 0;
+  // For pages, plots and reports; never part of a result's identity either.
+  EpisodeDetails details = {};
 };
 
 }  // namespace myograde

@@ -1,4 +1,5 @@
-// All tracks. A new track needs a folder here, a line in registry.cc and one in episode_facts.h.
+// All tracks. A new track needs a folder here, a line in registry.cc, and one each in
+// episode_facts.h and episode_details.h.
 #pragma once
 
 #include <optional>

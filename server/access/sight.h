@@ -14,7 +14,7 @@ struct Visibility {
   bool aggregate = true;   // the means that the board ranks by
   bool outcomes = true;    // outcome and reason of each episode
   bool metrics = true;     // metrics, steps and digests of each episode
-  bool logs = true;        // facts and log of each episode
+  bool logs = true;        // facts, details and log of each episode
   bool output = true;      // what the policy printed, and the text of its faults
   bool seeds = true;       // false as long as committed seeds are not revealed
 

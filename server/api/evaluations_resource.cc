@@ -1,6 +1,7 @@
 #include "server/api/evaluations_resource.h"
 
 #include <functional>
+#include <map>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -23,6 +24,33 @@ namespace myograde::server {
 namespace {
 
 using Json = nlohmann::json;
+
+// What a caller asks for besides the evaluation itself.
+struct Wanted {
+  bool episodes = false;
+  bool details = false;  // of the episodes
+};
+
+// A parameter that is 0 or 1; absent: `otherwise`.
+absl::StatusOr<bool> FlagOf(const httplib::Request& request, const std::string& name,
+                            bool otherwise) {
+  const std::string text = request.get_param_value(name);
+  if (text.empty()) return otherwise;
+  if (text != "0" && text != "1") {
+    return absl::InvalidArgumentError(absl::StrCat("\"", name, "\" must be 0 or 1"));
+  }
+  return text == "1";
+}
+
+absl::StatusOr<Wanted> WantedBy(const httplib::Request& request) {
+  absl::Status status = CheckParameters(request, {"details", "episodes"});
+  const absl::StatusOr<bool> episodes = FlagOf(request, "episodes", false);
+  const absl::StatusOr<bool> details = FlagOf(request, "details", true);
+  status.Update(episodes.status());
+  status.Update(details.status());
+  if (!status.ok()) return status;
+  return Wanted{.episodes = *episodes, .details = *details};
+}
 
 // How often each outcome and each reason came up.
 void AddOutcomes(const std::vector<EpisodeRow>& rows, Json& json) {
@@ -62,8 +90,25 @@ absl::StatusOr<Json> ComparisonOf(Reader& reader, const EvaluationRow& evaluatio
   return CompareRows(original->id, *its, evaluation, rows);
 }
 
+// The episodes' rows as they are answered.
+absl::StatusOr<Json> EpisodesToJson(Reader& reader, int64_t evaluation,
+                                    std::vector<EpisodeRow> rows, const Wanted& wanted,
+                                    const std::string& seed_salt) {
+  absl::StatusOr<std::map<int64_t, std::string>> details = std::map<int64_t, std::string>();
+  if (wanted.details) details = reader.EpisodeDetails(evaluation);
+  if (!details.ok()) return details.status();
+  Json list = Json::array();
+  for (EpisodeRow& row : rows) {
+    if (const auto its = details->find(row.index); its != details->end()) {
+      row.details_json = std::move(its->second);
+    }
+    list.push_back(EpisodeToJson(row, seed_salt));
+  }
+  return list;
+}
+
 absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context, int64_t id,
-                                      bool episodes) {
+                                      const Wanted& wanted) {
   absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
   if (!evaluation.ok()) return evaluation.status();
   absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation->submission);
@@ -110,11 +155,10 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   const absl::StatusOr<Json> comparison = ComparisonOf(reader, *evaluation, rows);
   if (!comparison.ok()) return comparison.status();
   json["comparison"] = *comparison;
-  if (episodes) {
-    json["episode_rows"] = Json::array();
-    for (const EpisodeRow& row : rows) {
-      json["episode_rows"].push_back(EpisodeToJson(row, config.seed_salt));
-    }
+  if (wanted.episodes) {
+    absl::StatusOr<Json> list = EpisodesToJson(reader, id, rows, wanted, config.seed_salt);
+    if (!list.ok()) return list.status();
+    json["episode_rows"] = *std::move(list);
   }
   const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);
   if (!sight.ok()) return sight.status();
@@ -185,11 +229,8 @@ void EvaluationsResource::Install(Routes& routes) {
 
 ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
                                                 const httplib::Request& request) const {
-  absl::Status status = CheckParameters(request, {"episodes"});
-  const std::string episodes = request.get_param_value("episodes");
-  if (!episodes.empty() && episodes != "0" && episodes != "1") {
-    status.Update(absl::InvalidArgumentError("\"episodes\" must be 0 or 1"));
-  }
+  const absl::StatusOr<Wanted> wanted = WantedBy(request);
+  absl::Status status = wanted.status();
   ApiAnswer answer;
   if (status.ok()) {
     status = context_.readers.Read([&](Reader& reader) -> absl::Status {
@@ -203,7 +244,7 @@ ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
         if (!original.ok()) return original.status();
         evaluation = original->id;
       }
-      absl::StatusOr<Json> json = EvaluationToJson(reader, context_, evaluation, episodes == "1");
+      absl::StatusOr<Json> json = EvaluationToJson(reader, context_, evaluation, *wanted);
       if (json.ok()) answer.body = *std::move(json);
       return json.status();
     });

@@ -200,6 +200,7 @@ constexpr auto kRow = std::to_array<Part>({
     {"policy_cpu_s", SeesMetrics},
     {"log", SeesFacts},
     {"facts", SeesFacts},
+    {"details", SeesFacts},
 });
 
 constexpr auto kFault = std::to_array<Part>({

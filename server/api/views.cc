@@ -83,6 +83,7 @@ nlohmann::json EpisodeToJson(const EpisodeRow& row, const std::string& seed_salt
           {"end", KeyOrNull(facts, "end")},
           {"fault", KeyOrNull(facts, "fault")},
           {"facts", KeyOrNull(facts, track.is_string() ? track.get<std::string>().c_str() : "")},
+          {"details", Parse(row.details_json)},
           {"wall_s", KeyOrNull(facts, "wall_s")},
           {"policy_cpu_s", KeyOrNull(facts, "policy_cpu_s")},
           {"attempt", row.attempt}};

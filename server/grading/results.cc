@@ -60,6 +60,7 @@ absl::StatusOr<EpisodeRow> JudgedRow(const Track& track, const EpisodeFacts& fac
   row.reason = judgement.reason;
   row.facts_json = CanonicalJson(EpisodeFactsToJson(facts));
   row.metrics_json = CanonicalJson(MetricsToJson(*track.scoring.track, judgement));
+  if (facts.details.has_value()) row.details_json = CanonicalJson(DetailsToJson(*facts.details));
   return row;
 }
 

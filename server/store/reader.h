@@ -227,6 +227,8 @@ class Reader {
   std::vector<DeliveryCounts> CountDeliveries();
   // How many submissions' own evaluations are in each state; "unreadable" counts damaged ones.
   std::map<std::string, int64_t> SubmissionsByState();
+  // The text of the JSON object with an episode's details, by index, of those that have some.
+  absl::StatusOr<std::map<int64_t, std::string>> EpisodeDetails(int64_t evaluation);
 
  private:
   SQLite::Database& db_;

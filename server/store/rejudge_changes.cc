@@ -214,6 +214,7 @@ absl::StatusOr<bool> Writer::AddJudgedItem(const JudgedItem& item, const std::st
     }
     episode.reset();
   }
+  CopyDetails(item.source, evaluation);
   AddItemRow({.rejudge = item.rejudge,
               .submission = item.submission,
               .repetition = item.repetition,

@@ -111,6 +111,9 @@ struct EpisodeRow {
   FailureReason reason;
   std::string facts_json;
   std::string metrics_json;
+  // What was measured besides; "": nothing. No result follows from it, so Reader::Episodes leaves it
+  // out (Reader::EpisodeDetails has it).
+  std::string details_json = {};
 };
 
 struct RepeatRow {

@@ -341,6 +341,8 @@ class Writer {
                                                        const AdmissionRules& rules);
   // FailedPreconditionError with the code "paused".
   absl::Status CheckNotPaused(const std::string& phase);
+  void AddDetails(const EpisodeRow& row);
+  void CopyDetails(int64_t from, int64_t to);  // between evaluations with the same episodes
   void ChargeFirstEpisode(int64_t evaluation, const std::string& why);
   void SettleCharge(int64_t evaluation, EvaluationState state, const std::string& who);
 

@@ -142,6 +142,7 @@ absl::StatusOr<Recorded> Writer::RecordEpisode(const EpisodeRow& row) {
                static_cast<int64_t>(row.seed), Text(OutcomeName(row.outcome)),
                Text(row.reason.name()), row.facts_json, row.metrics_json, now_ms_);
   if (insert.exec() == 1) {
+    AddDetails(row);
     ChargeFirstEpisode(row.evaluation, absl::StrCat("episode ", row.index, " ended as ",
                                                     Text(OutcomeName(row.outcome))));
     return Recorded{.counted = true, .differs = {}};

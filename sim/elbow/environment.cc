@@ -61,7 +61,7 @@ absl::StatusOr<std::unique_ptr<ElbowEnvironment>> ElbowEnvironment::Make(const E
 }
 
 ElbowEnvironment::ElbowEnvironment(const ElbowRules& rules, ModelPtr model, DataPtr data)
-    : rules_(rules), model_(std::move(model)), data_(std::move(data)) {
+    : rules_(rules), model_(std::move(model)), data_(std::move(data)), joint_ranges_(*model_, {0}) {
   facts_.track = ElbowFacts{};
 }
 
@@ -105,6 +105,8 @@ void ElbowEnvironment::StartFacts() {
   facts.final_error = Error();
   facts.smallest_error = Error();
   run_ = 0;
+  measured_steps_ = 0;
+  settled_.reset();
 }
 
 // ---- Step ----
@@ -166,6 +168,9 @@ void ElbowEnvironment::Measure() {
   facts.error_sum += error;
   const bool within = error <= rules_.tolerance_rad;
   run_ = within ? run_ + 1 : 0;
+  if (!within) settled_.reset();
+  if (run_ == 1) settled_ = data_->time;
+  joint_ranges_.Add(*data_, /*first=*/measured_steps_++ == 0);
   facts.tolerance_steps += within;
   facts.longest_run = std::max(facts.longest_run, run_);
   facts.held = facts.longest_run >= rules_.hold_steps;
@@ -184,6 +189,14 @@ void ElbowEnvironment::Judge(StepResult& result) {
   } else {
     result.ended = false;
   }
+}
+
+EpisodeDetails ElbowEnvironment::details() const {
+  if (measured_steps_ == 0) return std::nullopt;
+  ElbowDetails details;
+  details.settle_time = settled_;
+  details.joint_ranges = joint_ranges_.ranges();
+  return details;
 }
 
 void ElbowEnvironment::SynchroniseState() {

@@ -2,11 +2,13 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "sim/elbow/rules.h"
 #include "sim/environment.h"
+#include "sim/model/joint_ranges.h"
 #include "sim/model/model.h"
 #include "sim/random/numpy.h"
 
@@ -29,6 +31,7 @@ class ElbowEnvironment final : public Environment {
   void Observe(std::span<double> out) const override;
   StepResult Step(std::span<const double> action) override;
   EpisodeFacts facts() const override { return facts_; }
+  EpisodeDetails details() const override;
   std::span<const double> state() const override { return state_; }
   void ObserveExtra(std::span<double> out) const override;
   void RewardTerms(std::span<double> out) const override;
@@ -78,6 +81,9 @@ class ElbowEnvironment final : public Environment {
   double target_ = 0;  // rad
   int64_t run_ = 0;    // steps in a row within the tolerance
   EpisodeFacts facts_;
+  JointRanges<ElbowDetails::kJoints.size()> joint_ranges_;
+  int64_t measured_steps_ = 0;
+  std::optional<double> settled_;  // s, when the run of steps within the tolerance began
   std::vector<double> state_;
 };
 

@@ -305,7 +305,8 @@ absl::Status LeasePlayer::Record(const EpisodeOrder& episode,
   }
   if (absl::Status status = EndLog(facts); !status.ok()) return status;
   // Only a state that MuJoCo called unstable may hold numbers that are none.
-  if (MakeFinite(facts) && !(fault.has_value() && fault->outcome == Outcome::kUnstable)) {
+  const bool finite = !MakeFinite(facts);
+  if (!finite && !(fault.has_value() && fault->outcome == Outcome::kUnstable)) {
     return absl::InternalError(
         absl::StrCat("episode ", index_, " was measured with a number that is not finite"));
   }
@@ -314,9 +315,8 @@ absl::Status LeasePlayer::Record(const EpisodeOrder& episode,
     facts.policy_cpu_s = absl::ToDoubleSeconds(
         std::max(session_->cpu_used() - episode_cpu_start_, absl::ZeroDuration()));
   }
-  nlohmann::json record = EpisodeFactsToJson(facts);
-  record["type"] = "episode";
-  return SendSimMessage(runner_, record);
+  if (reset_ && finite) facts.details = environment_.details();
+  return SendSimMessage(runner_, EpisodeRecordToJson(facts));
 }
 
 absl::StatusOr<SimMessage> LeasePlayer::AskRunner(const nlohmann::json& question,

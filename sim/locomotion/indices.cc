@@ -30,11 +30,6 @@ constexpr std::array<const char*, kObservedJoints> kJointNames = {
     "ankle_angle_l",
     "subtalar_angle_l"};
 
-constexpr std::array<const char*, kPainJoints> kPainJointNames = {
-    "hip_adduction_l",        "hip_adduction_r",        "hip_flexion_l", "hip_flexion_r",
-    "hip_rotation_l",         "hip_rotation_r",         "knee_angle_l",  "knee_angle_l_rotation2",
-    "knee_angle_l_rotation3", "mtp_angle_l",            "ankle_angle_l", "subtalar_angle_l"};
-
 constexpr std::array<const char*, kFootMarkers> kFootMarkerNames = {"r_heel_btm", "r_toe_btm",
                                                                     "l_heel_btm", "l_toe_btm"};
 
@@ -80,7 +75,13 @@ absl::StatusOr<LocomotionIndices> FindLocomotionIndices(const mjModel& model) {
     out.joint_qpos[i] = find.Qpos(kJointNames[i]);
     out.joint_dof[i] = find.Dof(kJointNames[i]);
   }
-  for (int i = 0; i < kPainJoints; ++i) out.pain_dof[i] = find.Dof(kPainJointNames[i]);
+  // The names are literals, so they end with a null.
+  for (int i = 0; i < kPainJoints; ++i) {
+    out.pain_dof[i] = find.Dof(LocomotionDetails::kPainJoints[i].data());
+  }
+  for (size_t i = 0; i < out.detail_joints.size(); ++i) {
+    out.detail_joints[i] = find.Find(mjOBJ_JOINT, LocomotionDetails::kJoints[i].data());
+  }
   out.knee_qpos = find.Qpos("osl_knee_angle_r");
   out.knee_dof = find.Dof("osl_knee_angle_r");
   out.ankle_qpos = find.Qpos("osl_ankle_angle_r");

@@ -7,11 +7,13 @@
 #include <absl/status/statusor.h>
 #include <mujoco/mujoco.h>
 
+#include "protocol/tracks/locomotion/details.h"
+
 namespace myograde::sim {
 
 inline constexpr int kLegMuscles = 54;
 inline constexpr int kObservedJoints = 17;
-inline constexpr int kPainJoints = 12;
+inline constexpr int kPainJoints = LocomotionDetails::kPainJoints.size();
 inline constexpr int kFootMarkers = 4;
 
 struct LocomotionIndices {
@@ -27,6 +29,8 @@ struct LocomotionIndices {
   std::array<int, kObservedJoints> joint_dof;
   // Joints whose limit torque is pain.
   std::array<int, kPainJoints> pain_dof;
+  // Joints (ids) whose ranges are details.
+  std::array<int, LocomotionDetails::kJoints.size()> detail_joints;
   int knee_qpos = 0, knee_dof = 0, ankle_qpos = 0, ankle_dof = 0;  // of the prosthesis
   int knee_motor = 0, ankle_motor = 0;                             // actuators
   // Actuators of the muscles in the order of actions and activations, and in

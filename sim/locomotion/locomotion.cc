@@ -98,7 +98,8 @@ Locomotion::Locomotion(const LocomotionRules& rules, ModelPtr model, DataPtr dat
       data_(std::move(data)),
       at_(indices),
       terrain_(rules.field, rules.course, rules.end.distance_from_y_m),
-      leg_(rules.leg) {
+      leg_(rules.leg),
+      joint_ranges_(*model_, indices.detail_joints) {
   // The grid's size is part of the rules: the model only reserves room for it.
   model_->hfield_nrow[at_.field] = rules_.field.rows;
   model_->hfield_ncol[at_.field] = rules_.field.columns;
@@ -175,7 +176,9 @@ void Locomotion::ResetEpisode() {
   progress_ = LocomotionFacts{};
   progress_.course = static_cast<int>(terrain_.kind());
   progress_.start_y = rules_.end.distance_from_y_m;
-  progress_.min_y = progress_.final_y = data_->qpos[1];
+  progress_.min_y = progress_.final_y = root_start_y_ = data_->qpos[1];
+  pain_by_joint_.setZero();
+  judged_steps_ = 0;
   CopyState(*model_, *data_, state_);
 }
 
@@ -281,22 +284,24 @@ bool Locomotion::Fallen() const {
   return head - feet < rules_.end.head_above_feet_m || head - ground < rules_.end.head_height_m;
 }
 
-double Locomotion::Pain() const {
-  // Torque of the joint limits alone: their rows of the constraint Jacobian
-  // (dense for this model) times their forces.
-  Eigen::Matrix<double, kPainJoints, 1> torque;
+Locomotion::LimitTorques Locomotion::MeasureLimitTorques() const {
+  // The rows of the joint limits in the constraint Jacobian (dense for this
+  // model) times their forces.
+  LimitTorques torque;
   torque.setZero();
   for (int row = 0; row < data_->nefc; ++row) {
     if (data_->efc_type[row] != mjCNSTR_LIMIT_JOINT) continue;
     torque += Pick(data_->efc_J + row * model_->nv, at_.pain_dof) * data_->efc_force[row];
   }
-  return (torque.cwiseAbs().cwiseMin(rules_.pain_clip_nm) / 1000).sum() / kPainJoints;
+  return torque;
 }
 
-LocomotionTerms Locomotion::terms() const {
+LocomotionTerms Locomotion::terms() const { return TermsWith(MeasureLimitTorques()); }
+
+LocomotionTerms Locomotion::TermsWith(const LimitTorques& torques) const {
   LocomotionTerms out;
   out.effort = VectorXd::Map(data_->act, model_->na).squaredNorm() / kLegMuscles;
-  out.pain = Pain();
+  out.pain = (torques.cwiseAbs().cwiseMin(rules_.pain_clip_nm) / 1000).sum() / kPainJoints;
   out.sparse = -data_->qvel[1];
   out.solved = data_->qpos[1] < rules_.end.finish_y_m;
   out.lost = OffTrack() || Fallen();
@@ -320,11 +325,14 @@ int64_t Locomotion::MaxSteps() const {
 }
 
 bool Locomotion::JudgeStep() {
-  const LocomotionTerms now = terms();
+  const LimitTorques torques = MeasureLimitTorques();
+  const LocomotionTerms now = TermsWith(torques);
   const EndRules& end = rules_.end;
   const double y = data_->qpos[1];
   progress_.effort_sum += now.effort;
   progress_.pain_sum += now.pain;
+  pain_by_joint_ += torques.cwiseAbs().cwiseMin(rules_.pain_clip_nm) / 1000;
+  joint_ranges_.Add(*data_, /*first=*/judged_steps_++ == 0);
   progress_.min_y = std::min(progress_.min_y, y);
   progress_.final_y = y;
   progress_.distance =
@@ -350,6 +358,25 @@ bool Locomotion::JudgeStep() {
 EpisodeFacts Locomotion::facts() const {
   EpisodeFacts out = facts_;
   out.track = progress_;
+  return out;
+}
+
+EpisodeDetails Locomotion::details() const {
+  if (judged_steps_ == 0) return std::nullopt;
+  LocomotionDetails out;
+  constexpr CourseKind kKinds[] = {CourseKind::kHilly, CourseKind::kRough, CourseKind::kStairs};
+  for (size_t i = 0; i < out.obstacle_heights.size(); ++i) {
+    out.obstacle_heights[i] = terrain_.HighestPassed(kKinds[i], progress_.min_y);
+  }
+  LimitTorques::Map(out.pain_by_joint.data()) = pain_by_joint_;
+  out.joint_ranges = joint_ranges_.ranges();
+  if (facts_.end == LocomotionEnd::kFell) {
+    out.fall_time = facts_.sim_time;
+    out.fall_y = progress_.final_y;
+  }
+  // Not by the physics' clock, which a warning may set back.
+  out.speed_mean = (root_start_y_ - progress_.final_y) /
+                   (static_cast<double>(judged_steps_) * kControlPeriod);
   return out;
 }
 

@@ -20,6 +20,7 @@
 #include "sim/locomotion/indices.h"
 #include "sim/locomotion/leg.h"
 #include "sim/locomotion/terrain.h"
+#include "sim/model/joint_ranges.h"
 #include "sim/model/model.h"
 #include "sim/random/numpy.h"
 
@@ -61,6 +62,7 @@ class Locomotion final : public Environment {
   void Observe(std::span<double> out) const override;
   StepResult Step(std::span<const double> action) override;
   EpisodeFacts facts() const override;
+  EpisodeDetails details() const override;
   std::span<const double> state() const override { return state_; }
   // The official dictionary has nothing beyond the observation.
   void ObserveExtra(std::span<double>) const override {}
@@ -111,7 +113,10 @@ class Locomotion final : public Environment {
   bool JudgeStep();
   bool Fallen() const;
   bool OffTrack() const;
-  double Pain() const;
+  // N m of each joint of pain, from its limits alone.
+  using LimitTorques = Eigen::Matrix<double, kPainJoints, 1>;
+  LimitTorques MeasureLimitTorques() const;
+  LocomotionTerms TermsWith(const LimitTorques& torques) const;
   // The block that both observations share: lengths, velocities and forces of the muscles.
   Eigen::Matrix<double, 3 * kLegMuscles, 1> SortedMuscles() const;
   int64_t MaxSteps() const;
@@ -128,6 +133,12 @@ class Locomotion final : public Environment {
   std::vector<double> state_;
   EpisodeFacts facts_;
   LocomotionFacts progress_;
+
+  // What the details need besides.
+  JointRanges<LocomotionDetails::kJoints.size()> joint_ranges_;
+  Eigen::Matrix<double, kPainJoints, 1> pain_by_joint_;  // sums over steps
+  double root_start_y_ = 0;
+  int64_t judged_steps_ = 0;
 };
 
 }  // namespace myograde::sim

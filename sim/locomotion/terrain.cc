@@ -151,6 +151,25 @@ void Terrain::WriteNormalised(RowRange rows, double scale) {
       ((samples - low) / (samples.maxCoeff() - low) * scale).cast<float>();
 }
 
+double Terrain::ObstacleHeight(CourseKind kind, RowRange rows) const {
+  const auto heights = heights_.middleRows(rows.begin, rows.end - rows.begin);
+  // Every obstacle is built up from the level of the course.
+  if (kind != CourseKind::kStairs || heights.rows() < 2) return heights.maxCoeff();
+  const auto rises = heights.bottomRows(heights.rows() - 1) - heights.topRows(heights.rows() - 1);
+  return rises.maxCoeff();
+}
+
+std::optional<double> Terrain::HighestPassed(CourseKind kind, double y) const {
+  std::optional<double> highest;
+  for (size_t i = 0; i < patches_.size(); ++i) {
+    if (patches_[i] != kind) continue;
+    const RowRange rows = PatchRows(static_cast<int>(i));
+    if (rows.begin == rows.end || y >= RowY(rows.begin)) continue;
+    highest = std::max(highest.value_or(0), ObstacleHeight(kind, rows));
+  }
+  return highest;
+}
+
 double Terrain::GroundAt(double x, double y) const {
   const double column = (x / field_.half_width_m + 1) * 0.5 * (field_.columns - 1);
   const double row = (y / field_.half_length_m + 1) * 0.5 * (field_.rows - 1);

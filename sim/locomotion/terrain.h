@@ -7,6 +7,7 @@
 // is MuJoCo's: each cell is two triangles.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -47,6 +48,10 @@ class Terrain {
   // ground plane (0) outside of the field.
   double GroundAt(double x, double y) const;
 
+  // The height in m of the highest obstacle of this kind that lies wholly behind a person at `y`: of
+  // its top above the level ground before it, of stairs that of one step. nullopt if there is none.
+  std::optional<double> HighestPassed(CourseKind kind, double y) const;
+
  private:
   struct RowRange {
     int begin = 0;
@@ -54,6 +59,7 @@ class Terrain {
   };
 
   RowRange PatchRows(int patch) const;
+  double ObstacleHeight(CourseKind kind, RowRange rows) const;
   void FillPatch(int patch, CourseKind kind, NumpyGenerator& random,
                  LegacyNumpyGenerator& legacy);
   void FillStairs(RowRange rows, double step);

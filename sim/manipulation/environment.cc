@@ -69,7 +69,8 @@ ManipulationEnvironment::ManipulationEnvironment(const ManipulationRules& rules,
       model_(std::move(model)),
       data_(std::move(data)),
       scene_(scene),
-      history_(rules.hold_frames) {
+      history_(rules.hold_frames),
+      joint_ranges_(*model_, scene.detail_joints) {
   facts_.track = ManipulationFacts{};
 }
 
@@ -131,6 +132,8 @@ void ManipulationEnvironment::StartFacts() {
   history_.Clear();
   goal_touch_ = 0;
   placed_run_ = 0;
+  times_ = ObjectTimes();
+  counted_frames_ = 0;
   reference_.goal = {variation_.goal.x(), variation_.goal.y(), rules_.goal_face_m};
   reference_.object_height = data_->site_xpos[3 * scene_.touch_site + 2];
   reference_.palm_height = data_->site_xpos[3 * scene_.palm_site + 2];
@@ -210,7 +213,9 @@ StepResult ManipulationEnvironment::Simulate() {
 
 void ManipulationEnvironment::MeasureForce() {
   ManipulationFacts& facts = TrackFacts(facts_);
-  facts.peak_force = std::max(facts.peak_force, ObjectForce(*model_, *data_, scene_));
+  const double force = ObjectForce(*model_, *data_, scene_);
+  if (force > facts.peak_force) times_.AddPeak(data_->time);
+  facts.peak_force = std::max(facts.peak_force, force);
 }
 
 void ManipulationEnvironment::RefreshFrame() {
@@ -222,6 +227,8 @@ void ManipulationEnvironment::CountFrame() {
   RefreshFrame();
   history_.Add(touch_);
   history_.Report(facts);
+  times_.AddFrame(data_->time, touch_);
+  joint_ranges_.Add(*data_, /*first=*/counted_frames_++ == 0);
   goal_touch_ += touch_[kTouchGoal];
   facts.max_touch = std::max(facts.max_touch, data_->sensordata[scene_.touch_sensor]);
   const OfficialView view = ComputeOfficialView(*data_, scene_);
@@ -287,6 +294,14 @@ void ManipulationEnvironment::Judge(StepResult& result) {
   } else {
     result.ended = false;
   }
+}
+
+EpisodeDetails ManipulationEnvironment::details() const {
+  if (counted_frames_ == 0) return std::nullopt;
+  ManipulationDetails details;
+  times_.Report(details);
+  details.joint_ranges = joint_ranges_.ranges();
+  return details;
 }
 
 void ManipulationEnvironment::SynchroniseState() {

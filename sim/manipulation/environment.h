@@ -8,9 +8,11 @@
 #include "sim/manipulation/rules.h"
 #include "sim/environment.h"
 #include "sim/manipulation/contacts.h"
+#include "sim/manipulation/object_times.h"
 #include "sim/manipulation/official.h"
 #include "sim/manipulation/scene.h"
 #include "sim/manipulation/variation.h"
+#include "sim/model/joint_ranges.h"
 #include "sim/model/model.h"
 #include "sim/random/numpy.h"
 
@@ -31,6 +33,7 @@ class ManipulationEnvironment final : public Environment {
   void Observe(std::span<double> out) const override;
   StepResult Step(std::span<const double> action) override;
   EpisodeFacts facts() const override { return facts_; }
+  EpisodeDetails details() const override;
   std::span<const double> state() const override { return state_; }
   void ObserveExtra(std::span<double> out) const override;
   void RewardTerms(std::span<double> out) const override;
@@ -102,6 +105,9 @@ class ManipulationEnvironment final : public Environment {
   int64_t placed_run_ = 0;  // frames in a row in which the object was placed
   double start_height_ = 0;
   EpisodeFacts facts_;
+  ObjectTimes times_;
+  JointRanges<ManipulationDetails::kJoints.size()> joint_ranges_;
+  int64_t counted_frames_ = 0;  // of control steps
   std::vector<double> state_;
 };
 

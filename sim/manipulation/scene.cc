@@ -24,6 +24,10 @@ absl::StatusOr<Scene> FindScene(const mjModel& model) {
   scene.object_qpos = find.Qpos("manip_object/freejoint");
   scene.object_qvel = find.Dof("manip_object/freejoint");
   scene.elbow_qpos = find.Qpos("elbow_flexion");
+  for (size_t i = 0; i < scene.detail_joints.size(); ++i) {
+    // The names are literals, so they end with a null.
+    scene.detail_joints[i] = find.Find(mjOBJ_JOINT, ManipulationDetails::kJoints[i].data());
+  }
   scene.first_muscle = find.Find(mjOBJ_ACTUATOR, "DELT1");
   scene.first_servo = find.Find(mjOBJ_ACTUATOR, "prosthesis/Lshoulder_fe");
   scene.touch_sensor = 0;

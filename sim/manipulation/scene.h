@@ -7,6 +7,8 @@
 #include <absl/status/statusor.h>
 #include <mujoco/mujoco.h>
 
+#include "protocol/tracks/manipulation/details.h"
+
 namespace myograde::sim {
 
 inline constexpr int kMuscles = 63;
@@ -31,6 +33,7 @@ struct Scene {
   std::array<int, 2> prosthesis_palm_sites;  // thumb side, little finger side
   int object_qpos, object_qvel;
   int elbow_qpos;
+  std::array<int, ManipulationDetails::kJoints.size()> detail_joints;  // their ranges are details
   int touch_sensor;  // address in sensordata
   int first_muscle, first_servo;  // actuators: muscles and servos are each in one piece
 };

@@ -5,6 +5,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>
 
+#include "protocol/lease/lease.h"
 #include "sim/python/bindings.h"
 
 namespace myograde::sim {
@@ -103,6 +104,25 @@ nb::dict FactsOf(const EpisodeFacts& facts) {
   return dict;
 }
 
+namespace {
+
+// What JSON details are made of: objects, lists, numbers and null.
+nb::object ValueFrom(const nlohmann::json& json) {
+  if (json.is_object()) {
+    nb::dict dict;
+    for (const auto& [key, value] : json.items()) dict[key.c_str()] = ValueFrom(value);
+    return dict;
+  }
+  if (json.is_array()) {
+    nb::list list;
+    for (const nlohmann::json& value : json) list.append(ValueFrom(value));
+    return list;
+  }
+  return json.is_number() ? nb::object(nb::float_(json.get<double>())) : nb::object(nb::none());
+}
+
+}  // namespace
+
 std::string_view EndNameOf(const GradedEnvironment& environment) {
   if (environment.unstable()) return OutcomeName(Outcome::kUnstable);
   if (!environment.terminated() && !environment.truncated()) return "";
@@ -113,6 +133,8 @@ nb::dict EndOf(const GradedEnvironment& environment) {
   nb::dict dict;
   dict["end"] = EndNameOf(environment);
   dict["facts"] = FactsOf(environment.facts());
+  const EpisodeDetails details = environment.environment().details();
+  dict["details"] = details ? ValueFrom(DetailsToJson(*details)) : nb::object(nb::none());
   dict["digest"] = environment.digest();
   dict["actions_digest"] = environment.actions_digest();
   dict["seed"] = environment.seed();

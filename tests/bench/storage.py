@@ -47,6 +47,8 @@ def fill(path, rows):
                       {"id": f"id + {number - 1} * 1000", "evaluation": str(number)})
             copy_rows(database, "episode", "evaluation = 1",
                       {"evaluation": str(number), "lease": f"lease + {number - 1} * 1000"})
+            copy_rows(database, "episode_details", "evaluation = 1",
+                      {"id": "NULL", "evaluation": str(number)})
     database.close()
 
 

@@ -95,6 +95,11 @@ MANIPULATION = {key: 1 for key in (
         "goal_only_at_end": True, "placed": False, "solved": True}
 
 
+ELBOW = {key: 1 for key in (
+    "start_angle", "target_angle", "final_error", "smallest_error", "error_sum", "tolerance_steps",
+    "longest_run", "solved_steps", "effort_sum", "reported_time")} | {"held": True, "solved": True}
+
+
 def records():
     seed("record", "progress", '{"type":"progress","episode":1,"step":2}')
     seed("record", "locomotion", json.dumps(
@@ -102,6 +107,9 @@ def records():
     seed("record", "fault", json.dumps(
         {**COMMON, "end": "fault", "fault": FAULT, "track": "manipulation",
          "manipulation": MANIPULATION}))
+    seed("record", "details", json.dumps(
+        {**COMMON, "end": "held", "track": "elbow", "elbow": ELBOW, "details": {
+            "settle_time": None, "joint_ranges": {"r_elbow_flex": [0.1, 0.2, 0, 2.3]}}}))
     seed("record", "lease-end", json.dumps(
         {"type": "lease_end", "ok": True, "detail": "", "stdout_tail": "", "stderr_tail": "caf\u00e9",
          "stdout_truncated": False, "stderr_truncated": True, "policy_cpu_s": 1e-9, "wall_s": 3,

@@ -149,9 +149,9 @@ CALENDAR_USERS = {
 # These files list the tracks; nothing else in these parts names one.
 TRACKS = {folder.name for folder in pathlib.Path(__file__).parents[2].glob("protocol/tracks/*/")}
 TRACKLESS = {"protocol", "sim", "scoring", "server"}
-REGISTRIES = {"protocol/tracks/CMakeLists.txt", "protocol/tracks/episode_facts.h",
-              "protocol/tracks/registry.cc", "scoring/CMakeLists.txt", "scoring/track.cc",
-              "sim/CMakeLists.txt", "sim/tracks.cc"}
+REGISTRIES = {"protocol/tracks/CMakeLists.txt", "protocol/tracks/episode_details.h",
+              "protocol/tracks/episode_facts.h", "protocol/tracks/registry.cc",
+              "scoring/CMakeLists.txt", "scoring/track.cc", "sim/CMakeLists.txt", "sim/tracks.cc"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 # It throws where reading fails, which a file of /proc does whose process has ended.
 THROWING_READ = re.compile(r"istreambuf_iterator")

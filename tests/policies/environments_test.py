@@ -67,6 +67,9 @@ class Gymnasium(InFolder):
             self.assertEqual((terminated, truncated), (step == 24, False))
         self.assertEqual(info["end"], "held")
         self.assertTrue(info["facts"]["held"])
+        self.assertEqual(info["details"]["settle_time"], 0.02)
+        low, high, limit_low, limit_high = info["details"]["joint_ranges"]["r_elbow_flex"]
+        self.assertTrue(limit_low <= low < high <= limit_high, info["details"])
 
     def test_the_reward_is_the_weighted_sum_of_the_official_terms(self):
         for name in NAMES:

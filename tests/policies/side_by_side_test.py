@@ -57,6 +57,8 @@ class SideBySide(InFolder):
             self.assertTrue(info["_digest"][i])
             self.assertEqual(info["digest"][i], expected[4]["digest"])
             self.assertEqual(info["end"][i], expected[4]["end"])
+            self.assertTrue(info["_details"][i])
+            self.assertEqual(info["details"][i], expected[4]["details"])
             for key, value in expected[4]["facts"].items():
                 self.assertEqual(info["facts"][key][i], value, key)
         elif "seed" in expected[4]:

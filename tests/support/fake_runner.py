@@ -34,6 +34,23 @@ def manipulation(success, force=10.0, effort=1.5):
     return facts
 
 
+FINGERS = [f"{joint}{finger}_{motion}" for finger in range(2, 6) for joint, motion in (
+    ("mcp", "flexion"), ("mcp", "abduction"), ("pm", "flexion"), ("md", "flexion"))]
+JOINTS = ["elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation",
+          "flexion", "cmc_abduction", "cmc_flexion", "mp_flexion", "ip_flexion", *FINGERS]
+
+
+def details(seed, success):
+    """As far as the episode goes: an object that is not handed over is never released."""
+    times = {"first_contact_time": 0.25 + seed % 10 / 100, "peak_force_time": 0.5,
+             "handover_time": 1.5, "release_time": 1.75, "goal_contact_time": 2.0}
+    if not success:
+        times.update(handover_time=None, release_time=None, goal_contact_time=None)
+    return {**times, "joint_ranges": {
+        joint: [-0.1 * place, 0.1 * place, -0.2 * place - 0.1, 0.2 * place + 0.1]
+        for place, joint in enumerate(JOINTS)}}
+
+
 def skill(mode, index, rules):
     """Whether the episode is a success, its peak force and its effort."""
     usual, other, force, effort = (int(word) for word in mode.split("-")[1:])
@@ -53,6 +70,8 @@ def episode(order, mode, rules):
         "steps": 100 + seed % 1000, "sim_time": 1.0 + seed % 1000 / 100, "clipped": 0,
         "digest": digest.hexdigest(), "wall_s": time.monotonic() % 1, "policy_cpu_s": 0.01,
         "track": "manipulation", "manipulation": manipulation(success, force, effort)}
+    if mode not in ("crash", "-c"):
+        record["details"] = details(seed, success)
     if mode == "logged":
         record["log"] = {"sha256": hashlib.sha256(f"log of {seed}".encode()).hexdigest(),
                          "bytes": 10, "packed_bytes": 10, "steps": record["steps"]}

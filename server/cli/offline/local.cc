@@ -138,7 +138,8 @@ Json LocalRowJson(const EpisodeRow& row) {
                {"outcome", OutcomeName(row.outcome)},
                {"reason", row.reason.name()},
                {"metrics", Json::parse(row.metrics_json)},
-               {"facts", facts}};
+               {"facts", facts},
+               {"details", row.details_json.empty() ? Json() : Json::parse(row.details_json)}};
   const std::pair<const char*, const char*> copied[] = {
       {"steps", "steps"}, {"sim_time", "sim_time_s"}, {"clipped", "clipped"}, {"digest", "digest"},
       {"actions_digest", "actions_digest"},  {"log", "log"},

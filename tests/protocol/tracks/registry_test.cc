@@ -50,6 +50,15 @@ TEST(Tracks, LayoutsHaveNoGapsAndActionsFitTheirFrame) {
   }
 }
 
+template <typename... Facts, typename... Details>
+bool SameOrder(std::variant<Facts...>*, std::variant<Details...>*) {
+  return sizeof...(Facts) == sizeof...(Details) && ((Facts::kTrack == Details::kTrack) && ...);
+}
+
+TEST(Tracks, EachHasDetailsInThePlaceOfItsFacts) {
+  EXPECT_TRUE(SameOrder(static_cast<TrackFacts*>(nullptr), static_cast<TrackDetails*>(nullptr)));
+}
+
 TEST(Tracks, FactsKeepTheirTrackInRecords) {
   for (const TrackKind* track : AllTracks()) {
     SCOPED_TRACE(track->name);

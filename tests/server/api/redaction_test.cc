@@ -38,6 +38,7 @@ Json Row() {
             {"detail", "died"},
             {"stderr_tail", "secret words"}}},
           {"facts", {{"frames", 3}}},
+          {"details", {{"fall_time", 1.5}}},
           {"wall_s", 0.1},
           {"policy_cpu_s", 0.2},
           {"attempt", 1}};
@@ -107,6 +108,7 @@ TEST(RedactEvaluation, HidesEachPartByItsName) {
   answer = Redacted(Evaluation(), {.logs = false});
   EXPECT_TRUE(answer["episode_rows"][0]["log"].is_null());
   EXPECT_TRUE(answer["episode_rows"][0]["facts"].is_null());
+  EXPECT_TRUE(answer["episode_rows"][0]["details"].is_null());
 
   answer = Redacted(Evaluation(), {.output = false});
   EXPECT_EQ(answer["output"], Json::array());

@@ -142,6 +142,8 @@ std::vector<Target> TargetsIn(const TwoTeams& teams) {
     rows.emplace_back("ledger", "submission = " + of(evaluation, "id"));
     rows.emplace_back("evaluation", "id = " + evaluation);
     rows.emplace_back("episode", absl::StrCat("evaluation = ", evaluation, " AND idx = 0"));
+    rows.emplace_back("episode_details",
+                      absl::StrCat("evaluation = ", evaluation, " AND idx = 0"));
     rows.emplace_back("transition",
                       absl::StrCat("id = (SELECT max(id) FROM transition WHERE entity = "
                                    "'evaluation' AND entity_id = ",

@@ -1,6 +1,7 @@
 #include "history_world.h"
 
 #include <filesystem>
+#include <map>
 
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
@@ -66,6 +67,10 @@ EpisodeFacts FactsOf(const EpisodeOrder& episode) {
   played.frames_arm = played.frames_prosthesis = 100;
   played.placed = played.solved = played.goal_only_at_end = placed;
   facts.track = played;
+  ManipulationDetails details;
+  details.first_contact_time = 0.5;
+  if (placed) details.handover_time = 0.75;
+  facts.details = details;
   return facts;
 }
 
@@ -346,6 +351,8 @@ void World::CheckEvaluation(Reader& reader, int64_t id) {
   const auto seeds =
       nlohmann::json::parse(*reader.SeedsJson(submission.seeds)).get<std::vector<uint64_t>>();
   const std::vector<EpisodeRow> rows = *reader.Episodes(id);
+  const std::map<int64_t, std::string> details = *reader.EpisodeDetails(id);
+  Promise(details.size() == rows.size(), absl::StrCat("details of ", id, " were lost or are extra"));
   for (const EpisodeRow& row : rows) {
     const EpisodeFacts expected = FactsOf(
         {row.index, seeds[static_cast<size_t>(row.index)],
@@ -354,6 +361,9 @@ void World::CheckEvaluation(Reader& reader, int64_t id) {
     Promise(row.facts_json == facts, absl::StrCat("episode ", row.index, " of ", id,
                                                   " has other facts than it was played with"));
     seen_[{id, row.index}] = facts;
+    Promise(details.contains(row.index) &&
+                details.at(row.index) == CanonicalJson(DetailsToJson(*expected.details)),
+            absl::StrCat("episode ", row.index, " of ", id, " has other details"));
   }
   int64_t known = 0;
   for (const auto& [key, facts] : seen_) known += key.first == id;

@@ -71,6 +71,9 @@ TEST_F(RejudgesTest, ComputesFromFactsWhereOnlyScoringDiffers) {
       const bool failed = after[i].outcome == Outcome::kFailure;
       EXPECT_EQ(Json::parse(after[i].metrics_json)["time_s"] == 20, failed);
     }
+    EXPECT_EQ(reader.EpisodeDetails(items[0].evaluation)->size(), after.size());
+    EXPECT_EQ(*reader.EpisodeDetails(items[0].evaluation),
+              *reader.EpisodeDetails(items[0].source));
     const EvaluationRow source = *reader.Evaluation(items[0].source);
     const EvaluationRow row = *reader.Evaluation(items[0].evaluation);
     EXPECT_EQ(row.kind, EvaluationKind::kRejudge);

@@ -59,6 +59,25 @@ TEST(JudgedRow, HoldsTheFactsTheVerdictAndTheMetrics) {
   EXPECT_EQ(judgement->metrics[scoring::LocomotionMetric::kPain], 0.2);
 }
 
+TEST(JudgedRow, HasTheDetailsBesideAndNothingFollowsFromThem) {
+  const TrackPtr track = LoadTrack("locomotion");
+  ASSERT_NE(track, nullptr);
+  EpisodeFacts facts = Walked(4, 12.5);
+  const auto without = JudgedRow(*track, facts);
+  ASSERT_TRUE(without.ok()) << without.status();
+  EXPECT_EQ(without->details_json, "");
+  LocomotionDetails details;
+  details.fall_time = 3.5;
+  facts.details = details;
+  const auto with = JudgedRow(*track, facts);
+  ASSERT_TRUE(with.ok()) << with.status();
+  EXPECT_EQ(nlohmann::json::parse(with->details_json)["fall_time"], 3.5);
+  EXPECT_EQ(with->facts_json, without->facts_json);
+  EXPECT_EQ(with->metrics_json, without->metrics_json);
+  EXPECT_EQ(MerkleRootOf({*with}, ""), MerkleRootOf({*without}, ""));
+  EXPECT_EQ(ReceiptEntry(*with, ""), ReceiptEntry(*without, ""));
+}
+
 TEST(JudgedRow, AFaultWithoutAStepHasNoMeans) {
   const TrackPtr track = LoadTrack("locomotion");
   ASSERT_NE(track, nullptr);

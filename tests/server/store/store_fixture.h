@@ -80,13 +80,14 @@ class StoreTest : public ::testing::Test {
   }
 
   absl::StatusOr<Recorded> Record(const Accepted& accepted, int64_t index, int64_t attempt,
-                                  const std::string& facts = kFacts) {
+                                  const std::string& facts = kFacts,
+                                  const std::string& details = "") {
     Recorded recorded;
     const int64_t lease = accepted.leases[static_cast<size_t>(index / 2)];
     const absl::Status status = store_->Write([&](Writer& writer) -> absl::Status {
       auto result = writer.RecordEpisode({accepted.evaluation, index, lease, attempt,
                                           static_cast<uint64_t>(index + 1), Outcome::kFailure,
-                                          FailureReason::kTime, facts, R"({"time_s":10.0})"});
+                                          FailureReason::kTime, facts, R"({"time_s":10.0})", details});
       if (result.ok()) recorded = *result;
       return result.status();
     });

@@ -84,6 +84,30 @@ TEST_F(StoreTest, AnEpisodeCountsOnceAndADifferenceIsRemembered) {
   });
 }
 
+TEST_F(StoreTest, DetailsAreKeptBesideTheResultAndComparedWithNothing) {
+  const Accepted accepted = Submit();
+  ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
+  EXPECT_TRUE(Record(accepted, 0, 1, kFacts, R"({"fall_time":1.5})")->counted);
+  EXPECT_TRUE(Record(accepted, 1, 1)->counted);
+  const auto again = Record(accepted, 0, 1, kFacts, R"({"fall_time":2.5})");
+  EXPECT_FALSE(again->counted);
+  EXPECT_TRUE(again->differs.empty()) << "no part of a result";
+  Read([&](Reader& reader) {
+    EXPECT_THAT(*reader.EpisodeDetails(accepted.evaluation),
+                ElementsAre(testing::Pair(0, R"({"fall_time":1.5})")));
+    EXPECT_THAT(*reader.EpisodeDetails(accepted.evaluation + 1), testing::IsEmpty());
+    for (const EpisodeRow& row : *reader.Episodes(accepted.evaluation)) {
+      EXPECT_EQ(row.details_json, "") << "read by themselves";
+    }
+  });
+  ASSERT_EQ(SqlError("DROP TRIGGER episode_details_fixed; "
+                     "UPDATE episode_details SET details_json = '[]'"), "");
+  Read([&](Reader& reader) {
+    EXPECT_TRUE(absl::IsDataLoss(reader.EpisodeDetails(accepted.evaluation).status()));
+    EXPECT_TRUE(reader.Episodes(accepted.evaluation).ok());
+  });
+}
+
 TEST_F(StoreTest, OnlyAllowedStepsAreTaken) {
   const Accepted accepted = Submit();
   const int64_t lease = accepted.leases[0];
@@ -124,11 +148,13 @@ TEST_F(StoreTest, OnlyAllowedStepsAreTaken) {
 TEST_F(StoreTest, TheSchemaRefusesToRewriteThePast) {
   const Accepted accepted = Submit();
   ASSERT_TRUE(Start(accepted.leases[0], 1).ok());
-  ASSERT_TRUE(Record(accepted, 0, 1).ok());
+  ASSERT_TRUE(Record(accepted, 0, 1, kFacts, "{}").ok());
   const std::pair<const char*, const char*> attempts[] = {
       {"UPDATE transition SET why = 'x'", "never changed"},
       {"DELETE FROM transition", "never deleted"},
       {"UPDATE episode SET facts_json = '{}'", "never changed"},
+      {"UPDATE episode_details SET details_json = '{}'", "never changed"},
+      {"DELETE FROM episode_details", "never deleted"},
       {"DELETE FROM episode", "never deleted"},
       {"UPDATE config SET effective_json = ''", "never changed"},
       {"UPDATE evaluation SET state = 'finished'", "CHECK"},

@@ -53,7 +53,8 @@ class TransferTest : public StoreTest {
     for (const int64_t lease : {0, 1}) {
       const int64_t id = played.leases[static_cast<size_t>(lease)];
       ASSERT_TRUE(Start(id, 1).ok());
-      ASSERT_TRUE(Record(played, 2 * lease, 1).ok() && Record(played, 2 * lease + 1, 1).ok());
+      ASSERT_TRUE(Record(played, 2 * lease, 1, kFacts, R"({"fall_time":null})").ok());
+      ASSERT_TRUE(Record(played, 2 * lease + 1, 1).ok());
       ASSERT_TRUE(store_->Write([&](Writer& writer) {
         return writer.FinishLease(id, 1, "{}", "daemon");
       }).ok());
@@ -74,6 +75,8 @@ TEST_F(TransferTest, AnImportGivesTheSameExportAgain) {
   EXPECT_EQ(Export(dir_ + "/copy.db"), text);
   const nlohmann::json json = nlohmann::json::parse(text);
   EXPECT_EQ(json["data"]["episode"].size(), 4u);
+  ASSERT_EQ(json["data"]["episode_details"].size(), 2u);
+  EXPECT_EQ(json["data"]["episode_details"][0]["details_json"], R"({"fall_time":null})");
   EXPECT_EQ(json["data"]["ledger"].size(), 1u);
   EXPECT_EQ(json["data"]["mark"][0]["why"], "ours");
   EXPECT_FALSE(json["data"].contains("meta")) << "the secret stays";

@@ -281,5 +281,31 @@ TEST(ElbowFaults, BadNumbersAreUnstableOrResetTheOfficialSimulation) {
   EXPECT_EQ(official->data().qpos[0], 0) << "back to the model's start, as the official code does";
 }
 
+TEST(ElbowDetails, TellSinceWhenTheElbowHasBeenWithinTheTolerance) {
+  const auto env = MakeElbowProfile("hold");
+  env->Reset(1);
+  EXPECT_FALSE(env->details().has_value());
+  const auto settled = [&] {
+    return std::get<ElbowDetails>(env->details().value()).settle_time;
+  };
+  const double tolerance = env->rules().tolerance_rad;
+  StayAt(*env, tolerance + 0.2, 2);
+  EXPECT_EQ(settled(), std::nullopt);
+  StayAt(*env, 0, 1);
+  const double first = env->data().time;
+  EXPECT_EQ(settled(), first);
+  StayAt(*env, 0, 2);
+  EXPECT_EQ(settled(), first);
+  StayAt(*env, tolerance + 0.2, 1);
+  EXPECT_EQ(settled(), std::nullopt) << "it did not stay";
+  StayAt(*env, 0, 1);
+  EXPECT_EQ(settled(), env->data().time);
+  const JointRange elbow = std::get<ElbowDetails>(env->details().value()).joint_ranges[0];
+  EXPECT_GT(elbow.high - elbow.low, 0.1);
+  EXPECT_NEAR(elbow.limit_high, kJointEnd, 1e-4);
+  env->Reset(1);
+  EXPECT_FALSE(env->details().has_value());
+}
+
 }  // namespace
 }  // namespace myograde::sim

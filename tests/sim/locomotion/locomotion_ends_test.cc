@@ -43,6 +43,9 @@ class Probe {
 
   EpisodeFacts facts() const { return environment_->facts(); }
   LocomotionFacts walk() const { return std::get<LocomotionFacts>(facts().track); }
+  LocomotionDetails details() const {
+    return std::get<LocomotionDetails>(environment_->details().value());
+  }
   Locomotion& environment() { return *environment_; }
   std::vector<double>& qpos() { return qpos_; }
 
@@ -156,6 +159,87 @@ TEST(Pain, ComesFromJointLimitsAndIsClipped) {
   const double most = probe.environment().terms().pain;
   EXPECT_GT(most, some);
   EXPECT_LE(most, 1);
+}
+
+TEST(Pain, OfEachJointAddsUpToTheSum) {
+  Probe probe("paper", "flat");
+  const LocomotionIndices& at = probe.environment().indices();
+  probe.StepAt(0, 40, 2);
+  probe.qpos()[at.joint_qpos[6]] = 2.4;  // the sound knee, beyond its limit
+  probe.StepAt(0, 40, 2);
+  const auto pain = probe.details().pain_by_joint;
+  double sum = 0;
+  for (const double joint : pain) sum += joint / kPainJoints;
+  EXPECT_NEAR(sum, probe.walk().pain_sum, 1e-12);
+  EXPECT_STREQ(LocomotionDetails::kPainJoints[6].data(), "knee_angle_l");
+  EXPECT_GT(pain[6], 0.01);
+  EXPECT_GT(pain[6], 10 * pain[0]);
+}
+
+TEST(LocomotionDetails, NothingIsThereBeforeTheFirstStepNorAfterAReset) {
+  Probe probe("paper", "flat");
+  EXPECT_FALSE(probe.environment().details().has_value());
+  probe.StepAt(0, 40);
+  EXPECT_TRUE(probe.environment().details().has_value());
+  probe.environment().Reset(1);
+  EXPECT_FALSE(probe.environment().details().has_value());
+  probe.environment().Step(ConstantAction(0));
+  const LocomotionDetails fresh = probe.details();
+  for (const JointRange& range : fresh.joint_ranges) EXPECT_EQ(range.low, range.high);
+  EXPECT_LT(std::abs(fresh.speed_mean), 3);
+}
+
+TEST(LocomotionDetails, RangesHoldTheAnglesOfTheStepsAndTheModelsLimits) {
+  Probe probe("paper", "flat");
+  const LocomotionIndices& at = probe.environment().indices();
+  probe.StepAt(0, 40, 2);
+  const double first = probe.environment().data().qpos[at.knee_qpos];
+  probe.qpos()[at.knee_qpos] = 1;
+  probe.StepAt(0, 40, 2);
+  const double second = probe.environment().data().qpos[at.knee_qpos];
+  ASSERT_STREQ(LocomotionDetails::kJoints[12].data(), "osl_knee_angle_r");
+  const JointRange knee = probe.details().joint_ranges[12];
+  EXPECT_EQ(knee.low, std::min(first, second));
+  EXPECT_EQ(knee.high, std::max(first, second));
+  EXPECT_GT(knee.high - knee.low, 0.5);
+  EXPECT_NEAR(knee.limit_low, 0, 1e-9);
+  EXPECT_NEAR(knee.limit_high, 120 * std::numbers::pi / 180, 1e-3);
+  const JointRange ankle = probe.details().joint_ranges[13];
+  EXPECT_NEAR(ankle.limit_low, -30 * std::numbers::pi / 180, 1e-3);
+  for (const JointRange& range : probe.details().joint_ranges) {
+    EXPECT_LT(range.limit_low, range.limit_high);
+  }
+}
+
+TEST(LocomotionDetails, SpeedIsTheWayByTheTimeOfTheSteps) {
+  Probe probe("paper", "flat");
+  probe.StepAt(0, 50);  // from y = 55 in a step of 5 ms
+  EXPECT_NEAR(probe.details().speed_mean, 1000, 2);
+  EXPECT_FALSE(probe.details().fall_time.has_value());
+}
+
+TEST(LocomotionDetails, TellWhenAndWhereOneFell) {
+  Probe probe("paper", "flat");
+  ASSERT_TRUE(probe.StepAt(0, 40, 0, 1.3).ended);
+  ASSERT_EQ(probe.facts().end, LocomotionEnd::kFell);
+  EXPECT_EQ(probe.details().fall_time, probe.facts().sim_time);
+  EXPECT_EQ(probe.details().fall_y, probe.walk().final_y);
+  Probe off("paper", "flat");
+  ASSERT_TRUE(off.StepAt(1.6, 40).ended);
+  EXPECT_FALSE(off.details().fall_time.has_value());
+  EXPECT_FALSE(off.details().fall_y.has_value());
+}
+
+TEST(LocomotionDetails, ObstaclesCountOnceTheyAreWhollyPassed) {
+  Probe probe("paper", "stairs");
+  probe.StepAt(0, 55 - 29.5, 1);
+  EXPECT_EQ(probe.details().obstacle_heights[2], std::nullopt);
+  probe.StepAt(0, 55 - 40.3, 1);
+  EXPECT_NEAR(probe.details().obstacle_heights[2].value(), 2.0 / 8 * 0.5, 1e-6);
+  probe.StepAt(0, 55 - 20, 1);  // back again: it was passed
+  EXPECT_NEAR(probe.details().obstacle_heights[2].value(), 2.0 / 8 * 0.5, 1e-6);
+  EXPECT_EQ(probe.details().obstacle_heights[0], std::nullopt);
+  EXPECT_EQ(probe.details().obstacle_heights[1], std::nullopt);
 }
 
 }  // namespace

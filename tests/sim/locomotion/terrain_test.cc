@@ -121,6 +121,41 @@ TEST(PaperCourse, RoughPatchesHaveTheirFullRange) {
   }
 }
 
+TEST(HighestPassed, GrowsFromObstacleToObstacleOfItsKind) {
+  const struct {
+    const char* name;
+    CourseKind kind;
+    double largest;
+  } kinds[] = {{"hilly", CourseKind::kHilly, 1.5},
+               {"rough", CourseKind::kRough, 0.6},
+               {"stairs", CourseKind::kStairs, 0.5}};
+  for (const auto& [name, kind, largest] : kinds) {
+    const Terrain terrain = PaperCourse({name});
+    for (int k = 3; k <= 10; ++k) {
+      const auto before = terrain.HighestPassed(kind, 55 - (10 * k - 0.3));
+      const auto after = terrain.HighestPassed(kind, 55 - (10 * k + 0.05));
+      if (k == 3) {
+        EXPECT_EQ(before, std::nullopt) << name;
+      } else {
+        EXPECT_NEAR(before.value(), largest * (k - 3) / 8, 0.013 * largest) << name << " " << k;
+      }
+      // Of a hill the highest sample may miss the top by a little.
+      EXPECT_NEAR(after.value(), largest * (k - 2) / 8, 0.003 * largest) << name << " " << k;
+    }
+    for (const auto& [other, other_kind, unused] : kinds) {
+      if (other_kind != kind) EXPECT_EQ(terrain.HighestPassed(other_kind, -50), std::nullopt);
+    }
+  }
+  EXPECT_EQ(PaperCourse({"flat"}).HighestPassed(CourseKind::kFlat, 55), std::nullopt);
+}
+
+TEST(HighestPassed, OfAMixedCourseIsOfEachKind) {
+  const Terrain terrain = PaperCourse({"mixed"});
+  for (const CourseKind kind : {CourseKind::kHilly, CourseKind::kRough, CourseKind::kStairs}) {
+    EXPECT_GT(terrain.HighestPassed(kind, -46).value(), 0);
+  }
+}
+
 TEST(PaperCourse, RoughHeightsAreUniformAndDifferWithTheSeed) {
   std::vector<double> heights;
   for (uint64_t seed = 0; seed < 10; ++seed) {

@@ -165,7 +165,7 @@ class Client:
 
     def episodes(self, submission: int) -> list[Record]:
         """One record for each recorded episode: `index`, `outcome`, `reason`, the track's metrics
-        under their names, `facts.…`, `fault.…`. What a phase withholds is None."""
+        under their names, `facts.…`, `details.…`, `fault.…`. What a phase withholds is None."""
         result = self._get(f"{_address(submission)}/result?episodes=1", episode_rows=list)
         return [episode_record(row) for row in result["episode_rows"]]
 

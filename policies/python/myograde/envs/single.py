@@ -27,7 +27,8 @@ class GradedEnv(gymnasium.Env[Any, np.ndarray]):
 
     `info` has of a reset: "seed". Of a step: "rewards" (each term, unweighted) and "facts" (what was
     measured so far, by the keys of a result). Of the last step also "end" (how it ended), "digest",
-    "actions_digest" (SHA-256 over states and actions, as in a result), "seed" and "steps".
+    "actions_digest" (SHA-256 over states and actions, as in a result), "seed", "steps" and "details"
+    (ranges of joints and the like, as in a result; None if no step could be measured).
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}

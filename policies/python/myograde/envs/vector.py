@@ -31,7 +31,8 @@ class GradedVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     `info` has of each step "rewards" (the terms, unweighted: an array of num_envs by name), and for
     the environments whose episode ended in this step, as the masks _end and so on say, "end",
-    "digest", "actions_digest", "facts", "seed" and "steps"; where an episode began, "seed".
+    "digest", "actions_digest", "facts", "seed", "steps" and "details" (an array of GradedEnv's dicts,
+    None elsewhere); where an episode began, "seed".
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": NEXT_STEP}
@@ -148,7 +149,13 @@ class GradedVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             for i in began:
                 self._draw(int(i))
         for i in np.flatnonzero(self._terminated | self._truncated):
-            info = self._add_info(info, self.core.end_of(int(i)), int(i))
+            end = self.core.end_of(int(i))
+            details = end.pop("details")
+            info = self._add_info(info, end, int(i))
+            # A value of its own for each: their times may be None, of which no array of numbers knows.
+            all_details = info.setdefault("details", np.full(self.num_envs, None))
+            all_details[i] = details
+            info["_details"] = info["_digest"]
 
     def _in_form(self) -> Any:
         array = self._observations.copy() if self.copy else self._observations
