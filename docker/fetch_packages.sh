@@ -35,6 +35,25 @@ if [ ! -e "$cache/nanobind-2.9.2" ]; then
   mv "$scratch/nanobind" "$cache/nanobind-2.9.2"
 fi
 
+# three.js: the modules that the web pages use, each with the digest that it has in npm's package (of
+# GLTFLoader.js, which this wheel changed one import of, the wheel's own).
+three=(bdbe1d0133b5e8e02bd6299abc75338ab32e5225c0db39f4f3e76a22cbbeb156:three.module.js
+       80efaadea4f8a636a65fb0bd08bfef62f3d93a0bb94e2e7500f23176c5c07f4e:modules/OrbitControls.js
+       23b6b99713461cdba78099b4cacf82f780cc03b9b1fe1afdc87c0f0f6fd31f2b:modules/GLTFLoader.js
+       c25b7930e570e9ec56173cd3b866ec8d2e10016630db3937efb439daf1cedbf6:modules/BufferGeometryUtils.js)
+if [ ! -e "$cache/three-0.168.0" ]; then
+  echo "Getting three.js ..."
+  download "$here/three.txt"
+  mkdir "$scratch/three"
+  for file in "${three[@]}"; do
+    unzip -q -o -j "$cache"/wheels/nicegui-2.24.2-*.whl "nicegui/elements/lib/three/${file#*:}" -d "$scratch/three" &&
+      echo "${file%%:*}  $scratch/three/${file##*[:/]}" | sha256sum --check --status ||
+      fail "the wheel of nicegui in $cache/wheels is damaged; delete it and try again."
+  done
+  chmod -R a+rX "$scratch/three"
+  mv "$scratch/three" "$cache/three-0.168.0"
+fi
+
 # As organisers make runtimes. Another list makes it anew.
 for runtime in python template-2024; do
   /usr/bin/python3 -B "$here/../server/runtime/make/make_runtime.py" add "$cache/runtimes" "$runtime" \

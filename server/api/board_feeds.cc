@@ -5,6 +5,8 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
+#include "server/base/plain_text.h"
+
 namespace myograde::server {
 namespace {
 
@@ -51,15 +53,25 @@ std::string EntryOf(const Json& board, const Json& row, const std::string& ended
 
 std::string XmlText(const std::string& text) {
   std::string escaped;
-  for (const char c : text) {
-    switch (c) {
-      case '&': escaped += "&amp;"; break;
-      case '<': escaped += "&lt;"; break;
-      case '>': escaped += "&gt;"; break;
-      case '"': escaped += "&quot;"; break;
-      case '\'': escaped += "&#39;"; break;
-      default:
-        if (static_cast<unsigned char>(c) >= 0x20 || c == '\t' || c == '\n') escaped += c;
+  for (size_t at = 0; at < text.size();) {
+    const size_t begin = at;
+    const char32_t c = TakeCodePoint(text, at);
+    if (c == '&') {
+      escaped += "&amp;";
+    } else if (c == '<') {
+      escaped += "&lt;";
+    } else if (c == '>') {
+      escaped += "&gt;";
+    } else if (c == '"') {
+      escaped += "&quot;";
+    } else if (c == '\'') {
+      escaped += "&#39;";
+    } else if (c == kBroken) {
+      escaped += "\uFFFD";
+    } else if ((IsHarmful(c) && c != '\t' && c != '\n') || (c & 0xfffe) == 0xfffe) {
+      absl::StrAppendFormat(&escaped, "⟨U+%04X⟩", static_cast<uint32_t>(c));
+    } else {
+      escaped.append(text, begin, at - begin);
     }
   }
   return escaped;

@@ -12,7 +12,8 @@
 namespace myograde::server {
 
 // `text` as character data or an attribute's value of XML 1.0: markup is escaped, and characters that
-// XML can't hold are left out.
+// XML can't hold, that nobody sees or that turn the text around them are shown by their number, as the
+// pages do.
 std::string XmlText(const std::string& text);
 
 // An SVG that tells a team's rank on the board. NotFoundError: it has none.

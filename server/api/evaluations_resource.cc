@@ -10,6 +10,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "server/api/episode_rows.h"
 #include "server/api/phase_sight.h"
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
@@ -24,33 +25,6 @@ namespace myograde::server {
 namespace {
 
 using Json = nlohmann::json;
-
-// What a caller asks for besides the evaluation itself.
-struct Wanted {
-  bool episodes = false;
-  bool details = false;  // of the episodes
-};
-
-// A parameter that is 0 or 1; absent: `otherwise`.
-absl::StatusOr<bool> FlagOf(const httplib::Request& request, const std::string& name,
-                            bool otherwise) {
-  const std::string text = request.get_param_value(name);
-  if (text.empty()) return otherwise;
-  if (text != "0" && text != "1") {
-    return absl::InvalidArgumentError(absl::StrCat("\"", name, "\" must be 0 or 1"));
-  }
-  return text == "1";
-}
-
-absl::StatusOr<Wanted> WantedBy(const httplib::Request& request) {
-  absl::Status status = CheckParameters(request, {"details", "episodes"});
-  const absl::StatusOr<bool> episodes = FlagOf(request, "episodes", false);
-  const absl::StatusOr<bool> details = FlagOf(request, "details", true);
-  status.Update(episodes.status());
-  status.Update(details.status());
-  if (!status.ok()) return status;
-  return Wanted{.episodes = *episodes, .details = *details};
-}
 
 // How often each outcome and each reason came up.
 void AddOutcomes(const std::vector<EpisodeRow>& rows, Json& json) {
@@ -79,6 +53,22 @@ Json OutputToJson(const std::vector<LeaseRow>& leases) {
   return list;
 }
 
+// The rows that are asked for, what all episodes come to together, and which of them to look at.
+absl::Status AddEpisodes(Reader& reader, const Track& track, int64_t evaluation,
+                         std::vector<EpisodeRow> rows, const EpisodeSelection& selection,
+                         Json& json) {
+  if (selection.needs_details()) {
+    absl::StatusOr<std::map<int64_t, std::string>> details = reader.EpisodeDetails(evaluation);
+    if (!details.ok()) return details.status();
+    for (EpisodeRow& row : rows) {
+      const auto its = details->find(row.index);
+      if (its != details->end()) row.details_json = std::move(its->second);
+    }
+  }
+  if (selection.rows) json["episode_rows"] = RowsToJson(rows, track.config.seed_salt, selection);
+  return selection.summary ? AddSummary(track, rows, json) : absl::OkStatus();
+}
+
 // A re-run against its original; null for an original.
 absl::StatusOr<Json> ComparisonOf(Reader& reader, const EvaluationRow& evaluation,
                                   const std::vector<EpisodeRow>& rows) {
@@ -90,25 +80,8 @@ absl::StatusOr<Json> ComparisonOf(Reader& reader, const EvaluationRow& evaluatio
   return CompareRows(original->id, *its, evaluation, rows);
 }
 
-// The episodes' rows as they are answered.
-absl::StatusOr<Json> EpisodesToJson(Reader& reader, int64_t evaluation,
-                                    std::vector<EpisodeRow> rows, const Wanted& wanted,
-                                    const std::string& seed_salt) {
-  absl::StatusOr<std::map<int64_t, std::string>> details = std::map<int64_t, std::string>();
-  if (wanted.details) details = reader.EpisodeDetails(evaluation);
-  if (!details.ok()) return details.status();
-  Json list = Json::array();
-  for (EpisodeRow& row : rows) {
-    if (const auto its = details->find(row.index); its != details->end()) {
-      row.details_json = std::move(its->second);
-    }
-    list.push_back(EpisodeToJson(row, seed_salt));
-  }
-  return list;
-}
-
 absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context, int64_t id,
-                                      const Wanted& wanted) {
+                                      const EpisodeSelection& selection) {
   absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
   if (!evaluation.ok()) return evaluation.status();
   absl::StatusOr<SubmissionRow> submission = reader.Submission(evaluation->submission);
@@ -155,14 +128,17 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   const absl::StatusOr<Json> comparison = ComparisonOf(reader, *evaluation, rows);
   if (!comparison.ok()) return comparison.status();
   json["comparison"] = *comparison;
-  if (wanted.episodes) {
-    absl::StatusOr<Json> list = EpisodesToJson(reader, id, rows, wanted, config.seed_salt);
-    if (!list.ok()) return list.status();
-    json["episode_rows"] = *std::move(list);
+  if (selection.rows || selection.summary) {
+    const absl::Status added = AddEpisodes(reader, **track, id, rows, selection, json);
+    if (!added.ok()) return added;
   }
   const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);
   if (!sight.ok()) return sight.status();
   RedactEvaluation(json, *sight);
+  if (selection.rows && !selection.fields.empty()) {
+    json["episode_columns"] = ColumnsOf(selection.fields, json["episode_rows"]);
+    json.erase("episode_rows");
+  }
   return json;
 }
 
@@ -229,8 +205,10 @@ void EvaluationsResource::Install(Routes& routes) {
 
 ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
                                                 const httplib::Request& request) const {
-  const absl::StatusOr<Wanted> wanted = WantedBy(request);
-  absl::Status status = wanted.status();
+  absl::Status status =
+      CheckParameters(request, {"details", "episodes", "fields", "first", "last", "summary"});
+  const absl::StatusOr<EpisodeSelection> selection = ParseEpisodes(request);
+  status.Update(selection.status());
   ApiAnswer answer;
   if (status.ok()) {
     status = context_.readers.Read([&](Reader& reader) -> absl::Status {
@@ -244,7 +222,7 @@ ApiResult EvaluationsResource::EvaluationAnswer(int64_t id, bool of_submission,
         if (!original.ok()) return original.status();
         evaluation = original->id;
       }
-      absl::StatusOr<Json> json = EvaluationToJson(reader, context_, evaluation, *wanted);
+      absl::StatusOr<Json> json = EvaluationToJson(reader, context_, evaluation, *selection);
       if (json.ok()) answer.body = *std::move(json);
       return json.status();
     });

@@ -2,8 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <limits>
-#include <tuple>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -19,41 +18,22 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int64_t kLookAt = 1000;  // submissions of each state
 constexpr size_t kShow = 100;
 
 struct Waiting {
   SubmissionRow row;
   EvaluationRow evaluation;
-  int64_t position = 0;  // in the queue; 0: it is played, or is about to be
 };
 
-// All of one state that the caller may see. What can't be read is in `damaged`.
-absl::StatusOr<std::vector<Waiting>> AllIn(EvaluationState state, Reader& reader,
-                                           const ApiContext& context,
-                                           std::vector<Damage>& damaged) {
-  SubmissionFilter filter;
-  filter.state = state;
-  filter.limit = kLookAt;
-  if (!CallerIsOrganiser()) filter.teams = Caller().teams;
-  Listed<SubmissionRow> found = reader.Submissions(filter);
-  damaged.insert(damaged.end(), found.damaged.begin(), found.damaged.end());
-  std::vector<Waiting> all;
-  for (SubmissionRow& row : found.rows) {
-    absl::StatusOr<EvaluationRow> original = reader.Original(row.id);
-    if (const auto damage = DamageOf(original.status())) {
-      damaged.push_back(*damage);
-      continue;
-    }
-    if (!original.ok()) return original.status();
-    int64_t position = 0;
-    if (state == EvaluationState::kQueued) {
-      const QueueOutlook outlook = context.engine.OutlookOf(original->id);
-      position = outlook.place ? outlook.place->position : std::numeric_limits<int64_t>::max();
-    }
-    all.push_back({std::move(row), *std::move(original), position});
-  }
-  return all;
+// What the engine plays or will play. nullopt: it has ended since the engine was asked.
+absl::StatusOr<std::optional<Waiting>> FindWaiting(int64_t id, Reader& reader) {
+  absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(id);
+  if (absl::IsNotFound(evaluation.status())) return std::nullopt;  // it is newer than what is read
+  if (!evaluation.ok()) return evaluation.status();
+  if (IsFinal(evaluation->state)) return std::nullopt;
+  absl::StatusOr<SubmissionRow> row = reader.Submission(evaluation->submission);
+  if (!row.ok()) return row.status();
+  return Waiting{*std::move(row), *std::move(evaluation)};
 }
 
 absl::StatusOr<Json> EntryOf(const Waiting& waiting, Reader& reader, const ApiContext& context) {
@@ -66,27 +46,42 @@ absl::StatusOr<Json> EntryOf(const Waiting& waiting, Reader& reader, const ApiCo
   return entry;
 }
 
+// What is played, or is about to be, comes first: the oldest of it.
+void SortByPlace(Json& entries) {
+  const auto key = [](const Json& entry) {
+    const Json& queue = entry["queue"];
+    return std::pair(queue.is_null() ? 0 : queue["position"].get<int64_t>(),
+                     entry["submission"].get<int64_t>());
+  };
+  std::sort(entries.begin(), entries.end(),
+            [&](const Json& a, const Json& b) { return key(a) < key(b); });
+}
+
 }  // namespace
 
 absl::StatusOr<nlohmann::json> QueueView(Reader& reader, const ApiContext& context) {
+  const std::vector<int64_t> queue =
+      context.engine.QueueOf(CallerIsOrganiser() ? nullptr : &Caller().teams);
   std::vector<Damage> damaged;
-  std::vector<Waiting> all;
-  for (const EvaluationState state : {EvaluationState::kRunning, EvaluationState::kQueued}) {
-    absl::StatusOr<std::vector<Waiting>> some = AllIn(state, reader, context, damaged);
-    if (!some.ok()) return some.status();
-    std::move(some->begin(), some->end(), std::back_inserter(all));
-  }
-  std::sort(all.begin(), all.end(), [](const Waiting& a, const Waiting& b) {
-    return std::tuple(a.position, a.row.id) < std::tuple(b.position, b.row.id);
-  });
-  const size_t total = all.size();
-  all.resize(std::min(total, kShow));
+  size_t total = queue.size();
   Json entries = Json::array();
-  for (const Waiting& waiting : all) {
-    absl::StatusOr<Json> entry = EntryOf(waiting, reader, context);
+  for (const int64_t id : queue) {
+    if (entries.size() == kShow) break;
+    const absl::StatusOr<std::optional<Waiting>> found = FindWaiting(id, reader);
+    if (const auto damage = DamageOf(found.status())) {
+      damaged.push_back(*damage);
+      continue;
+    }
+    if (!found.ok()) return found.status();
+    if (!found->has_value()) {
+      --total;
+      continue;
+    }
+    absl::StatusOr<Json> entry = EntryOf(**found, reader, context);
     if (!entry.ok()) return entry.status();
     entries.push_back(*std::move(entry));
   }
+  SortByPlace(entries);
   const LiveHealth health = context.engine.Health();
   const char* status = !health.store_trouble.empty()  ? "store"
                        : !health.host_trouble.empty() ? "paused"

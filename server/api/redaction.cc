@@ -171,6 +171,8 @@ constexpr auto kEvaluation = std::to_array<Part>({
     {"not_repeatable", SeesComparison, Blank::kList},
     {"comparison", Always},
     {"episode_rows", Always},
+    {"details_summary", SeesFacts},
+    {"highlights", SeesComparison},
 });
 
 constexpr auto kComparison = std::to_array<Part>({
@@ -243,8 +245,10 @@ void RedactEvaluation(Json& answer, const Visibility& sight) {
   Apply({kSubmission, kEvaluation}, view, answer);
   RedactCommon(answer, view);
   Apply({kComparison}, view, answer["comparison"]);
-  if (!answer.contains("episode_rows")) return;
-  for (Json& row : answer["episode_rows"]) RedactRow(row, view);
+  for (const char* rows : {"episode_rows", "highlights"}) {
+    if (!answer.contains(rows)) continue;
+    for (Json& row : answer[rows]) RedactRow(row, view);
+  }
 }
 
 void RedactStatus(Json& answer, const Visibility& sight) {

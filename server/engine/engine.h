@@ -72,6 +72,9 @@ class Engine {
 
   // Views. Safe from any thread; never wait for a runner or the disk.
   QueueOutlook OutlookOf(int64_t evaluation) const { return core_.OutlookOf(evaluation); }
+  std::vector<int64_t> QueueOf(const std::set<std::string>* teams) const {
+    return core_.QueueOf(teams);
+  }
   std::map<int64_t, LiveLease> Running() const { return core_.Running(); }
   LiveHealth Health() const { return core_.Health(); }
   Metrics& metrics() const { return core_.metrics(); }

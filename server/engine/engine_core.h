@@ -156,6 +156,8 @@ class EngineCore {
 
   // Views. Safe from any thread; never wait for a runner or the disk.
   QueueOutlook OutlookOf(int64_t evaluation) const;
+  // As of Scheduler::QueueOf.
+  std::vector<int64_t> QueueOf(const std::set<std::string>* teams) const;
   std::map<int64_t, LiveLease> Running() const;  // by lease
   LiveHealth Health() const;
   Metrics& metrics() const { return *options_.metrics; }

@@ -39,6 +39,11 @@ QueueOutlook EngineCore::OutlookOf(int64_t evaluation) const {
   return outlook;
 }
 
+std::vector<int64_t> EngineCore::QueueOf(const std::set<std::string>* teams) const {
+  const MutexLock lock(mutex_);
+  return scheduler_.QueueOf(teams);
+}
+
 std::map<int64_t, LiveLease> EngineCore::Running() const {
   const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();

@@ -188,6 +188,9 @@ class Scheduler {
   int taken_slots() const { return static_cast<int>(taken_slots_.size()); }
   // Grows with the number of waiting evaluations.
   QueueDepth DepthAt(absl::Duration now) const;
+  // Submissions' evaluations (no re-runs, no rejudges) of these teams, or with nullptr of all: those that
+  // run by id, then those that wait in the order of their places. Grows with their number.
+  std::vector<int64_t> QueueOf(const std::set<std::string>* teams) const;
   // Why a pending lease does not run, for people; "" if none is pending.
   std::string WhyWaiting(int64_t evaluation, absl::Duration now) const;
   // When the scheduler acts on the evaluation even if nothing happens: the end of its wait, or the

@@ -1,6 +1,7 @@
 """A headless Chromium, driven over its debugging pipe (the Chrome DevTools Protocol)."""
 
 import base64
+import contextlib
 import json
 import os
 import select
@@ -15,6 +16,10 @@ PROGRAM = shutil.which("chromium")
 
 class BrowserError(RuntimeError):
     """The browser reported an error, or did not answer in time."""
+
+
+class PageLeft(BrowserError):
+    """The page that was asked is being left for another one."""
 
 
 class Browser:
@@ -72,19 +77,27 @@ class Browser:
             self._listeners[message["sessionId"]](message["method"], message["params"])
         return message
 
-    def call(self, method, session=None, timeout_s=ANSWER_S, **params):
-        """The result of a command."""
+    def send(self, method, session=None, **params):
+        """Sends a command whose answer nobody waits for, and returns its number."""
         self._number += 1
         request = {"id": self._number, "method": method, "params": params,
                    **({"sessionId": session} if session else {})}
-        os.write(self.to_browser, json.dumps(request).encode() + b"\0")
+        data = memoryview(json.dumps(request).encode() + b"\0")
+        while data:
+            data = data[os.write(self.to_browser, data):]
+        return self._number
+
+    def call(self, method, session=None, timeout_s=ANSWER_S, **params):
+        """The result of a command."""
+        number = self.send(method, session, **params)
         deadline = time.monotonic() + timeout_s
         while True:
             answer = self.pump(deadline)
-            if answer.get("id") == self._number:
+            if answer.get("id") == number:
                 break
         if "error" in answer:
-            raise BrowserError(f"{method}: {answer['error']}")
+            kind = PageLeft if "navigated" in answer["error"]["message"] else BrowserError
+            raise kind(f"{method}: {answer['error']}")
         return answer["result"]
 
 
@@ -134,9 +147,9 @@ class Page:
         """Waits until an expression is true, and returns its value."""
         deadline = time.monotonic() + timeout_s
         while True:
-            value = self.evaluate(script)
-            if value:
-                return value
+            with contextlib.suppress(PageLeft):
+                if value := self.evaluate(script):
+                    return value
             if time.monotonic() > deadline:
                 raise BrowserError(f"{script} does not become true; the page: "
                                    + str(self.evaluate("document.body.innerText"))[:1500])

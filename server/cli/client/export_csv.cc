@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <string_view>
 
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
@@ -15,13 +16,21 @@ namespace {
 
 using Json = nlohmann::json;
 
+// Spreadsheets take the wide forms of the signs for the signs, and ignore a line break before them.
+bool BeginsAsFormula(std::string_view text) {
+  for (const std::string_view sign : {"=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠"}) {
+    if (text.starts_with(sign)) return true;
+  }
+  return false;
+}
+
 // A cell by RFC 4180. Participants choose some of the texts, and spreadsheets run what looks like
 // a formula: those get the apostrophe that makes it text there.
 std::string CsvCell(const Json& value) {
   if (value.is_null()) return "";
   if (value.is_number()) return value.dump();
   std::string text = value.is_string() ? value.get<std::string>() : value.dump();
-  if (text.find_first_of("=+-@\t\r") == 0) text.insert(0, "'");
+  if (BeginsAsFormula(text)) text.insert(0, "'");
   if (!text.empty() && text.find_first_of(",\"\r\n") == std::string::npos) return text;
   std::string cell = "\"";  // empty text is quoted, so that it is not taken for nothing
   for (const char c : text) cell += c == '"' ? "\"\"" : std::string(1, c);

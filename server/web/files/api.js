@@ -53,6 +53,71 @@ export function post(path, body, more = {}) {
   return ask("POST", path, {body, more: {"Content-Type": "application/json", ...more}});
 }
 
+// How many s an answer asks to wait, within bounds.
+function retryAfter(answer) {
+  const asked = Number(answer.headers.get("Retry-After"));
+  return Number.isFinite(asked) && asked > 0 ? Math.min(asked, 30) : 2;
+}
+
+function wait(seconds, signal) {
+  return new Promise((resolve, reject) => {
+    const timer = setTimeout(resolve, 1000 * seconds);
+    signal?.addEventListener("abort", () => {
+      clearTimeout(timer);
+      reject(signal.reason);
+    }, {once: true});
+  });
+}
+
+// The body of an answer, of at most so many bytes.
+async function bodyOf(answer, most) {
+  const parts = [];
+  let received = 0;
+  const reader = answer.body.getReader();
+  for (;;) {
+    const {value, done} = await reader.read();
+    if (done) break;
+    received += value.length;
+    if (received > most) {
+      await reader.cancel();
+      throw new ApiError(0, "too_large", `The server sent more than ${most} bytes.`);
+    }
+    parts.push(value);
+  }
+  return new Blob(parts).arrayBuffer();
+}
+
+const MOST_WAIT_MS = 1800000;
+
+// A file, which the server may have to make first: until then onWait({state, place}) is told how that
+// stands. `received`: how many bytes came over the network, as far as the browser tells.
+export async function download(path, {signal, most, onWait = () => {}}) {
+  const begin = performance.now();
+  for (;;) {
+    let data;
+    try {
+      const answer = await fetch(path, {headers: headers(), signal, credentials: "omit"});
+      if (answer.status === 202 || answer.status === 503) {
+        const body = await answer.json().catch(() => null);
+        if (performance.now() - begin > MOST_WAIT_MS) {
+          throw new ApiError(0, "deadline", "It was not made within half an hour: try again later.");
+        }
+        if (answer.status === 503 && body?.error?.code !== "busy") throw errorOf(503, body);
+        onWait(body?.state ? body : {state: "waiting", place: 0});
+        await wait(retryAfter(answer), signal);
+        continue;
+      }
+      if (!answer.ok) throw errorOf(answer.status, await answer.json().catch(() => null));
+      data = await bodyOf(answer, most);
+    } catch (error) {
+      if (error instanceof ApiError || error.name === "AbortError") throw error;
+      throw new ApiError(0, "lost", LOST);
+    }
+    const sizes = performance.getEntriesByName(new URL(path, location.href).href).at(-1);
+    return {data, received: sizes?.encodedBodySize || data.byteLength};
+  }
+}
+
 let me = null;
 
 // Who the server takes the reader for. A token that is not valid any more is dropped.

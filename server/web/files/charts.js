@@ -1,5 +1,5 @@
 // Charts as SVG. Each says in words what it shows, for those who don't see it.
-import {h, s} from "./dom.js";
+import {h, s, table} from "./dom.js";
 import {number, whole} from "./format.js";
 
 const WIDTH = 360;
@@ -16,7 +16,7 @@ function roundStep(span, count) {
   return [1, 2, 5, 10].map((one) => one * power).find((step) => step >= rough);
 }
 
-function ticks(low, high, count) {
+export function ticks(low, high, count) {
   const step = roundStep(high - low, count);
   const all = [];
   for (let value = Math.ceil(low / step) * step; value <= high + step * 1e-6; value += step) {
@@ -25,7 +25,7 @@ function ticks(low, high, count) {
   return all;
 }
 
-function label(value) {
+export function label(value) {
   return Math.abs(value) >= 10000 ? value.toExponential(0) : String(Number(value.toPrecision(3)));
 }
 
@@ -33,15 +33,19 @@ function quantile(sorted, part) {
   return sorted[Math.round(part * (sorted.length - 1))];
 }
 
-function xAxis(low, high, x) {
-  const base = HEIGHT - BOTTOM;
-  return [s("line", {class: "axis", x1: LEFT, x2: WIDTH - 6, y1: base, y2: base}),
+// An axis at the height `base`.
+function axisAt(base, low, high, x, left = LEFT) {
+  return [s("line", {class: "axis", x1: left, x2: WIDTH - 6, y1: base, y2: base}),
     ticks(low, high, 5).map((value) => [
       s("line", {class: "axis", x1: x(value), x2: x(value), y1: base, y2: base + 4}),
       s("text", {x: x(value), y: base + 15, "text-anchor": "middle"}, label(value))])];
 }
 
-function rangeOf(values) {
+function xAxis(low, high, x) {
+  return axisAt(HEIGHT - BOTTOM, low, high, x);
+}
+
+export function rangeOf(values) {
   let low = Infinity;
   let high = -Infinity;
   for (const value of values) {
@@ -95,11 +99,12 @@ export function histogram(title, points, metric) {
     xAxis(low, high, x)]);
 }
 
-// Where along an axis episodes ended, a line of dots for each kind. `points`: {value, kind, outcome,
-// index}.
-export function strips(title, points, metric) {
+// Where along an axis something was, a line of dots for each kind. `points`: {value, kind, outcome,
+// index}. `order`: of the kinds, if not that of the alphabet.
+export function strips(title, points, metric, order = null) {
   if (!points.length) return null;
-  const kinds = [...new Set(points.map((point) => point.kind))].sort();
+  const present = new Set(points.map((point) => point.kind));
+  const kinds = order ? order.filter((kind) => present.has(kind)) : [...present].sort();
   const [low, high] = rangeOf(points.map((point) => point.value));
   const left = 84;
   const x = (value) => left + (WIDTH - 12 - left) * (value - low) / (high - low);
@@ -128,4 +133,38 @@ export function shares(title, rows, unit) {
       h("meter", {min: 0, max: Math.max(row.of, 1e-12), value: row.part, "aria-label":
         `${row.kind}: ${row.text}`}), h("span", {class: "num"}, row.text)))),
     unit && h("p", {class: "quiet"}, unit));
+}
+
+// Ranges within limits, a line for each: {name, low, high, limit_low, limit_high}, all in one unit. What
+// is beyond a limit is marked.
+export function ranges(title, rows, unit) {
+  const row = 17;
+  const left = 128;
+  const tall = TOP + rows.length * row + BOTTOM;
+  const [low, high] = rangeOf(rows.flatMap((one) => [one.low, one.high, one.limit_low,
+    one.limit_high]));
+  const x = (value) => left + (WIDTH - 10 - left) * (value - low) / (high - low);
+  const bar = (kind, from, to, y) => to > from && s("rect", {class: kind, x: x(from),
+    width: Math.max(x(to) - x(from), 1), y: y - 3.5, height: 7, rx: 2});
+  const lines = rows.map((one, place) => {
+    const y = TOP + row * (place + 0.5);
+    return [s("text", {x: left - 8, y: y + 4, "text-anchor": "end"}, one.name),
+      s("line", {class: "limits", x1: x(one.limit_low), x2: x(one.limit_high), y1: y, y2: y}),
+      bar("bar within", Math.max(one.low, one.limit_low), Math.min(one.high, one.limit_high), y),
+      bar("bar failure", one.low, Math.min(one.high, one.limit_low), y),
+      bar("bar failure", Math.max(one.low, one.limit_high), one.high, y)];
+  });
+  const beyond = rows.filter((one) => one.low < one.limit_low || one.high > one.limit_high)
+    .map((one) => one.name);
+  const words = beyond.length ? `Beyond their limits: ${beyond.join(", ")}.`
+    : "All stay within their limits.";
+  const numbers = h("details", null, h("summary", null, "Numbers"), table(`${title}, numbers`,
+    ["Joint", `Lowest (${unit})#`, `Highest (${unit})#`, `Limits (${unit})#`], rows.map((one) =>
+      h("tr", null, h("th", {scope: "row"}, one.name), h("td", {class: "num"}, number(one.low, 1)),
+        h("td", {class: "num"}, number(one.high, 1)), h("td", {class: "num"},
+          `${number(one.limit_low, 1)} to ${number(one.limit_high, 1)}`)))));
+  return h("figure", {class: "chart"}, h("figcaption", null, title),
+    s("svg", {viewBox: `0 0 ${WIDTH} ${tall}`, role: "img", "aria-label": `${title}: ${words}`},
+      lines, axisAt(tall - BOTTOM, low, high, x, left)),
+    h("p", {class: "quiet"}, words), numbers);
 }

@@ -1,8 +1,9 @@
 // Numbers with units, times, and the texts of participants.
 import {h} from "./dom.js";
 
-// Characters that nobody sees, or that turn the text around them: shown by their number.
-const UNSEEN = /[\u0000-\u0008\u000b-\u001f\u007f-\u009f\u00ad\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb]/g;
+// Characters that nobody sees, or that turn the text around them: shown by their number. Joiners and
+// variation selectors stay, as emoji and several scripts are written with them.
+const UNSEEN = /(?![\t\n\u200c\u200d\ufe0e\ufe0f])[\p{Cc}\p{Zl}\p{Zp}\p{Cs}\p{Default_Ignorable_Code_Point}\u200e\u200f\u202a-\u202e\ufff9-\ufffb]/gu;
 
 // A text of several lines, as it is, but for what can't be seen.
 export function visible(text) {

@@ -4,8 +4,8 @@ import {h, href, replace} from "./dom.js";
 import {keepTimesCurrent, name, visible} from "./format.js";
 
 const PAGES = {"/": "./boards.js", "/board": "./board.js", "/queue": "./queue.js",
-  "/sign-in": "./sign_in.js", "/submission": "./submission.js", "/submit": "./submit.js",
-  "/team": "./team.js"};
+  "/replay": "./replay.js", "/sign-in": "./sign_in.js", "/submission": "./submission.js",
+  "/submit": "./submit.js", "/team": "./team.js"};
 
 function showWho(who) {
   const box = document.getElementById("who");

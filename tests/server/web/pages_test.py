@@ -2,6 +2,7 @@
 markup, and the queue's events, which they follow."""
 
 import contextlib
+import gzip
 import http.client
 import json
 import pathlib
@@ -17,7 +18,7 @@ from support.waiting import wait_until
 from world import MARKUP, SCRIPT, SOURCE, TRACK, World
 
 FILES = SOURCE / "server/web/files"
-PAGES = ("/", "/board", "/queue", "/sign-in", "/submission", "/submit", "/team")
+PAGES = ("/", "/board", "/queue", "/replay", "/sign-in", "/submission", "/submit", "/team")
 TYPES = {".html": "text/html; charset=utf-8", ".css": "text/css; charset=utf-8",
          ".js": "text/javascript; charset=utf-8", ".svg": "image/svg+xml"}
 # What would make markup of a text, or run one.
@@ -69,6 +70,37 @@ class Files(PagesCase):
             self.assertEqual(self.ask("GET", path, If_None_Match=headers["ETag"])[::2], (304, b""))
             self.assertEqual(self.ask("HEAD", path)[::2], (200, b""))
             self.check_headers(headers)
+
+    def test_three_js_is_served_as_modules_that_find_each_other(self):
+        names = {"three", "three_geometry", "three_gltf_loader", "three_orbit_controls"}
+        for name in names:
+            status, headers, body = self.ask("GET", f"/web/{name}.js")
+            self.assertEqual((status, headers["Content-Type"]), (200, TYPES[".js"]))
+            found = re.findall(r"^(?:import .*|\}) from '([^']*)';$", body.decode(), re.MULTILINE)
+            self.assertEqual(bool(found), name != "three")
+            self.assertTrue(all(one[:2] == "./" and one[2:-3] in names for one in found), found)
+            self.assertNotRegex(body.decode(), r"\beval\(|new Function\(|innerHTML")
+            self.check_headers(headers)
+
+    def test_files_are_sent_compressed_to_whoever_takes_that(self):
+        for path in ("/", "/web/three.js", "/web/icon.svg"):
+            plain = self.ask("GET", path)
+            self.assertIsNone(plain[1]["Content-Encoding"])
+            self.assertEqual(plain[1]["Vary"], "Accept-Encoding")
+            for words in ("gzip", "br, deflate , GZIP;q=0.5", "gzip, br"):
+                status, headers, body = self.ask("GET", path, Accept_Encoding=words)
+                self.assertEqual((status, headers["Content-Encoding"]), (200, "gzip"), words)
+                self.assertEqual(int(headers["Content-Length"]), len(body))
+                self.assertLess(len(body), len(plain[2]))
+                self.assertEqual(gzip.decompress(body), plain[2])
+                self.assertNotEqual(headers["ETag"], plain[1]["ETag"])
+                self.assertEqual(self.ask("GET", path, Accept_Encoding=words,
+                                          If_None_Match=headers["ETag"])[::2], (304, b""))
+            for words in ("br", "gzip;q=0", "gzip; q=0.0", "xgzip", "identity"):
+                status, headers, body = self.ask("GET", path, Accept_Encoding=words)
+                self.assertEqual((status, headers["Content-Encoding"]), (200, None), words)
+                self.assertEqual(body, plain[2])
+            self.assertEqual(self.ask("HEAD", path, Accept_Encoding="gzip")[::2], (200, b""))
 
     def check_headers(self, headers):
         policy = dict(part.strip().split(" ", 1)

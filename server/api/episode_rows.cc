@@ -1,0 +1,183 @@
+#include "server/api/episode_rows.h"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <string_view>
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+#include <absl/strings/str_split.h>
+
+#include "server/api/requests.h"
+#include "server/api/views.h"
+#include "server/grading/highlights.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr auto kRowKeys = std::to_array<std::string_view>(
+    {"index", "attempt", "seed", "seed_commitment", "outcome", "reason", "end", "fault", "metrics",
+     "steps", "sim_time_s", "clipped", "digest", "actions_digest", "wall_s", "policy_cpu_s", "log",
+     "facts", "details"});
+constexpr size_t kMaxFields = 40;
+
+absl::StatusOr<bool> ReadSwitch(const httplib::Request& request, const char* key,
+                                bool otherwise) {
+  const std::string text = request.get_param_value(key);
+  if (text.empty()) return otherwise;
+  if (text == "0" || text == "1") return text == "1";
+  return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" must be 0 or 1"));
+}
+
+absl::Status ReadFields(const std::string& text, EpisodeSelection& selection) {
+  selection.fields = absl::StrSplit(text, ',');
+  if (selection.fields.size() > kMaxFields) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "\"fields\" has ", selection.fields.size(), " keys; at most ", kMaxFields, " are allowed"));
+  }
+  for (const std::string& field : selection.fields) {
+    const std::string key = field.substr(0, field.find('.'));
+    if (std::find(kRowKeys.begin(), kRowKeys.end(), key) != kRowKeys.end()) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        "\"fields\" has \"", field, "\", which is no key of an episode's row; known: ",
+        absl::StrJoin(kRowKeys, ", "), "; a key within one of them follows a dot: facts.course"));
+  }
+  return absl::OkStatus();
+}
+
+// The value of "facts.course" is that at "course" of the one at "facts".
+Json ValueAt(const Json& row, const std::string& field) {
+  const size_t dot = field.find('.');
+  const auto outer = row.find(field.substr(0, dot));
+  if (outer == row.end()) return nullptr;
+  if (dot == std::string::npos) return *outer;
+  return outer->is_object() ? outer->value(field.substr(dot + 1), Json()) : Json();
+}
+
+bool IsOfDetails(const std::string& field) {
+  return field == "details" || field.starts_with("details.");
+}
+
+}  // namespace
+
+bool EpisodeSelection::needs_details() const {
+  if (summary) return true;
+  if (!rows) return false;
+  return fields.empty() ? details : std::any_of(fields.begin(), fields.end(), IsOfDetails);
+}
+
+absl::StatusOr<EpisodeSelection> ParseEpisodes(const httplib::Request& request) {
+  EpisodeSelection selection;
+  const absl::StatusOr<bool> rows = ReadSwitch(request, "episodes", false);
+  const absl::StatusOr<bool> details = ReadSwitch(request, "details", true);
+  const absl::StatusOr<bool> summary = ReadSwitch(request, "summary", false);
+  absl::Status status = rows.status();
+  status.Update(details.status());
+  status.Update(summary.status());
+  constexpr int64_t kMost = std::numeric_limits<int64_t>::max();
+  status.Update(ReadNumber(request, "first", kMost, selection.first, 0));
+  status.Update(ReadNumber(request, "last", kMost, selection.last, 0));
+  if (request.has_param("fields")) {
+    status.Update(ReadFields(request.get_param_value("fields"), selection));
+  }
+  if (!status.ok()) return status;
+  selection.rows = *rows;
+  selection.details = *details;
+  selection.summary = *summary;
+  return selection;
+}
+
+Json RowsToJson(const std::vector<EpisodeRow>& rows, const std::string& seed_salt,
+                const EpisodeSelection& selection) {
+  Json list = Json::array();
+  for (const EpisodeRow& row : rows) {
+    if (row.index < selection.first || row.index > selection.last) continue;
+    list.push_back(EpisodeToJson(row, seed_salt));
+    if (!selection.details) list.back()["details"] = nullptr;
+  }
+  return list;
+}
+
+Json ColumnsOf(const std::vector<std::string>& fields, const Json& rows) {
+  Json columns = {{"index", Json::array()}};
+  for (const std::string& field : fields) columns[field] = Json::array();
+  for (auto& [field, column] : columns.items()) {
+    for (const Json& row : rows) column.push_back(ValueAt(row, field));
+  }
+  return columns;
+}
+
+absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows, Json& json) {
+  const std::string& salt = track.config.seed_salt;
+  DetailsSummary summary;
+  for (const EpisodeRow& row : rows) {
+    const Json episode = EpisodeToJson(row, "");
+    if (episode["steps"].is_null()) continue;
+    summary.Add(episode["details"], episode["steps"].get<int64_t>());
+  }
+  json["details_summary"] = summary.Result();
+  json["highlights"] = nullptr;
+  const absl::StatusOr<std::optional<Highlights>> highlights = HighlightsOf(track.scoring, rows);
+  if (!highlights.ok()) return highlights.status();
+  if (!highlights->has_value()) return absl::OkStatus();
+  json["highlights"] = {{"best", EpisodeToJson(rows[(*highlights)->best], salt)},
+                        {"median", EpisodeToJson(rows[(*highlights)->median], salt)},
+                        {"worst", EpisodeToJson(rows[(*highlights)->worst], salt)}};
+  return absl::OkStatus();
+}
+
+void DetailsSummary::Add(const Json& details, int64_t steps) {
+  if (!details.is_object()) return;
+  Add(details, root_);
+  ++episodes_;
+  steps_ += steps;
+}
+
+void DetailsSummary::Add(const Json& value, Node& node) {
+  if (value.is_object()) {
+    size_t place = 0;  // the keys of an object are sorted, so that those of all episodes agree
+    for (const auto& [key, part] : value.items()) {
+      while (place < node.keys.size() && node.keys[place].first < key) ++place;
+      if (place == node.keys.size() || node.keys[place].first != key) {
+        node.keys.insert(node.keys.begin() + static_cast<std::ptrdiff_t>(place), {key, Node()});
+      }
+      Add(part, node.keys[place].second);
+    }
+  } else if (value.is_array()) {
+    if (node.items.size() < value.size()) node.items.resize(value.size());
+    for (size_t i = 0; i < value.size(); ++i) Add(value[i], node.items[i]);
+  } else if (value.is_number()) {
+    const auto number = value.get<double>();
+    node.low = node.count == 0 ? number : std::min(node.low, number);
+    node.high = node.count == 0 ? number : std::max(node.high, number);
+    node.sum += number;
+    ++node.count;
+  }
+}
+
+Json DetailsSummary::ToJson(const Node& node) {
+  Json made;
+  if (!node.keys.empty()) {
+    for (const auto& [key, part] : node.keys) made[key] = ToJson(part);
+    return made;
+  }
+  if (!node.items.empty()) {
+    for (const Node& item : node.items) made.push_back(ToJson(item));
+    return made;
+  }
+  const auto known = [&](double value) { return node.count == 0 ? Json() : Json(value); };
+  return {{"count", node.count},
+          {"min", known(node.low)},
+          {"mean", known(node.sum / static_cast<double>(std::max<int64_t>(node.count, 1)))},
+          {"max", known(node.high)}};
+}
+
+Json DetailsSummary::Result() const {
+  if (episodes_ == 0) return nullptr;
+  return {{"episodes", episodes_}, {"steps", steps_}, {"values", ToJson(root_)}};
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,245 @@
+// An episode in 3D, or two beside each other with one clock: /replay?log=HASH&of=SUBMISSION. Where the
+// browser can't draw in 3D, graphs and events still follow.
+import {download, get} from "./api.js";
+import {facts, h, href, replace} from "./dom.js";
+import {bytes, name, number, visible, whole} from "./format.js";
+import {Clock} from "./replay_clock.js";
+import {compare} from "./replay_compare.js";
+import {Controls, eventTable, keyList, seconds} from "./replay_controls.js";
+import {FileError, MOST_BYTES, readTrajectory} from "./replay_file.js";
+import {graphs} from "./replay_graphs.js";
+
+const MARKS = ["first", "second"];
+const TOLD_MS = 150;  // how often words that change are written anew
+const SLOW_MS = 40;   // a frame that takes longer makes the view simpler
+const NO_WEBGL = "This browser can't draw in 3D here: WebGL 2 is missing or switched off. Graphs and "
+  + "events below show the episode.";
+
+function asked(query) {
+  const logs = query.getAll("log");
+  const of = query.getAll("of");
+  if (logs.length < 1 || logs.length > 2 || !logs.every((log) => /^[0-9a-f]{64}$/.test(log))
+      || !of.every((id) => /^\d{0,18}$/.test(id))) {
+    throw new Error("The address names no replay: it ends as in /replay?log=HASH, where HASH is the "
+      + "SHA-256 of an episode's log, and may name two.");
+  }
+  return logs.map((log, place) => ({log, of: of[place] || null, mark: MARKS[place]}));
+}
+
+function waiting({state, place}) {
+  if (state === "playing") return "The episode is played again from its log…";
+  return place > 0 ? `The episode waits to be played again; ${whole(place)} others come first.`
+    : "The episode is played again as soon as there is room…";
+}
+
+// The trajectory of an episode and the submission that it is of, if the reader may see that.
+async function load(one, tell, signal) {
+  const status = one.of && get(`/v1/submissions/${one.of}`, signal).catch(() => null);
+  const {data, received} = await download(`/v1/logs/${one.log}/trajectory`, {signal, most: MOST_BYTES,
+    onWait: (state) => tell(waiting(state))});
+  return {...one, trajectory: readTrajectory(data), received, status: await status};
+}
+
+function labelled(episodes) {
+  return episodes.map((one) => {
+    const own = one.status && (one.status.name || `submission ${one.of}`);
+    const of = one.status ? `${one.status.team}: ${own}` : one.of ? `submission ${one.of}` : null;
+    const alone = episodes.length === 1 ? "the episode" : `${one.mark} episode`;
+    return {...one, label: visible(of ?? alone)};
+  });
+}
+
+function about(one) {
+  const {trajectory} = one;
+  return h("div", {class: `about ${one.mark}`}, facts([
+    ["Policy", one.of ? h("a", {href: href("/submission", {id: one.of})}, name(one.label))
+      : h("span", null, one.label)],
+    ["Episode", trajectory.episode === null ? null : whole(trajectory.episode)],
+    ["Ended", `${visible(trajectory.end) || "–"}, after ${seconds(trajectory.duration)}`],
+  ].filter((pair) => pair[1] !== null)));
+}
+
+// The views in 3D, or null and why there are none.
+async function makeViews(episodes, hosts, signal) {
+  let drawing;
+  try {
+    drawing = await import("./replay_view.js");
+  } catch (error) {
+    if (signal.aborted) throw error;
+    return {views: [], viewpoints: [], why: "What draws in 3D could not be loaded: reload the page."};
+  }
+  if (!drawing.canDraw()) return {views: [], viewpoints: [], why: NO_WEBGL};
+  const dark = matchMedia("(prefers-color-scheme: dark)").matches;
+  const strongest = Math.max(...episodes.map((one) => one.trajectory.strongest));
+  const views = [];
+  try {
+    for (const [place, one] of episodes.entries()) {
+      const {track, model} = one.trajectory;
+      const address = `/v1/models/${encodeURIComponent(track)}.glb`;
+      const {data} = await download(href(address, {model}), {signal, most: MOST_BYTES});
+      const onMove = (moved) => views.forEach((view) => view !== moved && view.lookLike(moved));
+      views.push(new drawing.View(hosts[place], one.trajectory, await drawing.readModel(data),
+        {dark, strongest, onMove}));
+    }
+  } catch (error) {
+    views.forEach((view) => view.dispose());
+    if (signal.aborted) throw error;
+    return {views: [], viewpoints: [], why: error.status !== undefined || error instanceof FileError
+      ? visible(error.message) : NO_WEBGL};
+  }
+  return {views, viewpoints: drawing.VIEWPOINTS, why: null};
+}
+
+function actions(views) {
+  const each = (act) => (...values) => views.forEach((view) => act(view, ...values));
+  return {look: each((view, from) => view.lookFrom(from)),
+    turn: (...by) => views[0]?.turn(...by),
+    follow: each((view, on) => {
+      view.following = on;
+    }),
+    muscles: each((view, on) => view.showMuscles(on)), forces: each((view, on) => view.showForces(on))};
+}
+
+// What a frame takes, for those who want to know: of the scripts, without the graphics card's part.
+class Meter {
+  constructor() {
+    this.frames = 0;
+    this.scripts = 0;
+    this.since = performance.now();
+    this.element = h("p", {class: "quiet"});
+  }
+
+  add(took, views) {
+    this.frames += 1;
+    this.scripts += took;
+    const now = performance.now();
+    if (now - this.since < 1000) return;
+    const sum = (of) => views.reduce((all, view) => all + view.stats[of], 0);
+    this.element.textContent = `${number(1000 * this.frames / (now - this.since), 0)} frames/s, scripts `
+      + `${number(this.scripts / this.frames, 2)} ms per frame, ${whole(sum("calls"))} draw calls, `
+      + `${whole(sum("triangles"))} triangles`;
+    Object.assign(this.element.dataset, {scripts: this.scripts / this.frames, calls: sum("calls"),
+      triangles: sum("triangles")});
+    this.frames = 0;
+    this.scripts = 0;
+    this.since = now;
+  }
+}
+
+// Runs the clock and draws while something changes.
+class Player {
+  constructor(clock, views, parts, controls, meter) {
+    Object.assign(this, {clock, views, parts, controls, meter, changed: true, before: null, told: 0,
+      slow: 0, spared: 0});
+    this.request = requestAnimationFrame((now) => this.frame(now));
+  }
+
+  frame(now) {
+    this.request = requestAnimationFrame((next) => this.frame(next));
+    const passed = this.before === null ? 0 : now - this.before;
+    this.before = now;
+    const ran = this.clock.running;
+    this.clock.pass(passed / 1000);
+    if (!ran && !this.changed && !this.views.some((view) => view.controls.state >= 0)) return;
+    const begin = performance.now();
+    this.changed = false;
+    const told = !this.clock.running || now - this.told > TOLD_MS;
+    if (told) this.told = now;
+    this.controls.show(told);
+    this.parts.forEach((part) => part.show(this.clock.time, told));
+    for (const view of this.views) view.draw(this.clock.time);
+    this.meter.add(performance.now() - begin, this.views);
+    this.spare(ran ? passed : 0);
+  }
+
+  // A computer that can't keep up is asked for less, twice at most. Frames that were slow because
+  // nobody saw the page don't count.
+  spare(passed) {
+    if (document.hidden) return;
+    if (passed <= SLOW_MS) this.slow = Math.max(this.slow - 1, 0);
+    else this.slow += passed > 5 * SLOW_MS ? 5 : 1;
+    if (this.slow < 20 || this.spared >= 2) return;
+    this.slow = 0;
+    this.spared += 1;
+    this.views.forEach((view) => view.simplify(this.spared));
+  }
+
+  // Ends it and frees what it has.
+  end() {
+    cancelAnimationFrame(this.request);
+    this.views.splice(0).forEach((view) => view.dispose());
+  }
+}
+
+function stageOf(episodes, hosts, why) {
+  return h("div", {class: `stage${episodes.length > 1 ? " two" : ""}`}, why
+    ? h("p", {class: "notice", role: "status"}, why)
+    : episodes.map((one, place) => h("figure", {class: `view ${one.mark}`}, hosts[place],
+      episodes.length > 1 && h("figcaption", null, one.label))));
+}
+
+function legend(episodes) {
+  const strongest = Math.max(...episodes.map((one) => one.trajectory.strongest));
+  const muscles = episodes.some((one) => one.trajectory.muscles.length > 0);
+  return h("p", {class: "quiet scale"}, muscles && ["Muscles: at rest ",
+    h("span", {class: "tones", "aria-hidden": "true"}), " fully active. "],
+  strongest > 0 && `Arrows: contact forces, the longest ${number(strongest, 0)} N.`);
+}
+
+async function build(main, title, episodes, signal) {
+  const clock = new Clock(Math.max(...episodes.map((one) => one.trajectory.duration)),
+    Math.min(...episodes.map((one) => one.trajectory.period)));
+  const hosts = episodes.map((one) => h("div", {class: "canvas", tabindex: 0, role: "group",
+    "aria-label": `3D view, ${one.label}. Space plays, arrow keys step; the events below tell what `
+      + "happens."}));
+  const {views, viewpoints, why} = await makeViews(episodes, hosts, signal);
+  let player = null;
+  const again = () => {
+    if (player) player.changed = true;
+  };
+  const controls = new Controls(episodes, clock, viewpoints, actions(views), again);
+  const onSeek = (time) => controls.seek(time);
+  const drawn = graphs(episodes, clock.duration, onSeek);
+  const events = eventTable(episodes, onSeek);
+  const meter = new Meter();
+  const box = h("section", {class: "replay", "aria-label": "Replay", onkeydown: (event) => {
+    if (controls.key(event)) event.preventDefault();
+  }}, stageOf(episodes, hosts, why), controls.element, views.length > 0 && legend(episodes));
+  const own = episodes.length === 1 ? episodes[0] : null;
+  replace(main, title, h("div", {class: "abouts"}, episodes.map(about)), box,
+    own?.status && compare(own.status, own.log), drawn.element, h("h2", null, "Events"),
+    events.element, keyList(), h("details", {class: "more"}, h("summary", null, "About the drawing"),
+      meter.element, h("p", {class: "quiet"}, episodes.map((one) => `${one.label}: `
+        + `${bytes(one.received)} of poses, ${whole(one.trajectory.frames)} frames, `
+        + `${whole(one.trajectory.steps)} steps`).join("; "))));
+  player = new Player(clock, views, [drawn, events], controls, meter);
+  hosts.forEach((host) => host.addEventListener("pointerdown", again));
+  if (views.length && !matchMedia("(prefers-reduced-motion: reduce)").matches) controls.toggle();
+  return player;
+}
+
+export async function show(main, query) {
+  const wanted = asked(query);
+  const words = h("p", {class: "loading", role: "status"}, "Loading the poses…");
+  const title = h("h1", null, wanted.length > 1 ? "Two replays" : "Replay");
+  document.title = "Replay – MyoGrade";
+  replace(main, title, words);
+  const leaving = new AbortController();
+  let player = null;
+  addEventListener("pagehide", () => {
+    leaving.abort();
+    player?.end();
+  }, {once: true});
+  // A page that a browser kept has nothing to show any more.
+  addEventListener("pageshow", (event) => event.persisted && location.reload());
+  const tell = (text) => {
+    if (words.textContent !== text) words.textContent = text;
+  };
+  const episodes = labelled(await Promise.all(wanted.map((one) => load(one, tell, leaving.signal))));
+  const [first] = episodes;
+  title.textContent = `Replay: ${visible(first.trajectory.track)}`
+    + (first.trajectory.episode === null ? "" : `, episode ${whole(first.trajectory.episode)}`);
+  document.title = `${title.textContent} – MyoGrade`;
+  tell("Loading the model…");
+  player = await build(main, title, episodes, leaving.signal);
+}

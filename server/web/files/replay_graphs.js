@@ -1,0 +1,217 @@
+// Graphs over an episode's time that follow its replay. Two episodes share a graph; the second's line is
+// dashed.
+import {label, rangeOf, ticks} from "./charts.js";
+import {h, s} from "./dom.js";
+import {number, visible} from "./format.js";
+import {frameAt, framesAt} from "./replay_pose.js";
+
+const WIDTH = 360;
+const HEIGHT = 120;
+const LEFT = 42;
+const RIGHT = 6;
+const TOP = 6;
+const BOTTOM = 20;
+const MOST_POINTS = 700;
+
+export function valueAt(trajectory, series, time) {
+  if (series.labels) return series.values[frameAt(trajectory, time)];
+  const {a, b, part} = framesAt(trajectory, time);
+  return series.values[a] + part * (series.values[b] - series.values[a]);
+}
+
+function digitsOf(low, high) {
+  return Math.min(Math.max(2 - Math.floor(Math.log10(Math.max(high - low, 1e-9))), 0), 4);
+}
+
+function shownValue(series, value, digits) {
+  if (series.labels) return visible(series.labels[Math.round(value)] ?? "–");
+  return number(value, digits) + (series.unit ? ` ${visible(series.unit)}` : "");
+}
+
+// Of many frames the lowest and the highest of each part, so that no peak is lost.
+function thinned(values, most) {
+  if (values.length <= most) return Array.from(values, (value, frame) => [frame, value]);
+  const made = [];
+  const size = 2 * values.length / most;
+  for (let first = 0; first < values.length; first += size) {
+    const own = [];
+    for (let i = Math.floor(first); i < Math.min(Math.floor(first + size), values.length); i += 1) {
+      own.push([i, values[i]]);
+    }
+    if (!own.length) continue;
+    const low = own.reduce((best, one) => (one[1] < best[1] ? one : best));
+    const high = own.reduce((best, one) => (one[1] > best[1] ? one : best));
+    made.push(...(low[0] < high[0] ? [low, high] : [high, low]));
+  }
+  return made;
+}
+
+function points(trajectory, series, x, y) {
+  const at = (frame) => x(Math.min(frame * trajectory.period, trajectory.duration));
+  const made = [];
+  let before = null;
+  for (const [frame, value] of thinned(series.values, MOST_POINTS)) {
+    if (series.labels && before !== null && value !== before) {
+      made.push(`${at(frame).toFixed(1)},${y(before).toFixed(1)}`);
+    }
+    made.push(`${at(frame).toFixed(1)},${y(value).toFixed(1)}`);
+    before = value;
+  }
+  return made.join(" ");
+}
+
+function words(one, digits) {
+  const [low, high] = rangeOf(one.series.values);
+  const last = one.series.values.at(-1);
+  if (one.series.labels) return `ends as ${shownValue(one.series, last)}`;
+  return `from ${number(low, digits)} to ${number(high, digits)}, at the end `
+    + shownValue(one.series, last, digits);
+}
+
+// A line down through a drawing at the time that is shown.
+function cursor() {
+  return s("line", {class: "cursor", x1: LEFT, x2: LEFT, y1: TOP, y2: HEIGHT - BOTTOM});
+}
+
+function timeAxis(duration, x) {
+  const base = HEIGHT - BOTTOM;
+  return [s("line", {class: "axis", x1: LEFT, x2: WIDTH - RIGHT, y1: base, y2: base}),
+    ticks(0, duration, 5).map((value) => [
+      s("line", {class: "axis", x1: x(value), x2: x(value), y1: base, y2: base + 4}),
+      s("text", {x: x(value), y: base + 15, "text-anchor": "middle"},
+        value ? label(value) : "0 s")])];
+}
+
+// Lets a press on a drawing choose the time.
+function seekable(drawing, duration, onSeek) {
+  const seek = (event) => {
+    const box = drawing.getBoundingClientRect();
+    const at = (event.clientX - box.left) / box.width * WIDTH;
+    onSeek((at - LEFT) / (WIDTH - LEFT - RIGHT) * duration);
+  };
+  drawing.addEventListener("pointerdown", (event) => {
+    drawing.setPointerCapture(event.pointerId);
+    seek(event);
+  });
+  drawing.addEventListener("pointermove", (event) => {
+    if (drawing.hasPointerCapture(event.pointerId)) seek(event);
+  });
+}
+
+function graph(own, duration, onSeek) {
+  const {series} = own[0];
+  const all = own.flatMap((one) => rangeOf(one.series.values));
+  const [low, high] = series.labels ? [-0.5, series.labels.length - 0.5]
+    : rangeOf(all.concat(rangeOf(all)));
+  const digits = digitsOf(low, high);
+  const x = (time) => LEFT + (WIDTH - LEFT - RIGHT) * time / duration;
+  const y = (value) => TOP + (HEIGHT - BOTTOM - TOP) * (high - value) / (high - low);
+  const levels = series.labels ? series.labels.map((_, place) => place) : ticks(low, high, 5);
+  const line = cursor();
+  const drawing = s("svg", {viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img",
+    "aria-label": `${visible(series.title)} over time: ${own.map((one) =>
+      (own.length > 1 ? `${one.label} ` : "") + words(one, digits)).join("; ")}`},
+  levels.map((value) => [
+    s("line", {class: "grid", x1: LEFT, x2: WIDTH - RIGHT, y1: y(value), y2: y(value)}),
+    s("text", {x: LEFT - 5, y: y(value) + 4, "text-anchor": "end"},
+      series.labels ? value + 1 : label(value))]),
+  timeAxis(duration, x),
+  own.map((one) => s("polyline", {class: `line ${one.mark}`,
+    points: points(one.trajectory, one.series, x, y)})), line);
+  seekable(drawing, duration, onSeek);
+  const shown = own.map((one) => h("b", {class: one.mark}));
+  const title = visible(series.title) + (series.unit ? ` (${visible(series.unit)})` : "");
+  const element = h("figure", {class: "chart graph"}, h("figcaption", null, title, " ",
+    h("span", {class: "now"}, shown)), drawing, series.labels && h("p", {class: "quiet"},
+    series.labels.map((text, place) => `${place + 1}: ${visible(text)}`).join(", ")));
+  return {element, show(time, told) {
+    const at = x(Math.min(time, duration)).toFixed(1);
+    line.setAttribute("x1", at);
+    line.setAttribute("x2", at);
+    if (!told) return;
+    own.forEach((one, place) => {
+      shown[place].textContent = shownValue(one.series, valueAt(one.trajectory, one.series, time),
+        digits);
+    });
+  }};
+}
+
+// Dark where a muscle rests, bright where it is fully active; light and dark differ for every reader.
+function shade(active) {
+  const way = (low, middle, high) => (active < 0.5 ? low + 2 * active * (middle - low)
+    : middle + (2 * active - 1) * (high - middle));
+  return [way(22, 190, 255), way(26, 55, 214), way(52, 60, 92)];
+}
+
+function paint(canvas, trajectory) {
+  const columns = Math.min(trajectory.frames, MOST_POINTS);
+  const rows = trajectory.muscles.length;
+  canvas.width = columns;
+  canvas.height = rows;
+  const context = canvas.getContext("2d");
+  const image = context.createImageData(columns, rows);
+  for (let column = 0; column < columns; column += 1) {
+    const frame = Math.floor(column * trajectory.frames / columns);
+    for (let row = 0; row < rows; row += 1) {
+      const [r, g, b] = shade(trajectory.activation[frame * rows + row]);
+      image.data.set([r, g, b, 255], 4 * (row * columns + column));
+    }
+  }
+  context.putImageData(image, 0, 0);
+}
+
+function meanActivation(trajectory) {
+  let sum = 0;
+  for (const value of trajectory.activation) sum += value;
+  return sum / Math.max(trajectory.activation.length, 1);
+}
+
+// The most active muscles at a time, in words.
+function mostActive(trajectory, time) {
+  const first = frameAt(trajectory, time) * trajectory.muscles.length;
+  return trajectory.muscles.map((name, place) => [trajectory.activation[first + place], name])
+    .sort((a, b) => b[0] - a[0]).slice(0, 3).filter(([value]) => value > 0.01)
+    .map(([value, name]) => `${visible(name)} ${number(value, 2)}`).join(", ") || "all at rest";
+}
+
+function muscleMap(one, several, duration, onSeek) {
+  const {trajectory} = one;
+  const canvas = h("canvas", {role: "img", "aria-label": `Activation of ${trajectory.muscles.length} `
+    + `muscles over time${several ? `, ${one.label}` : ""}: mean `
+    + number(meanActivation(trajectory), 2)});
+  paint(canvas, trajectory);
+  const line = h("span", {class: "cursor"});
+  const now = h("p", {class: "quiet"});
+  const box = h("div", {class: "muscles"}, canvas, line);
+  const part = trajectory.duration / duration;
+  canvas.style.width = `${100 * part}%`;
+  const seek = (event) => {
+    const area = box.getBoundingClientRect();
+    onSeek((event.clientX - area.left) / area.width * duration);
+  };
+  box.addEventListener("pointerdown", seek);
+  const element = h("figure", {class: "chart graph"}, h("figcaption", null, "Muscles' activation",
+    several && h("span", {class: one.mark}, ` ${one.label}`)), box, now,
+  h("p", {class: "quiet scale"}, "0", h("span", {class: "shades", "aria-hidden": "true"}), "1; a row for "
+    + `each of ${trajectory.muscles.length} muscles, time to the right`));
+  return {element, show(time, told) {
+    line.style.left = `${100 * Math.min(time / duration, 1)}%`;
+    if (told) now.textContent = `Most active: ${mostActive(trajectory, time)}`;
+  }};
+}
+
+// Graphs of episodes: {trajectory, label, mark}, of which `mark` is a class. `onSeek` is called with the
+// time that a reader chose. Returns the element and show(time, told), where only with `told` the values
+// in words are renewed.
+export function graphs(episodes, duration, onSeek) {
+  const names = [...new Set(episodes.flatMap((one) => one.trajectory.series.map(
+    (series) => series.name)))];
+  const long = Math.max(duration, 1e-3);
+  const all = names.map((name) => graph(episodes.map((one) => ({...one,
+    series: one.trajectory.series.find((series) => series.name === name)}))
+    .filter((one) => one.series), long, onSeek));
+  all.push(...episodes.filter((one) => one.trajectory.muscles.length)
+    .map((one) => muscleMap(one, episodes.length > 1, long, onSeek)));
+  return {element: h("div", {class: "charts"}, all.map((one) => one.element)),
+    show: (time, told) => all.forEach((one) => one.show(time, told))};
+}

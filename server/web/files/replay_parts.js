@@ -1,0 +1,175 @@
+// What a replay draws besides the bodies: muscles, forces, the ground.
+import * as three from "./three.js";
+
+const IDLE = new three.Color(0x7f93ad);
+const ACTIVE = new three.Color(0xe8321e);
+
+// Writes the matrix that lays a cylinder of height 1 and radius 1 from one point to another.
+function layBetween(array, index, ends, at, radius) {
+  const x = ends[at + 3] - ends[at];
+  const y = ends[at + 4] - ends[at + 1];
+  const z = ends[at + 5] - ends[at + 2];
+  const length = Math.max(Math.hypot(x, y, z), 1e-9);
+  // Two directions across the way: of the first, the axis that is the least along it is left out.
+  const flat = Math.abs(z) < 0.9 * length;
+  let ax = flat ? y : 0;
+  let ay = flat ? -x : z;
+  let az = flat ? 0 : -y;
+  const size = radius / Math.max(Math.hypot(ax, ay, az), 1e-12);
+  ax *= size;
+  ay *= size;
+  az *= size;
+  array.set([ax, ay, az, 0, x, y, z, 0,
+    (ay * z - az * y) / length, (az * x - ax * z) / length, (ax * y - ay * x) / length, 0,
+    ends[at] + x / 2, ends[at + 1] + y / 2, ends[at + 2] + z / 2, 1], 16 * index);
+}
+
+function many(geometry, material, count) {
+  const mesh = new three.InstancedMesh(geometry, material, Math.max(count, 1));
+  mesh.count = 0;
+  mesh.frustumCulled = false;
+  mesh.instanceMatrix.setUsage(three.DynamicDrawUsage);
+  return mesh;
+}
+
+// Muscles as tubes, coloured and thickened by their activation.
+export class Tubes {
+  constructor(most) {
+    const material = new three.MeshStandardMaterial({roughness: 0.55});
+    this.mesh = many(new three.CylinderGeometry(1, 1, 1, 7, 1, true), material, most);
+    this.mesh.castShadow = true;
+    const colors = new Float32Array(3 * Math.max(most, 1));
+    this.mesh.instanceColor = new three.InstancedBufferAttribute(colors, 3);
+    this.mesh.instanceColor.setUsage(three.DynamicDrawUsage);
+    this.ends = new Float32Array(6 * Math.max(most, 1));
+    this.segments = new Float32Array(2 * Math.max(most, 1));
+  }
+
+  // Shows the first `count` of `ends` and `segments` (as segmentsAt fills them).
+  show(count) {
+    const matrices = this.mesh.instanceMatrix.array;
+    const colors = this.mesh.instanceColor.array;
+    for (let i = 0; i < count; i += 1) {
+      const active = this.segments[2 * i];
+      layBetween(matrices, i, this.ends, 6 * i, this.segments[2 * i + 1] * (1 + 0.6 * active));
+      colors[3 * i] = IDLE.r + active * (ACTIVE.r - IDLE.r);
+      colors[3 * i + 1] = IDLE.g + active * (ACTIVE.g - IDLE.g);
+      colors[3 * i + 2] = IDLE.b + active * (ACTIVE.b - IDLE.b);
+    }
+    this.mesh.count = count;
+    this.mesh.instanceMatrix.needsUpdate = true;
+    this.mesh.instanceColor.needsUpdate = true;
+  }
+}
+
+// Contact forces as arrows: `longest` m for `strongest` N.
+export class Arrows {
+  constructor(most, longest, strongest) {
+    const material = new three.MeshStandardMaterial({color: 0xf2a100, emissive: 0x6b4600,
+      roughness: 0.4});
+    this.shafts = many(new three.CylinderGeometry(1, 1, 1, 10), material, most);
+    this.heads = many(new three.ConeGeometry(1, 1, 14), material, most);
+    this.group = new three.Group();
+    this.group.add(this.shafts, this.heads);
+    this.thick = longest / 45;
+    this.scale = strongest > 0 ? longest / strongest : 0;
+    this.ends = new Float32Array(6);
+  }
+
+  // Shows the contacts `first` to `last`, without it, of 6 numbers each: point, force.
+  show(values, first, last) {
+    let count = 0;
+    for (let i = first; i < last; i += 1) {
+      const [x, y, z, fx, fy, fz] = values.subarray(6 * i, 6 * i + 6);
+      const length = Math.hypot(fx, fy, fz) * this.scale;
+      if (length < 0.4 * this.thick) continue;
+      const part = Math.max(length - 4 * this.thick, 0.4 * length) / length * this.scale;
+      this.ends.set([x, y, z, x + fx * part, y + fy * part, z + fz * part]);
+      layBetween(this.shafts.instanceMatrix.array, count, this.ends, 0, this.thick);
+      this.ends.set([x + fx * part, y + fy * part, z + fz * part,
+        x + fx * this.scale, y + fy * this.scale, z + fz * this.scale]);
+      layBetween(this.heads.instanceMatrix.array, count, this.ends, 0, 2.4 * this.thick);
+      count += 1;
+    }
+    for (const mesh of [this.shafts, this.heads]) {
+      mesh.count = count;
+      mesh.instanceMatrix.needsUpdate = true;
+    }
+  }
+}
+
+// Two shades of squares with sides of 1: what a ground is drawn with.
+function squares(light, dark) {
+  const one = new three.Color(light);
+  const two = new three.Color(dark);
+  const pixel = (color) => [color.r, color.g, color.b].map((part) => 255 * part).concat(255);
+  const data = new Uint8Array([pixel(one), pixel(two), pixel(two), pixel(one)].flat());
+  const texture = new three.DataTexture(data, 2, 2);
+  texture.wrapS = three.RepeatWrapping;
+  texture.wrapT = three.RepeatWrapping;
+  texture.magFilter = three.NearestFilter;
+  texture.minFilter = three.LinearMipmapLinearFilter;
+  texture.generateMipmaps = true;
+  texture.anisotropy = 8;
+  texture.needsUpdate = true;
+  return texture;
+}
+
+function groundMaterial(colors) {
+  return new three.MeshStandardMaterial({map: squares(...colors), roughness: 0.95});
+}
+
+// The terrain that an episode had, with squares of 1 m.
+export function terrainMesh(terrain, colors) {
+  const {rows, columns, low, high, heights} = terrain;
+  const points = new Float32Array(3 * rows * columns);
+  const places = new Float32Array(2 * rows * columns);
+  for (let row = 0, at = 0; row < rows; row += 1) {
+    for (let column = 0; column < columns; column += 1, at += 1) {
+      const x = low[0] + (high[0] - low[0]) * column / (columns - 1);
+      const y = low[1] + (high[1] - low[1]) * row / (rows - 1);
+      points.set([x, y, heights[column * rows + row]], 3 * at);
+      places.set([x / 2, y / 2], 2 * at);
+    }
+  }
+  const corners = new Uint32Array(6 * (rows - 1) * (columns - 1));
+  for (let row = 0, at = 0; row < rows - 1; row += 1) {
+    for (let column = 0; column < columns - 1; column += 1, at += 6) {
+      const a = row * columns + column;
+      corners.set([a, a + 1, a + columns, a + 1, a + columns + 1, a + columns], at);
+    }
+  }
+  const geometry = new three.BufferGeometry();
+  geometry.setAttribute("position", new three.BufferAttribute(points, 3));
+  geometry.setAttribute("uv", new three.BufferAttribute(places, 2));
+  geometry.setIndex(new three.BufferAttribute(corners, 1));
+  // Each face by its own normal, so that the edges of steps are seen.
+  const faces = geometry.toNonIndexed();
+  geometry.dispose();
+  faces.computeVertexNormals();
+  const mesh = new three.Mesh(faces, groundMaterial(colors));
+  mesh.receiveShadow = true;
+  mesh.castShadow = true;
+  return mesh;
+}
+
+// A floor that reaches farther than one sees; it goes along with what is looked at (moveFloor).
+export function floorMesh(height, square, colors) {
+  const side = 400 * square;
+  const geometry = new three.PlaneGeometry(side, side);
+  const places = geometry.attributes.uv;
+  for (let i = 0; i < places.count; i += 1) {
+    places.setXY(i, places.getX(i) * 200, places.getY(i) * 200);
+  }
+  const mesh = new three.Mesh(geometry, groundMaterial(colors));
+  mesh.position.z = height;
+  mesh.receiveShadow = true;
+  mesh.userData.square = square;
+  return mesh;
+}
+
+export function moveFloor(mesh, target) {
+  const step = 2 * mesh.userData.square;
+  mesh.position.x = Math.round(target.x / step) * step;
+  mesh.position.y = Math.round(target.y / step) * step;
+}
