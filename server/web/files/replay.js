@@ -4,7 +4,6 @@ import {download, get} from "./api.js";
 import {facts, h, href, replace} from "./dom.js";
 import {bytes, name, number, visible, whole} from "./format.js";
 import {Clock} from "./replay_clock.js";
-import {compare} from "./replay_compare.js";
 import {Controls, eventTable, keyList, seconds} from "./replay_controls.js";
 import {FileError, MOST_BYTES, readTrajectory} from "./replay_file.js";
 import {graphs} from "./replay_graphs.js";
@@ -205,9 +204,8 @@ async function build(main, title, episodes, signal) {
   const box = h("section", {class: "replay", "aria-label": "Replay", onkeydown: (event) => {
     if (controls.key(event)) event.preventDefault();
   }}, stageOf(episodes, hosts, why), controls.element, views.length > 0 && legend(episodes));
-  const own = episodes.length === 1 ? episodes[0] : null;
   replace(main, title, h("div", {class: "abouts"}, episodes.map(about)), box,
-    own?.status && compare(own.status, own.log), drawn.element, h("h2", null, "Events"),
+    drawn.element, h("h2", null, "Events"),
     events.element, keyList(), h("details", {class: "more"}, h("summary", null, "About the drawing"),
       meter.element, h("p", {class: "quiet"}, episodes.map((one) => `${one.label}: `
         + `${bytes(one.received)} of poses, ${whole(one.trajectory.frames)} frames, `
