@@ -55,6 +55,11 @@ int Allow(scmp_filter_ctx filter, const std::string& name, int number) {
   return seccomp_rule_add(filter, SCMP_ACT_ALLOW, number, 0);
 }
 
+int AllowCompiledCode(scmp_filter_ctx filter) {
+  return seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(mprotect), 1,
+                          SCMP_A2(SCMP_CMP_EQ, PROT_READ | PROT_EXEC));
+}
+
 int AllowSanitizer([[maybe_unused]] scmp_filter_ctx filter) {
   int result = 0;
 #if defined(__SANITIZE_ADDRESS__)
@@ -71,7 +76,7 @@ int AllowSanitizer([[maybe_unused]] scmp_filter_ctx filter) {
 
 }  // namespace
 
-absl::Status AllowOnly(const std::vector<std::string>& names) {
+absl::Status AllowOnly(const std::vector<std::string>& names, NewCode code) {
   // Ends the whole process: an error code might be taken for a state of the
   // host, and a call that is not needed is never a mistake of a caller.
   const std::unique_ptr<void, Release> filter(seccomp_init(SCMP_ACT_KILL_PROCESS));
@@ -93,6 +98,7 @@ absl::Status AllowOnly(const std::vector<std::string>& names) {
     }
     result |= Allow(filter.get(), name, number);
   }
+  if (code == NewCode::kCompiled) result |= AllowCompiledCode(filter.get());
   result |= AllowSanitizer(filter.get());
   if (result != 0) {
     return absl::InternalError("libseccomp refuses a rule of the simulator's filter");

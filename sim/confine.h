@@ -11,10 +11,18 @@
 
 namespace myograde::sim {
 
+// What may become of memory that was written to.
+enum class NewCode {
+  kNone,      // nothing
+  // mprotect can make it executable, but not executable and writable at once: for a renderer, which
+  // compiles what it draws with.
+  kCompiled,
+};
+
 // From here on this process and all its threads may make the system calls of
 // `names` only; any other ends the process with SIGSYS, which the runner takes
 // for a fault of the grader. Stricter than the names say: mmap and mprotect
-// never make memory executable, tgkill reaches this process alone, setsockopt
+// never make memory executable (but see NewCode), tgkill reaches this process alone, setsockopt
 // sets a receive timeout and nothing else.
 //
 // InvalidArgumentError: a name is no system call, or one that this filter
@@ -23,6 +31,6 @@ namespace myograde::sim {
 //
 // In sanitizer builds the calls that a sanitizer's report needs are allowed as
 // well; opening files for reading is one of them.
-absl::Status AllowOnly(const std::vector<std::string>& names);
+absl::Status AllowOnly(const std::vector<std::string>& names, NewCode code = NewCode::kNone);
 
 }  // namespace myograde::sim

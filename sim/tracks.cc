@@ -11,10 +11,13 @@
 #include "protocol/tracks/manipulation/track.h"
 #include "sim/elbow/elbow.h"
 #include "sim/elbow/model.h"
+#include "sim/elbow/readings.h"
 #include "sim/locomotion/locomotion.h"
 #include "sim/locomotion/model.h"
+#include "sim/locomotion/readings.h"
 #include "sim/manipulation/manipulation.h"
 #include "sim/manipulation/model.h"
+#include "sim/manipulation/readings.h"
 #include "sim/model/model.h"
 
 namespace myograde::sim {
@@ -22,11 +25,11 @@ namespace myograde::sim {
 std::span<const SimulatedTrack> SimulatedTracks() {
   static const std::array tracks = {
       SimulatedTrack{&ManipulationTrack(), &ManipulationModel(), &ManipulationView(), MakeManipulation,
-                     ManipulationRewardTerms()},
+                     ManipulationRewardTerms(), ManipulationReadings},
       SimulatedTrack{&LocomotionTrack(), &LocomotionModel(), &LocomotionView(), MakeLocomotion,
-                     LocomotionRewardTerms()},
+                     LocomotionRewardTerms(), LocomotionReadings},
       SimulatedTrack{&ElbowTrack(), &ElbowModel(), &ElbowView(), MakeElbow,
-                     ElbowRewardTerms()},
+                     ElbowRewardTerms(), ElbowReadings},
   };
   return tracks;
 }

@@ -4,12 +4,14 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 #include <absl/status/statusor.h>
 
 #include "protocol/lease/track_config.h"
 #include "sim/environment.h"
 #include "sim/model/source.h"
+#include "sim/reading.h"
 #include "sim/render/camera_view.h"
 
 namespace myograde::sim {
@@ -22,6 +24,7 @@ struct SimulatedTrack {
   absl::StatusOr<std::unique_ptr<Environment>> (*make)(const TrackConfig& config,
                                                        const std::string& cache_dir);
   std::span<const RewardTerm> reward_terms;  // in the order of Environment::RewardTerms
+  std::vector<Reading> (*readings)(const EpisodeFacts& episode);  // of the episode so far
 };
 
 std::span<const SimulatedTrack> SimulatedTracks();

@@ -76,6 +76,8 @@ constexpr Verb kVerbs[] = {
      "myograde log 7 --episode 3 -o episode3.lcmlog", AddLog},
     {"replay", "Simulate episodes again from their logs, without the policy, and compare",
      "myograde replay 7 --episode 3", AddReplay},
+    {"render", "Draw an episode from its log: a film, a picture, or a strip of the best and the worst",
+     "myograde render 7 --episode 3 -o episode3.mp4", AddRender},
     {"receipt", "Write the signed receipt of a submission that has ended",
      "myograde receipt 7 -o receipt.json", AddReceipt},
     {"verify", "Check a receipt against the organiser's key, without a daemon",

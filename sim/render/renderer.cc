@@ -14,6 +14,7 @@ namespace myograde::sim {
 namespace {
 
 constexpr int kMostGeoms = 10'000;  // the arm's tendons wrap in some 1,500 pieces
+constexpr int kFastShadowSide = 1024;  // pixels; models ask for 4096
 
 // What of a height field the graphics memory has a copy of.
 std::vector<float> HeightField(const mjModel& model) {
@@ -35,6 +36,26 @@ void FlipRows(std::span<uint8_t> rgb, int height) {
     std::swap_ranges(rgb.begin() + i * row, rgb.begin() + (i + 1) * row,
                      rgb.begin() + (height - 1 - i) * row);
   }
+}
+
+// MuJoCo's fonts are bitmaps of fixed sizes, and a line should be about a thirtieth of the picture.
+int FontScale(int height) {
+  if (height < 300) return mjFONTSCALE_50;
+  if (height < 700) return mjFONTSCALE_100;
+  if (height < 1000) return mjFONTSCALE_150;
+  if (height < 1600) return mjFONTSCALE_200;
+  return mjFONTSCALE_300;
+}
+
+// MuJoCo looks each byte up in a table of ASCII without asking whether it is in there.
+std::string Printable(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if ((byte & 0xC0) == 0x80) continue;  // the rest of a character of UTF-8
+    out.push_back((byte >= ' ' && byte < 0x7F) || c == '\n' ? c : '?');
+  }
+  return out;
 }
 
 mjvOption Options() {
@@ -70,13 +91,17 @@ class Renderer::Implementation {
   int height() const { return height_; }
 
   // Copies meshes, height fields and textures to where OpenGL draws from.
-  absl::Status Upload() {
+  absl::Status Upload(Quality quality) {
     if (absl::Status status = opengl_->MakeCurrent(); !status.ok()) return status;
     mjModel shown = model_;  // shares the arrays
     textures_.PutInto(shown);
     shown.vis.global.offwidth = width_;
     shown.vis.global.offheight = height_;
-    mjr_makeContext(&shown, &context_, mjFONTSCALE_100);
+    if (quality == Quality::kFast) {
+      shown.vis.quality.shadowsize = kFastShadowSide;
+      shown.vis.quality.offsamples = 0;
+    }
+    mjr_makeContext(&shown, &context_, FontScale(height_));
     mjr_setBuffer(mjFB_OFFSCREEN, &context_);
     field_ = HeightField(model_);
     opengl_->Release();
@@ -84,7 +109,8 @@ class Renderer::Implementation {
     return absl::InternalError("MuJoCo can't draw into memory with this OpenGL");
   }
 
-  absl::Status Draw(const mjData& data, const CameraView& view, std::span<uint8_t> rgb) {
+  absl::Status Draw(const mjData& data, const CameraView& view, std::span<uint8_t> rgb,
+                    const PictureText& text) {
     if (rgb.size() != static_cast<size_t>(width_) * height_ * 3) {
       return absl::InvalidArgumentError(absl::StrCat("a picture of ", width_, " by ", height_,
                                                      " pixels does not have ", rgb.size(),
@@ -96,6 +122,7 @@ class Renderer::Implementation {
     UpdateScene(data, *camera);
     const mjrRect whole = {0, 0, width_, height_};
     mjr_render(whole, &scene_, &context_);
+    Write(text, whole);
     mjr_readPixels(rgb.data(), nullptr, whole, &context_);
     opengl_->Release();
     FlipRows(rgb, height_);
@@ -117,6 +144,17 @@ class Renderer::Implementation {
     if (body < 0) return absl::InvalidArgumentError(absl::StrCat("the model has no body ", name));
     mju_addTo3(camera.lookat, data.xpos + 3 * body);
     return camera;
+  }
+
+  void Write(const PictureText& text, const mjrRect& whole) {
+    const auto put = [&](mjtGridPos place, const std::string& left, const std::string& right) {
+      if (left.empty()) return;
+      mjr_overlay(mjFONT_NORMAL, place, whole, Printable(left).c_str(), Printable(right).c_str(),
+                  &context_);
+    };
+    put(mjGRID_TOPLEFT, text.names, text.values);
+    put(mjGRID_TOPRIGHT, text.title, "");
+    put(mjGRID_BOTTOMLEFT, text.caption, "");
   }
 
   void UpdateScene(const mjData& data, mjvCamera& camera) {
@@ -143,7 +181,7 @@ class Renderer::Implementation {
 };
 
 absl::StatusOr<std::unique_ptr<Renderer>> Renderer::Make(const mjModel& model, int width,
-                                                         int height) {
+                                                         int height, Quality quality) {
   if (std::min(width, height) < 1 || std::max(width, height) > kLargestSide) {
     return absl::InvalidArgumentError(absl::StrCat("a picture can't have ", width, " by ", height,
                                                    " pixels: both must be from 1 to ",
@@ -153,7 +191,7 @@ absl::StatusOr<std::unique_ptr<Renderer>> Renderer::Make(const mjModel& model, i
   if (!opengl.ok()) return opengl.status();
   auto implementation =
       std::make_unique<Implementation>(model, *std::move(opengl), width, height);
-  if (absl::Status status = implementation->Upload(); !status.ok()) return status;
+  if (absl::Status status = implementation->Upload(quality); !status.ok()) return status;
   return std::unique_ptr<Renderer>(new Renderer(std::move(implementation)));
 }
 
@@ -165,8 +203,9 @@ Renderer::~Renderer() = default;
 int Renderer::width() const { return implementation_->width(); }
 int Renderer::height() const { return implementation_->height(); }
 
-absl::Status Renderer::Draw(const mjData& data, const CameraView& view, std::span<uint8_t> rgb) {
-  return implementation_->Draw(data, view, rgb);
+absl::Status Renderer::Draw(const mjData& data, const CameraView& view, std::span<uint8_t> rgb,
+                            const PictureText& text) {
+  return implementation_->Draw(data, view, rgb, text);
 }
 
 }  // namespace myograde::sim

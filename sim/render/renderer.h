@@ -10,8 +10,14 @@
 #include <mujoco/mujoco.h>
 
 #include "sim/render/camera_view.h"
+#include "sim/render/picture_text.h"
 
 namespace myograde::sim {
+
+enum class Quality {
+  kBest,  // smooth edges and fine shadows
+  kFast,  // for films: a third of the time
+};
 
 // Draws one model in pictures of one size. Any thread may call it, but one at a time.
 class Renderer {
@@ -22,7 +28,8 @@ class Renderer {
   // (sizes, positions, height fields). InvalidArgumentError: a side is not in [1, kLargestSide].
   // FailedPreconditionError: Mesa's off-screen renderer is not installed.
   static absl::StatusOr<std::unique_ptr<Renderer>> Make(const mjModel& model, int width,
-                                                        int height);
+                                                        int height,
+                                                        Quality quality = Quality::kBest);
   ~Renderer();
   Renderer(const Renderer&) = delete;
   Renderer& operator=(const Renderer&) = delete;
@@ -33,7 +40,9 @@ class Renderer {
   // Draws `data`, a state of the model whose positions are up to date (as they are after a step or
   // a reset), and leaves the state as it is. `rgb` gets height x width x 3 bytes, the top row
   // first. InvalidArgumentError: `rgb` has another size, or the model has no such body.
-  absl::Status Draw(const mjData& data, const CameraView& view, std::span<uint8_t> rgb);
+  // `text` is written over it.
+  absl::Status Draw(const mjData& data, const CameraView& view, std::span<uint8_t> rgb,
+                    const PictureText& text = {});
 
  private:
   class Implementation;

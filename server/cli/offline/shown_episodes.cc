@@ -1,0 +1,186 @@
+#include "server/cli/offline/shown_episodes.h"
+
+#include <filesystem>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/outcome.h"
+#include "protocol/log/episode_log.h"
+#include "protocol/tracks/registry.h"
+#include "server/cli/client/evaluation_logs.h"
+#include "server/cli/offline/play_logs.h"
+#include "server/grading/episode_order.h"
+#include "server/grading/results.h"
+#include "server/grading/tracks.h"
+#include "server/proof/unpack_log.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+std::string TextOf(const Json& row, const char* key) {
+  const Json value = row.value(key, Json());
+  return value.is_string() ? value.get<std::string>() : "";
+}
+
+// "failure: dropped"; "" where the phase withholds it.
+std::string VerdictOf(const Json& row) {
+  const std::string outcome = TextOf(row, "outcome");
+  const std::string reason = TextOf(row, "reason");
+  return reason.empty() ? outcome : absl::StrCat(outcome, ": ", reason);
+}
+
+// A log of an evaluation in a file, with what is in it.
+struct FetchedLog {
+  std::string path;
+  EpisodeLog log;
+};
+
+absl::StatusOr<FetchedLog> FetchLog(const Client& client, const Json& evaluation, int64_t index,
+                                    const std::string& folder) {
+  const absl::StatusOr<Json> row = RowOf(evaluation, index);
+  if (!row.ok()) return row.status();
+  const absl::StatusOr<std::string> bytes = LogBytesOf(client, *row);
+  absl::StatusOr<EpisodeLog> log = ParseLog(bytes);
+  if (!log.ok()) return log.status();
+  const Json hashes = evaluation.value("hashes", Json::object());
+  if (log->header.config != hashes.value("config", "") || log->header.episode != index) {
+    return absl::DataLossError(absl::StrCat(
+        "episode ", index, ": the log is of another episode or config than its record"));
+  }
+  absl::StatusOr<ReplayLogFile> file = SaveLog(folder, *bytes, log->header);
+  if (!file.ok()) return file.status();
+  return FetchedLog{file->path, *std::move(log)};
+}
+
+absl::Status CheckHasSteps(const EpisodeLog& log) {
+  if (log.steps() > 0) return absl::OkStatus();
+  return absl::DataLossError(absl::StrCat("episode ", log.header.episode,
+                                          " has no step to show: it ended by \"", log.end.end,
+                                          "\" before the first"));
+}
+
+struct FetchedEpisode {
+  ShownEpisode shown;
+  TrackConfig track;
+};
+
+absl::StatusOr<FetchedEpisode> FetchEpisode(const Client& client, const Json& evaluation,
+                                            int64_t index, const std::string& folder) {
+  absl::StatusOr<FetchedLog> own = FetchLog(client, evaluation, index, folder);
+  if (!own.ok()) return own.status();
+  if (absl::Status status = CheckHasSteps(own->log); !status.ok()) return status;
+  FetchedEpisode fetched = {{.index = index, .place = "", .order = {}, .steps = own->log.steps()},
+                            std::move(own->log.header.track)};
+  if (CarriesOver(fetched.track)) {
+    for (int64_t before = FirstOfLease(fetched.track, index); before < index; ++before) {
+      const absl::StatusOr<FetchedLog> log = FetchLog(client, evaluation, before, folder);
+      if (!log.ok()) return log.status();
+      fetched.shown.order.logs.push_back(log->path);
+    }
+  }
+  fetched.shown.order.logs.push_back(own->path);
+  fetched.shown.order.verdict = VerdictOf(*RowOf(evaluation, index));
+  return fetched;
+}
+
+bool CanBeShown(const Json& row) {
+  const Json log = row.value("log", Json());
+  return log.is_object() && log.value("steps", int64_t{0}) > 0;
+}
+
+// What scoring reads of a row, from what the API shows of it; nullopt if the phase withholds that.
+std::optional<EpisodeRow> StoredForm(const Json& row, std::string_view track) {
+  const std::optional<Outcome> outcome = ParseOutcome(TextOf(row, "outcome"));
+  const std::optional<FailureReason> reason = ParseFailureReason(TextOf(row, "reason"));
+  if (!outcome.has_value() || !reason.has_value() || !row.value("metrics", Json()).is_object()) {
+    return std::nullopt;
+  }
+  EpisodeRow stored;
+  stored.index = row.value("index", int64_t{0});
+  stored.outcome = *outcome;
+  stored.reason = *reason;
+  stored.metrics_json = row["metrics"].dump();
+  const Json facts = {{"steps", row.value("steps", Json())},
+                      {std::string(track), row.value("facts", Json())}};
+  stored.facts_json = facts.dump();
+  return stored;
+}
+
+absl::StatusOr<std::vector<int64_t>> OrderOf(const std::vector<Json>& rows,
+                                             const TrackConfig& config) {
+  const absl::StatusOr<TrackPtr> track = MakeTrack(config);
+  if (!track.ok()) return track.status();
+  std::vector<EpisodeRow> stored;
+  for (const Json& row : rows) {
+    std::optional<EpisodeRow> form = StoredForm(row, config.kind->name);
+    if (!form.has_value()) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          "the phase withholds the results of the episodes, so none of them is known to be the "
+          "best; show one with --episode"));
+    }
+    stored.push_back(*std::move(form));
+  }
+  const auto judged = JudgedEpisodes(*(*track)->scoring.track, stored);
+  if (!judged.ok()) return judged.status();
+  return EpisodesInOrder((*track)->scoring, *judged);
+}
+
+}  // namespace
+
+absl::StatusOr<ShownEpisodes> EpisodeOfFile(const std::string& path) {
+  absl::StatusOr<EpisodeLog> log = ParseLog(ReadLog(path));
+  if (!log.ok()) return log.status();
+  if (CarriesOver(log->header.track) && !log->header.first) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        path, ": in the profile ", log->header.track.profile, " state carries over from the "
+        "episodes before; name the submission by its number instead"));
+  }
+  if (absl::Status status = CheckHasSteps(*log); !status.ok()) return status;
+  ShownEpisode shown = {.index = log->header.episode, .place = "", .order = {},
+                        .steps = log->steps()};
+  shown.order.logs = {std::filesystem::absolute(path)};
+  return ShownEpisodes{std::move(log->header.track), {std::move(shown)}};
+}
+
+absl::StatusOr<ShownEpisodes> EpisodeOfEvaluation(const Client& client, const Json& evaluation,
+                                                  int64_t index, const std::string& folder) {
+  absl::StatusOr<FetchedEpisode> fetched = FetchEpisode(client, evaluation, index, folder);
+  if (!fetched.ok()) return fetched.status();
+  return ShownEpisodes{std::move(fetched->track), {std::move(fetched->shown)}};
+}
+
+absl::StatusOr<ShownEpisodes> StripOfEvaluation(const Client& client, const Json& evaluation,
+                                                const std::string& folder) {
+  std::vector<Json> rows;
+  for (const Json& row : evaluation["episode_rows"]) {
+    if (CanBeShown(row)) rows.push_back(row);
+  }
+  if (rows.empty()) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "submission ", evaluation.value("submission", 0), " has no episode with a log to show"));
+  }
+  // A log has the config, and with it the board's rules.
+  const absl::StatusOr<FetchedLog> any =
+      FetchLog(client, evaluation, rows.front().value("index", int64_t{-1}), folder);
+  if (!any.ok()) return any.status();
+  const absl::StatusOr<std::vector<int64_t>> order = OrderOf(rows, any->log.header.track);
+  if (!order.ok()) return order.status();
+  ShownEpisodes strip;
+  strip.track = any->log.header.track;
+  for (const PickedEpisode& picked : BestMedianWorst(*order)) {
+    absl::StatusOr<FetchedEpisode> fetched =
+        FetchEpisode(client, evaluation, picked.index, folder);
+    if (!fetched.ok()) return fetched.status();
+    fetched->shown.place = picked.place;
+    fetched->shown.order.title = absl::StrCat(std::string(picked.place), ": episode ", picked.index);
+    strip.episodes.push_back(std::move(fetched->shown));
+  }
+  return strip;
+}
+
+}  // namespace myograde::server

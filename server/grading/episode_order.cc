@@ -1,0 +1,50 @@
+#include "server/grading/episode_order.h"
+
+#include <set>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "scoring/board.h"
+
+namespace myograde::server {
+
+absl::StatusOr<std::vector<int64_t>> EpisodesInOrder(
+    const scoring::TrackScoring& scoring, const std::vector<scoring::JudgedEpisode>& episodes) {
+  std::vector<scoring::BoardEntry> entries;
+  std::set<int64_t> unranked;
+  for (const scoring::JudgedEpisode& episode : episodes) {
+    const auto aggregate = scoring::AggregateEpisodes(scoring.track->metrics, {episode});
+    if (!aggregate.ok()) return aggregate.status();
+    scoring::BoardEntry entry = scoring::MakeEntry(scoring.track->metrics, *aggregate);
+    entry.submission = entry.team = absl::StrCat(episode.index);  // each stands for itself
+    entry.acceptance = episode.index;
+    if (!unranked.insert(episode.index).second) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("two rows are of episode ", episode.index));
+    }
+    entries.push_back(std::move(entry));
+  }
+  const auto board = scoring.boards.find(scoring::kMainBoard);
+  const auto ranked =
+      scoring::Rank(entries, board->second.rules, scoring::TeamRule::kBest);
+  if (!ranked.ok()) return ranked.status();
+  std::vector<int64_t> order;
+  for (const scoring::RankedEntry& entry : *ranked) {
+    order.push_back(entry.entry.acceptance);
+    unranked.erase(entry.entry.acceptance);
+  }
+  order.insert(order.end(), unranked.begin(), unranked.end());
+  return order;
+}
+
+std::vector<PickedEpisode> BestMedianWorst(const std::vector<int64_t>& order) {
+  if (order.empty()) return {};
+  if (order.size() == 1) return {{"only", order.front()}};
+  if (order.size() == 2) return {{"best", order.front()}, {"worst", order.back()}};
+  return {{"best", order.front()},
+          {"median", order[(order.size() - 1) / 2]},
+          {"worst", order.back()}};
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,30 @@
+// Which of an evaluation's episodes are the best and the worst. Pure.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include <absl/status/statusor.h>
+
+#include "scoring/aggregate.h"
+#include "scoring/track.h"
+
+namespace myograde::server {
+
+// The indices of `episodes`, first place first, as the track's main board would rank evaluations of
+// one episode each; of equal ones the earlier comes first. Those that it would not rank, the faults,
+// come last. InvalidArgumentError if an index occurs twice.
+absl::StatusOr<std::vector<int64_t>> EpisodesInOrder(
+    const scoring::TrackScoring& scoring, const std::vector<scoring::JudgedEpisode>& episodes);
+
+struct PickedEpisode {
+  std::string_view place;  // "best", "median", "worst"; "only"
+  int64_t index = 0;
+};
+
+// The first, the one in the middle (of an even number the better one) and the last of an order; of
+// two the first and the last; of one that one.
+std::vector<PickedEpisode> BestMedianWorst(const std::vector<int64_t>& order);
+
+}  // namespace myograde::server

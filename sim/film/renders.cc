@@ -1,0 +1,154 @@
+#include "sim/film/renders.h"
+
+#include <algorithm>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/file.h"
+#include "sim/film/overlay.h"
+#include "sim/film/png.h"
+
+namespace myograde::sim {
+namespace {
+
+constexpr int kGap = 4;  // pixels between the pictures of a strip
+constexpr uint8_t kPaper = 255;
+
+absl::Status WriteOut(int out, std::string_view bytes) {
+  const absl::Status status = WriteAll(out, bytes);
+  if (status.ok()) return status;
+  return absl::InternalError(absl::StrCat("the pictures can't be written: ", status.message()));
+}
+
+absl::Status WriteOut(int out, std::span<const uint8_t> bytes) {
+  return WriteOut(out, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+}
+
+absl::Status WritePng(int out, std::span<const uint8_t> rgb, int width, int height) {
+  const absl::StatusOr<std::string> png = EncodePng(rgb, width, height);
+  return png.ok() ? WriteOut(out, *png) : png.status();
+}
+
+// Pictures of one size in rows and columns.
+class Sheet {
+ public:
+  Sheet(int columns, int rows, int width, int height)
+      : tile_width_(width),
+        tile_height_(height),
+        width_(columns * (width + kGap) - kGap),
+        height_(rows * (height + kGap) - kGap),
+        rgb_(static_cast<size_t>(width_) * static_cast<size_t>(height_) * 3, kPaper) {}
+
+  int width() const { return width_; }
+  int height() const { return height_; }
+  std::span<const uint8_t> rgb() const { return rgb_; }
+
+  void Put(int column, int row, std::span<const uint8_t> tile) {
+    const size_t bytes = static_cast<size_t>(tile_width_) * 3;
+    for (int line = 0; line < tile_height_; ++line) {
+      const int y = row * (tile_height_ + kGap) + line;
+      const int x = column * (tile_width_ + kGap);
+      const auto from = tile.subspan(static_cast<size_t>(line) * bytes, bytes);
+      const size_t at = (static_cast<size_t>(y) * static_cast<size_t>(width_) +
+                         static_cast<size_t>(x)) * 3;
+      std::ranges::copy(from, rgb_.begin() + static_cast<std::ptrdiff_t>(at));
+    }
+  }
+
+ private:
+  int tile_width_, tile_height_, width_, height_;
+  std::vector<uint8_t> rgb_;
+};
+
+}  // namespace
+
+absl::StatusOr<Renders> Renders::Prepare(RenderOrder order) {
+  const SimulatedTrack& track = SimulatedTrackOf(*order.track.kind);
+  Renders renders(std::move(order), track);
+  const RenderOrder& wanted = renders.order_;
+  const Quality quality =
+      wanted.form == RenderOrder::Form::kFilm ? Quality::kFast : Quality::kBest;
+  for (const RenderEpisode& episode : wanted.episodes) {
+    auto recording = Recording::Open(episode.logs);
+    if (!recording.ok()) return recording.status();
+    auto environment = MakeEnvironment(wanted.track, wanted.cache_dir);
+    if (!environment.ok()) return environment.status();
+    auto renderer = Renderer::Make((*environment)->model(), wanted.width, wanted.height, quality);
+    if (!renderer.ok()) return renderer.status();
+    renders.stages_.push_back(
+        {*std::move(environment), *std::move(renderer), *std::move(recording)});
+  }
+  renders.rgb_.resize(static_cast<size_t>(wanted.width) * static_cast<size_t>(wanted.height) * 3);
+  return renders;
+}
+
+absl::Status Renders::Write(int out) {
+  for (Stage& stage : stages_) {
+    if (absl::Status status = stage.recording.Read(order_.track); !status.ok()) return status;
+  }
+  switch (order_.form) {
+    case RenderOrder::Form::kFilm: return WriteFilm(out);
+    case RenderOrder::Form::kPicture: return WritePicture(out);
+    case RenderOrder::Form::kStrip: return WriteStrip(out);
+  }
+  return absl::InternalError("an order of no known form");
+}
+
+absl::Status Renders::Draw(Stage& stage, const PictureText& text) {
+  return stage.renderer->Draw(stage.environment->data(), *track_->view, rgb_,
+                              order_.overlay ? text : PictureText());
+}
+
+absl::Status Renders::WriteFilm(int out) {
+  Stage& stage = stages_.front();
+  const EpisodeLog& log = stage.recording.log();
+  const double period = track_->kind->control_period_s;
+  const int64_t frames = FilmFrames(order_, log.steps(), period);
+  int64_t frame = 0;
+  return stage.recording.Play(*stage.environment, [&](int64_t step) {
+    const auto due = [&] {
+      return frame < frames && StepOfFrame(order_, frame, log.steps(), period) == step;
+    };
+    if (!due()) return absl::OkStatus();
+    absl::Status status = Draw(stage, FilmText(*track_, order_, log, *stage.environment, step));
+    // In slow motion several pictures show the same state.
+    for (; status.ok() && due(); ++frame) status = WriteOut(out, rgb_);
+    return status;
+  });
+}
+
+absl::Status Renders::WritePicture(int out) {
+  Stage& stage = stages_.front();
+  const EpisodeLog& log = stage.recording.log();
+  const int64_t moment = StepOfMoment(order_, log.steps(), track_->kind->control_period_s);
+  const absl::Status drawn = stage.recording.Play(*stage.environment, [&](int64_t step) {
+    if (step != moment) return absl::OkStatus();
+    return Draw(stage, FilmText(*track_, order_, log, *stage.environment, step));
+  });
+  return drawn.ok() ? WritePng(out, rgb_, order_.width, order_.height) : drawn;
+}
+
+absl::Status Renders::WriteStrip(int out) {
+  Sheet sheet(order_.columns, static_cast<int>(stages_.size()), order_.width, order_.height);
+  for (size_t row = 0; row < stages_.size(); ++row) {
+    Stage& stage = stages_[row];
+    const EpisodeLog& log = stage.recording.log();
+    int column = 0;
+    const absl::Status drawn = stage.recording.Play(*stage.environment, [&](int64_t step) {
+      while (column < order_.columns && StepOfColumn(order_, column, log.steps()) == step) {
+        const PictureText text = StripText(order_.episodes[row], log, column, step);
+        if (absl::Status status = Draw(stage, text); !status.ok()) return status;
+        sheet.Put(column++, static_cast<int>(row), rgb_);
+      }
+      return absl::OkStatus();
+    });
+    if (!drawn.ok()) return drawn;
+  }
+  return WritePng(out, sheet.rgb(), sheet.width(), sheet.height());
+}
+
+}  // namespace myograde::sim

@@ -1,0 +1,50 @@
+// Carries out orders for pictures.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "protocol/lease/render_order.h"
+#include "sim/environment.h"
+#include "sim/film/recording.h"
+#include "sim/render/renderer.h"
+#include "sim/tracks.h"
+
+namespace myograde::sim {
+
+// What an order needs, in two parts, so that a system call filter can be set between them.
+class Renders {
+ public:
+  // Loads models and OpenGL, and opens the logs. Errors of MakeEnvironment, Renderer::Make and
+  // Recording::Open.
+  static absl::StatusOr<Renders> Prepare(RenderOrder order);
+
+  // Reads the logs, plays them and writes the pictures to the descriptor `out`. DataLossError: a log
+  // can't be shown. InternalError: the pictures can't be drawn or written.
+  absl::Status Write(int out);
+
+ private:
+  // An environment of its own for each episode: state may carry over from one to the next.
+  struct Stage {
+    std::unique_ptr<Environment> environment;
+    std::unique_ptr<Renderer> renderer;
+    Recording recording;
+  };
+
+  Renders(RenderOrder order, const SimulatedTrack& track)
+      : order_(std::move(order)), track_(&track) {}
+  absl::Status WriteFilm(int out);
+  absl::Status WritePicture(int out);
+  absl::Status WriteStrip(int out);
+  absl::Status Draw(Stage& stage, const PictureText& text);
+
+  RenderOrder order_;
+  const SimulatedTrack* track_;
+  std::vector<Stage> stages_;
+  std::vector<uint8_t> rgb_;  // the last picture
+};
+
+}  // namespace myograde::sim
