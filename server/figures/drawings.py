@@ -41,6 +41,7 @@ def draw_distributions(title, found):
         axis.set_ylim(0, max(base) * 1.22)
         axis.set_xlabel(heading(metric))
         axis.set_ylabel("episodes")
+        axis.locator_params(axis="x", nbins=6)
         axis.yaxis.get_major_locator().set_params(integer=True)
         axis.set_title(f"median {number(middle, metric['digits'])}"
                        + (f" {metric['unit']}" if metric["unit"] else ""), fontweight="normal")
@@ -55,7 +56,7 @@ def whiskers(axis, at, middle, low, high, colour, across=False):
     if middle is None:
         return
     error = [[0], [0]] if low is None or high is None else [[middle - low], [high - middle]]
-    draw = {"fmt": "o", "color": colour, "ecolor": colour, "markersize": 4, "capsize": 2.5,
+    draw = {"fmt": "o", "clip_on": False, "color": colour, "ecolor": colour, "markersize": 4, "capsize": 2.5,
             "elinewidth": 1.2}
     if across:
         axis.errorbar([middle], [at], xerr=error, **draw)
@@ -168,7 +169,7 @@ def draw_paired(title, numbers):
         axis.set_title(f"{heading(metric)}: {words}, p = {p_text(metric['p'])}",
                        fontweight="normal")
         axis.set_xticks([])
-        axis.set_ylabel(f"difference{f' ({metric['unit']})' if metric['unit'] else ''}")
+        axis.set_ylabel(f"difference ({metric['unit']})" if metric["unit"] else "difference")
         axis.margins(x=0.01)
     axes.flat[-1].set_xlabel(f"{counted(numbers['pairs'], 'episode')} on the same seeds, each metric "
                              "in the order of its differences")
