@@ -10,7 +10,7 @@ SUCCESS = {"name": "success_rate", "title": "success", "unit": "", "better": "mo
 
 
 def title_of(board):
-    """"final, board main", or without a phase "elbow, rules hold, board main"."""
+    """"final, board main", or without a phase "TRACK, rules PROFILE, board main"."""
     what = board["phase"] if board.get("phase") else f"{board['track']}, rules {board['profile']}"
     return f"{plain(what, 60)}, board {plain(board['board'], 32)}"
 

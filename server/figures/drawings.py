@@ -55,7 +55,8 @@ def whiskers(axis, at, middle, low, high, colour, across=False):
     """A point with its interval, which may be unknown."""
     if middle is None:
         return
-    error = [[0], [0]] if low is None or high is None else [[middle - low], [high - middle]]
+    known = low is not None and high is not None
+    error = [[max(middle - low, 0)], [max(high - middle, 0)]] if known else [[0], [0]]
     draw = {"fmt": "o", "clip_on": False, "color": colour, "ecolor": colour, "markersize": 4, "capsize": 2.5,
             "elinewidth": 1.2}
     if across:

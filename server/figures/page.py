@@ -19,6 +19,7 @@ body { font: 15px/1.5 "DejaVu Sans", Verdana, sans-serif; color: #111; backgroun
 h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin: 2rem 0 0.5rem; break-after: avoid; }
 table { border-collapse: collapse; font-size: 0.85rem; margin: 0.5rem 0; }
 caption { text-align: left; font-weight: bold; padding: 0.3rem 0; }
+td bdi { display: inline-block; min-width: min(10rem, 30vw); max-width: 16rem; }
 th, td { text-align: left; padding: 0.2rem 0.6rem; border-bottom: 1px solid #ccc;
          vertical-align: top; overflow-wrap: anywhere; }
 th { border-bottom: 2px solid #888; white-space: nowrap; overflow-wrap: normal; }
