@@ -5,9 +5,11 @@
 //   myograde-sim --allow CALLS --try      sets its system call filter and ends
 //   myograde-sim --compile-models CACHE   compiles and keeps the models of both tracks
 //   myograde-sim --replay LOG CACHE       plays a log again and prints a replay record
+//   myograde-sim --trajectory LOG FILE CACHE    ... and writes its trajectory
+//   myograde-sim --model-file TRACK FILE CACHE  writes the shapes of a track for viewers
 //
 // CALLS: names of the system calls that episodes may make, with commas between.
-// The last two run anywhere, outside of sandboxes too, and see to it that the
+// The last four run anywhere, outside of sandboxes too, and see to it that the
 // C library's maths are those of every other host.
 //
 // Exit status: 0 done, 1 the grader is in trouble (one sentence on stderr) or a
@@ -29,22 +31,27 @@
 
 #include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 #include <absl/strings/str_split.h>
 
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
+#include "protocol/base/file.h"
 #include "protocol/base/config_reader.h"
 #include "protocol/policy/layout.h"
 #include "protocol/lease/lease.h"
 #include "protocol/log/packed_log.h"
 #include "protocol/base/pinned_maths.h"
 #include "protocol/lease/sim_channel.h"
+#include "protocol/tracks/registry.h"
 #include "sim/confine.h"
 #include "sim/episode/lease_player.h"
 #include "sim/episode/log_writer.h"
 #include "sim/episode/replay_player.h"
-#include "sim/tracks.h"
 #include "sim/model/model.h"
+#include "sim/tracks.h"
+#include "sim/trajectory/model_file.h"
+#include "sim/trajectory/recorder.h"
 
 namespace myograde::sim {
 namespace {
@@ -78,6 +85,22 @@ CpuPage* MapCpuPage(int fd) {
   return page == MAP_FAILED ? nullptr : static_cast<CpuPage*>(page);
 }
 
+MakeEpisodeRecorder RecordersOf(const Environment& environment) {
+  return [&environment](const EpisodeLog& log) -> absl::StatusOr<std::unique_ptr<EpisodeRecorder>> {
+    const TrackKind& kind = *log.header.track.kind;
+    const SimulatedTrack& track = SimulatedTrackOf(kind);
+    auto recorder = TrajectoryRecorder::Make(environment, track.telemetry(environment),
+                                             {.track = std::string(kind.name),
+                                              .model = ModelFileKey(*track.model),
+                                              .episode = log.header.episode,
+                                              .steps = log.steps(),
+                                              .control_period_s = kind.control_period_s,
+                                              .end = log.end.end});
+    if (!recorder.ok()) return recorder.status();
+    return std::unique_ptr<EpisodeRecorder>(*std::move(recorder));
+  };
+}
+
 absl::Status PlayLease(const std::vector<std::string>& system_calls) {
   absl::StatusOr<LeaseOrder> order = ReadOrder(kSimOrderFd);
   if (!order.ok()) return order.status();
@@ -89,7 +112,9 @@ absl::Status PlayLease(const std::vector<std::string>& system_calls) {
   if (!order->replay.empty()) {
     // A log may come from anywhere, so it is read behind the filter.
     if (absl::Status status = AllowOnly(system_calls); !status.ok()) return status;
-    return ReplayPlayer(*order, **environment, kSimChannelFd, SystemClock()).Play();
+    return ReplayPlayer(*order, **environment, kSimChannelFd, SystemClock(),
+                        RecordersOf(**environment))
+        .Play();
   }
   std::optional<LogWriter> log;
   if (!order->log_dir.empty()) {
@@ -102,7 +127,9 @@ absl::Status PlayLease(const std::vector<std::string>& system_calls) {
   return player.Play();
 }
 
-absl::Status ReplayFile(const char* path, const char* cache_dir, bool& equal) {
+// `trajectory`: the file to write; null: none.
+absl::Status ReplayFile(const char* path, const char* cache_dir, const char* trajectory,
+                        bool& equal) {
   const Fd file(open(path, O_RDONLY | O_CLOEXEC));
   if (!file.valid()) {
     return absl::NotFoundError(absl::StrCat(path, ": can't be opened: ", strerror(errno)));
@@ -114,11 +141,35 @@ absl::Status ReplayFile(const char* path, const char* cache_dir, bool& equal) {
   absl::StatusOr<std::unique_ptr<Environment>> environment =
       MakeEnvironment(log->header.track, cache_dir);
   if (!environment.ok()) return environment.status();
-  absl::StatusOr<ReplayRecord> record = ReplayLog(*log, **environment, [](int64_t) {});
+  std::unique_ptr<EpisodeRecorder> recorder;
+  if (trajectory != nullptr) {
+    auto made = RecordersOf(**environment)(*log);
+    if (!made.ok()) return made.status();
+    recorder = *std::move(made);
+  }
+  absl::StatusOr<ReplayRecord> record =
+      ReplayLog(*log, **environment, [](int64_t) {}, recorder.get());
   if (!record.ok()) return record.status();
   equal = record->equal;
   std::printf("%s\n", LeaseRecordToLine(*record).c_str());
-  return absl::OkStatus();
+  if (recorder == nullptr || !equal) return absl::OkStatus();
+  const absl::StatusOr<std::string> content = recorder->Finish();
+  return content.ok() ? WriteFile(trajectory, *content) : content.status();
+}
+
+absl::Status WriteModelFile(const std::string& name, const char* file,
+                            const std::string& cache_dir) {
+  const TrackKind* kind = FindTrack(name);
+  if (kind == nullptr) {
+    return absl::InvalidArgumentError(absl::StrCat("there is no track \"", name, "\"; known: ",
+                                                   absl::StrJoin(TrackNames(), ", ")));
+  }
+  const SimulatedTrack& track = SimulatedTrackOf(*kind);
+  const absl::StatusOr<ModelPtr> model = LoadModel(*track.model, cache_dir);
+  if (!model.ok()) return model.status();
+  const absl::StatusOr<std::string> content =
+      MakeModelFile(**model, name, ModelFileKey(*track.model), *track.view);
+  return content.ok() ? WriteFile(file, *content) : content.status();
 }
 
 int Main(int argc, char** argv) {
@@ -130,7 +181,13 @@ int Main(int argc, char** argv) {
     if (status.ok()) status = CompileModels(std::string(words[1]));
   } else if (words.size() == 3 && words[0] == "--replay") {
     status = PinMaths(argv);
-    if (status.ok()) status = ReplayFile(argv[2], argv[3], equal);
+    if (status.ok()) status = ReplayFile(argv[2], argv[3], nullptr, equal);
+  } else if (words.size() == 4 && words[0] == "--trajectory") {
+    status = PinMaths(argv);
+    if (status.ok()) status = ReplayFile(argv[2], argv[4], argv[3], equal);
+  } else if (words.size() == 4 && words[0] == "--model-file") {
+    status = PinMaths(argv);
+    if (status.ok()) status = WriteModelFile(argv[2], argv[3], argv[4]);
   } else if (words.size() >= 2 && words[0] == "--allow" &&
              (words.size() == 2 || (words.size() == 3 && words[2] == "--try"))) {
     const std::vector<std::string> calls = absl::StrSplit(argv[2], ',', absl::SkipEmpty());
@@ -140,7 +197,9 @@ int Main(int argc, char** argv) {
                  "usage: myograde-sim --allow CALLS           (started by myograde-runner)\n"
                  "       myograde-sim --allow CALLS --try     (tries the system call filter)\n"
                  "       myograde-sim --compile-models CACHE  (compiles both tracks' models)\n"
-                 "       myograde-sim --replay LOG CACHE      (plays a log again)\n");
+                 "       myograde-sim --replay LOG CACHE      (plays a log again)\n"
+                 "       myograde-sim --trajectory LOG FILE CACHE    (and writes its trajectory)\n"
+                 "       myograde-sim --model-file TRACK FILE CACHE  (writes a track's shapes)\n");
     return 2;
   }
   if (status.ok()) return equal ? 0 : 1;

@@ -12,12 +12,15 @@
 #include "sim/elbow/elbow.h"
 #include "sim/elbow/model.h"
 #include "sim/elbow/readings.h"
+#include "sim/elbow/telemetry.h"
 #include "sim/locomotion/locomotion.h"
 #include "sim/locomotion/model.h"
 #include "sim/locomotion/readings.h"
+#include "sim/locomotion/telemetry.h"
 #include "sim/manipulation/manipulation.h"
 #include "sim/manipulation/model.h"
 #include "sim/manipulation/readings.h"
+#include "sim/manipulation/telemetry.h"
 #include "sim/model/model.h"
 
 namespace myograde::sim {
@@ -25,11 +28,11 @@ namespace myograde::sim {
 std::span<const SimulatedTrack> SimulatedTracks() {
   static const std::array tracks = {
       SimulatedTrack{&ManipulationTrack(), &ManipulationModel(), &ManipulationView(), MakeManipulation,
-                     ManipulationRewardTerms(), ManipulationReadings},
+                     ManipulationRewardTerms(), ManipulationReadings, WatchManipulation},
       SimulatedTrack{&LocomotionTrack(), &LocomotionModel(), &LocomotionView(), MakeLocomotion,
-                     LocomotionRewardTerms(), LocomotionReadings},
+                     LocomotionRewardTerms(), LocomotionReadings, WatchLocomotion},
       SimulatedTrack{&ElbowTrack(), &ElbowModel(), &ElbowView(), MakeElbow,
-                     ElbowRewardTerms(), ElbowReadings},
+                     ElbowRewardTerms(), ElbowReadings, WatchElbow},
   };
   return tracks;
 }

@@ -13,6 +13,7 @@
 #include "sim/model/source.h"
 #include "sim/reading.h"
 #include "sim/render/camera_view.h"
+#include "sim/trajectory/telemetry.h"
 
 namespace myograde::sim {
 
@@ -25,6 +26,7 @@ struct SimulatedTrack {
                                                        const std::string& cache_dir);
   std::span<const RewardTerm> reward_terms;  // in the order of Environment::RewardTerms
   std::vector<Reading> (*readings)(const EpisodeFacts& episode);  // of the episode so far
+  MakeTelemetry telemetry;  // of one of its environments
 };
 
 std::span<const SimulatedTrack> SimulatedTracks();

@@ -121,6 +121,7 @@ nlohmann::json LeaseOrderToJson(const LeaseOrder& order) {
           {"log_bytes", order.log_bytes},
           {"replay", order.replay}};
   if (!order.adapter.empty()) json["adapter"] = order.adapter;
+  if (!order.trajectory.empty()) json["trajectory"] = order.trajectory;
   if (order.image.has_value()) json["image"] = PolicyImageToJson(*order.image);
   return json;
 }
@@ -157,8 +158,12 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
   order.log_dir = reader.String("log_dir");
   order.log_bytes = reader.Integer("log_bytes", 0, INT64_MAX);
   order.replay = reader.Strings("replay");
+  if (reader.Has("trajectory")) order.trajectory = reader.String("trajectory");
   if (!order.replay.empty() && order.replay.size() != episodes.size()) {
     reader.Fail("replay", "must name one log for each episode");
+  }
+  if (!order.trajectory.empty() && order.replay.empty()) {
+    reader.Fail("trajectory", "is made of a log, and \"replay\" names none");
   }
   if (order.command.empty() && order.replay.empty()) {
     reader.Fail("command", "is empty; it must name the policy's program");

@@ -55,6 +55,9 @@ struct LeaseOrder {
   // Log files, packed or not, one per episode: replay them without a policy, and compare. Needs
   // neither an artefact nor a command.
   std::vector<std::string> replay;
+  // With `replay`: the file that gets the trajectory of the last episode (sim/trajectory/README.md),
+  // unless it differs from its log; "": none is made.
+  std::string trajectory = {};
 };
 
 nlohmann::json LeaseOrderToJson(const LeaseOrder& order);

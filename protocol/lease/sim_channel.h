@@ -7,6 +7,7 @@
 //                   {"type":"need_cpu"}               read the CPU time now
 //                   {"type":"need_log","episode":N}   the log to replay episode N from
 //                   a LeaseRecord line                 progress, episode or replay
+//                   {"type":"trajectory","bytes":N}   the last episode's is in its memory file
 //                   {"type":"done"}                   every episode was recorded
 //   runner -> sim   {"type":"policy"} + descriptor     the bridge's socket
 //                   {"type":"cpu"}                     the page below has the new reading
@@ -43,6 +44,10 @@ inline constexpr int kSimChannelFd = 3;
 inline constexpr int kSimOrderFd = 4;    // the lease order, JSON, until end of file
 inline constexpr int kSimCpuPageFd = 5;  // one CpuPage
 inline constexpr int kSimLogFd = 6;      // the logs' pipe, non-blocking; if there is a log_dir
+// A memory file of kMostTrajectoryFileBytes that can't grow, empty at first, for a trajectory; if the
+// order asks for one.
+inline constexpr int kSimTrajectoryFd = 7;
+inline constexpr int64_t kMostTrajectoryFileBytes = int64_t{64} << 20;
 
 // The descriptor of the simulator's socket that the bridge inherits.
 inline constexpr int kBridgeSocketFd = 3;

@@ -137,6 +137,9 @@ absl::Status LeaseRunner::StartSim() {
                                 {order->get(), kSimOrderFd},
                                 {page->get(), kSimCpuPageFd}};
   if (context_.logs != nullptr) fds.push_back({context_.logs->writer(), kSimLogFd});
+  if (context_.trajectory != nullptr) {
+    fds.push_back({context_.trajectory->memory(), kSimTrajectoryFd});
+  }
   absl::StatusOr<std::unique_ptr<Sandbox>> sim =
       Sandbox::Start(spec, fds, sim_group_->join_fds(), *filter);
   if (context_.logs != nullptr) context_.logs->CloseWriter();
@@ -208,6 +211,7 @@ absl::Status LeaseRunner::HandleSimMessage() {
   if (type == "policy_fault") return JudgeFault(message->json);
   if (type == "need_log") return SendLog();
   if (type == "need_cpu") return ReportCpu();
+  if (type == "trajectory") return KeepTrajectory(message->json);
   if (type == "done") {
     done_ = true;
     if (next_episode_ == context_.order.episodes.size()) return absl::OkStatus();
@@ -252,6 +256,14 @@ absl::Status LeaseRunner::SendLog() {
     return absl::InternalError("the simulator wants a log that the order does not name");
   }
   return SendSimMessage(channel_.get(), {{"type", "log"}}, context_.replays[next_episode_].get());
+}
+
+absl::Status LeaseRunner::KeepTrajectory(const nlohmann::json& json) {
+  const auto bytes = json.find("bytes");
+  if (context_.trajectory == nullptr || bytes == json.end() || !bytes->is_number_integer()) {
+    return absl::InternalError("the simulator tells of a trajectory that nobody asked for");
+  }
+  return context_.trajectory->Keep(bytes->get<int64_t>());
 }
 
 absl::Status LeaseRunner::PreparePolicy() {

@@ -41,6 +41,7 @@ class LeaseRunner {
   absl::Status SendPolicy();
   absl::Status SendPolicyWhenAlone();
   absl::Status SendLog();
+  absl::Status KeepTrajectory(const nlohmann::json& json);
   absl::Status JudgeFault(const nlohmann::json& json);
   absl::Status CheckDeadlines() const;
   absl::Status SimEnded();

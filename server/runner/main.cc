@@ -30,6 +30,7 @@
 #include "server/base/paths.h"
 #include "server/runner/lease_runner.h"
 #include "server/runner/log_keeper.h"
+#include "server/runner/trajectory_file.h"
 #include "server/sandbox/control_group.h"
 
 namespace myograde::server {
@@ -63,6 +64,13 @@ absl::StatusOr<std::optional<LogKeeper>> OpenLogs(const LeaseOrder& order) {
   absl::StatusOr<LogKeeper> keeper = LogKeeper::Open(order.log_dir, order.lease, order.log_bytes);
   if (!keeper.ok()) return keeper.status();
   return std::optional<LogKeeper>(*std::move(keeper));
+}
+
+absl::StatusOr<std::optional<TrajectoryFile>> OpenTrajectory(const LeaseOrder& order) {
+  if (order.trajectory.empty()) return std::nullopt;
+  absl::StatusOr<TrajectoryFile> file = TrajectoryFile::Make(order.trajectory);
+  if (!file.ok()) return file.status();
+  return std::optional<TrajectoryFile>(*std::move(file));
 }
 
 absl::StatusOr<std::vector<Fd>> OpenReplays(const LeaseOrder& order) {
@@ -139,18 +147,21 @@ int Main(int argc, char** argv) {
   absl::StatusOr<SandboxConfig> config = LoadSandboxConfig(ConfigDir());
   if (!config.ok()) return EndAtOnce(config.status());
   order->log_bytes = config->sim.log_bytes;
-  // Open both before entering the stage, where their paths may be hidden.
+  // Open them before entering the stage, where their paths may be hidden.
   absl::StatusOr<std::optional<LogKeeper>> logs = OpenLogs(*order);
   if (!logs.ok()) return EndAtOnce(logs.status());
   absl::StatusOr<std::vector<Fd>> replays = OpenReplays(*order);
   if (!replays.ok()) return EndAtOnce(replays.status());
+  absl::StatusOr<std::optional<TrajectoryFile>> trajectory = OpenTrajectory(*order);
+  if (!trajectory.ok()) return EndAtOnce(trajectory.status());
   ControlGroup::RemoveStale();
   absl::StatusOr<Stage> stage = Stage::Enter(StagedSources(*order, *bin_dir));
   if (!stage.ok()) return EndAtOnce(stage.status());
   absl::StatusOr<EtcFiles> etc = StageEtcFiles(*stage);
   if (!etc.ok()) return EndAtOnce(etc.status());
   const LeaseContext context = {*order, *config, *bin_dir, *stage, *etc,
-                                logs->has_value() ? &**logs : nullptr, *replays};
+                                logs->has_value() ? &**logs : nullptr, *replays,
+                                trajectory->has_value() ? &**trajectory : nullptr};
   bool recorded = false;
   {
     LeaseRunner runner(context, STDOUT_FILENO, lifeline ? STDIN_FILENO : -1, signals.get());

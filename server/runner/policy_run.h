@@ -13,6 +13,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/lease/lease.h"
 #include "server/runner/log_keeper.h"
+#include "server/runner/trajectory_file.h"
 #include "server/base/output_tail.h"
 #include "server/sandbox/policy_sandbox.h"
 #include "server/sandbox/process_tree.h"
@@ -28,6 +29,7 @@ struct LeaseContext {
   const EtcFiles& etc;
   LogKeeper* logs = nullptr;           // null: keep no logs
   const std::vector<Fd>& replays;      // the files of LeaseOrder::replay, opened
+  TrajectoryFile* trajectory = nullptr;  // of LeaseOrder::trajectory; null: none is made
 };
 
 class PolicyRun {

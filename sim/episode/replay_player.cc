@@ -1,5 +1,6 @@
 #include "sim/episode/replay_player.h"
 
+#include <memory>
 #include <span>
 #include <string>
 #include <utility>
@@ -7,6 +8,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/file.h"
 #include "protocol/log/packed_log.h"
 #include "protocol/base/sha256.h"
 #include "protocol/lease/sim_channel.h"
@@ -20,9 +22,10 @@ constexpr absl::Duration kLogDeadline = absl::Minutes(1);
 // One episode's comparison, from its reset to its end.
 class Comparison {
  public:
-  Comparison(const EpisodeLog& log, Environment& environment)
+  Comparison(const EpisodeLog& log, Environment& environment, EpisodeRecorder* recorder)
       : log_(log),
         environment_(environment),
+        recorder_(recorder),
         observation_(static_cast<size_t>(environment.observation_size())) {
     record_.episode = log.header.episode;
     record_.equal = true;
@@ -31,6 +34,7 @@ class Comparison {
   absl::StatusOr<ReplayRecord> Play(const std::function<void(int64_t)>& on_step) {
     if (log_.header.begun) environment_.Reset(log_.header.seed);
     if (log_.start.has_value()) Begin(*log_.start);
+    if (recorder_ != nullptr) recorder_->Begin();
     StepResult result;
     for (int64_t step = 0; step < log_.steps() && record_.equal; ++step) {
       if (result.ended || result.unstable) {
@@ -43,6 +47,7 @@ class Comparison {
         return absl::InternalError(absl::StrCat(
             "a contact or constraint buffer was too small in step ", step, " of the replay"));
       }
+      if (recorder_ != nullptr && !result.unstable) recorder_->AfterStep();
       on_step(step);
     }
     // What stands at the end of a log that was cut is not known.
@@ -112,25 +117,38 @@ class Comparison {
 
   const EpisodeLog& log_;
   Environment& environment_;
+  EpisodeRecorder* const recorder_;
   std::vector<double> observation_;
   Sha256 hash_;
   Sha256 states_;
   ReplayRecord record_;
 };
 
+// The record of an episode that can't be played at all.
+ReplayRecord Unplayable(int64_t episode, const absl::Status& why) {
+  ReplayRecord record;
+  record.episode = episode;
+  record.differs = {"log"};
+  record.detail = std::string(why.message());
+  return record;
+}
+
 }  // namespace
 
 absl::StatusOr<ReplayRecord> ReplayLog(const EpisodeLog& log, Environment& environment,
-                                       const std::function<void(int64_t)>& on_step) {
-  return Comparison(log, environment).Play(on_step);
+                                       const std::function<void(int64_t)>& on_step,
+                                       EpisodeRecorder* recorder) {
+  return Comparison(log, environment, recorder).Play(on_step);
 }
 
 ReplayPlayer::ReplayPlayer(const LeaseOrder& order, Environment& environment, int runner,
-                           const Clock& clock)
+                           const Clock& clock, MakeEpisodeRecorder recorders, int trajectory)
     : order_(order),
       environment_(environment),
       runner_(runner),
       clock_(clock),
+      recorders_(std::move(recorders)),
+      trajectory_(trajectory),
       last_progress_(clock.Monotonic()) {}
 
 absl::Status ReplayPlayer::Play() {
@@ -148,16 +166,36 @@ absl::Status ReplayPlayer::Play() {
 
 absl::StatusOr<ReplayRecord> ReplayPlayer::PlayEpisode(const EpisodeOrder& episode) {
   absl::StatusOr<EpisodeLog> log = ReadLog(episode);
-  if (absl::IsDataLoss(log.status())) {
-    ReplayRecord record;
-    record.episode = episode.index;
-    record.differs = {"log"};
-    record.detail = std::string(log.status().message());
-    return record;
-  }
+  if (absl::IsDataLoss(log.status())) return Unplayable(episode.index, log.status());
   if (!log.ok()) return log.status();
+  const bool recorded =
+      !order_.trajectory.empty() && episode.index == order_.episodes.back().index;
+  if (recorded) return PlayAndRecord(*log);
   return ReplayLog(*log, environment_,
                    [&](int64_t step) { Progress(episode.index, step); });
+}
+
+absl::StatusOr<ReplayRecord> ReplayPlayer::PlayAndRecord(const EpisodeLog& log) {
+  const int64_t index = log.header.episode;
+  if (!log.header.begun) {
+    return Unplayable(index, absl::DataLossError("the episode was never begun: a fault had ended "
+                                                 "its lease, and there is nothing to show"));
+  }
+  const absl::StatusOr<std::unique_ptr<EpisodeRecorder>> recorder = recorders_(log);
+  if (!recorder.ok()) return recorder.status();
+  absl::StatusOr<ReplayRecord> record =
+      ReplayLog(log, environment_, [&](int64_t step) { Progress(index, step); }, recorder->get());
+  if (!record.ok() || !record->equal) return record;
+  const absl::StatusOr<std::string> bytes = (*recorder)->Finish();
+  if (absl::IsResourceExhausted(bytes.status())) return Unplayable(index, bytes.status());
+  if (!bytes.ok()) return bytes.status();
+  if (absl::Status status = SendTrajectory(*bytes); !status.ok()) return status;
+  return record;
+}
+
+absl::Status ReplayPlayer::SendTrajectory(const std::string& bytes) {
+  if (absl::Status status = WriteAll(trajectory_, bytes); !status.ok()) return status;
+  return SendSimMessage(runner_, {{"type", "trajectory"}, {"bytes", bytes.size()}});
 }
 
 absl::StatusOr<EpisodeLog> ReplayPlayer::ReadLog(const EpisodeOrder& episode) {

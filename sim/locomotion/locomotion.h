@@ -71,7 +71,7 @@ class Locomotion final : public Environment {
   const mjData& data() const override { return *data_; }
 
   // What follows is for tests that compare with the official environment,
-  // and for the renderer.
+  // and for trajectories.
 
   // Seeds both generators; the next ResetEpisode draws from where they are.
   void Seed(uint64_t seed);
@@ -93,6 +93,7 @@ class Locomotion final : public Environment {
   LocomotionTerms terms() const;
   const Terrain& terrain() const { return terrain_; }
   LegController& leg() { return leg_; }
+  LegState leg_state() const { return leg_.state(); }
   LegSensors SenseLeg() const;
   const NumpyGenerator& random() const { return *random_; }
   const LocomotionIndices& indices() const { return at_; }

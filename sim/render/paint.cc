@@ -163,4 +163,17 @@ void Paint(const mjModel& model, const mjData& data, mjvScene& scene) {
   }
 }
 
+std::array<float, 4> GeomColour(const mjModel& model, int geom) {
+  const int material = model.geom_matid[geom];
+  const float* own = model.geom_rgba + 4 * geom;
+  // A geom's colour takes the place of its material's, unless it is the default.
+  const bool of_material = material >= 0 && IsDefault(own) && own[3] == 1;
+  const float* named = of_material ? model.mat_rgba + 4 * material : own;
+  mjvGeom shown = {};
+  shown.objid = geom;
+  std::copy_n(named, 4, shown.rgba);
+  PaintGeom(model, shown);
+  return {shown.rgba[0], shown.rgba[1], shown.rgba[2], shown.rgba[3]};
+}
+
 }  // namespace myograde::sim

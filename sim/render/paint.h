@@ -1,6 +1,7 @@
 // Colours and textures for models that were compiled without their textures (sim/README.md).
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include <mujoco/mujoco.h>
@@ -22,5 +23,8 @@ class Textures {
 // Gives a scene's geoms the colours of what they are (bone, floor, box), and muscles that of how
 // active they are. Geoms with colours of their own keep them.
 void Paint(const mjModel& model, const mjData& data, mjvScene& scene);
+
+// The colour that Paint gives to a geom: red, green, blue and opacity in [0, 1].
+std::array<float, 4> GeomColour(const mjModel& model, int geom);
 
 }  // namespace myograde::sim

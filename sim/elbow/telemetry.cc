@@ -1,0 +1,57 @@
+#include "sim/elbow/telemetry.h"
+
+#include <algorithm>
+#include <numbers>
+
+#include "sim/elbow/environment.h"
+
+namespace myograde::sim {
+namespace elbow {
+namespace {
+
+constexpr Series kSeries[] = {
+    {"angle", "Angle of the elbow", "deg"},
+    {"target", "Target", "deg"},
+    {"error", "Distance from the target", "deg"},
+    {"effort", "Muscle effort (norm of the activations / 6)", ""},
+};
+
+double Degrees(double radians) { return radians * 180 / std::numbers::pi; }
+
+class ElbowTelemetry final : public Telemetry {
+ public:
+  explicit ElbowTelemetry(const ElbowEnvironment& environment) : environment_(environment) {}
+
+  std::span<const Series> series() const override { return kSeries; }
+
+  void Sample(std::span<double> out) const override {
+    const ElbowEnvironment::Official now = environment_.official();
+    const double target = environment_.target();
+    const mjData& data = static_cast<const Environment&>(environment_).data();
+    const double values[] = {Degrees(data.qpos[0]), Degrees(target), Degrees(-now.pose),
+                             -now.act_reg};
+    std::copy(std::begin(values), std::end(values), out.begin());
+  }
+
+  void AfterStep(double time_s, std::vector<TrajectoryEvent>& events) override {
+    const bool within = -environment_.official().pose <= environment_.rules().tolerance_rad;
+    if (within == within_) return;
+    within_ = within;
+    events.push_back({time_s, "target",
+                      within ? "The elbow is at the target" : "The elbow has left the target"});
+  }
+
+ private:
+  const ElbowEnvironment& environment_;
+  bool within_ = false;
+};
+
+}  // namespace
+}  // namespace elbow
+
+std::unique_ptr<Telemetry> WatchElbow(const Environment& environment) {
+  return std::make_unique<elbow::ElbowTelemetry>(
+      static_cast<const ElbowEnvironment&>(environment));
+}
+
+}  // namespace myograde::sim

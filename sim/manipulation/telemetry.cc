@@ -1,0 +1,102 @@
+#include "sim/manipulation/telemetry.h"
+
+#include <algorithm>
+
+#include "sim/manipulation/environment.h"
+
+namespace myograde::sim {
+namespace manipulation {
+namespace {
+
+constexpr Series kSeries[] = {
+    {"object_height", "Height of the object", "m"},
+    {"goal_distance", "Distance of the object from the goal", "m"},
+    {"hand_distance", "Distance of the hand from the object", "m"},
+    {"prosthesis_distance", "Distance of the prosthesis from the object", "m"},
+    {"contact_force", "Contact force on the object", "N"},
+    {"effort", "Muscle effort (norm of the activations / 63)", ""},
+};
+
+class HandoverTelemetry final : public Telemetry {
+ public:
+  explicit HandoverTelemetry(const ManipulationEnvironment& environment)
+      : environment_(environment) {}
+
+  std::span<const Series> series() const override { return kSeries; }
+
+  void Sample(std::span<double> out) const override {
+    const mjModel& model = static_cast<const Environment&>(environment_).model();
+    const mjData& data = static_cast<const Environment&>(environment_).data();
+    const Scene& scene = environment_.scene();
+    const OfficialView view = ComputeOfficialView(data, scene);
+    const OfficialReward reward =
+        ComputeOfficialReward(model, data, scene, view, environment_.reference());
+    const double values[] = {
+        ObjectPoint(data, scene, model.geom_pos + 3 * scene.object_box).z(), reward.goal_dist,
+        view.reach_error.norm(), view.pass_error.norm(), ObjectForce(model, data, scene),
+        reward.act};
+    std::copy(std::begin(values), std::end(values), out.begin());
+  }
+
+  void AfterStep(double time_s, std::vector<TrajectoryEvent>& events) override {
+    NoticeForce(time_s);
+    const TouchFrame& touch = environment_.touch();
+    if (touch[kTouchArm]) {
+      if (!arm_touched_) events.push_back({time_s, "first_contact", "The hand touches the object"});
+      arm_touched_ = true;
+      last_arm_ = time_s;
+    }
+    if (touch[kTouchProsthesis] && !prosthesis_touched_) {
+      events.push_back({time_s, "handover", "The prosthesis touches the object"});
+      prosthesis_touched_ = true;
+    }
+    if (touch[kTouchProsthesis] && !touch[kTouchArm] && arm_touched_ && !released_) {
+      events.push_back({last_arm_, "release", "The hand has let go of the object"});
+      released_ = true;
+    }
+    if (touch[kTouchGoal] && !goal_touched_) {
+      events.push_back({time_s, "goal_contact", "The object touches the goal pillar"});
+      goal_touched_ = true;
+    }
+  }
+
+  void AtEnd(double, std::vector<TrajectoryEvent>& events) override {
+    if (peak_ <= 0) return;
+    events.push_back({peak_time_, "peak_force", "Largest contact force on the object", peak_, "N"});
+  }
+
+  std::array<double, 3> ScaleOf(int body) const override {
+    if (body != environment_.scene().object_body) return {1, 1, 1};
+    const Eigen::Vector3d scale =
+        environment_.variation().half_size.cwiseQuotient(environment_.rules().half_size_m);
+    return {scale.x(), scale.y(), scale.z()};
+  }
+
+ private:
+  // The facts have the peak over all physics steps.
+  void NoticeForce(double time_s) {
+    const double peak = std::get<ManipulationFacts>(environment_.facts().track).peak_force;
+    if (peak <= peak_) return;
+    peak_ = peak;
+    peak_time_ = time_s;
+  }
+
+  const ManipulationEnvironment& environment_;
+  bool arm_touched_ = false;
+  bool prosthesis_touched_ = false;
+  bool released_ = false;
+  bool goal_touched_ = false;
+  double last_arm_ = 0;   // s
+  double peak_ = 0;       // N
+  double peak_time_ = 0;  // s
+};
+
+}  // namespace
+}  // namespace manipulation
+
+std::unique_ptr<Telemetry> WatchManipulation(const Environment& environment) {
+  return std::make_unique<manipulation::HandoverTelemetry>(
+      static_cast<const ManipulationEnvironment&>(environment));
+}
+
+}  // namespace myograde::sim
