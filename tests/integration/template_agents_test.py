@@ -141,10 +141,10 @@ class TemplateAgents(SystemTest):
         self.assertIn("max_force", row["fault"]["detail"])
 
     def test_a_track_that_the_template_did_not_have(self):
-        result = self.ask("local", self.agent("manipulation_agent"), "--track", "elbow",
-                          "--episodes", "1", check=False)
-        self.assertIn("no environment for the track elbow",
-                      result["episodes"][0]["fault"]["detail"])
+        run = self.run_cli("local", self.agent("manipulation_agent"), "--track", "elbow",
+                           "--episodes", "1", check=False)
+        self.assertEqual(run.returncode, 2, run)
+        self.assertIn('can\'t play tracks of the kind "elbow"', run.stderr)
 
     def test_an_adapter_that_nobody_knows_is_refused(self):
         folder = self.agent("manipulation_agent", "unknown", adapter="template-1999")

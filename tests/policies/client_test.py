@@ -7,6 +7,7 @@ import io
 import json
 import os
 import pathlib
+import shutil
 import socket
 import stat
 import subprocess
@@ -24,6 +25,7 @@ from myograde.client import (Client, DeadlinePassed, ServerError, Unreachable, W
 from myograde.client import client as implementation
 from myograde.client.archive import pack
 from myograde.client.server import login_file
+from support import images
 from support.certificates import make_certificate
 from support.daemon import Daemon
 
@@ -159,6 +161,40 @@ class Grading(WithDaemon):
         self.assertEqual(by_program["artefact"], told["artefact"])
         program = self.here.upload(folder / "policy", team="packer", track=TRACK)
         self.assertEqual((program["name"], program["command"]), ("policy", ["./policy"]))
+
+    def test_a_given_name_comes_over_the_submissions(self):
+        folder = self.policy("first-name")
+        nameless = self.folder / "nameless"
+        nameless.mkdir()
+        (nameless / "policy.json").write_text('{"command": ["./policy", "ok"]}')
+        (nameless / "policy").write_text("#!/bin/sh\n")
+        (nameless / "policy").chmod(0o755)
+        shutil.make_archive(str(nameless), "gztar", nameless)
+        shutil.make_archive(str(nameless), "zip", nameless)
+        image = self.folder / "agent.tar"
+        image.write_bytes(images.image([[images.member("run", b"#!/bin/sh\n", mode=0o755)]],
+                                       entrypoint=["/run"]))
+        for place in (folder, nameless, self.folder / "nameless.tar.gz",
+                      self.folder / "nameless.zip", image, folder / "policy"):
+            told = self.here.upload(place, team="namer", track=TRACK, name="second name")
+            self.assertEqual(told["name"], "second name", place)
+            self.assertEqual(told["image"] is not None, place == image)
+        self.assertEqual(told["image"], None)
+        accepted = self.here.submit(nameless, track=TRACK, team="namer", episodes=1, name="third")
+        self.assertEqual(accepted["name"], "third")
+        by_program = self.daemon.ask("submit", nameless, "--track", TRACK, "--team", "namer",
+                                     "--episodes", "1", "--name", "third")
+        self.assertEqual(by_program["name"], "third")
+        with self.assertRaises(ServerError) as refused:
+            self.here.upload(nameless, team="namer", track=TRACK)
+        self.assertIn("name", str(refused.exception))
+        for number in (accepted["submission"], by_program["submission"]):
+            self.here.wait(number, timeout_s=LONG_S)
+        (self.folder / "x.tar.zst").write_bytes(b"\x28\xb5\x2f\xfd")
+        for path, name, words in ((nameless, "", "name is empty"),
+                                  (self.folder / "x.tar.zst", "x", "into its policy.json")):
+            with self.assertRaisesRegex(WrongUse, words):
+                pack(path, io.BytesIO(), name)
 
     def test_lists_come_in_pages(self):
         numbers = [self.here.submit(self.policy("many"), track=TRACK, team="pages",

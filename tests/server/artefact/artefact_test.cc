@@ -1,5 +1,8 @@
 // Packing and unpacking submissions: equal content gives equal digests, and every rule is enforced
 // with a sentence that names the entry.
+#include "protocol/tracks/registry.h"
+#include "protocol/tracks/track_kind.h"
+#include "server/artefact/adapters.h"
 #include "server/artefact/artefact.h"
 
 #include <archive_entry.h>
@@ -319,8 +322,9 @@ TEST(PackArtefact, FolderArchiveAndProgramComeBackTheSame) {
   WriteFile(temp / "p/policy", "#!/bin/sh\n", 0700);
   WriteFile(temp / "p/\xc3\xbc/" + std::string(150, 'x') + "/w", std::string(200'000, 'w'), 0644);
   fs::create_symlink("/usr/bin/python3", temp / "p/python3");
-  const absl::Status packed = PackArtefact(temp / "p", temp / "a.tar", {});
-  ASSERT_TRUE(packed.ok()) << packed;
+  const auto packed = PackArtefact(temp / "p", temp / "a.tar", {});
+  ASSERT_TRUE(packed.ok()) << packed.status();
+  EXPECT_EQ(packed->command, std::vector<std::string>{"./policy"});
   const auto first = UnpackArtefact(temp / "a.tar", temp / "out", {});
   ASSERT_TRUE(first.ok()) << first.status();
   EXPECT_TRUE(fs::exists(temp / "out/\xc3\xbc/" + std::string(150, 'x') + "/w"));
@@ -338,8 +342,8 @@ TEST(PackArtefact, FolderArchiveAndProgramComeBackTheSame) {
   EXPECT_EQ(bytes(temp / "a.tar"), bytes(temp / "c"));
   EXPECT_FALSE(fs::exists(temp / "b.unpacked"));
 
-  const absl::Status program = PackArtefact(temp / "p/policy", temp / "d", {});
-  ASSERT_TRUE(program.ok()) << program;
+  const auto program = PackArtefact(temp / "p/policy", temp / "d", {});
+  ASSERT_TRUE(program.ok()) << program.status();
   const auto single = UnpackArtefact(temp / "d", temp / "out2", {});
   ASSERT_TRUE(single.ok()) << single.status();
   EXPECT_EQ(single->manifest.name, "policy");
@@ -374,10 +378,61 @@ TEST(PackArtefact, FilesKeepTheirTimesAndTheDigestIsOfNone) {
   }
 }
 
+TEST(PackArtefact, AGivenNameComesOverTheSubmissions) {
+  const TempFolder temp;
+  WriteFile(temp / "named/policy.json", R"({"name": "old", "command": ["./policy"], "runtimes":
+      ["torch-cpu"], "adapter": "template-2024"})", 0644);
+  WriteFile(temp / "nameless/policy.json", R"({"command": ["./policy"]})", 0644);
+  for (const char* folder : {"named", "nameless"}) {
+    WriteFile(temp / (std::string(folder) + "/policy"), "#!/bin/sh\n", 0755);
+  }
+  const auto name_of = [&](const std::string& path, const std::string& name) {
+    fs::remove_all(temp / "out");
+    const auto packed = PackArtefact(path, temp / "packed", {}, nullptr, name);
+    if (!packed.ok()) return std::string(packed.status().message());
+    const auto artefact = UnpackArtefact(temp / "packed", temp / "out", {});
+    if (!artefact.ok()) return std::string(artefact.status().message());
+    EXPECT_EQ(artefact->manifest.name, packed->name);
+    EXPECT_EQ(artefact->manifest.command, packed->command);
+    EXPECT_EQ(artefact->manifest.runtimes, packed->runtimes);
+    EXPECT_EQ(artefact->manifest.adapter, packed->adapter);
+    return packed->name;
+  };
+  EXPECT_EQ(name_of(temp / "named", ""), "old");
+  ASSERT_TRUE(PackArtefact(temp / "named", temp / "named.tar", {}).ok());
+  WritePacked(temp / "nameless.tar.gz",
+              TarEntry('0', "policy.json", R"({"command": ["./policy"]})") +
+                  TarEntry('0', "policy", "#!/bin/sh\n", {}, 0755) + std::string(1024, '\0'),
+              Kind::kTarGz);
+  for (const char* path : {"named", "nameless", "named.tar", "nameless.tar.gz", "named/policy"}) {
+    EXPECT_EQ(name_of(temp / path, "n\xc3\xa9w \"$x$\""), "n\xc3\xa9w \"$x$\"") << path;
+  }
+  for (const char* path : {"nameless", "nameless.tar.gz"}) {
+    EXPECT_THAT(name_of(temp / path, ""), HasSubstr("name")) << path;
+    EXPECT_FALSE(fs::exists(temp / "packed.unpacked"));
+  }
+  for (const std::string& bad : {std::string(65, 'x'), std::string(" "), std::string("a\nb")}) {
+    EXPECT_THAT(name_of(temp / "named", bad), HasSubstr("the name ")) << bad;
+  }
+  // What the adapter runs in is among the runtimes that are asked for before anything is sent.
+  EXPECT_EQ(PackArtefact(temp / "named", temp / "packed", {})->runtimes,
+            (std::vector<std::string>{"torch-cpu", "template-2024"}));
+}
+
+TEST(Adapters, PlayOnlyTracksOfTheirTemplate) {
+  for (const TrackKind* track : AllTracks()) {
+    const absl::Status checked = CheckAdapter("template-2024", *track);
+    EXPECT_EQ(checked.ok(), track->name != "elbow") << track->name;
+    EXPECT_TRUE(CheckAdapter("", *track).ok());
+  }
+  EXPECT_THAT(std::string(CheckAdapter("template-2024", *FindTrack("elbow")).message()),
+              HasSubstr("can't play tracks of the kind \"elbow\""));
+}
+
 TEST(PackArtefact, TellsMistakesBeforeAnythingIsSent) {
   const TempFolder temp;
   const auto complaint = [&](const std::string& path) {
-    return std::string(PackArtefact(path, temp / "a", {}).message());
+    return std::string(PackArtefact(path, temp / "a", {}).status().message());
   };
   WriteFile(temp / "data.txt", "hello", 0644);
   WriteFile(temp / "empty", "", 0755);
