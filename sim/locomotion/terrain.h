@@ -48,8 +48,8 @@ class Terrain {
   // ground plane (0) outside of the field.
   double GroundAt(double x, double y) const;
 
-  // The height in m of the highest obstacle of this kind that lies wholly behind a person at `y`: of
-  // its top above the level ground before it, of stairs that of one step. nullopt if there is none.
+  // The height in m of the highest obstacle of this kind that lies wholly behind a person at `y`:
+  // of its top above the level ground before it, of stairs of one step. nullopt if there is none.
   std::optional<double> HighestPassed(CourseKind kind, double y) const;
 
  private:

@@ -25,9 +25,9 @@ struct LocomotionDetails {
       "knee_angle_l_rotation3", "mtp_angle_l",            "ankle_angle_l", "subtalar_angle_l",
       "osl_knee_angle_r",       "osl_ankle_angle_r"};
 
-  // m; the highest obstacle of each kind that was passed, as publications give it: how far the top of
-  // a hill or of rough ground is above the level ground before it, and of stairs the height of one
-  // step. Passed: the root was beyond its far end. None: no obstacle of this kind was passed.
+  // m; the highest obstacle of each kind that was passed, as publications give it: how far the top
+  // of a hill or of rough ground is above the level ground before it, and of stairs the height of
+  // one step. Passed: the root was beyond its far end. None: no obstacle of this kind was passed.
   std::array<std::optional<double>, 3> obstacle_heights;
   // Sums over steps of (clipped limit torque in N m)/1000; their mean is the fact pain_sum.
   std::array<double, 12> pain_by_joint = {};

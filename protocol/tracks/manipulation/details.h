@@ -27,7 +27,7 @@ struct ManipulationDetails {
                                              // the arm did, or at once with it
   std::optional<double> release_time;        // the arm's last touch, if the prosthesis had the
                                              // object without the arm after it
-  std::optional<double> goal_contact_time;   // the object touches the goal pillar for the first time
+  std::optional<double> goal_contact_time;   // the object touches the goal pillar the first time
   std::optional<double> peak_force_time;     // the total normal force on the object was largest (of
                                              // all physics steps)
   std::array<JointRange, 27> joint_ranges = {};  // rad

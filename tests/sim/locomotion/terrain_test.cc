@@ -142,8 +142,8 @@ TEST(HighestPassed, GrowsFromObstacleToObstacleOfItsKind) {
       // Of a hill the highest sample may miss the top by a little.
       EXPECT_NEAR(after.value(), largest * (k - 2) / 8, 0.003 * largest) << name << " " << k;
     }
-    for (const auto& [other, other_kind, unused] : kinds) {
-      if (other_kind != kind) EXPECT_EQ(terrain.HighestPassed(other_kind, -50), std::nullopt);
+    for (const auto& [other, other_kind, other_largest] : kinds) {
+      EXPECT_EQ(terrain.HighestPassed(other_kind, -50).has_value(), other_kind == kind) << other;
     }
   }
   EXPECT_EQ(PaperCourse({"flat"}).HighestPassed(CourseKind::kFlat, 55), std::nullopt);
