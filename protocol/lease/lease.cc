@@ -122,6 +122,7 @@ nlohmann::json LeaseOrderToJson(const LeaseOrder& order) {
           {"replay", order.replay}};
   if (!order.adapter.empty()) json["adapter"] = order.adapter;
   if (!order.trajectory.empty()) json["trajectory"] = order.trajectory;
+  if (order.background) json["background"] = true;
   if (order.image.has_value()) json["image"] = PolicyImageToJson(*order.image);
   return json;
 }
@@ -159,6 +160,7 @@ absl::StatusOr<LeaseOrder> LeaseOrderFromJson(const nlohmann::json& json,
   order.log_bytes = reader.Integer("log_bytes", 0, INT64_MAX);
   order.replay = reader.Strings("replay");
   if (reader.Has("trajectory")) order.trajectory = reader.String("trajectory");
+  if (reader.Has("background")) order.background = reader.Boolean("background");
   if (!order.replay.empty() && order.replay.size() != episodes.size()) {
     reader.Fail("replay", "must name one log for each episode");
   }

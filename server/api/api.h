@@ -14,6 +14,7 @@
 #include "server/api/metrics_resource.h"
 #include "server/api/openapi_resource.h"
 #include "server/api/pages_resource.h"
+#include "server/api/pictures_resource.h"
 #include "server/api/proof_resource.h"
 #include "server/api/queue_resource.h"
 #include "server/api/quota_resource.h"
@@ -53,6 +54,7 @@ class Api {
   BoardsResource boards_{context_};
   ChallengesResource challenges_{context_};
   QuotaResource quota_{context_};
+  PicturesResource pictures_{context_};
   ProofResource proof_{context_};
   RecordResource record_{context_};
   RejudgesResource rejudges_{context_};

@@ -14,6 +14,7 @@
 #include "server/engine/engine.h"
 #include "server/grading/tracks.h"
 #include "server/metrics/metrics.h"
+#include "server/pictures/pictures.h"
 #include "server/proof/signing_key.h"
 #include "server/store/reader.h"
 #include "server/webhook/sender.h"
@@ -34,6 +35,7 @@ struct ApiContext {
   KeyFile& receipts_key;
   AccessLog& access_log;
   RecordLog& record;
+  Pictures& pictures;
   Metrics& metrics;
   WebhookSender& webhooks;
   std::string metrics_token;  // Guard::Options

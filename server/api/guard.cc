@@ -5,6 +5,7 @@
 #include <utility>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_replace.h>
 
 #include "server/access/token_text.h"
 #include "server/api/error_of.h"
@@ -248,7 +249,8 @@ bool IsOrganiser(const Peer& peer, const AccessConfig& access) {
   return RuledRole(UserOf(peer), access) >= Role::kOrganiser;
 }
 
-std::string PathOf(const std::string& pattern) {
+std::string PathOf(const std::string& address) {
+  const std::string pattern = absl::StrReplaceAll(address, {{"[.]", "."}});
   std::string path;
   for (size_t i = 0; i < pattern.size(); ++i) {
     if (pattern[i] != '(') {

@@ -95,6 +95,6 @@ class Guard {
 bool IsOrganiser(const Peer& peer, const AccessConfig& access);
 
 // The path of an address for people: ID, HASH and NAME in place of groups.
-std::string PathOf(const std::string& pattern);
+std::string PathOf(const std::string& address);
 
 }  // namespace myograde::server

@@ -3,15 +3,9 @@
 #include <string>
 #include <string_view>
 #include <utility>
-#include <vector>
-
-#include <absl/strings/ascii.h>
-#include <absl/strings/match.h>
-#include <absl/strings/numbers.h>
-#include <absl/strings/str_split.h>
-#include <absl/strings/strip.h>
 
 #include "server/api/entity_tag.h"
+#include "server/api/negotiation.h"
 #include "server/web/files.h"
 
 namespace myograde::server {
@@ -39,29 +33,6 @@ void SetHeaders(httplib::Response& response) {
   }
 }
 
-// Whether a client takes answers compressed by gzip: it names it and does not give it the weight 0.
-bool TakesGzip(const httplib::Request& request) {
-  for (size_t i = 0; i < request.get_header_value_count("Accept-Encoding"); ++i) {
-    const std::string value = request.get_header_value("Accept-Encoding", i);
-    for (absl::string_view part : absl::StrSplit(value, ',')) {
-      const std::vector<absl::string_view> words = absl::StrSplit(part, ';');
-      if (!absl::EqualsIgnoreCase(absl::StripAsciiWhitespace(words[0]), "gzip")) continue;
-      if (words.size() == 1) return true;
-      absl::string_view weight = absl::StripAsciiWhitespace(words[1]);
-      double number = 0;
-      return absl::ConsumePrefix(&weight, "q=") && absl::SimpleAtod(weight, &number) && number > 0;
-    }
-  }
-  return false;
-}
-
-bool HasCurrent(const httplib::Request& request, const std::string& tag) {
-  for (size_t i = 0; i < request.get_header_value_count("If-None-Match"); ++i) {
-    if (NamesEntityTag(request.get_header_value("If-None-Match", i), tag)) return true;
-  }
-  return false;
-}
-
 // As a provider's content: cpp-httplib would compress another body once more for each request.
 void SetContent(std::string_view content, const std::string& type, httplib::Response& response) {
   response.set_content_provider(
@@ -79,7 +50,7 @@ void PagesResource::Install(Routes& routes) {
     routes.GetPage(std::string(file.path), [&file, tag, packed_tag](
                                                const httplib::Request& request,
                                                httplib::Response& response) {
-      const bool packed = !file.packed.empty() && TakesGzip(request);
+      const bool packed = !file.packed.empty() && TakesCoding(request, "gzip");
       SetHeaders(response);
       response.set_header("Vary", "Accept-Encoding");
       response.set_header("ETag", packed ? packed_tag : tag);

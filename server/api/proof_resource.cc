@@ -2,13 +2,13 @@
 
 #include <functional>
 #include <memory>
-#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include <absl/strings/str_cat.h>
 
+#include "server/api/log_access.h"
 #include "server/api/phase_sight.h"
 #include "server/api/receipt_view.h"
 #include "server/api/requests.h"
@@ -17,16 +17,6 @@
 
 namespace myograde::server {
 namespace {
-
-// Two teams have the same log if they handed in the same policy.
-absl::Status RequireLog(Reader& reader, const std::string& hash, const absl::Status& missing) {
-  const std::set<std::string> teams = reader.TeamsOfLog(hash);
-  if (teams.empty()) return missing;
-  for (const std::string& team : teams) {
-    if (Caller().teams.contains(team)) return Require(team, missing);
-  }
-  return Require(*teams.begin(), missing);
-}
 
 // A receipt lists the result of each episode, so a phase that withholds those withholds it as a whole.
 // `everybody`: whoever the caller is, it is to be published.
@@ -97,17 +87,6 @@ absl::StatusOr<nlohmann::json> AskedReceipt(const httplib::Request& request, Rea
   return ReceiptOf(reader, context.record, *submission, *evaluation);
 }
 
-// A log holds its episode's seed. Equal logs are of one phase, as they hold their config.
-absl::Status CheckLogShown(Reader& reader, const ApiContext& context, const std::string& hash) {
-  for (const std::string& phase : reader.PhasesOfLog(hash)) {
-    const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, phase);
-    if (!sight.ok()) return sight.status();
-    if (SeesLogs(*sight)) continue;
-    return WithheldError(absl::StrCat("phase \"", phase, "\" withholds the logs of its episodes"));
-  }
-  return absl::OkStatus();
-}
-
 }  // namespace
 
 void ProofResource::Install(Routes& routes) {
@@ -142,21 +121,13 @@ ApiResult ProofResource::GetKey(const httplib::Request&) const {
 std::optional<ApiError> ProofResource::SendLog(const httplib::Request& request,
                                                httplib::Response& response) const {
   const std::string hash = request.matches[1];
-  const absl::Status missing = absl::NotFoundError(
-      absl::StrCat("there is no log ", hash, " here; it was never kept, or was removed"));
-  absl::Status sent;
-  if (!CallerIsOrganiser()) {
-    sent = context_.readers.Read([&](Reader& reader) {
-      const absl::Status own = RequireLog(reader, hash, missing);
-      return own.ok() ? CheckLogShown(reader, context_, hash) : own;
-    });
-  }
+  absl::Status sent = RequireShownLog(context_, hash);
   if (sent.ok()) {
     const std::string path = absl::StrCat(context_.data_dir, "/logs/", LogFileName(hash));
     sent = UnixHttpServer::AnswerWithFile(path, "application/zstd", response);
   }
   if (sent.ok()) return std::nullopt;
-  return ErrorOf(absl::IsNotFound(sent) ? missing : sent);
+  return ErrorOf(absl::IsNotFound(sent) ? MissingLog(hash) : sent);
 }
 
 }  // namespace myograde::server

@@ -14,6 +14,7 @@
 #include "protocol/base/config_reader.h"
 #include "server/api/entity_tag.h"
 #include "server/api/methods.h"
+#include "server/api/negotiation.h"
 
 namespace myograde::server {
 namespace {
@@ -59,8 +60,7 @@ void SendTagged(const httplib::Request& request, httplib::Response& response, in
   response.set_header("Cache-Control", "no-cache");
   response.set_header("Vary", "Authorization");
   response.set_header("X-Content-Type-Options", "nosniff");
-  for (size_t i = 0; i < request.get_header_value_count("If-None-Match"); ++i) {
-    if (!NamesEntityTag(request.get_header_value("If-None-Match", i), tag)) continue;
+  if (HasCurrent(request, tag)) {
     response.status = 304;
     return;
   }

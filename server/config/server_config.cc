@@ -234,6 +234,9 @@ absl::Status ReadRetention(const nlohmann::json& json, const std::string& where,
   config.retention.artefact_bytes = reader.Integer("artefact_bytes", 1, 1024 * kTiB);
   config.retention.log_age = absl::Hours(24 * reader.Number("log_days", {1, kCentury}));
   config.retention.log_bytes = reader.Integer("log_bytes", 1, 1024 * kTiB);
+  RetentionLimits& limits = config.retention;
+  limits.picture_bytes =
+      IntegerOr(reader, "picture_bytes", limits.picture_bytes, int64_t{16} << 20, 1024 * kTiB);
   config.retention.every = absl::Seconds(reader.Number("every_s", {1, 86400}));
   config.retention.upload_age = config.artefacts.unsubmitted.age;
   return reader.Finish();

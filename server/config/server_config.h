@@ -91,6 +91,7 @@ struct RetentionLimits {
   int64_t artefact_bytes = 0;    // total of all artefacts
   absl::Duration log_age;        // since an episode's log was written
   int64_t log_bytes = 0;         // total of all logs
+  int64_t picture_bytes = int64_t{1} << 30;  // total of all trajectories and pictures
   absl::Duration every;          // between sweeps
   absl::Duration upload_age;     // UnsubmittedLimits::age
 };

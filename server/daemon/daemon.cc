@@ -27,6 +27,8 @@
 #include "server/engine/retention.h"
 #include "server/engine/standings.h"
 #include "server/metrics/metrics.h"
+#include "server/pictures/picture_source.h"
+#include "server/pictures/pictures.h"
 #include "server/proof/grader_build.h"
 #include "server/proof/reference_check.h"
 #include "server/proof/signing_key.h"
@@ -48,7 +50,7 @@ constexpr absl::Duration kLeaveWithin = absl::Seconds(3);
 absl::Status MakeFolders(const std::string& data) {
   std::error_code error;
   fs::create_directories(data, error);
-  for (const char* part : {"", "/artefacts", "/logs", "/selftest", "/slots", "/spool", "/work"}) {
+  for (const char* part : {"", "/artefacts", "/logs", "/pictures", "/selftest", "/slots", "/spool", "/work"}) {
     const std::string path = data + part;
     if (!error) fs::create_directory(path, error);
     // The slots' users must be able to read the self-test's artefact, like any other.
@@ -242,6 +244,23 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
                               },
                           .metrics = *metrics,
                           .clock = clock});
+  const MakerOptions makers = {.work_dir = options.data_dir + "/work/pictures",
+                               .cache_dir = options.cache_dir,
+                               .uid = geteuid() == 0 ? config.uid_base + kPictureUsers : -1};
+  EndedEvaluations ended(readers);
+  Pictures pictures({.folder = options.data_dir + "/pictures",
+                     .build = [&] { return PictureBuild(options.cache_dir); },
+                     .most_bytes = config.retention.picture_bytes,
+                     .make =
+                         [&](const PictureKey& key, const Stopped& stopped) {
+                           return MakeFile(readers, options.data_dir, makers, key, stopped);
+                         },
+                     .grading =
+                         [&] {
+                           const LiveHealth health = engine.Health();
+                           return health.running > 0 || health.pending > 0;
+                         },
+                     .suggestions = [&] { return ended.Pictures(); }});
   Api api({.config = config,
            .data_dir = options.data_dir,
            .cache_dir = options.cache_dir,
@@ -254,6 +273,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
            .receipts_key = receipts_key,
            .access_log = access_log,
            .record = record,
+           .pictures = pictures,
            .metrics = *metrics,
            .webhooks = webhooks,
            .metrics_token = configs.metrics_token,
@@ -286,6 +306,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   const absl::Status status = engine.Run();
   EndSoon(status.ok() ? 0 : 4);
   server_to_stop = nullptr;
+  pictures.Stop();
   webhooks.Stop();
   server.Shutdown();
   access_log.Stop();

@@ -63,12 +63,14 @@ class Run {
     const ReplayBlock& block = order_.blocks[next_];
     const std::string id = absl::StrCat("replay-", next_);
     const int64_t user = order_.uid_base < 0 ? -1 : order_.uid_base + static_cast<int64_t>(slot);
-    const LeaseOrder lease = MakeReplayOrder(id, order_.track, block.episodes, block.logs,
+    LeaseOrder lease = MakeReplayOrder(id, order_.track, block.episodes, block.logs,
                                              {.slot = static_cast<int64_t>(slot),
                                               .uid = user,
                                               .work_dir = absl::StrCat(order_.work_dir, "/", id),
                                               .cache_dir = order_.cache_dir,
                                               .log_dir = ""});
+    lease.trajectory = block.trajectory;
+    lease.background = order_.background;
     std::error_code error;
     if (!std::filesystem::create_directory(lease.work_dir, error)) {
       return absl::InternalError(
@@ -129,6 +131,8 @@ class Run {
 };
 
 }  // namespace
+
+bool CarriesOver(const TrackConfig& track) { return track.rules.value("one_environment", false); }
 
 absl::StatusOr<std::vector<ReplayRecord>> RunReplay(const ReplayOrder& order,
                                                     const ReplayHooks& hooks) {

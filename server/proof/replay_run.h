@@ -18,6 +18,7 @@ namespace myograde::server {
 struct ReplayBlock {
   std::vector<EpisodeOrder> episodes;
   std::vector<std::string> logs;  // one file per episode
+  std::string trajectory = {};    // LeaseOrder::trajectory
 };
 
 struct ReplayOrder {
@@ -27,7 +28,12 @@ struct ReplayOrder {
   std::string cache_dir;
   int64_t uid_base = -1;  // users of the slots; -1: the caller's own
   int slots = 1;
+  bool background = false;  // gets what processors have left over from everybody else
 };
+
+// Whether the state at the end of an episode is the next one's beginning, so that an episode can only
+// be played after those before it in its lease.
+bool CarriesOver(const TrackConfig& track);
 
 struct ReplayHooks {
   std::function<void(int64_t done, int64_t total)> progress;

@@ -129,7 +129,9 @@ absl::Status LeaseRunner::StartSim() {
                                           context_.stage, context_.etc);
   absl::StatusOr<Fd> filter = MakeSeccompFilter(context_.config.policy);
   if (!filter.ok()) return filter.status();
-  sim_group_ = ControlGroup::Create(GroupName("sim"), SimGroupLimits(context_.config.sim));
+  GroupLimits limits = SimGroupLimits(context_.config.sim);
+  limits.background = context_.order.background;
+  sim_group_ = ControlGroup::Create(GroupName("sim"), limits);
   std::vector<SandboxFd> fds = {{nothing.get(), 0},
                                 {nothing.get(), 1},
                                 {errors->write.get(), 2},

@@ -23,6 +23,7 @@ constexpr size_t kMaxRecordBytes = 256 << 10;
 // How much nicer than the daemon a lease is, with all its processes alike: leases keep the
 // processors busy for days, and requests to the daemon must not wait behind them.
 constexpr int kNice = 5;
+constexpr int kBackgroundNice = 19;
 
 absl::Status WriteOrder(const LeaseOrder& order, const std::string& path) {
   const std::string text = LeaseOrderToJson(order).dump();
@@ -63,7 +64,7 @@ absl::StatusOr<std::unique_ptr<RunnerProcess>> RunnerProcess::Start(const LeaseO
                                            in->read.get(),
                                            out->write.get(),
                                            err->write.get(),
-                                           kNice});
+                                           order.background ? kBackgroundNice : kNice});
   if (!pid.ok()) return pid.status();
   std::unique_ptr<RunnerProcess> runner(new RunnerProcess());
   runner->lease_ = order.lease;

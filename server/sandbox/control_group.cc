@@ -85,6 +85,7 @@ bool ControlGroup::TryVersion2(const std::string& name, const GroupLimits& limit
           limits.cpus.has_value() &&
           Write(folder + "/cpu.max", absl::StrCat(CpuQuota(*limits.cpus), " ", kCpuPeriodUs));
       controllers_.cpu_account = true;
+      if (limits.background) Write(folder + "/cpu.weight", "1");
       memory_ = controllers_.memory ? folder : "";
       pids_ = controllers_.pids ? folder : "";
       cpu_account_ = folder;
@@ -119,6 +120,7 @@ void ControlGroup::TryVersion1(const std::string& name, const GroupLimits& limit
       controllers_.cpu = Write(folder + "/cpu.cfs_period_us", std::to_string(kCpuPeriodUs)) &&
                          Write(folder + "/cpu.cfs_quota_us", CpuQuota(*limits.cpus));
     }
+    if (has("cpu") && limits.background) Write(folder + "/cpu.shares", "2");
     if (has("cpuacct")) {
       controllers_.cpu_account = true;
       cpu_account_ = folder;

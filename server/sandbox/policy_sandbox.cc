@@ -309,7 +309,7 @@ absl::StatusOr<SandboxSpec> MakePolicySandbox(const LeaseOrder& order,
 }
 
 GroupLimits SimGroupLimits(const SimSandboxConfig& config) {
-  return {config.memory_bytes, config.tasks, std::nullopt};
+  return {config.memory_bytes, config.tasks, std::nullopt, /*background=*/false};
 }
 
 SandboxSpec MakeSimSandbox(const LeaseOrder& order, const SimSandboxConfig& config,

@@ -6,6 +6,7 @@
 //   uid_base + 1024 ...  policies of `myograde local`
 //   uid_base + 2048      the doctor's trial policy
 //   uid_base + 2304      the daemon's reference episodes, which have no policy
+//   uid_base + 2560      the episodes that the daemon makes pictures of, likewise
 //   uid_base + 3072 ...  replays of logs, which have none either
 //   uid_base + 4096 ...  the simulators, in the same order
 //
@@ -21,6 +22,7 @@ inline constexpr int64_t kMostSlots = 1024;
 inline constexpr int64_t kLocalUsers = 1024;
 inline constexpr int64_t kDoctorUsers = 2048;
 inline constexpr int64_t kReferenceUsers = 2304;
+inline constexpr int64_t kPictureUsers = 2560;
 inline constexpr int64_t kReplayUsers = 3072;
 inline constexpr int64_t kSimUsers = 4096;
 inline constexpr int64_t kUsers = 8192;

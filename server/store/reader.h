@@ -61,6 +61,19 @@ struct InForce {
   bool withheld = false;          // a freeze left some out
 };
 
+// Where an episode is that a log is of.
+struct LoggedEpisode {
+  int64_t evaluation = 0;
+  int64_t index = 0;
+  int64_t lease = 0;
+  uint64_t seed = 0;
+};
+
+struct EndedEvaluation {
+  int64_t evaluation = 0;
+  int64_t finished_at = 0;
+};
+
 // The queries, only inside ReaderPool::Read, where all of them see one state. Looking up a missing
 // id is a NotFoundError. Unreadable rows are reported as in damage.h: a query for a single answer
 // fails, lists omit the row and report it.
@@ -119,6 +132,13 @@ class Reader {
   std::set<std::string> TeamsOfLog(const std::string& sha256);
   // The phases of those episodes; "": of none.
   std::set<std::string> PhasesOfLog(const std::string& sha256);
+
+  // The first episode with this log. NotFoundError: there is none.
+  absl::StatusOr<LoggedEpisode> EpisodeOfLog(const std::string& sha256);
+  // Evaluations that ended as done after `after_ms`: the last `limit` of them, oldest first.
+  std::vector<EndedEvaluation> DoneSince(int64_t after_ms, int64_t limit);
+  // When the last one ended, in ms since 1970; 0: none has.
+  int64_t LastEnd();
 
   // Newest first. `kind` "" matches any; `before` is an id.
   Listed<AccessEventRow> AccessEvents(const std::string& kind, int64_t before, int64_t limit);

@@ -45,14 +45,12 @@ class HandoverTelemetry final : public Telemetry {
       if (!arm_touched_) events.push_back({time_s, "first_contact", "The hand touches the object"});
       arm_touched_ = true;
       last_arm_ = time_s;
+      released_ = false;
     }
-    if (touch[kTouchProsthesis] && !prosthesis_touched_) {
-      events.push_back({time_s, "handover", "The prosthesis touches the object"});
-      prosthesis_touched_ = true;
-    }
-    if (touch[kTouchProsthesis] && !touch[kTouchArm] && arm_touched_ && !released_) {
-      events.push_back({last_arm_, "release", "The hand has let go of the object"});
-      released_ = true;
+    if (touch[kTouchProsthesis] && arm_touched_) {
+      if (!handed_over_) events.push_back({time_s, "handover", "The prosthesis touches the object"});
+      handed_over_ = true;
+      released_ = released_ || !touch[kTouchArm];
     }
     if (touch[kTouchGoal] && !goal_touched_) {
       events.push_back({time_s, "goal_contact", "The object touches the goal pillar"});
@@ -61,6 +59,7 @@ class HandoverTelemetry final : public Telemetry {
   }
 
   void AtEnd(double, std::vector<TrajectoryEvent>& events) override {
+    if (released_) events.push_back({last_arm_, "release", "The hand lets go of the object"});
     if (peak_ <= 0) return;
     events.push_back({peak_time_, "peak_force", "Largest contact force on the object", peak_, "N"});
   }
@@ -83,8 +82,8 @@ class HandoverTelemetry final : public Telemetry {
 
   const ManipulationEnvironment& environment_;
   bool arm_touched_ = false;
-  bool prosthesis_touched_ = false;
-  bool released_ = false;
+  bool handed_over_ = false;
+  bool released_ = false;  // the prosthesis has had the object since the arm's last touch
   bool goal_touched_ = false;
   double last_arm_ = 0;   // s
   double peak_ = 0;       // N

@@ -1,12 +1,16 @@
 """The whole system as users see it: real daemon, sandboxes, models, policies."""
 
+import gzip
 import json
+import os
 import shutil
 import signal
+import subprocess
 import unittest
 
+from support.client import Connection
 from support.waiting import wait_until
-from system import POLICIES, SystemTest, track_config
+from system import BIN, POLICIES, SystemTest, track_config
 
 TRACKS = ("manipulation", "locomotion", "elbow")
 
@@ -82,6 +86,64 @@ class GradeAndRank(SystemTest):
         self.assertFalse(result["ranked"])
         board = self.ask("leaderboard", "--track", "short-locomotion")
         self.assertNotIn("Practice", [row["team"] for row in board["rows"]])
+
+
+    def fetch(self, path, coding=None):
+        connection = Connection(self.daemon.socket_path)
+        connection.request("GET", path, headers={"Accept-Encoding": coding} if coding else {})
+        response = connection.getresponse()
+        body = response.read()
+        connection.close()
+        return response.status, response.headers, body
+
+    def made(self, path, coding=None):
+        """The answer once it is made."""
+        status, headers, body = wait_until(lambda: self.fetch(path, coding), 120,
+                                           f"{path} is not made",
+                                           fits=lambda answer: answer[0] != 202)
+        self.assertEqual(status, 200, body[:200])
+        return headers, body
+
+    def simulated(self, *words):
+        """A file that the simulator writes without a daemon."""
+        file = self.root / "made"
+        subprocess.run([BIN / "myograde-sim", *(file if word == "FILE" else word for word in words),
+                        os.environ["MYOGRADE_CACHE"]], check=True, stdout=subprocess.DEVNULL, timeout=120)
+        return file.read_bytes()
+
+    def test_episodes_can_be_looked_at(self):
+        submission = self.submit("random", "short-locomotion", "Seen")["submission"]
+        log = self.rows(submission)[1]["log"]["sha256"]
+        path = f"/v1/logs/{log}/trajectory"
+        headers, packed = self.made(path, "br, gzip")
+        self.assertEqual(headers["Content-Encoding"], "gzip")
+        file = self.data / "logs" / f"{log}.lcmlog.zst"
+        expected = self.simulated("--trajectory", file, "FILE")
+        self.assertEqual(gzip.decompress(packed), expected)
+        headers, plain = self.made(path)
+        self.assertEqual(plain, expected)
+        self.assertNotIn("Content-Encoding", headers)
+        self.assertEqual(self.made(path, "zstd;q=1, gzip")[0]["Content-Encoding"], "zstd")
+        connection = Connection(self.daemon.socket_path)
+        connection.request("GET", path, headers={"If-None-Match": headers["ETag"]})
+        self.assertEqual(connection.getresponse().status, 304)
+        connection.close()
+        headers, model = self.made("/v1/models/locomotion.glb", "gzip")
+        self.assertEqual(gzip.decompress(model),
+                         self.simulated("--model-file", "locomotion", "FILE"))
+        self.assertEqual(self.fetch("/v1/models/swimming.glb")[0], 404)
+        self.assertEqual(self.fetch(f"/v1/logs/{'0' * 64}/trajectory")[0], 404)
+
+    def test_an_episode_that_plays_otherwise_is_not_shown(self):
+        submission = self.submit("random", "short-elbow", "Altered")["submission"]
+        log = self.rows(submission)[0]["log"]["sha256"]
+        file = self.data / "logs" / f"{log}.lcmlog.zst"
+        file.write_bytes(file.read_bytes()[:-20])
+        for what in ("trajectory", "picture.png"):
+            status, _, body = wait_until(
+                lambda: self.fetch(f"/v1/logs/{log}/{what}"), 120, f"{what} is not refused",
+                fits=lambda answer: answer[0] != 202)
+            self.assertEqual((status, json.loads(body)["error"]["code"]), (409, "no_picture"), body)
 
 
 class Misbehave(SystemTest):

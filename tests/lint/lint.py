@@ -59,12 +59,16 @@ RULES = {
     "server/engine": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "metrics", "artefact", "runtime", "sandbox", "runner", "proof", "scheduler", "store",
         "config", "grading", "engine")}, r"mujoco/|lcm/|httplib|CLI/"),
+    # What is made of logs; no HTTP, no rights.
+    "server/pictures": ({"protocol", "scoring"} | {f"server/{part}" for part in (
+        "base", "runner", "proof", "store", "grading", "pictures")},
+        r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     "server/admission": ({"protocol"} | {f"server/{part}" for part in (
         "base", "artefact", "runtime", "sandbox", "proof", "store", "config", "grading", "challenge",
         "engine", "admission")}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     "server/api": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "metrics", "access", "runner", "proof", "store", "config", "grading", "challenge",
-        "webhook", "web", "runtime", "scheduler/team_line.h", "engine", "admission", "api")},
+        "webhook", "web", "runtime", "scheduler/team_line.h", "engine", "pictures", "admission", "api")},
         r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
     # What browsers are sent as it is.
     "server/web": ({"server/web"}, r"absl/|nlohmann/|mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),

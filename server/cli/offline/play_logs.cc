@@ -39,8 +39,6 @@ std::vector<ReplayBlock> BlocksOf(const std::map<int64_t, ReplayLogFile>& files,
 
 }  // namespace
 
-bool CarriesOver(const TrackConfig& track) { return track.rules.value("one_environment", false); }
-
 int64_t FirstOfLease(const TrackConfig& track, int64_t episode) {
   return episode - episode % track.episodes_per_lease;
 }

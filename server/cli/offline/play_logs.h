@@ -17,10 +17,6 @@
 
 namespace myograde::server {
 
-// Whether state carries over from one episode to the next: then an episode can only be played
-// after those before it in its lease.
-bool CarriesOver(const TrackConfig& track);
-
 // The first episode of the lease that `episode` belongs to.
 int64_t FirstOfLease(const TrackConfig& track, int64_t episode);
 

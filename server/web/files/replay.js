@@ -1,6 +1,6 @@
 // An episode in 3D, or two beside each other with one clock: /replay?log=HASH&of=SUBMISSION. Where the
 // browser can't draw in 3D, graphs and events still follow.
-import {download, get} from "./api.js";
+import {ApiError, download, get} from "./api.js";
 import {facts, h, href, replace} from "./dom.js";
 import {bytes, name, number, visible, whole} from "./format.js";
 import {Clock} from "./replay_clock.js";
@@ -58,8 +58,15 @@ function about(one) {
   ].filter((pair) => pair[1] !== null)));
 }
 
-// The views in 3D, or null and why there are none.
-async function makeViews(episodes, hosts, signal) {
+function whyNot(error) {
+  if (error instanceof ApiError || error instanceof FileError) return visible(error.message);
+  if (/webgl/i.test(error.message)) return NO_WEBGL;
+  reportError(error);
+  return "The view in 3D failed. Graphs and events below show the episode.";
+}
+
+// The views in 3D, or none and why.
+async function makeViews(episodes, hosts, tell, signal) {
   let drawing;
   try {
     drawing = await import("./replay_view.js");
@@ -69,22 +76,24 @@ async function makeViews(episodes, hosts, signal) {
   }
   if (!drawing.canDraw()) return {views: [], viewpoints: [], why: NO_WEBGL};
   const dark = matchMedia("(prefers-color-scheme: dark)").matches;
-  const strongest = Math.max(...episodes.map((one) => one.trajectory.strongest));
+  const strong = Math.max(...episodes.map((one) => one.trajectory.strongForce));
   const views = [];
+  const models = new Map();
   try {
     for (const [place, one] of episodes.entries()) {
-      const {track, model} = one.trajectory;
-      const address = `/v1/models/${encodeURIComponent(track)}.glb`;
-      const {data} = await download(href(address, {model}), {signal, most: MOST_BYTES});
+      const {track} = one.trajectory;
+      if (!models.has(track)) {
+        models.set(track, (await download(`/v1/models/${encodeURIComponent(track)}.glb`,
+          {signal, most: MOST_BYTES, onWait: () => tell("The model's shapes are made…")})).data);
+      }
       const onMove = (moved) => views.forEach((view) => view !== moved && view.lookLike(moved));
-      views.push(new drawing.View(hosts[place], one.trajectory, await drawing.readModel(data),
-        {dark, strongest, onMove}));
+      const model = await drawing.readModel(models.get(track));
+      views.push(new drawing.View(hosts[place], one.trajectory, model, {dark, strong, onMove}));
     }
   } catch (error) {
     views.forEach((view) => view.dispose());
     if (signal.aborted) throw error;
-    return {views: [], viewpoints: [], why: error.status !== undefined || error instanceof FileError
-      ? visible(error.message) : NO_WEBGL};
+    return {views: [], viewpoints: [], why: whyNot(error)};
   }
   return {views, viewpoints: drawing.VIEWPOINTS, why: null};
 }
@@ -93,7 +102,7 @@ function actions(views) {
   const each = (act) => (...values) => views.forEach((view) => act(view, ...values));
   return {look: each((view, from) => view.lookFrom(from)),
     turn: (...by) => views[0]?.turn(...by),
-    follow: each((view, on) => {
+    canFollow: views.some((view) => view.followed), follow: each((view, on) => {
       view.following = on;
     }),
     muscles: each((view, on) => view.showMuscles(on)), forces: each((view, on) => view.showForces(on))};
@@ -178,20 +187,20 @@ function stageOf(episodes, hosts, why) {
 }
 
 function legend(episodes) {
-  const strongest = Math.max(...episodes.map((one) => one.trajectory.strongest));
+  const strong = Math.max(...episodes.map((one) => one.trajectory.strongForce));
   const muscles = episodes.some((one) => one.trajectory.muscles.length > 0);
   return h("p", {class: "quiet scale"}, muscles && ["Muscles: at rest ",
     h("span", {class: "tones", "aria-hidden": "true"}), " fully active. "],
-  strongest > 0 && `Arrows: contact forces, the longest ${number(strongest, 0)} N.`);
+  strong > 0 && `Arrows: contact forces; the longest stand for ${number(strong, 0)} N and more.`);
 }
 
-async function build(main, title, episodes, signal) {
+async function build(main, title, episodes, tell, signal) {
   const clock = new Clock(Math.max(...episodes.map((one) => one.trajectory.duration)),
     Math.min(...episodes.map((one) => one.trajectory.period)));
   const hosts = episodes.map((one) => h("div", {class: "canvas", tabindex: 0, role: "group",
     "aria-label": `3D view, ${one.label}. Space plays, arrow keys step; the events below tell what `
       + "happens."}));
-  const {views, viewpoints, why} = await makeViews(episodes, hosts, signal);
+  const {views, viewpoints, why} = await makeViews(episodes, hosts, tell, signal);
   let player = null;
   const again = () => {
     if (player) player.changed = true;
@@ -239,5 +248,5 @@ export async function show(main, query) {
     + (first.trajectory.episode === null ? "" : `, episode ${whole(first.trajectory.episode)}`);
   document.title = `${title.textContent} – MyoGrade`;
   tell("Loading the model…");
-  player = await build(main, title, episodes, leaving.signal);
+  player = await build(main, title, episodes, tell, leaving.signal);
 }

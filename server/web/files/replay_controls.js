@@ -26,7 +26,7 @@ function tick(words, checked, onChange) {
 
 const WHAT = {first_contact: "first contact", handover: "handover", release: "release",
   goal_contact: "contact with the goal", peak_force: "peak force", leg_state: "state of the leg",
-  fall: "fall", end: "end"};
+  fall: "fall", target: "target", end: "end"};
 
 // What an event is, in words: its kind and what the file says of it.
 export function eventWords(event) {
@@ -90,7 +90,7 @@ export function keyList() {
 }
 
 // Buttons and bar for a clock. `can` are the actions on the views: look(name), turn(azimuth, elevation,
-// nearer), follow(on), muscles(on), forces(on); without views they are left out.
+// nearer), follow(on) if `canFollow`, muscles(on), forces(on); without views they are left out.
 export class Controls {
   constructor(episodes, clock, viewpoints, can, onChange) {
     this.clock = clock;
@@ -110,7 +110,8 @@ export class Controls {
       button("−1 frame", "One frame back (←)", () => this.step(-1)),
       button("+1 frame", "One frame on (→)", () => this.step(1)), this.time, this.speed.label,
       viewpoints.length > 0 && [choice("View", {}, viewpoints.map((name) => [name, name]),
-        can.look).label, Object.values(this.ticks).map((one) => one.label)]));
+        can.look).label, Object.entries(this.ticks).filter(([key]) => key !== "follow" || can.canFollow)
+          .map(([, one]) => one.label)]));
     this.told = -Infinity;
     this.show(true);
   }

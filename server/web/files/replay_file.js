@@ -223,13 +223,15 @@ function readGraphs(head, rest, series, frames) {
   });
 }
 
-// The largest length of a contact's force, in N.
-function strongest(contacts) {
-  let most = 0;
+// A length of contact forces, in N, that only one in twenty surpasses: single impacts are many times
+// as strong as all others.
+function strongForce(contacts) {
+  const all = [];
   for (let at = 0; at < contacts.values.length; at += 6) {
-    most = Math.max(most, Math.hypot(...contacts.values.subarray(at + 3, at + 6)));
+    all.push(Math.hypot(...contacts.values.subarray(at + 3, at + 6)));
   }
-  return most;
+  all.sort((a, b) => a - b);
+  return all[Math.floor(0.95 * all.length)] ?? 0;
 }
 
 // The episode that a file holds; positions in m, times in s, forces in N. Throws FileError.
@@ -255,7 +257,7 @@ export function readTrajectory(buffer) {
     position: readPositions(head, rest, bodies, frames),
     rotation: readRotations(head, rest, bodies, frames),
     activation: values(head, rest, "activation", "u8", muscles.length, frames),
-    wrap: readWraps(head, rest, wraps, frames), contacts, strongest: strongest(contacts),
+    wrap: readWraps(head, rest, wraps, frames), contacts, strongForce: strongForce(contacts),
     series: readGraphs(head, rest, readSeries(head), frames),
     terrain: terrain && {...terrain, heights: values(head, rest, "terrain", "u16", terrain.rows,
       terrain.columns)}};
@@ -283,5 +285,6 @@ export function readModelExtras(extras) {
     })),
     floor: extras.floor === null || extras.floor === undefined ? null
       : {height: finite(object(extras.floor, "floor").height_m, "height_m"),
-        square: finite(extras.floor.square_m, "square_m")}};
+        square: finite(extras.floor.square_m, "square_m"),
+        halfSize: vector(extras.floor.half_size_m, 2, "half_size_m")}};
 }

@@ -8,7 +8,7 @@ import {frameAt, framesAt} from "./replay_pose.js";
 const WIDTH = 360;
 const HEIGHT = 120;
 const LEFT = 42;
-const RIGHT = 6;
+const RIGHT = 12;
 const TOP = 6;
 const BOTTOM = 20;
 const MOST_POINTS = 700;
@@ -73,6 +73,13 @@ function cursor() {
   return s("line", {class: "cursor", x1: LEFT, x2: LEFT, y1: TOP, y2: HEIGHT - BOTTOM});
 }
 
+// Numbers beside an axis, with as many decimals as tell them apart.
+function levelWords(levels) {
+  const step = levels.length > 1 ? levels[1] - levels[0] : Math.abs(levels[0] ?? 1);
+  const digits = Math.min(Math.max(-Math.floor(Math.log10(Math.max(step, 1e-9)) + 1e-6), 0), 6);
+  return levels.map((value) => (Math.abs(value) >= 10000 ? label(value) : value.toFixed(digits)));
+}
+
 function timeAxis(duration, x) {
   const base = HEIGHT - BOTTOM;
   return [s("line", {class: "axis", x1: LEFT, x2: WIDTH - RIGHT, y1: base, y2: base}),
@@ -106,15 +113,16 @@ function graph(own, duration, onSeek) {
   const digits = digitsOf(low, high);
   const x = (time) => LEFT + (WIDTH - LEFT - RIGHT) * time / duration;
   const y = (value) => TOP + (HEIGHT - BOTTOM - TOP) * (high - value) / (high - low);
-  const levels = series.labels ? series.labels.map((_, place) => place) : ticks(low, high, 5);
+  const levels = series.labels ? series.labels.map((_, place) => place) : ticks(low, high, 4);
+  const beside = series.labels ? levels.map((place) => place + 1) : levelWords(levels);
   const line = cursor();
   const drawing = s("svg", {viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img",
     "aria-label": `${visible(series.title)} over time: ${own.map((one) =>
       (own.length > 1 ? `${one.label} ` : "") + words(one, digits)).join("; ")}`},
-  levels.map((value) => [
+  levels.map((value, place) => [
     s("line", {class: "grid", x1: LEFT, x2: WIDTH - RIGHT, y1: y(value), y2: y(value)}),
     s("text", {x: LEFT - 5, y: y(value) + 4, "text-anchor": "end"},
-      series.labels ? value + 1 : label(value))]),
+      beside[place])]),
   timeAxis(duration, x),
   own.map((one) => s("polyline", {class: `line ${one.mark}`,
     points: points(one.trajectory, one.series, x, y)})), line);

@@ -62,9 +62,9 @@ export class Tubes {
   }
 }
 
-// Contact forces as arrows: `longest` m for `strongest` N.
+// Contact forces as arrows: `longest` m for `strong` N and more.
 export class Arrows {
-  constructor(most, longest, strongest) {
+  constructor(most, longest, strong) {
     const material = new three.MeshStandardMaterial({color: 0xf2a100, emissive: 0x6b4600,
       roughness: 0.4});
     this.shafts = many(new three.CylinderGeometry(1, 1, 1, 10), material, most);
@@ -72,7 +72,8 @@ export class Arrows {
     this.group = new three.Group();
     this.group.add(this.shafts, this.heads);
     this.thick = longest / 45;
-    this.scale = strongest > 0 ? longest / strongest : 0;
+    this.longest = longest;
+    this.scale = strong > 0 ? longest / strong : 0;
     this.ends = new Float32Array(6);
   }
 
@@ -81,13 +82,15 @@ export class Arrows {
     let count = 0;
     for (let i = first; i < last; i += 1) {
       const [x, y, z, fx, fy, fz] = values.subarray(6 * i, 6 * i + 6);
-      const length = Math.hypot(fx, fy, fz) * this.scale;
+      const force = Math.hypot(fx, fy, fz);
+      const length = Math.min(force * this.scale, this.longest);
       if (length < 0.4 * this.thick) continue;
-      const part = Math.max(length - 4 * this.thick, 0.4 * length) / length * this.scale;
+      const whole = length / force;
+      const part = Math.max(length - 4 * this.thick, 0.4 * length) / force;
       this.ends.set([x, y, z, x + fx * part, y + fy * part, z + fz * part]);
       layBetween(this.shafts.instanceMatrix.array, count, this.ends, 0, this.thick);
       this.ends.set([x + fx * part, y + fy * part, z + fz * part,
-        x + fx * this.scale, y + fy * this.scale, z + fz * this.scale]);
+        x + fx * whole, y + fy * whole, z + fz * whole]);
       layBetween(this.heads.instanceMatrix.array, count, this.ends, 0, 2.4 * this.thick);
       count += 1;
     }
@@ -136,7 +139,7 @@ export function terrainMesh(terrain, colors) {
   for (let row = 0, at = 0; row < rows - 1; row += 1) {
     for (let column = 0; column < columns - 1; column += 1, at += 6) {
       const a = row * columns + column;
-      corners.set([a, a + 1, a + columns, a + 1, a + columns + 1, a + columns], at);
+      corners.set([a, a + 1, a + columns + 1, a, a + columns + 1, a + columns], at);
     }
   }
   const geometry = new three.BufferGeometry();
@@ -153,23 +156,16 @@ export function terrainMesh(terrain, colors) {
   return mesh;
 }
 
-// A floor that reaches farther than one sees; it goes along with what is looked at (moveFloor).
-export function floorMesh(height, square, colors) {
-  const side = 400 * square;
-  const geometry = new three.PlaneGeometry(side, side);
+// A level floor around the origin.
+export function floorMesh({height, square, halfSize}, colors) {
+  const [x, y] = halfSize;
+  const geometry = new three.PlaneGeometry(2 * x, 2 * y);
   const places = geometry.attributes.uv;
   for (let i = 0; i < places.count; i += 1) {
-    places.setXY(i, places.getX(i) * 200, places.getY(i) * 200);
+    places.setXY(i, (places.getX(i) - 0.5) * x / square, (places.getY(i) - 0.5) * y / square);
   }
   const mesh = new three.Mesh(geometry, groundMaterial(colors));
   mesh.position.z = height;
   mesh.receiveShadow = true;
-  mesh.userData.square = square;
   return mesh;
-}
-
-export function moveFloor(mesh, target) {
-  const step = 2 * mesh.userData.square;
-  mesh.position.x = Math.round(target.x / step) * step;
-  mesh.position.y = Math.round(target.y / step) * step;
 }

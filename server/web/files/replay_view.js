@@ -4,11 +4,12 @@ import * as three from "./three.js";
 import * as gltf from "./three_gltf_loader.js";
 import * as orbit from "./three_orbit_controls.js";
 import {FileError, readModelExtras} from "./replay_file.js";
-import {Arrows, Tubes, floorMesh, moveFloor, terrainMesh} from "./replay_parts.js";
+import {Arrows, Tubes, floorMesh, terrainMesh} from "./replay_parts.js";
 import {boundPaths, followedPath, frameAt, mostSegments, pointAt, posesAt, segmentsAt}
   from "./replay_pose.js";
 
 const MOST_CONTACTS = 12;
+const SCENERY_M = 2;  // fixed shapes that are larger are the room around, which hides what happens
 const LIGHT = {ground: 0xe6eaf4, squares: [0xd3d9e8, 0xbfc8dc], sky: 2.1};
 const DARK = {ground: 0x151927, squares: [0x3a4158, 0x30374c], sky: 1.5};
 
@@ -43,6 +44,13 @@ function nodesByName(scene) {
   return nodes;
 }
 
+function prepare(mesh) {
+  mesh.castShadow = !mesh.material.transparent;
+  mesh.receiveShadow = true;
+  const {color} = mesh.material;
+  if (color) color.setRGB(...color.toArray().map((part) => Math.min(Math.max(part, 0), 1)));
+}
+
 function lights(style) {
   const sun = new three.DirectionalLight(0xffffff, 2.2);
   sun.castShadow = true;
@@ -65,9 +73,9 @@ export const VIEWPOINTS = ["start", ...Object.keys(POINTS)];
 
 export class View {
   // Draws into `host`, an element with a size. `model` of readModel, which belongs to the view from
-  // then on; `strongest`, the force in N of the longest arrow. `onMove` is told when the reader has
+  // then on; `strong`, the force in N of the longest arrows. `onMove` is told when the reader has
   // turned the view. Throws if there is no WebGL, and FileError if the files don't fit each other.
-  constructor(host, trajectory, model, {dark, strongest, onMove}) {
+  constructor(host, trajectory, model, {dark, strong, onMove}) {
     if (model.extras.model !== trajectory.model) {
       throw new FileError("This replay was made for another version of the model than the server "
         + "has: reload the page.");
@@ -81,7 +89,7 @@ export class View {
     this.scene = new three.Scene();
     this.following = true;
     this.most = 2;  // pixels per pixel of the page, at most
-    this.addWorld(model, dark ? DARK : LIGHT, strongest);
+    this.addWorld(model, dark ? DARK : LIGHT, strong);
     this.addCamera(onMove);
     host.append(this.renderer.domElement);
     this.observer = new ResizeObserver(() => this.fit());
@@ -89,7 +97,7 @@ export class View {
     this.fit();
   }
 
-  addWorld(model, style, strongest) {
+  addWorld(model, style, strong) {
     this.scene.background = new three.Color(style.ground);
     this.scene.fog = new three.Fog(style.ground, 5 * this.first.distance, 16 * this.first.distance);
     const {sun, sky} = lights(style);
@@ -98,23 +106,22 @@ export class View {
     const nodes = nodesByName(model.scene);
     const world = nodes.get("world") ?? model.scene;
     world.rotation.set(0, 0, 0);
-    world.traverse((part) => {
-      part.castShadow = part.isMesh;
-      part.receiveShadow = part.isMesh;
-    });
     this.scene.add(world);
     world.updateMatrixWorld(true);
+    world.traverse((part) => part.isMesh && prepare(part));
+    nodes.get("static")?.traverse((part) => {
+      if (!part.isMesh) return;
+      const size = new three.Box3().setFromObject(part).getSize(new three.Vector3());
+      part.visible = Math.max(size.x, size.y, size.z) <= SCENERY_M;
+    });
     this.addBodies(nodes);
     this.addMuscles(model.extras.muscles, nodes);
-    this.arrows = new Arrows(MOST_CONTACTS, 0.32 * this.first.distance, strongest);
+    this.arrows = new Arrows(MOST_CONTACTS, 0.32 * this.first.distance, strong);
     this.scene.add(this.arrows.group);
     const {terrain} = this.trajectory;
     const {floor} = model.extras;
     if (terrain) this.scene.add(terrainMesh(terrain, style.squares));
-    else if (floor) {
-      this.floor = floorMesh(floor.height, floor.square, style.squares);
-      this.scene.add(this.floor);
-    }
+    else if (floor) this.scene.add(floorMesh(floor, style.squares));
   }
 
   addBodies(nodes) {
@@ -230,7 +237,6 @@ export class View {
     const at = this.controls.target;
     this.sun.position.set(at.x + 0.9 * reach, at.y - 0.8 * reach, at.z + 2.2 * reach);
     this.sun.target.position.copy(at);
-    if (this.floor) moveFloor(this.floor, at);
     const {camera} = this.sun.shadow;
     if (camera.right === reach) return;
     Object.assign(camera, {left: -reach, right: reach, top: reach, bottom: -reach,

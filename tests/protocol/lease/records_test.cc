@@ -217,6 +217,20 @@ TEST(LeaseOrder, MayNameAnAdapter) {
   EXPECT_EQ(back->adapter, "template-2024");
 }
 
+TEST(LeaseOrder, MayAskForATrajectoryOfALog) {
+  LeaseOrder order = DemoOrder();
+  EXPECT_FALSE(LeaseOrderToJson(order).contains("trajectory"));
+  order.trajectory = "/somewhere/trajectory";
+  EXPECT_THAT(std::string(LeaseOrderFromJson(LeaseOrderToJson(order), "order").status().message()),
+              HasSubstr("\"replay\" names none"));
+  order.replay = {"/a.lcmlog", "/b.lcmlog"};
+  order.background = true;
+  const auto back = LeaseOrderFromJson(LeaseOrderToJson(order), "order");
+  ASSERT_TRUE(back.ok()) << back.status();
+  EXPECT_EQ(back->trajectory, order.trajectory);
+  EXPECT_TRUE(back->background);
+}
+
 TEST(LeaseOrder, MistakesAreNamed) {
   const nlohmann::json good = LeaseOrderToJson(DemoOrder());
   nlohmann::json wrong = good;

@@ -14,10 +14,13 @@ import urllib.parse
 
 import trajectories
 from browser_test import AXE, PICTURES, WIDTHS, BrowserCase
-from support.browser import Page
-from world import MARKUP, SCRIPT
+from support.browser import Browser, Page
+from support.daemon import Daemon
+from world import BIN, MARKUP, SCRIPT, SOURCE
 
 A, B, GONE, SECRET, BROKEN, DAMAGED, HOSTILE, OTHER = (letter * 64 for letter in "ab0123cd")
+POLICIES = pathlib.Path(os.environ["MYOGRADE_TEST_POLICIES"])
+TRACKS = ("elbow", "locomotion", "manipulation")
 READY = "document.getElementById('main')?.dataset.ready === 'yes'"
 
 
@@ -124,6 +127,7 @@ class Looks(ReplayCase):
         self.assertLessEqual(page.evaluate("document.documentElement.scrollWidth - innerWidth"), 0,
                              f"{label} is wider than the screen")
         if PICTURES:
+            os.makedirs(PICTURES, exist_ok=True)
             page.screenshot(pathlib.Path(PICTURES, f"{label}.png"))
         page.call("Page.setBypassCSP", enabled=True)
         page.evaluate(AXE + ";0")
@@ -137,7 +141,7 @@ class Looks(ReplayCase):
         page = self.page()
         self.open(page, f"/replay?log={A}")
         seen = set()
-        for change in ("", "slider.value = 3.14", "choose(1)", "choose(2)", "look('top')"):
+        for change in ("", "slider.value = 3.24", "choose(1)", "choose(2)", "look('top')"):
             page.evaluate("(() => { const slider = document.querySelector('.timebar input');"
                           "const choose = (place) => document.querySelectorAll("
                           "'.controls input[type=checkbox]')[place].click();"
@@ -163,7 +167,7 @@ class Looks(ReplayCase):
             f"const episode = file.readTrajectory(await get('/v1/logs/{A}/trajectory'));"
             "const host = document.querySelector('.canvas');"
             "const model = await drawing.readModel(await get('/v1/models/locomotion.glb'));"
-            "const view = new drawing.View(host, episode, model, {dark: false, strongest: 1});"
+            "const view = new drawing.View(host, episode, model, {dark: false, strong: 1});"
             "for (let i = 0; i < 200; i += 1) view.place(i / 50);"
             "const begin = performance.now();"
             "for (let i = 0; i < 1000; i += 1) view.place(i * 0.008);"
@@ -282,8 +286,8 @@ class Troubles(ReplayCase):
             (503, {"Retry-After": "1"}, error("busy", "Too many wait.")),
             (202, {"Retry-After": "1"}, {"state": "playing", "place": 0})]
         page.call("Page.navigate", url=f"{self.world.url}/replay?log={A}")
-        page.wait("document.body.innerText.includes('2 others come first')")
-        page.wait("document.body.innerText.includes('is played again from its log')")
+        page.wait("document.body?.innerText.includes('2 others come first')")
+        page.wait("document.body?.innerText.includes('is played again from its log')")
         page.wait(READY)
         self.assertEqual(len([url for url in page.requests if url.endswith("/trajectory")]), 4)
 
@@ -314,7 +318,68 @@ class Troubles(ReplayCase):
         self.check_quiet(page)
 
 
+class RealEpisodes(unittest.TestCase):
+    """Episodes of every track, from the policy to the pixels: graded, played again by the daemon, and
+    drawn with the model's own shapes."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.daemon = Daemon(BIN, SOURCE, "replays")
+        cls.addClassCleanup(cls.daemon.close)
+        for track in TRACKS:
+            cls.daemon.add_track(f"short-{track}", {
+                "extends": track, "seeds": {"first": 7000, "count": 1}, "episodes_per_lease": 1})
+        cls.daemon.configure(http={"listen": {"address": "127.0.0.1", "port": 0}})
+        cls.daemon.start()
+        cls.url = (cls.daemon.data / "listen").read_text(encoding="utf-8").strip()
+        cls.token = cls.daemon.post("/v1/tokens", {"role": "participant", "label": "test",
+                                                   "team": "Walkers"})["token"]
+        cls.browser = Browser()
+        cls.addClassCleanup(cls.browser.close)
+
+    def episode(self, track, policy):
+        """The number of a submission and the hash of its only log."""
+        made = self.daemon.ask("submit", POLICIES / policy, "--track", f"short-{track}", "--team",
+                               "Walkers", "--wait")["submission"]
+        row, = self.daemon.ask("show", made, "--episodes")["episode_rows"]
+        return made, row["log"]["sha256"]
+
+    def test_every_track_is_played_and_drawn(self):
+        for track in TRACKS:
+            with self.subTest(track):
+                made, log = self.episode(track, f"scripted-{track}")
+                other, second = self.episode(track, "random")
+                page = Page(self.browser)
+                self.addCleanup(page.close)
+                page.open(self.url + "/sign-in")
+                page.evaluate(f"sessionStorage.setItem('myograde.token', '{self.token}')")
+                page.call("Page.navigate",
+                          url=f"{self.url}/replay?log={log}&of={made}&log={second}&of={other}")
+                page.wait(READY, 200)
+                self.assertEqual(page.problems, [])
+                self.assertEqual(page.evaluate("document.querySelectorAll('.canvas canvas').length"), 2)
+                self.assertEqual(page.evaluate("document.querySelectorAll('.notice').length"), 0)
+                self.assertIn("Walkers", page.text())
+                self.assertGreater(page.evaluate("document.querySelectorAll('.graph').length"), 3)
+                page.evaluate("document.querySelectorAll('details').forEach((one) => {"
+                              "one.open = true; })")
+                page.wait("Number(document.querySelector('[data-triangles]')?.dataset.triangles)"
+                          " > 50000", 60)
+                self.assertGreater(page.evaluate(
+                    "Number(document.querySelector('.timebar input').value)"), 0)
+                if PICTURES:
+                    os.makedirs(PICTURES, exist_ok=True)
+                    page.screenshot(pathlib.Path(PICTURES, f"real-{track}.png"))
+
+    def test_who_may_not_have_the_log_sees_no_replay(self):
+        _, log = self.episode("elbow", "zero")
+        page = Page(self.browser)
+        self.addCleanup(page.close)
+        page.call("Page.navigate", url=f"{self.url}/replay?log={log}")
+        page.wait("!!document.querySelector('[role=alert]')")
+        self.assertEqual(page.evaluate("document.querySelectorAll('canvas').length"), 0)
+        self.assertIn("Sign in", page.text())
+
+
 if __name__ == "__main__":
-    if PICTURES:
-        os.makedirs(PICTURES, exist_ok=True)
     unittest.main(verbosity=2)

@@ -56,7 +56,7 @@ test("numbers come out as they went in", () => {
   });
   close(made.terrain.heights[truth.terrain.column * made.terrain.rows + truth.terrain.row],
     truth.terrain.height, 1e-4, "terrain");
-  close(made.strongest, truth.strongest, 0.1, "the strongest contact");
+  close(made.strongForce, truth.strongest, 0.1, "a strong contact");
   assert.equal(made.events.at(-1).kind, "end");
 });
 

@@ -141,7 +141,7 @@ def glb(model=MODEL, track="locomotion"):
                           {"name": "extensor", "radius_m": 0.02, "path": [
                               {"body": "root", "at": [-0.2, 0, 0.2]},
                               {"body": "arm", "at": [-0.1, 0, 0.5]}]}],
-              "floor": {"height_m": 0, "square_m": 1}}
+              "floor": {"height_m": 0, "half_size_m": [5, 5], "square_m": 1}}
     def body(name, at, half, child):
         return [{"name": name, "translation": at, "children": [child]},
                 {"mesh": 0, "scale": half}]

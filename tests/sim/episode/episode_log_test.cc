@@ -4,6 +4,7 @@
 
 #include <thread>
 
+#include "protocol/base/file.h"
 #include "protocol/log/packed_log.h"
 #include "tests/sim/episode/lease_world.h"
 #include "sim/episode/replay_player.h"
@@ -175,6 +176,91 @@ TEST_F(EpisodeLogTest, ReplaysEqual) {
     EXPECT_TRUE(record->equal) << record->detail;
     EXPECT_EQ(record->steps, 5);
   }
+}
+
+// Writes down what it is told, and is too large if `fails`.
+class CountingRecorder final : public EpisodeRecorder {
+ public:
+  explicit CountingRecorder(bool fails = false) : fails_(fails) {}
+  void Begin() override { seen_ += "begin"; }
+  void AfterStep() override { seen_ += " step"; }
+  absl::StatusOr<std::string> Finish() override {
+    if (fails_) return absl::ResourceExhaustedError("too large");
+    return seen_ + " end";
+  }
+
+ private:
+  const bool fails_;
+  std::string seen_;
+};
+
+// What a replay's runner hears, and what is in the memory file for the trajectory.
+struct HeardReplay {
+  absl::Status status;
+  std::vector<nlohmann::json> messages;
+  std::string trajectory;
+};
+
+class RecordedReplay : public EpisodeLogTest {
+ protected:
+  // Replays the packed logs; the last one is recorded.
+  HeardReplay Replay(const MakeEpisodeRecorder& recorders) {
+    order_.replay = std::vector<std::string>(packed_.size(), "log");
+    order_.trajectory = "/trajectory";
+    auto [ours, theirs] = Pair();
+    const Fd memory(memfd_create("trajectory", MFD_CLOEXEC));
+    HeardReplay heard;
+    std::thread runner([&, ours = ours.get()] {
+      size_t next = 0;
+      while (true) {
+        const auto message = ReceiveSimMessage(ours, absl::Seconds(30));
+        if (!message.ok()) return;
+        heard.messages.push_back(message->json);
+        if (message->json["type"] == "done") return;
+        if (message->json["type"] != "need_log") continue;
+        const Fd log = FileOf(packed_[next++]);
+        if (!SendSimMessage(ours, {{"type", "log"}}, log.get()).ok()) return;
+      }
+    });
+    heard.status = ReplayPlayer(order_, environment_, theirs.get(), SystemClock(), recorders,
+                                memory.get())
+                       .Play();
+    theirs.reset();
+    runner.join();
+    lseek(memory.get(), 0, SEEK_SET);
+    heard.trajectory = *ReadAll(memory.get(), "trajectory");
+    return heard;
+  }
+};
+
+TEST_F(RecordedReplay, SendsTheLastEpisodesTrajectoryBeforeItsRecord) {
+  PlayLogged([](Sandbox& sandbox) { sandbox.PlayWell(); });
+  const HeardReplay heard = Replay([](const EpisodeLog& log) {
+    EXPECT_EQ(log.header.episode, 2);
+    return std::make_unique<CountingRecorder>();
+  });
+  ASSERT_TRUE(heard.status.ok()) << heard.status;
+  EXPECT_EQ(heard.trajectory, "begin step step step step step end");
+  ASSERT_GE(heard.messages.size(), 3u);
+  const nlohmann::json& told = heard.messages[heard.messages.size() - 3];
+  EXPECT_EQ(told["type"], "trajectory");
+  EXPECT_EQ(told["bytes"], heard.trajectory.size());
+  EXPECT_EQ(heard.messages[heard.messages.size() - 2]["equal"], true);
+}
+
+TEST_F(RecordedReplay, HasNoTrajectoryOfWhatDiffersOrIsTooLarge) {
+  PlayLogged([](Sandbox& sandbox) { sandbox.PlayWell(); });
+  HeardReplay heard = Replay(
+      [](const EpisodeLog&) { return std::make_unique<CountingRecorder>(/*fails=*/true); });
+  ASSERT_TRUE(heard.status.ok()) << heard.status;
+  EXPECT_EQ(heard.trajectory, "");
+  EXPECT_THAT(heard.messages[heard.messages.size() - 2]["differs"], ElementsAre("log"));
+  EXPECT_EQ(heard.messages[heard.messages.size() - 2]["detail"], "too large");
+  environment_.length = 4;
+  heard = Replay([](const EpisodeLog&) { return std::make_unique<CountingRecorder>(); });
+  ASSERT_TRUE(heard.status.ok()) << heard.status;
+  EXPECT_EQ(heard.trajectory, "");
+  EXPECT_EQ(heard.messages[heard.messages.size() - 2]["equal"], false);
 }
 
 TEST_F(EpisodeLogTest, AnEpisodeThatWasGivenUpReplaysEqual) {

@@ -1,0 +1,146 @@
+#include "server/api/pictures_resource.h"
+
+#include <unistd.h>
+
+#include <functional>
+#include <string_view>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/config_reader.h"
+#include "protocol/base/file.h"
+#include "protocol/lease/sim_channel.h"
+#include "protocol/tracks/registry.h"
+#include "server/api/caller.h"
+#include "server/api/log_access.h"
+#include "server/api/negotiation.h"
+#include "server/api/requests.h"
+#include "server/pictures/packing.h"
+#include "server/runner/log_keeper.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr int kAskAgainSeconds = 1;
+
+Packing PackingFor(const PictureKey& key, const httplib::Request& request) {
+  if (key.kind == PictureKind::kPicture) return Packing::kPlain;
+  if (TakesCoding(request, "zstd")) return Packing::kZstd;
+  return TakesCoding(request, "gzip") ? Packing::kGzip : Packing::kPlain;
+}
+
+// For the few clients that take no compressed answer.
+absl::Status SendUnpacked(const std::string& path, const char* type, httplib::Response& response) {
+  absl::StatusOr<std::string> packed = ReadFile(path);
+  if (!packed.ok()) return packed.status();
+  absl::StatusOr<std::string> bytes = UnpackZstd(*packed, kMostTrajectoryFileBytes);
+  if (bytes.ok()) response.set_content(*std::move(bytes), type);
+  return bytes.status();
+}
+
+// False: it is not there any more.
+bool SendFile(const PictureFiles& files, const PictureKey& key, const char* type,
+              const httplib::Request& request, httplib::Response& response) {
+  const Packing packing = PackingFor(key, request);
+  const bool unpack = packing == Packing::kPlain && key.kind != PictureKind::kPicture;
+  auto found = files.Find(key, unpack ? Packing::kZstd : packing);
+  if (!found.has_value()) return false;
+  if (unpack) found->tag.insert(found->tag.size() - 1, ".plain");
+  response.set_header("ETag", found->tag);
+  response.set_header("Cache-Control",
+                      key.kind == PictureKind::kModel ? "no-cache" : "private, no-cache");
+  response.set_header("Vary", "Accept-Encoding, Authorization");
+  response.set_header("X-Content-Type-Options", "nosniff");
+  if (HasCurrent(request, found->tag)) {
+    response.status = 304;
+    return true;
+  }
+  if (unpack) return SendUnpacked(found->path, type, response).ok();
+  if (packing != Packing::kPlain) {
+    response.set_header("Content-Encoding", packing == Packing::kZstd ? "zstd" : "gzip");
+  }
+  return UnixHttpServer::AnswerWithFile(found->path, type, response).ok();
+}
+
+void SendWaiting(const PictureState& state, httplib::Response& response) {
+  const bool plays = state.is == PictureState::Is::kPlaying;
+  const nlohmann::json body = {{"state", plays ? "playing" : "waiting"}, {"place", state.place}};
+  response.status = 202;
+  response.set_header("Retry-After", absl::StrCat(kAskAgainSeconds));
+  response.set_header("Cache-Control", "no-store");
+  response.set_header("X-Content-Type-Options", "nosniff");
+  response.set_content(CanonicalJson(body) + "\n", "application/json");
+}
+
+}  // namespace
+
+void PicturesResource::Install(Routes& routes) {
+  routes.GetFile(R"(/v1/logs/([0-9a-f]{64})/trajectory)", Action::kReadLog,
+                 std::bind_front(&PicturesResource::SendTrajectory, this));
+  routes.GetFile(R"(/v1/logs/([0-9a-f]{64})/picture[.]png)", Action::kReadLog,
+                 std::bind_front(&PicturesResource::SendPicture, this));
+  routes.GetFile(R"(/v1/models/([a-z0-9-]{1,64})[.]glb)", Action::kReadTracks,
+                 std::bind_front(&PicturesResource::SendModel, this));
+}
+
+std::optional<ApiError> PicturesResource::SendTrajectory(const httplib::Request& request,
+                                                         httplib::Response& response) const {
+  return SendOfLog(PictureKind::kTrajectory, "application/vnd.myograde.trajectory", request,
+                   response);
+}
+
+std::optional<ApiError> PicturesResource::SendPicture(const httplib::Request& request,
+                                                      httplib::Response& response) const {
+  return SendOfLog(PictureKind::kPicture, "image/png", request, response);
+}
+
+std::optional<ApiError> PicturesResource::SendOfLog(PictureKind kind, const char* type,
+                                                    const httplib::Request& request,
+                                                    httplib::Response& response) const {
+  const std::string hash = request.matches[1];
+  absl::Status status = CheckParameters(request, {});
+  if (status.ok()) status = RequireShownLog(context_, hash);
+  if (!status.ok()) return ErrorOf(status);
+  const PictureKey key = {kind, hash};
+  const std::string log = absl::StrCat(context_.data_dir, "/logs/", LogFileName(hash));
+  if (access(log.c_str(), F_OK) != 0 && !context_.pictures.files().Has(key)) {
+    return ErrorOf(MissingLog(hash));
+  }
+  return Send(key, type, request, response);
+}
+
+std::optional<ApiError> PicturesResource::SendModel(const httplib::Request& request,
+                                                    httplib::Response& response) const {
+  const std::string track = request.matches[1];
+  if (absl::Status status = CheckParameters(request, {}); !status.ok()) return ErrorOf(status);
+  if (FindTrack(track) == nullptr) {
+    return ErrorOf(absl::NotFoundError(absl::StrCat("there is no model of a track ", track)));
+  }
+  return Send({PictureKind::kModel, track}, "model/gltf-binary", request, response);
+}
+
+std::optional<ApiError> PicturesResource::Send(const PictureKey& key, const char* type,
+                                               const httplib::Request& request,
+                                               httplib::Response& response) const {
+  const PictureState state = context_.pictures.Ask(key, CallerIsOrganiser() ? "" : CallerKey());
+  switch (state.is) {
+    case PictureState::Is::kReady:
+      if (SendFile(context_.pictures.files(), key, type, request, response)) return std::nullopt;
+      // It was removed this very moment, to make room.
+      return ApiError{503, "busy", "the file was just removed; ask again", kAskAgainSeconds};
+    case PictureState::Is::kWaiting:
+    case PictureState::Is::kPlaying:
+      SendWaiting(state, response);
+      return std::nullopt;
+    case PictureState::Is::kMissing:
+      return ErrorOf(MissingLog(key.of));
+    case PictureState::Is::kFailed:
+      return ApiError{409, "no_picture", state.why};
+    case PictureState::Is::kFull:
+      break;
+  }
+  return ApiError{503, "busy", "too many trajectories and pictures wait to be made; ask again later",
+                  10 * kAskAgainSeconds};
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,38 @@
+// Episodes to look at: trajectories, small pictures, and the shapes of the tracks' bodies.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "server/api/context.h"
+#include "server/api/routes.h"
+#include "server/pictures/pictures.h"
+
+namespace myograde::server {
+
+// Safe from any thread.
+class PicturesResource {
+ public:
+  // `context` must outlive it.
+  explicit PicturesResource(const ApiContext& context) : context_(context) {}
+
+  void Install(Routes& routes);
+
+ private:
+  std::optional<ApiError> SendTrajectory(const httplib::Request& request,
+                                         httplib::Response& response) const;
+  std::optional<ApiError> SendPicture(const httplib::Request& request,
+                                      httplib::Response& response) const;
+  std::optional<ApiError> SendModel(const httplib::Request& request,
+                                    httplib::Response& response) const;
+  std::optional<ApiError> SendOfLog(PictureKind kind, const char* type,
+                                    const httplib::Request& request,
+                                    httplib::Response& response) const;
+  // The file, or how far it is.
+  std::optional<ApiError> Send(const PictureKey& key, const char* type,
+                               const httplib::Request& request, httplib::Response& response) const;
+
+  const ApiContext& context_;
+};
+
+}  // namespace myograde::server

@@ -1,0 +1,142 @@
+#include "server/pictures/picture_files.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <system_error>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
+
+#include "protocol/base/file.h"
+#include "server/pictures/packing.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kDraft[] = ".draft";
+
+std::string_view EndingOf(PictureKind kind) {
+  switch (kind) {
+    case PictureKind::kTrajectory: return ".trajectory";
+    case PictureKind::kPicture: return ".png";
+    case PictureKind::kModel: return ".glb";
+  }
+  return "";
+}
+
+std::string_view EndingOf(Packing packing) {
+  switch (packing) {
+    case Packing::kPlain: return "";
+    case Packing::kZstd: return ".zst";
+    case Packing::kGzip: return ".gz";
+  }
+  return "";
+}
+
+struct Kept {
+  int64_t used_ns = 0;  // since 1970
+  std::string path;
+  int64_t bytes = 0;
+};
+
+}  // namespace
+
+PictureFiles::PictureFiles(std::string folder, std::function<std::string()> build,
+                           int64_t most_bytes)
+    : folder_(std::move(folder)), ask_build_(std::move(build)), most_bytes_(most_bytes) {}
+
+const std::string& PictureFiles::Build() const {
+  std::call_once(asked_, [this] { build_ = ask_build_(); });
+  return build_;
+}
+
+void PictureFiles::RemoveDrafts() const {
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder_, error)) {
+    if (entry.path().extension() == kDraft) fs::remove(entry.path(), error);
+  }
+}
+
+std::string PictureFiles::PathOf(const PictureKey& key, Packing packing) const {
+  return absl::StrCat(folder_, "/", key.of, "-", Build(), std::string(EndingOf(key.kind)),
+                      std::string(EndingOf(packing)));
+}
+
+std::optional<PictureFiles::Found> PictureFiles::Find(const PictureKey& key,
+                                                      Packing packing) const {
+  Found found = {PathOf(key, packing), ""};
+  // What is used now is removed last.
+  if (utimensat(AT_FDCWD, found.path.c_str(), nullptr, AT_SYMLINK_NOFOLLOW) != 0 &&
+      access(found.path.c_str(), R_OK) != 0) {
+    return std::nullopt;
+  }
+  found.tag = absl::StrCat("\"", key.of.substr(0, 64), "-", Build(),
+                           std::string(EndingOf(packing)), "\"");
+  return found;
+}
+
+bool PictureFiles::Has(const PictureKey& key) const {
+  const Packing packing = key.kind == PictureKind::kPicture ? Packing::kPlain : Packing::kZstd;
+  return Find(key, packing).has_value();
+}
+
+absl::Status PictureFiles::WriteWhole(const std::string& path, std::string_view bytes) const {
+  const std::string draft = path + kDraft;
+  absl::Status written = WriteFile(draft, bytes);
+  if (written.ok() && rename(draft.c_str(), path.c_str()) != 0) {
+    written = absl::InternalError(std::strerror(errno));
+  }
+  if (written.ok()) return written;
+  unlink(draft.c_str());
+  return absl::InternalError(absl::StrCat(path, ": can't be written: ", written.message()));
+}
+
+absl::Status PictureFiles::Keep(const PictureKey& key, std::string_view bytes) const {
+  absl::Status status;
+  if (key.kind == PictureKind::kPicture) {
+    status = WriteWhole(PathOf(key, Packing::kPlain), bytes);
+  } else {
+    status = WriteWhole(PathOf(key, Packing::kGzip), GzipOf(bytes));
+    // The last one, as Has looks for it.
+    if (status.ok()) status = WriteWhole(PathOf(key, Packing::kZstd), ZstdOf(bytes));
+  }
+  Trim();
+  return status;
+}
+
+void PictureFiles::Trim() const {
+  std::vector<Kept> files;
+  int64_t sum = 0;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder_, error)) {
+    struct stat info;
+    if (lstat(entry.path().c_str(), &info) != 0 || !S_ISREG(info.st_mode)) continue;
+    const int64_t used = info.st_mtim.tv_sec * 1'000'000'000 + info.st_mtim.tv_nsec;
+    files.push_back({used, entry.path(), info.st_size});
+    sum += info.st_size;
+  }
+  std::sort(files.begin(), files.end(), [](const Kept& a, const Kept& b) {
+    return std::tie(a.used_ns, a.path) < std::tie(b.used_ns, b.path);
+  });
+  for (const Kept& file : files) {
+    if (sum <= most_bytes_) return;
+    if (unlink(file.path.c_str()) == 0) {
+      sum -= file.bytes;
+    } else {
+      spdlog::warn("{}: can't be removed: {}", file.path, std::strerror(errno));
+    }
+  }
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,35 @@
+// Runs a program of the grader to its end: text in, bytes out, a deadline.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+
+namespace myograde::server {
+
+struct ProgramOrder {
+  std::string program;             // the name of a program beside this one
+  std::vector<std::string> words;  // its arguments
+  std::string input;               // for its standard input
+  size_t most_output = 0;          // bytes of its standard output that are taken
+  absl::Duration deadline = absl::Minutes(10);
+  int nice = 19;
+};
+
+struct ProgramEnd {
+  int exit_status = 0;  // 128 + N: signal N ended it
+  std::string output;
+  std::string errors;   // the end of its standard error, as valid UTF-8
+};
+
+// CancelledError as soon as `stopped` (asked ten times a second), DeadlineExceededError,
+// ResourceExhaustedError if it prints more than it may: it and what it started are dead on return.
+// InternalError: it can't be started.
+absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
+                                      const std::function<bool()>& stopped);
+
+}  // namespace myograde::server
