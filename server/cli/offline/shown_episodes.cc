@@ -42,7 +42,7 @@ struct FetchedLog {
 
 absl::StatusOr<FetchedLog> FetchLog(const Client& client, const Json& evaluation, int64_t index,
                                     const std::string& folder) {
-  const absl::StatusOr<Json> row = server::RowOf(evaluation, index);
+  const absl::StatusOr<Json> row = RowOf(evaluation, index);
   if (!row.ok()) return row.status();
   const absl::StatusOr<std::string> bytes = LogBytesOf(client, *row);
   absl::StatusOr<EpisodeLog> log = ParseLog(bytes);
@@ -84,7 +84,7 @@ absl::StatusOr<FetchedEpisode> FetchEpisode(const Client& client, const Json& ev
     }
   }
   fetched.shown.order.logs.push_back(own->path);
-  fetched.shown.order.verdict = RowVerdict(*server::RowOf(evaluation, index));
+  fetched.shown.order.verdict = RowVerdict(*RowOf(evaluation, index));
   return fetched;
 }
 
