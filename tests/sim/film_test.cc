@@ -119,8 +119,7 @@ TEST(Picture, IsTheSameEachTimeAndOfTheMomentThatIsAskedFor) {
   EXPECT_EQ(*Rendered(order), *last);
   order.at_s = 0.2;
   EXPECT_NE(*Rendered(order), *last);
-  order.at_s = 1e5;
-  EXPECT_EQ(*Rendered(order), *last);
+  order.at_s.reset();
   order.overlay = true;
   EXPECT_NE(*Rendered(order), *last);
 }
