@@ -33,10 +33,10 @@ RenderOrder FilmOrder() {
 }
 
 TEST(RenderOrder, IsTheSameAfterItsJson) {
-  const nlohmann::json json = RenderOrderToJson(FilmOrder());
-  const auto read = RenderOrderFromJson(json, "order");
+  const nlohmann::json text = RenderOrderToJson(FilmOrder());
+  const auto read = RenderOrderFromJson(text, "order");
   ASSERT_TRUE(read.ok()) << read.status();
-  EXPECT_EQ(RenderOrderToJson(*read), json);
+  EXPECT_EQ(RenderOrderToJson(*read), text);
   EXPECT_EQ(read->track.hash, FilmOrder().track.hash);
   EXPECT_EQ(read->episodes.front().logs.back(), "/b.lcmlog");
   EXPECT_EQ(read->at_s, 1.5);
@@ -52,9 +52,9 @@ TEST(RenderOrder, IsRefusedWithTheKeyThatIsWrong) {
       {"form", "poster"}, {"at_s", -1},     {"overlay", "please"}, {"episodes", nlohmann::json::array()},
       {"track", 5},       {"more", 1}};
   for (const auto& [key, value] : changes) {
-    nlohmann::json json = RenderOrderToJson(FilmOrder());
-    json[key] = value;
-    const auto read = RenderOrderFromJson(json, "order");
+    nlohmann::json text = RenderOrderToJson(FilmOrder());
+    text[key] = value;
+    const auto read = RenderOrderFromJson(text, "order");
     EXPECT_TRUE(absl::IsInvalidArgument(read.status())) << key << ": " << read.status();
     EXPECT_THAT(std::string(read.status().message()), HasSubstr(key));
   }
