@@ -9,7 +9,7 @@ import tempfile
 import unittest
 
 BUILD = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"]).parent
-PROGRAMS = {"myograde", "myograded", "myograde-runner", "myograde-sim", "myograde-bridge",
+PROGRAMS = {"myograde", "myograded", "myograde-runner", "myograde-sim", "myograde-bridge", "myograde-render",
             "myograde-unpack"}
 
 

@@ -14,7 +14,6 @@
 
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
-#include <absl/strings/strip.h>
 #include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
@@ -28,7 +27,7 @@
 namespace myograde::server {
 namespace {
 
-constexpr int kLowestPriority = 19;
+constexpr int kLowPriority = 10;  // as of nice(1)
 constexpr int kLookMilliseconds = 100;
 constexpr size_t kMaxPngBytes = size_t{256} << 20;
 constexpr absl::Duration kAfterDeadline = absl::Seconds(10);  // in which myograde-render says so itself
@@ -93,7 +92,7 @@ absl::StatusOr<ChildProcess> StartRenderer(const RenderOrder& order, const std::
   spawn.words = {"myograde-render"};
   spawn.in = in.get();
   spawn.out = out.get();
-  spawn.nice = kLowestPriority;
+  spawn.nice = kLowPriority;
   return ChildProcess::Start(std::move(spawn));
 }
 
@@ -146,7 +145,7 @@ absl::StatusOr<ChildProcess> StartEncoder(std::vector<std::string> words, Fd in,
   spawn.words = std::move(words);
   spawn.in = in.get();
   spawn.out = out.get();
-  spawn.nice = kLowestPriority;
+  spawn.nice = kLowPriority;
   return ChildProcess::Start(std::move(spawn));
 }
 
@@ -161,9 +160,11 @@ class EncoderProgress {
         if (line_.size() < kLongestProgressLine) line_.push_back(c);
         continue;
       }
-      std::string_view line = line_;
       int64_t frame = 0;
-      if (absl::ConsumePrefix(&line, "frame=") && absl::SimpleAtoi(line, &frame)) report_(frame);
+      if (line_.starts_with(kFrameKey) &&
+          absl::SimpleAtoi(line_.substr(kFrameKey.size()), &frame)) {
+        report_(frame);
+      }
       line_.clear();
     }
     return absl::OkStatus();
@@ -171,6 +172,7 @@ class EncoderProgress {
 
  private:
   static constexpr size_t kLongestProgressLine = 200;
+  static constexpr std::string_view kFrameKey = "frame=";
   const std::function<void(int64_t)>& report_;
   std::string line_;
 };

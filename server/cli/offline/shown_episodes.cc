@@ -22,15 +22,15 @@ namespace {
 
 using Json = nlohmann::json;
 
-std::string TextOf(const Json& row, const char* key) {
+std::string RowText(const Json& row, const char* key) {
   const Json value = row.value(key, Json());
   return value.is_string() ? value.get<std::string>() : "";
 }
 
 // "failure: dropped"; "" where the phase withholds it.
-std::string VerdictOf(const Json& row) {
-  const std::string outcome = TextOf(row, "outcome");
-  const std::string reason = TextOf(row, "reason");
+std::string RowVerdict(const Json& row) {
+  const std::string outcome = RowText(row, "outcome");
+  const std::string reason = RowText(row, "reason");
   return reason.empty() ? outcome : absl::StrCat(outcome, ": ", reason);
 }
 
@@ -84,7 +84,7 @@ absl::StatusOr<FetchedEpisode> FetchEpisode(const Client& client, const Json& ev
     }
   }
   fetched.shown.order.logs.push_back(own->path);
-  fetched.shown.order.verdict = VerdictOf(*RowOf(evaluation, index));
+  fetched.shown.order.verdict = RowVerdict(*RowOf(evaluation, index));
   return fetched;
 }
 
@@ -95,8 +95,8 @@ bool CanBeShown(const Json& row) {
 
 // What scoring reads of a row, from what the API shows of it; nullopt if the phase withholds that.
 std::optional<EpisodeRow> StoredForm(const Json& row, std::string_view track) {
-  const std::optional<Outcome> outcome = ParseOutcome(TextOf(row, "outcome"));
-  const std::optional<FailureReason> reason = ParseFailureReason(TextOf(row, "reason"));
+  const std::optional<Outcome> outcome = ParseOutcome(RowText(row, "outcome"));
+  const std::optional<FailureReason> reason = ParseFailureReason(RowText(row, "reason"));
   if (!outcome.has_value() || !reason.has_value() || !row.value("metrics", Json()).is_object()) {
     return std::nullopt;
   }
