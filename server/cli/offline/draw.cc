@@ -68,7 +68,7 @@ absl::StatusOr<Drawn> ReadAnswer(const CapturedRun& run) {
 
 }  // namespace
 
-absl::StatusOr<Drawn> Draw(const Json& order) {
+absl::StatusOr<Drawn> DrawFigure(const Json& order) {
   // -I: neither the user's packages nor the environment change what is drawn.
   const absl::StatusOr<CapturedRun> run =
       RunCaptured({kPython, "-I", "-B", DrawingProgram()},
@@ -112,7 +112,7 @@ int ReportDrawn(const Drawn& drawn, const std::string& file, Json head, bool jso
   return kDone;
 }
 
-int ReportUndrawn(const absl::Status& status) {
+int ReportNotDrawn(const absl::Status& status) {
   if (!absl::IsCancelled(status)) return ReportError(status);
   PrintToErrors("myograde: interrupted; nothing was written");
   return kNoScore;
