@@ -173,7 +173,7 @@ class Groups(CloseCase):
         self.assertEqual({team["team"]: team["values"][-1] for team in history["teams"]},
                          {team: placed / EPISODES for team, placed in PLACED.items()})
         # Teams came one after the other.
-        self.assertEqual(sorted(team["values"].count(None) for team in history["teams"]), [0, 1, 2])
+        self.assertEqual(len({team["values"].count(None) for team in history["teams"]}), 3)
         for kind in ("distributions", "survival"):
             self.ask("plot", kind, alpha, schema="plot")
         one = self.ask("report", alpha, schema="report")["numbers"]
