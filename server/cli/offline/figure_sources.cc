@@ -185,7 +185,7 @@ absl::Status AddResultsOfBoard(const Client& client, Json& order) {
       results.push_back({{"submission", row.value("submission", int64_t{0})},
                          {"team", row.value("team", "")},
                          {"name", row.value("name", "")},
-                         {"error", result.status().message()}});
+                         {"error", std::string(result.status().message())}});
     } else {
       return result.status();
     }

@@ -50,7 +50,7 @@ absl::Status CheckReport(const ReportOptions& options) {
   return FormatOf(options.file, {"html"}).status();
 }
 
-Json WhyNot(std::string_view reason) { return {{"error", std::string(reason)}}; }
+Json WhyNot(absl::string_view reason) { return {{"error", std::string(reason)}}; }
 
 // What "myograde render" draws of the submission, as Base64, or why there is nothing. CancelledError
 // after a stop signal.
