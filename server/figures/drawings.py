@@ -6,6 +6,8 @@ import math
 import style
 from plain import counted, heading, number
 
+MOST_BARS = 400  # of a panel
+
 
 def rounded_height(rows, each, least=2.2):
     return max(least, 1.1 + each * rows)
@@ -145,12 +147,20 @@ def draw_survival(title, entries):
     return drawn
 
 
+def evenly(values):
+    """All of them, or of many as many as can be seen."""
+    if len(values) <= MOST_BARS:
+        return values
+    return [values[round(place * (len(values) - 1) / (MOST_BARS - 1))]
+            for place in range(MOST_BARS)]
+
+
 def draw_paired(title, numbers):
     """Of each metric the differences of the episodes, in order, and their mean with its interval."""
     metrics = numbers["metrics"]
     drawn, axes = style.figure(rounded_height(len(metrics), 1.15), len(metrics), 1)
     for axis, metric in zip(axes.flat, metrics):
-        differences = sorted(metric["differences"])
+        differences = evenly(sorted(metric["differences"]))
         sides = (("less", style.COLOURS[0], [value for value in differences if value < 0]),
                  ("equal", style.QUIET, [value for value in differences if value == 0]),
                  ("more", style.COLOURS[1], [value for value in differences if value > 0]))

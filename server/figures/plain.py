@@ -25,11 +25,28 @@ def few_marks(text):
     return "".join(kept)
 
 
+def width(character):
+    """In columns, of which those of East Asia take two."""
+    return 2 if unicodedata.east_asian_width(character) in "WF" else 1
+
+
+def cut(text, most):
+    """At most `most` columns of it, with an ellipsis where something is missing."""
+    if sum(map(width, text)) <= most:
+        return text
+    kept, used = [], 1
+    for character in text:
+        used += width(character)
+        if used > most:
+            break
+        kept.append(character)
+    return "".join(kept).rstrip() + "…"
+
+
 def plain(text, most=200):
-    """At most `most` characters of `text` on one line; what can't be seen is shown by its number."""
+    """At most `most` columns of `text` on one line; what can't be seen is shown by its number."""
     text = re.sub(r"[\t\r\n]+", " ", str(text)[: 4 * most])
-    text = UNSEEN.sub(shown_code, few_marks(text)).strip()
-    return text if len(text) <= most else text[: most - 1].rstrip() + "…"
+    return cut(UNSEEN.sub(shown_code, few_marks(text)).strip(), most)
 
 
 def lines(text):

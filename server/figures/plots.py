@@ -55,7 +55,7 @@ KINDS = {
     "paired": (
         lambda order: order["paired"],
         lambda order, numbers: draw_paired(
-            " less ".join(label(result) for result in order["results"]), numbers)),
+            "\nless ".join(label(result) for result in order["results"]), numbers)),
 }
 
 

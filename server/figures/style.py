@@ -18,6 +18,7 @@ OF_OUTCOME = {"success": "#009e73", "failure": "#e69f00", "fault": "#555555",
 HATCH_OF_OUTCOME = {"success": "", "failure": "////", "fault": "xxxx", "withheld": "...."}
 QUIET = "#666666"
 GRID = "#dddddd"
+BOX = "\u25af"
 WIDTH = 7.0  # inches: the text width of A4
 
 SETTINGS = {
@@ -91,8 +92,24 @@ def as_svg(drawn):
     return buffer.getvalue()
 
 
+def drawable():
+    """The characters that the fonts of figures on this host can draw."""
+    from matplotlib import font_manager  # pylint: disable=import-outside-toplevel
+    families = SETTINGS["font.family"]
+    known = set()
+    for font in font_manager.fontManager.ttflist:
+        if font.name in families:
+            known.update(font_manager.get_font(font.fname).get_charmap())
+    return known
+
+
 def as_pdf(drawn):
-    """Bytes of a PDF file with its fonts."""
+    """Bytes of a PDF file with its fonts. What they lack is a box, as nothing else would be seen."""
+    from matplotlib.text import Text  # pylint: disable=import-outside-toplevel
+    known = drawable()
+    for text in drawn.findobj(Text):
+        text.set_text("".join(one if ord(one) in known or one == "\n" else BOX
+                              for one in text.get_text()))
     buffer = io.BytesIO()
     drawn.savefig(buffer, format="pdf", metadata={"CreationDate": None, "Creator": "MyoGrade"})
     return buffer.getvalue()

@@ -22,7 +22,7 @@
 namespace myograde::server {
 namespace {
 
-constexpr int kLowPriority = 10;
+constexpr int kNiceOfRuns = 10;
 constexpr int kPollStep_ms = 200;
 constexpr size_t kReadStep = 1 << 16;
 constexpr off_t kMostError = 1 << 14;
@@ -87,7 +87,7 @@ absl::Status Drain(int fd, absl::Duration deadline, size_t most_bytes, std::stri
   }
 }
 
-std::string LastLine(const Fd& file) {
+std::string LastLineOf(const Fd& file) {
   const off_t size = ::lseek(file.get(), 0, SEEK_END);
   std::string text(static_cast<size_t>(std::clamp<off_t>(size, 0, kMostError)), '\0');
   const ssize_t n =
@@ -119,7 +119,7 @@ absl::StatusOr<CapturedRun> RunCaptured(std::vector<std::string> words, std::str
                                            .in = input->get(),
                                            .out = output->write.get(),
                                            .err = errors->get(),
-                                           .nice = kLowPriority});
+                                           .nice = kNiceOfRuns});
   output->write.reset();
   if (!pid.ok()) return absl::InternalError(pid.status().message());
   CapturedChild child(*pid);
@@ -132,7 +132,7 @@ absl::StatusOr<CapturedRun> RunCaptured(std::vector<std::string> words, std::str
   const int status = child.Reap();
   run.good = WIFEXITED(status) && WEXITSTATUS(status) == 0;
   run.ended = EndText(status);
-  run.error = LastLine(*errors);
+  run.error = LastLineOf(*errors);
   return run;
 }
 

@@ -1,6 +1,7 @@
 #include "server/cli/offline/draw.h"
 
-#include <filesystem>
+#include <unistd.h>
+
 #include <iostream>
 #include <vector>
 
@@ -32,7 +33,7 @@ constexpr mode_t kFigureMode = 0644;
 std::string DrawingProgram() {
   const absl::StatusOr<std::string> bin = BinDir();
   const std::string installed = bin.ok() ? *bin + "/../share/myograde/figures" : "";
-  return std::filesystem::exists(installed) ? installed : MYOGRADE_SOURCE_FIGURES;
+  return ::access(installed.c_str(), R_OK) == 0 ? installed : MYOGRADE_SOURCE_FIGURES;
 }
 
 absl::Status CantDraw(const std::string& why) {
@@ -68,7 +69,7 @@ absl::StatusOr<Drawn> ReadAnswer(const CapturedRun& run) {
 
 }  // namespace
 
-absl::StatusOr<Drawn> Draw(const Json& order) {
+absl::StatusOr<Drawn> DrawFigure(const Json& order) {
   // -I: neither the user's packages nor the environment change what is drawn.
   const absl::StatusOr<CapturedRun> run =
       RunCaptured({kPython, "-I", "-B", DrawingProgram()},
@@ -112,7 +113,7 @@ int ReportDrawn(const Drawn& drawn, const std::string& file, Json head, bool jso
   return kDone;
 }
 
-int ReportUndrawn(const absl::Status& status) {
+int ReportNotDrawn(const absl::Status& status) {
   if (!absl::IsCancelled(status)) return ReportError(status);
   PrintToErrors("myograde: interrupted; nothing was written");
   return kNoScore;

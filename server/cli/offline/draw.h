@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
@@ -17,7 +18,7 @@ struct Drawn {
 // Has `order` drawn (server/figures/__main__.py says what it holds). FailedPreconditionError if there
 // is nothing to draw, CancelledError after a stop signal, else InternalError: the host lacks
 // something, or drawing failed or took too long. Whatever went wrong is said in one sentence.
-absl::StatusOr<Drawn> Draw(const nlohmann::json& order);
+absl::StatusOr<Drawn> DrawFigure(const nlohmann::json& order);
 
 // Where a figure is written to: "svg" of FIGURE.svg. InvalidArgumentError if the name of `file` ends
 // in none of `formats`.
@@ -28,7 +29,7 @@ absl::StatusOr<std::string> FormatOf(const std::string& file,
 // numbers, or a line. Returns the exit status.
 int ReportDrawn(const Drawn& drawn, const std::string& file, nlohmann::json head, bool json);
 
-// Reports an error of Draw, or of gathering what is to be drawn; returns the exit status.
-int ReportUndrawn(const absl::Status& status);
+// Reports an error of DrawFigure, or of gathering what is to be drawn; returns the exit status.
+int ReportNotDrawn(const absl::Status& status);
 
 }  // namespace myograde::server

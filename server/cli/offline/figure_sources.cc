@@ -173,19 +173,18 @@ absl::Status AddResultsOfBoard(const Client& client, Json& order) {
   int64_t done = 0;
   for (const Json& row : rows) {
     if (absl::Status status = CheckNotStopped(); !status.ok()) return status;
-    absl::StatusOr<Json> result = refused;
-    if (refused.ok()) {
-      result = EvaluationWithRows(client, absl::StrCat("/v1/evaluations/",
-                                                       row.value("evaluation", int64_t{0})));
-      if (RefusesAll(result.status())) refused = result.status();
-    }
+    absl::StatusOr<Json> result =
+        refused.ok() ? EvaluationWithRows(client, absl::StrCat("/v1/evaluations/",
+                                                               row.value("evaluation", int64_t{0})))
+                     : absl::StatusOr<Json>(refused);
+    if (RefusesAll(result.status())) refused = result.status();
     if (result.ok()) {
       results.push_back(Slim(*std::move(result)));
     } else if (absl::IsInvalidArgument(result.status())) {
       results.push_back({{"submission", row.value("submission", int64_t{0})},
                          {"team", row.value("team", "")},
                          {"name", row.value("name", "")},
-                         {"error", result.status().message()}});
+                         {"error", std::string(result.status().message())}});
     } else {
       return result.status();
     }

@@ -97,9 +97,9 @@ int Plot(const PlotOptions& options) {
     order["format"] = *format;
   }
   CatchStopSignals();
-  if (absl::Status status = Gather(options, order); !status.ok()) return ReportUndrawn(status);
-  const absl::StatusOr<Drawn> drawn = Draw(order);
-  if (!drawn.ok()) return ReportUndrawn(drawn.status());
+  if (absl::Status status = Gather(options, order); !status.ok()) return ReportNotDrawn(status);
+  const absl::StatusOr<Drawn> drawn = DrawFigure(order);
+  if (!drawn.ok()) return ReportNotDrawn(drawn.status());
   return ReportDrawn(*drawn, options.file,
                      {{"kind", options.kind}, {"format", order["format"]}}, options.json);
 }

@@ -50,11 +50,11 @@ absl::Status CheckReport(const ReportOptions& options) {
   return FormatOf(options.file, {"html"}).status();
 }
 
-Json WhyNot(std::string_view reason) { return {{"error", std::string(reason)}}; }
+Json WhyNot(absl::string_view reason) { return {{"error", std::string(reason)}}; }
 
 // What "myograde render" draws of the submission, as Base64, or why there is nothing. CancelledError
 // after a stop signal.
-absl::StatusOr<Json> StripOf(const ReportOptions& options) {
+absl::StatusOr<Json> PicturesOf(const ReportOptions& options) {
   const absl::StatusOr<std::string> bin = BinDir();
   if (!bin.ok()) return WhyNot(bin.status().message());
   const absl::StatusOr<TempFolder> temp = TempFolder::Make("strip");
@@ -91,7 +91,7 @@ absl::Status GatherSubmission(const ReportOptions& options, Json& order) {
   if (!receipt.ok() && !absl::IsInvalidArgument(receipt.status())) return receipt.status();
   order["receipt"] = receipt.ok() ? *std::move(receipt) : WhyNot(receipt.status().message());
   if (options.no_pictures) return absl::OkStatus();
-  absl::StatusOr<Json> strip = StripOf(options);
+  absl::StatusOr<Json> strip = PicturesOf(options);
   if (!strip.ok()) return strip.status();
   order["strip"] = *std::move(strip);
   return absl::OkStatus();
@@ -114,9 +114,9 @@ int Report(const ReportOptions& options) {
   CatchStopSignals();
   const absl::Status gathered =
       submission ? GatherSubmission(options, order) : GatherBoard(options, order);
-  if (!gathered.ok()) return ReportUndrawn(gathered);
-  const absl::StatusOr<Drawn> drawn = Draw(order);
-  if (!drawn.ok()) return ReportUndrawn(drawn.status());
+  if (!gathered.ok()) return ReportNotDrawn(gathered);
+  const absl::StatusOr<Drawn> drawn = DrawFigure(order);
+  if (!drawn.ok()) return ReportNotDrawn(drawn.status());
   return ReportDrawn(*drawn, options.file, {{"of", submission ? "submission" : "board"}},
                      options.json);
 }

@@ -108,7 +108,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
 VERBS = ("serve", "submit", "status", "cancel", "choose", "leaderboard", "show", "rerun", "quota",
          "team", "token", "hide",
          "unhide", "disqualify", "baseline", "challenge", "phase", "export", "import", "backup",
-         "log", "replay", "render",
+         "log", "replay", "render", "plot", "report",
          "receipt", "verify", "key", "seeds", "login", "logout", "whoami", "new", "local", "spec",
          "doctor")
 COUNTS = {"total": 2, "done": 2, "success": 1, "failure": 1, "fault": 0}

@@ -165,6 +165,7 @@ class Texts(unittest.TestCase):
             self.assertLessEqual(len(shown), 60)
             self.assertIsNone(plain.UNSEEN.search(shown))
         self.assertEqual(plain.plain("a\u202eb\nc"), "a⟨U+202E⟩b c")
+        self.assertEqual(plain.plain("東京大学", 7), "東京大…")
         self.assertEqual(plain.plain("q" + "\u0301" * 9), "q\u0301\u0301")
 
     def test_lines_stay_lines(self):
