@@ -67,6 +67,13 @@ class TemplateAgents(SystemTest):
         agent = self.agent("fingers_agent", files=["hand.json"], env={"POLICY_LOCAL": "1"})
         self.assertEqual(len(set(self.digests(agent, "short-arm"))), 2)
 
+    def test_an_agent_of_raw_controls(self):
+        def digests(angle):
+            return self.digests(self.agent("direct_agent", angle), "short-arm")
+
+        self.assertEqual(len(set(digests("0.9"))), 2)
+        self.assertNotEqual(digests("1.2"), digests("1.0"), "controls above 1 are cut")
+
     def test_a_reset_before_the_end_ends_the_episode_as_it_stands(self):
         result = self.ask("local", self.agent("impatient_agent"), "--track", "short-arm",
                           "--profile", "myosuite")

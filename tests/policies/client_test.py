@@ -7,7 +7,6 @@ import io
 import json
 import os
 import pathlib
-import shutil
 import socket
 import stat
 import subprocess
@@ -21,9 +20,8 @@ import unittest.mock
 import zipfile
 
 from myograde.client import (Client, DeadlinePassed, ServerError, Unreachable, WrongUse,
-                             choose_server, flat)
+                             choose_server)
 from myograde.client import client as implementation
-from myograde.client.archive import pack
 from myograde.client.server import login_file
 from support import images
 from support.certificates import make_certificate
@@ -164,37 +162,20 @@ class Grading(WithDaemon):
 
     def test_a_given_name_comes_over_the_submissions(self):
         folder = self.policy("first-name")
-        nameless = self.folder / "nameless"
-        nameless.mkdir()
-        (nameless / "policy.json").write_text('{"command": ["./policy", "ok"]}')
-        (nameless / "policy").write_text("#!/bin/sh\n")
-        (nameless / "policy").chmod(0o755)
-        shutil.make_archive(str(nameless), "gztar", nameless)
-        shutil.make_archive(str(nameless), "zip", nameless)
         image = self.folder / "agent.tar"
         image.write_bytes(images.image([[images.member("run", b"#!/bin/sh\n", mode=0o755)]],
                                        entrypoint=["/run"]))
-        for place in (folder, nameless, self.folder / "nameless.tar.gz",
-                      self.folder / "nameless.zip", image, folder / "policy"):
+        for place in (folder, folder / "policy", image):
             told = self.here.upload(place, team="namer", track=TRACK, name="second name")
             self.assertEqual(told["name"], "second name", place)
             self.assertEqual(told["image"] is not None, place == image)
-        self.assertEqual(told["image"], None)
-        accepted = self.here.submit(nameless, track=TRACK, team="namer", episodes=1, name="third")
-        self.assertEqual(accepted["name"], "third")
-        by_program = self.daemon.ask("submit", nameless, "--track", TRACK, "--team", "namer",
+        self.assertEqual(told["image"]["working_dir"], "/")
+        accepted = self.here.submit(folder, track=TRACK, team="namer", episodes=1, name="third")
+        by_program = self.daemon.ask("submit", folder, "--track", TRACK, "--team", "namer",
                                      "--episodes", "1", "--name", "third")
-        self.assertEqual(by_program["name"], "third")
-        with self.assertRaises(ServerError) as refused:
-            self.here.upload(nameless, team="namer", track=TRACK)
-        self.assertIn("name", str(refused.exception))
+        self.assertEqual((accepted["name"], by_program["name"]), ("third", "third"))
         for number in (accepted["submission"], by_program["submission"]):
             self.here.wait(number, timeout_s=LONG_S)
-        (self.folder / "x.tar.zst").write_bytes(b"\x28\xb5\x2f\xfd")
-        for path, name, words in ((nameless, "", "name is empty"),
-                                  (self.folder / "x.tar.zst", "x", "into its policy.json")):
-            with self.assertRaisesRegex(WrongUse, words):
-                pack(path, io.BytesIO(), name)
 
     def test_lists_come_in_pages(self):
         numbers = [self.here.submit(self.policy("many"), track=TRACK, team="pages",
@@ -442,43 +423,6 @@ class Answers(unittest.TestCase):
         with self.assertRaises(ServerError) as refused:
             client._transport.ask("POST", "/v1/artefacts", io.BytesIO(bytes(8 << 20)), size=8 << 20)
         self.assertEqual(refused.exception.code, "too_large")
-
-
-class Packing(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
-
-    def refused(self, path):
-        with self.assertRaises(WrongUse) as wrong:
-            pack(path, io.BytesIO())
-        return str(wrong.exception)
-
-    def test_what_cant_be_packed_is_named(self):
-        self.assertIn("no such folder", self.refused(self.folder / "none"))
-        self.assertIn("has no policy.json", self.refused(self.folder))
-        (self.folder / "policy.json").write_text("{}")
-        os.mkfifo(self.folder / "pipe")
-        self.assertIn("pipe: is no file", self.refused(self.folder))
-        (self.folder / "pipe").unlink()
-        (self.folder / "tool").write_text("x")
-        self.assertIn("is not executable", self.refused(self.folder / "tool"))
-        (self.folder / "tool").chmod(0o4755)
-        self.assertIn("setuid", self.refused(self.folder))
-        (self.folder / "broken.zip").write_text("x")
-        self.assertIn("zip archive", self.refused(self.folder / "broken.zip"))
-
-    def test_the_same_folder_makes_the_same_bytes(self):
-        (self.folder / "policy.json").write_text("{}")
-        (self.folder / "lost").symlink_to("nowhere")
-        archives = [io.BytesIO(), io.BytesIO()]
-        for archive in archives:
-            pack(self.folder, archive)
-        self.assertEqual(archives[0].getvalue(), archives[1].getvalue())
-
-    def test_records_are_flat(self):
-        self.assertEqual(flat({"a": {"b": {"c": 1}}, "d": [1], "e": {}}), {"a.b.c": 1, "d": [1]})
 
 
 if __name__ == "__main__":

@@ -1,8 +1,5 @@
 // Packing and unpacking submissions: equal content gives equal digests, and every rule is enforced
 // with a sentence that names the entry.
-#include "protocol/tracks/registry.h"
-#include "protocol/tracks/track_kind.h"
-#include "server/artefact/adapters.h"
 #include "server/artefact/artefact.h"
 
 #include <archive_entry.h>
@@ -376,57 +373,6 @@ TEST(PackArtefact, FilesKeepTheirTimesAndTheDigestIsOfNone) {
       fs::remove_all(temp / "out");
     }
   }
-}
-
-TEST(PackArtefact, AGivenNameComesOverTheSubmissions) {
-  const TempFolder temp;
-  WriteFile(temp / "named/policy.json", R"({"name": "old", "command": ["./policy"], "runtimes":
-      ["torch-cpu"], "adapter": "template-2024"})", 0644);
-  WriteFile(temp / "nameless/policy.json", R"({"command": ["./policy"]})", 0644);
-  for (const char* folder : {"named", "nameless"}) {
-    WriteFile(temp / (std::string(folder) + "/policy"), "#!/bin/sh\n", 0755);
-  }
-  const auto name_of = [&](const std::string& path, const std::string& name) {
-    fs::remove_all(temp / "out");
-    const auto packed = PackArtefact(path, temp / "packed", {}, nullptr, name);
-    if (!packed.ok()) return std::string(packed.status().message());
-    const auto artefact = UnpackArtefact(temp / "packed", temp / "out", {});
-    if (!artefact.ok()) return std::string(artefact.status().message());
-    EXPECT_EQ(artefact->manifest.name, packed->name);
-    EXPECT_EQ(artefact->manifest.command, packed->command);
-    EXPECT_EQ(artefact->manifest.runtimes, packed->runtimes);
-    EXPECT_EQ(artefact->manifest.adapter, packed->adapter);
-    return packed->name;
-  };
-  EXPECT_EQ(name_of(temp / "named", ""), "old");
-  ASSERT_TRUE(PackArtefact(temp / "named", temp / "named.tar", {}).ok());
-  WritePacked(temp / "nameless.tar.gz",
-              TarEntry('0', "policy.json", R"({"command": ["./policy"]})") +
-                  TarEntry('0', "policy", "#!/bin/sh\n", {}, 0755) + std::string(1024, '\0'),
-              Kind::kTarGz);
-  for (const char* path : {"named", "nameless", "named.tar", "nameless.tar.gz", "named/policy"}) {
-    EXPECT_EQ(name_of(temp / path, "n\xc3\xa9w \"$x$\""), "n\xc3\xa9w \"$x$\"") << path;
-  }
-  for (const char* path : {"nameless", "nameless.tar.gz"}) {
-    EXPECT_THAT(name_of(temp / path, ""), HasSubstr("name")) << path;
-    EXPECT_FALSE(fs::exists(temp / "packed.unpacked"));
-  }
-  for (const std::string& bad : {std::string(65, 'x'), std::string(" "), std::string("a\nb")}) {
-    EXPECT_THAT(name_of(temp / "named", bad), HasSubstr("the name ")) << bad;
-  }
-  // What the adapter runs in is among the runtimes that are asked for before anything is sent.
-  EXPECT_EQ(PackArtefact(temp / "named", temp / "packed", {})->runtimes,
-            (std::vector<std::string>{"torch-cpu", "template-2024"}));
-}
-
-TEST(Adapters, PlayOnlyTracksOfTheirTemplate) {
-  for (const TrackKind* track : AllTracks()) {
-    const absl::Status checked = CheckAdapter("template-2024", *track);
-    EXPECT_EQ(checked.ok(), track->name != "elbow") << track->name;
-    EXPECT_TRUE(CheckAdapter("", *track).ok());
-  }
-  EXPECT_THAT(std::string(CheckAdapter("template-2024", *FindTrack("elbow")).message()),
-              HasSubstr("can't play tracks of the kind \"elbow\""));
 }
 
 TEST(PackArtefact, TellsMistakesBeforeAnythingIsSent) {

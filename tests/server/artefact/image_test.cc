@@ -299,39 +299,6 @@ TEST_F(ImageTest, AFolderWithAnImageIsTheSameArtefactWhereverItIsUnpacked) {
               HasSubstr("put it into the image"));
 }
 
-TEST_F(ImageTest, ItsNameIsTheGivenOneThenThatOfItsTagThenItsFiles) {
-  const std::string image = DockerImage({Layer(kRun)});
-  const auto write = [&](const std::string& file, Kind kind, const std::string& bytes) {
-    WritePacked(temp_ / file, bytes, kind);
-    return temp_ / file;
-  };
-  const auto name_of = [&](const std::string& path, const std::string& name) {
-    const auto packed = PackArtefact(path, temp_ / "packed", {}, nullptr, name);
-    if (!packed.ok()) return std::string(packed.status().message());
-    EXPECT_TRUE(packed->command.empty());
-    fs::remove_all(temp_ / "out");
-    const auto artefact = UnpackArtefact(temp_ / "packed", temp_ / "out", {});
-    return artefact.ok() ? artefact->manifest.name : std::string(artefact.status().message());
-  };
-  for (const auto& [file, kind] : {std::pair("saved.tar", Kind::kTar), {"saved.tgz", Kind::kTarGz},
-                                   {"saved.tar.zst", Kind::kTarZst}}) {
-    const std::string path = write(file, kind, image);
-    EXPECT_EQ(name_of(path, ""), "agent") << file;
-    EXPECT_EQ(name_of(path, "mine"), "mine") << file;
-  }
-  // Without a tag.
-  std::string nameless = image;
-  const size_t tag = nameless.find("host/agent:latest");
-  nameless.replace(tag - 1, 19, std::string(19, ' '));  // "RepoTags": [ ]
-  EXPECT_EQ(name_of(write("agent-7.tar.gz", Kind::kTarGz, nameless), ""), "agent-7");
-  // A folder with an image needs no name of its own then.
-  fs::create_directory(temp_ / "p");
-  std::ofstream(temp_ / "p/my.tar") << image;
-  std::ofstream(temp_ / "p/policy.json") << R"({"image": "my.tar"})";
-  EXPECT_EQ(name_of(temp_ / "p", "mine"), "mine");
-  EXPECT_THAT(name_of(temp_ / "p", ""), HasSubstr("name"));
-}
-
 TEST_F(ImageTest, AnOrdinarySubmissionThatLooksLikeAnImageIsNone) {
   const std::string policy = TarEntry('0', "policy.json", R"({"name": "n", "command": ["./run"]})");
   const auto artefact = Unpack(TarEntry('0', "blobs/weights", "w") +

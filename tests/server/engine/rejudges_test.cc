@@ -10,7 +10,6 @@
 
 #include "protocol/base/config_reader.h"
 #include "rejudge_world.h"
-#include "server/engine/rejudge_requests.h"
 
 namespace myograde::server {
 namespace {
@@ -22,18 +21,6 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 const Json kOtherBuild = {{"simulator", "older"}, {"mujoco", "b"}, {"models", Json::object()}};
-
-TEST(SameSimulation, ComparesTheAdaptersThatTheFirstBuildNames) {
-  const Json plain = {{"simulator", "a"}, {"mujoco", "b"}, {"models", Json::object()}};
-  Json adapted = plain;
-  adapted["adapters"]["template-2024"] = "c";
-  Json changed = adapted;
-  changed["adapters"]["template-2024"] = "d";
-  EXPECT_TRUE(SameSimulation(plain, adapted));
-  EXPECT_TRUE(SameSimulation(adapted, adapted));
-  EXPECT_FALSE(SameSimulation(adapted, changed));
-  EXPECT_FALSE(SameSimulation(adapted, plain));
-}
 
 class RejudgesTest : public RejudgeWorld {
  protected:
