@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <optional>
-#include <string_view>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
@@ -11,14 +9,15 @@
 
 #include "server/api/requests.h"
 #include "server/api/views.h"
-#include "server/grading/highlights.h"
+#include "server/grading/episode_order.h"
+#include "server/grading/results.h"
 
 namespace myograde::server {
 namespace {
 
 using Json = nlohmann::json;
 
-constexpr auto kRowKeys = std::to_array<std::string_view>(
+constexpr auto kRowKeys = std::to_array<const char*>(
     {"index", "attempt", "seed", "seed_commitment", "outcome", "reason", "end", "fault", "metrics",
      "steps", "sim_time_s", "clipped", "digest", "actions_digest", "wall_s", "policy_cpu_s", "log",
      "facts", "details"});
@@ -111,21 +110,29 @@ Json ColumnsOf(const std::vector<std::string>& fields, const Json& rows) {
 }
 
 absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows, Json& json) {
-  const std::string& salt = track.config.seed_salt;
   DetailsSummary summary;
+  std::vector<EpisodeRow> logged;
   for (const EpisodeRow& row : rows) {
-    const Json episode = EpisodeToJson(row, "");
-    if (episode["steps"].is_null()) continue;
-    summary.Add(episode["details"], episode["steps"].get<int64_t>());
+    const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
+    const auto steps = facts.is_object() ? facts.find("steps") : facts.end();
+    if (steps == facts.end() || !steps->is_number_integer()) continue;
+    const Json details = Json::parse(row.details_json, nullptr, /*allow_exceptions=*/false);
+    summary.Add(details, steps->get<int64_t>());
+    const auto log = facts.find("log");
+    if (log != facts.end() && log->is_object()) logged.push_back(row);
   }
   json["details_summary"] = summary.Result();
-  json["highlights"] = nullptr;
-  const absl::StatusOr<std::optional<Highlights>> highlights = HighlightsOf(track.scoring, rows);
-  if (!highlights.ok()) return highlights.status();
-  if (!highlights->has_value()) return absl::OkStatus();
-  json["highlights"] = {{"best", EpisodeToJson(rows[(*highlights)->best], salt)},
-                        {"median", EpisodeToJson(rows[(*highlights)->median], salt)},
-                        {"worst", EpisodeToJson(rows[(*highlights)->worst], salt)}};
+  const auto judged = JudgedEpisodes(*track.scoring.track, logged);
+  if (!judged.ok()) return judged.status();
+  const absl::StatusOr<std::vector<int64_t>> order = EpisodesInOrder(track.scoring, *judged);
+  if (!order.ok()) return order.status();
+  Json& highlights = json["highlights"] = Json::object();
+  for (const PickedEpisode& picked : BestMedianWorst(*order)) {
+    const auto row = std::find_if(logged.begin(), logged.end(), [&](const EpisodeRow& one) {
+      return one.index == picked.index;
+    });
+    highlights[std::string(picked.place)] = EpisodeToJson(*row, track.config.seed_salt);
+  }
   return absl::OkStatus();
 }
 

@@ -172,7 +172,7 @@ constexpr auto kEvaluation = std::to_array<Part>({
     {"comparison", Always},
     {"episode_rows", Always},
     {"details_summary", SeesFacts},
-    {"highlights", SeesComparison},
+    {"highlights", SeesComparison, Blank::kObject},
 });
 
 constexpr auto kComparison = std::to_array<Part>({

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import tempfile
 import time
+import urllib.parse
 
 ANSWER_S = 30
 PROGRAM = shutil.which("chromium")
@@ -171,3 +172,30 @@ class Page:
 
     def close(self):
         self.browser.call("Target.closeTarget", targetId=self.target)
+
+
+class AnsweredPage(Page):
+    """A tab some of whose requests are answered by `answers` in the place of the server: by path, lists of
+    (status, headers, body), of which the last one stays. `patterns` says which."""
+
+    def __init__(self, browser, patterns, answers, **more):
+        self.answers = answers
+        super().__init__(browser, **more)
+        self.call("Fetch.enable", patterns=[{"urlPattern": one} for one in patterns])
+
+    def _note(self, method, params):
+        super()._note(method, params)
+        if method != "Fetch.requestPaused":
+            return
+        path = urllib.parse.unquote(urllib.parse.urlsplit(params["request"]["url"]).path)
+        known = self.answers.get(path, [(404, {}, {"error": {"code": "not_found",
+                                                             "message": "There is no such log."}})])
+        status, headers, body = known.pop(0) if len(known) > 1 else known[0]
+        if not isinstance(body, bytes):
+            body = json.dumps(body).encode()
+        # Its answer is of no interest, and waiting for it here would take that of another command.
+        self.browser.send("Fetch.fulfillRequest", self.session, requestId=params["requestId"],
+                          responseCode=status,
+                          responseHeaders=[{"name": name, "value": value}
+                                           for name, value in headers.items()],
+                          body=base64.b64encode(body).decode())

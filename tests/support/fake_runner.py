@@ -5,9 +5,11 @@ The second word of the policy's command says how: "ok", "slow" (0.2 s per
 episode), "crash" (every episode fails by the participant's fault), "grader" (always
 the grader's fault), "once" (the grader's fault on the first attempt, after
 one episode), "garbage", "dies", "unrepeatable", "stubborn" (10 s per episode, and
-exits only when killed), "mute" (prints nothing until it is killed) and "logged" (each episode
-names a log, which nobody writes). "skill-P-Q-F-E" places the object in the episodes up to P, or up to Q
-if "max_time_s" of the rules is not 10, with a peak force of F and an effort of E. The daemon's self-test ("-c") passes; with a file "broken" beside this program nothing does.
+exits only when killed), "mute" (prints nothing until it is killed), "logged" (each episode
+names a log, which nobody writes) and "old" (no details, as runners of earlier versions). "skill-P-Q-F-E"
+places the object in the episodes up to P, or up to Q if "max_time_s" of the rules is not 10, with a peak
+force of F and an effort of E. "says-HEX" crashes with this text, in hexadecimal, as its output and as the
+reason. The daemon's self-test ("-c") passes; with a file "broken" beside this program nothing does.
 """
 
 import hashlib
@@ -70,17 +72,21 @@ def episode(order, mode, rules):
         "steps": 100 + seed % 1000, "sim_time": 1.0 + seed % 1000 / 100, "clipped": 0,
         "digest": digest.hexdigest(), "wall_s": time.monotonic() % 1, "policy_cpu_s": 0.01,
         "track": "manipulation", "manipulation": manipulation(success, force, effort)}
-    if mode not in ("crash", "-c"):
+    if mode not in ("crash", "-c", "old"):
         record["details"] = details(seed, success)
     if mode == "logged":
         record["log"] = {"sha256": hashlib.sha256(f"log of {seed}".encode()).hexdigest(),
                          "bytes": 10, "packed_bytes": 10, "steps": record["steps"]}
-    if mode in ("crash", "-c"):
+    if mode in ("crash", "-c") or mode.startswith("says-"):
         record.update(end="fault", fault={
             "outcome": "crash", "limit": "", "limit_value": 0.0,
             "value": 7.0 * 256 if mode == "-c" else 139.0, "step": 7,
-            "detail": "the policy died of signal 11"})
+            "detail": said(mode) or "the policy died of signal 11"})
     return record
+
+
+def said(mode):
+    return bytes.fromhex(mode.removeprefix("says-")).decode() if mode.startswith("says-") else ""
 
 
 def main():
@@ -112,8 +118,8 @@ def main():
         if mode == "stubborn":
             time.sleep(10)
         say(episode(entry, mode, order["track"]["rules"]))
-    say({"type": "lease_end", "ok": not detail, "detail": detail, "stdout_tail": "",
-         "stderr_tail": "hello from the policy", "stdout_truncated": False,
+    say({"type": "lease_end", "ok": not detail, "detail": detail, "stdout_tail": said(mode),
+         "stderr_tail": said(mode) or "hello from the policy", "stdout_truncated": False,
          "stderr_truncated": False, "policy_cpu_s": 0.1, "wall_s": 0.2, "peak_memory_bytes": 0})
 
 

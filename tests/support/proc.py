@@ -1,5 +1,6 @@
 """What the kernel reports about processes."""
 
+import os
 import pathlib
 
 
@@ -49,3 +50,10 @@ def memory_bytes(pid, which="VmRSS"):
         return 1024 * int(status(pid)[which].split()[0])
     except (OSError, KeyError):  # KeyError: a zombie
         return 0
+
+
+def cpu_seconds(pid):
+    """The processor time that a process has used itself. OSError if it is gone."""
+    stat = pathlib.Path(f"/proc/{pid}/stat").read_text(errors="replace")
+    user, system = stat[stat.rindex(")") + 2:].split()[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")

@@ -54,6 +54,7 @@ async function show() {
     main.append(errorBox(error));
     if (!(error instanceof ApiError)) throw error;
   } finally {
+    performance.mark("shown");
     main.dataset.ready = "yes";
   }
 }

@@ -122,17 +122,15 @@ export function addOutput(box, result) {
 // Pictures of the best, the median and the worst episode, by the order of the board.
 export function highlights(rows, metrics, submission) {
   const shown = Object.entries(rows ?? {}).filter(([, row]) => row.log);
-  const once = shown.filter(([, row], at) =>
-    shown.findIndex(([, other]) => other.index === row.index) === at);
-  if (!once.length) return null;
+  if (!shown.length) return null;
   const first = metrics.find((metric) => metric.better !== "neither" && metric.name !== "success");
   return h("section", null, h("h2", null, "How it looks"), h("div", {class: "pictures"},
-    once.map(([place, row]) => {
+    shown.map(([place, row]) => {
       const figures = first ? `, ${measure(row.metrics?.[first.name], first)}` : "";
       const words = `Episode ${row.index}, ${verdict(row)}${figures}`;
       const link = h("a", {href: replayAddress({log: row.log.sha256, of: submission})}, words);
       return picture(row.log.sha256, `A moment of the ${place} episode: ${words}`,
-        once.length > 1 ? [`The ${place}: `, link] : link);
+        place === "only" ? link : [`The ${place}: `, link]);
     })));
 }
 

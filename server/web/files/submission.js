@@ -79,9 +79,9 @@ function makeParts() {
   const grid = makeGrid((row) => showEpisode(panel, now.status, now.result, row));
   const episodes = h("section", {hidden: true}, h("h2", null, "Episodes"),
     h("div", {class: "split"}, grid.element, panel));
-  const charts = h("div", {class: "charts"});
-  const sums = h("div", {class: "charts"});
-  const output = h("section");
+  const charts = h("div", {class: "part"});
+  const sums = h("div", {class: "part"});
+  const output = h("section", {class: "output"});
   const end = h("div");
   const draw = async (status) => {
     const address = `/v1/submissions/${status.submission}/result`;
@@ -99,14 +99,16 @@ function makeParts() {
     const open = end.firstChild?.open;
     replace(end, record(status, result));
     end.firstChild.open = Boolean(open);
-    return result && FINAL.includes(status.state) ? address : null;
   };
-  const sum = async (address) => {
-    const {details_summary: summary, highlights: rows} = await get(`${address}?summary=1`);
-    drawSummary(sums, summary, now.result.episodes.done);
-    replace(looks, highlights(rows, now.result.metrics, now.status.submission));
+  // What all episodes come to together, once they have ended.
+  const sum = async (status) => {
+    const {details_summary: summary, highlights: rows, metrics, episodes: {done}} =
+      await get(`/v1/submissions/${status.submission}/result?summary=1`);
+    drawSummary(sums, summary, done);
+    replace(looks, highlights(rows, metrics, status.submission));
   };
-  return {elements: [figures, looks, episodes, charts, sums, output, end], draw, sum};
+  return {elements: [figures, looks, episodes, h("div", {class: "charts"}, charts, sums), output, end],
+    draw, sum};
 }
 
 const pause = (ms) => new Promise((resolve) => {
@@ -133,9 +135,9 @@ export async function show(main, query) {
     if (news !== shown) {
       shown = news;
       const begin = performance.now();
-      const final = await parts.draw(status);
+      const ended = FINAL.includes(status.state) && status.episodes.done > 0;
+      await Promise.all([parts.draw(status), ended && parts.sum(status)]);
       took = performance.now() - begin;
-      if (final) await parts.sum(final);
     }
     main.dataset.ready = "yes";
     if (FINAL.includes(status.state)) return;

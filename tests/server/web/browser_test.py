@@ -1,22 +1,18 @@
 """The web pages in a headless Chromium: at three widths, in light and dark, as each role; by keyboard,
-with axe-core, with names that are markup, with an upload, and with large boards.
+with axe-core, with texts that are markup, on paper, and with an upload.
 
 MYOGRADE_TEST_PICTURES: a folder for screenshots of every page (none: they are not kept)."""
 
-import contextlib
-import http.client
 import json
 import os
 import pathlib
 import tempfile
-import threading
-import time
 import unittest
 import urllib.parse
 
 from support.browser import Browser, Page
-from support.submission import PROGRAM
-from support.waiting import wait_until
+from support.hostile_texts import NAMES, OTHERS
+from support.submission import PROGRAM, entry, tar
 from world import MARKUP, SCRIPT, TRACK, World
 
 AXE = pathlib.Path(os.environ["MYOGRADE_TEST_AXE"]).read_text(encoding="utf-8")
@@ -37,14 +33,22 @@ def pages(world):
             "sign-in": ("/sign-in", shown)}
 
 
+def choose(page, selector, *files):
+    """Chooses files for an input."""
+    root = page.call("DOM.getDocument")["root"]["nodeId"]
+    node = page.call("DOM.querySelector", nodeId=root, selector=selector)["nodeId"]
+    page.call("DOM.setFileInputFiles", nodeId=node, files=[str(file) for file in files])
+
+
 class BrowserCase(unittest.TestCase):
-    settings = {}
+    settings = {}  # of the World
+    teams = 6      # that have played
 
     @classmethod
     def setUpClass(cls):
         cls.world = World(**cls.settings)
         cls.addClassCleanup(cls.world.close)
-        cls.world.start()
+        cls.world.start(cls.teams)
         cls.browser = Browser()
         cls.addClassCleanup(cls.browser.close)
 
@@ -68,8 +72,6 @@ class BrowserCase(unittest.TestCase):
         self.assertEqual(foreign, [])
         self.assertEqual(page.problems, [])
 
-
-class Looks(BrowserCase):
     def check_accessible(self, page, name):
         page.call("Page.setBypassCSP", enabled=True)
         page.evaluate(AXE + ";0")
@@ -86,6 +88,8 @@ class Looks(BrowserCase):
         if PICTURES:
             page.screenshot(pathlib.Path(PICTURES, f"{label}.png"))
 
+
+class Looks(BrowserCase):
     def test_every_page_fits_and_is_accessible(self):
         for width in WIDTHS:
             for dark in (False, True):
@@ -131,6 +135,50 @@ class Looks(BrowserCase):
             page.evaluate("document.querySelector('main form').requestSubmit()")
             page.wait("location.pathname !== '/sign-in'")
             self.assertTrue(page.evaluate("location.href").startswith(self.world.url), to)
+
+    def test_details_are_shown_where_they_were_measured(self):
+        page = self.page("participant")
+        self.open(page, f"/submission?id={self.world.submissions[TEAM]}")
+        captions = page.evaluate("[...document.querySelectorAll('figcaption')].map((one) => "
+                                 "one.textContent)")
+        self.assertIn("Joint angles and their limits (°)", captions)
+        self.assertIn("When it happened (s of simulated time)", captions)
+        self.assertIn("first contact: 40, median 0.30 s; handover: 36, median 1.50 s", page.text())
+        made = self.world.submit(TEAM, "old")
+        self.world.ended(made)
+        self.open(page, f"/submission?id={made}")
+        self.assertIn("Time (s)", page.text())
+        self.assertNotIn("Joint angles", page.text())
+        self.assertNotIn("When it happened", page.text())
+        self.check_quiet(page)
+
+    def test_the_focus_and_the_chosen_episode_stay_while_episodes_end(self):
+        made = self.world.submit(TEAM, "slow", episodes=40)
+        page = self.page("participant")
+        self.open(page, f"/submission?id={made}")
+        page.wait("document.querySelectorAll('.cell[data-index]').length > 2", 60)
+        page.evaluate("document.querySelector('.cell[data-index]').focus()")
+        page.evaluate("document.activeElement.click()")
+        index = page.evaluate("document.activeElement.dataset.index")
+        before = page.evaluate("document.querySelectorAll('.cell[data-index]').length")
+        page.wait(f"document.querySelectorAll('.cell[data-index]').length > {before}", 60)
+        self.assertEqual(page.evaluate("[document.activeElement.dataset.index, document.querySelector("
+                                       "'.details h3').textContent.split(':')[0]]"),
+                         [index, f"Episode {index}"])
+        self.world.ended(made)
+
+    def test_pages_print_what_they_show(self):
+        page = self.page("organiser", width=820)
+        for name, (path, ready) in pages(self.world).items():
+            self.open(page, path, ready)
+            page.call("Emulation.setEmulatedMedia", media="print")
+            self.assertEqual(page.evaluate("[...document.querySelectorAll('nav, form, button:not("
+                                           ".cell)')].filter((one) => one.checkVisibility()).length"),
+                             0, name)
+            self.assertTrue(page.evaluate("document.querySelector('h1').checkVisibility()"))
+            if PICTURES:
+                page.screenshot(pathlib.Path(PICTURES, f"{name}-print.png"))
+            page.call("Emulation.setEmulatedMedia", media="")
 
     def test_the_keyboard_reaches_everything(self):
         page = self.page("organiser")
@@ -202,12 +250,79 @@ class Texts(BrowserCase):
                          "a⟨U+202E⟩b⟨U+0007⟩\n⟨U+200B⟩c")
 
 
-class Uploads(BrowserCase):
-    def choose(self, page, selector, *files):
-        root = page.call("DOM.getDocument")["root"]["nodeId"]
-        node = page.call("DOM.querySelector", nodeId=root, selector=selector)["nodeId"]
-        page.call("DOM.setFileInputFiles", nodeId=node, files=[str(file) for file in files])
+class HostileTexts(BrowserCase):
+    """Names, output, errors and file names of participants, on every page that shows them."""
 
+    # What pages are made of: no text may add to it.
+    TAGS = set("a b bdi button canvas caption code dd details div dl dt figcaption figure form g h1 h2 h3 "
+               "h4 input label li main meter ol option p path pre progress rect section select span "
+               "summary svg table tbody td text th thead time tr ul line circle nav".split())
+
+    def check_texts(self, page, path, *texts):
+        """The page has these texts, and no element that it does not have without them."""
+        shown = page.evaluate("document.querySelector('main').textContent")
+        for text in texts:
+            wanted = page.evaluate("import('/web/format.js').then((all) => "
+                                   f"all.visible({json.dumps(text)}))")
+            self.assertIn(wanted, shown, path)
+        tags = set(page.evaluate("[...new Set([...document.querySelectorAll('main, main *')].map("
+                                 "(one) => one.localName))]"))
+        self.assertLessEqual(tags, self.TAGS, path)
+        self.assertEqual(page.evaluate("[...document.querySelectorAll('main *')].filter((one) => "
+                                       "[...one.attributes].some((two) => two.name.startsWith('on') "
+                                       "|| /^\\s*javascript:/i.test(two.value) && "
+                                       "two.name === 'href')).length"), 0, path)
+        self.assertLessEqual(page.evaluate("document.documentElement.scrollWidth - innerWidth"), 0,
+                             f"{path} is wider than the screen")
+
+    def test_names_are_texts(self):
+        page = self.page("organiser", width=390)
+        for what, text in NAMES.items():
+            with self.subTest(what):
+                made = self.world.submit(text, "skill-1-1-9-60", name=text)
+                self.world.ended(made)
+                team = "/team?" + urllib.parse.urlencode({"name": text})
+                for path in (f"/submission?id={made}", team):
+                    self.open(page, path)
+                    self.check_texts(page, path, text)
+        for path in (f"/board?track={TRACK}", "/team"):
+            self.open(page, path)
+            self.check_texts(page, path, *NAMES.values())
+        self.check_quiet(page)
+
+    def test_output_and_reasons_are_texts(self):
+        page = self.page("organiser", width=390)
+        for what, text in (NAMES | OTHERS).items():
+            with self.subTest(what):
+                made = self.world.submit(TEAM, f"says-{text[:200].encode().hex()}", seeds=[5000],
+                                         name="speaker")
+                self.world.ended(made)
+                path = f"/submission?id={made}"
+                self.open(page, path)
+                page.evaluate("document.querySelector('.cell[data-index]').click()")
+                page.wait("!!document.querySelector('.details .error')")
+                page.evaluate("document.querySelectorAll('details').forEach((one) => {"
+                              "one.open = true; })")
+                self.check_texts(page, path, text[:200])
+        self.check_quiet(page)
+
+    def test_file_names_in_errors_are_texts(self):
+        page = self.page("participant", width=390)
+        with tempfile.TemporaryDirectory() as folder:
+            archive = pathlib.Path(folder, "policy.tar")
+            for what, text in (NAMES | OTHERS).items():
+                with self.subTest(what):
+                    archive.write_bytes(tar([entry(f"../{text}".replace("\0", "0"), b"x")]))
+                    self.open(page, "/submit")
+                    choose(page, "#archive", archive)
+                    page.wait("!document.querySelector('button.main').disabled")
+                    page.evaluate("document.querySelector('main form').requestSubmit()")
+                    page.wait("document.querySelector('.problem').textContent.length > 0")
+                    self.check_texts(page, "/submit")
+        self.assertFalse([one for one in page.problems if "400" not in one])
+
+
+class Uploads(BrowserCase):
     def hand_in(self, page):
         page.wait("!document.querySelector('button.main').disabled")
         page.evaluate(f"document.getElementById('target').value = [...document.querySelectorAll("
@@ -230,14 +345,14 @@ class Uploads(BrowserCase):
             (policy / "policy").write_bytes(PROGRAM)
             (deep / "größe.txt").write_text("x" * 1000)
             self.open(page, "/submit")
-            self.choose(page, "#folder", policy)
+            choose(page, "#folder", policy)
             self.assertIn("It is handed in", self.hand_in(page))
             self.open(page, "/submit")
-            self.choose(page, "#archive", policy / "policy")
+            choose(page, "#archive", policy / "policy")
             page.wait("document.querySelector('.problem').textContent.includes('policy.json')")
             archive = pathlib.Path(folder, "broken.tar")
             archive.write_bytes(b"junk" * 1000)
-            self.choose(page, "#archive", archive)
+            choose(page, "#archive", archive)
             self.assertIn("archive", self.hand_in(page))
         newest = self.world.get("/v1/submissions?limit=1")["submissions"][0]
         self.assertEqual((newest["name"], newest["team"]), ("from a browser", TEAM))
@@ -254,78 +369,6 @@ class Uploads(BrowserCase):
         streams = [url for url in page.requests if url.endswith("/v1/queue/events")]
         self.assertEqual(len(streams), 1)
         self.check_quiet(page)
-
-
-class Loads(BrowserCase):
-    """Large things stay quick, and many open pages do not hold up the daemon."""
-
-    settings = {"clients": 512, "block": 40}
-
-    def paint(self, page, path):
-        """Seconds from the request for a page until its first contents were painted."""
-        self.open(page, path)
-        return page.evaluate("performance.getEntriesByName('first-contentful-paint')[0]"
-                             ".startTime") / 1000
-
-    def follow(self):
-        """An answer that follows the queue as a page does; it has the connection."""
-        url = urllib.parse.urlsplit(self.world.url)
-        connection = http.client.HTTPConnection(url.hostname, url.port, timeout=30)
-        connection.request("GET", "/v1/queue/events", headers={
-            "Authorization": f"Bearer {self.world.tokens['participant']}"})
-        answer = connection.getresponse()
-        self.assertEqual(answer.status, 200)
-        return answer
-
-    def test_a_board_of_500_teams_paints_within_a_second(self):
-        def fill(part):
-            for number in range(part, 500, 4):
-                self.world.submit(f"Team {number:03}", f"skill-{number % 40}-1-{number}-{number}")
-        threads = [threading.Thread(target=fill, args=(part,)) for part in range(4)]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-        wait_until(lambda: self.world.get(f"/v1/leaderboard?track={TRACK}"), 1200,
-                   "not all are ranked", fits=lambda board: len(board["rows"]) >= 500)
-        page = self.page()
-        self.assertLess(self.paint(page, f"/board?track={TRACK}"), 1.0)
-        self.assertGreaterEqual(page.evaluate("document.querySelectorAll('.board tbody th').length"),
-                                500)
-        self.check_quiet(page)
-
-    def test_10000_episodes_are_shown_in_pages(self):
-        made = self.world.submit(TEAM, "ok", seeds=list(range(10000, 20000)))
-        wait_until(lambda: self.world.get(f"/v1/submissions/{made}"), 1200, "it does not end",
-                   fits=lambda status: status["state"] == "done")
-        page = self.page("participant")
-        self.assertLess(self.paint(page, f"/submission?id={made}"), 1.0)
-        self.assertEqual(page.evaluate("document.querySelectorAll('.cell[data-index]').length"), 500)
-        page.evaluate("[...document.querySelectorAll('button')].find((one) => one.textContent === "
-                      "'Next').click()")
-        self.assertIn("Episodes 500 to 999", page.text())
-        self.check_quiet(page)
-
-    def test_200_open_pages_do_not_hold_up_the_daemon(self):
-        with contextlib.ExitStack() as readers:
-            first = self.page("participant")
-            self.open(first, "/queue", LIVE)
-            for _ in range(9):
-                self.open(self.page("participant"), "/queue", LIVE)
-            # A tab takes a hundred megabytes: of the others there is what the daemon sees of them.
-            for _ in range(190):
-                readers.callback(self.follow().close)
-            made = self.world.submit(TEAM, "slow", episodes=30)
-            waits = []
-            for _ in range(40):
-                begin = time.monotonic()
-                self.world.get("/v1/live")
-                waits.append(time.monotonic() - begin)
-                time.sleep(0.1)
-            self.assertLess(sorted(waits)[len(waits) // 2], 0.5)
-            first.wait("document.querySelector('progress')?.value > 0", 120)
-            self.assertEqual(self.world.ended(made)["state"], "done")
-        self.check_quiet(first)
 
 
 if __name__ == "__main__":

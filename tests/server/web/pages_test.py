@@ -2,6 +2,7 @@
 markup, and the queue's events, which they follow."""
 
 import contextlib
+import csv
 import gzip
 import http.client
 import json
@@ -10,10 +11,14 @@ import re
 import shutil
 import subprocess
 import tempfile
+import unicodedata
 import unittest
 import urllib.parse
 import xml.etree.ElementTree
 
+from support import submission
+from support.client import ApiError
+from support.hostile_texts import NAMES, OTHERS
 from support.waiting import wait_until
 from world import MARKUP, SCRIPT, SOURCE, TRACK, World
 
@@ -270,6 +275,96 @@ class Queue(PagesCase):
         self.world.post(f"/v1/tokens/{token['id']}/revoke", {})
         self.assertIsNone(self.next_event(answer))
         self.assertEqual(answer.read(), b"")
+
+
+class HostileTexts(unittest.TestCase):
+    """Whatever participants write is a text in every format that others read."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.world = World(block=40)
+        cls.addClassCleanup(cls.world.close)
+        cls.world.start(teams=1)
+        cls.made = [cls.world.submit(text, f"skill-{place}-1-9-60", name=text)
+                    for place, text in enumerate(NAMES.values())]
+        for made in cls.made:
+            cls.world.ended(made)
+
+    def board(self, form=""):
+        url = urllib.parse.urlsplit(self.world.url)
+        connection = http.client.HTTPConnection(url.hostname, url.port, timeout=30)
+        try:
+            connection.request("GET", f"/v1/leaderboard{form}track={TRACK}")
+            answer = connection.getresponse()
+            self.assertEqual(answer.status, 200)
+            return answer.read()
+        finally:
+            connection.close()
+
+    def test_names_are_told_as_they_are(self):
+        rows = json.loads(self.board("?"))["rows"]
+        names = {(row["team"], row["name"]) for row in rows}
+        for text in NAMES.values():
+            self.assertIn((text, text), names)
+
+    def test_a_feed_and_a_badge_hold_them_as_texts(self):
+        feed = self.board("/feed?")
+        titles = [entry.findtext("{*}title") for entry in
+                  xml.etree.ElementTree.fromstring(feed).findall(".//{*}entry")]
+        for text in NAMES.values():
+            self.assertEqual(len([one for one in titles if one.startswith(f"{text}: rank ")]), 1,
+                             text)
+            badge = self.board(f"/badge?team={urllib.parse.quote(text)}&")
+            drawing = xml.etree.ElementTree.fromstring(badge)
+            self.assertTrue(drawing.findtext("{*}title").startswith(f"{text}, "), badge)
+            self.assertEqual({element.tag.split("}")[1] for element in drawing.iter()},
+                             {"svg", "title", "rect", "path", "g", "text"})
+
+    def test_no_cell_of_an_export_is_a_formula(self):
+        folder = self.world.root / "csv"
+        subprocess.run([self.world.programs / "myograde", "export", folder, "--format", "csv"],
+                       env=self.world.environment, check=True, timeout=60, capture_output=True)
+        cells = set()
+        for file in folder.glob("*.csv"):
+            with open(file, encoding="utf-8", newline="") as lines:
+                cells |= {cell for row in csv.reader(lines) for cell in row}
+        dangerous = [cell for cell in cells if cell[:1] in set("=+-@\t\r\n")
+                     and not re.fullmatch(r"-?\d+(\.\d+)?(e[-+]?\d+)?", cell)]
+        self.assertEqual(dangerous, [])
+        for text in NAMES.values():
+            self.assertIn(f"'{text}" if text[0] in "=+-@" else text, cells)
+
+    def test_what_is_no_name_is_refused_in_a_sentence_without_it(self):
+        for what, text in OTHERS.items():
+            with self.assertRaises(ApiError, msg=what) as caught:
+                self.world.submit(text, "ok")
+            self.check_error(caught.exception, 400)
+
+    def test_file_names_are_quoted_in_errors(self):
+        for what, text in (NAMES | OTHERS).items():
+            for path in (f"../{text}".replace("\0", "0"), f"{text}/../../x".replace("\0", "0")):
+                archive = submission.tar([submission.entry(path, b"x")])
+                with self.assertRaises(ApiError, msg=what) as caught:
+                    self.world.post("/v1/artefacts", archive, "application/x-tar")
+                self.check_error(caught.exception, 400)
+
+    def check_error(self, error, status):
+        message = error.answer["error"]["message"]
+        self.assertEqual(error.status, status, message)
+        self.assertLess(len(message), 2000)
+        unseen = [one for one in message if unicodedata.category(one) in ("Cc", "Cf", "Zl", "Zp")]
+        self.assertEqual(unseen, [], message)
+
+    def test_output_is_told_to_the_character(self):
+        made = {}
+        for text in [text[:200] for text in (NAMES | OTHERS).values()]:
+            made[text] = self.world.submit("Neon Tendons", f"says-{text.encode().hex()}",
+                                           name="speaker", seeds=[5000])
+        for text, submission_id in made.items():
+            self.world.ended(submission_id)
+            result = self.world.get(f"/v1/submissions/{submission_id}/result?episodes=1")
+            self.assertEqual(result["output"][0]["stdout_tail"], text)
+            self.assertEqual(result["episode_rows"][0]["fault"]["detail"], text)
 
 
 class ManyReaders(unittest.TestCase):
