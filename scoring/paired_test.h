@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 
 namespace myograde::scoring {
@@ -46,5 +47,20 @@ struct PairedTest {
 // depends neither on their order nor on who is a and who b.
 // REQUIRES: finite amounts, finite weights >= 0, samples >= 1.
 PairedTest TestPairs(std::span<const Pair> pairs, int64_t samples);
+
+// The 95 % interval of the mean of the differences a less b.
+struct DifferenceInterval {
+  double low = 0;
+  double high = 0;
+  // Whether every result is 0 or 1 in it, as successes are.
+  bool of_proportions = false;
+};
+
+// Of results that are all 0 or 1: the adjusted Wald interval for paired proportions (D. G. Bonett and
+// R. M. Price, Adjusted Wald confidence interval for a difference of binomial proportions based on
+// paired data, 2012), which keeps its level where few pairs differ. Else that of the normal
+// distribution, as of other means. nullopt with fewer than two pairs.
+// REQUIRES: finite amounts, weights of 1.
+std::optional<DifferenceInterval> IntervalOfDifference(std::span<const Pair> pairs);
 
 }  // namespace myograde::scoring

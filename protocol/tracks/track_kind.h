@@ -40,6 +40,7 @@ struct TrackKind {
   // sets the track's own new keys to values that mean what the earlier form did. Null if the track
   // has none.
   void (*upgrade)(int64_t form, nlohmann::json& config) = nullptr;
+  bool in_template_2024 = false;  // the agent template of MyoChallenge 2024 has it
 };
 
 // TrackKind::max_steps for a track whose rules have the key "max_steps".

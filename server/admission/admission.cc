@@ -8,6 +8,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
+#include "server/artefact/adapters.h"
 #include "server/base/counted.h"
 #include "server/challenge/find_phase.h"
 #include "server/engine/stored.h"
@@ -87,14 +88,19 @@ Admission::Admission(AdmissionOptions options, const Tracks& tracks, const Phase
 absl::StatusOr<ReceivedArtefact> Admission::Receive(const UploadRequest& request,
                                                     IncomingArchive& archive) {
   const std::string& team = request.from.team;
+  ArtefactCheck check = [](const std::string&) { return absl::OkStatus(); };
   if (!team.empty()) {
-    absl::Status allowed = tracks_.Find(request.track, "").status();
+    const absl::StatusOr<TrackPtr> track = tracks_.Find(request.track, "");
+    absl::Status allowed = track.status();
     if (allowed.ok()) allowed = CheckTries(team, request.track);
     if (allowed.ok() && request.founding.has_value()) allowed = Found(team, *request.founding);
     if (!allowed.ok()) return allowed;
+    check = [kind = (*track)->config.kind](const std::string& adapter) {
+      return CheckAdapter(adapter, *kind);
+    };
   }
   absl::StatusOr<ReceivedArtefact> received =
-      uploads_.Take(archive, request.from, request.stopping);
+      uploads_.Take(archive, request.from, check, request.stopping);
   if (!absl::IsInvalidArgument(received.status())) return received;
   if (absl::Status charged = ChargeRefusal(request, received.status()); !charged.ok()) {
     return charged;
@@ -147,7 +153,7 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
   if (!allowed.ok()) return allowed;
   const absl::StatusOr<ArtefactRow> artefact = CheckedArtefact(request.artefact, config);
   if (!artefact.ok()) return artefact.status();
-  NewSubmission submission = Compose(request, *entry, *seeds, artefact->runtimes);
+  NewSubmission submission = Compose(request, *entry, *seeds, *artefact);
   submission.extra_observations = ShowsExtraObservations(
       artefact->extra_observations, !artefact->adapter.empty(), config);
   submission.request_key = request.key;
@@ -248,15 +254,15 @@ absl::StatusOr<ArtefactRow> Admission::CheckedArtefact(const std::string& hash,
                       absl::StrCat("this server has no runtime \"", runtime,
                                    "\", which the artefact's policy.json asks for"));
   }
-  if (status = CheckExtraObservations(artefact->extra_observations, config); !status.ok()) {
-    return WithErrorCode(status, "bad_artefact");
-  }
+  status = CheckAdapter(artefact->adapter, *config.kind);
+  if (status.ok()) status = CheckExtraObservations(artefact->extra_observations, config);
+  if (!status.ok()) return WithErrorCode(status, "bad_artefact");
   return artefact;
 }
 
 NewSubmission Admission::Compose(const SubmitRequest& request, const Entry& entry,
                                  const std::vector<uint64_t>& seeds,
-                                 const std::vector<std::string>& needed) const {
+                                 const ArtefactRow& artefact) const {
   const TrackConfig& config = entry.track->config;
   NewSubmission submission;
   submission.team = request.team;
@@ -271,7 +277,8 @@ NewSubmission Admission::Compose(const SubmitRequest& request, const Entry& entr
   submission.ranked = entry.ranks && seeds == config.seeds;
   submission.phase = config.phase;
   submission.grader_json = CanonicalJson(
-      WithRuntimes(GraderBuild(options_.cache_dir), RuntimeDigests(runtimes_, needed)));
+      WithRuntimes(GraderBuild(options_.cache_dir, {artefact.adapter}),
+                   RuntimeDigests(runtimes_, artefact.runtimes)));
   submission.blocks = BlocksOf(submission.seed_count, config.episodes_per_lease);
   return submission;
 }

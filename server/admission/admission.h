@@ -68,7 +68,8 @@ class Admission {
   // Turns an archive into an artefact that can be submitted. If a team is named, an archive that is
   // refused because of its content is charged to it as a failed try; no other error is.
   //   NotFoundError               code "unknown_track"
-  //   InvalidArgumentError        code "bad_artefact": the archive; no code: the team's name
+  //   InvalidArgumentError        code "bad_artefact": the archive, or its adapter on the track; no
+  //                               code: the team's name
   //   FailedPreconditionError     code "look_alike": the team's name (Writer::Accept); "forbidden":
   //                               the team can't be founded (Writer::FoundTeam); "quota": no
   //                               failed tries left, or too many uploads that were never submitted
@@ -81,8 +82,9 @@ class Admission {
   // nothing new is played or charged.
   //   NotFoundError               code "unknown_track", "unknown_profile", "unknown_phase"; no code:
   //                               the artefact
-  //   InvalidArgumentError        code "bad_artefact": too large for the track, or asks for extra
-  //                               observations that the profile does not allow;
+  //   InvalidArgumentError        code "bad_artefact": too large for the track, has an adapter that
+  //                               can't play it, or asks for extra observations that the profile does
+  //                               not allow;
   //                               "unknown_runtime"; "ranked_seed": practice on a seed that is
   //                               ranked; no code: episodes, the team's name, a phase of another
   //                               track, several phases to choose from
@@ -114,7 +116,7 @@ class Admission {
   absl::Status CheckRankedHere() const;
   NewSubmission Compose(const SubmitRequest& request, const Entry& entry,
                         const std::vector<uint64_t>& seeds,
-                        const std::vector<std::string>& needed) const;
+                        const ArtefactRow& artefact) const;
 
   const AdmissionOptions options_;
   const Tracks& tracks_;

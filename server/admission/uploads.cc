@@ -114,12 +114,16 @@ ArtefactRow RowOf(const Artefact& artefact) {
 }  // namespace
 
 absl::StatusOr<ReceivedArtefact> Uploads::Take(IncomingArchive& archive, const NewUpload& from,
+                                               const ArtefactCheck& check,
                                                const std::function<bool()>& stopping) {
   if (archive.size() == 0) return absl::InvalidArgumentError("the archive is empty");
   const absl::StatusOr<std::string> sha256 = HashOf(archive, stopping);
   if (!sha256.ok()) return sha256.status();
   absl::StatusOr<ArtefactRow> known = Known(*sha256);
-  if (known.ok()) return ReceivedArtefact{*std::move(known)};
+  if (known.ok()) {
+    if (absl::Status good = check(known->adapter); !good.ok()) return good;
+    return ReceivedArtefact{*std::move(known)};
+  }
   if (!absl::IsNotFound(known.status())) return known.status();
 
   const std::string name = absl::StrCat(data_dir_, "/spool/", ++names_);
@@ -133,6 +137,7 @@ absl::StatusOr<ReceivedArtefact> Uploads::Take(IncomingArchive& archive, const N
   if (absl::Status moved = archive.MoveTo(file); !moved.ok()) return moved;
   const absl::StatusOr<Artefact> artefact = Unpack(file, folder, stopping);
   if (!artefact.ok()) return artefact.status();
+  if (absl::Status good = check(artefact->manifest.adapter); !good.ok()) return good;
   absl::StatusOr<ReceivedArtefact> kept = Keep(*artefact, folder, from);
   if (kept.ok()) known_archives_.Learn(*sha256, kept->artefact.hash);
   return kept;

@@ -37,6 +37,9 @@ struct ReceivedArtefact {
   bool is_new = false;  // false: the store had it already
 };
 
+// Whether an artefact with this adapter can be used; an error is that of the whole upload.
+using ArtefactCheck = std::function<absl::Status(const std::string& adapter)>;
+
 // Safe from any thread.
 class Uploads {
  public:
@@ -45,16 +48,17 @@ class Uploads {
           ReaderPool& readers)
       : config_(config), data_dir_(data_dir), engine_(engine), readers_(readers) {}
 
-  // Unpacks the archive in a separate process, unless the same bytes were received before, writes
-  // the artefact's row and moves its files to artefacts/. Leaves nothing in the spool. `stopping`
-  // is polled; once it returns true, the upload is given up.
+  // Unpacks the archive in a separate process, unless the same bytes were received before, asks
+  // `check`, writes the artefact's row and moves its files to artefacts/. Leaves nothing in the spool.
+  // `stopping` is polled; once it returns true, the upload is given up.
   //   InvalidArgumentError        the archive breaks a rule, or its command could not start
   //   FailedPreconditionError     code "quota": too many uploads that were never submitted
   //   UnavailableError            code "busy": the host was too busy to unpack it
   //   CancelledError              `stopping` returned true
   //   ResourceExhaustedError      the disk is too full
-  // and the errors of Engine::AddArtefact and ReaderPool::Read.
+  // and the errors of `check`, Engine::AddArtefact and ReaderPool::Read.
   absl::StatusOr<ReceivedArtefact> Take(IncomingArchive& archive, const NewUpload& from,
+                                        const ArtefactCheck& check,
                                         const std::function<bool()>& stopping);
 
  private:

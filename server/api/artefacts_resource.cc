@@ -87,6 +87,7 @@ ApiResult ArtefactsResource::Upload(const httplib::Request& request) const {
                     {"env", artefact.environment},
                     {"adapter", artefact.adapter.empty() ? nlohmann::json() : nlohmann::json(artefact.adapter)},
                     {"extra_observations", artefact.extra_observations},
+                    {"image", artefact.image ? PolicyImageToJson(*artefact.image) : nlohmann::json()},
                     {"bytes", artefact.bytes},
                     {"files", artefact.files},
                     {"new", received->is_new}}};

@@ -177,7 +177,7 @@ absl::StatusOr<NewRerun> MakeRerun(Reader& reader, const ApiContext& context, in
   }
   const Runtimes runtimes(context.config.runtimes, context.config.runtimes_dir);
   NewRerun rerun{submission, stored->submission.artefact,
-                 CanonicalJson(WithRuntimes(GraderBuild(context.cache_dir),
+                 CanonicalJson(WithRuntimes(GraderBuild(context.cache_dir, {stored->artefact.adapter}),
                                             RuntimeDigests(runtimes, stored->artefact.runtimes))),
                  {}};
   if (absl::Status files = HasArtefactFiles(context.data_dir, rerun.artefact); !files.ok()) {

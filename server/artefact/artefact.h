@@ -53,16 +53,18 @@ using ByteProgress = std::function<void(int64_t done, int64_t total)>;
 // Packs what a participant has at `path` into the file `archive` (created or replaced) as a
 // canonical tar: sorted entries, no owners, modes 0755 or 0644, file times in whole seconds and no
 // other times. `path` is a folder with policy.json at its top, a single executable file (a manifest
-// that runs it is added), or an archive (.tar, .tar.gz, .tgz, .tar.zst, .zip). Enforces the rules
-// of UnpackArtefact, so that most mistakes are reported before anything is sent.
-// InvalidArgumentError: `path` breaks a rule (NotFoundError: it doesn't exist); other codes: a
-// problem of this host.
-absl::Status PackArtefact(const std::string& path, const std::string& archive,
-                          const ArtefactLimits& limits, const ByteProgress& progress = nullptr);
-
-// The runtimes that the policy.json of an archive asks for which PackArtefact wrote. NotFoundError:
-// it has none at its top; other errors: it can't be read.
-absl::StatusOr<std::vector<std::string>> PackedRuntimes(const std::string& archive);
+// that runs it is added), or an archive (.tar, .tar.gz, .tgz, .tar.zst, .zip) of such a folder or of
+// a container image. `name` is written into the packed policy.json in place of the name there; "":
+// that one stays, and an image has the name that it was saved by, or its file's. Enforces the rules
+// of UnpackArtefact, so that most mistakes are reported before anything is sent; of an image, which
+// is packed as it is, it reads no more than its name. Returns what the packed policy.json says: an
+// image's own command is not in it.
+// InvalidArgumentError: `path` or `name` breaks a rule (NotFoundError: `path` doesn't exist); other
+// codes: a problem of this host.
+absl::StatusOr<ArtefactManifest> PackArtefact(const std::string& path, const std::string& archive,
+                                              const ArtefactLimits& limits,
+                                              const ByteProgress& progress = nullptr,
+                                              const std::string& name = "");
 
 // Unpacks an untrusted archive into `destination`, which must not exist and is removed again after
 // an error. Links are kept as links and never followed. Nothing is synced to disk: call syncfs if

@@ -16,7 +16,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int64_t kMaxImageJson = 4 << 20;
 constexpr size_t kMaxMembers = 4096;
 constexpr int kMaxMemberLinks = 4;
 constexpr int kMaxIndexDepth = 3;
@@ -25,13 +24,6 @@ constexpr size_t kHexDigits = 64;
 absl::Status BadImage(std::string_view what) {
   return absl::InvalidArgumentError(
       absl::StrCat("the image ", absl::string_view(what.data(), what.size())));
-}
-
-// A name in the archive without "." and "..", which leads nowhere else.
-std::string PlainName(const std::string& name) {
-  std::string plain = std::filesystem::path("/" + name).lexically_normal().string().substr(1);
-  while (plain.ends_with('/')) plain.pop_back();
-  return plain;
 }
 
 bool IsHexDigest(std::string_view text) {
@@ -45,6 +37,12 @@ bool IsIndex(const std::string& media_type) {
 }
 
 }  // namespace
+
+std::string PlainMemberName(const std::string& name) {
+  std::string plain = std::filesystem::path("/" + name).lexically_normal().string().substr(1);
+  while (plain.ends_with('/')) plain.pop_back();
+  return plain;
+}
 
 absl::StatusOr<std::string_view> MemberStream::Next() {
   if (!open_) {
@@ -66,7 +64,7 @@ bool ImageArchive::MayBe(int file) {
   if (!archive.Open().ok()) return false;
   const absl::StatusOr<bool> found = archive.NextEntry(&entry);
   if (!found.ok() || !*found || archive_entry_pathname(entry) == nullptr) return false;
-  std::string top = PlainName(archive_entry_pathname(entry));
+  std::string top = PlainMemberName(archive_entry_pathname(entry));
   top.erase(std::min(top.find('/'), top.size()));
   for (const char* known : {"blobs", "oci-layout", "index.json", "manifest.json", "repositories"}) {
     if (top == known) return true;
@@ -95,14 +93,14 @@ absl::StatusOr<ImageArchive> ImageArchive::Index(int file) {
 absl::Status ImageArchive::Take(archive_entry* entry, int64_t position) {
   const char* raw = archive_entry_pathname(entry);
   if (raw == nullptr) return BadImage("has a member without a name");
-  const std::string name = PlainName(raw);
+  const std::string name = PlainMemberName(raw);
   Member member = {.position = position, .size = archive_entry_size(entry), .link = {}};
   if (const char* target = archive_entry_hardlink(entry); target != nullptr) {
-    member.link = PlainName(target);
+    member.link = PlainMemberName(target);
   } else if (archive_entry_filetype(entry) == AE_IFLNK) {
     const char* text = archive_entry_symlink(entry);
     const std::string folder = name.substr(0, name.rfind('/') + 1);  // all of it, or ""
-    member.link = PlainName((name.find('/') == std::string::npos ? "" : folder) +
+    member.link = PlainMemberName((name.find('/') == std::string::npos ? "" : folder) +
                             (text == nullptr ? "" : text));
   } else if (archive_entry_filetype(entry) == AE_IFDIR) {
     return absl::OkStatus();
@@ -129,7 +127,7 @@ std::unique_ptr<MemberStream> ImageArchive::Open(const std::string& member) cons
 }
 
 absl::StatusOr<std::string> ImageArchive::Find(const std::string& name) const {
-  std::string at = PlainName(name);
+  std::string at = PlainMemberName(name);
   for (int link = 0; link <= kMaxMemberLinks; ++link) {
     const auto found = members_.find(at);
     if (found == members_.end()) break;
@@ -230,8 +228,7 @@ absl::StatusOr<ImageContent> ImageArchive::ReadDocker() const {
     if (!member.ok()) return member.status();
     content.layers.push_back({.member = *std::move(member), .sha256 = {}, .diff_id = {}});
   }
-  const nlohmann::json& tags = At(image, "RepoTags");
-  if (tags.is_array() && !tags.empty() && tags[0].is_string()) content.tag = tags[0];
+  content.tag = TagOfDockerManifest(*images);
   return content;
 }
 
@@ -277,12 +274,7 @@ absl::StatusOr<ImageContent> ImageArchive::ReadOci() const {
   }
   absl::StatusOr<ImageContent> content = ReadManifest(fitting.begin()->second);
   if (!content.ok()) return content;
-  for (const nlohmann::json& entry : At(*index, "manifests")) {
-    const nlohmann::json& notes = At(entry, "annotations");
-    for (const char* key : {"io.containerd.image.name", "org.opencontainers.image.ref.name"}) {
-      if (content->tag.empty()) content->tag = TextAt(notes, key);
-    }
-  }
+  content->tag = TagOfIndex(*index);
   return content;
 }
 

@@ -16,6 +16,11 @@
 
 namespace myograde::server {
 
+inline constexpr int64_t kMaxImageJson = 4 << 20;  // bytes of one JSON file in it
+
+// A member's name without "." and "..", which leads nowhere else.
+std::string PlainMemberName(const std::string& name);
+
 // One member of the archive as a stream.
 class MemberStream : public ByteStream {
  public:

@@ -96,6 +96,22 @@ std::string TextAt(const Json& json, std::string_view key) {
   return value.is_string() ? value.get<std::string>() : "";
 }
 
+std::string TagOfDockerManifest(const Json& manifest) {
+  if (!manifest.is_array() || manifest.empty()) return "";
+  const Json& tags = At(manifest[0], "RepoTags");
+  return tags.is_array() && !tags.empty() && tags[0].is_string() ? tags[0].get<std::string>() : "";
+}
+
+std::string TagOfIndex(const Json& index) {
+  for (const Json& entry : At(index, "manifests")) {
+    const Json& notes = At(entry, "annotations");
+    for (const char* key : {"io.containerd.image.name", "org.opencontainers.image.ref.name"}) {
+      if (std::string tag = TextAt(notes, key); !tag.empty()) return tag;
+    }
+  }
+  return "";
+}
+
 absl::StatusOr<std::string> DigestOf(std::string_view text, std::string_view where) {
   constexpr std::string_view kPrefix = "sha256:";
   const std::string_view hex = text.substr(std::min(text.size(), kPrefix.size()));

@@ -29,6 +29,11 @@ absl::StatusOr<ImageConfig> ReadImageConfig(const nlohmann::json& json);
 std::string TextAt(const nlohmann::json& json, std::string_view key);
 const nlohmann::json& At(const nlohmann::json& json, std::string_view key);
 
+// The tag that an image was saved by, as an archive's manifest.json (Docker's) or index.json (OCI's)
+// has it; "": none.
+std::string TagOfDockerManifest(const nlohmann::json& manifest);
+std::string TagOfIndex(const nlohmann::json& index);
+
 // The hexadecimal digits of "sha256:HEX". `where` names it in the error.
 absl::StatusOr<std::string> DigestOf(std::string_view text, std::string_view where);
 

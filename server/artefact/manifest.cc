@@ -167,9 +167,7 @@ void CheckRuntimes(ConfigReader& reader, const std::vector<std::string>& runtime
 
 // What an adapter runs in is one of the submission's runtimes, named or not.
 void ReadAdapter(ConfigReader& reader, ArtefactManifest& manifest) {
-  std::vector<std::string> names;
-  for (const Adapter& adapter : Adapters()) names.emplace_back(adapter.name);
-  manifest.adapter = reader.Choice("adapter", names);
+  manifest.adapter = reader.Choice("adapter", AdapterNames());
   const Adapter* adapter = FindAdapter(manifest.adapter);
   if (adapter == nullptr) return;
   const std::string runtime(adapter->runtime);
@@ -250,11 +248,12 @@ absl::StatusOr<ArtefactManifest> ParseManifest(const nlohmann::json& json) {
   return ParseKeys(json, /*image=*/nullptr);
 }
 
-absl::StatusOr<SubmittedManifest> ReadSubmittedManifest(int folder) {
+absl::StatusOr<SubmittedManifest> ReadSubmittedManifest(int folder, const std::string& name) {
   const absl::StatusOr<std::string> text = ReadManifestText(folder);
   if (!text.ok()) return text.status();
   absl::StatusOr<nlohmann::json> json = ParseJson(*text, "policy.json");
   if (!json.ok()) return json.status();
+  if (!name.empty() && json->is_object()) (*json)["name"] = name;
   SubmittedManifest submitted;
   absl::StatusOr<ArtefactManifest> manifest = ParseKeys(*json, &submitted.image_file);
   if (!manifest.ok()) return manifest.status();

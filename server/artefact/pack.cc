@@ -19,6 +19,7 @@
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
 #include "server/artefact/listing.h"
+#include "server/artefact/saved_name.h"
 #include "server/artefact/submitted_manifest.h"
 #include "server/artefact/unpack_image.h"
 #include "server/base/names.h"
@@ -26,6 +27,16 @@
 
 namespace myograde::server {
 namespace {
+
+constexpr char kManifestFile[] = "policy.json";
+
+// What PackArtefact was asked for.
+struct Packing {
+  const std::string& archive;
+  const ArtefactLimits& limits;
+  const ByteProgress& progress;
+  const std::string& name;  // "": the submission's own
+};
 
 absl::Status Unreadable(const std::string& path) {
   return absl::InvalidArgumentError(
@@ -203,24 +214,26 @@ absl::Status CopyFile(int fd, const std::string& path, int64_t size, TarWriter& 
   return absl::OkStatus();
 }
 
-absl::Status PackFolder(const std::string& folder, const std::string& archive,
-                        const ArtefactLimits& limits, const ByteProgress& progress) {
-  const absl::StatusOr<ArtefactManifest> manifest = ReadManifest(folder);
-  if (!manifest.ok()) return manifest.status();
-  const absl::StatusOr<std::string> name = CleanName(manifest->name, "policy.json: \"name\"");
-  if (!name.ok()) return name.status();
-  const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (!root.valid()) return Unreadable(folder);
-  Listing listing(limits);
-  const absl::Status listed = FolderLister(root.get(), listing).List("");
-  if (!listed.ok()) return listed;
+// The text of a policy.json that is made or changed here.
+std::string ManifestText(const nlohmann::json& manifest) {
+  return manifest.dump(2, ' ', false, nlohmann::json::error_handler_t::ignore) + "\n";
+}
+
+// Writes the listed files of a folder. `about`: what to write as policy.json; "": the file itself.
+absl::Status WriteFolder(int root, const Listing& listing, const std::string& about,
+                         const std::string& archive, const ByteProgress& progress) {
   absl::StatusOr<TarWriter> tar = TarWriter::Create(archive);
   if (!tar.ok()) return tar.status();
   PackedBytes packed(listing.bytes(), progress);
-  for (const auto& [path, entry] : listing.entries()) {
+  for (const auto& [path, listed] : listing.entries()) {
+    Entry entry = listed;
+    const bool replaced = path == kManifestFile && !about.empty();
+    if (replaced) entry.size = static_cast<int64_t>(about.size());
     absl::Status status = tar->Begin(path, entry);
-    if (status.ok() && entry.type == EntryType::kFile) {
-      const Fd fd = OpenBeneath(root.get(), path, O_RDONLY | O_NONBLOCK);
+    if (status.ok() && replaced) {
+      status = tar->Write(about.data(), about.size());
+    } else if (status.ok() && entry.type == EntryType::kFile) {
+      const Fd fd = OpenBeneath(root, path, O_RDONLY | O_NONBLOCK);
       status = fd.valid() ? CopyFile(fd.get(), path, entry.size, *tar, packed) : Unreadable(path);
     }
     if (!status.ok()) return status;
@@ -228,20 +241,36 @@ absl::Status PackFolder(const std::string& folder, const std::string& archive,
   return tar->Close();
 }
 
+absl::StatusOr<ArtefactManifest> PackFolder(const std::string& folder, const Packing& packing) {
+  const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!root.valid()) return Unreadable(folder);
+  absl::StatusOr<SubmittedManifest> submitted = ReadSubmittedManifest(root.get(), packing.name);
+  if (!submitted.ok()) return submitted.status();
+  const absl::StatusOr<std::string> clean =
+      CleanName(submitted->manifest.name, "policy.json: \"name\"");
+  if (!clean.ok()) return clean.status();
+  Listing listing(packing.limits);
+  absl::Status status = FolderLister(root.get(), listing).List("");
+  const std::string about = packing.name.empty() ? "" : ManifestText(submitted->json);
+  if (status.ok()) {
+    status = WriteFolder(root.get(), listing, about, packing.archive, packing.progress);
+  }
+  if (!status.ok()) return status;
+  return std::move(submitted->manifest);
+}
+
 // Packs one file with the manifest that belongs to it.
 absl::Status PackWithManifest(const std::string& source, const std::string& name, bool executable,
-                              const nlohmann::json& about_it, const std::string& archive,
-                              const ArtefactLimits& limits, const ByteProgress& progress) {
-  Listing listing(limits);
+                              const nlohmann::json& about_it, const Packing& packing) {
+  Listing listing(packing.limits);
   const absl::StatusOr<std::string> clean = listing.CleanPath(name);
   if (!clean.ok()) return clean.status();
-  const std::string manifest =
-      about_it.dump(2, ' ', false, nlohmann::json::error_handler_t::ignore) + "\n";
+  const std::string manifest = ManifestText(about_it);
   const Fd fd(::open(source.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
   struct stat info = {};
   if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return Unreadable(source);
   const absl::StatusOr<Entry*> file = listing.Add(name, EntryType::kFile);
-  const absl::StatusOr<Entry*> about = listing.Add("policy.json", EntryType::kFile);
+  const absl::StatusOr<Entry*> about = listing.Add(kManifestFile, EntryType::kFile);
   absl::Status status = listing.AddBytes(name, info.st_size);
   for (const absl::Status& added : {file.status(), about.status()}) {
     if (status.ok()) status = added;
@@ -251,9 +280,9 @@ absl::Status PackWithManifest(const std::string& source, const std::string& name
   (*file)->time = KeptTime(info.st_mtim.tv_sec);
   (*file)->executable = executable;
   (*about)->size = static_cast<int64_t>(manifest.size());
-  absl::StatusOr<TarWriter> tar = TarWriter::Create(archive);
+  absl::StatusOr<TarWriter> tar = TarWriter::Create(packing.archive);
   if (!tar.ok()) return tar.status();
-  PackedBytes packed(info.st_size, progress);
+  PackedBytes packed(info.st_size, packing.progress);
   for (const auto& [path, entry] : listing.entries()) {
     status = tar->Begin(path, entry);
     if (!status.ok()) return status;
@@ -264,12 +293,16 @@ absl::Status PackWithManifest(const std::string& source, const std::string& name
   return tar->Close();
 }
 
-absl::Status PackProgram(const std::string& program, const std::string& archive,
-                         const ArtefactLimits& limits, const ByteProgress& progress) {
+absl::StatusOr<ArtefactManifest> PackProgram(const std::string& program, const Packing& packing) {
   const std::string base = std::filesystem::path(program).filename().string();
-  return PackWithManifest(program, base, /*executable=*/true,
-                          {{"name", PolicyNameOf(base)}, {"command", {"./" + base}}}, archive,
-                          limits, progress);
+  ArtefactManifest manifest;
+  manifest.name = packing.name.empty() ? PolicyNameOf(base) : packing.name;
+  manifest.command = {"./" + base};
+  const absl::Status packed =
+      PackWithManifest(program, base, /*executable=*/true,
+                       {{"name", manifest.name}, {"command", manifest.command}}, packing);
+  if (!packed.ok()) return packed;
+  return manifest;
 }
 
 bool IsImage(const std::string& path) {
@@ -278,26 +311,30 @@ bool IsImage(const std::string& path) {
 }
 
 // An image is sent as it is: the daemon unpacks it, and checks it there.
-absl::Status PackImage(const std::string& image, const std::string& archive,
-                       const ArtefactLimits& limits, const ByteProgress& progress) {
+absl::StatusOr<ArtefactManifest> PackImage(const std::string& image, const Packing& packing) {
   constexpr char kName[] = "image.tar";
-  const Fd file(::open(image.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
-  if (!file.valid()) return Unreadable(image);
-  const std::string stem = std::filesystem::path(image).filename().string();
-  return PackWithManifest(
-      image, kName, /*executable=*/false,
-      {{"name", ImageName(file.get(), stem.substr(0, stem.find(".tar")))}, {"image", kName}},
-      archive, limits, progress);
+  ArtefactManifest manifest;
+  manifest.name = packing.name;
+  if (manifest.name.empty()) {
+    const Fd file(::open(image.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+    if (!file.valid()) return Unreadable(image);
+    const std::string stem = std::filesystem::path(image).filename().string();
+    manifest.name = SavedName(file.get(), stem.substr(0, stem.find(".tar")), packing.limits);
+  }
+  const absl::Status packed = PackWithManifest(
+      image, kName, /*executable=*/false, {{"name", manifest.name}, {"image", kName}}, packing);
+  if (!packed.ok()) return packed;
+  return manifest;
 }
 
 // An archive is unpacked and packed again: so it is checked against every rule before it is sent,
 // and what is sent is canonical.
-absl::Status Repack(const std::string& source, const std::string& archive,
-                    const ArtefactLimits& limits, const ByteProgress& progress) {
-  const std::string folder = archive + ".unpacked";
-  const absl::Status unpacked = UnpackSubmission(source, folder, limits, progress);
+absl::StatusOr<ArtefactManifest> Repack(const std::string& source, const Packing& packing) {
+  const std::string folder = packing.archive + ".unpacked";
+  const absl::Status unpacked =
+      UnpackSubmission(source, folder, packing.limits, packing.progress);
   if (!unpacked.ok()) return unpacked;
-  const absl::Status packed = PackFolder(folder, archive, limits, progress);
+  absl::StatusOr<ArtefactManifest> packed = PackFolder(folder, packing);
   std::error_code ignored;
   std::filesystem::remove_all(folder, ignored);
   return packed;
@@ -312,26 +349,32 @@ bool HasArchiveName(const std::string& path) {
 
 }  // namespace
 
-absl::Status PackArtefact(const std::string& path, const std::string& archive,
-                          const ArtefactLimits& limits, const ByteProgress& progress) {
+absl::StatusOr<ArtefactManifest> PackArtefact(const std::string& path, const std::string& archive,
+                                              const ArtefactLimits& limits,
+                                              const ByteProgress& progress,
+                                              const std::string& name) {
   const Utf8Names utf8_names;
+  if (!name.empty()) {
+    if (absl::Status clean = CleanName(name, "the name").status(); !clean.ok()) return clean;
+  }
+  const Packing packing = {archive, limits, progress, name};
   struct stat info = {};
   if (::stat(path.c_str(), &info) != 0) {
     return absl::NotFoundError(absl::StrCat("can't be opened: ", std::strerror(errno)));
   }
-  if (S_ISDIR(info.st_mode)) return PackFolder(path, archive, limits, progress);
+  if (S_ISDIR(info.st_mode)) return PackFolder(path, packing);
   if (!S_ISREG(info.st_mode)) {
     return absl::InvalidArgumentError("is neither a file nor a folder");
   }
-  if (HasArchiveName(path) && IsImage(path)) return PackImage(path, archive, limits, progress);
-  if (HasArchiveName(path)) return Repack(path, archive, limits, progress);
+  if (HasArchiveName(path) && IsImage(path)) return PackImage(path, packing);
+  if (HasArchiveName(path)) return Repack(path, packing);
   if ((info.st_mode & 0111) == 0) {
     return absl::InvalidArgumentError(
         "is not executable; set its bit with chmod +x, or give a folder with a policy.json or an "
         "archive of one (.tar, .tar.gz, .tar.zst, .zip)");
   }
   if (info.st_size == 0) return absl::InvalidArgumentError("is an empty file, not a program");
-  return PackProgram(path, archive, limits, progress);
+  return PackProgram(path, packing);
 }
 
 }  // namespace myograde::server

@@ -16,10 +16,12 @@ struct SubmittedManifest {
   nlohmann::json json;     // the whole object
 };
 
-// Reads and checks the policy.json of a folder, and that what it names is there.
-absl::StatusOr<SubmittedManifest> ReadSubmittedManifest(int folder);
+// Reads and checks the policy.json of a folder, and that what it names is there. `name` takes the
+// place of its name, unless it is "".
+absl::StatusOr<SubmittedManifest> ReadSubmittedManifest(int folder, const std::string& name = "");
 
-// Unpacks an archive like UnpackArtefact, but leaves the archive of an image in it as it is.
+// Unpacks the files of an archive as UnpackArtefact does, but does not look at policy.json, and leaves
+// the archive of an image as it is.
 absl::Status UnpackSubmission(const std::string& archive, const std::string& destination,
                               const ArtefactLimits& limits, const ByteProgress& progress);
 

@@ -247,6 +247,7 @@ std::unique_ptr<archive, ArchiveReader> MakeReader(Compression compression) {
 // Unpacks an ordinary submission, which may hold an image's archive as a file.
 absl::StatusOr<Listing> UnpackFiles(int archive, int folder, const ArtefactLimits& limits,
                                     const ByteProgress& progress) {
+  const Utf8Names utf8_names;
   const Compression compression = CompressionOf(archive);
   const auto reader = MakeReader(compression);
   const auto broken = [&](std::string_view what) {
@@ -295,25 +296,6 @@ absl::StatusOr<Artefact> UnpackImageFile(const SubmittedManifest& submitted, int
   return UnpackImage(file.get(), folder, submitted.json, limits, [] {});
 }
 
-absl::StatusOr<Artefact> UnpackAny(int archive, int folder, const ArtefactLimits& limits,
-                                   bool images, const ByteProgress& progress) {
-  const absl::Status good_limits = CheckLimits(limits);
-  if (!good_limits.ok()) return good_limits;
-  const Utf8Names utf8_names;
-  if (images && IsImageArchive(archive, folder, limits)) {
-    return UnpackImage(archive, folder, nlohmann::json::object(), limits, [] {});
-  }
-  const absl::StatusOr<Listing> listing = UnpackFiles(archive, folder, limits, progress);
-  if (!listing.ok()) return listing.status();
-  absl::StatusOr<SubmittedManifest> submitted = ReadSubmittedManifest(folder);
-  if (!submitted.ok()) return submitted.status();
-  if (images && !submitted->image_file.empty()) return UnpackImageFile(*submitted, folder, limits);
-  return Artefact{.digest = listing->Digest(),
-                  .manifest = std::move(submitted->manifest),
-                  .bytes = listing->bytes(),
-                  .files = static_cast<int64_t>(listing->entries().size())};
-}
-
 }  // namespace
 
 absl::StatusOr<UnpackPlace> OpenUnpackPlace(const std::string& archive,
@@ -339,23 +321,36 @@ absl::StatusOr<UnpackPlace> OpenUnpackPlace(const std::string& archive,
 
 absl::StatusOr<Artefact> UnpackOpened(int archive, int folder, const ArtefactLimits& limits,
                                       const ByteProgress& progress) {
-  return UnpackAny(archive, folder, limits, /*images=*/true, progress);
+  if (absl::Status good = CheckLimits(limits); !good.ok()) return good;
+  const Utf8Names utf8_names;
+  if (IsImageArchive(archive, folder, limits)) {
+    return UnpackImage(archive, folder, nlohmann::json::object(), limits, [] {});
+  }
+  const absl::StatusOr<Listing> listing = UnpackFiles(archive, folder, limits, progress);
+  if (!listing.ok()) return listing.status();
+  absl::StatusOr<SubmittedManifest> submitted = ReadSubmittedManifest(folder);
+  if (!submitted.ok()) return submitted.status();
+  if (!submitted->image_file.empty()) return UnpackImageFile(*submitted, folder, limits);
+  return Artefact{.digest = listing->Digest(),
+                  .manifest = std::move(submitted->manifest),
+                  .bytes = listing->bytes(),
+                  .files = static_cast<int64_t>(listing->entries().size())};
 }
 
 namespace {
 
-absl::StatusOr<Artefact> UnpackInto(const std::string& archive, const std::string& destination,
-                                    const ArtefactLimits& limits, bool images,
-                                    const ByteProgress& progress) {
+// What `unpack` makes of the opened archive and folder; after an error there is no folder.
+template <typename Result, typename Unpack>
+Result UnpackInto(const std::string& archive, const std::string& destination,
+                  const Unpack& unpack) {
   const absl::StatusOr<UnpackPlace> place = OpenUnpackPlace(archive, destination);
   if (!place.ok()) return place.status();
-  absl::StatusOr<Artefact> artefact =
-      UnpackAny(place->archive.get(), place->folder.get(), limits, images, progress);
-  if (!artefact.ok()) {
+  Result result = unpack(place->archive.get(), place->folder.get());
+  if (!result.ok()) {
     std::error_code ignored;  // the first error is the one to report
     std::filesystem::remove_all(destination, ignored);
   }
-  return artefact;
+  return result;
 }
 
 }  // namespace
@@ -363,12 +358,17 @@ absl::StatusOr<Artefact> UnpackInto(const std::string& archive, const std::strin
 absl::StatusOr<Artefact> UnpackArtefact(const std::string& archive, const std::string& destination,
                                         const ArtefactLimits& limits,
                                         const ByteProgress& progress) {
-  return UnpackInto(archive, destination, limits, /*images=*/true, progress);
+  return UnpackInto<absl::StatusOr<Artefact>>(archive, destination, [&](int file, int folder) {
+    return UnpackOpened(file, folder, limits, progress);
+  });
 }
 
 absl::Status UnpackSubmission(const std::string& archive, const std::string& destination,
                               const ArtefactLimits& limits, const ByteProgress& progress) {
-  return UnpackInto(archive, destination, limits, /*images=*/false, progress).status();
+  if (absl::Status good = CheckLimits(limits); !good.ok()) return good;
+  return UnpackInto<absl::Status>(archive, destination, [&](int file, int folder) {
+    return UnpackFiles(file, folder, limits, progress).status();
+  });
 }
 
 }  // namespace myograde::server

@@ -15,6 +15,7 @@
 #include "server/artefact/image_archive.h"
 #include "server/artefact/image_tree.h"
 #include "server/artefact/listing.h"
+#include "server/artefact/saved_name.h"
 #include "server/artefact/submitted_manifest.h"
 
 namespace myograde::server {
@@ -89,13 +90,6 @@ absl::Status AddLayer(const ImageArchive& archive, const ImageLayer& layer,
   return About(absl::StrCat("the image's layer ", place), status);
 }
 
-// "registry/name:latest" is shown as "name".
-std::string NameOfTag(const std::string& tag) {
-  std::string name = tag.substr(tag.rfind('/') + 1);
-  if (name.ends_with(":latest")) name.resize(name.size() - 7);
-  return name.empty() ? "image" : PolicyNameOf(name);
-}
-
 // Writes the policy.json of the artefact and adds it to the listing.
 absl::Status WriteManifest(int folder, const std::string& text, Listing& listing) {
   const absl::StatusOr<Entry*> entry = listing.Add("policy.json", EntryType::kFile);
@@ -141,7 +135,9 @@ absl::StatusOr<Artefact> FromContent(const ImageArchive& archive, ImageContent c
   if (absl::Status finished = tree.Finish(content.config.user, image); !finished.ok()) {
     return finished;
   }
-  if (!manifest.contains("name")) manifest["name"] = NameOfTag(content.tag);
+  if (!manifest.contains("name")) {
+    manifest["name"] = content.tag.empty() ? "image" : NameOfTag(content.tag);
+  }
   if (!manifest.contains("command")) manifest["command"] = content.config.command;
   if (manifest["command"].empty()) {
     return absl::InvalidArgumentError("the image has neither ENTRYPOINT nor CMD; build it with one, "
@@ -203,15 +199,6 @@ absl::StatusOr<Artefact> UnpackImage(int file, int folder, nlohmann::json manife
   absl::StatusOr<ImageContent> content = archive->Read();
   if (!content.ok()) return content.status();
   return FromContent(*archive, *std::move(content), folder, std::move(manifest), limits, read);
-}
-
-std::string ImageName(int file, const std::string& otherwise) {
-  if (IsCompressed(file)) return PolicyNameOf(otherwise);
-  const absl::StatusOr<ImageArchive> archive = ImageArchive::Index(file);
-  if (!archive.ok()) return PolicyNameOf(otherwise);
-  const absl::StatusOr<ImageContent> content = archive->Read();
-  if (!content.ok() || content->tag.empty()) return PolicyNameOf(otherwise);
-  return NameOfTag(content->tag);
 }
 
 }  // namespace myograde::server

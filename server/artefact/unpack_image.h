@@ -27,8 +27,4 @@ absl::StatusOr<Artefact> UnpackImage(int file, int folder, nlohmann::json manife
                                      const ArtefactLimits& limits,
                                      const std::function<void()>& read);
 
-// The name that an image was saved by, as a policy's; `otherwise` if it has none that can be read
-// without decompressing it.
-std::string ImageName(int file, const std::string& otherwise);
-
 }  // namespace myograde::server

@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 
 #include <absl/strings/str_cat.h>
 
@@ -43,6 +44,14 @@ absl::StatusOr<std::string> BinDir() {
   }
   const std::string program(path, static_cast<size_t>(length));
   return program.substr(0, program.rfind('/'));
+}
+
+std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir) {
+  const std::filesystem::path above = std::filesystem::path(bin_dir).parent_path();
+  const std::filesystem::path installed = above / "share/myograde/adapters" / adapter;
+  std::error_code error;
+  if (std::filesystem::is_directory(installed, error)) return installed.string();
+  return (above / "adapters" / adapter).string();
 }
 
 std::string ConfigDir() {

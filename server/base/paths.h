@@ -16,6 +16,10 @@ absl::StatusOr<std::string> BinDir();
 // configs/.
 std::string ConfigDir();
 
+// The folder of an adapter's program (server/artefact/adapters.h), for programs in `bin_dir`. There
+// need not be one.
+std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir);
+
 // The default folders of data and caches: /var/lib/myograde and /var/cache/myograde for root, the
 // XDG folders for other users.
 std::string UsualDataDir();

@@ -18,6 +18,7 @@
 #include "protocol/base/file.h"
 #include "server/admission/admission.h"
 #include "server/api/api.h"
+#include "server/artefact/adapters.h"
 #include "server/challenge/phases.h"
 #include "server/daemon/log.h"
 #include "server/daemon/start.h"
@@ -295,7 +296,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   const Rejudger rejudger({.data_dir = options.data_dir,
                            .grader = [&] {
                              return WithRuntimes(
-                                 GraderBuild(options.cache_dir),
+                                 GraderBuild(options.cache_dir, AdapterNames()),
                                  RuntimeDigests(Runtimes(config.runtimes, config.runtimes_dir)));
                            }},
                           engine, readers);

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
+#include "server/artefact/adapters.h"
 #include "server/engine/engine.h"
 #include "server/proof/grader_build.h"
 
@@ -57,7 +58,7 @@ absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
   NewRejudge rejudge = asked;
   if (rejudge.grader_json.empty()) {
     rejudge.grader_json = CanonicalJson(
-        WithRuntimes(GraderBuild(cache_dir_), RuntimeDigests(runtimes_)));
+        WithRuntimes(GraderBuild(cache_dir_, AdapterNames()), RuntimeDigests(runtimes_)));
   }
   if (absl::Status status = CheckNewRejudge(rejudge); !status.ok()) return status;
   absl::StatusOr<RejudgePlan> plan = absl::InternalError("");

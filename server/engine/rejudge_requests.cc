@@ -56,6 +56,11 @@ bool SameSimulation(const Json& a, const Json& b) {
   for (const char* key : {"simulator", "mujoco"}) {
     if (!HashIn(a, key).is_string() || HashIn(a, key) != HashIn(b, key)) return false;
   }
+  // Builds before version 0.2 do not name their adapters.
+  const Json adapters_b = HashIn(b, "adapters");
+  for (const auto& [name, hash] : HashIn(a, "adapters").items()) {
+    if (HashIn(adapters_b, name.c_str()) != hash) return false;
+  }
   // A model is compiled when it is first needed, so one of the builds may know fewer.
   const Json models_a = HashIn(a, "models");
   const Json models_b = HashIn(b, "models");

@@ -32,7 +32,7 @@ struct CreatedRejudge {
 // Whether two effective configs give the same facts: they differ in "scoring" at most.
 bool SameFacts(const nlohmann::json& from, const nlohmann::json& to);
 
-// Whether two builds (GraderBuild) have the same simulator, library and compiled models.
+// Whether a build `b` has the simulator, library, compiled models and adapters of `a` (GraderBuild).
 bool SameSimulation(const nlohmann::json& a, const nlohmann::json& b);
 
 // InvalidArgumentError, in one sentence: `repeats` out of range, submissions listed for a purpose

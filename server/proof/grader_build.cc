@@ -5,6 +5,7 @@
 #include <system_error>
 #include <utility>
 
+#include "protocol/base/config_reader.h"
 #include "protocol/base/mutex.h"
 #include "protocol/base/sha256.h"
 #include "server/base/paths.h"
@@ -39,11 +40,29 @@ Json FileHash(const fs::path& path) {
   return *std::move(hash);
 }
 
+// The SHA-256 of all files of an adapter, or null. Python's compiled modules follow from the others.
+Json AdapterHash(const fs::path& folder) {
+  Json files = Json::object();
+  std::error_code error;
+  fs::recursive_directory_iterator entries(folder, error);
+  for (; !error && entries != fs::recursive_directory_iterator(); entries.increment(error)) {
+    const fs::path& path = entries->path();
+    if (path.filename() == "__pycache__") {
+      entries.disable_recursion_pending();
+    } else if (entries->is_regular_file(error)) {
+      files[path.lexically_relative(folder).string()] = FileHash(path);
+    }
+  }
+  if (error || files.empty()) return nullptr;
+  return Sha256Hex(CanonicalJson(files));
+}
+
 }  // namespace
 
 std::string GraderVersion() { return MYOGRADE_VERSION; }
 
-nlohmann::json GraderBuild(const std::string& cache_dir) {
+nlohmann::json GraderBuild(const std::string& cache_dir,
+                           const std::vector<std::string>& adapters) {
   Json models = Json::object();
   std::error_code ignored;  // without the folder there are no compiled models
   for (const fs::directory_entry& entry :
@@ -53,10 +72,15 @@ nlohmann::json GraderBuild(const std::string& cache_dir) {
     }
   }
   const absl::StatusOr<std::string> bin_dir = BinDir();
-  return {{"version", MYOGRADE_VERSION},
-          {"simulator", bin_dir.ok() ? FileHash(*bin_dir + "/myograde-sim") : Json()},
-          {"mujoco", FileHash(cache_dir + "/mujoco-2.2.2/lib/libmujoco.so.2.2.2")},
-          {"models", std::move(models)}};
+  Json build = {{"version", MYOGRADE_VERSION},
+                {"simulator", bin_dir.ok() ? FileHash(*bin_dir + "/myograde-sim") : Json()},
+                {"mujoco", FileHash(cache_dir + "/mujoco-2.2.2/lib/libmujoco.so.2.2.2")},
+                {"models", std::move(models)}};
+  for (const std::string& name : adapters) {
+    if (name.empty()) continue;
+    build["adapters"][name] = bin_dir.ok() ? AdapterHash(AdapterFolder(name, *bin_dir)) : Json();
+  }
+  return build;
 }
 
 }  // namespace myograde::server

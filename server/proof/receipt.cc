@@ -135,6 +135,11 @@ std::vector<ReceiptCheck> CompareGraders(const Json& receipt, const Json& grader
   for (const char* part : {"simulator", "mujoco"}) {
     compare(part, theirs.value(part, Json()), grader.value(part, Json()), /*must_equal=*/false);
   }
+  const Json adapters = grader.value("adapters", Json::object());
+  for (const auto& [name, hash] : theirs.value("adapters", Json::object()).items()) {
+    compare(absl::StrCat("adapter ", name), hash, adapters.value(name, Json()),
+            /*must_equal=*/false);
+  }
   // A compiled model's name contains everything that it depends on, so equal names mean equal
   // content. A model that is not compiled here yet will be, from verified sources.
   const Json models = theirs.value("models", Json::object());

@@ -1,7 +1,5 @@
 #include "server/sandbox/adapter_command.h"
 
-#include <filesystem>
-
 #include <absl/strings/str_cat.h>
 
 #include "server/sandbox/image_sandbox.h"
@@ -12,14 +10,6 @@ namespace {
 constexpr char kPython[] = "/usr/bin/python3";
 
 }  // namespace
-
-std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir) {
-  const std::filesystem::path installed =
-      std::filesystem::path(bin_dir).parent_path() / "share/myograde/adapters" / adapter;
-  std::error_code error;
-  if (std::filesystem::is_directory(installed, error)) return installed.string();
-  return (std::filesystem::path(bin_dir).parent_path() / "adapters" / adapter).string();
-}
 
 std::vector<std::string> AdapterEnvironment(const LeaseOrder& order) {
   if (!order.image.has_value()) return {};

@@ -12,10 +12,6 @@ namespace myograde::server {
 // Where a policy's sandbox shows the adapter of its order.
 inline constexpr char kAdapterPlace[] = "/myograde/adapter";
 
-// The host folder of the adapter's program; `bin_dir`: that of the project's programs. There need
-// not be one.
-std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir);
-
 // The adapter's own variables, as "NAME=value".
 std::vector<std::string> AdapterEnvironment(const LeaseOrder& order);
 

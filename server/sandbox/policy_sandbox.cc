@@ -14,6 +14,7 @@
 
 #include "protocol/policy/channels.h"
 #include "protocol/base/pinned_maths.h"
+#include "server/base/paths.h"
 #include "server/sandbox/adapter_command.h"
 #include "server/sandbox/image_sandbox.h"
 #include "server/sandbox/users.h"

@@ -4,6 +4,7 @@
 // Exit status: RenderExit (protocol/lease/render_order.h), with one sentence on standard error.
 #include <fcntl.h>
 #include <grp.h>
+#include <signal.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/time.h>
@@ -17,6 +18,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
@@ -47,6 +49,12 @@ const std::vector<std::string> kDrawingCalls = {
 
 // Ends the program by SIGALRM when the time is up, behind the filter as well.
 void SetDeadline(double seconds) {
+  // Whoever started it may have ignored or blocked the signal.
+  signal(SIGALRM, SIG_DFL);
+  sigset_t alarm;
+  sigemptyset(&alarm);
+  sigaddset(&alarm, SIGALRM);
+  sigprocmask(SIG_UNBLOCK, &alarm, nullptr);
   itimerval timer = {};
   timer.it_value.tv_sec = static_cast<time_t>(std::ceil(seconds));
   setitimer(ITIMER_REAL, &timer, nullptr);

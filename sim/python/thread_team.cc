@@ -1,8 +1,30 @@
 #include "sim/python/thread_team.h"
 
+#include <chrono>
 #include <memory>
 
 namespace myograde::sim {
+namespace {
+
+// How long a thread looks for its next loop, or for the others' end, before it sleeps. A learner
+// asks for the next step within some ten microseconds, and to wake a thread of a virtual machine
+// takes longer than that.
+constexpr std::chrono::microseconds kLookingFor{200};
+
+// Waits until `value` is no longer `old`, and lets other threads run meanwhile.
+template <typename T>
+void AwaitChange(const std::atomic<T>& value, T old) {
+  const auto until = std::chrono::steady_clock::now() + kLookingFor;
+  while (value.load(std::memory_order_acquire) == old) {
+    if (std::chrono::steady_clock::now() >= until) {
+      value.wait(old, std::memory_order_acquire);
+      return;
+    }
+    std::this_thread::yield();
+  }
+}
+
+}  // namespace
 
 ThreadTeam::ThreadTeam(int threads) {
   for (int i = 1; i < threads; ++i) workers_.emplace_back([this] { Work(); });
@@ -13,48 +35,32 @@ ThreadTeam::~ThreadTeam() {
     for (std::thread& worker : workers_) worker.detach();
     return;
   }
-  {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
-  }
-  begin_.notify_all();
+  stop_ = true;
+  ++round_;
+  round_.notify_all();
   for (std::thread& worker : workers_) worker.join();
 }
 
 void ThreadTeam::ForEach(int count, const std::function<void(int)>& body) {
   next_ = 0;
-  {
-    const std::lock_guard lock(mutex_);
-    count_ = count;
-    body_ = &body;
-    busy_ = static_cast<int>(workers_.size());
-    ++round_;
-  }
-  begin_.notify_all();
+  count_ = count;
+  body_ = &body;
+  busy_ = static_cast<int>(workers_.size());
+  ++round_;
+  round_.notify_all();
   TakeIndices(count, body);
-  std::unique_lock lock(mutex_);
-  end_.wait(lock, [this] { return busy_ == 0; });
+  while (const int busy = busy_.load(std::memory_order_acquire)) AwaitChange(busy_, busy);
 }
 
 void ThreadTeam::Work() {
   uint64_t seen = 0;
   while (true) {
-    int count;
-    const std::function<void(int)>* body;
-    {
-      std::unique_lock lock(mutex_);
-      begin_.wait(lock, [&] { return stop_ || round_ != seen; });
-      if (stop_) return;
-      seen = round_;
-      count = count_;
-      body = body_;
-    }
-    TakeIndices(count, *body);
-    {
-      const std::lock_guard lock(mutex_);
-      if (--busy_ > 0) continue;
-    }
-    end_.notify_one();
+    AwaitChange(round_, seen);
+    ++seen;
+    if (stop_) return;
+    TakeIndices(count_, *body_);
+    --busy_;
+    busy_.notify_one();
   }
 }
 

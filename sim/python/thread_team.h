@@ -4,10 +4,8 @@
 #include <unistd.h>
 
 #include <atomic>
-#include <condition_variable>
 #include <cstdint>
 #include <functional>
-#include <mutex>
 #include <thread>
 #include <vector>
 
@@ -36,18 +34,15 @@ class ThreadTeam {
   void TakeIndices(int count, const std::function<void(int)>& body);
 
   const pid_t owner_ = getpid();
-  std::vector<std::thread> workers_;
-  std::mutex mutex_;
-  std::condition_variable begin_;
-  std::condition_variable end_;
-  // Guarded by mutex_.
-  uint64_t round_ = 0;
-  int busy_ = 0;
+  // What the next loop does; written while no worker is in one.
   bool stop_ = false;
   int count_ = 0;
   const std::function<void(int)>* body_ = nullptr;
 
-  std::atomic<int> next_{0};  // the first index that nobody has taken
+  std::atomic<uint64_t> round_{0};  // loops begun
+  std::atomic<int> busy_{0};        // workers that have not finished this loop
+  std::atomic<int> next_{0};        // the first index that nobody has taken
+  std::vector<std::thread> workers_;
 };
 
 }  // namespace myograde::sim

@@ -105,7 +105,7 @@ class Others(unittest.TestCase):
         self.assertEqual(found["myosuite"], {"skipped": "exit 1"})
         self.assertEqual(found["loop"], {"skipped": "no network"})
         self.assertEqual(found["vector"], {"skipped": "its packages are not installed"})
-        self.assertIn("locomotion: environments in Python on 2 cores, turn 1 of 1", said)
+        self.assertIn("locomotion: environments in Python on 2 cores, 4 turns", said)
 
 
 class Measuring(unittest.TestCase):

@@ -39,7 +39,7 @@ inline void CheckUnpack(const Folder& folder, std::string_view bytes) {
     entries += entry.path().filename() != "packed" ? 1 : 0;
   }
   Require(entries == 2, "nothing is written outside");
-  const absl::Status packed = server::PackArtefact(out, folder / "packed", kSmallLimits);
+  const auto packed = server::PackArtefact(out, folder / "packed", kSmallLimits);
   Require(packed.ok(), "what was unpacked can be packed");
   const auto again = server::UnpackArtefact(folder / "packed", folder / "again", kSmallLimits);
   Require(again.ok() && again->digest == artefact->digest && again->bytes == artefact->bytes &&

@@ -9,7 +9,7 @@ import tempfile
 import unittest
 
 BUILD = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"]).parent
-PROGRAMS = {"myograde", "myograded", "myograde-runner", "myograde-sim", "myograde-bridge",
+PROGRAMS = {"myograde", "myograded", "myograde-runner", "myograde-sim", "myograde-bridge", "myograde-render",
             "myograde-unpack"}
 
 
@@ -39,7 +39,7 @@ class Install(unittest.TestCase):
     def test_programs_configs_schemas_kits_and_message_types_are_there(self):
         self.assertEqual({path.name for path in (self.prefix / "bin").iterdir()}, PROGRAMS)
         for name in ("configs/server.json", "configs/tracks/elbow.json", "configs/sandbox/sim.json",
-                     "configs/schema/show.json", "openapi.json",
+                     "configs/schema/show.json", "openapi.json", "figures/__main__.py",
                      "configs/reference/manipulation.lcmlog.zst",
                      "policies/kit-python/myograde/policy/kit.py",
                      "adapters/template-2024/__main__.py", "policies/scripted-elbow/policy.json",

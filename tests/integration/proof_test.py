@@ -5,6 +5,7 @@ import json
 import os
 import pathlib
 import shutil
+import struct
 import subprocess
 
 from system import BIN, POLICIES, SOURCE, SystemTest, track_config
@@ -90,6 +91,22 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
                 file = self.root / f"replay-{track}.lcmlog"
                 self.run_cli("log", submission, "--episode", 2, "-o", file)
                 self.assertTrue(self.ask("replay", file)["equal"])
+
+    def test_episodes_can_be_drawn_from_their_logs(self):
+        for track, submission in self.submissions.items():
+            with self.subTest(track=track):
+                file = self.root / f"{track}.png"
+                told = self.ask("render", submission, "--strip", "--size", "64x48", "-o", file)
+                rows = self.ask("show", submission, "--episodes")["episode_rows"]
+                self.assertEqual([entry["place"] for entry in told["episodes"]],
+                                 ["best", "median", "worst"])
+                self.assertEqual(sorted(entry["index"] for entry in told["episodes"]), [0, 1, 2])
+                for entry in told["episodes"]:
+                    row = rows[entry["index"]]
+                    self.assertTrue(entry["verdict"].startswith(row["outcome"]), entry)
+                # Five columns and three rows, 4 pixels apart.
+                head = file.read_bytes()[:24]
+                self.assertEqual(struct.unpack(">II", head[16:]), (5 * 64 + 16, 3 * 48 + 8))
 
     def test_an_altered_log_is_found_and_named(self):
         submission = self.submissions["locomotion"]

@@ -67,6 +67,13 @@ class TemplateAgents(SystemTest):
         agent = self.agent("fingers_agent", files=["hand.json"], env={"POLICY_LOCAL": "1"})
         self.assertEqual(len(set(self.digests(agent, "short-arm"))), 2)
 
+    def test_an_agent_of_raw_controls(self):
+        def digests(angle):
+            return self.digests(self.agent("direct_agent", angle), "short-arm")
+
+        self.assertEqual(len(set(digests("0.9"))), 2)
+        self.assertNotEqual(digests("1.2"), digests("1.0"), "controls above 1 are cut")
+
     def test_a_reset_before_the_end_ends_the_episode_as_it_stands(self):
         result = self.ask("local", self.agent("impatient_agent"), "--track", "short-arm",
                           "--profile", "myosuite")
@@ -141,10 +148,10 @@ class TemplateAgents(SystemTest):
         self.assertIn("max_force", row["fault"]["detail"])
 
     def test_a_track_that_the_template_did_not_have(self):
-        result = self.ask("local", self.agent("manipulation_agent"), "--track", "elbow",
-                          "--episodes", "1", check=False)
-        self.assertIn("no environment for the track elbow",
-                      result["episodes"][0]["fault"]["detail"])
+        run = self.run_cli("local", self.agent("manipulation_agent"), "--track", "elbow",
+                           "--episodes", "1", check=False)
+        self.assertEqual(run.returncode, 2, run)
+        self.assertIn('can\'t play tracks of the kind "elbow"', run.stderr)
 
     def test_an_adapter_that_nobody_knows_is_refused(self):
         folder = self.agent("manipulation_agent", "unknown", adapter="template-1999")

@@ -20,10 +20,10 @@ import unittest.mock
 import zipfile
 
 from myograde.client import (Client, DeadlinePassed, ServerError, Unreachable, WrongUse,
-                             choose_server, flat)
+                             choose_server)
 from myograde.client import client as implementation
-from myograde.client.archive import pack
 from myograde.client.server import login_file
+from support import images
 from support.certificates import make_certificate
 from support.daemon import Daemon
 
@@ -159,6 +159,23 @@ class Grading(WithDaemon):
         self.assertEqual(by_program["artefact"], told["artefact"])
         program = self.here.upload(folder / "policy", team="packer", track=TRACK)
         self.assertEqual((program["name"], program["command"]), ("policy", ["./policy"]))
+
+    def test_a_given_name_comes_over_the_submissions(self):
+        folder = self.policy("first-name")
+        image = self.folder / "agent.tar"
+        image.write_bytes(images.image([[images.member("run", b"#!/bin/sh\n", mode=0o755)]],
+                                       entrypoint=["/run"]))
+        for place in (folder, folder / "policy", image):
+            told = self.here.upload(place, team="namer", track=TRACK, name="second name")
+            self.assertEqual(told["name"], "second name", place)
+            self.assertEqual(told["image"] is not None, place == image)
+        self.assertEqual(told["image"]["working_dir"], "/")
+        accepted = self.here.submit(folder, track=TRACK, team="namer", episodes=1, name="third")
+        by_program = self.daemon.ask("submit", folder, "--track", TRACK, "--team", "namer",
+                                     "--episodes", "1", "--name", "third")
+        self.assertEqual((accepted["name"], by_program["name"]), ("third", "third"))
+        for number in (accepted["submission"], by_program["submission"]):
+            self.here.wait(number, timeout_s=LONG_S)
 
     def test_lists_come_in_pages(self):
         numbers = [self.here.submit(self.policy("many"), track=TRACK, team="pages",
@@ -406,43 +423,6 @@ class Answers(unittest.TestCase):
         with self.assertRaises(ServerError) as refused:
             client._transport.ask("POST", "/v1/artefacts", io.BytesIO(bytes(8 << 20)), size=8 << 20)
         self.assertEqual(refused.exception.code, "too_large")
-
-
-class Packing(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
-
-    def refused(self, path):
-        with self.assertRaises(WrongUse) as wrong:
-            pack(path, io.BytesIO())
-        return str(wrong.exception)
-
-    def test_what_cant_be_packed_is_named(self):
-        self.assertIn("no such folder", self.refused(self.folder / "none"))
-        self.assertIn("has no policy.json", self.refused(self.folder))
-        (self.folder / "policy.json").write_text("{}")
-        os.mkfifo(self.folder / "pipe")
-        self.assertIn("pipe: is no file", self.refused(self.folder))
-        (self.folder / "pipe").unlink()
-        (self.folder / "tool").write_text("x")
-        self.assertIn("is not executable", self.refused(self.folder / "tool"))
-        (self.folder / "tool").chmod(0o4755)
-        self.assertIn("setuid", self.refused(self.folder))
-        (self.folder / "broken.zip").write_text("x")
-        self.assertIn("zip archive", self.refused(self.folder / "broken.zip"))
-
-    def test_the_same_folder_makes_the_same_bytes(self):
-        (self.folder / "policy.json").write_text("{}")
-        (self.folder / "lost").symlink_to("nowhere")
-        archives = [io.BytesIO(), io.BytesIO()]
-        for archive in archives:
-            pack(self.folder, archive)
-        self.assertEqual(archives[0].getvalue(), archives[1].getvalue())
-
-    def test_records_are_flat(self):
-        self.assertEqual(flat({"a": {"b": {"c": 1}}, "d": [1], "e": {}}), {"a.b.c": 1, "d": [1]})
 
 
 if __name__ == "__main__":

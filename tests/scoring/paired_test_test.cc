@@ -183,6 +183,42 @@ double Enumerated(const std::vector<Pair>& pairs) {
   return static_cast<double>(reached) / static_cast<double>(ways);
 }
 
+TEST(IntervalOfDifference, OfSuccessesIsBonettAndPrices) {
+  // 21 pairs, 1 and 7 of which differ: 2/23 - 8/23, with the error of 23 pairs.
+  const auto interval = IntervalOfDifference(Successes(1, 7, 13));
+  ASSERT_TRUE(interval.has_value());
+  EXPECT_TRUE(interval->of_proportions);
+  EXPECT_NEAR(interval->low, -0.50836, 1e-4);
+  EXPECT_NEAR(interval->high, -0.01338, 1e-4);
+}
+
+TEST(IntervalOfDifference, OfSuccessesThatAreAllEqualHasAWidth) {
+  const auto interval = IntervalOfDifference(Successes(0, 0, 100));
+  EXPECT_LT(interval->low, -0.02);
+  EXPECT_GT(interval->high, 0.02);
+}
+
+TEST(IntervalOfDifference, OfNumbersIsThatOfTheNormalDistribution) {
+  const auto interval = IntervalOfDifference(PairsOf({2, 4, 6, 8}, {1, 2, 3, 4}));
+  ASSERT_TRUE(interval.has_value());
+  EXPECT_FALSE(interval->of_proportions);
+  EXPECT_NEAR(interval->low, 2.5 - 1.2651511, 1e-6);  // 1.96 standard errors of sqrt(5/3)/2
+  EXPECT_NEAR(interval->high, 2.5 + 1.2651511, 1e-6);
+}
+
+TEST(IntervalOfDifference, NeedsTwoPairs) {
+  EXPECT_FALSE(IntervalOfDifference(PairsOf({1}, {0})).has_value());
+}
+
+RC_GTEST_PROP(PairedTestProperties, ExchangedEntriesHaveTheIntervalTurned, ()) {
+  const auto count = *rc::gen::inRange<size_t>(2, 20);
+  const std::vector<Pair> pairs = PairsOf(AnyNumbers(count), AnyNumbers(count));
+  const auto interval = IntervalOfDifference(pairs);
+  const auto turned = IntervalOfDifference(Exchanged(pairs));
+  RC_ASSERT(std::abs(interval->low + turned->high) < 1e-9);
+  RC_ASSERT(std::abs(interval->high + turned->low) < 1e-9);
+}
+
 RC_GTEST_PROP(PairedTestProperties, TheClosedFormIsTheEnumeration, ()) {
   const std::vector<Pair> pairs =
       Successes(*rc::gen::inRange(0, 6), *rc::gen::inRange(0, 6), *rc::gen::inRange(1, 3));

@@ -50,10 +50,10 @@ const std::vector<std::string>& ShippedCalls() {
 }
 
 // The wait status of a process that sets the shipped filter and does `work`.
-int Behind(const std::function<bool()>& work) {
+int Behind(const std::function<bool()>& work, NewCode code = NewCode::kNone) {
   const pid_t child = fork();
   if (child == 0) {
-    if (!AllowOnly(ShippedCalls()).ok()) _exit(kNoFilter);
+    if (!AllowOnly(ShippedCalls(), code).ok()) _exit(kNoFilter);
     _exit(work() ? kWorked : kFailed);
   }
   int status = 0;
@@ -166,6 +166,20 @@ TEST(Confine, EndsAProcessThatReachesOut) {
          return mprotect(page, sizeof(page), PROT_READ | PROT_EXEC) == 0;
        }}};
   for (const auto& [what, work] : tries) ExpectEnds(what, work);
+}
+
+// A renderer compiles what it draws with.
+TEST(Confine, LetsCompiledCodeBeExecutableButNeverWritableAsWell) {
+  alignas(4096) static char page[4096];
+  const auto protect = [](int protection) {
+    return [protection] { return mprotect(page, sizeof(page), protection) == 0; };
+  };
+  EXPECT_EQ(Behind(protect(PROT_READ | PROT_EXEC), NewCode::kCompiled), kWorked);
+  EXPECT_EQ(Behind(protect(PROT_READ), NewCode::kCompiled), kWorked);
+  for (const int protection : {PROT_READ | PROT_WRITE | PROT_EXEC, PROT_EXEC}) {
+    const int status = Behind(protect(protection), NewCode::kCompiled);
+    EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGSYS) << status;
+  }
 }
 
 #if defined(__x86_64__)

@@ -38,7 +38,8 @@ const TrackKind& LocomotionTrack() {
                                   .no_facts = LocomotionFacts(),
                                   .max_steps = locomotion::MaxSteps,
                                   .tables = LegSetTables,
-                                  .upgrade = locomotion::Upgrade};
+                                  .upgrade = locomotion::Upgrade,
+                                  .in_template_2024 = true};
   return track;
 }
 

@@ -23,7 +23,8 @@ const TrackKind& ManipulationTrack() {
                                   .no_facts = ManipulationFacts(),
                                   .max_steps = MaxStepsKey,
                                   .tables = nullptr,
-                                  .upgrade = manipulation::Upgrade};
+                                  .upgrade = manipulation::Upgrade,
+                                  .in_template_2024 = true};
   return track;
 }
 

@@ -5,6 +5,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/artefact/artefact.h"
+#include "server/base/names.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
@@ -37,13 +38,12 @@ absl::StatusOr<Json> RequestOf(const SubmitOptions& options) {
 
 // A runtime that the server lacks is told before anything is sent. Servers of before 0.2 can't be
 // asked, and refuse it themselves.
-absl::Status CheckRuntimes(const std::string& archive, const Client& client) {
-  const absl::StatusOr<std::vector<std::string>> needed = PackedRuntimes(archive);
-  if (!needed.ok() || needed->empty()) return absl::OkStatus();  // the server checks the rest
+absl::Status CheckRuntimes(const std::vector<std::string>& needed, const Client& client) {
+  if (needed.empty()) return absl::OkStatus();
   const absl::StatusOr<std::vector<std::string>> offered = OfferedRuntimes(client);
   if (AnsweredCode(offered.status()) == "not_found") return absl::OkStatus();
   if (!offered.ok()) return offered.status();
-  const std::string missing = MissingRuntime(*needed, *offered);
+  const std::string missing = MissingRuntime(needed, *offered);
   if (missing.empty()) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(missing, "; nothing was sent"));
 }
@@ -53,16 +53,16 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
   absl::StatusOr<TempFolder> temp = TempFolder::Make("submit");
   if (!temp.ok()) return temp.status();
   const std::string archive = temp->path() + "/artefact.tar";
+  absl::StatusOr<ArtefactManifest> manifest;
   {
     Progress progress("packing", Progress::Unit::kBytes);
-    const absl::Status packed = HostStatus(
-        options.path, PackArtefact(options.path, archive, ArtefactLimits(),
-                                   [&](int64_t done, int64_t total) {
-                                     progress.Show(done, total, "");
-                                   }));
-    if (!packed.ok()) return packed;
+    const ByteProgress shown = [&](int64_t done, int64_t total) {
+      progress.Show(done, total, "");
+    };
+    manifest = PackArtefact(options.path, archive, ArtefactLimits(), shown, options.name);
   }
-  if (absl::Status known = CheckRuntimes(archive, client); !known.ok()) return known;
+  if (!manifest.ok()) return HostStatus(options.path, manifest.status());
+  if (absl::Status known = CheckRuntimes(manifest->runtimes, client); !known.ok()) return known;
   Progress progress("sending", Progress::Unit::kBytes);
   const absl::StatusOr<Json> answer = client.Upload(
       absl::StrCat("/v1/artefacts?team=", QueryValue(options.team), "&track=",
@@ -171,6 +171,12 @@ CLI::Option* AddSubmitOptions(CLI::App& verb, SubmitOptions& options) {
                   "An executable file, a folder with a policy.json, an archive of such a folder "
                   "(.tar, .tar.gz, .tar.zst, .zip), or a container image as podman save writes it")
       ->required();
+  verb.add_option("--name", options.name,
+                  "Name of the policy on boards, 1 to 64 bytes (default: that of policy.json, of "
+                  "the program, or by which the image was saved)")
+      ->check([](const std::string& name) {
+        return std::string(CleanName(name, "it").status().message());
+      });
   verb.add_option("--track", options.track,
                   "Name of the track, as \"myograde spec\" lists them (default: the phase's)");
   verb.add_option("--team", options.team, "Name of the team; 1 to 64 bytes")->required();

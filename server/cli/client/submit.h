@@ -15,6 +15,7 @@ namespace myograde::server {
 
 struct SubmitOptions : DaemonOptions {
   std::string path;
+  std::string name;   // of the policy; "": the submission's own
   std::string track;  // "": the phase's
   std::string team;
   std::string profile;

@@ -27,7 +27,7 @@
 namespace myograde::server {
 namespace {
 
-constexpr int kLowestPriority = 19;
+constexpr int kLowPriority = 10;  // as of nice(1)
 constexpr int kLookMilliseconds = 100;
 constexpr size_t kMaxPngBytes = size_t{256} << 20;
 constexpr absl::Duration kAfterDeadline = absl::Seconds(10);  // in which myograde-render says so itself
@@ -92,7 +92,7 @@ absl::StatusOr<ChildProcess> StartRenderer(const RenderOrder& order, const std::
   spawn.words = {"myograde-render"};
   spawn.in = in.get();
   spawn.out = out.get();
-  spawn.nice = kLowestPriority;
+  spawn.nice = kLowPriority;
   return ChildProcess::Start(std::move(spawn));
 }
 
@@ -145,7 +145,7 @@ absl::StatusOr<ChildProcess> StartEncoder(std::vector<std::string> words, Fd in,
   spawn.words = std::move(words);
   spawn.in = in.get();
   spawn.out = out.get();
-  spawn.nice = kLowestPriority;
+  spawn.nice = kLowPriority;
   return ChildProcess::Start(std::move(spawn));
 }
 

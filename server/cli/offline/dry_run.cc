@@ -114,7 +114,7 @@ void Append(std::vector<Finding>& findings, std::vector<Finding> more) {
 absl::StatusOr<Report> Examine(const DryRunOptions& options, const Client& client,
                                const std::string& temp, LocalOrder& order) {
   Report report;
-  const absl::Status taken = TakeSubmission(options.path, temp, order);
+  const absl::Status taken = TakeSubmission(options.path, options.name, temp, order);
   if (!taken.ok() && ExitOf(taken) == kTrouble) return taken;
   report.findings.push_back(SubmissionFinding(taken, order));
   if (taken.ok()) report.findings.push_back(ProgramFinding(options.path, order));

@@ -12,6 +12,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/outcome.h"
 #include "protocol/base/sha256.h"
+#include "server/artefact/adapters.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
@@ -93,7 +94,8 @@ absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options) {
   return order;
 }
 
-absl::Status TakeSubmission(const std::string& path, const std::string& temp, LocalOrder& order) {
+absl::Status TakeSubmission(const std::string& path, const std::string& name,
+                            const std::string& temp, LocalOrder& order) {
   const Budgets& budgets = order.track->config.budgets;
   const ArtefactLimits limits = {.bytes = budgets.submission_bytes,
                                  .files = budgets.submission_files};
@@ -101,7 +103,7 @@ absl::Status TakeSubmission(const std::string& path, const std::string& temp, Lo
   {
     Progress progress("packing", Progress::Unit::kBytes);
     const absl::Status packed =
-        HostStatus(path, PackArtefact(path, archive, limits, ShownBy(progress)));
+        HostStatus(path, PackArtefact(path, archive, limits, ShownBy(progress), name).status());
     if (!packed.ok()) return packed;
   }
   order.artefact_dir = temp + "/artefact";
@@ -110,9 +112,11 @@ absl::Status TakeSubmission(const std::string& path, const std::string& temp, Lo
       UnpackArtefact(archive, order.artefact_dir, limits, ShownBy(progress));
   if (!artefact.ok()) return HostStatus(path, artefact.status());
   order.artefact = *std::move(artefact);
-  const absl::Status extra = HostStatus(
-      path, CheckExtraObservations(order.artefact.manifest.extra_observations, order.track->config));
-  if (!extra.ok()) return extra;
+  const ArtefactManifest& manifest = order.artefact.manifest;
+  const TrackConfig& track = order.track->config;
+  absl::Status fits = CheckAdapter(manifest.adapter, *track.kind);
+  if (fits.ok()) fits = CheckExtraObservations(manifest.extra_observations, track);
+  if (!fits.ok()) return HostStatus(path, fits);
   order.work_dir = temp;
   std::filesystem::remove(archive);
   return absl::OkStatus();
@@ -156,7 +160,7 @@ namespace {
 absl::StatusOr<LocalOrder> Prepare(const LocalOptions& options, const std::string& temp) {
   absl::StatusOr<LocalOrder> order = MakeLocalOrder(options);
   if (!order.ok()) return order;
-  absl::Status status = TakeSubmission(options.path, temp, *order);
+  absl::Status status = TakeSubmission(options.path, /*name=*/"", temp, *order);
   if (status.ok()) status = TakeRuntimes(*order);
   if (status.ok()) status = CheckLocalProgram(options.path, *order);
   if (!status.ok()) return status;
@@ -206,7 +210,7 @@ absl::StatusOr<Json> ResultJson(const LocalOrder& order, const LocalResult& resu
               {"merkle_root", result.rows.empty()
                                   ? Json()
                                   : Json(MerkleRootOf(result.rows, config.seed_salt))},
-              {"grader", WithRuntimes(GraderBuild(order.cache_dir),
+              {"grader", WithRuntimes(GraderBuild(order.cache_dir, {order.artefact.manifest.adapter}),
                                        RuntimeDigests(Runtimes(order.config.runtimes,
                                                                order.config.runtimes_dir),
                                                       order.artefact.manifest.runtimes))},

@@ -32,9 +32,10 @@ struct LocalOptions {
 // InvalidArgumentError or NotFoundError: an option or a config file.
 absl::StatusOr<LocalOrder> MakeLocalOrder(const LocalOptions& options);
 
-// Packs and unpacks the submission at `path` below the folder `temp`, as an upload would be.
-// InvalidArgumentError or NotFoundError: the submission.
-absl::Status TakeSubmission(const std::string& path, const std::string& temp, LocalOrder& order);
+// Packs and unpacks the submission at `path` below the folder `temp`, as an upload for the order's
+// track would be. `name`: of PackArtefact. InvalidArgumentError or NotFoundError: the submission.
+absl::Status TakeSubmission(const std::string& path, const std::string& name,
+                            const std::string& temp, LocalOrder& order);
 
 // Finds the folders of the runtimes that the submission names. InvalidArgumentError: this host has
 // none of a name; InternalError: it is not set up.

@@ -121,7 +121,7 @@ int Remove(const RuntimeOptions& options) {
                 options.former ? std::vector<std::string>{"--former"} : std::vector<std::string>());
 }
 
-Json RowOf(const Runtime& runtime, bool former) {
+Json RuntimeRow(const Runtime& runtime, bool former) {
   Json row = RuntimeToJson(runtime);
   row["folder"] = runtime.folder;
   row["configured"] = runtime.configured;
@@ -148,8 +148,8 @@ int List(const RuntimeOptions& options) {
   if (!config.ok()) return ReportError(config.status());
   const Runtimes runtimes(config->runtimes, config->runtimes_dir);
   Json rows = Json::array();
-  for (const Runtime& runtime : runtimes.List()) rows.push_back(RowOf(runtime, false));
-  for (const Runtime& runtime : runtimes.Former()) rows.push_back(RowOf(runtime, true));
+  for (const Runtime& runtime : runtimes.List()) rows.push_back(RuntimeRow(runtime, false));
+  for (const Runtime& runtime : runtimes.Former()) rows.push_back(RuntimeRow(runtime, true));
   if (options.json) {
     PrintJson({{"dir", config->runtimes_dir}, {"runtimes", rows}});
   } else if (rows.empty()) {

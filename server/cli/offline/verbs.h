@@ -11,8 +11,10 @@ namespace myograde::server {
 Action AddServe(CLI::App& verb);
 Action AddSubmit(CLI::App& verb);
 Action AddImport(CLI::App& verb);
+Action AddPlot(CLI::App& verb);
 Action AddRender(CLI::App& verb);
 Action AddReplay(CLI::App& verb);
+Action AddReport(CLI::App& verb);
 Action AddVerify(CLI::App& verb);
 Action AddChallenge(CLI::App& verb);
 Action AddSeeds(CLI::App& verb);

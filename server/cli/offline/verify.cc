@@ -12,6 +12,7 @@
 
 #include "protocol/base/file.h"
 #include "protocol/log/episode_log.h"
+#include "server/artefact/adapters.h"
 #include "server/base/counted.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
@@ -256,7 +257,7 @@ int Verify(const VerifyOptions& options) {
   const bool sound = std::all_of(checks.begin(), checks.end(),
                                  [](const ReceiptCheck& check) { return check.valid; });
   if (options.resimulate > 0 && sound) {
-    const Json grader = GraderBuild(options.host.cache_dir());
+    const Json grader = GraderBuild(options.host.cache_dir(), AdapterNames());
     for (ReceiptCheck& check : CompareGraders(*receipt, grader)) {
       checks.push_back(std::move(check));
     }

@@ -1,10 +1,11 @@
 """Control steps per second of one environment, of others or ours, with the zero action.
 
-    one.py {myosuite,envpool,loop,vector} {manipulation,locomotion} --steps N [--environments N]
+    one.py {myosuite,envpool,loop,vector} {manipulation,locomotion} [--environments N]
 
-Run by others.py in the Python that has the packages. Prints one JSON object. Only steps are timed;
-what a reset takes is left out, but for EnvPool and our vector environment, which reset within a
-step."""
+Run by others.py in the Python that has the packages. Prints {} when it is warm; then, for each line
+of standard input, which is a number of steps, plays them and prints one JSON object. Only steps are
+timed; what a reset takes is left out, but for EnvPool and our vector environment, which reset within
+a step."""
 
 import argparse
 import concurrent.futures
@@ -37,27 +38,36 @@ def official(track):
         return gymnasium.make(NAMES[track])
 
 
-def play(reset, step, action, steps):
-    """Seconds that so many steps take, by the clock and of this process' CPU time, and how often an
-    episode ended in them."""
+def play(reset, step, action):
+    """The function that plays so many steps and says how many seconds they took, by the clock and of
+    this process' CPU time, and how often an episode ended in them."""
     reset()
-    seconds, cpu, ends = 0.0, 0.0, 0
-    for number in range(-WARM_UP, steps):
-        start, cpu_start = time.perf_counter(), time.process_time()
-        _, _, terminated, truncated, _ = step(action)
-        if number >= 0:
+
+    def turn(steps):
+        seconds, cpu, ends = 0.0, 0.0, 0
+        for _ in range(steps):
+            start, cpu_start = time.perf_counter(), time.process_time()
+            _, _, terminated, truncated, _ = step(action)
             cpu += time.process_time() - cpu_start
             seconds += time.perf_counter() - start
-        if terminated or truncated:
-            ends += number >= 0
-            reset()
-    return {"steps": steps, "seconds": seconds, "cpu_seconds": cpu, "ends": ends}
+            if terminated or truncated:
+                ends += 1
+                reset()
+        return {"steps": steps, "seconds": seconds, "cpu_seconds": cpu, "ends": ends}
+    return turn
+
+
+def take_turns(turn):
+    """Plays as standard input says, until it ends."""
+    turn(WARM_UP)
+    print("{}", flush=True)
+    for line in sys.stdin:
+        print(json.dumps(turn(int(line))), flush=True)
 
 
 def myosuite_env(options):
     env = official(options.track)
-    return play(lambda: env.reset(seed=SEED), env.step, np.zeros(env.action_space.shape),
-                options.steps)
+    take_turns(play(lambda: env.reset(seed=SEED), env.step, np.zeros(env.action_space.shape)))
 
 
 def envpool_env(options):
@@ -66,8 +76,8 @@ def envpool_env(options):
     env = envpool.make(NAMES[options.track], env_type="gymnasium", num_envs=count,
                        num_threads=count, seed=SEED)
     env.reset()
-    return play_many(env, np.zeros((count, *env.action_space.shape), env.action_space.dtype),
-                     options)
+    take_turns(play_many(env, count, np.zeros((count, *env.action_space.shape),
+                                              env.action_space.dtype)))
 
 
 def vector_env(options):
@@ -80,20 +90,19 @@ def vector_env(options):
     count = options.environments
     env = myograde.vec(OURS[options.track], count, threads=count, profile="myosuite")
     env.reset(seed=SEED)
-    return play_many(env, np.zeros(env.action_space.shape), options)
+    take_turns(play_many(env, count, np.zeros(env.action_space.shape)))
 
 
-def play_many(env, action, options):
+def play_many(env, count, action):
     """The same as play() of environments that are stepped together and restart by themselves."""
-    for _ in range(WARM_UP):
-        env.step(action)
-    ends, start, cpu_start = 0, time.perf_counter(), time.process_time()
-    for _ in range(options.steps):
-        _, _, terminated, truncated, _ = env.step(action)
-        ends += int(np.sum(terminated | truncated))
-    return {"steps": options.steps * options.environments,
-            "seconds": time.perf_counter() - start,
-            "cpu_seconds": time.process_time() - cpu_start, "ends": ends}
+    def turn(steps):
+        ends, start, cpu_start = 0, time.perf_counter(), time.process_time()
+        for _ in range(steps):
+            _, _, terminated, truncated, _ = env.step(action)
+            ends += int(np.sum(terminated | truncated))
+        return {"steps": steps * count, "seconds": time.perf_counter() - start,
+                "cpu_seconds": time.process_time() - cpu_start, "ends": ends}
+    return turn
 
 
 # --- the official style of loop: the environment behind gRPC, pickled arrays in its messages ---
@@ -126,8 +135,7 @@ def loop_env(options):
                     method = channel.unary_unary(f"/{SERVICE}/{name}", pickle.dumps, pickle.loads)
                     return method(value, timeout=CALL_S, wait_for_ready=True)
                 action = np.zeros(call("shape", "of an action"))
-                return play(lambda: call("reset", SEED), lambda a: call("step", a), action,
-                            options.steps)
+                take_turns(play(lambda: call("reset", SEED), lambda a: call("step", a), action))
         finally:
             server.stdin.close()
 
@@ -136,7 +144,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=("myosuite", "envpool", "loop", "vector", "serve"))
     parser.add_argument("track", choices=tuple(NAMES))
-    parser.add_argument("--steps", type=int, default=1)
     parser.add_argument("--environments", type=int, default=1, help="of EnvPool and ours, a thread each")
     options = parser.parse_args()
     if options.what == "serve":
@@ -144,7 +151,7 @@ def main():
         return
     measure = {"myosuite": myosuite_env, "envpool": envpool_env, "loop": loop_env,
                "vector": vector_env}[options.what]
-    print(json.dumps(measure(options)))
+    measure(options)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import argparse
 import json
 import os
 import pathlib
+import select
 import statistics
 import subprocess
 import sys
@@ -18,8 +19,8 @@ sys.path.insert(0, str(HERE.parent))
 import bench  # noqa: E402  (in the folder above)
 from grader import Grader  # noqa: E402
 
-TIMEOUT_S = 900
-TURNS = 7
+TIMEOUT_S = 300  # of a turn, or a start
+STEPS, TURNS = 100, 40
 # The maths functions that a grader's simulators have (protocol/base/pinned_maths.h).
 PINNED = {"GLIBC_TUNABLES":
           "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL,-AVX"}
@@ -36,49 +37,40 @@ class Unavailable(RuntimeError):
     pass
 
 
-def start(python, what, track, steps, environments=1):
-    return subprocess.Popen(
-        [python, "-B", "-W", "ignore", str(HERE / "one.py"), what, track, "--steps", str(steps),
-         "--environments", str(environments)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        # One thread each, as the cores are shared out by processes, or by EnvPool and ours themselves.
-        env=dict(os.environ, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1",
-                 **(PINNED if what in VECTOR else {})))
+class Player:
+    """One process of one.py, which stays between its turns so that they can be short."""
 
+    def __init__(self, python, what, track, environments):
+        self.process = subprocess.Popen(
+            [python, "-B", "-W", "ignore", str(HERE / "one.py"), what, track, "--environments",
+             str(environments)],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+            # One thread each, as the cores are shared out by processes, or by EnvPool and ours
+            # themselves.
+            env=dict(os.environ, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1",
+                     **(PINNED if what in VECTOR else {})))
 
-def finish(process):
-    try:
-        out, err = process.communicate(timeout=TIMEOUT_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.communicate()
-        raise Unavailable(f"it was not done after {TIMEOUT_S} s") from None
-    if process.returncode != 0:
-        # The last line that says something.
-        said = [line.strip() for line in err.splitlines() if len(line.strip()) > 3]
-        raise Unavailable(said[-1] if said else f"exit {process.returncode}")
-    return json.loads(out.splitlines()[-1])
+    def begin(self, steps):
+        try:
+            self.process.stdin.write(f"{steps}\n")
+            self.process.stdin.flush()
+        except BrokenPipeError:
+            pass  # the answer says so
 
+    def answer(self):
+        """What the process says next."""
+        if not select.select([self.process.stdout], [], [], TIMEOUT_S)[0]:
+            raise Unavailable(f"it said nothing for {TIMEOUT_S} s")
+        line = self.process.stdout.readline()
+        if not line:
+            raise Unavailable(f"exit {self.process.wait(timeout=TIMEOUT_S)}")
+        return json.loads(line)
 
-def rate(python, what, track, steps, cores):
-    """Steps per second of all cores together. EnvPool and ours have a thread for each environment,
-    the others a process."""
-    processes = []
-    try:
-        if what in ("envpool", "vector"):
-            processes.append(start(python, what, track, steps, cores))
-        else:
-            processes += [start(python, what, track, steps) for _ in range(cores)]
-        results = [finish(process) for process in processes]
-    finally:
-        for process in processes:
-            if process.poll() is None:
-                process.kill()
-                process.wait()
-    return {"rate": sum(result["steps"] / result["seconds"] for result in results),
-            "cpu_rate": (sum(result["steps"] for result in results)
-                         / sum(result["cpu_seconds"] for result in results)),
-            "ends": sum(result["ends"] for result in results)}
+    def end(self):
+        self.process.kill()
+        self.process.wait()
+        self.process.stdin.close()
+        self.process.stdout.close()
 
 
 class Contender:
@@ -89,17 +81,41 @@ class Contender:
         self.python = getattr(options, what)
         why = " ".join(getattr(options, f"{what}_why").split())
         self.skipped = None if self.python else why or "its packages are not installed"
+        self.players = []
         self.turns = {}  # by one_core and all_cores
 
-    def take_turn(self, name, steps, cores):
+    def start(self, cores):
+        """EnvPool and ours have a thread for each environment, the others a process."""
+        together = self.what in ("envpool", "vector")
+        if not self.skipped:
+            self.players = [Player(self.python, self.what, self.track, cores if together else 1)
+                            for _ in range(1 if together else cores)]
+            self.attempt(lambda: [player.answer() for player in self.players])
+
+    def end(self):
+        for player in self.players:
+            player.end()
+        self.players = []
+
+    def attempt(self, work):
+        try:
+            return work()
+        except (Unavailable, OSError, ValueError, subprocess.TimeoutExpired) as error:
+            self.skipped = str(error)
+            self.end()
+
+    def take_turn(self, name, steps):
         if self.skipped:
             return
-        try:
-            turn = rate(self.python, self.what, self.track, steps, cores)
-        except Unavailable as error:
-            self.skipped = str(error)
-        else:
-            self.turns.setdefault(name, []).append(turn)
+        for player in self.players:
+            player.begin(steps)
+        results = self.attempt(lambda: [player.answer() for player in self.players])
+        if results:
+            self.turns.setdefault(name, []).append({
+                "rate": sum(result["steps"] / result["seconds"] for result in results),
+                "cpu_rate": (sum(result["steps"] for result in results)
+                             / sum(result["cpu_seconds"] for result in results)),
+                "ends": sum(result["ends"] for result in results)})
 
     def figures(self):
         if self.skipped:
@@ -118,13 +134,18 @@ def summary(rates):
 def in_turns(track, options, cores, say):
     """The figures of the environments in Python, or why there are none."""
     contenders = [Contender(what, options, track) for what in IN_PYTHON]
-    steps, turns = (200, 1) if options.quick else (500, TURNS)
+    turns = 4 if options.quick else TURNS
     for name, count in (("one_core", 1), ("all_cores", cores)):
-        for turn in range(turns):
-            say(f"{track}: environments in Python on {count} core{'s' * (count > 1)}, turn "
-                f"{turn + 1} of {turns}")
+        say(f"{track}: environments in Python on {count} core{'s' * (count > 1)}, {turns} turns")
+        try:
             for contender in contenders:
-                contender.take_turn(name, steps, count)
+                contender.start(count)
+            for _ in range(turns):
+                for contender in contenders:
+                    contender.take_turn(name, STEPS)
+        finally:
+            for contender in contenders:
+                contender.end()
     return {contender.what: contender.figures() for contender in contenders}
 
 

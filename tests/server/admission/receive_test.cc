@@ -94,6 +94,26 @@ TEST_F(ReceiveTest, ARefusedArchiveIsAFailedTryOfItsTeam) {
   EXPECT_TRUE(IsEmpty("spool"));
 }
 
+TEST_F(ReceiveTest, AnAdapterThatCantPlayTheTrackIsRefusedWithItsUpload) {
+  const std::string adapted =
+      TarWith(R"({"name": "veteran", "command": ["./policy"], "adapter": "template-2024"})");
+  const auto receive = [&](const std::string& track) {
+    MemoryArchive archive(adapted);
+    return admission().Receive({.from = {"uid 7", "alpha", false}, .track = track}, archive);
+  };
+  for (int round = 0; round < 2; ++round) {
+    const auto refused = receive("elbow");
+    EXPECT_EQ(ErrorCodeOf(refused.status()), "bad_artefact");
+    EXPECT_THAT(std::string(refused.status().message()), HasSubstr("can't play tracks of the kind"));
+    EXPECT_EQ(std::ssize(LedgerOf("alpha")), round + 1);
+    EXPECT_EQ(Count("artefact"), round) << "known on another track by then";
+    EXPECT_TRUE(IsEmpty("spool"));
+    const auto taken = receive(kTrack);
+    ASSERT_TRUE(taken.ok()) << taken.status();
+    EXPECT_EQ(taken->artefact.adapter, "template-2024");
+  }
+}
+
 TEST_F(ReceiveTest, WithoutATeamARefusalIsChargedToNobody) {
   const auto refused = Receive("no archive at all");
   EXPECT_EQ(ErrorCodeOf(refused.status()), "bad_artefact");

@@ -319,8 +319,9 @@ TEST(PackArtefact, FolderArchiveAndProgramComeBackTheSame) {
   WriteFile(temp / "p/policy", "#!/bin/sh\n", 0700);
   WriteFile(temp / "p/\xc3\xbc/" + std::string(150, 'x') + "/w", std::string(200'000, 'w'), 0644);
   fs::create_symlink("/usr/bin/python3", temp / "p/python3");
-  const absl::Status packed = PackArtefact(temp / "p", temp / "a.tar", {});
-  ASSERT_TRUE(packed.ok()) << packed;
+  const auto packed = PackArtefact(temp / "p", temp / "a.tar", {});
+  ASSERT_TRUE(packed.ok()) << packed.status();
+  EXPECT_EQ(packed->command, std::vector<std::string>{"./policy"});
   const auto first = UnpackArtefact(temp / "a.tar", temp / "out", {});
   ASSERT_TRUE(first.ok()) << first.status();
   EXPECT_TRUE(fs::exists(temp / "out/\xc3\xbc/" + std::string(150, 'x') + "/w"));
@@ -338,8 +339,8 @@ TEST(PackArtefact, FolderArchiveAndProgramComeBackTheSame) {
   EXPECT_EQ(bytes(temp / "a.tar"), bytes(temp / "c"));
   EXPECT_FALSE(fs::exists(temp / "b.unpacked"));
 
-  const absl::Status program = PackArtefact(temp / "p/policy", temp / "d", {});
-  ASSERT_TRUE(program.ok()) << program;
+  const auto program = PackArtefact(temp / "p/policy", temp / "d", {});
+  ASSERT_TRUE(program.ok()) << program.status();
   const auto single = UnpackArtefact(temp / "d", temp / "out2", {});
   ASSERT_TRUE(single.ok()) << single.status();
   EXPECT_EQ(single->manifest.name, "policy");
@@ -377,7 +378,7 @@ TEST(PackArtefact, FilesKeepTheirTimesAndTheDigestIsOfNone) {
 TEST(PackArtefact, TellsMistakesBeforeAnythingIsSent) {
   const TempFolder temp;
   const auto complaint = [&](const std::string& path) {
-    return std::string(PackArtefact(path, temp / "a", {}).message());
+    return std::string(PackArtefact(path, temp / "a", {}).status().message());
   };
   WriteFile(temp / "data.txt", "hello", 0644);
   WriteFile(temp / "empty", "", 0755);

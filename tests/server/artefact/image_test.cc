@@ -291,11 +291,11 @@ TEST_F(ImageTest, AFolderWithAnImageIsTheSameArtefactWhereverItIsUnpacked) {
        {R"({"name": "b", "image": "../my.tar"})", R"({"name": "b", "image": "none.tar"})",
         R"({"name": "b", "image": {"uid": 0}})", R"({"name": "b", "image": ""})"}) {
     std::ofstream(temp_ / "p/policy.json") << text;
-    EXPECT_TRUE(absl::IsInvalidArgument(PackArtefact(temp_ / "p", temp_ / "packed", {}))) << text;
+    EXPECT_TRUE(absl::IsInvalidArgument(PackArtefact(temp_ / "p", temp_ / "packed", {}).status())) << text;
   }
   std::ofstream(temp_ / "p/policy.json") << R"({"name": "b", "image": "my.tar"})";
   std::ofstream(temp_ / "p/weights") << "x";
-  EXPECT_THAT(std::string(PackArtefact(temp_ / "p", temp_ / "packed", {}).message()),
+  EXPECT_THAT(std::string(PackArtefact(temp_ / "p", temp_ / "packed", {}).status().message()),
               HasSubstr("put it into the image"));
 }
 

@@ -15,6 +15,7 @@ import time
 import unittest
 
 BIN_DIR, SOURCE_DIR = sys.argv[1:3]
+SECONDS = 60  # for which a call may take
 TYPES = {"object": dict, "array": list, "string": str, "boolean": bool, "null": type(None)}
 
 
@@ -60,7 +61,7 @@ def schema_of(verb):
 
 def myograde(*args, **env):
     return subprocess.run([f"{BIN_DIR}/myograde", *args], capture_output=True, text=True,
-                          timeout=60, stdin=subprocess.DEVNULL, check=False,
+                          timeout=SECONDS, stdin=subprocess.DEVNULL, check=False,
                           env={**os.environ, "MYOGRADE_CONFIG_DIR": f"{SOURCE_DIR}/configs", **env})
 
 
@@ -107,7 +108,7 @@ class Handler(http.server.BaseHTTPRequestHandler):
 VERBS = ("serve", "submit", "status", "cancel", "choose", "leaderboard", "show", "rerun", "quota",
          "team", "token", "hide",
          "unhide", "disqualify", "baseline", "challenge", "phase", "export", "import", "backup",
-         "log", "replay",
+         "log", "replay", "render", "plot", "report",
          "receipt", "verify", "key", "seeds", "login", "logout", "whoami", "new", "local", "spec",
          "doctor")
 COUNTS = {"total": 2, "done": 2, "success": 1, "failure": 1, "fault": 0}

@@ -8,6 +8,7 @@ import json
 import math
 import signal
 import sqlite3
+import subprocess
 import unittest
 
 from phases_test import AS_OTHERS, TEAMS, TRACK, PhasesCase, moment, seeds
@@ -155,6 +156,48 @@ class Groups(CloseCase):
         then = self.get(f"{STATISTICS}&at={at}")
         self.assertEqual([row["team"] for row in then["rows"]], list(PLACED))
         self.assertEqual([row["group"] for row in then["rows"]], [1, 1, 2])
+
+    def test_figures_are_of_the_same_numbers(self):
+        alpha, beta = (self.submissions[team] for team in ("alpha", "beta"))
+        paired = self.ask("plot", "paired", alpha, beta, schema="plot")["numbers"]
+        self.assertEqual(paired["pairs"], EPISODES)
+        success = paired["metrics"][0]
+        self.assertAlmostEqual(success["p"], binomial(4, 4), places=12)
+        self.assertAlmostEqual(success["difference"], 4 / EPISODES, places=12)
+        report = self.ask("report", "--phase", "final", schema="report")["numbers"]
+        self.assertEqual([(row["rank"], row["team"], row["group"]) for row in report["ranking"]],
+                         [(1, "alpha", 1), (2, "beta", 1), (3, "gamma", 2)])
+        self.assertEqual(report["ranking"][0]["numbers"]["success_rate"]["low"],
+                         self.rows()["alpha"]["intervals"]["success_rate"]["low"])
+        history = self.ask("plot", "board", "--phase", "final", schema="plot")["numbers"]
+        self.assertEqual({team["team"]: team["values"][-1] for team in history["teams"]},
+                         {team: placed / EPISODES for team, placed in PLACED.items()})
+        # Teams came one after the other.
+        self.assertEqual(len({team["values"].count(None) for team in history["teams"]}), 3)
+        for kind in ("distributions", "survival"):
+            self.ask("plot", kind, alpha, schema="plot")
+        one = self.ask("report", alpha, schema="report")["numbers"]
+        self.assertEqual(one["headline"]["success"]["part"], PLACED["alpha"])
+
+    @AS_OTHERS
+    def test_figures_show_nobody_more_than_the_api_does(self):
+        def drawn_by(uid, *words):
+            return subprocess.run([self.daemon.programs / "myograde", *map(str, words), "--json",
+                                   "--socket", self.daemon.socket], user=uid, group=uid,
+                                  extra_groups=[], env={**self.daemon.environment, "HOME": "/"},
+                                  capture_output=True, text=True, timeout=60, check=False)
+        done = drawn_by(TEAMS["alpha"], "report", "--phase", "final")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        numbers = json.loads(done.stdout)["numbers"]
+        self.assertEqual(len(numbers["ranking"]), 3)
+        self.assertEqual([row["team"] for row in numbers["records"]["rows"]], ["alpha"])
+        self.assertTrue(any("2 submissions are not shown" in one for one in numbers["missing"]))
+        for words in (("plot", "survival", self.submissions["beta"]),
+                      ("report", self.submissions["beta"]),
+                      ("plot", "paired", self.submissions["alpha"], self.submissions["beta"])):
+            done = drawn_by(TEAMS["alpha"], *words)
+            self.assertEqual((done.returncode, done.stdout), (2, ""), words)
+            self.assertIn("no submission", done.stderr)
 
     @AS_OTHERS
     def test_of_a_frozen_board(self):

@@ -23,6 +23,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/lease/policy_seed.h"
 #include "server/proof/compare_logs.h"
+#include "server/proof/grader_build.h"
 #include "server/proof/merkle.h"
 #include "server/proof/receipt.h"
 #include "server/proof/seed_list.h"
@@ -202,6 +203,43 @@ TEST_F(ReceiptTest, AnotherModelIsWrongAndAnotherBuildIsTold) {
   grader["models"]["locomotion-1.mjb"] = "y";
   EXPECT_EQ(Wrong(CompareGraders(Receipt(), grader)),
             std::vector<std::string>{"model locomotion-1.mjb"});
+}
+
+TEST_F(ReceiptTest, AnAdapterIsComparedWhereTheReceiptNamesOne) {
+  Json receipt = Receipt();
+  Json grader = receipt["grader"];
+  grader["adapters"]["template-2024"] = "a";
+  const size_t parts = CompareGraders(receipt, grader).size();
+  receipt["grader"]["adapters"]["template-2024"] = "a";
+  std::vector<ReceiptCheck> told = CompareGraders(receipt, grader);
+  ASSERT_EQ(told.size(), parts + 1);
+  EXPECT_EQ(told[2].name, "adapter template-2024");
+  EXPECT_EQ(told[2].detail, "");
+  grader.erase("adapters");
+  told = CompareGraders(receipt, grader);
+  EXPECT_TRUE(Wrong(told).empty()) << "another build may well play the same";
+  EXPECT_NE(told[2].detail, "");
+}
+
+TEST_F(ReceiptTest, TheBuildNamesTheFilesOfItsAdapters) {
+  const std::string adapter = folder_ + "/adapters/template-2024";
+  std::filesystem::create_directories(adapter + "/hooks/__pycache__");
+  std::filesystem::create_directories(folder_ + "/bin");
+  ASSERT_EQ(::setenv("MYOGRADE_BIN_DIR", (folder_ + "/bin").c_str(), 1), 0);
+  const auto hash = [&]() -> Json {
+    return GraderBuild(folder_, {"template-2024"})["adapters"]["template-2024"];
+  };
+  EXPECT_TRUE(hash().is_null());
+  EXPECT_FALSE(GraderBuild(folder_).contains("adapters"));
+  EXPECT_FALSE(GraderBuild(folder_, {""}).contains("adapters"));
+  std::ofstream(adapter + "/__main__.py") << "pass\n";
+  const Json first = hash();
+  EXPECT_EQ(first.get<std::string>().size(), 64u);
+  std::ofstream(adapter + "/hooks/__pycache__/x.pyc") << "x";
+  EXPECT_EQ(hash(), first);
+  std::ofstream(adapter + "/hooks/sitecustomize.py") << "pass\n";
+  EXPECT_NE(hash(), first);
+  ::unsetenv("MYOGRADE_BIN_DIR");
 }
 
 // The names in the key's folder, and the bytes of the key.

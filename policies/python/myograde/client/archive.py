@@ -16,25 +16,31 @@ from typing import BinaryIO
 from ..errors import WrongUse
 
 SENT_AS_THEY_ARE = (".tar", ".tar.gz", ".tgz", ".tar.zst")
+MANIFESTS = ("policy.json", "./policy.json")
 
 
-def pack(path: str | os.PathLike[str], target: BinaryIO) -> None:
+def pack(path: str | os.PathLike[str], target: BinaryIO, name: str | None = None) -> None:
     """Writes to `target` a tar of the submission at `path`: a folder with a policy.json, one
-    executable file, or an archive of such a folder (.tar, .tar.gz, .tgz, .tar.zst, .zip). WrongUse
-    names what can't be packed."""
+    executable file, or an archive (.tar, .tar.gz, .tgz, .tar.zst, .zip) of such a folder or of a
+    container image. `name` takes the place of the name in policy.json, or of that which an image
+    was saved by. WrongUse names what can't be packed."""
     source = pathlib.Path(path)
+    if name == "":
+        raise WrongUse("the name is empty; give 1 to 64 bytes, or None for the submission's own")
     try:
         if source.is_dir():
-            _pack_folder(source, target)
+            _pack_folder(source, target, name)
         elif not source.is_file():
             raise WrongUse(f"{source}: there is no such folder or file")
-        elif source.name.endswith(SENT_AS_THEY_ARE):
+        elif source.name.endswith(SENT_AS_THEY_ARE) and name is None:
             with open(source, "rb") as stream:
                 shutil.copyfileobj(stream, target)
+        elif source.name.endswith(SENT_AS_THEY_ARE):
+            _pack_named_tar(source, target, name)
         elif source.name.endswith(".zip"):
-            _pack_zip(source, target)
+            _pack_zip(source, target, name)
         else:
-            _pack_program(source, target)
+            _pack_program(source, target, name or source.name[:64])
     except OSError as error:
         raise WrongUse(f"{error.filename or source}: can't be packed ({error.strerror})") from error
 
@@ -61,14 +67,25 @@ def _manifest(source: pathlib.Path) -> bytes:
             return archive.read("policy.json")
     if source.name.endswith(SENT_AS_THEY_ARE):
         with tarfile.open(source) as archive:
-            for name in ("policy.json", "./policy.json"):
+            for name in MANIFESTS:
                 if name in archive.getnames():
                     file = archive.extractfile(name)
                     return file.read() if file is not None else b""
     return b"{}"
 
 
-def _pack_folder(folder: pathlib.Path, target: BinaryIO) -> None:
+def _renamed(source: pathlib.Path, manifest: bytes, name: str) -> bytes:
+    """A policy.json with another name."""
+    try:
+        about = json.loads(manifest)
+    except ValueError as error:
+        raise WrongUse(f"{source}: its policy.json is no JSON ({error})") from error
+    if not isinstance(about, dict):
+        raise WrongUse(f"{source}: its policy.json is no object")
+    return json.dumps({**about, "name": name}).encode()
+
+
+def _pack_folder(folder: pathlib.Path, target: BinaryIO, new_name: str | None) -> None:
     if not (folder / "policy.json").is_file():
         raise WrongUse(f'{folder}: has no policy.json, such as {{"name": "my-policy", "command": '
                        '["python3", "policy.py"], "runtimes": ["python"]}')
@@ -80,6 +97,8 @@ def _pack_folder(folder: pathlib.Path, target: BinaryIO) -> None:
                 _add(archive, name, type=tarfile.SYMTYPE, linkname=os.readlink(path))
             elif stat.S_ISDIR(info.st_mode):
                 _add(archive, name, type=tarfile.DIRTYPE, mode=0o755)
+            elif name == "policy.json" and new_name is not None:
+                _add(archive, name, _renamed(folder, path.read_bytes(), new_name))
             elif stat.S_ISREG(info.st_mode):
                 _add_file(archive, name, path, info)
             else:
@@ -98,24 +117,52 @@ def _raise(error: OSError) -> None:
     raise error
 
 
-def _pack_program(program: pathlib.Path, target: BinaryIO) -> None:
+def _pack_program(program: pathlib.Path, target: BinaryIO, policy_name: str) -> None:
     info = os.stat(program)
     if not info.st_mode & 0o111:
         raise WrongUse(f"{program}: is not executable; set its bit with chmod +x, or give a folder "
                        "with a policy.json or an archive of one (.tar, .tar.gz, .tar.zst, .zip)")
-    about = json.dumps({"name": program.name[:64], "command": [f"./{program.name}"]}).encode()
+    about = json.dumps({"name": policy_name, "command": [f"./{program.name}"]}).encode()
     with _writer(target) as archive:
         _add_file(archive, program.name, program, info)
         _add(archive, "policy.json", about)
 
 
-def _pack_zip(file: pathlib.Path, target: BinaryIO) -> None:
+def _pack_named_tar(file: pathlib.Path, target: BinaryIO, name: str) -> None:
+    """With another name: an image beside a policy.json, an ordinary submission with its own changed."""
+    try:
+        with tarfile.open(file) as source:
+            if not any(known in source.getnames() for known in MANIFESTS):
+                _pack_image(file, target, name)
+                return
+            with _writer(target) as archive:
+                for entry in source:
+                    content = source.extractfile(entry) if entry.isreg() else None
+                    if content is not None and entry.name in MANIFESTS:
+                        _add(archive, "policy.json", _renamed(file, content.read(), name))
+                    else:
+                        archive.addfile(entry, content)
+    except (tarfile.TarError, EOFError) as error:
+        raise WrongUse(f"{file}: can't be read here, so that its name can't be changed ({error}); "
+                       "put the name into its policy.json, or save an image uncompressed") from error
+
+
+def _pack_image(file: pathlib.Path, target: BinaryIO, name: str) -> None:
+    about = json.dumps({"name": name, "image": "image.tar"}).encode()
+    with _writer(target) as archive:
+        _add_file(archive, "image.tar", file, os.stat(file))
+        _add(archive, "policy.json", about)
+
+
+def _pack_zip(file: pathlib.Path, target: BinaryIO, new_name: str | None) -> None:
     try:
         with zipfile.ZipFile(file) as source, _writer(target) as archive:
             for entry in source.infolist():
                 mode = entry.external_attr >> 16  # 0 if it was packed elsewhere than on Unix
                 name = entry.filename.rstrip("/")
-                if entry.is_dir():
+                if new_name is not None and name == "policy.json":
+                    _add(archive, name, _renamed(file, source.read(entry), new_name))
+                elif entry.is_dir():
                     _add(archive, name, type=tarfile.DIRTYPE, mode=0o755)
                 elif stat.S_ISLNK(mode):
                     _add(archive, name, type=tarfile.SYMTYPE,

@@ -71,10 +71,11 @@ class Client:
 
     def submit(self, path: str | os.PathLike[str], *, team: str, track: str | None = None,
                phase: str | None = None, profile: str | None = None, episodes: int | None = None,
-               seeds: Sequence[int] | None = None) -> Json:
-        """Uploads a submission (a folder with a policy.json, an executable file, or an archive) and
-        has it graded; returns its status, whose number is under "submission". With `episodes` or
-        `seeds` it is practice. If the answer is lost, the request is sent again and takes effect
+               seeds: Sequence[int] | None = None, name: str | None = None) -> Json:
+        """Uploads a submission (a folder with a policy.json, an executable file, an archive of such a
+        folder, or a container image) and has it graded; returns its status, whose number is under
+        "submission". With `episodes` or `seeds` it is practice. `name` is shown on boards in place
+        of the submission's own. If the answer is lost, the request is sent again and takes effect
         once."""
         if track is None and phase is None:
             raise WrongUse("give the track, or the phase of a challenge")
@@ -82,18 +83,20 @@ class Client:
         given = {"phase": phase, "profile": profile, "episodes": episodes,
                  "seeds": None if seeds is None else [int(seed) for seed in seeds]}
         request.update((key, value) for key, value in given.items() if value is not None)
-        request["artefact"] = self.upload(path, team=team, track=request["track"])["artefact"]
+        request["artefact"] = self.upload(path, team=team, track=request["track"],
+                                          name=name)["artefact"]
         accepted = self._post("/v1/submissions", request,
                               {"Idempotency-Key": secrets.token_hex(16)})
         return self._with(accepted, submission=int)
 
-    def upload(self, path: str | os.PathLike[str], *, team: str, track: str) -> Json:
+    def upload(self, path: str | os.PathLike[str], *, team: str, track: str,
+               name: str | None = None) -> Json:
         """The upload alone; its answer has the id of the content under "artefact". A runtime that the
         server lacks is WrongUse, and nothing is sent."""
         self._check_runtimes(runtimes_of(path))
         query = urllib.parse.urlencode({"team": team, "track": track})
         with tempfile.TemporaryFile() as archive:
-            pack(path, archive)
+            pack(path, archive, name)
             archive.flush()
 
             def send() -> Json:

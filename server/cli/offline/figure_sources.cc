@@ -1,0 +1,214 @@
+#include "server/cli/offline/figure_sources.h"
+
+#include <algorithm>
+#include <set>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/cli/client/evaluation_logs.h"
+#include "server/cli/offline/stop_signal.h"
+#include "server/cli/terminal/progress.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr size_t kMostMoments = 200;
+// Refusals that hold for every row alike.
+constexpr const char* kRefusesAll[] = {"forbidden", "no_token", "bad_token"};
+
+absl::Status CheckNotStopped() {
+  return StopRequested() ? absl::CancelledError("interrupted") : absl::OkStatus();
+}
+
+Json Slim(Json result) {
+  for (const char* key : {"output", "limits", "comparison", "not_repeatable"}) result.erase(key);
+  for (Json& row : result["episode_rows"]) {
+    for (const char* key :
+         {"log", "digest", "actions_digest", "wall_s", "policy_cpu_s", "attempt", "clipped"}) {
+      row.erase(key);
+    }
+    if (row.value("fault", Json()).is_object()) row["fault"].erase("stderr_tail");
+  }
+  return result;
+}
+
+bool IsOfBoard(const Json& entry, const Json& board) {
+  return entry.value("track", Json()) == board.value("track", Json()) &&
+         entry.value("profile", Json()) == board.value("profile", Json()) &&
+         entry.value("phase", Json()) == board.value("phase", Json());
+}
+
+// When something happened that may have changed a board, from the entries of the public record in
+// their order.
+class BoardChanges {
+ public:
+  explicit BoardChanges(const Json& board) : board_(board) {}
+
+  void Take(const Json& entry) {
+    const std::string kind = entry.value("kind", "");
+    const int64_t submission = entry.value("submission", int64_t{0});
+    if (kind == "accepted" && IsOfBoard(entry, board_)) submissions_.insert(submission);
+    const bool of_board = submissions_.contains(submission);
+    const bool of_all = kind == "team" || kind == "config" || kind == "rejudge";
+    const bool changes = kind == "graded" || kind == "marked" || kind == "chosen";
+    if ((changes && of_board) || (of_all && !submissions_.empty())) {
+      moments_.insert(entry.value("at", ""));
+    }
+  }
+
+  // Oldest first; the first and the last are among them.
+  std::vector<std::string> Moments() const {
+    const std::vector<std::string> all(moments_.begin(), moments_.end());
+    if (all.size() <= kMostMoments) return all;
+    std::vector<std::string> some;
+    for (size_t place = 0; place < kMostMoments; ++place) {
+      some.push_back(all[place * (all.size() - 1) / (kMostMoments - 1)]);
+    }
+    return some;
+  }
+
+ private:
+  const Json& board_;
+  std::set<int64_t> submissions_;
+  std::set<std::string> moments_;
+};
+
+absl::StatusOr<std::vector<std::string>> MomentsOf(const Client& client, const Json& board) {
+  BoardChanges changes(board);
+  for (int64_t from = 0;;) {
+    if (absl::Status status = CheckNotStopped(); !status.ok()) return status;
+    const absl::StatusOr<Json> page =
+        client.Get(absl::StrCat("/v1/record?limit=1000&from=", from));
+    if (!page.ok()) return page.status();
+    for (const Json& row : page->value("entries", Json::array())) {
+      changes.Take(row.value("entry", Json::object()));
+    }
+    const Json next = page->value("next_from", Json());
+    // Each page begins behind the one before, so that the loop ends.
+    if (!next.is_number_integer() || next.get<int64_t>() <= from) return changes.Moments();
+    from = next.get<int64_t>();
+  }
+}
+
+// Of a board what a figure of its history shows.
+Json RowsOfMoment(const Json& board) {
+  Json rows = Json::array();
+  for (const Json& row : board.value("rows", Json::array())) {
+    rows.push_back({{"team", row.value("team", "")},
+                    {"submission", row.value("submission", int64_t{0})},
+                    {"baseline", row.value("baseline", false)},
+                    {"aggregate", row.value("aggregate", Json::object())}});
+  }
+  return rows;
+}
+
+void AddMoment(const std::string& at, Json rows, Json& moments) {
+  // Nothing came or went: the board is as it was.
+  if (!moments.empty() && moments.back()["rows"] == rows) return;
+  moments.push_back({{"at", at}, {"rows", std::move(rows)}});
+}
+
+absl::Status AddMoments(const Client& client, const BoardChoice& choice, Json& order) {
+  const absl::StatusOr<std::vector<std::string>> times = MomentsOf(client, order["board"]);
+  if (!times.ok()) return times.status();
+  const absl::StatusOr<Json> challenges = client.Get("/v1/challenges");  // it has the time of day
+  if (!challenges.ok()) return challenges.status();
+  Json moments = Json::array();
+  Progress progress("board over time");
+  int64_t done = 0;
+  for (const std::string& at : *times) {
+    if (absl::Status status = CheckNotStopped(); !status.ok()) return status;
+    const absl::StatusOr<Json> board =
+        client.Get(absl::StrCat("/v1/leaderboard", choice.Query(), "&at=", QueryValue(at)));
+    if (!board.ok()) return board.status();
+    AddMoment(at, RowsOfMoment(*board), moments);
+    if (std::ssize(*times) > 20) progress.Show(++done, std::ssize(*times), "");
+  }
+  moments.push_back({{"at", challenges->value("now", "")}, {"rows", RowsOfMoment(order["board"])}});
+  order["moments"] = std::move(moments);
+  return absl::OkStatus();
+}
+
+bool RefusesAll(const absl::Status& status) {
+  return std::any_of(std::begin(kRefusesAll), std::end(kRefusesAll),
+                     [&](const char* code) { return AnsweredCode(status) == code; });
+}
+
+}  // namespace
+
+std::string BoardChoice::Query() const {
+  std::string query = absl::StrCat("?board=", QueryValue(board));
+  const std::pair<const char*, const std::string*> parts[] = {
+      {"track", &track}, {"profile", &profile}, {"phase", &phase}, {"config", &config}};
+  for (const auto& [key, value] : parts) {
+    if (!value->empty()) absl::StrAppend(&query, "&", key, "=", QueryValue(*value));
+  }
+  return query;
+}
+
+absl::StatusOr<Json> ResultForFigures(const Client& client, int64_t submission) {
+  absl::StatusOr<Json> result =
+      EvaluationWithRows(client, absl::StrCat("/v1/submissions/", submission, "/result"));
+  if (!result.ok()) return result.status();
+  return Slim(*std::move(result));
+}
+
+absl::Status AddBoard(const Client& client, const BoardChoice& choice, Json& order) {
+  absl::StatusOr<Json> board = client.Get("/v1/leaderboard" + choice.Query());
+  if (!board.ok()) return board.status();
+  absl::StatusOr<Json> statistics = client.Get("/v1/leaderboard/statistics" + choice.Query());
+  if (!statistics.ok()) return statistics.status();
+  order["board"] = *std::move(board);
+  order["statistics"] = *std::move(statistics);
+  return AddMoments(client, choice, order);
+}
+
+absl::Status AddResultsOfBoard(const Client& client, Json& order) {
+  const Json rows = order["board"].value("rows", Json::array());
+  Json results = Json::array();
+  absl::Status refused;
+  Progress progress("results");
+  int64_t done = 0;
+  for (const Json& row : rows) {
+    if (absl::Status status = CheckNotStopped(); !status.ok()) return status;
+    absl::StatusOr<Json> result =
+        refused.ok() ? EvaluationWithRows(client, absl::StrCat("/v1/evaluations/",
+                                                               row.value("evaluation", int64_t{0})))
+                     : absl::StatusOr<Json>(refused);
+    if (RefusesAll(result.status())) refused = result.status();
+    if (result.ok()) {
+      results.push_back(Slim(*std::move(result)));
+    } else if (absl::IsInvalidArgument(result.status())) {
+      results.push_back({{"submission", row.value("submission", int64_t{0})},
+                         {"team", row.value("team", "")},
+                         {"name", row.value("name", "")},
+                         {"error", std::string(result.status().message())}});
+    } else {
+      return result.status();
+    }
+    if (std::ssize(rows) > 20) progress.Show(++done, std::ssize(rows), "");
+  }
+  order["results"] = std::move(results);
+  return absl::OkStatus();
+}
+
+absl::Status AddPhase(const Client& client, Json& order) {
+  order["challenge"] = nullptr;
+  order["phase"] = nullptr;
+  const Json name = order["board"].value("phase", Json());
+  if (!name.is_string()) return absl::OkStatus();
+  const absl::StatusOr<Json> challenges = client.Get("/v1/challenges");
+  if (!challenges.ok()) return challenges.status();
+  for (const Json& challenge : challenges->value("challenges", Json::array())) {
+    for (const Json& phase : challenge.value("phases", Json::array())) {
+      if (phase.value("phase", Json()) != name) continue;
+      order["challenge"] = challenge.value("title", Json());
+      order["phase"] = phase;
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace myograde::server

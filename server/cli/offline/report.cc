@@ -1,0 +1,142 @@
+// myograde report
+#include <memory>
+
+#include <absl/strings/escaping.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/strip.h>
+
+#include "protocol/base/file.h"
+#include "server/base/paths.h"
+#include "server/cli/base/exit_status.h"
+#include "server/cli/base/options.h"
+#include "server/cli/base/temp_folder.h"
+#include "server/cli/client/daemon_options.h"
+#include "server/cli/offline/captured_run.h"
+#include "server/cli/offline/draw.h"
+#include "server/cli/offline/figure_sources.h"
+#include "server/cli/offline/stop_signal.h"
+#include "server/cli/offline/verbs.h"
+#include "server/cli/terminal/text.h"
+
+namespace myograde::server {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr absl::Duration kStripTime = absl::Minutes(10);
+constexpr size_t kMostStripBytes = size_t{32} << 20;
+constexpr size_t kMostPrinted = 1 << 20;
+
+struct ReportOptions : SubmissionOptions {
+  BoardChoice board;
+  std::string file;
+  bool no_pictures = false;
+};
+
+absl::Status CheckReport(const ReportOptions& options) {
+  if (options.id == 0 && !options.board.named()) {
+    return absl::InvalidArgumentError(
+        "say what the report is of: a submission's number, --phase or --track");
+  }
+  if (options.id != 0 && options.board.named()) {
+    return absl::InvalidArgumentError(
+        "a report is of one submission or of one board: give its number, or --phase or --track");
+  }
+  if (options.file.empty() && !options.json) {
+    return absl::InvalidArgumentError(
+        "say with -o which file to write, or with --json that you want the numbers");
+  }
+  if (options.file.empty()) return absl::OkStatus();
+  return FormatOf(options.file, {"html"}).status();
+}
+
+Json WhyNot(absl::string_view reason) { return {{"error", std::string(reason)}}; }
+
+// What "myograde render" draws of the submission, as Base64, or why there is nothing. CancelledError
+// after a stop signal.
+absl::StatusOr<Json> PicturesOf(const ReportOptions& options) {
+  const absl::StatusOr<std::string> bin = BinDir();
+  if (!bin.ok()) return WhyNot(bin.status().message());
+  const absl::StatusOr<TempFolder> temp = TempFolder::Make("strip");
+  if (!temp.ok()) return WhyNot(temp.status().message());
+  const std::string file = temp->path() + "/strip.png";
+  std::vector<std::string> words = {*bin + "/myograde", "render", absl::StrCat(options.id),
+                                    "--strip", "-o", file};
+  const std::pair<const char*, const std::string*> places[] = {{"--data", &options.data},
+                                                               {"--socket", &options.socket},
+                                                               {"--server", &options.server},
+                                                               {"--ca-file", &options.ca_file}};
+  for (const auto& [option, value] : places) {
+    if (!value->empty()) words.insert(words.end(), {option, *value});
+  }
+  const absl::StatusOr<CapturedRun> run =
+      RunCaptured(std::move(words), "", kStripTime, kMostPrinted);
+  if (absl::IsCancelled(run.status())) return run.status();
+  if (!run.ok()) return WhyNot(absl::StrCat("drawing them failed: ", run.status().message()));
+  if (!run->good) {
+    return WhyNot(absl::StripPrefix(Harmless(run->error), "myograde: error: "));
+  }
+  const absl::StatusOr<std::string> png = ReadFile(file, kMostStripBytes);
+  if (!png.ok()) return WhyNot(png.status().message());
+  return Json{{"png", absl::Base64Escape(*png)}};
+}
+
+absl::Status GatherSubmission(const ReportOptions& options, Json& order) {
+  const Client client = options.client();
+  absl::StatusOr<Json> result = ResultForFigures(client, options.id);
+  if (!result.ok()) return result.status();
+  order["result"] = *std::move(result);
+  if (order["format"].is_null()) return absl::OkStatus();
+  absl::StatusOr<Json> receipt = client.Get(options.Resource("/receipt"));
+  if (!receipt.ok() && !absl::IsInvalidArgument(receipt.status())) return receipt.status();
+  order["receipt"] = receipt.ok() ? *std::move(receipt) : WhyNot(receipt.status().message());
+  if (options.no_pictures) return absl::OkStatus();
+  absl::StatusOr<Json> strip = PicturesOf(options);
+  if (!strip.ok()) return strip.status();
+  order["strip"] = *std::move(strip);
+  return absl::OkStatus();
+}
+
+absl::Status GatherBoard(const ReportOptions& options, Json& order) {
+  const Client client = options.client();
+  absl::Status status = AddBoard(client, options.board, order);
+  if (status.ok()) status = AddPhase(client, order);
+  if (status.ok()) status = AddResultsOfBoard(client, order);
+  return status;
+}
+
+int Report(const ReportOptions& options) {
+  if (absl::Status status = CheckReport(options); !status.ok()) return ReportError(status);
+  const bool submission = options.id != 0;
+  Json order = {{"make", submission ? "report" : "board-report"},
+                {"format", options.file.empty() ? Json() : Json("html")},
+                {"version", MYOGRADE_VERSION}};
+  CatchStopSignals();
+  const absl::Status gathered =
+      submission ? GatherSubmission(options, order) : GatherBoard(options, order);
+  if (!gathered.ok()) return ReportNotDrawn(gathered);
+  const absl::StatusOr<Drawn> drawn = DrawFigure(order);
+  if (!drawn.ok()) return ReportNotDrawn(drawn.status());
+  return ReportDrawn(*drawn, options.file, {{"of", submission ? "submission" : "board"}},
+                     options.json);
+}
+
+}  // namespace
+
+Action AddReport(CLI::App& verb) {
+  auto options = std::make_shared<ReportOptions>();
+  AddSubmissionId(verb, *options, /*required=*/false, "The submission to report on");
+  verb.add_option("--phase", options->board.phase,
+                  "In place of a submission: the results of this phase");
+  verb.add_option("--track", options->board.track, "The same of a track without a phase");
+  verb.add_option("--profile", options->board.profile, "Rules profile (default: the track's own)");
+  verb.add_option("--board", options->board.board, "Name of the board (default: main)");
+  verb.add_option("--config", options->board.config,
+                  "The board under this config: its hash, or the first 8 digits or more");
+  verb.add_option("-o,--output", options->file, "The file to write: FILE.html");
+  verb.add_flag("--no-pictures", options->no_pictures, "Leave out the pictures of episodes");
+  AddDaemonOptions(verb, "report", *options, "Print the numbers in the report as JSON");
+  return [options] { return Report(*options); };
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,89 @@
+"""What the Python client makes of a submission before it is sent. Needs no server."""
+
+import io
+import json
+import os
+import pathlib
+import shutil
+import tarfile
+import tempfile
+import unittest
+
+from myograde.client import WrongUse, flat
+from myograde.client.archive import pack
+from support import images
+
+
+class Packing(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+
+    def refused(self, path):
+        with self.assertRaises(WrongUse) as wrong:
+            pack(path, io.BytesIO())
+        return str(wrong.exception)
+
+    def test_what_cant_be_packed_is_named(self):
+        self.assertIn("no such folder", self.refused(self.folder / "none"))
+        self.assertIn("has no policy.json", self.refused(self.folder))
+        (self.folder / "policy.json").write_text("{}")
+        os.mkfifo(self.folder / "pipe")
+        self.assertIn("pipe: is no file", self.refused(self.folder))
+        (self.folder / "pipe").unlink()
+        (self.folder / "tool").write_text("x")
+        self.assertIn("is not executable", self.refused(self.folder / "tool"))
+        (self.folder / "tool").chmod(0o4755)
+        self.assertIn("setuid", self.refused(self.folder))
+        (self.folder / "broken.zip").write_text("x")
+        self.assertIn("zip archive", self.refused(self.folder / "broken.zip"))
+
+    def test_the_same_folder_makes_the_same_bytes(self):
+        (self.folder / "policy.json").write_text("{}")
+        (self.folder / "lost").symlink_to("nowhere")
+        archives = [io.BytesIO(), io.BytesIO()]
+        for archive in archives:
+            pack(self.folder, archive)
+        self.assertEqual(archives[0].getvalue(), archives[1].getvalue())
+
+    def name_in(self, place, name):
+        archive = io.BytesIO()
+        pack(place, archive, name)
+        archive.seek(0)
+        with tarfile.open(fileobj=archive) as packed:
+            self.assertEqual(packed.getnames().count("policy.json"), 1)
+            about = json.load(packed.extractfile("policy.json"))
+            files = {os.path.normpath(name) for name in packed.getnames()} - {".", "policy.json"}
+            self.assertEqual(files, {about.get("image", "policy")})
+        return about["name"]
+
+    def test_a_given_name_comes_over_the_submissions(self):
+        for kind, about in (("nameless", {"command": ["./policy"]}),
+                            ("named", {"name": "first", "command": ["./policy"]})):
+            folder = self.folder / kind
+            folder.mkdir()
+            (folder / "policy.json").write_text(json.dumps(about))
+            (folder / "policy").write_text("#!/bin/sh\n")
+            (folder / "policy").chmod(0o755)
+            for form in ("gztar", "tar", "zip"):
+                shutil.make_archive(str(folder), form, folder)
+            for place in ("", "/policy", ".tar.gz", ".tar", ".zip"):
+                self.assertEqual(self.name_in(f"{folder}{place}", "second é"), "second é", place)
+        image = self.folder / "agent.tar"
+        image.write_bytes(images.image([[images.member("run", b"#!/bin/sh\n", mode=0o755)]]))
+        self.assertEqual(self.name_in(image, "mine"), "mine")
+        (self.folder / "x.tar.zst").write_bytes(b"\x28\xb5\x2f\xfd")
+        (self.folder / "named/policy.json").write_text("[]")
+        for place, name, words in (("nameless", "", "name is empty"),
+                                   ("x.tar.zst", "x", "into its policy.json"),
+                                   ("named", "x", "is no object")):
+            with self.assertRaisesRegex(WrongUse, words):
+                pack(self.folder / place, io.BytesIO(), name)
+
+    def test_records_are_flat(self):
+        self.assertEqual(flat({"a": {"b": {"c": 1}}, "d": [1], "e": {}}), {"a.b.c": 1, "d": [1]})
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
