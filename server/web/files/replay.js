@@ -67,7 +67,7 @@ function whyNot(error) {
 }
 
 // The views in 3D, or none and why.
-async function makeViews(episodes, hosts, tell, signal) {
+async function makeViews(episodes, hosts, tell, again, signal) {
   let drawing;
   try {
     drawing = await import("./replay_view.js");
@@ -87,7 +87,10 @@ async function makeViews(episodes, hosts, tell, signal) {
         models.set(track, (await download(`/v1/models/${encodeURIComponent(track)}.glb`,
           {signal, most: MOST_BYTES, onWait: () => tell("The model's shapes are made…")})).data);
       }
-      const onMove = (moved) => views.forEach((view) => view !== moved && view.lookLike(moved));
+      const onMove = (moved) => {
+        views.forEach((view) => view !== moved && view.lookLike(moved));
+        again();
+      };
       const model = await drawing.readModel(models.get(track));
       views.push(new drawing.View(hosts[place], one.trajectory, model, {dark, strong, onMove}));
     }
@@ -102,7 +105,7 @@ async function makeViews(episodes, hosts, tell, signal) {
 function actions(views) {
   const each = (act) => (...values) => views.forEach((view) => act(view, ...values));
   return {look: each((view, from) => view.lookFrom(from)),
-    turn: (...by) => views[0]?.turn(...by),
+    turn: each((view, ...by) => view.turn(...by)),
     canFollow: views.some((view) => view.followed), follow: each((view, on) => {
       view.following = on;
     }),
@@ -201,11 +204,11 @@ async function build(main, title, episodes, tell, signal) {
   const hosts = episodes.map((one) => h("div", {class: "canvas", tabindex: 0, role: "group",
     "aria-label": `3D view, ${one.label}. Space plays, arrow keys step; the events below tell what `
       + "happens."}));
-  const {views, viewpoints, why} = await makeViews(episodes, hosts, tell, signal);
   let player = null;
   const again = () => {
     if (player) player.changed = true;
   };
+  const {views, viewpoints, why} = await makeViews(episodes, hosts, tell, again, signal);
   const controls = new Controls(episodes, clock, viewpoints, actions(views), again);
   const onSeek = (time) => controls.seek(time);
   const drawn = graphs(episodes, clock.duration, onSeek);

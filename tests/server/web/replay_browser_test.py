@@ -150,6 +150,33 @@ class Looks(ReplayCase):
                                                  ".innerText"))
         self.check_quiet(page)
 
+    def test_the_view_is_turned_by_keys_and_mouse_while_it_stands(self):
+        page = self.page()
+        self.open(page, f"/replay?log={A}&log={B}")
+        page.evaluate("document.querySelector('.canvas').focus()")
+        self.settled(page)
+        first = self.picture(page)
+        seen = {first}
+        x, y = page.evaluate("(() => { const r = document.querySelector('.canvas')"
+                             ".getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2];"
+                             " })()")
+        def drag():
+            for kind, at in (("mousePressed", x), ("mouseMoved", x + 60), ("mouseReleased", x + 60)):
+                page.call("Input.dispatchMouseEvent", type=kind, x=at, y=y, button="left", buttons=1,
+                          clickCount=1)
+        for act in (lambda: self.press(page, "d"), lambda: self.press(page, "w"),
+                    lambda: self.press(page, "+"), drag,
+                    lambda: page.call("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y,
+                                      deltaX=0, deltaY=-200)):
+            act()
+            self.settled(page)
+            seen.add(self.picture(page))
+        self.assertEqual(len(seen), 6)
+        self.press(page, "0")
+        self.settled(page)
+        self.assertEqual(self.picture(page), first)
+        self.check_quiet(page)
+
     def test_what_a_frame_costs(self):
         page = self.page()
         self.open(page, f"/replay?log={A}")
