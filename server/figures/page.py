@@ -1,7 +1,7 @@
 """One HTML file that needs nothing else: no script, no request, pictures and figures inside it.
 
-Elements are made by h(), which escapes every text it is given, so that markup comes from this folder
-alone."""
+Elements are made by h(), which escapes every text it is given, so that markup comes from this
+folder alone."""
 
 import base64
 import html
