@@ -48,8 +48,7 @@ def draw_distributions(title, found):
         axis.set_title(f"median {number(middle, metric['digits'])}"
                        + (f" {metric['unit']}" if metric["unit"] else ""), fontweight="normal")
     drop_unused(axes, len(found))
-    handles = list(seen.values())
-    finish(drawn, title, list(seen), handles=handles if len(seen) > 1 else [])
+    finish(drawn, title, list(seen), handles=list(seen.values()), always=True)
     return drawn
 
 
@@ -91,7 +90,8 @@ def draw_courses(title, entries):
         axis.set_xlim(-0.5, len(kinds) - 0.5)
         axis.set_ylabel(words)
         axis.set_xlabel("kind of course, and its episodes")
-        axis.set_ylim(bottom=0)
+        # An interval of a mean may reach below 0.
+        axis.set_ylim(bottom=min([0, *(pick(row)[1] or 0 for _, found in entries for row in found)]))
     axes[0][0].set_ylim(0, 1.02)
     finish(drawn, title, [name for name, _ in entries])
     return drawn
