@@ -4,6 +4,7 @@ import {ApiError, download, get} from "./api.js";
 import {facts, h, href, replace} from "./dom.js";
 import {bytes, name, number, visible, whole} from "./format.js";
 import {Clock} from "./replay_clock.js";
+import {compare} from "./replay_compare.js";
 import {Controls, eventTable, keyList, seconds} from "./replay_controls.js";
 import {FileError, MOST_BYTES, readTrajectory} from "./replay_file.js";
 import {graphs} from "./replay_graphs.js";
@@ -66,7 +67,7 @@ function whyNot(error) {
 }
 
 // The views in 3D, or none and why.
-async function makeViews(episodes, hosts, tell, signal) {
+async function makeViews(episodes, hosts, tell, again, signal) {
   let drawing;
   try {
     drawing = await import("./replay_view.js");
@@ -86,7 +87,10 @@ async function makeViews(episodes, hosts, tell, signal) {
         models.set(track, (await download(`/v1/models/${encodeURIComponent(track)}.glb`,
           {signal, most: MOST_BYTES, onWait: () => tell("The model's shapes are made…")})).data);
       }
-      const onMove = (moved) => views.forEach((view) => view !== moved && view.lookLike(moved));
+      const onMove = (moved) => {
+        views.forEach((view) => view !== moved && view.lookLike(moved));
+        again();
+      };
       const model = await drawing.readModel(models.get(track));
       views.push(new drawing.View(hosts[place], one.trajectory, model, {dark, strong, onMove}));
     }
@@ -101,7 +105,7 @@ async function makeViews(episodes, hosts, tell, signal) {
 function actions(views) {
   const each = (act) => (...values) => views.forEach((view) => act(view, ...values));
   return {look: each((view, from) => view.lookFrom(from)),
-    turn: (...by) => views[0]?.turn(...by),
+    turn: each((view, ...by) => view.turn(...by)),
     canFollow: views.some((view) => view.followed), follow: each((view, on) => {
       view.following = on;
     }),
@@ -200,11 +204,11 @@ async function build(main, title, episodes, tell, signal) {
   const hosts = episodes.map((one) => h("div", {class: "canvas", tabindex: 0, role: "group",
     "aria-label": `3D view, ${one.label}. Space plays, arrow keys step; the events below tell what `
       + "happens."}));
-  const {views, viewpoints, why} = await makeViews(episodes, hosts, tell, signal);
   let player = null;
   const again = () => {
     if (player) player.changed = true;
   };
+  const {views, viewpoints, why} = await makeViews(episodes, hosts, tell, again, signal);
   const controls = new Controls(episodes, clock, viewpoints, actions(views), again);
   const onSeek = (time) => controls.seek(time);
   const drawn = graphs(episodes, clock.duration, onSeek);
@@ -213,9 +217,11 @@ async function build(main, title, episodes, tell, signal) {
   const box = h("section", {class: "replay", "aria-label": "Replay", onkeydown: (event) => {
     if (controls.key(event)) event.preventDefault();
   }}, stageOf(episodes, hosts, why), controls.element, views.length > 0 && legend(episodes));
+  const own = episodes.length === 1 ? episodes[0] : null;
   replace(main, title, h("div", {class: "abouts"}, episodes.map(about)), box,
-    drawn.element, h("h2", null, "Events"),
-    events.element, keyList(), h("details", {class: "more"}, h("summary", null, "About the drawing"),
+    own?.status && Number.isInteger(own.trajectory.episode)
+      && compare(own.status, {log: own.log, index: own.trajectory.episode}),
+    drawn.element, h("h2", null, "Events"), events.element, keyList(), h("details", {class: "more"}, h("summary", null, "About the drawing"),
       meter.element, h("p", {class: "quiet"}, episodes.map((one) => `${one.label}: `
         + `${bytes(one.received)} of poses, ${whole(one.trajectory.frames)} frames, `
         + `${whole(one.trajectory.steps)} steps`).join("; "))));

@@ -103,15 +103,20 @@ export class Controls {
       clock.speed = Number(value);
     });
     this.speed.element.value = "1";
-    this.ticks = {follow: tick("Follow", true, can.follow),
-      muscles: tick("Muscles", true, can.muscles), forces: tick("Forces", true, can.forces)};
+    const changes = (act) => (value) => {
+      act(value);
+      this.changed();
+    };
+    this.view = choice("View", {}, viewpoints.map((name) => [name, name]), changes(can.look));
+    this.ticks = {follow: tick("Follow", true, changes(can.follow)),
+      muscles: tick("Muscles", true, changes(can.muscles)),
+      forces: tick("Forces", true, changes(can.forces))};
     this.element = h("div", {class: "controls"}, this.bar.element, h("div", {class: "row"},
       this.play,
       button("−1 frame", "One frame back (←)", () => this.step(-1)),
       button("+1 frame", "One frame on (→)", () => this.step(1)), this.time, this.speed.label,
-      viewpoints.length > 0 && [choice("View", {}, viewpoints.map((name) => [name, name]),
-        can.look).label, Object.entries(this.ticks).filter(([key]) => key !== "follow" || can.canFollow)
-          .map(([, one]) => one.label)]));
+      viewpoints.length > 0 && [this.view.label, can.canFollow && this.ticks.follow.label,
+        this.ticks.muscles.label, this.ticks.forces.label]));
     this.told = -Infinity;
     this.show(true);
   }
@@ -133,10 +138,12 @@ export class Controls {
   }
 
   flip(name) {
-    const {element} = this.ticks[name];
-    element.checked = !element.checked;
-    this.can[name](element.checked);
-    this.changed();
+    this.ticks[name].element.click();
+  }
+
+  lookFrom(name) {
+    this.view.element.value = name;
+    this.can.look(name);
   }
 
   changed() {
@@ -174,7 +181,7 @@ export class Controls {
       "<": () => faster(-1), ">": () => faster(1), a: () => this.can.turn(-10, 0, 1),
       d: () => this.can.turn(10, 0, 1), w: () => this.can.turn(0, 10, 1),
       s: () => this.can.turn(0, -10, 1), "+": () => this.can.turn(0, 0, 1.15),
-      "-": () => this.can.turn(0, 0, 1 / 1.15), 0: () => this.can.look("start"),
+      "-": () => this.can.turn(0, 0, 1 / 1.15), 0: () => this.lookFrom("start"),
       f: () => this.flip("follow"), m: () => this.flip("muscles"), c: () => this.flip("forces")};
     const act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!act) return false;

@@ -13,7 +13,7 @@ import unittest
 import urllib.parse
 
 import trajectories
-from browser_test import AXE, PICTURES, WIDTHS, BrowserCase
+from browser_test import PICTURES, WIDTHS, BrowserCase
 from support.browser import Browser, Page
 from support.daemon import Daemon
 from world import BIN, MARKUP, SCRIPT, SOURCE
@@ -51,8 +51,11 @@ class ReplayPage(Page):
             "/v1/models/locomotion.glb": [(200, {}, trajectories.glb())],
         }
         super().__init__(browser, **more)
-        self.call("Fetch.enable", patterns=[{"urlPattern": "*/trajectory"},
-                                            {"urlPattern": "*/v1/models/*"}])
+        self.take("*/trajectory", "*/v1/models/*")
+
+    def take(self, *patterns):
+        """Answers requests for such addresses from now on, and no others."""
+        self.call("Fetch.enable", patterns=[{"urlPattern": pattern} for pattern in patterns])
 
     def _note(self, method, params):
         super()._note(method, params)
@@ -72,6 +75,8 @@ class ReplayPage(Page):
 
 
 class ReplayCase(BrowserCase):
+    teams = 0
+
     def page(self, role="public", still=True, **more):
         page = ReplayPage(self.browser, **more)
         self.addCleanup(page.close)
@@ -120,22 +125,10 @@ class Looks(ReplayCase):
                         page.evaluate("document.querySelectorAll('details').forEach((one) => {"
                                       "one.open = true; })")
                         self.settled(page)
-                        self.check(page, f"replay-{name}-{width}-{'dark' if dark else 'light'}")
+                        self.check_page(
+                            page, name, f"replay-{name}-{width}-{'dark' if dark else 'light'}")
+                        page.call("Page.setBypassCSP", enabled=False)
                 self.check_quiet(page)
-
-    def check(self, page, label):
-        self.assertLessEqual(page.evaluate("document.documentElement.scrollWidth - innerWidth"), 0,
-                             f"{label} is wider than the screen")
-        if PICTURES:
-            os.makedirs(PICTURES, exist_ok=True)
-            page.screenshot(pathlib.Path(PICTURES, f"{label}.png"))
-        page.call("Page.setBypassCSP", enabled=True)
-        page.evaluate(AXE + ";0")
-        found = page.evaluate("axe.run().then((all) => all.violations.map((one) => [one.id, "
-                              "one.nodes.map((node) => node.html.slice(0, 200) + "
-                              "node.failureSummary)]))")
-        page.call("Page.setBypassCSP", enabled=False)
-        self.assertEqual(found, [], label)
 
     def test_what_is_drawn_changes_with_time_and_choices(self):
         page = self.page()
@@ -155,6 +148,33 @@ class Looks(ReplayCase):
         page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
         self.assertIn("triangles", page.evaluate("document.querySelector('details.more:last-of-type')"
                                                  ".innerText"))
+        self.check_quiet(page)
+
+    def test_the_view_is_turned_by_keys_and_mouse_while_it_stands(self):
+        page = self.page()
+        self.open(page, f"/replay?log={A}&log={B}")
+        page.evaluate("document.querySelector('.canvas').focus()")
+        self.settled(page)
+        first = self.picture(page)
+        seen = {first}
+        x, y = page.evaluate("(() => { const r = document.querySelector('.canvas')"
+                             ".getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2];"
+                             " })()")
+        def drag():
+            for kind, at in (("mousePressed", x), ("mouseMoved", x + 60), ("mouseReleased", x + 60)):
+                page.call("Input.dispatchMouseEvent", type=kind, x=at, y=y, button="left", buttons=1,
+                          clickCount=1)
+        for act in (lambda: self.press(page, "d"), lambda: self.press(page, "w"),
+                    lambda: self.press(page, "+"), drag,
+                    lambda: page.call("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y,
+                                      deltaX=0, deltaY=-200)):
+            act()
+            self.settled(page)
+            seen.add(self.picture(page))
+        self.assertEqual(len(seen), 6)
+        self.press(page, "0")
+        self.settled(page)
+        self.assertEqual(self.picture(page), first)
         self.check_quiet(page)
 
     def test_what_a_frame_costs(self):
@@ -238,6 +258,45 @@ class Steering(ReplayCase):
         self.open(page, f"/replay?log={A}")
         time.sleep(0.3)
         self.assertEqual(self.time_of(page), 0)
+
+
+class Comparing(ReplayCase):
+    def row(self, log, seed=5):
+        return {"index": 37, "seed": seed, "log": log and {"sha256": log}}
+
+    def test_others_are_offered_beside_it_the_leader_first(self):
+        page = self.page()
+        names = {7: "Walkers", 8: SCRIPT, 9: MARKUP}
+        rows = {7: self.row(A), 8: self.row(B, seed=6), 9: self.row(B)}
+        given = {"/v1/leaderboard": {"rows": [{"submission": 9, "rank": 1},
+                                              {"submission": 7, "rank": 2}]}}
+        for number, team in names.items():
+            given[f"/v1/submissions/{number}"] = {
+                "submission": number, "team": team, "name": "walker", "track": "locomotion",
+                "profile": "paper", "phase": None, "episodes": {"done": 100}}
+            given[f"/v1/submissions/{number}/result"] = {
+                "episode_rows": [rows[number]], "hashes": {"seeds": f"list of {number}"}}
+        given["/v1/submissions"] = {"submissions": [given[f"/v1/submissions/{one}"]
+                                                    for one in (9, 8, 7)]}
+        page.answers |= {path: [(200, {}, body)] for path, body in given.items()}
+        page.take("*/trajectory", "*/v1/models/*", "*/v1/submissions*", "*/v1/leaderboard*")
+        self.open(page, f"/replay?log={A}&of=7")
+        self.assertIn("Walkers: walker", page.text())
+        page.evaluate("document.querySelector('.compare').open = true")
+        page.wait("document.querySelectorAll('#other option').length === 2")
+        self.assertEqual(page.evaluate("[...document.querySelectorAll('#other option')].map((one) => "
+                                       "one.textContent)"),
+                         [f"1. {MARKUP}: walker", f"{SCRIPT}: walker"])
+        page.evaluate("document.getElementById('other').value = 8")
+        page.evaluate("document.querySelector('.compare form').requestSubmit()")
+        page.wait("document.querySelector('.compare .problem').textContent.includes("
+                  "'has not played')")
+        page.evaluate("document.getElementById('other').value = 9")
+        page.evaluate("document.querySelector('.compare form').requestSubmit()")
+        page.wait(f"location.search.includes('{B}') && {READY}")
+        self.assertIn(MARKUP, page.text())
+        self.assertEqual(page.evaluate("document.querySelectorAll('.canvas canvas').length"), 2)
+        self.check_quiet(page)
 
 
 class Troubles(ReplayCase):
