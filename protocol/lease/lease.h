@@ -58,7 +58,7 @@ struct LeaseOrder {
   // With `replay`: the file that gets the trajectory of the last episode (sim/trajectory/README.md),
   // unless it differs from its log; "": none is made.
   std::string trajectory = {};
-  bool background = false;  // gets what processors have left over from everybody else
+  bool background = false;  // gets little of processors that others want too
 };
 
 nlohmann::json LeaseOrderToJson(const LeaseOrder& order);

@@ -44,8 +44,8 @@ inline constexpr int kSimChannelFd = 3;
 inline constexpr int kSimOrderFd = 4;    // the lease order, JSON, until end of file
 inline constexpr int kSimCpuPageFd = 5;  // one CpuPage
 inline constexpr int kSimLogFd = 6;      // the logs' pipe, non-blocking; if there is a log_dir
-// A memory file of kMostTrajectoryFileBytes that can't grow, empty at first, for a trajectory; if the
-// order asks for one.
+// A memory file of kMostTrajectoryFileBytes that can't grow, to be mapped for a trajectory; if the order
+// asks for one.
 inline constexpr int kSimTrajectoryFd = 7;
 inline constexpr int64_t kMostTrajectoryFileBytes = int64_t{64} << 20;
 

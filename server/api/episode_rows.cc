@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
@@ -10,7 +11,6 @@
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/grading/episode_order.h"
-#include "server/grading/results.h"
 
 namespace myograde::server {
 namespace {
@@ -58,6 +58,11 @@ Json ValueAt(const Json& row, const std::string& field) {
 
 bool IsOfDetails(const std::string& field) {
   return field == "details" || field.starts_with("details.");
+}
+
+bool HasLog(const EpisodeRow& row) {
+  const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
+  return facts.is_object() && facts.value("log", Json()).is_object();
 }
 
 }  // namespace
@@ -109,29 +114,25 @@ Json ColumnsOf(const std::vector<std::string>& fields, const Json& rows) {
   return columns;
 }
 
-absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows, Json& json) {
+absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows,
+                        const std::vector<scoring::JudgedEpisode>& judged, Json& json) {
   DetailsSummary summary;
-  std::vector<EpisodeRow> logged;
-  for (const EpisodeRow& row : rows) {
-    const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
-    const auto steps = facts.is_object() ? facts.find("steps") : facts.end();
-    if (steps == facts.end() || !steps->is_number_integer()) continue;
-    const Json details = Json::parse(row.details_json, nullptr, /*allow_exceptions=*/false);
-    summary.Add(details, steps->get<int64_t>());
-    const auto log = facts.find("log");
-    if (log != facts.end() && log->is_object()) logged.push_back(row);
+  std::vector<scoring::JudgedEpisode> logged;
+  std::map<int64_t, const EpisodeRow*> by_index;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const Json details = Json::parse(rows[i].details_json, nullptr, /*allow_exceptions=*/false);
+    summary.Add(details, judged[i].judgement.steps);
+    if (!HasLog(rows[i])) continue;
+    logged.push_back(judged[i]);
+    by_index[rows[i].index] = &rows[i];
   }
   json["details_summary"] = summary.Result();
-  const auto judged = JudgedEpisodes(*track.scoring.track, logged);
-  if (!judged.ok()) return judged.status();
-  const absl::StatusOr<std::vector<int64_t>> order = EpisodesInOrder(track.scoring, *judged);
+  const absl::StatusOr<std::vector<int64_t>> order = EpisodesInOrder(track.scoring, logged);
   if (!order.ok()) return order.status();
   Json& highlights = json["highlights"] = Json::object();
   for (const PickedEpisode& picked : BestMedianWorst(*order)) {
-    const auto row = std::find_if(logged.begin(), logged.end(), [&](const EpisodeRow& one) {
-      return one.index == picked.index;
-    });
-    highlights[std::string(picked.place)] = EpisodeToJson(*row, track.config.seed_salt);
+    highlights[std::string(picked.place)] =
+        EpisodeToJson(*by_index.at(picked.index), track.config.seed_salt);
   }
   return absl::OkStatus();
 }

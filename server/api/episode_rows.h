@@ -13,6 +13,7 @@
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
 
+#include "scoring/aggregate.h"
 #include "server/grading/tracks.h"
 #include "server/store/rows.h"
 
@@ -45,9 +46,9 @@ nlohmann::json RowsToJson(const std::vector<EpisodeRow>& rows, const std::string
 nlohmann::json ColumnsOf(const std::vector<std::string>& fields, const nlohmann::json& rows);
 
 // Adds "details_summary" and "highlights" of all `rows`, which have their details, to the answer about
-// their evaluation. A damaged row (store/damage.h) if one is unreadable.
+// their evaluation. `judged` are the same episodes in the same order. Errors of EpisodesInOrder.
 absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows,
-                        nlohmann::json& json);
+                        const std::vector<scoring::JudgedEpisode>& judged, nlohmann::json& json);
 
 // Adds up the details of episodes, whatever their track: {"episodes", "steps", "values"}, where `values`
 // has the shape of the details, with {"count", "min", "mean", "max"} in the place of each number. Of

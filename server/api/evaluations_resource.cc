@@ -55,8 +55,9 @@ Json OutputToJson(const std::vector<LeaseRow>& leases) {
 
 // The rows that are asked for, what all episodes come to together, and which of them to look at.
 absl::Status AddEpisodes(Reader& reader, const Track& track, int64_t evaluation,
-                         std::vector<EpisodeRow> rows, const EpisodeSelection& selection,
-                         Json& json) {
+                         std::vector<EpisodeRow> rows,
+                         const std::vector<scoring::JudgedEpisode>& judged,
+                         const EpisodeSelection& selection, Json& json) {
   if (selection.needs_details()) {
     absl::StatusOr<std::map<int64_t, std::string>> details = reader.EpisodeDetails(evaluation);
     if (!details.ok()) return details.status();
@@ -66,7 +67,7 @@ absl::Status AddEpisodes(Reader& reader, const Track& track, int64_t evaluation,
     }
   }
   if (selection.rows) json["episode_rows"] = RowsToJson(rows, track.config.seed_salt, selection);
-  return selection.summary ? AddSummary(track, rows, json) : absl::OkStatus();
+  return selection.summary ? AddSummary(track, rows, judged, json) : absl::OkStatus();
 }
 
 // A re-run against its original; null for an original.
@@ -93,7 +94,11 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   const absl::StatusOr<std::vector<EpisodeRow>> read = reader.Episodes(id);
   if (!read.ok()) return read.status();
   const std::vector<EpisodeRow>& rows = *read;
-  absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(*scoring.track, rows);
+  const absl::StatusOr<std::vector<scoring::JudgedEpisode>> judged =
+      JudgedEpisodes(*scoring.track, rows);
+  if (!judged.ok()) return judged.status();
+  const absl::StatusOr<scoring::Aggregate> aggregate =
+      scoring::AggregateEpisodes(scoring.track->metrics, *judged);
   if (!aggregate.ok()) return aggregate.status();
   const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(id);
   if (!leases.ok()) return leases.status();
@@ -129,7 +134,7 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   if (!comparison.ok()) return comparison.status();
   json["comparison"] = *comparison;
   if (selection.rows || selection.summary) {
-    const absl::Status added = AddEpisodes(reader, **track, id, rows, selection, json);
+    const absl::Status added = AddEpisodes(reader, **track, id, rows, *judged, selection, json);
     if (!added.ok()) return added;
   }
   const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);

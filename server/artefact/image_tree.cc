@@ -9,7 +9,6 @@
 #include <cerrno>
 #include <climits>
 #include <deque>
-#include <ranges>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
@@ -293,9 +292,10 @@ absl::Status ImageTree::Remove(const std::string& path, bool itself, bool of_thi
   std::vector<std::string> chosen = Below(path);
   if (itself && nodes_.contains(path)) chosen.insert(chosen.begin(), path);
   // What is in a folder comes after it. A folder that this layer uses stays, and so do those above.
-  for (const std::string& one : std::views::reverse(chosen)) {
-    if (!of_this_layer && nodes_.at(one).layer == layer_) continue;
-    if (absl::Status removed = RemoveOne(one); !removed.ok()) return removed;
+  // (Without std::views, whose form in GCC 12's library clang 14 can't compile.)
+  for (auto one = chosen.rbegin(); one != chosen.rend(); ++one) {
+    if (!of_this_layer && nodes_.at(*one).layer == layer_) continue;
+    if (absl::Status removed = RemoveOne(*one); !removed.ok()) return removed;
   }
   return absl::OkStatus();
 }

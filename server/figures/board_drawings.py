@@ -4,7 +4,7 @@ import datetime
 
 import style
 from drawings import finish, whiskers
-from plain import heading
+from plain import heading, plain
 
 MOST_NAMED = 8  # lines with a colour of their own
 MOST_ROWS = 40  # of the figure of intervals
@@ -64,7 +64,8 @@ def draw_intervals(title, criterion, rows):
         colour = style.QUIET if row["rank"] is None else style.COLOURS[0]
         whiskers(axis, place, one["value"], one["low"], one["high"], colour, across=True)
     axis.set_yticks(range(len(rows)), [
-        f"{'baseline' if row['rank'] is None else row['rank']}  {row['team'][:32]}" for row in rows])
+        f"{'baseline' if row['rank'] is None else row['rank']}  {plain(row['team'], 32)}"
+        for row in rows])
     axis.invert_yaxis()
     axis.grid(axis="x")
     axis.grid(False, axis="y")

@@ -1,5 +1,5 @@
-"""Figures from the numbers of evaluation.py, board.py and the paired tests. Every axis has its unit,
-and text of participants reaches matplotlib through plain.py alone."""
+"""Figures from the numbers of evaluation.py and of the paired tests. Every axis has its unit, and
+text of participants reaches matplotlib through plain.py alone."""
 
 import math
 
@@ -48,8 +48,7 @@ def draw_distributions(title, found):
         axis.set_title(f"median {number(middle, metric['digits'])}"
                        + (f" {metric['unit']}" if metric["unit"] else ""), fontweight="normal")
     drop_unused(axes, len(found))
-    handles = list(seen.values())
-    finish(drawn, title, list(seen), handles=handles if len(seen) > 1 else [])
+    finish(drawn, title, list(seen), handles=list(seen.values()), always=True)
     return drawn
 
 
@@ -59,8 +58,8 @@ def whiskers(axis, at, middle, low, high, colour, across=False):
         return
     known = low is not None and high is not None
     error = [[max(middle - low, 0)], [max(high - middle, 0)]] if known else [[0], [0]]
-    draw = {"fmt": "o", "clip_on": False, "color": colour, "ecolor": colour, "markersize": 4, "capsize": 2.5,
-            "elinewidth": 1.2}
+    draw = {"fmt": "o", "clip_on": False, "color": colour, "ecolor": colour, "markersize": 4,
+            "capsize": 2.5, "elinewidth": 1.2}
     if across:
         axis.errorbar([middle], [at], xerr=error, **draw)
     else:
@@ -91,15 +90,17 @@ def draw_courses(title, entries):
         axis.set_xlim(-0.5, len(kinds) - 0.5)
         axis.set_ylabel(words)
         axis.set_xlabel("kind of course, and its episodes")
-        axis.set_ylim(bottom=0)
+        # An interval of a mean may reach below 0.
+        axis.set_ylim(bottom=min([0, *(pick(row)[1] or 0 for _, found in entries for row in found)]))
     axes[0][0].set_ylim(0, 1.02)
     finish(drawn, title, [name for name, _ in entries])
     return drawn
 
 
 def finish(drawn, title, names, dashes=False, handles=None, always=False):
-    """The title, and below the axes the names of lines or points, if there are several or `always`. `handles`
-    are what the names belong to, if that is not a colour each in the order of the palette."""
+    """The title, and below the axes the names of lines or points, if there are several, or
+    `always`. `handles` are what the names belong to, if that is not a colour each in the order of
+    the palette."""
     drawn.suptitle(title, fontsize=10, fontweight="bold", x=0.01, ha="left")
     if not names or (len(names) < 2 and not always):
         return
@@ -156,7 +157,7 @@ def evenly(values):
 
 
 def draw_paired(title, numbers):
-    """Of each metric the differences of the episodes, in order, and their mean with its interval."""
+    """Of each metric the differences of the episodes, in order, and their mean and interval."""
     metrics = numbers["metrics"]
     drawn, axes = style.figure(rounded_height(len(metrics), 1.15), len(metrics), 1)
     for axis, metric in zip(axes.flat, metrics):
@@ -182,8 +183,8 @@ def draw_paired(title, numbers):
         axis.set_xticks([])
         axis.set_ylabel(f"difference ({metric['unit']})" if metric["unit"] else "difference")
         axis.margins(x=0.01)
-    axes.flat[-1].set_xlabel(f"{counted(numbers['pairs'], 'episode')} on the same seeds, each metric "
-                             "in the order of its differences")
+    axes.flat[-1].set_xlabel(f"{counted(numbers['pairs'], 'episode')} on the same seeds, each "
+                             "metric in the order of its differences")
     drawn.suptitle(title, fontsize=10, fontweight="bold", x=0.01, ha="left")
     return drawn
 

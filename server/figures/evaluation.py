@@ -146,7 +146,8 @@ def courses(result):
         known = [row for row in rows if row.get("outcome")]
         successes = sum(row["outcome"] == "success" for row in known)
         distances = [value for row in rows if (value := value_of(row, "distance_m")) is not None]
-        found.append({"course": name, "episodes": len(rows), "success": share(successes, len(known)),
+        found.append({"course": name, "episodes": len(rows),
+                      "success": share(successes, len(known)),
                       "distance_m": {**mean(distances), "most": max(distances, default=None)}})
     return found
 

@@ -62,19 +62,6 @@ def number(value, digits=4):
     return f"{value:,.{max(0, min(int(digits), 12))}f}"
 
 
-def significant(value):
-    """Three significant digits, for numbers whose size nobody knows in advance."""
-    if not isinstance(value, (int, float)) or isinstance(value, bool):
-        return "–"
-    return f"{value:.3g}"
-
-
-def measure(value, metric):
-    """With the unit of a metric as the API describes it."""
-    text = number(value, metric.get("digits", 4))
-    return f"{text} {metric['unit']}" if metric.get("unit") and text != "–" else text
-
-
 def interval(low, high, digits):
     """"[0.1, 0.3]", or "" if one end is not known."""
     texts = (number(low, digits), number(high, digits))

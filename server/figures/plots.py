@@ -11,8 +11,10 @@ from plain import plain
 
 
 def title_for(results):
-    return label(results[0]) if len(results) == 1 else (
-        f"{len(results)} submissions to {plain(results[0].get('phase') or results[0]['track'], 60)}")
+    if len(results) == 1:
+        return label(results[0])
+    where = results[0].get("phase") or results[0]["track"]
+    return f"{len(results)} submissions to {plain(where, 60)}"
 
 
 def of_each(order, numbers_of):

@@ -9,8 +9,8 @@ import warnings
 
 from order import Missing
 
-# Okabe and Ito's palette, which readers with any kind of colour blindness can tell apart. Lines also
-# differ by their dashes.
+# Okabe and Ito's palette, which readers with any kind of colour blindness can tell apart. Lines
+# also differ by their dashes.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 3)), (0, (3, 3)), (0, (1, 2)))
 OF_OUTCOME = {"success": "#009e73", "failure": "#e69f00", "fault": "#555555",
@@ -53,8 +53,8 @@ SETTINGS = {
 
 
 def matplotlib_module():
-    """matplotlib, set up; Missing if this host has none. Settings of the user and of the folder that
-    this is called from do not count."""
+    """matplotlib, set up; Missing if this host has none. Settings of the user and of the current
+    folder do not count."""
     os.environ.pop("MATPLOTLIBRC", None)
     os.chdir("/")
     logging.getLogger("matplotlib").setLevel(logging.CRITICAL)
@@ -104,7 +104,7 @@ def drawable():
 
 
 def as_pdf(drawn):
-    """Bytes of a PDF file with its fonts. What they lack is a box, as nothing else would be seen."""
+    """Bytes of a PDF file with its fonts. What they lack is a box: nothing would be seen of it."""
     from matplotlib.text import Text  # pylint: disable=import-outside-toplevel
     known = drawable()
     for text in drawn.findobj(Text):

@@ -54,14 +54,15 @@ def head(result):
 def verdict(numbers, result):
     """The numbers that rank it."""
     success = numbers["headline"]["success"]
-    rows = [["Success", percent(success["part"] or 0, success["whole"]),
-             "" if success["low"] is None else
-             f"[{100 * success['low']:.1f}, {100 * success['high']:.1f}] %",
-             f"{success['part']} of {counted(success['whole'], 'episode')}"]] if success["whole"] else []
+    rows = []
+    if success["whole"]:
+        rows.append(["Success", percent(success["part"], success["whole"]),
+                     f"[{100 * success['low']:.1f}, {100 * success['high']:.1f}] %",
+                     f"{success['part']} of {counted(success['whole'], 'episode')}"])
     for metric in numbers["headline"]["metrics"]:
+        better = "" if metric["better"] == "neither" else f"{metric['better']} is better"
         rows.append([heading(metric), number(metric["mean"], metric["digits"]),
-                     interval(metric["low"], metric["high"], metric["digits"]),
-                     {"less": "less is better", "more": "more is better"}.get(metric["better"], "")])
+                     interval(metric["low"], metric["high"], metric["digits"]), better])
     if not rows:
         return None
     official = "These are what the official code reports." if result.get("official_figures") else ""
@@ -70,8 +71,8 @@ def verdict(numbers, result):
 
 
 def curves_text(numbers):
-    return (f"Share of the {counted(numbers['episodes'], 'episode')} that had not failed, with 95 % "
-            f"intervals at each place; {numbers['failed']:,} failed in the end.")
+    return (f"Share of the {counted(numbers['episodes'], 'episode')} that had not failed, with "
+            f"95 % intervals at each place; {numbers['failed']:,} failed in the end.")
 
 
 def figures(result, numbers):
@@ -135,8 +136,8 @@ def episode_table(result):
                        row["steps"] if is_number(row.get("steps")) else "–"])
     last = 4 + len(metrics)
     return h("details", h("summary", f"All {counted(len(rows), 'episode')}"), table(
-        "Episodes", ["episode", "seed", "outcome", "reason", *map(heading, metrics), "steps"], lines_,
-        (0, 1, *range(4, last + 1))))
+        "Episodes", ["episode", "seed", "outcome", "reason", *map(heading, metrics), "steps"],
+        lines_, (0, 1, *range(4, last + 1))))
 
 
 def hashes(result):
@@ -173,7 +174,8 @@ def page(order, numbers):
     return document(
         f"Submission {result['submission']}: {plain(result.get('name') or result['team'], 80)}",
         head(result), notices(numbers["missing"]),
-        section("Result", verdict(numbers, result), endings_table(numbers), obstacle_table(numbers)),
+        section("Result", verdict(numbers, result), endings_table(numbers),
+                obstacle_table(numbers)),
         section("Pictures", strip_part(order["strip"]) if "strip" in order else None),
         [section(title, element) for title, element in figures(result, numbers)],
         section("Episodes", episode_table(result)),

@@ -28,7 +28,7 @@ struct ReplayOrder {
   std::string cache_dir;
   int64_t uid_base = -1;  // users of the slots; -1: the caller's own
   int slots = 1;
-  bool background = false;  // gets what processors have left over from everybody else
+  bool background = false;  // gets little of processors that others want too
 };
 
 // Whether the state at the end of an episode is the next one's beginning, so that an episode can only

@@ -1,5 +1,5 @@
 // The trajectory of a replayed episode on its way out of the simulator's sandbox: a memory file that
-// the simulator writes to, as it can open none, and the file that its content is kept in.
+// the simulator maps, as it can write no other, and the file that its content is kept in.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ class TrajectoryFile {
   // Creates `path`, which must not exist yet, and the memory file.
   static absl::StatusOr<TrajectoryFile> Make(const std::string& path);
 
-  // Has a fixed size: what the simulator writes beyond it is refused by the kernel.
+  // Of a fixed size, kMostTrajectoryFileBytes, which nobody can change.
   int memory() const { return memory_.get(); }
 
   // Copies the first `bytes` of the memory file to the file. InternalError: there can't be so many, or

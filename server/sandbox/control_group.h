@@ -24,7 +24,7 @@ struct GroupLimits {
   int64_t tasks = 0;  // processes and threads
   // Processors. Unset for the simulator, a single thread that can't start another.
   std::optional<double> cpus;
-  bool background = false;  // the least share of processors that others want too
+  bool background = false;  // a small share of processors that others want too
 };
 
 // The controllers that a group was created with.

@@ -1,5 +1,8 @@
 #include "sim/episode/replay_player.h"
 
+#include <sys/mman.h>
+
+#include <cstring>
 #include <memory>
 #include <span>
 #include <string>
@@ -8,7 +11,6 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/file.h"
 #include "protocol/log/packed_log.h"
 #include "protocol/base/sha256.h"
 #include "protocol/lease/sim_channel.h"
@@ -194,7 +196,16 @@ absl::StatusOr<ReplayRecord> ReplayPlayer::PlayAndRecord(const EpisodeLog& log) 
 }
 
 absl::Status ReplayPlayer::SendTrajectory(const std::string& bytes) {
-  if (absl::Status status = WriteAll(trajectory_, bytes); !status.ok()) return status;
+  if (std::ssize(bytes) > kMostTrajectoryFileBytes) {
+    return absl::InternalError("the trajectory does not fit into its memory file");
+  }
+  // Mapped, as the simulator may write no files.
+  void* memory = mmap(nullptr, bytes.size(), PROT_READ | PROT_WRITE, MAP_SHARED, trajectory_, 0);
+  if (memory == MAP_FAILED) {
+    return absl::InternalError("the memory file for the trajectory can't be mapped");
+  }
+  std::memcpy(memory, bytes.data(), bytes.size());
+  munmap(memory, bytes.size());
   return SendSimMessage(runner_, {{"type", "trajectory"}, {"bytes", bytes.size()}});
 }
 

@@ -17,8 +17,8 @@ struct CapturedRun {
   std::string error;  // the last line of its standard error
 };
 
-// Starts the program words[0] at low priority with `in` as its standard input, and waits for its end.
-// CancelledError if a stop is requested meanwhile (stop_signal.h), DeadlineExceededError after
+// Starts the program words[0] at low priority with `in` as its standard input, and waits for its
+// end. CancelledError if a stop is requested meanwhile (stop_signal.h), DeadlineExceededError after
 // `timeout`, ResourceExhaustedError if it prints more than `most_bytes`; its process group is dead
 // then. InternalError if it can't be started.
 absl::StatusOr<CapturedRun> RunCaptured(std::vector<std::string> words, std::string_view in,

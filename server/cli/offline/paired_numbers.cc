@@ -18,7 +18,7 @@ namespace {
 using Json = nlohmann::json;
 using RowPairs = std::vector<std::pair<const Json*, const Json*>>;
 
-// What says that two episodes were drawn alike: the seed, or where it is hidden the commitment to it.
+// What says that two episodes were drawn alike: the seed, or where it is hidden its commitment.
 std::string SeedKey(const Json& row) {
   for (const char* key : {"seed_commitment", "seed"}) {
     const Json value = row.value(key, Json());

@@ -52,8 +52,8 @@ absl::Status CheckReport(const ReportOptions& options) {
 
 Json WhyNot(absl::string_view reason) { return {{"error", std::string(reason)}}; }
 
-// What "myograde render" draws of the submission, as Base64, or why there is nothing. CancelledError
-// after a stop signal.
+// What "myograde render" draws of the submission, as Base64, or why there is nothing.
+// CancelledError after a stop signal.
 absl::StatusOr<Json> PicturesOf(const ReportOptions& options) {
   const absl::StatusOr<std::string> bin = BinDir();
   if (!bin.ok()) return WhyNot(bin.status().message());

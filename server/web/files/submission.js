@@ -84,31 +84,28 @@ function makeParts() {
   const output = h("section", {class: "output"});
   const end = h("div");
   const draw = async (status) => {
-    const address = `/v1/submissions/${status.submission}/result`;
-    const result = status.episodes.done
-      ? await get(`${address}?episodes=1&fields=${FIELDS.join(",")}`) : null;
-    if (result) {
+    let result = null;
+    if (status.episodes.done) {
+      // What all episodes come to together is only asked for once they have ended.
+      const query = new URLSearchParams({episodes: 1, fields: FIELDS.join(","),
+        summary: FINAL.includes(status.state) ? 1 : 0});
+      result = await get(`/v1/submissions/${status.submission}/result?${query}`);
       now = {status, result};
       const rows = rowsOf(result.episode_columns);
       drawFigures(figures, result);
+      replace(looks, highlights(result.highlights, result.metrics, status.submission));
       episodes.hidden = !rows.length;
       grid.update(rows);
       drawCharts(charts, result, rows);
+      drawSummary(sums, result.details_summary, result.episodes.done);
       addOutput(output, result);
     }
     const open = end.firstChild?.open;
     replace(end, record(status, result));
     end.firstChild.open = Boolean(open);
   };
-  // What all episodes come to together, once they have ended.
-  const sum = async (status) => {
-    const {details_summary: summary, highlights: rows, metrics, episodes: {done}} =
-      await get(`/v1/submissions/${status.submission}/result?summary=1`);
-    drawSummary(sums, summary, done);
-    replace(looks, highlights(rows, metrics, status.submission));
-  };
   return {elements: [figures, looks, episodes, h("div", {class: "charts"}, charts, sums), output, end],
-    draw, sum};
+    draw};
 }
 
 const pause = (ms) => new Promise((resolve) => {
@@ -135,8 +132,7 @@ export async function show(main, query) {
     if (news !== shown) {
       shown = news;
       const begin = performance.now();
-      const ended = FINAL.includes(status.state) && status.episodes.done > 0;
-      await Promise.all([parts.draw(status), ended && parts.sum(status)]);
+      await parts.draw(status);
       took = performance.now() - begin;
     }
     main.dataset.ready = "yes";

@@ -172,9 +172,10 @@ class Texts(unittest.TestCase):
         self.assertEqual(plain.lines("a\r\nb\tc\x00"), "a\nb\tc⟨U+0000⟩")
 
     def test_numbers_have_their_digits_and_units(self):
-        self.assertEqual(plain.measure(1234.5, answers.METRICS[0]), "1,234.5000 m")
-        self.assertEqual(plain.measure(None, answers.METRICS[0]), "–")
+        self.assertEqual(plain.number(1234.5, 2), "1,234.50")
+        self.assertEqual(plain.number(None), "–")
         self.assertEqual(plain.number(True), "–")
+        self.assertEqual(plain.heading(answers.METRICS[0]), "Distance (m)")
 
 
 class Program(unittest.TestCase):

@@ -209,6 +209,7 @@ class RecordedReplay : public EpisodeLogTest {
     order_.trajectory = "/trajectory";
     auto [ours, theirs] = Pair();
     const Fd memory(memfd_create("trajectory", MFD_CLOEXEC));
+    EXPECT_EQ(ftruncate(memory.get(), 4096), 0);
     HeardReplay heard;
     std::thread runner([&, ours = ours.get()] {
       size_t next = 0;
@@ -229,6 +230,7 @@ class RecordedReplay : public EpisodeLogTest {
     runner.join();
     lseek(memory.get(), 0, SEEK_SET);
     heard.trajectory = *ReadAll(memory.get(), "trajectory");
+    heard.trajectory.erase(std::min(heard.trajectory.find('\0'), heard.trajectory.size()));
     return heard;
   }
 };

@@ -64,6 +64,8 @@ class ClientTest(CliCase):
         at = ("--team", "alpha", "--socket", socket)
         self.refused(2, "--track", "submit", program, *at)
         self.refused(2, "no phase \"last\"", "submit", program, "--phase", "last", *at)
+        for name, why in (("x" * 65, "too long"), ("", "empty"), ("a\u200bb", "U+200B")):
+            self.refused(2, why, "submit", program, "--phase", "final", "--name", name, *at)
         self.assertEqual([p for c, p, b in Handler.heard if c == "POST"], [])
         self.checked("submit", "submit", program, "--phase", "final", *at)
         request = [json.loads(b) for c, p, b in Handler.heard if p == "/v1/submissions"]
