@@ -15,7 +15,7 @@
 namespace myograde::server {
 namespace {
 
-using nlohmann::json;
+using Json = nlohmann::json;
 using testing::HasSubstr;
 using scoring::kMainBoard;
 using scoring::LocomotionMetric;
@@ -35,7 +35,7 @@ TrackConfig Load(const std::string& track, const std::string& profile = "") {
 }
 
 // The error in `track`'s scoring after merging `patch` (RFC 7386).
-std::string MistakeOf(const std::string& track, const json& patch) {
+std::string MistakeOf(const std::string& track, const Json& patch) {
   TrackConfig config = Load(track);
   config.scoring.merge_patch(patch);
   return std::string(ParseTrackScoring(config).status().message());
@@ -65,7 +65,7 @@ TEST(TrackScoring, ReadsConfigsOfEveryEarlierForm) {
                                     "/effective.jsonl"));
     int parsed = 0;
     for (std::string line; std::getline(file, line); ++parsed) {
-      const auto config = ParseTrackConfig(json::parse(line)["config"], "test");
+      const auto config = ParseTrackConfig(Json::parse(line)["config"], "test");
       ASSERT_TRUE(config.ok()) << config.status();
       const auto scoring = ParseTrackScoring(*config);
       ASSERT_TRUE(scoring.ok()) << scoring.status();
@@ -145,7 +145,7 @@ TEST(TrackScoring, TellsMistakesOfManipulation) {
               testing::AllOf(HasSubstr("manipulation (profile paper): scoring: \"success\""),
                              HasSubstr("placed, solved-and-contact, solved")));
   for (const char* limit : {"contact_frames", "force_limit_n", "full_time_s"}) {
-    for (const json& bad : {json(0), json(-1), json("1")}) {
+    for (const Json& bad : {Json(0), Json(-1), Json("1")}) {
       EXPECT_THAT(MistakeOf("manipulation", {{limit, bad}}), HasSubstr(limit)) << bad;
     }
     EXPECT_THAT(MistakeOf("manipulation", {{limit, nullptr}}), HasSubstr("is missing"));
@@ -160,7 +160,7 @@ TEST(TrackScoring, TellsMistakesOfManipulation) {
               HasSubstr("time, acceptance"));
   EXPECT_THAT(MistakeOf("manipulation", {{"phantom_reason", "dropped"}}),
               HasSubstr("phantom, handover"));
-  EXPECT_THAT(MistakeOf("manipulation", {{"boards", {{"second", json::object()}}}}),
+  EXPECT_THAT(MistakeOf("manipulation", {{"boards", {{"second", Json::object()}}}}),
               HasSubstr("boards: \"second\" is not a known key"));
   EXPECT_THAT(MistakeOf("manipulation", {{"boards", 1}}), HasSubstr("must be an object"));
 }
