@@ -19,8 +19,8 @@ body { font: 15px/1.5 "DejaVu Sans", Verdana, sans-serif; color: #111; backgroun
 h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin: 2rem 0 0.5rem; break-after: avoid; }
 table { border-collapse: collapse; font-size: 0.75rem; margin: 0.5rem 0; }
 caption { text-align: left; font-weight: bold; padding: 0.3rem 0; }
-td bdi { display: inline-block; min-width: min(6rem, 20vw); max-width: 16rem; }
-th, td { text-align: left; padding: 0.2rem 0.5rem; border-bottom: 1px solid #ccc;
+td bdi { display: inline-block; min-width: min(5rem, 20vw); max-width: 16rem; }
+th, td { text-align: left; padding: 0.2rem 0.35rem; border-bottom: 1px solid #ccc;
          vertical-align: top; overflow-wrap: anywhere; }
 th { border-bottom: 2px solid #888; overflow-wrap: normal; }
 .num { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
