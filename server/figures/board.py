@@ -48,11 +48,14 @@ def history(board, statistics, moments):
 
 def ranking(board, statistics):
     """The rows of the board with the intervals and tests of its statistics."""
-    known = {row["submission"]: row for row in statistics.get("rows") or []}
+    tested = {row["submission"]: row for row in statistics.get("rows") or []}
     rows = []
     for row in board.get("rows") or []:
-        more = known.get(row["submission"], {})
-        intervals = more.get("intervals") or {}
+        more = tested.get(row["submission"], {})
+        # Those of the statistics are of what ranks, those of the aggregate of all plain means.
+        intervals = {**((row.get("aggregate") or {}).get("spread") or {}),
+                     **{name: known for name, known in (more.get("intervals") or {}).items()
+                        if known}}
         above = more.get("above") or {}
         rows.append({
             "rank": None if row.get("baseline") else row["rank"], "team": plain(row["team"], 60),

@@ -91,7 +91,8 @@ def draw_courses(title, entries):
         axis.set_ylabel(words)
         axis.set_xlabel("kind of course, and its episodes")
         # An interval of a mean may reach below 0.
-        axis.set_ylim(bottom=min([0, *(pick(row)[1] or 0 for _, found in entries for row in found)]))
+        axis.set_ylim(bottom=min([0, *(pick(row)[1] or 0 for _, found in entries
+                                       for row in found)]))
     axes[0][0].set_ylim(0, 1.02)
     finish(drawn, title, [name for name, _ in entries])
     return drawn

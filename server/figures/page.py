@@ -17,14 +17,15 @@ STYLE = """
 body { font: 15px/1.5 "DejaVu Sans", Verdana, sans-serif; color: #111; background: #fff;
        max-width: 64rem; margin: 0 auto; padding: 1rem; }
 h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin: 2rem 0 0.5rem; break-after: avoid; }
-table { border-collapse: collapse; font-size: 0.8rem; margin: 0.5rem 0; }
+table { border-collapse: collapse; font-size: 0.75rem; margin: 0.5rem 0; }
 caption { text-align: left; font-weight: bold; padding: 0.3rem 0; }
-td bdi { display: inline-block; min-width: min(6rem, 20vw); max-width: 16rem; }
-th, td { text-align: left; padding: 0.2rem 0.5rem; border-bottom: 1px solid #ccc;
+td bdi { display: inline-block; min-width: min(5rem, 20vw); max-width: 16rem; }
+th, td { text-align: left; padding: 0.2rem 0.35rem; border-bottom: 1px solid #ccc;
          vertical-align: top; overflow-wrap: anywhere; }
-th { border-bottom: 2px solid #888; white-space: nowrap; overflow-wrap: normal; }
+th { border-bottom: 2px solid #888; overflow-wrap: normal; }
 .num { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
 .wide { overflow-x: auto; } .quiet { color: #555; font-size: 0.85rem; }
+td .quiet { font-size: 0.62rem; }
 figure { margin: 1rem 0; break-inside: avoid; } figcaption { font-size: 0.85rem; }
 figure svg, figure img { max-width: 100%; height: auto; display: block; }
 pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: 0.75rem; background: #f4f4f4;
@@ -33,7 +34,8 @@ code { overflow-wrap: anywhere; font-size: 0.85rem; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: 0.15rem 1rem; margin: 0.5rem 0; }
 dt { color: #555; } dd { margin: 0; overflow-wrap: anywhere; }
 @media print { body { max-width: none; padding: 0; font-size: 10pt; } table { font-size: 7pt; }
-               th { white-space: normal; } tr { break-inside: avoid; } .wide { overflow: visible; } }
+               td .quiet { font-size: 5.5pt; }
+               tr { break-inside: avoid; } .wide { overflow: visible; } }
 """
 
 

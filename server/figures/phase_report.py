@@ -101,7 +101,7 @@ def ranking_table(order, numbers):
     ends = 5 + len(columns)
     return [table(f"Table 1. {plain(title_of(board))}: means over "
                   f"{counted(numbers['episodes'] or 0, 'episode')} with 95 % intervals",
-                  ["rank", "group", "team", "policy", "submission", *map(heading, columns),
+                  ["rank", "group", "team", "policy", "id", *map(heading, columns),
                    "faults", "p (above)"], rows, (0, 1, 4, *range(5, ends + 2))),
             h("p", plain(board.get("order") or "", 2000)),
             h("p", f"p: paired permutation test against the row above over the same episodes, "

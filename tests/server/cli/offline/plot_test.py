@@ -1,17 +1,20 @@
 """plot and report against canned answers: what they refuse, what they ask, the numbers that they
 print, and what becomes of the file. usage: plot_test.py BIN_DIR SOURCE_DIR"""
-import importlib.util
 import json
 import os
+import signal
+import subprocess
 import sys
+import time
 import unittest
 import urllib.parse
 
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 from cli_case import (  # pylint: disable=wrong-import-position
-    BOARD, RESULT, TIME, CliCase, Handler, mistakes, myograde, schema_of)
+    BIN_DIR, BOARD, RESULT, TIME, CliCase, Handler, mistakes, myograde, schema_of)
 
-HAS_MATPLOTLIB = importlib.util.find_spec("matplotlib") is not None
+HAS_MATPLOTLIB = subprocess.run(["/usr/bin/python3", "-I", "-c", "import matplotlib"],
+                                capture_output=True, check=False).returncode == 0
 REFUSED = {"error": {"code": "not_found", "message": "There is no evaluation 19."}}
 
 
@@ -192,6 +195,25 @@ class PlotTest(CliCase):
         self.assertIn("There is no receipt: The phase &lt;withholds&gt; it.", text)
         self.assertIn("There are no pictures: ", text)
         self.assertNotIn("There are no pictures: myograde", text)
+
+    def test_an_interrupt_leaves_nothing(self):
+        pages = {f"GET /v1/record?limit=1000&from={index}": (200, {"entries": [],
+                                                                  "next_from": index + 1})
+                 for index in range(100_000)}  # asked one after the other, for minutes
+        socket = self.serve({**OF_PHASE, **pages})
+        file = self.path("figure.svg")
+        verb = subprocess.Popen([f"{BIN_DIR}/myograde", "plot", "board", "--phase", "final", "-o",
+                                 file, "--socket", socket], stdin=subprocess.DEVNULL,
+                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        deadline = time.monotonic() + 60
+        while not any("/v1/record" in path for _, path, _ in Handler.heard):
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.02)
+        verb.send_signal(signal.SIGINT)
+        out, errors = verb.communicate(timeout=60)
+        self.assertEqual((verb.returncode, out, errors),
+                         (1, "", "myograde: interrupted; nothing was written\n"))
+        self.assertEqual(os.listdir(self.temp), ["sock"])
 
     def test_a_program_that_fails_is_a_sentence(self):
         broken = {**result(7, [1.0], [1]), "metrics": [{"name": 7}]}
