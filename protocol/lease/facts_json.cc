@@ -113,15 +113,17 @@ void VisitLog(Info& info, Visitor&& visit) {
 absl::Status ReadOptional(ConfigReader& reader, const Json& json, EpisodeFacts& facts) {
   if (!json.is_object()) return absl::OkStatus();
   if (reader.Has("actions_digest")) facts.actions_digest = reader.String("actions_digest");
+  absl::Status nested;
   if (reader.Has("details")) {
-    const absl::StatusOr<TrackDetails> details = DetailsFromJson(facts.track, json["details"]);
-    if (!details.ok()) return details.status();
-    facts.details = *details;
+    const absl::StatusOr<TrackDetails> details =
+        DetailsFromJson(facts.track, reader.Object("details"));
+    if (details.ok()) facts.details = *details;
+    nested = details.status();
   }
-  if (!reader.Has("log")) return absl::OkStatus();
+  if (!reader.Has("log")) return nested;
   ConfigReader log(reader.Object("log"), "log");
   VisitLog(facts.log, Reader{log});
-  return log.Finish();
+  return Join(nested, log.Finish());
 }
 
 }  // namespace

@@ -40,12 +40,28 @@ class GradeAndRank(SystemTest):
                 self.assertEqual([row["index"] for row in rows], [0, 1, 2])
                 self.assertEqual(len({row["digest"] for row in rows}), 3, "episodes must differ")
                 self.assertNotEqual(identities(rows), identities(self.rows(scripted)))
+                self.check_details(track, rows)
                 board = self.ask("leaderboard", "--track", config)
                 ranks = {row["team"]: row["rank"] for row in board["rows"]}
                 self.assertEqual(sorted(ranks.values()), list(range(1, len(ranks) + 1)))
                 self.assertIn("Random", ranks)
                 again = self.ask("rerun", random, "--episodes", "1..1", "--wait")
                 self.assertEqual(again["comparison"]["equal"], 3, "a lease is run again whole")
+
+    def check_details(self, track, rows):
+        for row in rows:
+            facts, details = row["facts"], row["details"]
+            for joint, (low, high, *limits) in details["joint_ranges"].items():
+                self.assertTrue(low <= high and limits[0] < limits[1], joint)
+            if track == "locomotion":
+                self.assertAlmostEqual(sum(details["pain_by_joint"].values()) / 12,
+                                       facts["pain_sum"], delta=1e-5)
+                self.assertEqual(details["fall_y"] is None, row["end"] != "fell")
+            if track == "manipulation":
+                # The reset's frame counts as a contact, but is no step.
+                if details["first_contact_time"] is not None:
+                    self.assertGreater(facts["frames_arm"], 0)
+                self.assertEqual(details["peak_force_time"] is None, facts["peak_force"] == 0)
 
     def test_the_warm_up_tells_controllers_apart(self):
         gentle = self.root / "gentle"
@@ -74,7 +90,10 @@ class GradeAndRank(SystemTest):
     def test_local_gives_the_same_episodes_as_the_daemon(self):
         submission = self.submit("zero", "short-manipulation", "Zero")["submission"]
         local = self.ask("local", POLICIES / "zero", "--track", "short-manipulation")
-        self.assertEqual(identities(local["episodes"]), identities(self.rows(submission)))
+        rows = self.rows(submission)
+        self.assertEqual(identities(local["episodes"]), identities(rows))
+        self.assertEqual([row["details"] for row in local["episodes"]],
+                         [row["details"] for row in rows])
 
     def test_fewer_episodes_are_practice(self):
         result = self.ask("submit", POLICIES / "zero", "--track", "short-locomotion",

@@ -96,9 +96,9 @@ TEST_F(StoreTest, DetailsAreKeptBesideTheResultAndComparedWithNothing) {
     EXPECT_THAT(*reader.EpisodeDetails(accepted.evaluation),
                 ElementsAre(testing::Pair(0, R"({"fall_time":1.5})")));
     EXPECT_THAT(*reader.EpisodeDetails(accepted.evaluation + 1), testing::IsEmpty());
-    for (const EpisodeRow& row : *reader.Episodes(accepted.evaluation)) {
-      EXPECT_EQ(row.details_json, "") << "read by themselves";
-    }
+    const std::vector<EpisodeRow> rows = *reader.Episodes(accepted.evaluation);
+    EXPECT_EQ(rows.size(), 2u);
+    for (const EpisodeRow& row : rows) EXPECT_EQ(row.details_json, "") << "read by themselves";
   });
   ASSERT_EQ(SqlError("DROP TRIGGER episode_details_fixed; "
                      "UPDATE episode_details SET details_json = '[]'"), "");
