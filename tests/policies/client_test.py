@@ -163,8 +163,7 @@ class Grading(WithDaemon):
     def test_a_given_name_comes_over_the_submissions(self):
         folder = self.policy("first-name")
         image = self.folder / "agent.tar"
-        image.write_bytes(images.image([[images.member("run", b"#!/bin/sh\n", mode=0o755)]],
-                                       entrypoint=["/run"]))
+        image.write_bytes(images.image([images.program_layer("/bin/true")]))
         for place in (folder, folder / "policy", image):
             told = self.here.upload(place, team="namer", track=TRACK, name="second name")
             self.assertEqual(told["name"], "second name", place)
