@@ -52,6 +52,11 @@ def kind_of(row):
     return outcome if outcome in NO_FAULT else "fault"
 
 
+def withholds_details(result):
+    """What a phase withholds of logs it withholds of details, too."""
+    return bool({"logs", "metrics"} & set(result.get("withheld") or []))
+
+
 def missing(result):
     """Sentences about what the API did not tell of this evaluation."""
     sentences = []
@@ -60,7 +65,7 @@ def missing(result):
         sentences.append(f"The phase withholds these parts until it is published: {parts}.")
     rows = rows_of(result)
     without = sum(not part_of(row, "details") for row in rows)
-    if rows and without and "metrics" not in (result.get("withheld") or []):
+    if rows and without and not withholds_details(result):
         which = "No episode has" if without == len(rows) else (
             f"{counted(without, 'episode')} of {len(rows):,} "
             f"{'has' if without == 1 else 'have'} no")

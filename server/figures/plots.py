@@ -5,7 +5,7 @@ from board import history, title_of
 from board_drawings import draw_history
 from body_drawings import draw_joints
 from drawings import draw_courses, draw_distributions, draw_paired, draw_survival
-from evaluation import courses, distributions, joints, label, nothing, survival
+from evaluation import courses, distributions, joints, label, survival, withholds_details
 from order import Refused
 from plain import plain
 
@@ -30,10 +30,11 @@ def entries(order, numbers):
 def joints_or_refuse(result):
     found = joints(result)
     if not found:
-        raise Refused(nothing(result, "metrics") if "metrics" in (result.get("withheld") or [])
-                      else f"no episode of submission {result['submission']} tells its joints' "
-                      "ranges: a grader from before they were measured played it, or its track "
-                      "has none")
+        who = f"submission {result['submission']}"
+        raise Refused(f"the phase of {who} withholds what was measured of joints until it is "
+                      "published" if withholds_details(result) else
+                      f"no episode of {who} tells its joints' ranges: a grader from before they "
+                      "were measured played it, or its track has none")
     return found
 
 

@@ -100,6 +100,14 @@ class Evaluations(unittest.TestCase):
         self.assertIn("The phase withholds", numbers["missing"][0])
         self.assertEqual(numbers["headline"]["success"]["share"], None)
 
+    def test_details_that_are_withheld_with_logs_are_not_called_old(self):
+        hidden = {**answers.result(7, detailed=False), "withheld": ["logs"]}
+        self.assertEqual(evaluation.missing(hidden), [
+            "The phase withholds these parts until it is published: logs."])
+        for result, words in ((hidden, "withholds"), (answers.result(7, detailed=False), "before")):
+            with self.assertRaisesRegex(Refused, words):
+                plots.made({"make": "plot", "kind": "joints", "format": None, "results": [result]})
+
     def test_an_evaluation_without_episodes_is_a_sentence(self):
         empty = {**answers.result(7), "episode_rows": [], "aggregate": None}
         for make in (evaluation.distributions, evaluation.courses, evaluation.survival):
