@@ -93,7 +93,8 @@ print(json.dumps([counts["MYOGRADE_ACTION"], action.episode, action.step, action
                 self.assertTrue(self.ask("replay", file)["equal"])
 
     def test_episodes_can_be_drawn_from_their_logs(self):
-        for track, submission in self.submissions.items():
+        for track in ("locomotion", "elbow"):  # boards of two kinds
+            submission = self.submissions[track]
             with self.subTest(track=track):
                 file = self.root / f"{track}.png"
                 told = self.ask("render", submission, "--strip", "--size", "64x48", "-o", file)

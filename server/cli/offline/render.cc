@@ -40,7 +40,7 @@ constexpr double kDeadlineSeconds = 600;   // of a picture, and of what a film h
 constexpr double kSecondsPerFrame = 10;
 
 struct RenderOptions : DaemonOptions {
-  HostOptions host;
+  HostOptions host;  // of which the cache alone
   std::string target;
   int64_t episode = -1;  // -1: not said
   std::string file;
@@ -302,7 +302,9 @@ Action AddRender(CLI::App& verb) {
       ->check(CLI::Range(0.01, 100.0));
   verb.add_flag("--no-overlay", options->no_overlay, "Nothing written into the pictures");
   AddDaemonOptions(verb, "render", *options);
-  AddHostOptions(verb, options->host);
+  verb.add_option("--cache", options->host.cache,
+                  "Folder with MuJoCo and the models (default: MYOGRADE_CACHE, else "
+                  "/var/cache/myograde for root and ~/.cache/myograde for others)");
   return [options] { return Render(*options); };
 }
 
