@@ -12,10 +12,10 @@
 namespace myograde::server {
 
 struct ProgramOrder {
-  std::string program;             // the name of a program beside this one
-  std::vector<std::string> words;  // its arguments
-  std::string input;               // for its standard input
-  size_t most_output = 0;          // bytes of its standard output that are taken
+  std::string program;                  // the name of a program beside this one
+  std::vector<std::string> words = {};  // its arguments
+  std::string input = {};               // for its standard input
+  size_t most_output = 0;               // bytes of its standard output that are taken
   absl::Duration deadline = absl::Minutes(10);
   int nice = 19;
 };

@@ -245,7 +245,7 @@ TEST_F(PicturesTest, DraftsOfADaemonThatDiedAreRemoved) {
 
 TEST(Packing, GivesTheSameBytesBack) {
   std::string text;
-  for (int i = 0; i < 100'000; ++i) text += static_cast<char>(i * i % 251);
+  for (int i = 0; i < 100'000; ++i) text += static_cast<char>(i % 251 * i % 249);
   EXPECT_EQ(*UnpackZstd(ZstdOf(text), text.size()), text);
   EXPECT_FALSE(UnpackZstd(ZstdOf(text), text.size() - 1).ok());
   EXPECT_FALSE(UnpackZstd("nonsense", 1000).ok());
