@@ -391,6 +391,7 @@ class RealEpisodes(unittest.TestCase):
         cls.daemon.configure(http={"listen": {"address": "127.0.0.1", "port": 0}})
         cls.daemon.start()
         cls.url = (cls.daemon.data / "listen").read_text(encoding="utf-8").strip()
+        cls.daemon.post("/v1/teams", {"team": "Walkers"})
         cls.token = cls.daemon.post("/v1/tokens", {"role": "participant", "label": "test",
                                                    "team": "Walkers"})["token"]
         cls.browser = Browser()
