@@ -217,34 +217,6 @@ TEST(SchedulerTest, ThePlaceIsTheOrderInWhichEvaluationsStart) {
   }
 }
 
-TEST(SchedulerTest, AQueueShowsWhatRunsAndThenWhatWaitsOfSomeTeams) {
-  Scheduler scheduler({.slots = 1});
-  const std::set<std::string> own = {"b", "nobody"};
-  EXPECT_TRUE(scheduler.QueueOf(nullptr).empty());
-  scheduler.Add(Spec(1, "a", 1), absl::ZeroDuration());
-  scheduler.Add(Spec(2, "a", 1), absl::ZeroDuration());
-  scheduler.Add(Spec(3, "b", 1), absl::ZeroDuration());
-  scheduler.Add(Spec(4, "b", 2, Priority::kPractice), absl::ZeroDuration());
-  scheduler.Add(Spec(5, "b", 1, Priority::kRerun), absl::ZeroDuration());
-  scheduler.Add(Spec(6, "b", 1, Priority::kRejudge), absl::ZeroDuration());
-  ASSERT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 1);
-  EXPECT_EQ(scheduler.QueueOf(nullptr), (std::vector<int64_t>{1, 3, 2, 4}));
-  EXPECT_EQ(scheduler.QueueOf(&own), (std::vector<int64_t>{3, 4}));
-  // All of them have waited for too long, the oldest of each team first; it runs and waits nowhere.
-  scheduler.Escalate(absl::Hours(2));
-  EXPECT_EQ(scheduler.QueueOf(nullptr), (std::vector<int64_t>{1, 3, 2, 4}));
-  scheduler.Finished(1000, 1, absl::ZeroDuration());
-  scheduler.Free(0);
-  ASSERT_EQ(scheduler.Next(absl::Hours(2))->evaluation, 3);
-  scheduler.Finished(3000, 1, absl::ZeroDuration());
-  scheduler.Free(0);
-  ASSERT_EQ(scheduler.Next(absl::Hours(2))->evaluation, 2);
-  scheduler.Finished(2000, 1, absl::ZeroDuration());
-  scheduler.Free(0);
-  ASSERT_EQ(scheduler.Next(absl::Hours(2))->evaluation, 4);
-  EXPECT_EQ(scheduler.QueueOf(&own), (std::vector<int64_t>{4})) << "once, though a block waits";
-}
-
 // How many of the first `count` starts each team gets, if no lease ends.
 std::map<std::string, int> FirstStarts(Scheduler& scheduler,
                                        const std::map<int64_t, std::string>& of, int count) {
