@@ -15,6 +15,20 @@ namespace {
 
 absl::string_view View(std::string_view s) { return {s.data(), s.size()}; }
 
+// A key or a text of the file for a message: on one line, and not cut within a character.
+std::string Shown(std::string_view text) {
+  constexpr size_t kMost = 100;
+  const bool cut = text.size() > kMost;
+  const std::string json = nlohmann::json(std::string(text)).dump(-1, ' ', /*ensure_ascii=*/cut,
+                                                     nlohmann::json::error_handler_t::replace);
+  return cut ? json.substr(1, kMost) + "..." : json.substr(1, json.size() - 2);
+}
+
+// The beginning of a value for a message.
+std::string ShownValue(const nlohmann::json& value) {
+  return value.dump(-1, ' ', /*ensure_ascii=*/true).substr(0, 40);
+}
+
 const nlohmann::json& EmptyObject() {
   static const nlohmann::json empty = nlohmann::json::object();
   return empty;
@@ -49,7 +63,7 @@ const nlohmann::json* ConfigReader::Find(std::string_view key) {
 void ConfigReader::Fail(std::string_view key, std::string_view problem) {
   if (!first_mistake_.ok()) return;
   first_mistake_ = absl::InvalidArgumentError(
-      absl::StrCat(where_, ": \"", View(key), "\" ", View(problem)));
+      absl::StrCat(where_, ": \"", Shown(key), "\" ", View(problem)));
 }
 
 double ConfigReader::Number(std::string_view key, NumberRange range) {
@@ -71,7 +85,7 @@ int64_t ConfigReader::Integer(std::string_view key, int64_t min, int64_t max) {
   const nlohmann::json* value = Find(key);
   if (value == nullptr) return min;
   if (!value->is_number_integer()) {
-    Fail(key, absl::StrCat("must be a whole number, is ", value->dump().substr(0, 40)));
+    Fail(key, absl::StrCat("must be a whole number, is ", ShownValue(*value)));
     return min;
   }
   const bool too_big = value->is_number_unsigned() && value->get<uint64_t>() > INT64_MAX;
@@ -87,7 +101,7 @@ bool ConfigReader::Boolean(std::string_view key) {
   const nlohmann::json* value = Find(key);
   if (value == nullptr) return false;
   if (!value->is_boolean()) {
-    Fail(key, absl::StrCat("must be true or false, is ", value->dump().substr(0, 40)));
+    Fail(key, absl::StrCat("must be true or false, is ", ShownValue(*value)));
     return false;
   }
   return value->get<bool>();
@@ -109,7 +123,7 @@ std::string ConfigReader::Choice(std::string_view key, const std::vector<std::st
   for (const std::string& choice : choices) {
     if (choice == text) return text;
   }
-  Fail(key, absl::StrCat("is \"", text, "\", must be one of: ", absl::StrJoin(choices, ", ")));
+  Fail(key, absl::StrCat("is \"", Shown(text), "\", must be one of: ", absl::StrJoin(choices, ", ")));
   return choices.front();
 }
 
@@ -122,7 +136,7 @@ std::vector<double> ConfigReader::Numbers(std::string_view key, int size, Number
   for (const nlohmann::json& entry : array) {
     const double number = entry.is_number() ? entry.get<double>() : NAN;
     if (!std::isfinite(number) || number < range.min || number > range.max) {
-      Fail(key, absl::StrCat("holds ", entry.dump().substr(0, 40), ", each must be a number from ",
+      Fail(key, absl::StrCat("holds ", ShownValue(entry), ", each must be a number from ",
                              range.min, " to ", range.max));
     }
     numbers.push_back(number);
@@ -135,7 +149,7 @@ std::vector<std::string> ConfigReader::Strings(std::string_view key) {
   std::vector<std::string> strings;
   for (const nlohmann::json& entry : Array(key)) {
     if (!entry.is_string()) {
-      Fail(key, absl::StrCat("holds ", entry.dump().substr(0, 40), ", each must be a string"));
+      Fail(key, absl::StrCat("holds ", ShownValue(entry), ", each must be a string"));
       continue;
     }
     strings.push_back(entry.get<std::string>());
@@ -149,8 +163,8 @@ std::map<std::string, std::string> ConfigReader::StringsByName(std::string_view 
     if (value.is_string()) {
       strings[name] = value.get<std::string>();
     } else {
-      Fail(key, absl::StrCat("has ", value.dump().substr(0, 40), " as the value of \"",
-                             name.substr(0, 40), "\", which must be a string"));
+      Fail(key, absl::StrCat("has ", ShownValue(value), " as the value of \"",
+                             Shown(name), "\", which must be a string"));
     }
   }
   return strings;
@@ -221,7 +235,7 @@ absl::StatusOr<nlohmann::json> ParseJson(std::string_view text, std::string_view
     }
     if (!duplicate.empty()) {
       return absl::InvalidArgumentError(
-          absl::StrCat(View(where), ": the key \"", duplicate, "\" is there twice"));
+          absl::StrCat(View(where), ": the key \"", Shown(duplicate), "\" is there twice"));
     }
     return value;
   } catch (const nlohmann::json::exception& error) {

@@ -57,8 +57,9 @@ bool SameSimulation(const Json& a, const Json& b) {
     if (!HashIn(a, key).is_string() || HashIn(a, key) != HashIn(b, key)) return false;
   }
   // Builds before version 0.2 do not name their adapters.
+  const Json adapters_a = HashIn(a, "adapters");
   const Json adapters_b = HashIn(b, "adapters");
-  for (const auto& [name, hash] : HashIn(a, "adapters").items()) {
+  for (const auto& [name, hash] : adapters_a.items()) {
     if (HashIn(adapters_b, name.c_str()) != hash) return false;
   }
   // A model is compiled when it is first needed, so one of the builds may know fewer.

@@ -135,8 +135,9 @@ std::vector<ReceiptCheck> CompareGraders(const Json& receipt, const Json& grader
   for (const char* part : {"simulator", "mujoco"}) {
     compare(part, theirs.value(part, Json()), grader.value(part, Json()), /*must_equal=*/false);
   }
+  const Json their_adapters = theirs.value("adapters", Json::object());
   const Json adapters = grader.value("adapters", Json::object());
-  for (const auto& [name, hash] : theirs.value("adapters", Json::object()).items()) {
+  for (const auto& [name, hash] : their_adapters.items()) {
     compare(absl::StrCat("adapter ", name), hash, adapters.value(name, Json()),
             /*must_equal=*/false);
   }

@@ -123,6 +123,26 @@ TEST(ParseJson, RefusesWhatIsNestedTooDeeply) {
   EXPECT_FALSE(ParseJson(objects + "1" + std::string(100'000, '}'), "f.json").ok());
 }
 
+TEST(ConfigReader, AMessageStaysOneLineOfTextWhateverTheFileHas) {
+  const auto message = [](const json& object) {
+    ConfigReader reader(object, "f.json");
+    (void)reader.Choice("a", {"x"});
+    return std::string(reader.Finish().message());
+  };
+  EXPECT_EQ(message({{"a", "x"}, {"b\n", 1}}),
+            "f.json: \"b\\n\" is not a known key; known here: a");
+  EXPECT_EQ(message({{"a", "\x1b[2J\n"}}),
+            "f.json: \"a\" is \"\\u001b[2J\\n\", must be one of: x");
+  std::string umlauts;
+  for (int i = 0; i < 3000; ++i) umlauts += "\xc3\xbc";
+  for (const json& object : {json{{"a", umlauts}}, json{{"a", {umlauts}}},
+                             json{{"a", "x"}, {"_" + umlauts, 1}}}) {
+    const std::string text = message(object);
+    EXPECT_LT(text.size(), 300u);
+    EXPECT_NO_THROW((void)json(text).dump()) << "cut within a character";
+  }
+}
+
 TEST(ParseJson, RefusesAKeyThatIsThereTwiceInOneObject) {
   EXPECT_TRUE(ParseJson(R"({"a": {"k": 1}, "b": {"k": 1}, "k": [{"k": 1}, {"k": 1}]})", "f").ok());
   const auto twice = ParseJson(R"({"a": {"k": 1, "b": [{}], "k": 2}})", "f.json");
