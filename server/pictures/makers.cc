@@ -10,7 +10,7 @@
 #include "protocol/base/file.h"
 #include "protocol/lease/render_order.h"
 #include "protocol/lease/sim_channel.h"
-#include "server/pictures/program_run.h"
+#include "server/base/program_run.h"
 #include "server/proof/replay_run.h"
 
 namespace myograde::server {

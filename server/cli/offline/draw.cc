@@ -12,10 +12,11 @@
 
 #include "server/base/counted.h"
 #include "server/base/paths.h"
+#include "server/base/program_run.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/new_file.h"
 #include "server/cli/base/print_json.h"
-#include "server/cli/offline/captured_run.h"
+#include "server/cli/offline/stop_signal.h"
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 
@@ -28,6 +29,7 @@ constexpr char kPython[] = "/usr/bin/python3";
 constexpr absl::Duration kDrawingTime = absl::Minutes(10);
 constexpr size_t kMostDrawn = size_t{512} << 20;
 constexpr mode_t kFigureMode = 0644;
+constexpr int kDrawingNice = 10;
 
 // The program's folder: of an installed MyoGrade, else of the source tree.
 std::string DrawingProgram() {
@@ -48,19 +50,20 @@ absl::Status RunFailure(const absl::Status& status) {
   return CantDraw(std::string(status.message()));
 }
 
-absl::StatusOr<Drawn> ReadAnswer(const CapturedRun& run) {
-  const size_t end = run.out.find('\n');
-  const Json answer = Json::parse(run.out.substr(0, end), nullptr, /*allow_exceptions=*/false);
-  if (!run.good || end == std::string::npos || !answer.is_object()) {
-    return CantDraw(absl::StrCat("the drawing program ", run.ended,
-                                 run.error.empty() ? "" : ": ", Harmless(run.error)));
+absl::StatusOr<Drawn> ReadAnswer(const ProgramEnd& run) {
+  const size_t end = run.output.find('\n');
+  const Json answer = Json::parse(run.output.substr(0, end), nullptr, /*allow_exceptions=*/false);
+  if (run.exit_status != 0 || end == std::string::npos || !answer.is_object()) {
+    const std::string error = run.LastError();
+    return CantDraw(absl::StrCat("the drawing program ", run.HowItEnded(),
+                                 error.empty() ? "" : ": ", Harmless(error)));
   }
   if (answer.contains("error")) {
     const std::string sentence = Harmless(answer.value("error", ""));
     if (answer.value("whose", "") == "caller") return absl::FailedPreconditionError(sentence);
     return absl::InternalError(sentence);
   }
-  Drawn drawn = {answer.value("numbers", Json()), run.out.substr(end + 1)};
+  Drawn drawn = {answer.value("numbers", Json()), run.output.substr(end + 1)};
   if (drawn.file.size() != answer.value("bytes", size_t{0})) {
     return CantDraw("the drawing program printed only a part of it");
   }
@@ -71,10 +74,14 @@ absl::StatusOr<Drawn> ReadAnswer(const CapturedRun& run) {
 
 absl::StatusOr<Drawn> DrawFigure(const Json& order) {
   // -I: neither the user's packages nor the environment change what is drawn.
-  const absl::StatusOr<CapturedRun> run =
-      RunCaptured({kPython, "-I", "-B", DrawingProgram()},
-                  order.dump(-1, ' ', false, Json::error_handler_t::replace), kDrawingTime,
-                  kMostDrawn);
+  const absl::StatusOr<ProgramEnd> run =
+      RunProgram({.program = kPython,
+                  .words = {"-I", "-B", DrawingProgram()},
+                  .input = order.dump(-1, ' ', false, Json::error_handler_t::replace),
+                  .most_output = kMostDrawn,
+                  .deadline = kDrawingTime,
+                  .nice = kDrawingNice},
+                 StopRequested);
   if (!run.ok()) return RunFailure(run.status());
   return ReadAnswer(*run);
 }

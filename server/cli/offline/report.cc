@@ -1,17 +1,19 @@
 // myograde report
 #include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/strip.h>
 
 #include "protocol/base/file.h"
-#include "server/base/paths.h"
+#include "server/base/program_run.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/temp_folder.h"
 #include "server/cli/client/daemon_options.h"
-#include "server/cli/offline/captured_run.h"
 #include "server/cli/offline/draw.h"
 #include "server/cli/offline/figure_sources.h"
 #include "server/cli/offline/stop_signal.h"
@@ -26,6 +28,7 @@ using Json = nlohmann::json;
 constexpr absl::Duration kStripTime = absl::Minutes(10);
 constexpr size_t kMostStripBytes = size_t{32} << 20;
 constexpr size_t kMostPrinted = 1 << 20;
+constexpr int kStripNice = 10;
 
 struct ReportOptions : SubmissionOptions {
   BoardChoice board;
@@ -55,12 +58,10 @@ Json WhyNot(absl::string_view reason) { return {{"error", std::string(reason)}};
 // What "myograde render" draws of the submission, as Base64, or why there is nothing.
 // CancelledError after a stop signal.
 absl::StatusOr<Json> PicturesOf(const ReportOptions& options) {
-  const absl::StatusOr<std::string> bin = BinDir();
-  if (!bin.ok()) return WhyNot(bin.status().message());
   const absl::StatusOr<TempFolder> temp = TempFolder::Make("strip");
   if (!temp.ok()) return WhyNot(temp.status().message());
   const std::string file = temp->path() + "/strip.png";
-  std::vector<std::string> words = {*bin + "/myograde", "render", absl::StrCat(options.id),
+  std::vector<std::string> words = {"render", absl::StrCat(options.id),
                                     "--strip", "-o", file};
   const std::pair<const char*, const std::string*> places[] = {{"--data", &options.data},
                                                                {"--socket", &options.socket},
@@ -69,12 +70,16 @@ absl::StatusOr<Json> PicturesOf(const ReportOptions& options) {
   for (const auto& [option, value] : places) {
     if (!value->empty()) words.insert(words.end(), {option, *value});
   }
-  const absl::StatusOr<CapturedRun> run =
-      RunCaptured(std::move(words), "", kStripTime, kMostPrinted);
+  const absl::StatusOr<ProgramEnd> run = RunProgram({.program = "myograde",
+                                                     .words = std::move(words),
+                                                     .most_output = kMostPrinted,
+                                                     .deadline = kStripTime,
+                                                     .nice = kStripNice},
+                                                    StopRequested);
   if (absl::IsCancelled(run.status())) return run.status();
   if (!run.ok()) return WhyNot(absl::StrCat("drawing them failed: ", run.status().message()));
-  if (!run->good) {
-    return WhyNot(absl::StripPrefix(Harmless(run->error), "myograde: error: "));
+  if (run->exit_status != 0) {
+    return WhyNot(absl::StripPrefix(Harmless(run->LastError()), "myograde: error: "));
   }
   const absl::StatusOr<std::string> png = ReadFile(file, kMostStripBytes);
   if (!png.ok()) return WhyNot(png.status().message());

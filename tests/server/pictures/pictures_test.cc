@@ -18,8 +18,8 @@
 #include <gtest/gtest.h>
 
 #include "protocol/base/file.h"
+#include "server/base/program_run.h"
 #include "server/pictures/packing.h"
-#include "server/pictures/program_run.h"
 
 namespace myograde::server {
 namespace {
@@ -299,7 +299,8 @@ TEST_F(ProgramRuns, TakeTextAndGiveBytes) {
   ASSERT_TRUE(end.ok()) << end.status();
   EXPECT_EQ(end->output, "text");
   EXPECT_EQ(end->exit_status, 3);
-  EXPECT_THAT(end->errors, HasSubstr("no good"));
+  EXPECT_EQ(end->LastError(), "no good");
+  EXPECT_EQ(end->HowItEnded(), "exited with status 3");
 }
 
 TEST_F(ProgramRuns, AreBounded) {

@@ -1,4 +1,4 @@
-#include "server/pictures/program_run.h"
+#include "server/base/program_run.h"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -66,16 +66,34 @@ bool Drain(Fd& fd, const std::function<void(std::string_view)>& take) {
   return fd.valid();
 }
 
+absl::StatusOr<std::string> ProgramPath(const std::string& program) {
+  std::string path = program;
+  if (program.find('/') == std::string::npos) {
+    const absl::StatusOr<std::string> bin_dir = BinDir();
+    if (!bin_dir.ok()) return bin_dir.status();
+    path = absl::StrCat(*bin_dir, "/", program);
+  }
+  if (access(path.c_str(), X_OK) == 0) return path;
+  return absl::InternalError(absl::StrCat("no program ", path, " (", std::strerror(errno), ")"));
+}
+
 }  // namespace
+
+std::string ProgramEnd::HowItEnded() const {
+  return exit_status > 128 ? absl::StrCat("was killed by signal ", exit_status - 128)
+                           : absl::StrCat("exited with status ", exit_status);
+}
+
+std::string ProgramEnd::LastError() const {
+  const std::string text = errors.substr(0, errors.find_last_not_of(" \n") + 1);
+  return text.substr(text.rfind('\n') + 1);
+}
 
 absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
                                       const std::function<bool()>& stopped) {
-  const absl::StatusOr<std::string> bin_dir = BinDir();
-  if (!bin_dir.ok()) return bin_dir.status();
-  const std::string path = absl::StrCat(*bin_dir, "/", order.program);
-  if (access(path.c_str(), X_OK) != 0) {
-    return absl::InternalError(absl::StrCat("no program ", path, " (", std::strerror(errno), ")"));
-  }
+  const absl::StatusOr<std::string> found = ProgramPath(order.program);
+  if (!found.ok()) return found.status();
+  const std::string& path = *found;
   absl::StatusOr<Fd> in = InputFile(order.input);
   if (!in.ok()) return in.status();
   absl::StatusOr<Pipe> out = MakeOutputPipe();

@@ -1,4 +1,4 @@
-// Runs a program of the grader to its end: text in, bytes out, a deadline.
+// Runs a program to its end: text in, bytes out, a deadline.
 #pragma once
 
 #include <cstddef>
@@ -12,7 +12,7 @@
 namespace myograde::server {
 
 struct ProgramOrder {
-  std::string program;                  // the name of a program beside this one
+  std::string program;                  // its path, or the name of one beside this program
   std::vector<std::string> words = {};  // its arguments
   std::string input = {};               // for its standard input
   size_t most_output = 0;               // bytes of its standard output that are taken
@@ -24,6 +24,9 @@ struct ProgramEnd {
   int exit_status = 0;  // 128 + N: signal N ended it
   std::string output;
   std::string errors;   // the end of its standard error, as valid UTF-8
+
+  std::string HowItEnded() const;  // "exited with status 2", "was killed by signal 11"
+  std::string LastError() const;   // the last line of `errors`; "" if there is none
 };
 
 // CancelledError as soon as `stopped` (asked ten times a second), DeadlineExceededError,
