@@ -47,7 +47,7 @@ class ServerConfigTest : public ::testing::Test {
         "min_bytes_per_s",
         "speed_window_s", "spool_bytes", "peer_spool_bytes", "unfinished", "of_one",
         "of_a_submission", "of_organisers", "requests_per_s", "burst", "teams_of_a_user", "level",
-        "samples", "places"};
+        "samples", "places", "picture_bytes"};
     return later.contains(place.back());
   }
 
@@ -121,7 +121,7 @@ TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
         absl::ToInt64Seconds(config.retention.upload_age), config.reruns.unfinished,
         config.reruns.of_one, config.reruns.of_a_submission, config.reruns.of_organisers,
         static_cast<int64_t>(http.requests_per_s), static_cast<int64_t>(http.burst),
-        config.access.teams_of_a_user};
+        config.access.teams_of_a_user, config.retention.picture_bytes};
   };
   EXPECT_EQ(numbers(old), numbers(now));
   EXPECT_EQ(old.statistics, now.statistics);
