@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <poll.h>
-#include <signal.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -15,37 +14,13 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/file.h"
 #include "protocol/base/spawn.h"
-#include "server/base/output_tail.h"
+#include "server/base/child_process.h"
 #include "server/base/paths.h"
 
 namespace myograde::server {
 namespace {
 
 constexpr int kPollMilliseconds = 100;
-constexpr int64_t kErrorBytes = 4096;
-
-// Kills the program with its group, and reaps it, unless it has been.
-class ProgramProcess {
- public:
-  explicit ProgramProcess(pid_t pid) : pid_(pid) {}
-  ~ProgramProcess() {
-    if (pid_ <= 0) return;
-    kill(-pid_, SIGKILL);
-    while (waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) continue;
-  }
-  ProgramProcess(const ProgramProcess&) = delete;
-  ProgramProcess& operator=(const ProgramProcess&) = delete;
-
-  // True once it has ended.
-  bool Reap(int& status) {
-    if (pid_ > 0 && waitpid(pid_, &status, WNOHANG) != pid_) return false;
-    pid_ = -1;
-    return true;
-  }
-
- private:
-  pid_t pid_;
-};
 
 absl::StatusOr<Fd> InputFile(const std::string& text) {
   Fd file(memfd_create("myograde-input", MFD_CLOEXEC));
@@ -57,13 +32,12 @@ absl::StatusOr<Fd> InputFile(const std::string& text) {
   return high;
 }
 
-// Reads what is there; false at the end of the stream.
-bool Drain(Fd& fd, const std::function<void(std::string_view)>& take) {
+// Takes what is there, and closes `fd` at the end of the stream.
+void Drain(Fd& fd, std::string& out) {
   char buffer[64 << 10];
   const ssize_t n = read(fd.get(), buffer, sizeof(buffer));
-  if (n > 0) take(std::string_view(buffer, static_cast<size_t>(n)));
+  if (n > 0) out.append(buffer, static_cast<size_t>(n));
   if (n == 0 || (n < 0 && errno != EINTR && errno != EAGAIN)) fd.reset();
-  return fd.valid();
 }
 
 absl::StatusOr<std::string> ProgramPath(const std::string& program) {
@@ -84,10 +58,7 @@ std::string ProgramEnd::HowItEnded() const {
                            : absl::StrCat("exited with status ", exit_status);
 }
 
-std::string ProgramEnd::LastError() const {
-  const std::string text = errors.substr(0, errors.find_last_not_of(" \n") + 1);
-  return text.substr(text.rfind('\n') + 1);
-}
+std::string ProgramEnd::LastError() const { return LastLineOf(errors); }
 
 absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
                                       const std::function<bool()>& stopped) {
@@ -98,30 +69,18 @@ absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
   if (!in.ok()) return in.status();
   absl::StatusOr<Pipe> out = MakeOutputPipe();
   if (!out.ok()) return out.status();
-  absl::StatusOr<Pipe> err = MakeOutputPipe();
-  if (!err.ok()) return err.status();
   std::vector<std::string> words = {path};
   words.insert(words.end(), order.words.begin(), order.words.end());
-  const absl::StatusOr<pid_t> pid =
-      Spawn({path, words, in->get(), out->write.get(), err->write.get(), order.nice});
-  if (!pid.ok()) return pid.status();
-  ProgramProcess process(*pid);
+  absl::StatusOr<ChildProcess> child = ChildProcess::Start(
+      {.program = path, .words = words, .in = in->get(), .out = out->write.get(), .nice = order.nice});
+  if (!child.ok()) return child.status();
   out->write.reset();
-  err->write.reset();
   ProgramEnd end;
-  OutputTail errors(kErrorBytes);
   const Deadline deadline(order.deadline);
-  int status = 0;
-  for (bool open = true; open || !process.Reap(status);) {
-    pollfd entries[] = {{out->read.get(), POLLIN, 0}, {err->read.get(), POLLIN, 0}};
+  while (!child->Look() || out->read.valid() || child->err_fd() >= 0) {
+    pollfd entries[] = {{out->read.get(), POLLIN, 0}, {child->err_fd(), POLLIN, 0}};
     poll(entries, std::size(entries), kPollMilliseconds);
-    if (entries[0].revents != 0) {
-      Drain(out->read, [&](std::string_view bytes) { end.output += bytes; });
-    }
-    if (entries[1].revents != 0) {
-      Drain(err->read, [&](std::string_view bytes) { errors.Append(bytes); });
-    }
-    open = out->read.valid() || err->read.valid();
+    if (entries[0].revents != 0) Drain(out->read, end.output);
     if (end.output.size() > order.most_output) {
       return absl::ResourceExhaustedError(
           absl::StrCat(order.program, " printed more than ", order.most_output, " bytes"));
@@ -132,8 +91,9 @@ absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
           order.program, " was not done after ", absl::FormatDuration(order.deadline)));
     }
   }
+  const int status = child->wait_status();
   end.exit_status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  end.errors = errors.tail();
+  end.errors = child->said();
   return end;
 }
 

@@ -181,6 +181,10 @@ class AnsweredPage(Page):
     def __init__(self, browser, patterns, answers, **more):
         self.answers = answers
         super().__init__(browser, **more)
+        self.take(*patterns)
+
+    def take(self, *patterns):
+        """Answers requests for such addresses from now on, and no others."""
         self.call("Fetch.enable", patterns=[{"urlPattern": one} for one in patterns])
 
     def _note(self, method, params):

@@ -1,3 +1,4 @@
+#include "server/base/child_process.h"
 #include "server/cli/offline/draw_episodes.h"
 
 #include <fcntl.h>
@@ -21,7 +22,6 @@
 #include "protocol/base/file.h"
 #include "protocol/base/spawn.h"
 #include "server/base/paths.h"
-#include "server/cli/offline/child_process.h"
 #include "server/cli/offline/stop_signal.h"
 
 namespace myograde::server {

@@ -4,17 +4,14 @@ its place.
 
 MYOGRADE_TEST_PICTURES: a folder for screenshots (none: they are not kept)."""
 
-import base64
-import json
 import os
 import pathlib
 import time
 import unittest
-import urllib.parse
 
 import trajectories
 from browser_test import PICTURES, WIDTHS, BrowserCase
-from support.browser import Browser, Page
+from support.browser import AnsweredPage, Browser, Page
 from support.daemon import Daemon
 from world import BIN, MARKUP, SCRIPT, SOURCE
 
@@ -28,12 +25,11 @@ def error(code, message):
     return {"error": {"code": code, "message": message}}
 
 
-class ReplayPage(Page):
-    """A tab that is answered here when it asks for trajectories and models. `answers`: by path, lists of
-    (status, headers, body), of which the last one stays."""
+class ReplayPage(AnsweredPage):
+    """A tab that is answered here when it asks for trajectories and models."""
 
     def __init__(self, browser, **more):
-        self.answers = {
+        super().__init__(browser, ("*/trajectory", "*/v1/models/*"), {
             f"/v1/logs/{A}/trajectory": [(200, {}, trajectories.walk())],
             f"/v1/logs/{B}/trajectory": [(200, {}, trajectories.walk(6.0, "time"))],
             f"/v1/logs/{HOSTILE}/trajectory": [(200, {}, trajectories.walk(
@@ -49,29 +45,7 @@ class ReplayPage(Page):
             f"/v1/logs/{BROKEN}/trajectory": [
                 (409, {}, error("no_picture", "The log is damaged at byte 17."))],
             "/v1/models/locomotion.glb": [(200, {}, trajectories.glb())],
-        }
-        super().__init__(browser, **more)
-        self.take("*/trajectory", "*/v1/models/*")
-
-    def take(self, *patterns):
-        """Answers requests for such addresses from now on, and no others."""
-        self.call("Fetch.enable", patterns=[{"urlPattern": pattern} for pattern in patterns])
-
-    def _note(self, method, params):
-        super()._note(method, params)
-        if method != "Fetch.requestPaused":
-            return
-        path = urllib.parse.unquote(urllib.parse.urlsplit(params["request"]["url"]).path)
-        known = self.answers.get(path, [(404, {}, error("not_found", "There is no such log."))])
-        status, headers, body = known.pop(0) if len(known) > 1 else known[0]
-        if not isinstance(body, bytes):
-            body = json.dumps(body).encode()
-        # Its answer is of no interest, and waiting for it here would take that of another command.
-        self.browser.send("Fetch.fulfillRequest", self.session, requestId=params["requestId"],
-                          responseCode=status,
-                          responseHeaders=[{"name": name, "value": value}
-                                           for name, value in headers.items()],
-                          body=base64.b64encode(body).decode())
+        }, **more)
 
 
 class ReplayCase(BrowserCase):

@@ -1,4 +1,4 @@
-#include "server/cli/offline/child_process.h"
+#include "server/base/child_process.h"
 
 #include <sys/wait.h>
 #include <unistd.h>
@@ -19,14 +19,15 @@
 namespace myograde::server {
 namespace {
 
+constexpr int kMostReads = 64;
 constexpr char kUsualPath[] = "/usr/local/bin:/usr/bin:/bin";
 
-std::string LastLine(std::string_view text) {
-  text = text.substr(0, text.find_last_not_of('\n') + 1);
+}  // namespace
+
+std::string LastLineOf(std::string_view text) {
+  text = text.substr(0, text.find_last_not_of(" \n") + 1);
   return std::string(text.substr(text.rfind('\n') + 1));
 }
-
-}  // namespace
 
 absl::StatusOr<ChildProcess> ChildProcess::Start(SpawnOrder order) {
   absl::StatusOr<Pipe> err = MakeOutputPipe();
@@ -61,7 +62,8 @@ bool ChildProcess::Look() {
     if (::waitpid(pid_, &status, WNOHANG) == pid_) wait_status_ = status;
   }
   char buffer[4096];
-  while (err_.valid()) {
+  // As often as empties a full pipe, so that a flood keeps nobody from a deadline.
+  for (int reads = 0; err_.valid() && reads < kMostReads; ++reads) {
     const ssize_t size = ::read(err_.get(), buffer, sizeof(buffer));
     if (size < 0 && errno == EINTR) continue;
     if (size < 0 && errno == EAGAIN) break;
@@ -76,7 +78,7 @@ bool ChildProcess::succeeded() const {
 }
 
 std::string ChildProcess::Failure() const {
-  const std::string said = LastLine(said_.tail());
+  const std::string said = LastLineOf(said_.tail());
   if (WIFSIGNALED(*wait_status_)) {
     return absl::StrCat(name_, " was ended by ", ::strsignal(WTERMSIG(*wait_status_)),
                         said.empty() ? "" : ": ", said);

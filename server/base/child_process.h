@@ -1,10 +1,11 @@
-// A program that a verb starts and waits for.
+// A program that is started, and whose standard error is kept.
 #pragma once
 
 #include <sys/types.h>
 
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include <absl/status/statusor.h>
 
@@ -32,6 +33,8 @@ class ChildProcess {
   // As of waitpid(2). REQUIRES: it has ended.
   int wait_status() const { return *wait_status_; }
   bool succeeded() const;
+  // The end of what it said, as valid UTF-8.
+  std::string said() const { return said_.tail(); }
   // How it ended, in words; with the last line that it said if there is one.
   std::string Failure() const;
 
@@ -44,6 +47,9 @@ class ChildProcess {
   OutputTail said_;
   std::optional<int> wait_status_;
 };
+
+// The last line of `text` that is not empty, without what ends it; "" if there is none.
+std::string LastLineOf(std::string_view text);
 
 // The program `name` in the folders of PATH. NotFoundError if it is in none.
 absl::StatusOr<std::string> FindProgram(const std::string& name);
