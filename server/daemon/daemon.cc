@@ -26,6 +26,7 @@
 #include "server/engine/rejudges.h"
 #include "server/engine/retention.h"
 #include "server/engine/standings.h"
+#include "server/executor/local/local_executor.h"
 #include "server/metrics/metrics.h"
 #include "server/pictures/picture_source.h"
 #include "server/pictures/pictures.h"
@@ -204,7 +205,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   if (!damaged.ok()) return damaged.status();
   for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
   StoreDisk disk(**store, metrics.get());
-  SystemProcesses processes(SlotProcesses(geteuid() == 0 ? config.uid_base : -1,
+  LocalExecutor processes(SlotProcesses(geteuid() == 0 ? config.uid_base : -1,
                                           options.data_dir + "/slots"));
   Engine engine({config, options.data_dir, options.cache_dir, metrics}, disk, readers, processes,
                 clock);

@@ -14,7 +14,7 @@ constexpr absl::Duration kAfterGrace = absl::Milliseconds(250);
 
 }  // namespace
 
-Engine::Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Processes& processes,
+Engine::Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Executor& executor,
                const Clock& clock)
     : data_dir_(options.data_dir),
       cache_dir_(options.cache_dir),
@@ -22,7 +22,7 @@ Engine::Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Processes
       readers_(readers),
       clock_(clock),
       commands_(kMaxCommands),
-      core_(std::move(options), disk, readers, processes, clock) {}
+      core_(std::move(options), disk, readers, executor, clock) {}
 
 Engine::~Engine() = default;
 

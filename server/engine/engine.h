@@ -17,7 +17,7 @@ using AfterRejudge = std::function<void(const RejudgeDone&)>;
 class Engine {
  public:
   // Everything but `options` must outlive the engine.
-  Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Processes& processes,
+  Engine(EngineOptions options, Disk& disk, ReaderPool& readers, Executor& executor,
          const Clock& clock);
   ~Engine();
 

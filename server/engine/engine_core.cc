@@ -23,11 +23,11 @@ constexpr absl::Duration kStayWait = absl::Milliseconds(500);
 }  // namespace
 
 EngineCore::EngineCore(EngineOptions options, Disk& disk, ReaderPool& readers,
-                       Processes& processes, const Clock& clock)
+                       Executor& executor, const Clock& clock)
     : options_(std::move(options)),
       disk_(disk),
       readers_(readers),
-      processes_(processes),
+      executor_(executor),
       clock_(clock),
       owner_(absl::StrCat("daemon ", getpid())),
       scheduler_(options_.config.scheduler),
@@ -259,7 +259,7 @@ absl::Status EngineCore::FinishShutdown() {
   WriteRequests();  // answers them
   for (StoppingRunner& ending : stopping_runners_) {
     ending.runner->KillNow();
-    processes_.CleanUp(ending.work_dir);
+    executor_.CleanUp(ending.work_dir);
   }
   stopping_runners_.clear();
   AnswerCancels();

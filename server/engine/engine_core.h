@@ -41,6 +41,7 @@
 #include "server/engine/ports.h"
 #include "server/engine/self_test.h"
 #include "server/engine/stored.h"
+#include "server/executor/executor.h"
 #include "server/grading/tracks.h"
 #include "server/metrics/metrics.h"
 #include "server/runner/lease_report.h"
@@ -109,7 +110,7 @@ class EngineCore {
   using CancelAnswer = std::function<void(absl::StatusOr<CancelReport>)>;
 
   // Everything but `options` must outlive it.
-  EngineCore(EngineOptions options, Disk& disk, ReaderPool& readers, Processes& processes,
+  EngineCore(EngineOptions options, Disk& disk, ReaderPool& readers, Executor& executor,
              const Clock& clock);
   ~EngineCore();
 
@@ -267,6 +268,7 @@ class EngineCore {
   void GiveWay();
   // NotFoundError, InternalError: a runtime is not there any more.
   absl::StatusOr<LeaseOrder> OrderFor(const LeaseRun& run) const;
+  LeaseSubject SubjectOf(const LeaseRun& run, absl::Duration wall) const;
   static LogFields FieldsOf(const LeaseRun& run);
   void Listen(LeaseRun& run);
   void OnProgress(LeaseRun& run, const ProgressRecord& record);
@@ -300,7 +302,7 @@ class EngineCore {
   const Runtimes runtimes_{options_.config.runtimes, options_.config.runtimes_dir};
   Disk& disk_;
   ReaderPool& readers_;
-  Processes& processes_;
+  Executor& executor_;
   const Clock& clock_;
   const std::string owner_;  // "daemon" and its process id, for audit rows
 

@@ -65,7 +65,7 @@ void EngineCore::ReapRunners() {
     Listen(run);  // what arrived between the last read and the exit
     FreeSlot(run.slot);
     OnRunnerEnd(run);
-    processes_.CleanUp(run.work_dir);
+    executor_.CleanUp(run.work_dir);
     it = running_.erase(it);
   }
   // The lease is complete; whatever keeps the runner alive concerns only its slot.
@@ -106,7 +106,7 @@ void EngineCore::ReclaimOverdue() {
 }
 
 void EngineCore::FreeSlot(int slot) {
-  const std::map<int, std::string> left = processes_.ProcessesOf(slot, 1);
+  const std::map<int, std::string> left = executor_.ProcessesOf(slot, 1);
   const MutexLock lock(mutex_);
   if (left.empty()) return scheduler_.Free(slot);
   scheduler_.Close(slot);
@@ -117,7 +117,7 @@ void EngineCore::FreeSlot(int slot) {
 // Processes that an earlier daemon's leases left behind, if its runners were killed before they
 // could reap them.
 void EngineCore::CloseSlots() {
-  const auto found = processes_.ProcessesOf(0, options_.config.scheduler.slots);
+  const auto found = executor_.ProcessesOf(0, options_.config.scheduler.slots);
   const MutexLock lock(mutex_);
   for (const auto& [slot, left] : found) {
     spdlog::warn("slot {} is closed until {} is gone", slot, left);
@@ -134,7 +134,7 @@ void EngineCore::ReopenSlots() {
     if (closed_slots_.empty()) return;
   }
   next_slot_check_ = now + kSlotCheckInterval;
-  const auto found = processes_.ProcessesOf(0, options_.config.scheduler.slots);
+  const auto found = executor_.ProcessesOf(0, options_.config.scheduler.slots);
   const MutexLock lock(mutex_);
   for (auto closed = closed_slots_.begin(); closed != closed_slots_.end();) {
     if (const auto left = found.find(closed->first); left != found.end()) {
@@ -256,7 +256,7 @@ void EngineCore::ReapStopping() {
                    ending.lease, ending.attempt, ending.late);
     }
     FreeSlot(ending.slot);
-    processes_.CleanUp(ending.work_dir);
+    executor_.CleanUp(ending.work_dir);
     it = stopping_runners_.erase(it);
   }
   const MutexLock lock(mutex_);

@@ -36,7 +36,7 @@ void EngineCore::BeginSelfTest() {
                     absl::StrCat(options_.data_dir, "/work/selftest"), options_.cache_dir);
   order.slot = *slot;
   spdlog::info("self-test on slot {}", *slot);
-  test_ = SelfTest::Begin(processes_, order,
+  test_ = SelfTest::Begin(executor_, order,
                           clock_.Monotonic() + options_.config.self_test_deadline);
 }
 
@@ -57,7 +57,7 @@ void EngineCore::EndSelfTest(const std::string& fault) {
                                  std::move(runner),
                                  clock_.Monotonic() + Runner::kCleanUpGrace});
   } else {
-    if (runner != nullptr) processes_.CleanUp(order.work_dir);
+    if (runner != nullptr) executor_.CleanUp(order.work_dir);
     FreeSlot(static_cast<int>(order.slot));
   }
   HostHealth::State before = HostHealth::State::kWell;

@@ -38,6 +38,16 @@ absl::StatusOr<LeaseOrder> EngineCore::OrderFor(const LeaseRun& run) const {
        .log_dir = options_.data_dir + "/logs"});
 }
 
+LeaseSubject EngineCore::SubjectOf(const LeaseRun& run, absl::Duration wall) const {
+  const Context& context = *run.context;
+  return {.evaluation = context.evaluation,
+          .lease = run.lease,
+          .attempt = run.attempt,
+          .artefact = context.artefact,
+          .runtimes = context.runtimes,
+          .wall = wall};
+}
+
 void EngineCore::StartLeases() {
   for (;;) {
     std::optional<Start> start;
@@ -86,7 +96,7 @@ void EngineCore::StartLease(const Start& start) {
   // The scheduler watches for lateness and silence.
   if (order.ok()) run.report = LeaseReport(order->episodes, {}, clock_.Monotonic());
   absl::StatusOr<std::unique_ptr<Runner>> runner =
-      order.ok() ? processes_.Start(*order)
+      order.ok() ? executor_.Start(*order, SubjectOf(run, start.lease_wall))
                  : absl::StatusOr<std::unique_ptr<Runner>>(order.status());
   const LogScope scope(FieldsOf(run));
   if (!runner.ok()) {

@@ -25,10 +25,10 @@ LeaseOrder SelfTestOrder(const TrackConfig& track, const std::string& artefact_d
                         {.work_dir = work_dir, .cache_dir = cache_dir, .log_dir = ""});
 }
 
-std::unique_ptr<SelfTest> SelfTest::Begin(Processes& processes, const LeaseOrder& order,
+std::unique_ptr<SelfTest> SelfTest::Begin(Executor& executor, const LeaseOrder& order,
                                           absl::Duration deadline) {
   std::unique_ptr<SelfTest> test(new SelfTest(order, deadline));
-  absl::StatusOr<std::unique_ptr<Runner>> runner = processes.Start(order);
+  absl::StatusOr<std::unique_ptr<Runner>> runner = executor.Start(order, {});
   if (runner.ok()) {
     test->runner_ = *std::move(runner);
   } else {

@@ -11,7 +11,7 @@
 #include <absl/time/time.h>
 
 #include "protocol/lease/lease.h"
-#include "server/engine/ports.h"
+#include "server/executor/executor.h"
 #include "server/runner/lease_report.h"
 
 namespace myograde::server {
@@ -23,7 +23,7 @@ LeaseOrder SelfTestOrder(const TrackConfig& track, const std::string& artefact_d
 class SelfTest {
  public:
   // Starts the test; it fails if it has not ended by `deadline`.
-  static std::unique_ptr<SelfTest> Begin(Processes& processes, const LeaseOrder& order,
+  static std::unique_ptr<SelfTest> Begin(Executor& executor, const LeaseOrder& order,
                                          absl::Duration deadline);
 
   // Reads the runner's output. nullopt: still running. Otherwise the verdict: "" if the host

@@ -4,6 +4,7 @@
 
 #include <sys/types.h>
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,14 @@
 #include "protocol/lease/lease.h"
 
 namespace myograde::server {
+
+// Where a runner is, and what it used: for people and their accounts, not for any decision.
+struct RunnerSite {
+  std::string node;                // "": this host
+  std::string job;                 // the cluster's name for it, such as 1234_5; "": no job
+  double cpu_s = 0;                // of all processes of the lease; 0: not known (yet)
+  std::optional<double> energy_j;  // of the job, where the cluster measures it
+};
 
 class Runner {
  public:
@@ -43,6 +52,22 @@ class Runner {
   // Kills the runner and everything it started. Never blocks; safe at any time.
   virtual void KillNow() = 0;
 
+  // False while it waits on another host for a processor: its silence means nothing yet, and none of
+  // its lease's time passes.
+  virtual bool begun() const { return true; }
+
+  // Why the lease ended, or will never end, though it is nobody's fault: its node was lost, its job
+  // preempted, the way back from there cut. "": none of this. The lease may be played again.
+  virtual std::string lost() const { return ""; }
+
+  // Where it runs.
+  virtual RunnerSite site() const { return {}; }
+
+  // True if the runner is on another host: it has no descriptors (see Executor::wake_fd), and may take
+  // a while to be dead.
+  virtual bool remote() const { return false; }
+
+  // 0 on another host.
   virtual pid_t pid() const = 0;
 
   // The runner's wait status, see waitpid(2); valid once dead().

@@ -57,8 +57,12 @@ RULES = {
         "base", "access", "proof/seed_list.h", "store", "grading", "challenge")},
         r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/|fstream$|unistd"),
     "server/engine": ({"protocol", "scoring"} | {f"server/{part}" for part in (
-        "base", "metrics", "artefact", "runtime", "sandbox", "runner", "proof", "scheduler", "store",
-        "config", "grading", "engine")}, r"mujoco/|lcm/|httplib|CLI/"),
+        "base", "metrics", "artefact", "runtime", "sandbox", "runner", "executor", "proof", "scheduler",
+        "store", "config", "grading", "engine")}, r"mujoco/|lcm/|httplib|CLI/"),
+    # Where leases run; it decides nothing, and knows neither evaluations nor boards.
+    "server/executor": ({"protocol"} | {f"server/{part}" for part in (
+        "base", "artefact", "runtime", "sandbox", "runner", "proof", "config/slurm_config.h",
+        "executor")}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     # What is made of logs; no HTTP, no rights.
     "server/pictures": ({"protocol", "scoring"} | {f"server/{part}" for part in (
         "base", "runner", "proof", "store", "grading", "pictures")},
@@ -67,8 +71,8 @@ RULES = {
         "base", "artefact", "runtime", "sandbox", "proof", "store", "config", "grading", "challenge",
         "engine", "admission")}, r"mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),
     "server/api": ({"protocol", "scoring"} | {f"server/{part}" for part in (
-        "base", "metrics", "access", "runner", "proof", "store", "config", "grading", "challenge",
-        "webhook", "web", "runtime", "scheduler/team_line.h", "engine", "pictures", "admission", "api")},
+        "base", "metrics", "access", "runner", "executor", "proof", "store", "config", "grading",
+        "challenge", "webhook", "web", "runtime", "scheduler/team_line.h", "engine", "pictures", "admission", "api")},
         r"mujoco/|lcm/|SQLiteCpp/|CLI/"),
     # What browsers are sent as it is.
     "server/web": ({"server/web"}, r"absl/|nlohmann/|mujoco/|lcm/|SQLiteCpp/|httplib|CLI/"),

@@ -30,9 +30,9 @@ namespace myograde::server {
 inline constexpr char kTrack[] = "demo-manipulation";  // three episodes, each a lease
 inline constexpr char kCyrillicAlpha[] = "\xd0\xb0lpha";  // its first letter
 
-class NothingIsPlayed : public Processes {
+class NothingIsPlayed : public Executor {
  public:
-  absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder&) override {
+  absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder&, const LeaseSubject&) override {
     return absl::UnavailableError("nothing is played here");
   }
   void CleanUp(const std::string&) override {}

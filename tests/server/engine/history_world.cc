@@ -155,7 +155,7 @@ void FakeRunner::KillNow() {
   dies_at_ = std::min(dies_at_, world_.clock.Monotonic() + kill_takes_);
 }
 
-absl::StatusOr<std::unique_ptr<Runner>> FakeProcesses::Start(const LeaseOrder& order) {
+absl::StatusOr<std::unique_ptr<Runner>> FakeProcesses::Start(const LeaseOrder& order, const LeaseSubject&) {
   if (world_.tape.Happens(4)) return absl::UnavailableError("no process could be made");
   return std::make_unique<FakeRunner>(world_, order);
 }

@@ -73,10 +73,10 @@ class FakeRunner : public Runner {
   absl::Duration dies_at_ = absl::InfiniteDuration();
 };
 
-class FakeProcesses : public Processes {
+class FakeProcesses : public Executor {
  public:
   explicit FakeProcesses(World& world) : world_(world) {}
-  absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order) override;
+  absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order, const LeaseSubject&) override;
   void CleanUp(const std::string&) override {}
   std::map<int, std::string> ProcessesOf(int first, int count) override;
 

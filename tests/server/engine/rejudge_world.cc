@@ -68,10 +68,10 @@ class QuickRunner : public Runner {
   bool over_ = false;
 };
 
-class QuickProcesses : public Processes {
+class QuickProcesses : public Executor {
  public:
   explicit QuickProcesses(Playing& playing) : playing_(playing) {}
-  absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order) override {
+  absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order, const LeaseSubject&) override {
     return std::make_unique<QuickRunner>(playing_, order);
   }
   void CleanUp(const std::string&) override {}

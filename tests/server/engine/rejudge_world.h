@@ -88,7 +88,7 @@ class RejudgeWorld : public testing::Test {
   Playing playing_;
   TrackPtr base_;
   int artefacts_ = 0;
-  std::unique_ptr<Processes> processes_;
+  std::unique_ptr<Executor> processes_;
   std::unique_ptr<Store> store_;
   std::unique_ptr<ReaderPool> readers_;
   std::unique_ptr<CutDisk> disk_;

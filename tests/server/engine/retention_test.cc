@@ -59,9 +59,9 @@ TEST(Retention, ALastUseInTheFutureIsNoReasonToGo) {
 namespace fs = std::filesystem;
 
 // Nothing is played here.
-class NoProcesses : public Processes {
+class NoProcesses : public Executor {
  public:
-  absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder&) override {
+  absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder&, const LeaseSubject&) override {
     return absl::UnavailableError("nothing is played here");
   }
   void CleanUp(const std::string&) override {}

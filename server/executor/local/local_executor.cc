@@ -1,18 +1,18 @@
-#include "server/engine/ports.h"
+#include "server/executor/local/local_executor.h"
 
 #include <filesystem>
 
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
-#include "protocol/base/clock.h"
 #include "server/runner/runner_process.h"
 
 namespace myograde::server {
 
 namespace fs = std::filesystem;
 
-absl::StatusOr<std::unique_ptr<Runner>> SystemProcesses::Start(const LeaseOrder& unclaimed) {
+absl::StatusOr<std::unique_ptr<Runner>> LocalExecutor::Start(const LeaseOrder& unclaimed,
+                                                             const LeaseSubject&) {
   LeaseOrder order = unclaimed;
   if (absl::Status status = slots_.Claim(order); !status.ok()) return status;
   std::error_code error;
@@ -30,20 +30,11 @@ absl::StatusOr<std::unique_ptr<Runner>> SystemProcesses::Start(const LeaseOrder&
   return *std::move(runner);
 }
 
-std::map<int, std::string> SystemProcesses::ProcessesOf(int first, int count) {
+std::map<int, std::string> LocalExecutor::ProcessesOf(int first, int count) {
   return slots_.Find(first, count);
 }
 
-absl::Status StoreDisk::Write(const StoreChange& change) {
-  const absl::Duration begin = SystemClock().Monotonic();
-  absl::Status status = store_.Write(change);
-  if (metrics_ != nullptr) {
-    metrics_->ObserveStoreWrite(SystemClock().Monotonic() - begin, !MayPass(status));
-  }
-  return status;
-}
-
-void SystemProcesses::CleanUp(const std::string& work_dir) {
+void LocalExecutor::CleanUp(const std::string& work_dir) {
   std::error_code error;
   fs::remove_all(work_dir, error);
   // Logged and left: the daemon's next start tries again.

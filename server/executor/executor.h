@@ -1,0 +1,76 @@
+// Where leases run: this host (local/), or the nodes of a cluster (slurm/). The engine decides which
+// lease runs next and what its end means; an executor places it, and says how it goes.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <absl/status/statusor.h>
+
+#include "protocol/lease/lease.h"
+#include "server/executor/node_view.h"
+#include "server/runner/runner.h"
+
+namespace myograde::server {
+
+// What an executor needs to know of a lease beside its order.
+struct LeaseSubject {
+  int64_t evaluation = 0;  // 0: none, a self-test
+  int64_t lease = 0;
+  int64_t attempt = 0;
+  std::string artefact;    // digest of the files in order.artefact_dir; "": not a submission's
+  std::vector<std::pair<std::string, std::string>> runtimes;  // those of the order: name and digest
+  absl::Duration wall;     // longest run
+};
+
+class Executor {
+ public:
+  virtual ~Executor() = default;
+
+  // Has a runner started on the order, in its slot, and creates the order's work folder. Never
+  // waits for another host. An error is the grader's fault, and leaves nothing behind.
+  virtual absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order,
+                                                        const LeaseSubject& subject) = 0;
+
+  // Removes a dead runner's work folder.
+  virtual void CleanUp(const std::string& work_dir) = 0;
+
+  // Living processes on this host in the sandboxes of slots `first` to `first + count - 1`, whoever
+  // started them: by slot, described for people.
+  virtual std::map<int, std::string> ProcessesOf(int first, int count) {
+    (void)first, (void)count;
+    return {};
+  }
+
+  // True if leases run on other hosts. Then they wait there for a processor before they begin
+  // (Runner::begun), slots are jobs, and this host's self-test says nothing.
+  virtual bool remote() const { return false; }
+
+  // Readable once any runner without descriptors of its own has news, until the next Attend(); -1:
+  // there are none such.
+  virtual int wake_fd() const { return -1; }
+  // Called at each turn of the engine's loop, before it asks the runners. Never waits.
+  virtual void Attend() {}
+
+  // Why no lease can start now, in one sentence; "" if leases can.
+  virtual std::string CannotStart() const { return ""; }
+
+  // The attempt on this node ended: with a fault of the grader's, or well.
+  virtual void NoteEnd(const std::string& node, bool fault) { (void)node, (void)fault; }
+
+  // The nodes that it knows, by name. Safe from any thread, as are the three below.
+  virtual std::vector<NodeView> Nodes() const { return {}; }
+  // Nodes that get no leases, and why: from the store at the start, by an organiser, or by itself.
+  // FailedPreconditionError where leases run on this host.
+  virtual absl::Status Drain(const std::string& node, const std::string& why);
+  // The node proves itself again before its next lease.
+  virtual absl::Status Admit(const std::string& node);
+  // What it drained by itself since the last call; the engine has the store remember it.
+  virtual std::vector<DrainedNode> TakeDrained() { return {}; }
+};
+
+}  // namespace myograde::server
