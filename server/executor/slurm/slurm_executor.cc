@@ -253,8 +253,7 @@ std::string SlurmExecutor::CannotStart() const {
   const absl::Duration now = Now();
   for (const Busy& busy : {writing_, reading_}) {
     if (now - busy.since >= kHangs) {
-      return absl::StrCat("the folder ", spool_path_, " does not answer since ",
-                          absl::ToInt64Seconds(now - busy.since), " s");
+      return absl::StrCat("the folder ", spool_path_, " does not answer");
     }
   }
   if (!spool_trouble_.empty()) return spool_trouble_;
