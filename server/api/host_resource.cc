@@ -70,7 +70,11 @@ nlohmann::json HostResource::HostToJson(const LiveHealth& health) const {
                        {"episode", live.episode},
                        {"step", live.step},
                        {"running_wall_s", absl::ToDoubleSeconds(live.running)},
-                       {"silent_wall_s", absl::ToDoubleSeconds(live.silent)}});
+                       {"silent_wall_s", absl::ToDoubleSeconds(live.silent)},
+                       {"node", TextOrNull(live.node)},
+                       {"job", TextOrNull(live.job)},
+                       {"begun", live.begun},
+                       {"cpu_s", live.cpu_s}});
   }
   Json unreadable = Json::array();
   for (const auto& [evaluation, why] : health.unreadable) {

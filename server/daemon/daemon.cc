@@ -270,6 +270,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
            .phases = *phases,
            .admission = admission,
            .engine = engine,
+           .executor = processes,
            .readers = readers,
            .receipts_key = receipts_key,
            .access_log = access_log,
