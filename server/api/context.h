@@ -12,7 +12,6 @@
 #include "server/challenge/phases.h"
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
-#include "server/executor/executor.h"
 #include "server/grading/tracks.h"
 #include "server/metrics/metrics.h"
 #include "server/pictures/pictures.h"
@@ -32,7 +31,6 @@ struct ApiContext {
   Phases& phases;
   Admission& admission;
   Engine& engine;
-  Executor& executor;
   ReaderPool& readers;
   KeyFile& receipts_key;
   AccessLog& access_log;

@@ -51,7 +51,7 @@ std::optional<ApiError> MetricsResource::Get(const httplib::Request&,
   const LiveHealth health = context_.engine.Health();
   AddEngine(health, families);
   AddHost(health, families);
-  if (context_.executor.remote()) AddCluster(families);
+  if (context_.config.on_cluster) AddCluster(families);
   AddDisks(families);
   AddStore(families);
   response.set_header("Cache-Control", "no-store");
@@ -135,7 +135,7 @@ void MetricsResource::AddCluster(Families& families) const {
   AddValue(jobs, "state", "running", static_cast<double>(running));
   families.push_back(std::move(jobs));
   std::map<std::string, int64_t> states = {{"new", 0}, {"proved", 0}, {"drained", 0}};
-  for (const NodeView& node : context_.executor.Nodes()) ++states[node.state];
+  for (const NodeView& node : context_.engine.Nodes()) ++states[node.state];
   MetricFamily nodes = GaugeFamily("myograde_nodes", "Nodes of the cluster, by state");
   for (const auto& [state, count] : states) {
     AddValue(nodes, "state", state, static_cast<double>(count));

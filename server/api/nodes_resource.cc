@@ -48,32 +48,27 @@ ApiResult NodesResource::List(const httplib::Request& request) const {
     return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
-  const bool remote = context_.executor.remote();
+  const bool cluster = context_.config.on_cluster;
   return ApiAnswer{200,
-                   {{"cluster", remote},
-                    {"message", TextOrNull(context_.engine.Health().host_trouble)},
-                    {"nodes", NodesToJson(context_.executor.Nodes(), drained.rows, remote)},
+                   {{"cluster", cluster},
+                    {"message", TextOrNull(context_.engine.Health().executor_trouble)},
+                    {"nodes", NodesToJson(context_.engine.Nodes(), drained.rows, cluster)},
                     {"unreadable", DamagedToJson(drained.damaged)}}};
 }
 
 ApiResult NodesResource::Set(const httplib::Request& request, const Json& body) const {
   const absl::StatusOr<NodeAct> act = ParseNodeAct(body);
   if (!act.ok()) return ErrorOf(act.status());
-  if (!context_.executor.remote()) {
+  if (!context_.config.on_cluster) {
     return ApiError{409, "no_cluster",
                     "leases run on this host, so there are no nodes; \"executor\" of server.json "
                     "says where they run"};
   }
   const std::string node = request.matches[1];
-  // The change is written before it takes effect, so that it outlives a restart.
-  const absl::Status status = context_.engine.Change(
-      [node, act = *act, who = CallerKey()](Writer& writer) {
-        return act.drain ? writer.DrainNode(node, act.why, who) : writer.AdmitNode(node, who);
-      },
-      context_.config.http.request,
-      [node, act = *act, &executor = context_.executor] {
-        return act.drain ? executor.Drain(node, act.why) : executor.Admit(node);
-      });
+  const absl::Duration timeout = context_.config.http.request;
+  const absl::Status status =
+      act->drain ? context_.engine.DrainNode(node, act->why, CallerKey(), timeout)
+                 : context_.engine.AdmitNode(node, CallerKey(), timeout);
   if (!status.ok()) return ErrorOf(status);
   NoteAct(absl::StrCat("node ", node),
           act->drain ? absl::StrCat("drained: ", act->why) : std::string("admitted"));

@@ -270,7 +270,6 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
            .phases = *phases,
            .admission = admission,
            .engine = engine,
-           .executor = processes,
            .readers = readers,
            .receipts_key = receipts_key,
            .access_log = access_log,

@@ -78,10 +78,6 @@ struct LiveLease {
   int64_t step = 0;
   absl::Duration running;
   absl::Duration silent;   // since the runner last wrote
-  std::string node = {};   // where it runs or will; "": this host, or not known yet
-  std::string job = {};    // the cluster's name for it; "": none
-  bool begun = true;       // false: its job waits for a processor
-  double cpu_s = 0;        // used so far; 0: not known
 };
 
 struct LiveHealth {
