@@ -297,6 +297,7 @@ absl::Status ReadExecutor(const nlohmann::json& json, const std::string& where,
   config.slurm = *slurm;
   if (!config.on_cluster) return absl::OkStatus();
   config.scheduler.slots = slurm->most_jobs;
+  config.scheduler.begins_later = true;
   return CheckSlurmIsUsable(*slurm, where);
 }
 

@@ -93,7 +93,7 @@ void FakeRunner::WriteScript(const LeaseOrder& order) {
   begins_at_ = world_.clock.Monotonic();
   if (world_.remote) {
     begins_at_ += std::exchange(world_.next_begins_late, absl::ZeroDuration());
-    if (tape.Happens(32)) begins_at_ += absl::Minutes(tape.Below(200));
+    if (tape.Happens(32)) begins_at_ += absl::Minutes(tape.Below(8));
     lost_at_ = begins_at_ + std::exchange(world_.next_is_lost_after, absl::InfiniteDuration());
     if (tape.Happens(24)) lost_at_ = begins_at_ + absl::Seconds(tape.Below(20));
   }
