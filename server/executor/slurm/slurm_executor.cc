@@ -156,6 +156,7 @@ absl::StatusOr<std::unique_ptr<Runner>> SlurmExecutor::Start(const LeaseOrder& o
   }
   sent.wall_s = absl::ToDoubleSeconds(subject.wall);
   sent.uid_base = options_.uid_base;
+  sent.logs = !order.log_dir.empty();
   const MutexLock lock(mutex_);
   attempt->view.started = Now();
   sent.prove_again = health_.ToProveAgain();

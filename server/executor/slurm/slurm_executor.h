@@ -88,7 +88,8 @@ class SlurmExecutor : public Executor {
     std::vector<LeaseRecord> records;  // not taken by the engine yet
     std::string broken;
     std::string lost;
-    std::optional<NodeEnd> end;
+    std::optional<NodeEnd> end;   // of the runner
+    std::optional<NodeEnd> used;  // of a node that gave it back, for its account
     bool over = false;      // a verdict was given, or its node's last word is here
     bool released = false;  // the engine has asked for its end
     bool counted = false;   // among its node's running leases

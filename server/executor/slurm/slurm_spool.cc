@@ -242,13 +242,9 @@ void SlurmExecutor::Tell(Attempt& attempt, LeaseReader& reader, LeaseNews news,
     attempt.over = true;
     attempt.broken = std::move(news.broken);
   } else if (news.end.has_value() && !news.end->why.empty()) {
-    const std::string why =
-        absl::StrCat("the node ", attempt.view.claim_node, " gave it back: ", news.end->why);
-    // A node that never comes to play is no good, whatever it says.
-    if (attempt.view.heard == absl::InfiniteDuration()) {
-      health_.Ended(attempt.view.claim_node, /*badly=*/true, why);
-    }
-    Lose(attempt, why);
+    attempt.view.given_back = Now();
+    attempt.view.given_back_why = std::move(news.end->why);
+    attempt.used = std::move(news.end);
   } else if (news.end.has_value()) {
     attempt.over = true;
     attempt.end = std::move(news.end);
