@@ -236,10 +236,14 @@ class Wrapped:
 #!/bin/sh
 d={folder}
 n={name}
-[ -e "$d/$n.hang" ] && exec sleep 1000
+[ -e "$d/$n.hang" ] && {{ while [ -e "$d/$n.hang" ]; do sleep 0.2; done; exit 1; }}
 [ -e "$d/$n.fail" ] && {{ echo "$n: error: Batch job submission failed: it is made to fail" >&2; exit 1; }}
 [ -e "$d/$n.lost" ] && exit 0
-[ -e "$d/$n.swallow" ] && {{ {program} "$@" >>"$d/$n.swallowed"; exec sleep 1000; }}
+[ -e "$d/$n.swallow" ] && {{
+  {program} "$@" >/dev/null
+  while [ -e "$d/$n.swallow" ]; do sleep 0.2; done
+  exit 1
+}}
 exec {program} "$@"
 """
 
