@@ -224,3 +224,43 @@ def wait_for_job(slurm, state, seconds=60):
         return [(job, node) for job, found, node in slurm.jobs() if found == state]
     return wait_until(look, seconds, f"no job is {state}: {slurm.jobs()}")[0]
 
+
+
+class Wrapped:
+    """A folder with Slurm's commands that can be made to fail, for `slurm_bin_dir`: while there is a
+    file "sbatch.fail" beside them, sbatch fails; with "sbatch.hang" it hangs; with "sbatch.swallow" it
+    submits, and hangs instead of answering; with "sbatch.lost" it does nothing and says that all is
+    well. The same with the others."""
+
+    SCRIPT = """\
+#!/bin/sh
+d={folder}
+n={name}
+[ -e "$d/$n.hang" ] && {{ while [ -e "$d/$n.hang" ]; do sleep 0.2; done; exit 1; }}
+[ -e "$d/$n.fail" ] && {{ echo "$n: error: Batch job submission failed: it is made to fail" >&2; exit 1; }}
+[ -e "$d/$n.lost" ] && exit 0
+[ -e "$d/$n.swallow" ] && {{
+  {program} "$@" >/dev/null
+  while [ -e "$d/$n.swallow" ]; do sleep 0.2; done
+  exit 1
+}}
+exec {program} "$@"
+"""
+
+    def __init__(self, folder):
+        self.folder = pathlib.Path(folder)
+        self.folder.mkdir()
+        for name in ("sbatch", "squeue", "scancel"):
+            path = self.folder / name
+            path.write_text(self.SCRIPT.format(folder=self.folder, name=name,
+                                               program=shutil.which(name)))
+            path.chmod(0o755)
+
+    @contextlib.contextmanager
+    def made_to(self, name, what):
+        flag = self.folder / f"{name}.{what}"
+        flag.touch()
+        try:
+            yield
+        finally:
+            flag.unlink(missing_ok=True)

@@ -60,10 +60,31 @@ AttemptVerdict JudgeUnclaimed(const AttemptView& view, const AttemptLimits& limi
   return {};
 }
 
+// Told to end, a node can't know whether by a limit of the lease's or by somebody's wish.
+AttemptVerdict JudgeGivenBack(const AttemptView& view, const AttemptLimits& limits,
+                              absl::Duration now) {
+  const JobView& job = view.job;
+  const bool over = job.over_since != absl::InfiniteDuration();
+  const bool requeued = job.state == JobState::kWaiting && job.seen > view.given_back;
+  if (!over && !requeued && now - view.given_back < limits.job_end) return {};
+  if (over && (job.state == JobState::kTimeLimit || job.state == JobState::kMemory)) {
+    return {Kind::kFault,
+            absl::StrCat(JobOf(view), " ", HowItEnded(job.state), " before its lease had ended"),
+            ""};
+  }
+  // A node that ends by itself and never came to play is no good, whatever it says.
+  const bool blamed =
+      over && job.state == JobState::kDone && view.heard == absl::InfiniteDuration();
+  return {Kind::kLost,
+          absl::StrCat("the node ", view.claim_node, " gave it back: ", view.given_back_why),
+          blamed ? view.claim_node : ""};
+}
+
 }  // namespace
 
 AttemptVerdict JudgeAttempt(const AttemptView& view, const AttemptLimits& limits,
                             absl::Duration now) {
+  if (view.given_back != absl::InfiniteDuration()) return JudgeGivenBack(view, limits, now);
   if (view.job.over_since != absl::InfiniteDuration()) return JudgeOver(view, limits, now);
   if (view.claimed == absl::InfiniteDuration()) return JudgeUnclaimed(view, limits, now);
   // Whatever played it was stopped, and must not go on under a claim that is taken.

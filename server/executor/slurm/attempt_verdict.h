@@ -18,6 +18,9 @@ struct AttemptView {
   absl::Duration claimed = absl::InfiniteDuration();  // seen
   std::string claim_node;
   absl::Duration heard = absl::InfiniteDuration();    // its first record
+  // Its node has ended it, and says why; the job's end tells more.
+  absl::Duration given_back = absl::InfiniteDuration();
+  std::string given_back_why;
   absl::Duration running = absl::InfiniteDuration();  // its job was first seen to run
   absl::Duration looked = -absl::InfiniteDuration();  // its folder was last read
   JobView job;
@@ -30,6 +33,7 @@ struct AttemptLimits {
   absl::Duration claim;
   absl::Duration submit = absl::Minutes(3);    // sbatch in trouble
   absl::Duration prepare = absl::Minutes(15);  // from the claim to the first record
+  absl::Duration job_end = absl::Seconds(10);  // from a node's giving back to the job's end
   // From a job's end to the node's last word, in which its folder was looked at; and at most, if
   // that can't be.
   absl::Duration farewell = absl::Seconds(15);
@@ -43,7 +47,7 @@ struct AttemptVerdict {
   std::string blame_node;  // whose bad end it is; "": nobody's
 };
 
-// REQUIRES: the node's last word has not arrived.
+// REQUIRES: the runner's end has not arrived.
 AttemptVerdict JudgeAttempt(const AttemptView& view, const AttemptLimits& limits,
                             absl::Duration now);
 

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <utility>
 
 #include <spdlog/spdlog.h>
@@ -18,9 +19,10 @@ OrderWriter::OrderWriter(std::string work_dir, Grader grader)
 
 absl::StatusOr<NodeArtefact> OrderWriter::Pack(const Spool& spool, const std::string& artefact,
                                                const std::string& artefact_dir) const {
-  // Without a name, so that nothing stays whatever happens.
-  const Fd archive(::open(work_dir_.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600));
+  std::string name = work_dir_ + "/.archive-XXXXXX";
+  const Fd archive(::mkostemp(name.data(), O_CLOEXEC));
   if (!archive.valid()) return DiskError(work_dir_, "used for an archive");
+  ::unlink(name.c_str());  // nothing stays, whatever happens
   const absl::StatusOr<PackedFolder> packed =
       PackArtefactFolder(artefact_dir, artefact, archive.get());
   if (!packed.ok()) return packed.status();

@@ -156,6 +156,7 @@ absl::StatusOr<std::unique_ptr<Runner>> SlurmExecutor::Start(const LeaseOrder& o
   }
   sent.wall_s = absl::ToDoubleSeconds(subject.wall);
   sent.uid_base = options_.uid_base;
+  sent.logs = !order.log_dir.empty();
   const MutexLock lock(mutex_);
   attempt->view.started = Now();
   sent.prove_again = health_.ToProveAgain();
@@ -219,10 +220,11 @@ void SlurmExecutor::Judge(Attempt& attempt, absl::Duration now) {
                 .seen = -absl::InfiniteDuration(),
                 .over_since = absl::InfiniteDuration()};
   }
-  const bool failing = !jobs_.trouble().empty() && view.job.id.empty();
-  view.submit_trouble = failing ? std::max(jobs_.trouble_since(), view.started)
-                                : absl::InfiniteDuration();
-  view.submit_why = jobs_.trouble();
+  const bool ordered = view.ordered != absl::InfiniteDuration();
+  view.submit_why = ordered ? jobs_.trouble() : spool_trouble_;
+  const absl::Duration since = ordered ? jobs_.trouble_since() : spool_trouble_since_;
+  const bool failing = !view.submit_why.empty() && view.job.id.empty();
+  view.submit_trouble = failing ? std::max(since, view.started) : absl::InfiniteDuration();
   view.looked = attempt.looked;
   const AttemptVerdict verdict = JudgeAttempt(view, limits_, now);
   if (verdict.kind == AttemptVerdict::Kind::kGoesOn) return;

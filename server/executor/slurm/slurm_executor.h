@@ -88,7 +88,8 @@ class SlurmExecutor : public Executor {
     std::vector<LeaseRecord> records;  // not taken by the engine yet
     std::string broken;
     std::string lost;
-    std::optional<NodeEnd> end;
+    std::optional<NodeEnd> end;   // of the runner
+    std::optional<NodeEnd> used;  // of a node that gave it back, for its account
     bool over = false;      // a verdict was given, or its node's last word is here
     bool released = false;  // the engine has asked for its end
     bool counted = false;   // among its node's running leases
@@ -131,12 +132,14 @@ class SlurmExecutor : public Executor {
   bool AnyDue() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   // The thread that writes.
+  bool HasTask() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void WriteSpool();
   absl::Status OpenToWrite();
   std::optional<Task> TakeTask();
   void Do(const Task& task);
   void WriteOrder(const std::string& name);
   void LookAfterSpool();
+  void OpenAgain();
   void Note(const absl::Status& status);
 
   // The thread that reads.
@@ -170,6 +173,8 @@ class SlurmExecutor : public Executor {
   bool emptied_ ABSL_GUARDED_BY(mutex_) = false;  // of what an earlier daemon left
   std::string queue_trouble_ ABSL_GUARDED_BY(mutex_) = "Slurm has not answered yet";
   std::string spool_trouble_ ABSL_GUARDED_BY(mutex_);
+  absl::Duration spool_trouble_since_ ABSL_GUARDED_BY(mutex_);
+  absl::Duration next_write_ ABSL_GUARDED_BY(mutex_) = -absl::InfiniteDuration();  // of an order
   Busy writing_ ABSL_GUARDED_BY(mutex_);
   Busy reading_ ABSL_GUARDED_BY(mutex_);
   absl::Duration next_look_ ABSL_GUARDED_BY(mutex_);  // at the queue

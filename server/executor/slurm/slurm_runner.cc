@@ -1,5 +1,6 @@
 #include "server/executor/slurm/slurm_runner.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace myograde::server {
@@ -33,9 +34,10 @@ RunnerSite SlurmRunner::site() const {
   const AttemptView& view = attempt_->view;
   site.node = view.claim_node.empty() ? view.job.node : view.claim_node;
   site.job = view.job.id;
-  if (attempt_->end.has_value()) {
-    site.cpu_s = attempt_->end->cpu_s;
-    site.energy_j = attempt_->end->energy_j;
+  for (const std::optional<NodeEnd>* end : {&attempt_->end, &attempt_->used}) {
+    if (!end->has_value()) continue;
+    site.cpu_s = std::max(site.cpu_s, (*end)->cpu_s);
+    if ((*end)->energy_j.has_value()) site.energy_j = (*end)->energy_j;
   }
   return site;
 }

@@ -28,22 +28,20 @@ auto Until(absl::Duration time) {
 // --- writing ---
 
 void SlurmExecutor::WriteSpool() {
+  absl::Duration next_probe = -absl::InfiniteDuration();
   while (true) {
-    if (spool_.has_value()) {
-      const std::optional<Task> task = TakeTask();
-      if (task.has_value()) {
-        Do(*task);
-        continue;
-      }
-    } else {
-      Note(OpenToWrite());
+    if (!spool_.has_value()) Note(OpenToWrite());
+    while (const std::optional<Task> task = spool_.has_value() ? TakeTask() : std::nullopt) {
+      Do(*task);
     }
-    LookAfterSpool();
+    if (spool_.has_value() && Now() >= next_probe) {
+      LookAfterSpool();
+      next_probe = Now() + kProbeEvery;
+    }
     const MutexLock lock(mutex_);
     writing_.since = absl::InfiniteDuration();
-    const bool idle = urgent_.empty() && tasks_.empty();
-    if (!stopping_ && (idle || !spool_.has_value())) {
-      write_.WaitUntil(mutex_, Until(spool_.has_value() ? kProbeEvery : kOpenEvery));
+    if (!stopping_ && (!HasTask() || !spool_.has_value())) {
+      write_.WaitUntil(mutex_, Until(spool_trouble_.empty() ? kProbeEvery : kOpenEvery));
     }
     if (stopping_) break;
     writing_.since = Now();
@@ -71,25 +69,30 @@ absl::Status SlurmExecutor::OpenToWrite() {
   return absl::OkStatus();
 }
 
+bool SlurmExecutor::HasTask() const {
+  return !urgent_.empty() || (!tasks_.empty() && Now() >= next_write_);
+}
+
 std::optional<SlurmExecutor::Task> SlurmExecutor::TakeTask() {
   const MutexLock lock(mutex_);
-  if (stopping_) return std::nullopt;
+  if (stopping_ || !HasTask()) return std::nullopt;
   writing_.since = Now();
-  for (std::deque<Task>* queue : {&urgent_, &tasks_}) {
-    if (queue->empty()) continue;
-    Task task = std::move(queue->front());
-    queue->pop_front();
-    return task;
-  }
-  return std::nullopt;
+  std::deque<Task>& queue = urgent_.empty() ? tasks_ : urgent_;
+  Task task = std::move(queue.front());
+  queue.pop_front();
+  return task;
 }
 
 void SlurmExecutor::Do(const Task& task) {
   if (task.kind == Task::Kind::kWrite) return WriteOrder(task.name);
-  if (task.kind == Task::Kind::kRemove) return Note(spool_->RemoveLease(task.name));
-  const absl::StatusOr<LeaseFolder> folder = spool_->OpenLease(task.name);
-  // Without a folder there is nothing that could go on.
-  if (folder.ok()) Note(folder->Stop());
+  absl::Status done;
+  if (task.kind == Task::Kind::kRemove) {
+    done = spool_->RemoveLease(task.name);
+  } else if (const absl::StatusOr<LeaseFolder> folder = spool_->OpenLease(task.name); folder.ok()) {
+    done = folder->Stop();
+  }
+  // What goes on in it is cancelled too, and counts for nothing.
+  if (!done.ok()) spdlog::warn("{}", std::string(done.message()));
 }
 
 void SlurmExecutor::WriteOrder(const std::string& name) {
@@ -100,7 +103,7 @@ void SlurmExecutor::WriteOrder(const std::string& name) {
     const auto it = attempts_.find(name);
     if (it == attempts_.end() || it->second->released) return;
     attempt = it->second;
-    order = std::move(attempt->order);
+    order = attempt->order;
   }
   absl::Status written =
       writer_.Write(*spool_, order, attempt->artefact, attempt->artefact_dir, Now());
@@ -110,8 +113,15 @@ void SlurmExecutor::WriteOrder(const std::string& name) {
     written = opened.status();
     if (opened.ok()) token = *std::move(opened);
   }
-  Note(written);
+  const bool passes = absl::IsResourceExhausted(written) || absl::IsUnavailable(written) ||
+                      absl::IsNotFound(written);
+  if (written.ok() || passes) Note(written);
   const MutexLock lock(mutex_);
+  if (passes) {
+    next_write_ = Now() + kOpenEvery;
+    if (!attempt->released && !attempt->over) tasks_.push_front({Task::Kind::kWrite, name});
+    return;
+  }
   if (!written.ok()) {
     return Lose(*attempt, absl::StrCat("its order could not be written: ", written.message()));
   }
@@ -128,8 +138,13 @@ void SlurmExecutor::WriteOrder(const std::string& name) {
 
 // Finds out whether the spool can still be written, and removes what nobody needs.
 void SlurmExecutor::LookAfterSpool() {
-  if (!spool_.has_value()) return;
-  Note(spool_->Probe());
+  if (absl::Status status = spool_->Probe(); status.ok()) {
+    Note(status);
+  } else if (!absl::IsResourceExhausted(status) && door_ == nullptr) {
+    OpenAgain();
+  } else {
+    Note(status);
+  }
   std::set<std::string> used;
   {
     const MutexLock lock(mutex_);
@@ -140,14 +155,25 @@ void SlurmExecutor::LookAfterSpool() {
   writer_.Prune(*spool_, used, Now());
 }
 
+// A folder that was mounted anew must be opened anew. It is never made again: on a mount point
+// without its disk, no node would see it.
+void SlurmExecutor::OpenAgain() {
+  absl::StatusOr<Spool> again = Spool::Open(spool_path_);
+  if (again.ok() && again->Epoch().value_or("") == epoch_) {
+    spool_.emplace(*std::move(again));
+    return Note(spool_->Probe());
+  }
+  Note(absl::UnavailableError(absl::StrCat(
+      spool_path_, ": is gone, or another one is there; mount it again, or start the daemon again "
+                   "if it was removed")));
+}
+
 void SlurmExecutor::Note(const absl::Status& status) {
-  // What is there no more needs nothing; what a participant's files are is no trouble of the disk.
-  if (absl::IsNotFound(status) && spool_.has_value()) return;
-  if (absl::IsDataLoss(status)) return;
   const MutexLock lock(mutex_);
   const std::string why = status.ok() ? "" : std::string(status.message());
   if (!why.empty() && why != spool_trouble_) spdlog::error("the spool: {}", why);
   if (why.empty() && !spool_trouble_.empty()) spdlog::info("the spool can be written again");
+  if (spool_trouble_.empty()) spool_trouble_since_ = Now();
   spool_trouble_ = why;
 }
 
@@ -242,13 +268,9 @@ void SlurmExecutor::Tell(Attempt& attempt, LeaseReader& reader, LeaseNews news,
     attempt.over = true;
     attempt.broken = std::move(news.broken);
   } else if (news.end.has_value() && !news.end->why.empty()) {
-    const std::string why =
-        absl::StrCat("the node ", attempt.view.claim_node, " gave it back: ", news.end->why);
-    // A node that never comes to play is no good, whatever it says.
-    if (attempt.view.heard == absl::InfiniteDuration()) {
-      health_.Ended(attempt.view.claim_node, /*badly=*/true, why);
-    }
-    Lose(attempt, why);
+    attempt.view.given_back = Now();
+    attempt.view.given_back_why = std::move(news.end->why);
+    attempt.used = std::move(news.end);
   } else if (news.end.has_value()) {
     attempt.over = true;
     attempt.end = std::move(news.end);

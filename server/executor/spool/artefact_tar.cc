@@ -403,8 +403,9 @@ absl::Status UnpackArtefactFolder(int archive, const PackedFolder& packed,
     return HostError(absl::StrCat("can't make the folder ", folder));
   }
   const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
-  absl::Status status = root.valid() ? UnpackInto(archive, digest, root.get())
-                                     : HostError(absl::StrCat("can't open ", folder));
+  absl::Status status = root.valid() && ::fchmod(root.get(), 0755) == 0
+                            ? UnpackInto(archive, digest, root.get())
+                            : HostError(absl::StrCat("can't open ", folder));
   if (status.ok()) return status;
   std::error_code ignored;
   std::filesystem::remove_all(folder, ignored);

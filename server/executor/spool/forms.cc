@@ -17,8 +17,6 @@ using Json = nlohmann::json;
 
 constexpr int64_t kForm = 1;
 constexpr size_t kMostWordBytes = 255;
-// A sentence; the daemon shows it to people.
-constexpr size_t kMostSentenceBytes = 8u << 10;
 constexpr size_t kMostProblems = 64;
 constexpr size_t kMostRuntimes = 256;
 
@@ -56,8 +54,8 @@ std::string ReadNode(ConfigReader& reader, std::string_view key) {
 // What a program said: any text, of bounded length.
 std::string ReadSaid(ConfigReader& reader, std::string_view key) {
   std::string text = reader.String(key);
-  if (text.size() > kMostSentenceBytes) {
-    reader.Fail(key, absl::StrCat("has more than ", kMostSentenceBytes, " bytes"));
+  if (text.size() > kMostWhyBytes) {
+    reader.Fail(key, absl::StrCat("has more than ", kMostWhyBytes, " bytes"));
   }
   return text;
 }
@@ -155,6 +153,7 @@ std::string NodeOrderToText(const NodeOrder& order) {
                {"wall_s", order.wall_s},
                {"uid_base", order.uid_base},
                {"self_test", order.self_test},
+               {"logs", order.logs},
                {"prove_again", order.prove_again}};
   if (order.artefact.has_value()) {
     json["artefact"] = {{"digest", order.artefact->digest},
@@ -180,6 +179,7 @@ absl::StatusOr<NodeOrder> NodeOrderFromText(std::string_view text, const std::st
   order.wall_s = reader.Number("wall_s", {0, DBL_MAX});
   order.uid_base = reader.Integer("uid_base", -1, INT32_MAX);
   order.self_test = reader.Boolean("self_test");
+  order.logs = reader.Boolean("logs");
   order.prove_again = reader.Strings("prove_again");
   if (absl::Status status = reader.Finish(); !status.ok()) return status;
   if (!json->contains("artefact")) {

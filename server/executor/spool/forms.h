@@ -19,6 +19,7 @@ namespace myograde::server {
 // Largest texts, in bytes.
 inline constexpr size_t kMostOrderBytes = 4u << 20;
 inline constexpr size_t kMostFormBytes = 256u << 10;
+inline constexpr size_t kMostWhyBytes = 16u << 10;  // of what a node says
 inline constexpr int64_t kMostRecordBytes = int64_t{64} << 20;
 
 // The packed submission of an order (artefact_tar.h).
@@ -48,6 +49,7 @@ struct NodeOrder {
   // First of the sandboxes' users where root runs the node (server/sandbox/users.h); -1: none.
   int64_t uid_base = -1;
   bool self_test = false;
+  bool logs = true;    // the episodes' logs are wanted
   // Nodes that must prove themselves anew, whatever they remember of an earlier proof.
   std::vector<std::string> prove_again;
 };
@@ -77,7 +79,7 @@ struct NodeEnd {
   int wait_status = 0;          // of the runner, as of waitpid(2); 0 if there was none
   std::string stderr_tail;      // of the runner
   int64_t records_bytes = 0;    // of all records
-  std::string records_sha256;
+  std::string records_sha256;   // of as many; with a `why`, the file may be longer
   double cpu_s = 0;             // of all processes of the lease
   std::optional<double> energy_j;
   // Why the node did not play it, or not to its end, though that is nobody's fault; "": the runner

@@ -103,7 +103,7 @@ TEST(Forms, MistakesOfNodesAreNamed) {
   const std::pair<json, const char*> in_proofs[] = {
       {{{"processor", std::string(300, 'x')}}, "\"processor\""},
       {{{"grader", 1}}, "\"grader\""},
-      {{{"reference", std::string(9000, 'x')}}, "\"reference\""},
+      {{{"reference", std::string(17000, 'x')}}, "\"reference\""},
       {{{"doctor", json::array({1})}}, "\"doctor\""},
       {{{"doctor", json(std::vector<std::string>(65, "x"))}}, "\"doctor\""}};
   for (const auto& [patch, named] : in_proofs) {

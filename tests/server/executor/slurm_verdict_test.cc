@@ -127,6 +127,25 @@ TEST_F(SlurmVerdict, OnlyALimitThatTheLeaseReachedIsAFault) {
   EXPECT_EQ(Judge(120).why, "job 12_0 on n1 reached its time limit before its lease had ended");
 }
 
+TEST_F(SlurmVerdict, WhyANodeGaveALeaseBackIsAskedOfTheCluster) {
+  Run(10);
+  Claim(20);
+  view_.given_back = At(100);
+  view_.given_back_why = "told to end";
+  EXPECT_EQ(Judge(105).kind, Kind::kGoesOn);
+  EXPECT_EQ(Judge(110).why, "the node n1 gave it back: told to end") << "the cluster may be down";
+  EXPECT_EQ(Judge(110).blame_node, "");
+  Over(JobState::kTimeLimit, 103);
+  EXPECT_EQ(Judge(104).kind, Kind::kFault);
+  Over(JobState::kCancelled, 103);
+  EXPECT_EQ(Judge(104).kind, Kind::kLost);
+  EXPECT_EQ(Judge(104).blame_node, "");
+  Over(JobState::kDone, 103);
+  EXPECT_EQ(Judge(104).blame_node, "n1") << "by itself, before it played";
+  view_.heard = At(30);
+  EXPECT_EQ(Judge(104).blame_node, "");
+}
+
 TEST_F(SlurmVerdict, AProgramThatCannotRunIsItsNodesDoing) {
   Run(10);
   Over(JobState::kFailed, 12);

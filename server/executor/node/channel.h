@@ -1,0 +1,45 @@
+// How a node reaches the folder of the attempt that it plays: through a disk that it shares with the
+// daemon, or by HTTPS. Used by one thread at a time. Calls may take as long as the disk or the
+// network does, in the case of a network at most minutes.
+//
+// Errors, of all functions: NotFoundError: it is not there. CancelledError: the attempt is over, or
+// the daemon wants it to end; the message says which. UnavailableError, ResourceExhaustedError,
+// DeadlineExceededError: trying again can help. Any other: it can't.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "server/executor/spool/forms.h"
+
+namespace myograde::server {
+
+class LeaseChannel {
+ public:
+  virtual ~LeaseChannel() = default;
+
+  virtual absl::StatusOr<NodeOrder> Order() = 0;
+  // AlreadyExistsError: another process plays it.
+  virtual absl::Status PutClaim(const NodeClaim& claim) = 0;
+  virtual absl::Status PutProof(const NodeProof& proof) = 0;
+  // Writes the archive of the order's submission to the empty file `file`.
+  virtual absl::Status FetchArtefact(const NodeArtefact& artefact, int file) = 0;
+  // Records from `offset` on; again after an error, if need be with more behind them. Without any it
+  // only asks whether to go on.
+  virtual absl::Status AddRecords(int64_t offset, std::string_view bytes) = 0;
+  // All of a file as a log. REQUIRES: IsLogName(log).
+  virtual absl::Status PutLog(const std::string& log, int file) = 0;
+  virtual absl::Status PutEnd(const NodeEnd& end) = 0;
+};
+
+// Whether an error of a channel may be over when it is tried again.
+inline bool MayPass(const absl::Status& status) {
+  return absl::IsUnavailable(status) || absl::IsResourceExhausted(status) ||
+         absl::IsDeadlineExceeded(status);
+}
+
+}  // namespace myograde::server
