@@ -207,7 +207,7 @@ class EngineCore {
     std::unique_ptr<Runner> runner;
     LeaseReport report;
     bool begun = true;
-    absl::Time started;  // for people
+    int64_t began_at = 0;  // milliseconds since 1970-01-01 UTC, for people; 0: it has not begun
   };
   // The runner of a reclaimed lease, until it is dead.
   struct StoppingRunner {
@@ -287,12 +287,13 @@ class EngineCore {
   void Listen(LeaseRun& run);
   // Of leases on other hosts.
   void AttendExecutor();
+  absl::Status RecallDrained();
   void FollowSite(LeaseRun& run);
   void Return(LeaseRun& run, const std::string& why);
   bool MayStart() const;
-  void Account(const LeaseRun& run, LeaseRunEnd how);
+  void Account(const LeaseRun& run, RunEnd how);
   // Accounts for the attempt and reclaims the lease.
-  void ReclaimAs(int64_t lease, LeaseRunEnd how);
+  void ReclaimAs(int64_t lease, RunEnd how);
   void OnProgress(LeaseRun& run, const ProgressRecord& record);
   void OnEpisode(LeaseRun& run, const EpisodeFacts& facts);
   void ReclaimOverdue();

@@ -171,7 +171,7 @@ void EngineCore::OnRunnerEnd(LeaseRun& run) {
                                   who = owner_](Writer& writer) {
     return writer.FinishLease(lease, attempt, output, who);
   });
-  Account(run, LeaseRunEnd::kDone);
+  Account(run, RunEnd::kDone);
   executor_.NoteEnd(run.runner->site().node, /*fault=*/false);
   const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
@@ -191,7 +191,7 @@ void EngineCore::Fault(LeaseRun& run, const char* kind, const std::string& why) 
   metrics().CountGraderFault(kind);
   spdlog::error("lease {}, attempt {}: fault of the grader: {}", run.lease, run.attempt, why);
   suspect_track_ = run.context->track;
-  Account(run, LeaseRunEnd::kFault);
+  Account(run, RunEnd::kFault);
   if (run.runner != nullptr) executor_.NoteEnd(run.runner->site().node, /*fault=*/true);
   Decision decision;
   {
@@ -230,7 +230,7 @@ void EngineCore::GiveUp(const Decision& decision, int64_t failed, const std::str
         writer.EndEvaluation(evaluation, EvaluationState::kGraderError, reason, "", who));
     return status;
   });
-  for (const int64_t lease : decision.running) ReclaimAs(lease, LeaseRunEnd::kCancelled);
+  for (const int64_t lease : decision.running) ReclaimAs(lease, RunEnd::kCancelled);
   contexts_.erase(decision.evaluation);
 }
 
@@ -287,7 +287,7 @@ std::set<int64_t> EngineCore::Forget(int64_t evaluation) {
     const MutexLock lock(mutex_);
     decision = scheduler_.Cancel(evaluation);
   }
-  for (const int64_t lease : decision.running) ReclaimAs(lease, LeaseRunEnd::kCancelled);
+  for (const int64_t lease : decision.running) ReclaimAs(lease, RunEnd::kCancelled);
   deferred_.erase(evaluation);
   to_settle_.erase(evaluation);
   contexts_.erase(evaluation);

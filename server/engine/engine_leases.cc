@@ -76,7 +76,7 @@ void EngineCore::GiveWay() {
       return writer.ReturnLease(lease.lease, lease.attempt, /*fault=*/false, who,
                                 "it gave way to submissions that wait");
     });
-    ReclaimAs(lease->lease, LeaseRunEnd::kReturned);
+    ReclaimAs(lease->lease, RunEnd::kReturned);
   }
 }
 
@@ -106,7 +106,7 @@ void EngineCore::StartLease(const Start& start) {
   }
   run.runner = *std::move(runner);
   run.begun = !executor_.remote();
-  run.started = clock_.Now();
+  if (run.begun) run.began_at = absl::ToUnixMillis(clock_.Now());
   spdlog::info("lease {} (evaluation {}, episodes {} to {}): attempt {} on slot {}, process {}",
                run.lease, start.evaluation, run.first, run.last, run.attempt, start.slot,
                run.runner->pid());

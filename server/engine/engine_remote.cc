@@ -2,7 +2,6 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
-#include "server/base/host_name.h"
 #include "server/engine/engine_core.h"
 
 namespace myograde::server {
@@ -33,6 +32,23 @@ void EngineCore::AttendExecutor() {
   executor_trouble_ = trouble;
 }
 
+// The nodes that were drained before this start.
+absl::Status EngineCore::RecallDrained() {
+  if (!executor_.remote()) return absl::OkStatus();
+  Listed<DrainedNodeRow> drained;
+  const absl::Status status = readers_.Read([&](Reader& reader) {
+    drained = reader.DrainedNodes();
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  for (const Damage& damage : drained.damaged) spdlog::error("{}", DamageText(damage));
+  for (const DrainedNodeRow& row : drained.rows) {
+    const absl::Status kept = executor_.Drain(row.node, row.why);
+    if (!kept.ok()) spdlog::error("{}", std::string(kept.message()));
+  }
+  return absl::OkStatus();
+}
+
 void EngineCore::FollowSite(LeaseRun& run) {
   const bool begins = !run.begun && run.runner->begun();
   const MutexLock lock(mutex_);
@@ -41,6 +57,7 @@ void EngineCore::FollowSite(LeaseRun& run) {
   if (!begins) return;
   const absl::Duration now = clock_.Monotonic();
   run.begun = live.begun = true;
+  run.began_at = absl::ToUnixMillis(clock_.Now());
   live.since = live.heard = now;
   scheduler_.Begun(run.lease, run.attempt, now);
   spdlog::info("lease {} begins on node {}, job {}", run.lease, live.site.node, live.site.job);
@@ -50,7 +67,7 @@ void EngineCore::FollowSite(LeaseRun& run) {
 void EngineCore::Return(LeaseRun& run, const std::string& why) {
   const LogScope scope(FieldsOf(run));
   spdlog::warn("lease {}, attempt {}: lost: {}", run.lease, run.attempt, why);
-  Account(run, LeaseRunEnd::kReturned);
+  Account(run, RunEnd::kReturned);
   Decision decision;
   {
     const MutexLock lock(mutex_);
@@ -67,22 +84,22 @@ void EngineCore::Return(LeaseRun& run, const std::string& why) {
 }
 
 // An attempt has ended, or nothing more of it counts. One that never had a runner used nothing.
-void EngineCore::Account(const LeaseRun& run, LeaseRunEnd how) {
+void EngineCore::Account(const LeaseRun& run, RunEnd how) {
   if (run.runner == nullptr) return;
   const RunnerSite site = run.runner->site();
   const LeaseRunRow row = {.lease = run.lease,
                            .attempt = run.attempt,
-                           .node = site.node.empty() && !executor_.remote() ? HostName() : site.node,
+                           .node = site.node,
                            .job = site.job,
-                           .began_at = run.started,
-                           .ended_at = clock_.Now(),
+                           .began_at = run.began_at,
+                           .ended_at = absl::ToUnixMillis(clock_.Now()),
                            .cpu_s = site.cpu_s,
                            .energy_j = site.energy_j,
                            .how = how};
   AddToJournal(run.context->evaluation, [row](Writer& writer) { return writer.RecordLeaseRun(row); });
 }
 
-void EngineCore::ReclaimAs(int64_t lease, LeaseRunEnd how) {
+void EngineCore::ReclaimAs(int64_t lease, RunEnd how) {
   const auto run = running_.find(lease);
   if (run == running_.end()) return;
   Account(run->second, how);

@@ -63,11 +63,11 @@ absl::Status WritePiece(int file, const char* bytes, size_t size, const std::str
   return absl::OkStatus();
 }
 
-absl::Status Copy(int source, int file, int64_t most, const std::string& path) {
+absl::Status Copy(const ByteSource& source, int file, int64_t most, const std::string& path) {
   std::vector<char> piece(kPieceBytes);
   int64_t copied = 0;
   while (true) {
-    const ssize_t n = read(source, piece.data(), piece.size());
+    const ssize_t n = source(piece.data(), piece.size());
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) return DiskError(path, "copied from its source");
     if (n == 0) return absl::OkStatus();
@@ -81,6 +81,10 @@ absl::Status Copy(int source, int file, int64_t most, const std::string& path) {
 }
 
 }  // namespace
+
+ByteSource BytesOf(int fd) {
+  return [fd](char* to, size_t size) { return read(fd, to, size); };
+}
 
 absl::Status DiskError(const std::string& path, std::string_view done) {
   const int error = errno;
@@ -213,7 +217,8 @@ absl::Status Folder::Put(const std::string& name, std::string_view text) const {
   return status;
 }
 
-absl::Status Folder::PutFrom(const std::string& name, int source, int64_t most) const {
+absl::Status Folder::PutFrom(const std::string& name, const ByteSource& source,
+                             int64_t most) const {
   const std::string draft = DraftName(name);
   absl::StatusOr<Fd> file = OpenRegular(fd_.get(), draft, PathOf(name),
                                         O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC);

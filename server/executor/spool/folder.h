@@ -7,10 +7,14 @@
 // UnavailableError: all other trouble with the disk; trying again can help.
 #pragma once
 
+#include <sys/types.h>
+
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <absl/status/status.h>
@@ -19,6 +23,13 @@
 #include "protocol/base/fd.h"
 
 namespace myograde::server {
+
+// Yields bytes: as read(2), at most `size` to `to`, 0 at the end, negative with errno set. Trying
+// again yields the same bytes from the start only where its maker says so.
+using ByteSource = std::function<ssize_t(char* to, size_t size)>;
+
+// The rest of a descriptor's content, from where it stands. The descriptor must outlive it.
+ByteSource BytesOf(int fd);
 
 // The error for `errno` at `path`: "PATH: can't be DONE: reason".
 absl::Status DiskError(const std::string& path, std::string_view done);
@@ -53,8 +64,8 @@ class Folder {
 
   // Puts a file (0600) in place as a whole, on disk on return, whatever was there before.
   absl::Status Put(const std::string& name, std::string_view text) const;
-  // The same with the rest of `source`, up to `most` bytes (InvalidArgumentError if there is more).
-  absl::Status PutFrom(const std::string& name, int source, int64_t most) const;
+  // The same with all of `source`, up to `most` bytes (InvalidArgumentError if there is more).
+  absl::Status PutFrom(const std::string& name, const ByteSource& source, int64_t most) const;
   // As Put, unless there is something: AlreadyExistsError. Of several hosts, one succeeds.
   absl::Status PutNew(const std::string& name, std::string_view text) const;
   // Writes at a place of a file (0600), which is made if it is not there; on disk on return. After

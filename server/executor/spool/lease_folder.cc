@@ -117,7 +117,8 @@ absl::Status LeaseFolder::WriteRecords(int64_t offset, std::string_view bytes) c
   return folder_.WriteAt(kRecords, offset, bytes);
 }
 
-absl::Status LeaseFolder::PutLog(const std::string& log, int source, int64_t most) const {
+absl::Status LeaseFolder::PutLog(const std::string& log, const ByteSource& source,
+                                 int64_t most) const {
   if (!IsLogName(log)) return NoName(log, "log");
   const absl::StatusOr<Folder> logs = folder_.MakeFolder(kLogs);
   if (!logs.ok()) return logs.status();
@@ -199,7 +200,12 @@ absl::StatusOr<Fd> Spool::OpenArtefact(const std::string& digest) const {
   return artefacts_.OpenFile(ArtefactName(digest));
 }
 
-absl::Status Spool::PutArtefact(const std::string& digest, int source, int64_t most) const {
+std::string Spool::ArtefactPath(const std::string& digest) const {
+  return artefacts_.path() + "/" + ArtefactName(digest);
+}
+
+absl::Status Spool::PutArtefact(const std::string& digest, const ByteSource& source,
+                                int64_t most) const {
   if (!IsDigest(digest)) return NoName(digest, "packed submission");
   return artefacts_.PutFrom(ArtefactName(digest), source, most);
 }

@@ -59,8 +59,8 @@ class LeaseFolder {
   // REQUIRES: the records are at least `offset` bytes long. ResourceExhaustedError, also where they
   // would become longer than kMostRecordBytes.
   absl::Status WriteRecords(int64_t offset, std::string_view bytes) const;
-  // The rest of `source`, at most `most` bytes, as a log. REQUIRES: IsLogName(log).
-  absl::Status PutLog(const std::string& log, int source, int64_t most) const;
+  // All of `source`, at most `most` bytes, as a log. REQUIRES: IsLogName(log).
+  absl::Status PutLog(const std::string& log, const ByteSource& source, int64_t most) const;
   absl::StatusOr<bool> stopped() const;
   // False: the folder was removed, or another is in its place.
   absl::StatusOr<bool> IsThere() const;
@@ -99,8 +99,10 @@ class Spool {
   // Packed submissions. REQUIRES: IsDigest(digest).
   absl::StatusOr<bool> HasArtefact(const std::string& digest) const;
   absl::StatusOr<Fd> OpenArtefact(const std::string& digest) const;
-  // The rest of `source`, at most `most` bytes.
-  absl::Status PutArtefact(const std::string& digest, int source, int64_t most) const;
+  std::string ArtefactPath(const std::string& digest) const;
+  // All of `source`, at most `most` bytes.
+  absl::Status PutArtefact(const std::string& digest, const ByteSource& source,
+                           int64_t most) const;
   absl::Status RemoveArtefact(const std::string& digest) const;
   absl::StatusOr<std::vector<std::string>> Artefacts() const;  // digests
 

@@ -85,7 +85,7 @@ TEST_F(LeaseFolderTest, ALeaseGoesToANodeAndBack) {
   EXPECT_EQ(*lease_->Records(8, 100), "");
   EXPECT_EQ(*lease_->RecordsSize(), 8);
 
-  ASSERT_EQ(node.PutLog(kLog, Source("a log").get(), 100), absl::OkStatus());
+  ASSERT_EQ(node.PutLog(kLog, BytesOf(Source("a log").get()), 100), absl::OkStatus());
   auto log = lease_->OpenLog(kLog);
   ASSERT_TRUE(log.ok()) << log.status();
   EXPECT_EQ(*ReadAll(log->get(), "log"), "a log");
@@ -101,8 +101,8 @@ TEST_F(LeaseFolderTest, NothingIsLeftOfDraftsAndAllIsPrivate) {
   ASSERT_EQ(lease_->PutOrder(SomeNodeOrder()), absl::OkStatus());
   ASSERT_EQ(lease_->PutClaim(ClaimOf("0123456789abcdef")), absl::OkStatus());
   ASSERT_EQ(lease_->WriteRecords(0, "x"), absl::OkStatus());
-  ASSERT_EQ(lease_->PutLog(kLog, Source("a log").get(), 100), absl::OkStatus());
-  EXPECT_FALSE(lease_->PutLog(kLog, Source("too long").get(), 3).ok());
+  ASSERT_EQ(lease_->PutLog(kLog, BytesOf(Source("a log").get()), 100), absl::OkStatus());
+  EXPECT_FALSE(lease_->PutLog(kLog, BytesOf(Source("too long").get()), 3).ok());
   EXPECT_FALSE(lease_->PutClaim(ClaimOf("fedcba9876543210")).ok());
   int files = 0;
   for (const auto& entry : fs::recursive_directory_iterator(path_)) {
@@ -168,7 +168,7 @@ TEST_F(LeaseFolderTest, LinksAndOtherThingsAreNotFollowed) {
   fs::create_directory(folder_.path() / "elsewhere");
   fs::create_directory_symlink(folder_.path() / "elsewhere", lease / "logs");
   EXPECT_TRUE(absl::IsInvalidArgument(lease_->OpenLog(kLog).status()));
-  EXPECT_TRUE(absl::IsInvalidArgument(lease_->PutLog(kLog, Source("x").get(), 10)));
+  EXPECT_TRUE(absl::IsInvalidArgument(lease_->PutLog(kLog, BytesOf(Source("x").get()), 10)));
   EXPECT_TRUE(fs::is_empty(folder_.path() / "elsewhere"));
   // Nor when it is removed.
   ASSERT_EQ(spool_->RemoveLeases(), absl::OkStatus());
@@ -205,7 +205,7 @@ TEST_F(LeaseFolderTest, EpochAndArtefactsAreKept) {
 
   const std::string digest(64, 'a');
   EXPECT_FALSE(*spool_->HasArtefact(digest));
-  ASSERT_EQ(spool_->PutArtefact(digest, Source("packed").get(), 100), absl::OkStatus());
+  ASSERT_EQ(spool_->PutArtefact(digest, BytesOf(Source("packed").get()), 100), absl::OkStatus());
   EXPECT_TRUE(*spool_->HasArtefact(digest));
   EXPECT_EQ(*ReadAll(spool_->OpenArtefact(digest)->get(), "archive"), "packed");
   EXPECT_EQ(*spool_->Artefacts(), std::vector<std::string>{digest});

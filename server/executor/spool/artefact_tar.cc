@@ -1,0 +1,414 @@
+#include "server/executor/spool/artefact_tar.h"
+
+#include <archive.h>
+#include <archive_entry.h>
+#include <dirent.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <climits>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <memory>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/fd.h"
+#include "protocol/base/sha256.h"
+#include "server/artefact/beneath.h"
+#include "server/artefact/listing.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr size_t kTarPieceBytes = 256u << 10;
+
+// What the daemon has accepted is not judged again; the depth alone is bounded, by what it can have
+// accepted, as folders are walked by recursion. (An image's files are one folder deeper.)
+ArtefactLimits NoLimits() {
+  constexpr int64_t kMost = std::numeric_limits<int64_t>::max();
+  return {.bytes = kMost, .files = kMost, .depth = 200, .name_bytes = NAME_MAX};
+}
+
+struct CloseFolder {
+  void operator()(DIR* folder) const { ::closedir(folder); }
+};
+
+std::string BaseName(const std::string& path) {
+  const size_t slash = path.rfind('/');
+  return slash == std::string::npos ? path : path.substr(slash + 1);
+}
+
+std::string FolderName(const std::string& path) {
+  const size_t slash = path.rfind('/');
+  return slash == std::string::npos ? "." : path.substr(0, slash);
+}
+
+absl::Status Damaged(const std::string& path, std::string_view what) {
+  return absl::DataLossError(absl::StrCat("the submission's ", Quoted(path), " ",
+                                          absl::string_view(what.data(), what.size())));
+}
+
+// By path; a folder comes before what is in it.
+using Found = std::map<std::string, Entry*>;
+
+// Lists all below a folder, without the content of files.
+class Lister {
+ public:
+  Lister(int root, Listing& listing) : root_(root), listing_(listing) {}
+
+  const Found& found() const { return found_; }
+
+  absl::Status List(const std::string& folder) {
+    Fd fd = OpenBeneath(root_, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
+    if (!fd.valid()) return HostError(absl::StrCat("can't open ", Quoted(folder)));
+    const std::unique_ptr<DIR, CloseFolder> names(::fdopendir(fd.get()));
+    if (names == nullptr) return HostError(absl::StrCat("can't list ", Quoted(folder)));
+    const int at = fd.release();  // `names` closes it
+    for (;;) {
+      errno = 0;
+      const dirent* name = ::readdir(names.get());
+      if (name == nullptr) {
+        return errno == 0 ? absl::OkStatus() : HostError(absl::StrCat("can't list ", Quoted(folder)));
+      }
+      const std::string base = name->d_name;
+      if (base == "." || base == "..") continue;
+      absl::Status status = Take(at, base, folder.empty() ? base : folder + "/" + base);
+      if (!status.ok()) return status;
+    }
+  }
+
+ private:
+  absl::Status Take(int at, const std::string& base, const std::string& raw) {
+    const absl::StatusOr<std::string> path = listing_.CleanPath(raw);
+    if (!path.ok()) return path.status();
+    struct stat info = {};
+    if (::fstatat(at, base.c_str(), &info, AT_SYMLINK_NOFOLLOW) != 0) {
+      return HostError(absl::StrCat("can't examine ", Quoted(*path)));
+    }
+    const EntryType type = S_ISDIR(info.st_mode)   ? EntryType::kFolder
+                           : S_ISLNK(info.st_mode) ? EntryType::kLink
+                                                   : EntryType::kFile;
+    if (type == EntryType::kFile && !S_ISREG(info.st_mode)) {
+      return Damaged(*path, "is no file, folder or symbolic link");
+    }
+    const absl::StatusOr<Entry*> entry = listing_.Add(*path, type);
+    if (!entry.ok()) return entry.status();
+    found_[*path] = *entry;
+    if (type == EntryType::kFolder) return List(*path);
+    if (type == EntryType::kLink) {
+      std::array<char, PATH_MAX> target;
+      const ssize_t size = ::readlinkat(at, base.c_str(), target.data(), target.size());
+      if (size < 0) return HostError(absl::StrCat("can't read the link ", Quoted(*path)));
+      (*entry)->target.assign(target.data(), static_cast<size_t>(size));
+      return absl::OkStatus();
+    }
+    (*entry)->size = info.st_size;
+    (*entry)->time = KeptTime(info.st_mtim.tv_sec);
+    (*entry)->executable = (info.st_mode & 0111) != 0;
+    return absl::OkStatus();
+  }
+
+  const int root_;
+  Listing& listing_;
+  Found found_;
+};
+
+// The archive's bytes on their way to its file.
+struct TarFile {
+  int fd;
+  Sha256 hash = {};
+  int64_t bytes = 0;
+  int error = 0;
+
+  static la_ssize_t Write(archive*, void* self, const void* data, size_t size) {
+    auto& file = *static_cast<TarFile*>(self);
+    const ssize_t n = ::write(file.fd, data, size);
+    if (n < 0) {
+      file.error = errno;
+      return -1;
+    }
+    file.hash.Update(std::string_view(static_cast<const char*>(data), static_cast<size_t>(n)));
+    file.bytes += n;
+    return n;
+  }
+};
+
+class Packer {
+ public:
+  Packer(int root, TarFile& file, const ByteProgress& progress)
+      : root_(root), file_(file), progress_(progress) {}
+
+  // Notes the digests of the files' content in their entries.
+  absl::Status Pack(const Found& found) {
+    archive_write_set_format_pax_restricted(writer_.get());
+    archive_write_add_filter_none(writer_.get());
+    archive_write_set_bytes_in_last_block(writer_.get(), 1);
+    if (archive_write_open(writer_.get(), &file_, nullptr, TarFile::Write, nullptr) != ARCHIVE_OK) {
+      return Failed();
+    }
+    for (const auto& [path, entry] : found) {
+      if (absl::Status status = Header(path, *entry); !status.ok()) return status;
+      if (entry->type != EntryType::kFile) continue;
+      if (absl::Status status = Content(path, *entry); !status.ok()) return status;
+    }
+    return archive_write_close(writer_.get()) == ARCHIVE_OK ? absl::OkStatus() : Failed();
+  }
+
+ private:
+  absl::Status Header(const std::string& path, const Entry& entry) {
+    const std::unique_ptr<archive_entry, void (*)(archive_entry*)> header(archive_entry_new(),
+                                                                          archive_entry_free);
+    archive_entry_set_pathname(header.get(), path.c_str());
+    archive_entry_set_mtime(header.get(), entry.time, 0);
+    const bool open_to_all = entry.executable || entry.type == EntryType::kFolder;
+    archive_entry_set_perm(header.get(), open_to_all ? 0755 : 0644);
+    switch (entry.type) {
+      case EntryType::kFile:
+        archive_entry_set_filetype(header.get(), AE_IFREG);
+        archive_entry_set_size(header.get(), entry.size);
+        break;
+      case EntryType::kFolder:
+        archive_entry_set_filetype(header.get(), AE_IFDIR);
+        break;
+      case EntryType::kLink:
+        archive_entry_set_filetype(header.get(), AE_IFLNK);
+        archive_entry_set_symlink(header.get(), entry.target.c_str());
+        break;
+    }
+    return archive_write_header(writer_.get(), header.get()) == ARCHIVE_OK ? absl::OkStatus()
+                                                                          : Failed();
+  }
+
+  absl::Status Content(const std::string& path, Entry& entry) {
+    const Fd fd = OpenBeneath(root_, path, O_RDONLY | O_NONBLOCK);
+    struct stat info = {};
+    if (!fd.valid() || ::fstat(fd.get(), &info) != 0) {
+      return HostError(absl::StrCat("can't open ", Quoted(path)));
+    }
+    if (!S_ISREG(info.st_mode)) return Damaged(path, "is no file any more");
+    Sha256 hash;
+    int64_t left = entry.size;
+    for (;;) {
+      const ssize_t n = ::read(fd.get(), piece_.data(), piece_.size());
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) return HostError(absl::StrCat("can't read ", Quoted(path)));
+      if (n > left || (n == 0 && left > 0)) return Damaged(path, "changed while it was packed");
+      if (n == 0) break;
+      left -= n;
+      const auto size = static_cast<size_t>(n);
+      hash.Update(std::string_view(piece_.data(), size));
+      if (archive_write_data(writer_.get(), piece_.data(), size) != n) return Failed();
+      done_ += n;
+      if (progress_) progress_(done_, done_);
+    }
+    entry.sha256 = hash.FinishHex();
+    return absl::OkStatus();
+  }
+
+  absl::Status Failed() const {
+    if (file_.error != 0) {
+      errno = file_.error;
+      return HostError("can't write the packed submission");
+    }
+    const char* why = archive_error_string(writer_.get());
+    return absl::UnavailableError(
+        absl::StrCat("can't pack the submission: ", why != nullptr ? why : "no reason given"));
+  }
+
+  const int root_;
+  TarFile& file_;
+  const ByteProgress& progress_;
+  int64_t done_ = 0;
+  std::string piece_ = std::string(kTarPieceBytes, '\0');
+  std::unique_ptr<archive, ArchiveWriter> writer_{archive_write_new()};
+};
+
+// Makes a folder's content from the archive's entries.
+class Unpacker {
+ public:
+  Unpacker(archive* reader, int root) : reader_(reader), root_(root), listing_(NoLimits()) {}
+
+  absl::StatusOr<std::string> Unpack() {
+    for (;;) {
+      archive_entry* entry = nullptr;
+      const int result = archive_read_next_header(reader_, &entry);
+      if (result == ARCHIVE_EOF) return listing_.Digest();
+      if (result != ARCHIVE_OK) return Broken();
+      if (absl::Status status = Take(entry); !status.ok()) return status;
+    }
+  }
+
+ private:
+  absl::Status Broken() const {
+    const char* why = archive_error_string(reader_);
+    return absl::DataLossError(absl::StrCat("the packed submission is broken: ",
+                                            why != nullptr ? why : "no reason given"));
+  }
+
+  absl::Status Take(archive_entry* entry) {
+    const char* raw = archive_entry_pathname(entry);
+    if (raw == nullptr || archive_entry_hardlink(entry) != nullptr) return Broken();
+    const absl::StatusOr<std::string> path = listing_.CleanPath(raw);
+    if (!path.ok()) return path.status();
+    const Fd folder = OpenBeneath(root_, FolderName(*path), O_PATH | O_DIRECTORY);
+    if (!folder.valid()) return HostError(absl::StrCat("can't open the folder of ", Quoted(*path)));
+    const std::string base = BaseName(*path);
+    switch (archive_entry_filetype(entry)) {
+      case AE_IFDIR: return TakeFolder(folder.get(), *path, base);
+      case AE_IFLNK: return TakeLink(folder.get(), *path, base, archive_entry_symlink(entry));
+      case AE_IFREG: return TakeFile(folder.get(), *path, base, entry);
+      default: return Damaged(*path, "is no file, folder or symbolic link");
+    }
+  }
+
+  absl::Status TakeFolder(int folder, const std::string& path, const std::string& base) {
+    if (const auto entry = listing_.Add(path, EntryType::kFolder); !entry.ok()) {
+      return entry.status();
+    }
+    if (::mkdirat(folder, base.c_str(), 0755) != 0 ||
+        ::fchmodat(folder, base.c_str(), 0755, 0) != 0) {
+      return HostError(absl::StrCat("can't make the folder ", Quoted(path)));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status TakeLink(int folder, const std::string& path, const std::string& base,
+                        const char* target) {
+    const absl::StatusOr<Entry*> entry = listing_.Add(path, EntryType::kLink);
+    if (!entry.ok()) return entry.status();
+    if (target == nullptr) return Damaged(path, "is a link without a target");
+    (*entry)->target = target;
+    if (::symlinkat(target, folder, base.c_str()) != 0) {
+      return HostError(absl::StrCat("can't make the link ", Quoted(path)));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status TakeFile(int folder, const std::string& path, const std::string& base,
+                        archive_entry* about) {
+    const absl::StatusOr<Entry*> entry = listing_.Add(path, EntryType::kFile);
+    if (!entry.ok()) return entry.status();
+    (*entry)->executable = (archive_entry_perm(about) & 0111) != 0;
+    const Fd file(::openat(folder, base.c_str(),
+                           O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
+    if (!file.valid()) return HostError(absl::StrCat("can't make the file ", Quoted(path)));
+    if (absl::Status status = Copy(file.get(), path, **entry); !status.ok()) return status;
+    const timespec time = {KeptTime(archive_entry_mtime(about)), 0};
+    const timespec times[] = {time, time};
+    if (::futimens(file.get(), times) != 0 ||
+        ::fchmod(file.get(), (*entry)->executable ? 0755 : 0644) != 0) {
+      return HostError(absl::StrCat("can't set mode and time of ", Quoted(path)));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status Copy(int file, const std::string& path, Entry& entry) {
+    Sha256 hash;
+    for (;;) {
+      const la_ssize_t got = archive_read_data(reader_, piece_.data(), piece_.size());
+      if (got < 0) return Broken();
+      if (got == 0) break;
+      hash.Update(std::string_view(piece_.data(), static_cast<size_t>(got)));
+      entry.size += got;
+      for (la_ssize_t done = 0; done < got;) {
+        const ssize_t n =
+            ::write(file, piece_.data() + done, static_cast<size_t>(got - done));
+        if (n < 0 && errno == EINTR) continue;
+        if (n < 0) return HostError(absl::StrCat("can't write ", Quoted(path)));
+        done += n;
+      }
+    }
+    entry.sha256 = hash.FinishHex();
+    return absl::OkStatus();
+  }
+
+  archive* const reader_;
+  const int root_;
+  Listing listing_;
+  std::string piece_ = std::string(kTarPieceBytes, '\0');
+};
+
+// Reads all of a file, from its beginning, without its position.
+absl::StatusOr<PackedFolder> Describe(int file) {
+  PackedFolder found;
+  Sha256 hash;
+  std::string piece(kTarPieceBytes, '\0');
+  for (;;) {
+    const ssize_t n = ::pread(file, piece.data(), piece.size(), found.bytes);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return HostError("can't read the packed submission");
+    if (n == 0) break;
+    hash.Update(std::string_view(piece.data(), static_cast<size_t>(n)));
+    found.bytes += n;
+  }
+  found.sha256 = hash.FinishHex();
+  return found;
+}
+
+absl::Status UnpackInto(int archive_fd, const std::string& digest, int root) {
+  const Utf8Names utf8_names;
+  if (::lseek(archive_fd, 0, SEEK_SET) != 0) return HostError("can't read the packed submission");
+  const std::unique_ptr<archive, ArchiveReader> reader(archive_read_new());
+  archive_read_support_format_tar(reader.get());
+  if (archive_read_open_fd(reader.get(), archive_fd, kTarPieceBytes) != ARCHIVE_OK) {
+    return absl::DataLossError("the packed submission is no tar");
+  }
+  const absl::StatusOr<std::string> found = Unpacker(reader.get(), root).Unpack();
+  if (!found.ok()) return found.status();
+  if (*found == digest) return absl::OkStatus();
+  return absl::DataLossError(absl::StrCat("the packed submission holds files of digest ", *found,
+                                          ", and is to be ", digest));
+}
+
+}  // namespace
+
+absl::StatusOr<PackedFolder> PackArtefactFolder(const std::string& folder,
+                                                const std::string& digest, int archive,
+                                                const ByteProgress& progress) {
+  const Utf8Names utf8_names;
+  const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+  if (!root.valid()) return HostError(absl::StrCat("can't open the submission's folder ", folder));
+  Listing listing(NoLimits());
+  Lister lister(root.get(), listing);
+  if (absl::Status status = lister.List(""); !status.ok()) return status;
+  TarFile file = {archive};
+  if (absl::Status status = Packer(root.get(), file, progress).Pack(lister.found()); !status.ok()) {
+    return status;
+  }
+  if (listing.Digest() != digest) {
+    return absl::DataLossError(absl::StrCat(
+        "the submission's folder ", folder, " holds files of digest ", listing.Digest(),
+        ", and should hold ", digest, "; restore it from a backup, or have it submitted again"));
+  }
+  return PackedFolder{file.hash.FinishHex(), file.bytes};
+}
+
+absl::Status UnpackArtefactFolder(int archive, const PackedFolder& packed,
+                                  const std::string& digest, const std::string& folder) {
+  const absl::StatusOr<PackedFolder> found = Describe(archive);
+  if (!found.ok()) return found.status();
+  if (found->bytes != packed.bytes || found->sha256 != packed.sha256) {
+    return absl::DataLossError(absl::StrCat(
+        "the packed submission has ", found->bytes, " bytes and digest ", found->sha256,
+        "; the order names ", packed.bytes, " bytes and ", packed.sha256));
+  }
+  if (::mkdir(folder.c_str(), 0755) != 0) {
+    return HostError(absl::StrCat("can't make the folder ", folder));
+  }
+  const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+  absl::Status status = root.valid() ? UnpackInto(archive, digest, root.get())
+                                     : HostError(absl::StrCat("can't open ", folder));
+  if (status.ok()) return status;
+  std::error_code ignored;
+  std::filesystem::remove_all(folder, ignored);
+  return status;
+}
+
+}  // namespace myograde::server
