@@ -63,9 +63,9 @@ Check ControllerCheck(const SlurmCommands& slurm) {
   const absl::StatusOr<ProgramEnd> ping = slurm.Run("scontrol", {"ping"});
   const std::string said = ping.ok() ? std::string(absl::StripAsciiWhitespace(ping->output))
                                      : std::string(ping.status().message());
-  for (const std::string_view line : absl::StrSplit(said, '\n')) {
+  for (const std::string& line : std::vector<std::string>(absl::StrSplit(said, '\n'))) {
     if (ping.ok() && line.ends_with(" UP")) {
-      return {"slurm_controller", CheckState::kOk, std::string(line), "", ""};
+      return {"slurm_controller", CheckState::kOk, line, "", ""};
     }
   }
   return Missing("slurm_controller", absl::StrCat("no controller answers (", said, ")"),
@@ -85,12 +85,13 @@ Check PartitionCheck(const SlurmCommands& slurm, const SlurmConfig& config) {
   std::string state;
   int64_t usable = 0;
   int64_t all = 0;
-  for (const std::string_view line : absl::StrSplit(sinfo->output, '\n', absl::SkipWhitespace())) {
-    const std::vector<std::string_view> cells = absl::StrSplit(line, '|');
+  for (const absl::string_view line :
+       absl::StrSplit(sinfo->output, '\n', absl::SkipWhitespace())) {
+    const std::vector<std::string> cells = absl::StrSplit(line, '|');
     if (cells.size() != 5) continue;
     if (config.partition.empty() && !cells[0].ends_with('*')) continue;  // not the default one
     name = std::string(absl::StripSuffix(cells[0], "*"));
-    state = std::string(cells[1]);
+    state = cells[1];
     int64_t nodes = 0;
     if (!absl::SimpleAtoi(cells[3], &nodes)) continue;
     all += nodes;

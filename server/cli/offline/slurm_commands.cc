@@ -46,15 +46,16 @@ absl::StatusOr<ProgramEnd> SlurmCommands::Run(const std::string& name,
 
 std::map<std::string, std::string> ReadSlurmPairs(std::string_view text) {
   std::map<std::string, std::string> pairs;
-  for (const std::string_view line : absl::StrSplit(text, '\n')) {
-    if (const size_t wide = line.find(" = "); wide != std::string_view::npos) {
+  for (const absl::string_view line :
+       absl::StrSplit(absl::string_view(text.data(), text.size()), '\n')) {
+    if (const size_t wide = line.find(" = "); wide != absl::string_view::npos) {
       pairs.emplace(absl::StripAsciiWhitespace(line.substr(0, wide)),
                     absl::StripAsciiWhitespace(line.substr(wide + 3)));
       continue;
     }
-    for (const std::string_view word : absl::StrSplit(line, ' ', absl::SkipWhitespace())) {
+    for (const absl::string_view word : absl::StrSplit(line, ' ', absl::SkipWhitespace())) {
       const size_t equals = word.find('=');
-      if (equals == std::string_view::npos) continue;
+      if (equals == absl::string_view::npos) continue;
       pairs.emplace(word.substr(0, equals), word.substr(equals + 1));
     }
   }
