@@ -184,7 +184,8 @@ void SlurmExecutor::Release(Attempt& attempt) {
 
 bool SlurmExecutor::IsGone(const Attempt& attempt) const {
   const MutexLock lock(mutex_);
-  return attempt.released && jobs_.gone(attempt.name, Now());
+  // Its node's last word, or the cluster's.
+  return attempt.end.has_value() || (attempt.released && jobs_.gone(attempt.name, Now()));
 }
 
 void SlurmExecutor::Attend() {
