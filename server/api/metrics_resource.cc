@@ -127,12 +127,10 @@ void MetricsResource::AddHost(const LiveHealth& health, Families& families) cons
 }
 
 void MetricsResource::AddCluster(Families& families) const {
-  int64_t queued = 0;
-  int64_t running = 0;
-  for (const auto& [lease, live] : context_.engine.Running()) ++(live.begun ? running : queued);
+  const LiveJobs live = context_.engine.Jobs();
   MetricFamily jobs = GaugeFamily("myograde_jobs", "Jobs of leases on the cluster, by state");
-  AddValue(jobs, "state", "queued", static_cast<double>(queued));
-  AddValue(jobs, "state", "running", static_cast<double>(running));
+  AddValue(jobs, "state", "queued", static_cast<double>(live.queued));
+  AddValue(jobs, "state", "running", static_cast<double>(live.running));
   families.push_back(std::move(jobs));
   std::map<std::string, int64_t> states = {{"new", 0}, {"proved", 0}, {"drained", 0}};
   for (const NodeView& node : context_.engine.Nodes()) ++states[node.state];

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -162,7 +163,9 @@ absl::StatusOr<nlohmann::json> SubmissionStatus(Reader& reader, const ApiContext
   json["owner"] = TextOrNull(outlook.owner);
   json["deadline_at"] = Ahead(outlook.deadline, context.clock.Now());
   json["history"] = *std::move(history);
-  const std::map<int64_t, LiveLease> running = context.engine.Running();
+  std::set<int64_t> ids;
+  for (const LeaseRow& lease : *leases) ids.insert(lease.id);
+  const std::map<int64_t, LiveLease> running = context.engine.RunningAmong(ids);
   json["leases"] = Json::array();
   for (const LeaseRow& lease : *leases) {
     const auto live = running.find(lease.id);

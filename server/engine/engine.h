@@ -76,6 +76,10 @@ class Engine {
     return core_.QueueOf(teams);
   }
   std::map<int64_t, LiveLease> Running() const { return core_.Running(); }
+  std::map<int64_t, LiveLease> RunningAmong(const std::set<int64_t>& leases) const {
+    return core_.RunningAmong(leases);
+  }
+  LiveJobs Jobs() const { return core_.Jobs(); }
   LiveHealth Health() const { return core_.Health(); }
   Metrics& metrics() const { return core_.metrics(); }
   std::vector<NodeView> Nodes() const { return core_.executor().Nodes(); }

@@ -255,7 +255,10 @@ void EngineCore::BeginShutdown() {
       return writer.ReturnLease(id, attempt, /*fault=*/false, who, "the daemon stopped");
     });
   }
-  for (const int64_t lease : leases) ReclaimAs(lease, RunEnd::kReturned);
+  for (const int64_t lease : leases) {
+    metrics().CountReturn("stop");
+    ReclaimAs(lease, RunEnd::kReturned);
+  }
   if (test_ != nullptr) EndSelfTest("the daemon stopped");
   write_after_ = absl::ZeroDuration();
 }

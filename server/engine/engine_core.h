@@ -80,6 +80,12 @@ struct LiveLease {
   absl::Duration silent;   // since the runner last wrote
 };
 
+// Leases by whether they have a processor.
+struct LiveJobs {
+  int64_t queued = 0;
+  int64_t running = 0;
+};
+
 struct LiveHealth {
   int running = 0;
   int64_t pending = 0;
@@ -169,6 +175,9 @@ class EngineCore {
   // As of Scheduler::QueueOf.
   std::vector<int64_t> QueueOf(const std::set<std::string>* teams) const;
   std::map<int64_t, LiveLease> Running() const;  // by lease
+  // The same of these leases alone: its cost doesn't grow with all that run.
+  std::map<int64_t, LiveLease> RunningAmong(const std::set<int64_t>& leases) const;
+  LiveJobs Jobs() const;
   LiveHealth Health() const;
   Metrics& metrics() const { return *options_.metrics; }
   Executor& executor() const { return executor_; }
@@ -239,6 +248,8 @@ class EngineCore {
     absl::Duration heard;
   };
 
+  static LiveLease Shown(const Live& live, absl::Duration now);
+
   // An event of one evaluation that is still to be written.
   struct Entry {
     int64_t evaluation = 0;
@@ -289,7 +300,8 @@ class EngineCore {
   void AttendExecutor();
   absl::Status RecallDrained();
   void FollowSite(LeaseRun& run);
-  void Return(LeaseRun& run, const std::string& why);
+  // `kind`: as Metrics::CountReturn has it.
+  void Return(LeaseRun& run, const char* kind, const std::string& why);
   bool MayStart() const;
   void Account(const LeaseRun& run, RunEnd how);
   // Accounts for the attempt and reclaims the lease.

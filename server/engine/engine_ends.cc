@@ -83,7 +83,7 @@ void EngineCore::ReapRunners() {
   for (const int64_t lease : lost) {
     const auto it = running_.find(lease);
     if (it == running_.end()) continue;
-    Return(it->second, it->second.runner->lost());
+    Return(it->second, it->second.begun ? "lost" : "not begun", it->second.runner->lost());
     Reclaim(lease);
   }
   for (const int64_t lease : faulty) {
@@ -108,7 +108,7 @@ void EngineCore::ReclaimOverdue() {
     if (it->second.report.end().has_value()) {
       OnRunnerEnd(it->second);
     } else if (late.silent && executor_.remote()) {
-      Return(it->second, late.why);
+      Return(it->second, "silent", late.why);
     } else {
       Fault(it->second, kOverdueFault, late.why);
     }

@@ -76,6 +76,7 @@ void EngineCore::GiveWay() {
       return writer.ReturnLease(lease.lease, lease.attempt, /*fault=*/false, who,
                                 "it gave way to submissions that wait");
     });
+    metrics().CountReturn("gave way");
     ReclaimAs(lease->lease, RunEnd::kReturned);
   }
 }

@@ -64,10 +64,11 @@ void EngineCore::FollowSite(LeaseRun& run) {
 }
 
 // Nobody is at fault: the lease is played again.
-void EngineCore::Return(LeaseRun& run, const std::string& why) {
+void EngineCore::Return(LeaseRun& run, const char* kind, const std::string& why) {
   const LogScope scope(FieldsOf(run));
   spdlog::warn("lease {}, attempt {}: lost: {}", run.lease, run.attempt, why);
   Account(run, RunEnd::kReturned);
+  metrics().CountReturn(kind);
   Decision decision;
   {
     const MutexLock lock(mutex_);
@@ -96,6 +97,7 @@ void EngineCore::Account(const LeaseRun& run, RunEnd how) {
                            .cpu_s = site.cpu_s,
                            .energy_j = site.energy_j,
                            .how = how};
+  metrics().CountUse(run.context->track_name, site.cpu_s, site.energy_j.value_or(0));
   AddToJournal(run.context->evaluation, [row](Writer& writer) { return writer.RecordLeaseRun(row); });
 }
 
