@@ -54,6 +54,7 @@ constexpr Rule kRules[] = {
     {Action::kBackup, "back up", Role::kOperator},
     {Action::kManageOperators, "manage operators", Role::kOperator},
     {Action::kManageWebhooks, "manage webhooks", Role::kOperator},
+    {Action::kManageNodes, "manage nodes", Role::kOperator},
 };
 
 constexpr auto kActions = [] {

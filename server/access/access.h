@@ -39,7 +39,7 @@ enum class Action {
   kMark, kGrant, kRebuildBoards, kExport, kManageTeams, kManageTokens, kManagePhases, kRejudge,
   kReadEvents, kReadHost, kReadMetrics,
   // Operators.
-  kImport, kBackup, kManageOperators, kManageWebhooks,
+  kImport, kBackup, kManageOperators, kManageWebhooks, kManageNodes,
 };
 std::string_view ActionName(Action action);
 std::span<const Action> AllActions();

@@ -29,6 +29,7 @@ void Api::Install(UnixHttpServer& server) {
   boards_.Install(routes);
   challenges_.Install(routes);
   quota_.Install(routes);
+  nodes_.Install(routes);
   pictures_.Install(routes);
   proof_.Install(routes);
   record_.Install(routes);

@@ -12,6 +12,7 @@
 #include "server/api/host_resource.h"
 #include "server/api/more_seeds_resource.h"
 #include "server/api/metrics_resource.h"
+#include "server/api/nodes_resource.h"
 #include "server/api/openapi_resource.h"
 #include "server/api/pages_resource.h"
 #include "server/api/pictures_resource.h"
@@ -53,6 +54,7 @@ class Api {
   EvaluationsResource evaluations_{context_};
   BoardsResource boards_{context_};
   ChallengesResource challenges_{context_};
+  NodesResource nodes_{context_};
   QuotaResource quota_{context_};
   PicturesResource pictures_{context_};
   ProofResource proof_{context_};

@@ -28,7 +28,7 @@ void HostResource::Install(Routes& routes) {
 // Everybody sees that it works, participants how busy it is, and organisers the host.
 ApiResult HostResource::Health(const httplib::Request&) const {
   const LiveHealth health = context_.engine.Health();
-  const bool paused = !health.host_trouble.empty();
+  const bool paused = !health.host_trouble.empty() || !health.executor_trouble.empty();
   Json body = {{"status", !health.store_trouble.empty() ? "store" : paused ? "paused" : "ok"},
                {"version", GraderVersion()},
                {"api", 1}};
@@ -70,7 +70,11 @@ nlohmann::json HostResource::HostToJson(const LiveHealth& health) const {
                        {"episode", live.episode},
                        {"step", live.step},
                        {"running_wall_s", absl::ToDoubleSeconds(live.running)},
-                       {"silent_wall_s", absl::ToDoubleSeconds(live.silent)}});
+                       {"silent_wall_s", absl::ToDoubleSeconds(live.silent)},
+                       {"node", TextOrNull(live.node)},
+                       {"job", TextOrNull(live.job)},
+                       {"begun", live.begun},
+                       {"cpu_s", live.cpu_s}});
   }
   Json unreadable = Json::array();
   for (const auto& [evaluation, why] : health.unreadable) {
@@ -80,8 +84,10 @@ nlohmann::json HostResource::HostToJson(const LiveHealth& health) const {
   for (const auto& [slot, left] : health.closed_slots) {
     closed.push_back({{"slot", slot}, {"left", left}});
   }
-  return {{"message", TextOrNull(health.store_trouble.empty() ? health.host_trouble
-                                                              : health.store_trouble)},
+  const std::string& trouble = !health.store_trouble.empty()  ? health.store_trouble
+                               : !health.host_trouble.empty() ? health.host_trouble
+                                                              : health.executor_trouble;
+  return {{"message", TextOrNull(trouble)},
           {"host",
            {{"name", HostName()},
             {"state", HostStateName(health.host)},

@@ -51,6 +51,7 @@ std::optional<ApiError> MetricsResource::Get(const httplib::Request&,
   const LiveHealth health = context_.engine.Health();
   AddEngine(health, families);
   AddHost(health, families);
+  if (context_.config.on_cluster) AddCluster(families);
   AddDisks(families);
   AddStore(families);
   response.set_header("Cache-Control", "no-store");
@@ -123,6 +124,23 @@ void MetricsResource::AddHost(const LiveHealth& health, Families& families) cons
   AddGauge(families, "myograde_start_time_seconds",
            "When the daemon started, in seconds since 1970",
            absl::ToDoubleSeconds(context_.started_at - absl::UnixEpoch()));
+}
+
+void MetricsResource::AddCluster(Families& families) const {
+  int64_t queued = 0;
+  int64_t running = 0;
+  for (const auto& [lease, live] : context_.engine.Running()) ++(live.begun ? running : queued);
+  MetricFamily jobs = GaugeFamily("myograde_jobs", "Jobs of leases on the cluster, by state");
+  AddValue(jobs, "state", "queued", static_cast<double>(queued));
+  AddValue(jobs, "state", "running", static_cast<double>(running));
+  families.push_back(std::move(jobs));
+  std::map<std::string, int64_t> states = {{"new", 0}, {"proved", 0}, {"drained", 0}};
+  for (const NodeView& node : context_.engine.Nodes()) ++states[node.state];
+  MetricFamily nodes = GaugeFamily("myograde_nodes", "Nodes of the cluster, by state");
+  for (const auto& [state, count] : states) {
+    AddValue(nodes, "state", state, static_cast<double>(count));
+  }
+  families.push_back(std::move(nodes));
 }
 
 void MetricsResource::AddDisks(Families& families) const {

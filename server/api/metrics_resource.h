@@ -22,6 +22,8 @@ class MetricsResource {
   std::optional<ApiError> Get(const httplib::Request& request, httplib::Response& response) const;
   void AddEngine(const LiveHealth& health, std::vector<MetricFamily>& families) const;
   void AddHost(const LiveHealth& health, std::vector<MetricFamily>& families) const;
+  // Its jobs and nodes.
+  void AddCluster(std::vector<MetricFamily>& families) const;
   void AddDisks(std::vector<MetricFamily>& families) const;
   // What only a reading of the store tells; without it where the store can't be read.
   void AddStore(std::vector<MetricFamily>& families) const;

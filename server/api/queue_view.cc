@@ -83,9 +83,8 @@ absl::StatusOr<nlohmann::json> QueueView(Reader& reader, const ApiContext& conte
   }
   SortByPlace(entries);
   const LiveHealth health = context.engine.Health();
-  const char* status = !health.store_trouble.empty()  ? "store"
-                       : !health.host_trouble.empty() ? "paused"
-                                                      : "ok";
+  const bool paused = !health.host_trouble.empty() || !health.executor_trouble.empty();
+  const char* status = !health.store_trouble.empty() ? "store" : paused ? "paused" : "ok";
   return Json{{"status", status},
               {"slots", context.config.scheduler.slots},
               {"running", health.running},

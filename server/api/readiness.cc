@@ -38,8 +38,8 @@ std::string LackOfRoom(const std::string& data_dir, int64_t reserve) {
 }  // namespace
 
 const std::vector<std::string>& ObstacleCodes() {
-  static const std::vector<std::string> codes = {"stopping", "store", "disk",
-                                                 "host",     "slots", "simulator"};
+  static const std::vector<std::string> codes = {"stopping", "store", "disk", "host",
+                                                 "slots",    "cluster", "simulator"};
   return codes;
 }
 
@@ -59,6 +59,7 @@ std::vector<Obstacle> ObstaclesOf(const LiveHealth& health, const ServerConfig& 
                               "on slot ", health.closed_slots.begin()->first, " ",
                               health.closed_slots.begin()->second));
   }
+  add("cluster", health.executor_trouble);
   add("simulator", MissingProgram());
   return obstacles;
 }

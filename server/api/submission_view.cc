@@ -42,6 +42,29 @@ absl::StatusOr<Json> HistoryToJson(Reader& reader, int64_t submission, int64_t e
   return history;
 }
 
+// Null as long as a job waits for a node.
+Json HostOf(const LiveLease* live) {
+  if (live == nullptr || live->job.empty()) return HostName();
+  return TextOrNull(live->node);
+}
+
+// The attempts of a lease that have ended.
+Json AttemptsToJson(const std::vector<LeaseRunRow>& runs, int64_t lease) {
+  Json attempts = Json::array();
+  for (const LeaseRunRow& run : runs) {
+    if (run.lease != lease) continue;
+    attempts.push_back({{"attempt", run.attempt},
+                        {"node", TextOrNull(run.node)},
+                        {"job", TextOrNull(run.job)},
+                        {"began_at", TimeToJson(run.began_at)},
+                        {"ended_at", TimeToJson(run.ended_at)},
+                        {"cpu_s", run.cpu_s},
+                        {"energy_j", run.energy_j ? Json(*run.energy_j) : Json()},
+                        {"how", RunEndName(run.how)}});
+  }
+  return attempts;
+}
+
 Json LeaseToJson(const LeaseRow& lease, const LiveLease* live) {
   const bool running = lease.state == LeaseState::kRunning;
   return {{"lease", lease.id},
@@ -53,7 +76,9 @@ Json LeaseToJson(const LeaseRow& lease, const LiveLease* live) {
           {"faults", lease.faults},
           {"episode", running && live ? Json(live->episode) : Json()},
           {"step", running && live ? Json(live->step) : Json()},
-          {"host", running ? Json(HostName()) : Json()},
+          {"host", running ? HostOf(live) : Json()},
+          {"job", running && live ? TextOrNull(live->job) : Json()},
+          {"begun", running && live ? Json(live->begun) : Json()},
           {"process", running && live ? Json(live->process) : Json()},
           {"started_at", TimeToJson(lease.started_at)},
           {"deadline_at", TimeToJson(lease.deadline_at)},
@@ -124,6 +149,8 @@ absl::StatusOr<nlohmann::json> SubmissionStatus(Reader& reader, const ApiContext
   const EvaluationRow& original = evaluations->front();
   const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(original.id);
   if (!leases.ok()) return leases.status();
+  const absl::StatusOr<std::vector<LeaseRunRow>> runs = reader.LeaseRunsOf(original.id);
+  if (!runs.ok()) return runs.status();
   const absl::StatusOr<std::vector<MarkRow>> marks = reader.MarkHistory(id);
   if (!marks.ok()) return marks.status();
   absl::StatusOr<Json> history = HistoryToJson(reader, id, original.id);
@@ -140,6 +167,7 @@ absl::StatusOr<nlohmann::json> SubmissionStatus(Reader& reader, const ApiContext
   for (const LeaseRow& lease : *leases) {
     const auto live = running.find(lease.id);
     json["leases"].push_back(LeaseToJson(lease, live == running.end() ? nullptr : &live->second));
+    json["leases"].back()["attempts"] = AttemptsToJson(*runs, lease.id);
   }
   json["marks"] = MarksToJson(*marks);
   json["evaluations"] = Json::array();

@@ -72,6 +72,8 @@ constexpr Verb kVerbs[] = {
      "myograde events --kind denied", AddEvents},
     {"webhook", "List the webhooks of server.json and their deliveries, and test one",
      "myograde webhook test chat", AddWebhook},
+    {"cluster", "List the nodes that leases run on, drain one and admit it again",
+     "myograde cluster drain node17 --reason \"a fan is broken\"", AddCluster},
     {"log", "Write the log of an episode to a file that LCM's tools can read",
      "myograde log 7 --episode 3 -o episode3.lcmlog", AddLog},
     {"replay", "Simulate episodes again from their logs, without the policy, and compare",

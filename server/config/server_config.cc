@@ -289,6 +289,18 @@ absl::Status ReadQuota(const nlohmann::json& json, const std::string& where,
   return absl::OkStatus();
 }
 
+// The object is read, and its mistakes found, wherever leases run.
+absl::Status ReadExecutor(const nlohmann::json& json, const std::string& where,
+                          ServerConfig& config) {
+  const absl::StatusOr<SlurmConfig> slurm = ReadSlurm(json, where);
+  if (!slurm.ok()) return slurm.status();
+  config.slurm = *slurm;
+  if (!config.on_cluster) return absl::OkStatus();
+  config.scheduler.slots = slurm->most_jobs;
+  config.scheduler.begins_later = true;
+  return CheckSlurmIsUsable(*slurm, where);
+}
+
 absl::Status ReadStatisticsOf(const nlohmann::json& json, const std::string& where,
                               ServerConfig& config) {
   absl::StatusOr<scoring::StatisticsConfig> read =
@@ -300,7 +312,7 @@ absl::Status ReadStatisticsOf(const nlohmann::json& json, const std::string& whe
 }  // namespace
 
 bool PinsSlots(const ServerConfig& config, int slots, const TrackConfig& track) {
-  return config.pin_slots && track.budgets.cpus <= 1 &&
+  return config.pin_slots && !config.on_cluster && track.budgets.cpus <= 1 &&
          static_cast<unsigned>(slots) >= std::thread::hardware_concurrency();
 }
 
@@ -313,7 +325,8 @@ int64_t DescriptorsNeeded(const ServerConfig& config) {
   constexpr int64_t kOfAClient = 2;
   // A store connection with its write-ahead log, an open file, a pipe to the unpack process.
   constexpr int64_t kOfAWorker = 8;
-  return kBase + kOfASlot * config.scheduler.slots + kOfAClient * config.http.clients +
+  const int64_t slots = config.on_cluster ? 0 : config.scheduler.slots;
+  return kBase + kOfASlot * slots + kOfAClient * config.http.clients +
          config.http.waiting() + kOfAWorker * config.http.workers;
 }
 
@@ -326,6 +339,8 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   config.scheduler.slots = ReadSlots(reader, *json);
   config.uid_base = reader.Integer("uid_base", 1000, 2'000'000'000);
   config.pin_slots = reader.Boolean("pin_slots");
+  config.on_cluster =
+      reader.Has("executor") && reader.Choice("executor", {"local", "slurm"}) == "slurm";
   config.log_level = reader.Choice("log_level", {"debug", "info", "warn", "error"});
   if (reader.Has("log_format") && reader.Choice("log_format", {"text", "json"}) == "json") {
     config.log_format = LogFormat::kJson;
@@ -338,6 +353,8 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   }
   const nlohmann::json& runtimes = reader.Object("runtimes");
   const nlohmann::json& scheduler = reader.Object("scheduler");
+  const nlohmann::json slurm =
+      reader.Has("slurm") ? reader.Object("slurm") : nlohmann::json::object();
   const nlohmann::json& artefacts = reader.Object("artefacts");
   const nlohmann::json& http = reader.Object("http");
   const nlohmann::json& quota = reader.Object("quota");
@@ -356,6 +373,7 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   if (status.ok()) status = ReadAccess(access, path + ": access", config);
   if (status.ok()) status = ReadRuntimes(runtimes, path + ": runtimes", cache_dir, config);
   if (status.ok()) status = ReadScheduler(scheduler, path + ": scheduler", config);
+  if (status.ok()) status = ReadExecutor(slurm, path + ": slurm", config);
   if (status.ok()) status = ReadArtefacts(artefacts, path + ": artefacts", config);
   if (status.ok()) status = ReadHttp(http, path + ": http", config);
   if (status.ok()) status = ReadQuota(quota, path + ": quota", config);

@@ -15,6 +15,7 @@
 #include "scoring/statistics_config.h"
 #include "server/access/access_config.h"
 #include "server/base/log_line.h"
+#include "server/config/slurm_config.h"
 #include "server/config/webhook_config.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
@@ -97,7 +98,10 @@ struct RetentionLimits {
 };
 
 struct ServerConfig {
+  // Of leases that run on a cluster the slots are its jobs: SlurmConfig::most_jobs.
   SchedulerLimits scheduler;
+  bool on_cluster = false;  // "executor": "slurm"
+  SlurmConfig slurm;
   HostLimits host;
   absl::Duration self_test_deadline;
   absl::Duration lease_grace;

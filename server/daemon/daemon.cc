@@ -20,13 +20,13 @@
 #include "server/api/api.h"
 #include "server/artefact/adapters.h"
 #include "server/challenge/phases.h"
+#include "server/daemon/lease_hosts.h"
 #include "server/daemon/log.h"
 #include "server/daemon/start.h"
 #include "server/engine/engine.h"
 #include "server/engine/rejudges.h"
 #include "server/engine/retention.h"
 #include "server/engine/standings.h"
-#include "server/executor/local/local_executor.h"
 #include "server/metrics/metrics.h"
 #include "server/pictures/picture_source.h"
 #include "server/pictures/pictures.h"
@@ -205,10 +205,11 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   if (!damaged.ok()) return damaged.status();
   for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));
   StoreDisk disk(**store, metrics.get());
-  LocalExecutor processes(SlotProcesses(geteuid() == 0 ? config.uid_base : -1,
-                                          options.data_dir + "/slots"));
-  Engine engine({config, options.data_dir, options.cache_dir, metrics}, disk, readers, processes,
-                clock);
+  const absl::StatusOr<LeaseHosts> hosts =
+      MakeLeaseHosts(options, config, (*store)->policy_secret());
+  if (!hosts.ok()) return hosts.status();
+  Engine engine({config, options.data_dir, options.cache_dir, metrics}, disk, readers,
+                *hosts->executor, clock);
   // Grading needs no key: without one, the daemon serves everything but receipts.
   KeyFile receipts_key(options.data_dir + "/receipts.key");
   if (absl::Status status = receipts_key.Get().status(); !status.ok()) {

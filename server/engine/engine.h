@@ -78,6 +78,13 @@ class Engine {
   std::map<int64_t, LiveLease> Running() const { return core_.Running(); }
   LiveHealth Health() const { return core_.Health(); }
   Metrics& metrics() const { return core_.metrics(); }
+  std::vector<NodeView> Nodes() const { return core_.executor().Nodes(); }
+
+  // A cluster's node gets no more leases, or proves itself and gets some again; the store remembers it.
+  // Errors of Executor::Drain and Admit, and of Change().
+  absl::Status DrainNode(const std::string& node, const std::string& why, const std::string& who,
+                         absl::Duration timeout);
+  absl::Status AdmitNode(const std::string& node, const std::string& who, absl::Duration timeout);
 
  private:
   void Poll(absl::Duration timeout);

@@ -37,6 +37,7 @@ EngineCore::~EngineCore() = default;
 
 absl::StatusOr<absl::Duration> EngineCore::RunOnce() {
   WriteRequests();
+  AttendExecutor();
   for (auto& [id, run] : running_) Listen(run);
   ReapRunners();
   ReclaimOverdue();
@@ -59,11 +60,13 @@ absl::StatusOr<absl::Duration> EngineCore::RunOnce() {
 absl::Duration EngineCore::TimeToNext(absl::Duration now) const {
   absl::Duration wait = kLongestWait;
   for (const auto& [id, run] : running_) {
+    if (run.runner->remote()) break;
     // Both streams have ended: only the process itself is left to wait for.
     if (run.runner->stdout_fd() < 0 && run.runner->stderr_fd() < 0) wait = kReapWait;
   }
   for (const StoppingRunner& ending : stopping_runners_) {
-    wait = std::min(wait, ending.stays ? kStayWait : kReapWait);
+    const bool polled = ending.stays || ending.runner->remote();
+    wait = std::min(wait, polled ? kStayWait : kReapWait);
   }
   if (!cancels_.empty()) wait = kReapWait;
   if (test_ != nullptr) {
@@ -82,7 +85,10 @@ void EngineCore::AddDescriptors(std::vector<pollfd>& fds) const {
       if (fd >= 0) fds.push_back({fd, POLLIN, 0});
     }
   };
-  for (const auto& [id, run] : running_) add(*run.runner);
+  if (executor_.wake_fd() >= 0) fds.push_back({executor_.wake_fd(), POLLIN, 0});
+  if (!executor_.remote()) {
+    for (const auto& [id, run] : running_) add(*run.runner);
+  }
   if (test_ != nullptr && test_->runner() != nullptr) add(*test_->runner());
 }
 
@@ -249,7 +255,7 @@ void EngineCore::BeginShutdown() {
       return writer.ReturnLease(id, attempt, /*fault=*/false, who, "the daemon stopped");
     });
   }
-  for (const int64_t lease : leases) Reclaim(lease);
+  for (const int64_t lease : leases) ReclaimAs(lease, RunEnd::kReturned);
   if (test_ != nullptr) EndSelfTest("the daemon stopped");
   write_after_ = absl::ZeroDuration();
 }

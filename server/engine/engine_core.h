@@ -16,6 +16,10 @@
 // anything its runner says later is rejected. Its slot stays taken until the runner is dead and no
 // process of the slot's sandboxes lives, even one that another daemon started: a process that can't
 // be killed yet still holds memory, disk and perhaps a processor.
+//
+// On other hosts (Executor::remote) a slot is a job. A lease begins when its job has a processor; one
+// whose node, job or way back was lost, or that is silent, is returned: it is played again, and counts
+// as no fault.
 #pragma once
 
 #include <poll.h>
@@ -65,7 +69,11 @@ struct LiveLease {
   int64_t evaluation = 0;
   int64_t submission = 0;
   int slot = 0;
-  pid_t process = 0;  // the runner's
+  pid_t process = 0;  // the runner's; 0 on another host
+  std::string node;   // "": this host, or not known yet
+  std::string job;    // the cluster's name for it; "": none
+  bool begun = true;  // false: it waits there for a processor
+  double cpu_s = 0;   // 0: not known (yet)
   int64_t episode = 0;
   int64_t step = 0;
   absl::Duration running;
@@ -80,6 +88,7 @@ struct LiveHealth {
   std::string store_trouble;  // "" while the store is writable
   HostHealth::State host = HostHealth::State::kWell;
   std::string host_trouble;   // "" if leases may start
+  std::string executor_trouble;  // why nothing can start where leases run; "" if leases can
   std::optional<absl::Duration> paused_for;
   std::optional<absl::Duration> next_test;  // from now
   std::map<int64_t, std::string> unreadable;  // evaluations that can't be ended either, and why
@@ -162,6 +171,7 @@ class EngineCore {
   std::map<int64_t, LiveLease> Running() const;  // by lease
   LiveHealth Health() const;
   Metrics& metrics() const { return *options_.metrics; }
+  Executor& executor() const { return executor_; }
 
  private:
   // What playing a lease needs; shared by the leases of an evaluation.
@@ -196,6 +206,8 @@ class EngineCore {
     std::string work_dir;
     std::unique_ptr<Runner> runner;
     LeaseReport report;
+    bool begun = true;
+    int64_t began_at = 0;  // milliseconds since 1970-01-01 UTC, for people; 0: it has not begun
   };
   // The runner of a reclaimed lease, until it is dead.
   struct StoppingRunner {
@@ -219,6 +231,8 @@ class EngineCore {
     int64_t submission = 0;
     int slot = 0;
     pid_t process = 0;
+    RunnerSite site;
+    bool begun = true;
     int64_t episode = 0;
     int64_t step = 0;
     absl::Duration since;
@@ -271,6 +285,15 @@ class EngineCore {
   LeaseSubject SubjectOf(const LeaseRun& run, absl::Duration wall) const;
   static LogFields FieldsOf(const LeaseRun& run);
   void Listen(LeaseRun& run);
+  // Of leases on other hosts.
+  void AttendExecutor();
+  absl::Status RecallDrained();
+  void FollowSite(LeaseRun& run);
+  void Return(LeaseRun& run, const std::string& why);
+  bool MayStart() const;
+  void Account(const LeaseRun& run, RunEnd how);
+  // Accounts for the attempt and reclaims the lease.
+  void ReclaimAs(int64_t lease, RunEnd how);
   void OnProgress(LeaseRun& run, const ProgressRecord& record);
   void OnEpisode(LeaseRun& run, const EpisodeFacts& facts);
   void ReclaimOverdue();
@@ -330,6 +353,7 @@ class EngineCore {
   int stopping_count_ ABSL_GUARDED_BY(mutex_) = 0;
   std::map<int, std::string> closed_slots_ ABSL_GUARDED_BY(mutex_);
   std::string store_trouble_ ABSL_GUARDED_BY(mutex_);
+  std::string executor_trouble_ ABSL_GUARDED_BY(mutex_);
   std::map<int64_t, std::string> unreadable_ ABSL_GUARDED_BY(mutex_);
   // Of leases played here; 0: none yet.
   absl::Duration mean_lease_ ABSL_GUARDED_BY(mutex_) = absl::ZeroDuration();

@@ -51,11 +51,14 @@ void EngineCore::ReapRunners() {
   const absl::Duration now = clock_.Monotonic();
   std::vector<int64_t> faulty;
   std::vector<int64_t> lingering;
+  std::vector<int64_t> lost;
   for (auto it = running_.begin(); it != running_.end();) {
     LeaseRun& run = it->second;
     if (!run.runner->finished()) {
       if (run.report.faulty()) {
         faulty.push_back(it->first);
+      } else if (!run.runner->lost().empty()) {
+        lost.push_back(it->first);
       } else if (run.report.lingers(now)) {
         lingering.push_back(it->first);
       }
@@ -76,6 +79,12 @@ void EngineCore::ReapRunners() {
                  "can't be killed yet", lease, it->second.slot);
     OnRunnerEnd(it->second);
     Reclaim(lease, /*ask=*/false);
+  }
+  for (const int64_t lease : lost) {
+    const auto it = running_.find(lease);
+    if (it == running_.end()) continue;
+    Return(it->second, it->second.runner->lost());
+    Reclaim(lease);
   }
   for (const int64_t lease : faulty) {
     // Giving up an earlier one may have reclaimed this one.
@@ -98,6 +107,8 @@ void EngineCore::ReclaimOverdue() {
     // A runner that has sent its end record is done, even if its process is still alive.
     if (it->second.report.end().has_value()) {
       OnRunnerEnd(it->second);
+    } else if (late.silent && executor_.remote()) {
+      Return(it->second, late.why);
     } else {
       Fault(it->second, kOverdueFault, late.why);
     }
@@ -160,6 +171,8 @@ void EngineCore::OnRunnerEnd(LeaseRun& run) {
                                   who = owner_](Writer& writer) {
     return writer.FinishLease(lease, attempt, output, who);
   });
+  Account(run, RunEnd::kDone);
+  executor_.NoteEnd(run.runner->site().node, /*fault=*/false);
   const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
   const absl::Duration took = now - live_.at(run.lease).since;
@@ -178,12 +191,15 @@ void EngineCore::Fault(LeaseRun& run, const char* kind, const std::string& why) 
   metrics().CountGraderFault(kind);
   spdlog::error("lease {}, attempt {}: fault of the grader: {}", run.lease, run.attempt, why);
   suspect_track_ = run.context->track;
+  Account(run, RunEnd::kFault);
+  if (run.runner != nullptr) executor_.NoteEnd(run.runner->site().node, /*fault=*/true);
   Decision decision;
   {
     const MutexLock lock(mutex_);
     const absl::Duration now = clock_.Monotonic();
     live_.erase(run.lease);
-    host_.LeaseFaulted(now, why);
+    // This host's self-test says nothing about another one; the executor watches its nodes.
+    if (!executor_.remote()) host_.LeaseFaulted(now, why);
     decision = scheduler_.Faulted(run.lease, run.attempt, now);
   }
   if (decision.kind == Decision::Kind::kRetry) {
@@ -214,7 +230,7 @@ void EngineCore::GiveUp(const Decision& decision, int64_t failed, const std::str
         writer.EndEvaluation(evaluation, EvaluationState::kGraderError, reason, "", who));
     return status;
   });
-  for (const int64_t lease : decision.running) Reclaim(lease);
+  for (const int64_t lease : decision.running) ReclaimAs(lease, RunEnd::kCancelled);
   contexts_.erase(decision.evaluation);
 }
 
@@ -271,7 +287,7 @@ std::set<int64_t> EngineCore::Forget(int64_t evaluation) {
     const MutexLock lock(mutex_);
     decision = scheduler_.Cancel(evaluation);
   }
-  for (const int64_t lease : decision.running) Reclaim(lease);
+  for (const int64_t lease : decision.running) ReclaimAs(lease, RunEnd::kCancelled);
   deferred_.erase(evaluation);
   to_settle_.erase(evaluation);
   contexts_.erase(evaluation);

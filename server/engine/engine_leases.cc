@@ -53,7 +53,7 @@ void EngineCore::StartLeases() {
     std::optional<Start> start;
     {
       const MutexLock lock(mutex_);
-      if (host_.may_start()) start = scheduler_.Next(clock_.Monotonic());
+      if (MayStart()) start = scheduler_.Next(clock_.Monotonic());
     }
     if (!start.has_value()) break;
     StartLease(*start);
@@ -67,7 +67,7 @@ void EngineCore::GiveWay() {
     std::optional<GivesWay> lease;
     {
       const MutexLock lock(mutex_);
-      if (host_.may_start()) lease = scheduler_.GiveWay(clock_.Monotonic());
+      if (MayStart()) lease = scheduler_.GiveWay(clock_.Monotonic());
     }
     if (!lease.has_value()) return;
     spdlog::info("lease {} (evaluation {}) of a rejudge gives way to others", lease->lease,
@@ -76,7 +76,7 @@ void EngineCore::GiveWay() {
       return writer.ReturnLease(lease.lease, lease.attempt, /*fault=*/false, who,
                                 "it gave way to submissions that wait");
     });
-    Reclaim(lease->lease);
+    ReclaimAs(lease->lease, RunEnd::kReturned);
   }
 }
 
@@ -105,17 +105,20 @@ void EngineCore::StartLease(const Start& start) {
     return;
   }
   run.runner = *std::move(runner);
+  run.begun = !executor_.remote();
+  if (run.begun) run.began_at = absl::ToUnixMillis(clock_.Now());
   spdlog::info("lease {} (evaluation {}, episodes {} to {}): attempt {} on slot {}, process {}",
                run.lease, start.evaluation, run.first, run.last, run.attempt, start.slot,
                run.runner->pid());
   const MutexLock lock(mutex_);
   const absl::Duration now = clock_.Monotonic();
   live_[run.lease] = {start.evaluation, run.context->submission, run.slot, run.runner->pid(),
-                      run.first, 0, now, now};
+                      run.runner->site(), run.begun, run.first, 0, now, now};
   running_[run.lease] = std::move(run);
 }
 
 void EngineCore::Listen(LeaseRun& run) {
+  if (run.runner->remote()) FollowSite(run);
   absl::StatusOr<std::vector<LeaseRecord>> records = run.runner->Read();
   if (!records.ok()) return run.report.Fail(std::string(records.status().message()));
   if (records->empty() || run.report.faulty()) return;

@@ -148,6 +148,7 @@ absl::Status EngineCore::EnqueueDeferred() {
 
 absl::Status EngineCore::Recover() {
   CloseSlots();
+  if (absl::Status status = RecallDrained(); !status.ok()) return status;
   Listed<EvaluationRow> unfinished;
   std::map<int64_t, std::vector<LeaseRow>> interrupted;  // by evaluation
   absl::Status status = readers_.Read([&](Reader& reader) {

@@ -28,6 +28,18 @@ absl::Status Engine::Ask(StoreChange change, std::function<absl::Status()> effec
       timeout);
 }
 
+absl::Status Engine::DrainNode(const std::string& node, const std::string& why,
+                               const std::string& who, absl::Duration timeout) {
+  return Change([=](Writer& writer) { return writer.DrainNode(node, why, who); }, timeout,
+                [this, node, why] { return core_.executor().Drain(node, why); });
+}
+
+absl::Status Engine::AdmitNode(const std::string& node, const std::string& who,
+                               absl::Duration timeout) {
+  return Change([=](Writer& writer) { return writer.AdmitNode(node, who); }, timeout,
+                [this, node] { return core_.executor().Admit(node); });
+}
+
 absl::StatusOr<bool> Engine::AddArtefact(const ArtefactRow& artefact, const NewUpload& upload,
                                          const UnsubmittedLimits& limits, absl::Duration timeout) {
   const auto is_new = std::make_shared<bool>(false);

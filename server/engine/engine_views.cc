@@ -26,6 +26,9 @@ QueueOutlook EngineCore::OutlookOf(int64_t evaluation) const {
     for (const auto& [slot, why] : closed_slots_) {
       absl::StrAppend(&outlook.waiting, "; slot ", slot, " is closed until ", why, " is gone");
     }
+    if (!executor_trouble_.empty()) {
+      absl::StrAppend(&outlook.waiting, "; nothing starts: ", executor_trouble_);
+    }
     if (!store_trouble_.empty()) {
       absl::StrAppend(&outlook.waiting,
                       "; nothing starts while the store can't be written: ", store_trouble_);
@@ -49,8 +52,9 @@ std::map<int64_t, LiveLease> EngineCore::Running() const {
   const absl::Duration now = clock_.Monotonic();
   std::map<int64_t, LiveLease> leases;
   for (const auto& [id, live] : live_) {
-    leases[id] = {live.evaluation, live.submission, live.slot, live.process, live.episode,
-                  live.step, now - live.since, now - live.heard};
+    leases[id] = {live.evaluation, live.submission, live.slot, live.process, live.site.node,
+                  live.site.job, live.begun, live.site.cpu_s, live.episode, live.step,
+                  now - live.since, now - live.heard};
   }
   return leases;
 }
@@ -64,6 +68,7 @@ LiveHealth EngineCore::Health() const {
   health.ending = stopping_count_;
   health.closed_slots = closed_slots_;
   health.store_trouble = store_trouble_;
+  health.executor_trouble = executor_trouble_;
   health.unreadable = unreadable_;
   health.host = host_.state();
   health.host_trouble = host_.PauseReason(now);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
@@ -29,6 +30,10 @@ const Buckets kRequestSeconds = {0.001, 0.005, 0.01, 0.05, 0.1, 0.5, 1, 5, 30};
 constexpr std::array<std::string_view, 6> kDenials = {
     "role", "another team's", "too many requests", "wrong token", "expired token", "revoked token"};
 
+// Why leases are taken back; anything else counts as "other".
+constexpr std::array<std::string_view, 5> kReturns = {"lost", "silent", "not begun", "gave way",
+                                                      "stop"};
+
 std::string Text(std::string_view view) { return std::string(view); }
 
 }  // namespace
@@ -54,6 +59,13 @@ struct Metrics::Families {
       Count("myograde_grader_faults_total",
             "Leases that failed by the grader's fault: the runner did not start (start), reported "
             "wrongly or died (report), was silent or over its time (overdue)");
+  Family<Counter>& returns = Count("myograde_leases_returned_total",
+                                   "Leases taken back though nobody failed, by reason");
+  Family<Counter>& cpu = Count("myograde_lease_cpu_seconds_total",
+                               "CPU time of attempts that have ended, in seconds, by track");
+  Family<Counter>& energy =
+      Count("myograde_lease_energy_joules_total",
+            "Energy of attempts that have ended, in joules, by track, where it is measured");
   Family<Histogram>& leases = Durations("myograde_lease_duration_seconds",
                                         "Wall-clock time of leases that ended well, in seconds");
   Family<Counter>& self_tests = Count("myograde_self_tests_total",
@@ -96,6 +108,7 @@ Metrics::Metrics() : families_(std::make_unique<Families>()) {
     families_->grader_faults.Add({{"kind", kind}});
   }
   for (const char* result : {"passed", "failed"}) families_->self_tests.Add({{"result", result}});
+  for (const std::string_view why : kReturns) families_->returns.Add({{"reason", Text(why)}});
   for (const std::string_view why : kDenials) families_->denials.Add({{"reason", Text(why)}});
 }
 
@@ -113,6 +126,19 @@ void Metrics::ObserveLease(const std::string& track, absl::Duration took) {
 
 void Metrics::CountGraderFault(const std::string& kind) {
   families_->grader_faults.Add({{"kind", kind}}).Increment();
+}
+
+void Metrics::CountReturn(std::string_view why) {
+  const bool known = std::find(kReturns.begin(), kReturns.end(), why) != kReturns.end();
+  families_->returns.Add({{"reason", known ? Text(why) : "other"}}).Increment();
+}
+
+void Metrics::CountUse(const std::string& track, double cpu_s, double energy_j) {
+  // Not a number is neither greater nor finite.
+  if (cpu_s > 0 && std::isfinite(cpu_s)) families_->cpu.Add({{"track", track}}).Increment(cpu_s);
+  if (energy_j > 0 && std::isfinite(energy_j)) {
+    families_->energy.Add({{"track", track}}).Increment(energy_j);
+  }
 }
 
 void Metrics::CountSelfTest(bool passed) {

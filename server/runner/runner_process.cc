@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -24,6 +25,10 @@ constexpr size_t kMaxRecordBytes = 256 << 10;
 // processors busy for days, and requests to the daemon must not wait behind them.
 constexpr int kNice = 5;
 constexpr int kBackgroundNice = 19;
+
+double Seconds(const timeval& time) {
+  return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+}
 
 absl::Status WriteOrder(const LeaseOrder& order, const std::string& path) {
   const std::string text = LeaseOrderToJson(order).dump();
@@ -134,7 +139,11 @@ void RunnerProcess::DrainStderr() {
 }
 
 bool RunnerProcess::dead() {
-  if (!reaped_ && pid_ > 0 && ::waitpid(pid_, &wait_status_, WNOHANG) == pid_) reaped_ = true;
+  rusage used = {};
+  if (!reaped_ && pid_ > 0 && ::wait4(pid_, &wait_status_, WNOHANG, &used) == pid_) {
+    reaped_ = true;
+    cpu_s_ = Seconds(used.ru_utime) + Seconds(used.ru_stime);
+  }
   return reaped_;
 }
 

@@ -50,6 +50,8 @@ class RunnerProcess : public Runner {
   bool dead() override;
   void AskToEnd() override;
   void KillNow() override;
+  // CPU seconds are known once it is dead.
+  RunnerSite site() const override { return {.node = "", .job = "", .cpu_s = cpu_s_}; }
   pid_t pid() const override { return pid_; }
   int wait_status() const override { return wait_status_; }
   std::string stderr_tail() const override { return stderr_output_.tail(); }
@@ -73,6 +75,7 @@ class RunnerProcess : public Runner {
   bool reaped_ = false;
   bool saw_end_ = false;
   int wait_status_ = 0;
+  double cpu_s_ = 0;  // of the runner and all that it waited for
   Fd lifeline_;  // the runner's stdin: its end tells the runner that the caller is gone
   Fd stdout_;
   Fd stderr_;

@@ -5,8 +5,17 @@
 #include <absl/strings/str_cat.h>
 
 namespace myograde::server {
+namespace {
 
-Scheduler::Scheduler(SchedulerLimits limits) : limits_(limits) {}
+absl::Duration Doubled(absl::Duration delay, int64_t times) {
+  return delay * static_cast<double>(int64_t{1} << std::min<int64_t>(times, 20));
+}
+
+}  // namespace
+
+Scheduler::Scheduler(SchedulerLimits limits) : limits_(limits) {
+  for (int slot = 0; slot < limits_.slots; ++slot) free_slots_.insert(free_slots_.end(), slot);
+}
 
 void Scheduler::Add(const EvaluationSpec& spec, absl::Duration now) {
   Evaluation& evaluation = evaluations_[spec.id];
@@ -56,15 +65,13 @@ Scheduler::Lease* Scheduler::FirstReady(const Team& team, Priority priority, abs
 }
 
 int Scheduler::FreeSlot() const {
-  int slot = 0;
-  while (taken_slots_.contains(slot)) ++slot;
-  return slot < limits_.slots ? slot : -1;
+  return free_slots_.empty() ? -1 : *free_slots_.begin();
 }
 
 std::optional<int> Scheduler::TakeSlot() {
   const int slot = FreeSlot();
   if (slot < 0) return std::nullopt;
-  taken_slots_.insert(slot);
+  free_slots_.erase(slot);
   return slot;
 }
 
@@ -106,11 +113,13 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
   best->running = true;
   best->attempt += 1;
   best->slot = slot;
-  best->silent_after = now + limits_.heartbeat;
-  best->over_at = now + evaluation.spec.lease_wall;
-  running_.insert(best->id);
-  taken_slots_.insert(slot);
   best->started = ++starts_;
+  running_.insert(best->id);
+  free_slots_.erase(slot);
+  if (evaluation.priority == Priority::kRejudge) running_rejudges_.emplace(starts_, best->id);
+  if (!limits_.begins_later) {
+    SetDeadlines(*best, now + limits_.heartbeat, now + evaluation.spec.lease_wall);
+  }
   for (Share* share : SharesOf(evaluation)) {
     share->running += 1;
     share->last_start = starts_;
@@ -139,13 +148,8 @@ int Scheduler::ReadyAboveRejudges(int most, absl::Duration now) const {
 std::optional<GivesWay> Scheduler::GiveWay(absl::Duration now) {
   if (FreeSlot() >= 0) return std::nullopt;
   // The one that started last has the least to lose.
-  Lease* last = nullptr;
-  for (const int64_t id : running_) {
-    Lease& lease = leases_.at(id);
-    if (evaluations_.at(lease.evaluation).priority != Priority::kRejudge) continue;
-    if (last == nullptr || lease.started > last->started) last = &lease;
-  }
-  if (last == nullptr) return std::nullopt;
+  if (running_rejudges_.empty()) return std::nullopt;
+  Lease* last = &leases_.at(running_rejudges_.rbegin()->second);
   // Slots that are becoming free serve as many.
   const int becoming_free = static_cast<int>(giving_way_.size());
   if (ReadyAboveRejudges(becoming_free + 1, now) <= becoming_free) return std::nullopt;
@@ -168,8 +172,26 @@ bool Scheduler::IsCurrent(int64_t lease, int64_t attempt) const {
   return it != leases_.end() && it->second.running && it->second.attempt == attempt;
 }
 
-void Scheduler::Heartbeat(int64_t lease, int64_t attempt, absl::Duration now) {
-  if (Lease* current = Current(lease, attempt)) current->silent_after = now + limits_.heartbeat;
+void Scheduler::SetDeadlines(Lease& lease, absl::Duration silent_after, absl::Duration over_at) {
+  deadlines_.erase({std::min(lease.silent_after, lease.over_at), lease.id});
+  lease.silent_after = silent_after;
+  lease.over_at = over_at;
+  const absl::Duration next = std::min(silent_after, over_at);
+  if (next != absl::InfiniteDuration()) deadlines_.emplace(next, lease.id);
+}
+
+void Scheduler::Begun(int64_t id, int64_t attempt, absl::Duration now) {
+  Lease* lease = Current(id, attempt);
+  if (lease == nullptr || lease->over_at != absl::InfiniteDuration()) return;
+  SetDeadlines(*lease, now + limits_.heartbeat,
+               now + evaluations_.at(lease->evaluation).spec.lease_wall);
+}
+
+void Scheduler::Heartbeat(int64_t id, int64_t attempt, absl::Duration now) {
+  Lease* lease = Current(id, attempt);
+  if (lease != nullptr && lease->over_at != absl::InfiniteDuration()) {
+    SetDeadlines(*lease, now + limits_.heartbeat, lease->over_at);
+  }
 }
 
 // The slot stays taken.
@@ -178,6 +200,8 @@ void Scheduler::StopRunning(Lease& lease) {
   lease.running = false;
   lease.slot = -1;
   running_.erase(lease.id);
+  running_rejudges_.erase({lease.started, lease.id});
+  SetDeadlines(lease, absl::InfiniteDuration(), absl::InfiniteDuration());
   evaluation.running.erase(lease.id);
   for (Share* share : SharesOf(evaluation)) share->running -= 1;
 }
@@ -218,22 +242,36 @@ Decision Scheduler::Faulted(int64_t id, int64_t attempt, absl::Duration now) {
   Lease* lease = Current(id, attempt);
   if (lease == nullptr) return {};
   const int64_t owner = lease->evaluation;
-  Evaluation& evaluation = evaluations_.at(owner);
   lease->faults += 1;
   StopRunning(*lease);
   if (lease->faults <= limits_.max_retries) {
-    const int64_t doublings = std::min<int64_t>(lease->faults - 1, 20);
-    lease->not_before = now + limits_.retry_delay * static_cast<double>(int64_t{1} << doublings);
-    delayed_.emplace(lease->not_before, id);
-    evaluation.waiting.insert(id);
-    UpdateLine(evaluation);
-    Wait(evaluation, now + limits_.queue_wait);
-    return {.kind = Decision::Kind::kRetry, .evaluation = owner};
+    WaitAgain(*lease, Doubled(limits_.retry_delay, lease->faults - 1), now);
+    return {.kind = Decision::Kind::kRetry, .evaluation = owner, .fault = true};
   }
   leases_.erase(id);
   Decision decision = Cancel(owner);
   decision.kind = Decision::Kind::kGiveUp;
+  decision.fault = true;
   return decision;
+}
+
+Decision Scheduler::Returned(int64_t id, int64_t attempt, absl::Duration now) {
+  Lease* lease = Current(id, attempt);
+  if (lease == nullptr) return {};
+  if (++lease->returns > limits_.max_returns) return Faulted(id, attempt, now);
+  StopRunning(*lease);
+  WaitAgain(*lease, std::min(Doubled(limits_.retry_delay, lease->returns - 1), kLongestReturn), now);
+  return {.kind = Decision::Kind::kRetry, .evaluation = lease->evaluation};
+}
+
+// REQUIRES: it does not run.
+void Scheduler::WaitAgain(Lease& lease, absl::Duration delay, absl::Duration now) {
+  Evaluation& evaluation = evaluations_.at(lease.evaluation);
+  lease.not_before = now + delay;
+  delayed_.emplace(lease.not_before, lease.id);
+  evaluation.waiting.insert(lease.id);
+  UpdateLine(evaluation);
+  Wait(evaluation, now + limits_.queue_wait);
 }
 
 Decision Scheduler::Cancel(int64_t id) {
@@ -279,12 +317,14 @@ std::vector<std::string> Scheduler::Teams() const {
 
 std::vector<Overdue> Scheduler::OverdueAt(absl::Duration now) const {
   std::vector<Overdue> overdue;
-  for (const int64_t id : running_) {
+  for (const auto& [deadline, id] : deadlines_) {
+    if (deadline > now) break;
     const Lease& lease = leases_.at(id);
     if (lease.over_at <= now) {
-      overdue.push_back({id, lease.attempt, "the runner kept the lease beyond its wall-clock cap"});
-    } else if (lease.silent_after <= now) {
-      overdue.push_back({id, lease.attempt,
+      overdue.push_back({id, lease.attempt, /*silent=*/false,
+                         "the runner kept the lease beyond its wall-clock cap"});
+    } else {
+      overdue.push_back({id, lease.attempt, /*silent=*/true,
                          absl::StrCat("the lease was not renewed: its runner was silent for ",
                                       absl::FormatDuration(limits_.heartbeat))});
     }
@@ -308,10 +348,7 @@ std::vector<int64_t> Scheduler::Escalate(absl::Duration now) {
 
 std::optional<absl::Duration> Scheduler::NextDeadline(absl::Duration now) const {
   absl::Duration next = absl::InfiniteDuration();
-  for (const int64_t id : running_) {
-    const Lease& lease = leases_.at(id);
-    next = std::min({next, lease.silent_after, lease.over_at});
-  }
+  if (!deadlines_.empty()) next = deadlines_.begin()->first;
   const auto delayed = delayed_.upper_bound({now, INT64_MAX});
   if (delayed != delayed_.end()) next = std::min(next, delayed->first);
   if (!waits_.empty()) next = std::min(next, waits_.begin()->first);

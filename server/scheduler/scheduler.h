@@ -17,6 +17,10 @@
 //
 // A slot is taken from the start of a lease until Free() says that nothing of it runs there any
 // more, however long ago the lease was reclaimed.
+//
+// Where leases run on other hosts (`begins_later`), one that has started may wait there for a
+// processor: its deadlines count from Begun(). What such a host loses is returned: it is played again
+// after a delay and counts as no fault, unless that happens too often.
 #pragma once
 
 #include <array>
@@ -39,6 +43,8 @@ struct SchedulerLimits {
   int slots = 1;                                       // concurrent leases
   int team_running = 1024;                             // concurrent leases of one team
   int max_retries = 3;                                 // after grader faults, per lease
+  int max_returns = 20;                                // per lease; each further one is a fault
+  bool begins_later = false;                           // leases run on other hosts
   absl::Duration retry_delay = absl::Seconds(2);      // doubled after each further fault
   absl::Duration heartbeat = absl::Seconds(30);        // longest silence of a runner
   absl::Duration queue_wait = absl::Hours(1);          // after which an evaluation goes ahead of
@@ -73,6 +79,7 @@ struct Start {
 struct Overdue {
   int64_t lease = 0;
   int64_t attempt = 0;
+  bool silent = false;  // its runner was not heard for too long; else it is over its time
   std::string why;
 };
 
@@ -94,6 +101,7 @@ struct Decision {
   };
   Kind kind = Kind::kStale;
   int64_t evaluation = 0;
+  bool fault = false;  // the end was counted as a grader fault
   // kGiveUp and Cancel(): the evaluation's other open leases; kill the running ones and free their
   // slots.
   std::vector<int64_t> pending = {};
@@ -133,6 +141,8 @@ class Scheduler {
   // until Free() or Close(). Call until nullopt, after Next().
   std::optional<GivesWay> GiveWay(absl::Duration now);
 
+  // The attempt has a processor now: its deadlines begin. Only with `begins_later`.
+  void Begun(int64_t lease, int64_t attempt, absl::Duration now);
   // The attempt's runner is alive: extends the lease's heartbeat deadline.
   void Heartbeat(int64_t lease, int64_t attempt, absl::Duration now);
 
@@ -143,6 +153,10 @@ class Scheduler {
   Decision Finished(int64_t lease, int64_t attempt, absl::Duration now);
   // The attempt ended, or is to end now, with a grader fault.
   Decision Faulted(int64_t lease, int64_t attempt, absl::Duration now);
+  // The attempt was lost and nobody is at fault: kRetry after a delay that doubles up to
+  // kLongestReturn, or what Faulted() says if this happened more than `max_returns` times.
+  Decision Returned(int64_t lease, int64_t attempt, absl::Duration now);
+  static constexpr absl::Duration kLongestReturn = absl::Minutes(5);
   // Ends the evaluation now, in any state; both lists of the answer name its open leases. kStale if
   // it has ended or never existed.
   Decision Cancel(int64_t evaluation);
@@ -156,16 +170,17 @@ class Scheduler {
   std::optional<int> TakeSlot();
   // Takes this slot until Free(), whatever occupies it.
   void Close(int slot) {
-    taken_slots_.insert(slot);
+    free_slots_.erase(slot);
     giving_way_.erase(slot);
   }
   // Nothing runs on this slot any more.
   void Free(int slot) {
-    taken_slots_.erase(slot);
+    if (slot < limits_.slots) free_slots_.insert(slot);
     giving_way_.erase(slot);
   }
 
-  // Running leases whose runner has been silent for too long or that are over their time.
+  // Running leases whose runner has been silent for too long or that are over their time. Its cost
+  // grows with their number, not with that of all running leases.
   std::vector<Overdue> OverdueAt(absl::Duration now) const;
 
   // Moves evaluations whose wait is over its deadline ahead of all others and returns them; their
@@ -185,7 +200,7 @@ class Scheduler {
   int64_t WaitingOf(const std::string& team) const;
   const SchedulerLimits& limits() const { return limits_; }
   // Slots that a lease or something else has taken.
-  int taken_slots() const { return static_cast<int>(taken_slots_.size()); }
+  int taken_slots() const { return limits_.slots - static_cast<int>(free_slots_.size()); }
   // Grows with the number of waiting evaluations.
   QueueDepth DepthAt(absl::Duration now) const;
   // Submissions' evaluations (no re-runs, no rejudges) of these teams, or with nullptr of all: those that
@@ -203,6 +218,7 @@ class Scheduler {
     int64_t evaluation = 0;
     int64_t attempt = 0;
     int64_t faults = 0;
+    int64_t returns = 0;
     bool running = false;
     int slot = -1;
     int64_t started = 0;  // sequence number of the last start
@@ -235,6 +251,8 @@ class Scheduler {
   };
 
   Lease* Current(int64_t lease, int64_t attempt);
+  void SetDeadlines(Lease& lease, absl::Duration silent_after, absl::Duration over_at);
+  void WaitAgain(Lease& lease, absl::Duration delay, absl::Duration now);
   void StopRunning(Lease& lease);
   void Wait(Evaluation& evaluation, absl::Duration until);
   void UpdateLine(Evaluation& evaluation);
@@ -255,7 +273,9 @@ class Scheduler {
   std::map<std::string, Team> teams_;
   std::map<std::string, Share> parties_;
   std::set<int64_t> running_;   // leases
-  std::set<int> taken_slots_;
+  std::set<std::pair<int64_t, int64_t>> running_rejudges_;  // sequence number of the start, lease
+  std::set<std::pair<absl::Duration, int64_t>> deadlines_;  // of running leases: the next, lease
+  std::set<int> free_slots_;
   std::set<int> giving_way_;    // slots of leases that gave way, until they are free
   std::set<std::pair<absl::Duration, int64_t>> delayed_;  // not_before and lease
   std::set<std::pair<absl::Duration, int64_t>> waits_;    // wait_over and evaluation

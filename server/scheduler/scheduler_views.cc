@@ -101,14 +101,18 @@ std::string Scheduler::WhyWaiting(int64_t id, absl::Duration now) const {
   if (it == evaluations_.end() || it->second.waiting.empty()) return "";
   const Evaluation& evaluation = it->second;
   absl::Duration delay = absl::InfiniteDuration();
-  for (const int64_t lease : evaluation.waiting) {
-    delay = std::min(delay, leases_.at(lease).not_before - now);
+  bool faulty = false;
+  for (const int64_t waiting : evaluation.waiting) {
+    const Lease& lease = leases_.at(waiting);
+    delay = std::min(delay, lease.not_before - now);
+    faulty = faulty || lease.faults > 0;
   }
   const auto count = static_cast<int64_t>(evaluation.waiting.size());
   // Participants read this; to them a lease is a block of episodes.
   const std::string leases = absl::StrCat(CountedBlocks(count), count == 1 ? " waits" : " wait");
   if (delay > absl::ZeroDuration()) {
-    return absl::StrCat(leases, " to be played again after a fault of the grader, in ",
+    return absl::StrCat(leases, " to be played again after ",
+                        faulty ? "a fault of the grader" : "their place was lost", ", in ",
                         absl::FormatDuration(absl::Ceil(delay, absl::Seconds(1))));
   }
   const Team& team = teams_.at(evaluation.spec.team);
@@ -117,7 +121,7 @@ std::string Scheduler::WhyWaiting(int64_t id, absl::Duration now) const {
                         team.running == 1 ? " runs" : " run",
                         ", which is as many as one team may have");
   }
-  const int64_t taken = static_cast<int64_t>(taken_slots_.size());
+  const int64_t taken = int64_t{taken_slots()};
   if (taken < limits_.slots) return absl::StrCat(leases, " and will start in a moment");
   std::string why = absl::StrCat(leases, " for a slot: ", taken, " of ", limits_.slots,
                                  taken == 1 ? " is" : " are", " taken, and ",

@@ -19,6 +19,7 @@
 #include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/deliveries.h"
+#include "server/store/lease_runs.h"
 #include "server/store/quota.h"
 #include "server/store/record.h"
 #include "server/store/rejudges.h"
@@ -91,6 +92,10 @@ class Reader {
   // Every evaluation that has not ended, oldest first. Damage is keyed by id.
   Listed<EvaluationRow> Unfinished();
   absl::StatusOr<std::vector<LeaseRow>> Leases(int64_t evaluation);    // by first episode
+  // The attempts of its leases that have ended, by lease and attempt.
+  absl::StatusOr<std::vector<LeaseRunRow>> LeaseRunsOf(int64_t evaluation);
+  // By name.
+  Listed<DrainedNodeRow> DrainedNodes();
   absl::StatusOr<std::vector<EpisodeRow>> Episodes(int64_t evaluation);  // by index
   absl::StatusOr<std::vector<RepeatRow>> Repeats(int64_t evaluation);
   EpisodeCounts Counts(int64_t evaluation);

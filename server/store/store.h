@@ -27,6 +27,7 @@
 #include "server/store/boards.h"
 #include "server/store/damage.h"
 #include "server/store/deliveries.h"
+#include "server/store/lease_runs.h"
 #include "server/store/quota.h"
 #include "server/store/record.h"
 #include "server/store/rejudges.h"
@@ -189,6 +190,14 @@ class Writer {
   // pending or running -> failed or cancelled. `fault` as above.
   absl::Status EndLease(int64_t lease, LeaseState state, bool fault, const std::string& who,
                         const std::string& why);
+  // Where an attempt of a lease ran and what it used, once it has ended; `ended_at` 0: now. What the
+  // store has of that attempt already stays. CPU time and energy that no attempt can have used are
+  // stored as the nearest that one can.
+  absl::Status RecordLeaseRun(const LeaseRunRow& run);
+  // A node of a cluster gets no leases until it is admitted; the reason in force is the latest.
+  // Admitting a node that is not drained changes nothing. `node` is not "".
+  absl::Status DrainNode(const std::string& node, const std::string& why, const std::string& who);
+  absl::Status AdmitNode(const std::string& node, const std::string& who);
   // Adds an audit row for an evaluation without changing its state.
   absl::Status NoteEvaluation(int64_t evaluation, const std::string& who, const std::string& why);
   // queued or running -> a final state. FailedPreconditionError while any of its leases has not
@@ -334,6 +343,8 @@ class Writer {
   std::string BoardConfigOf(const RejudgeRow& rejudge, const std::string& if_none);
   absl::StatusOr<RejudgeDone> MoveBoard(const RejudgeRow& rejudge, RejudgeDone done,
                                         const std::string& who);
+  void AddNodeEvent(const std::string& node, const char* event, const std::string& why,
+                    const std::string& who);
   void MendTypes(const char* table, int64_t id);
   void MendBoardState();
   // The ranked evaluation that rules out another one; nullopt: none.

@@ -129,6 +129,7 @@ CALENDAR_USERS = {
     "server/api/teams_resource.cc": "quotas are of a day",
     "server/api/tokens_resource.cc": "tokens expire by the calendar",
     "server/cli/offline/challenge.cc": "warns of dates in the past",
+    "server/cli/offline/cluster_checks.cc": "compares a node's clock with this host's",
     "server/daemon/daemon.cc": "shows when it started",
     "server/daemon/main.cc": "stamps a line of the log",
     "server/engine/engine_leases.cc": "stores when a lease will be over, for people to read",

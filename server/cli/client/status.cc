@@ -1,6 +1,10 @@
 // myograde status
+#include <algorithm>
+#include <cmath>
 #include <iostream>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include <absl/strings/str_cat.h>
 
@@ -33,16 +37,61 @@ std::string Moment(const Json& time) {
   return text.substr(0, 19) + " UTC";
 }
 
+// Whether any of them runs as a job of a cluster.
+bool OnCluster(const Json& leases) {
+  return std::any_of(leases.begin(), leases.end(),
+                     [](const Json& lease) { return lease.value("job", Json()).is_string(); });
+}
+
+bool Waits(const Json& lease) {
+  const Json begun = lease.value("begun", Json());
+  return begun.is_boolean() && !begun.get<bool>();
+}
+
 // Participants call a lease a block of episodes.
 void PrintLeases(const Json& leases) {
-  Table table({"block", "episodes", "state", "host", "slot", "attempt", "running", "at episode",
-               "step"});
+  const bool cluster = OnCluster(leases);
+  std::vector<std::string> head = {"block", "episodes", "state", "host"};
+  head.push_back(cluster ? "job" : "slot");
+  for (const char* column : {"attempt", "running", "at episode", "step"}) head.push_back(column);
+  Table table(head);
   for (const Json& lease : leases) {
     table.Add({Cell(lease, "lease"), Cell(lease, "first") + ".." + Cell(lease, "last"),
-               Cell(lease, "state"), Cell(lease, "host"), Cell(lease, "slot"),
-               Cell(lease, "attempt"), RunningFor(lease),
+               Waits(lease) ? "waits for a node" : Cell(lease, "state"), Cell(lease, "host"),
+               Cell(lease, cluster ? "job" : "slot"), Cell(lease, "attempt"), RunningFor(lease),
                Cell(lease, "episode"), Cell(lease, "step")});
   }
+  table.Print();
+}
+
+// A duration that may be 0 for "not known".
+std::string UsedFor(const Json& attempt) {
+  const Json cpu = attempt.value("cpu_s", Json());
+  return cpu.is_number() && cpu.get<double>() > 0 ? DurationText(cpu.get<double>()) : "-";
+}
+
+std::string EnergyOf(const Json& attempt) {
+  const Json energy = attempt.value("energy_j", Json());
+  return energy.is_number() ? absl::StrCat(std::llround(energy.get<double>()), " J") : "-";
+}
+
+// Where the attempts that have ended were played, and what they used; nothing of attempts on the
+// daemon's host that ended well, which say no more than their lease.
+void PrintAttempts(const Json& leases) {
+  Table table({"block", "attempt", "node", "job", "began", "ended", "CPU time", "energy", "how"});
+  bool any = false;
+  for (const Json& lease : leases) {
+    for (const Json& attempt : lease.value("attempts", Json::array())) {
+      if (Cell(attempt, "job") == "-" && Cell(attempt, "how") == "done") continue;
+      any = true;
+      table.Add({Cell(lease, "lease"), Cell(attempt, "attempt"), Cell(attempt, "node"),
+                 Cell(attempt, "job"), Moment(attempt.value("began_at", Json())),
+                 Moment(attempt.value("ended_at", Json())), UsedFor(attempt), EnergyOf(attempt),
+                 Cell(attempt, "how")});
+    }
+  }
+  if (!any) return;
+  std::cout << "\nAttempts that have ended:\n";
   table.Print();
 }
 
@@ -79,11 +128,26 @@ void PrintStatus(const Json& status) {
               << ", the daemon steps in by itself\n";
   }
   PrintLeases(status.value("leases", Json::array()));
+  PrintAttempts(status.value("leases", Json::array()));
+}
+
+void PrintJobs(const Json& leases) {
+  const auto waiting = std::count_if(leases.begin(), leases.end(), Waits);
+  std::cout << "Jobs: " << std::ssize(leases) - waiting << " running, " << waiting
+            << " waiting for a node\n";
+  Table table({"node", "job", "submission", "block", "running", "CPU time", "at episode", "step"});
+  for (const Json& lease : leases) {
+    table.Add({Waits(lease) ? "waits" : Cell(lease, "node"), Cell(lease, "job"),
+               Cell(lease, "submission"), Cell(lease, "lease"), RunningFor(lease), UsedFor(lease),
+               Cell(lease, "episode"), Cell(lease, "step")});
+  }
+  table.Print();
 }
 
 void PrintSlots(const Json& health) {
   const Json leases = health.value("leases", Json::array());
   if (leases.empty()) return;
+  if (OnCluster(leases)) return PrintJobs(leases);
   Table table({"slot", "submission", "block", "running", "at episode", "step"});
   for (const Json& lease : leases) {
     table.Add({Cell(lease, "slot"), Cell(lease, "submission"), Cell(lease, "lease"),

@@ -32,6 +32,7 @@ Action AddTeam(CLI::App& verb);
 Action AddToken(CLI::App& verb);
 Action AddLogin(CLI::App& verb);
 Action AddLogout(CLI::App& verb);
+Action AddCluster(CLI::App& verb);
 Action AddWebhook(CLI::App& verb);
 Action AddWhoami(CLI::App& verb);
 

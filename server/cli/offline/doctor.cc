@@ -14,6 +14,7 @@
 #include "server/cli/base/places.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/client/client.h"
+#include "server/cli/offline/cluster_checks.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/table.h"
 #include "server/cli/terminal/text.h"
@@ -34,13 +35,15 @@ struct DoctorVerb {
   HostOptions host;
   std::string data;
   bool sandbox = false;
+  bool cluster = false;
   bool json = false;
   bool probe_bus = false;
 };
 
 // What the configs say, as far as they can be read; what can't is a check that
 // found something missing.
-DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks) {
+DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks,
+                     std::optional<ServerConfig>& server) {
   const auto absolute = [](const std::string& path) {
     return std::filesystem::absolute(path).lexically_normal().string();
   };
@@ -55,6 +58,7 @@ DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks) {
   const absl::StatusOr<ServerConfig> config =
       LoadServerConfig(options.config_dir + "/server.json", options.cache_dir);
   if (config.ok()) {
+    server = *config;
     options.runtimes = config->runtimes;
     const Runtimes runtimes(config->runtimes, config->runtimes_dir);
     for (const Runtime& runtime : runtimes.List()) options.runtimes[runtime.name] = runtime.folder;
@@ -218,7 +222,8 @@ void PrintSandboxes(const Json& sandboxes) {
 int Doctor(const DoctorVerb& verb) {
   if (verb.probe_bus) return ProbeBus();
   std::vector<Check> checks;
-  const DoctorOptions options = Gather(verb, checks);
+  std::optional<ServerConfig> server;
+  const DoctorOptions options = Gather(verb, checks, server);
   if (verb.sandbox) {
     const absl::StatusOr<Json> sandboxes = DescribeSandboxes(options);
     if (!sandboxes.ok()) return ReportError(sandboxes.status());
@@ -229,7 +234,12 @@ int Doctor(const DoctorVerb& verb) {
     }
     return kDone;
   }
-  std::vector<Check> found = ExamineHost(options);
+  std::vector<Check> found;
+  if (!verb.cluster) {
+    found = ExamineHost(options);
+  } else if (server.has_value()) {
+    found = ExamineCluster({*server, options.bin_dir, options.cache_dir, options.track});
+  }
   checks.insert(checks.end(), found.begin(), found.end());
   if (std::optional<Check> record = RecordCheck(options.data_dir)) {
     checks.push_back(*std::move(record));
@@ -241,10 +251,12 @@ int Doctor(const DoctorVerb& verb) {
     PrintJson(ChecksJson(checks, worst));
   } else {
     PrintChecks(checks);
+    const std::string what = verb.cluster ? "The cluster" : "This host";
     std::cout << '\n'
-              << (worst == CheckState::kOk         ? "This host has all that MyoGrade needs."
-                  : worst == CheckState::kDegraded ? "This host can grade, at the cost named above."
-                                                   : "This host can't grade yet: see above.")
+              << what
+              << (worst == CheckState::kOk         ? " has all that MyoGrade needs."
+                  : worst == CheckState::kDegraded ? " can grade, at the cost named above."
+                                                   : " can't grade yet: see above.")
               << std::endl;
   }
   return worst == CheckState::kMissing ? kTrouble : kDone;
@@ -257,6 +269,10 @@ Action AddDoctor(CLI::App& verb) {
   verb.add_flag("--sandbox", options->sandbox,
                 "Print the two sandboxes of a lease as they are built on this host, and nothing "
                 "else");
+  verb.add_flag("--cluster", options->cluster,
+                "Examine the Slurm cluster of server.json instead of this host; runs a job of "
+                "seconds on one of its nodes")
+      ->excludes("--sandbox");
   AddJson(verb, "doctor", options->json);
   verb.add_option("--data", options->data,
                   "Data folder that a daemon would use (default: as for serve)");

@@ -52,7 +52,7 @@ TEST(AccessTest, WhatChangesOthersThingsIsNotForParticipants) {
     EXPECT_EQ(RoleFor(action), Role::kOrganiser) << ActionName(action);
   }
   for (const Action action : {Action::kImport, Action::kBackup, Action::kManageOperators,
-                              Action::kManageWebhooks}) {
+                              Action::kManageWebhooks, Action::kManageNodes}) {
     EXPECT_EQ(RoleFor(action), Role::kOperator) << ActionName(action);
   }
 }

@@ -47,8 +47,15 @@ class ServerConfigTest : public ::testing::Test {
         "min_bytes_per_s",
         "speed_window_s", "spool_bytes", "peer_spool_bytes", "unfinished", "of_one",
         "of_a_submission", "of_organisers", "requests_per_s", "burst", "teams_of_a_user", "level",
-        "samples", "places", "picture_bytes"};
+        "samples", "places", "picture_bytes", "time_limit_min", "memory_mib", "cpus", "most_jobs",
+        "array_size", "claim_s", "poll_s"};
     return later.contains(place.back());
+  }
+
+  // Keys whose 0 says that the daemon works the number out.
+  static bool MayBeZero(const Pointer& place) {
+    static const std::set<std::string> derived = {"time_limit_min", "memory_mib", "cpus"};
+    return derived.contains(place.back());
   }
 
   // The places of all numbers.
@@ -80,7 +87,8 @@ TEST_F(ServerConfigTest, NoLimitIsZeroAbsentNegativeOrAbsurd) {
     } else {
       EXPECT_TRUE(Load(json.dump()).ok()) << key;
     }
-    for (const char* value : {"0", "-1", "1e18", "1e999", "null", "true", "\"many\"", "[5]"}) {
+    for (const std::string value : {"0", "-1", "1e18", "1e999", "null", "true", "\"many\"", "[5]"}) {
+      if (value == "0" && MayBeZero(place)) continue;
       json = shipped_;
       json.at(place) = "stands here";
       std::string text = json.dump();
@@ -105,6 +113,8 @@ TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
   json.erase("reruns");
   json.erase("access");
   json.erase("statistics");
+  json.erase("executor");
+  json.erase("slurm");
   std::ofstream(path_) << json.dump();
   const ServerConfig old = LoadServerConfig(path_.string(), "/cache").value();
   const auto numbers = [](const ServerConfig& config) {
@@ -121,10 +131,36 @@ TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
         absl::ToInt64Seconds(config.retention.upload_age), config.reruns.unfinished,
         config.reruns.of_one, config.reruns.of_a_submission, config.reruns.of_organisers,
         static_cast<int64_t>(http.requests_per_s), static_cast<int64_t>(http.burst),
-        config.access.teams_of_a_user, config.retention.picture_bytes};
+        config.access.teams_of_a_user, config.retention.picture_bytes, config.slurm.most_jobs,
+        config.slurm.array_size, config.slurm.time_limit_min, config.slurm.memory_mib,
+        config.slurm.cpus, absl::ToInt64Seconds(config.slurm.queue_wait),
+        absl::ToInt64Seconds(config.slurm.claim), absl::ToInt64Seconds(config.slurm.poll)};
   };
   EXPECT_EQ(numbers(old), numbers(now));
   EXPECT_EQ(old.statistics, now.statistics);
+}
+
+TEST_F(ServerConfigTest, AClusterTakesTheSlotsPlace) {
+  const auto load = [&](Json slurm) {
+    Json json = shipped_;
+    json["executor"] = "slurm";
+    json["slurm"].update(slurm);
+    std::ofstream(path_) << json.dump();
+    return LoadServerConfig(path_.string(), "/cache");
+  };
+  const auto config = load({{"shared_dir", "/shared"}, {"most_jobs", 5000}});
+  ASSERT_TRUE(config.ok()) << config.status();
+  EXPECT_TRUE(config->on_cluster);
+  EXPECT_EQ(config->scheduler.slots, 5000);
+  EXPECT_LT(DescriptorsNeeded(*config), 5000);
+  const auto mistake = [&](Json slurm) { return std::string(load(slurm).status().message()); };
+  EXPECT_THAT(mistake(Json::object()), HasSubstr("neither \"shared_dir\" nor \"url\""));
+  EXPECT_THAT(mistake({{"shared_dir", "shared"}}), HasSubstr("absolute"));
+  EXPECT_THAT(mistake({{"url", "http://host:1"}}), HasSubstr("https://"));
+  EXPECT_THAT(mistake({{"partition", "a b"}}), HasSubstr("partition"));
+  EXPECT_THAT(mistake({{"extra_options", {"--array=1"}}}), HasSubstr("the daemon sets itself"));
+  EXPECT_THAT(mistake({{"extra_options", {"--nice 5"}}}), HasSubstr("in one word"));
+  EXPECT_THAT(mistake({{"partitions", "a"}}), HasSubstr("partitions"));
 }
 
 TEST_F(ServerConfigTest, StatisticsAreReadAndMustBeAbleToDecide) {

@@ -204,7 +204,8 @@ RC_GTEST_FIXTURE_PROP(EngineCoreTest, WhateverHappensEveryEpisodeCountsOnceAndAl
   std::mt19937_64 random(*rc::gen::resize(100, rc::gen::arbitrary<uint64_t>()));
   std::vector<uint8_t> bytes(*rc::gen::resize(100, rc::gen::inRange<size_t>(0, 4000)));
   for (uint8_t& byte : bytes) byte = static_cast<uint8_t>(random());
-  World world(Folder(), bytes, *rc::gen::resize(100, rc::gen::inRange(1, 4)));
+  const bool remote = *rc::gen::arbitrary<bool>();
+  World world(Folder(), bytes, *rc::gen::resize(100, rc::gen::inRange(1, 4)), "", remote);
   // New calls keep coming while things go wrong.
   for (int i = 0; i < 400 && !world.tape.over() && world.broken.empty(); ++i) {
     if (world.tape.Happens(24)) {
@@ -227,6 +228,7 @@ RC_GTEST_FIXTURE_PROP(EngineCoreTest, WhateverHappensEveryEpisodeCountsOnceAndAl
   RC_ASSERT(world.broken == "");
   if (!world.AllEnded()) RC_FAIL(world.WhatIsOpen());
   RC_ASSERT(world.cancels_open == 0);
+  RC_CLASSIFY(remote, "on a cluster");
   RC_CLASSIFY(world.power_cuts > 0, "with power cuts");
   RC_CLASSIFY(world.evaluations.size() > 3, "with more than three evaluations");
 }

@@ -90,8 +90,14 @@ void FakeRunner::Say(absl::Duration at, const LeaseRecord& record) {
 
 void FakeRunner::WriteScript(const LeaseOrder& order) {
   Tape& tape = world_.tape;
-  absl::Duration at =
-      world_.clock.Monotonic() + std::exchange(world_.next_is_late, absl::ZeroDuration());
+  begins_at_ = world_.clock.Monotonic();
+  if (world_.remote) {
+    begins_at_ += std::exchange(world_.next_begins_late, absl::ZeroDuration());
+    if (tape.Happens(32)) begins_at_ += absl::Minutes(tape.Below(8));
+    lost_at_ = begins_at_ + std::exchange(world_.next_is_lost_after, absl::InfiniteDuration());
+    if (tape.Happens(24)) lost_at_ = begins_at_ + absl::Seconds(tape.Below(20));
+  }
+  absl::Duration at = begins_at_ + std::exchange(world_.next_is_late, absl::ZeroDuration());
   const bool self_test = order.lease == "selftest-1";
   for (const EpisodeOrder& episode : order.episodes) {
     Say(at, ProgressRecord{episode.index, 1});
@@ -126,7 +132,7 @@ void FakeRunner::WriteScript(const LeaseOrder& order) {
 
 absl::StatusOr<std::vector<LeaseRecord>> FakeRunner::Read() {
   std::vector<LeaseRecord> records;
-  const absl::Duration now = std::min(world_.clock.Monotonic(), dies_at_);
+  const absl::Duration now = std::min({world_.clock.Monotonic(), dies_at_, lost_at_});
   while (said_ < script_.size() && script_[said_].first <= now) {
     records.push_back(script_[said_++].second);
   }
@@ -143,6 +149,31 @@ bool FakeRunner::dead() {
 bool FakeRunner::finished() {
   return dead() && (said_ == script_.size() || script_[said_].first > dies_at_ || garbage_);
 }
+
+bool FakeRunner::remote() const { return world_.remote; }
+
+bool FakeRunner::begun() const { return world_.clock.Monotonic() >= begins_at_; }
+
+std::string FakeRunner::lost() const {
+  return world_.clock.Monotonic() >= lost_at_ ? "the node was switched off" : "";
+}
+
+RunnerSite FakeRunner::site() const {
+  if (!world_.remote) return {};
+  RunnerSite site{absl::StrCat("node", slot_), absl::StrCat("7_", slot_), 1.5, std::nullopt};
+  if (slot_ % 2 == 0) site.energy_j = 40;
+  return site;
+}
+
+bool FakeProcesses::remote() const { return world_.remote; }
+
+std::string FakeProcesses::CannotStart() const { return world_.cannot_start; }
+
+void FakeProcesses::NoteEnd(const std::string& node, bool fault) {
+  world_.ends.emplace_back(node, fault);
+}
+
+std::vector<DrainedNode> FakeProcesses::TakeDrained() { return std::exchange(world_.drained, {}); }
 
 void FakeRunner::AskToEnd() {
   const int tenths = world_.tape.Below(6);
@@ -182,8 +213,8 @@ absl::Status FakeDisk::Write(const StoreChange& change) {
 }
 
 World::World(std::string folder, std::vector<uint8_t> bytes, int slots,
-             const std::string& store_file)
-    : tape(std::move(bytes)), track(DemoTrack()), folder_(std::move(folder)), slots_(slots) {
+             const std::string& store_file, bool is_remote)
+    : tape(std::move(bytes)), remote(is_remote), track(DemoTrack()), folder_(std::move(folder)), slots_(slots) {
   spdlog::set_level(spdlog::level::off);
   fs::create_directory(folder_);
   fs::copy_file(store_file.empty() ? EmptyStore() : store_file, folder_ + "/store.db");
@@ -215,7 +246,7 @@ void World::Boot() {
   EngineOptions options;
   options.data_dir = folder_;
   options.config.scheduler = {.slots = slots_, .team_running = 1 + slots_ / 2,
-                              .queue_wait = absl::Minutes(5)};
+                              .begins_later = remote, .queue_wait = absl::Minutes(5)};
   options.config.lease_grace = absl::Seconds(60);
   options.config.self_test_deadline = absl::Seconds(60);
   absl::Status status;

@@ -1,5 +1,5 @@
 // A simulated world for the engine's core in which everything can go wrong: runners that die,
-// stall, lie, duplicate or lose records and refuse to exit; a store whose writes fail, and power
+// stall, lie, duplicate or lose records and refuse to exit; nodes that are lost; a store whose writes fail, and power
 // cuts before or after a write. A tape of bytes decides what goes wrong, so that a failing history
 // can be shrunk; after the tape's end nothing fails.
 #pragma once
@@ -57,6 +57,10 @@ class FakeRunner : public Runner {
   void KillNow() override;
   pid_t pid() const override { return 1; }
   int wait_status() const override { return 9; }
+  bool remote() const override;
+  bool begun() const override;
+  std::string lost() const override;
+  RunnerSite site() const override;
   std::string stderr_tail() const override { return "last words"; }
 
  private:
@@ -70,6 +74,8 @@ class FakeRunner : public Runner {
   bool garbage_ = false;
   bool stubborn_ = false;
   absl::Duration kill_takes_;
+  absl::Duration begins_at_;                                // of a remote one
+  absl::Duration lost_at_ = absl::InfiniteDuration();
   absl::Duration dies_at_ = absl::InfiniteDuration();
 };
 
@@ -79,6 +85,10 @@ class FakeProcesses : public Executor {
   absl::StatusOr<std::unique_ptr<Runner>> Start(const LeaseOrder& order, const LeaseSubject&) override;
   void CleanUp(const std::string&) override {}
   std::map<int, std::string> ProcessesOf(int first, int count) override;
+  bool remote() const override;
+  std::string CannotStart() const override;
+  void NoteEnd(const std::string& node, bool fault) override;
+  std::vector<DrainedNode> TakeDrained() override;
 
  private:
   World& world_;
@@ -100,9 +110,9 @@ class FakeDisk : public Disk {
 class World {
  public:
   // `folder` is created, and removed with this object. Starts with an empty store, or a copy of
-  // `store_file`.
+  // `store_file`. `remote`: leases run on the nodes of a cluster.
   World(std::string folder, std::vector<uint8_t> tape, int slots,
-        const std::string& store_file = "");
+        const std::string& store_file = "", bool remote = false);
   ~World();
 
   // Starts a daemon on the existing state; cuts the power of a running one first.
@@ -133,6 +143,13 @@ class World {
   absl::Duration next_dies_late = absl::ZeroDuration();
   // The next runner's process stays this much longer after its end record.
   absl::Duration next_lingers = absl::ZeroDuration();
+  // On a cluster: the next lease begins this much later, and is lost this long after that.
+  absl::Duration next_begins_late = absl::ZeroDuration();
+  absl::Duration next_is_lost_after = absl::InfiniteDuration();
+  std::string cannot_start;             // of the executor
+  std::vector<DrainedNode> drained;     // not taken yet
+  std::vector<std::pair<std::string, bool>> ends;  // that the executor was told: node and fault
+  const bool remote;
   std::map<int, std::string> left;  // living processes, by slot
   std::set<int64_t> slots_in_use;
   std::string broken;           // the first invariant that the engine broke, as text

@@ -63,6 +63,9 @@ class TransferTest : public StoreTest {
       absl::Status status =
           writer.EndEvaluation(played.evaluation, EvaluationState::kDone, "", "x", "daemon");
       status.Update(writer.Mark(played.submission, "baseline", true, "uid 0", "ours").status());
+      status.Update(writer.RecordLeaseRun(
+          {played.leases[0], 1, "n1", "7_1", 0, 5, 1.5, std::nullopt, RunEnd::kDone}));
+      status.Update(writer.DrainNode("n1", "a fan is broken", "uid 0"));
       return status;
     }).ok());
   }
@@ -79,6 +82,9 @@ TEST_F(TransferTest, AnImportGivesTheSameExportAgain) {
   EXPECT_EQ(json["data"]["episode_details"][0]["details_json"], R"({"fall_time":null})");
   EXPECT_EQ(json["data"]["ledger"].size(), 1u);
   EXPECT_EQ(json["data"]["mark"][0]["why"], "ours");
+  EXPECT_EQ(json["data"]["lease_run"][0]["cpu_ms"], 1500);
+  EXPECT_EQ(json["data"]["lease_run"][0]["energy_mj"], nullptr);
+  EXPECT_EQ(json["data"]["node_event"][0]["node"], "n1");
   EXPECT_FALSE(json["data"].contains("meta")) << "the secret stays";
 }
 

@@ -1,0 +1,338 @@
+#include "server/cli/offline/cluster_checks.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <utility>
+
+#include <absl/strings/ascii.h>
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+#include <absl/strings/str_split.h>
+#include <absl/strings/strip.h>
+
+#include "protocol/base/clock.h"
+#include "protocol/base/fd.h"
+#include "protocol/base/file.h"
+#include "server/cli/offline/slurm_commands.h"
+
+namespace myograde::server {
+namespace {
+
+// A node may have to be given back by another job first; Slurm's own answer is to wait for ever.
+constexpr int kNodeWithinSeconds = 30;
+constexpr absl::Duration kNodeDeadline = absl::Seconds(90);
+// Beyond it, times of day in logs of nodes and of the daemon can't be put together.
+constexpr double kClockSkewSeconds = 2;
+constexpr int64_t kGraderMemoryMib = 1024;
+
+constexpr char kNoLease[] = "no lease starts; what is submitted waits";
+
+Check Missing(std::string name, std::string found, std::string todo) {
+  return {std::move(name), CheckState::kMissing, std::move(found), kNoLease, std::move(todo)};
+}
+
+Check CommandsCheck(const SlurmCommands& slurm) {
+  std::vector<std::string> missing;
+  for (const char* name : {"sbatch", "squeue", "scancel", "scontrol", "sinfo", "srun"}) {
+    if (!slurm.Find(name).ok()) missing.emplace_back(name);
+  }
+  if (!missing.empty()) {
+    return Missing("slurm_commands", absl::StrCat("there is no ", absl::StrJoin(missing, ", no ")),
+                   "install Slurm's commands on this host (Debian: apt-get install slurm-client), or "
+                   "name their folder in \"slurm_bin_dir\"");
+  }
+  const absl::StatusOr<ProgramEnd> version = slurm.Run("sbatch", {"--version"});
+  if (!version.ok()) {
+    return Missing("slurm_commands", std::string(version.status().message()),
+                   "have this host read the cluster's configuration (/etc/slurm/slurm.conf, or "
+                   "SLURM_CONF)");
+  }
+  return {"slurm_commands", CheckState::kOk,
+          std::string(absl::StripAsciiWhitespace(version->output)), "", ""};
+}
+
+Check ControllerCheck(const SlurmCommands& slurm) {
+  const absl::StatusOr<ProgramEnd> ping = slurm.Run("scontrol", {"ping"});
+  const std::string said = ping.ok() ? std::string(absl::StripAsciiWhitespace(ping->output))
+                                     : std::string(ping.status().message());
+  for (const std::string_view line : absl::StrSplit(said, '\n')) {
+    if (ping.ok() && line.ends_with(" UP")) {
+      return {"slurm_controller", CheckState::kOk, std::string(line), "", ""};
+    }
+  }
+  return Missing("slurm_controller", absl::StrCat("no controller answers (", said, ")"),
+                 "start slurmctld, or mend the network and the munge key between it and this host");
+}
+
+// Nodes of the partition that could take a job, now or later.
+Check PartitionCheck(const SlurmCommands& slurm, const SlurmConfig& config) {
+  std::vector<std::string> words = {"-h", "-o", "%P|%a|%l|%D|%t"};
+  if (!config.partition.empty()) words.insert(words.end(), {"-p", config.partition});
+  const absl::StatusOr<ProgramEnd> sinfo = slurm.Run("sinfo", words);
+  if (!sinfo.ok()) {
+    return Missing("slurm_partition", std::string(sinfo.status().message()),
+                   "see what sinfo says on this host");
+  }
+  std::string name;
+  std::string state;
+  int64_t usable = 0;
+  int64_t all = 0;
+  for (const std::string_view line : absl::StrSplit(sinfo->output, '\n', absl::SkipWhitespace())) {
+    const std::vector<std::string_view> cells = absl::StrSplit(line, '|');
+    if (cells.size() != 5) continue;
+    if (config.partition.empty() && !cells[0].ends_with('*')) continue;  // not the default one
+    name = std::string(absl::StripSuffix(cells[0], "*"));
+    state = std::string(cells[1]);
+    int64_t nodes = 0;
+    if (!absl::SimpleAtoi(cells[3], &nodes)) continue;
+    all += nodes;
+    for (const char* good : {"idle", "mix", "alloc", "comp"}) {
+      if (cells[4] == good) usable += nodes;
+    }
+  }
+  if (name.empty()) {
+    return Missing("slurm_partition",
+                   config.partition.empty()
+                       ? std::string("the cluster has no default partition")
+                       : absl::StrCat("the cluster has no partition \"", config.partition, "\""),
+                   "name one that sinfo lists in \"partition\"");
+  }
+  const std::string found = absl::StrCat("partition ", name, " is ", state, ", ", usable, " of ", all,
+                                         " nodes can run jobs");
+  if (state != "up" || usable == 0) {
+    return Missing("slurm_partition", found,
+                   "see `sinfo -R` for why nodes are down, and have them resumed");
+  }
+  return {"slurm_partition", CheckState::kOk, found, "", ""};
+}
+
+// What sbatch would be told of one lease's job.
+std::vector<std::string> JobOptions(const ClusterSubject& subject) {
+  const SlurmConfig& config = subject.config.slurm;
+  std::vector<std::string> words = config.extra_options;
+  const std::pair<const char*, const std::string*> texts[] = {
+      {"--partition=", &config.partition}, {"--account=", &config.account},
+      {"--qos=", &config.qos},             {"--constraint=", &config.constraint},
+      {"--reservation=", &config.reservation}};
+  for (const auto& [option, value] : texts) {
+    if (!value->empty()) words.push_back(absl::StrCat(option, *value));
+  }
+  if (config.time_limit_min > 0) words.push_back(absl::StrCat("--time=", config.time_limit_min));
+  int64_t memory = config.memory_mib;
+  int64_t cpus = config.cpus;
+  if (subject.track.has_value()) {
+    const auto& budgets = subject.track->budgets;
+    if (memory == 0) memory = (budgets.memory_bytes >> 20) + kGraderMemoryMib;
+    if (cpus == 0) cpus = std::max<int64_t>(static_cast<int64_t>(budgets.cpus), 1);
+  }
+  if (memory > 0) words.push_back(absl::StrCat("--mem=", memory, "M"));
+  if (cpus > 0) words.push_back(absl::StrCat("--cpus-per-task=", cpus));
+  words.insert(words.end(), {"--ntasks=1", "--nodes=1"});
+  return words;
+}
+
+// Slurm itself says whether it would take a lease's job: partition, account, QoS, constraint,
+// reservation, memory, processors and time.
+Check JobCheck(const SlurmCommands& slurm, const ClusterSubject& subject) {
+  std::vector<std::string> words = JobOptions(subject);
+  words.insert(words.end(), {"--test-only", "--output=/dev/null"});
+  const absl::StatusOr<ProgramEnd> end =
+      slurm.Run("sbatch", words, absl::Seconds(30), "#!/bin/sh\nexit 0\n");
+  if (!end.ok()) {
+    return Missing("slurm_job", absl::StrCat("Slurm would not take a lease's job: ",
+                                             std::string(end.status().message())),
+                   "correct \"partition\", \"account\", \"qos\", \"constraint\", \"reservation\", "
+                   "\"memory_mib\", \"cpus\" and \"time_limit_min\" of server.json to what the cluster "
+                   "allows this user (sacctmgr show assoc user=$USER, scontrol show partition)");
+  }
+  return {"slurm_job", CheckState::kOk, absl::StrCat("Slurm would take a lease's job (",
+                                                    absl::StrJoin(words, " "), ")"), "", ""};
+}
+
+Check LimitsCheck(const SlurmCommands& slurm, const SlurmConfig& config) {
+  const absl::StatusOr<ProgramEnd> shown = slurm.Run("scontrol", {"show", "config"});
+  const auto pairs = ReadSlurmPairs(shown.ok() ? shown->output : "");
+  const auto number = [&](const char* key) {
+    int64_t value = 0;
+    const auto it = pairs.find(key);
+    return it != pairs.end() && absl::SimpleAtoi(it->second, &value) ? value : int64_t{0};
+  };
+  const int64_t array = number("MaxArraySize");
+  const int64_t jobs = number("MaxJobCount");
+  if (array == 0 || jobs == 0) {
+    return {"slurm_limits", CheckState::kDegraded,
+            "MaxArraySize and MaxJobCount can't be read from `scontrol show config`",
+            "jobs may be refused when many wait", "see why scontrol does not show them"};
+  }
+  const std::string found = absl::StrCat("MaxArraySize ", array, ", MaxJobCount ", jobs,
+                                         ", of which the daemon wants arrays of ", config.array_size,
+                                         " and ", config.most_jobs, " jobs");
+  if (config.array_size >= array) {
+    return Missing("slurm_limits", found, absl::StrCat("set \"array_size\" to ", array - 1,
+                                                       " or less"));
+  }
+  if (config.most_jobs > jobs) {
+    return {"slurm_limits", CheckState::kDegraded, found,
+            "sbatch refuses jobs as soon as the cluster has that many, and leases wait for it",
+            "lower \"most_jobs\", or raise MaxJobCount in slurm.conf"};
+  }
+  return {"slurm_limits", CheckState::kOk, found, "", ""};
+}
+
+// A file in the shared folder that nodes are asked for; removed with this object.
+class Probe {
+ public:
+  explicit Probe(const std::string& folder)
+      : path_(absl::StrCat(folder, "/.myograde-doctor-XXXXXX")),
+        text_(absl::StrCat(getpid(), "_", absl::ToInt64Nanoseconds(SystemClock().Monotonic()))) {
+    // A new file of its own, whoever else may write to the folder.
+    const Fd file(mkostemp(path_.data(), O_CLOEXEC));
+    if (!file.valid()) {
+      written_ = absl::PermissionDeniedError(
+          absl::StrCat(folder, ": no file can be made there (", std::strerror(errno), ")"));
+      return;
+    }
+    made_ = true;
+    written_ = WriteAll(file.get(), text_);
+  }
+  ~Probe() {
+    if (made_) unlink(path_.c_str());
+  }
+  Probe(const Probe&) = delete;
+  Probe& operator=(const Probe&) = delete;
+
+  const absl::Status& written() const { return written_; }
+  const std::string& path() const { return path_; }
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string path_;
+  const std::string text_;
+  bool made_ = false;
+  absl::Status written_;
+};
+
+Check FolderCheck(const SlurmConfig& config, const std::optional<Probe>& probe) {
+  if (!probe.has_value()) {
+    return config.url.empty()
+               ? Missing("cluster_files", "neither \"shared_dir\" nor \"url\" is given",
+                         "name a folder that all nodes share in \"shared_dir\", or the daemon's "
+                         "address in \"url\"")
+               : Check{"cluster_files", CheckState::kOk,
+                       absl::StrCat("nodes get their leases by HTTPS from ", config.url), "", ""};
+  }
+  if (!probe->written().ok()) {
+    return Missing("cluster_files", std::string(probe->written().message()),
+                   absl::StrCat("make the folder ", config.shared_dir,
+                                ", owned by the daemon's user, on a disk that all nodes share"));
+  }
+  struct stat about = {};
+  if (stat(config.shared_dir.c_str(), &about) != 0 || (about.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
+    return Missing("cluster_files", absl::StrCat(config.shared_dir, " can be written by other users"),
+                   absl::StrCat("chmod go-w ", config.shared_dir,
+                                ": orders there hold hidden seeds"));
+  }
+  return {"cluster_files", CheckState::kOk,
+          absl::StrCat(config.shared_dir, " can be written by this user"), "", ""};
+}
+
+// Prints what a node has, one "KEY=VALUE" a line. $1: programs, $2: cache, $3: the probe, or "".
+constexpr char kNodeScript[] =
+    "echo \"host=$(uname -n)\"; "
+    "[ -x \"$1/myograde-node\" ] && echo program=yes || echo program=no; "
+    "[ -r \"$2\" ] && [ -n \"$(ls -A \"$2\" 2>/dev/null)\" ] && echo cache=yes || echo cache=no; "
+    "[ -z \"$3\" ] || echo \"probe=$(cat \"$3\" 2>/dev/null)\"; "
+    "echo \"time=$(date +%s)\"";
+
+Check ClockCheck(const std::string& node, const std::string& time, double now_s) {
+  double there = 0;
+  if (!absl::SimpleAtod(time, &there)) there = now_s;
+  const double apart = std::abs(there - now_s);
+  const std::string found = absl::StrCat("the clock of ", node, " is within ",
+                                         static_cast<int64_t>(apart) + 1, " s of this host's");
+  if (apart <= kClockSkewSeconds) return {"cluster_clock", CheckState::kOk, found, "", ""};
+  return {"cluster_clock", CheckState::kDegraded, found,
+          "times in the nodes' logs can't be put together with the daemon's; no result depends on them",
+          "run a time service (chrony, systemd-timesyncd) on all nodes"};
+}
+
+// What one node has, whichever Slurm gives; srun waits a while for one.
+std::vector<Check> NodeChecks(const SlurmCommands& slurm, const ClusterSubject& subject,
+                              const std::optional<Probe>& probe) {
+  const SlurmConfig& config = subject.config.slurm;
+  const std::string bin = config.bin_dir.empty() ? subject.bin_dir : config.bin_dir;
+  const std::string cache = config.cache_dir.empty() ? subject.cache_dir : config.cache_dir;
+  std::vector<std::string> words = JobOptions(subject);
+  words.insert(words.end(),
+               {absl::StrCat("--immediate=", kNodeWithinSeconds), "--job-name=myograde-doctor",
+                "/bin/sh", "-c", kNodeScript, "doctor", bin, cache,
+                probe.has_value() ? probe->path() : ""});
+  const absl::StatusOr<ProgramEnd> end = slurm.Run("srun", words, kNodeDeadline);
+  const double now = absl::ToDoubleSeconds(SystemClock().Now() - absl::UnixEpoch());
+  if (!end.ok()) {
+    return {{"cluster_node", CheckState::kDegraded,
+             absl::StrCat("no node could be looked at: ", std::string(end.status().message())),
+             "what nodes lack is found when their first leases fail",
+             "call this again when a node is free, or see what srun says"}};
+  }
+  auto pairs = ReadSlurmPairs(end->output);
+  const std::string node = pairs["host"].empty() ? "the node" : pairs["host"];
+  std::vector<std::string> lacks;
+  if (pairs["program"] != "yes") lacks.push_back(absl::StrCat(bin, "/myograde-node"));
+  if (pairs["cache"] != "yes") lacks.push_back(absl::StrCat("the models in ", cache));
+  if (probe.has_value() && probe->written().ok() &&
+      pairs["probe"] != probe->text()) {
+    lacks.push_back(absl::StrCat("what this host writes to ", config.shared_dir));
+  }
+  std::vector<Check> checks;
+  if (lacks.empty()) {
+    checks.push_back({"cluster_node", CheckState::kOk,
+                      absl::StrCat(node, " has the programs", probe.has_value()
+                                   ? ", the models and the shared folder" : " and the models"),
+                      "", ""});
+  } else {
+    checks.push_back(Missing("cluster_node", absl::StrCat(node, " lacks ", absl::StrJoin(lacks, ", ")),
+                             "install this version of MyoGrade on all nodes at the same places, or name "
+                             "them in \"bin_dir\", \"cache_dir\" and \"shared_dir\""));
+  }
+  checks.push_back(ClockCheck(node, pairs["time"], now));
+  return checks;
+}
+
+}  // namespace
+
+std::vector<Check> ExamineCluster(const ClusterSubject& subject) {
+  const SlurmConfig& config = subject.config.slurm;
+  std::vector<Check> checks;
+  checks.push_back(subject.config.on_cluster
+                       ? Check{"executor", CheckState::kOk, "leases run on the Slurm cluster", "", ""}
+                       : Check{"executor", CheckState::kDegraded,
+                               "\"executor\" of server.json is local",
+                               "leases run on the daemon's host alone",
+                               "set \"executor\" to \"slurm\" once the other checks are ok"});
+  std::optional<Probe> probe;
+  if (!config.shared_dir.empty()) probe.emplace(config.shared_dir);
+  checks.push_back(FolderCheck(config, probe));
+  const SlurmCommands slurm(config.slurm_bin_dir);
+  checks.push_back(CommandsCheck(slurm));
+  if (checks.back().state == CheckState::kMissing) return checks;
+  checks.push_back(ControllerCheck(slurm));
+  if (checks.back().state == CheckState::kMissing) return checks;
+  checks.push_back(PartitionCheck(slurm, config));
+  checks.push_back(LimitsCheck(slurm, config));
+  checks.push_back(JobCheck(slurm, subject));
+  if (checks.back().state == CheckState::kMissing) return checks;
+  const std::vector<Check> node = NodeChecks(slurm, subject, probe);
+  checks.insert(checks.end(), node.begin(), node.end());
+  return checks;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,64 @@
+#include "server/cli/offline/slurm_commands.h"
+
+#include <unistd.h>
+
+#include <absl/strings/ascii.h>
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_split.h>
+
+#include "server/base/child_process.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr size_t kMostOutput = 16u << 20;  // sinfo of a large cluster
+
+}  // namespace
+
+absl::StatusOr<std::string> SlurmCommands::Find(const std::string& name) const {
+  if (folder_.empty()) return FindProgram(name);
+  std::string path = absl::StrCat(folder_, "/", name);
+  if (access(path.c_str(), X_OK) == 0) return path;
+  return absl::NotFoundError(absl::StrCat("there is no program ", path));
+}
+
+absl::StatusOr<ProgramEnd> SlurmCommands::Run(const std::string& name,
+                                              const std::vector<std::string>& words,
+                                              absl::Duration deadline,
+                                              const std::string& input) const {
+  const absl::StatusOr<std::string> path = Find(name);
+  if (!path.ok()) return path.status();
+  absl::StatusOr<ProgramEnd> end = RunProgram({.program = *path,
+                                               .words = words,
+                                               .input = input,
+                                               .most_output = kMostOutput,
+                                               .deadline = deadline,
+                                               .nice = 0},
+                                              [] { return false; });
+  if (!end.ok()) return end.status();
+  if (end->exit_status != 0) {
+    const std::string last = end->LastError();
+    return absl::UnavailableError(
+        absl::StrCat(name, " ", end->HowItEnded(), last.empty() ? "" : ": ", last));
+  }
+  return end;
+}
+
+std::map<std::string, std::string> ReadSlurmPairs(std::string_view text) {
+  std::map<std::string, std::string> pairs;
+  for (const std::string_view line : absl::StrSplit(text, '\n')) {
+    if (const size_t wide = line.find(" = "); wide != std::string_view::npos) {
+      pairs.emplace(absl::StripAsciiWhitespace(line.substr(0, wide)),
+                    absl::StripAsciiWhitespace(line.substr(wide + 3)));
+      continue;
+    }
+    for (const std::string_view word : absl::StrSplit(line, ' ', absl::SkipWhitespace())) {
+      const size_t equals = word.find('=');
+      if (equals == std::string_view::npos) continue;
+      pairs.emplace(word.substr(0, equals), word.substr(equals + 1));
+    }
+  }
+  return pairs;
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,36 @@
+// Slurm's commands for the doctor: found, run to their end, and read.
+#pragma once
+
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <absl/status/statusor.h>
+#include <absl/time/time.h>
+
+#include "server/base/program_run.h"
+
+namespace myograde::server {
+
+// What a command prints; an error says how it failed, with its last line.
+class SlurmCommands {
+ public:
+  // `folder`: of the commands; "": found in PATH.
+  explicit SlurmCommands(std::string folder) : folder_(std::move(folder)) {}
+
+  // NotFoundError: there is no such command.
+  absl::StatusOr<std::string> Find(const std::string& name) const;
+  // Errors of Find and RunProgram; UnavailableError: it ended with another status than 0.
+  absl::StatusOr<ProgramEnd> Run(const std::string& name, const std::vector<std::string>& words,
+                                 absl::Duration deadline = absl::Seconds(30),
+                                 const std::string& input = "") const;
+
+ private:
+  const std::string folder_;
+};
+
+// The keys and values of "KEY=VALUE KEY=VALUE" and of lines "KEY = VALUE".
+std::map<std::string, std::string> ReadSlurmPairs(std::string_view text);
+
+}  // namespace myograde::server

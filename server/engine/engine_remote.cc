@@ -1,0 +1,109 @@
+// Leases on other hosts: they begin later than they start, can be lost, and are accounted for.
+#include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
+
+#include "server/engine/engine_core.h"
+
+namespace myograde::server {
+
+bool EngineCore::MayStart() const { return host_.may_start() && executor_trouble_.empty(); }
+
+// The executor's news, before its runners are asked.
+void EngineCore::AttendExecutor() {
+  executor_.Attend();
+  const std::string trouble = executor_.CannotStart();
+  for (const DrainedNode& drained : executor_.TakeDrained()) {
+    spdlog::error("node {} gets no more leases: {}", drained.node, drained.why);
+    AddToJournal(0, [drained, who = owner_](Writer& writer) {
+      // Nothing else hangs on it: the executor knows it already.
+      const absl::Status kept = writer.Part(
+          [&](Writer& part) { return part.DrainNode(drained.node, drained.why, who); });
+      if (!kept.ok()) spdlog::error("{}", std::string(kept.message()));
+      return absl::OkStatus();
+    });
+  }
+  const MutexLock lock(mutex_);
+  if (trouble == executor_trouble_) return;
+  if (trouble.empty()) {
+    spdlog::info("leases can start again");
+  } else {
+    spdlog::error("no lease can start: {}", trouble);
+  }
+  executor_trouble_ = trouble;
+}
+
+// The nodes that were drained before this start.
+absl::Status EngineCore::RecallDrained() {
+  if (!executor_.remote()) return absl::OkStatus();
+  Listed<DrainedNodeRow> drained;
+  const absl::Status status = readers_.Read([&](Reader& reader) {
+    drained = reader.DrainedNodes();
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  for (const Damage& damage : drained.damaged) spdlog::error("{}", DamageText(damage));
+  for (const DrainedNodeRow& row : drained.rows) {
+    const absl::Status kept = executor_.Drain(row.node, row.why);
+    if (!kept.ok()) spdlog::error("{}", std::string(kept.message()));
+  }
+  return absl::OkStatus();
+}
+
+void EngineCore::FollowSite(LeaseRun& run) {
+  const bool begins = !run.begun && run.runner->begun();
+  const MutexLock lock(mutex_);
+  Live& live = live_.at(run.lease);
+  live.site = run.runner->site();
+  if (!begins) return;
+  const absl::Duration now = clock_.Monotonic();
+  run.begun = live.begun = true;
+  run.began_at = absl::ToUnixMillis(clock_.Now());
+  live.since = live.heard = now;
+  scheduler_.Begun(run.lease, run.attempt, now);
+  spdlog::info("lease {} begins on node {}, job {}", run.lease, live.site.node, live.site.job);
+}
+
+// Nobody is at fault: the lease is played again.
+void EngineCore::Return(LeaseRun& run, const std::string& why) {
+  const LogScope scope(FieldsOf(run));
+  spdlog::warn("lease {}, attempt {}: lost: {}", run.lease, run.attempt, why);
+  Account(run, RunEnd::kReturned);
+  Decision decision;
+  {
+    const MutexLock lock(mutex_);
+    live_.erase(run.lease);
+    decision = scheduler_.Returned(run.lease, run.attempt, clock_.Monotonic());
+  }
+  if (decision.kind == Decision::Kind::kGiveUp) return GiveUp(decision, run.lease, why);
+  if (decision.kind != Decision::Kind::kRetry) return;
+  AddToJournal(run.context->evaluation,
+               [lease = run.lease, attempt = run.attempt, fault = decision.fault, why,
+                who = owner_](Writer& writer) {
+    return writer.ReturnLease(lease, attempt, fault, who, why);
+  });
+}
+
+// An attempt has ended, or nothing more of it counts. One that never had a runner used nothing.
+void EngineCore::Account(const LeaseRun& run, RunEnd how) {
+  if (run.runner == nullptr) return;
+  const RunnerSite site = run.runner->site();
+  const LeaseRunRow row = {.lease = run.lease,
+                           .attempt = run.attempt,
+                           .node = site.node,
+                           .job = site.job,
+                           .began_at = run.began_at,
+                           .ended_at = absl::ToUnixMillis(clock_.Now()),
+                           .cpu_s = site.cpu_s,
+                           .energy_j = site.energy_j,
+                           .how = how};
+  AddToJournal(run.context->evaluation, [row](Writer& writer) { return writer.RecordLeaseRun(row); });
+}
+
+void EngineCore::ReclaimAs(int64_t lease, RunEnd how) {
+  const auto run = running_.find(lease);
+  if (run == running_.end()) return;
+  Account(run->second, how);
+  Reclaim(lease);
+}
+
+}  // namespace myograde::server

@@ -1,0 +1,146 @@
+"""Leases on a real Slurm cluster of three virtual nodes: the same Merkle roots as on the daemon's own
+host, whatever fails on the way."""
+
+import contextlib
+import pathlib
+import time
+import unittest
+
+from support import slurm
+from support.waiting import wait_until
+from system import HERE, POLICIES, SystemTest, track_config
+
+WAIT_S = 240
+# A lease of two episodes of 2 s; with the patient policy it takes about ten.
+TRACKS = {"short": track_config("elbow", seeds={"first": 50, "count": 6}, episodes_per_lease=2,
+                                budgets={"startup_s": 60, "startup_wall_s": 120})}
+
+
+class OnSlurm(SystemTest):
+    """A daemon whose leases run on a cluster, with a shared folder."""
+
+    tracks = TRACKS
+    slurm_options = {}  # of the daemon
+
+    @classmethod
+    def setUpClass(cls):
+        if lacking := slurm.missing():
+            raise unittest.SkipTest(lacking)
+        super().setUpClass()
+        cls.cluster = slurm.Slurm()
+        cls.addClassCleanup(cls.cluster.close)
+        cls.cluster.start()
+        cls.environment.update(SLURM_CONF=str(cls.cluster.config),
+                               PATH=cls.cluster.environment["PATH"])
+        cls.shared = cls.root / "shared"
+        cls.shared.mkdir(mode=0o700)
+        cls.commands = slurm.Wrapped(cls.root / "slurm")
+        cls.daemon.configure(
+            executor="slurm",
+            slurm={"shared_dir": str(cls.shared), "node_dir": str(cls.root / "node"),
+                   "slurm_bin_dir": str(cls.commands.folder), "most_jobs": 6, "poll_s": 0.5,
+                   "memory_mib": 1024, **cls.slurm_options},
+            scheduler={"replay_delay_s": 0.2, "heartbeat_s": 10})
+        cls.roots = {}
+        cls.teams = 0
+        cls.before_start()
+        cls.start_daemon()
+
+    @classmethod
+    def before_start(cls):
+        """For what a class adds to the configs."""
+
+    # --- policies ---
+
+    def patient(self, pause_ms=40):
+        return self.python_policy(f"patient-{pause_ms}", ["patient_policy.py", str(pause_ms)],
+                                  HERE / "patient_policy.py")
+
+    def local_root(self, policy):
+        """The Merkle root of the same submission on this host, without a daemon."""
+        if policy not in self.roots:
+            local = self.ask("local", policy, "--track", "short", "--slots", 2)
+            self.roots[policy] = local["merkle_root"]
+        return self.roots[policy]
+
+    def submit(self, policy):
+        # A team's policy has one ranked evaluation.
+        type(self).teams += 1
+        return self.ask("submit", policy, "--track", "short", "--team",
+                        f"team {self.teams}")["submission"]
+
+    # --- waiting ---
+
+    def wait(self, what, condition, seconds=WAIT_S):
+        return wait_until(what, seconds, f"it stays; {self.daemon.state()}", condition, every_s=0.2)
+
+    def running(self):
+        """The id and node of a job that plays."""
+        def look():
+            claimed = {path.parent.name for path in self.shared.glob("*/leases/*/records")}
+            return [(job, node) for job, state, node in self.cluster.jobs()
+                    if state == "RUNNING" and claimed]
+        return self.wait(look, bool)[0]
+
+    def check_done(self, submission, policy, returned=None):
+        """It is done, with the same root as a local run, and no fault was counted."""
+        status = self.wait(lambda: self.ask("status", submission),
+                           lambda found: found["state"] not in ("queued", "running"))
+        self.assertEqual(status["state"], "done", (status, self.daemon.state()))
+        self.assertEqual([lease["faults"] for lease in status["leases"]], [0] * 3)
+        if returned is not None:
+            attempts = sum(lease["attempt"] for lease in status["leases"]) - 3
+            self.assertGreaterEqual(attempts, returned)
+        shown = self.ask("show", submission, "--episodes")
+        self.assertEqual(shown["merkle_root"], self.local_root(policy))
+        self.assertEqual([row["index"] for row in shown["episode_rows"]], list(range(6)))
+
+    def check_empty(self):
+        """Nothing of any lease is left: no job, no folder, no process."""
+        self.wait(self.cluster.jobs, lambda jobs: not jobs, 60)
+        self.wait(lambda: list(self.shared.glob("*/leases/*")), lambda left: not left, 60)
+
+
+class Cluster(OnSlurm):
+    """Short: in CI."""
+
+    def test_a_submission_is_played_on_nodes_with_the_same_root(self):
+        policy = POLICIES / "random"
+        submission = self.submit(policy)
+        self.check_done(submission, policy)
+        self.assertTrue(self.ask("replay", submission)["equal"], "its logs came back too")
+        self.check_empty()
+
+    def test_a_job_that_is_requeued_or_cancelled_by_hand_is_played_again(self):
+        policy = self.patient()
+        submission = self.submit(policy)
+        job, _ = self.running()
+        self.cluster.run("scontrol", "update", f"JobId={job}", "Requeue=1")
+        self.cluster.run("scontrol", "requeue", job)
+        time.sleep(1)
+        job, _ = self.running()
+        self.cluster.run("scancel", job)
+        self.check_done(submission, policy, returned=1)
+        self.check_empty()
+
+    def test_a_cancelled_submission_leaves_nothing(self):
+        submission = self.submit(self.patient())
+        self.running()
+        status = self.ask("cancel", submission, "--reason", "a mistake")
+        self.assertEqual(status["state"], "cancelled")
+        self.check_empty()
+        self.wait(lambda: self.cluster.processes_of(None),
+                  lambda found: not self.node_programs(found), 30)
+
+    @staticmethod
+    def node_programs(pids):
+        found = []
+        for pid in pids:
+            with contextlib.suppress(OSError):
+                if b"myograde-node" in pathlib.Path(f"/proc/{pid}/cmdline").read_bytes():
+                    found.append(pid)
+        return found
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
