@@ -19,7 +19,7 @@ ROOT = os.geteuid() == 0
 UID_BASE = 500000 + os.getpid() % 10000 * 8192 if ROOT else -1
 CACHE = pathlib.Path(os.environ["MYOGRADE_CACHE"])
 SECOND = 75
-TMPFS_BYTES = 512 << 10
+TMPFS_BYTES = 16 << 20
 # Of a host and its load, not of the lease.
 LOAD = {"policy_cpu_s", "wall_s", "peak_memory_bytes", "cpu_s"}
 
@@ -40,13 +40,13 @@ def records(lines):
 class Attempt:
     """A folder of the spool, and what the same lease needs for the runner alone."""
 
-    def __init__(self, world, number, folder, episodes, spool=None):
+    def __init__(self, world, number, folder, track, episodes, spool=None):
         self.spool = spool or world.spool
         self.name = f"{number}-1-{number:016x}"
         self.folder = self.spool / "leases" / self.name
         self.work = world.root / f"work-{number}"
         self.work.mkdir()
-        world.run_checked([world.tool, self.spool, self.name, "first", folder, "short", episodes,
+        world.run_checked([world.tool, self.spool, self.name, "first", folder, track, episodes,
                            CACHE, UID_BASE, self.work])
 
     def lines(self):
@@ -71,6 +71,8 @@ class Node(unittest.TestCase):
         configs = cls.root / "configs"
         shutil.copytree(SOURCE / "configs", configs)
         (configs / "tracks/short.json").write_text(json.dumps(track_config("elbow")))
+        (configs / "tracks/patient.json").write_text(json.dumps(
+            track_config("elbow", budgets={"startup_s": 600})))
         cls.environment = {
             **{key: value for key, value in os.environ.items() if not key.startswith("SLURM")},
             "MYOGRADE_CONFIG_DIR": str(configs), "MYOGRADE_BIN_DIR": str(BIN)}
@@ -92,7 +94,8 @@ class Node(unittest.TestCase):
         return done.stdout
 
     def attempt(self, policy, episodes=3, spool=None):
-        return Attempt(self, next(self.numbers), self.policies[policy], episodes, spool)
+        track = "patient" if policy == "sleeps" else "short"
+        return Attempt(self, next(self.numbers), self.policies[policy], track, episodes, spool)
 
     def start(self, attempt, **environment):
         """A node's process on an attempt; it is dead when the test is over."""
@@ -235,31 +238,33 @@ class Node(unittest.TestCase):
     def test_a_full_folder_delays_it_and_loses_nothing(self):
         disk = self.root / "disk"
         disk.mkdir()
-        subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={4 << 20}", "tmpfs", disk], check=True)
+        subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={TMPFS_BYTES}", "tmpfs", disk],
+                       check=True)
         self.addCleanup(subprocess.run, ["umount", "-l", disk], check=True)
-        attempt = self.attempt("scripted", spool=disk / "spool")
-        sleeper = self.attempt("sleeps", spool=disk / "spool")
-        node = self.start(sleeper)
-        self.until_it_plays(sleeper, node)
         filler = disk / "filler"
-        with contextlib.suppress(OSError), open(filler, "wb", buffering=0) as file:
-            while True:
-                file.write(bytes(4096))
-        size = (sleeper.folder / "records").stat().st_size
-        other = self.start(attempt)
-        time.sleep(8)
+
+        def fill():
+            with contextlib.suppress(OSError), open(filler, "wb", buffering=0) as file:
+                while True:
+                    file.write(bytes(4096))
+
+        attempt = self.attempt("scripted", episodes=60, spool=disk / "spool")
+        waiting = self.attempt("ends", spool=disk / "spool")
+        node = self.start(attempt)
+        self.until_it_plays(attempt, node)
+        fill()
+        other = self.start(waiting)
+        time.sleep(10)
         self.assertIsNone(node.poll())
         self.assertIsNone(other.poll())
-        self.assertIsNone(attempt.end())
+        self.assertEqual((attempt.end(), waiting.end()), (None, None))
         filler.unlink()
-        self.assertEqual(other.wait(timeout=300), 0)
-        alone = self.run_checked([BIN / "myograde-runner", attempt.work / "order.json"])
-        self.assertEqual(records(attempt.lines()), records(alone.splitlines()))
-        wait_until(lambda: (sleeper.folder / "records").stat().st_size > size + 8192, 120,
-                   "the records do not go on")
-        self.assertTrue(all(json.loads(line) for line in sleeper.lines()[:-1]))
-        node.send_signal(signal.SIGTERM)
-        self.expect_end(node, sleeper, 15, "preempted")
+        for one, process in ((attempt, node), (waiting, other)):
+            self.assertEqual(process.wait(timeout=300), 0)
+            self.assertEqual(one.end()["why"], "")
+            alone = self.run_checked([BIN / "myograde-runner", one.work / "order.json"])
+            self.assertEqual(records(one.lines()), records(alone.splitlines()))
+        self.assertEqual(len([*(attempt.folder / "logs").iterdir()]), 60)
 
     def test_the_proof_is_made_once_for_a_boot(self):
         words = [BIN / "myograde-node", "--prove", "--cache", CACHE, "--node-dir",
