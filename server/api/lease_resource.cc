@@ -15,7 +15,7 @@ namespace {
 constexpr int64_t kMostRecordsAtOnce = 2 << 20;
 
 std::string PathOfLease(const char* rest) {
-  return absl::StrCat("/v1/leases/([0-9a-f-]{20,64})/", rest);
+  return absl::StrCat("/v1/leases/([A-Za-z0-9-]{1,64})/", rest);
 }
 
 std::string NameOf(const httplib::Request& request) { return request.matches[1].str(); }
