@@ -32,9 +32,6 @@ constexpr long kSlowestBytes = 512;
 constexpr long kSlowestSeconds = 60;
 constexpr size_t kMostAnswer = 64u << 10;
 
-struct EasyDeleter {
-  void operator()(CURL* easy) const { curl_easy_cleanup(easy); }
-};
 struct ListDeleter {
   void operator()(curl_slist* list) const { curl_slist_free_all(list); }
 };
@@ -50,8 +47,8 @@ struct Answer {
   int file = -1;
   size_t most = kMostAnswer;
   int64_t most_file = 0;
-  std::string text;
-  absl::Status status;
+  std::string text = {};
+  absl::Status status = {};
 };
 
 size_t Take(char* bytes, size_t size, size_t count, void* self) {
@@ -144,20 +141,8 @@ struct HttpChannel::Request {
   int64_t most_file = 0;
 };
 
-// One handle, whose connection is kept open between requests.
-class HttpChannel::Connection {
- public:
-  explicit Connection(CURL* easy) : easy_(easy) {}
-  CURL* easy() const { return easy_.get(); }
-
- private:
-  std::unique_ptr<CURL, EasyDeleter> easy_;
-};
-
-HttpChannel::HttpChannel(const HttpChannelOptions& options, std::unique_ptr<Connection> connection)
-    : options_(options), connection_(std::move(connection)) {}
-
-HttpChannel::~HttpChannel() = default;
+HttpChannel::HttpChannel(const HttpChannelOptions& options, Handle easy)
+    : options_(options), easy_(std::move(easy)) {}
 
 absl::StatusOr<std::unique_ptr<HttpChannel>> HttpChannel::Open(const HttpChannelOptions& options) {
   if (!IsAllowedUrl(options.url)) {
@@ -168,14 +153,14 @@ absl::StatusOr<std::unique_ptr<HttpChannel>> HttpChannel::Open(const HttpChannel
     return absl::InvalidArgumentError("MYOGRADE_LEASE_TOKEN is not set; it must hold the lease's token");
   }
   static const CURLcode ready = curl_global_init(CURL_GLOBAL_DEFAULT);
-  CURL* easy = ready == CURLE_OK ? curl_easy_init() : nullptr;
+  Handle easy(ready == CURLE_OK ? curl_easy_init() : nullptr,
+              [](void* handle) { curl_easy_cleanup(handle); });
   if (easy == nullptr) return absl::InternalError("there is no memory for requests");
-  return std::unique_ptr<HttpChannel>(
-      new HttpChannel(options, std::make_unique<Connection>(easy)));
+  return std::unique_ptr<HttpChannel>(new HttpChannel(options, std::move(easy)));
 }
 
 absl::StatusOr<std::string> HttpChannel::Ask(Request request) {
-  CURL* const easy = connection_->easy();
+  CURL* const easy = easy_.get();
   curl_easy_reset(easy);  // keeps its connection
   const std::string url = absl::StrCat(absl::StripSuffix(options_.url, "/"), "/v1/leases/",
                                        options_.lease, request.path);

@@ -22,7 +22,6 @@ class HttpChannel : public LeaseChannel {
  public:
   // Asks nothing yet. InvalidArgumentError: the URL is of another form, or there is no token.
   static absl::StatusOr<std::unique_ptr<HttpChannel>> Open(const HttpChannelOptions& options);
-  ~HttpChannel() override;
 
   absl::StatusOr<NodeOrder> Order() override;
   absl::Status PutClaim(const NodeClaim& claim) override;
@@ -34,12 +33,13 @@ class HttpChannel : public LeaseChannel {
 
  private:
   struct Request;
-  class Connection;
-  HttpChannel(const HttpChannelOptions& options, std::unique_ptr<Connection> connection);
+  // libcurl's handle, which keeps its connection open between requests.
+  using Handle = std::unique_ptr<void, void (*)(void*)>;
+  HttpChannel(const HttpChannelOptions& options, Handle easy);
   absl::StatusOr<std::string> Ask(Request request);
 
   const HttpChannelOptions options_;
-  std::unique_ptr<Connection> connection_;
+  const Handle easy_;
 };
 
 }  // namespace myograde::server
