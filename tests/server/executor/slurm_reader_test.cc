@@ -23,7 +23,7 @@ using ::testing::SizeIs;
 
 constexpr char kName[] = "12-1-0123456789abcdef";
 constexpr absl::Duration kNow = absl::Seconds(500);
-constexpr absl::Duration kLater = kNow + LeaseReader::kPatience;
+const absl::Duration kLater = kNow + LeaseReader::kPatience;
 
 class SlurmReader : public ::testing::Test {
  protected:
