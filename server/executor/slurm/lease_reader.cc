@@ -128,8 +128,8 @@ void LeaseReader::TakeLines(const LeaseFolder& folder, absl::Duration now, Lease
       }
       trouble_since_.reset();
     }
-    if (auto* final = std::get_if<LeaseEndRecord>(&*record)) {
-      last_ = std::move(*final);
+    if (auto* last = std::get_if<LeaseEndRecord>(&*record)) {
+      last_ = std::move(*last);
     } else {
       news.records.push_back(*std::move(record));
     }

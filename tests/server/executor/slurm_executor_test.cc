@@ -225,6 +225,7 @@ TEST_F(SlurmExecutorTest, WhatComesFromAFolderThatWasAlteredIsNoResult) {
   Begin();
   auto runner = Start();
   Wait("it is submitted", [&] { return !slurm_.Lines("queue").empty(); });
+  slurm_.All("RUNNING");
   const LeaseFolder lease = Claimed(Names()[0]);
   EXPECT_TRUE(lease.WriteRecords(0, "{\"type\": \"nonsense\"}\n").ok());
   absl::Status status;
