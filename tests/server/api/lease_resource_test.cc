@@ -33,7 +33,9 @@ class LeaseResourceTest : public testing::Test {
     server_->SetAdmit([this](Connection& connection) { return guard_.AdmitBody(connection); });
     resource_.Install(routes_);
     routes_.AddErrorAnswers();
-    EXPECT_TRUE(server_->OpenNetwork({.address = "127.0.0.1"}).ok());
+    ListenConfig listen;
+    listen.address = "127.0.0.1";
+    EXPECT_TRUE(server_->OpenNetwork(listen).ok());
     EXPECT_TRUE(server_->Start(temp_ / "socket").ok());
     lease_.emplace(*spool_.MakeLease(kAttempt));
     NodeOrder order = SomeNodeOrder();

@@ -9,6 +9,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/file.h"
+#include "protocol/base/sha256.h"
 #include "server/executor/node/energy.h"
 #include "server/executor/node/folder_channel.h"
 #include "server/executor/node/node_artefacts.h"
@@ -72,7 +73,7 @@ class NodeArtefactsTest : public testing::Test {
  protected:
   // A packed submission with `content`.
   NodeArtefact Make(const std::string& content) {
-    const fs::path folder = temp_.path() / ("of " + content.substr(0, 8));
+    const fs::path folder = temp_.path() / Sha256Hex(content);
     fs::remove_all(folder);
     WriteFile(temp_ / "upload",
               TarEntry('0', "policy.json", R"({"name": "a", "command": ["./run"]})") +
