@@ -12,7 +12,8 @@ Api::Api(const ApiContext& context)
               .log = context_.access_log,
               .clock = context_.clock,
               .challenge = context_.challenge,
-              .metrics_token = context_.metrics_token}) {}
+              .metrics_token = context_.metrics_token,
+              .leases = context_.leases}) {}
 
 void Api::Install(UnixHttpServer& server) {
   server.SetOrganisers(
@@ -22,6 +23,7 @@ void Api::Install(UnixHttpServer& server) {
   Routes routes(server, guard_, context_.metrics);
   access_.Install(routes);
   host_.Install(routes);
+  leases_.Install(routes);
   metrics_.Install(routes);
   artefacts_.Install(routes);
   submissions_.Install(routes);

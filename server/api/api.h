@@ -10,6 +10,7 @@
 #include "server/api/evaluations_resource.h"
 #include "server/api/guard.h"
 #include "server/api/host_resource.h"
+#include "server/api/lease_resource.h"
 #include "server/api/more_seeds_resource.h"
 #include "server/api/metrics_resource.h"
 #include "server/api/nodes_resource.h"
@@ -48,6 +49,7 @@ class Api {
   Guard guard_;
   AccessResource access_{context_, guard_};
   HostResource host_{context_};
+  LeaseResource leases_{context_.leases};
   MetricsResource metrics_{context_};
   ArtefactsResource artefacts_{context_};
   SubmissionsResource submissions_{context_};

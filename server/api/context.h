@@ -12,6 +12,7 @@
 #include "server/challenge/phases.h"
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
+#include "server/executor/lease_door.h"
 #include "server/grading/tracks.h"
 #include "server/metrics/metrics.h"
 #include "server/pictures/pictures.h"
@@ -39,6 +40,7 @@ struct ApiContext {
   Metrics& metrics;
   WebhookSender& webhooks;
   std::string metrics_token;  // Guard::Options
+  LeaseDoor* leases = nullptr;  // likewise
   // Whether there is a challenge (server/challenge): then a user of this host is nobody until an
   // organiser says who, and organisers create the teams.
   bool challenge = false;

@@ -344,6 +344,7 @@ std::string_view HttpReason(int status) {
     case 401: return "Unauthorized";
     case 403: return "Forbidden";
     case 408: return "Request Timeout";
+    case 410: return "Gone";
     case 413: return "Content Too Large";
     case 414: return "URI Too Long";
     case 415: return "Unsupported Media Type";

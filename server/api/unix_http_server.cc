@@ -246,9 +246,20 @@ std::optional<Peer> UnixHttpServer::PeerOf(int fd) const {
   return peer;
 }
 
+void UnixHttpServer::SetBodyRule(const std::string& path, BodyRule rule) {
+  if (path.find('(') == std::string::npos) {
+    rules_[path] = std::move(rule);
+  } else {
+    pattern_rules_.emplace_back(std::regex(path), std::move(rule));
+  }
+}
+
 BodyRule UnixHttpServer::RuleOf(const RequestHead& head) const {
   const auto it = rules_.find(head.path);
   if (it != rules_.end() && head.method == "POST") return it->second;
+  for (const auto& [pattern, rule] : pattern_rules_) {
+    if (head.method == "POST" && std::regex_match(head.path, pattern)) return rule;
+  }
   return {.most = limits_.body_bytes, .types = {"application/json"}};
 }
 

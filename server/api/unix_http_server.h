@@ -12,8 +12,10 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <regex>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include <absl/status/status.h>
@@ -45,7 +47,8 @@ class UnixHttpServer : public httplib::Server {
   void SetRefusalCounter(std::function<void(int http)> count) { count_refusal_ = std::move(count); }
   // What `path` takes for a body; every other address takes JSON of `body_bytes`
   // bytes. Before Start.
-  void SetBodyRule(const std::string& path, BodyRule rule) { rules_[path] = std::move(rule); }
+  // `path` may be a pattern, as of Routes.
+  void SetBodyRule(const std::string& path, BodyRule rule);
 
   // Opens the door to the network; before Start, if at all. Errors as of NetworkDoor::Open.
   absl::Status OpenNetwork(const ListenConfig& config);
@@ -96,6 +99,7 @@ class UnixHttpServer : public httplib::Server {
   const HttpLimits limits_;
   const std::string spool_;
   std::map<std::string, BodyRule> rules_;
+  std::vector<std::pair<std::regex, BodyRule>> pattern_rules_;
   std::function<bool(const Peer&)> is_organiser_;
   std::function<std::optional<ApiError>(Connection&)> admit_;
   std::function<void(int http)> count_refusal_;

@@ -44,8 +44,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A stop is bounded: a second for the leases, then this for everything else.
+// A stop is bounded: a second for the leases, then this for everything else; a cluster's jobs are
+// cancelled in it.
 constexpr absl::Duration kLeaveWithin = absl::Seconds(3);
+constexpr absl::Duration kLeaveClusterWithin = absl::Seconds(10);
 
 // The data folder is private to the daemon: it holds the secret and everybody's submissions.
 absl::Status MakeFolders(const std::string& data) {
@@ -146,9 +148,9 @@ class NetworkGuard {
 
 // Ends the process after a while if it is still alive: everything that must be written has been,
 // and a hanging thread (on a slow disk, say) must not keep the host from shutting down.
-void EndSoon(int exit_status) {
-  std::thread([exit_status] {
-    std::this_thread::sleep_for(absl::ToChronoMilliseconds(kLeaveWithin));
+void EndSoon(int exit_status, absl::Duration within) {
+  std::thread([exit_status, within] {
+    std::this_thread::sleep_for(absl::ToChronoMilliseconds(within));
     spdlog::warn("stopped without waiting for hanging threads");
     std::_Exit(exit_status);
   }).detach();
@@ -306,7 +308,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
                config.scheduler.slots, tracks.entries().size(), phases->entries().size());
   if (config.listen.has_value()) spdlog::info("listening on {}", server.NetworkUrl());
   const absl::Status status = engine.Run();
-  EndSoon(status.ok() ? 0 : 4);
+  EndSoon(status.ok() ? 0 : 4, config.on_cluster ? kLeaveClusterWithin : kLeaveWithin);
   server_to_stop = nullptr;
   pictures.Stop();
   webhooks.Stop();

@@ -9,8 +9,8 @@ import tempfile
 import unittest
 
 BUILD = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"]).parent
-PROGRAMS = {"myograde", "myograded", "myograde-runner", "myograde-sim", "myograde-bridge", "myograde-render",
-            "myograde-unpack"}
+PROGRAMS = {"myograde", "myograded", "myograde-runner", "myograde-sim", "myograde-bridge", "myograde-node",
+            "myograde-render", "myograde-unpack"}
 
 
 class Install(unittest.TestCase):

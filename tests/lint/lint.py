@@ -86,8 +86,8 @@ RULES = {
                            "server/store/transfer.h"} | {f"server/cli/{part}" for part in (
                                "terminal", "base", "client")}, r"mujoco/|lcm/|SQLiteCpp/"),
     "server/cli/offline": ({"protocol", "scoring"} | {f"server/{part}" for part in (
-        "base", "artefact", "runtime", "sandbox", "runner", "proof", "scheduler", "store", "config",
-        "grading", "challenge", "engine", "cli")}, r"mujoco/|lcm/|SQLiteCpp/|httplib"),
+        "base", "artefact", "runtime", "sandbox", "runner", "executor/slurm/job_needs.h", "proof",
+        "scheduler", "store", "config", "grading", "challenge", "engine", "cli")}, r"mujoco/|lcm/|SQLiteCpp/|httplib"),
     "server/cli": ({"protocol/tracks/registry.h", "server/cli"},
                    r"mujoco/|lcm/|SQLiteCpp/|httplib"),
     "server": ({"protocol", "scoring", "server"}, r"mujoco/|lcm/"),
@@ -133,6 +133,7 @@ CALENDAR_USERS = {
     "server/daemon/daemon.cc": "shows when it started",
     "server/daemon/main.cc": "stamps a line of the log",
     "server/engine/engine_leases.cc": "stores when a lease will be over, for people to read",
+    "server/engine/engine_remote.cc": "stores when an attempt began and ended, for people to read",
     "server/engine/retention.cc": "compares with stored times of day",
     "server/runtime/make/make_runtime.py": "stamps a runtime",
     "server/store/store.cc": "stamps rows",

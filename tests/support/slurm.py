@@ -64,7 +64,7 @@ def missing():
     return f"Slurm is not installed (no {', '.join(lacking)})" if lacking else ""
 
 
-def _free_ports(count):
+def free_ports(count):
     """Free ports in a row: slurmd's are given as a range."""
     for first in range(20000 + os.getpid() % 20000, 60000, count):
         with contextlib.ExitStack() as stack:
@@ -89,7 +89,7 @@ class Slurm:
         self.config = self.root / "slurm.conf"
         self.environment = dict(os.environ, SLURM_CONF=str(self.config), PATH=os.pathsep.join(
             [os.environ.get("PATH", ""), "/usr/sbin", "/sbin"]))
-        port = _free_ports(nodes + 1)
+        port = free_ports(nodes + 1)
         self.config.write_text(CONFIG.format(
             cluster=f"test{os.getpid()}", host=socket.gethostname().split(".")[0], port=port,
             user=pwd.getpwuid(os.geteuid()).pw_name, root=self.root, nodes=f"n[1-{nodes}]",

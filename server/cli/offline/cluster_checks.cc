@@ -21,7 +21,8 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
-#include "server/cli/offline/slurm_commands.h"
+#include "server/cli/offline/slurm_tools.h"
+#include "server/executor/slurm/job_needs.h"
 
 namespace myograde::server {
 namespace {
@@ -31,7 +32,6 @@ constexpr int kNodeWithinSeconds = 30;
 constexpr absl::Duration kNodeDeadline = absl::Seconds(90);
 // Beyond it, times of day in logs of nodes and of the daemon can't be put together.
 constexpr double kClockSkewSeconds = 2;
-constexpr int64_t kGraderMemoryMib = 1024;
 
 constexpr char kNoLease[] = "no lease starts; what is submitted waits";
 
@@ -39,7 +39,7 @@ Check Missing(std::string name, std::string found, std::string todo) {
   return {std::move(name), CheckState::kMissing, std::move(found), kNoLease, std::move(todo)};
 }
 
-Check CommandsCheck(const SlurmCommands& slurm) {
+Check CommandsCheck(const SlurmTools& slurm) {
   std::vector<std::string> missing;
   for (const char* name : {"sbatch", "squeue", "scancel", "scontrol", "sinfo", "srun"}) {
     if (!slurm.Find(name).ok()) missing.emplace_back(name);
@@ -59,7 +59,7 @@ Check CommandsCheck(const SlurmCommands& slurm) {
           std::string(absl::StripAsciiWhitespace(version->output)), "", ""};
 }
 
-Check ControllerCheck(const SlurmCommands& slurm) {
+Check ControllerCheck(const SlurmTools& slurm) {
   const absl::StatusOr<ProgramEnd> ping = slurm.Run("scontrol", {"ping"});
   const std::string said = ping.ok() ? std::string(absl::StripAsciiWhitespace(ping->output))
                                      : std::string(ping.status().message());
@@ -73,7 +73,7 @@ Check ControllerCheck(const SlurmCommands& slurm) {
 }
 
 // Nodes of the partition that could take a job, now or later.
-Check PartitionCheck(const SlurmCommands& slurm, const SlurmConfig& config) {
+Check PartitionCheck(const SlurmTools& slurm, const SlurmConfig& config) {
   std::vector<std::string> words = {"-h", "-o", "%P|%a|%l|%D|%t"};
   if (!config.partition.empty()) words.insert(words.end(), {"-p", config.partition});
   const absl::StatusOr<ProgramEnd> sinfo = slurm.Run("sinfo", words);
@@ -117,32 +117,14 @@ Check PartitionCheck(const SlurmCommands& slurm, const SlurmConfig& config) {
 
 // What sbatch would be told of one lease's job.
 std::vector<std::string> JobOptions(const ClusterSubject& subject) {
-  const SlurmConfig& config = subject.config.slurm;
-  std::vector<std::string> words = config.extra_options;
-  const std::pair<const char*, const std::string*> texts[] = {
-      {"--partition=", &config.partition}, {"--account=", &config.account},
-      {"--qos=", &config.qos},             {"--constraint=", &config.constraint},
-      {"--reservation=", &config.reservation}};
-  for (const auto& [option, value] : texts) {
-    if (!value->empty()) words.push_back(absl::StrCat(option, *value));
-  }
-  if (config.time_limit_min > 0) words.push_back(absl::StrCat("--time=", config.time_limit_min));
-  int64_t memory = config.memory_mib;
-  int64_t cpus = config.cpus;
-  if (subject.track.has_value()) {
-    const auto& budgets = subject.track->budgets;
-    if (memory == 0) memory = (budgets.memory_bytes >> 20) + kGraderMemoryMib;
-    if (cpus == 0) cpus = std::max<int64_t>(static_cast<int64_t>(budgets.cpus), 1);
-  }
-  if (memory > 0) words.push_back(absl::StrCat("--mem=", memory, "M"));
-  if (cpus > 0) words.push_back(absl::StrCat("--cpus-per-task=", cpus));
-  words.insert(words.end(), {"--ntasks=1", "--nodes=1"});
-  return words;
+  const Budgets budgets = subject.track.has_value() ? subject.track->budgets : Budgets();
+  const absl::Duration wall = absl::Seconds(budgets.lease_wall_s) + subject.config.lease_grace;
+  return JobWords(subject.config.slurm, NeedsOf(subject.config.slurm, budgets, wall));
 }
 
 // Slurm itself says whether it would take a lease's job: partition, account, QoS, constraint,
 // reservation, memory, processors and time.
-Check JobCheck(const SlurmCommands& slurm, const ClusterSubject& subject) {
+Check JobCheck(const SlurmTools& slurm, const ClusterSubject& subject) {
   std::vector<std::string> words = JobOptions(subject);
   words.insert(words.end(), {"--test-only", "--output=/dev/null"});
   const absl::StatusOr<ProgramEnd> end =
@@ -158,7 +140,7 @@ Check JobCheck(const SlurmCommands& slurm, const ClusterSubject& subject) {
                                                     absl::StrJoin(words, " "), ")"), "", ""};
 }
 
-Check LimitsCheck(const SlurmCommands& slurm, const SlurmConfig& config) {
+Check LimitsCheck(const SlurmTools& slurm, const SlurmConfig& config) {
   const absl::StatusOr<ProgramEnd> shown = slurm.Run("scontrol", {"show", "config"});
   const auto pairs = ReadSlurmPairs(shown.ok() ? shown->output : "");
   const auto number = [&](const char* key) {
@@ -266,7 +248,7 @@ Check ClockCheck(const std::string& node, const std::string& time, double now_s)
 }
 
 // What one node has, whichever Slurm gives; srun waits a while for one.
-std::vector<Check> NodeChecks(const SlurmCommands& slurm, const ClusterSubject& subject,
+std::vector<Check> NodeChecks(const SlurmTools& slurm, const ClusterSubject& subject,
                               const std::optional<Probe>& probe) {
   const SlurmConfig& config = subject.config.slurm;
   const std::string bin = config.bin_dir.empty() ? subject.bin_dir : config.bin_dir;
@@ -322,7 +304,7 @@ std::vector<Check> ExamineCluster(const ClusterSubject& subject) {
   std::optional<Probe> probe;
   if (!config.shared_dir.empty()) probe.emplace(config.shared_dir);
   checks.push_back(FolderCheck(config, probe));
-  const SlurmCommands slurm(config.slurm_bin_dir);
+  const SlurmTools slurm(config.slurm_bin_dir);
   checks.push_back(CommandsCheck(slurm));
   if (checks.back().state == CheckState::kMissing) return checks;
   checks.push_back(ControllerCheck(slurm));

@@ -30,6 +30,7 @@
 #include "protocol/base/fd.h"
 #include "server/base/paths.h"
 #include "server/executor/node/folder_channel.h"
+#include "server/executor/node/http_channel.h"
 #include "server/executor/node/play.h"
 #include "server/executor/node/proof.h"
 #include "server/executor/spool/folder.h"
@@ -177,8 +178,14 @@ int Main(int argc, char** argv) {
                                .node_dir = node_dir,
                                .lease = lease,
                                .stop = stop.get()};
-  FolderChannel channel(Absolute(arguments.Get("--spool")), lease);
-  return PlayLease(channel, options);
+  if (arguments.values.contains("--spool")) {
+    FolderChannel channel(Absolute(arguments.Get("--spool")), lease);
+    return PlayLease(channel, options);
+  }
+  const absl::StatusOr<std::unique_ptr<HttpChannel>> channel = HttpChannel::Open(
+      {.url = arguments.Get("--url"), .lease = lease, .token = token, .ca_file = arguments.Get("--ca")});
+  if (!channel.ok()) return Trouble(channel.status());
+  return PlayLease(**channel, options);
 }
 
 }  // namespace

@@ -107,9 +107,9 @@ void LeaseReader::TakeLines(const LeaseFolder& folder, absl::Duration now, Lease
   for (size_t end; (end = lines_.find('\n', start)) != std::string::npos; start = end + 1) {
     const std::string_view line = std::string_view(lines_).substr(start, end - start);
     absl::StatusOr<LeaseRecord> record = LeaseRecordFromLine(line);
-    if (!record.ok() || saw_last_ || line.size() > kMaxRecordBytes) {
+    if (!record.ok() || last_.has_value() || line.size() > kMaxRecordBytes) {
       news.broken = absl::StrCat("the runner of lease ", name_, " printed ",
-                                 saw_last_ ? "a record after its last one"
+                                 last_.has_value() ? "a record after its last one"
                                  : record.ok() ? "a record that is too long"
                                                : absl::StrCat("what is no record: ",
                                                               record.status().message()));
@@ -128,8 +128,11 @@ void LeaseReader::TakeLines(const LeaseFolder& folder, absl::Duration now, Lease
       }
       trouble_since_.reset();
     }
-    saw_last_ = std::holds_alternative<LeaseEndRecord>(*record);
-    news.records.push_back(*std::move(record));
+    if (auto* end = std::get_if<LeaseEndRecord>(&*record)) {
+      last_ = std::move(*end);
+    } else {
+      news.records.push_back(*std::move(record));
+    }
   }
   lines_.erase(0, start);
   if (lines_.size() > kMaxRecordBytes && lines_.find('\n') == std::string::npos) {
@@ -164,6 +167,7 @@ void LeaseReader::ReadEnd(const LeaseFolder& folder, absl::Duration now, LeaseNe
     return;
   }
   delivered_ = true;
+  if (played && last_.has_value()) news.records.push_back(*last_);
   news.end = end_;
 }
 

@@ -55,7 +55,8 @@ class LeaseReader {
   bool proved_ = false;
   bool trusted_ = false;
   bool broken_ = false;
-  bool saw_last_ = false;       // the runner's last record
+  // The runner's last record, held back until the node has said that all before it is what it wrote.
+  std::optional<LeaseEndRecord> last_;
   int64_t offset_ = 0;          // of the records that were read
   std::string lines_;           // those not taken yet
   Sha256 hash_;                 // of those that were read

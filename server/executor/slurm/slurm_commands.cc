@@ -91,24 +91,14 @@ absl::StatusOr<std::string> SlurmCommands::Run(const std::string& program,
 
 absl::StatusOr<int64_t> SlurmCommands::Submit(const BatchOrder& order) const {
   // Later words win, so that no option of the config can change what the bookkeeping relies on.
-  std::vector<std::string> words = config_.extra_options;
-  const std::pair<const char*, const std::string*> places[] = {
-      {"--partition=", &config_.partition}, {"--account=", &config_.account},
-      {"--qos=", &config_.qos},             {"--constraint=", &config_.constraint},
-      {"--reservation=", &config_.reservation}};
-  for (const auto& [option, value] : places) {
-    if (!value->empty()) words.push_back(option + *value);
-  }
+  std::vector<std::string> words = JobWords(config_, order.needs);
   if (!order.exclude.empty()) {
     words.push_back(absl::StrCat("--exclude=", absl::StrJoin(order.exclude, ",")));
   }
   for (std::string word : {
            std::string("--parsable"), absl::StrCat("--array=0-", order.tasks - 1),
            absl::StrCat("--job-name=", job_name_), absl::StrCat("--comment=", order.batch),
-           std::string("--no-requeue"), std::string("--export=NONE"), std::string("--nodes=1"),
-           std::string("--ntasks=1"), absl::StrCat("--cpus-per-task=", order.needs.cpus),
-           absl::StrCat("--mem=", order.needs.memory_mib, "M"),
-           absl::StrCat("--time=", order.needs.minutes), std::string("--chdir=/"),
+           std::string("--no-requeue"), std::string("--export=NONE"), std::string("--chdir=/"),
            std::string("--output=/dev/null"), std::string("--error=/dev/null")}) {
     words.push_back(std::move(word));
   }

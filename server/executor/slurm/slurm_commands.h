@@ -11,18 +11,10 @@
 #include <absl/time/time.h>
 
 #include "server/config/slurm_config.h"
+#include "server/executor/slurm/job_needs.h"
 #include "server/executor/slurm/job_state.h"
 
 namespace myograde::server {
-
-// What a lease's job needs of its node. Leases with equal needs can share a job array.
-struct JobNeeds {
-  int64_t minutes = 0;
-  int64_t memory_mib = 0;
-  int64_t cpus = 0;
-
-  bool operator==(const JobNeeds&) const = default;
-};
 
 // A job array to submit.
 struct BatchOrder {

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cmath>
 #include <csignal>
 #include <cstring>
 #include <utility>
@@ -21,11 +20,6 @@
 namespace myograde::server {
 namespace {
 
-constexpr double kMiB = 1 << 20;
-// For the simulator, the runner and the node's program.
-constexpr int64_t kGraderMiB = 1024;
-// For a node to prove itself, fetch and unpack, beside the lease's own time.
-constexpr absl::Duration kAround = absl::Minutes(10);
 constexpr absl::Duration kJudgeEvery = absl::Milliseconds(100);
 // A thread that is busy with one thing for so long hangs.
 constexpr absl::Duration kHangs = absl::Seconds(30);
@@ -111,23 +105,6 @@ void SlurmExecutor::Wake() const {
   }
 }
 
-JobNeeds SlurmExecutor::NeedsOf(const LeaseOrder& order, const LeaseSubject& subject) const {
-  const SlurmConfig& config = options_.config;
-  const Budgets& budgets = order.track.budgets;
-  JobNeeds needs{config.time_limit_min, config.memory_mib, config.cpus};
-  if (needs.minutes == 0) {
-    needs.minutes = static_cast<int64_t>(
-        std::ceil(absl::ToDoubleMinutes(subject.wall + kAround)));
-  }
-  if (needs.memory_mib == 0) {
-    const auto bytes = static_cast<double>(budgets.memory_bytes + budgets.scratch_bytes);
-    needs.memory_mib = static_cast<int64_t>(std::ceil(bytes / kMiB)) + kGraderMiB;
-  }
-  // Policy and simulator take turns.
-  if (needs.cpus == 0) needs.cpus = std::max<int64_t>(1, std::llround(std::ceil(budgets.cpus)));
-  return needs;
-}
-
 absl::StatusOr<std::unique_ptr<Runner>> SlurmExecutor::Start(const LeaseOrder& order,
                                                              const LeaseSubject& subject) {
   if (!order.replay.empty() || subject.artefact.empty()) {
@@ -138,7 +115,7 @@ absl::StatusOr<std::unique_ptr<Runner>> SlurmExecutor::Start(const LeaseOrder& o
   auto attempt = std::make_shared<Attempt>();
   attempt->name = absl::StrCat(subject.lease, "-", subject.attempt, "-", *nonce);
   attempt->evaluation = subject.evaluation;
-  attempt->needs = NeedsOf(order, subject);
+  attempt->needs = NeedsOf(options_.config, order.track.budgets, subject.wall);
   attempt->artefact = subject.artefact;
   attempt->artefact_dir = order.artefact_dir;
   NodeOrder& sent = attempt->order;
@@ -184,7 +161,8 @@ void SlurmExecutor::Release(Attempt& attempt) {
 
 bool SlurmExecutor::IsGone(const Attempt& attempt) const {
   const MutexLock lock(mutex_);
-  return attempt.released && jobs_.gone(attempt.name, Now());
+  // Its node's last word, or the cluster's.
+  return attempt.end.has_value() || (attempt.released && jobs_.gone(attempt.name, Now()));
 }
 
 void SlurmExecutor::Attend() {

@@ -109,7 +109,6 @@ class SlurmExecutor : public Executor {
 
   explicit SlurmExecutor(SlurmOptions options, std::string epoch);
   absl::Status Begin();
-  JobNeeds NeedsOf(const LeaseOrder& order, const LeaseSubject& subject) const;
   void Wake() const;
   absl::Duration Now() const;
 

@@ -21,7 +21,7 @@ class SlurmRunner : public Runner {
   int stderr_fd() const override { return -1; }
   absl::StatusOr<std::vector<LeaseRecord>> Read() override;
   bool finished() override;
-  // The job has ended, as the cluster says; or a minute has passed since it was to end, and the
+  // Its node has said its last word, or its job has ended, as the cluster says; or a minute has passed since it was to end, and the
   // executor goes on by itself.
   bool dead() override;
   void AskToEnd() override { executor_.Release(*attempt_); }

@@ -90,7 +90,7 @@ class SlurmExecutorTest : public ::testing::Test {
       fs::create_directory(folder_.path() / part);
     }
     WriteArchive(folder_ / "upload",
-                 {{"policy.json", R"({"name": "a", "command": ["./run"]})"}, {"run", "#!/bin/sh\n"}});
+                 {{"policy.json", R"({"name": "a", "command": ["./run"]})"}, {"run", "#!/bin/sh\n", AE_IFREG | 0755}});
     const auto artefact = UnpackArtefact(folder_ / "upload", folder_ / "artefact", {});
     EXPECT_TRUE(artefact.ok()) << artefact.status();
     digest_ = artefact->digest;
@@ -141,7 +141,7 @@ class SlurmExecutorTest : public ::testing::Test {
     EXPECT_TRUE(lease.PutClaim({"n1", "1_0", 0, std::string(16, 'a')}).ok());
     NodeProof proof;
     proof.node = "n1";
-    proof.processor = "test";
+    proof.processor = proof.kernel = proof.version = "test";
     proof.grader = build;
     EXPECT_TRUE(lease.PutProof(proof).ok());
     return lease;

@@ -14,10 +14,10 @@
 namespace myograde::server {
 
 // What a command prints; an error says how it failed, with its last line.
-class SlurmCommands {
+class SlurmTools {
  public:
   // `folder`: of the commands; "": found in PATH.
-  explicit SlurmCommands(std::string folder) : folder_(std::move(folder)) {}
+  explicit SlurmTools(std::string folder) : folder_(std::move(folder)) {}
 
   // NotFoundError: there is no such command.
   absl::StatusOr<std::string> Find(const std::string& name) const;

@@ -1,4 +1,4 @@
-#include "server/cli/offline/slurm_commands.h"
+#include "server/cli/offline/slurm_tools.h"
 
 #include <unistd.h>
 
@@ -15,14 +15,14 @@ constexpr size_t kMostOutput = 16u << 20;  // sinfo of a large cluster
 
 }  // namespace
 
-absl::StatusOr<std::string> SlurmCommands::Find(const std::string& name) const {
+absl::StatusOr<std::string> SlurmTools::Find(const std::string& name) const {
   if (folder_.empty()) return FindProgram(name);
   std::string path = absl::StrCat(folder_, "/", name);
   if (access(path.c_str(), X_OK) == 0) return path;
   return absl::NotFoundError(absl::StrCat("there is no program ", path));
 }
 
-absl::StatusOr<ProgramEnd> SlurmCommands::Run(const std::string& name,
+absl::StatusOr<ProgramEnd> SlurmTools::Run(const std::string& name,
                                               const std::vector<std::string>& words,
                                               absl::Duration deadline,
                                               const std::string& input) const {

@@ -1,0 +1,151 @@
+#include "server/api/lease_resource.h"
+
+#include <functional>
+#include <memory>
+#include <utility>
+
+#include <absl/strings/str_cat.h>
+
+#include "server/api/requests.h"
+
+namespace myograde::server {
+namespace {
+
+// Nodes send at most half of it at once.
+constexpr int64_t kMostRecordsAtOnce = 2 << 20;
+
+std::string PathOfLease(const char* rest) {
+  return absl::StrCat("/v1/leases/([A-Za-z0-9-]{1,64})/", rest);
+}
+
+std::string NameOf(const httplib::Request& request) { return request.matches[1].str(); }
+
+// What the door says, to a node.
+ApiError RefusalOf(const absl::Status& status) {
+  const std::string message(status.message());
+  if (absl::IsNotFound(status)) return {410, "lease_over", message};
+  if (absl::IsAlreadyExists(status)) return {409, "claimed", message};
+  return ErrorOf(status);
+}
+
+ApiResult Done(const absl::Status& status) {
+  if (!status.ok()) return RefusalOf(status);
+  return ApiAnswer{200, nlohmann::json::object()};
+}
+
+// The body as a form of the node's, which `put` takes.
+template <typename Form>
+ApiResult TakeForm(absl::StatusOr<Form> (*parse)(std::string_view, const std::string&),
+                   const std::function<absl::Status(const Form&)>& put) {
+  const absl::StatusOr<std::string> body = UnixHttpServer::RequestBody().Text();
+  if (!body.ok()) return ErrorOf(body.status());
+  const absl::StatusOr<Form> form = parse(*body, "request");
+  if (!form.ok()) return ErrorOf(form.status());
+  return Done(put(*form));
+}
+
+}  // namespace
+
+void LeaseResource::Install(Routes& routes) {
+  using Self = LeaseResource;
+  const BodyRule form = {.most = static_cast<int64_t>(kMostFormBytes),
+                         .types = {"application/json"}};
+  const auto add = [&](const char* rest, const BodyRule& rule,
+                       ApiResult (Self::*handle)(const httplib::Request&) const) {
+    routes.PostUpload(PathOfLease(rest), Action::kPlayLease, rule, std::bind_front(handle, this));
+  };
+  routes.Get(PathOfLease("order"), Action::kPlayLease, std::bind_front(&Self::GetOrder, this));
+  routes.GetFile(PathOfLease("artefact"), Action::kPlayLease,
+                 std::bind_front(&Self::GetArtefact, this));
+  add("claim", form, &Self::TakeClaim);
+  add("proof", form, &Self::TakeProof);
+  add("records", {.most = kMostRecordsAtOnce, .types = {"application/octet-stream"}},
+      &Self::TakeRecords);
+  add("logs/([0-9a-f]{64})",
+      {.most = door_ == nullptr ? kMostRecordsAtOnce : door_->most_log_bytes(),
+       .upload = true,
+       .types = {"application/octet-stream"}},
+      &Self::TakeLog);
+  add("end", form, &Self::TakeEnd);
+}
+
+std::optional<ApiError> LeaseResource::CheckCaller(const httplib::Request& request) const {
+  if (door_ != nullptr && Caller().lease == NameOf(request)) return std::nullopt;
+  return ApiError{404, "not_found",
+                  absl::StrCat("there is no such attempt of a lease for you; only the node that "
+                               "plays it may ask, with the token of attempt ", NameOf(request))};
+}
+
+ApiResult LeaseResource::GetOrder(const httplib::Request& request) const {
+  if (auto error = CheckCaller(request)) return *std::move(error);
+  absl::StatusOr<std::string> text = door_->OrderText(NameOf(request));
+  if (!text.ok()) return RefusalOf(text.status());
+  ApiAnswer answer;
+  answer.text = std::make_shared<const std::string>(*std::move(text) + "\n");
+  return answer;
+}
+
+std::optional<ApiError> LeaseResource::GetArtefact(const httplib::Request& request,
+                                                   httplib::Response& response) const {
+  if (auto error = CheckCaller(request)) return error;
+  const absl::StatusOr<std::string> path = door_->ArtefactPath(NameOf(request));
+  if (!path.ok()) return RefusalOf(path.status());
+  UnixHttpServer::AllowUploadTime();
+  absl::Status status = UnixHttpServer::AnswerWithFile(*path, "application/x-tar", response);
+  if (!status.ok()) return RefusalOf(status);
+  response.set_header("Cache-Control", "no-store");
+  response.set_header("X-Content-Type-Options", "nosniff");
+  return std::nullopt;
+}
+
+ApiResult LeaseResource::TakeClaim(const httplib::Request& request) const {
+  if (auto error = CheckCaller(request)) return *std::move(error);
+  return TakeForm<NodeClaim>(NodeClaimFromText, [&](const NodeClaim& claim) {
+    return door_->PutClaim(NameOf(request), claim);
+  });
+}
+
+ApiResult LeaseResource::TakeProof(const httplib::Request& request) const {
+  if (auto error = CheckCaller(request)) return *std::move(error);
+  return TakeForm<NodeProof>(NodeProofFromText, [&](const NodeProof& proof) {
+    return door_->PutProof(NameOf(request), proof);
+  });
+}
+
+ApiResult LeaseResource::TakeRecords(const httplib::Request& request) const {
+  if (auto error = CheckCaller(request)) return *std::move(error);
+  int64_t offset = -1;
+  absl::Status status = CheckParameters(request, {"offset"});
+  status.Update(ReadNumber(request, "offset", kMostRecordBytes, offset, /*min=*/0));
+  if (status.ok() && offset < 0) {
+    status = absl::InvalidArgumentError("\"offset\" is missing: where in the records these belong");
+  }
+  if (!status.ok()) return ErrorOf(status);
+  const absl::StatusOr<std::string> bytes = UnixHttpServer::RequestBody().Text();
+  if (!bytes.ok()) return ErrorOf(bytes.status());
+  const absl::StatusOr<RecordsState> state =
+      door_->AddRecords(NameOf(request), offset, *bytes);
+  if (!state.ok()) return RefusalOf(state.status());
+  return ApiAnswer{200, {{"size", state->size}, {"taken", state->taken}, {"stop", state->stop}}};
+}
+
+ApiResult LeaseResource::TakeLog(const httplib::Request& request) const {
+  if (auto error = CheckCaller(request)) return *std::move(error);
+  const Body& body = UnixHttpServer::RequestBody();
+  int64_t at = 0;
+  const ByteSource source = [&](char* to, size_t size) {
+    const ssize_t n = body.ReadAt(to, size, at);
+    if (n > 0) at += n;
+    return n;
+  };
+  return Done(door_->PutLog(NameOf(request), request.matches[2].str() + ".lcmlog.zst", source));
+}
+
+ApiResult LeaseResource::TakeEnd(const httplib::Request& request) const {
+  if (auto error = CheckCaller(request)) return *std::move(error);
+  return TakeForm<NodeEnd>(NodeEndFromText, [&](const NodeEnd& end) {
+    return door_->PutEnd(NameOf(request), end);
+  });
+}
+
+}  // namespace myograde::server
