@@ -97,9 +97,9 @@ class ClusterTest(CliCase):
         self.assertRegex(host, r"(?m)^n1 +77_1 +7 +41 ")
         self.assertRegex(host, r"(?m)^waits +77_2 +7 +42 ")
         one = myograde("status", "7", *at).stdout
-        self.assertRegex(one, r"(?m)^41 +0\.\.9 +running +n1 +77_1 ")
-        self.assertRegex(one, r"(?m)^42 +0\.\.9 +waits for a node +- +77_2 ")
-        self.assertRegex(one, r"(?m)^41 +1 +n9 +76_1 .* 1234 J +returned$")
+        self.assertRegex(one, r"(?m)^ *41 +0\.\.9 +running +n1 +77_1 ")
+        self.assertRegex(one, r"(?m)^ *42 +0\.\.9 +waits for a node +- +77_2 ")
+        self.assertRegex(one, r"(?m)^ *41 +1 +n9 +76_1 .* 1234 J +returned$")
 
     def test_status_of_a_host_is_as_it_was(self):
         lease = {**LEASE, "job": None, "attempts": [
