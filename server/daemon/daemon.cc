@@ -281,6 +281,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
            .metrics = *metrics,
            .webhooks = webhooks,
            .metrics_token = configs.metrics_token,
+           .leases = hosts->door,
            .challenge = phases->any(),
            .clock = clock,
            .started_at = clock.Now(),
