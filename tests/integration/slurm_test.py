@@ -111,18 +111,6 @@ class Cluster(OnSlurm):
         self.assertTrue(self.ask("replay", submission)["equal"], "its logs came back too")
         self.check_empty()
 
-    def test_a_job_that_is_requeued_or_cancelled_by_hand_is_played_again(self):
-        policy = self.patient()
-        submission = self.submit(policy)
-        job, _ = self.running()
-        self.cluster.run("scontrol", "update", f"JobId={job}", "Requeue=1")
-        self.cluster.run("scontrol", "requeue", job)
-        time.sleep(1)
-        job, _ = self.running()
-        self.cluster.run("scancel", job)
-        self.check_done(submission, policy, returned=1)
-        self.check_empty()
-
     def test_a_cancelled_submission_leaves_nothing(self):
         submission = self.submit(self.patient())
         self.running()

@@ -15,6 +15,18 @@ from system import BIN, POLICIES
 class Nodes(slurm_test.OnSlurm):
     """Nodes and jobs that end, and come back."""
 
+    def test_a_job_that_is_requeued_or_cancelled_by_hand_is_played_again(self):
+        policy = self.patient()
+        submission = self.submit(policy)
+        job, _ = self.running()
+        self.cluster.run("scontrol", "update", f"JobId={job}", "Requeue=1")
+        self.cluster.run("scontrol", "requeue", job)
+        time.sleep(1)
+        job, _ = self.running()
+        self.cluster.run("scancel", job)
+        self.check_done(submission, policy, returned=1)
+        self.check_empty()
+
     def test_a_node_that_dies_costs_a_replay_elsewhere(self):
         policy = self.patient()
         submission = self.submit(policy)
