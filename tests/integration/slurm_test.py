@@ -3,7 +3,6 @@ host, whatever fails on the way."""
 
 import contextlib
 import pathlib
-import time
 import unittest
 
 from support import slurm
