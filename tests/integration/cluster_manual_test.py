@@ -96,7 +96,7 @@ class ClusterManual(unittest.TestCase):
         result = self.ask("show 1")
         local = self.ask("local scripted-elbow --track elbow --slots 2")
         self.assertEqual(result["merkle_root"], local["merkle_root"])
-        self.type('myograde cluster drain node1 --why "new disks"\nmyograde cluster admit node1\n')
+        self.type('myograde cluster drain node1 --reason "new disks"\nmyograde cluster admit node1\n')
         self.type(steps[7])
         self.assertFalse(list((self.folder / "shared").glob("*/leases/*")))
 
