@@ -55,7 +55,7 @@ class Nodes(slurm_test.OnSlurm):
         self.check_empty()
 
     def test_a_job_at_its_time_limit_is_a_fault_that_names_it(self):
-        policy = self.patient(150)
+        policy = self.patient(550)
         submission = self.submit(policy)
         job, _ = self.running()
         said = self.cluster.run("scontrol", "update", f"JobId={job}", "TimeLimit=1")
