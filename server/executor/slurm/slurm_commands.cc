@@ -36,7 +36,7 @@ std::string Said(const std::string& program, const ProgramEnd& end) {
 }
 
 // Whether a failed sbatch leaves no doubt that there is no job: it reached the cluster and was
-// refused, or could not even begin.
+// refused, or could not even begin. Without a word it may have been ended after it was heard.
 bool IsRefusal(const std::string& said) {
   for (const char* doubt : {"Unable to contact", "timed out", "Socket", "socket", "onnection",
                             "Zero Bytes", "Communication", "communication"}) {
@@ -84,9 +84,8 @@ absl::StatusOr<std::string> SlurmCommands::Run(const std::string& program,
   if (end->exit_status == 0) return std::move(end->output);
   const std::string said = Said(program, *end);
   const std::string message = absl::StrCat(program, ": ", said);
-  // Killed, it may have been heard before.
-  return end->exit_status < 128 && IsRefusal(said) ? absl::FailedPreconditionError(message)
-                                                   : absl::UnavailableError(message);
+  const bool refused = end->exit_status < 128 && !end->LastError().empty() && IsRefusal(said);
+  return refused ? absl::FailedPreconditionError(message) : absl::UnavailableError(message);
 }
 
 absl::StatusOr<int64_t> SlurmCommands::Submit(const BatchOrder& order) const {

@@ -77,8 +77,10 @@ TEST_F(SlurmCommandsTest, ARefusalIsToldFromALostAnswer) {
   Install("sbatch", "echo 'sbatch: error: Batch job submission failed: Unable to contact slurm "
                     "controller (connect failure)' >&2; exit 1");
   EXPECT_TRUE(absl::IsUnavailable(Commands().Submit(order_).status()));
-  Install("sbatch", "kill -9 $$");
-  EXPECT_TRUE(absl::IsUnavailable(Commands().Submit(order_).status()));
+  for (const char* speechless : {"kill -9 $$", "exit 1"}) {
+    Install("sbatch", speechless);
+    EXPECT_TRUE(absl::IsUnavailable(Commands().Submit(order_).status())) << speechless;
+  }
   Install("sbatch", "echo done");
   EXPECT_TRUE(absl::IsInternal(Commands().Submit(order_).status()));
 }
