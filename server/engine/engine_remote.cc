@@ -5,6 +5,17 @@
 #include "server/engine/engine_core.h"
 
 namespace myograde::server {
+namespace {
+
+// Writes what people are told and no decision hangs on: if the store refuses it, nothing else is lost.
+absl::Status Note(Writer& writer, const std::function<absl::Status(Writer&)>& note) {
+  absl::Status written = writer.Part(note);
+  if (written.ok() || MayPass(written)) return written;
+  spdlog::error("not recorded: {}", std::string(written.message()));
+  return absl::OkStatus();
+}
+
+}  // namespace
 
 bool EngineCore::MayStart() const { return host_.may_start() && executor_trouble_.empty(); }
 
@@ -15,11 +26,8 @@ void EngineCore::AttendExecutor() {
   for (const DrainedNode& drained : executor_.TakeDrained()) {
     spdlog::error("node {} gets no more leases: {}", drained.node, drained.why);
     AddToJournal(0, [drained, who = owner_](Writer& writer) {
-      // Nothing else hangs on it: the executor knows it already.
-      const absl::Status kept = writer.Part(
-          [&](Writer& part) { return part.DrainNode(drained.node, drained.why, who); });
-      if (!kept.ok()) spdlog::error("{}", std::string(kept.message()));
-      return absl::OkStatus();
+      return Note(writer,
+                  [&](Writer& part) { return part.DrainNode(drained.node, drained.why, who); });
     });
   }
   const MutexLock lock(mutex_);
@@ -98,7 +106,9 @@ void EngineCore::Account(const LeaseRun& run, RunEnd how) {
                            .energy_j = site.energy_j,
                            .how = how};
   metrics().CountUse(run.context->track_name, site.cpu_s, site.energy_j.value_or(0));
-  AddToJournal(run.context->evaluation, [row](Writer& writer) { return writer.RecordLeaseRun(row); });
+  AddToJournal(run.context->evaluation, [row](Writer& writer) {
+    return Note(writer, [&](Writer& part) { return part.RecordLeaseRun(row); });
+  });
 }
 
 void EngineCore::ReclaimAs(int64_t lease, RunEnd how) {
