@@ -1,6 +1,7 @@
 """What goes wrong on a cluster, on a real one: a lease counts once, nobody waits for ever, and the
 results are the undisturbed ones."""
 
+import contextlib
 import os
 import signal
 import struct
@@ -152,18 +153,23 @@ class Disks(slurm_test.OnSlurm):
             raise unittest.SkipTest(f"this host can't mount a disk: {made.stderr.strip()}")
         cls.addClassCleanup(subprocess.run, ["umount", "-l", cls.shared], check=False)
 
+    @staticmethod
+    def fill(path):
+        """To the last block: what was set aside for a write comes back when it has been made."""
+        with open(path, "wb", buffering=0) as file:
+            for size in (1 << 20, 4096, 4096, 4096):
+                with contextlib.suppress(OSError):
+                    while True:
+                        file.write(bytes(size))
+                with contextlib.suppress(OSError):
+                    os.fsync(file.fileno())
+
     def test_a_full_folder_is_said_and_costs_no_fault(self):
         policy = self.patient()
         first = self.submit(policy)
         self.running()
         filler = self.shared / "filler"
-        with open(filler, "wb") as file:
-            try:
-                while True:
-                    file.write(bytes(1 << 20))
-                    file.flush()
-            except OSError:
-                pass
+        self.fill(filler)
         try:
             second = self.submit(POLICIES / "random")
             self.wait(self.daemon.log, lambda log: "No space left" in log, 120)
