@@ -135,13 +135,15 @@ class EveryAddress(AccessCase):
         own = self.evaluation if "evaluations" in path else self.submission
         takes_nothing = path.endswith(("/cancel", "/choose", "/rerun"))
         body = None if method in ("GET", "DELETE") else {} if takes_nothing else WRONG
+        if method == "POST" and "/leases/" in path and path.endswith(("/records", "/HASH")):
+            body = b"no records"
         here = path.replace("ID", str(own)).replace("HASH", self.log).replace("NAME", "alpha")
         gone = path.replace("ID", str(MISSING)).replace("HASH", NO_HASH).replace("NAME", "nobody")
         return [(here, body), (gone, body)]
 
     def ask(self, caller, method, request):
         path, body = request
-        kind = "application/x-tar" if isinstance(body, bytes) else None
+        kind = "application/octet-stream" if isinstance(body, bytes) else None
         return self.ask_as(self.tokens[caller], method, path, body, kind)
 
     def anonymous(self, text):
