@@ -128,16 +128,31 @@ const std::array<size_t, kMuscles>& SortedPlaces() {
   return places;
 }
 
+std::array<double, kLengthJoints> MuscleTorques(const MuscleState& state) {
+  std::array<double, kLengthJoints> torques{};
+  for (int i = 0; i < kMuscles; ++i) {
+    const Muscle& muscle = Muscles()[i];
+    std::array<double, kMostJoints> arms{};
+    muscle.terms.AddSlopes(muscle.weights, state.angles, arms);
+    const Pull pull = PullOf(muscle.parameters, state.length[i], state.velocity[i]);
+    for (int j = 0; j < muscle.terms.joints(); ++j) {
+      torques[muscle.terms.joint(j)] -=
+          arms[j] * (pull.active * state.activation[i] + pull.passive);
+    }
+  }
+  return torques;
+}
+
 void MuscleAllocator::Allocate(const MuscleState& state, const TorqueGoal& goal,
                                std::span<double, kMuscles> excitations) {
   // Torque of each muscle at full activation, and what is missing of the goal.
-  std::array<std::array<double, 5>, kMuscles> torque{};
+  std::array<std::array<double, kMostJoints>, kMuscles> torque{};
   std::array<double, kLengthJoints> missing = goal.torque;
   std::array<Bounds, kMuscles> bounds;
   const std::vector<Muscle>& muscles = Muscles();
   for (int i = 0; i < kMuscles; ++i) {
     const Muscle& muscle = muscles[i];
-    std::array<double, 6> arms{};
+    std::array<double, kMostJoints> arms{};
     muscle.terms.AddSlopes(muscle.weights, state.angles, arms);
     const Pull pull = PullOf(muscle.parameters, state.length[i], state.velocity[i]);
     bounds[i] = Reachable(state.activation[i]);

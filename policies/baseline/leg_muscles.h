@@ -27,6 +27,9 @@ struct TorqueGoal {
   std::array<double, kLengthJoints> weight{};
 };
 
+// What the muscles' present activations make of torque around each joint, in N m.
+std::array<double, kLengthJoints> MuscleTorques(const MuscleState& state);
+
 // Turns wanted torques into excitations, step by step: it remembers its last answer, which the next
 // search starts from.
 class MuscleAllocator {

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace myograde::baseline {
@@ -10,11 +11,12 @@ namespace myograde::baseline {
 // The joints of the walker's table, in its order: right hip (flexion, adduction, rotation), left hip
 // (the same), left knee, ankle, subtalar joint and toes.
 inline constexpr int kLengthJoints = 10;
+inline constexpr int kMostJoints = 5;  // that one muscle crosses
 
 // The monomials of first to third order over some of those joints.
 class LengthTerms {
  public:
-  // `joints`: indices of joints, at most five, ascending.
+  // `joints`: indices of joints, ascending, at most kMostJoints.
   explicit LengthTerms(std::vector<int> joints) : joints_(std::move(joints)) {
     const int n = static_cast<int>(joints_.size());
     for (int a = 0; a < n; ++a) factors_.push_back({a, n, n});
@@ -37,7 +39,7 @@ class LengthTerms {
   void AddSlopes(std::span<const double> weights, std::span<const double> angles,
                  std::span<double> arms) const {
     const int n = joints();
-    std::array<double, 6> x{};
+    std::array<double, kMostJoints + 1> x{};
     for (int j = 0; j < n; ++j) x[j] = angles[joints_[j]];
     x[n] = 1;  // what a term of lower order is multiplied with
     for (int t = 0; t < size(); ++t) {

@@ -27,6 +27,7 @@ constexpr double kSocketTouch = 120;  // N of compression in the socket
 constexpr double kHeading = -std::numbers::pi / 2;
 constexpr double kApart = 0.1;        // m between the feet of a walking body
 constexpr double kLongestStart = 1;   // s
+constexpr double kFarAside = 0.7;     // m beside the line
 constexpr double kLargestTurn = 0.5;  // rad from the course's direction
 
 double Sign(bool right) { return right ? 1.0 : -1.0; }
@@ -40,7 +41,7 @@ std::array<LegImpedance, kLegModes> Walker::LegModes() const {
   LegImpedance push = stance;
   push.ankle_stiffness = p_[kLegPushStiffness];
   push.ankle_target = p_[kLegPush];
-  const double toes_up = 30, toes_damping = 1;
+  const double toes_up = p_[kLegAnkleSwingStiffness], toes_damping = toes_up / 30;
   const LegImpedance flex = {p_[kLegKneeSwingStiffness], p_[kLegKneeSwingDamping],
                              p_[kLegKneeSwing],          toes_up,
                              toes_damping,               p_[kLegAnkleSwing]};
@@ -94,7 +95,9 @@ void Walker::Sense(std::span<const double, kWalkerObservation> observation) {
   body_.yaw = Wrapped(yaw - wanted);
   const double vx = observation[kPlaceVelocity], vy = observation[kPlaceVelocity + 1];
   body_.vx = std::cos(yaw) * vx + std::sin(yaw) * vy;
-  body_.vy = -std::sin(yaw) * vx + std::cos(yaw) * vy;
+  const double aside = std::clamp(beside, -kFarAside, kFarAside);
+  body_.vy = -std::sin(yaw) * vx + std::cos(yaw) * vy + p_[kDrift] * aside +
+             p_[kCrab] * body_.vx * std::sin(Wrapped(yaw - kHeading));
   PlaceFeet(tilt);
   body_.touching_left = observation[kFootForce] + observation[kFootForce + 1] > kTouch;
   const auto socket = observation.subspan<kSocketForce, 3>();
@@ -133,10 +136,10 @@ void Walker::Advance() {
   if (starting_) {
     if (body_.x_left < p_[kStartPlace] && since_ < kLongestStart) return;
     starting_ = false;
-    since_ = p_[kLegPushTime];  // the leg has nothing to push off from
+    since_ = p_[kDoubleTime] + p_[kLegPushTime];  // the leg has nothing to push off from
   }
   const bool left = swing_ == Side::kLeft;
-  const double time = p_[left ? kSwingTimeLeft : kSwingTimeRight];
+  const double time = p_[kDoubleTime] + p_[left ? kSwingTimeLeft : kSwingTimeRight];
   const bool touching = left ? body_.touching_left : body_.touching_right;
   if ((touching && since_ > 0.6 * time) || since_ > 2 * time) {
     swing_ = left ? Side::kRight : Side::kLeft;
@@ -159,13 +162,13 @@ void Walker::ControlTrunk(Side stance, double part, TorqueGoal& goal) const {
   if (!(right ? body_.touching_right : body_.touching_left)) {
     goal.torque[hip] = -p_[kSwingDamping] * velocity_[hip];
     Pull(goal, hip + 1, 0, p_[kSideStiffness], p_[kSideDamping], 1);
-    Pull(goal, hip + 2, 0, p_[kSideStiffness] / 3, p_[kSideDamping] / 3, 1);
+    Turn(goal, hip, 0, 0);
     return;
   }
   const double lean = p_[kPitchStiffness] * (body_.pitch - p_[starting_ ? kStartPitch : kPitch]) +
                       p_[kPitchDamping] * body_.pitch_rate;
   const int other = right ? kHipLeft : kHipRight;
-  const double reaction = starting_ ? 0 : p_[kSwingReaction] * goal.torque[other];
+  const double reaction = starting_ || BothStand() ? 0 : p_[kSwingReaction] * goal.torque[other];
   goal.torque[hip] = -part * lean - reaction;
   if (!starting_) {
     goal.torque[hip] -= p_[right ? kHipPushRight : kHipPushLeft] +
@@ -175,13 +178,15 @@ void Walker::ControlTrunk(Side stance, double part, TorqueGoal& goal) const {
   goal.torque[hip + 1] =
       part * (Sign(right) * (p_[kRollStiffness] * roll + p_[kRollDamping] * body_.roll_rate) -
               p_[right ? kHipLiftRight : kHipLiftLeft]);
-  if (starting_) {
-    Pull(goal, hip + 2, 0, p_[kSideStiffness] / 3, p_[kSideDamping] / 3, 1);
-    return;
-  }
-  const double turn = std::clamp(body_.yaw, -p_[kYawLimit], p_[kYawLimit]);
-  goal.torque[hip + 2] =
-      part * Sign(right) * (p_[kYawStiffness] * turn + p_[kYawDamping] * body_.yaw_rate);
+  if (starting_) Pull(goal, hip + 1, 0, p_[kStartSide], p_[kStartSideDamping], 1);
+  Turn(goal, hip, starting_ ? 0 : p_[kTurnStance], p_[kTurnBias]);
+}
+
+// Turns the thigh of `hip` by `part` of what the body is beside its heading, and by `bias`.
+void Walker::Turn(TorqueGoal& goal, int hip, double part, double bias) const {
+  const double turn =
+      std::clamp(part * body_.yaw - bias, -p_[kTurnLimit], p_[kTurnLimit]);
+  Pull(goal, hip + 2, Sign(hip == kHipRight) * turn, p_[kTurnStiffness], p_[kTurnDamping], 1);
 }
 
 // The swinging thigh goes to where the foot has to land, seen from the world and not the trunk.
@@ -201,13 +206,13 @@ void Walker::ControlSwingHip(Side swing, TorqueGoal& goal) const {
        p_[kSwingDamping], 1);
   Pull(goal, hip + 1, std::clamp(-aside, -0.6, 0.2) - Sign(right) * body_.roll,
        p_[kSideStiffness], p_[kSideDamping], 1);
-  Pull(goal, hip + 2, 0, p_[kSideStiffness] / 3, p_[kSideDamping] / 3, 1);
+  Turn(goal, hip, -p_[kTurnSwing], 0);
 }
 
 void Walker::ControlSoundLeg(TorqueGoal& goal) const {
-  const bool swinging = swing_ == Side::kLeft;
+  const bool swinging = swing_ == Side::kLeft && !BothStand();
   Pull(goal, kToes, 0, 8, 0.3, 0.2);
-  if (!swinging || since_ < p_[kPushTime]) {
+  if (!swinging || since_ < p_[kDoubleTime] + p_[kPushTime]) {
     const bool push = swinging || body_.x_left > p_[kPushPlace];
     if (swinging) {  // the other foot has landed: the knee gives way
       Pull(goal, kKnee, p_[kKneeSwing] / 2, p_[kKneeSwingStiffness], p_[kKneeSwingDamping], 1);
@@ -223,18 +228,20 @@ void Walker::ControlSoundLeg(TorqueGoal& goal) const {
     goal.torque[kSubtalar] += p_[kSubtalarSide] * body_.vy;
     return;
   }
-  const bool flexing = since_ < p_[kKneeFlexTime] * p_[kSwingTimeLeft];
-  Pull(goal, kKnee, p_[flexing ? kKneeSwing : kKneeLanding], p_[kKneeSwingStiffness],
-       p_[kKneeSwingDamping], 1);
+  const bool flexing = since_ < p_[kDoubleTime] + p_[kKneeFlexTime] * p_[kSwingTimeLeft];
+  Pull(goal, kKnee, p_[flexing ? kKneeSwing : kKneeLanding],
+       p_[flexing ? kKneeSwingStiffness : kKneeLandingStiffness],
+       p_[flexing ? kKneeSwingDamping : kKneeLandingDamping], 1);
   Pull(goal, kAnkle, p_[kAnkleSwing], p_[kAnkleSwingStiffness], p_[kAnkleSwingStiffness] / 20, 1);
   Pull(goal, kSubtalar, 0, 15, 1, 1);
 }
 
 int Walker::LegMode() const {
   if (starting_) return 4;
-  if (swing_ == Side::kLeft) return body_.x_right > p_[kLegPushPlace] ? 1 : 0;
-  if (since_ < p_[kLegPushTime]) return 2;
-  return since_ < p_[kLegFlexTime] * p_[kSwingTimeRight] ? 3 : 4;
+  if (swing_ == Side::kLeft || BothStand()) return body_.x_right > p_[kLegPushPlace] ? 1 : 0;
+  const double swinging = since_ - p_[kDoubleTime];
+  if (swinging < p_[kLegPushTime]) return 2;
+  return swinging < p_[kLegFlexTime] * p_[kSwingTimeRight] ? 3 : 4;
 }
 
 void Walker::Act(std::span<const double, kWalkerObservation> observation,
@@ -248,7 +255,7 @@ void Walker::Act(std::span<const double, kWalkerObservation> observation,
   }
   TorqueGoal goal;
   const Side stance = swing_ == Side::kLeft ? Side::kRight : Side::kLeft;
-  if (starting_) {
+  if (starting_ || BothStand()) {
     const double part = body_.touching_left && body_.touching_right ? 0.5 : 1;
     ControlTrunk(Side::kLeft, part, goal);
     ControlTrunk(Side::kRight, part, goal);

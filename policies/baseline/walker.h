@@ -47,11 +47,14 @@ class Walker {
     double pitch, pitch_rate;  // rad and rad/s, forwards
     double roll, roll_rate;    // to the right
     double yaw, yaw_rate;      // from the wanted heading, to the left
-    double vx, vy;             // m/s
+    double vx, vy;             // m/s; vy beyond what is wanted sideways
     double x_left, y_left;     // m, of the body's middle from the left foot
     double x_right, y_right;
     bool touching_left, touching_right;
   };
+
+  // Both feet stay on the ground for a moment after one has landed.
+  bool BothStand() const { return !starting_ && since_ < p_[kDoubleTime]; }
 
   void Sense(std::span<const double, kWalkerObservation> observation);
   void PlaceFeet(const Quaternion& tilt);
@@ -60,6 +63,7 @@ class Walker {
   // `part`: of what the trunk needs.
   void ControlTrunk(Side stance, double part, TorqueGoal& goal) const;
   void ControlSwingHip(Side swing, TorqueGoal& goal) const;
+  void Turn(TorqueGoal& goal, int hip, double part, double bias) const;
   void ControlSoundLeg(TorqueGoal& goal) const;
   int LegMode() const;
   void Pull(TorqueGoal& goal, int joint, double target, double stiffness, double damping,

@@ -20,7 +20,8 @@ enum WalkerParameter : size_t {
   kEffort,           // (N m)^2 that a squared activation costs
   kPitch, kPitchStiffness, kPitchDamping,
   kRollLeft, kRollRight, kRollStiffness, kRollDamping,
-  kYawStiffness, kYawDamping, kYawLimit,
+  kTurnStiffness, kTurnDamping,           // of the hips' rotation
+  kTurnStance, kTurnSwing, kTurnLimit,    // rad of it per rad beside the heading
   kSteering,                              // rad of heading per m beside the middle line
   kHipLiftLeft, kHipLiftRight,            // N m of abduction that carry the swinging side
   kSwingStiffness, kSwingDamping,
@@ -47,6 +48,11 @@ enum WalkerParameter : size_t {
   kSwingReaction,                         // part of the swinging hip's torque that the other takes
   kHipSpeed,                              // N m of extension per m/s above the wanted speed
   kStartPitch, kStartPlace, kStartAnkle,
+  kKneeLandingStiffness, kKneeLandingDamping, kLegAnkleSwingStiffness,
+  kDoubleTime,                            // s with both feet on the ground
+  kTurnBias,                              // rad of the standing hip's rotation, to the left
+  kDrift, kCrab,                          // m/s sideways per m beside the line, and per m/s
+  kStartSide, kStartSideDamping,
   kWalkerParameterCount
 };
 
@@ -60,9 +66,11 @@ inline constexpr std::array<ParameterInfo, kWalkerParameterCount> kWalkerParamet
     {"roll_right", 0, 0.03, -0.3, 0.3},
     {"roll_stiffness", 500, 100, 0, 2000},
     {"roll_damping", 50, 12, 0, 300},
-    {"yaw_stiffness", 60, 20, 0, 500},
-    {"yaw_damping", 8, 3, 0, 60},
-    {"yaw_limit", 0.2, 0.06, 0.02, 1},
+    {"turn_stiffness", 120, 30, 0, 600},
+    {"turn_damping", 8, 3, 0, 60},
+    {"turn_stance", 0.5, 0.2, -1, 3},
+    {"turn_swing", 0.3, 0.2, -2, 2},
+    {"turn_limit", 0.25, 0.06, 0.02, 0.6},
     {"steering", 0.3, 0.1, 0, 2},
     {"hip_lift_left", 50, 12, 0, 150},
     {"hip_lift_right", 50, 12, 0, 150},
@@ -84,11 +92,11 @@ inline constexpr std::array<ParameterInfo, kWalkerParameterCount> kWalkerParamet
     {"side_place_right", 0.4, 0.2, -2, 3},
     {"side_speed_left", 0.4, 0.1, -0.5, 2},
     {"side_speed_right", 0.4, 0.1, -0.5, 2},
-    {"knee_swing", 1.1, 0.15, 0.2, 1.6},
+    {"knee_swing", 1.0, 0.15, 0.2, 1.6},
     {"knee_landing", 0.1, 0.06, 0, 0.6},
     {"knee_swing_stiffness", 80, 20, 5, 400},
     {"knee_swing_damping", 6, 2, 0, 50},
-    {"knee_flex_time", 0.5, 0.07, 0.1, 0.9},
+    {"knee_flex_time", 0.4, 0.07, 0.1, 0.9},
     {"knee_stance", 0.12, 0.05, 0, 0.5},
     {"knee_stance_stiffness", 400, 80, 20, 2000},
     {"knee_stance_damping", 20, 5, 0, 100},
@@ -102,7 +110,7 @@ inline constexpr std::array<ParameterInfo, kWalkerParameterCount> kWalkerParamet
     {"push_time", 0.08, 0.03, 0, 0.3},
     {"ankle_swing", 0.1, 0.05, -0.3, 0.4},
     {"ankle_swing_stiffness", 40, 12, 0, 300},
-    {"subtalar_stiffness", 60, 20, 0, 400},
+    {"subtalar_stiffness", 60, 30, 0, 400},
     {"subtalar_damping", 3, 1, 0, 40},
     {"subtalar_side", 0, 15, -300, 300},
     {"leg_knee_stance", 0.06, 0.03, 0, 0.5},
@@ -129,7 +137,16 @@ inline constexpr std::array<ParameterInfo, kWalkerParameterCount> kWalkerParamet
     {"hip_speed", 0, 10, -200, 200},
     {"start_pitch", 0.05, 0.06, -0.2, 0.6},
     {"start_place", 0.06, 0.03, 0, 0.3},
-    {"start_ankle", 0.15, 0.06, -0.3, 0.5},
+    {"start_ankle", 0.25, 0.06, -0.3, 0.5},
+    {"knee_landing_stiffness", 150, 40, 5, 600},
+    {"knee_landing_damping", 10, 3, 0, 60},
+    {"leg_ankle_swing_stiffness", 120, 30, 5, 600},
+    {"double_time", 0.005, 0.015, 0, 0.4},
+    {"turn_bias", 0, 0.05, -0.4, 0.4},
+    {"drift", 0.1, 0.1, -1, 2},
+    {"crab", 0.1, 0.15, -1, 2},
+    {"start_side", 500, 100, 0, 2000},
+    {"start_side_damping", 50, 12, 0, 300},
 }};
 
 using WalkerNumbers = std::array<double, kWalkerParameterCount>;

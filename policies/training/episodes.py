@@ -22,6 +22,7 @@ class Result:
     distance: float  # m
     time: float  # s
     end: str
+    start: str  # how the person stood at first: standing, or with the prosthetic leg behind or ahead
 
 
 _library: Any = None
@@ -43,6 +44,8 @@ def play(job: tuple[np.ndarray, int, float]) -> Result:
     observations, _ = _envs.reset(seed=[seed], options={"leg_sets": walker.leg_sets()})
     walker.reset()
     actions = np.zeros((1, walker.action_size))
+    hip = observations[0, 6]  # of the prosthetic side, rad
+    posture = "standing" if abs(hip) < 0.1 else "behind" if hip < 0 else "ahead"
     furthest = observations[0, 262]
     start = furthest
     effort = 0.0
@@ -59,4 +62,4 @@ def play(job: tuple[np.ndarray, int, float]) -> Result:
             break
     time, distance = steps * CONTROL_STEP, start - furthest
     score = (distance + start - y) / 2 + 0.2 * time - effort / steps
-    return Result(score, distance, time, end)
+    return Result(score, distance, time, end, posture)

@@ -40,6 +40,8 @@ def options() -> argparse.Namespace:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--population", type=int, default=16)
     parser.add_argument("--seeds", type=int, default=8, help="episodes of each candidate")
+    parser.add_argument("--diagonal", type=int, default=150,
+                        help="generations that learn no correlations")
     parser.add_argument("--seconds", type=float, default=10, help="longest episode")
     parser.add_argument("--generations", type=int, default=1_000_000)
     parser.add_argument("--test-every", type=int, default=10, help="generations")
@@ -64,7 +66,7 @@ class Search:
         self.strategy = cma.CMAEvolutionStrategy(
             np.clip(start / self.scale, low, high), args.sigma,
             {"bounds": [list(low), list(high)], "popsize": args.population, "seed": args.seed,
-             "verbose": -9, "CMA_diagonal": 0})
+             "verbose": -9, "CMA_diagonal": args.diagonal})
         self.generation = 0
         self.episodes = 0
         self.best: Optional[float] = None

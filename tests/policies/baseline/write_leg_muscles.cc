@@ -1,11 +1,11 @@
-// Writes the table of the leg's muscles that policies/baseline/leg_muscles.inc holds: MuJoCo's muscle
-// parameters, and a polynomial of third order for the length of each muscle over the joints that it
-// crosses, fitted to the model's moment arms in random postures of walking.
+// Writes the table of the leg's muscles, policies/baseline/leg_muscles.inc: MuJoCo's parameters of each
+// muscle, and a polynomial of third order for its length over the joints that it crosses, fitted to
+// the model's moment arms in random postures of walking.
 //
-//   leg-muscles CACHE > policies/baseline/leg_muscles.inc
+//   write_leg_muscles CACHE > leg_muscles.inc
 //
 // Standard error has the largest error of each muscle's moment arms in mm, on postures that the fit
-// has not seen.
+// has not seen. (It stands with the tests because policies don't know MuJoCo.)
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -201,7 +201,7 @@ void Write(const mjModel& model, int actuator, const std::vector<int>& joints,
 
 int main(int argc, char** argv) {
   if (argc != 2) {
-    std::cerr << "usage: leg-muscles CACHE\n";
+    std::cerr << "usage: write_leg_muscles CACHE\n";
     return 2;
   }
   auto model = myograde::sim::LoadModel(myograde::sim::LocomotionModel(), argv[1]);
@@ -213,8 +213,8 @@ int main(int argc, char** argv) {
   Sampler sampler(**model);
   const std::vector<Posture> fitted = sampler.Draw(kFitted, random);
   const std::vector<Posture> checked = sampler.Draw(kChecked, random);
-  std::printf("// Written by leg-muscles (policies/training/tools/leg_muscles.cc). Of each muscle: "
-              "name; joints;\n// force (N), range, lengths (m), lmin, lmax, vmax, fpmax, fvmax; "
+  std::printf("// Written by tests/policies/baseline/write_leg_muscles.cc. Of each muscle: name; "
+              "joints;\n// force (N), range, lengths (m), lmin, lmax, vmax, fpmax, fvmax; "
               "weights of the terms (m).\n");
   for (int i = 0; i < std::ssize(sampler.muscles()); ++i) {
     const std::vector<int> joints = Crossed(fitted, i);
