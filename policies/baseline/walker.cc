@@ -127,12 +127,16 @@ void Walker::PlaceFeet(const Quaternion& tilt) {
 void Walker::Begin() {
   swing_ = body_.x_left > body_.x_right + kApart ? Side::kLeft : Side::kRight;
   starting_ = std::abs(body_.x_left - body_.x_right) < kApart;
+  swing_from_ = state_.angles[swing_ == Side::kRight ? kHipRight : kHipLeft] - body_.pitch;
   since_ = 0;
 }
 
 // Ends a phase when the swinging foot has landed, or should have long ago.
 void Walker::Advance() {
   since_ += kControlStep;
+  if (starting_ || BothStand()) {
+    swing_from_ = state_.angles[swing_ == Side::kRight ? kHipRight : kHipLeft] - body_.pitch;
+  }
   if (starting_) {
     if (body_.x_left < p_[kStartPlace] && since_ < kLongestStart) return;
     starting_ = false;
@@ -143,6 +147,7 @@ void Walker::Advance() {
   const bool touching = left ? body_.touching_left : body_.touching_right;
   if ((touching && since_ > 0.6 * time) || since_ > 2 * time) {
     swing_ = left ? Side::kRight : Side::kLeft;
+    swing_from_ = state_.angles[left ? kHipRight : kHipLeft] - body_.pitch;
     since_ = 0;
   }
 }
@@ -158,10 +163,11 @@ void Walker::Pull(TorqueGoal& goal, int joint, double target, double stiffness, 
 void Walker::ControlTrunk(Side stance, double part, TorqueGoal& goal) const {
   const bool right = stance == Side::kRight;
   const int hip = right ? kHipRight : kHipLeft;
-  for (int j = 0; j < 3; ++j) goal.weight[hip + j] = 1;
+  goal.weight[hip] = 1;
+  goal.weight[hip + 1] = p_[kSideWeight];
   if (!(right ? body_.touching_right : body_.touching_left)) {
     goal.torque[hip] = -p_[kSwingDamping] * velocity_[hip];
-    Pull(goal, hip + 1, 0, p_[kSideStiffness], p_[kSideDamping], 1);
+    Pull(goal, hip + 1, 0, p_[kSideStiffness], p_[kSideDamping], p_[kSideWeight]);
     Turn(goal, hip, 0, 0);
     return;
   }
@@ -174,11 +180,12 @@ void Walker::ControlTrunk(Side stance, double part, TorqueGoal& goal) const {
     goal.torque[hip] -= p_[right ? kHipPushRight : kHipPushLeft] +
                         p_[kHipSpeed] * (body_.vx - p_[kSpeed]);
   }
+  goal.torque[hip] = std::clamp(goal.torque[hip], -p_[kHipLimit], p_[kHipLimit]);
   const double roll = body_.roll - p_[right ? kRollRight : kRollLeft];
   goal.torque[hip + 1] =
       part * (Sign(right) * (p_[kRollStiffness] * roll + p_[kRollDamping] * body_.roll_rate) -
               p_[right ? kHipLiftRight : kHipLiftLeft]);
-  if (starting_) Pull(goal, hip + 1, 0, p_[kStartSide], p_[kStartSideDamping], 1);
+  if (starting_) Pull(goal, hip + 1, 0, p_[kStartSide], p_[kStartSideDamping], p_[kSideWeight]);
   Turn(goal, hip, starting_ ? 0 : p_[kTurnStance], p_[kTurnBias]);
 }
 
@@ -186,7 +193,8 @@ void Walker::ControlTrunk(Side stance, double part, TorqueGoal& goal) const {
 void Walker::Turn(TorqueGoal& goal, int hip, double part, double bias) const {
   const double turn =
       std::clamp(part * body_.yaw - bias, -p_[kTurnLimit], p_[kTurnLimit]);
-  Pull(goal, hip + 2, Sign(hip == kHipRight) * turn, p_[kTurnStiffness], p_[kTurnDamping], 1);
+  Pull(goal, hip + 2, Sign(hip == kHipRight) * turn, p_[kTurnStiffness], p_[kTurnDamping],
+       p_[kTurnWeight]);
 }
 
 // The swinging thigh goes to where the foot has to land, seen from the world and not the trunk.
@@ -202,10 +210,16 @@ void Walker::ControlSwingHip(Side swing, TorqueGoal& goal) const {
   const double aside = p_[right ? kSideHipRight : kSideHipLeft] +
                        p_[right ? kSidePlaceRight : kSidePlaceLeft] * y +
                        p_[right ? kSideSpeedRight : kSideSpeedLeft] * outwards * body_.vy;
-  Pull(goal, hip, std::clamp(forwards, -0.4, 1.1) + body_.pitch, p_[kSwingStiffness],
-       p_[kSwingDamping], 1);
+  // From where the thigh was, as smoothly as can be: a kick would turn the body about.
+  const double time = p_[kSwingPart] * p_[right ? kSwingTimeRight : kSwingTimeLeft];
+  const double passed = std::clamp((since_ - p_[kDoubleTime]) / time, 0.0, 1.0);
+  const double part = passed * passed * passed * (10 - passed * (15 - 6 * passed));
+  const double target = swing_from_ + part * (std::clamp(forwards, -0.4, 1.1) - swing_from_);
+  Pull(goal, hip, target + body_.pitch, p_[kSwingStiffness], p_[kSwingDamping], 1);
+  const double speed = 30 * passed * passed * (1 - passed) * (1 - passed) / time;  // per rad
+  goal.torque[hip] += p_[kSwingDamping] * speed * (std::clamp(forwards, -0.4, 1.1) - swing_from_);
   Pull(goal, hip + 1, std::clamp(-aside, -0.6, 0.2) - Sign(right) * body_.roll,
-       p_[kSideStiffness], p_[kSideDamping], 1);
+       p_[kSideStiffness], p_[kSideDamping], p_[kSideWeight]);
   Turn(goal, hip, -p_[kTurnSwing], 0);
 }
 

@@ -78,7 +78,8 @@ class Walker {
   bool first_ = true;
   bool starting_ = false;  // stands still and leans forwards
   Side swing_ = Side::kRight;
-  double since_ = 0;  // s, of the present phase
+  double since_ = 0;       // s, of the present phase
+  double swing_from_ = 0;  // rad of the swinging thigh when it left the ground, seen from the world
 };
 
 }  // namespace myograde::baseline

@@ -53,6 +53,9 @@ enum WalkerParameter : size_t {
   kTurnBias,                              // rad of the standing hip's rotation, to the left
   kDrift, kCrab,                          // m/s sideways per m beside the line, and per m/s
   kStartSide, kStartSideDamping,
+  kHipLimit,                              // N m of flexion and extension at the standing hip
+  kSideWeight, kTurnWeight,               // of missed torque, against flexion's 1
+  kSwingPart,                             // of the swing's time, in which the thigh gets there
   kWalkerParameterCount
 };
 
@@ -147,6 +150,10 @@ inline constexpr std::array<ParameterInfo, kWalkerParameterCount> kWalkerParamet
     {"crab", 0.1, 0.15, -1, 2},
     {"start_side", 500, 100, 0, 2000},
     {"start_side_damping", 50, 12, 0, 300},
+    {"hip_limit", 400, 50, 10, 500},
+    {"side_weight", 1, 0.3, 0.2, 30},
+    {"turn_weight", 1, 0.4, 0.2, 60},
+    {"swing_part", 0.3, 0.15, 0.01, 1.2},
 }};
 
 using WalkerNumbers = std::array<double, kWalkerParameterCount>;

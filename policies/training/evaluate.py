@@ -14,6 +14,7 @@ import json
 import multiprocessing
 import pathlib
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ FRESH_SEED = 5_000_000_000  # above those of searches and their tests
 
 
 def options() -> argparse.Namespace:
+    """What the command line says."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("parameters", type=pathlib.Path)
     parser.add_argument("--library", type=pathlib.Path, required=True)
@@ -45,15 +47,16 @@ def spread(values: list[float]) -> tuple[float, float]:
 
 
 def main() -> int:
+    """Plays, prints and keeps."""
     args = options()
     known = controllers.Library(args.library).parameters()
     given = json.loads(args.parameters.read_text())["parameters"]
     given.update((name, float(value)) for name, value in (pair.split("=") for pair in args.set))
     numbers = np.array([given.get(p.name, p.start) for p in known])
     jobs = [(numbers, args.first_seed + i, args.seconds) for i in range(args.episodes)]
-    with multiprocessing.get_context("spawn").Pool(
-            args.processes, episodes.prepare, (args.library,)) as pool:
-        results = pool.map(episodes.play, jobs, chunksize=1)
+    with ProcessPoolExecutor(args.processes, multiprocessing.get_context("spawn"),
+                             episodes.prepare, (args.library,)) as pool:
+        results = list(pool.map(episodes.play, jobs))
     mean, error = spread([r.distance for r in results])
     ends = [r.end for r in results]
     figure: dict[str, Any] = {

@@ -1,9 +1,11 @@
 """Searches for a baseline's parameters by CMA-ES on the graded simulator.
 
-    PYTHONPATH=build/release/python VENV/bin/python policies/training/search.py FOLDER [options]
+    PYTHONPATH=build/release/python VENV/bin/python policies/training/search.py FOLDER \\
+        --library build/release/training/libbaseline_controllers.so [options]
 
-FOLDER keeps all of it: search.pkl (what a later call resumes), progress.jsonl (a line for each
-generation) and best.json (the mean of the search's distribution whenever a test of it was the best so far).
+FOLDER keeps all of it: search.pkl (what a later call with the same FOLDER goes on from),
+progress.jsonl (a line for each generation) and best.json (the mean of the search's distribution
+whenever it did best on the test seeds so far).
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import pathlib
 import pickle
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
 from typing import Any, Optional
 
 import cma
@@ -30,6 +33,7 @@ TEST_SEED = 3_000_000_000
 
 
 def options() -> argparse.Namespace:
+    """What the command line says."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--library", type=pathlib.Path, required=True,
@@ -72,9 +76,11 @@ class Search:
         self.best: Optional[float] = None
 
     def numbers(self, point: np.ndarray) -> np.ndarray:
+        """A point of the search as the controller's numbers."""
         return np.asarray(point) * self.scale
 
     def mean(self) -> np.ndarray:
+        """The numbers in the middle of the search's distribution."""
         boundary = self.strategy.boundary_handler
         return self.numbers(boundary.repair(self.strategy.mean.copy()))
 
@@ -87,6 +93,7 @@ def save(path: pathlib.Path, content: bytes) -> None:
 
 
 def summary(results: list[episodes.Result]) -> dict[str, Any]:
+    """Means over episodes, and how often each end came."""
     ends = [r.end for r in results]
     return {"score": float(np.mean([r.score for r in results])),
             "distance": float(np.mean([r.distance for r in results])),
@@ -94,14 +101,15 @@ def summary(results: list[episodes.Result]) -> dict[str, Any]:
             "ends": {end: ends.count(end) for end in sorted(set(ends))}}
 
 
-def play(pool: Any, candidates: list[np.ndarray], seeds: list[int],
+def play(pool: ProcessPoolExecutor, candidates: list[np.ndarray], seeds: list[int],
          seconds: float) -> list[list[episodes.Result]]:
+    """What each candidate does on each seed. BrokenProcessPool if a worker dies."""
     jobs = [(numbers, seed, seconds) for numbers in candidates for seed in seeds]
-    flat = pool.map(episodes.play, jobs, chunksize=max(1, len(seeds) // 4))
+    flat = list(pool.map(episodes.play, jobs, chunksize=max(1, len(seeds) // 4)))
     return [flat[i:i + len(seeds)] for i in range(0, len(flat), len(seeds))]
 
 
-def test(search: Search, pool: Any, args: argparse.Namespace, line: dict[str, Any]) -> None:
+def test(search: Search, pool: ProcessPoolExecutor, args: argparse.Namespace, line: dict[str, Any]) -> None:
     """Plays the mean of the distribution on seeds that the search never sees; keeps the best."""
     seeds = [TEST_SEED + i for i in range(args.test_seeds)]
     mean = search.mean()
@@ -114,7 +122,8 @@ def test(search: Search, pool: Any, args: argparse.Namespace, line: dict[str, An
         save(args.folder / "best.json", json.dumps(best, indent=1).encode())
 
 
-def step(search: Search, pool: Any, args: argparse.Namespace) -> dict[str, Any]:
+def step(search: Search, pool: ProcessPoolExecutor, args: argparse.Namespace) -> dict[str, Any]:
+    """A generation: all of its candidates play the same seeds, which none has played before."""
     began = time.monotonic()
     first = FIRST_SEED + search.generation * args.seeds
     points = search.strategy.ask()
@@ -131,12 +140,13 @@ def step(search: Search, pool: Any, args: argparse.Namespace) -> dict[str, Any]:
 
 
 def main() -> int:
+    """Searches until --generations are played or somebody ends it."""
     args = options()
     args.folder.mkdir(parents=True, exist_ok=True)
     state = args.folder / "search.pkl"
     search = pickle.loads(state.read_bytes()) if state.exists() else Search(args)
-    with multiprocessing.get_context("spawn").Pool(
-            args.processes, episodes.prepare, (args.library,)) as pool:
+    with ProcessPoolExecutor(args.processes, multiprocessing.get_context("spawn"),
+                             episodes.prepare, (args.library,)) as pool:
         while search.generation < args.generations:
             line = step(search, pool, args)
             if search.generation % args.test_every == 0:
