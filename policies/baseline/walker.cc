@@ -27,6 +27,9 @@ constexpr double kSocketTouch = 120;  // N of compression in the socket
 constexpr double kHeading = -std::numbers::pi / 2;
 constexpr double kApart = 0.1;        // m between the feet of a walking body
 constexpr double kLongestStart = 1;   // s
+// How far a thigh may swing, rad.
+constexpr double kFarthestBack = 0.4, kFarthestAhead = 1.1, kFarthestAcross = 0.2,
+                 kFarthestAside = 0.6;
 constexpr double kFarAside = 0.7;     // m beside the line
 constexpr double kLargestTurn = 0.5;  // rad from the course's direction
 
@@ -191,8 +194,7 @@ void Walker::ControlTrunk(Side stance, double part, TorqueGoal& goal) const {
 
 // Turns the thigh of `hip` by `part` of what the body is beside its heading, and by `bias`.
 void Walker::Turn(TorqueGoal& goal, int hip, double part, double bias) const {
-  const double turn =
-      std::clamp(part * body_.yaw - bias, -p_[kTurnLimit], p_[kTurnLimit]);
+  const double turn = std::clamp(part * body_.yaw - bias, -p_[kTurnLimit], p_[kTurnLimit]);
   Pull(goal, hip + 2, Sign(hip == kHipRight) * turn, p_[kTurnStiffness], p_[kTurnDamping],
        p_[kTurnWeight]);
 }
@@ -204,22 +206,26 @@ void Walker::ControlSwingHip(Side swing, TorqueGoal& goal) const {
   const double outwards = right ? -1.0 : 1.0;  // of y
   const double x = right ? body_.x_left : body_.x_right;
   const double y = outwards * (right ? body_.y_left : body_.y_right);
-  const double forwards = p_[right ? kSwingHipRight : kSwingHipLeft] +
-                          p_[right ? kSwingPlaceRight : kSwingPlaceLeft] * x +
-                          p_[right ? kSwingSpeedRight : kSwingSpeedLeft] * (body_.vx - p_[kSpeed]);
-  const double aside = p_[right ? kSideHipRight : kSideHipLeft] +
-                       p_[right ? kSidePlaceRight : kSidePlaceLeft] * y +
-                       p_[right ? kSideSpeedRight : kSideSpeedLeft] * outwards * body_.vy;
+  const double forwards =
+      std::clamp(p_[right ? kSwingHipRight : kSwingHipLeft] +
+                     p_[right ? kSwingPlaceRight : kSwingPlaceLeft] * x +
+                     p_[right ? kSwingSpeedRight : kSwingSpeedLeft] * (body_.vx - p_[kSpeed]),
+                 -kFarthestBack, kFarthestAhead);
+  const double aside =
+      std::clamp(p_[right ? kSideHipRight : kSideHipLeft] +
+                     p_[right ? kSidePlaceRight : kSidePlaceLeft] * y +
+                     p_[right ? kSideSpeedRight : kSideSpeedLeft] * outwards * body_.vy,
+                 -kFarthestAcross, kFarthestAside);
   // From where the thigh was, as smoothly as can be: a kick would turn the body about.
   const double time = p_[kSwingPart] * p_[right ? kSwingTimeRight : kSwingTimeLeft];
   const double passed = std::clamp((since_ - p_[kDoubleTime]) / time, 0.0, 1.0);
   const double part = passed * passed * passed * (10 - passed * (15 - 6 * passed));
-  const double target = swing_from_ + part * (std::clamp(forwards, -0.4, 1.1) - swing_from_);
+  const double target = swing_from_ + part * (forwards - swing_from_);
   Pull(goal, hip, target + body_.pitch, p_[kSwingStiffness], p_[kSwingDamping], 1);
   const double speed = 30 * passed * passed * (1 - passed) * (1 - passed) / time;  // per rad
-  goal.torque[hip] += p_[kSwingDamping] * speed * (std::clamp(forwards, -0.4, 1.1) - swing_from_);
-  Pull(goal, hip + 1, std::clamp(-aside, -0.6, 0.2) - Sign(right) * body_.roll,
-       p_[kSideStiffness], p_[kSideDamping], p_[kSideWeight]);
+  goal.torque[hip] += p_[kSwingDamping] * speed * (forwards - swing_from_);
+  Pull(goal, hip + 1, -aside - Sign(right) * body_.roll, p_[kSideStiffness], p_[kSideDamping],
+       p_[kSideWeight]);
   Turn(goal, hip, -p_[kTurnSwing], 0);
 }
 
@@ -233,8 +239,7 @@ void Walker::ControlSoundLeg(TorqueGoal& goal) const {
     } else {
       Pull(goal, kKnee, p_[kKneeStance], p_[kKneeStanceStiffness], p_[kKneeStanceDamping], 1);
     }
-    const WalkerParameter target =
-        starting_ ? kStartAnkle : push ? kAnklePush : kAnkleStance;
+    const WalkerParameter target = starting_ ? kStartAnkle : push ? kAnklePush : kAnkleStance;
     Pull(goal, kAnkle, p_[target],
          p_[push ? kAnklePushStiffness : kAnkleStanceStiffness], p_[kAnkleStanceDamping], 1);
     if (!push && !starting_) goal.torque[kAnkle] -= p_[kAnkleLean] * (body_.vx - p_[kSpeed]);
