@@ -147,9 +147,10 @@ class EveryPolicyTest : public KitsTest, public ::testing::WithParamInterface<Bu
 TEST_P(EveryPolicyTest, AnswersTheSameStepTwiceAlikeAndTheNextOnesAsIfNothingWas) {
   for (const TrackKind* kind : AllTracks()) {
     const TrackKind& track = *kind;
-    // A scripted policy plays the track of its name.
-    if (GetParam().folder.starts_with("scripted-") &&
-        GetParam().folder != "scripted-" + std::string(track.name)) {
+    // A scripted policy plays the track of its name, and so does a baseline.
+    const std::string& folder = GetParam().folder;
+    if ((folder.starts_with("scripted-") || folder.starts_with("baseline-")) &&
+        !folder.ends_with("-" + std::string(track.name))) {
       continue;
     }
     std::vector<Values> once;
@@ -178,6 +179,7 @@ INSTANTIATE_TEST_SUITE_P(
     ::testing::Values(Bundled{"zero", {"./zero"}}, Bundled{"random", {"./random"}},
                       Bundled{"scripted-manipulation", {"./scripted-manipulation"}},
                       Bundled{"scripted-locomotion", {"./scripted-locomotion"}},
+                      Bundled{"baseline-locomotion", {"./baseline-locomotion"}},
                       Bundled{"python-example", {MYOGRADE_PYTHON, "policy.py"}}),
     [](const auto& test) {
       std::string name = test.param.folder;

@@ -1,0 +1,290 @@
+#include "policies/baseline/walker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace myograde::baseline {
+namespace {
+
+// Offsets in the observation.
+constexpr size_t kAngles = 2, kVelocities = 19, kFootForce = 36, kSocketForce = 38, kPelvis = 41,
+                 kActivations = 45, kLengths = 99, kMuscleVelocities = 153, kPlace = 261,
+                 kPlaceVelocity = 263;
+// Where each joint of LengthTerms stands among the observation's angles.
+constexpr std::array<size_t, kLengthJoints> kJointPlaces = {4, 3, 5, 1, 0, 2, 6, 15, 16, 14};
+// Joints of LengthTerms.
+constexpr int kHipRight = 0, kHipLeft = 3;  // flexion; then adduction, rotation
+constexpr int kKnee = 6, kAnkle = 7, kSubtalar = 8, kToes = 9;
+// The body's size in m, in the pelvis' frame: x forwards, y up, z to the right.
+constexpr Vector kHipPlace = {-0.056, -0.078, 0.077};
+constexpr Vector kMiddle = {-0.075, 0.04, 0};
+constexpr double kThigh = 0.41, kShank = 0.42;
+constexpr double kLegKneeGuess = 0.08;  // rad: nothing observes the prosthetic knee
+
+constexpr double kTouch = 30;         // N under the sound foot
+constexpr double kSocketTouch = 120;  // N of compression in the socket
+constexpr double kHeading = -std::numbers::pi / 2;
+constexpr double kApart = 0.1;        // m between the feet of a walking body
+constexpr double kLongestStart = 1;   // s
+// How far a thigh may swing, rad.
+constexpr double kFarthestBack = 0.4, kFarthestAhead = 1.1, kFarthestAcross = 0.2,
+                 kFarthestAside = 0.6;
+constexpr double kFarAside = 0.7;     // m beside the line
+constexpr double kLargestTurn = 0.5;  // rad from the course's direction
+
+double Sign(bool right) { return right ? 1.0 : -1.0; }
+
+}  // namespace
+
+std::array<LegImpedance, kLegModes> Walker::LegModes() const {
+  const LegImpedance stance = {p_[kLegKneeStanceStiffness],  p_[kLegKneeStanceDamping],
+                               p_[kLegKneeStance],           p_[kLegAnkleStanceStiffness],
+                               p_[kLegAnkleStanceDamping],   p_[kLegAnkleStance]};
+  LegImpedance push = stance;
+  push.ankle_stiffness = p_[kLegPushStiffness];
+  push.ankle_target = p_[kLegPush];
+  const double toes_up = p_[kLegAnkleSwingStiffness], toes_damping = toes_up / 30;
+  const LegImpedance flex = {p_[kLegKneeSwingStiffness], p_[kLegKneeSwingDamping],
+                             p_[kLegKneeSwing],          toes_up,
+                             toes_damping,               p_[kLegAnkleSwing]};
+  LegImpedance extend = flex;
+  extend.knee_stiffness = p_[kLegKneeLandingStiffness];
+  extend.knee_damping = p_[kLegKneeLandingDamping];
+  extend.knee_target = p_[kLegKneeLanding];
+  LegImpedance push_off = push;  // the other foot has landed: the knee gives way
+  push_off.knee_stiffness = p_[kLegKneeSwingStiffness];
+  push_off.knee_damping = p_[kLegKneeSwingDamping];
+  push_off.knee_target = p_[kLegKneeSwing] / 2;
+  return {stance, push, push_off, flex, extend};
+}
+
+void Walker::Reset() {
+  muscles_.Reset();
+  first_ = true;
+}
+
+void Walker::Sense(std::span<const double, kWalkerObservation> observation) {
+  for (int j = 0; j < kLengthJoints; ++j) {
+    state_.angles[j] = observation[kAngles + kJointPlaces[j]];
+    velocity_[j] = observation[kVelocities + kJointPlaces[j]];
+  }
+  for (int i = 0; i < kMuscles; ++i) {
+    state_.activation[i] = observation[kActivations + i];
+    state_.length[i] = observation[kLengths + SortedPlaces()[i]];
+    state_.velocity[i] = observation[kMuscleVelocities + SortedPlaces()[i]];
+  }
+  const auto q = observation.subspan<kPelvis, 4>();
+  // The pelvis' frame lies a quarter turn about x ahead of the trunk's.
+  const double half = std::sqrt(0.5);
+  const Quaternion trunk = Quaternion{q[0], q[1], q[2], q[3]} * Quaternion{half, -half, 0, 0};
+  const Quaternion turn = first_ ? Quaternion{} : last_.Conjugate() * trunk;
+  const double rate = std::copysign(2.0, turn.w) / kControlStep;  // rad/s
+  last_ = trunk;
+
+  const Vector forwards = trunk.Turn({1, 0, 0});
+  const double yaw = std::atan2(forwards[1], forwards[0]);
+  const Quaternion tilt = About(2, -yaw) * trunk;
+  const Vector up = tilt.Turn({0, 0, 1});
+  body_.pitch = std::atan2(up[0], up[2]);
+  body_.roll = std::atan2(-up[1], up[2]);
+  const Vector spin = tilt.Turn({rate * turn.x, rate * turn.y, rate * turn.z});
+  body_.roll_rate = spin[0];
+  body_.pitch_rate = spin[1];
+  body_.yaw_rate = spin[2];
+  const double beside = observation[kPlace];  // m, to the left of the middle line
+  const double wanted =
+      kHeading - std::clamp(p_[kSteering] * beside, -kLargestTurn, kLargestTurn);
+  body_.yaw = Wrapped(yaw - wanted);
+  const double vx = observation[kPlaceVelocity], vy = observation[kPlaceVelocity + 1];
+  body_.vx = std::cos(yaw) * vx + std::sin(yaw) * vy;
+  const double aside = std::clamp(beside, -kFarAside, kFarAside);
+  body_.vy = -std::sin(yaw) * vx + std::cos(yaw) * vy + p_[kDrift] * aside +
+             p_[kCrab] * body_.vx * std::sin(Wrapped(yaw - kHeading));
+  PlaceFeet(tilt);
+  body_.touching_left = observation[kFootForce] + observation[kFootForce + 1] > kTouch;
+  const auto socket = observation.subspan<kSocketForce, 3>();
+  body_.touching_right = -socket[1] > kSocketTouch;
+}
+
+void Walker::PlaceFeet(const Quaternion& tilt) {
+  const double half = std::sqrt(0.5);
+  const Quaternion pelvis = tilt * Quaternion{half, half, 0, 0};
+  const Vector middle = pelvis.Turn(kMiddle);
+  for (const bool right : {false, true}) {
+    const int hip = right ? kHipRight : kHipLeft;
+    const double side = Sign(right);
+    const Quaternion thigh = About(2, state_.angles[hip]) *
+                             About(0, side * state_.angles[hip + 1]) *
+                             About(1, side * state_.angles[hip + 2]);
+    const Quaternion shank = thigh * About(2, -(right ? kLegKneeGuess : state_.angles[kKnee]));
+    const Vector in_pelvis = Vector{kHipPlace[0], kHipPlace[1], side * kHipPlace[2]} +
+                             thigh.Turn({0, -kThigh, 0}) + shank.Turn({0, -kShank, 0});
+    const Vector foot = pelvis.Turn(in_pelvis);
+    (right ? body_.x_right : body_.x_left) = middle[0] - foot[0];
+    (right ? body_.y_right : body_.y_left) = middle[1] - foot[1];
+  }
+}
+
+// Which leg swings first: the one that is behind. A body that stands still leans forwards before.
+void Walker::Begin() {
+  swing_ = body_.x_left > body_.x_right + kApart ? Side::kLeft : Side::kRight;
+  starting_ = std::abs(body_.x_left - body_.x_right) < kApart;
+  swing_from_ = state_.angles[swing_ == Side::kRight ? kHipRight : kHipLeft] - body_.pitch;
+  since_ = 0;
+}
+
+// Ends a phase when the swinging foot has landed, or should have long ago.
+void Walker::Advance() {
+  since_ += kControlStep;
+  if (starting_ || BothStand()) {
+    swing_from_ = state_.angles[swing_ == Side::kRight ? kHipRight : kHipLeft] - body_.pitch;
+  }
+  if (starting_) {
+    if (body_.x_left < p_[kStartPlace] && since_ < kLongestStart) return;
+    starting_ = false;
+    since_ = p_[kDoubleTime] + p_[kLegPushTime];  // the leg has nothing to push off from
+  }
+  const bool left = swing_ == Side::kLeft;
+  const double time = p_[kDoubleTime] + p_[left ? kSwingTimeLeft : kSwingTimeRight];
+  const bool touching = left ? body_.touching_left : body_.touching_right;
+  if ((touching && since_ > 0.6 * time) || since_ > 2 * time) {
+    swing_ = left ? Side::kRight : Side::kLeft;
+    swing_from_ = state_.angles[left ? kHipRight : kHipLeft] - body_.pitch;
+    since_ = 0;
+  }
+}
+
+void Walker::Pull(TorqueGoal& goal, int joint, double target, double stiffness, double damping,
+                  double weight) const {
+  goal.torque[joint] += stiffness * (target - state_.angles[joint]) - damping * velocity_[joint];
+  goal.weight[joint] = weight;
+}
+
+// The standing hip keeps the trunk upright, carries the other side and turns to the heading. In the
+// air it could only throw its own leg about, and waits for the ground with the leg where it is.
+void Walker::ControlTrunk(Side stance, double part, TorqueGoal& goal) const {
+  const bool right = stance == Side::kRight;
+  const int hip = right ? kHipRight : kHipLeft;
+  goal.weight[hip] = 1;
+  goal.weight[hip + 1] = p_[kSideWeight];
+  if (!(right ? body_.touching_right : body_.touching_left)) {
+    goal.torque[hip] = -p_[kSwingDamping] * velocity_[hip];
+    Pull(goal, hip + 1, 0, p_[kSideStiffness], p_[kSideDamping], p_[kSideWeight]);
+    Turn(goal, hip, 0, 0);
+    return;
+  }
+  const double lean = p_[kPitchStiffness] * (body_.pitch - p_[starting_ ? kStartPitch : kPitch]) +
+                      p_[kPitchDamping] * body_.pitch_rate;
+  const int other = right ? kHipLeft : kHipRight;
+  const double reaction = starting_ || BothStand() ? 0 : p_[kSwingReaction] * goal.torque[other];
+  goal.torque[hip] = -part * lean - reaction;
+  if (!starting_) {
+    goal.torque[hip] -= p_[right ? kHipPushRight : kHipPushLeft] +
+                        p_[kHipSpeed] * (body_.vx - p_[kSpeed]);
+  }
+  goal.torque[hip] = std::clamp(goal.torque[hip], -p_[kHipLimit], p_[kHipLimit]);
+  const double roll = body_.roll - p_[right ? kRollRight : kRollLeft];
+  goal.torque[hip + 1] =
+      part * (Sign(right) * (p_[kRollStiffness] * roll + p_[kRollDamping] * body_.roll_rate) -
+              p_[right ? kHipLiftRight : kHipLiftLeft]);
+  if (starting_) Pull(goal, hip + 1, 0, p_[kStartSide], p_[kStartSideDamping], p_[kSideWeight]);
+  Turn(goal, hip, starting_ ? 0 : p_[kTurnStance], p_[kTurnBias]);
+}
+
+// Turns the thigh of `hip` by `part` of what the body is beside its heading, and by `bias`.
+void Walker::Turn(TorqueGoal& goal, int hip, double part, double bias) const {
+  const double turn = std::clamp(part * body_.yaw - bias, -p_[kTurnLimit], p_[kTurnLimit]);
+  Pull(goal, hip + 2, Sign(hip == kHipRight) * turn, p_[kTurnStiffness], p_[kTurnDamping],
+       p_[kTurnWeight]);
+}
+
+// The swinging thigh goes to where the foot has to land, seen from the world and not the trunk.
+void Walker::ControlSwingHip(Side swing, TorqueGoal& goal) const {
+  const bool right = swing == Side::kRight;
+  const int hip = right ? kHipRight : kHipLeft;
+  const double outwards = right ? -1.0 : 1.0;  // of y
+  const double x = right ? body_.x_left : body_.x_right;
+  const double y = outwards * (right ? body_.y_left : body_.y_right);
+  const double forwards =
+      std::clamp(p_[right ? kSwingHipRight : kSwingHipLeft] +
+                     p_[right ? kSwingPlaceRight : kSwingPlaceLeft] * x +
+                     p_[right ? kSwingSpeedRight : kSwingSpeedLeft] * (body_.vx - p_[kSpeed]),
+                 -kFarthestBack, kFarthestAhead);
+  const double aside =
+      std::clamp(p_[right ? kSideHipRight : kSideHipLeft] +
+                     p_[right ? kSidePlaceRight : kSidePlaceLeft] * y +
+                     p_[right ? kSideSpeedRight : kSideSpeedLeft] * outwards * body_.vy,
+                 -kFarthestAcross, kFarthestAside);
+  // From where the thigh was, as smoothly as can be: a kick would turn the body about.
+  const double time = p_[kSwingPart] * p_[right ? kSwingTimeRight : kSwingTimeLeft];
+  const double passed = std::clamp((since_ - p_[kDoubleTime]) / time, 0.0, 1.0);
+  const double part = passed * passed * passed * (10 - passed * (15 - 6 * passed));
+  const double target = swing_from_ + part * (forwards - swing_from_);
+  Pull(goal, hip, target + body_.pitch, p_[kSwingStiffness], p_[kSwingDamping], 1);
+  const double speed = 30 * passed * passed * (1 - passed) * (1 - passed) / time;  // per rad
+  goal.torque[hip] += p_[kSwingDamping] * speed * (forwards - swing_from_);
+  Pull(goal, hip + 1, -aside - Sign(right) * body_.roll, p_[kSideStiffness], p_[kSideDamping],
+       p_[kSideWeight]);
+  Turn(goal, hip, -p_[kTurnSwing], 0);
+}
+
+void Walker::ControlSoundLeg(TorqueGoal& goal) const {
+  const bool swinging = swing_ == Side::kLeft && !BothStand();
+  Pull(goal, kToes, 0, 8, 0.3, 0.2);
+  if (!swinging || since_ < p_[kDoubleTime] + p_[kPushTime]) {
+    const bool push = swinging || body_.x_left > p_[kPushPlace];
+    if (swinging) {  // the other foot has landed: the knee gives way
+      Pull(goal, kKnee, p_[kKneeSwing] / 2, p_[kKneeSwingStiffness], p_[kKneeSwingDamping], 1);
+    } else {
+      Pull(goal, kKnee, p_[kKneeStance], p_[kKneeStanceStiffness], p_[kKneeStanceDamping], 1);
+    }
+    const WalkerParameter target = starting_ ? kStartAnkle : push ? kAnklePush : kAnkleStance;
+    Pull(goal, kAnkle, p_[target],
+         p_[push ? kAnklePushStiffness : kAnkleStanceStiffness], p_[kAnkleStanceDamping], 1);
+    if (!push && !starting_) goal.torque[kAnkle] -= p_[kAnkleLean] * (body_.vx - p_[kSpeed]);
+    Pull(goal, kSubtalar, 0, p_[kSubtalarStiffness], p_[kSubtalarDamping], 1);
+    goal.torque[kSubtalar] += p_[kSubtalarSide] * body_.vy;
+    return;
+  }
+  const bool flexing = since_ < p_[kDoubleTime] + p_[kKneeFlexTime] * p_[kSwingTimeLeft];
+  Pull(goal, kKnee, p_[flexing ? kKneeSwing : kKneeLanding],
+       p_[flexing ? kKneeSwingStiffness : kKneeLandingStiffness],
+       p_[flexing ? kKneeSwingDamping : kKneeLandingDamping], 1);
+  Pull(goal, kAnkle, p_[kAnkleSwing], p_[kAnkleSwingStiffness], p_[kAnkleSwingStiffness] / 20, 1);
+  Pull(goal, kSubtalar, 0, 15, 1, 1);
+}
+
+int Walker::LegMode() const {
+  if (starting_) return 4;
+  if (swing_ == Side::kLeft || BothStand()) return body_.x_right > p_[kLegPushPlace] ? 1 : 0;
+  const double swinging = since_ - p_[kDoubleTime];
+  if (swinging < p_[kLegPushTime]) return 2;
+  return swinging < p_[kLegFlexTime] * p_[kSwingTimeRight] ? 3 : 4;
+}
+
+void Walker::Act(std::span<const double, kWalkerObservation> observation,
+                 std::span<double, kWalkerAction> action) {
+  Sense(observation);
+  if (first_) {
+    Begin();
+    first_ = false;
+  } else {
+    Advance();
+  }
+  TorqueGoal goal;
+  const Side stance = swing_ == Side::kLeft ? Side::kRight : Side::kLeft;
+  if (starting_ || BothStand()) {
+    const double part = body_.touching_left && body_.touching_right ? 0.5 : 1;
+    ControlTrunk(Side::kLeft, part, goal);
+    ControlTrunk(Side::kRight, part, goal);
+  } else {
+    ControlSwingHip(swing_, goal);
+    ControlTrunk(stance, 1, goal);
+  }
+  ControlSoundLeg(goal);
+  muscles_.Allocate(state_, goal, action.first<kMuscles>());
+  action[kMuscles] = LegMode();
+}
+
+}  // namespace myograde::baseline

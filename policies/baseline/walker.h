@@ -1,0 +1,85 @@
+// Walks on the sound leg and the prosthetic one: a machine of two phases (one leg stands, the other
+// swings) with springs and dampers around each joint, whose swinging foot is placed by the body's
+// place and speed before the standing one. Muscles make the torques (leg_muscles.h); the prosthetic
+// leg gets five parameter sets, one for each part of its cycle.
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "policies/baseline/leg_muscles.h"
+#include "policies/baseline/rotation.h"
+#include "policies/baseline/walker_parameters.h"
+
+namespace myograde::baseline {
+
+inline constexpr size_t kWalkerObservation = 365;
+inline constexpr size_t kWalkerAction = 55;
+
+// One impedance of the prosthetic leg: torque = stiffness (target - angle) - damping velocity.
+struct LegImpedance {
+  double knee_stiffness, knee_damping, knee_target;
+  double ankle_stiffness, ankle_damping, ankle_target;
+};
+
+inline constexpr int kLegModes = 5;
+
+class Walker {
+ public:
+  explicit Walker(const WalkerNumbers& numbers) : p_(numbers), muscles_(numbers[kEffort]) {}
+
+  // What the parameter sets 0 to 4 of the prosthetic leg have to be, in all of their states.
+  std::array<LegImpedance, kLegModes> LegModes() const;
+
+  // Before the first observation of an episode.
+  void Reset();
+
+  // Fills `action` (muscles from 0 to 1, then the parameter set) for the next observation of the
+  // profile `paper`.
+  void Act(std::span<const double, kWalkerObservation> observation,
+           std::span<double, kWalkerAction> action);
+
+ private:
+  enum class Side { kLeft, kRight };
+
+  // The body as it moves, in a frame that has its heading: x forwards, y to the left, z up.
+  struct Body {
+    double pitch, pitch_rate;  // rad and rad/s, forwards
+    double roll, roll_rate;    // to the right
+    double yaw, yaw_rate;      // from the wanted heading, to the left
+    double vx, vy;             // m/s; vy beyond what is wanted sideways
+    double x_left, y_left;     // m, of the body's middle from the left foot
+    double x_right, y_right;
+    bool touching_left, touching_right;
+  };
+
+  // Both feet stay on the ground for a moment after one has landed.
+  bool BothStand() const { return !starting_ && since_ < p_[kDoubleTime]; }
+
+  void Sense(std::span<const double, kWalkerObservation> observation);
+  void PlaceFeet(const Quaternion& tilt);
+  void Begin();
+  void Advance();
+  // `part`: of what the trunk needs.
+  void ControlTrunk(Side stance, double part, TorqueGoal& goal) const;
+  void ControlSwingHip(Side swing, TorqueGoal& goal) const;
+  void Turn(TorqueGoal& goal, int hip, double part, double bias) const;
+  void ControlSoundLeg(TorqueGoal& goal) const;
+  int LegMode() const;
+  void Pull(TorqueGoal& goal, int joint, double target, double stiffness, double damping,
+            double weight) const;
+
+  WalkerNumbers p_;
+  MuscleAllocator muscles_;
+  MuscleState state_;
+  std::array<double, kLengthJoints> velocity_{};  // rad/s, of state_.angles
+  Body body_{};
+  Quaternion last_;
+  bool first_ = true;
+  bool starting_ = false;  // stands still and leans forwards
+  Side swing_ = Side::kRight;
+  double since_ = 0;       // s, of the present phase
+  double swing_from_ = 0;  // rad of the swinging thigh when it left the ground, seen from the world
+};
+
+}  // namespace myograde::baseline

@@ -1,0 +1,79 @@
+"""Plays a search's parameters on seeds that no search has seen, and keeps them with the figure.
+
+    PYTHONPATH=build/release/python VENV/bin/python policies/training/evaluate.py PARAMETERS.json \\
+        --library build/release/training/libbaseline_controllers.so [--write FILE --command TEXT]
+
+PARAMETERS.json: best.json of a search, or a file of policies/baseline/parameters. Prints the mean
+distance with its standard error, how the episodes ended, and one figure for each way of starting.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import pathlib
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+import numpy as np
+
+import controllers
+import episodes
+
+FRESH_SEED = 5_000_000_000  # above those of searches and their tests
+
+
+def options() -> argparse.Namespace:
+    """What the command line says."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("parameters", type=pathlib.Path)
+    parser.add_argument("--library", type=pathlib.Path, required=True)
+    parser.add_argument("--episodes", type=int, default=100)
+    parser.add_argument("--first-seed", type=int, default=FRESH_SEED)
+    parser.add_argument("--seconds", type=float, default=300, help="longest episode")
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE",
+                        help="parameters to replace")
+    parser.add_argument("--write", type=pathlib.Path, help="keeps them there with the figure")
+    parser.add_argument("--command", default="", help="that found them, for --write")
+    return parser.parse_args()
+
+
+def spread(values: list[float]) -> tuple[float, float]:
+    """The mean, and its standard error."""
+    return float(np.mean(values)), float(np.std(values) / max(1, len(values) - 1) ** 0.5)
+
+
+def main() -> int:
+    """Plays, prints and keeps."""
+    args = options()
+    known = controllers.Library(args.library).parameters()
+    given = json.loads(args.parameters.read_text())["parameters"]
+    given.update((name, float(value)) for name, value in (pair.split("=") for pair in args.set))
+    numbers = np.array([given.get(p.name, p.start) for p in known])
+    jobs = [(numbers, args.first_seed + i, args.seconds) for i in range(args.episodes)]
+    with ProcessPoolExecutor(args.processes, multiprocessing.get_context("spawn"),
+                             episodes.prepare, (args.library,)) as pool:
+        results = list(pool.map(episodes.play, jobs))
+    mean, error = spread([r.distance for r in results])
+    ends = [r.end for r in results]
+    figure: dict[str, Any] = {
+        "distance_m": round(mean, 3), "standard_error_m": round(error, 3),
+        "episodes": args.episodes, "first_seed": args.first_seed, "seconds": args.seconds,
+        "ends": {end: ends.count(end) for end in sorted(set(ends))}}
+    print(json.dumps(figure))
+    for start in sorted({r.start for r in results}):
+        mine = [r for r in results if r.start == start]
+        print(f"{start}: {len(mine)} episodes, {spread([r.distance for r in mine])[0]:.2f} m in "
+              f"{spread([r.time for r in mine])[0]:.2f} s")
+    if args.write is not None:
+        content = {"command": args.command, "figure": figure,
+                   "parameters": {p.name: float(x) for p, x in zip(known, numbers)}}
+        args.write.write_text(json.dumps(content, indent=1) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,77 @@
+"""The search for the baselines' parameters, for some steps: it goes on where it was, and what it
+found is played and drawn. Runs with docker/training.txt (environments.sh)."""
+
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
+TRAINING = SOURCE / "policies/training"
+LIBRARY = os.environ["MYOGRADE_TEST_CONTROLLERS"]
+DEADLINE_S = 240
+
+
+def run(script, *words, python=sys.executable, status=0):
+    """What a script of the training prints."""
+    done = subprocess.run([python, "-B", TRAINING / script, *map(str, words)], text=True,
+                          timeout=DEADLINE_S, capture_output=True, check=False)
+    if done.returncode != status:
+        raise AssertionError(f"{script}: exit status {done.returncode}\n{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+class Training(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="myograde-training-")
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+
+    def search(self, generations):
+        """The lines of its log."""
+        run("search.py", self.folder / "search", "--library", LIBRARY, "--generations", generations,
+            "--population", 4, "--seeds", 1, "--seconds", 0.1, "--test-every", 1,
+            "--test-seeds", 1)
+        log = (self.folder / "search/progress.jsonl").read_text()
+        return [json.loads(line) for line in log.splitlines()]
+
+    def test_a_search_goes_on_where_it_was(self):
+        first = self.search(1)
+        self.assertEqual([line["episodes"] for line in first], [4])
+        lines = self.search(2)
+        self.assertEqual(lines[0], first[0])
+        self.assertEqual([line["generation"] for line in lines], [1, 2])
+        self.assertEqual(lines[1]["episodes"], 8)
+        best = json.loads((self.folder / "search/best.json").read_text())
+        kept = self.folder / "kept.json"
+        figure = json.loads(run("evaluate.py", self.folder / "search/best.json", "--library", LIBRARY,
+                                "--episodes", 2, "--seconds", 0.1, "--write", kept, "--command",
+                                "a test").splitlines()[0])
+        self.assertEqual(figure["episodes"], 2)
+        content = json.loads(kept.read_text())
+        self.assertEqual((content["figure"], content["command"]), (figure, "a test"))
+        self.assertEqual(content["parameters"].keys(), best["parameters"].keys())
+
+    def test_the_shipped_parameters_are_all_there(self):
+        shipped = SOURCE / "policies/baseline/parameters/locomotion.json"
+        written = self.folder / "written.json"
+        run("evaluate.py", shipped, "--library", LIBRARY, "--episodes", 1, "--seconds", 0.05,
+            "--write", written)
+        self.assertEqual(json.loads(written.read_text())["parameters"],
+                         json.loads(shipped.read_text())["parameters"])
+
+    @unittest.skipIf(subprocess.run(["/usr/bin/python3", "-c", "import matplotlib"],
+                                    capture_output=True, check=False).returncode,
+                     "Debian's python3-matplotlib is not installed")
+    def test_a_search_is_drawn(self):
+        self.search(2)
+        picture = self.folder / "search.svg"
+        run("plot.py", picture, self.folder / "search", python="/usr/bin/python3")
+        self.assertIn("<svg", picture.read_text())
+
+
+if __name__ == "__main__":
+    unittest.main()
