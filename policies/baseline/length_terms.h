@@ -8,8 +8,8 @@
 
 namespace myograde::baseline {
 
-// The joints of the walker's table, in its order: right hip (flexion, adduction, rotation), left hip
-// (the same), left knee, ankle, subtalar joint and toes.
+// The joints of the walker's table, in its order: right hip (flexion, adduction, rotation), left
+// hip (the same), left knee, ankle, subtalar joint and toes.
 inline constexpr int kLengthJoints = 10;
 inline constexpr int kMostJoints = 5;  // that one muscle crosses
 
@@ -34,8 +34,8 @@ class LengthTerms {
   int joints() const { return static_cast<int>(joints_.size()); }
   int joint(int local) const { return joints_[local]; }
 
-  // Adds weight times the slope of every term to arms[local joint]: moment arms in m for weights in m
-  // and `angles` (kLengthJoints entries) in rad.
+  // Adds weight times the slope of every term to arms[local joint]: moment arms in m for weights in
+  // m and `angles` (kLengthJoints entries) in rad.
   void AddSlopes(std::span<const double> weights, std::span<const double> angles,
                  std::span<double> arms) const {
     const int n = joints();

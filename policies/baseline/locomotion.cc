@@ -23,7 +23,7 @@ class Baseline : public myograde::Policy {
   std::string Name() const override { return "baseline-locomotion"; }
   bool Direct() const override { return true; }
 
-  // Each set is one impedance: all of its states are the same, and a load that never is leaves them.
+  // Each set is one impedance: its states are all the same, and a load that never is leaves them.
   std::vector<myograde::leg_parameter_set_t> LegSets() const override {
     std::vector<myograde::leg_parameter_set_t> sets;
     for (const auto& mode : walker_.LegModes()) {

@@ -7,8 +7,8 @@
 
 namespace myograde::baseline {
 
-// The walker's numbers in the JSON file `path`: every parameter by its name under "parameters", each
-// within its range. std::runtime_error with one sentence if the file can't be read or isn't so.
+// The walker's numbers in the JSON file `path`: every parameter by its name under "parameters",
+// each within its range. std::runtime_error with one sentence if the file can't be read or isn't so.
 WalkerNumbers ReadWalkerNumbers(const std::string& path);
 
 }  // namespace myograde::baseline

@@ -22,7 +22,7 @@ class Result:
     distance: float  # m
     time: float  # s
     end: str
-    start: str  # how the person stood at first: standing, or with the prosthetic leg behind or ahead
+    start: str  # how the person stood: standing, or with the prosthetic leg behind or ahead
 
 
 _library: Any = None

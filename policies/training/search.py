@@ -109,7 +109,8 @@ def play(pool: ProcessPoolExecutor, candidates: list[np.ndarray], seeds: list[in
     return [flat[i:i + len(seeds)] for i in range(0, len(flat), len(seeds))]
 
 
-def test(search: Search, pool: ProcessPoolExecutor, args: argparse.Namespace, line: dict[str, Any]) -> None:
+def test(search: Search, pool: ProcessPoolExecutor, args: argparse.Namespace,
+         line: dict[str, Any]) -> None:
     """Plays the mean of the distribution on seeds that the search never sees; keeps the best."""
     seeds = [TEST_SEED + i for i in range(args.test_seeds)]
     mean = search.mean()

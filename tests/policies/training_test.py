@@ -47,9 +47,9 @@ class Training(unittest.TestCase):
         self.assertEqual(lines[1]["episodes"], 8)
         best = json.loads((self.folder / "search/best.json").read_text())
         kept = self.folder / "kept.json"
-        figure = json.loads(run("evaluate.py", self.folder / "search/best.json", "--library", LIBRARY,
-                                "--episodes", 2, "--seconds", 0.1, "--write", kept, "--command",
-                                "a test").splitlines()[0])
+        said = run("evaluate.py", self.folder / "search/best.json", "--library", LIBRARY,
+                   "--episodes", 2, "--seconds", 0.1, "--write", kept, "--command", "a test")
+        figure = json.loads(said.splitlines()[0])
         self.assertEqual(figure["episodes"], 2)
         content = json.loads(kept.read_text())
         self.assertEqual((content["figure"], content["command"]), (figure, "a test"))

@@ -1,5 +1,5 @@
-// Writes the table of the leg's muscles, policies/baseline/leg_muscles.inc: MuJoCo's parameters of each
-// muscle, and a polynomial of third order for its length over the joints that it crosses, fitted to
+// Writes the table of the leg's muscles, policies/baseline/leg_muscles.inc: MuJoCo's parameters of
+// each muscle, and a polynomial of third order for its length over the joints that it crosses, fitted to
 // the model's moment arms in random postures of walking.
 //
 //   write_leg_muscles CACHE > leg_muscles.inc
@@ -163,7 +163,9 @@ std::vector<double> Fit(const std::vector<Posture>& postures, int muscle,
     }
   }
   for (int i = 0; i < std::ssize(postures); ++i) {
-    for (int j = 0; j < joints; ++j) arms[i * joints + j] = postures[i].arms(muscle, terms.joint(j));
+    for (int j = 0; j < joints; ++j) {
+      arms[i * joints + j] = postures[i].arms(muscle, terms.joint(j));
+    }
   }
   const Eigen::VectorXd weights = slopes.colPivHouseholderQr().solve(arms);
   return {weights.begin(), weights.end()};
