@@ -21,6 +21,7 @@
 #include "server/artefact/listing.h"
 #include "server/artefact/saved_name.h"
 #include "server/artefact/submitted_manifest.h"
+#include "server/artefact/tar_header.h"
 #include "server/artefact/unpack_image.h"
 #include "server/base/names.h"
 #include "server/base/plain_text.h"
@@ -130,27 +131,7 @@ class TarWriter {
   }
 
   absl::Status Begin(const std::string& path, const Entry& entry) {
-    const std::unique_ptr<archive_entry, void (*)(archive_entry*)> header(archive_entry_new(),
-                                                                          archive_entry_free);
-    archive_entry_set_pathname(header.get(), path.c_str());
-    archive_entry_set_mtime(header.get(), entry.time, 0);
-    archive_entry_set_uid(header.get(), 0);
-    archive_entry_set_gid(header.get(), 0);
-    const bool open_to_all = entry.executable || entry.type == EntryType::kFolder;
-    archive_entry_set_perm(header.get(), open_to_all ? 0755 : 0644);
-    switch (entry.type) {
-      case EntryType::kFile:
-        archive_entry_set_filetype(header.get(), AE_IFREG);
-        archive_entry_set_size(header.get(), entry.size);
-        break;
-      case EntryType::kFolder:
-        archive_entry_set_filetype(header.get(), AE_IFDIR);
-        break;
-      case EntryType::kLink:
-        archive_entry_set_filetype(header.get(), AE_IFLNK);
-        archive_entry_set_symlink(header.get(), entry.target.c_str());
-        break;
-    }
+    const TarHeader header = MakeTarHeader(path, entry);
     return archive_write_header(writer_.get(), header.get()) == ARCHIVE_OK ? absl::OkStatus()
                                                                           : Failed();
   }

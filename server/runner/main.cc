@@ -11,7 +11,6 @@
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
-#include <sys/signalfd.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -28,6 +27,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/lease/lease.h"
 #include "server/base/paths.h"
+#include "server/base/stop_signals.h"
 #include "server/runner/lease_runner.h"
 #include "server/runner/log_keeper.h"
 #include "server/runner/trajectory_file.h"
@@ -118,15 +118,6 @@ void MayHaveAllDescriptors() {
   if (getrlimit(RLIMIT_NOFILE, &files) != 0) return;
   files.rlim_cur = files.rlim_max;
   setrlimit(RLIMIT_NOFILE, &files);
-}
-
-Fd StopSignals() {
-  sigset_t stop;
-  sigemptyset(&stop);
-  for (int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&stop, signal);
-  sigprocmask(SIG_BLOCK, &stop, nullptr);
-  ::signal(SIGPIPE, SIG_IGN);
-  return Fd(signalfd(-1, &stop, SFD_CLOEXEC | SFD_NONBLOCK));
 }
 
 int Main(int argc, char** argv) {

@@ -10,7 +10,6 @@
 // trouble, 75 another process plays the lease.
 #include <signal.h>
 #include <string.h>
-#include <sys/signalfd.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -29,6 +28,7 @@
 
 #include "protocol/base/fd.h"
 #include "server/base/paths.h"
+#include "server/base/stop_signals.h"
 #include "server/executor/node/folder_channel.h"
 #include "server/executor/node/http_channel.h"
 #include "server/executor/node/play.h"
@@ -139,15 +139,6 @@ int Prove(const Arguments& arguments, const std::string& cache, const std::strin
   if (!proof.ok()) return Trouble(proof.status());
   std::printf("%s\n", NodeProofToText(*proof).c_str());
   return kNodeDone;
-}
-
-Fd StopSignals() {
-  sigset_t stop;
-  sigemptyset(&stop);
-  for (int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&stop, signal);
-  sigprocmask(SIG_BLOCK, &stop, nullptr);
-  ::signal(SIGPIPE, SIG_IGN);
-  return Fd(signalfd(-1, &stop, SFD_CLOEXEC | SFD_NONBLOCK));
 }
 
 int Main(int argc, char** argv) {
