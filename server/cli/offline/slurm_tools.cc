@@ -23,9 +23,9 @@ absl::StatusOr<std::string> SlurmTools::Find(const std::string& name) const {
 }
 
 absl::StatusOr<ProgramEnd> SlurmTools::Run(const std::string& name,
-                                              const std::vector<std::string>& words,
-                                              absl::Duration deadline,
-                                              const std::string& input) const {
+                                           const std::vector<std::string>& words,
+                                           absl::Duration deadline,
+                                           const std::string& input) const {
   const absl::StatusOr<std::string> path = Find(name);
   if (!path.ok()) return path.status();
   absl::StatusOr<ProgramEnd> end = RunProgram({.program = *path,

@@ -198,55 +198,54 @@ absl::StatusOr<std::vector<std::string>> Folder::Names(size_t most) const {
   return names;
 }
 
-absl::Status Folder::PutDraft(const std::string& draft, const std::string& name) const {
-  if (renameat(fd_.get(), draft.c_str(), fd_.get(), name.c_str()) != 0) {
-    return DiskError(PathOf(name), "put in place");
-  }
-  return Sync(fd_.get(), path_);
-}
-
-absl::Status Folder::Put(const std::string& name, std::string_view text) const {
+absl::Status Folder::PutDraft(const std::string& name, const Write& write,
+                              const Place& place) const {
   const std::string draft = DraftName(name);
   absl::StatusOr<Fd> file = OpenRegular(fd_.get(), draft, PathOf(name),
                                         O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC);
   if (!file.ok()) return file.status();
-  absl::Status status = WritePiece(file->get(), text.data(), text.size(), PathOf(name));
+  absl::Status status = write(file->get());
   if (status.ok()) status = Sync(file->get(), PathOf(name));
-  if (status.ok()) status = PutDraft(draft, name);
-  if (!status.ok()) unlinkat(fd_.get(), draft.c_str(), 0);
+  if (status.ok()) status = place(file->get(), draft);
+  if (status.ok()) return Sync(fd_.get(), path_);
+  unlinkat(fd_.get(), draft.c_str(), 0);
   return status;
+}
+
+absl::Status Folder::Replace(const std::string& draft, const std::string& name) const {
+  return renameat(fd_.get(), draft.c_str(), fd_.get(), name.c_str()) == 0
+             ? absl::OkStatus()
+             : DiskError(PathOf(name), "put in place");
+}
+
+absl::Status Folder::Put(const std::string& name, std::string_view text) const {
+  return PutDraft(
+      name, [&](int file) { return WritePiece(file, text.data(), text.size(), PathOf(name)); },
+      [&](int, const std::string& draft) { return Replace(draft, name); });
 }
 
 absl::Status Folder::PutFrom(const std::string& name, const ByteSource& source,
                              int64_t most) const {
-  const std::string draft = DraftName(name);
-  absl::StatusOr<Fd> file = OpenRegular(fd_.get(), draft, PathOf(name),
-                                        O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC);
-  if (!file.ok()) return file.status();
-  absl::Status status = Copy(source, file->get(), most, PathOf(name));
-  if (status.ok()) status = Sync(file->get(), PathOf(name));
-  if (status.ok()) status = PutDraft(draft, name);
-  if (!status.ok()) unlinkat(fd_.get(), draft.c_str(), 0);
-  return status;
+  return PutDraft(
+      name, [&](int file) { return Copy(source, file, most, PathOf(name)); },
+      [&](int, const std::string& draft) { return Replace(draft, name); });
 }
 
 absl::Status Folder::PutNew(const std::string& name, std::string_view text) const {
-  const std::string draft = DraftName(name);
-  absl::StatusOr<Fd> file = OpenRegular(fd_.get(), draft, PathOf(name),
-                                        O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC);
-  if (!file.ok()) return file.status();
-  absl::Status status = WritePiece(file->get(), text.data(), text.size(), PathOf(name));
-  if (status.ok()) status = Sync(file->get(), PathOf(name));
-  // A link never replaces, and shows the whole text at once. On a network's disk the answer may be
-  // lost, and a second try be refused because of the first: the count of links tells.
-  if (status.ok() && linkat(fd_.get(), draft.c_str(), fd_.get(), name.c_str(), 0) != 0) {
-    status = DiskError(PathOf(name), "put in place");
-    struct stat info;
-    if (fstat(file->get(), &info) == 0 && info.st_nlink == 2) status = absl::OkStatus();
-  }
-  unlinkat(fd_.get(), draft.c_str(), 0);
-  if (!status.ok()) return status;
-  return Sync(fd_.get(), path_);
+  return PutDraft(
+      name, [&](int file) { return WritePiece(file, text.data(), text.size(), PathOf(name)); },
+      [&](int file, const std::string& draft) {
+        // A link never replaces, and shows the whole text at once. On a network's disk the answer
+        // may be lost, and a second try be refused because of the first: the count of links tells.
+        absl::Status status;
+        if (linkat(fd_.get(), draft.c_str(), fd_.get(), name.c_str(), 0) != 0) {
+          status = DiskError(PathOf(name), "put in place");
+          struct stat info;
+          if (fstat(file, &info) == 0 && info.st_nlink == 2) status = absl::OkStatus();
+        }
+        if (status.ok()) unlinkat(fd_.get(), draft.c_str(), 0);
+        return status;
+      });
 }
 
 absl::Status Folder::WriteAt(const std::string& name, int64_t offset,

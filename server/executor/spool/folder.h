@@ -84,7 +84,13 @@ class Folder {
  private:
   Folder(std::string path, Fd fd) : path_(std::move(path)), fd_(std::move(fd)) {}
   std::string PathOf(const std::string& name) const { return path_ + "/" + name; }
-  absl::Status PutDraft(const std::string& draft, const std::string& name) const;
+
+  // Writes a draft by `write`, syncs it, and has `place` give it its name; then it is no more. Neither
+  // leaves a draft after an error.
+  using Write = std::function<absl::Status(int file)>;
+  using Place = std::function<absl::Status(int file, const std::string& draft)>;
+  absl::Status PutDraft(const std::string& name, const Write& write, const Place& place) const;
+  absl::Status Replace(const std::string& draft, const std::string& name) const;
 
   std::string path_;
   Fd fd_;
