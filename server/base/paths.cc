@@ -13,6 +13,11 @@
 namespace myograde::server {
 namespace {
 
+namespace fs = std::filesystem;
+
+// Where a package has the programs that people don't call themselves, below its prefix.
+constexpr char kPrograms[] = "libexec/myograde";
+
 std::string UsualDir(const char* of_root, const char* variable, const char* in_home) {
   if (::geteuid() == 0) return of_root;
   // The XDG specification says to ignore relative paths.
@@ -42,16 +47,23 @@ absl::StatusOr<std::string> BinDir() {
     return absl::InternalError(
         absl::StrCat("can't tell where the running program lies: ", std::strerror(errno)));
   }
-  const std::string program(path, static_cast<size_t>(length));
-  return program.substr(0, program.rfind('/'));
+  const fs::path folder = fs::path(std::string(path, static_cast<size_t>(length))).parent_path();
+  const std::string apart = folder.parent_path() / kPrograms;
+  return ::access((apart + "/myograde-runner").c_str(), X_OK) == 0 ? apart : folder.string();
+}
+
+std::string ShareDir(const std::string& bin_dir) {
+  const fs::path folder = fs::path(bin_dir).lexically_normal();
+  fs::path prefix = folder.parent_path();
+  if (prefix / folder.filename() == prefix.parent_path() / kPrograms) prefix = prefix.parent_path();
+  return prefix / "share/myograde";
 }
 
 std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir) {
-  const std::filesystem::path above = std::filesystem::path(bin_dir).parent_path();
-  const std::filesystem::path installed = above / "share/myograde/adapters" / adapter;
+  const std::string installed = absl::StrCat(ShareDir(bin_dir), "/adapters/", adapter);
   std::error_code error;
-  if (std::filesystem::is_directory(installed, error)) return installed.string();
-  return (above / "adapters" / adapter).string();
+  if (fs::is_directory(installed, error)) return installed;
+  return fs::path(bin_dir).parent_path() / "adapters" / adapter;
 }
 
 std::string ConfigDir() {
@@ -59,7 +71,7 @@ std::string ConfigDir() {
     return dir;
   }
   if (absl::StatusOr<std::string> bin_dir = BinDir(); bin_dir.ok()) {
-    const std::string installed = *bin_dir + "/../share/myograde/configs";
+    const std::string installed = ShareDir(*bin_dir) + "/configs";
     if (::access(installed.c_str(), R_OK) == 0) return installed;
   }
   return MYOGRADE_SOURCE_CONFIG_DIR;

@@ -7,9 +7,13 @@
 
 namespace myograde::server {
 
-// The folder of the project's programs: MYOGRADE_BIN_DIR if set, else the folder of the running
-// program.
+// The folder of the project's programs: MYOGRADE_BIN_DIR if set, else libexec/myograde beside the
+// folder of the running program if the programs are there (a package keeps those there that people
+// don't call themselves), else the folder of the running program.
 absl::StatusOr<std::string> BinDir();
+
+// share/myograde of an installation that has its programs in `bin_dir`. There need not be one.
+std::string ShareDir(const std::string& bin_dir);
 
 // The folder with tracks/ and sandbox/: MYOGRADE_CONFIG_DIR if set, else share/myograde/configs
 // beside the programs' folder if it exists (an installed MyoGrade), else the source tree's

@@ -34,7 +34,7 @@ constexpr int kDrawingNice = 10;
 // The program's folder: of an installed MyoGrade, else of the source tree.
 std::string DrawingProgram() {
   const absl::StatusOr<std::string> bin = BinDir();
-  const std::string installed = bin.ok() ? *bin + "/../share/myograde/figures" : "";
+  const std::string installed = bin.ok() ? ShareDir(*bin) + "/figures" : "";
   return ::access(installed.c_str(), R_OK) == 0 ? installed : MYOGRADE_SOURCE_FIGURES;
 }
 

@@ -56,7 +56,7 @@ absl::StatusOr<ServerConfig> ConfigOf(const RuntimeOptions& options) {
 std::string Maker() {
   const absl::StatusOr<std::string> bin = BinDir();
   const std::string installed =
-      bin.ok() ? *bin + "/../share/myograde/runtime/make_runtime.py" : "";
+      bin.ok() ? ShareDir(*bin) + "/runtime/make_runtime.py" : "";
   return std::filesystem::exists(installed) ? installed : MYOGRADE_SOURCE_RUNTIME_MAKER;
 }
 
@@ -64,7 +64,7 @@ std::string Maker() {
 absl::StatusOr<std::string> Recipe(const std::string& name) {
   namespace fs = std::filesystem;
   const absl::StatusOr<std::string> bin = BinDir();
-  std::string recipes = bin.ok() ? *bin + "/../share/myograde/runtimes" : "";
+  std::string recipes = bin.ok() ? ShareDir(*bin) + "/runtimes" : "";
   if (!fs::exists(recipes)) recipes = MYOGRADE_SOURCE_RECIPES;
   if (IsRuntimeName(name) && fs::exists(absl::StrCat(recipes, "/", name, "/requirements.txt"))) {
     return absl::StrCat(recipes, "/", name);
