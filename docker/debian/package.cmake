@@ -8,7 +8,7 @@ find_package(Python3 REQUIRED COMPONENTS Interpreter)
 # Manual pages and completions are made of what the programs say themselves.
 add_custom_command(
   OUTPUT ${pages}/complete.stamp
-  COMMAND ${Python3_EXECUTABLE} -B ${here}/pages.py
+  COMMAND ${Python3_EXECUTABLE} -B ${here}/pages.py ${PROJECT_VERSION}
           ${CMAKE_RUNTIME_OUTPUT_DIRECTORY} ${CMAKE_SOURCE_DIR} ${pages}
   COMMAND ${CMAKE_COMMAND} -E touch ${pages}/complete.stamp
   DEPENDS myograde myograded ${here}/pages.py ${here}/copyright ${here}/myograde-setup
@@ -67,10 +67,10 @@ debian(server DIRECTORY server/runtime/make/ DESTINATION ${share}/runtime
 debian(server DIRECTORY policies/runtimes DESTINATION ${share})
 debian(server DIRECTORY ${CMAKE_BINARY_DIR}/adapters DESTINATION ${share}
        PATTERN "*.stamp" EXCLUDE PATTERN __pycache__ EXCLUDE)
-foreach(policy scripted-elbow random)
-  debian(server DIRECTORY ${CMAKE_BINARY_DIR}/policies/${policy} DESTINATION ${share}/policies
-         USE_SOURCE_PERMISSIONS)
-endforeach()
+set(sample lib/myograde/policies/scripted-elbow)
+install(TARGETS policy_scripted-elbow
+        RUNTIME DESTINATION ${sample} COMPONENT server EXCLUDE_FROM_ALL)
+debian(server FILES ${CMAKE_BINARY_DIR}/policies/scripted-elbow/policy.json DESTINATION ${sample})
 debian(server FILES ${CMAKE_BINARY_DIR}/openapi.json DESTINATION ${share})
 debian(server FILES ${here}/myograded.service ${here}/myograded.socket
        DESTINATION /lib/systemd/system)
@@ -84,13 +84,13 @@ debian(server FILES server/daemon/OPERATIONS.md ${here}/README.md
 install(CODE "
   set(etc \"\$ENV{DESTDIR}/etc/myograde\")
   foreach(part reference schema)
-    file(CREATE_LINK ../../usr/share/myograde/\${part} \${etc}/\${part} SYMBOLIC)
+    file(CREATE_LINK /usr/share/myograde/\${part} \${etc}/\${part} SYMBOLIC)
   endforeach()"
   COMPONENT server EXCLUDE_FROM_ALL)
 install(CODE "
   set(root \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/share/myograde\")
   file(MAKE_DIRECTORY \${root})
-  file(CREATE_LINK ../../../etc/myograde \${root}/configs SYMBOLIC)"
+  file(CREATE_LINK /etc/myograde \${root}/configs SYMBOLIC)"
   COMPONENT client EXCLUDE_FROM_ALL)
 
 set(python_dir lib/python3/dist-packages)
@@ -102,10 +102,12 @@ set(package_server myograde-server)
 set(package_policy-kit libmyograde-policy-dev)
 set(package_python python3-myograde)
 foreach(component client server policy-kit python)
-  debian(${component} FILES ${here}/copyright ${pages}/changelog.gz
+  debian(${component} FILES ${here}/copyright ${pages}/changelog.gz ${pages}/NEWS.gz
          DESTINATION share/doc/${package_${component}})
-  debian(${component} FILES ${here}/lintian/${package_${component}}
-         DESTINATION share/lintian/overrides OPTIONAL)
+  if(EXISTS ${here}/lintian/${package_${component}})
+    debian(${component} FILES ${here}/lintian/${package_${component}}
+           DESTINATION share/lintian/overrides)
+  endif()
 endforeach()
 
 set(CPACK_GENERATOR DEB)
@@ -128,14 +130,15 @@ set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 
 function(describe component summary)
   string(TOUPPER ${component} upper)
+  string(JOIN "\n" more ${ARGN})
   set(CPACK_DEBIAN_${upper}_PACKAGE_NAME ${package_${component}} PARENT_SCOPE)
-  set(CPACK_COMPONENT_${upper}_DESCRIPTION "${summary}\n${ARGN}" PARENT_SCOPE)
+  set(CPACK_COMPONENT_${upper}_DESCRIPTION "${summary}\n${more}" PARENT_SCOPE)
 endfunction()
 describe(client "command line client of the MyoGrade evaluation server"
-         "Hands in policies for the tracks of MyoChallenge 2024, and shows results and boards.")
+         "Hands in policies for the tracks of MyoChallenge 2024, and shows results.")
 describe(server "evaluation server for policies of the MyoChallenge 2024 tracks"
-         "Plays submitted policies in sandboxes and ranks them. The physics library and the models"
-         "are fetched by myograde-setup, as they are no part of this package.")
+         "Plays submitted policies in sandboxes and ranks them. The physics library"
+         "and the models are fetched by myograde-setup, as they are no part of it.")
 describe(policy-kit "C++ kit for policies that MyoGrade grades"
          "Headers, static library and message types for programs that answer over LCM.")
 describe(python "Python kit and client of the MyoGrade evaluation server"

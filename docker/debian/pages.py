@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Writes what the Debian packages hold beside programs: manual pages and completions, made of what
 the programs themselves print for --help, the page of server.json(5), the lists of conffiles and the
-changelog. Use: pages.py PROGRAMS SOURCE OUTPUT. Equal programs give equal bytes."""
+changelog. Use: pages.py VERSION PROGRAMS SOURCE OUTPUT. Equal programs give equal bytes."""
 
 import datetime
 import gzip
@@ -101,6 +101,14 @@ def date_of(source):
     return done.stdout.strip()
 
 
+def changelog(version, day):
+    """Debian's form of it, which only names the version; NEWS.gz has what changed."""
+    date = datetime.datetime.fromisoformat(day or "2026-01-01")
+    return (f"myograde ({version}) bookworm; urgency=medium\n\n  * NEWS.gz lists what changed.\n\n"
+            f" -- MyoGrade maintainers <maintainers@myograde.invalid>  "
+            f"{date:%a, %d %b %Y} 00:00:00 +0000\n")
+
+
 def one_line(text):
     return " ".join(text.split()).rstrip(".")
 
@@ -186,7 +194,7 @@ def completions(tree, verbs):
 
 
 def main():
-    programs, source, output = map(pathlib.Path, sys.argv[1:])
+    programs, source, output = map(pathlib.Path, sys.argv[2:])
     shutil.rmtree(output, ignore_errors=True)
     stamp = date_of(source)
     program = str(programs / "myograde")
@@ -222,7 +230,8 @@ def main():
     for shell, lines in completions(tree, verbs).items():
         (output / "completion").mkdir(exist_ok=True)
         (output / "completion" / shell).write_text("\n".join(lines) + "\n")
-    compress(output / "changelog.gz", (source / "CHANGELOG.md").read_text())
+    compress(output / "NEWS.gz", (source / "CHANGELOG.md").read_text())
+    compress(output / "changelog.gz", changelog(sys.argv[1], stamp))
     conffiles = {
         "client": [f"/etc/myograde/tracks/{x.name}" for x in (source / "configs/tracks").glob("*.json")],
         "server": ["/etc/myograde/server.json", "/etc/logrotate.d/myograde",
