@@ -32,7 +32,8 @@ systemctl enable --now myograded.socket myograded.service; step start
 timeout 120 myograde submit /usr/lib/myograde/policies/scripted-elbow --track elbow --team First --wait; step grade
 myograde leaderboard --track elbow --json > /root/board.json; step board
 before=$(systemctl show -p MainPID myograded.service)
-apt-get install -y -q --reinstall --allow-downgrades /root/packages/myograde-client_*.deb /root/packages/myograde-server_*.deb
+cd /root/packages
+apt-get install -y -q --reinstall ./myograde-client_*.deb ./myograde-server_*.deb
 step upgrade
 [ "$before" != "$(systemctl show -p MainPID myograded.service)" ]; step restarted
 myograde leaderboard --track elbow --json | cmp - /root/board.json; step same_board
@@ -98,8 +99,8 @@ class Debian(unittest.TestCase):
         wants = unit.parent / "multi-user.target.wants"
         wants.mkdir(exist_ok=True)
         (wants / unit.name).symlink_to("../trial.service")
-        booted = subprocess.run(["systemd-nspawn", "--register=no", "--keep-unit", "--resolv-conf=copy-host",
-                                 "-D", self.root, "--boot", "--console=pipe"], capture_output=True, text=True,
+        booted = subprocess.run(["systemd-nspawn", "--register=no", "--keep-unit", "--resolv-conf=off",
+                                 "--capability=CAP_NET_ADMIN", "-D", self.root, "--boot", "--console=pipe"], capture_output=True, text=True,
                                 timeout=900, stdin=subprocess.DEVNULL)
         log = self.root / "root/trial.log"
         if not log.exists():
