@@ -86,7 +86,8 @@ class Debian(unittest.TestCase):
         shutil.copy("/etc/ssl/certs/ca-certificates.crt", self.root / "etc/ssl/certs/ca-certificates.crt")
         if os.path.exists("/etc/pip.conf"):
             shutil.copy("/etc/pip.conf", self.root / "etc/pip.conf")
-        self.container("sh", "-c", "apt-get install -y -q --no-install-recommends /root/packages/*.deb")
+        self.container("sh", "-c", "apt-get update -q && "
+                       "apt-get install -y -q --no-install-recommends /root/packages/*.deb")
         shutil.copy("/etc/ssl/certs/ca-certificates.crt", self.root / "etc/ssl/certs/ca-certificates.crt")
         for name in FETCHED:  # kept by myograde-setup, which compares them
             shutil.copytree(CACHE / name, self.root / "var/cache/myograde" / name)
@@ -105,7 +106,7 @@ class Debian(unittest.TestCase):
         log = self.root / "root/trial.log"
         if not log.exists():
             self.skipTest(f"systemd can't be booted here: {booted.stderr[-300:]}")
-        text = log.read_text()
+        text = log.read_text(errors="replace")
         for step in STEPS:
             self.assertIn(f"step {step}: 0\n", text, text)
         self.assertIn("successes           100 of 100", text)
