@@ -22,6 +22,22 @@ std::string UsualDir(const char* of_root, const char* variable, const char* in_h
   return absl::StrCat(home != nullptr && *home == '/' ? home : "", "/", in_home, "/myograde");
 }
 
+// The folder of the running program.
+absl::StatusOr<std::string> OwnDir() {
+  char path[PATH_MAX];
+  const ssize_t length = ::readlink("/proc/self/exe", path, sizeof(path));
+  if (length <= 0 || length >= static_cast<ssize_t>(sizeof(path))) {
+    return absl::InternalError(
+        absl::StrCat("can't tell where the running program lies: ", std::strerror(errno)));
+  }
+  const std::string program(path, static_cast<size_t>(length));
+  return program.substr(0, program.rfind('/'));
+}
+
+std::string ShareDirOf(const std::string& bin_dir) {
+  return (std::filesystem::path(bin_dir).parent_path() / "share/myograde").string();
+}
+
 }  // namespace
 
 std::string UsualDataDir() {
@@ -36,14 +52,7 @@ absl::StatusOr<std::string> BinDir() {
   if (const char* dir = std::getenv("MYOGRADE_BIN_DIR"); dir != nullptr && *dir != '\0') {
     return std::string(dir);
   }
-  char path[PATH_MAX];
-  const ssize_t length = ::readlink("/proc/self/exe", path, sizeof(path));
-  if (length <= 0 || length >= static_cast<ssize_t>(sizeof(path))) {
-    return absl::InternalError(
-        absl::StrCat("can't tell where the running program lies: ", std::strerror(errno)));
-  }
-  const std::string program(path, static_cast<size_t>(length));
-  return program.substr(0, program.rfind('/'));
+  return OwnDir();
 }
 
 std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir) {
@@ -54,15 +63,19 @@ std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir
   return (above / "adapters" / adapter).string();
 }
 
+std::string ShareDir() {
+  const absl::StatusOr<std::string> bin_dir = BinDir();
+  const absl::StatusOr<std::string> own_dir = OwnDir();
+  std::string share = bin_dir.ok() ? ShareDirOf(*bin_dir) : "";
+  if (own_dir.ok() && ::access(share.c_str(), R_OK) != 0) share = ShareDirOf(*own_dir);
+  return share;
+}
+
 std::string ConfigDir() {
   if (const char* dir = std::getenv("MYOGRADE_CONFIG_DIR"); dir != nullptr && *dir != '\0') {
     return dir;
   }
-  if (absl::StatusOr<std::string> bin_dir = BinDir(); bin_dir.ok()) {
-    const std::string installed = *bin_dir + "/../share/myograde/configs";
-    if (::access(installed.c_str(), R_OK) == 0) return installed;
-  }
-  return MYOGRADE_SOURCE_CONFIG_DIR;
+  return ShareDir() + "/configs";
 }
 
 }  // namespace myograde::server

@@ -11,9 +11,11 @@ namespace myograde::server {
 // program.
 absl::StatusOr<std::string> BinDir();
 
-// The folder with tracks/ and sandbox/: MYOGRADE_CONFIG_DIR if set, else share/myograde/configs
-// beside the programs' folder if it exists (an installed MyoGrade), else the source tree's
-// configs/.
+// The folder with what the programs read: share/myograde beside their folder, or beside that of the
+// running program if BinDir() has none. In a build's folder it has links to the source tree.
+std::string ShareDir();
+
+// The folder with tracks/ and sandbox/: MYOGRADE_CONFIG_DIR if set, else configs/ of ShareDir().
 std::string ConfigDir();
 
 // The folder of an adapter's program (server/artefact/adapters.h), for programs in `bin_dir`. There
