@@ -295,6 +295,16 @@ void UnixHttpServer::ReloadCertificate() {
 
 absl::Status UnixHttpServer::Start(const std::string& path) {
   if (absl::Status status = Bind(path); !status.ok()) return status;
+  Begin();
+  return absl::OkStatus();
+}
+
+void UnixHttpServer::StartOn(Fd listener) {
+  listener_ = std::move(listener);
+  Begin();
+}
+
+void UnixHttpServer::Begin() {
   // cpp-httplib takes a server without a listener for one that stops, and cuts files off.
   svr_sock_ = listener_.get();
   for (int i = 0; i < limits_.workers; ++i) workers_.emplace_back([this] { Work(); });
@@ -303,7 +313,6 @@ absl::Status UnixHttpServer::Start(const std::string& path) {
   if (network_ != nullptr) listeners.push_back(network_->listener());
   acceptor_ = std::thread(
       [this, listeners = std::move(listeners)]() mutable { gate_.Run(std::move(listeners)); });
-  return absl::OkStatus();
 }
 
 void UnixHttpServer::Work() {

@@ -60,6 +60,8 @@ class UnixHttpServer : public httplib::Server {
   // Binds `path` (replacing a socket that nobody listens on) and starts the
   // threads. AlreadyExistsError: something listens there, or it is no socket.
   absl::Status Start(const std::string& path);
+  // The same on a listening socket that somebody else made, who also removes it.
+  void StartOn(Fd listener);
 
   // From any thread, and from a signal handler: bodies are refused from now on,
   // and what takes long is asked to end (Stopping).
@@ -90,6 +92,7 @@ class UnixHttpServer : public httplib::Server {
 
  private:
   absl::Status Bind(const std::string& path);
+  void Begin();
   BodyRule RuleOf(const RequestHead& head) const;
   std::optional<Peer> PeerOf(int fd) const;
   void Work();

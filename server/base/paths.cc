@@ -13,6 +13,11 @@
 namespace myograde::server {
 namespace {
 
+namespace fs = std::filesystem;
+
+// Where a package has the programs that people don't call themselves, below its prefix.
+constexpr char kPrograms[] = "libexec/myograde";
+
 std::string UsualDir(const char* of_root, const char* variable, const char* in_home) {
   if (::geteuid() == 0) return of_root;
   // The XDG specification says to ignore relative paths.
@@ -34,10 +39,6 @@ absl::StatusOr<std::string> OwnDir() {
   return program.substr(0, program.rfind('/'));
 }
 
-std::string ShareDirOf(const std::string& bin_dir) {
-  return (std::filesystem::path(bin_dir).parent_path() / "share/myograde").string();
-}
-
 }  // namespace
 
 std::string UsualDataDir() {
@@ -52,22 +53,31 @@ absl::StatusOr<std::string> BinDir() {
   if (const char* dir = std::getenv("MYOGRADE_BIN_DIR"); dir != nullptr && *dir != '\0') {
     return std::string(dir);
   }
-  return OwnDir();
+  absl::StatusOr<std::string> own_dir = OwnDir();
+  if (!own_dir.ok()) return own_dir;
+  const std::string apart = fs::path(*own_dir).parent_path() / kPrograms;
+  return ::access((apart + "/myograde-runner").c_str(), X_OK) == 0 ? apart : *own_dir;
+}
+
+std::string ShareDir(const std::string& bin_dir) {
+  const fs::path folder = fs::path(bin_dir).lexically_normal();
+  fs::path prefix = folder.parent_path();
+  if (prefix / folder.filename() == prefix.parent_path() / kPrograms) prefix = prefix.parent_path();
+  return prefix / "share/myograde";
 }
 
 std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir) {
-  const std::filesystem::path above = std::filesystem::path(bin_dir).parent_path();
-  const std::filesystem::path installed = above / "share/myograde/adapters" / adapter;
+  const std::string installed = absl::StrCat(ShareDir(bin_dir), "/adapters/", adapter);
   std::error_code error;
-  if (std::filesystem::is_directory(installed, error)) return installed.string();
-  return (above / "adapters" / adapter).string();
+  if (fs::is_directory(installed, error)) return installed;
+  return fs::path(bin_dir).parent_path() / "adapters" / adapter;
 }
 
 std::string ShareDir() {
   const absl::StatusOr<std::string> bin_dir = BinDir();
   const absl::StatusOr<std::string> own_dir = OwnDir();
-  std::string share = bin_dir.ok() ? ShareDirOf(*bin_dir) : "";
-  if (own_dir.ok() && ::access(share.c_str(), R_OK) != 0) share = ShareDirOf(*own_dir);
+  std::string share = bin_dir.ok() ? ShareDir(*bin_dir) : "";
+  if (own_dir.ok() && ::access(share.c_str(), R_OK) != 0) share = ShareDir(*own_dir);
   return share;
 }
 

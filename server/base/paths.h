@@ -7,13 +7,17 @@
 
 namespace myograde::server {
 
-// The folder of the project's programs: MYOGRADE_BIN_DIR if set, else the folder of the running
-// program.
+// The folder of the project's programs: MYOGRADE_BIN_DIR if set, else libexec/myograde beside the
+// folder of the running program if the programs are there (a package keeps those there that people
+// don't call themselves), else the folder of the running program.
 absl::StatusOr<std::string> BinDir();
 
 // The folder with what the programs read: share/myograde beside their folder, or beside that of the
 // running program if BinDir() has none. In a build's folder it has links to the source tree.
 std::string ShareDir();
+
+// share/myograde of an installation that has its programs in `bin_dir`. There need not be one.
+std::string ShareDir(const std::string& bin_dir);
 
 // The folder with tracks/ and sandbox/: MYOGRADE_CONFIG_DIR if set, else configs/ of ShareDir().
 std::string ConfigDir();

@@ -19,6 +19,7 @@
 #include "server/admission/admission.h"
 #include "server/api/api.h"
 #include "server/artefact/adapters.h"
+#include "server/base/service_manager.h"
 #include "server/challenge/phases.h"
 #include "server/daemon/lease_hosts.h"
 #include "server/daemon/log.h"
@@ -180,6 +181,8 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   const Clock& clock = SystemClock();
   const ServerConfig& config = configs.server;
   Tracks& tracks = configs.tracks;
+  absl::StatusOr<ServiceManager> manager = ServiceManager::FromEnvironment();
+  if (!manager.ok()) return manager.status();
   if (absl::Status status = RaiseDescriptorLimit(config); !status.ok()) return status;
   if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
   absl::StatusOr<DataLock> lock = DataLock::Take(options.data_dir);
@@ -293,7 +296,11 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   }
   // Before the socket answers, so that whoever waits for that finds the URL.
   const NetworkGuard network(options.data_dir + "/listen", server.NetworkUrl());
-  if (absl::Status status = server.Start(options.socket); !status.ok()) return status;
+  if (Fd socket = manager->TakeSocket(); socket.valid()) {
+    server.StartOn(std::move(socket));
+  } else if (absl::Status status = server.Start(options.socket); !status.ok()) {
+    return status;
+  }
   server_to_stop = &server;
   access_log.Start();
   webhooks.Start();
@@ -308,7 +315,9 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   spdlog::info("listening on {}, {} slots, {} tracks, {} phases", options.socket,
                config.scheduler.slots, tracks.entries().size(), phases->entries().size());
   if (config.listen.has_value()) spdlog::info("listening on {}", server.NetworkUrl());
+  manager->Tell("READY=1");
   const absl::Status status = engine.Run();
+  manager->Tell("STOPPING=1");
   EndSoon(status.ok() ? 0 : 4, config.on_cluster ? kLeaveClusterWithin : kLeaveWithin);
   server_to_stop = nullptr;
   pictures.Stop();

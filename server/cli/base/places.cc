@@ -8,6 +8,9 @@
 namespace myograde::server {
 namespace {
 
+// Of the daemon that a package's units start.
+constexpr char kSystemSocket[] = "/run/myograde/myograde.sock";
+
 std::string Environment(const char* name) {
   const char* value = std::getenv(name);
   return value == nullptr ? "" : value;
@@ -30,7 +33,12 @@ std::string CacheDir(const std::string& option) {
 }
 
 std::string SocketPath(const std::string& socket_option, const std::string& data_option) {
-  return socket_option.empty() ? DataDir(data_option) + "/myograde.sock" : socket_option;
+  if (!socket_option.empty()) return socket_option;
+  const std::string own = DataDir(data_option) + "/myograde.sock";
+  const bool named = !data_option.empty() || !Environment("MYOGRADE_DATA").empty();
+  std::error_code error;
+  if (named || std::filesystem::exists(own, error)) return own;
+  return std::filesystem::exists(kSystemSocket, error) ? kSystemSocket : own;
 }
 
 }  // namespace myograde::server

@@ -76,8 +76,9 @@ class PartFolder {
 absl::StatusOr<std::string> TemplatesOf(const std::string& lang) {
   const absl::StatusOr<std::string> bin_dir = BinDir();
   if (!bin_dir.ok()) return bin_dir.status();
-  for (const char* place : {"/../share/myograde/policies/starter/", "/../policies/starter/"}) {
-    const std::string templates = absl::StrCat(*bin_dir, place, lang);
+  for (const std::string& place :
+       {ShareDir(*bin_dir) + "/policies", *bin_dir + "/../policies"}) {
+    const std::string templates = absl::StrCat(place, "/starter/", lang);
     std::error_code error;
     if (fs::exists(templates + "/README.md", error)) return templates;
   }

@@ -1,0 +1,246 @@
+#!/usr/bin/env python3
+"""Writes what the Debian packages hold beside programs: manual pages and completions, made of what
+the programs themselves print for --help, the page of server.json(5), the lists of conffiles and the
+changelog. Use: pages.py VERSION PROGRAMS SOURCE OUTPUT. Equal programs give equal bytes."""
+
+import datetime
+import gzip
+import json
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+
+DEADLINE_S = 60
+HEADINGS = {"Positionals": "ARGUMENTS", "Options": "OPTIONS", "Subcommands": "VERBS",
+            "Example": "EXAMPLE", "Exit status": "EXIT STATUS"}
+
+
+class Help:
+    """What a program or verb prints for --help, in its parts."""
+
+    def __init__(self, command):
+        text = subprocess.run([*command, "--help"], check=True, capture_output=True, text=True,
+                              timeout=DEADLINE_S, env={"PATH": "/usr/bin:/bin", "HOME": "/root"}).stdout
+        head, self.usage, rest = re.fullmatch(r"(.*?)^Usage: (.*?)\n(.*)", text, re.S | re.M).groups()
+        self.summary = head.strip()
+        self.sections, name = {}, None
+        for line in rest.splitlines():
+            heading = re.fullmatch(r"([A-Z][a-z]+(?: status)?):(.*)", line)
+            if heading and heading[1] in HEADINGS:
+                name = heading[1]
+                self.sections[name] = [heading[2].strip()] if heading[2].strip() else []
+            elif name == "Exit status" or (name and line.strip()):
+                self.sections[name].append(line)
+
+    def entries(self, section):
+        """Pairs of what is written and what it means."""
+        found = []
+        for line in self.sections.get(section, []):
+            entry = re.fullmatch(r"  (\S.*?)(?:  +(\S.*))?", line)
+            if entry:
+                found.append([entry[1], entry[2] or ""])
+            elif found:
+                found[-1][1] = f"{found[-1][1]} {line.strip()}".strip()
+        return found
+
+    def options(self):
+        """Triples: the names of an option, whether it takes a value, what it means."""
+        for name, meaning in self.entries("Options"):
+            words = name.split(" Excludes:")[0].split()
+            yield words[0].split(","), len(words) > 1 and words[1] != "REQUIRED", meaning
+
+    def verbs(self):
+        return [name for name, _ in self.entries("Subcommands")]
+
+
+def roff(text):
+    text = text.replace("\\", "\\e").replace("-", "\\-").replace("'", "\\(aq")
+    return "\n".join("\\&" + line if line[:1] in (".", "\\") and line[:2] != "\\-" else line
+                     for line in text.splitlines())
+
+
+def page(name, section, summary, parts, day):
+    """A manual page; `parts` are pairs of a heading and roff."""
+    lines = [f'.TH {name.upper()} {section} "{day}" "MyoGrade" "MyoGrade"', ".SH NAME",
+             f"{name} \\- {roff(summary)}"]
+    for heading, text in parts:
+        lines += [f".SH {heading}", text.strip()]
+    return "\n".join(lines) + "\n"
+
+
+def items(entries):
+    return "\n".join(f".TP\n.B {roff(name)}\n{roff(meaning) or 'No further words.'}"
+                     for name, meaning in entries)
+
+
+def parts_of(helps):
+    parts = []
+    for section, heading in HEADINGS.items():
+        lines = helps.sections.get(section)
+        if not lines:
+            continue
+        if section in ("Positionals", "Options", "Subcommands"):
+            parts.append((heading, items(helps.entries(section))))
+        elif section == "Example":
+            parts.append((heading, ".nf\n" + roff("\n".join(x.strip() for x in lines)) + "\n.fi"))
+        else:
+            parts.append((heading, roff(" ".join(x.strip() for x in lines).strip())))
+    return parts
+
+
+def date_of(source):
+    """The day of SOURCE_DATE_EPOCH, else of the last commit; "" for sources without either."""
+    if os.environ.get("SOURCE_DATE_EPOCH"):
+        day = datetime.datetime.fromtimestamp(int(os.environ["SOURCE_DATE_EPOCH"]), datetime.timezone.utc)
+        return day.strftime("%Y-%m-%d")
+    done = subprocess.run(["git", "-C", source, "log", "-1", "--format=%cs"], text=True,
+                          capture_output=True, timeout=DEADLINE_S)
+    return done.stdout.strip()
+
+
+def changelog(version, day):
+    """Debian's form of it, which only names the version; NEWS.gz has what changed."""
+    date = datetime.datetime.fromisoformat(day or "2026-01-01")
+    return (f"myograde ({version}) bookworm; urgency=medium\n\n  * NEWS.gz lists what changed.\n\n"
+            f" -- MyoGrade maintainers <maintainers@myograde.invalid>  "
+            f"{date:%a, %d %b %Y} 00:00:00 +0000\n")
+
+
+def one_line(text):
+    return " ".join(text.split()).rstrip(".")
+
+
+def program_page(command, name, section, day, see):
+    helps = Help(command)
+    text = roff(helps.summary)
+    parts = [("SYNOPSIS", ".B " + roff(helps.usage)), ("DESCRIPTION", text), *parts_of(helps)]
+    for verb in helps.verbs() if len(command) > 1 else []:
+        inner = Help([*command, verb])
+        body = f".B {roff(inner.usage)}\n.PP\n{roff(inner.summary)}\n"
+        for section_of, entries in ((x, inner.entries(x)) for x in ("Positionals", "Options")):
+            if entries:
+                body += items(entries) + "\n"
+        parts.insert(-1, (f'"{roff(" ".join(command[1:] + [verb])).upper()}"', body))
+    parts.append(("SEE ALSO", ",\n".join(f".BR {roff(x)} ({y})" for x, y in see)))
+    parts[-1] = ("SEE ALSO", "\n".join(f".BR {roff(x)} ({y}){',' if i + 1 < len(see) else ''}"
+                                       for i, (x, y) in enumerate(see)))
+    return page(name, section, one_line(helps.summary).split(";")[0], parts, day)
+
+
+def described(value, path=()):
+    """Each key of server.json with its default and the comment above it."""
+    for key, inner in value.items():
+        if key.startswith("//"):
+            continue
+        comment = value.get("// " + key, "")
+        name = ".".join((*path, key))
+        if isinstance(inner, dict) and any(x.startswith("// ") for x in inner):
+            if comment:
+                yield name, comment
+            yield from described(inner, (*path, key))
+        else:
+            default = json.dumps(inner)
+            yield name, f"{comment or 'See the key above.'} (default: {default})"
+
+
+def compress(path, text):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with open(path, "wb") as raw, gzip.GzipFile("", "wb", 9, raw, mtime=0) as packed:
+        packed.write(text.encode())
+
+
+def completions(tree, verbs):
+    """tree: {verb or "verb sub": Help}. Returns what each shell reads."""
+    def words(helps):
+        return [name for names, _, _ in helps.options() for name in names] + helps.verbs()
+
+    quote = lambda text: "'" + text.replace("'", "'\\''") + "'"
+    bash = ["# Completion of myograde for bash.", "_myograde() {",
+            "  local word=${COMP_WORDS[COMP_CWORD]} verb=${COMP_WORDS[1]:-} both words",
+            "  both=\"$verb ${COMP_WORDS[2]:-}\"", "  if [ \"$COMP_CWORD\" = 1 ]; then",
+            f"    words={quote(' '.join(verbs + ['--help', '--version']))}", "  else",
+            "    case $both in"]
+    for name, helps in sorted(tree.items(), key=lambda item: -item[0].count(" ")):
+        pattern = quote(name) + ("" if " " in name else "\\ *")
+        bash.append(f"      {pattern}) words={quote(' '.join(words(helps)))} ;;")
+    bash += ["    esac", "  fi", "  COMPREPLY=($(compgen -W \"$words\" -- \"$word\"))",
+             "  if [ ${#COMPREPLY[@]} = 0 ]; then",
+             "    compopt -o default 2>/dev/null", "  fi", "}", "complete -F _myograde myograde"]
+    zsh = ["#compdef myograde", "local -a names", "if (( CURRENT == 2 )); then", "  names=("]
+    zsh += [f"    {quote(verb + ':' + one_line(tree[verb].summary).replace(':', ' -'))}" for verb in verbs]
+    zsh += ["  )", "  _describe verb names", "  return", "fi", "case \"$words[2] $words[3]\" in"]
+    for name, helps in sorted(tree.items(), key=lambda item: -item[0].count(" ")):
+        pattern = quote(name) + ("" if " " in name else "\\ *")
+        zsh.append(f"  {pattern}) names=({' '.join(map(quote, words(helps)))}) ;;")
+    zsh += ["esac", "compadd -a names", "_files"]
+    fish = ["# Completion of myograde for fish.",
+            f"set -l verbs {' '.join(verbs)}"]
+    for verb in verbs:
+        fish.append("complete -c myograde -n \"not __fish_seen_subcommand_from $verbs\" -f -a "
+                    f"{verb} -d {quote(one_line(tree[verb].summary))}")
+    for name, helps in tree.items():
+        condition = " and ".join(f"__fish_seen_subcommand_from {x}" for x in name.split())
+        condition = condition.replace(" and ", "; and ")
+        for names, takes, meaning in helps.options():
+            flags = " ".join(f"-l {x[2:]}" if x.startswith("--") else f"-s {x[1:]}" for x in names)
+            fish.append(f"complete -c myograde -n '{condition}' {flags}{' -r' if takes else ''} "
+                        f"-d {quote(one_line(meaning)[:80])}")
+        for sub in helps.verbs():
+            fish.append(f"complete -c myograde -n '{condition}' -f -a {sub}")
+    return {"bash": bash, "zsh": zsh, "fish": fish}
+
+
+def main():
+    programs, source, output = map(pathlib.Path, sys.argv[2:])
+    shutil.rmtree(output, ignore_errors=True)
+    stamp = date_of(source)
+    program = str(programs / "myograde")
+    top = Help([program])
+    tree = {}
+    for verb in top.verbs():
+        tree[verb] = Help([program, verb])
+        for sub in tree[verb].verbs():
+            tree[f"{verb} {sub}"] = Help([program, verb, sub])
+    verbs = top.verbs()
+    pages = {f"man1/myograde-{verb}.1": program_page([program, verb], f"myograde-{verb}", 1, stamp,
+                                                     [("myograde", 1), ("myograded", 8)])
+             for verb in verbs}
+    pages["man1/myograde.1"] = program_page([program], "myograde", 1, stamp,
+                                            [("myograde-submit", 1), ("myograded", 8)])
+    pages["man8/myograded.8"] = program_page([str(programs / "myograded")], "myograded", 8, stamp,
+                                             [("myograde-server.json", 5), ("myograde-setup", 8)])
+    setup = (source / "docker/debian/myograde-setup").read_text()
+    usage = re.search(r"<<'USAGE'\n(.*?)^USAGE$", setup, re.S | re.M)[1]
+    pages["man8/myograde-setup.8"] = page(
+        "myograde-setup", 8, "make an installed MyoGrade ready to grade",
+        [("DESCRIPTION", ".nf\n" + roff(usage) + "\n.fi")], stamp)
+    config = json.loads((source / "configs/server.json").read_text())
+    pages["man5/myograde-server.json.5"] = page(
+        "myograde-server.json", 5, "configuration of the MyoGrade daemon",
+        [("DESCRIPTION", roff("/etc/myograde/server.json is one JSON object. An unknown key is an "
+                              "error; keys that begin with \"//\" are comments. The daemon reads "
+                              "it when it starts.")),
+         ("KEYS", items(described(config))),
+         ("SEE ALSO", ".BR myograded (8)")], stamp)
+    for name, text in pages.items():
+        compress(output / (name + ".gz"), text)
+    for shell, lines in completions(tree, verbs).items():
+        (output / "completion").mkdir(exist_ok=True)
+        (output / "completion" / shell).write_text("\n".join(lines) + "\n")
+    compress(output / "NEWS.gz", (source / "CHANGELOG.md").read_text())
+    compress(output / "changelog.gz", changelog(sys.argv[1], stamp))
+    conffiles = {
+        "client": [f"/etc/myograde/tracks/{x.name}" for x in (source / "configs/tracks").glob("*.json")],
+        "server": ["/etc/myograde/server.json", "/etc/logrotate.d/myograde",
+                   *(f"/etc/myograde/sandbox/{x.name}" for x in (source / "configs/sandbox").glob("*.json"))]}
+    for name, paths in conffiles.items():
+        folder = output / "control" / name
+        folder.mkdir(parents=True)
+        (folder / "conffiles").write_text("".join(f"{path}\n" for path in sorted(paths)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+#include "server/base/service_manager.h"
+
+#include <fcntl.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdlib>
+#include <cstring>
+
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+
+namespace myograde::server {
+namespace {
+
+constexpr int kFirstSocket = 3;
+
+std::string TakeVariable(const char* name) {
+  const char* value = std::getenv(name);
+  std::string text = value == nullptr ? "" : value;
+  unsetenv(name);
+  return text;
+}
+
+int SocketOption(int fd, int option) {
+  int value = 0;
+  socklen_t size = sizeof(value);
+  return getsockopt(fd, SOL_SOCKET, option, &value, &size) == 0 ? value : 0;
+}
+
+bool IsListeningUnixSocket(int fd) {
+  return SocketOption(fd, SO_DOMAIN) == AF_UNIX && SocketOption(fd, SO_TYPE) == SOCK_STREAM &&
+         SocketOption(fd, SO_ACCEPTCONN) != 0;
+}
+
+}  // namespace
+
+absl::StatusOr<ServiceManager> ServiceManager::FromEnvironment() {
+  ServiceManager manager;
+  manager.address_ = TakeVariable("NOTIFY_SOCKET");
+  const std::string pid_text = TakeVariable("LISTEN_PID");
+  const std::string count_text = TakeVariable("LISTEN_FDS");
+  unsetenv("LISTEN_FDNAMES");
+  int64_t pid = 0;
+  int count = 0;
+  // Variables for another process are none for this one.
+  if (!absl::SimpleAtoi(pid_text, &pid) || pid != getpid()) return manager;
+  if (!absl::SimpleAtoi(count_text, &count) || count <= 0) return manager;
+  if (count != 1 || !IsListeningUnixSocket(kFirstSocket)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the service manager handed over ", count, " descriptors, where one listening stream "
+        "socket of Unix is taken; give its socket unit a single ListenStream= with a path"));
+  }
+  fcntl(kFirstSocket, F_SETFD, FD_CLOEXEC);
+  fcntl(kFirstSocket, F_SETFL, fcntl(kFirstSocket, F_GETFL) | O_NONBLOCK);
+  manager.socket_ = Fd(kFirstSocket);
+  return manager;
+}
+
+void ServiceManager::Tell(const std::string& state) const {
+  sockaddr_un address = {};
+  address.sun_family = AF_UNIX;
+  if (address_.empty() || address_.size() >= sizeof(address.sun_path)) return;
+  std::memcpy(address.sun_path, address_.data(), address_.size());
+  if (address.sun_path[0] == '@') address.sun_path[0] = '\0';  // an abstract one
+  const Fd sender(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!sender.valid()) return;
+  const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + address_.size());
+  sendto(sender.get(), state.data(), state.size(), MSG_NOSIGNAL,
+         reinterpret_cast<const sockaddr*>(&address), size);
+}
+
+}  // namespace myograde::server

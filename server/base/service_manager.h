@@ -1,0 +1,33 @@
+// What a service manager such as systemd hands to a program that it starts, and hears from it: its
+// protocols of sd_listen_fds(3) and sd_notify(3).
+#pragma once
+
+#include <string>
+#include <utility>
+
+#include <absl/status/statusor.h>
+
+#include "protocol/base/fd.h"
+
+namespace myograde::server {
+
+class ServiceManager {
+ public:
+  // Reads what the environment says to this process and removes it there, so that no child takes it
+  // for its own. Without a service manager there is neither a socket nor anybody to tell.
+  // InvalidArgumentError if what was handed over is anything but one listening Unix stream socket.
+  static absl::StatusOr<ServiceManager> FromEnvironment();
+
+  // The listening socket, once; invalid if none was handed over.
+  Fd TakeSocket() { return std::move(socket_); }
+
+  // Tells the service manager, if there is one, in the words of sd_notify(3) ("READY=1"). Never
+  // waits.
+  void Tell(const std::string& state) const;
+
+ private:
+  Fd socket_;
+  std::string address_;  // of the service manager's socket; "": nobody listens
+};
+
+}  // namespace myograde::server
