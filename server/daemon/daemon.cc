@@ -196,6 +196,10 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   const std::string path = options.data_dir + "/store.db";
   absl::StatusOr<std::unique_ptr<Store>> store = Store::Open(path, clock);
   if (!store.ok()) return store.status();
+  if (const auto& migration = (*store)->migration()) {
+    spdlog::info("the store had schema {} and now has {}; {} keeps it as it was", migration->from,
+                 migration->to, migration->copy);
+  }
   if ((*store)->mended()) spdlog::error("{}", DamageText(*(*store)->mended()));
   if (absl::Status status = SetWebhooks(configs.webhooks, **store); !status.ok()) return status;
   const auto metrics = std::make_shared<Metrics>();
