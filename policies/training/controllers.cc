@@ -2,8 +2,10 @@
 // A handle belongs to one environment; numbers are contiguous doubles of the caller.
 #include <algorithm>
 #include <cstddef>
+#include <exception>
 #include <span>
 
+#include "policies/baseline/reacher.h"
 #include "policies/baseline/walker.h"
 
 using myograde::baseline::kLegModes;
@@ -44,6 +46,26 @@ void walker_leg_modes(void* walker, double* out) {
       *out++ = value;
     }
   }
+}
+
+// The plan in the file `path`; null if there is none that can be used.
+void* reacher_make(const char* path) {
+  try {
+    return new myograde::baseline::Reacher(myograde::baseline::ReadReacherPlan(path));
+  } catch (const std::exception&) {
+    return nullptr;
+  }
+}
+void reacher_free(void* reacher) { delete static_cast<myograde::baseline::Reacher*>(reacher); }
+void reacher_reset(void* reacher) {
+  static_cast<myograde::baseline::Reacher*>(reacher)->Reset();
+}
+void reacher_act(void* reacher, const double* observation, double* action) {
+  using myograde::baseline::kReacherAction;
+  using myograde::baseline::kReacherObservation;
+  static_cast<myograde::baseline::Reacher*>(reacher)->Act(
+      std::span<const double, kReacherObservation>(observation, kReacherObservation),
+      std::span<double, kReacherAction>(action, kReacherAction));
 }
 
 }  // extern "C"
