@@ -16,6 +16,10 @@ absl::StatusOr<std::string> BinDir();
 // configs/.
 std::string ConfigDir();
 
+// The folder of the documents' site: MYOGRADE_DOCS_DIR if set, else share/myograde/docs beside the
+// programs' folder if it exists, else docs/ beside it (a build folder). There need not be one.
+std::string DocsDir();
+
 // The folder of an adapter's program (server/artefact/adapters.h), for programs in `bin_dir`. There
 // need not be one.
 std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir);

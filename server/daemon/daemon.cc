@@ -19,6 +19,7 @@
 #include "server/admission/admission.h"
 #include "server/api/api.h"
 #include "server/artefact/adapters.h"
+#include "server/base/paths.h"
 #include "server/challenge/phases.h"
 #include "server/daemon/lease_hosts.h"
 #include "server/daemon/log.h"
@@ -269,6 +270,8 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
                            return health.running > 0 || health.pending > 0;
                          },
                      .suggestions = [&] { return ended.Pictures(); }});
+  const absl::StatusOr<Documents> documents = LoadDocuments(DocsDir());
+  if (!documents.ok()) return documents.status();
   Api api({.config = config,
            .data_dir = options.data_dir,
            .cache_dir = options.cache_dir,
@@ -284,6 +287,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
            .pictures = pictures,
            .metrics = *metrics,
            .webhooks = webhooks,
+           .documents = *documents,
            .metrics_token = configs.metrics_token,
            .leases = hosts->door,
            .challenge = phases->any(),
