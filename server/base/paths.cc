@@ -81,6 +81,19 @@ std::string ShareDir() {
   return share;
 }
 
+std::string DocsDir() {
+  if (const char* dir = std::getenv("MYOGRADE_DOCS_DIR"); dir != nullptr && *dir != '\0') {
+    return dir;
+  }
+  const absl::StatusOr<std::string> bin_dir = BinDir();
+  if (!bin_dir.ok()) return "";
+  const std::filesystem::path above = std::filesystem::path(*bin_dir).parent_path();
+  const std::filesystem::path installed = above / "share/myograde/docs";
+  std::error_code error;
+  if (std::filesystem::is_directory(installed, error)) return installed.string();
+  return (above / "docs").string();
+}
+
 std::string ConfigDir() {
   if (const char* dir = std::getenv("MYOGRADE_CONFIG_DIR"); dir != nullptr && *dir != '\0') {
     return dir;

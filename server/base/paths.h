@@ -22,6 +22,10 @@ std::string ShareDir(const std::string& bin_dir);
 // The folder with tracks/ and sandbox/: MYOGRADE_CONFIG_DIR if set, else configs/ of ShareDir().
 std::string ConfigDir();
 
+// The folder of the documents' site: MYOGRADE_DOCS_DIR if set, else share/myograde/docs beside the
+// programs' folder if it exists, else docs/ beside it (a build folder). There need not be one.
+std::string DocsDir();
+
 // The folder of an adapter's program (server/artefact/adapters.h), for programs in `bin_dir`. There
 // need not be one.
 std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir);

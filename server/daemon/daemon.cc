@@ -20,6 +20,7 @@
 #include "server/api/api.h"
 #include "server/artefact/adapters.h"
 #include "server/base/service_manager.h"
+#include "server/base/paths.h"
 #include "server/challenge/phases.h"
 #include "server/daemon/lease_hosts.h"
 #include "server/daemon/log.h"
@@ -272,6 +273,8 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
                            return health.running > 0 || health.pending > 0;
                          },
                      .suggestions = [&] { return ended.Pictures(); }});
+  const absl::StatusOr<Documents> documents = LoadDocuments(DocsDir());
+  if (!documents.ok()) return documents.status();
   Api api({.config = config,
            .data_dir = options.data_dir,
            .cache_dir = options.cache_dir,
@@ -287,6 +290,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
            .pictures = pictures,
            .metrics = *metrics,
            .webhooks = webhooks,
+           .documents = *documents,
            .metrics_token = configs.metrics_token,
            .leases = hosts->door,
            .challenge = phases->any(),

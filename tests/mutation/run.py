@@ -5,7 +5,9 @@ damaged row. Each mutant is one textual change; its file is compiled beside the 
 one test program in place of the original, so neither sources nor build folder change. Prints a
 line for each; exit status 1 if one survives, or no longer fits its file.
 
-Use: run.py --build build/asan [WORD ...]   only mutants with one of the words in their line"""
+Use: run.py --build build/asan [WORD ...]   only mutants with one of the words in their line
+     run.py --every 50 [--first K]          instead every 50th, from the Kth on, of all that operators.py makes
+                                            of scoring/ and server/scheduler/"""
 
 import argparse
 import concurrent.futures
@@ -17,6 +19,8 @@ import shlex
 import subprocess
 import sys
 import tempfile
+
+import operators
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 STORE, ENGINE = "server/store/", "server/engine/"
@@ -126,7 +130,7 @@ def commands(build):
             for source in re.findall(r'#include "([^"]+)"', unit.read_text()):
                 compiles[source] = (unit, entry["command"])
     links = {}
-    for target in {mutant[0] for mutant in MUTANTS}:
+    for target in {mutant[0] for mutant in MUTANTS} | set(operators.AREAS.values()):
         out = subprocess.check_output(["ninja", "-C", build, "-t", "commands", "-s",
                                        f"tests/{target}"], text=True)
         links[target] = out.strip().splitlines()[-1]
@@ -160,9 +164,23 @@ def try_mutant(mutant, build, compiles, links):
     source = ROOT / file
     if source.read_text().count(text) != 1:
         return f"the text is there {source.read_text().count(text)} times"
+    return try_change(target, tests, source, source.read_text().replace(text, instead), build, compiles,
+                      links)
+
+
+def try_made(mutant, build, compiles, links):
+    """The same of a mutant of operators.py; one that does not compile is none."""
+    target, file, number, _, changed = mutant
+    lines = (ROOT / file).read_text().split("\n")
+    lines[number] = changed
+    result = try_change(target, "*", ROOT / file, "\n".join(lines), build, compiles, links)
+    return "no code" if result.startswith("does not compile") else result
+
+
+def try_change(target, tests, source, changed, build, compiles, links):
+    """What the test program says with the changed text in place of the source."""
     with tempfile.TemporaryDirectory() as folder:
-        wrong = compile_mutant(source, source.read_text().replace(text, instead),
-                               pathlib.Path(folder), build, compiles)
+        wrong = compile_mutant(source, changed, pathlib.Path(folder), build, compiles)
         if wrong:
             return "does not compile: " + wrong
         # An object before the archives: the archive's own is not asked for any more.
@@ -188,17 +206,24 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", default="build/asan", help="a build folder with the tests in it")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--every", type=int, help="try every Nth mutant of operators.py instead")
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("words", nargs="*")
     options = parser.parse_args()
     build = str((ROOT / options.build).resolve())
     compiles, links = commands(build)
-    wanted = [m for m in MUTANTS if not options.words or any(w in " ".join(m) for w in options.words)]
+    if options.every:
+        wanted, attempt = operators.sample(options.every, options.first), try_made
+        describe = lambda m: f"{m[1]}:{m[2] + 1}: {m[3].strip()}  ->  {m[4].strip()}"
+    else:
+        wanted = [m for m in MUTANTS if not options.words or any(w in " ".join(m) for w in options.words)]
+        attempt, describe = try_mutant, lambda m: f"{m[2]}: {' '.join(m[3].split())[:90]}"
     alive = 0
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
-        results = pool.map(lambda m: try_mutant(m, build, compiles, links), wanted)
+        results = pool.map(lambda m: attempt(m, build, compiles, links), wanted)
         for mutant, result in zip(wanted, results):
-            print(f"{result:8} {mutant[2]}: {' '.join(mutant[3].split())[:90]}", flush=True)
-            alive += result != "killed"
+            print(f"{result:8} {describe(mutant)}", flush=True)
+            alive += result not in ("killed", "no code")
     print(f"{len(wanted) - alive} of {len(wanted)} mutants are killed")
     return 1 if alive else 0
 
