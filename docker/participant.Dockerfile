@@ -20,7 +20,7 @@ RUN python3 -m pip install -q --target /out --no-deps --only-binary :all: --requ
 
 FROM ${BASE}
 RUN apt-get update -q \
- && DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends python3 \
+ && DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends libglib2.0-0 python3 \
  && rm -rf /var/lib/apt/lists/* /var/cache/apt/* /var/log/apt /var/log/dpkg.log
 COPY --from=build /out/ /usr/local/lib/python3.11/dist-packages/
 WORKDIR /app
