@@ -1,4 +1,9 @@
 // The table of the arm's muscles against the model, and how torques are shared out among them.
+#include "policies/baseline/arm_muscles.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -6,10 +11,6 @@
 #include <stdexcept>
 #include <string>
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "policies/baseline/arm_muscles.h"
 #include "policies/baseline/reacher.h"
 #include "sim/manipulation/model.h"
 #include "sim/model/model.h"
@@ -31,8 +32,9 @@ TEST(ArmMuscles, TorquesAreTheModels) {
   const mjModel& m = **model;
   const sim::DataPtr data(mj_makeData(&m));
   ArmState state = Beside();
-  const std::array<const char*, 7> names = {"elv_angle", "shoulder_elv", "shoulder_rot",
-                                            "elbow_flexion", "pro_sup", "deviation", "flexion"};
+  const std::array<const char*, 7> names = {"elv_angle",     "shoulder_elv", "shoulder_rot",
+                                            "elbow_flexion", "pro_sup",      "deviation",
+                                            "flexion"};
   std::array<int, 7> joint;
   for (int j = 0; j < 7; ++j) {
     joint[j] = mj_name2id(&m, mjOBJ_JOINT, names[j]);
@@ -72,7 +74,7 @@ TEST(ArmMuscles, PullAgainstTheSlopeOfTheirLengths) {
 
 TEST(ArmMuscles, TheWeightPullsTheLiftedArmDown) {
   const ArmTorques weight = WeightTorques(Beside());
-  EXPECT_GT(weight[1], 2);   // elevation of the shoulder, N m
+  EXPECT_GT(weight[1], 2);  // elevation of the shoulder, N m
   EXPECT_LT(weight[1], 20);
   for (int j = kCarrying; j < kArmJoints; ++j) EXPECT_EQ(weight[j], 0);
 }
