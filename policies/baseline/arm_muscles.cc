@@ -33,8 +33,7 @@ const std::vector<ArmMuscle>& ArmTable() {
     };
     std::vector<ArmMuscle> out;
     for (const ArmEntry& entry : entries) {
-      out.push_back(
-          {LengthTerms(entry.joints), entry.parameters, entry.constant, entry.weights});
+      out.push_back({LengthTerms(entry.joints), entry.parameters, entry.constant, entry.weights});
     }
     return out;
   }();
@@ -82,8 +81,7 @@ ArmTorques MuscleTorques(const ArmState& state) {
   return torques;
 }
 
-void ArmAllocator::Allocate(const ArmState& state, const ArmTorques& goal,
-                            const ArmTorques& weight,
+void ArmAllocator::Allocate(const ArmState& state, const ArmTorques& goal, const ArmTorques& weight,
                             std::span<double, kArmMuscles> excitations) {
   // Torque of each muscle at full activation, and what is missing of the goal.
   std::array<Arms, kArmMuscles> torque{};
@@ -111,8 +109,7 @@ void ArmAllocator::Allocate(const ArmState& state, const ArmTorques& goal,
         slope += weighted * missing[terms.joint(j)];
         curvature += weighted * torque[i][j];
       }
-      const double next =
-          std::clamp(last_[i] + slope / curvature, bounds[i].low, bounds[i].high);
+      const double next = std::clamp(last_[i] + slope / curvature, bounds[i].low, bounds[i].high);
       for (int j = 0; j < terms.joints(); ++j) {
         missing[terms.joint(j)] -= torque[i][j] * (next - last_[i]);
       }

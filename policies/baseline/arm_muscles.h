@@ -12,8 +12,8 @@
 namespace myograde::baseline {
 
 inline constexpr int kArmMuscles = 63;
-// The independent joints: elevation plane, elevation and rotation of the shoulder, elbow, pronation,
-// two of the wrist, four of the thumb and four of each finger.
+// The independent joints: elevation plane, elevation and rotation of the shoulder, elbow,
+// pronation, two of the wrist, four of the thumb and four of each finger.
 inline constexpr int kArmJoints = 27;
 inline constexpr double kArmControlStep = 0.01;  // s
 

@@ -10,7 +10,7 @@
 namespace myograde::baseline {
 namespace {
 
-constexpr int kSweeps = 12;                // of the coordinate descent
+constexpr int kSweeps = 12;  // of the coordinate descent
 
 struct Entry {
   const char* name;
@@ -100,15 +100,15 @@ void MuscleAllocator::Allocate(const MuscleState& state, const TorqueGoal& goal,
         slope += weighted * missing[terms.joint(j)];
         curvature += weighted * torque[i][j];
       }
-      const double next =
-          std::clamp(last_[i] + slope / curvature, bounds[i].low, bounds[i].high);
+      const double next = std::clamp(last_[i] + slope / curvature, bounds[i].low, bounds[i].high);
       for (int j = 0; j < terms.joints(); ++j) {
         missing[terms.joint(j)] -= torque[i][j] * (next - last_[i]);
       }
       last_[i] = next;
     }
   }
-  for (int i = 0; i < kMuscles; ++i) excitations[i] = Excitation(state.activation[i], last_[i], kControlStep);
+  for (int i = 0; i < kMuscles; ++i)
+    excitations[i] = Excitation(state.activation[i], last_[i], kControlStep);
 }
 
 }  // namespace myograde::baseline

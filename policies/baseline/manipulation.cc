@@ -1,5 +1,5 @@
-// The baseline of the track manipulation: the reacher (reacher.h) with the plan in manipulation.json,
-// read from the folder that the program is started in.
+// The baseline of the track manipulation: the reacher (reacher.h) with the plan in
+// manipulation.json, read from the folder that the program is started in.
 #include <cstdio>
 #include <exception>
 #include <stdexcept>

@@ -9,9 +9,9 @@ inline constexpr double kActivationTime = 0.01;  // s, the models' time constant
 inline constexpr double kDeactivationTime = 0.04;
 
 struct MuscleParameters {
-  double force;                   // N
-  double range_low, range_high;   // of normalised lengths
-  double shortest, longest;       // m
+  double force;                  // N
+  double range_low, range_high;  // of normalised lengths
+  double shortest, longest;      // m
   double lmin, lmax, vmax, fpmax, fvmax;
 };
 

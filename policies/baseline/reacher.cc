@@ -2,25 +2,24 @@
 
 #include <algorithm>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <utility>
-
-#include <nlohmann/json.hpp>
 
 namespace myograde::baseline {
 namespace {
 
-constexpr double kArmEffort = 0.05;       // squared N m for a fully active muscle
-constexpr double kMostIntegral = 6;    // N m
-constexpr double kHandWeight = 20;     // what torques of the hand's joints matter more
-constexpr size_t kArmAngles = 1, kProsthesisAngles = 77, kStart = 142,
-                 kGoal = 145, kArmActivations = 153;
+constexpr double kArmEffort = 0.05;  // squared N m for a fully active muscle
+constexpr double kMostIntegral = 6;  // N m
+constexpr double kHandWeight = 20;   // what torques of the hand's joints matter more
+constexpr size_t kArmAngles = 1, kProsthesisAngles = 77, kStart = 142, kGoal = 145,
+                 kArmActivations = 153;
 constexpr std::array<double, 2> kStartMiddle = {-0.4, -0.25}, kGoalMiddle = {0.4, -0.25};  // m
 // Where the independent joints stand among the observation's 38.
 constexpr size_t kElevationPlane = 10, kElevation = 11, kRotation = 13;
 // The joints of the servos among the observation's 26 of the prosthesis.
-constexpr std::array<size_t, kProsthesis> kServoJoints = {0,  1,  2,  3,  4,  5,  6,  7, 8,
-                                                          9,  10, 11, 12, 15, 19, 22, 23};
+constexpr std::array<size_t, kProsthesis> kServoJoints = {0, 1,  2,  3,  4,  5,  6,  7, 8,
+                                                          9, 10, 11, 12, 15, 19, 22, 23};
 
 size_t Place(int joint) {
   if (joint == 0) return kElevationPlane;
@@ -117,8 +116,8 @@ void Reacher::Act(std::span<const double, kReacherObservation> observation,
     const double error = target - state.angles[j];
     sum_[j] = std::clamp(sum_[j] + plan_.integral[j] * error * kArmControlStep, -kMostIntegral,
                          kMostIntegral);
-    goal[j] += plan_.stiffness[j] * error + plan_.damping[j] * (speed - state.velocities[j]) +
-               sum_[j];
+    goal[j] +=
+        plan_.stiffness[j] * error + plan_.damping[j] * (speed - state.velocities[j]) + sum_[j];
   }
   const double grip = (from == nullptr ? 0 : from->grip) * (1 - share) + to.grip * share;
   for (int j = kCarrying; j < kArmJoints; ++j) {

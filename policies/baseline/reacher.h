@@ -28,11 +28,11 @@ struct WayPoint {
 };
 
 struct ReacherPlan {
-  std::array<double, kCarrying> stiffness{};   // N m/rad
-  std::array<double, kCarrying> damping{};     // N m s/rad
-  std::array<double, kCarrying> integral{};    // N m/(rad s)
-  double hand_stiffness = 0;                   // N m/rad
-  double hand_damping = 0;                     // N m s/rad
+  std::array<double, kCarrying> stiffness{};                    // N m/rad
+  std::array<double, kCarrying> damping{};                      // N m s/rad
+  std::array<double, kCarrying> integral{};                     // N m/(rad s)
+  double hand_stiffness = 0;                                    // N m/rad
+  double hand_damping = 0;                                      // N m s/rad
   std::array<double, kArmJoints - kCarrying> open{}, closed{};  // rad
   std::vector<WayPoint> way;  // in the order of their times; at least one
 };

@@ -38,7 +38,8 @@ void walker_act(void* walker, const double* observation, double* action) {
       std::span<const double, kWalkerObservation>(observation, kWalkerObservation),
       std::span<double, kWalkerAction>(action, kWalkerAction));
 }
-// Six numbers for each of the leg's five sets: knee stiffness, damping and target, then the ankle's.
+// Six numbers for each of the leg's five sets: knee stiffness, damping and target, then the
+// ankle's.
 void walker_leg_modes(void* walker, double* out) {
   for (const auto& mode : static_cast<Walker*>(walker)->LegModes()) {
     for (const double value : {mode.knee_stiffness, mode.knee_damping, mode.knee_target,
@@ -57,9 +58,7 @@ void* reacher_make(const char* path) {
   }
 }
 void reacher_free(void* reacher) { delete static_cast<myograde::baseline::Reacher*>(reacher); }
-void reacher_reset(void* reacher) {
-  static_cast<myograde::baseline::Reacher*>(reacher)->Reset();
-}
+void reacher_reset(void* reacher) { static_cast<myograde::baseline::Reacher*>(reacher)->Reset(); }
 void reacher_act(void* reacher, const double* observation, double* action) {
   using myograde::baseline::kReacherAction;
   using myograde::baseline::kReacherObservation;

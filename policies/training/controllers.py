@@ -42,7 +42,11 @@ class Library:
                 ("walker_free", None, [ctypes.c_void_p]),
                 ("walker_reset", None, [ctypes.c_void_p]),
                 ("walker_act", None, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]),
-                ("walker_leg_modes", None, [ctypes.c_void_p, numbers])):
+                ("walker_leg_modes", None, [ctypes.c_void_p, numbers]),
+                ("reacher_make", ctypes.c_void_p, [ctypes.c_char_p]),
+                ("reacher_free", None, [ctypes.c_void_p]),
+                ("reacher_reset", None, [ctypes.c_void_p]),
+                ("reacher_act", None, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p])):
             function = getattr(self.lib, name)
             function.restype, function.argtypes = result, arguments
 
@@ -87,3 +91,28 @@ class Walker:
             state = LegState(Joint(*mode[:3]), Joint(*mode[3:]), NEVER)
             sets.append(LegSet(index, **{name: state for name in STATES}))
         return sets
+
+
+class Reacher:
+    """The controller of the track manipulation, with the plan in a file of
+    policies/baseline/parameters. ValueError if that can't be used."""
+
+    track = "manipulation"
+    action_size = 80
+
+    def __init__(self, library: Library, plan: pathlib.Path) -> None:
+        self._lib = library.lib
+        self._handle = self._lib.reacher_make(str(plan).encode())
+        if not self._handle:
+            raise ValueError(f"{plan} is not there, or holds no complete plan.")
+
+    def __del__(self) -> None:
+        self._lib.reacher_free(self._handle)
+
+    def reset(self) -> None:
+        """Begins an episode."""
+        self._lib.reacher_reset(self._handle)
+
+    def act(self, observation: np.ndarray, action: np.ndarray) -> None:
+        """Fills `action`; both are contiguous rows of float64."""
+        self._lib.reacher_act(self._handle, observation.ctypes.data, action.ctypes.data)

@@ -1,12 +1,13 @@
 // Writes the table of the arm's muscles, policies/baseline/arm_muscles.inc: MuJoCo's parameters of
-// each muscle, and a polynomial of third order for its length over the joints that it crosses, fitted
-// to the model's moment arms in random postures of reaching. The last entry is the arm's potential
-// energy, whose slopes are the torques that carry its weight.
+// each muscle, and a polynomial of third order for its length over the joints that it crosses,
+// fitted to the model's moment arms in random postures of reaching. The last entry is the arm's
+// potential energy, whose slopes are the torques that carry its weight.
 //
 //   write_arm_muscles CACHE > arm_muscles.inc
 //
 // Standard error has the largest error of each muscle's moment arms in mm, on postures that the fit
 // has not seen. (It stands with the tests because policies don't know MuJoCo.)
+#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -16,8 +17,6 @@
 #include <random>
 #include <string>
 #include <vector>
-
-#include <Eigen/Dense>
 
 #include "policies/baseline/arm_muscles.h"
 #include "policies/baseline/length_terms.h"
@@ -35,32 +34,19 @@ struct JointRange {
 };
 
 constexpr std::array<JointRange, kArmJoints> kJoints = {{
-    {"elv_angle", 0.0, 2.2},
-    {"shoulder_elv", 0.2, 1.5},
-    {"shoulder_rot", -1.0, 1.9},
-    {"elbow_flexion", 0.2, 2.2},
-    {"pro_sup", -1.2, 1.4},
-    {"deviation", -0.17, 0.43},
-    {"flexion", -0.7, 0.85},
-    {"cmc_abduction", -0.5, 0.6},
-    {"cmc_flexion", -0.7, 0.7},
-    {"mp_flexion", -0.7, 0.65},
-    {"ip_flexion", -1.3, 0.4},
-    {"mcp2_flexion", 0.0, 1.57},
-    {"mcp2_abduction", -0.26, 0.26},
-    {"pm2_flexion", 0.0, 1.57},
-    {"md2_flexion", 0.0, 1.2},
-    {"mcp3_flexion", 0.0, 1.57},
-    {"mcp3_abduction", -0.26, 0.26},
-    {"pm3_flexion", 0.0, 1.57},
-    {"md3_flexion", 0.0, 1.2},
-    {"mcp4_flexion", 0.0, 1.57},
-    {"mcp4_abduction", -0.26, 0.26},
-    {"pm4_flexion", 0.0, 1.57},
-    {"md4_flexion", 0.0, 1.2},
-    {"mcp5_flexion", 0.0, 1.57},
-    {"mcp5_abduction", -0.26, 0.26},
-    {"pm5_flexion", 0.0, 1.57},
+    {"elv_angle", 0.0, 2.2},         {"shoulder_elv", 0.2, 1.5},
+    {"shoulder_rot", -1.0, 1.9},     {"elbow_flexion", 0.2, 2.2},
+    {"pro_sup", -1.2, 1.4},          {"deviation", -0.17, 0.43},
+    {"flexion", -0.7, 0.85},         {"cmc_abduction", -0.5, 0.6},
+    {"cmc_flexion", -0.7, 0.7},      {"mp_flexion", -0.7, 0.65},
+    {"ip_flexion", -1.3, 0.4},       {"mcp2_flexion", 0.0, 1.57},
+    {"mcp2_abduction", -0.26, 0.26}, {"pm2_flexion", 0.0, 1.57},
+    {"md2_flexion", 0.0, 1.2},       {"mcp3_flexion", 0.0, 1.57},
+    {"mcp3_abduction", -0.26, 0.26}, {"pm3_flexion", 0.0, 1.57},
+    {"md3_flexion", 0.0, 1.2},       {"mcp4_flexion", 0.0, 1.57},
+    {"mcp4_abduction", -0.26, 0.26}, {"pm4_flexion", 0.0, 1.57},
+    {"md4_flexion", 0.0, 1.2},       {"mcp5_flexion", 0.0, 1.57},
+    {"mcp5_abduction", -0.26, 0.26}, {"pm5_flexion", 0.0, 1.57},
     {"md5_flexion", 0.0, 1.2},
 }};
 constexpr int kFitted = 600;
@@ -228,8 +214,8 @@ void Write(const mjModel& model, int actuator, const std::vector<int>& joints, d
   } else {
     const mjtNum* p = model.actuator_gainprm + actuator * mjNGAIN;
     const mjtNum* range = model.actuator_lengthrange + 2 * actuator;
-    std::printf("},\n {%.6g, %.6g, %.6g, %.6g, %.6g, %.6g, %.6g, %.6g, %.6g, %.6g}, %.5f,\n {", p[2],
-                p[0], p[1], range[0], range[1], p[4], p[5], p[6], p[7], p[8], constant);
+    std::printf("},\n {%.6g, %.6g, %.6g, %.6g, %.6g, %.6g, %.6g, %.6g, %.6g, %.6g}, %.5f,\n {",
+                p[2], p[0], p[1], range[0], range[1], p[4], p[5], p[6], p[7], p[8], constant);
   }
   int column = 2;
   for (size_t t = 0; t < weights.size(); ++t) {
@@ -263,9 +249,10 @@ int main(int argc, char** argv) {
   Sampler sampler(**model);
   const std::vector<Posture> fitted = sampler.Draw(kFitted, random);
   const std::vector<Posture> checked = sampler.Draw(kChecked, random);
-  std::printf("// Written by tests/policies/baseline/write_arm_muscles.cc. Of each muscle: name; "
-              "joints;\n// force (N), range, lengths (m), lmin, lmax, vmax, fpmax, fvmax; "
-              "constant and weights\n// of the terms (m). The last: weights in J.\n");
+  std::printf(
+      "// Written by tests/policies/baseline/write_arm_muscles.cc. Of each muscle: name; "
+      "joints;\n// force (N), range, lengths (m), lmin, lmax, vmax, fpmax, fvmax; "
+      "constant and weights\n// of the terms (m). The last: weights in J.\n");
   const int muscles = static_cast<int>(sampler.muscles().size());
   for (int i = 0; i <= muscles; ++i) {
     const int actuator = i < muscles ? sampler.muscles()[i] : -1;
