@@ -1,5 +1,5 @@
 # The grading server. From the root of the sources (docker/README.md):
-#   buildah build -f docker/server.Dockerfile -t myograde-server .
+#   buildah build --format docker -f docker/server.Dockerfile -t myograde-server .
 # BASE is a Debian 12. Pin it by its digest for a release: --build-arg BASE=docker.io/library/debian@sha256:...
 ARG BASE=docker.io/library/debian:12-slim
 

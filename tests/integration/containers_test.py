@@ -59,7 +59,7 @@ class Containers(unittest.TestCase):
             raise unittest.SkipTest("no Debian can be made here: " + made.stderr[-300:])
         run("podman", "import", cls.root / "base.tar", BASE)
         cls.addClassCleanup(run, "podman", "rmi", "--force", SERVER, POLICY, BASE, check=False)
-        build = ("buildah", "build", "--network", "host", "--isolation", "chroot", "--build-arg",
+        build = ("buildah", "build", "--format", "docker", "--network", "host", "--isolation", "chroot", "--build-arg",
                  f"BASE={BASE}")
         # What ./dev setup has fetched need not be fetched again.
         run(*build, "--volume", f"{CACHE}:/var/cache/myograde", "-f", "docker/server.Dockerfile", "-t",
