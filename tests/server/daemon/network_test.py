@@ -45,7 +45,7 @@ class NetworkCase(DaemonCase):
         process = self.daemon.launch()
         self.addCleanup(process.kill)
         status = process.wait(TIMEOUT_S)
-        # The check of the reference episodes, which goes on beside, may be told that it ends later.
+        # The check of the reference episodes runs beside it and may log something later.
         words = [line for line in self.daemon.log().splitlines() if "reference episodes" not in line]
         return status, words[-1]
 
