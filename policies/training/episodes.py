@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import dataclasses
 import pathlib
+import signal
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,8 @@ import controllers
 import myograde
 
 CONTROL_STEP = 0.005  # s
+PELVIS = slice(41, 45)  # its quaternion in the observation, w first
+PR_SET_PDEATHSIG = 1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,6 +27,7 @@ class Result:
     time: float  # s
     end: str
     start: str  # how the person stood: standing, or with the prosthetic leg behind or ahead
+    tilt: str  # where the trunk leans at the end: forwards, backwards, left or right
 
 
 _library: Any = None
@@ -30,11 +35,24 @@ _envs: Any = None
 
 
 def prepare(library: pathlib.Path) -> None:
-    """Once in each process."""
+    """Once in each process, which ends with the one that started it."""
     global _library, _envs
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     _library = controllers.Library(library)
     _envs = myograde.vec("myograde/Locomotion-v0", 1, threads=1, profile="paper", actions="direct",
                          copy=False)
+
+
+def tilt_of(pelvis: np.ndarray) -> str:
+    """Where a trunk leans most, by the pelvis' quaternion: x is forwards, y up and z to the right."""
+    w, x, y, z = pelvis
+    forwards = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + w * z)])
+    up = np.array([2 * (x * y - w * z), 1 - 2 * (x * x + z * z)])
+    ahead = float(forwards @ up)
+    left = float(forwards[0] * up[1] - forwards[1] * up[0])
+    if abs(ahead) >= abs(left):
+        return "forwards" if ahead > 0 else "backwards"
+    return "left" if left > 0 else "right"
 
 
 def play(job: tuple[np.ndarray, int, float]) -> Result:
@@ -62,4 +80,4 @@ def play(job: tuple[np.ndarray, int, float]) -> Result:
             break
     time, distance = steps * CONTROL_STEP, start - furthest
     score = (distance + start - y) / 2 + 0.2 * time - effort / steps
-    return Result(score, distance, time, end, posture)
+    return Result(score, distance, time, end, posture, tilt_of(observations[0, PELVIS]))

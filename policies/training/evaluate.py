@@ -59,10 +59,12 @@ def main() -> int:
         results = list(pool.map(episodes.play, jobs))
     mean, error = spread([r.distance for r in results])
     ends = [r.end for r in results]
+    falls = [r.tilt for r in results if r.end == "fell"]
     figure: dict[str, Any] = {
         "distance_m": round(mean, 3), "standard_error_m": round(error, 3),
         "episodes": args.episodes, "first_seed": args.first_seed, "seconds": args.seconds,
-        "ends": {end: ends.count(end) for end in sorted(set(ends))}}
+        "ends": {end: ends.count(end) for end in sorted(set(ends))},
+        "falls": {tilt: falls.count(tilt) for tilt in sorted(set(falls))}}
     print(json.dumps(figure))
     for start in sorted({r.start for r in results}):
         mine = [r for r in results if r.start == start]

@@ -6,6 +6,7 @@ one test program in place of the original, so neither sources nor build folder c
 line for each; exit status 1 if one survives, or no longer fits its file.
 
 Use: run.py --build build/asan [WORD ...]   only mutants with one of the words in their line
+     run.py --fits                          only whether each still has its place in its file
      run.py --every 50 [--first K]          instead every 50th, from the Kth on, of all that operators.py makes
                                             of scoring/ and server/scheduler/"""
 
@@ -33,12 +34,12 @@ MUTANTS = [
     ("store_test", "RemovalTest.*", STORE + "store_files.cc", "s.ranked = 0 OR ", ""),
     ("store_test", "RemovalTest.*", STORE + "store_files.cc",
      "OR e.state IN ('failed', 'cancelled', 'grader_error')", ""),
-    ("store_test", "RemovalTest.*", STORE + "store_files.cc", "'failed', 'cancelled', 'grader_error')))",
-     "'done', 'failed', 'cancelled', 'grader_error')))"),
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc", "'failed', 'cancelled', 'grader_error')) AND NOT",
+     "'done', 'failed', 'cancelled', 'grader_error')) AND NOT"),
     ("store_test", "RemovalTest.*", STORE + "store_files.cc", 'WHERE s.artefact = ?1 AND ", kOver',
      'WHERE s.artefact = ?1 AND NOT ", kOver'),
-    ("store_test", "RemovalTest.*", STORE + "store_files.cc", 'kLog, ") = ?1 AND ", kOver,\n                          " IS NOT TRUE UNION',
-     'kLog, ") = ?1 AND NOT ", kOver,\n                          " IS NOT TRUE UNION'),
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc", 'kLogOfEpisode, ") = ?1 AND ", kOver',
+     'kLogOfEpisode, ") = ?1 AND NOT ", kOver'),
     ("store_test", "RemovalTest.*", STORE + "store_files.cc", '") IS NULL AND instr(p.facts_json, ?1) > 0',
      '") IS NULL AND instr(p.facts_json, ?1) < 0'),
     ("store_test", "RemovalTest.*", STORE + "store_files.cc", "if (end - begin == 64) hashes", "if (end - begin == 63) hashes"),
@@ -85,7 +86,8 @@ MUTANTS = [
     ("store_test", "QuotaTest.*", STORE + "admission.cc",
      "if (!any.executeStep()) return std::optional<Accepted>();", "return std::optional<Accepted>();"),
     ("store_test", "QuotaTest.*", STORE + "admission.cc",
-     "CheckQuota(use, rules.quota, budget, submission.team, submission.track)", "absl::OkStatus()"),
+     "CheckQuota(use, rules.quota, budget, submission.team, submission.track,\n                     submission.phase)",
+     "absl::OkStatus()"),
     ("store_test", "QuotaTest.*", STORE + "admission.cc",
      "if (absl::Status status = AddContent(db_, submission, now_ms_); !status.ok()) return status;",
      "(void)AddContent(db_, submission, now_ms_);"),
@@ -93,7 +95,7 @@ MUTANTS = [
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "use.waiting >= limits.waiting", "use.waiting > limits.waiting"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "sum.left(allowance.total) < 1", "sum.left(allowance.total) < 0"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "sum.left(allowance.per_day) < 1", "sum.left(allowance.per_day) < 0"),
-    ("store_test", "QuotaTest.*", STORE + "quota.cc", "  return CheckFailures(use, limits, team, track);\n",
+    ("store_test", "QuotaTest.*", STORE + "quota.cc", "  return CheckBudget(use, limits, Budget::kFailed, team, place);\n",
      "  return absl::OkStatus();\n"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "std::max(select.getColumn(0).getInt64(), now_ms / kDayMs)",
      "now_ms / kDayMs"),
@@ -202,6 +204,12 @@ def try_change(target, tests, source, changed, build, compiles, links):
         return "killed" if done.returncode else "SURVIVES"
 
 
+def misfits():
+    """The mutants whose text is not in their file, or there more than once."""
+    texts = {mutant[2]: (ROOT / mutant[2]).read_text(encoding="utf-8") for mutant in MUTANTS}
+    return [mutant for mutant in MUTANTS if texts[mutant[2]].count(mutant[3]) != 1]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", default="build/asan", help="a build folder with the tests in it")
@@ -209,7 +217,12 @@ def main():
     parser.add_argument("--every", type=int, help="try every Nth mutant of operators.py instead")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("words", nargs="*")
+    parser.add_argument("--fits", action="store_true")
     options = parser.parse_args()
+    if options.fits:
+        for mutant in misfits():
+            print(f"{mutant[2]} does not have once: {mutant[3]}")
+        return 1 if misfits() else 0
     build = str((ROOT / options.build).resolve())
     compiles, links = commands(build)
     if options.every:
