@@ -9,6 +9,8 @@ WORKDIR /src
 COPY docker/install_deps.sh docker/packages.txt docker/
 RUN docker/install_deps.sh
 COPY . .
+# Dates the bill of materials, which the image is without otherwise, as git's folder is not here.
+ARG SOURCE_DATE_EPOCH
 RUN ./dev build \
  && cmake --install build/release --prefix /out/usr/local \
  && mkdir -p /out/$MYOGRADE_CACHE/runtimes \
