@@ -10,8 +10,10 @@
 #include <fstream>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "policies/baseline/reacher.h"
+#include "policies/baseline/reacher_parameters.h"
 #include "sim/manipulation/model.h"
 #include "sim/model/model.h"
 #include "tests/sim/golden.h"
@@ -123,16 +125,22 @@ TEST(Reacher, ActsTheSameAfterAReset) {
   }
 }
 
-TEST(ReacherPlan, SaysWhatIsMissing) {
-  EXPECT_THROW(ReadReacherPlan("no such file"), std::runtime_error);
-  const std::string path = testing::TempDir() + "incomplete_plan.json";
-  std::ofstream(path) << R"({"plan": {"stiffness": [1, 1, 1, 1, 1, 1, 1]}})";
-  try {
-    ReadReacherPlan(path);
-    FAIL() << "read an incomplete plan";
-  } catch (const std::runtime_error& error) {
-    EXPECT_THAT(error.what(), testing::HasSubstr("damping"));
+TEST(ReacherPlan, ItsNumbersAreItsParameters) {
+  std::vector<double> numbers;
+  for (const ParameterInfo& info : ReacherParameters()) numbers.push_back(info.start);
+  EXPECT_EQ(MakePlan(numbers).way.front().arm[3][2], 0);
+  for (size_t i = 0; i < numbers.size(); ++i) {
+    if (ReacherParameters()[i].name == std::string("beside_elbow_by_y")) numbers[i] = 3;
   }
+  EXPECT_EQ(MakePlan(numbers).way.front().arm[3][2], 3);
+}
+
+TEST(ReacherPlan, SaysWhatIsMissing) {
+  const std::string path = testing::TempDir() + "incomplete_plan.json";
+  std::ofstream(path) << R"({"parameters": {"stiffness_elevation_plane": 60}})";
+  EXPECT_THAT([&] { ReadReacherPlan(path); },
+              testing::ThrowsMessage<std::runtime_error>(
+                  testing::HasSubstr("has no number \"damping_elevation_plane\"")));
 }
 
 }  // namespace
