@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "policies/baseline/reacher.h"
+#include "policies/baseline/reacher_parameters.h"
 #include "policies/cpp/kit.h"
 
 namespace {

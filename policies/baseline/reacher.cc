@@ -1,9 +1,6 @@
 #include "policies/baseline/reacher.h"
 
 #include <algorithm>
-#include <fstream>
-#include <nlohmann/json.hpp>
-#include <stdexcept>
 #include <utility>
 
 namespace myograde::baseline {
@@ -33,36 +30,6 @@ double Smooth(double x) {
 }
 
 }  // namespace
-
-ReacherPlan ReadReacherPlan(const std::string& path) {
-  std::ifstream file(path);
-  const nlohmann::json content = nlohmann::json::parse(file, nullptr, /*allow_exceptions=*/false);
-  if (!file || !content.is_object() || !content.contains("plan")) {
-    throw std::runtime_error(path + " is not there, or no JSON object with \"plan\".");
-  }
-  try {
-    const nlohmann::json& plan = content["plan"];
-    ReacherPlan out;
-    plan.at("stiffness").get_to(out.stiffness);
-    plan.at("damping").get_to(out.damping);
-    plan.at("integral").get_to(out.integral);
-    plan.at("hand_stiffness").get_to(out.hand_stiffness);
-    plan.at("hand_damping").get_to(out.hand_damping);
-    plan.at("open").get_to(out.open);
-    plan.at("closed").get_to(out.closed);
-    for (const nlohmann::json& point : plan.at("way")) {
-      WayPoint& to = out.way.emplace_back();
-      point.at("time").get_to(to.time);
-      point.at("grip").get_to(to.grip);
-      point.at("arm").get_to(to.arm);
-      point.at("prosthesis").get_to(to.prosthesis);
-    }
-    if (out.way.empty()) throw std::runtime_error(path + ": plan.way has no way points.");
-    return out;
-  } catch (const nlohmann::json::exception& error) {
-    throw std::runtime_error(path + ": the plan is not complete: " + error.what());
-  }
-}
 
 Reacher::Reacher(ReacherPlan plan) : plan_(std::move(plan)), allocator_(kArmEffort) {}
 

@@ -6,7 +6,6 @@
 #include <array>
 #include <cstddef>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "policies/baseline/arm_muscles.h"
@@ -36,10 +35,6 @@ struct ReacherPlan {
   std::array<double, kArmJoints - kCarrying> open{}, closed{};  // rad
   std::vector<WayPoint> way;  // in the order of their times; at least one
 };
-
-// The plan in the JSON file `path`. std::runtime_error with one sentence if it can't be read or
-// has not all numbers that it needs.
-ReacherPlan ReadReacherPlan(const std::string& path);
 
 class Reacher {
  public:

@@ -2,29 +2,39 @@
 // A handle belongs to one environment; numbers are contiguous doubles of the caller.
 #include <algorithm>
 #include <cstddef>
-#include <exception>
 #include <span>
 
 #include "policies/baseline/reacher.h"
+#include "policies/baseline/reacher_parameters.h"
 #include "policies/baseline/walker.h"
 
-using myograde::baseline::kLegModes;
+using myograde::baseline::kReacherAction;
+using myograde::baseline::kReacherObservation;
 using myograde::baseline::kWalkerAction;
 using myograde::baseline::kWalkerObservation;
 using myograde::baseline::kWalkerParameters;
+using myograde::baseline::MakePlan;
+using myograde::baseline::ParameterInfo;
+using myograde::baseline::Reacher;
+using myograde::baseline::ReacherParameters;
 using myograde::baseline::Walker;
 using myograde::baseline::WalkerNumbers;
+
+namespace {
+
+// start, deviation, low, high
+void CopyInfo(const ParameterInfo& info, double* out) {
+  const double values[] = {info.start, info.deviation, info.low, info.high};
+  std::copy(std::begin(values), std::end(values), out);
+}
+
+}  // namespace
 
 extern "C" {
 
 size_t walker_parameter_count() { return kWalkerParameters.size(); }
 const char* walker_parameter_name(size_t i) { return kWalkerParameters[i].name; }
-// start, deviation, low, high
-void walker_parameter_info(size_t i, double* out) {
-  const auto& info = kWalkerParameters[i];
-  const double values[] = {info.start, info.deviation, info.low, info.high};
-  std::copy(std::begin(values), std::end(values), out);
-}
+void walker_parameter_info(size_t i, double* out) { CopyInfo(kWalkerParameters[i], out); }
 
 void* walker_make(const double* numbers) {
   WalkerNumbers copy;
@@ -49,20 +59,17 @@ void walker_leg_modes(void* walker, double* out) {
   }
 }
 
-// The plan in the file `path`; null if there is none that can be used.
-void* reacher_make(const char* path) {
-  try {
-    return new myograde::baseline::Reacher(myograde::baseline::ReadReacherPlan(path));
-  } catch (const std::exception&) {
-    return nullptr;
-  }
+size_t reacher_parameter_count() { return ReacherParameters().size(); }
+const char* reacher_parameter_name(size_t i) { return ReacherParameters()[i].name; }
+void reacher_parameter_info(size_t i, double* out) { CopyInfo(ReacherParameters()[i], out); }
+
+void* reacher_make(const double* numbers) {
+  return new Reacher(MakePlan({numbers, ReacherParameters().size()}));
 }
-void reacher_free(void* reacher) { delete static_cast<myograde::baseline::Reacher*>(reacher); }
-void reacher_reset(void* reacher) { static_cast<myograde::baseline::Reacher*>(reacher)->Reset(); }
+void reacher_free(void* reacher) { delete static_cast<Reacher*>(reacher); }
+void reacher_reset(void* reacher) { static_cast<Reacher*>(reacher)->Reset(); }
 void reacher_act(void* reacher, const double* observation, double* action) {
-  using myograde::baseline::kReacherAction;
-  using myograde::baseline::kReacherObservation;
-  static_cast<myograde::baseline::Reacher*>(reacher)->Act(
+  static_cast<Reacher*>(reacher)->Act(
       std::span<const double, kReacherObservation>(observation, kReacherObservation),
       std::span<double, kReacherAction>(action, kReacherAction));
 }
