@@ -22,6 +22,7 @@ GOAL = slice(145, 148)      # m
 REACH = slice(216, 219)     # from the hand to the box, m
 RESTING = 1.134             # height of the standing box, m
 LIFTED = 0.065              # m above that
+BOTH_S = 1.0                # s
 PROFILES = {"walker": "paper", "reacher": "as-graded"}  # what each plays unless told otherwise
 PR_SET_PDEATHSIG = 1
 
@@ -37,7 +38,8 @@ class Result:
     start: str  # how the person stood: standing, or with the prosthetic leg behind or ahead
     tilt: str = ""  # where a walker leans at the end: forwards, backwards, left or right
     lifted: bool = False  # the box, more than LIFTED
-    solved: bool = False
+    solved: bool = False  # the environment's own flag, which is not yet a success in `paper`
+    both: bool = False  # each arm touched the box for BOTH_S, which a success in `paper` needs
 
 
 _library: Any = None
@@ -106,6 +108,7 @@ def reach(numbers: np.ndarray, seed: int, seconds: float) -> Result:
     observations, _ = _envs.reset(seed=[seed])
     reacher.reset()
     actions = np.zeros((1, reacher.action_size))
+    both = False
     nearest, height, solved, end = np.inf, 0.0, False, "time"
     first = nearest_to_goal = np.inf
     steps = 0
@@ -122,8 +125,10 @@ def reach(numbers: np.ndarray, seed: int, seconds: float) -> Result:
                 nearest_to_goal = min(nearest_to_goal, way)
         if terminated[0] or truncated[0]:
             end, solved = str(info["end"][0]), bool(info["facts"]["solved"][0])
+            touched = [info["facts"][f"frames_{arm}"][0] for arm in ("arm", "prosthesis")]
+            both = bool(min(touched) * REACHER_STEP >= BOTH_S)
             break
     distance = max(0.0, first - nearest_to_goal) if np.isfinite(nearest_to_goal) else 0.0
     score = 10.0 * solved + 3 * distance + 10 * min(height, 0.1) - 3 * min(nearest, 0.4)
     return Result(score, distance, steps * REACHER_STEP, end, "beside",
-                  lifted=bool(height > LIFTED), solved=solved)
+                  lifted=bool(height > LIFTED), solved=solved, both=both)

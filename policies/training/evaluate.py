@@ -78,7 +78,8 @@ def main() -> int:
     if args.controller == "reacher":
         figure["profile"] = args.profile or episodes.PROFILES[args.controller]
         for name, count in (("solved", sum(r.solved for r in results)),
-                            ("lifted", sum(r.lifted for r in results))):
+                            ("lifted", sum(r.lifted for r in results)),
+                            ("touched_by_both", sum(r.both for r in results))):
             figure[name] = count
             figure[f"{name}_wilson95"] = [round(x, 3) for x in wilson(count, len(results))]
     else:

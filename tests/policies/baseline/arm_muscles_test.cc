@@ -61,8 +61,8 @@ TEST(ArmMuscles, TorquesAreTheModels) {
   std::fill_n(data->act, kArmMuscles, 0.2);
   mj_forward(&m, data.get());
   const ArmTorques torques = MuscleTorques(state);
-  // In N m. The shoulder's rotation and the elbow are the table's weakest: the polynomials miss
-  // moment arms by centimetres where a tendon (BIClong, TRIlong) gets to or off its wrapping body.
+  // In N m. The shoulder's rotation and the elbow are the table's weakest: it misses moment arms of
+  // BIClong and TRIlong by centimetres.
   const std::array<double, 7> tolerance = {0.7, 0.7, 2.8, 1.7, 0.4, 0.2, 0.6};
   for (int j = 0; j < 7; ++j) {
     double of_model = data->qfrc_actuator[m.jnt_dofadr[joint[j]]];
