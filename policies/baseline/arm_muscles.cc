@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "policies/baseline/muscle_curves.h"
+#include "policies/baseline/share_torques.h"
 
 namespace myograde::baseline {
 namespace {
@@ -99,23 +100,7 @@ void ArmAllocator::Allocate(const ArmState& state, const ArmTorques& goal, const
       missing[muscle.terms.joint(j)] += arms[j] * pull.passive - torque[i][j] * last_[i];
     }
   }
-  // Coordinate descent on the squared torque that is missing plus the squared effort.
-  for (int sweep = 0; sweep < kArmSweeps; ++sweep) {
-    for (int i = 0; i < kArmMuscles; ++i) {
-      const LengthTerms& terms = muscles[i].terms;
-      double slope = -effort_ * last_[i], curvature = effort_;
-      for (int j = 0; j < terms.joints(); ++j) {
-        const double weighted = weight[terms.joint(j)] * torque[i][j];
-        slope += weighted * missing[terms.joint(j)];
-        curvature += weighted * torque[i][j];
-      }
-      const double next = std::clamp(last_[i] + slope / curvature, bounds[i].low, bounds[i].high);
-      for (int j = 0; j < terms.joints(); ++j) {
-        missing[terms.joint(j)] -= torque[i][j] * (next - last_[i]);
-      }
-      last_[i] = next;
-    }
-  }
+  ShareTorques(muscles, torque, bounds, weight, effort_, kArmSweeps, missing, last_);
   for (int i = 0; i < kArmMuscles; ++i) {
     excitations[i] = Excitation(state.activation[i], last_[i], kArmControlStep);
   }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "policies/baseline/muscle_curves.h"
+#include "policies/baseline/share_torques.h"
 
 namespace myograde::baseline {
 namespace {
@@ -90,23 +91,7 @@ void MuscleAllocator::Allocate(const MuscleState& state, const TorqueGoal& goal,
       missing[muscle.terms.joint(j)] += arms[j] * pull.passive - torque[i][j] * last_[i];
     }
   }
-  // Coordinate descent on the squared torque that is missing plus the squared effort.
-  for (int sweep = 0; sweep < kSweeps; ++sweep) {
-    for (int i = 0; i < kMuscles; ++i) {
-      const LengthTerms& terms = muscles[i].terms;
-      double slope = -effort_ * last_[i], curvature = effort_;
-      for (int j = 0; j < terms.joints(); ++j) {
-        const double weighted = goal.weight[terms.joint(j)] * torque[i][j];
-        slope += weighted * missing[terms.joint(j)];
-        curvature += weighted * torque[i][j];
-      }
-      const double next = std::clamp(last_[i] + slope / curvature, bounds[i].low, bounds[i].high);
-      for (int j = 0; j < terms.joints(); ++j) {
-        missing[terms.joint(j)] -= torque[i][j] * (next - last_[i]);
-      }
-      last_[i] = next;
-    }
-  }
+  ShareTorques(muscles, torque, bounds, goal.weight, effort_, kSweeps, missing, last_);
   for (int i = 0; i < kMuscles; ++i)
     excitations[i] = Excitation(state.activation[i], last_[i], kControlStep);
 }
