@@ -102,8 +102,9 @@ set(package_server myograde-server)
 set(package_policy-kit libmyograde-policy-dev)
 set(package_python python3-myograde)
 foreach(component client server policy-kit python)
+  # The pages are there once myograde_debian is built: the kit is also installed without them.
   debian(${component} FILES ${here}/copyright ${pages}/changelog.gz ${pages}/NEWS.gz
-         DESTINATION share/doc/${package_${component}})
+         DESTINATION share/doc/${package_${component}} OPTIONAL)
   if(EXISTS ${here}/lintian/${package_${component}})
     debian(${component} FILES ${here}/lintian/${package_${component}}
            DESTINATION share/lintian/overrides)

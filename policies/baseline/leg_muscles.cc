@@ -1,35 +1,28 @@
 #include "policies/baseline/leg_muscles.h"
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
 #include <string_view>
 #include <vector>
 
+#include "policies/baseline/muscle_curves.h"
+#include "policies/baseline/share_torques.h"
+
 namespace myograde::baseline {
 namespace {
 
-constexpr double kActivationTime = 0.01;   // s, the model's time constants
-constexpr double kDeactivationTime = 0.04;
-constexpr int kSweeps = 12;                // of the coordinate descent
-
-struct Parameters {
-  double force;                        // N
-  double range_low, range_high;        // of normalised lengths
-  double shortest, longest;            // m
-  double lmin, lmax, vmax, fpmax, fvmax;
-};
+constexpr int kSweeps = 12;  // of the coordinate descent
 
 struct Entry {
   const char* name;
   std::vector<int> joints;
-  Parameters parameters;
+  MuscleParameters parameters;
   std::vector<double> weights;
 };
 
 struct Muscle {
   LengthTerms terms;
-  Parameters parameters;
+  MuscleParameters parameters;
   std::vector<double> weights;
 };
 
@@ -51,70 +44,6 @@ const std::vector<Muscle>& Muscles() {
   return muscles;
 }
 
-double Squared(double x) { return x * x; }
-
-// The force-length curve of MuJoCo's muscles: four pieces of parabolas with its peak at 1.
-double ForceLength(const Parameters& p, double length) {
-  if (length <= p.lmin || length >= p.lmax) return 0;
-  const double below = (p.lmin + 1) / 2, above = (1 + p.lmax) / 2;
-  if (length <= below) return 0.5 * Squared((length - p.lmin) / (below - p.lmin));
-  if (length <= 1) return 1 - 0.5 * Squared((1 - length) / (1 - below));
-  if (length <= above) return 1 - 0.5 * Squared((length - 1) / (above - 1));
-  return 0.5 * Squared((p.lmax - length) / (p.lmax - above));
-}
-
-// The force-velocity curve; shortening is negative.
-double ForceVelocity(const Parameters& p, double velocity) {
-  const double top = p.fvmax - 1;
-  if (velocity <= -1) return 0;
-  if (velocity <= 0) return Squared(velocity + 1);
-  if (velocity <= top) return p.fvmax - Squared(top - velocity) / top;
-  return p.fvmax;
-}
-
-// The pull of the stretched muscle without activation, in units of its force.
-double PassiveForce(const Parameters& p, double length) {
-  const double above = (1 + p.lmax) / 2;
-  if (length <= 1) return 0;
-  const double x = (length - 1) / (above - 1);
-  return length <= above ? p.fpmax * 0.5 * Squared(x)
-                         : p.fpmax * (0.5 + (length - above) / (above - 1));
-}
-
-struct Pull {
-  double active;   // N at full activation
-  double passive;  // N
-};
-
-Pull PullOf(const Parameters& p, double length, double velocity) {
-  const double optimal = (p.longest - p.shortest) / (p.range_high - p.range_low);  // m
-  const double normalised = p.range_low + (length - p.shortest) / optimal;
-  return {p.force * ForceLength(p, normalised) * ForceVelocity(p, velocity / (optimal * p.vmax)),
-          p.force * PassiveForce(p, normalised)};
-}
-
-// Seconds in which the activation closes most of its distance to the excitation.
-double Delay(double activation, bool rising) {
-  const double scale = 0.5 + 1.5 * activation;
-  return rising ? kActivationTime * scale : kDeactivationTime / scale;
-}
-
-// The excitation that takes `from` to `to` in a control step, if any does.
-double Excitation(double from, double to) {
-  return std::clamp(from + (to - from) * Delay(from, to > from) / kControlStep, 0.0, 1.0);
-}
-
-struct Bounds {
-  double low, high;
-};
-
-// Where an activation can be after a control step.
-Bounds Reachable(double activation) {
-  const double up = std::min(1.0, kControlStep / Delay(activation, true));
-  const double down = std::min(1.0, kControlStep / Delay(activation, false));
-  return {activation * (1 - down), activation + (1 - activation) * up};
-}
-
 }  // namespace
 
 const std::array<size_t, kMuscles>& SortedPlaces() {
@@ -134,7 +63,7 @@ std::array<double, kLengthJoints> MuscleTorques(const MuscleState& state) {
     const Muscle& muscle = Muscles()[i];
     std::array<double, kMostJoints> arms{};
     muscle.terms.AddSlopes(muscle.weights, state.angles, arms);
-    const Pull pull = PullOf(muscle.parameters, state.length[i], state.velocity[i]);
+    const MusclePull pull = PullOf(muscle.parameters, state.length[i], state.velocity[i]);
     for (int j = 0; j < muscle.terms.joints(); ++j) {
       torques[muscle.terms.joint(j)] -=
           arms[j] * (pull.active * state.activation[i] + pull.passive);
@@ -148,39 +77,23 @@ void MuscleAllocator::Allocate(const MuscleState& state, const TorqueGoal& goal,
   // Torque of each muscle at full activation, and what is missing of the goal.
   std::array<std::array<double, kMostJoints>, kMuscles> torque{};
   std::array<double, kLengthJoints> missing = goal.torque;
-  std::array<Bounds, kMuscles> bounds;
+  std::array<ActivationBounds, kMuscles> bounds;
   const std::vector<Muscle>& muscles = Muscles();
   for (int i = 0; i < kMuscles; ++i) {
     const Muscle& muscle = muscles[i];
     std::array<double, kMostJoints> arms{};
     muscle.terms.AddSlopes(muscle.weights, state.angles, arms);
-    const Pull pull = PullOf(muscle.parameters, state.length[i], state.velocity[i]);
-    bounds[i] = Reachable(state.activation[i]);
+    const MusclePull pull = PullOf(muscle.parameters, state.length[i], state.velocity[i]);
+    bounds[i] = Reachable(state.activation[i], kControlStep);
     last_[i] = std::clamp(last_[i], bounds[i].low, bounds[i].high);
     for (int j = 0; j < muscle.terms.joints(); ++j) {
       torque[i][j] = -arms[j] * pull.active;
       missing[muscle.terms.joint(j)] += arms[j] * pull.passive - torque[i][j] * last_[i];
     }
   }
-  // Coordinate descent on the squared torque that is missing plus the squared effort.
-  for (int sweep = 0; sweep < kSweeps; ++sweep) {
-    for (int i = 0; i < kMuscles; ++i) {
-      const LengthTerms& terms = muscles[i].terms;
-      double slope = -effort_ * last_[i], curvature = effort_;
-      for (int j = 0; j < terms.joints(); ++j) {
-        const double weighted = goal.weight[terms.joint(j)] * torque[i][j];
-        slope += weighted * missing[terms.joint(j)];
-        curvature += weighted * torque[i][j];
-      }
-      const double next =
-          std::clamp(last_[i] + slope / curvature, bounds[i].low, bounds[i].high);
-      for (int j = 0; j < terms.joints(); ++j) {
-        missing[terms.joint(j)] -= torque[i][j] * (next - last_[i]);
-      }
-      last_[i] = next;
-    }
-  }
-  for (int i = 0; i < kMuscles; ++i) excitations[i] = Excitation(state.activation[i], last_[i]);
+  ShareTorques(muscles, torque, bounds, goal.weight, effort_, kSweeps, missing, last_);
+  for (int i = 0; i < kMuscles; ++i)
+    excitations[i] = Excitation(state.activation[i], last_[i], kControlStep);
 }
 
 }  // namespace myograde::baseline

@@ -11,7 +11,7 @@ namespace myograde::baseline {
 // The joints of the walker's table, in its order: right hip (flexion, adduction, rotation), left
 // hip (the same), left knee, ankle, subtalar joint and toes.
 inline constexpr int kLengthJoints = 10;
-inline constexpr int kMostJoints = 5;  // that one muscle crosses
+inline constexpr int kMostJoints = 10;  // that one muscle crosses
 
 // The monomials of first to third order over some of those joints.
 class LengthTerms {
@@ -48,6 +48,20 @@ class LengthTerms {
       if (b < n) arms[b] += weights[t] * x[a] * x[c];
       if (c < n) arms[c] += weights[t] * x[a] * x[b];
     }
+  }
+
+  // The sum of weight times term, without a constant: a length in m for weights in m.
+  double Value(std::span<const double> weights, std::span<const double> angles) const {
+    const int n = joints();
+    std::array<double, kMostJoints + 1> x{};
+    for (int j = 0; j < n; ++j) x[j] = angles[joints_[j]];
+    x[n] = 1;
+    double sum = 0;
+    for (int t = 0; t < size(); ++t) {
+      const auto [a, b, c] = factors_[t];
+      sum += weights[t] * x[a] * x[b] * x[c];
+    }
+    return sum;
   }
 
  private:

@@ -4,25 +4,37 @@
 #include <cstddef>
 #include <span>
 
+#include "policies/baseline/reacher.h"
+#include "policies/baseline/reacher_parameters.h"
 #include "policies/baseline/walker.h"
 
-using myograde::baseline::kLegModes;
+using myograde::baseline::kReacherAction;
+using myograde::baseline::kReacherObservation;
 using myograde::baseline::kWalkerAction;
 using myograde::baseline::kWalkerObservation;
 using myograde::baseline::kWalkerParameters;
+using myograde::baseline::MakePlan;
+using myograde::baseline::ParameterInfo;
+using myograde::baseline::Reacher;
+using myograde::baseline::ReacherParameters;
 using myograde::baseline::Walker;
 using myograde::baseline::WalkerNumbers;
+
+namespace {
+
+// start, deviation, low, high
+void CopyInfo(const ParameterInfo& info, double* out) {
+  const double values[] = {info.start, info.deviation, info.low, info.high};
+  std::copy(std::begin(values), std::end(values), out);
+}
+
+}  // namespace
 
 extern "C" {
 
 size_t walker_parameter_count() { return kWalkerParameters.size(); }
 const char* walker_parameter_name(size_t i) { return kWalkerParameters[i].name; }
-// start, deviation, low, high
-void walker_parameter_info(size_t i, double* out) {
-  const auto& info = kWalkerParameters[i];
-  const double values[] = {info.start, info.deviation, info.low, info.high};
-  std::copy(std::begin(values), std::end(values), out);
-}
+void walker_parameter_info(size_t i, double* out) { CopyInfo(kWalkerParameters[i], out); }
 
 void* walker_make(const double* numbers) {
   WalkerNumbers copy;
@@ -36,7 +48,8 @@ void walker_act(void* walker, const double* observation, double* action) {
       std::span<const double, kWalkerObservation>(observation, kWalkerObservation),
       std::span<double, kWalkerAction>(action, kWalkerAction));
 }
-// Six numbers for each of the leg's five sets: knee stiffness, damping and target, then the ankle's.
+// Six numbers for each of the leg's five sets: knee stiffness, damping and target, then the
+// ankle's.
 void walker_leg_modes(void* walker, double* out) {
   for (const auto& mode : static_cast<Walker*>(walker)->LegModes()) {
     for (const double value : {mode.knee_stiffness, mode.knee_damping, mode.knee_target,
@@ -44,6 +57,21 @@ void walker_leg_modes(void* walker, double* out) {
       *out++ = value;
     }
   }
+}
+
+size_t reacher_parameter_count() { return ReacherParameters().size(); }
+const char* reacher_parameter_name(size_t i) { return ReacherParameters()[i].name; }
+void reacher_parameter_info(size_t i, double* out) { CopyInfo(ReacherParameters()[i], out); }
+
+void* reacher_make(const double* numbers) {
+  return new Reacher(MakePlan({numbers, ReacherParameters().size()}));
+}
+void reacher_free(void* reacher) { delete static_cast<Reacher*>(reacher); }
+void reacher_reset(void* reacher) { static_cast<Reacher*>(reacher)->Reset(); }
+void reacher_act(void* reacher, const double* observation, double* action) {
+  static_cast<Reacher*>(reacher)->Act(
+      std::span<const double, kReacherObservation>(observation, kReacherObservation),
+      std::span<double, kReacherAction>(action, kReacherAction));
 }
 
 }  // extern "C"

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import ctypes
 import dataclasses
+import functools
 import pathlib
 from typing import Any
 
 import numpy as np
 
-import myograde
 from myograde.policy.leg import STATES, Joint, LegSet, LegState, Threshold
 
 # A threshold that nothing reaches: the sets' states are all the same, and stay where they are.
 NEVER = (Threshold("load", -1e9, above=False),)
+CONTROLLERS = ("walker", "reacher")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,55 +36,78 @@ class Library:
         self.lib = ctypes.CDLL(str(path))
         numbers = ctypes.POINTER(ctypes.c_double)
         for name, result, arguments in (
-                ("walker_parameter_count", ctypes.c_size_t, []),
-                ("walker_parameter_name", ctypes.c_char_p, [ctypes.c_size_t]),
-                ("walker_parameter_info", None, [ctypes.c_size_t, numbers]),
-                ("walker_make", ctypes.c_void_p, [numbers]),
-                ("walker_free", None, [ctypes.c_void_p]),
-                ("walker_reset", None, [ctypes.c_void_p]),
-                ("walker_act", None, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]),
-                ("walker_leg_modes", None, [ctypes.c_void_p, numbers])):
-            function = getattr(self.lib, name)
-            function.restype, function.argtypes = result, arguments
+                ("parameter_count", ctypes.c_size_t, []),
+                ("parameter_name", ctypes.c_char_p, [ctypes.c_size_t]),
+                ("parameter_info", None, [ctypes.c_size_t, numbers]),
+                ("make", ctypes.c_void_p, [numbers]),
+                ("free", None, [ctypes.c_void_p]),
+                ("reset", None, [ctypes.c_void_p]),
+                ("act", None, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p])):
+            for controller in CONTROLLERS:
+                function = getattr(self.lib, f"{controller}_{name}")
+                function.restype, function.argtypes = result, arguments
+        self.lib.walker_leg_modes.restype = None
+        self.lib.walker_leg_modes.argtypes = [ctypes.c_void_p, numbers]
 
-    def parameters(self) -> list[Parameter]:
-        """The walker's parameters, in the order of its numbers."""
+    def parameters(self, controller: str = "walker") -> list[Parameter]:
+        """The controller's parameters, in the order of its numbers."""
+        call = functools.partial(self.call, controller)
         found = []
-        for i in range(self.lib.walker_parameter_count()):
+        for i in range(call("parameter_count")):
             info = (ctypes.c_double * 4)()
-            self.lib.walker_parameter_info(i, info)
-            found.append(Parameter(self.lib.walker_parameter_name(i).decode(), *info))
+            call("parameter_info", i, info)
+            found.append(Parameter(call("parameter_name", i).decode(), *info))
         return found
 
+    def call(self, controller: str, function: str, *arguments: Any) -> Any:
+        """A function of that controller."""
+        return getattr(self.lib, f"{controller}_{function}")(*arguments)
 
-class Walker:
-    """One walker with its own state. `numbers`: as Library.parameters() orders them."""
 
-    track = "locomotion"
-    action_size = 55
+class Controller:
+    """One controller with its own state. `numbers`: as Library.parameters() orders them."""
+
+    name: str
+    action_size: int
 
     def __init__(self, library: Library, numbers: np.ndarray) -> None:
-        self._lib = library.lib
+        self._library = library
         values = np.ascontiguousarray(numbers, dtype=np.float64)
-        self._handle = self._lib.walker_make(values.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
+        self._handle = library.call(self.name, "make",
+                                    values.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
 
     def __del__(self) -> None:
-        self._lib.walker_free(self._handle)
+        self._library.call(self.name, "free", self._handle)
 
     def reset(self) -> None:
         """Begins an episode."""
-        self._lib.walker_reset(self._handle)
+        self._library.call(self.name, "reset", self._handle)
 
     def act(self, observation: np.ndarray, action: np.ndarray) -> None:
         """Fills `action`; both are contiguous rows of float64."""
-        self._lib.walker_act(self._handle, observation.ctypes.data, action.ctypes.data)
+        self._library.call(self.name, "act", self._handle, observation.ctypes.data,
+                           action.ctypes.data)
+
+
+class Walker(Controller):
+    """The controller of the track locomotion."""
+
+    name = "walker"
+    action_size = 55
 
     def leg_sets(self) -> list[LegSet]:
         """What the walker uploads for the prosthetic leg."""
         numbers = (ctypes.c_double * 30)()
-        self._lib.walker_leg_modes(self._handle, numbers)
+        self._library.call(self.name, "leg_modes", self._handle, numbers)
         sets = []
         for index, mode in enumerate(np.array(numbers).reshape(5, 6)):
             state = LegState(Joint(*mode[:3]), Joint(*mode[3:]), NEVER)
             sets.append(LegSet(index, **{name: state for name in STATES}))
         return sets
+
+
+class Reacher(Controller):
+    """The controller of the track manipulation."""
+
+    name = "reacher"
+    action_size = 80

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import dataclasses
 import pathlib
+import signal
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,18 @@ import numpy as np
 import controllers
 import myograde
 
-CONTROL_STEP = 0.005  # s
+WALKER_STEP = 0.005  # s
+REACHER_STEP = 0.01  # s
+PELVIS = slice(41, 45)  # its quaternion in the walker's observation, w first
+# Where the reacher's observation has these (spans).
+BOX = slice(129, 132)       # m
+GOAL = slice(145, 148)      # m
+REACH = slice(216, 219)     # from the hand to the box, m
+RESTING = 1.134             # height of the standing box, m
+LIFTED = 0.065              # m above that
+BOTH_S = 1.0                # s
+PROFILES = {"walker": "paper", "reacher": "as-graded"}  # what each plays unless told otherwise
+PR_SET_PDEATHSIG = 1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -19,27 +32,51 @@ class Result:
     """What came of an episode."""
 
     score: float
-    distance: float  # m
+    distance: float  # m: how far the walker got, or the lifted box on its way to the goal
     time: float  # s
     end: str
     start: str  # how the person stood: standing, or with the prosthetic leg behind or ahead
+    tilt: str = ""  # where a walker leans at the end: forwards, backwards, left or right
+    lifted: bool = False  # the box, more than LIFTED
+    solved: bool = False  # the environment's own flag, which is not yet a success in `paper`
+    both: bool = False  # each arm touched the box for BOTH_S, which a success in `paper` needs
 
 
 _library: Any = None
 _envs: Any = None
+_controller = "walker"
 
 
-def prepare(library: pathlib.Path) -> None:
-    """Once in each process."""
-    global _library, _envs
+def prepare(library: pathlib.Path, controller: str = "walker", profile: str = "") -> None:
+    """Once in each process, which ends with the one that started it."""
+    global _library, _envs, _controller
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     _library = controllers.Library(library)
-    _envs = myograde.vec("myograde/Locomotion-v0", 1, threads=1, profile="paper", actions="direct",
-                         copy=False)
+    _controller = controller
+    track = {"walker": "Locomotion", "reacher": "Manipulation"}[controller]
+    _envs = myograde.vec(f"myograde/{track}-v0", 1, threads=1, actions="direct", copy=False,
+                         profile=profile or PROFILES[controller])
+
+
+def tilt_of(pelvis: np.ndarray) -> str:
+    """Where a trunk leans most, by the pelvis' quaternion: x is forwards, y up and z to the right."""
+    w, x, y, z = pelvis
+    forwards = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + w * z)])
+    up = np.array([2 * (x * y - w * z), 1 - 2 * (x * x + z * z)])
+    ahead = float(forwards @ up)
+    left = float(forwards[0] * up[1] - forwards[1] * up[0])
+    if abs(ahead) >= abs(left):
+        return "forwards" if ahead > 0 else "backwards"
+    return "left" if left > 0 else "right"
 
 
 def play(job: tuple[np.ndarray, int, float]) -> Result:
     """One episode: parameters, seed, and the most seconds that it may take."""
-    numbers, seed, seconds = job
+    return {"walker": walk, "reacher": reach}[_controller](*job)
+
+
+def walk(numbers: np.ndarray, seed: int, seconds: float) -> Result:
+    """An episode of the walker."""
     walker = controllers.Walker(_library, numbers)
     observations, _ = _envs.reset(seed=[seed], options={"leg_sets": walker.leg_sets()})
     walker.reset()
@@ -51,7 +88,7 @@ def play(job: tuple[np.ndarray, int, float]) -> Result:
     effort = 0.0
     end, y = "time", start
     steps = 0
-    for steps in range(1, round(seconds / CONTROL_STEP) + 1):
+    for steps in range(1, round(seconds / WALKER_STEP) + 1):
         walker.act(observations[0], actions[0])
         observations, _, terminated, truncated, info = _envs.step(actions)
         effort += info["rewards"]["act_reg"][0]
@@ -60,6 +97,38 @@ def play(job: tuple[np.ndarray, int, float]) -> Result:
         if terminated[0] or truncated[0]:
             end = str(info["end"][0])
             break
-    time, distance = steps * CONTROL_STEP, start - furthest
+    time, distance = steps * WALKER_STEP, start - furthest
     score = (distance + start - y) / 2 + 0.2 * time - effort / steps
-    return Result(score, distance, time, end, posture)
+    return Result(score, distance, time, end, posture, tilt_of(observations[0, PELVIS]))
+
+
+def reach(numbers: np.ndarray, seed: int, seconds: float) -> Result:
+    """An episode of the reacher. The score leads it to the box, up with it, and to the goal."""
+    reacher = controllers.Reacher(_library, numbers)
+    observations, _ = _envs.reset(seed=[seed])
+    reacher.reset()
+    actions = np.zeros((1, reacher.action_size))
+    both = False
+    nearest, height, solved, end = np.inf, 0.0, False, "time"
+    first = nearest_to_goal = np.inf
+    steps = 0
+    for steps in range(1, round(seconds / REACHER_STEP) + 1):
+        reacher.act(observations[0], actions[0])
+        observations, _, terminated, truncated, info = _envs.step(actions)
+        now = observations[0]
+        way = float(np.linalg.norm(now[GOAL][:2] - now[BOX][:2]))
+        nearest = min(nearest, float(np.linalg.norm(now[REACH])))
+        if steps * REACHER_STEP >= 0.3:  # it falls onto the pillar first
+            first = way if np.isinf(first) else first
+            height = max(height, now[BOX][2] - RESTING)
+            if now[BOX][2] > RESTING + LIFTED:
+                nearest_to_goal = min(nearest_to_goal, way)
+        if terminated[0] or truncated[0]:
+            end, solved = str(info["end"][0]), bool(info["facts"]["solved"][0])
+            touched = [info["facts"][f"frames_{arm}"][0] for arm in ("arm", "prosthesis")]
+            both = bool(min(touched) * REACHER_STEP >= BOTH_S)
+            break
+    distance = max(0.0, first - nearest_to_goal) if np.isfinite(nearest_to_goal) else 0.0
+    score = 10.0 * solved + 3 * distance + 10 * min(height, 0.1) - 3 * min(nearest, 0.4)
+    return Result(score, distance, steps * REACHER_STEP, end, "beside",
+                  lifted=bool(height > LIFTED), solved=solved, both=both)

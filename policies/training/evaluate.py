@@ -30,6 +30,8 @@ def options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("parameters", type=pathlib.Path)
     parser.add_argument("--library", type=pathlib.Path, required=True)
+    parser.add_argument("--controller", choices=controllers.CONTROLLERS, default="walker")
+    parser.add_argument("--profile", default="", help="paper for the walker, else as-graded")
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--first-seed", type=int, default=FRESH_SEED)
     parser.add_argument("--seconds", type=float, default=300, help="longest episode")
@@ -46,23 +48,42 @@ def spread(values: list[float]) -> tuple[float, float]:
     return float(np.mean(values)), float(np.std(values) / max(1, len(values) - 1) ** 0.5)
 
 
+def wilson(count: int, total: int) -> tuple[float, float]:
+    """The 95 % interval of a rate of which `count` of `total` were seen."""
+    z = 1.96
+    middle = (count + z * z / 2) / (total + z * z)
+    half = z / (total + z * z) * (count * (total - count) / total + z * z / 4) ** 0.5
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
 def main() -> int:
     """Plays, prints and keeps."""
     args = options()
-    known = controllers.Library(args.library).parameters()
+    known = controllers.Library(args.library).parameters(args.controller)
     given = json.loads(args.parameters.read_text())["parameters"]
     given.update((name, float(value)) for name, value in (pair.split("=") for pair in args.set))
     numbers = np.array([given.get(p.name, p.start) for p in known])
     jobs = [(numbers, args.first_seed + i, args.seconds) for i in range(args.episodes)]
     with ProcessPoolExecutor(args.processes, multiprocessing.get_context("spawn"),
-                             episodes.prepare, (args.library,)) as pool:
+                             episodes.prepare,
+                             (args.library, args.controller, args.profile)) as pool:
         results = list(pool.map(episodes.play, jobs))
     mean, error = spread([r.distance for r in results])
     ends = [r.end for r in results]
+    falls = [r.tilt for r in results if r.end == "fell"]
     figure: dict[str, Any] = {
         "distance_m": round(mean, 3), "standard_error_m": round(error, 3),
         "episodes": args.episodes, "first_seed": args.first_seed, "seconds": args.seconds,
         "ends": {end: ends.count(end) for end in sorted(set(ends))}}
+    if args.controller == "reacher":
+        figure["profile"] = args.profile or episodes.PROFILES[args.controller]
+        for name, count in (("solved", sum(r.solved for r in results)),
+                            ("lifted", sum(r.lifted for r in results)),
+                            ("touched_by_both", sum(r.both for r in results))):
+            figure[name] = count
+            figure[f"{name}_wilson95"] = [round(x, 3) for x in wilson(count, len(results))]
+    else:
+        figure["falls"] = {tilt: falls.count(tilt) for tilt in sorted(set(falls))}
     print(json.dumps(figure))
     for start in sorted({r.start for r in results}):
         mine = [r for r in results if r.start == start]

@@ -16,6 +16,7 @@ import multiprocessing
 import os
 import pathlib
 import pickle
+import re
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -38,6 +39,10 @@ def options() -> argparse.Namespace:
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--library", type=pathlib.Path, required=True,
                         help="libbaseline_controllers.so of the build")
+    parser.add_argument("--controller", choices=controllers.CONTROLLERS, default="walker")
+    parser.add_argument("--profile", default="", help="paper for the walker, else as-graded")
+    parser.add_argument("--only", default="", metavar="PATTERN",
+                        help="changes only the parameters whose whole names match")
     parser.add_argument("--from", dest="start", type=pathlib.Path,
                         help="parameters to start from (best.json of another search)")
     parser.add_argument("--sigma", type=float, default=1.0, help="first step, in deviations")
@@ -57,19 +62,27 @@ def options() -> argparse.Namespace:
 class Search:
     """A CMA-ES in units of the parameters' deviations, and how far it is."""
 
+    fixed: Optional[np.ndarray] = None  # all numbers, if only some of them are searched
+    free: Any = slice(None)  # which those are
+
     def __init__(self, args: argparse.Namespace) -> None:
-        self.parameters = controllers.Library(args.library).parameters()
+        self.parameters = controllers.Library(args.library).parameters(args.controller)
         self.names = [p.name for p in self.parameters]
         self.scale = np.array([p.deviation for p in self.parameters])
         start = np.array([p.start for p in self.parameters])
         if args.start is not None:
             known = json.loads(args.start.read_text())["parameters"]
             start = np.array([known.get(p.name, p.start) for p in self.parameters])
+        if args.only:
+            self.fixed = start
+            self.free = [i for i, name in enumerate(self.names) if re.fullmatch(args.only, name)]
+            if not self.free:
+                raise SystemExit(f"--only {args.only}: no parameter has such a name.")
         low = np.array([p.low for p in self.parameters]) / self.scale
         high = np.array([p.high for p in self.parameters]) / self.scale
         self.strategy = cma.CMAEvolutionStrategy(
-            np.clip(start / self.scale, low, high), args.sigma,
-            {"bounds": [list(low), list(high)], "popsize": args.population, "seed": args.seed,
+            np.clip(start / self.scale, low, high)[self.free], args.sigma,
+            {"bounds": [list(low[self.free]), list(high[self.free])], "popsize": args.population, "seed": args.seed,
              "verbose": -9, "CMA_diagonal": args.diagonal})
         self.generation = 0
         self.episodes = 0
@@ -77,7 +90,11 @@ class Search:
 
     def numbers(self, point: np.ndarray) -> np.ndarray:
         """A point of the search as the controller's numbers."""
-        return np.asarray(point) * self.scale
+        if self.fixed is None:
+            return np.asarray(point) * self.scale
+        numbers = self.fixed.copy()
+        numbers[self.free] = np.asarray(point) * self.scale[self.free]
+        return numbers
 
     def mean(self) -> np.ndarray:
         """The numbers in the middle of the search's distribution."""
@@ -97,6 +114,8 @@ def summary(results: list[episodes.Result]) -> dict[str, Any]:
     ends = [r.end for r in results]
     return {"score": float(np.mean([r.score for r in results])),
             "distance": float(np.mean([r.distance for r in results])),
+            "lifted": float(np.mean([r.lifted for r in results])),
+            "solved": float(np.mean([r.solved for r in results])),
             "time": float(np.mean([r.time for r in results])),
             "ends": {end: ends.count(end) for end in sorted(set(ends))}}
 
@@ -147,7 +166,8 @@ def main() -> int:
     state = args.folder / "search.pkl"
     search = pickle.loads(state.read_bytes()) if state.exists() else Search(args)
     with ProcessPoolExecutor(args.processes, multiprocessing.get_context("spawn"),
-                             episodes.prepare, (args.library,)) as pool:
+                             episodes.prepare,
+                             (args.library, args.controller, args.profile)) as pool:
         while search.generation < args.generations:
             line = step(search, pool, args)
             if search.generation % args.test_every == 0:

@@ -52,7 +52,7 @@ ApiResult AccessResource::ListAddresses(const httplib::Request& request) const {
 ApiResult AccessResource::ListEvents(const httplib::Request& request) const {
   absl::Status status = CheckParameters(request, {"kind", "before", "limit"});
   const std::string kind = request.get_param_value("kind");
-  if (!kind.empty() && kind != "denied" && kind != "act") {
+  if (request.has_param("kind") && kind != "denied" && kind != "act") {
     status.Update(absl::InvalidArgumentError("\"kind\" must be denied or act"));
   }
   const absl::StatusOr<Page> page = ReadPage(request);

@@ -73,7 +73,7 @@ class Api {
   WhoamiResource whoami_{context_};
   OpenApiResource openapi_;
   QueueResource queue_{context_, guard_};
-  PagesResource pages_;
+  PagesResource pages_{context_.documents};
 };
 
 }  // namespace myograde::server

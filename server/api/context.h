@@ -8,6 +8,7 @@
 #include "protocol/base/clock.h"
 #include "server/admission/admission.h"
 #include "server/api/access_log.h"
+#include "server/api/documents.h"
 #include "server/api/record_log.h"
 #include "server/challenge/phases.h"
 #include "server/config/server_config.h"
@@ -39,6 +40,7 @@ struct ApiContext {
   Pictures& pictures;
   Metrics& metrics;
   WebhookSender& webhooks;
+  const Documents& documents;
   std::string metrics_token;  // Guard::Options
   LeaseDoor* leases = nullptr;  // likewise
   // Whether there is a challenge (server/challenge): then a user of this host is nobody until an

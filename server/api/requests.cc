@@ -189,7 +189,8 @@ absl::StatusOr<SubmissionFilter> ParseFilter(const httplib::Request& request) {
   filter.track = request.get_param_value("track");
   filter.profile = request.get_param_value("profile");
   filter.phase = request.get_param_value("phase");
-  if (const std::string state = request.get_param_value("state"); !state.empty()) {
+  if (request.has_param("state")) {
+    const std::string state = request.get_param_value("state");
     filter.state = ParseEvaluationState(state);
     if (!filter.state) {
       status.Update(absl::InvalidArgumentError(

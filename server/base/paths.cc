@@ -27,6 +27,18 @@ std::string UsualDir(const char* of_root, const char* variable, const char* in_h
   return absl::StrCat(home != nullptr && *home == '/' ? home : "", "/", in_home, "/myograde");
 }
 
+// The folder of the running program.
+absl::StatusOr<std::string> OwnDir() {
+  char path[PATH_MAX];
+  const ssize_t length = ::readlink("/proc/self/exe", path, sizeof(path));
+  if (length <= 0 || length >= static_cast<ssize_t>(sizeof(path))) {
+    return absl::InternalError(
+        absl::StrCat("can't tell where the running program lies: ", std::strerror(errno)));
+  }
+  const std::string program(path, static_cast<size_t>(length));
+  return program.substr(0, program.rfind('/'));
+}
+
 }  // namespace
 
 std::string UsualDataDir() {
@@ -41,15 +53,10 @@ absl::StatusOr<std::string> BinDir() {
   if (const char* dir = std::getenv("MYOGRADE_BIN_DIR"); dir != nullptr && *dir != '\0') {
     return std::string(dir);
   }
-  char path[PATH_MAX];
-  const ssize_t length = ::readlink("/proc/self/exe", path, sizeof(path));
-  if (length <= 0 || length >= static_cast<ssize_t>(sizeof(path))) {
-    return absl::InternalError(
-        absl::StrCat("can't tell where the running program lies: ", std::strerror(errno)));
-  }
-  const fs::path folder = fs::path(std::string(path, static_cast<size_t>(length))).parent_path();
-  const std::string apart = folder.parent_path() / kPrograms;
-  return ::access((apart + "/myograde-runner").c_str(), X_OK) == 0 ? apart : folder.string();
+  absl::StatusOr<std::string> own_dir = OwnDir();
+  if (!own_dir.ok()) return own_dir;
+  const std::string apart = fs::path(*own_dir).parent_path() / kPrograms;
+  return ::access((apart + "/myograde-runner").c_str(), X_OK) == 0 ? apart : *own_dir;
 }
 
 std::string ShareDir(const std::string& bin_dir) {
@@ -66,15 +73,32 @@ std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir
   return fs::path(bin_dir).parent_path() / "adapters" / adapter;
 }
 
+std::string ShareDir() {
+  const absl::StatusOr<std::string> bin_dir = BinDir();
+  const absl::StatusOr<std::string> own_dir = OwnDir();
+  std::string share = bin_dir.ok() ? ShareDir(*bin_dir) : "";
+  if (own_dir.ok() && ::access(share.c_str(), R_OK) != 0) share = ShareDir(*own_dir);
+  return share;
+}
+
+std::string DocsDir() {
+  if (const char* dir = std::getenv("MYOGRADE_DOCS_DIR"); dir != nullptr && *dir != '\0') {
+    return dir;
+  }
+  const absl::StatusOr<std::string> bin_dir = BinDir();
+  if (!bin_dir.ok()) return "";
+  const std::filesystem::path above = std::filesystem::path(*bin_dir).parent_path();
+  const std::filesystem::path installed = above / "share/myograde/docs";
+  std::error_code error;
+  if (std::filesystem::is_directory(installed, error)) return installed.string();
+  return (above / "docs").string();
+}
+
 std::string ConfigDir() {
   if (const char* dir = std::getenv("MYOGRADE_CONFIG_DIR"); dir != nullptr && *dir != '\0') {
     return dir;
   }
-  if (absl::StatusOr<std::string> bin_dir = BinDir(); bin_dir.ok()) {
-    const std::string installed = ShareDir(*bin_dir) + "/configs";
-    if (::access(installed.c_str(), R_OK) == 0) return installed;
-  }
-  return MYOGRADE_SOURCE_CONFIG_DIR;
+  return ShareDir() + "/configs";
 }
 
 }  // namespace myograde::server

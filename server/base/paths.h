@@ -12,13 +12,19 @@ namespace myograde::server {
 // don't call themselves), else the folder of the running program.
 absl::StatusOr<std::string> BinDir();
 
+// The folder with what the programs read: share/myograde beside their folder, or beside that of the
+// running program if BinDir() has none. In a build's folder it has links to the source tree.
+std::string ShareDir();
+
 // share/myograde of an installation that has its programs in `bin_dir`. There need not be one.
 std::string ShareDir(const std::string& bin_dir);
 
-// The folder with tracks/ and sandbox/: MYOGRADE_CONFIG_DIR if set, else share/myograde/configs
-// beside the programs' folder if it exists (an installed MyoGrade), else the source tree's
-// configs/.
+// The folder with tracks/ and sandbox/: MYOGRADE_CONFIG_DIR if set, else configs/ of ShareDir().
 std::string ConfigDir();
+
+// The folder of the documents' site: MYOGRADE_DOCS_DIR if set, else share/myograde/docs beside the
+// programs' folder if it exists, else docs/ beside it (a build folder). There need not be one.
+std::string DocsDir();
 
 // The folder of an adapter's program (server/artefact/adapters.h), for programs in `bin_dir`. There
 // need not be one.

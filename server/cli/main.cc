@@ -94,6 +94,8 @@ constexpr Verb kVerbs[] = {
      "myograde key -o organiser.pem", AddKey},
     {"seeds", "Commit to a phase's seeds, reveal them afterwards, and check them",
      "myograde seeds commit --phase final --secret final.secret", AddSeeds},
+    {"release", "Sign the files of a release, and check those of one that you downloaded",
+     "myograde release verify ./myograde-1.0.0 --key release.pem", AddRelease},
     {"login", "Log in to a server over the network; asks for the token, or reads it from standard input",
      "myograde login https://grader.example.org:8443", AddLogin},
     {"logout", "Remove the login", "myograde logout", AddLogout},

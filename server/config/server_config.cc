@@ -10,6 +10,7 @@
 #include "server/base/ip_address.h"
 #include "server/base/names.h"
 #include "server/base/plain_text.h"
+#include "server/config/earlier_versions.h"
 
 namespace myograde::server {
 namespace {
@@ -334,6 +335,7 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
                                               const std::string& cache_dir) {
   absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
   if (!json.ok()) return json.status();
+  *json = WithLaterParts(*std::move(json));
   ConfigReader reader(*json, path);
   ServerConfig config;
   config.scheduler.slots = ReadSlots(reader, *json);

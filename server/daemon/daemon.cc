@@ -20,6 +20,7 @@
 #include "server/api/api.h"
 #include "server/artefact/adapters.h"
 #include "server/base/service_manager.h"
+#include "server/base/paths.h"
 #include "server/challenge/phases.h"
 #include "server/daemon/lease_hosts.h"
 #include "server/daemon/log.h"
@@ -196,6 +197,10 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   const std::string path = options.data_dir + "/store.db";
   absl::StatusOr<std::unique_ptr<Store>> store = Store::Open(path, clock);
   if (!store.ok()) return store.status();
+  if (const auto& migration = (*store)->migration()) {
+    spdlog::info("the store had schema {} and now has {}; {} keeps it as it was", migration->from,
+                 migration->to, migration->copy);
+  }
   if ((*store)->mended()) spdlog::error("{}", DamageText(*(*store)->mended()));
   if (absl::Status status = SetWebhooks(configs.webhooks, **store); !status.ok()) return status;
   const auto metrics = std::make_shared<Metrics>();
@@ -268,6 +273,8 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
                            return health.running > 0 || health.pending > 0;
                          },
                      .suggestions = [&] { return ended.Pictures(); }});
+  const absl::StatusOr<Documents> documents = LoadDocuments(DocsDir());
+  if (!documents.ok()) return documents.status();
   Api api({.config = config,
            .data_dir = options.data_dir,
            .cache_dir = options.cache_dir,
@@ -283,6 +290,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
            .pictures = pictures,
            .metrics = *metrics,
            .webhooks = webhooks,
+           .documents = *documents,
            .metrics_token = configs.metrics_token,
            .leases = hosts->door,
            .challenge = phases->any(),

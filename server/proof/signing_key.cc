@@ -34,6 +34,14 @@ std::string TextOf(BIO* bio) {
   return std::string(data, static_cast<size_t>(size));
 }
 
+// The key in a PEM text; null if there is none.
+KeyPtr PrivateKeyOf(const std::string& pem) {
+  const BioPtr bio(BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())), BIO_free);
+  KeyPtr key(PEM_read_bio_PrivateKey(bio.get(), nullptr, nullptr, nullptr));
+  if (key != nullptr && EVP_PKEY_get_id(key.get()) != EVP_PKEY_ED25519) key = nullptr;
+  return key;
+}
+
 absl::Status CantWrite(const std::string& path) {
   return absl::UnavailableError(
       absl::StrCat(path, ": the signing key can't be written: ", std::strerror(errno)));
@@ -108,12 +116,22 @@ absl::StatusOr<SigningKey> SigningKey::LoadOrMake(const std::string& path) {
   absl::StatusOr<std::string> text = ReadFile(path, kMaxPemBytes);
   if (absl::IsInvalidArgument(text.status())) text = "";  // nothing that large is a key
   if (!text.ok()) return absl::InternalError(text.status().message());
-  const BioPtr bio(BIO_new_mem_buf(text->data(), static_cast<int>(text->size())), BIO_free);
-  KeyPtr key(PEM_read_bio_PrivateKey(bio.get(), nullptr, nullptr, nullptr));
-  if (key == nullptr || EVP_PKEY_get_id(key.get()) != EVP_PKEY_ED25519) {
+  KeyPtr key = PrivateKeyOf(*text);
+  if (key == nullptr) {
     return absl::InternalError(absl::StrCat(
         path, ": holds no Ed25519 private key in PEM; put your copy of it back, or move the file "
               "away to get a new key, which earlier receipts are not signed with"));
+  }
+  return SigningKey(std::move(key));
+}
+
+absl::StatusOr<SigningKey> SigningKey::Read(const std::string& path) {
+  const absl::StatusOr<std::string> text = ReadFile(path, kMaxPemBytes);
+  if (!text.ok()) return text.status();
+  KeyPtr key = PrivateKeyOf(*text);
+  if (key == nullptr) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": holds no Ed25519 private key in PEM"));
   }
   return SigningKey(std::move(key));
 }

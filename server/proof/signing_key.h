@@ -1,4 +1,4 @@
-// Ed25519 keys for receipts, through OpenSSL.
+// Ed25519 keys for receipts and releases, through OpenSSL.
 #pragma once
 
 #include <memory>
@@ -25,6 +25,10 @@ class SigningKey {
   // threads and processes may call this at once, and may be killed during it. An existing file is
   // never replaced, even if it is broken. Errors name the file.
   static absl::StatusOr<SigningKey> LoadOrMake(const std::string& path);
+
+  // Reads the private key in `path`, and makes none. NotFoundError if it can't be opened,
+  // InvalidArgumentError if it has no Ed25519 private key in PEM.
+  static absl::StatusOr<SigningKey> Read(const std::string& path);
 
   // The signature of `message`, as 128 hexadecimal digits.
   absl::StatusOr<std::string> Sign(std::string_view message) const;

@@ -5,8 +5,6 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "server/store/schema.h"
-
 namespace myograde::server {
 namespace {
 
@@ -14,36 +12,15 @@ namespace {
 // the store open; a longer one would stall the daemon's loop.
 constexpr int kBusyMs = 500;
 
-void Migrate(SQLite::Database& db, int from) {
-  const auto migrations = SchemaMigrations();
-  for (size_t i = static_cast<size_t>(from); i < migrations.size(); ++i) {
-    SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);
-    db.exec(migrations[i]);
-    db.exec(absl::StrCat("PRAGMA user_version = ", i + 1));
-    transaction.commit();
-  }
-}
-
-absl::Status Prepare(SQLite::Database& db, const std::string& path) {
-  const int version = db.execAndGet("PRAGMA user_version").getInt();
-  const int known = static_cast<int>(SchemaMigrations().size());
-  if (version > known) {
-    return absl::FailedPreconditionError(
-        absl::StrCat(path, ": has schema ", version, ", this program knows up to ", known,
-                     "; use the newer program that wrote it"));
-  }
-  if (version == 0 && db.execAndGet("SELECT count(*) FROM sqlite_master").getInt() != 0) {
-    return absl::FailedPreconditionError(
-        absl::StrCat(path, ": is an SQLite database of something else; move it away"));
-  }
+absl::StatusOr<std::optional<Migration>> Prepare(SQLite::Database& db, const std::string& path) {
+  if (absl::Status status = CheckSchema(db, path); !status.ok()) return status;
   // An episode's row is over a kilobyte and fits into such a page; with the usual 4096 bytes it
   // would need an overflow page. Only effective before a new file's first page is written.
-  if (version == 0) db.exec("PRAGMA page_size = 8192");
+  if (db.execAndGet("PRAGMA user_version").getInt() == 0) db.exec("PRAGMA page_size = 8192");
   db.exec("PRAGMA journal_mode = WAL");
   db.exec("PRAGMA synchronous = FULL");
   db.exec("PRAGMA foreign_keys = ON");
-  Migrate(db, version);
-  return absl::OkStatus();
+  return Migrate(db, path);
 }
 
 }  // namespace
@@ -90,22 +67,24 @@ absl::Status GuardSqlite(const std::string& path, const std::function<absl::Stat
   }
 }
 
-absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForWriting(const std::string& path) {
-  std::unique_ptr<SQLite::Database> db;
+absl::StatusOr<OpenedStore> OpenForWriting(const std::string& path) {
+  OpenedStore opened;
   const absl::Status status = GuardSqlite(path, [&] {
     const mode_t mask = umask(0077);
     try {
-      db = std::make_unique<SQLite::Database>(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE,
-                                              kBusyMs);
+      opened.db = std::make_unique<SQLite::Database>(
+          path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE, kBusyMs);
     } catch (...) {
       umask(mask);
       throw;
     }
     umask(mask);
-    return Prepare(*db, path);
+    absl::StatusOr<std::optional<Migration>> migration = Prepare(*opened.db, path);
+    if (migration.ok()) opened.migration = *std::move(migration);
+    return migration.status();
   });
   if (!status.ok()) return status;
-  return db;
+  return opened;
 }
 
 absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForReading(const std::string& path) {

@@ -3,11 +3,14 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <SQLiteCpp/VariadicBind.h>
 #include <absl/status/statusor.h>
+
+#include "server/store/migration.h"
 
 namespace myograde::server {
 
@@ -22,10 +25,15 @@ absl::Status StatusOf(const std::string& path, const SQLite::Exception& error);
 // Runs `body` and converts what it throws into such a status.
 absl::Status GuardSqlite(const std::string& path, const std::function<absl::Status()>& body);
 
+struct OpenedStore {
+  std::unique_ptr<SQLite::Database> db;
+  std::optional<Migration> migration;
+};
+
 // Opens the store at `path` for writing: creates it (0600) if it is missing, sets WAL,
-// synchronous=FULL and foreign keys, and migrates it to this program's schema.
-// FailedPreconditionError if a newer program wrote it.
-absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForWriting(const std::string& path);
+// synchronous=FULL and foreign keys, and migrates it to this program's schema; errors also as in
+// migration.h.
+absl::StatusOr<OpenedStore> OpenForWriting(const std::string& path);
 
 // Opens an existing store for reading.
 absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForReading(const std::string& path);

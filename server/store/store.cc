@@ -16,9 +16,10 @@ Store::Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock
 Store::~Store() = default;
 
 absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, const Clock& clock) {
-  absl::StatusOr<std::unique_ptr<SQLite::Database>> db = OpenForWriting(path);
-  if (!db.ok()) return db.status();
-  std::unique_ptr<Store> store(new Store(path, *std::move(db), clock));
+  absl::StatusOr<OpenedStore> opened = OpenForWriting(path);
+  if (!opened.ok()) return opened.status();
+  std::unique_ptr<Store> store(new Store(path, std::move(opened->db), clock));
+  store->migration_ = std::move(opened->migration);
   absl::Status status = store->LoadSecret();
   if (status.ok()) {
     status = GuardSqlite(path, [&] {

@@ -28,6 +28,7 @@
 #include "server/store/damage.h"
 #include "server/store/deliveries.h"
 #include "server/store/lease_runs.h"
+#include "server/store/migration.h"
 #include "server/store/quota.h"
 #include "server/store/record.h"
 #include "server/store/rejudges.h"
@@ -382,6 +383,8 @@ class Store {
   const std::string& policy_secret() const { return policy_secret_; }
   // What was unreadable on opening, and was rebuilt.
   const std::optional<Damage>& mended() const { return mended_; }
+  // How opening it changed the schema of a store that was there; the copy of what it was is kept.
+  const std::optional<Migration>& migration() const { return migration_; }
 
  private:
   Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock& clock);
@@ -392,6 +395,7 @@ class Store {
   const Clock& clock_;
   std::string policy_secret_;
   std::optional<Damage> mended_;
+  std::optional<Migration> migration_;
   Subscriptions subscriptions_;
 };
 

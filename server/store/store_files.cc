@@ -1,11 +1,8 @@
 // A whole store as a file: backups and imports.
-#include <sqlite3.h>
-
-#include <SQLiteCpp/Backup.h>
-#include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
 
 #include "server/store/connection.h"
+#include "server/store/copy.h"
 #include "server/store/episode_log.h"
 #include "server/store/reader.h"
 #include "server/store/store.h"
@@ -41,15 +38,6 @@ void AddHashesIn(const std::string& text, std::set<std::string>& hashes) {
   }
 }
 
-// PRAGMA quick_check findings about rows; any other is about the file.
-bool IsAboutARow(const std::string& finding) {
-  return absl::StrContains(finding, " value in ") ||
-         absl::StartsWith(finding, "CHECK constraint failed in ");
-}
-
-constexpr int kPagesAtOnce = 2048;
-constexpr int kStepsAReport = 16;
-
 }  // namespace
 
 absl::Status ReaderPool::Backup(const std::string& path,
@@ -57,35 +45,8 @@ absl::Status ReaderPool::Backup(const std::string& path,
                                 const std::function<void(const std::string&)>& damaged) {
   absl::StatusOr<std::unique_ptr<SQLite::Database>> source = OpenForReading(path_);
   if (!source.ok()) return source.status();
-  return GuardSqlite(path, [&]() -> absl::Status {
-    // One state from the first page to the last: an open read transaction keeps other writes from
-    // restarting the copy.
-    SQLite::Transaction transaction(**source);
-    (*source)->execAndGet("SELECT count(*) FROM meta");
-    SQLite::Database copy(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-    {
-      SQLite::Backup backup(copy, **source);
-      for (int step = 0; backup.executeStep(kPagesAtOnce) != SQLITE_DONE; ++step) {
-        if (step % kStepsAReport != 0) continue;
-        const int total = backup.getTotalPageCount();
-        progress(total - backup.getRemainingPageCount(), total);
-      }
-    }
-    // The copy is a single file: it needs no write-ahead log.
-    copy.exec("PRAGMA journal_mode = DELETE");
-    // An unreadable row is copied as it is.
-    SQLite::Statement check(copy, "PRAGMA quick_check(1000)");
-    while (check.executeStep()) {
-      const std::string found = check.getColumn(0).getString();
-      if (found == "ok") continue;
-      if (!IsAboutARow(found)) {
-        return absl::DataLossError(absl::StrCat(path_, ": is damaged (", found,
-                                                "); the backup was not kept"));
-      }
-      damaged(found);
-    }
-    return absl::OkStatus();
-  });
+  return GuardSqlite(path,
+                     [&] { return CopyDatabase(**source, path_, path, progress, damaged); });
 }
 
 std::vector<ArtefactUse> Reader::ArtefactUses() {

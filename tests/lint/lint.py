@@ -13,7 +13,8 @@ MAX_LINES = 450
 PARTS = {"protocol", "scoring", "sim", "server", "policies", "tests"}
 # All that may lie in the root: the parts, and what tools look for there.
 ROOT = PARTS | {"configs", "docker", "CMakeLists.txt", "CMakePresets.json", "README.md",
-                "CHANGELOG.md", "LICENSE", "dev", ".ci", ".clang-format", ".clang-tidy", ".gitignore"}
+                "CHANGELOG.md", "LICENSE", "dev", ".ci", ".clang-format", ".clang-tidy",
+                ".dockerignore", ".gitignore"}
 
 # Folder -> (folders of the project it may include, patterns of foreign headers it must not).
 # The longest matching folder counts.

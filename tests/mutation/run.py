@@ -5,7 +5,10 @@ damaged row. Each mutant is one textual change; its file is compiled beside the 
 one test program in place of the original, so neither sources nor build folder change. Prints a
 line for each; exit status 1 if one survives, or no longer fits its file.
 
-Use: run.py --build build/asan [WORD ...]   only mutants with one of the words in their line"""
+Use: run.py --build build/asan [WORD ...]   only mutants with one of the words in their line
+     run.py --fits                          only whether each still has its place in its file
+     run.py --every 50 [--first K]          instead every 50th, from the Kth on, of all that operators.py makes
+                                            of scoring/ and server/scheduler/"""
 
 import argparse
 import concurrent.futures
@@ -18,6 +21,8 @@ import subprocess
 import sys
 import tempfile
 
+import operators
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 STORE, ENGINE = "server/store/", "server/engine/"
 
@@ -29,12 +34,12 @@ MUTANTS = [
     ("store_test", "RemovalTest.*", STORE + "store_files.cc", "s.ranked = 0 OR ", ""),
     ("store_test", "RemovalTest.*", STORE + "store_files.cc",
      "OR e.state IN ('failed', 'cancelled', 'grader_error')", ""),
-    ("store_test", "RemovalTest.*", STORE + "store_files.cc", "'failed', 'cancelled', 'grader_error')))",
-     "'done', 'failed', 'cancelled', 'grader_error')))"),
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc", "'failed', 'cancelled', 'grader_error')) AND NOT",
+     "'done', 'failed', 'cancelled', 'grader_error')) AND NOT"),
     ("store_test", "RemovalTest.*", STORE + "store_files.cc", 'WHERE s.artefact = ?1 AND ", kOver',
      'WHERE s.artefact = ?1 AND NOT ", kOver'),
-    ("store_test", "RemovalTest.*", STORE + "store_files.cc", 'kLog, ") = ?1 AND ", kOver,\n                          " IS NOT TRUE UNION',
-     'kLog, ") = ?1 AND NOT ", kOver,\n                          " IS NOT TRUE UNION'),
+    ("store_test", "RemovalTest.*", STORE + "store_files.cc", 'kLogOfEpisode, ") = ?1 AND ", kOver',
+     'kLogOfEpisode, ") = ?1 AND NOT ", kOver'),
     ("store_test", "RemovalTest.*", STORE + "store_files.cc", '") IS NULL AND instr(p.facts_json, ?1) > 0',
      '") IS NULL AND instr(p.facts_json, ?1) < 0'),
     ("store_test", "RemovalTest.*", STORE + "store_files.cc", "if (end - begin == 64) hashes", "if (end - begin == 63) hashes"),
@@ -81,7 +86,8 @@ MUTANTS = [
     ("store_test", "QuotaTest.*", STORE + "admission.cc",
      "if (!any.executeStep()) return std::optional<Accepted>();", "return std::optional<Accepted>();"),
     ("store_test", "QuotaTest.*", STORE + "admission.cc",
-     "CheckQuota(use, rules.quota, budget, submission.team, submission.track)", "absl::OkStatus()"),
+     "CheckQuota(use, rules.quota, budget, submission.team, submission.track,\n                     submission.phase)",
+     "absl::OkStatus()"),
     ("store_test", "QuotaTest.*", STORE + "admission.cc",
      "if (absl::Status status = AddContent(db_, submission, now_ms_); !status.ok()) return status;",
      "(void)AddContent(db_, submission, now_ms_);"),
@@ -89,7 +95,7 @@ MUTANTS = [
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "use.waiting >= limits.waiting", "use.waiting > limits.waiting"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "sum.left(allowance.total) < 1", "sum.left(allowance.total) < 0"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "sum.left(allowance.per_day) < 1", "sum.left(allowance.per_day) < 0"),
-    ("store_test", "QuotaTest.*", STORE + "quota.cc", "  return CheckFailures(use, limits, team, track);\n",
+    ("store_test", "QuotaTest.*", STORE + "quota.cc", "  return CheckBudget(use, limits, Budget::kFailed, team, place);\n",
      "  return absl::OkStatus();\n"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "std::max(select.getColumn(0).getInt64(), now_ms / kDayMs)",
      "now_ms / kDayMs"),
@@ -126,7 +132,7 @@ def commands(build):
             for source in re.findall(r'#include "([^"]+)"', unit.read_text()):
                 compiles[source] = (unit, entry["command"])
     links = {}
-    for target in {mutant[0] for mutant in MUTANTS}:
+    for target in {mutant[0] for mutant in MUTANTS} | set(operators.AREAS.values()):
         out = subprocess.check_output(["ninja", "-C", build, "-t", "commands", "-s",
                                        f"tests/{target}"], text=True)
         links[target] = out.strip().splitlines()[-1]
@@ -160,9 +166,23 @@ def try_mutant(mutant, build, compiles, links):
     source = ROOT / file
     if source.read_text().count(text) != 1:
         return f"the text is there {source.read_text().count(text)} times"
+    return try_change(target, tests, source, source.read_text().replace(text, instead), build, compiles,
+                      links)
+
+
+def try_made(mutant, build, compiles, links):
+    """The same of a mutant of operators.py; one that does not compile is none."""
+    target, file, number, _, changed = mutant
+    lines = (ROOT / file).read_text().split("\n")
+    lines[number] = changed
+    result = try_change(target, "*", ROOT / file, "\n".join(lines), build, compiles, links)
+    return "no code" if result.startswith("does not compile") else result
+
+
+def try_change(target, tests, source, changed, build, compiles, links):
+    """What the test program says with the changed text in place of the source."""
     with tempfile.TemporaryDirectory() as folder:
-        wrong = compile_mutant(source, source.read_text().replace(text, instead),
-                               pathlib.Path(folder), build, compiles)
+        wrong = compile_mutant(source, changed, pathlib.Path(folder), build, compiles)
         if wrong:
             return "does not compile: " + wrong
         # An object before the archives: the archive's own is not asked for any more.
@@ -184,21 +204,39 @@ def try_mutant(mutant, build, compiles, links):
         return "killed" if done.returncode else "SURVIVES"
 
 
+def misfits():
+    """The mutants whose text is not in their file, or there more than once."""
+    texts = {mutant[2]: (ROOT / mutant[2]).read_text(encoding="utf-8") for mutant in MUTANTS}
+    return [mutant for mutant in MUTANTS if texts[mutant[2]].count(mutant[3]) != 1]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", default="build/asan", help="a build folder with the tests in it")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--every", type=int, help="try every Nth mutant of operators.py instead")
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("words", nargs="*")
+    parser.add_argument("--fits", action="store_true")
     options = parser.parse_args()
+    if options.fits:
+        for mutant in misfits():
+            print(f"{mutant[2]} does not have once: {mutant[3]}")
+        return 1 if misfits() else 0
     build = str((ROOT / options.build).resolve())
     compiles, links = commands(build)
-    wanted = [m for m in MUTANTS if not options.words or any(w in " ".join(m) for w in options.words)]
+    if options.every:
+        wanted, attempt = operators.sample(options.every, options.first), try_made
+        describe = lambda m: f"{m[1]}:{m[2] + 1}: {m[3].strip()}  ->  {m[4].strip()}"
+    else:
+        wanted = [m for m in MUTANTS if not options.words or any(w in " ".join(m) for w in options.words)]
+        attempt, describe = try_mutant, lambda m: f"{m[2]}: {' '.join(m[3].split())[:90]}"
     alive = 0
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
-        results = pool.map(lambda m: try_mutant(m, build, compiles, links), wanted)
+        results = pool.map(lambda m: attempt(m, build, compiles, links), wanted)
         for mutant, result in zip(wanted, results):
-            print(f"{result:8} {mutant[2]}: {' '.join(mutant[3].split())[:90]}", flush=True)
-            alive += result != "killed"
+            print(f"{result:8} {describe(mutant)}", flush=True)
+            alive += result not in ("killed", "no code")
     print(f"{len(wanted) - alive} of {len(wanted)} mutants are killed")
     return 1 if alive else 0
 

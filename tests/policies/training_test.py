@@ -56,12 +56,24 @@ class Training(unittest.TestCase):
         self.assertEqual(content["parameters"].keys(), best["parameters"].keys())
 
     def test_the_shipped_parameters_are_all_there(self):
-        shipped = SOURCE / "policies/baseline/parameters/locomotion.json"
-        written = self.folder / "written.json"
-        run("evaluate.py", shipped, "--library", LIBRARY, "--episodes", 1, "--seconds", 0.05,
-            "--write", written)
-        self.assertEqual(json.loads(written.read_text())["parameters"],
-                         json.loads(shipped.read_text())["parameters"])
+        for controller, file in (("walker", "locomotion.json"), ("reacher", "manipulation.json")):
+            shipped = SOURCE / "policies/baseline/parameters" / file
+            written = self.folder / file
+            run("evaluate.py", shipped, "--library", LIBRARY, "--controller", controller,
+                "--episodes", 1, "--seconds", 0.05, "--write", written)
+            self.assertEqual(json.loads(written.read_text())["parameters"],
+                             json.loads(shipped.read_text())["parameters"])
+
+    def test_some_numbers_of_the_arm_are_searched_and_the_others_stay(self):
+        shipped = SOURCE / "policies/baseline/parameters/manipulation.json"
+        run("search.py", self.folder / "arm", "--library", LIBRARY, "--controller", "reacher",
+            "--only", "closed_.*", "--from", shipped, "--generations", 1, "--population", 4,
+            "--seeds", 1, "--seconds", 0.05, "--test-every", 1, "--test-seeds", 1)
+        best = json.loads((self.folder / "arm/best.json").read_text())["parameters"]
+        before = json.loads(shipped.read_text())["parameters"]
+        changed = {name for name in best if abs(best[name] - before[name]) > 1e-9}
+        self.assertTrue(changed)
+        self.assertEqual({name.split("_")[0] for name in changed}, {"closed"})
 
     @unittest.skipIf(subprocess.run(["/usr/bin/python3", "-c", "import matplotlib"],
                                     capture_output=True, check=False).returncode,

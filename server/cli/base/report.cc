@@ -75,6 +75,11 @@ std::string EnumeratedEpisodes(const std::vector<std::string>& numbers) {
   return text;
 }
 
+// Of a success, which has no reason of its own, how it ended.
+std::string ReasonCell(const Json& row) {
+  return Cell(row, row.value("outcome", Json()) == "success" ? "end" : "reason");
+}
+
 }  // namespace
 
 void PrintFaults(const Json& rows) {
@@ -170,7 +175,7 @@ void PrintEpisodes(const Json& rows, const Json& metrics, bool full_hashes) {
   for (const Json& row : rows) {
     const Json values = row.value("metrics", Json::object());
     std::vector<std::string> cells = {Cell(row, "index"), Cell(row, "seed"), Cell(row, "outcome"),
-                                      Cell(row, "reason"), Cell(row, "steps")};
+                                      ReasonCell(row), Cell(row, "steps")};
     for (const MetricColumn& column : columns) {
       cells.push_back(Cell(values, column.key, column.digits));
     }

@@ -31,12 +31,8 @@ constexpr size_t kMostDrawn = size_t{512} << 20;
 constexpr mode_t kFigureMode = 0644;
 constexpr int kDrawingNice = 10;
 
-// The program's folder: of an installed MyoGrade, else of the source tree.
-std::string DrawingProgram() {
-  const absl::StatusOr<std::string> bin = BinDir();
-  const std::string installed = bin.ok() ? ShareDir(*bin) + "/figures" : "";
-  return ::access(installed.c_str(), R_OK) == 0 ? installed : MYOGRADE_SOURCE_FIGURES;
-}
+// The program's folder.
+std::string DrawingProgram() { return ShareDir() + "/figures"; }
 
 absl::Status CantDraw(const std::string& why) {
   return absl::InternalError(absl::StrCat("the figure could not be drawn: ", why));

@@ -52,20 +52,13 @@ absl::StatusOr<ServerConfig> ConfigOf(const RuntimeOptions& options) {
   return config;
 }
 
-// The program that makes and removes runtimes: of an installed MyoGrade, else of the source tree.
-std::string Maker() {
-  const absl::StatusOr<std::string> bin = BinDir();
-  const std::string installed =
-      bin.ok() ? ShareDir(*bin) + "/runtime/make_runtime.py" : "";
-  return std::filesystem::exists(installed) ? installed : MYOGRADE_SOURCE_RUNTIME_MAKER;
-}
+// The program that makes and removes runtimes.
+std::string Maker() { return ShareDir() + "/runtime/make_runtime.py"; }
 
 // The folder of a shipped recipe; NotFoundError lists those that there are.
 absl::StatusOr<std::string> Recipe(const std::string& name) {
   namespace fs = std::filesystem;
-  const absl::StatusOr<std::string> bin = BinDir();
-  std::string recipes = bin.ok() ? ShareDir(*bin) + "/runtimes" : "";
-  if (!fs::exists(recipes)) recipes = MYOGRADE_SOURCE_RECIPES;
+  const std::string recipes = ShareDir() + "/runtimes";
   if (IsRuntimeName(name) && fs::exists(absl::StrCat(recipes, "/", name, "/requirements.txt"))) {
     return absl::StrCat(recipes, "/", name);
   }

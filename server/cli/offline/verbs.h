@@ -18,6 +18,7 @@ Action AddReport(CLI::App& verb);
 Action AddVerify(CLI::App& verb);
 Action AddChallenge(CLI::App& verb);
 Action AddSeeds(CLI::App& verb);
+Action AddRelease(CLI::App& verb);
 Action AddLocal(CLI::App& verb);
 Action AddNew(CLI::App& verb);
 Action AddRuntime(CLI::App& verb);

@@ -36,7 +36,7 @@ static void TouchDevices(void) {
 static void ThrowOut(int fd) {
   struct rusage before, after;
   char byte;
-  pread(fd, &byte, 1, 0);
+  if (pread(fd, &byte, 1, 0) != 1) return;
   posix_fadvise(fd, 0, 0, POSIX_FADV_DONTNEED);
   char* page = mmap(NULL, 4096, PROT_READ, MAP_PRIVATE, fd, 0);
   madvise(page, 4096, MADV_PAGEOUT);

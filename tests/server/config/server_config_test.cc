@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
+#include "server/config/earlier_versions.h"
 #include "server/config/user_names.h"
 
 namespace myograde::server {
@@ -47,7 +48,8 @@ class ServerConfigTest : public ::testing::Test {
         "min_bytes_per_s",
         "speed_window_s", "spool_bytes", "peer_spool_bytes", "unfinished", "of_one",
         "of_a_submission", "of_organisers", "requests_per_s", "burst", "teams_of_a_user", "level",
-        "samples", "places", "picture_bytes"};
+        "samples", "places", "picture_bytes", "team_running", "queue_wait_s", "suspect_after",
+        "self_test_s", "self_test_every_s", "unpack_memory_bytes"};
     return place.parent_pointer() == Pointer("/slurm") || later.contains(place.back());
   }
 
@@ -137,6 +139,44 @@ TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
   };
   EXPECT_EQ(numbers(old), numbers(now));
   EXPECT_EQ(old.statistics, now.statistics);
+}
+
+// Files as earlier versions shipped them (tests/server/config/old), without comments.
+TEST_F(ServerConfigTest, EveryEarlierVersionsFileLoads) {
+  int files = 0;
+  for (;; ++files) {
+    const std::string path =
+        absl::StrCat(MYOGRADE_SOURCE_DIR "/tests/server/config/old/server-", files + 1, ".json");
+    if (!std::filesystem::exists(path)) break;
+    const absl::StatusOr<ServerConfig> config = LoadServerConfig(path, "/cache");
+    ASSERT_TRUE(config.ok()) << config.status();
+    const Json file = ReadJsonFile(path).value();
+    EXPECT_EQ(config->http.workers, file.at("http").at("workers").get<int>());
+    EXPECT_EQ(config->scheduler.team_running, 1024);
+    EXPECT_EQ(config->quota.usual.quota.ranked.per_day, 100);
+  }
+  EXPECT_EQ(files, 11);
+}
+
+TEST_F(ServerConfigTest, LaterPartsAreAsShippedAndNothingElseIsAdded) {
+  const Json first =
+      ReadJsonFile(MYOGRADE_SOURCE_DIR "/tests/server/config/old/server-1.json").value();
+  const Json filled = WithLaterParts(first);
+  EXPECT_GT(filled.flatten().size(), first.flatten().size() + 15);
+  const Json flat = filled.flatten();
+  for (const auto& [place, value] : flat.items()) {
+    const Pointer pointer(place);
+    if (first.contains(pointer)) continue;
+    const Json& shipped = shipped_.at(pointer);
+    EXPECT_EQ(value, shipped.empty() ? Json() : shipped) << place;
+  }
+  Json own = shipped_;
+  own["quota"]["official_per_day"] = 3;
+  own["scheduler"]["self_test_s"] = 7;
+  EXPECT_EQ(WithLaterParts(own), own);
+  own["quota"].erase("waiting");
+  EXPECT_EQ(WithLaterParts(own), own) << "a part with a key left out is a mistake";
+  EXPECT_EQ(WithLaterParts(Json::array()), Json::array());
 }
 
 TEST_F(ServerConfigTest, AClusterTakesTheSlotsPlace) {

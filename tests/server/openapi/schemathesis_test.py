@@ -84,6 +84,10 @@ def narrowed(document, world):
     member["application/json"]["schema"]["properties"]["person"] = {"enum": ["uid 61001"]}
     phase_act = document["components"]["requestBodies"]["Reason"]["content"]["application/json"]
     phase_act["schema"]["properties"]["reason"] = {"enum": ["because"]}
+    # Branches of a oneOf are drawn one by one: what binds all of them is said in each.
+    node_act = schemas["NodeAct"]
+    for properties in (node_act["properties"], node_act["oneOf"][0]["properties"]):
+        properties["reason"] = {"enum": ["because"]}
     return document
 
 

@@ -60,6 +60,55 @@ class OfflineTest(CliCase):
             self.assertIn(name, shown)
         self.assertNotIn("stiffness\":", shown)
 
+    def test_a_release_is_whole_and_signed_or_it_is_said_what_is_wrong(self):
+        private, public, other = (self.path(name) for name in ("release.key", "release.pem", "other.pem"))
+        folder = self.path("release")
+        self.path("release/server.deb", "the server")
+        self.path("release/python/kit.whl", "the kit")
+        key = self.checked("release-key", "release", "key", private, "-o", public)
+        self.assertIn("PUBLIC KEY", key["key"])
+        self.assertEqual(os.stat(private).st_mode & 0o777, 0o600)
+        self.assertEqual(self.checked("release-key", "release", "key", private, "-o", public), key)
+        sign = ("release", "sign", folder, "--key", private, "--name", "7.0")
+        self.assertEqual(self.checked("release-sign", *sign)["files"], 2)
+        verify = ("release", "verify", folder, "--key", public)
+        whole = self.checked("release-verify", *verify)
+        self.assertEqual((whole["valid"], whole["name"], whole["files"]), (True, "7.0", 2))
+        self.assertEqual(self.checked("release-sign", *sign)["files"], 2)  # signing again signs the same
+        for command in (("openssl", "pkeyutl", "-verify", "-rawin", "-pubin", "-inkey", public, "-in",
+                         "SHA256SUMS", "-sigfile", "SHA256SUMS.sig"),
+                        ("sha256sum", "--check", "--strict", "--quiet", "SHA256SUMS")):
+            subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
+
+        def wrong(*args):
+            done = myograde(*args, "--json")
+            self.assertEqual(done.returncode, 1, done.stderr)
+            told = json.loads(done.stdout)
+            self.assertFalse(told["valid"])
+            return told["wrong"]
+
+        self.path("release/server.deb", "the servex")
+        self.path("release/more", "more")
+        os.remove(self.path("release/python/kit.whl"))
+        self.assertEqual(wrong(*verify), ["python/kit.whl is missing",
+                                          "server.deb is not the file that was signed",
+                                          "more is no file of the release"])
+        os.symlink("server.deb", self.path("release/python/kit.whl"))
+        self.assertIn("python/kit.whl can't be read or is no regular file", wrong(*verify))
+        self.refused(2, "is no regular file", *sign)
+        unsigned = ["SHA256SUMS was not signed with this key"]
+        self.checked("release-key", "release", "key", self.path("other.key"), "-o", other)
+        self.assertEqual(wrong("release", "verify", folder, "--key", other), unsigned)
+        with open(self.path("release/SHA256SUMS"), "a", encoding="utf-8") as sums:
+            sums.write("0" * 64 + "  more\n")
+        self.assertEqual(wrong(*verify), unsigned)
+        os.remove(self.path("release/SHA256SUMS.sig"))
+        self.refused(2, "SHA256SUMS.sig", *verify)
+        self.refused(2, "none.key", "release", "sign", folder, "--key", self.path("none.key"))
+        self.refused(2, "holds no Ed25519 private key", "release", "sign", folder, "--key", public)
+        self.refused(2, "printable", "release", "sign", folder, "--key", private, "--name", "a\nb")
+        self.assertFalse(os.path.exists(self.path("none.key")))
+
     def test_what_local_took_has_the_packing_in_it(self):
         """Packing opens the archive, and the kernel blocks it there until this process releases its
         lease on the file."""

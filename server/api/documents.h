@@ -1,0 +1,24 @@
+// The documents' site (server/docs), read once from its folder.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <map>
+#include <string>
+
+namespace myograde::server {
+
+struct Document {
+  std::string type;  // of its content
+  std::string text;
+  std::string tag;  // its entity tag
+};
+
+// By path from the folder, such as "1.0/index.html".
+using Documents = std::map<std::string, Document>;
+
+// All files of the folder whose type is known; links are not followed. Empty if there is no such
+// folder. InvalidArgumentError: one can't be read, or together they are too large.
+absl::StatusOr<Documents> LoadDocuments(const std::string& folder);
+
+}  // namespace myograde::server

@@ -1,0 +1,126 @@
+#!/usr/bin/env python3
+"""Makes the documents' site of the pages in the folders: make_site.py OUT VERSION [--source DIR]
+
+site.json says which page is for whom; every page of the tree must be there. The site is OUT/VERSION. A path
+in backquotes that names another page becomes a link to it. Needs the MkDocs of docker/docs.txt beside the
+interpreter that runs this. Exit status: 0 made, 1 a page or a link is wrong, 2 wrong use.
+Example: make_site.py build/docs 1.0
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+
+HERE = pathlib.Path(__file__).resolve().parent
+FENCE = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
+PAGE_NAME = re.compile(r"(?<!\[)`([\w./-]+\.md)`(?!\])")
+HEADING = re.compile(r"^# (.+)$", re.MULTILINE)
+# As GitHub shows the root's page, it is the tour; the site's first page is a list of all.
+ROOT_PAGE, TOUR = "README.md", "tour.md"
+
+
+def pages_of(source):
+    """All pages of the tree, without what is built."""
+    found = set()
+    for folder, names, files in os.walk(source):
+        names[:] = [name for name in names if name not in ("build", ".git")]
+        found |= {pathlib.Path(folder, file).relative_to(source).as_posix()
+                  for file in files if file.endswith(".md")}
+    return found
+
+
+def place_of(page):
+    return TOUR if page == ROOT_PAGE else page
+
+
+def linked(page, text, known):
+    """The text with links where it names other pages, by their path from its folder or from the root."""
+    folder = os.path.dirname(page)
+
+    def link(match):
+        for start in (folder, ""):
+            target = os.path.normpath(os.path.join(start, match[1]))
+            if target in known and target != page:
+                where = os.path.relpath(place_of(target), folder or ".")
+                return f"[`{match[1]}`]({where})"
+        return match[0]
+
+    parts = FENCE.split(text)
+    return "".join(part if i % 2 else PAGE_NAME.sub(link, part) for i, part in enumerate(parts))
+
+
+def title_of(page, text):
+    match = HEADING.search(text)
+    if match is None:
+        raise SystemExit(f"make_site.py: {page}: it has no heading of the first level")
+    return match[1].replace("`", "")
+
+
+def collect(source, work, version):
+    """Writes pages and mkdocs.yml (as JSON, which is YAML) into the folder `work`."""
+    audiences = json.loads((HERE / "site.json").read_text(encoding="utf-8"))
+    listed = [page for pages in audiences.values() for page in pages]
+    known = pages_of(source)
+    for page in sorted(known ^ set(listed)):
+        raise SystemExit(f"make_site.py: {page}: " + (
+            "say in server/docs/site.json whom it is for" if page in known else
+            "server/docs/site.json names it, and there is no such page"))
+    if len(listed) != len(set(listed)):
+        raise SystemExit("make_site.py: server/docs/site.json names a page twice")
+    nav, first = [{"All pages": "index.md"}], [f"# MyoGrade {version}\n"]
+    for audience, pages in audiences.items():
+        entries = []
+        first.append(f"\n## {audience}\n")
+        for page in pages:
+            text = (source / page).read_text(encoding="utf-8")
+            title = title_of(page, text)
+            target = work / "pages" / place_of(page)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(linked(page, text, known), encoding="utf-8")
+            entries.append({title: place_of(page)})
+            first.append(f"- [{title}]({place_of(page)})")
+        nav.append({audience: entries})
+    (work / "pages/index.md").write_text("\n".join(first) + "\n", encoding="utf-8")
+    config = {"site_name": "MyoGrade", "docs_dir": "pages", "site_dir": "site", "nav": nav,
+              "use_directory_urls": False, "plugins": [], "markdown_extensions": [{"toc": {"permalink": False}}],
+              "theme": {"name": None, "custom_dir": str(HERE / "theme")}, "extra": {"version": version},
+              "validation": {"omitted_files": "warn", "unrecognized_links": "warn", "anchors": "warn",
+                             "absolute_links": "ignore"}}
+    (work / "mkdocs.yml").write_text(json.dumps(config, indent=1), encoding="utf-8")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=pathlib.Path)
+    parser.add_argument("version")
+    parser.add_argument("--source", type=pathlib.Path, default=HERE.parents[1])
+    options = parser.parse_args()
+    if not re.fullmatch(r"\d+\.\d+", options.version):
+        parser.error(f"{options.version} is no version such as 1.0")
+    with tempfile.TemporaryDirectory() as folder:
+        work = pathlib.Path(folder)
+        collect(options.source.resolve(), work, options.version)
+        done = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--strict"], cwd=work,
+                              capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            sys.stderr.write(done.stdout + done.stderr)
+            return 1
+        # What only search engines read.
+        for name in ("sitemap.xml", "sitemap.xml.gz"):
+            (work / "site" / name).unlink(missing_ok=True)
+        target = options.out / options.version
+        shutil.rmtree(target, ignore_errors=True)
+        shutil.copytree(work / "site", target)
+    print(f"{target}: {sum(1 for _ in target.rglob('*.html'))} pages")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

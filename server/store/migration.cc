@@ -1,0 +1,142 @@
+#include "server/store/migration.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <filesystem>
+#include <vector>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <absl/cleanup/cleanup.h>
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
+
+#include "protocol/base/fd.h"
+#include "server/store/connection.h"
+#include "server/store/copy.h"
+#include "server/store/schema.h"
+
+namespace myograde::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kSchema[] = ".schema-";
+
+int SchemaOf(SQLite::Database& db) { return db.execAndGet("PRAGMA user_version").getInt(); }
+
+int KnownSchema() { return static_cast<int>(SchemaMigrations().size()); }
+
+// The schemas of the copies beside a store, the newest first.
+std::vector<int> Copies(const std::string& path) {
+  std::vector<int> found;
+  const std::string prefix = fs::path(path).filename().string() + kSchema;
+  std::error_code error;
+  for (const fs::directory_entry& entry :
+       fs::directory_iterator(fs::path(path).parent_path(), error)) {
+    const std::string name = entry.path().filename().string();
+    int schema = 0;
+    if (name.starts_with(prefix) && absl::SimpleAtoi(name.substr(prefix.size()), &schema) &&
+        name == absl::StrCat(prefix, schema)) {
+      found.push_back(schema);
+    }
+  }
+  std::sort(found.rbegin(), found.rend());
+  return found;
+}
+
+// What was written is on the disk, so that a power cut after the migration does not take the copy.
+absl::Status Sync(const std::string& path, int flags) {
+  const Fd fd(open(path.c_str(), flags | O_RDONLY | O_CLOEXEC));
+  if (fd.valid() && fsync(fd.get()) == 0) return absl::OkStatus();
+  return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be written to its disk"));
+}
+
+absl::Status CopyTo(SQLite::Database& db, const std::string& path, const std::string& copy) {
+  const std::string draft = copy + ".draft";
+  // A journal that a killed process left would be rolled back into the new file.
+  const auto remove = [&] {
+    std::error_code error;
+    for (const char* part : {"", "-journal"}) fs::remove(draft + part, error);
+  };
+  remove();
+  const absl::Cleanup remove_at_end = remove;
+  // Made here, as SQLite would give it the rights that the umask leaves.
+  if (!Fd(open(draft.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600)).valid()) {
+    return absl::ErrnoToStatus(errno, absl::StrCat(draft, ": can't be made"));
+  }
+  absl::Status status = GuardSqlite(copy, [&] {
+    return CopyDatabase(db, path, draft, [](int64_t, int64_t) {}, [](const std::string&) {});
+  });
+  if (status.ok()) status = Sync(draft, 0);
+  if (!status.ok()) return status;
+  if (rename(draft.c_str(), copy.c_str()) != 0) {
+    return absl::ErrnoToStatus(errno, absl::StrCat(copy, ": can't be made"));
+  }
+  return Sync(fs::path(copy).parent_path().string(), O_DIRECTORY);
+}
+
+void RemoveOldCopies(const std::string& path) {
+  const std::vector<int> copies = Copies(path);
+  for (size_t i = kKeptCopies; i < copies.size(); ++i) {
+    std::error_code error;
+    fs::remove(CopyBeforeMigration(path, copies[i]), error);
+  }
+}
+
+}  // namespace
+
+std::string CopyBeforeMigration(const std::string& path, int schema) {
+  return absl::StrCat(path, kSchema, schema);
+}
+
+absl::Status CheckSchema(SQLite::Database& db, const std::string& path) {
+  const int version = SchemaOf(db);
+  const int known = KnownSchema();
+  if (version > known) {
+    std::string older = "a backup that was made with this one";
+    for (const int copy : Copies(path)) {
+      if (copy > known) continue;
+      older = absl::StrCat("the copy from before the upgrade, ", CopyBeforeMigration(path, copy));
+      break;
+    }
+    return absl::FailedPreconditionError(
+        absl::StrCat(path, ": has schema ", version, ", this program knows up to ", known,
+                     "; use the newer program that wrote it, or restore ", older));
+  }
+  if (version == 0 && db.execAndGet("SELECT count(*) FROM sqlite_master").getInt() != 0) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(path, ": is an SQLite database of something else; move it away"));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::optional<Migration>> Migrate(SQLite::Database& db, const std::string& path) {
+  Migration done{SchemaOf(db), KnownSchema(), ""};
+  if (done.from == done.to) return std::nullopt;
+  if (done.from > 0) {
+    done.copy = CopyBeforeMigration(path, done.from);
+    if (absl::Status status = CopyTo(db, path, done.copy); !status.ok()) {
+      return absl::Status(
+          status.code(),
+          absl::StrCat(status.message(), "; it is the copy that is kept of ", path,
+                       " before its schema changes from ", done.from, " to ", done.to,
+                       ", and without it the store stays as it is"));
+    }
+  }
+  const auto migrations = SchemaMigrations();
+  for (size_t i = static_cast<size_t>(done.from); i < migrations.size(); ++i) {
+    SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);
+    db.exec(migrations[i]);
+    db.exec(absl::StrCat("PRAGMA user_version = ", i + 1));
+    transaction.commit();
+  }
+  if (done.from == 0) return std::nullopt;
+  RemoveOldCopies(path);
+  return done;
+}
+
+}  // namespace myograde::server
