@@ -72,8 +72,10 @@ install(TARGETS policy_scripted-elbow
         RUNTIME DESTINATION ${sample} COMPONENT server EXCLUDE_FROM_ALL)
 debian(server FILES ${CMAKE_BINARY_DIR}/policies/scripted-elbow/policy.json DESTINATION ${sample})
 debian(server FILES ${CMAKE_BINARY_DIR}/openapi.json DESTINATION ${share})
-debian(server FILES ${here}/myograded.service ${here}/myograded.socket
-       DESTINATION /lib/systemd/system)
+set(units ${here}/systemd)
+debian(server FILES ${units}/myograded.service ${units}/myograded.socket
+       ${units}/myograded-https.socket DESTINATION /lib/systemd/system)
+debian(server FILES ${units}/root.conf ${units}/network.conf DESTINATION ${share}/systemd)
 debian(server FILES ${here}/sysusers.conf DESTINATION lib/sysusers.d RENAME myograde.conf)
 debian(server FILES ${here}/tmpfiles.conf DESTINATION lib/tmpfiles.d RENAME myograde.conf)
 debian(server FILES ${here}/logrotate DESTINATION /etc/logrotate.d RENAME myograde)

@@ -65,12 +65,34 @@ absl::StatusOr<Fd> ListenOn(const IpAddress& address, uint16_t port, const std::
   return fd;
 }
 
-uint16_t PortOf(int fd) {
+// Where a socket listens.
+struct Place {
+  std::optional<IpAddress> address;
+  uint16_t port = 0;
+};
+
+Place PlaceOf(int fd) {
   sockaddr_storage own = {};
   socklen_t size = sizeof(own);
-  if (::getsockname(fd, reinterpret_cast<sockaddr*>(&own), &size) != 0) return 0;
+  if (::getsockname(fd, reinterpret_cast<sockaddr*>(&own), &size) != 0) return {};
   // The port is at the same place for both versions.
-  return ntohs(reinterpret_cast<const sockaddr_in&>(own).sin_port);
+  return {IpAddress::Of(own), ntohs(reinterpret_cast<const sockaddr_in&>(own).sin_port)};
+}
+
+// A socket of the service manager's is at an address that no config was checked for.
+absl::Status CheckHanded(const ListenConfig& config, const Place& place) {
+  if (!place.address.has_value()) {
+    return absl::InvalidArgumentError(
+        "the service manager's TCP socket has no address; give its socket unit a ListenStream= "
+        "with a port");
+  }
+  if (place.address->IsLoopback() || (!config.certificate.empty() && !config.behind_proxy)) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(absl::StrCat(
+      place.address->UrlHost(), ":", place.port, ": the service manager listens there for "
+      "everybody, but \"listen\" in server.json is for this host only; add certificate and key (and "
+      "no behind_proxy), or give the socket unit ListenStream=127.0.0.1:", place.port));
 }
 
 // Who is at the other end, by the address. Nobody from the network is an organiser to the gate,
@@ -97,20 +119,27 @@ void LogWarning(const TlsContext* context) {
 
 absl::Status CheckCertificate(const ListenConfig& config) { return LoadContext(config).status(); }
 
-absl::StatusOr<std::unique_ptr<NetworkDoor>> NetworkDoor::Open(const ListenConfig& config) {
+absl::StatusOr<std::unique_ptr<NetworkDoor>> NetworkDoor::Open(const ListenConfig& config,
+                                                               Fd handed) {
   const std::optional<IpAddress> address = IpAddress::Parse(config.address);
   if (!address.has_value()) {
     return absl::InvalidArgumentError(absl::StrCat(config.address, ": is no IP address"));
   }
+  if (handed.valid()) {
+    absl::Status usable = CheckHanded(config, PlaceOf(handed.get()));
+    if (!usable.ok()) return usable;
+  }
   absl::StatusOr<std::shared_ptr<const TlsContext>> context = LoadContext(config);
   if (!context.ok()) return context.status();
-  const std::string host = address->UrlHost();
   absl::StatusOr<Fd> socket =
-      ListenOn(*address, static_cast<uint16_t>(config.port), absl::StrCat(host, ":", config.port));
+      handed.valid() ? std::move(handed)
+                     : ListenOn(*address, static_cast<uint16_t>(config.port),
+                                absl::StrCat(address->UrlHost(), ":", config.port));
   if (!socket.ok()) return socket.status();
   LogWarning(context->get());
-  std::string url =
-      absl::StrCat(*context == nullptr ? "http" : "https", "://", host, ":", PortOf(socket->get()));
+  const Place place = PlaceOf(socket->get());
+  std::string url = absl::StrCat(*context == nullptr ? "http" : "https", "://",
+                                 place.address.value_or(*address).UrlHost(), ":", place.port);
   return std::unique_ptr<NetworkDoor>(
       new NetworkDoor(config, *std::move(socket), std::move(url), *std::move(context)));
 }

@@ -24,10 +24,12 @@ absl::Status CheckCertificate(const ListenConfig& config);
 
 class NetworkDoor {
  public:
-  // Reads the certificate and listens on the port. Errors are one sentence each:
+  // Reads the certificate and listens on the port, or takes `handed`, a TCP socket that listens
+  // already, in place of the config's address and port. Errors are one sentence each:
   // InvalidArgumentError about the certificate, its key or the address, AlreadyExistsError if the
   // port is taken.
-  static absl::StatusOr<std::unique_ptr<NetworkDoor>> Open(const ListenConfig& config);
+  static absl::StatusOr<std::unique_ptr<NetworkDoor>> Open(const ListenConfig& config,
+                                                           Fd handed = Fd());
   ~NetworkDoor();
   NetworkDoor(const NetworkDoor&) = delete;
   NetworkDoor& operator=(const NetworkDoor&) = delete;

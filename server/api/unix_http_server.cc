@@ -282,8 +282,8 @@ absl::Status UnixHttpServer::Bind(const std::string& path) {
   return absl::OkStatus();
 }
 
-absl::Status UnixHttpServer::OpenNetwork(const ListenConfig& config) {
-  absl::StatusOr<std::unique_ptr<NetworkDoor>> door = NetworkDoor::Open(config);
+absl::Status UnixHttpServer::OpenNetwork(const ListenConfig& config, Fd handed) {
+  absl::StatusOr<std::unique_ptr<NetworkDoor>> door = NetworkDoor::Open(config, std::move(handed));
   if (!door.ok()) return door.status();
   network_ = *std::move(door);
   return absl::OkStatus();

@@ -50,8 +50,9 @@ class UnixHttpServer : public httplib::Server {
   // `path` may be a pattern, as of Routes.
   void SetBodyRule(const std::string& path, BodyRule rule);
 
-  // Opens the door to the network; before Start, if at all. Errors as of NetworkDoor::Open.
-  absl::Status OpenNetwork(const ListenConfig& config);
+  // Opens the door to the network; before Start, if at all. `handed` and errors as of
+  // NetworkDoor::Open.
+  absl::Status OpenNetwork(const ListenConfig& config, Fd handed = Fd());
   // Where the network finds it, as in "https://192.0.2.1:8443"; "" if there is no such door.
   std::string NetworkUrl() const { return network_ == nullptr ? "" : network_->url(); }
   // From any thread, and from a signal handler: see NetworkDoor::Reload.

@@ -31,9 +31,14 @@ int SocketOption(int fd, int option) {
   return getsockopt(fd, SOL_SOCKET, option, &value, &size) == 0 ? value : 0;
 }
 
-bool IsListeningUnixSocket(int fd) {
-  return SocketOption(fd, SO_DOMAIN) == AF_UNIX && SocketOption(fd, SO_TYPE) == SOCK_STREAM &&
-         SocketOption(fd, SO_ACCEPTCONN) != 0;
+bool IsListeningStream(int fd) {
+  return SocketOption(fd, SO_TYPE) == SOCK_STREAM && SocketOption(fd, SO_ACCEPTCONN) != 0;
+}
+
+// Variables for another process are none for this one.
+bool IsForThisProcess(const std::string& pid_text) {
+  int64_t pid = 0;
+  return absl::SimpleAtoi(pid_text, &pid) && pid == getpid();
 }
 
 }  // namespace
@@ -41,22 +46,32 @@ bool IsListeningUnixSocket(int fd) {
 absl::StatusOr<ServiceManager> ServiceManager::FromEnvironment() {
   ServiceManager manager;
   manager.address_ = TakeVariable("NOTIFY_SOCKET");
+  const std::string watched_pid = TakeVariable("WATCHDOG_PID");
+  int64_t watchdog_us = 0;
+  if (absl::SimpleAtoi(TakeVariable("WATCHDOG_USEC"), &watchdog_us) && watchdog_us > 0 &&
+      (watched_pid.empty() || IsForThisProcess(watched_pid))) {
+    manager.watchdog_ = absl::Microseconds(watchdog_us);
+  }
   const std::string pid_text = TakeVariable("LISTEN_PID");
   const std::string count_text = TakeVariable("LISTEN_FDS");
   unsetenv("LISTEN_FDNAMES");
-  int64_t pid = 0;
   int count = 0;
-  // Variables for another process are none for this one.
-  if (!absl::SimpleAtoi(pid_text, &pid) || pid != getpid()) return manager;
+  if (!IsForThisProcess(pid_text)) return manager;
   if (!absl::SimpleAtoi(count_text, &count) || count <= 0) return manager;
-  if (count != 1 || !IsListeningUnixSocket(kFirstSocket)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "the service manager handed over ", count, " descriptors, where one listening stream "
-        "socket of Unix is taken; give its socket unit a single ListenStream= with a path"));
+  for (int fd = kFirstSocket; fd < kFirstSocket + count; ++fd) {
+    const int domain = SocketOption(fd, SO_DOMAIN);
+    Fd& place = domain == AF_UNIX ? manager.socket_ : manager.network_socket_;
+    const bool known = domain == AF_UNIX || domain == AF_INET || domain == AF_INET6;
+    if (!known || !IsListeningStream(fd) || place.valid()) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "the service manager handed over ", count, " descriptors, where at most one listening "
+          "stream socket of Unix and one of TCP are taken; give its socket units one ListenStream= "
+          "with a path, and one with a port"));
+    }
+    fcntl(fd, F_SETFD, FD_CLOEXEC);
+    fcntl(fd, F_SETFL, fcntl(fd, F_GETFL) | O_NONBLOCK);
+    place = Fd(fd);
   }
-  fcntl(kFirstSocket, F_SETFD, FD_CLOEXEC);
-  fcntl(kFirstSocket, F_SETFL, fcntl(kFirstSocket, F_GETFL) | O_NONBLOCK);
-  manager.socket_ = Fd(kFirstSocket);
   return manager;
 }
 

@@ -37,6 +37,8 @@
 #include "server/proof/signing_key.h"
 #include "server/runtime/runtimes.h"
 #include "server/sandbox/control_group.h"
+#include "server/sandbox/delegated_group.h"
+#include "server/sandbox/stage.h"
 #include "server/sandbox/users.h"
 #include "server/store/lock.h"
 #include "server/webhook/sender.h"
@@ -50,6 +52,9 @@ namespace fs = std::filesystem;
 // cancelled in it.
 constexpr absl::Duration kLeaveWithin = absl::Seconds(3);
 constexpr absl::Duration kLeaveClusterWithin = absl::Seconds(10);
+
+// Of a service manager's patience; twice is what sd_watchdog_enabled(3) recommends at least.
+constexpr double kBeatsPerWatchdog = 4;
 
 // The data folder is private to the daemon: it holds the secret and everybody's submissions.
 absl::Status MakeFolders(const std::string& data) {
@@ -158,6 +163,20 @@ void EndSoon(int exit_status, absl::Duration within) {
   }).detach();
 }
 
+// Makes room for the sandboxes' control groups, and says what an ordinary user lacks for sandboxes.
+void CheckSandboxes(const ServerConfig& config) {
+  if (config.on_cluster) return;
+  if (const absl::Status status = DivideDelegatedGroup(); !status.ok()) {
+    spdlog::warn("{}", std::string(status.message()));
+  }
+  if (geteuid() == 0 || CanMakeUserNamespace()) return;
+  spdlog::error(
+      "this host lets the daemon's user (uid {}) make no user namespaces, so nothing can be graded: set "
+      "user.max_user_namespaces, and kernel.unprivileged_userns_clone=1 where the kernel has it, with "
+      "sysctl, or run the daemon as root",
+      geteuid());
+}
+
 // Raises the limit to the number of descriptors that the config may use.
 absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
   const auto needed = static_cast<rlim_t>(DescriptorsNeeded(config));
@@ -189,6 +208,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   absl::StatusOr<DataLock> lock = DataLock::Take(options.data_dir);
   if (!lock.ok()) return lock.status();
   StartLog(config.log_level, config.log_format);
+  CheckSandboxes(config);
   ControlGroup::RemoveStale();
   Empty(options.data_dir + "/work");
   Empty(options.data_dir + "/spool");
@@ -299,8 +319,14 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
            .began = clock.Monotonic()});
   UnixHttpServer server(config.http, options.data_dir + "/spool");
   api.Install(server);
+  Fd network_socket = manager->TakeNetworkSocket();
   if (config.listen.has_value()) {
-    if (absl::Status status = server.OpenNetwork(*config.listen); !status.ok()) return status;
+    absl::Status opened = server.OpenNetwork(*config.listen, std::move(network_socket));
+    if (!opened.ok()) return opened;
+  } else if (network_socket.valid()) {
+    return absl::InvalidArgumentError(
+        "the service manager listens on a TCP port, but server.json has no \"listen\" with the "
+        "certificate for it; add that (myograde-server.json(5)), or disable the socket unit");
   }
   // Before the socket answers, so that whoever waits for that finds the URL.
   const NetworkGuard network(options.data_dir + "/listen", server.NetworkUrl());
@@ -324,6 +350,10 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
                config.scheduler.slots, tracks.entries().size(), phases->entries().size());
   if (config.listen.has_value()) spdlog::info("listening on {}", server.NetworkUrl());
   manager->Tell("READY=1");
+  if (manager->watchdog() < absl::InfiniteDuration()) {
+    engine.SetHeartbeat(manager->watchdog() / kBeatsPerWatchdog,
+                        [&] { manager->Tell("WATCHDOG=1"); });
+  }
   const absl::Status status = engine.Run();
   manager->Tell("STOPPING=1");
   EndSoon(status.ok() ? 0 : 4, config.on_cluster ? kLeaveClusterWithin : kLeaveWithin);

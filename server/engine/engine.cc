@@ -31,8 +31,22 @@ void Engine::Stop() {
   commands_.Wake();
 }
 
+void Engine::SetHeartbeat(absl::Duration interval, std::function<void()> alive) {
+  beat_interval_ = interval;
+  next_beat_ = clock_.Monotonic();
+  alive_ = std::move(alive);
+}
+
+void Engine::Beat() {
+  const absl::Duration now = clock_.Monotonic();
+  if (now < next_beat_) return;
+  alive_();
+  next_beat_ = now + beat_interval_;
+}
+
 absl::Status Engine::Run() {
   while (!stop_) {
+    Beat();
     commands_.RunAll();
     const absl::StatusOr<absl::Duration> wait = core_.RunOnce();
     if (!wait.ok()) {
@@ -40,7 +54,7 @@ absl::Status Engine::Run() {
       (void)core_.FinishShutdown();  // the first error is the one to return
       return wait.status();
     }
-    Poll(*wait);
+    Poll(std::min(*wait, beat_interval_));
   }
   commands_.Close();
   core_.BeginShutdown();

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <string>
 
 #include "server/engine/command_queue.h"
@@ -23,6 +24,10 @@ class Engine {
 
   // See EngineCore::Recover. Call before Run().
   absl::Status Recover() { return core_.Recover(); }
+
+  // Has the loop call `alive` on its thread about every `interval` for as long as it turns, so that somebody
+  // notices when it hangs. Before Run().
+  void SetHeartbeat(absl::Duration interval, std::function<void()> alive);
 
   // Runs the loop until Stop() was called, every runner is dead and every interrupted lease is
   // queued again. An error means that the store or the state is beyond repair; restart the daemon.
@@ -92,6 +97,7 @@ class Engine {
 
  private:
   void Poll(absl::Duration timeout);
+  void Beat();
 
   // For other threads: `effect` runs once `change` is written.
   absl::Status Ask(StoreChange change, std::function<absl::Status()> effect,
@@ -109,6 +115,9 @@ class Engine {
   CommandQueue commands_;
   EngineCore core_;
   std::atomic<bool> stop_ = false;
+  absl::Duration beat_interval_ = absl::InfiniteDuration();
+  absl::Duration next_beat_ = absl::InfiniteDuration();
+  std::function<void()> alive_;
 };
 
 }  // namespace myograde::server

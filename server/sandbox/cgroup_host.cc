@@ -1,7 +1,9 @@
 #include "server/sandbox/cgroup_host.h"
 
+#include <fcntl.h>
 #include <signal.h>
 #include <sys/stat.h>
+#include <sys/xattr.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,12 +15,19 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
+#include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 
 namespace myograde::server {
 
 std::string ReadKernelFile(const std::string& path) {
   return ReadFile(path).value_or("");
+}
+
+bool WriteKernelFile(const std::string& path, const std::string& text) {
+  const Fd file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
+  return file.valid() &&
+         write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size());
 }
 
 namespace {
@@ -62,6 +71,14 @@ const CgroupHost& ThisCgroupHost() {
   static const CgroupHost host = [] {
     CgroupHost kernel;
     kernel.make = [](const std::string& folder) { return mkdir(folder.c_str(), 0755) == 0; };
+    kernel.delegated = [](const std::string& folder) {
+      // Only the first is readable for an ordinary user.
+      for (const char* name : {"user.delegate", "trusted.delegate"}) {
+        char value = '0';
+        if (getxattr(folder.c_str(), name, &value, sizeof(value)) == 1 && value == '1') return true;
+      }
+      return false;
+    };
     kernel.remove = [](const std::string& folder) { return rmdir(folder.c_str()) == 0; };
     return kernel;
   }();

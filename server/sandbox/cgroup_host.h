@@ -17,6 +17,8 @@ struct CgroupHost {
   // Both return true on success; otherwise errno says why.
   std::function<bool(const std::string& folder)> make;    // mkdir
   std::function<bool(const std::string& folder)> remove;  // rmdir
+  // Whether a service manager has left this group to the processes in it (systemd's Delegate=).
+  std::function<bool(const std::string& folder)> delegated;
 };
 
 const CgroupHost& ThisCgroupHost();
@@ -38,6 +40,9 @@ std::vector<std::string> CgroupParents(const CgroupHierarchy& hierarchy);
 // The content of a small kernel file; "" if it can't be read. Doesn't use streams, as it is called
 // many times per second of a lease.
 std::string ReadKernelFile(const std::string& path);
+
+// Writes `text` in one call, as kernel files want it. False: errno says why.
+bool WriteKernelFile(const std::string& path, const std::string& text);
 
 // A name for this process' group `what`, from which any other process can tell later whether this
 // one is still alive.

@@ -23,12 +23,6 @@ namespace {
 
 constexpr int kCpuPeriodUs = 100000;
 
-bool Write(const std::string& path, const std::string& text) {
-  Fd file(open(path.c_str(), O_WRONLY | O_CLOEXEC));
-  return file.valid() &&
-         write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size());
-}
-
 int64_t ReadNumber(const std::string& path, int64_t otherwise) {
   const std::string text = ReadKernelFile(path);
   int64_t value = otherwise;
@@ -83,14 +77,14 @@ bool ControlGroup::TryVersion2(const std::string& name, const GroupLimits& limit
       if (!host_.make(folder)) continue;
       folders_.push_back(folder);
       controllers_.version = 2;
-      controllers_.memory = Write(folder + "/memory.max", std::to_string(limits.memory_bytes));
-      Write(folder + "/memory.swap.max", "0");
-      controllers_.pids = Write(folder + "/pids.max", std::to_string(limits.tasks));
+      controllers_.memory = WriteKernelFile(folder + "/memory.max", std::to_string(limits.memory_bytes));
+      WriteKernelFile(folder + "/memory.swap.max", "0");
+      controllers_.pids = WriteKernelFile(folder + "/pids.max", std::to_string(limits.tasks));
       controllers_.cpu =
           limits.cpus.has_value() &&
-          Write(folder + "/cpu.max", absl::StrCat(CpuQuota(*limits.cpus), " ", kCpuPeriodUs));
+          WriteKernelFile(folder + "/cpu.max", absl::StrCat(CpuQuota(*limits.cpus), " ", kCpuPeriodUs));
       controllers_.cpu_account = true;
-      if (limits.background) Write(folder + "/cpu.weight", kBackgroundWeight);
+      if (limits.background) WriteKernelFile(folder + "/cpu.weight", kBackgroundWeight);
       memory_ = controllers_.memory ? folder : "";
       pids_ = controllers_.pids ? folder : "";
       cpu_account_ = folder;
@@ -111,21 +105,21 @@ void ControlGroup::TryVersion1(const std::string& name, const GroupLimits& limit
     folders_.push_back(folder);
     controllers_.version = 1;
     if (has("memory") &&
-        Write(folder + "/memory.limit_in_bytes", std::to_string(limits.memory_bytes))) {
+        WriteKernelFile(folder + "/memory.limit_in_bytes", std::to_string(limits.memory_bytes))) {
       controllers_.memory = true;
       memory_ = folder;
-      Write(folder + "/memory.memsw.limit_in_bytes", std::to_string(limits.memory_bytes));
-      Write(folder + "/memory.swappiness", "0");
+      WriteKernelFile(folder + "/memory.memsw.limit_in_bytes", std::to_string(limits.memory_bytes));
+      WriteKernelFile(folder + "/memory.swappiness", "0");
     }
-    if (has("pids") && Write(folder + "/pids.max", std::to_string(limits.tasks))) {
+    if (has("pids") && WriteKernelFile(folder + "/pids.max", std::to_string(limits.tasks))) {
       controllers_.pids = true;
       pids_ = folder;
     }
     if (has("cpu") && limits.cpus.has_value()) {
-      controllers_.cpu = Write(folder + "/cpu.cfs_period_us", std::to_string(kCpuPeriodUs)) &&
-                         Write(folder + "/cpu.cfs_quota_us", CpuQuota(*limits.cpus));
+      controllers_.cpu = WriteKernelFile(folder + "/cpu.cfs_period_us", std::to_string(kCpuPeriodUs)) &&
+                         WriteKernelFile(folder + "/cpu.cfs_quota_us", CpuQuota(*limits.cpus));
     }
-    if (has("cpu") && limits.background) Write(folder + "/cpu.shares", kBackgroundShares);
+    if (has("cpu") && limits.background) WriteKernelFile(folder + "/cpu.shares", kBackgroundShares);
     if (has("cpuacct")) {
       controllers_.cpu_account = true;
       cpu_account_ = folder;
@@ -157,7 +151,7 @@ bool ControlGroup::Withhold(int64_t bytes) {
   // Small changes are not worth the kernel's work.
   const int64_t rounded = bytes & ~int64_t{0xfffff};
   if (rounded == withheld_) return true;
-  const bool fits = rounded < memory_bytes_ && Write(memory_ + "/memory.limit_in_bytes",
+  const bool fits = rounded < memory_bytes_ && WriteKernelFile(memory_ + "/memory.limit_in_bytes",
                                                      std::to_string(memory_bytes_ - rounded));
   if (fits) withheld_ = rounded;
   return fits;
@@ -201,7 +195,7 @@ std::vector<pid_t> ControlGroup::Members() const {
 bool ControlGroup::KillAll(absl::Duration timeout) {
   const Deadline deadline(timeout);
   // Version 2 can kill all at once, which no fork can race.
-  if (controllers_.version == 2) Write(folders_.front() + "/cgroup.kill", "1");
+  if (controllers_.version == 2) WriteKernelFile(folders_.front() + "/cgroup.kill", "1");
   while (true) {
     const std::vector<pid_t> members = Members();
     if (members.empty()) return true;

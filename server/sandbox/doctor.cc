@@ -22,6 +22,7 @@
 
 #include "server/sandbox/child.h"
 #include "server/sandbox/control_group.h"
+#include "server/sandbox/delegated_group.h"
 #include "server/sandbox/doctor_host.h"
 #include "server/sandbox/doctor_limits.h"
 #include "server/sandbox/policy_sandbox.h"
@@ -115,6 +116,7 @@ void CheckSlotUsers(const DoctorOptions& options, std::vector<Check>& checks) {
 }
 
 void CheckControlGroups(const DoctorOptions& options, std::vector<Check>& checks) {
+  (void)DivideDelegatedGroup();  // what it could not do, the checks below tell
   const GroupLimits limits = options.track.has_value() ? PolicyGroupLimits(options.track->budgets)
                                                        : GroupLimits{1 << 30, 64, 1};
   const GroupControllers got =
@@ -142,7 +144,7 @@ void CheckControlGroups(const DoctorOptions& options, std::vector<Check>& checks
           got.version == 0 ? "no control group can be made"
                            : absl::StrCat("not with control groups version ", got.version),
           controller.costs,
-          "run as root, or in a session whose control groups systemd delegates to this user"));
+          "run as root, or as a service whose control groups systemd delegates (Delegate=yes)"));
     }
   }
 }
