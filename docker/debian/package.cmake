@@ -11,8 +11,12 @@ add_custom_command(
   COMMAND ${Python3_EXECUTABLE} -B ${here}/pages.py ${PROJECT_VERSION}
           ${CMAKE_RUNTIME_OUTPUT_DIRECTORY} ${CMAKE_SOURCE_DIR} ${pages}
   COMMAND ${CMAKE_COMMAND} -E touch ${pages}/complete.stamp
-  DEPENDS myograde myograded ${here}/pages.py ${here}/copyright ${here}/myograde-setup
-          ${CMAKE_SOURCE_DIR}/configs/server.json ${CMAKE_SOURCE_DIR}/CHANGELOG.md
+  DEPENDS myograde myograded ${here}/pages.py ${here}/roff.py ${here}/copyright
+          ${here}/myograde-setup ${CMAKE_SOURCE_DIR}/configs/server.json
+          ${CMAKE_SOURCE_DIR}/configs/README.md ${CMAKE_SOURCE_DIR}/configs/challenges/README.md
+          ${CMAKE_SOURCE_DIR}/configs/sandbox/policy.json
+          ${CMAKE_SOURCE_DIR}/configs/sandbox/sim.json
+          ${CMAKE_SOURCE_DIR}/server/artefact/README.md ${CMAKE_SOURCE_DIR}/CHANGELOG.md
   VERBATIM)
 add_custom_target(myograde_debian DEPENDS ${pages}/complete.stamp myograde myograded
                   myograde-runner myograde-node myograde-sim myograde-bridge myograde-render
@@ -44,6 +48,9 @@ debian(client DIRECTORY server/figures/ DESTINATION ${share}/figures
 debian(client DIRECTORY ${CMAKE_BINARY_DIR}/policies/starter DESTINATION ${share}/policies
        USE_SOURCE_PERMISSIONS PATTERN "*.stamp" EXCLUDE)
 debian(client DIRECTORY ${pages}/man1 DESTINATION share/man)
+# The bill of materials and licences that ./dev sbom writes.
+debian(client DIRECTORY ${CMAKE_BINARY_DIR}/third-party DESTINATION share/doc/myograde-client
+       OPTIONAL)
 debian(client FILES ${pages}/completion/bash DESTINATION share/bash-completion/completions
        RENAME myograde)
 debian(client FILES ${pages}/completion/zsh DESTINATION share/zsh/vendor-completions
@@ -87,7 +94,10 @@ install(CODE "
   set(etc \"\$ENV{DESTDIR}/etc/myograde\")
   foreach(part reference schema)
     file(CREATE_LINK /usr/share/myograde/\${part} \${etc}/\${part} SYMBOLIC)
-  endforeach()"
+  endforeach()
+  set(doc \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/share/doc/myograde-server\")
+  file(MAKE_DIRECTORY \${doc})
+  file(CREATE_LINK ../myograde-client/third-party \${doc}/third-party SYMBOLIC)"
   COMPONENT server EXCLUDE_FROM_ALL)
 install(CODE "
   set(root \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/share/myograde\")

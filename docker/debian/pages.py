@@ -13,6 +13,8 @@ import shutil
 import subprocess
 import sys
 
+from roff import from_markdown, items, page, roff
+
 DEADLINE_S = 60
 HEADINGS = {"Positionals": "ARGUMENTS", "Options": "OPTIONS", "Subcommands": "VERBS",
             "Example": "EXAMPLE", "Exit status": "EXIT STATUS"}
@@ -54,26 +56,6 @@ class Help:
 
     def verbs(self):
         return [name for name, _ in self.entries("Subcommands")]
-
-
-def roff(text):
-    text = text.replace("\\", "\\e").replace("-", "\\-").replace("'", "\\(aq")
-    return "\n".join("\\&" + line if line[:1] in (".", "\\") and line[:2] != "\\-" else line
-                     for line in text.splitlines())
-
-
-def page(name, section, summary, parts, day):
-    """A manual page; `parts` are pairs of a heading and roff."""
-    lines = [f'.TH {name.upper()} {section} "{day}" "MyoGrade" "MyoGrade"', ".SH NAME",
-             f"{name} \\- {roff(summary)}"]
-    for heading, text in parts:
-        lines += [f".SH {heading}", text.strip()]
-    return "\n".join(lines) + "\n"
-
-
-def items(entries):
-    return "\n".join(f".TP\n.B {roff(name)}\n{roff(meaning) or 'No further words.'}"
-                     for name, meaning in entries)
 
 
 def parts_of(helps):
@@ -135,15 +117,70 @@ def described(value, path=()):
     for key, inner in value.items():
         if key.startswith("//"):
             continue
-        comment = value.get("// " + key, "")
+        comment = value.get("// " + key, value.get("//" + key, ""))
         name = ".".join((*path, key))
-        if isinstance(inner, dict) and any(x.startswith("// ") for x in inner):
+        if isinstance(inner, dict) and any(x.startswith("//") for x in inner):
             if comment:
                 yield name, comment
             yield from described(inner, (*path, key))
         else:
             default = json.dumps(inner)
             yield name, f"{comment or 'See the key above.'} (default: {default})"
+
+
+def file_page(name, summary, where, body, day):
+    """The page of a file: where it is, then `body` (parts), then where else to look."""
+    see = [("myograded", 8), ("myograde-server.json", 5), ("myograde-track", 5), ("myograde-challenge", 5),
+           ("myograde-sandbox", 5), ("myograde-policy.json", 5)]
+    see.remove((name, 5))
+    parts = [("SYNOPSIS", f".I {roff(where)}"), *body,
+             ("SEE ALSO", "\n".join(f".BR {roff(x)} ({y}){',' if i + 1 < len(see) else ''}"
+                                    for i, (x, y) in enumerate(see)))]
+    return page(name, 5, summary, parts, day)
+
+
+def section_of(path, first, last=None):
+    """A document from the heading `first` (left out) to before the heading `last`."""
+    text = path.read_text(encoding="utf-8")
+    start = text.index(f"\n{first}\n") + len(first) + 2 if first else text.index("\n") + 1
+    return text[start:text.index(f"\n{last}\n", start) if last else None]
+
+
+def file_pages(source, day):
+    """{name: page} of each file that somebody may write."""
+    configs, share = source / "configs", "/usr/share/myograde/schema"
+    server = json.loads((configs / "server.json").read_text())
+    strict = "An unknown key is an error; keys that begin with \"//\" are comments. "
+    schema = lambda name: f"A JSON Schema for editors is in {share}/{name}.json."
+    start = lambda text: ("DESCRIPTION", roff(text))
+    pages = {
+        "myograde-server.json": ("configuration of the MyoGrade daemon", "/etc/myograde/server.json", [
+            start("The file is one JSON object. " + strict + "The daemon reads it when it starts. "
+                  + schema("server")), ("KEYS", items(described(server))),
+            *from_markdown(section_of(configs / "README.md", "## The door to the network", "## Track configs"),
+                           "THE DOOR TO THE NETWORK")]),
+        "myograde-track": ("config of a MyoGrade track", "/etc/myograde/tracks/NAME.json", [
+            start("What a result depends on, beside the submission and the grader's build. " + strict
+                  + schema("track")),
+            *from_markdown(section_of(configs / "README.md", "## Track configs", "## Reference episodes"),
+                           "FORM AND KEYS"),
+            *from_markdown(section_of(configs / "README.md", "## The track elbow", "## How to add a track"),
+                           "THE TRACK ELBOW")]),
+        "myograde-challenge": ("a challenge of the MyoGrade server", "/etc/myograde/challenges/NAME.json", [
+            start("Phases with seeds, times and quotas of their own. " + schema("challenge")),
+            *from_markdown(section_of(configs / "challenges/README.md", ""), "FORM AND KEYS")]),
+        "myograde-sandbox": (
+            "what the sandboxes of the MyoGrade server allow",
+            "/etc/myograde/sandbox/policy.json, /etc/myograde/sandbox/sim.json",
+            [start("The two files set the sandbox of the policy's and of the simulator's processes. " + strict),
+             *((f"KEYS OF {name.upper()}.JSON",
+                items(described(json.loads((configs / f"sandbox/{name}.json").read_text()))))
+               for name in ("policy", "sim"))]),
+        "myograde-policy.json": ("what a submission to MyoGrade says of itself", "policy.json", [
+            *from_markdown(section_of(source / "server/artefact/README.md", ""), "DESCRIPTION")]),
+    }
+    return {f"man5/{name}.5": file_page(name, summary, where, body, day)
+            for name, (summary, where, body) in pages.items()}
 
 
 def compress(path, text):
@@ -217,14 +254,7 @@ def main():
     pages["man8/myograde-setup.8"] = page(
         "myograde-setup", 8, "make an installed MyoGrade ready to grade",
         [("DESCRIPTION", ".nf\n" + roff(usage) + "\n.fi")], stamp)
-    config = json.loads((source / "configs/server.json").read_text())
-    pages["man5/myograde-server.json.5"] = page(
-        "myograde-server.json", 5, "configuration of the MyoGrade daemon",
-        [("DESCRIPTION", roff("/etc/myograde/server.json is one JSON object. An unknown key is an "
-                              "error; keys that begin with \"//\" are comments. The daemon reads "
-                              "it when it starts.")),
-         ("KEYS", items(described(config))),
-         ("SEE ALSO", ".BR myograded (8)")], stamp)
+    pages |= file_pages(source, stamp)
     for name, text in pages.items():
         compress(output / (name + ".gz"), text)
     for shell, lines in completions(tree, verbs).items():

@@ -69,6 +69,22 @@ TEST(ServiceManager, AnythingElseIsRefused) {
   }), 0);
 }
 
+// Watched for 1.5 s, by a service manager that means the process `pid` ("": any).
+bool Watched(const std::string& pid) {
+  setenv("WATCHDOG_USEC", "1500000", 1);
+  if (!pid.empty()) setenv("WATCHDOG_PID", pid.c_str(), 1);
+  const auto manager = ServiceManager::FromEnvironment();
+  return manager.ok() && manager->watchdog() == absl::Milliseconds(1500) &&
+         std::getenv("WATCHDOG_USEC") == nullptr && std::getenv("WATCHDOG_PID") == nullptr;
+}
+
+TEST(ServiceManager, TellsHowLongItWaitsForASignOfLife) {
+  EXPECT_EQ(ServiceManager::FromEnvironment()->watchdog(), absl::InfiniteDuration());
+  EXPECT_EQ(InChild([] { return Watched(""); }), 0);
+  EXPECT_EQ(InChild([] { return Watched(std::to_string(getpid())); }), 0);
+  EXPECT_EQ(InChild([] { return Watched(std::to_string(getppid())); }), 1);
+}
+
 TEST(ServiceManager, ItHearsThatTheDaemonIsReady) {
   const int hears = socket(AF_UNIX, SOCK_DGRAM, 0);
   sockaddr_un address = {};

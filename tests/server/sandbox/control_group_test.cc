@@ -16,6 +16,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/sandbox/delegated_group.h"
+
 namespace myograde::server {
 namespace {
 
@@ -38,6 +40,7 @@ class ControlGroupTest : public ::testing::Test {
       for (const std::string& file : files_) std::ofstream(folder + "/" + file);
       return true;
     };
+    host_.delegated = [this](const std::string& folder) { return folder == delegated_; };
     host_.remove = [this](const std::string& folder) {
       removed_.push_back(fs::path(folder).filename());
       return fs::remove_all(folder) > 0;
@@ -74,6 +77,7 @@ class ControlGroupTest : public ::testing::Test {
 
   fs::path root_;
   CgroupHost host_;
+  std::string delegated_;  // by a service manager
   std::vector<std::string> files_;
   std::vector<std::string> removed_;
 };
@@ -159,6 +163,45 @@ TEST_F(ControlGroupTest, Version2WithoutItsControllersLeavesTheWorkToVersion1) {
   EXPECT_TRUE(group->controllers().pids);
   EXPECT_FALSE(group->controllers().memory);
   EXPECT_FALSE(fs::exists(root_ / "unified/lease"));
+}
+
+TEST_F(ControlGroupTest, ADelegatedGroupIsDividedBetweenTheDaemonAndItsSandboxes) {
+  files_ = {"cgroup.procs"};
+  AddVersion2("/system/grader.service", "");
+  const fs::path group = root_ / "unified/system/grader.service";
+  std::ofstream(group / "cgroup.controllers") << "cpuset cpu io memory pids\n";
+  // Somebody else's, where nothing may be moved.
+  EXPECT_TRUE(DivideDelegatedGroup(host_).ok());
+  EXPECT_FALSE(fs::exists(group / "daemon"));
+  delegated_ = group;
+  EXPECT_TRUE(DivideDelegatedGroup(host_).ok());
+  EXPECT_EQ(Read(group / "daemon/cgroup.procs"), "0");
+  // A file keeps the latest of the writes, which the kernel adds up.
+  EXPECT_THAT(Read(group / "cgroup.subtree_control"), ::testing::StartsWith("+cpu"));
+}
+
+TEST_F(ControlGroupTest, ADelegatedGroupWithoutControllersStaysWhole) {
+  files_ = {"cgroup.procs"};
+  AddVersion2("/grader.service", "");
+  delegated_ = root_ / "unified/grader.service";
+  std::ofstream(delegated_ + "/cgroup.controllers") << "hugetlb\n";
+  EXPECT_TRUE(DivideDelegatedGroup(host_).ok());
+  EXPECT_FALSE(fs::exists(delegated_ + "/daemon"));
+}
+
+TEST_F(ControlGroupTest, ADelegatedGroupThatCantBeDividedIsLeftAsItWas) {
+  files_ = {"cgroup.procs"};
+  AddVersion2("/grader.service", "");
+  delegated_ = root_ / "unified/grader.service";
+  std::ofstream(delegated_ + "/cgroup.controllers") << "memory pids\n";
+  // Other processes are still in it.
+  fs::remove(delegated_ + "/cgroup.subtree_control");
+  fs::create_directory(delegated_ + "/cgroup.subtree_control");
+  const absl::Status status = DivideDelegatedGroup(host_);
+  EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(status.message()), ::testing::HasSubstr("cgroup.subtree_control"));
+  EXPECT_EQ(Read(delegated_ + "/cgroup.procs"), "0");
+  EXPECT_FALSE(fs::exists(delegated_ + "/daemon"));
 }
 
 TEST_F(ControlGroupTest, ALimitThatCantBeWrittenIsNotClaimed) {

@@ -1,0 +1,107 @@
+# What an operator does with the packages in a bare Debian 12, in order. Runs as root in the machine of
+# debian_test.py. /root has packages/ (today's), before/ (the earlier form), first.db (a store of the
+# first version), server.pem and server.key. Each step says how it ended.
+step() { local ended=$?; echo "step $1: $ended"; }
+installed() { apt-get install -y -q --no-download "$@" >/root/apt.log 2>&1 || { tail -n 20 /root/apt.log; false; }; }
+value() { systemctl show -p "$1" --value "${2:-myograded.service}"; }
+# The daemon is asked for a minute before it counts as gone.
+answers() { timeout 60 sh -c 'until myograde status >/dev/null 2>&1; do sleep 1; done'; }
+status_of() { sed -n "s/^$1:[[:space:]]*//p" "/proc/$(value MainPID)/status"; }
+board() { myograde leaderboard --track elbow --json; }
+first_board() { myograde leaderboard --track "$FIRST_TRACK" --config "$FIRST_CONFIG" --json; }
+grade() { timeout 900 myograde submit /usr/lib/myograde/policies/scripted-elbow --track elbow --team "$1" --wait; }
+cd /root || exit
+data=/var/lib/myograde
+unit=/etc/systemd/system/myograded.service.d
+echo "kernel $(uname -r), $(stat -f -c %T /sys/fs/cgroup)"
+
+# Installed over a store of the first version.
+installed ./packages/*.deb; step install
+systemd-analyze verify myograded.service myograded.socket myograded-https.socket; step verify
+mkdir -p -m 0700 $data && cp first.db $data/store.db; step first_store
+myograde-setup >setup.log 2>&1; step setup
+tail -n 40 setup.log
+systemctl enable --now myograded.socket myograded.service 2>&1; step start
+answers; step answers
+first_board >first-board.json; step first_board
+cat first-board.json
+[ -f $data/store.db.schema-1 ]; step backup_of_the_store
+[ "$(stat -c '%U %a' $data)" = "myograde 700" ] && [ "$(stat -c %U $data/store.db)" = myograde ]; step data_is_the_users
+
+# Hardened, and grading.
+[ "$(ps -o user= -p "$(value MainPID)")" = myograde ]; step own_user
+[ "$(status_of CapBnd)" = 0000000000000000 ] && [ "$(status_of CapEff)" = 0000000000000000 ]; step no_capabilities
+systemd-analyze security --no-pager --threshold=29 myograded.service | tail -n 1; [ "${PIPESTATUS[0]}" = 0 ]; step exposure
+grep -q '/myograded.service/daemon$' "/proc/$(value MainPID)/cgroup"; step leaf_group
+grade First; step grade
+board >board.json; step board
+myograde show 1 >/dev/null; step show
+adduser --quiet --disabled-password --gecos "" ada && adduser --quiet ada myograde; step user
+su ada -c 'timeout 900 myograde submit /usr/lib/myograde/policies/scripted-elbow --track elbow --team Ada --profile "$(myograde leaderboard --track elbow --json | python3 -c "import json,sys; print(json.load(sys.stdin)[\"profile\"])")"'; step member_submits
+su nobody -s /bin/sh -c 'myograde status'; [ $? = 3 ]; step stranger_is_kept_out
+
+# Watched: a daemon that hangs is killed and started again.
+mkdir -p $unit && printf '[Service]\nWatchdogSec=15\n' >$unit/watchdog.conf && systemctl daemon-reload && systemctl restart myograded.service; step watchdog_set
+before=$(value MainPID)
+kill -STOP "$before"
+timeout 150 sh -c "while [ \"\$(systemctl show -p MainPID --value myograded.service)\" = $before ]; do sleep 1; done"; step hung_daemon_is_killed
+answers; step started_again
+[ "$(value NRestarts)" = 1 ]; step restarted_once
+rm $unit/watchdog.conf && systemctl daemon-reload && systemctl restart myograded.service && answers; step watchdog_reset
+
+# A port of the network, from systemd.
+install -o myograde -m 0400 server.pem server.key /etc/myograde
+python3 - <<'CONFIG'
+import json
+path = "/etc/myograde/server.json"
+config = json.load(open(path))
+config["http"]["listen"] = {"address": "0.0.0.0", "port": 9443, "certificate": "/etc/myograde/server.pem",
+                            "key": "/etc/myograde/server.key"}
+json.dump(config, open(path, "w"), indent=2)
+CONFIG
+step configure_port
+systemctl stop myograded.service && systemctl enable --now myograded-https.socket && systemctl start myograded.service; step port
+answers && python3 -c '
+import ssl, urllib.request
+context = ssl.create_default_context(cafile="/root/server.pem")
+assert urllib.request.urlopen("https://127.0.0.1:8443/v1/live", context=context, timeout=60).status == 200'; step port_answers
+[ "$(cat $data/listen)" = "https://[::]:8443" ] || { cat $data/listen; false; }; step port_is_told
+
+# The same package again, over a running daemon.
+before=$(value MainPID)
+board >board.json
+cp setup.log before-upgrade.log
+apt-get install -y -q --no-download --reinstall ./packages/myograde-client_*.deb ./packages/myograde-server_*.deb >apt.log 2>&1; step upgrade
+[ "$before" != "$(value MainPID)" ]; step upgrade_restarts
+answers && board | cmp - board.json; step same_board
+[ ! -e $unit/root.conf ]; step upgrade_keeps_the_user
+systemctl stop myograded.service && myograde status >/dev/null; step activated
+
+# Removed and purged.
+apt-get remove -y -q myograde-server >apt.log 2>&1; step remove
+[ -e $data/store.db ] && [ -e /etc/myograde/server.json ]; step kept
+mv /var/cache/myograde /root/cache
+rm -f /etc/myograde/server.pem /etc/myograde/server.key
+apt-get purge -y -q 'myograde-*' libmyograde-policy-dev python3-myograde >apt.log 2>&1; step purge
+left() { ! find / -xdev -name '*myograde*' -not -path '/root/*' -not -path '/var/log/*' -not -path '/proc/*' \
+  -not -path '/var/cache/apt/*' -not -path '/var/lib/systemd/coredump/*' | grep .; }
+left; step clean
+! getent passwd myograde && ! getent group myograde; step no_user
+
+# From the package whose daemon ran as root.
+installed ./packages/myograde-client_*.deb ./before/*.deb; step install_before
+rm -rf /var/cache/myograde && mv /root/cache /var/cache/myograde
+systemctl enable --now myograded.socket myograded.service 2>&1 && answers; step start_before
+[ "$(ps -o user= -p "$(value MainPID)")" = root ]; step root_before
+grade First; step grade_before
+board >board.json
+installed ./packages/myograde-server_*.deb; step upgrade_before
+[ "$(ps -o user= -p "$(value MainPID)")" = root ] && [ -f $unit/root.conf ]; step still_root
+answers && board | cmp - board.json; step same_board_as_root
+grade Second; step grade_as_root
+rm $unit/root.conf && systemctl daemon-reload && systemctl restart myograded.service && answers; step root_no_more
+[ "$(ps -o user= -p "$(value MainPID)")" = myograde ] && ! find $data ! -user myograde | grep .; step data_handed_over
+grade Third; step grade_again
+apt-get purge -y -q 'myograde-*' >apt.log 2>&1; step purge_again
+left; step clean_again
+journalctl -u myograded --no-pager -o cat | tail -n 80
