@@ -1,8 +1,13 @@
 # What an operator does with the packages in a bare Debian 12, in order. Runs as root in the machine of
 # debian_test.py. /root has packages/ (today's), before/ (the earlier form), first.db (a store of the
-# first version), server.pem and server.key. Each step says how it ended.
-step() { local ended=$?; echo "step $1: $ended"; }
-installed() { apt-get install -y -q --no-download "$@" >/root/apt.log 2>&1 || { tail -n 20 /root/apt.log; false; }; }
+# first version), server.pem and server.key. Each step says how it ended,
+# and the first that fails is the last.
+step() {
+  local ended=$?
+  echo "step $1: $ended"
+  [ "$ended" = 0 ] || { journalctl -u myograded --no-pager -o cat | tail -n 60; exit 1; }
+}
+installed() { apt-get install -y -q --no-install-recommends "$@" >/root/apt.log 2>&1 || { tail -n 20 /root/apt.log; false; }; }
 value() { systemctl show -p "$1" --value "${2:-myograded.service}"; }
 # The daemon is asked for a minute before it counts as gone.
 answers() { timeout 60 sh -c 'until myograde status >/dev/null 2>&1; do sleep 1; done'; }
@@ -17,7 +22,7 @@ echo "kernel $(uname -r), $(stat -f -c %T /sys/fs/cgroup)"
 
 # Installed over a store of the first version.
 installed ./packages/*.deb; step install
-systemd-analyze verify myograded.service myograded.socket myograded-https.socket; step verify
+systemd-analyze verify --man=no myograded.service myograded.socket myograded-https.socket; step verify
 mkdir -p -m 0700 $data && cp first.db $data/store.db; step first_store
 myograde-setup >setup.log 2>&1; step setup
 tail -n 40 setup.log
@@ -71,7 +76,7 @@ assert urllib.request.urlopen("https://127.0.0.1:8443/v1/live", context=context,
 before=$(value MainPID)
 board >board.json
 cp setup.log before-upgrade.log
-apt-get install -y -q --no-download --reinstall ./packages/myograde-client_*.deb ./packages/myograde-server_*.deb >apt.log 2>&1; step upgrade
+apt-get install -y -q --no-install-recommends --reinstall ./packages/myograde-client_*.deb ./packages/myograde-server_*.deb >apt.log 2>&1; step upgrade
 [ "$before" != "$(value MainPID)" ]; step upgrade_restarts
 answers && board | cmp - board.json; step same_board
 [ ! -e $unit/root.conf ]; step upgrade_keeps_the_user
