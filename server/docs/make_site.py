@@ -88,8 +88,10 @@ def collect(source, work, version):
         nav.append({audience: entries})
     (work / "pages/index.md").write_text("\n".join(first) + "\n", encoding="utf-8")
     config = {"site_name": "MyoGrade", "docs_dir": "pages", "site_dir": "site", "nav": nav,
-              "use_directory_urls": False, "plugins": [], "markdown_extensions": [{"toc": {"permalink": False}}],
-              "theme": {"name": None, "custom_dir": str(HERE / "theme")}, "extra": {"version": version},
+              "use_directory_urls": False, "markdown_extensions": [{"toc": {"permalink": False}}],
+              "plugins": ["search"], "extra": {"version": version},
+              # The index alone: theme/search.js reads it, as the generator's own script writes markup.
+              "theme": {"name": None, "custom_dir": str(HERE / "theme"), "search_index_only": True},
               "validation": {"omitted_files": "warn", "unrecognized_links": "warn", "anchors": "warn",
                              "absolute_links": "ignore"}}
     (work / "mkdocs.yml").write_text(json.dumps(config, indent=1), encoding="utf-8")
