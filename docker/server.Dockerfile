@@ -12,7 +12,7 @@ COPY . .
 # Dates the bill of materials, which the image is without otherwise, as git's folder is not here.
 ARG SOURCE_DATE_EPOCH
 RUN ./dev build \
- && cmake --install build/release --prefix /out/usr/local \
+ && cmake --install build/release --prefix /out/usr/local --strip \
  && mkdir -p /out/$MYOGRADE_CACHE/runtimes \
  && cp -a $MYOGRADE_CACHE/mujoco-2.2.2 $MYOGRADE_CACHE/models /out/$MYOGRADE_CACHE/ \
  && cp -a $MYOGRADE_CACHE/runtimes/python /out/$MYOGRADE_CACHE/runtimes/
