@@ -83,7 +83,7 @@ class Site(unittest.TestCase):
 
     def test_every_page_is_there_and_every_link_leads_somewhere(self):
         pages = self.pages()
-        listed = json.loads((SOURCE / "server/docs/site.json").read_text())
+        listed = json.loads((SOURCE / "server/docs/site.json").read_text())["audiences"]
         self.assertEqual(set(listed), AUDIENCES)
         self.assertEqual(len(pages), sum(map(len, listed.values())) + 1)
         checked = 0
@@ -113,7 +113,7 @@ class Site(unittest.TestCase):
     def copy(self):
         """A small tree with one page for each audience."""
         tree = pathlib.Path(tempfile.mkdtemp(dir=ROOT))
-        for page in json.loads((SOURCE / "server/docs/site.json").read_text()).values():
+        for page in json.loads((SOURCE / "server/docs/site.json").read_text())["audiences"].values():
             for name in page:
                 (tree / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(SOURCE / name, tree / name)
@@ -124,7 +124,8 @@ class Site(unittest.TestCase):
                 ("policies/new.md", "# New\n", "say in server/docs/site.json whom it is for"),
                 ("README.md", "# Tour\n[away](nowhere.md)\n", "nowhere.md"),
                 ("README.md", "# Tour\n[away](policies/GUIDE.md#no-such-part)\n", "no-such-part"),
-                ("README.md", "Tour\n", "no heading")):
+                ("README.md", "# Tour\n`nowhere/README.md` says so.\n", "no page nowhere/README.md"),
+                ("sim/README.md", "Tour\n", "no heading")):
             with self.subTest(said=said):
                 tree = self.copy()
                 (tree / page).write_text(text)
