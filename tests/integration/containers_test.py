@@ -144,7 +144,9 @@ class Containers(unittest.TestCase):
         compose = ("podman-compose", "-p", project, "-f", "compose.yaml", "-f", "limits.yaml")
         self.addCleanup(run, "podman", "network", "rm", "--force", f"{project}_default", check=False)
         self.addCleanup(run, *compose, "down", "--volumes", check=False, **work)
-        run(*compose, "up", "--detach", **work)
+        up, *again = re.findall(r"^podman-compose (.*)$", PAGE, re.MULTILINE)
+        self.assertEqual(again, ["stop", "start", "down"])
+        run(*compose, *up.split(), **work)
         self.wait_for(name)
         run("podman", "exec", name, "myograde", "team", "create", "Blue")
         token = json.loads(run("podman", "exec", name, "myograde", "token", "create", "--team", "Blue", "--label",
@@ -161,7 +163,7 @@ class Containers(unittest.TestCase):
         self.assertEqual([entry["team"] for entry in board], ["Blue"])
         self.assertEqual(run("podman", "healthcheck", "run", name, check=False).returncode, 0)
         # The same container, and a new one on the same volume.
-        for end, begin in (("stop", "start"), ("down", "up --detach")):
+        for end, begin in (("stop", "start"), ("down", up)):
             run(*compose, end, **work)
             with self.assertRaises(urllib.error.URLError):
                 self.page(certificate)
