@@ -66,11 +66,24 @@ class Containers(unittest.TestCase):
         cls.addClassCleanup(run, "podman", "rmi", "--force", SERVER, POLICY, BASE, check=False)
         build = ("buildah", "build", "--format", "docker", "--network", "host", "--isolation", "chroot", "--build-arg",
                  f"BASE={BASE}")
-        # What ./dev setup has fetched need not be fetched again.
-        run(*build, "--volume", f"{CACHE}:/var/cache/myograde", "--build-arg", f"SOURCE_DATE_EPOCH={DATE}", "-f", "docker/server.Dockerfile", "-t",
-            SERVER, ".", seconds=BUILD_S)
+        # What ./dev setup has fetched need not be fetched again, nor compiled what ccache has.
+        run(*build, "--volume", f"{CACHE}:/var/cache/myograde", *cls.compiler_cache(), "--build-arg",
+            f"SOURCE_DATE_EPOCH={DATE}", "-f", "docker/server.Dockerfile", "-t", SERVER, ".", seconds=BUILD_S)
         run(*build, "--volume", "/etc/ssl/certs:/etc/ssl/certs:ro", "-f", "docker/participant.Dockerfile",
             "-t", POLICY, ".", seconds=BUILD_S)
+
+    @classmethod
+    def compiler_cache(cls):
+        """Options that share this host's cache, if it has one, by the paths in the container."""
+        if not shutil.which("ccache"):
+            return []
+        folder = run("ccache", "--get-config", "cache_dir").stdout.strip()
+        if not pathlib.Path(folder).is_dir():
+            return []
+        (cls.root / "ccache").mkdir()
+        (cls.root / "ccache/ccache.conf").write_text(
+            "base_dir = /src\nhash_dir = false\nsloppiness = pch_defines, time_macros\n", encoding="utf-8")
+        return ["--volume", f"{folder}:/root/.cache/ccache", "--volume", f"{cls.root}/ccache:/root/.config/ccache:ro"]
 
     def server(self, *words, title="Without root", **more):
         return run("podman", "run", "--rm", *limits(), *options(title), *words, **more)
