@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Makes the documents' site of the pages in the folders: make_site.py OUT VERSION [--source DIR]
 
-site.json says which page is for whom, and gives titles to pages whose own heading is none; every page of the tree
-must be there. The site is OUT/VERSION. A path in backquotes that names another page becomes a link with that page's
+site.json says which page is for whom, what titles some have here, and what placeholders stand for; every page of the
+tree must be there. The site is OUT/VERSION. A path in backquotes that names another page becomes a link with that page's
 title. Needs the MkDocs of docker/docs.txt beside the
 interpreter that runs this. Exit status: 0 made, 1 a page or a link is wrong, 2 wrong use.
 Example: make_site.py build/docs 1.0
@@ -78,14 +78,20 @@ def collect(source, work, version):
         raise SystemExit("make_site.py: server/docs/site.json names a page twice")
     texts = {page: (source / page).read_text(encoding="utf-8") for page in listed}
     titles = {page: site["titles"].get(page) or title_of(page, text) for page, text in texts.items()}
-    nav, first = [{"All pages": "index.md"}], [f"# MyoGrade {version}\n"]
+    nav = [{"All pages": "index.md"}]
+    first = [f"# MyoGrade {version}\n", linked("index.md", site["introduction"], titles)]
     for audience, pages in audiences.items():
         entries = []
         first.append(f"\n## {audience}\n")
         for page in pages:
             target = work / "pages" / place_of(page)
             target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_text(linked(page, texts[page], titles), encoding="utf-8")
+            text = linked(page, texts[page], titles)
+            if page in site["titles"]:
+                text = HEADING.sub(lambda _, title=titles[page]: f"# {title}", text, count=1)
+            for placeholder, example in site["examples"].items():
+                text = text.replace(placeholder, example)
+            target.write_text(text, encoding="utf-8")
             entries.append({titles[page]: place_of(page)})
             first.append(f"- [{titles[page]}]({place_of(page)})")
         nav.append({audience: entries})
