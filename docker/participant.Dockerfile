@@ -15,7 +15,7 @@ RUN python3 -m pip install -q --target /out --no-deps --only-binary :all: --requ
  && lcm-gen -p --ppath /types /src/protocol/policy/myograde.lcm /src/protocol/log/myograde_log.lcm \
  && mv /types/myograde/__init__.py /types/myograde/messages.py \
  && cp -r /src/policies/python/myograde /types/myograde /out/ \
- && cp /src/docker/wheels.txt /out/myograde/ \
+ && cp /src/LICENSE /src/docker/wheels.txt /out/myograde/ \
  && find /out -name __pycache__ -prune -exec rm -rf {} +
 
 FROM ${BASE}

@@ -9,10 +9,12 @@ WORKDIR /src
 COPY docker/install_deps.sh docker/packages.txt docker/
 RUN docker/install_deps.sh
 COPY . .
-# Dates the bill of materials, which the image is without otherwise, as git's folder is not here.
+# Dates the bill of materials (seconds since 1970; default: now, as git's folder is not here).
 ARG SOURCE_DATE_EPOCH
-RUN ./dev build \
- && cmake --install build/release --prefix /out/usr/local \
+RUN export SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(date +%s)} \
+ && ./dev build \
+ && cmake --install build/release --prefix /out/usr/local --strip \
+ && test -s /out/usr/local/share/doc/myograde/third-party/NOTICE.txt \
  && mkdir -p /out/$MYOGRADE_CACHE/runtimes \
  && cp -a $MYOGRADE_CACHE/mujoco-2.2.2 $MYOGRADE_CACHE/models /out/$MYOGRADE_CACHE/ \
  && cp -a $MYOGRADE_CACHE/runtimes/python /out/$MYOGRADE_CACHE/runtimes/

@@ -79,6 +79,7 @@ install(TARGETS policy_scripted-elbow
         RUNTIME DESTINATION ${sample} COMPONENT server EXCLUDE_FROM_ALL)
 debian(server FILES ${CMAKE_BINARY_DIR}/policies/scripted-elbow/policy.json DESTINATION ${sample})
 debian(server FILES ${CMAKE_BINARY_DIR}/openapi.json DESTINATION ${share})
+debian(server DIRECTORY ${CMAKE_BINARY_DIR}/docs DESTINATION ${share} OPTIONAL)
 set(units ${here}/systemd)
 debian(server FILES ${units}/myograded.service ${units}/myograded.socket
        ${units}/myograded-https.socket DESTINATION /lib/systemd/system)

@@ -14,6 +14,7 @@ import urllib.parse
 DEADLINE_S = 120
 # The parts whose sources become programs.
 PARTS = ("protocol", "scoring", "sim", "server", "policies")
+WHEEL_PARTS = ("protocol", "sim")  # of the extension in wheels
 INCLUDE_FOLDERS = ("/usr/include", "/usr/include/x86_64-linux-gnu", "/usr/include/eigen3")
 INCLUDE = re.compile(r"^\s*#\s*include\s*<([^>]+)>", re.M)
 NEEDED = re.compile(r"\(NEEDED\).*\[([^\]]+)\]")
@@ -64,10 +65,27 @@ class Component:
 
 def find(source: pathlib.Path, programs: pathlib.Path) -> list[Component]:
     """All of them, by kind and name. Trouble if a program needs a library that nobody accounts for."""
-    found = debian(source, programs) + python(source) + parts_of_downloads(source)
+    found = debian(source, elf_files(programs), PARTS) + python(source) + parts_of_downloads(source)
     twice = {one.identifier for one in found if [two.identifier for two in found].count(one.identifier) > 1}
     if twice:
         raise Trouble(f"two packages have the same identifier: {', '.join(sorted(twice))}")
+    return sorted(found, key=lambda one: (one.kind, one.name, one.version))
+
+
+def in_wheel(source: pathlib.Path, extension: pathlib.Path, libraries: set[str]) -> list[Component]:
+    """What a wheel of the Python package has in it besides MyoGrade: the packages of the `libraries` (names of
+    files such as libzstd.so.1.5.4) that were copied beside the extension, and what is compiled into it."""
+    loaded = {pathlib.Path(path).resolve().name: path for _, path in LOADED.findall(run("ldd", extension))
+              if path != "not found"}
+    strangers = sorted(libraries - set(loaded))
+    if strangers:
+        raise Trouble(f"{extension} does not load {', '.join(strangers)}, which the wheel brings; name the extension "
+                      "that the wheel was made of")
+    copied = set(owners_of({loaded[name] for name in libraries}).values())
+    found = [one for one in debian(source, [extension], WHEEL_PARTS)
+             if one.name in copied or one.role == "STATIC_LINK"]
+    brought = {"nanobind"} | {"mujoco" for name in libraries if name.startswith("libmujoco.so.")}
+    found += [one for one in python(source) if one.name in brought]
     return sorted(found, key=lambda one: (one.kind, one.name, one.version))
 
 
@@ -93,21 +111,21 @@ def licences() -> dict[str, dict[str, str]]:
 # --- Debian's packages ----------------------------------------------------
 
 
-def debian(source: pathlib.Path, programs: pathlib.Path) -> list[Component]:
-    files = elf_files(programs)
+def debian(source: pathlib.Path, files: list[pathlib.Path], parts: tuple[str, ...]) -> list[Component]:
+    """Those of the libraries that these files load, and of the headers of the parts that they are made of."""
     needed = {name for file in files for name in NEEDED.findall(run("readelf", "-d", file))}
     loaded = {name: path for file in files for name, path in LOADED.findall(run("ldd", file))
               if not name.startswith("libmujoco.so.")}
     owners = owners_of({path for path in loaded.values() if path != "not found"})
     strangers = sorted(name for name, path in loaded.items() if path not in owners)
     if strangers:
-        raise Trouble(f"no Debian package here has {', '.join(strangers)}, which the programs of {programs} "
-                      "load; install the package, or link the library of one")
+        raise Trouble(f"no Debian package here has {', '.join(strangers)}, which the programs of "
+                      f"{files[0].parent} load; install the package, or link the library of one")
     direct = {owners[path] for name, path in loaded.items() if name in needed}
     roles = {name: "DYNAMIC_LINK" if name in direct else "RUNTIME_DEPENDENCY_OF"
              for name in owners.values()}
     origins = {origin for _, _, origin, _ in facts(set(roles)).values()}
-    for name, (_, _, origin, _) in facts(header_packages(source)).items():
+    for name, (_, _, origin, _) in facts(header_packages(source, parts)).items():
         # Nothing else of such a package is loaded, so what the programs use of it is in them.
         roles.setdefault(name, "BUILD_DEPENDENCY_OF" if origin in origins or name in OPENED
                          else "STATIC_LINK")
@@ -136,10 +154,10 @@ def elf_files(folder: pathlib.Path) -> list[pathlib.Path]:
     return found
 
 
-def header_packages(source: pathlib.Path) -> set[str]:
-    """The packages of the headers that the sources of the programs include."""
+def header_packages(source: pathlib.Path, parts: tuple[str, ...]) -> set[str]:
+    """The packages of the headers that the sources of these parts include."""
     headers = set()
-    for part in PARTS:
+    for part in parts:
         for path in (source / part).rglob("*"):
             if path.suffix in (".h", ".cc", ".c"):
                 headers |= set(INCLUDE.findall(path.read_text(encoding="utf-8", errors="replace")))

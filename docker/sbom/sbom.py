@@ -12,7 +12,6 @@ import json
 import os
 import pathlib
 import re
-import shutil
 import subprocess
 import sys
 
@@ -116,27 +115,10 @@ def document(version: str, date: str, found: list[Component]) -> dict:
 def write(target: pathlib.Path, bill: dict, found: list[Component], source: pathlib.Path,
           cache: pathlib.Path | None) -> list[str]:
     """Fills `target` anew. Returns the names of the components without a licence text here."""
-    for folder in texts.FOLDERS:
-        shutil.rmtree(target / folder, ignore_errors=True)
     target.mkdir(parents=True, exist_ok=True)
     (target / "sbom.spdx.json").write_text(json.dumps(bill, indent=1) + "\n", encoding="utf-8")
-    lacking, lines = [], []  # of what is only in runtimes that few servers have
-    for component in found:
-        names = texts.collect(component, target, cache, source)
-        if not names and component.role != "OPTIONAL_DEPENDENCY_OF":
-            raise Trouble(f"there is no licence text of {component.name} here; "
-                          + ("install its package with its documents" if component.kind == "debian"
-                             else "./dev setup fills the cache, and --cache or MYOGRADE_CACHE names it"))
-        if not names:
-            lacking.append(component.name)
-        licence = component.licence or "see its text"
-        lines.append(f"{component.name} {component.version}".strip() + f": {licence}\n"
-                     + "".join(f"  {name}\n" for name in names))
-    (target / "NOTICE.txt").write_text(
-        "MyoGrade is under the Apache License 2.0. It uses what follows; below each name are the files with "
-        "its licences.\nWhat has none is in no release: an organiser's server fetches it with its runtime.\n\n"
-        + "".join(lines), encoding="utf-8")
-    return lacking
+    return texts.write(found, target, cache, source, "What has none is in no release: an organiser's server fetches "
+                       "it with its runtime.\n")
 
 
 def arguments() -> argparse.Namespace:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pathlib
 import re
+import shutil
 import zipfile
 
-from components import DOC, Component
+from components import DOC, Component, Trouble
 
 FOLDERS = ("debian", "common-licenses", "python", "web")
 COMMON = pathlib.Path("/usr/share/common-licenses")
@@ -14,6 +15,31 @@ COMMON_NAME = re.compile(r"/usr/share/common-licenses/([A-Za-z][A-Za-z0-9.-]*[A-
 LICENCE_FILE = re.compile(r"(LICEN[CS]E|COPYING|NOTICE|AUTHORS)", re.I)
 # Where the text of one is that has no metadata of its own, below the cache folder.
 ELSEWHERE = {"myo_sim": "myosuite-*/myosuite/simhive/myo_sim/LICENSE"}
+
+
+def write(found: list[Component], target: pathlib.Path, cache: pathlib.Path | None, source: pathlib.Path,
+          remark: str = "") -> list[str]:
+    """Fills `target` anew with the texts and NOTICE.txt, which lists them and begins with the remark. Returns the names
+    of the components without a text here; Trouble if a release would lack one."""
+    for folder in FOLDERS:
+        shutil.rmtree(target / folder, ignore_errors=True)
+    target.mkdir(parents=True, exist_ok=True)
+    lacking, lines = [], []  # of what is only in runtimes that few servers have
+    for component in found:
+        names = collect(component, target, cache, source)
+        if not names and component.role != "OPTIONAL_DEPENDENCY_OF":
+            raise Trouble(f"there is no licence text of {component.name} here; "
+                          + ("install its package with its documents" if component.kind == "debian"
+                             else "./dev setup fills the cache, and --cache or MYOGRADE_CACHE names it"))
+        if not names:
+            lacking.append(component.name)
+        licence = component.licence or "see its text"
+        lines.append(f"{component.name} {component.version}".strip() + f": {licence}\n"
+                     + "".join(f"  {name}\n" for name in names))
+    (target / "NOTICE.txt").write_text(
+        "MyoGrade is under the Apache License 2.0. It uses what follows; below each name are the files with "
+        f"its licences.\n{remark}\n" + "".join(lines), encoding="utf-8")
+    return lacking
 
 
 def collect(component: Component, target: pathlib.Path, cache: pathlib.Path | None,

@@ -111,6 +111,8 @@ build_environments() {
     tail -n 20 "$scratch/auditwheel.log" >&2
     fail "auditwheel could not bundle the libraries; its last lines are above."
   fi
+  "$root/docker/sbom/wheel_licences.py" "$folder"/repaired/myograde-*.whl --cache "$cache" \
+    --extension "$(cat "$scratch/grader/python-extension.txt")"
   keep "$folder"/repaired/myograde-*.whl
 }
 

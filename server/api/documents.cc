@@ -17,6 +17,8 @@ constexpr size_t kMostBytes = size_t{64} << 20;
 std::string TypeOf(const std::string& suffix) {
   if (suffix == ".html") return "text/html; charset=utf-8";
   if (suffix == ".css") return "text/css; charset=utf-8";
+  if (suffix == ".js") return "text/javascript; charset=utf-8";
+  if (suffix == ".json") return "application/json";
   return "";
 }
 

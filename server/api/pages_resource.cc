@@ -2,6 +2,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include <algorithm>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -49,6 +50,30 @@ std::string DocumentsVersion() {
   return std::string(version.substr(0, version.rfind('.')));
 }
 
+bool IsVersion(std::string_view text) {
+  const size_t dot = text.find('.');
+  return dot != text.npos && dot > 0 && dot + 1 < text.size() &&
+         text.find_first_not_of("0123456789.") == text.npos && text.find('.', dot + 1) == text.npos;
+}
+
+bool HasVersion(const Documents& documents, const std::string& version) {
+  const auto first = documents.lower_bound(version + "/");
+  return first != documents.end() && first->first.starts_with(version + "/");
+}
+
+// The page that a path leads to which is none itself: no path or a version alone to the first page, a
+// page of a version that is not here to that of this program's. "" if there is no such page.
+std::string PageInstead(const Documents& documents, std::string_view path) {
+  while (path.ends_with('/')) path.remove_suffix(1);
+  const size_t slash = std::min(path.find('/'), path.size());
+  std::string version(path.substr(0, slash));
+  if (!path.empty() && !IsVersion(version)) return "";
+  if (!HasVersion(documents, version)) version = DocumentsVersion();
+  const std::string_view page = slash < path.size() ? path.substr(slash + 1) : "index.html";
+  std::string found = absl::StrCat(version, "/", std::string(page));
+  return documents.contains(found) ? found : "";
+}
+
 }  // namespace
 
 void PagesResource::ServeDocument(const httplib::Request& request,
@@ -57,14 +82,13 @@ void PagesResource::ServeDocument(const httplib::Request& request,
   SetHeaders(response);
   std::string path = request.path.substr(root.size());
   if (!path.empty()) path.erase(0, 1);
-  const std::string own = DocumentsVersion();
-  if (path.empty() && documents_.contains(own + "/index.html")) {
-    response.status = 302;
-    response.set_header("Location", absl::StrCat(root, "/", own, "/index.html"));
-    return;
-  }
   const auto found = documents_.find(path);
   if (found == documents_.end()) {
+    if (const std::string instead = PageInstead(documents_, path); !instead.empty()) {
+      response.status = 302;
+      response.set_header("Location", absl::StrCat(root, "/", instead));
+      return;
+    }
     response.status = 404;
     response.set_content(documents_.empty() ? "The documents are not on this server: ./dev docs "
                                               "makes them, and README.md has a tour.\n"

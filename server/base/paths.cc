@@ -87,11 +87,10 @@ std::string DocsDir() {
   }
   const absl::StatusOr<std::string> bin_dir = BinDir();
   if (!bin_dir.ok()) return "";
-  const std::filesystem::path above = std::filesystem::path(*bin_dir).parent_path();
-  const std::filesystem::path installed = above / "share/myograde/docs";
+  const std::string installed = ShareDir(*bin_dir) + "/docs";
   std::error_code error;
-  if (std::filesystem::is_directory(installed, error)) return installed.string();
-  return (above / "docs").string();
+  if (fs::is_directory(installed, error)) return installed;
+  return fs::path(*bin_dir).parent_path() / "docs";
 }
 
 std::string ConfigDir() {

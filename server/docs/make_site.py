@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Makes the documents' site of the pages in the folders: make_site.py OUT VERSION [--source DIR]
 
-site.json says which page is for whom; every page of the tree must be there. The site is OUT/VERSION. A path
-in backquotes that names another page becomes a link to it. Needs the MkDocs of docker/docs.txt beside the
+site.json says which page is for whom, what titles some have here, and what placeholders stand for; every page of the
+tree must be there. The site is OUT/VERSION. A path in backquotes that names another page becomes a link with that page's
+title. Needs the MkDocs of docker/docs.txt beside the
 interpreter that runs this. Exit status: 0 made, 1 a page or a link is wrong, 2 wrong use.
 Example: make_site.py build/docs 1.0
 """
@@ -39,17 +40,18 @@ def place_of(page):
     return TOUR if page == ROOT_PAGE else page
 
 
-def linked(page, text, known):
+def linked(page, text, titles):
     """The text with links where it names other pages, by their path from its folder or from the root."""
     folder = os.path.dirname(page)
 
     def link(match):
         for start in (folder, ""):
             target = os.path.normpath(os.path.join(start, match[1]))
-            if target in known and target != page:
-                where = os.path.relpath(place_of(target), folder or ".")
-                return f"[`{match[1]}`]({where})"
-        return match[0]
+            if target == page:
+                return match[0]
+            if target in titles:
+                return f"[{titles[target]}]({os.path.relpath(place_of(target), folder or '.')})"
+        raise SystemExit(f"make_site.py: {page}: there is no page {match[1]}")
 
     parts = FENCE.split(text)
     return "".join(part if i % 2 else PAGE_NAME.sub(link, part) for i, part in enumerate(parts))
@@ -64,7 +66,8 @@ def title_of(page, text):
 
 def collect(source, work, version):
     """Writes pages and mkdocs.yml (as JSON, which is YAML) into the folder `work`."""
-    audiences = json.loads((HERE / "site.json").read_text(encoding="utf-8"))
+    site = json.loads((HERE / "site.json").read_text(encoding="utf-8"))
+    audiences = site["audiences"]
     listed = [page for pages in audiences.values() for page in pages]
     known = pages_of(source)
     for page in sorted(known ^ set(listed)):
@@ -73,23 +76,31 @@ def collect(source, work, version):
             "server/docs/site.json names it, and there is no such page"))
     if len(listed) != len(set(listed)):
         raise SystemExit("make_site.py: server/docs/site.json names a page twice")
-    nav, first = [{"All pages": "index.md"}], [f"# MyoGrade {version}\n"]
+    texts = {page: (source / page).read_text(encoding="utf-8") for page in listed}
+    titles = {page: site["titles"].get(page) or title_of(page, text) for page, text in texts.items()}
+    nav = [{"All pages": "index.md"}]
+    first = [f"# MyoGrade {version}\n", linked("index.md", site["introduction"], titles)]
     for audience, pages in audiences.items():
         entries = []
         first.append(f"\n## {audience}\n")
         for page in pages:
-            text = (source / page).read_text(encoding="utf-8")
-            title = title_of(page, text)
             target = work / "pages" / place_of(page)
             target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_text(linked(page, text, known), encoding="utf-8")
-            entries.append({title: place_of(page)})
-            first.append(f"- [{title}]({place_of(page)})")
+            text = linked(page, texts[page], titles)
+            if page in site["titles"]:
+                text = HEADING.sub(lambda _, title=titles[page]: f"# {title}", text, count=1)
+            for placeholder, example in site["examples"].items():
+                text = text.replace(placeholder, example)
+            target.write_text(text, encoding="utf-8")
+            entries.append({titles[page]: place_of(page)})
+            first.append(f"- [{titles[page]}]({place_of(page)})")
         nav.append({audience: entries})
     (work / "pages/index.md").write_text("\n".join(first) + "\n", encoding="utf-8")
     config = {"site_name": "MyoGrade", "docs_dir": "pages", "site_dir": "site", "nav": nav,
-              "use_directory_urls": False, "plugins": [], "markdown_extensions": [{"toc": {"permalink": False}}],
-              "theme": {"name": None, "custom_dir": str(HERE / "theme")}, "extra": {"version": version},
+              "use_directory_urls": False, "markdown_extensions": [{"toc": {"permalink": False}}],
+              "plugins": ["search"], "extra": {"version": version},
+              # The index alone: theme/search.js reads it, as the generator's own script writes markup.
+              "theme": {"name": None, "custom_dir": str(HERE / "theme"), "search_index_only": True},
               "validation": {"omitted_files": "warn", "unrecognized_links": "warn", "anchors": "warn",
                              "absolute_links": "ignore"}}
     (work / "mkdocs.yml").write_text(json.dumps(config, indent=1), encoding="utf-8")

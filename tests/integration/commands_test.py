@@ -7,6 +7,7 @@ import pathlib
 import re
 import shlex
 import subprocess
+import tempfile
 import unittest
 
 SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
@@ -80,6 +81,28 @@ class Commands(unittest.TestCase):
                             self.assertRegex(text_of_help, rf"(?<![\w-]){name}(?![\w-])")
                             count += 1
         self.assertGreater(count, 60)
+
+    def test_the_section_on_signed_releases_can_be_typed(self):
+        page = (SOURCE / "docker/README.md").read_text(encoding="utf-8")
+        _, sign, check = (body for _, body in FENCE.findall(page.split("\n## Signed releases\n")[1]))
+        with tempfile.TemporaryDirectory() as folder:
+            release = pathlib.Path(folder, "myograde-1.0.0")
+            (release / "third-party").mkdir(parents=True)
+            (release / "myograde-server_1.0.0_amd64.deb").write_text("a package")
+            (release / "third-party/NOTICE.txt").write_text("licences")
+
+            def type_in(script):
+                path = f"{CLI.parent}:{os.environ['PATH']}"
+                return subprocess.run(["bash", "-e", "-o", "pipefail", "-c", script], cwd=folder, capture_output=True,
+                                      text=True, timeout=120, env={**os.environ, "PATH": path})
+
+            for script in (sign, check):
+                done = type_in(script)
+                self.assertEqual(done.returncode, 0, f"{script}\n{done.stdout}{done.stderr}")
+            (release / "myograde-server_1.0.0_amd64.deb").write_text("another package")
+            ours, *others = check.splitlines()
+            self.assertEqual(type_in(ours).returncode, 1)
+            self.assertNotEqual(type_in("\n".join(others)).returncode, 0)
 
 
 if __name__ == "__main__":

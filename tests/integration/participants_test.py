@@ -62,12 +62,12 @@ class Package(unittest.TestCase):
         return done.returncode, " ".join(done.stderr.split())
 
     def test_only_the_fitting_version_is_taken(self):
-        self.assertEqual(self.seek("0.1"), (0, ""))
-        for version in ("0.2", "1.0"):
+        self.assertEqual(self.seek("1.0"), (0, ""))
+        for version in ("0.1", "1.1", "2.0"):
             self.assertEqual(self.seek(version)[0], 1)
 
     def test_without_lcm_the_package_says_what_to_install(self):
-        status, told = self.seek("0.1", PKG_CONFIG_PATH="", PKG_CONFIG_LIBDIR=str(self.root))
+        status, told = self.seek("1.0", PKG_CONFIG_PATH="", PKG_CONFIG_LIBDIR=str(self.root))
         self.assertEqual(status, 1)
         self.assertIn("apt-get install liblcm-dev", told)
 

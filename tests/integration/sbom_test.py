@@ -1,6 +1,7 @@
 """The bill of materials names what the programs load, valid by spdx-tools, the same each time, with the
 licences of all of it."""
 
+import base64
 import hashlib
 import json
 import os
@@ -9,6 +10,7 @@ import shutil
 import subprocess
 import tempfile
 import unittest
+import zipfile
 
 SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
 PROGRAMS = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"])
@@ -152,6 +154,49 @@ class Sbom(unittest.TestCase):
             self.assertIn(words, " ".join(text.replace("\n .\n", "\n").split()).lower(), name)
             judged.add(name)
         self.assertLessEqual({"mujoco", "myosuite", "numpy", "lcm", "nanobind", "three", "libssl3", "libc6"}, judged)
+
+    def test_a_wheel_gets_the_licences_of_what_it_brings(self):
+        # The simulator is made of what the extension is made of.
+        wheel, program = self.root / "myograde-7.0-cp311-cp311-linux_x86_64.whl", PROGRAMS / "myograde-sim"
+        with zipfile.ZipFile(wheel, "w") as archive:
+            archive.writestr("myograde/__init__.py", "")
+            archive.writestr("myograde.libs/libzstd-01234567.so.1.5.4", b"")
+            archive.writestr("myograde.libs/libmujoco-89abcdef.so.2.2.2", b"")
+            archive.writestr("myograde-7.0.dist-info/RECORD", "myograde/__init__.py,,\n"
+                             "myograde-7.0.dist-info/RECORD,,\n")
+
+        def add():
+            return subprocess.run([SOURCE / "docker/sbom/wheel_licences.py", wheel, "--extension", program, "--cache",
+                                   CACHE], capture_output=True, text=True, timeout=300, check=False)
+
+        real = {pathlib.Path(line.split(" => ")[1].split(" (")[0]).resolve().name for line in subprocess.run(
+            ["ldd", program], check=True, stdout=subprocess.PIPE, text=True).stdout.splitlines() if " => " in line}
+        if "libzstd.so.1.5.4" not in real:
+            self.skipTest("the libraries are not those of Debian 12")
+        done = add()
+        self.assertEqual(done.returncode, 0, done.stderr)
+        before = wheel.read_bytes()
+        self.assertEqual(add().returncode, 0)
+        self.assertEqual(wheel.read_bytes(), before)
+        with zipfile.ZipFile(wheel) as archive:
+            third = "myograde-7.0.dist-info/licenses/third-party/"
+            names = {name.removeprefix(third) for name in archive.namelist() if name.startswith(third)}
+            self.assertLessEqual({"NOTICE.txt", "debian/libzstd1/copyright", "debian/libeigen3-dev/copyright",
+                                  "python/mujoco-2.2.2/LICENSE", "common-licenses/GPL-2"}, names)
+            self.assertFalse({name for name in names if "libssl" in name or "libcurl" in name or "numpy" in name})
+            for line in archive.read("myograde-7.0.dist-info/RECORD").decode().splitlines():
+                name, digest, size = line.rsplit(",", 2)
+                if digest:
+                    data = archive.read(name)
+                    found = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=").decode()
+                    self.assertEqual((digest, size), (f"sha256={found}", str(len(data))))
+                    names.discard(name.removeprefix(third))
+            self.assertEqual(names, set())
+        with zipfile.ZipFile(wheel, "a") as archive:
+            archive.writestr("myograde.libs/libstranger-00000000.so.1", b"")
+        done = add()
+        self.assertEqual(done.returncode, 4)
+        self.assertRegex(done.stderr, r"^error: .*libstranger\.so\.1[^\n]*\n$")
 
     def test_what_is_wrong_is_said_in_a_sentence(self):
         empty = self.root / "empty"

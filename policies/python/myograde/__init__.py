@@ -21,7 +21,7 @@ from .messages import *  # noqa: F403  (generated; each type refers to the other
 from .policy import Episode, Joint, Layout, LegSet, LegState, Part, Policy, Threshold, Track
 from .policy import leg_sets, serve, track
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 __all__ = ["Episode", "Joint", "Layout", "LegSet", "LegState", "Part", "Policy", "Threshold",
            "Track", "leg_sets", "serve", "track"]

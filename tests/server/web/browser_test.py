@@ -48,9 +48,14 @@ class BrowserCase(unittest.TestCase):
     def setUpClass(cls):
         cls.world = World(**cls.settings)
         cls.addClassCleanup(cls.world.close)
+        cls.prepare(cls.world)
         cls.world.start(cls.teams)
         cls.browser = Browser()
         cls.addClassCleanup(cls.browser.close)
+
+    @classmethod
+    def prepare(cls, world):
+        """What is to be done before the daemon starts."""
 
     def page(self, role="public", **more):
         """A tab whose reader has a role."""

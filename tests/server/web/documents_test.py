@@ -19,9 +19,10 @@ from support.daemon import Daemon
 SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
 BIN = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"])
 MAKE = SOURCE / "server/docs/make_site.py"
+VERSION = (SOURCE / "CMakeLists.txt").read_text().split("(myograde VERSION ")[1].split(" ")[0].rsplit(".", 1)[0]
 AUDIENCES = {"Participants", "Organisers", "Operators", "Developers"}
 # Addresses of the daemon that every page names.
-DAEMONS = {"/", "/v1/openapi.json"}
+DAEMONS = {"/", "/v1/openapi.json", "/web/icon.svg"}
 
 
 class Page(html.parser.HTMLParser):
@@ -38,11 +39,12 @@ class Page(html.parser.HTMLParser):
                 self.anchors.add(value)
             if tag == "a" and name == "href":
                 self.links.append(value)
-            if (tag, name) in (("link", "href"), ("img", "src")):
+            if (tag, name) in (("link", "href"), ("img", "src"), ("script", "src")):
                 self.loaded.append(value)
             if name == "style" or name.startswith("on"):
                 self.refused.append((tag, name))
-        if tag in ("script", "style", "iframe", "object", "embed", "form"):
+        if tag in ("style", "iframe", "object", "embed", "form") or \
+                tag == "script" and "src" not in dict(attrs):
             self.refused.append(tag)
 
 
@@ -63,30 +65,25 @@ def setUpModule():
     PYTHON = generator()
     ROOT = pathlib.Path(tempfile.mkdtemp(prefix="myograde-documents-"))
     unittest.addModuleCleanup(shutil.rmtree, ROOT)
-    done = make(ROOT / "docs")
+    done = make(ROOT / "docs", VERSION)
     if done.returncode != 0:
         raise AssertionError(done.stdout + done.stderr)
 
 
-def make(out, version="0.1", *words):
-    return subprocess.run([PYTHON, "-B", MAKE, out, version, *words], capture_output=True, text=True,
+def make(out, *words):
+    return subprocess.run([PYTHON, "-B", MAKE, out, *words], capture_output=True, text=True,
                           timeout=300, check=False)
-
-
-def own_version():
-    text = (SOURCE / "CMakeLists.txt").read_text()
-    return text.split("project(myograde VERSION ")[1].split(" ")[0].rsplit(".", 1)[0]
 
 
 class Site(unittest.TestCase):
     def pages(self):
-        site = ROOT / "docs/0.1"
+        site = ROOT / "docs" / VERSION
         return {path.relative_to(site).as_posix(): Page(path.read_text(encoding="utf-8"))
                 for path in site.rglob("*.html")}
 
     def test_every_page_is_there_and_every_link_leads_somewhere(self):
         pages = self.pages()
-        listed = json.loads((SOURCE / "server/docs/site.json").read_text())
+        listed = json.loads((SOURCE / "server/docs/site.json").read_text())["audiences"]
         self.assertEqual(set(listed), AUDIENCES)
         self.assertEqual(len(pages), sum(map(len, listed.values())) + 1)
         checked = 0
@@ -100,7 +97,7 @@ class Site(unittest.TestCase):
                 self.assertFalse(link.startswith("/"), f"{name}: {link}")
                 target = posixpath.normpath(posixpath.join(posixpath.dirname(name), parts.path)) \
                     if parts.path else name
-                self.assertTrue((ROOT / "docs/0.1" / target).is_file(), f"{name}: {link}")
+                self.assertTrue((ROOT / "docs" / VERSION / target).is_file(), f"{name}: {link}")
                 if parts.fragment and parts.fragment != "main":
                     self.assertIn(parts.fragment, pages[target].anchors, f"{name}: {link}")
                 checked += 1
@@ -116,7 +113,7 @@ class Site(unittest.TestCase):
     def copy(self):
         """A small tree with one page for each audience."""
         tree = pathlib.Path(tempfile.mkdtemp(dir=ROOT))
-        for page in json.loads((SOURCE / "server/docs/site.json").read_text()).values():
+        for page in json.loads((SOURCE / "server/docs/site.json").read_text())["audiences"].values():
             for name in page:
                 (tree / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(SOURCE / name, tree / name)
@@ -127,11 +124,12 @@ class Site(unittest.TestCase):
                 ("policies/new.md", "# New\n", "say in server/docs/site.json whom it is for"),
                 ("README.md", "# Tour\n[away](nowhere.md)\n", "nowhere.md"),
                 ("README.md", "# Tour\n[away](policies/GUIDE.md#no-such-part)\n", "no-such-part"),
-                ("README.md", "Tour\n", "no heading")):
+                ("README.md", "# Tour\n`nowhere/README.md` says so.\n", "no page nowhere/README.md"),
+                ("sim/README.md", "Tour\n", "no heading")):
             with self.subTest(said=said):
                 tree = self.copy()
                 (tree / page).write_text(text)
-                done = make(tree / "out", "0.1", "--source", tree)
+                done = make(tree / "out", VERSION, "--source", tree)
                 self.assertEqual(done.returncode, 1, done.stdout + done.stderr)
                 self.assertIn(said, done.stderr)
                 self.assertFalse((tree / "out").exists())
@@ -156,32 +154,38 @@ class Served(unittest.TestCase):
             connection.close()
 
     def test_the_daemon_serves_it_from_memory(self):
-        version = own_version()
         folder = pathlib.Path(tempfile.mkdtemp(dir=ROOT))
-        shutil.copytree(ROOT / "docs/0.1", folder / version)
+        shutil.copytree(ROOT / "docs" / VERSION, folder / VERSION)
         (folder / "0.0").mkdir()
         (folder / "0.0/index.html").write_text("<title>earlier</title>")
         (folder / "secret.txt").write_text("not a page")
         (folder / "link.html").symlink_to("/etc/passwd")
         daemon = self.serve(folder)
         status, headers, _ = self.ask(daemon, "/docs")
-        self.assertEqual((status, headers["Location"]), (302, f"/docs/{version}/index.html"))
-        for name in ("index.html", "docs.css", "server/daemon/OPERATIONS.html"):
-            status, headers, body = self.ask(daemon, f"/docs/{version}/{name}")
+        self.assertEqual((status, headers["Location"]), (302, f"/docs/{VERSION}/index.html"))
+        for path, page in (("/", "index.html"), (f"/{VERSION}", "index.html"), (f"/{VERSION}/", "index.html"),
+                           ("/0.1", "index.html"), ("/0.1/policies/GUIDE.html", "policies/GUIDE.html"),
+                           ("/12.34/index.html", "index.html")):
+            status, headers, _ = self.ask(daemon, "/docs" + path)
+            self.assertEqual((status, headers["Location"]), (302, f"/docs/{VERSION}/{page}"), path)
+        for name, kind in (("index.html", "text/html"), ("docs.css", "text/css"), ("search.js", "text/javascript"),
+                           ("search/search_index.json", "application/json"),
+                           ("server/daemon/OPERATIONS.html", "text/html")):
+            status, headers, body = self.ask(daemon, f"/docs/{VERSION}/{name}")
             self.assertEqual(status, 200, name)
-            self.assertEqual(body, (folder / version / name).read_text(), name)
-            self.assertEqual(headers["Content-Type"].split(";")[0],
-                             "text/css" if name.endswith("css") else "text/html")
+            self.assertEqual(body, (folder / VERSION / name).read_text(), name)
+            self.assertEqual(headers["Content-Type"].split(";")[0], kind)
             self.assertIn("default-src 'none'", headers["Content-Security-Policy"])
-            again = self.ask(daemon, f"/docs/{version}/{name}", **{"If-None-Match": headers["ETag"]})
+            again = self.ask(daemon, f"/docs/{VERSION}/{name}", **{"If-None-Match": headers["ETag"]})
             self.assertEqual((again[0], again[2]), (304, ""))
         self.assertIn("earlier", self.ask(daemon, "/docs/0.0/index.html")[2])
         for path in ("/docs/secret.txt", "/docs/link.html", "/docs/../store.db", "/docs/%2e%2e/store.db",
-                     f"/docs/{version}/none.html", f"/docs/{version}", "/docs//etc/passwd",
+                     f"/docs/{VERSION}/none.html", "/docs//etc/passwd", "/docs/0.1/none.html",
+                     "/docs/0.0/policies/GUIDE.html", "/docs/./index.html", "/docs/1../index.html",
                      "/docs/" + "a/" * 1000):
             self.assertIn(self.ask(daemon, path)[0], (400, 404, 414), path)
-        (folder / version / "index.html").write_text("changed")
-        self.assertNotIn("changed", self.ask(daemon, f"/docs/{version}/index.html")[2])
+        (folder / VERSION / "index.html").write_text("changed")
+        self.assertNotIn("changed", self.ask(daemon, f"/docs/{VERSION}/index.html")[2])
 
     def test_without_a_site_it_says_how_to_make_one(self):
         daemon = self.serve(ROOT / "nothing")
