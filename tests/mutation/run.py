@@ -7,21 +7,16 @@ line for each; exit status 1 if one survives, or no longer fits its file.
 
 Use: run.py --build build/asan [WORD ...]   only mutants with one of the words in their line
      run.py --fits                          only whether each still has its place in its file
-     run.py --every 50 [--first K]          instead every 50th, from the Kth on, of all that operators.py makes
-                                            of scoring/ and server/scheduler/"""
+sweep.py tries those that operators.py makes."""
 
 import argparse
 import concurrent.futures
-import json
-import os
 import pathlib
-import re
-import shlex
-import subprocess
 import sys
 import tempfile
 
 import operators
+import trial
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 STORE, ENGINE = "server/store/", "server/engine/"
@@ -118,125 +113,59 @@ MUTANTS = [
 ]
 
 
-def commands(build):
-    """Source -> (the file that is compiled with it in it, its command); target -> its link
-    command. A build may compile many sources together, in a file that includes them."""
-    compdb = json.loads(subprocess.check_output(["ninja", "-C", build, "-t", "compdb"], text=True))
-    compiles = {}
-    for entry in compdb:
-        if " -c " not in entry["command"]:
-            continue
-        unit = pathlib.Path(build, entry["file"])
-        compiles[str(unit)] = (unit, entry["command"])
-        if "/Unity/" in str(unit):
-            for source in re.findall(r'#include "([^"]+)"', unit.read_text()):
-                compiles[source] = (unit, entry["command"])
-    links = {}
-    for target in {mutant[0] for mutant in MUTANTS} | set(operators.AREAS.values()):
-        out = subprocess.check_output(["ninja", "-C", build, "-t", "commands", "-s",
-                                       f"tests/{target}"], text=True)
-        links[target] = out.strip().splitlines()[-1]
-    return compiles, links
-
-
-def compile_mutant(source, changed, folder, build, compiles):
-    """Makes folder/mutant.o with the changed text in place of the source; "" or what is wrong."""
-    unit, command = compiles[str(source)]
-    mutant = folder / "mutant.cc"
-    mutant.write_text(changed)
-    if unit != source:
-        together = folder / "together.cc"
-        together.write_text(unit.read_text().replace(f'"{source}"', f'"{mutant}"'))
-        mutant = together
-    words = shlex.split(command)
-    words[words.index("-c") + 1] = str(mutant)
-    words[words.index("-o") + 1] = f"{folder}/mutant.o"
-    for option in ("-MF", "-MT"):
-        if option in words:
-            words[words.index(option) + 1] = f"{folder}/mutant.d"
-    # Unused names are no mistake of a mutant's, and sanitizers look for none.
-    words += ["-O0", "-w", "-fno-sanitize=all"]
-    done = subprocess.run(words, cwd=build, capture_output=True, text=True, check=False)
-    return "" if done.returncode == 0 else done.stderr[:2000]
-
-
-def try_mutant(mutant, build, compiles, links):
+def try_mutant(mutant, build):
     """"killed", or what is wrong."""
-    target, tests, file, text, instead = mutant
+    program, tests, file, text, instead = mutant
     source = ROOT / file
     if source.read_text().count(text) != 1:
         return f"the text is there {source.read_text().count(text)} times"
-    return try_change(target, tests, source, source.read_text().replace(text, instead), build, compiles,
-                      links)
-
-
-def try_made(mutant, build, compiles, links):
-    """The same of a mutant of operators.py; one that does not compile is none."""
-    target, file, number, _, changed = mutant
-    lines = (ROOT / file).read_text().split("\n")
-    lines[number] = changed
-    result = try_change(target, "*", ROOT / file, "\n".join(lines), build, compiles, links)
-    return "no code" if result.startswith("does not compile") else result
-
-
-def try_change(target, tests, source, changed, build, compiles, links):
-    """What the test program says with the changed text in place of the source."""
     with tempfile.TemporaryDirectory() as folder:
-        wrong = compile_mutant(source, changed, pathlib.Path(folder), build, compiles)
+        wrong = build.compile(source, source.read_text().replace(text, instead), pathlib.Path(folder))
         if wrong:
             return "does not compile: " + wrong
-        # An object before the archives: the archive's own is not asked for any more.
-        link = links[target].replace(" -o ", f" {folder}/mutant.o -o ", 1)
-        words = shlex.split(link.removeprefix(": && ").removesuffix(" && :"))
-        words[words.index("-o") + 1] = f"{folder}/test"
-        done = subprocess.run(words, cwd=build, capture_output=True, text=True, check=False)
-        if done.returncode:
-            return "does not link: " + done.stderr[:2000]
-        try:
-            # The one object without a sanitizer does not mark its containers' ends.
-            done = subprocess.run([f"{folder}/test", f"--gtest_filter={tests}"], cwd=folder,
-                                  capture_output=True, text=True, timeout=600, check=False,
-                                  env={**os.environ,
-                                       "ASAN_OPTIONS": "detect_container_overflow=0",
-                                       "RC_PARAMS": "max_success=150"})
-        except subprocess.TimeoutExpired:
-            return "killed"
-        return "killed" if done.returncode else "SURVIVES"
+        wrong = build.link(program, folder)
+        if wrong:
+            return "does not link: " + wrong
+        # The one object without a sanitizer does not mark its containers' ends.
+        result = trial.run(folder, [f"--gtest_filter={tests}"],
+                           {"ASAN_OPTIONS": "detect_container_overflow=0", "RC_PARAMS": "max_success=150"},
+                           seconds=600, limited=False)
+        return "killed" if result == "timeout" else result
 
 
 def misfits():
-    """The mutants whose text is not in their file, or there more than once."""
+    """What no longer fits the sources: a line for each mutant whose text is not in its file, or there more than once,
+    and for each entry of equal.json that names no mutant."""
     texts = {mutant[2]: (ROOT / mutant[2]).read_text(encoding="utf-8") for mutant in MUTANTS}
-    return [mutant for mutant in MUTANTS if texts[mutant[2]].count(mutant[3]) != 1]
+    wrong = [f"{mutant[2]} does not have once: {mutant[3]}"
+             for mutant in MUTANTS if texts[mutant[2]].count(mutant[3]) != 1]
+    made = {(file, line.strip(), changed.strip()) for _, file, _, line, changed in operators.every_mutant()}
+    wrong += [f"equal.json: no mutant of {file} is: {line}  ->  {changed}"
+              for file, line, changed in operators.equal_ones() if (file, line, changed) not in made]
+    return wrong
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", default="build/asan", help="a build folder with the tests in it")
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--every", type=int, help="try every Nth mutant of operators.py instead")
-    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("words", nargs="*")
     parser.add_argument("--fits", action="store_true")
     options = parser.parse_args()
     if options.fits:
-        for mutant in misfits():
-            print(f"{mutant[2]} does not have once: {mutant[3]}")
-        return 1 if misfits() else 0
-    build = str((ROOT / options.build).resolve())
-    compiles, links = commands(build)
-    if options.every:
-        wanted, attempt = operators.sample(options.every, options.first), try_made
-        describe = lambda m: f"{m[1]}:{m[2] + 1}: {m[3].strip()}  ->  {m[4].strip()}"
-    else:
-        wanted = [m for m in MUTANTS if not options.words or any(w in " ".join(m) for w in options.words)]
-        attempt, describe = try_mutant, lambda m: f"{m[2]}: {' '.join(m[3].split())[:90]}"
+        wrong = misfits()
+        print("\n".join(wrong) or "Each fits.")
+        return 1 if wrong else 0
+    wanted = [m for m in MUTANTS if not options.words or any(w in " ".join(m) for w in options.words)]
+    # Sanitizers look for no mistakes in a mutant.
+    build = trial.Build((ROOT / options.build).resolve(), {mutant[0] for mutant in wanted},
+                        extra=("-O0", "-fno-sanitize=all"))
     alive = 0
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
-        results = pool.map(lambda m: attempt(m, build, compiles, links), wanted)
+        results = pool.map(lambda m: try_mutant(m, build), wanted)
         for mutant, result in zip(wanted, results):
-            print(f"{result:8} {describe(mutant)}", flush=True)
-            alive += result not in ("killed", "no code")
+            print(f"{result:8} {mutant[2]}: {' '.join(mutant[3].split())[:90]}", flush=True)
+            alive += result != "killed"
     print(f"{len(wanted) - alive} of {len(wanted)} mutants are killed")
     return 1 if alive else 0
 
