@@ -29,8 +29,8 @@ struct Hinge {
 struct Link {
   Eigen::Vector3d place;  // m, in the frame of the link before
   Eigen::Quaterniond turn;
-  std::vector<Hinge> hinges;  // the first one is the outermost
-  double mass = 0;            // kg
+  std::vector<Hinge> hinges;                          // the first one is the outermost
+  double mass = 0;                                    // kg
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();   // m, of the mass, in the link's frame
   Eigen::Vector3d inertia = Eigen::Vector3d::Zero();  // kg m^2 around that, about the frame's axes
 };

@@ -6,24 +6,25 @@
 namespace myograde::baseline {
 namespace {
 
-constexpr double kMostIntegral = 0.3;  // rad
+constexpr double kMostIntegral = 0.3;     // rad
 constexpr double kMostAcceleration = 60;  // rad/s^2, that is planned
-constexpr std::array<double, kChainAngles> kFriction = {1.05, 1.05, 1.05, 0.75, 0.5, 0.25, 0.25};  // N m s/rad
-constexpr double kHandWeight = 20;   // what torques of the hand's joints matter more
+constexpr std::array<double, kChainAngles> kFriction = {1.05, 1.05, 1.05, 0.75,
+                                                        0.5,  0.25, 0.25};  // N m s/rad
+constexpr double kHandWeight = 20;        // what torques of the hand's joints matter more
 constexpr double kHandTurnWeight = 0.12;  // m/rad, of the muscle hand
 constexpr double kPalmTurnWeight = 0.05;  // m/rad, of the prosthesis
 constexpr int kSolverSteps = 4;
-constexpr double kSagRate = 1.5;     // 1/s, how fast the servos' sag is made good
-constexpr double kMostSag = 0.4;     // rad
-constexpr double kSettle = 0.3;      // s more that a way may take
-constexpr double kNear = 0.015;      // m
-constexpr double kLifted = 0.03;     // m above where it stood
+constexpr double kSagRate = 1.5;      // 1/s, how fast the servos' sag is made good
+constexpr double kMostSag = 0.4;      // rad
+constexpr double kSettle = 0.3;       // s more that a way may take
+constexpr double kNear = 0.015;       // m
+constexpr double kLifted = 0.03;      // m above where it stood
 constexpr double kMostInHand = 0.08;  // m, from the grasp point to the middle of a held box
-constexpr double kPillar = 1.09;     // m, the tops of both
-constexpr double kStanding = 1.134;  // m, the middle of a standing box
+constexpr double kPillar = 1.09;      // m, the tops of both
+constexpr double kStanding = 1.134;   // m, the middle of a standing box
 constexpr double kHalfDepth = 0.014;  // m, from the box's origin to its middle
-constexpr size_t kArmAngles = 1, kProsthesisAngles = 77, kBox = 129, kGoalPlace = 145, kTouching = 148,
-                 kArmActivations = 153;
+constexpr size_t kArmAngles = 1, kProsthesisAngles = 77, kBox = 129, kGoalPlace = 145,
+                 kTouching = 148, kArmActivations = 153;
 // Where the independent joints stand among the observation's 38.
 constexpr size_t kElevationPlane = 10, kElevation = 11, kRotation = 13;
 // The postures whose orientations the plan's turns start from: the palm beside the box, and the
@@ -83,7 +84,6 @@ Reacher::Scene Reacher::SceneOf(std::span<const double, kReacherObservation> obs
                                 observation[kBox + 6]);
   scene.box = origin + turn * Eigen::Vector3d(0, 0, kHalfDepth);
   scene.goal = {observation[kGoalPlace], observation[kGoalPlace + 1], kPillar};
-  scene.held = observation[kTouching + 1] > 0;
   scene.on_goal = observation[kTouching + 3] > 0;
   for (int j = 0; j < kChainAngles; ++j) {
     scene.arm[j] = observation[kArmAngles + AngleOf(j)];
@@ -98,25 +98,38 @@ void Reacher::Begin(Phase phase, const Scene& scene) {
   hand_from_ = MuscleArm().Of(arm_);
   if (phase <= Phase::kAt) box_ = scene.box;
   if (phase == Phase::kAway) given_from_ = hand_from_;
-  palm_from_ = ProstheticArm().Of(first_ ? scene.prosthesis : prosthesis_);
+  // Until it carries the box, the prosthesis is on its one way to where it takes it.
+  if (first_ || phase >= Phase::kOver) palm_from_ = ProstheticArm().Of(prosthesis_);
   grip_from_ = grip_;
   take_from_ = take_;
 }
 
 double Reacher::Length() const {
   switch (phase_) {
-    case Phase::kBeside: return plan_.beside.time;
-    case Phase::kAt: return plan_.at.time;
-    case Phase::kClose: return plan_.close_time;
-    case Phase::kLift: return plan_.lift.time;
-    case Phase::kGive: return plan_.give.time;
-    case Phase::kTake: return plan_.take_time;
-    case Phase::kRelease: return plan_.release_time;
-    case Phase::kAway: return plan_.away.time;
-    case Phase::kOver: return plan_.over_time;
-    case Phase::kPut: return plan_.put_time;
-    case Phase::kOpen: return plan_.open_time;
-    case Phase::kLeave: return plan_.leave_time;
+    case Phase::kBeside:
+      return plan_.beside.time;
+    case Phase::kAt:
+      return plan_.at.time;
+    case Phase::kClose:
+      return plan_.close_time;
+    case Phase::kLift:
+      return plan_.lift.time;
+    case Phase::kGive:
+      return plan_.give.time;
+    case Phase::kTake:
+      return plan_.take_time;
+    case Phase::kRelease:
+      return plan_.release_time;
+    case Phase::kAway:
+      return plan_.away.time;
+    case Phase::kOver:
+      return plan_.over_time;
+    case Phase::kPut:
+      return plan_.put_time;
+    case Phase::kOpen:
+      return plan_.open_time;
+    case Phase::kLeave:
+      return plan_.leave_time;
   }
   return 0;
 }
@@ -137,8 +150,10 @@ Pose Reacher::HandGoal(const Scene& scene) const {
               ArmTurn(plan_.give.turn)};
     }
     case Phase::kTake:
-    case Phase::kRelease: return hand_from_;
-    default: return {given_from_.place + Vec(plan_.away.place), ArmTurn(plan_.away.turn)};
+    case Phase::kRelease:
+      return hand_from_;
+    default:
+      return {given_from_.place + Vec(plan_.away.place), ArmTurn(plan_.away.turn)};
   }
 }
 
@@ -154,8 +169,10 @@ void Reacher::Follow(const Scene& scene) {
     case Phase::kPut:
       if (scene.on_goal || late > 1) Begin(Phase::kOpen, scene);
       return;
-    case Phase::kLeave: return;
-    default: return Begin(static_cast<Phase>(static_cast<int>(phase_) + 1), scene);
+    case Phase::kLeave:
+      return;
+    default:
+      return Begin(static_cast<Phase>(static_cast<int>(phase_) + 1), scene);
   }
 }
 
@@ -169,40 +186,40 @@ void Reacher::AimArm(const Scene& scene, double share) {
   grip_ = grip_from_ + share * ((closed ? 1 : 0) - grip_from_);
 }
 
-void Reacher::AimProsthesis(const Scene& scene, double share) {
-  Pose goal{Vec(plan_.offer.place), PalmTurn(plan_.offer.turn)};
-  double way = share;
-  if (phase_ < Phase::kTake) way = Smooth(scene.time / plan_.offer.time);
-  if (phase_ >= Phase::kOver) {
-    const Pose palm = ProstheticArm().Of(scene.prosthesis);
-    const double height = phase_ == Phase::kOver ? plan_.over : plan_.put;
-    goal.turn = palm_from_.turn;
-    if (phase_ == Phase::kOpen) {
-      goal.place = palm_from_.place;
-    } else if (phase_ == Phase::kLeave) {
-      goal.place = palm_from_.place + Vec(plan_.leave);
-    } else {
-      // The box is carried to where it shall be, wherever in the hand it is.
-      goal.place = palm.place + scene.goal + Eigen::Vector3d(0, 0, height) - scene.box;
+Pose Reacher::PalmGoal(const Scene& scene) const {
+  switch (phase_) {
+    case Phase::kOver:
+    case Phase::kPut: {
+      // Wherever in the palm the box is, it is the box that goes there.
+      const double height = phase_ == Phase::kOver ? plan_.over : plan_.put;
+      const Eigen::Vector3d in_palm = ProstheticArm().Of(scene.prosthesis).place - scene.box;
+      return {scene.goal + Eigen::Vector3d(0, 0, height) + in_palm, palm_from_.turn};
     }
+    case Phase::kOpen:
+      return palm_from_;
+    case Phase::kLeave:
+      return {palm_from_.place + Vec(plan_.leave), palm_from_.turn};
+    default:
+      return {Vec(plan_.offer.place), PalmTurn(plan_.offer.turn)};
   }
-  const Pose now = phase_ < Phase::kOver ? goal : Between(palm_from_, goal, way);
-  const ChainAngles from = first_ ? scene.prosthesis : prosthesis_;
-  prosthesis_ = from;
+}
+
+void Reacher::AimProsthesis(const Scene& scene, double share) {
+  const double way = phase_ < Phase::kOver ? Smooth(scene.time / plan_.offer.time) : share;
+  const Pose goal = Between(palm_from_, PalmGoal(scene), way);
   for (int i = 0; i < kSolverSteps; ++i) {
-    prosthesis_ = ProstheticArm().Nearer(prosthesis_, now, kPalmTurnWeight, kPalmInFront);
+    prosthesis_ = ProstheticArm().Nearer(prosthesis_, goal, kPalmTurnWeight, kPalmInFront);
   }
   for (int j = 0; j < kChainAngles; ++j) {
-    sag_[j] = std::clamp(
-        sag_[j] + kSagRate * kArmControlStep * (prosthesis_[j] - scene.prosthesis[j]), -kMostSag,
-        kMostSag);
+    sag_[j] =
+        std::clamp(sag_[j] + kSagRate * kArmControlStep * (prosthesis_[j] - scene.prosthesis[j]),
+                   -kMostSag, kMostSag);
   }
   const bool taken = phase_ >= Phase::kTake && phase_ < Phase::kOpen;
   take_ = take_from_ + share * ((taken ? 1 : 0) - take_from_);
 }
 
-ArmTorques Reacher::WantedTorques(const ArmState& state, double share, ArmTorques& weight) {
-  (void)share;
+ArmTorques Reacher::WantedTorques(const ArmState& state, ArmTorques& weight) {
   ArmTorques torques = WeightTorques(state);
   weight.fill(1);
   ChainAngles angles{};
@@ -220,8 +237,8 @@ ArmTorques Reacher::WantedTorques(const ArmState& state, double share, ArmTorque
     sum_[j] = std::clamp(sum_[j] + plan_.integral * error * kArmControlStep, -kMostIntegral,
                          kMostIntegral);
     const double damping = 2 * plan_.damping * std::sqrt(plan_.stiffness[j] * inertia(j, j));
-    torques[j] += plan_.stiffness[j] * (error + sum_[j]) +
-                  damping * (speed - state.velocities[j]) + kFriction[j] * state.velocities[j];
+    torques[j] += plan_.stiffness[j] * (error + sum_[j]) + damping * (speed - state.velocities[j]) +
+                  kFriction[j] * state.velocities[j];
   }
   const Eigen::Matrix<double, kChainAngles, 1> planned = inertia * acceleration;
   for (int j = 0; j < kChainAngles; ++j) torques[j] += planned[j];
@@ -249,6 +266,7 @@ void Reacher::Act(std::span<const double, kReacherObservation> observation,
   Scene scene = SceneOf(observation);
   if (first_) {
     arm_ = scene.arm;
+    prosthesis_ = scene.prosthesis;
     Begin(Phase::kBeside, scene);
   }
   Follow(scene);
@@ -256,21 +274,12 @@ void Reacher::Act(std::span<const double, kReacherObservation> observation,
   AimArm(scene, share);
   AimProsthesis(scene, share);
   ArmTorques weight;
-  const ArmTorques torques = WantedTorques(state, share, weight);
+  const ArmTorques torques = WantedTorques(state, weight);
   allocator_.Allocate(state, torques, weight, action.first<kArmMuscles>());
   for (int j = 0; j < kChainAngles; ++j) action[kArmMuscles + j] = prosthesis_[j] + sag_[j];
   for (int j = 0; j < kProsthesisHand; ++j) {
     action[kArmMuscles + kChainAngles + j] =
         plan_.offered[j] + take_ * (plan_.taken[j] - plan_.offered[j]);
-  }
-  if (getenv("DBG")) {
-    const Pose want = MuscleArm().Of(arm_), is = MuscleArm().Of(scene.arm), goal = Between(hand_from_, HandGoal(scene), share);
-    fprintf(stderr, "%.2f ph %d goal %.3f %.3f %.3f want %.3f %.3f %.3f is %.3f %.3f %.3f | dturn %.2f | err", scene.time, (int)phase_, goal.place.x(), goal.place.y(), goal.place.z(), want.place.x(), want.place.y(), want.place.z(), is.place.x(), is.place.y(), is.place.z(), want.turn.angularDistance(goal.turn));
-    for (int j = 0; j < 7; ++j) fprintf(stderr, " %.2f", arm_[j] - scene.arm[j]);
-    const ArmTorques got = MuscleTorques(state);
-    fprintf(stderr, " | tq");
-    for (int j = 0; j < 7; ++j) fprintf(stderr, " %.1f/%.1f", torques[j], got[j]);
-    fprintf(stderr, "\n");
   }
   first_ = false;
 }

@@ -21,12 +21,12 @@ inline constexpr int kHandJoints = kArmJoints - kChainAngles;  // four of thumb 
 inline constexpr int kProsthesis = 17;                         // servos
 inline constexpr int kProsthesisHand = kProsthesis - kChainAngles;
 
-using HandAngles = std::array<double, kHandJoints>;           // rad
+using HandAngles = std::array<double, kHandJoints>;          // rad
 using ProsthesisHand = std::array<double, kProsthesisHand>;  // rad
 
 // A pose of a hand: in the world or beside something, as its user says.
 struct HandPlan {
-  double time = 0;                          // s, that the way there takes
+  double time = 0;                        // s, that the way there takes
   std::array<double, 3> place{}, turn{};  // m; rotation vector in rad from the arm's nominal pose
 };
 
@@ -47,8 +47,8 @@ struct ReacherPlan {
   HandPlan away;            // from `give`
   HandPlan offer;           // the prosthesis, in the world
   ProsthesisHand offered{}, taken{};
-  double over = 0, put = 0;            // m, of the box's middle above the goal pillar
-  std::array<double, 3> leave{};       // m, from there
+  double over = 0, put = 0;       // m, of the box's middle above the goal pillar
+  std::array<double, 3> leave{};  // m, from there
   double over_time = 0, put_time = 0, open_time = 0, leave_time = 0;  // s
 };
 
@@ -65,12 +65,25 @@ class Reacher {
   static constexpr double kArmEffort = 0.05;  // squared N m for a fully active muscle
 
   // What is done one after the other. A box that is not lifted is gone for again.
-  enum class Phase { kBeside, kAt, kClose, kLift, kGive, kTake, kRelease, kAway, kOver, kPut, kOpen, kLeave };
+  enum class Phase {
+    kBeside,
+    kAt,
+    kClose,
+    kLift,
+    kGive,
+    kTake,
+    kRelease,
+    kAway,
+    kOver,
+    kPut,
+    kOpen,
+    kLeave
+  };
 
   struct Scene {
-    double time = 0;  // s
+    double time = 0;            // s
     Eigen::Vector3d box, goal;  // m: the box's middle, the middle of the pillar's top
-    bool on_goal = false, held = false;  // the box touches the goal, the prosthesis
+    bool on_goal = false;       // the box touches the goal pillar
     ChainAngles arm{}, prosthesis{};
   };
 
@@ -79,19 +92,20 @@ class Reacher {
   void Follow(const Scene& scene);  // the next phase, when this one is done
   double Length() const;            // s, of the phase
   Pose HandGoal(const Scene& scene) const;
+  Pose PalmGoal(const Scene& scene) const;
   void AimArm(const Scene& scene, double share);
   void AimProsthesis(const Scene& scene, double share);
-  ArmTorques WantedTorques(const ArmState& state, double share, ArmTorques& weight);
+  ArmTorques WantedTorques(const ArmState& state, ArmTorques& weight);
 
   ReacherPlan plan_;
   ArmAllocator allocator_;
   Phase phase_ = Phase::kBeside;
-  double began_ = 0;             // s, when the phase did
-  Eigen::Vector3d box_;          // m, where it was before the hand came to it
-  Pose hand_from_, palm_from_, given_from_;   // where the hands were then
+  double began_ = 0;                         // s, when the phase did
+  Eigen::Vector3d box_;                      // m, where it was before the hand came to it
+  Pose hand_from_, palm_from_, given_from_;  // where the hands were then
   double grip_from_ = 0, grip_ = 0, take_from_ = 0, take_ = 0;  // 0: open, 1: closed
-  ChainAngles arm_{}, last_arm_{}, last_speed_{};  // targets in rad, rad/s
-  ChainAngles sum_{};                              // rad
+  ChainAngles arm_{}, last_arm_{}, last_speed_{};               // targets in rad, rad/s
+  ChainAngles sum_{};                                           // rad
   ChainAngles prosthesis_{}, sag_{};                            // targets and corrections in rad
   std::array<double, kArmJoints> last_angles_{};
   bool first_ = true;

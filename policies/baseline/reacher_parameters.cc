@@ -153,7 +153,8 @@ struct Table {
 const Table& Parameters() {
   static const Table table = [] {
     Table out;
-    const auto next = [&out](const std::string& name, double start, double deviation, double low, double high) {
+    const auto next = [&out](const std::string& name, double start, double deviation, double low,
+                             double high) {
       out.names.push_back(name);
       out.infos.push_back({out.names.back().c_str(), start, deviation, low, high});
       return start;
