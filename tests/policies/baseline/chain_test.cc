@@ -57,7 +57,7 @@ class ChainTest : public testing::Test {
     double ratio;
   };
 
-  decltype(sim::LoadModel(sim::ManipulationModel(), "").value()) model_;
+  sim::ModelPtr model_;
   sim::DataPtr data_;
   std::array<int, kChainAngles> joint_{};
   std::vector<Coupled> coupled_;
