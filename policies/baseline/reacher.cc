@@ -1,103 +1,285 @@
 #include "policies/baseline/reacher.h"
 
 #include <algorithm>
-#include <utility>
+#include <cmath>
 
 namespace myograde::baseline {
 namespace {
 
-constexpr double kArmEffort = 0.05;  // squared N m for a fully active muscle
-constexpr double kMostIntegral = 6;  // N m
-constexpr double kHandWeight = 20;   // what torques of the hand's joints matter more
-constexpr size_t kArmAngles = 1, kProsthesisAngles = 77, kStart = 142, kGoal = 145,
-                 kArmActivations = 153;
-constexpr std::array<double, 2> kStartMiddle = {-0.4, -0.25}, kGoalMiddle = {0.4, -0.25};  // m
+constexpr double kMostIntegral = 0.3;     // rad
+constexpr double kMostAcceleration = 60;  // rad/s^2, that is planned
+constexpr std::array<double, kChainAngles> kFriction = {1.05, 1.05, 1.05, 0.75,
+                                                        0.5,  0.25, 0.25};  // N m s/rad
+constexpr double kHandWeight = 20;        // what torques of the hand's joints matter more
+constexpr double kHandTurnWeight = 0.12;  // m/rad, of the muscle hand
+constexpr double kPalmTurnWeight = 0.05;  // m/rad, of the prosthesis
+constexpr int kSolverSteps = 4;
+constexpr double kSagRate = 1.5;      // 1/s, how fast the servos' sag is made good
+constexpr double kMostSag = 0.4;      // rad
+constexpr double kSettle = 0.3;       // s more that a way may take
+constexpr double kNear = 0.015;       // m
+constexpr double kLifted = 0.03;      // m above where it stood
+constexpr double kMostInHand = 0.08;  // m, from the grasp point to the middle of a held box
+constexpr double kPillar = 1.09;      // m, the tops of both
+constexpr double kStanding = 1.134;   // m, the middle of a standing box
+constexpr double kHalfDepth = 0.014;  // m, from the box's origin to its middle
+constexpr size_t kArmAngles = 1, kProsthesisAngles = 77, kBox = 129, kGoalPlace = 145,
+                 kTouching = 148, kArmActivations = 153;
 // Where the independent joints stand among the observation's 38.
 constexpr size_t kElevationPlane = 10, kElevation = 11, kRotation = 13;
-// The joints of the servos among the observation's 26 of the prosthesis.
-constexpr std::array<size_t, kProsthesis> kServoJoints = {0, 1,  2,  3,  4,  5,  6,  7, 8,
-                                                          9, 10, 11, 12, 15, 19, 22, 23};
+// The postures whose orientations the plan's turns start from: the palm beside the box, and the
+// prosthesis' palm towards the body, its fingers to the right.
+constexpr ChainAngles kPalmBeside = {0.63, 0.72, -0.46, 0.77, 0.44, 0.19, 0.7};
+constexpr ChainAngles kPalmInFront = {0.85, -0.1, 1.05, 1.2, 0.85, -0.1, 0.4};
 
-size_t Place(int joint) {
+size_t AngleOf(int joint) {
   if (joint == 0) return kElevationPlane;
   return joint == 1 ? kElevation : kRotation + static_cast<size_t>(joint) - 2;
 }
 
-// A way from 0 to 1 without jumps of its speed.
+// A way from 0 to 1 without jumps of its acceleration.
 double Smooth(double x) {
   const double t = std::clamp(x, 0.0, 1.0);
-  return t * t * (3 - 2 * t);
+  return t * t * t * (10 - 15 * t + 6 * t * t);
+}
+
+Eigen::Vector3d Vec(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
+
+Eigen::Quaterniond Turned(const std::array<double, 3>& turn, const Eigen::Quaterniond& nominal) {
+  const Eigen::Vector3d v = Vec(turn);
+  const double angle = v.norm();
+  if (angle < 1e-9) return nominal;
+  return Eigen::Quaterniond(Eigen::AngleAxisd(angle, v / angle)) * nominal;
+}
+
+Eigen::Quaterniond ArmTurn(const std::array<double, 3>& turn) {
+  static const Eigen::Quaterniond nominal = MuscleArm().Of(kPalmBeside).turn;
+  return Turned(turn, nominal);
+}
+
+Eigen::Quaterniond PalmTurn(const std::array<double, 3>& turn) {
+  static const Eigen::Quaterniond nominal = ProstheticArm().Of(kPalmInFront).turn;
+  return Turned(turn, nominal);
+}
+
+Pose Between(const Pose& from, const Pose& to, double share) {
+  return {from.place + share * (to.place - from.place), from.turn.slerp(share, to.turn)};
 }
 
 }  // namespace
 
-Reacher::Reacher(ReacherPlan plan) : plan_(std::move(plan)), allocator_(kArmEffort) {}
-
 void Reacher::Reset() {
   first_ = true;
   sum_.fill(0);
+  sag_.fill(0);
+  grip_ = take_ = 0;
   allocator_.Reset();
+}
+
+Reacher::Scene Reacher::SceneOf(std::span<const double, kReacherObservation> observation) {
+  Scene scene;
+  scene.time = observation[0];
+  const Eigen::Map<const Eigen::Vector3d> origin(&observation[kBox]);
+  const Eigen::Quaterniond turn(observation[kBox + 3], observation[kBox + 4], observation[kBox + 5],
+                                observation[kBox + 6]);
+  scene.box = origin + turn * Eigen::Vector3d(0, 0, kHalfDepth);
+  scene.goal = {observation[kGoalPlace], observation[kGoalPlace + 1], kPillar};
+  scene.on_goal = observation[kTouching + 3] > 0;
+  for (int j = 0; j < kChainAngles; ++j) {
+    scene.arm[j] = observation[kArmAngles + AngleOf(j)];
+    scene.prosthesis[j] = observation[kProsthesisAngles + j];
+  }
+  return scene;
+}
+
+void Reacher::Begin(Phase phase, const Scene& scene) {
+  phase_ = phase;
+  began_ = scene.time;
+  hand_from_ = MuscleArm().Of(arm_);
+  if (phase <= Phase::kAt) box_ = scene.box;
+  if (phase == Phase::kAway) given_from_ = hand_from_;
+  // Until it carries the box, the prosthesis is on its one way to where it takes it.
+  if (first_ || phase >= Phase::kOver) palm_from_ = ProstheticArm().Of(prosthesis_);
+  grip_from_ = grip_;
+  take_from_ = take_;
+}
+
+double Reacher::Length() const {
+  switch (phase_) {
+    case Phase::kBeside:
+      return plan_.beside.time;
+    case Phase::kAt:
+      return plan_.at.time;
+    case Phase::kClose:
+      return plan_.close_time;
+    case Phase::kLift:
+      return plan_.lift.time;
+    case Phase::kGive:
+      return plan_.give.time;
+    case Phase::kTake:
+      return plan_.take_time;
+    case Phase::kRelease:
+      return plan_.release_time;
+    case Phase::kAway:
+      return plan_.away.time;
+    case Phase::kOver:
+      return plan_.over_time;
+    case Phase::kPut:
+      return plan_.put_time;
+    case Phase::kOpen:
+      return plan_.open_time;
+    case Phase::kLeave:
+      return plan_.leave_time;
+  }
+  return 0;
+}
+
+Pose Reacher::HandGoal(const Scene& scene) const {
+  switch (phase_) {
+    case Phase::kBeside:
+      return {scene.box + Vec(plan_.beside.place), ArmTurn(plan_.beside.turn)};
+    case Phase::kAt:
+    case Phase::kClose:
+      return {box_ + Vec(plan_.at.place), ArmTurn(plan_.at.turn)};
+    case Phase::kLift:
+      return {hand_from_.place + Vec(plan_.lift.place), ArmTurn(plan_.lift.turn)};
+    case Phase::kGive: {
+      // Wherever in the hand the box is, it is the box that goes there.
+      const Eigen::Vector3d in_hand = MuscleArm().Of(scene.arm).place - scene.box;
+      return {Vec(plan_.give.place) + in_hand * std::min(1.0, kMostInHand / in_hand.norm()),
+              ArmTurn(plan_.give.turn)};
+    }
+    case Phase::kTake:
+    case Phase::kRelease:
+      return hand_from_;
+    default:
+      return {given_from_.place + Vec(plan_.away.place), ArmTurn(plan_.away.turn)};
+  }
+}
+
+void Reacher::Follow(const Scene& scene) {
+  const double late = scene.time - began_ - Length();
+  if (late < 0) return;
+  const bool there = (MuscleArm().Of(scene.arm).place - HandGoal(scene).place).norm() < kNear;
+  const bool moves = phase_ == Phase::kBeside || phase_ == Phase::kAt || phase_ == Phase::kGive;
+  if (moves && !there && late < kSettle) return;
+  switch (phase_) {
+    case Phase::kLift:
+      return Begin(scene.box.z() > kStanding + kLifted ? Phase::kGive : Phase::kBeside, scene);
+    case Phase::kPut:
+      if (scene.on_goal || late > 1) Begin(Phase::kOpen, scene);
+      return;
+    case Phase::kLeave:
+      return;
+    default:
+      return Begin(static_cast<Phase>(static_cast<int>(phase_) + 1), scene);
+  }
+}
+
+void Reacher::AimArm(const Scene& scene, double share) {
+  Pose goal = Between(hand_from_, HandGoal(scene), share);
+  if (phase_ == Phase::kBeside) goal.place.z() += 4 * share * (1 - share) * plan_.hop;
+  for (int i = 0; i < kSolverSteps; ++i) {
+    arm_ = MuscleArm().Nearer(arm_, goal, kHandTurnWeight, kPalmBeside);
+  }
+  const bool closed = phase_ >= Phase::kClose && phase_ < Phase::kRelease;
+  grip_ = grip_from_ + share * ((closed ? 1 : 0) - grip_from_);
+}
+
+Pose Reacher::PalmGoal(const Scene& scene) const {
+  switch (phase_) {
+    case Phase::kOver:
+    case Phase::kPut: {
+      // Wherever in the palm the box is, it is the box that goes there.
+      const double height = phase_ == Phase::kOver ? plan_.over : plan_.put;
+      const Eigen::Vector3d in_palm = ProstheticArm().Of(scene.prosthesis).place - scene.box;
+      return {scene.goal + Eigen::Vector3d(0, 0, height) + in_palm, palm_from_.turn};
+    }
+    case Phase::kOpen:
+      return palm_from_;
+    case Phase::kLeave:
+      return {palm_from_.place + Vec(plan_.leave), palm_from_.turn};
+    default:
+      return {Vec(plan_.offer.place), PalmTurn(plan_.offer.turn)};
+  }
+}
+
+void Reacher::AimProsthesis(const Scene& scene, double share) {
+  const double way = phase_ < Phase::kOver ? Smooth(scene.time / plan_.offer.time) : share;
+  const Pose goal = Between(palm_from_, PalmGoal(scene), way);
+  for (int i = 0; i < kSolverSteps; ++i) {
+    prosthesis_ = ProstheticArm().Nearer(prosthesis_, goal, kPalmTurnWeight, kPalmInFront);
+  }
+  for (int j = 0; j < kChainAngles; ++j) {
+    sag_[j] =
+        std::clamp(sag_[j] + kSagRate * kArmControlStep * (prosthesis_[j] - scene.prosthesis[j]),
+                   -kMostSag, kMostSag);
+  }
+  const bool taken = phase_ >= Phase::kTake && phase_ < Phase::kOpen;
+  take_ = take_from_ + share * ((taken ? 1 : 0) - take_from_);
+}
+
+ArmTorques Reacher::WantedTorques(const ArmState& state, ArmTorques& weight) {
+  ArmTorques torques = WeightTorques(state);
+  weight.fill(1);
+  ChainAngles angles{};
+  std::copy_n(state.angles.begin(), kChainAngles, angles.begin());
+  const ChainInertia inertia = MuscleArm().Inertia(angles);
+  Eigen::Matrix<double, kChainAngles, 1> acceleration;
+  for (int j = 0; j < kChainAngles; ++j) {
+    const double speed = first_ ? 0 : (arm_[j] - last_arm_[j]) / kArmControlStep;
+    acceleration[j] = first_ ? 0
+                             : std::clamp((speed - last_speed_[j]) / kArmControlStep,
+                                          -kMostAcceleration, kMostAcceleration);
+    last_arm_[j] = arm_[j];
+    last_speed_[j] = speed;
+    const double error = arm_[j] - angles[j];
+    sum_[j] = std::clamp(sum_[j] + plan_.integral * error * kArmControlStep, -kMostIntegral,
+                         kMostIntegral);
+    const double damping = 2 * plan_.damping * std::sqrt(plan_.stiffness[j] * inertia(j, j));
+    torques[j] += plan_.stiffness[j] * (error + sum_[j]) + damping * (speed - state.velocities[j]) +
+                  kFriction[j] * state.velocities[j];
+  }
+  const Eigen::Matrix<double, kChainAngles, 1> planned = inertia * acceleration;
+  for (int j = 0; j < kChainAngles; ++j) torques[j] += planned[j];
+  for (int j = kChainAngles; j < kArmJoints; ++j) {
+    const int k = j - kChainAngles;
+    const double target = plan_.open[k] + grip_ * (plan_.closed[k] - plan_.open[k]);
+    torques[j] = plan_.hand_stiffness * (target - state.angles[j]) -
+                 plan_.hand_damping * state.velocities[j];
+    weight[j] = kHandWeight;
+  }
+  return torques;
 }
 
 void Reacher::Act(std::span<const double, kReacherObservation> observation,
                   std::span<double, kReacherAction> action) {
   ArmState state;
   for (int j = 0; j < kArmJoints; ++j) {
-    state.angles[j] = observation[kArmAngles + Place(j)];
+    state.angles[j] = observation[kArmAngles + AngleOf(j)];
     // Differences of angles: the profiles give velocities in different units.
     if (!first_) state.velocities[j] = (state.angles[j] - last_angles_[j]) / kArmControlStep;
   }
   for (size_t i = 0; i < kArmMuscles; ++i) state.activation[i] = observation[kArmActivations + i];
   last_angles_ = state.angles;
+
+  Scene scene = SceneOf(observation);
   if (first_) {
-    places_ = {1, observation[kStart] - kStartMiddle[0], observation[kStart + 1] - kStartMiddle[1],
-               observation[kGoal] - kGoalMiddle[0], observation[kGoal + 1] - kGoalMiddle[1]};
-    std::copy_n(state.angles.begin(), kCarrying, first_angles_.begin());
-    for (int i = 0; i < kProsthesis; ++i) {
-      first_prosthesis_[i] = observation[kProsthesisAngles + kServoJoints[i]];
-    }
+    arm_ = scene.arm;
+    prosthesis_ = scene.prosthesis;
+    Begin(Phase::kBeside, scene);
   }
-
-  // Where both arms should be now: between two way points, the first of which is the start.
-  const double time = observation[0];
-  size_t next = 0;
-  while (next + 1 < plan_.way.size() && time >= plan_.way[next].time) ++next;
-  const WayPoint& to = plan_.way[next];
-  const WayPoint* from = next == 0 ? nullptr : &plan_.way[next - 1];
-  const double began = from == nullptr ? 0 : from->time;
-  const double share = Smooth((time - began) / std::max(to.time - began, kArmControlStep));
-  const auto angle = [this](const WayPoint& point, int joint) {
-    double sum = 0;
-    for (int k = 0; k < kPlaces; ++k) sum += point.arm[joint][k] * places_[k];
-    return sum;
-  };
-
-  ArmTorques goal = WeightTorques(state);
+  Follow(scene);
+  const double share = Smooth((scene.time - began_) / std::max(Length(), kArmControlStep));
+  AimArm(scene, share);
+  AimProsthesis(scene, share);
   ArmTorques weight;
-  weight.fill(1);
-  for (int j = 0; j < kCarrying; ++j) {
-    const double before = from == nullptr ? first_angles_[j] : angle(*from, j);
-    const double target = before + share * (angle(to, j) - before);
-    const double speed = first_ ? 0 : (target - last_target_[j]) / kArmControlStep;
-    last_target_[j] = target;
-    const double error = target - state.angles[j];
-    sum_[j] = std::clamp(sum_[j] + plan_.integral[j] * error * kArmControlStep, -kMostIntegral,
-                         kMostIntegral);
-    goal[j] +=
-        plan_.stiffness[j] * error + plan_.damping[j] * (speed - state.velocities[j]) + sum_[j];
-  }
-  const double grip = (from == nullptr ? 0 : from->grip) * (1 - share) + to.grip * share;
-  for (int j = kCarrying; j < kArmJoints; ++j) {
-    const double target = plan_.open[j - kCarrying] +
-                          grip * (plan_.closed[j - kCarrying] - plan_.open[j - kCarrying]);
-    goal[j] = plan_.hand_stiffness * (target - state.angles[j]) -
-              plan_.hand_damping * state.velocities[j];
-    weight[j] = kHandWeight;
-  }
-  allocator_.Allocate(state, goal, weight, action.first<kArmMuscles>());
-  for (int i = 0; i < kProsthesis; ++i) {
-    const double before = from == nullptr ? first_prosthesis_[i] : from->prosthesis[i];
-    action[kArmMuscles + i] = before + share * (to.prosthesis[i] - before);
+  const ArmTorques torques = WantedTorques(state, weight);
+  allocator_.Allocate(state, torques, weight, action.first<kArmMuscles>());
+  for (int j = 0; j < kChainAngles; ++j) action[kArmMuscles + j] = prosthesis_[j] + sag_[j];
+  for (int j = 0; j < kProsthesisHand; ++j) {
+    action[kArmMuscles + kChainAngles + j] =
+        plan_.offered[j] + take_ * (plan_.taken[j] - plan_.offered[j]);
   }
   first_ = false;
 }

@@ -15,15 +15,9 @@ struct Range {
   double low, high;  // rad
 };
 
-constexpr std::array<Range, kCarrying> kJoints = {{
-    {"elevation_plane", -1.6, 2.27},
-    {"elevation", 0, 3.14},
-    {"rotation", -1.57, 2.1},
-    {"elbow", 0, 2.27},
-    {"pronation", -1.57, 1.57},
-    {"deviation", -0.18, 0.44},
-    {"wrist", -0.79, 0.79},
-}};
+constexpr std::array<const char*, kChainAngles> kJoints = {
+    "elevation_plane", "elevation", "rotation", "elbow", "pronation", "deviation", "wrist"};
+constexpr ChainAngles kStiffness = {200, 200, 50, 60, 12, 8, 8};  // N m/rad
 constexpr int kThumb = 4, kFinger = 4, kFingers = 4;  // joints, joints of each finger, fingers
 // The joints of the thumb, and those that all fingers share.
 constexpr std::array<Range, kThumb + kFinger> kHand = {{
@@ -37,82 +31,119 @@ constexpr std::array<Range, kThumb + kFinger> kHand = {{
     {"finger_tip", -0.2, 2.2},
 }};
 
-// What a way point depends on.
-enum class Depends { kNothing, kOnStart, kOnGoal };
-
-struct Phase {
-  const char* name;
-  Depends depends;
-  double grip;  // when it ends
-  bool stays;   // the arm stays where it was in the phase before
-};
-
-constexpr std::array<Phase, 9> kPhases = {{
-    {"beside", Depends::kOnStart, 0, false},
-    {"at", Depends::kOnStart, 0, false},
-    {"close", Depends::kOnStart, 1, true},
-    {"lift", Depends::kOnStart, 1, false},
-    {"carry", Depends::kNothing, 1, false},
-    {"over", Depends::kOnGoal, 1, false},
-    {"put", Depends::kOnGoal, 1, false},
-    {"open", Depends::kOnGoal, 0, true},
-    {"away", Depends::kOnGoal, 0, false},
+// The servos of the prosthesis' hand, in their order.
+constexpr std::array<Range, kProsthesisHand> kServos = {{
+    {"thumb_abduction", 0, 2.07},
+    {"thumb_base", 0, 1},
+    {"thumb_middle", 0, 1},
+    {"thumb_tip", -0.8, 1.28},
+    {"index_abduction", 0, 0.34},
+    {"index", 0, 1.57},
+    {"middle", 0, 1.57},
+    {"ring", 0, 1.57},
+    {"little_abduction", 0, 0.34},
+    {"little", 0, 1.57},
 }};
-// Shoulder, arm and wrist of the prosthesis beside its body; the hand is open.
-constexpr std::array<double, kProsthesis> kAside = {-0.4, -1.3, 0, 0.6};
-constexpr double kMostSlope = 12;  // rad/m
+constexpr ProsthesisHand kOffered = {1.47, 0, 0, 0, 0.1, 0.1, 0.3, 0.5, 0, 0.6};
+constexpr ProsthesisHand kTaken = {1.47, 0.5, 0.5, 0.2, 0.1, 0.9, 0.9, 1, 0, 1.1};
+
+struct Target {
+  const char* name;
+  double time;  // s
+  std::array<double, 3> place;
+  double reach;  // m, how far from there it may be
+};
 
 // Takes the plan's numbers one after the other: the order of this walk is that of the parameters.
 // `next(name, start, deviation, low, high)` is asked for each of them.
 template <typename Next>
-ReacherPlan Walk(Next next) {
-  ReacherPlan plan;
-  for (int j = 0; j < kCarrying; ++j) {
-    const std::string joint = kJoints[j].name;
-    const bool wrist = j >= 4;
-    plan.stiffness[j] = next("stiffness_" + joint, wrist ? 8 : 50, wrist ? 1 : 6, 0, 300);
-    plan.damping[j] = next("damping_" + joint, wrist ? 0.4 : 3, wrist ? 0.06 : 0.5, 0, 30);
-    plan.integral[j] = next("integral_" + joint, wrist ? 10 : 50, wrist ? 2 : 8, 0, 300);
+class Walk {
+ public:
+  explicit Walk(Next next) : next_(next) {}
+
+  ReacherPlan Plan() {
+    ReacherPlan plan;
+    Gains(plan);
+    plan.open = Hand("open_", false);
+    plan.closed = Hand("closed_", true);
+    plan.beside = Way({"beside", 0.6, {-0.12, 0.02, 0.03}, 0.1});
+    plan.hop = next_("beside_hop", 0.06, 0.02, 0, 0.2);
+    plan.at = Way({"at", 0.4, {-0.015, 0, 0}, 0.06});
+    plan.close_time = Time("close", 0.3);
+    plan.lift = Way({"lift", 0.5, {0.03, 0, 0.15}, 0.15});
+    plan.give = Way({"give", 0.8, {-0.09, -0.26, 1.22}, 0.2});
+    plan.take_time = Time("take", 1);
+    plan.release_time = Time("release", 0.4);
+    plan.away = Way({"away", 0.6, {-0.15, 0, -0.02}, 0.3});
+    plan.offer = Way({"offer", 1, {-0.04, -0.25, 1.2}, 0.2});
+    for (const bool taken : {false, true}) {
+      for (int i = 0; i < kProsthesisHand; ++i) {
+        (taken ? plan.taken : plan.offered)[i] =
+            next_(std::string(taken ? "taken_" : "offered_") + kServos[i].name,
+                  (taken ? kTaken : kOffered)[i], 0.15, kServos[i].low, kServos[i].high);
+      }
+    }
+    plan.over_time = Time("over", 0.8);
+    plan.over = next_("over_height", 0.12, 0.02, 0.05, 0.3);
+    plan.put_time = Time("put", 0.5);
+    plan.put = next_("put_height", 0.03, 0.01, -0.05, 0.15);
+    plan.open_time = Time("placed", 0.4);
+    plan.leave_time = Time("leave", 0.6);
+    constexpr std::array<double, 3> kBack = {0.12, 0, 0.03};
+    for (int i = 0; i < 3; ++i) {
+      plan.leave[i] = next_(std::string("leave_") + "xyz"[i], kBack[i], 0.03, -0.2, 0.3);
+    }
+    return plan;
   }
-  plan.hand_stiffness = next("hand_stiffness", 1.5, 0.3, 0, 20);
-  plan.hand_damping = next("hand_damping", 0.03, 0.006, 0, 1);
-  for (const bool closed : {false, true}) {
-    std::array<double, kThumb + kFinger> hand{};
-    for (size_t i = 0; i < hand.size(); ++i) {
+
+ private:
+  void Gains(ReacherPlan& plan) {
+    for (int j = 0; j < kChainAngles; ++j) {
+      plan.stiffness[j] = next_(std::string("stiffness_") + kJoints[j], kStiffness[j],
+                                0.1 * kStiffness[j], 0.1 * kStiffness[j], 10 * kStiffness[j]);
+    }
+    plan.damping = next_("damping", 1, 0.1, 0.1, 3);
+    plan.integral = next_("integral", 1.5, 0.3, 0, 20);
+    plan.hand_stiffness = next_("hand_stiffness", 1.5, 0.3, 0, 20);
+    plan.hand_damping = next_("hand_damping", 0.03, 0.006, 0, 1);
+  }
+
+  HandAngles Hand(const std::string& prefix, bool closed) {
+    std::array<double, kThumb + kFinger> shared{};
+    for (size_t i = 0; i < shared.size(); ++i) {
       const Range& joint = kHand[i];
       const double start = closed && i >= kThumb ? joint.high / 2 : 0;
-      hand[i] = next(std::string(closed ? "closed_" : "open_") + joint.name, start, 0.15, joint.low,
-                     joint.high);
+      shared[i] = next_(prefix + joint.name, start, 0.15, joint.low, joint.high);
     }
-    auto& to = closed ? plan.closed : plan.open;
-    std::copy_n(hand.begin(), kThumb, to.begin());
+    HandAngles hand{};
+    std::copy_n(shared.begin(), kThumb, hand.begin());
     for (int f = 0; f < kFingers; ++f) {
-      std::copy_n(hand.begin() + kThumb, kFinger, to.begin() + kThumb + f * kFinger);
+      std::copy_n(shared.begin() + kThumb, kFinger, hand.begin() + kThumb + f * kFinger);
     }
+    return hand;
   }
-  double time = 0;
-  for (const Phase& phase : kPhases) {
-    const std::string name = phase.name;
-    time += next(name + "_time", 0.45, 0.08, 0.05, 4);
-    WayPoint point;
-    if (phase.stays) point = plan.way.back();
-    point.time = time;
-    point.grip = phase.grip;
-    point.prosthesis = kAside;
-    for (int j = 0; j < kCarrying && !phase.stays; ++j) {
-      const Range& joint = kJoints[j];
-      const std::string of = name + "_" + joint.name;
-      point.arm[j][0] =
-          next(of, std::clamp(0.5, joint.low, joint.high), 0.1, joint.low, joint.high);
-      if (phase.depends == Depends::kNothing) continue;
-      const size_t first = phase.depends == Depends::kOnStart ? 1 : 3;
-      point.arm[j][first] = next(of + "_by_x", 0, 0.7, -kMostSlope, kMostSlope);
-      point.arm[j][first + 1] = next(of + "_by_y", 0, 0.7, -kMostSlope, kMostSlope);
+
+  double Time(const std::string& name, double start) {
+    return next_(name + "_time", start, 0.08, 0.05, 4);
+  }
+
+  HandPlan Way(const Target& start) {
+    const std::string name = start.name;
+    HandPlan plan;
+    plan.time = Time(name, start.time);
+    for (int i = 0; i < 3; ++i) {
+      const std::string axis(1, "xyz"[i]);
+      plan.place[i] = next_(name + "_" + axis, start.place[i], 0.015, start.place[i] - start.reach,
+                            start.place[i] + start.reach);
     }
-    plan.way.push_back(point);
+    for (int i = 0; i < 3; ++i) {
+      plan.turn[i] = next_(name + "_turn_" + std::string(1, "xyz"[i]), 0, 0.1, -2, 2);
+    }
+    return plan;
   }
-  return plan;
-}
+
+  Next next_;
+};
 
 struct Table {
   std::deque<std::string> names;  // which stay where they are, for `infos` points to them
@@ -122,11 +153,13 @@ struct Table {
 const Table& Parameters() {
   static const Table table = [] {
     Table out;
-    Walk([&out](const std::string& name, double start, double deviation, double low, double high) {
+    const auto next = [&out](const std::string& name, double start, double deviation, double low,
+                             double high) {
       out.names.push_back(name);
       out.infos.push_back({out.names.back().c_str(), start, deviation, low, high});
       return start;
-    });
+    };
+    Walk(next).Plan();
     return out;
   }();
   return table;
@@ -138,7 +171,10 @@ std::span<const ParameterInfo> ReacherParameters() { return Parameters().infos; 
 
 ReacherPlan MakePlan(std::span<const double> numbers) {
   size_t i = 0;
-  return Walk([&](const std::string&, double, double, double, double) { return numbers[i++]; });
+  const auto next = [&](const std::string&, double, double, double, double) {
+    return numbers[i++];
+  };
+  return Walk(next).Plan();
 }
 
 ReacherPlan ReadReacherPlan(const std::string& path) {

@@ -19,6 +19,7 @@ PELVIS = slice(41, 45)  # its quaternion in the walker's observation, w first
 # Where the reacher's observation has these (spans).
 BOX = slice(129, 132)       # m
 GOAL = slice(145, 148)      # m
+TOUCHING = slice(148, 153)  # arm, prosthesis, start, goal, environment
 REACH = slice(216, 219)     # from the hand to the box, m
 RESTING = 1.134             # height of the standing box, m
 LIFTED = 0.065              # m above that
@@ -39,6 +40,7 @@ class Result:
     tilt: str = ""  # where a walker leans at the end: forwards, backwards, left or right
     lifted: bool = False  # the box, more than LIFTED
     solved: bool = False  # the environment's own flag, which is not yet a success in `paper`
+    given: bool = False  # the prosthesis held the box alone for half a second
     both: bool = False  # each arm touched the box for BOTH_S, which a success in `paper` needs
 
 
@@ -108,10 +110,9 @@ def reach(numbers: np.ndarray, seed: int, seconds: float) -> Result:
     observations, _ = _envs.reset(seed=[seed])
     reacher.reset()
     actions = np.zeros((1, reacher.action_size))
-    both = False
-    nearest, height, solved, end = np.inf, 0.0, False, "time"
-    first = nearest_to_goal = np.inf
-    steps = 0
+    both, solved, end = False, False, "time"
+    nearest, height, first, progress, steps = np.inf, 0.0, np.inf, 0.0, 0
+    carried = handed = given = 0  # steps: held by the arm, by both, by the prosthesis alone
     for steps in range(1, round(seconds / REACHER_STEP) + 1):
         reacher.act(observations[0], actions[0])
         observations, _, terminated, truncated, info = _envs.step(actions)
@@ -121,14 +122,21 @@ def reach(numbers: np.ndarray, seed: int, seconds: float) -> Result:
         if steps * REACHER_STEP >= 0.3:  # it falls onto the pillar first
             first = way if np.isinf(first) else first
             height = max(height, now[BOX][2] - RESTING)
-            if now[BOX][2] > RESTING + LIFTED:
-                nearest_to_goal = min(nearest_to_goal, way)
+            arm, prosthesis, pillar = now[TOUCHING][:3] > 0
+            above = now[BOX][2] > RESTING + LIFTED and not pillar
+            carried += bool(above and arm and not prosthesis)
+            handed += bool(above and arm and prosthesis)
+            given += bool(above and prosthesis and not arm)
+            if above and (arm or prosthesis):
+                progress = max(progress, first - way)
         if terminated[0] or truncated[0]:
             end, solved = str(info["end"][0]), bool(info["facts"]["solved"][0])
-            touched = [info["facts"][f"frames_{arm}"][0] for arm in ("arm", "prosthesis")]
+            touched = [info["facts"][f"frames_{limb}"][0] for limb in ("arm", "prosthesis")]
             both = bool(min(touched) * REACHER_STEP >= BOTH_S)
             break
-    distance = max(0.0, first - nearest_to_goal) if np.isfinite(nearest_to_goal) else 0.0
-    score = 10.0 * solved + 3 * distance + 10 * min(height, 0.1) - 3 * min(nearest, 0.4)
-    return Result(score, distance, steps * REACHER_STEP, end, "beside",
-                  lifted=bool(height > LIFTED), solved=solved, both=both)
+    stages = sum(min(count * REACHER_STEP, most) / most
+                 for count, most in ((carried + handed, 0.5), (handed, 0.5), (given, 0.5)))
+    score = (10.0 * solved + 3 * stages + 3 * progress + 10 * min(height, 0.1)
+             - 3 * min(nearest, 0.4))
+    return Result(score, progress, steps * REACHER_STEP, end, "beside",
+                  lifted=bool(height > LIFTED), solved=solved, both=both, given=given > 50)

@@ -115,6 +115,7 @@ def summary(results: list[episodes.Result]) -> dict[str, Any]:
     return {"score": float(np.mean([r.score for r in results])),
             "distance": float(np.mean([r.distance for r in results])),
             "lifted": float(np.mean([r.lifted for r in results])),
+            "given": float(np.mean([r.given for r in results])),
             "solved": float(np.mean([r.solved for r in results])),
             "time": float(np.mean([r.time for r in results])),
             "ends": {end: ends.count(end) for end in sorted(set(ends))}}

@@ -91,7 +91,7 @@ TEST(ArmMuscles, TheWeightPullsTheLiftedArmDown) {
   const ArmTorques weight = WeightTorques(Beside());
   EXPECT_GT(weight[1], 2);  // elevation of the shoulder, N m
   EXPECT_LT(weight[1], 20);
-  for (int j = kCarrying; j < kArmJoints; ++j) EXPECT_EQ(weight[j], 0);
+  for (int j = kChainAngles; j < kArmJoints; ++j) EXPECT_EQ(weight[j], 0);
 }
 
 TEST(ArmAllocator, ReachesTorquesWithinSomeSteps) {
@@ -120,6 +120,9 @@ std::array<double, kReacherAction> ActionAfter(Reacher& reacher, int steps) {
   for (int step = 0; step < steps; ++step) {
     observation[0] = 0.01 * step;
     observation[11] = 0.8 + 0.001 * step;
+    observation[129] = -0.4;  // the box
+    observation[131] = 1.13;
+    observation[132] = 1;
     reacher.Act(observation, action);
   }
   return action;
@@ -141,11 +144,11 @@ TEST(Reacher, ActsTheSameAfterAReset) {
 TEST(ReacherPlan, ItsNumbersAreItsParameters) {
   std::vector<double> numbers;
   for (const ParameterInfo& info : ReacherParameters()) numbers.push_back(info.start);
-  EXPECT_EQ(MakePlan(numbers).way.front().arm[3][2], 0);
+  EXPECT_NE(MakePlan(numbers).give.turn[2], 0.3);
   for (size_t i = 0; i < numbers.size(); ++i) {
-    if (ReacherParameters()[i].name == std::string("beside_elbow_by_y")) numbers[i] = 3;
+    if (ReacherParameters()[i].name == std::string("give_turn_z")) numbers[i] = 0.3;
   }
-  EXPECT_EQ(MakePlan(numbers).way.front().arm[3][2], 3);
+  EXPECT_EQ(MakePlan(numbers).give.turn[2], 0.3);
 }
 
 TEST(ReacherPlan, SaysWhatIsMissing) {
@@ -153,7 +156,7 @@ TEST(ReacherPlan, SaysWhatIsMissing) {
   std::ofstream(path) << R"({"parameters": {"stiffness_elevation_plane": 60}})";
   EXPECT_THAT([&] { ReadReacherPlan(path); },
               testing::ThrowsMessage<std::runtime_error>(
-                  testing::HasSubstr("has no number \"damping_elevation_plane\"")));
+                  testing::HasSubstr("has no number \"stiffness_elevation\"")));
 }
 
 }  // namespace
