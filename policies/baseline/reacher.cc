@@ -178,7 +178,7 @@ void Reacher::Follow(const Scene& scene) {
 
 void Reacher::AimArm(const Scene& scene, double share) {
   Pose goal = Between(hand_from_, HandGoal(scene), share);
-  if (phase_ == Phase::kBeside) goal.place.z() += 4 * share * (1 - share) * plan_.hop;
+  if (phase_ == Phase::kBeside) goal.place += 4 * share * (1 - share) * Vec(plan_.around);
   for (int i = 0; i < kSolverSteps; ++i) {
     arm_ = MuscleArm().Nearer(arm_, goal, kHandTurnWeight, kPalmBeside);
   }

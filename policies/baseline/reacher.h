@@ -37,15 +37,15 @@ struct ReacherPlan {
   double hand_stiffness = 0;                     // N m/rad
   double hand_damping = 0;                       // N m s/rad
   HandAngles open{}, closed{};
-  HandPlan beside, at;      // the muscle hand, from the box's middle
-  double hop = 0;           // m, the most height above the straight way to `beside`
-  double close_time = 0;    // s
-  HandPlan lift;            // from where the hand was; the same turn as `at` and its own
-  HandPlan give;            // the box, in the world
-  double take_time = 0;     // s, for the prosthesis to close
-  double release_time = 0;  // s, for the muscle hand to open
-  HandPlan away;            // from `give`
-  HandPlan offer;           // the prosthesis, in the world
+  HandPlan beside, at;             // the muscle hand, from the box's middle
+  std::array<double, 3> around{};  // m, how far from the straight way to `beside` its middle is
+  double close_time = 0;           // s
+  HandPlan lift;                   // from where the hand was; the same turn as `at` and its own
+  HandPlan give;                   // the box, in the world
+  double take_time = 0;            // s, for the prosthesis to close
+  double release_time = 0;         // s, for the muscle hand to open
+  HandPlan away;                   // from `give`
+  HandPlan offer;                  // the prosthesis, in the world
   ProsthesisHand offered{}, taken{};
   double over = 0, put = 0;       // m, of the box's middle above the goal pillar
   std::array<double, 3> leave{};  // m, from there

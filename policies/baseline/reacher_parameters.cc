@@ -67,7 +67,10 @@ class Walk {
     plan.open = Hand("open_", false);
     plan.closed = Hand("closed_", true);
     plan.beside = Way({"beside", 0.6, {-0.12, 0.02, 0.03}, 0.1});
-    plan.hop = next_("beside_hop", 0.06, 0.02, 0, 0.2);
+    constexpr std::array<double, 3> kAround = {-0.05, 0, 0.08};
+    for (int i = 0; i < 3; ++i) {
+      plan.around[i] = next_(std::string("around_") + "xyz"[i], kAround[i], 0.02, -0.2, 0.2);
+    }
     plan.at = Way({"at", 0.4, {-0.015, 0, 0}, 0.06});
     plan.close_time = Time("close", 0.3);
     plan.lift = Way({"lift", 0.5, {0.03, 0, 0.15}, 0.15});

@@ -24,7 +24,7 @@ REACH = slice(216, 219)     # from the hand to the box, m
 RESTING = 1.134             # height of the standing box, m
 LIFTED = 0.065              # m above that
 BOTH_S = 1.0                # s
-PROFILES = {"walker": "paper", "reacher": "as-graded"}  # what each plays unless told otherwise
+PROFILES = {"walker": "paper", "reacher": "paper"}  # what each plays unless told otherwise
 PR_SET_PDEATHSIG = 1
 
 
@@ -39,7 +39,7 @@ class Result:
     start: str  # how the person stood: standing, or with the prosthetic leg behind or ahead
     tilt: str = ""  # where a walker leans at the end: forwards, backwards, left or right
     lifted: bool = False  # the box, more than LIFTED
-    solved: bool = False  # the environment's own flag, which is not yet a success in `paper`
+    success: bool = False  # of the box, as the profile scores it but for the peak force
     given: bool = False  # the prosthesis held the box alone for half a second
     both: bool = False  # each arm touched the box for BOTH_S, which a success in `paper` needs
 
@@ -47,17 +47,19 @@ class Result:
 _library: Any = None
 _envs: Any = None
 _controller = "walker"
+_profile = ""
 
 
 def prepare(library: pathlib.Path, controller: str = "walker", profile: str = "") -> None:
     """Once in each process, which ends with the one that started it."""
-    global _library, _envs, _controller
+    global _library, _envs, _controller, _profile
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     _library = controllers.Library(library)
     _controller = controller
+    _profile = profile or PROFILES[controller]
     track = {"walker": "Locomotion", "reacher": "Manipulation"}[controller]
     _envs = myograde.vec(f"myograde/{track}-v0", 1, threads=1, actions="direct", copy=False,
-                         profile=profile or PROFILES[controller])
+                         profile=_profile)
 
 
 def tilt_of(pelvis: np.ndarray) -> str:
@@ -110,7 +112,7 @@ def reach(numbers: np.ndarray, seed: int, seconds: float) -> Result:
     observations, _ = _envs.reset(seed=[seed])
     reacher.reset()
     actions = np.zeros((1, reacher.action_size))
-    both, solved, end = False, False, "time"
+    both, success, end = False, False, "time"
     nearest, height, first, progress, steps = np.inf, 0.0, np.inf, 0.0, 0
     carried = handed = given = 0  # steps: held by the arm, by both, by the prosthesis alone
     for steps in range(1, round(seconds / REACHER_STEP) + 1):
@@ -130,13 +132,15 @@ def reach(numbers: np.ndarray, seed: int, seconds: float) -> Result:
             if above and (arm or prosthesis):
                 progress = max(progress, first - way)
         if terminated[0] or truncated[0]:
-            end, solved = str(info["end"][0]), bool(info["facts"]["solved"][0])
+            end = str(info["end"][0])
             touched = [info["facts"][f"frames_{limb}"][0] for limb in ("arm", "prosthesis")]
             both = bool(min(touched) * REACHER_STEP >= BOTH_S)
+            success = (end == "placed" and both if _profile == "paper"
+                       else bool(info["facts"]["solved"][0]))
             break
     stages = sum(min(count * REACHER_STEP, most) / most
                  for count, most in ((carried + handed, 0.5), (handed, 0.5), (given, 0.5)))
-    score = (10.0 * solved + 3 * stages + 3 * progress + 10 * min(height, 0.1)
+    score = (10.0 * success + 3 * stages + 3 * progress + 10 * min(height, 0.1)
              - 3 * min(nearest, 0.4))
     return Result(score, progress, steps * REACHER_STEP, end, "beside",
-                  lifted=bool(height > LIFTED), solved=solved, both=both, given=given > 50)
+                  lifted=bool(height > LIFTED), success=success, both=both, given=given > 50)

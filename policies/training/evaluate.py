@@ -31,7 +31,7 @@ def options() -> argparse.Namespace:
     parser.add_argument("parameters", type=pathlib.Path)
     parser.add_argument("--library", type=pathlib.Path, required=True)
     parser.add_argument("--controller", choices=controllers.CONTROLLERS, default="walker")
-    parser.add_argument("--profile", default="", help="paper for the walker, else as-graded")
+    parser.add_argument("--profile", default="", help="default: paper")
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--first-seed", type=int, default=FRESH_SEED)
     parser.add_argument("--seconds", type=float, default=300, help="longest episode")
@@ -77,8 +77,9 @@ def main() -> int:
         "ends": {end: ends.count(end) for end in sorted(set(ends))}}
     if args.controller == "reacher":
         figure["profile"] = args.profile or episodes.PROFILES[args.controller]
-        for name, count in (("solved", sum(r.solved for r in results)),
+        for name, count in (("success", sum(r.success for r in results)),
                             ("lifted", sum(r.lifted for r in results)),
+                            ("given", sum(r.given for r in results)),
                             ("touched_by_both", sum(r.both for r in results))):
             figure[name] = count
             figure[f"{name}_wilson95"] = [round(x, 3) for x in wilson(count, len(results))]

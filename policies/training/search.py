@@ -40,7 +40,7 @@ def options() -> argparse.Namespace:
     parser.add_argument("--library", type=pathlib.Path, required=True,
                         help="libbaseline_controllers.so of the build")
     parser.add_argument("--controller", choices=controllers.CONTROLLERS, default="walker")
-    parser.add_argument("--profile", default="", help="paper for the walker, else as-graded")
+    parser.add_argument("--profile", default="", help="default: paper")
     parser.add_argument("--only", default="", metavar="PATTERN",
                         help="changes only the parameters whose whole names match")
     parser.add_argument("--from", dest="start", type=pathlib.Path,
@@ -116,7 +116,7 @@ def summary(results: list[episodes.Result]) -> dict[str, Any]:
             "distance": float(np.mean([r.distance for r in results])),
             "lifted": float(np.mean([r.lifted for r in results])),
             "given": float(np.mean([r.given for r in results])),
-            "solved": float(np.mean([r.solved for r in results])),
+            "success": float(np.mean([r.success for r in results])),
             "time": float(np.mean([r.time for r in results])),
             "ends": {end: ends.count(end) for end in sorted(set(ends))}}
 
