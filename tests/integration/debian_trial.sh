@@ -24,8 +24,8 @@ echo "kernel $(uname -r), $(stat -f -c %T /sys/fs/cgroup)"
 installed ./packages/*.deb; step install
 systemd-analyze verify --man=no myograded.service myograded.socket myograded-https.socket; step verify
 mkdir -p -m 0700 $data && cp first.db $data/store.db; step first_store
-myograde-setup >setup.log 2>&1; step setup
-tail -n 40 setup.log
+myograde-setup >setup.log 2>&1 || { tail -n 60 setup.log; false; }; step setup
+grep cgroup_ setup.log; grep -q "cgroup_memory.*version 2" setup.log; step groups_for_sandboxes
 systemctl enable --now myograded.socket myograded.service 2>&1; step start
 answers; step answers
 first_board >first-board.json; step first_board
@@ -65,6 +65,10 @@ config["http"]["listen"] = {"address": "0.0.0.0", "port": 9443, "certificate": "
 json.dump(config, open(path, "w"), indent=2)
 CONFIG
 step configure_port
+# A network whose packets go nowhere.
+ip link add dummy0 type dummy && ip address add 192.0.2.10/24 dev dummy0 && ip link set dummy0 up; step network
+systemctl restart myograded.service && answers; step port_without_systemd
+journalctl -u myograded --no-pager | grep "may not send packets to other hosts"; step filter_is_told
 systemctl stop myograded.service && systemctl enable --now myograded-https.socket && systemctl start myograded.service; step port
 answers && python3 -c '
 import ssl, urllib.request
