@@ -1,5 +1,7 @@
 #include "server/base/service_manager.h"
 
+#include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
 #include <fcntl.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -9,9 +11,6 @@
 #include <cstddef>
 #include <cstdlib>
 #include <cstring>
-
-#include <absl/strings/numbers.h>
-#include <absl/strings/str_cat.h>
 
 namespace myograde::server {
 namespace {
@@ -64,7 +63,8 @@ absl::StatusOr<ServiceManager> ServiceManager::FromEnvironment() {
     const bool known = domain == AF_UNIX || domain == AF_INET || domain == AF_INET6;
     if (!known || !IsListeningStream(fd) || place.valid()) {
       return absl::InvalidArgumentError(absl::StrCat(
-          "the service manager handed over ", count, " descriptors, where at most one listening "
+          "the service manager handed over ", count,
+          " descriptors, where at most one listening "
           "stream socket of Unix and one of TCP are taken; give its socket units one ListenStream= "
           "with a path, and one with a port"));
     }

@@ -2,11 +2,11 @@
 // protocols of sd_listen_fds(3), sd_notify(3) and sd_watchdog_enabled(3).
 #pragma once
 
-#include <string>
-#include <utility>
-
 #include <absl/status/statusor.h>
 #include <absl/time/time.h>
+
+#include <string>
+#include <utility>
 
 #include "protocol/base/fd.h"
 

@@ -320,6 +320,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   UnixHttpServer server(config.http, options.data_dir + "/spool");
   api.Install(server);
   Fd network_socket = manager->TakeNetworkSocket();
+  WarnOfFilteredPackets(configs, network_socket.valid());
   if (config.listen.has_value()) {
     absl::Status opened = server.OpenNetwork(*config.listen, std::move(network_socket));
     if (!opened.ok()) return opened;

@@ -1,11 +1,16 @@
 #include "server/daemon/start.h"
 
+#include <optional>
 #include <set>
 #include <string>
+#include <vector>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 #include <spdlog/spdlog.h>
 
+#include "server/base/ip_address.h"
+#include "server/base/packet_filter.h"
 #include "server/challenge/board_configs.h"
 #include "server/webhook/sender.h"
 
@@ -56,6 +61,27 @@ absl::Status SetWebhooks(const std::vector<Webhook>& webhooks, Store& store) {
     }
     return absl::OkStatus();
   });
+}
+
+void WarnOfFilteredPackets(const DaemonConfigs& configs, bool handed) {
+  std::vector<std::string> wanted;
+  const std::optional<ListenConfig>& listen = configs.server.listen;
+  if (listen.has_value() && !handed) {
+    const std::optional<IpAddress> address = IpAddress::Parse(listen->address);
+    if (!address.has_value() || !address->IsLoopback()) wanted.push_back("listen");
+  }
+  for (const Webhook& webhook : configs.webhooks) {
+    // Without TLS they are for this host only.
+    if (webhook.config.url.starts_with("https:")) wanted.push_back("webhook " + webhook.config.name);
+  }
+  if (configs.server.on_cluster) wanted.push_back("executor");
+  const std::optional<IpAddress> own = wanted.empty() ? std::nullopt : OwnAddress();
+  if (!own.has_value() || !IsRefused(*own)) return;
+  spdlog::warn(
+      "this service may not send packets to other hosts (IPAddressDeny= of its unit), which {} of "
+      "server.json need: enable myograded-https.socket for listen, and for the rest copy network.conf "
+      "from /usr/share/myograde/systemd to /etc/systemd/system/myograded.service.d",
+      absl::StrJoin(wanted, ", "));
 }
 
 absl::Status LogPhases(const Phases& phases, ReaderPool& readers) {

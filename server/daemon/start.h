@@ -32,4 +32,9 @@ absl::Status LogPhases(const Phases& phases, ReaderPool& readers);
 absl::Status StartRecord(Store& store, ReaderPool& readers, KeyFile& receipts_key,
                          RecordLog& record);
 
+// Logs a warning if the configs want the network, but the service manager filters what this process
+// sends to other hosts (systemd's IPAddressDeny=). `handed`: the TCP port is the service manager's,
+// whose own filter counts.
+void WarnOfFilteredPackets(const DaemonConfigs& configs, bool handed);
+
 }  // namespace myograde::server

@@ -1,12 +1,12 @@
 #include "server/sandbox/delegated_group.h"
 
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_split.h>
+
 #include <cerrno>
 #include <cstring>
 #include <set>
 #include <string>
-
-#include <absl/strings/str_cat.h>
-#include <absl/strings/str_split.h>
 
 namespace myograde::server {
 namespace {
@@ -15,7 +15,8 @@ constexpr char kOwnGroup[] = "/daemon";
 
 absl::Status CantDivide(const std::string& path) {
   return absl::FailedPreconditionError(absl::StrCat(
-      path, ": can't be written (", std::strerror(errno), "), so the sandboxes have no control groups "
+      path, ": can't be written (", std::strerror(errno),
+      "), so the sandboxes have no control groups "
       "although some were delegated; see that nothing else runs in this service's group"));
 }
 

@@ -12,9 +12,15 @@ value() { systemctl show -p "$1" --value "${2:-myograded.service}"; }
 # The daemon is asked for a minute before it counts as gone.
 answers() { timeout 60 sh -c 'until myograde status >/dev/null 2>&1; do sleep 1; done'; }
 status_of() { sed -n "s/^$1:[[:space:]]*//p" "/proc/$(value MainPID)/status"; }
-board() { myograde leaderboard --track elbow --json; }
+# A track that an emulated processor plays within a minute.
+short_track() {
+  echo '{"form": 2, "extends": "elbow", "seeds": {"first": 0, "count": 4}, "episodes_per_lease": 2}' \
+    >/etc/myograde/tracks/short.json
+}
+board() { myograde leaderboard --track short --json; }
 first_board() { myograde leaderboard --track "$FIRST_TRACK" --config "$FIRST_CONFIG" --json; }
-grade() { timeout 900 myograde submit /usr/lib/myograde/policies/scripted-elbow --track elbow --team "$1" --wait; }
+submit() { timeout 600 myograde submit /usr/lib/myograde/policies/scripted-elbow --track short --team "$1" --wait; }
+grade() { submit "$1" | tr '\r' '\n' | tail -n 40; [ "${PIPESTATUS[0]}" = 0 ]; }
 cd /root || exit
 data=/var/lib/myograde
 unit=/etc/systemd/system/myograded.service.d
@@ -24,12 +30,13 @@ echo "kernel $(uname -r), $(stat -f -c %T /sys/fs/cgroup)"
 installed ./packages/*.deb; step install
 systemd-analyze verify --man=no myograded.service myograded.socket myograded-https.socket; step verify
 mkdir -p -m 0700 $data && cp first.db $data/store.db; step first_store
-myograde-setup >setup.log 2>&1; step setup
-tail -n 40 setup.log
+myograde-setup >setup.log 2>&1 || { tail -n 60 setup.log; false; }; step setup
+grep cgroup_ setup.log; grep -q "cgroup_memory.*version 2" setup.log; step groups_for_sandboxes
+short_track
 systemctl enable --now myograded.socket myograded.service 2>&1; step start
 answers; step answers
 first_board >first-board.json; step first_board
-cat first-board.json
+grep '"team"' first-board.json
 [ -f $data/store.db.schema-1 ]; step backup_of_the_store
 [ "$(stat -c '%U %a' $data)" = "myograde 700" ] && [ "$(stat -c %U $data/store.db)" = myograde ]; step data_is_the_users
 
@@ -42,7 +49,7 @@ grade First; step grade
 board >board.json; step board
 myograde show 1 >/dev/null; step show
 adduser --quiet --disabled-password --gecos "" ada && adduser --quiet ada myograde; step user
-su ada -c 'timeout 900 myograde submit /usr/lib/myograde/policies/scripted-elbow --track elbow --team Ada --profile "$(myograde leaderboard --track elbow --json | python3 -c "import json,sys; print(json.load(sys.stdin)[\"profile\"])")"'; step member_submits
+su - ada -c 'timeout 600 myograde submit /usr/lib/myograde/policies/scripted-elbow --track short --team Ada --wait >submit.log 2>&1' || { tail -n 3 ~ada/submit.log; false; }; step member_submits
 su nobody -s /bin/sh -c 'myograde status'; [ $? = 3 ]; step stranger_is_kept_out
 
 # Watched: a daemon that hangs is killed and started again.
@@ -65,6 +72,10 @@ config["http"]["listen"] = {"address": "0.0.0.0", "port": 9443, "certificate": "
 json.dump(config, open(path, "w"), indent=2)
 CONFIG
 step configure_port
+# A network whose packets go nowhere.
+ip link add dummy0 type dummy && ip address add 192.0.2.10/24 dev dummy0 && ip link set dummy0 up; step network
+systemctl restart myograded.service && answers; step port_without_systemd
+journalctl -u myograded --no-pager | grep "may not send packets to other hosts"; step filter_is_told
 systemctl stop myograded.service && systemctl enable --now myograded-https.socket && systemctl start myograded.service; step port
 answers && python3 -c '
 import ssl, urllib.request
@@ -87,6 +98,7 @@ apt-get remove -y -q myograde-server >apt.log 2>&1; step remove
 [ -e $data/store.db ] && [ -e /etc/myograde/server.json ]; step kept
 mv /var/cache/myograde /root/cache
 rm -f /etc/myograde/server.pem /etc/myograde/server.key
+rm /etc/myograde/tracks/short.json
 apt-get purge -y -q 'myograde-*' libmyograde-policy-dev python3-myograde >apt.log 2>&1; step purge
 left() { ! find / -xdev -name '*myograde*' -not -path '/root/*' -not -path '/var/log/*' -not -path '/proc/*' \
   -not -path '/var/cache/apt/*' -not -path '/var/lib/systemd/coredump/*' | grep .; }
@@ -96,6 +108,7 @@ left; step clean
 # From the package whose daemon ran as root.
 installed ./packages/myograde-client_*.deb ./before/*.deb; step install_before
 rm -rf /var/cache/myograde && mv /root/cache /var/cache/myograde
+short_track
 systemctl enable --now myograded.socket myograded.service 2>&1 && answers; step start_before
 [ "$(ps -o user= -p "$(value MainPID)")" = root ]; step root_before
 grade First; step grade_before
@@ -107,6 +120,7 @@ grade Second; step grade_as_root
 rm $unit/root.conf && systemctl daemon-reload && systemctl restart myograded.service && answers; step root_no_more
 [ "$(ps -o user= -p "$(value MainPID)")" = myograde ] && ! find $data ! -user myograde | grep .; step data_handed_over
 grade Third; step grade_again
+rm /etc/myograde/tracks/short.json
 apt-get purge -y -q 'myograde-*' >apt.log 2>&1; step purge_again
 left; step clean_again
 journalctl -u myograded --no-pager -o cat | tail -n 80
