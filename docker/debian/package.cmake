@@ -72,6 +72,7 @@ debian(server DIRECTORY configs/operations DESTINATION ${share})
 debian(server DIRECTORY server/runtime/make/ DESTINATION ${share}/runtime
        PATTERN __pycache__ EXCLUDE)
 debian(server DIRECTORY policies/runtimes DESTINATION ${share})
+debian(server DIRECTORY ${CMAKE_BINARY_DIR}/docs DESTINATION ${share} OPTIONAL)
 debian(server DIRECTORY ${CMAKE_BINARY_DIR}/adapters DESTINATION ${share}
        PATTERN "*.stamp" EXCLUDE PATTERN __pycache__ EXCLUDE)
 set(sample lib/myograde/policies/scripted-elbow)
@@ -79,7 +80,6 @@ install(TARGETS policy_scripted-elbow
         RUNTIME DESTINATION ${sample} COMPONENT server EXCLUDE_FROM_ALL)
 debian(server FILES ${CMAKE_BINARY_DIR}/policies/scripted-elbow/policy.json DESTINATION ${sample})
 debian(server FILES ${CMAKE_BINARY_DIR}/openapi.json DESTINATION ${share})
-debian(server DIRECTORY ${CMAKE_BINARY_DIR}/docs DESTINATION ${share} OPTIONAL)
 set(units ${here}/systemd)
 debian(server FILES ${units}/myograded.service ${units}/myograded.socket
        ${units}/myograded-https.socket DESTINATION /lib/systemd/system)
