@@ -1,9 +1,9 @@
 #include "scoring/aggregate.h"
 
-#include <algorithm>
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+
+#include <algorithm>
 
 namespace myograde::scoring {
 namespace {
@@ -15,12 +15,26 @@ constexpr Metric kMetrics[] = {
     {.name = "pain", .title = "pain", .unit = ""},
     {.name = "effort_sum", .title = "effort sum", .unit = ""},
     {.name = "pain_sum", .title = "pain sum", .unit = ""},
-    {.name = "effort_over_steps", .title = "effort", .unit = "",
-     .source = Metric::Source::kOverSteps, .of = "effort_sum"},
-    {.name = "pain_over_steps", .title = "pain", .unit = "",
-     .source = Metric::Source::kOverSteps, .of = "pain_sum"},
+    {.name = "effort_over_steps",
+     .title = "effort",
+     .unit = "",
+     .source = Metric::Source::kOverSteps,
+     .of = "effort_sum"},
+    {.name = "pain_over_steps",
+     .title = "pain",
+     .unit = "",
+     .source = Metric::Source::kOverSteps,
+     .of = "pain_sum"},
 };
-enum Place : size_t { kTime, kEffort, kPain, kEffortSum, kPainSum, kEffortOverSteps, kPainOverSteps };
+enum Place : size_t {
+  kTime,
+  kEffort,
+  kPain,
+  kEffortSum,
+  kPainSum,
+  kEffortOverSteps,
+  kPainOverSteps
+};
 
 absl::StatusOr<Aggregate> AggregateOf(std::vector<JudgedEpisode> episodes) {
   return AggregateEpisodes(kMetrics, std::move(episodes));
@@ -37,10 +51,9 @@ JudgedEpisode Episode(int64_t index, Outcome outcome, double time,
 }
 
 TEST(Aggregate, MeansLeaveOutWhatHasNoResultAndNoSteps) {
-  const auto got = AggregateOf({Episode(0, Outcome::kSuccess, 4, 0.2),
-                                      Episode(1, Outcome::kCrash, 10),
-                                      Episode(2, Outcome::kGraderError, 1e9, 7),
-                                      Episode(3, Outcome::kCancelled, 1e9, 7)});
+  const auto got = AggregateOf(
+      {Episode(0, Outcome::kSuccess, 4, 0.2), Episode(1, Outcome::kCrash, 10),
+       Episode(2, Outcome::kGraderError, 1e9, 7), Episode(3, Outcome::kCancelled, 1e9, 7)});
   ASSERT_TRUE(got.ok());
   EXPECT_EQ(got->episodes, 2);
   EXPECT_EQ(got->successes, 1);
@@ -87,9 +100,58 @@ TEST(Aggregate, FailsWhenEveryEpisodeIsTheParticipantsFault) {
 }
 
 TEST(Aggregate, RefusesAnEpisodeThatIsThereTwice) {
-  EXPECT_FALSE(
-      AggregateOf({Episode(1, Outcome::kCrash, 1), Episode(1, Outcome::kCrash, 1)}).ok());
+  EXPECT_FALSE(AggregateOf({Episode(1, Outcome::kCrash, 1), Episode(1, Outcome::kCrash, 1)}).ok());
   EXPECT_FALSE(AggregateOf({Episode(-1, Outcome::kCrash, 1)}).ok());
+}
+
+TEST(Aggregate, TellsHowFarEpisodesLieApart) {
+  const auto got =
+      AggregateOf({Episode(0, Outcome::kFailure, 4), Episode(1, Outcome::kFailure, 10)});
+  EXPECT_NEAR(got->means[kTime].spread.low, 1.1201081, 1e-6);
+  EXPECT_NEAR(got->means[kTime].spread.high, 12.8798919, 1e-6);
+  const auto one = AggregateOf({Episode(0, Outcome::kFailure, 4)});
+  EXPECT_EQ(one->means[kTime].count, 1);
+  EXPECT_EQ(one->means[kTime].spread.deviation, 0);
+  EXPECT_EQ(one->means[kTime].spread.low, 4);
+  EXPECT_EQ(one->means[kTime].spread.high, 4);
+}
+
+// Wilson's intervals from their formula, worked out apart from this code.
+TEST(Aggregate, SuccessRatesHaveWilsonsInterval) {
+  struct Case {
+    int64_t successes, episodes;
+    double deviation, low, high;
+  };
+  for (const Case& expected :
+       {Case{0, 0, 0, 0, 0}, Case{0, 10, 0, 0, 0.2775328}, Case{10, 10, 0, 0.7224672, 1},
+        Case{8, 10, 0.4216370, 0.4901625, 0.9433178}, Case{1, 1, 0, 0.2065493, 1},
+        Case{1, 2, 0.7071068, 0.0945312, 0.9054688}}) {
+    std::vector<JudgedEpisode> episodes;
+    for (int64_t i = 0; i < expected.episodes; ++i) {
+      episodes.push_back(
+          Episode(i, i < expected.successes ? Outcome::kSuccess : Outcome::kFailure, 1));
+    }
+    SCOPED_TRACE(expected.successes);
+    const Spread spread = AggregateOf(episodes)->success_spread;
+    EXPECT_NEAR(spread.deviation, expected.deviation, 1e-7);
+    EXPECT_NEAR(spread.low, expected.low, 1e-7);
+    EXPECT_NEAR(spread.high, expected.high, 1e-7);
+    EXPECT_GE(spread.low, 0);
+    EXPECT_LE(spread.high, 1);
+  }
+}
+
+TEST(Aggregate, AnEpisodeWithoutASumAddsItsStepsAlone) {
+  JudgedEpisode with = Episode(0, Outcome::kFailure, 1);
+  with.judgement.steps = 1;
+  with.judgement.metrics[kPainSum] = 6;
+  JudgedEpisode without = Episode(1, Outcome::kCrash, 1);
+  without.judgement.steps = 2;
+  const auto got = AggregateOf({with, without});
+  EXPECT_EQ(got->means[kPainOverSteps].value, 2);
+  EXPECT_EQ(got->means[kPainOverSteps].count, 1);
+  EXPECT_EQ(got->participant_faults, 1);
+  EXPECT_EQ(AggregateOf({with})->means[kPainOverSteps].value, 6) << "of one step";
 }
 
 RC_GTEST_PROP(Aggregate, GivesTheSameBitsInAnyOrder, (const std::vector<int>& values)) {

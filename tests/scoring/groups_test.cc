@@ -1,11 +1,11 @@
 #include "scoring/groups.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <cmath>
 
 namespace myograde::scoring {
 namespace {
@@ -17,10 +17,19 @@ using testing::ElementsAre;
 constexpr Metric kTestedMetrics[] = {
     {.name = "time_s", .title = "time", .unit = "s", .better = Better::kLess, .ranked = true},
     {.name = "effort", .title = "effort", .unit = "", .better = Better::kLess, .ranked = true},
-    {.name = "distance_m", .title = "distance", .unit = "m", .better = Better::kMore, .ranked = true},
+    {.name = "distance_m",
+     .title = "distance",
+     .unit = "m",
+     .better = Better::kMore,
+     .ranked = true},
     {.name = "pain_sum", .title = "pain sum", .unit = ""},
-    {.name = "pain_over_steps", .title = "pain", .unit = "", .better = Better::kLess,
-     .source = Metric::Source::kOverSteps, .of = "pain_sum", .ranked = true},
+    {.name = "pain_over_steps",
+     .title = "pain",
+     .unit = "",
+     .better = Better::kLess,
+     .source = Metric::Source::kOverSteps,
+     .of = "pain_sum",
+     .ranked = true},
 };
 constexpr size_t kTimePlace = 0;
 constexpr size_t kEffortPlace = 1;
@@ -28,8 +37,8 @@ constexpr size_t kDistancePlace = 2;
 constexpr size_t kPainPlace = 3;
 const BoardRules kTiers = TieredBoard{.time = kTimePlace, .effort = kEffortPlace};
 const BoardRules kCourse = DistanceBoard{.distance = kDistancePlace, .time = kTimePlace};
-const BoardRules kBody =
-    PhysiologicalBoard{.qualify_m = 0, .distance = kDistancePlace, .pain = kPainPlace, .effort = kEffortPlace};
+const BoardRules kBody = PhysiologicalBoard{
+    .qualify_m = 0, .distance = kDistancePlace, .pain = kPainPlace, .effort = kEffortPlace};
 
 struct Played {
   bool success = true;
@@ -115,11 +124,12 @@ TEST(Groups, OpenWithTheFirstRowThatTheOpenerBeats) {
 TEST(Groups, CompareBandsByTimeAndRowsOfABandByEffort) {
   const auto entry = [](double time, double effort, int64_t shift) {
     return Play100([=](int64_t i) {
-      return Played{.time = time + Noise(i + shift, 0.05), .effort = effort + Noise(i - shift, 0.3)};
+      return Played{.time = time + Noise(i + shift, 0.05),
+                    .effort = effort + Noise(i - shift, 0.3)};
     });
   };
-  const auto rows = BoardOf({entry(1, 1, 0), entry(1.01, 1.02, 3), entry(1.02, 1.5, 5),
-                             entry(2, 0.1, 7)}, kTiers);
+  const auto rows = BoardOf(
+      {entry(1, 1, 0), entry(1.01, 1.02, 3), entry(1.02, 1.5, 5), entry(2, 0.1, 7)}, kTiers);
   EXPECT_THAT(GroupsOf(rows, kTiers), ElementsAre(1, 1, 2, 3));
   const Groups groups = FormGroups(kTestedMetrics, rows, kTiers, {});
   EXPECT_EQ(groups.places[1].above->criterion, (Criterion{Kind::kNumber, kEffortPlace}));
@@ -153,9 +163,8 @@ TEST(Groups, NeverDecideEqualRows) {
 
 TEST(Groups, CompareDistancesAndEqualOnesByTime) {
   const auto entry = [](double distance, double time) {
-    return Play100([=](int64_t i) {
-      return Played{.time = time + Noise(i, 0.1), .distance = distance};
-    });
+    return Play100(
+        [=](int64_t i) { return Played{.time = time + Noise(i, 0.1), .distance = distance}; });
   };
   const auto rows = BoardOf({entry(100, 9), entry(100, 10), entry(60, 1), entry(5, 1)}, kCourse);
   const Groups groups = FormGroups(kTestedMetrics, rows, kCourse, {});
@@ -231,9 +240,8 @@ TEST(Groups, NeedSamplesThatCanDecide) {
 }
 
 TEST(SpreadOverSteps, IsAroundTheMean) {
-  const auto episodes = Play100([](int64_t i) {
-    return Played{.pain_sum = 20 + Noise(i, 1), .steps = 10};
-  });
+  const auto episodes =
+      Play100([](int64_t i) { return Played{.pain_sum = 20 + Noise(i, 1), .steps = 10}; });
   const Aggregate aggregate = *AggregateEpisodes(kTestedMetrics, episodes);
   const std::optional<Spread> spread = SpreadOverSteps(kTestedMetrics, kPainPlace, episodes);
   ASSERT_TRUE(spread.has_value());
@@ -244,13 +252,69 @@ TEST(SpreadOverSteps, IsAroundTheMean) {
   EXPECT_FALSE(SpreadOverSteps(kTestedMetrics, kPainPlace, {}).has_value());
 }
 
+TEST(Groups, PairWhatBothPlayedToAResult) {
+  auto rows = BoardOf({Succeeds(80), Succeeds(50)}, kTiers);
+  const auto pairs = [&] {
+    return FormGroups(kTestedMetrics, rows, kTiers, {}).places[1].above->test.pairs;
+  };
+  ASSERT_EQ(pairs(), 100);
+  rows[0].episodes[3].judgement.outcome = Outcome::kCancelled;
+  rows[1].episodes[5].judgement.outcome = Outcome::kGraderError;
+  EXPECT_EQ(pairs(), 98);
+  rows[0].episodes.erase(rows[0].episodes.begin() + 10);
+  rows[1].episodes.erase(rows[1].episodes.begin() + 20, rows[1].episodes.begin() + 22);
+  EXPECT_EQ(pairs(), 95);
+  rows[1].episodes.pop_back();
+  EXPECT_EQ(pairs(), 94);
+  rows[0].episodes.erase(rows[0].episodes.begin());
+  EXPECT_EQ(pairs(), 93);
+  rows[1].episodes.clear();
+  EXPECT_EQ(pairs(), 0);
+}
+
+TEST(Groups, LeaveOutPairsWithoutANumber) {
+  const auto entry = [](double time) {
+    return Play100([=](int64_t i) { return Played{.time = time + Noise(i, 0.1)}; });
+  };
+  auto rows = BoardOf({entry(1), entry(2)}, kTiers);
+  rows[0].episodes[3].judgement.metrics[0] = std::nullopt;
+  rows[1].episodes[5].judgement.metrics.clear();
+  const Groups groups = FormGroups(kTestedMetrics, rows, kTiers, {});
+  EXPECT_EQ(groups.places[1].above->criterion, (Criterion{Kind::kNumber, kTimePlace}));
+  EXPECT_EQ(groups.places[1].above->test.pairs, 98);
+}
+
+TEST(SpreadOverSteps, NeedsTwoEpisodesThatCountAndAStep) {
+  const auto spread = [](std::vector<JudgedEpisode> episodes) {
+    return SpreadOverSteps(kTestedMetrics, kPainPlace, episodes);
+  };
+  std::vector<JudgedEpisode> episodes = {EpisodeOf(0, {.pain_sum = 10, .steps = 10}),
+                                         EpisodeOf(1, {.pain_sum = 30, .steps = 10})};
+  const std::optional<Spread> two = spread(episodes);
+  ASSERT_TRUE(two.has_value());
+  // Both lie 10 from 2 times their steps: sqrt(200 * 2 / 1) / 20.
+  EXPECT_NEAR(two->low, 2 - 1.959963985, 1e-8);
+  EXPECT_NEAR(two->high, 2 + 1.959963985, 1e-8);
+  EXPECT_NEAR(two->deviation, std::sqrt(2.0), 1e-12);
+  episodes.push_back(EpisodeOf(2, {.pain_sum = 1000, .steps = 1}));
+  episodes.back().judgement.outcome = Outcome::kGraderError;
+  episodes.insert(episodes.begin(), episodes.back());
+  EXPECT_EQ(spread(episodes)->high, two->high);
+  EXPECT_FALSE(spread({episodes[0], episodes[1]}).has_value()) << "one counts";
+  EXPECT_FALSE(spread({EpisodeOf(0, {.steps = 0}), EpisodeOf(1, {.steps = 0})}).has_value());
+  EXPECT_TRUE(spread({EpisodeOf(0, {.steps = 0}), EpisodeOf(1, {.steps = 1})}).has_value());
+}
+
 RC_GTEST_PROP(GroupsProperties, NeitherOrderOfEpisodesNorLaterRowsMatter, ()) {
   std::vector<std::vector<JudgedEpisode>> all;
   const int entries = *rc::gen::inRange(2, 5);
   for (int entry = 0; entry < entries; ++entry) {
-    all.push_back(Play100([](int64_t) {
-      return Played{.success = *rc::gen::arbitrary<bool>(), .time = *rc::gen::inRange(1, 9) / 4.0};
-    }, 20));
+    all.push_back(Play100(
+        [](int64_t) {
+          return Played{.success = *rc::gen::arbitrary<bool>(),
+                        .time = *rc::gen::inRange(1, 9) / 4.0};
+        },
+        20));
   }
   std::vector<TestedRow> rows = BoardOf(all, kTiers);
   const GroupRules two{.samples = 200, .places = 2};

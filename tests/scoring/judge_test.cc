@@ -1,6 +1,8 @@
-#include <filesystem>
+#include "scoring/elbow/judge.h"
 
 #include <gtest/gtest.h>
+
+#include <filesystem>
 
 #include "protocol/base/config_reader.h"
 #include "protocol/tracks/registry.h"
@@ -71,8 +73,8 @@ TEST(Judge, AgreesWithTheTables) {
       EXPECT_EQ(OutcomeName(got.outcome), expected.at("outcome").get<std::string>());
       EXPECT_EQ(got.reason.name(), expected.at("reason").get<std::string>());
       if (expected.contains("time")) {
-        const size_t time = manipulation ? size_t{ManipulationMetric::kTime}
-                                         : size_t{LocomotionMetric::kTime};
+        const size_t time =
+            manipulation ? size_t{ManipulationMetric::kTime} : size_t{LocomotionMetric::kTime};
         EXPECT_EQ(got.metrics[time], expected["time"].get<double>());
       }
       if (expected.contains("distance")) {
@@ -93,6 +95,69 @@ TEST(Judge, AFaultBeforeTheFirstStepHasNeitherEffortNorPain) {
   EXPECT_FALSE(got.metrics[LocomotionMetric::kPain].has_value());
   EXPECT_EQ(got.metrics[LocomotionMetric::kTime], 300);
   EXPECT_EQ(got.metrics[LocomotionMetric::kDistance], 0);
+}
+
+TEST(Judge, MeansOverStepsNeedAStep) {
+  EXPECT_EQ(MeanOverSteps(6, 1), 6);
+  EXPECT_EQ(MeanOverSteps(6, 3), 2);
+  EXPECT_EQ(MeanOverSteps(6, 0), std::nullopt);
+  EXPECT_EQ(MeanOverSteps(6, -1), std::nullopt);
+}
+
+TEST(Judge, KeepsWhatWasMeasured) {
+  EpisodeFacts facts;
+  facts.end = EpisodeEnd::kTime;
+  facts.steps = 4;
+  facts.sim_time = 8;
+  facts.track = LocomotionFacts{.distance = 50, .effort_sum = 2, .pain_sum = 6, .reported_time = 9};
+  const Judgement walk = Judge(facts, LocomotionJudging{});
+  EXPECT_EQ(walk.steps, 4);
+  EXPECT_EQ(walk.metrics, (std::vector<std::optional<double>>{50, 8, 0.5, 1.5, 2, 6, 9, {}, {}}));
+  facts.track = ManipulationFacts{};
+  auto& arm = std::get<ManipulationFacts>(facts.track);
+  arm.effort_sum = 2;
+  arm.reported_time = 9;
+  arm.peak_force = 5;
+  arm.max_touch = 3;
+  const Judgement grip = Judge(facts, ManipulationJudging{.full_time_s = 7});
+  EXPECT_EQ(grip.steps, 4);
+  EXPECT_EQ(grip.metrics, (std::vector<std::optional<double>>{7, 0.5, 2, 9, 5, 3, {}}));
+  facts.track = ElbowFacts{.final_error = 0.5, .effort_sum = 2, .reported_time = 9};
+  const Judgement elbow = Judge(facts, ElbowJudging{.full_time_s = 7});
+  EXPECT_EQ(elbow.steps, 4);
+  EXPECT_EQ(elbow.metrics, (std::vector<std::optional<double>>{7, 0.5, 2, 9, 0.5}));
+}
+
+// Distances before the start and beyond the course count as its ends.
+TEST(Judge, ADistanceIsOnTheCourse) {
+  EpisodeFacts facts;
+  facts.end = LocomotionEnd::kFell;
+  for (const auto& [walked, counted] :
+       std::vector<std::pair<double, double>>{{-1, 0}, {30, 30}, {101, 100}}) {
+    facts.track = LocomotionFacts{.distance = walked};
+    EXPECT_EQ(Judge(facts, LocomotionJudging{}).metrics[LocomotionMetric::kDistance], counted);
+  }
+}
+
+// Every end of a track, and some that are none of it.
+TEST(Judge, TakesOnlyTheEndsOfItsTrack) {
+  EpisodeFacts facts;
+  facts.track = LocomotionFacts{};
+  for (const EpisodeEnd end : {EpisodeEnd(ManipulationEnd::kPlaced), EpisodeEnd(ElbowEnd::kHeld)}) {
+    facts.end = end;
+    EXPECT_EQ(Judge(facts, LocomotionJudging{}).outcome, Outcome::kGraderError);
+    EXPECT_TRUE(Judge(facts, LocomotionJudging{}).metrics.empty());
+  }
+  facts.track = ManipulationFacts{};
+  for (const EpisodeEnd end : {EpisodeEnd(LocomotionEnd::kFell), EpisodeEnd(ElbowEnd::kHeld)}) {
+    facts.end = end;
+    EXPECT_EQ(Judge(facts, ManipulationJudging{}).outcome, Outcome::kGraderError);
+    EXPECT_TRUE(Judge(facts, ManipulationJudging{}).metrics.empty());
+  }
+  // Facts of another track are none.
+  facts.end = EpisodeEnd::kTime;
+  EXPECT_EQ(Judge(facts, LocomotionJudging{}).outcome, Outcome::kGraderError);
+  EXPECT_EQ(Judge(facts, ElbowJudging{}).outcome, Outcome::kGraderError);
 }
 
 }  // namespace

@@ -1,13 +1,13 @@
 #include "scoring/paired_test.h"
 
-#include <algorithm>
-#include <cmath>
-#include <vector>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 #include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <vector>
 
 #include "protocol/base/config_reader.h"
 
@@ -102,6 +102,32 @@ TEST(PairedTest, WithoutPairsOrWeightsDecidesNothing) {
   const PairedTest one_sided = TestPairs({{{{1, 0}, {2, 3}}}}, kSamples);
   EXPECT_EQ(one_sided.p, 1);
   EXPECT_EQ(one_sided.difference, 0);
+}
+
+// The random ways are part of the result: another program with the same generator draws the same.
+TEST(PairedTest, DrawsTheSameWaysForEver) {
+  std::vector<Pair> plain, over_steps;
+  for (int i = 0; i < 100; ++i) {
+    const double a = i * 7 % 11, b = i * 5 % 13;
+    plain.push_back({{a}, {b}});
+    over_steps.push_back({{a, 10.0 + i % 3}, {b, 10.0 + i % 7}});
+  }
+  const PairedTest test = TestPairs(plain, 1001);
+  EXPECT_EQ(test.method, Method::kMonteCarlo);
+  EXPECT_EQ(test.differing, 89);
+  EXPECT_DOUBLE_EQ(test.difference, -1.01);
+  EXPECT_EQ(test.p, 43.0 / 1002);
+  EXPECT_EQ(TestPairs(plain, 1000).p, 43.0 / 1001);
+  EXPECT_EQ(TestPairs(over_steps, 1001).p, 827.0 / 1002);
+  EXPECT_EQ(TestPairs(over_steps, 997).p, 823.0 / 998);
+}
+
+TEST(PairedTest, EnumeratesWhatTakesNoMoreWaysThanSamples) {
+  const std::vector<Pair> pairs = PairsOf({1, 2, 4, 8, 16}, {0, 0, 0, 0, 0});
+  EXPECT_EQ(TestPairs(pairs, 16).method, Method::kExact);
+  EXPECT_EQ(TestPairs(pairs, 16).p, 1.0 / 16);
+  EXPECT_EQ(TestPairs(pairs, 15).method, Method::kMonteCarlo);
+  EXPECT_EQ(TestPairs(pairs, 1).method, Method::kMonteCarlo);
 }
 
 TEST(PairedTest, OfThousandsOfClearPairsStaysAboveZero) {
