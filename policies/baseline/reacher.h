@@ -7,7 +7,6 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cstddef>
-#include <optional>
 #include <span>
 
 #include "policies/baseline/arm_muscles.h"
