@@ -173,4 +173,6 @@ set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3")
 set(CPACK_DEBIAN_CLIENT_PACKAGE_CONTROL_EXTRA ${pages}/control/client/conffiles)
 set(CPACK_DEBIAN_SERVER_PACKAGE_CONTROL_EXTRA
     "${pages}/control/server/conffiles;${here}/control/postinst;${here}/control/prerm;${here}/control/postrm")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA
+    "${here}/control/python/postinst;${here}/control/python/prerm")
 include(CPack)
