@@ -59,8 +59,10 @@
   // A piece of the text with the words marked.
   function excerpt(entry, words) {
     const at = Math.min(...words.flatMap((word) => places(entry.lowText, word)));
-    const start = Number.isFinite(at) ? Math.max(0, at - AROUND) : 0;
-    const end = start + 2 * AROUND;
+    // Whole words, so from one space to another.
+    const start = at > AROUND && Number.isFinite(at) ? entry.text.indexOf(" ", at - AROUND) + 1 : 0;
+    const space = entry.text.indexOf(" ", start + 2 * AROUND);
+    const end = space < 0 ? entry.text.length : space;
     const paragraph = element("p");
     let from = start;
     const marks = words.flatMap((word) => places(entry.lowText.slice(start, end), word)
