@@ -116,6 +116,15 @@ TEST(Aggregate, TellsHowFarEpisodesLieApart) {
   EXPECT_EQ(one->means[kTime].spread.high, 4);
 }
 
+TEST(Aggregate, AnEpisodeMayLackTheLastMetrics) {
+  JudgedEpisode cut = Episode(0, Outcome::kFailure, 4);
+  cut.judgement.metrics.resize(kEffort);
+  const auto got = AggregateOf({cut, Episode(1, Outcome::kFailure, 6, 0.5)});
+  EXPECT_EQ(got->means[kTime].value, 5);
+  EXPECT_EQ(got->means[kEffort].value, 0.5);
+  EXPECT_EQ(got->means[kEffort].count, 1);
+}
+
 // Wilson's intervals from their formula, worked out apart from this code.
 TEST(Aggregate, SuccessRatesHaveWilsonsInterval) {
   struct Case {

@@ -150,20 +150,22 @@ TEST_F(DamageTest, WithoutItAllEnds) {
   CheckReading(world);
 }
 
-// Each column with one of the values; the slow tests use all of them.
+// Every third column with one of the values; the slow tests take all columns, each with all values.
 TEST_F(DamageTest, ADamagedRowIsItsOwnersHarmAlone) {
   const bool all = std::getenv("MYOGRADE_ALL_DAMAGE") != nullptr;
   const std::vector<Target> targets = TargetsIn(teams_);
   EXPECT_GT(targets.size(), 150u);
+  constexpr size_t kEvery = 3;
   size_t number = 0;
   for (const Target& target : targets) {
     const size_t one = number++ % std::size(kValues);
+    if (!all && number % kEvery != 0) continue;
     for (size_t i = 0; i < std::size(kValues); ++i) {
       if (all || i == one) Try(target, kValues[i]);
     }
     if (HasFailure()) break;
   }
-  EXPECT_GT(tried_, all ? 600 : 120);
+  EXPECT_GT(tried_, all ? 600 : 40);
 }
 
 TEST_F(DamageTest, AnEvaluationThatCantBeReadEndsWithTheReasonAndGivesItsQuotaBack) {
