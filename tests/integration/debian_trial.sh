@@ -11,6 +11,7 @@ installed() { apt-get install -y -q --no-install-recommends "$@" >/root/apt.log 
 value() { systemctl show -p "$1" --value "${2:-myograded.service}"; }
 # The daemon is asked for a minute before it counts as gone.
 answers() { timeout 60 sh -c 'until myograde status >/dev/null 2>&1; do sleep 1; done'; }
+log_of_this_start() { journalctl "_SYSTEMD_INVOCATION_ID=$(value InvocationID)" --no-pager -o cat; }
 status_of() { sed -n "s/^$1:[[:space:]]*//p" "/proc/$(value MainPID)/status"; }
 # A track that an emulated processor plays within a minute.
 short_track() {
@@ -86,6 +87,14 @@ step configure_port
 ip link add dummy0 type dummy && ip address add 192.0.2.10/24 dev dummy0 && ip link set dummy0 up; step network
 systemctl restart myograded.service && answers; step port_without_systemd
 journalctl -u myograded --no-pager | grep "may not send packets to other hosts"; step filter_is_told
+install -D -m 0644 -t $unit /usr/share/myograde/systemd/network.conf && systemctl daemon-reload; step network_conf
+systemctl restart myograded.service && answers && ! log_of_this_start | grep "may not send packets"; step filter_is_lifted
+rm $unit/network.conf && systemctl daemon-reload
+# Without user namespaces the log says what to do.
+namespaces=$(sysctl -n user.max_user_namespaces)
+sysctl -q user.max_user_namespaces=0 && systemctl restart myograded.service && answers; step no_namespaces
+log_of_this_start | grep "make no user namespaces, so nothing can be graded"; step lack_is_told
+sysctl -q "user.max_user_namespaces=$namespaces"; step namespaces
 systemctl stop myograded.service && systemctl enable --now myograded-https.socket && systemctl start myograded.service; step port
 answers && python3 -c '
 import ssl, urllib.request
