@@ -18,6 +18,7 @@ import json
 import pathlib
 import sys
 import tempfile
+import threading
 
 import operators
 import trial
@@ -95,7 +96,7 @@ def score(wanted, results):
         if not counts:
             continue
         listed = sum(file.startswith(area + "/") for file, _, _ in operators.equal_ones())
-        print(f"{area}: {killed} of {tried} mutants are killed ({counts['timeout']} of them end never), "
+        print(f"{area}: {killed} of {tried} mutants are killed ({counts['timeout']} of them by their time), "
               f"{counts['SURVIVES']} survive; {counts['same code'] + listed} change nothing "
               f"({listed} of them are listed), {counts['no code']} do not compile")
 
@@ -116,11 +117,13 @@ def main():
               and (not options.survivors or known.latest.get(known.key(mutant)) == "SURVIVES")]
 
     results = []
+    preparing = threading.Lock()
 
     def end_of(mutant):
         source = ROOT / mutant[1]
-        if known.known(mutant) is None and source not in build.preambles:
-            build.prepare(source, preambles)
+        with preparing:
+            if known.known(mutant) is None and source not in build.preambles:
+                build.prepare(source, preambles)
         return known.known(mutant) or attempt(mutant, build)
 
     with (tempfile.TemporaryDirectory() as preambles,
