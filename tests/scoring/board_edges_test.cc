@@ -55,7 +55,7 @@ std::string Why(const BoardEntry& above, const BoardEntry& below, const BoardRul
 }
 
 TEST(MakeEntry, HasTheRankedMeansAndTheCounts) {
-  constexpr Metric kMetrics[] = {{.name = "a", .title = "", .unit = "", .ranked = true},
+  constexpr Metric kThree[] = {{.name = "a", .title = "", .unit = "", .ranked = true},
                                  {.name = "b", .title = "", .unit = ""},
                                  {.name = "c", .title = "", .unit = "", .ranked = true}};
   Aggregate aggregate;
@@ -65,15 +65,15 @@ TEST(MakeEntry, HasTheRankedMeansAndTheCounts) {
   aggregate.means = {{.value = 1.5, .count = 7, .spread = {}},
                      {.value = 2.5, .count = 7, .spread = {}},
                      {.value = 0, .count = 0, .spread = {}}};
-  const BoardEntry entry = MakeEntry(kMetrics, aggregate);
+  const BoardEntry entry = MakeEntry(kThree, aggregate);
   EXPECT_TRUE(entry.failed);
   EXPECT_EQ(entry.episodes, 7);
   EXPECT_EQ(entry.successes, 3);
   EXPECT_THAT(entry.numbers, ElementsAre(1.5, std::nullopt));
   aggregate.failed = false;
   aggregate.means[2].count = 1;
-  EXPECT_FALSE(MakeEntry(kMetrics, aggregate).failed);
-  EXPECT_THAT(MakeEntry(kMetrics, aggregate).numbers, ElementsAre(1.5, 0.0));
+  EXPECT_FALSE(MakeEntry(kThree, aggregate).failed);
+  EXPECT_THAT(MakeEntry(kThree, aggregate).numbers, ElementsAre(1.5, 0.0));
 }
 
 TEST(Board, RefusesEntriesThatCantBe) {
