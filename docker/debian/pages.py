@@ -157,8 +157,8 @@ def file_pages(source, day):
         "myograde-server.json": ("configuration of the MyoGrade daemon", "/etc/myograde/server.json", [
             start("The file is one JSON object. " + strict + "The daemon reads it when it starts. "
                   + schema("server")), ("KEYS", items(described(server))),
-            *from_markdown(section_of(configs / "README.md", "## The door to the network", "## Track configs"),
-                           "THE DOOR TO THE NETWORK")]),
+            *from_markdown(section_of(configs / "README.md", "## Listening on the network", "## Track configs"),
+                           "LISTENING ON THE NETWORK")]),
         "myograde-track": ("config of a MyoGrade track", "/etc/myograde/tracks/NAME.json", [
             start("What a result depends on, beside the submission and the grader's build. " + strict
                   + schema("track")),
