@@ -265,16 +265,16 @@ TEST(ScoredTracks, RankByTheirNumbersInOrder) {
             "distance_m,time_s,effort,pain,effort_over_steps,pain_over_steps");
   EXPECT_EQ(FindScoredTrack("elbows"), nullptr);
   // One that is not ranked does not end the list.
-  constexpr Metric kMetrics[] = {{.name = "a", .title = "", .unit = "", .ranked = true},
-                                 {.name = "b", .title = "", .unit = ""},
-                                 {.name = "c", .title = "", .unit = "", .ranked = true}};
+  constexpr Metric kThreeMetrics[] = {{.name = "a", .title = "", .unit = "", .ranked = true},
+                                      {.name = "b", .title = "", .unit = ""},
+                                      {.name = "c", .title = "", .unit = "", .ranked = true}};
   ScoredTrack track = *FindScoredTrack("elbow");
-  track.metrics = kMetrics;
+  track.metrics = kThreeMetrics;
   EXPECT_EQ(RankedNames(track), "a,c");
-  EXPECT_EQ(RankedPlace(kMetrics, 0), 0u);
-  EXPECT_EQ(RankedPlace(kMetrics, 2), 1u);
-  EXPECT_EQ(&MetricOf(kMetrics, 0), &kMetrics[0]);
-  EXPECT_EQ(&MetricOf(kMetrics, 1), &kMetrics[2]);
+  EXPECT_EQ(RankedPlace(kThreeMetrics, 0), 0u);
+  EXPECT_EQ(RankedPlace(kThreeMetrics, 2), 1u);
+  EXPECT_EQ(&MetricOf(kThreeMetrics, 0), &kThreeMetrics[0]);
+  EXPECT_EQ(&MetricOf(kThreeMetrics, 1), &kThreeMetrics[2]);
 }
 
 // Results of a track have always had these keys.
