@@ -55,9 +55,9 @@ std::string Why(const BoardEntry& above, const BoardEntry& below, const BoardRul
 }
 
 TEST(MakeEntry, HasTheRankedMeansAndTheCounts) {
-  constexpr Metric kThree[] = {{.name = "a", .title = "", .unit = "", .ranked = true},
-                                 {.name = "b", .title = "", .unit = ""},
-                                 {.name = "c", .title = "", .unit = "", .ranked = true}};
+  constexpr Metric kThreeMetrics[] = {{.name = "a", .title = "", .unit = "", .ranked = true},
+                                      {.name = "b", .title = "", .unit = ""},
+                                      {.name = "c", .title = "", .unit = "", .ranked = true}};
   Aggregate aggregate;
   aggregate.episodes = 7;
   aggregate.successes = 3;
@@ -65,15 +65,15 @@ TEST(MakeEntry, HasTheRankedMeansAndTheCounts) {
   aggregate.means = {{.value = 1.5, .count = 7, .spread = {}},
                      {.value = 2.5, .count = 7, .spread = {}},
                      {.value = 0, .count = 0, .spread = {}}};
-  const BoardEntry entry = MakeEntry(kThree, aggregate);
+  const BoardEntry entry = MakeEntry(kThreeMetrics, aggregate);
   EXPECT_TRUE(entry.failed);
   EXPECT_EQ(entry.episodes, 7);
   EXPECT_EQ(entry.successes, 3);
   EXPECT_THAT(entry.numbers, ElementsAre(1.5, std::nullopt));
   aggregate.failed = false;
   aggregate.means[2].count = 1;
-  EXPECT_FALSE(MakeEntry(kThree, aggregate).failed);
-  EXPECT_THAT(MakeEntry(kThree, aggregate).numbers, ElementsAre(1.5, 0.0));
+  EXPECT_FALSE(MakeEntry(kThreeMetrics, aggregate).failed);
+  EXPECT_THAT(MakeEntry(kThreeMetrics, aggregate).numbers, ElementsAre(1.5, 0.0));
 }
 
 TEST(Board, RefusesEntriesThatCantBe) {

@@ -265,16 +265,16 @@ TEST(ScoredTracks, RankByTheirNumbersInOrder) {
             "distance_m,time_s,effort,pain,effort_over_steps,pain_over_steps");
   EXPECT_EQ(FindScoredTrack("elbows"), nullptr);
   // One that is not ranked does not end the list.
-  constexpr Metric kThree[] = {{.name = "a", .title = "", .unit = "", .ranked = true},
-                                 {.name = "b", .title = "", .unit = ""},
-                                 {.name = "c", .title = "", .unit = "", .ranked = true}};
+  constexpr Metric kThreeMetrics[] = {{.name = "a", .title = "", .unit = "", .ranked = true},
+                                      {.name = "b", .title = "", .unit = ""},
+                                      {.name = "c", .title = "", .unit = "", .ranked = true}};
   ScoredTrack track = *FindScoredTrack("elbow");
-  track.metrics = kThree;
+  track.metrics = kThreeMetrics;
   EXPECT_EQ(RankedNames(track), "a,c");
-  EXPECT_EQ(RankedPlace(kThree, 0), 0u);
-  EXPECT_EQ(RankedPlace(kThree, 2), 1u);
-  EXPECT_EQ(&MetricOf(kThree, 0), &kThree[0]);
-  EXPECT_EQ(&MetricOf(kThree, 1), &kThree[2]);
+  EXPECT_EQ(RankedPlace(kThreeMetrics, 0), 0u);
+  EXPECT_EQ(RankedPlace(kThreeMetrics, 2), 1u);
+  EXPECT_EQ(&MetricOf(kThreeMetrics, 0), &kThreeMetrics[0]);
+  EXPECT_EQ(&MetricOf(kThreeMetrics, 1), &kThreeMetrics[2]);
 }
 
 // Results of a track have always had these keys.

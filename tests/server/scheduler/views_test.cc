@@ -12,8 +12,8 @@ namespace {
 
 using Kind = Decision::Kind;
 
-constexpr absl::Duration kEpoch = absl::ZeroDuration();
-constexpr absl::Duration kSecond = absl::Seconds(1);
+constexpr absl::Duration kZero = absl::ZeroDuration();
+constexpr absl::Duration kOneSecond = absl::Seconds(1);
 
 EvaluationSpec Waiting(int64_t id, const std::string& team, int leases,
                        Priority priority = Priority::kRanked) {
@@ -24,27 +24,25 @@ EvaluationSpec Waiting(int64_t id, const std::string& team, int leases,
 
 TEST(WhyWaiting, SaysWhatALeaseWaitsFor) {
   Scheduler scheduler({.slots = 2, .team_running = 1, .queue_wait = absl::Hours(1)});
-  EXPECT_EQ(scheduler.WhyWaiting(1, kEpoch), "") << "unknown";
-  scheduler.Add(Waiting(1, "a", 2), kEpoch);
-  EXPECT_EQ(scheduler.WhyWaiting(1, kEpoch),
-            "2 blocks of episodes wait and will start in a moment");
-  ASSERT_EQ(scheduler.Next(kEpoch)->lease, 1000);
-  EXPECT_EQ(scheduler.WhyWaiting(1, kEpoch),
+  EXPECT_EQ(scheduler.WhyWaiting(1, kZero), "") << "unknown";
+  scheduler.Add(Waiting(1, "a", 2), kZero);
+  EXPECT_EQ(scheduler.WhyWaiting(1, kZero), "2 blocks of episodes wait and will start in a moment");
+  ASSERT_EQ(scheduler.Next(kZero)->lease, 1000);
+  EXPECT_EQ(scheduler.WhyWaiting(1, kZero),
             "1 block of episodes waits until another of the team ends: 1 runs, which is as many as "
             "one team "
             "may have");
-  scheduler.Add(Waiting(2, "b", 1), kEpoch);
-  EXPECT_EQ(scheduler.WhyWaiting(2, kEpoch),
-            "1 block of episodes waits and will start in a moment");
-  ASSERT_EQ(scheduler.Next(kEpoch)->lease, 2000);
-  EXPECT_EQ(scheduler.WhyWaiting(2, kEpoch), "") << "nothing of it waits";
-  scheduler.Add(Waiting(3, "c", 1), kEpoch);
-  scheduler.Add(Waiting(4, "c", 1), kEpoch);
-  EXPECT_EQ(scheduler.WhyWaiting(3, kEpoch),
+  scheduler.Add(Waiting(2, "b", 1), kZero);
+  EXPECT_EQ(scheduler.WhyWaiting(2, kZero), "1 block of episodes waits and will start in a moment");
+  ASSERT_EQ(scheduler.Next(kZero)->lease, 2000);
+  EXPECT_EQ(scheduler.WhyWaiting(2, kZero), "") << "nothing of it waits";
+  scheduler.Add(Waiting(3, "c", 1), kZero);
+  scheduler.Add(Waiting(4, "c", 1), kZero);
+  EXPECT_EQ(scheduler.WhyWaiting(3, kZero),
             "1 block of episodes waits for a slot: 2 of 2 are taken, and 0 blocks of episodes of "
             "others or of earlier "
             "submissions ahead");
-  EXPECT_EQ(scheduler.WhyWaiting(4, kEpoch),
+  EXPECT_EQ(scheduler.WhyWaiting(4, kZero),
             "1 block of episodes waits for a slot: 2 of 2 are taken, and 2 blocks of episodes of "
             "others or of earlier "
             "submissions ahead");
@@ -58,15 +56,15 @@ TEST(WhyWaiting, SaysWhatALeaseWaitsFor) {
 
 TEST(WhyWaiting, CountsWhatRunsOfTheTeamAndOneSlot) {
   Scheduler scheduler({.slots = 3, .team_running = 2});
-  scheduler.Add(Waiting(1, "a", 3), kEpoch);
-  ASSERT_TRUE(scheduler.Next(kEpoch) && scheduler.Next(kEpoch));
-  EXPECT_EQ(scheduler.WhyWaiting(1, kEpoch),
+  scheduler.Add(Waiting(1, "a", 3), kZero);
+  ASSERT_TRUE(scheduler.Next(kZero) && scheduler.Next(kZero));
+  EXPECT_EQ(scheduler.WhyWaiting(1, kZero),
             "1 block of episodes waits until another of the team ends: 2 run, which is as many as "
             "one team may have");
   Scheduler one({.slots = 1});
-  one.Add(Waiting(1, "a", 2), kEpoch);
-  ASSERT_TRUE(one.Next(kEpoch));
-  EXPECT_EQ(one.WhyWaiting(1, kEpoch),
+  one.Add(Waiting(1, "a", 2), kZero);
+  ASSERT_TRUE(one.Next(kZero));
+  EXPECT_EQ(one.WhyWaiting(1, kZero),
             "1 block of episodes waits for a slot: 1 of 1 is taken, and 0 blocks of episodes of "
             "others or of earlier "
             "submissions ahead");
@@ -74,25 +72,25 @@ TEST(WhyWaiting, CountsWhatRunsOfTheTeamAndOneSlot) {
 
 TEST(WhyWaiting, SaysWhenALeaseIsPlayedAgain) {
   Scheduler scheduler({.slots = 1, .max_retries = 3, .retry_delay = absl::Seconds(2)});
-  scheduler.Add(Waiting(1, "a", 1), kEpoch);
-  ASSERT_TRUE(scheduler.Next(kEpoch));
-  ASSERT_EQ(scheduler.Returned(1000, 1, kEpoch).kind, Kind::kRetry);
+  scheduler.Add(Waiting(1, "a", 1), kZero);
+  ASSERT_TRUE(scheduler.Next(kZero));
+  ASSERT_EQ(scheduler.Returned(1000, 1, kZero).kind, Kind::kRetry);
   EXPECT_EQ(scheduler.WhyWaiting(1, absl::Milliseconds(500)),
             "1 block of episodes waits to be played again after their place was lost, in 2s");
   scheduler.Free(0);
   EXPECT_FALSE(scheduler.Next(absl::Milliseconds(1999)));
-  EXPECT_EQ(scheduler.WhyWaiting(1, 2 * kSecond),
+  EXPECT_EQ(scheduler.WhyWaiting(1, 2 * kOneSecond),
             "1 block of episodes waits and will start in a moment");
-  ASSERT_TRUE(scheduler.Next(2 * kSecond));
-  ASSERT_EQ(scheduler.Faulted(1000, 2, 2 * kSecond).kind, Kind::kRetry);
-  EXPECT_EQ(scheduler.WhyWaiting(1, 3 * kSecond),
+  ASSERT_TRUE(scheduler.Next(2 * kOneSecond));
+  ASSERT_EQ(scheduler.Faulted(1000, 2, 2 * kOneSecond).kind, Kind::kRetry);
+  EXPECT_EQ(scheduler.WhyWaiting(1, 3 * kOneSecond),
             "1 block of episodes waits to be played again after a fault of the grader, in 1s");
 }
 
 TEST(Depth, HasTheLongestWaitSinceTheLastStart) {
   Scheduler scheduler({.slots = 1});
   scheduler.Add(Waiting(1, "a", 2), absl::Seconds(10));
-  EXPECT_EQ(scheduler.DepthAt(absl::Seconds(5)).oldest, kEpoch) << "never less than nothing";
+  EXPECT_EQ(scheduler.DepthAt(absl::Seconds(5)).oldest, kZero) << "never less than nothing";
   scheduler.Add(Waiting(2, "b", 1), absl::Seconds(12));
   EXPECT_EQ(scheduler.DepthAt(absl::Seconds(20)).oldest, absl::Seconds(10));
   ASSERT_EQ(scheduler.Next(absl::Seconds(20))->evaluation, 1);
@@ -110,7 +108,7 @@ TEST(Deadlines, OfAnEvaluationAreItsWaitAndThoseOfItsLeases) {
   Scheduler scheduler(
       {.slots = 2, .heartbeat = absl::Seconds(30), .queue_wait = absl::Seconds(60)});
   EXPECT_FALSE(scheduler.DeadlineOf(1));
-  scheduler.Add(Waiting(1, "a", 2), kEpoch);
+  scheduler.Add(Waiting(1, "a", 2), kZero);
   EXPECT_EQ(scheduler.DeadlineOf(1), absl::Seconds(60));
   ASSERT_TRUE(scheduler.Next(absl::Seconds(5)));
   EXPECT_EQ(scheduler.DeadlineOf(1), absl::Seconds(35)) << "silence";
@@ -136,10 +134,10 @@ TEST(Retries, GoOnFromEarlierAttemptsAndFaults) {
   EvaluationSpec spec = Waiting(1, "a", 1);
   spec.leases[0].attempt = 5;
   spec.leases[0].faults = 2;
-  scheduler.Add(spec, kEpoch);
-  EXPECT_EQ(scheduler.Next(kEpoch)->attempt, 6);
-  EXPECT_EQ(scheduler.Faulted(1000, 6, kEpoch).kind, Kind::kRetry);
-  EXPECT_EQ(scheduler.NextDeadline(kEpoch), absl::Seconds(8)) << "the third delay";
+  scheduler.Add(spec, kZero);
+  EXPECT_EQ(scheduler.Next(kZero)->attempt, 6);
+  EXPECT_EQ(scheduler.Faulted(1000, 6, kZero).kind, Kind::kRetry);
+  EXPECT_EQ(scheduler.NextDeadline(kZero), absl::Seconds(8)) << "the third delay";
   scheduler.Free(0);
   ASSERT_EQ(scheduler.Next(absl::Seconds(8))->attempt, 7);
   const Decision last = scheduler.Faulted(1000, 7, absl::Seconds(8));
@@ -153,14 +151,14 @@ TEST(Retries, DelaysAreDoubledTwentyTimesAtMost) {
        std::vector<std::pair<int64_t, int>>{{0, 0}, {19, 19}, {20, 20}, {21, 20}, {60, 20}}) {
     Scheduler scheduler({.slots = 1,
                          .max_retries = 100,
-                         .retry_delay = kSecond,
+                         .retry_delay = kOneSecond,
                          .queue_wait = absl::InfiniteDuration()});
     EvaluationSpec spec = Waiting(1, "a", 1);
     spec.leases[0].faults = faults;
-    scheduler.Add(spec, kEpoch);
-    ASSERT_TRUE(scheduler.Next(kEpoch));
-    scheduler.Faulted(1000, 1, kEpoch);
-    EXPECT_EQ(scheduler.NextDeadline(kEpoch), kSecond * (int64_t{1} << doublings)) << faults;
+    scheduler.Add(spec, kZero);
+    ASSERT_TRUE(scheduler.Next(kZero));
+    scheduler.Faulted(1000, 1, kZero);
+    EXPECT_EQ(scheduler.NextDeadline(kZero), kOneSecond * (int64_t{1} << doublings)) << faults;
   }
 }
 
@@ -180,43 +178,43 @@ TEST(Slots, AreTakenAndFreedByTheirNumbers) {
 }
 
 // The first evaluation to start, with one slot.
-int64_t FirstOf(Scheduler& scheduler) { return scheduler.Next(kEpoch)->evaluation; }
+int64_t FirstOf(Scheduler& scheduler) { return scheduler.Next(kZero)->evaluation; }
 
 TEST(Teams, ThatBecomeOneKeepTheEarlierTurn) {
   Scheduler earlier({.slots = 1});
-  earlier.Add(Waiting(1, "a", 1), kEpoch);
-  earlier.Add(Waiting(2, "b", 1), kEpoch);
-  earlier.Add(Waiting(3, "c", 1), kEpoch);
+  earlier.Add(Waiting(1, "a", 1), kZero);
+  earlier.Add(Waiting(2, "b", 1), kZero);
+  earlier.Add(Waiting(3, "c", 1), kZero);
   earlier.MoveTeam("a", "c");
   EXPECT_EQ(FirstOf(earlier), 1) << "it came before b";
 
   Scheduler later({.slots = 1});
-  later.Add(Waiting(1, "a", 1), kEpoch);
-  later.Add(Waiting(2, "b", 1), kEpoch);
-  later.Add(Waiting(3, "c", 1), kEpoch);
+  later.Add(Waiting(1, "a", 1), kZero);
+  later.Add(Waiting(2, "b", 1), kZero);
+  later.Add(Waiting(3, "c", 1), kZero);
   later.Cancel(1);
   later.MoveTeam("c", "a");
   EXPECT_EQ(FirstOf(later), 3) << "as a came before b";
 
   // A team that had rejudges only has no turn to bring, and takes that of the other.
   Scheduler rejudged({.slots = 1});
-  rejudged.Add(Waiting(1, "r", 1, Priority::kRejudge), kEpoch);
-  rejudged.Add(Waiting(2, "b", 1), kEpoch);
-  rejudged.Add(Waiting(3, "c", 1), kEpoch);
+  rejudged.Add(Waiting(1, "r", 1, Priority::kRejudge), kZero);
+  rejudged.Add(Waiting(2, "b", 1), kZero);
+  rejudged.Add(Waiting(3, "c", 1), kZero);
   rejudged.MoveTeam("r", "c");
   EXPECT_EQ(FirstOf(rejudged), 2);
   Scheduler taken({.slots = 1});
-  taken.Add(Waiting(1, "r", 1, Priority::kRejudge), kEpoch);
-  taken.Add(Waiting(2, "c", 1), kEpoch);
-  taken.Add(Waiting(3, "b", 1), kEpoch);
+  taken.Add(Waiting(1, "r", 1, Priority::kRejudge), kZero);
+  taken.Add(Waiting(2, "c", 1), kZero);
+  taken.Add(Waiting(3, "b", 1), kZero);
   taken.MoveTeam("c", "r");
   EXPECT_EQ(FirstOf(taken), 2);
 }
 
 TEST(Teams, OfRejudgesComeInTheOrderOfTheirNames) {
   Scheduler scheduler({.slots = 1});
-  scheduler.Add(Waiting(1, "b", 1, Priority::kRejudge), kEpoch);
-  scheduler.Add(Waiting(2, "a", 1, Priority::kRejudge), kEpoch);
+  scheduler.Add(Waiting(1, "b", 1, Priority::kRejudge), kZero);
+  scheduler.Add(Waiting(2, "a", 1, Priority::kRejudge), kZero);
   EXPECT_EQ(FirstOf(scheduler), 2);
 }
 
@@ -244,17 +242,17 @@ TEST(TeamLine, CountsByClassAndAge) {
 
 TEST(HostHealth, SaysWhyNothingStarts) {
   HostHealth host({.suspect_after = 1, .test_every = absl::Minutes(3)});
-  EXPECT_EQ(host.PauseReason(kEpoch), "");
+  EXPECT_EQ(host.PauseReason(kZero), "");
   EXPECT_FALSE(host.NextTest());
-  host.LeaseFaulted(kEpoch, "no disk");
-  EXPECT_EQ(host.PauseReason(kEpoch),
+  host.LeaseFaulted(kZero, "no disk");
+  EXPECT_EQ(host.PauseReason(kZero),
             "the host is being tested after 1 fault of the grader in a row, the last one: no disk");
   EXPECT_FALSE(host.NextTest()) << "it is due already";
   host.TestBegins();
   EXPECT_TRUE(host.testing());
-  host.TestEnded(kSecond, "no models");
+  host.TestEnded(kOneSecond, "no models");
   EXPECT_FALSE(host.testing());
-  EXPECT_EQ(host.paused_since(), kSecond);
+  EXPECT_EQ(host.paused_since(), kOneSecond);
   EXPECT_EQ(host.NextTest(), absl::Seconds(181));
   EXPECT_EQ(host.PauseReason(absl::Milliseconds(1500)),
             "the host is paused, as its self-test failed: no models; it is tested again in 3m, and "
