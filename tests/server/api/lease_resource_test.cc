@@ -156,7 +156,8 @@ TEST_F(LeaseResourceTest, ADaemonThatIsAwayIsAskedAgain) {
   const auto node = Node();
   ASSERT_EQ(node->AddRecords(0, ""), absl::OkStatus());
   server_->Shutdown();
-  EXPECT_TRUE(MayPass(node->AddRecords(0, "x")));
+  const absl::Status status = node->AddRecords(0, "x");
+  EXPECT_TRUE(MayPass(status)) << status;
 }
 
 TEST_F(LeaseResourceTest, TokensGoToNobodyButTheDaemon) {
