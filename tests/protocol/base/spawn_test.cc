@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <optional>
@@ -105,9 +106,9 @@ TEST(Spawn, IsAsNiceAsItsOrder) {
   ASSERT_EQ(errno, 0);
   if (own > 15) GTEST_SKIP() << "this process is too nice already";
   SpawnOrder order;
-  order.nice = own + 3;
+  order.nice = std::max(own, 0) + 3;  // 0 would leave it as it is
   // The value is reported once the program runs.
-  const std::string nice = std::to_string(own + 3);
+  const std::string nice = std::to_string(order.nice);
   EXPECT_EQ(Printed("while [ $(nice) != " + nice + " ]; do sleep 0.01; done; nice", order),
             nice + "\n");
 }
