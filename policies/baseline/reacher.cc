@@ -43,6 +43,8 @@ double Smooth(double x) {
   return t * t * t * (10 - 15 * t + 6 * t * t);
 }
 
+double Mixed(double from, double to, double share) { return from + share * (to - from); }
+
 Eigen::Vector3d Vec(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
 
 Eigen::Quaterniond Turned(const std::array<double, 3>& turn, const Eigen::Quaterniond& nominal) {
@@ -160,9 +162,12 @@ Pose Reacher::HandGoal(const Scene& scene) const {
 void Reacher::Follow(const Scene& scene) {
   const double late = scene.time - began_ - Length();
   if (late < 0) return;
-  const bool there = (MuscleArm().Of(scene.arm).place - HandGoal(scene).place).norm() < kNear;
   const bool moves = phase_ == Phase::kBeside || phase_ == Phase::kAt || phase_ == Phase::kGive;
-  if (moves && !there && late < kSettle) return;
+  if (moves && late < kSettle) {
+    // The hand is given a little longer to get there.
+    const Eigen::Vector3d missing = MuscleArm().Of(scene.arm).place - HandGoal(scene).place;
+    if (missing.norm() >= kNear) return;
+  }
   switch (phase_) {
     case Phase::kLift:
       return Begin(scene.box.z() > kStanding + kLifted ? Phase::kGive : Phase::kBeside, scene);
@@ -183,7 +188,7 @@ void Reacher::AimArm(const Scene& scene, double share) {
     arm_ = MuscleArm().Nearer(arm_, goal, kHandTurnWeight, kPalmBeside);
   }
   const bool closed = phase_ >= Phase::kClose && phase_ < Phase::kRelease;
-  grip_ = grip_from_ + share * ((closed ? 1 : 0) - grip_from_);
+  grip_ = Mixed(grip_from_, closed ? 1 : 0, share);
 }
 
 Pose Reacher::PalmGoal(const Scene& scene) const {
@@ -216,7 +221,7 @@ void Reacher::AimProsthesis(const Scene& scene, double share) {
                    -kMostSag, kMostSag);
   }
   const bool taken = phase_ >= Phase::kTake && phase_ < Phase::kOpen;
-  take_ = take_from_ + share * ((taken ? 1 : 0) - take_from_);
+  take_ = Mixed(take_from_, taken ? 1 : 0, share);
 }
 
 ArmTorques Reacher::WantedTorques(const ArmState& state, ArmTorques& weight) {
@@ -244,7 +249,7 @@ ArmTorques Reacher::WantedTorques(const ArmState& state, ArmTorques& weight) {
   for (int j = 0; j < kChainAngles; ++j) torques[j] += planned[j];
   for (int j = kChainAngles; j < kArmJoints; ++j) {
     const int k = j - kChainAngles;
-    const double target = plan_.open[k] + grip_ * (plan_.closed[k] - plan_.open[k]);
+    const double target = Mixed(plan_.open[k], plan_.closed[k], grip_);
     torques[j] = plan_.hand_stiffness * (target - state.angles[j]) -
                  plan_.hand_damping * state.velocities[j];
     weight[j] = kHandWeight;
@@ -278,8 +283,7 @@ void Reacher::Act(std::span<const double, kReacherObservation> observation,
   allocator_.Allocate(state, torques, weight, action.first<kArmMuscles>());
   for (int j = 0; j < kChainAngles; ++j) action[kArmMuscles + j] = prosthesis_[j] + sag_[j];
   for (int j = 0; j < kProsthesisHand; ++j) {
-    action[kArmMuscles + kChainAngles + j] =
-        plan_.offered[j] + take_ * (plan_.taken[j] - plan_.offered[j]);
+    action[kArmMuscles + kChainAngles + j] = Mixed(plan_.offered[j], plan_.taken[j], take_);
   }
   first_ = false;
 }

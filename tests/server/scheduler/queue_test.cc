@@ -6,27 +6,21 @@
 #include <gtest/gtest.h>
 
 #include "server/scheduler/scheduler.h"
+#include "tests/server/scheduler/waiting_evaluation.h"
 
 namespace myograde::server {
 namespace {
-
-EvaluationSpec Blocks(int64_t id, const std::string& team, int leases,
-                      Priority priority = Priority::kRanked) {
-  EvaluationSpec spec{id, team, "", priority, absl::Seconds(100), {}};
-  for (int i = 0; i < leases; ++i) spec.leases.push_back({id * 1000 + i, 0, 0});
-  return spec;
-}
 
 TEST(QueueOf, ShowsWhatRunsAndThenWhatWaitsOfSomeTeams) {
   Scheduler scheduler({.slots = 1});
   const std::set<std::string> own = {"b", "nobody"};
   EXPECT_TRUE(scheduler.QueueOf(nullptr).empty());
-  scheduler.Add(Blocks(1, "a", 1), absl::ZeroDuration());
-  scheduler.Add(Blocks(2, "a", 1), absl::ZeroDuration());
-  scheduler.Add(Blocks(3, "b", 1), absl::ZeroDuration());
-  scheduler.Add(Blocks(4, "b", 2, Priority::kPractice), absl::ZeroDuration());
-  scheduler.Add(Blocks(5, "b", 1, Priority::kRerun), absl::ZeroDuration());
-  scheduler.Add(Blocks(6, "b", 1, Priority::kRejudge), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(1, "a", 1), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(2, "a", 1), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(3, "b", 1), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(4, "b", 2, Priority::kPractice), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(5, "b", 1, Priority::kRerun), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(6, "b", 1, Priority::kRejudge), absl::ZeroDuration());
   ASSERT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 1);
   EXPECT_EQ(scheduler.QueueOf(nullptr), (std::vector<int64_t>{1, 3, 2, 4}));
   EXPECT_EQ(scheduler.QueueOf(&own), (std::vector<int64_t>{3, 4}));

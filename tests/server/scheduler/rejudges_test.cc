@@ -9,6 +9,7 @@
 #include <rapidcheck/gtest.h>
 
 #include "server/scheduler/scheduler.h"
+#include "tests/server/scheduler/waiting_evaluation.h"
 
 namespace myograde::server {
 namespace {
@@ -16,9 +17,7 @@ namespace {
 constexpr absl::Duration kStart = absl::ZeroDuration();
 
 EvaluationSpec LeasesOf(int64_t id, const std::string& team, int leases, Priority priority) {
-  EvaluationSpec spec{id, team, "", priority, absl::Hours(100), {}};
-  for (int i = 0; i < leases; ++i) spec.leases.push_back({id * 1000 + i, 0, 0});
-  return spec;
+  return WaitingEvaluation(id, team, leases, priority, absl::Hours(100));
 }
 
 TEST(RejudgesInTheQueueTest, ComeAfterEverythingElse) {

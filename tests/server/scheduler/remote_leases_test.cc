@@ -6,6 +6,7 @@
 #include <rapidcheck/gtest.h>
 
 #include "server/scheduler/scheduler.h"
+#include "tests/server/scheduler/waiting_evaluation.h"
 
 namespace myograde::server {
 namespace {
@@ -15,9 +16,7 @@ using Kind = Decision::Kind;
 constexpr absl::Duration kBegin = absl::ZeroDuration();
 
 EvaluationSpec OfOneTeam(int64_t id, int leases, Priority priority = Priority::kRanked) {
-  EvaluationSpec spec{id, "team", "", priority, absl::Seconds(100), {}};
-  for (int i = 0; i < leases; ++i) spec.leases.push_back({id * 1000 + i, 0, 0});
-  return spec;
+  return WaitingEvaluation(id, "team", leases, priority);
 }
 
 SchedulerLimits Remote() {

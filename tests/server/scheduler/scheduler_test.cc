@@ -9,22 +9,16 @@
 #include <absl/strings/str_cat.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include "tests/server/scheduler/waiting_evaluation.h"
 
 namespace myograde::server {
 namespace {
 
 using Kind = Decision::Kind;
 
-EvaluationSpec Spec(int64_t id, const std::string& team, int leases,
-                    Priority priority = Priority::kRanked) {
-  EvaluationSpec spec{id, team, "", priority, absl::Seconds(100), {}};
-  for (int i = 0; i < leases; ++i) spec.leases.push_back({id * 1000 + i, 0, 0});
-  return spec;
-}
-
 TEST(SchedulerTest, FillsSlotsInTheOrderOfPlay) {
   Scheduler scheduler({.slots = 2});
-  scheduler.Add(Spec(1, "a", 3), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(1, "a", 3), absl::ZeroDuration());
   const auto first = scheduler.Next(absl::ZeroDuration());
   const auto second = scheduler.Next(absl::ZeroDuration());
   ASSERT_TRUE(first && second);
@@ -42,9 +36,9 @@ TEST(SchedulerTest, FillsSlotsInTheOrderOfPlay) {
 
 TEST(SchedulerTest, TeamsTakeTurnsWhateverTheirNumberOfSubmissions) {
   Scheduler scheduler({.slots = 1});
-  for (int64_t id = 1; id <= 20; ++id) scheduler.Add(Spec(id, "many", 2), absl::ZeroDuration());
+  for (int64_t id = 1; id <= 20; ++id) scheduler.Add(WaitingEvaluation(id, "many", 2), absl::ZeroDuration());
   ASSERT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 1);
-  scheduler.Add(Spec(21, "one", 1), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(21, "one", 1), absl::ZeroDuration());
   scheduler.Finished(1000, 1, absl::ZeroDuration());
   scheduler.Free(0);
   EXPECT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 21);
@@ -53,8 +47,8 @@ TEST(SchedulerTest, TeamsTakeTurnsWhateverTheirNumberOfSubmissions) {
 TEST(SchedulerTest, TellsWhatWaitsByClassAndForHowLong) {
   Scheduler scheduler({.slots = 1});
   EXPECT_FALSE(scheduler.DepthAt(absl::Seconds(1)).oldest.has_value());
-  scheduler.Add(Spec(1, "a", 2), absl::Seconds(1));
-  scheduler.Add(Spec(2, "b", 3, Priority::kPractice), absl::Seconds(4));
+  scheduler.Add(WaitingEvaluation(1, "a", 2), absl::Seconds(1));
+  scheduler.Add(WaitingEvaluation(2, "b", 3, Priority::kPractice), absl::Seconds(4));
   const auto of = [](const QueueDepth& depth, Priority priority) {
     const QueueDepth::OfClass& own = depth.classes[static_cast<size_t>(priority)];
     return std::pair(own.evaluations, own.leases);
@@ -73,14 +67,14 @@ TEST(SchedulerTest, TellsWhatWaitsByClassAndForHowLong) {
 
 TEST(SchedulerTest, ATeamsRerunsWaitForItsOriginals) {
   Scheduler scheduler({.slots = 1});
-  scheduler.Add(Spec(1, "a", 1, Priority::kRerun), absl::ZeroDuration());
-  scheduler.Add(Spec(2, "a", 1), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(1, "a", 1, Priority::kRerun), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(2, "a", 1), absl::ZeroDuration());
   EXPECT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 2);
 }
 
 TEST(SchedulerTest, PlaysAgainThreeTimesWithGrowingDelaysAndThenGivesUp) {
   Scheduler scheduler({.slots = 1, .max_retries = 3, .retry_delay = absl::Seconds(2)});
-  scheduler.Add(Spec(1, "a", 2), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(1, "a", 2), absl::ZeroDuration());
   absl::Duration now = absl::ZeroDuration();
   for (int64_t attempt = 1; attempt <= 3; ++attempt) {
     // The other lease has its turn while this one waits; it is not started here, as there is one
@@ -103,7 +97,7 @@ TEST(SchedulerTest, PlaysAgainThreeTimesWithGrowingDelaysAndThenGivesUp) {
 
 TEST(SchedulerTest, ALateEndOfAnExpiredAttemptCountsNothing) {
   Scheduler scheduler({.slots = 1, .heartbeat = absl::Seconds(30)});
-  scheduler.Add(Spec(1, "a", 1), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(1, "a", 1), absl::ZeroDuration());
   scheduler.Next(absl::ZeroDuration());
   scheduler.Heartbeat(1000, 1, absl::Seconds(20));
   EXPECT_TRUE(scheduler.OverdueAt(absl::Seconds(49)).empty());
@@ -119,7 +113,7 @@ TEST(SchedulerTest, ALateEndOfAnExpiredAttemptCountsNothing) {
 
 TEST(SchedulerTest, ALeaseThatKeepsBeatingStillEndsAtItsCap) {
   Scheduler scheduler({.slots = 1});
-  scheduler.Add(Spec(1, "a", 1), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(1, "a", 1), absl::ZeroDuration());
   scheduler.Next(absl::ZeroDuration());
   scheduler.Heartbeat(1000, 1, absl::Seconds(99));
   EXPECT_TRUE(scheduler.OverdueAt(absl::Seconds(99)).empty());
@@ -129,9 +123,9 @@ TEST(SchedulerTest, ALeaseThatKeepsBeatingStillEndsAtItsCap) {
 
 TEST(SchedulerTest, TellsThePlaceInTheLine) {
   Scheduler scheduler({.slots = 1});
-  scheduler.Add(Spec(1, "a", 3), absl::ZeroDuration());
-  scheduler.Add(Spec(2, "a", 1), absl::ZeroDuration());
-  scheduler.Add(Spec(3, "b", 1), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(1, "a", 3), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(2, "a", 1), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(3, "b", 1), absl::ZeroDuration());
   scheduler.Next(absl::ZeroDuration());
   // Team b has had no turn, then the rest of 1, then 2.
   EXPECT_EQ(scheduler.PlaceOf(3)->position, 1);
@@ -144,10 +138,10 @@ TEST(SchedulerTest, TellsThePlaceInTheLine) {
 
 TEST(SchedulerTest, OfficialGoesBeforePracticeBeforeRerun) {
   Scheduler scheduler({.slots = 1});
-  scheduler.Add(Spec(1, "a", 1, Priority::kRerun), absl::ZeroDuration());
-  scheduler.Add(Spec(2, "b", 1, Priority::kPractice), absl::ZeroDuration());
-  scheduler.Add(Spec(3, "c", 1), absl::ZeroDuration());
-  scheduler.Add(Spec(4, "c", 1), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(1, "a", 1, Priority::kRerun), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(2, "b", 1, Priority::kPractice), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(3, "c", 1), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(4, "c", 1), absl::ZeroDuration());
   EXPECT_EQ(scheduler.PlaceOf(4)->position, 2);
   EXPECT_EQ(scheduler.PlaceOf(1)->position, 4);
   for (const int64_t expected : {3, 4, 2, 1}) {
@@ -161,13 +155,13 @@ TEST(SchedulerTest, OfficialGoesBeforePracticeBeforeRerun) {
 
 TEST(SchedulerTest, ATeamHasNoMoreRunningThanItMay) {
   Scheduler scheduler({.slots = 3, .team_running = 2});
-  scheduler.Add(Spec(1, "a", 3), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(1, "a", 3), absl::ZeroDuration());
   scheduler.Next(absl::ZeroDuration());
   const auto second = scheduler.Next(absl::ZeroDuration());
   EXPECT_FALSE(scheduler.Next(absl::ZeroDuration()));
   EXPECT_NE(scheduler.WhyWaiting(1, absl::ZeroDuration()).find("as one team may have"),
             std::string::npos);
-  scheduler.Add(Spec(2, "b", 1), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(2, "b", 1), absl::ZeroDuration());
   EXPECT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 2);
   scheduler.Finished(second->lease, 1, absl::ZeroDuration());
   scheduler.Free(second->slot);
@@ -176,8 +170,8 @@ TEST(SchedulerTest, ATeamHasNoMoreRunningThanItMay) {
 
 TEST(SchedulerTest, WhatWaitsForTooLongGoesAheadOfAll) {
   Scheduler scheduler({.slots = 1, .queue_wait = absl::Seconds(60)});
-  scheduler.Add(Spec(1, "a", 1, Priority::kRerun), absl::ZeroDuration());
-  scheduler.Add(Spec(2, "b", 1), absl::Seconds(10));
+  scheduler.Add(WaitingEvaluation(1, "a", 1, Priority::kRerun), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(2, "b", 1), absl::Seconds(10));
   EXPECT_TRUE(scheduler.Escalate(absl::Seconds(59)).empty());
   EXPECT_EQ(scheduler.NextDeadline(absl::Seconds(59)), absl::Seconds(60));
   EXPECT_EQ(scheduler.PlaceOf(1)->position, 2);
@@ -191,7 +185,7 @@ TEST(SchedulerTest, ThePlaceIsTheOrderInWhichEvaluationsStart) {
   Scheduler scheduler({.slots = 1});
   for (int64_t id = 1; id <= 12; ++id) {
     const std::string team(1, static_cast<char>('a' + id * id % 5));
-    scheduler.Add(Spec(id, team, 1, id % 4 == 0 ? Priority::kPractice : Priority::kRanked),
+    scheduler.Add(WaitingEvaluation(id, team, 1, id % 4 == 0 ? Priority::kPractice : Priority::kRanked),
                   absl::ZeroDuration());
   }
   for (int left = 12; left > 0; --left) {
@@ -232,12 +226,12 @@ TEST(SchedulerTest, SeveralTeamsOfOnePartyShareOneTurn) {
   Scheduler scheduler({.slots = 8});
   std::map<int64_t, std::string> who;
   for (int64_t id = 1; id <= 4; ++id) {
-    EvaluationSpec spec = Spec(id, absl::StrCat("puppet ", id), 10);
+    EvaluationSpec spec = WaitingEvaluation(id, absl::StrCat("puppet ", id), 10);
     spec.party = "uid 1000";
     scheduler.Add(spec, absl::ZeroDuration());
     who[id] = "puppets";
   }
-  EvaluationSpec other = Spec(5, "honest", 10);
+  EvaluationSpec other = WaitingEvaluation(5, "honest", 10);
   other.party = "uid 1001";
   scheduler.Add(other, absl::ZeroDuration());
   who[5] = "honest";
@@ -250,12 +244,12 @@ TEST(SchedulerTest, SeveralMembersOfOneTeamShareOneTurn) {
   Scheduler scheduler({.slots = 8});
   std::map<int64_t, std::string> who;
   for (int64_t id = 1; id <= 4; ++id) {
-    EvaluationSpec spec = Spec(id, "crowd", 10);
+    EvaluationSpec spec = WaitingEvaluation(id, "crowd", 10);
     spec.party = absl::StrCat("uid ", id);
     scheduler.Add(spec, absl::ZeroDuration());
     who[id] = "crowd";
   }
-  scheduler.Add(Spec(5, "honest", 10), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(5, "honest", 10), absl::ZeroDuration());
   who[5] = "honest";
   EXPECT_EQ(FirstStarts(scheduler, who, 8),
             (std::map<std::string, int>{{"crowd", 4}, {"honest", 4}}));
@@ -263,9 +257,9 @@ TEST(SchedulerTest, SeveralMembersOfOneTeamShareOneTurn) {
 
 TEST(SchedulerTest, TeamsThatBecomeOneShareOneTurn) {
   Scheduler scheduler({.slots = 1});
-  scheduler.Add(Spec(1, "a", 2), absl::ZeroDuration());
-  scheduler.Add(Spec(2, "b", 2), absl::ZeroDuration());
-  scheduler.Add(Spec(3, "c", 3), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(1, "a", 2), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(2, "b", 2), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(3, "c", 3), absl::ZeroDuration());
   ASSERT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 1);
   scheduler.MoveTeam("a", "b");
   scheduler.MoveTeam("nobody", "c");
@@ -291,18 +285,18 @@ TEST(SchedulerTest, TeamsThatBecomeOneShareOneTurn) {
 // A merge counts what runs: with one running already, the other team goes first.
 TEST(SchedulerTest, ATeamThatBecomesAnotherBringsWhatItRuns) {
   Scheduler scheduler({.slots = 2});
-  scheduler.Add(Spec(1, "a", 2), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(1, "a", 2), absl::ZeroDuration());
   ASSERT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 1);
   scheduler.MoveTeam("a", "new");
-  scheduler.Add(Spec(2, "new", 2), absl::ZeroDuration());
-  scheduler.Add(Spec(3, "c", 2), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(2, "new", 2), absl::ZeroDuration());
+  scheduler.Add(WaitingEvaluation(3, "c", 2), absl::ZeroDuration());
   EXPECT_EQ(scheduler.Next(absl::ZeroDuration())->evaluation, 3);
 }
 
 TEST(SchedulerTest, APlaceCostsLittleHoweverManyWait) {
   Scheduler scheduler({.slots = 2});
   for (int64_t id = 1; id <= 10'000; ++id) {
-    scheduler.Add(Spec(id, absl::StrCat("team ", id % 200), 10), absl::ZeroDuration());
+    scheduler.Add(WaitingEvaluation(id, absl::StrCat("team ", id % 200), 10), absl::ZeroDuration());
   }
   // If each place required looking at everything that waits, computing all would take minutes.
   const auto begin = std::chrono::steady_clock::now();
@@ -398,7 +392,7 @@ RC_GTEST_PROP(SchedulerTest, EveryEvaluationEndsAndNothingCountsTwice, ()) {
     if (what == 0 || model.running.empty()) {
       const int leases = *rc::gen::inRange(1, 5);
       const std::string team(1, static_cast<char>('a' + *rc::gen::inRange(0, 4)));
-      const EvaluationSpec spec = Spec(next_id++, team, leases, *rc::gen::element(
+      const EvaluationSpec spec = WaitingEvaluation(next_id++, team, leases, *rc::gen::element(
           Priority::kRanked, Priority::kPractice, Priority::kRerun, Priority::kRejudge));
       for (const LeaseSpec& lease : spec.leases) model.open[spec.id].insert(lease.id);
       scheduler.Add(spec, now);

@@ -6,6 +6,7 @@
 
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
+#include "tests/server/scheduler/waiting_evaluation.h"
 
 namespace myograde::server {
 namespace {
@@ -15,29 +16,22 @@ using Kind = Decision::Kind;
 constexpr absl::Duration kZero = absl::ZeroDuration();
 constexpr absl::Duration kOneSecond = absl::Seconds(1);
 
-EvaluationSpec Waiting(int64_t id, const std::string& team, int leases,
-                       Priority priority = Priority::kRanked) {
-  EvaluationSpec spec{id, team, "", priority, absl::Seconds(100), {}};
-  for (int i = 0; i < leases; ++i) spec.leases.push_back({id * 1000 + i, 0, 0});
-  return spec;
-}
-
 TEST(WhyWaiting, SaysWhatALeaseWaitsFor) {
   Scheduler scheduler({.slots = 2, .team_running = 1, .queue_wait = absl::Hours(1)});
   EXPECT_EQ(scheduler.WhyWaiting(1, kZero), "") << "unknown";
-  scheduler.Add(Waiting(1, "a", 2), kZero);
+  scheduler.Add(WaitingEvaluation(1, "a", 2), kZero);
   EXPECT_EQ(scheduler.WhyWaiting(1, kZero), "2 blocks of episodes wait and will start in a moment");
   ASSERT_EQ(scheduler.Next(kZero)->lease, 1000);
   EXPECT_EQ(scheduler.WhyWaiting(1, kZero),
             "1 block of episodes waits until another of the team ends: 1 runs, which is as many as "
             "one team "
             "may have");
-  scheduler.Add(Waiting(2, "b", 1), kZero);
+  scheduler.Add(WaitingEvaluation(2, "b", 1), kZero);
   EXPECT_EQ(scheduler.WhyWaiting(2, kZero), "1 block of episodes waits and will start in a moment");
   ASSERT_EQ(scheduler.Next(kZero)->lease, 2000);
   EXPECT_EQ(scheduler.WhyWaiting(2, kZero), "") << "nothing of it waits";
-  scheduler.Add(Waiting(3, "c", 1), kZero);
-  scheduler.Add(Waiting(4, "c", 1), kZero);
+  scheduler.Add(WaitingEvaluation(3, "c", 1), kZero);
+  scheduler.Add(WaitingEvaluation(4, "c", 1), kZero);
   EXPECT_EQ(scheduler.WhyWaiting(3, kZero),
             "1 block of episodes waits for a slot: 2 of 2 are taken, and 0 blocks of episodes of "
             "others or of earlier "
@@ -56,13 +50,13 @@ TEST(WhyWaiting, SaysWhatALeaseWaitsFor) {
 
 TEST(WhyWaiting, CountsWhatRunsOfTheTeamAndOneSlot) {
   Scheduler scheduler({.slots = 3, .team_running = 2});
-  scheduler.Add(Waiting(1, "a", 3), kZero);
+  scheduler.Add(WaitingEvaluation(1, "a", 3), kZero);
   ASSERT_TRUE(scheduler.Next(kZero) && scheduler.Next(kZero));
   EXPECT_EQ(scheduler.WhyWaiting(1, kZero),
             "1 block of episodes waits until another of the team ends: 2 run, which is as many as "
             "one team may have");
   Scheduler one({.slots = 1});
-  one.Add(Waiting(1, "a", 2), kZero);
+  one.Add(WaitingEvaluation(1, "a", 2), kZero);
   ASSERT_TRUE(one.Next(kZero));
   EXPECT_EQ(one.WhyWaiting(1, kZero),
             "1 block of episodes waits for a slot: 1 of 1 is taken, and 0 blocks of episodes of "
@@ -72,7 +66,7 @@ TEST(WhyWaiting, CountsWhatRunsOfTheTeamAndOneSlot) {
 
 TEST(WhyWaiting, SaysWhenALeaseIsPlayedAgain) {
   Scheduler scheduler({.slots = 1, .max_retries = 3, .retry_delay = absl::Seconds(2)});
-  scheduler.Add(Waiting(1, "a", 1), kZero);
+  scheduler.Add(WaitingEvaluation(1, "a", 1), kZero);
   ASSERT_TRUE(scheduler.Next(kZero));
   ASSERT_EQ(scheduler.Returned(1000, 1, kZero).kind, Kind::kRetry);
   EXPECT_EQ(scheduler.WhyWaiting(1, absl::Milliseconds(500)),
@@ -89,9 +83,9 @@ TEST(WhyWaiting, SaysWhenALeaseIsPlayedAgain) {
 
 TEST(Depth, HasTheLongestWaitSinceTheLastStart) {
   Scheduler scheduler({.slots = 1});
-  scheduler.Add(Waiting(1, "a", 2), absl::Seconds(10));
+  scheduler.Add(WaitingEvaluation(1, "a", 2), absl::Seconds(10));
   EXPECT_EQ(scheduler.DepthAt(absl::Seconds(5)).oldest, kZero) << "never less than nothing";
-  scheduler.Add(Waiting(2, "b", 1), absl::Seconds(12));
+  scheduler.Add(WaitingEvaluation(2, "b", 1), absl::Seconds(12));
   EXPECT_EQ(scheduler.DepthAt(absl::Seconds(20)).oldest, absl::Seconds(10));
   ASSERT_EQ(scheduler.Next(absl::Seconds(20))->evaluation, 1);
   EXPECT_EQ(scheduler.DepthAt(absl::Seconds(22)).oldest, absl::Seconds(10)) << "the other one";
@@ -108,7 +102,7 @@ TEST(Deadlines, OfAnEvaluationAreItsWaitAndThoseOfItsLeases) {
   Scheduler scheduler(
       {.slots = 2, .heartbeat = absl::Seconds(30), .queue_wait = absl::Seconds(60)});
   EXPECT_FALSE(scheduler.DeadlineOf(1));
-  scheduler.Add(Waiting(1, "a", 2), kZero);
+  scheduler.Add(WaitingEvaluation(1, "a", 2), kZero);
   EXPECT_EQ(scheduler.DeadlineOf(1), absl::Seconds(60));
   ASSERT_TRUE(scheduler.Next(absl::Seconds(5)));
   EXPECT_EQ(scheduler.DeadlineOf(1), absl::Seconds(35)) << "silence";
@@ -131,7 +125,7 @@ TEST(Deadlines, OfAnEvaluationAreItsWaitAndThoseOfItsLeases) {
 // What a store remembers of a lease counts on.
 TEST(Retries, GoOnFromEarlierAttemptsAndFaults) {
   Scheduler scheduler({.slots = 1, .max_retries = 3, .retry_delay = absl::Seconds(2)});
-  EvaluationSpec spec = Waiting(1, "a", 1);
+  EvaluationSpec spec = WaitingEvaluation(1, "a", 1);
   spec.leases[0].attempt = 5;
   spec.leases[0].faults = 2;
   scheduler.Add(spec, kZero);
@@ -153,7 +147,7 @@ TEST(Retries, DelaysAreDoubledTwentyTimesAtMost) {
                          .max_retries = 100,
                          .retry_delay = kOneSecond,
                          .queue_wait = absl::InfiniteDuration()});
-    EvaluationSpec spec = Waiting(1, "a", 1);
+    EvaluationSpec spec = WaitingEvaluation(1, "a", 1);
     spec.leases[0].faults = faults;
     scheduler.Add(spec, kZero);
     ASSERT_TRUE(scheduler.Next(kZero));
@@ -182,39 +176,39 @@ int64_t FirstOf(Scheduler& scheduler) { return scheduler.Next(kZero)->evaluation
 
 TEST(Teams, ThatBecomeOneKeepTheEarlierTurn) {
   Scheduler earlier({.slots = 1});
-  earlier.Add(Waiting(1, "a", 1), kZero);
-  earlier.Add(Waiting(2, "b", 1), kZero);
-  earlier.Add(Waiting(3, "c", 1), kZero);
+  earlier.Add(WaitingEvaluation(1, "a", 1), kZero);
+  earlier.Add(WaitingEvaluation(2, "b", 1), kZero);
+  earlier.Add(WaitingEvaluation(3, "c", 1), kZero);
   earlier.MoveTeam("a", "c");
   EXPECT_EQ(FirstOf(earlier), 1) << "it came before b";
 
   Scheduler later({.slots = 1});
-  later.Add(Waiting(1, "a", 1), kZero);
-  later.Add(Waiting(2, "b", 1), kZero);
-  later.Add(Waiting(3, "c", 1), kZero);
+  later.Add(WaitingEvaluation(1, "a", 1), kZero);
+  later.Add(WaitingEvaluation(2, "b", 1), kZero);
+  later.Add(WaitingEvaluation(3, "c", 1), kZero);
   later.Cancel(1);
   later.MoveTeam("c", "a");
   EXPECT_EQ(FirstOf(later), 3) << "as a came before b";
 
   // A team that had rejudges only has no turn to bring, and takes that of the other.
   Scheduler rejudged({.slots = 1});
-  rejudged.Add(Waiting(1, "r", 1, Priority::kRejudge), kZero);
-  rejudged.Add(Waiting(2, "b", 1), kZero);
-  rejudged.Add(Waiting(3, "c", 1), kZero);
+  rejudged.Add(WaitingEvaluation(1, "r", 1, Priority::kRejudge), kZero);
+  rejudged.Add(WaitingEvaluation(2, "b", 1), kZero);
+  rejudged.Add(WaitingEvaluation(3, "c", 1), kZero);
   rejudged.MoveTeam("r", "c");
   EXPECT_EQ(FirstOf(rejudged), 2);
   Scheduler taken({.slots = 1});
-  taken.Add(Waiting(1, "r", 1, Priority::kRejudge), kZero);
-  taken.Add(Waiting(2, "c", 1), kZero);
-  taken.Add(Waiting(3, "b", 1), kZero);
+  taken.Add(WaitingEvaluation(1, "r", 1, Priority::kRejudge), kZero);
+  taken.Add(WaitingEvaluation(2, "c", 1), kZero);
+  taken.Add(WaitingEvaluation(3, "b", 1), kZero);
   taken.MoveTeam("c", "r");
   EXPECT_EQ(FirstOf(taken), 2);
 }
 
 TEST(Teams, OfRejudgesComeInTheOrderOfTheirNames) {
   Scheduler scheduler({.slots = 1});
-  scheduler.Add(Waiting(1, "b", 1, Priority::kRejudge), kZero);
-  scheduler.Add(Waiting(2, "a", 1, Priority::kRejudge), kZero);
+  scheduler.Add(WaitingEvaluation(1, "b", 1, Priority::kRejudge), kZero);
+  scheduler.Add(WaitingEvaluation(2, "a", 1, Priority::kRejudge), kZero);
   EXPECT_EQ(FirstOf(scheduler), 2);
 }
 
