@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
 """Makes the documents' site of the pages in the folders: make_site.py OUT VERSION [--source DIR]
 
-site.json says which page is for whom, what titles some have here, and what placeholders stand for; every page of the
-tree must be there. The site is OUT/VERSION. A path in backquotes that names another page becomes a link with that page's
+site.json says which page is for whom, where each reader starts, what titles some pages have here, and what placeholders
+stand for; every page of the tree must be there. The site is OUT/VERSION. A path in backquotes that names another page becomes a link with that page's
 title. Needs the MkDocs of docker/docs.txt beside the
 interpreter that runs this. Exit status: 0 made, 1 a page or a link is wrong, 2 wrong use.
 Example: make_site.py build/docs 1.0
 """
 
 import argparse
+import itertools
 import json
 import os
 import pathlib
@@ -22,6 +23,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 FENCE = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
 PAGE_NAME = re.compile(r"(?<!\[)`([\w./-]+\.md)`(?!\])")
 HEADING = re.compile(r"^# (.+)$", re.MULTILINE)
+ITEM = re.compile(r"([-*]|\d+\.) ")
 # As GitHub shows the root's page, it is the tour; the site's first page is a list of all.
 ROOT_PAGE, TOUR = "README.md", "tour.md"
 
@@ -64,6 +66,14 @@ def title_of(page, text):
     return match[1].replace("`", "")
 
 
+def check_lists(page, text):
+    """Ends the program at a list that MkDocs would take for a part of the paragraph above it."""
+    for part in FENCE.split(text)[::2]:
+        for before, line in itertools.pairwise(part.splitlines()):
+            if ITEM.match(line) and before and not before.startswith((" ", "#")) and not ITEM.match(before):
+                raise SystemExit(f"make_site.py: {page}: a list needs an empty line before it: {line}")
+
+
 def collect(source, work, version):
     """Writes pages and mkdocs.yml (as JSON, which is YAML) into the folder `work`."""
     site = json.loads((HERE / "site.json").read_text(encoding="utf-8"))
@@ -82,10 +92,11 @@ def collect(source, work, version):
     first = [f"# MyoGrade {version}\n", linked("index.md", site["introduction"], titles)]
     for audience, pages in audiences.items():
         entries = []
-        first.append(f"\n## {audience}\n")
+        first.append(f"\n## {audience}\n\n{linked('index.md', site['starts'][audience], titles)}\n")
         for page in pages:
             target = work / "pages" / place_of(page)
             target.parent.mkdir(parents=True, exist_ok=True)
+            check_lists(page, texts[page])
             text = linked(page, texts[page], titles)
             if page in site["titles"]:
                 text = HEADING.sub(lambda _, title=titles[page]: f"# {title}", text, count=1)

@@ -110,6 +110,14 @@ class Site(unittest.TestCase):
         self.assertIn("policies/GUIDE.html", tour.links)
         self.assertIn("configs/challenges/MANUAL.html", tour.links)
 
+    def test_the_first_page_says_where_each_reader_starts(self):
+        starts = json.loads((SOURCE / "server/docs/site.json").read_text())["starts"]
+        self.assertEqual(set(starts), AUDIENCES)
+        links = self.pages()["index.html"].links
+        for page in ("policies/GUIDE.html", "configs/challenges/MANUAL.html", "docker/debian/index.html", "tour.html"):
+            # In the sentence and in the list below it, beside the navigation.
+            self.assertGreaterEqual(links.count(page), 3, page)
+
     def copy(self):
         """A small tree with one page for each audience."""
         tree = pathlib.Path(tempfile.mkdtemp(dir=ROOT))
@@ -125,7 +133,8 @@ class Site(unittest.TestCase):
                 ("README.md", "# Tour\n[away](nowhere.md)\n", "nowhere.md"),
                 ("README.md", "# Tour\n[away](policies/GUIDE.md#no-such-part)\n", "no-such-part"),
                 ("README.md", "# Tour\n`nowhere/README.md` says so.\n", "no page nowhere/README.md"),
-                ("sim/README.md", "Tour\n", "no heading")):
+                ("sim/README.md", "Tour\n", "no heading"),
+                ("sim/README.md", "# Tour\nIt holds\n- models\n", "empty line before it: - models")):
             with self.subTest(said=said):
                 tree = self.copy()
                 (tree / page).write_text(text)
