@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <system_error>
 #include <utility>
 
@@ -19,8 +20,10 @@ using Json = nlohmann::json;
 constexpr size_t kLongestName = 64;
 constexpr size_t kLargestFile = 4u << 20;  // of runtime.json
 constexpr int64_t kMany = int64_t{1} << 50;
-// Below the runtimes' folder; no runtime can be called that.
+// Where earlier releases put versions that were replaced; no runtime can be called that.
 constexpr char kFormerFolder[] = ".former";
+// In the names of versions' folders, and in no runtime's name.
+constexpr char kVersionMark = '@';
 
 bool IsDigest(const std::string& text) {
   return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string::npos;
@@ -38,6 +41,15 @@ absl::Status ReadPackages(const Json& list, const std::string& where, Runtime& r
   return absl::OkStatus();
 }
 
+// The folder of the version that `path` stands for now: what it leads to, if it is a link to
+// something beside it, and else `path` (as earlier releases had it, and folders of server.json).
+std::string VersionFolder(const fs::path& path) {
+  std::error_code error;
+  const fs::path target = fs::read_symlink(path, error);
+  if (error || target.has_parent_path()) return path;
+  return path.parent_path() / target;
+}
+
 // A folder of server.json: its content is known only if it was made by `myograde runtime add`.
 absl::StatusOr<Runtime> Configured(const std::string& name, const std::string& folder) {
   std::error_code error;
@@ -45,8 +57,9 @@ absl::StatusOr<Runtime> Configured(const std::string& name, const std::string& f
     return absl::InternalError(absl::StrCat("the runtime \"", name, "\" has no folder ", folder,
                                             "; run ./dev setup, or mend runtimes in server.json"));
   }
-  absl::StatusOr<Runtime> runtime = ReadRuntime(folder);
-  if (absl::IsNotFound(runtime.status())) runtime = Runtime{.folder = folder};
+  const std::string version = VersionFolder(folder);
+  absl::StatusOr<Runtime> runtime = ReadRuntime(version);
+  if (absl::IsNotFound(runtime.status())) runtime = Runtime{.folder = version};
   if (!runtime.ok()) return absl::InternalError(runtime.status().message());
   runtime->name = name;
   runtime->configured = true;
@@ -116,7 +129,7 @@ absl::StatusOr<Runtime> Runtimes::Find(const std::string& name) const {
   if (found != configured_.end()) return Configured(name, found->second);
   const absl::Status none = absl::NotFoundError(absl::StrCat("there is no runtime \"", name, "\""));
   if (dir_.empty() || !IsRuntimeName(name)) return none;
-  absl::StatusOr<Runtime> runtime = ReadRuntime(absl::StrCat(dir_, "/", name));
+  absl::StatusOr<Runtime> runtime = ReadRuntime(VersionFolder(fs::path(dir_) / name));
   if (absl::IsNotFound(runtime.status())) return none;
   if (!runtime.ok()) return absl::InternalError(runtime.status().message());
   runtime->name = name;
@@ -126,8 +139,8 @@ absl::StatusOr<Runtime> Runtimes::Find(const std::string& name) const {
 absl::StatusOr<Runtime> Runtimes::Find(const std::string& name, const std::string& digest) const {
   absl::StatusOr<Runtime> present = Find(name);
   if (present.ok() && present->digest == digest) return present;
-  for (Runtime& former : Former()) {
-    if (former.name == name && former.digest == digest) return std::move(former);
+  for (const auto& [folder, version] : Versions()) {
+    if (version.name == name && version.digest == digest) return version;
   }
   const std::string now = !present.ok() ? "is not there any more"
                           : present->digest.empty()
@@ -137,17 +150,26 @@ absl::StatusOr<Runtime> Runtimes::Find(const std::string& name, const std::strin
                                           digest.substr(0, 12), " is gone: \"", name, "\" ", now));
 }
 
-std::vector<Runtime> Runtimes::Former() const {
-  std::vector<Runtime> all;
-  std::error_code error;
+std::map<std::string, Runtime> Runtimes::Versions() const {
+  std::map<std::string, Runtime> all;
   if (dir_.empty()) return all;
-  for (const fs::directory_entry& entry :
-       fs::directory_iterator(absl::StrCat(dir_, "/", kFormerFolder), error)) {
-    absl::StatusOr<Runtime> runtime = ReadRuntime(entry.path().string());
-    if (runtime.ok()) all.push_back(*std::move(runtime));
+  for (const std::string& folder : {dir_, absl::StrCat(dir_, "/", kFormerFolder)}) {
+    std::error_code error;
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+      const fs::path path = entry.path();
+      if (path.filename().string().find(kVersionMark) == std::string::npos) continue;
+      absl::StatusOr<Runtime> runtime = ReadRuntime(path);
+      if (runtime.ok()) all[path] = *std::move(runtime);
+    }
   }
-  std::sort(all.begin(), all.end(),
-            [](const Runtime& a, const Runtime& b) { return a.folder < b.folder; });
+  return all;
+}
+
+std::vector<Runtime> Runtimes::Former() const {
+  std::map<std::string, Runtime> versions = Versions();
+  for (const Runtime& present : List()) versions.erase(present.folder);
+  std::vector<Runtime> all;
+  for (auto& [folder, version] : versions) all.push_back(std::move(version));
   return all;
 }
 

@@ -60,6 +60,7 @@ class Runtimes {
   absl::StatusOr<Runtime> Find(const std::string& name) const;
 
   // The one of that name and digest: the present one, or a former one that was replaced meanwhile.
+  // Its folder keeps that content as long as it exists, so a lease may mount it later.
   // NotFoundError: neither; the message says which digest is there.
   absl::StatusOr<Runtime> Find(const std::string& name, const std::string& digest) const;
 
@@ -67,6 +68,9 @@ class Runtimes {
   std::vector<Runtime> Former() const;
 
  private:
+  // All versions below the runtimes' folder, present and former, by folder.
+  std::map<std::string, Runtime> Versions() const;
+
   const std::map<std::string, std::string> configured_;
   const std::string dir_;
 };

@@ -70,7 +70,7 @@ class HeavyRuntimes(SystemTest):
             number = self.ask("submit", folder, "--track", TRACK, "--team", team)["submission"]
             shown = self.result(str(number))
             self.assertEqual(shown["state"], "done", shown)
-            self.assertIn(f"/runtimes/{runtime}/", json.dumps(shown["output"]))
+            self.assertIn(f"/runtimes/{runtime}@", json.dumps(shown["output"]))
             self.assertEqual(len(shown["grader"]["runtimes"][runtime]), 64)
             roots.append(shown["merkle_root"])
         self.assertEqual(roots[0], roots[1], "it is not repeatable")

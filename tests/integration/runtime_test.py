@@ -117,7 +117,9 @@ class Runtimes(SystemTest):
             (SOURCE / "configs/schema/runtime.json").read_text(encoding="utf-8")))
         self.assertEqual(self.offered()["greet"]["digest"], made["digest"])
         self.assertEqual([p["name"] for p in made["packages"]], ["greet"])
-        for path in [self.dir / "greet", *(self.dir / "greet").rglob("*")]:
+        folder = pathlib.Path(made["folder"])
+        self.assertEqual((self.dir / "greet").resolve(), folder.resolve())
+        for path in [folder, *folder.rglob("*")]:
             self.assertEqual(path.lstat().st_mode & 0o222, 0, path)
             self.assertEqual(path.owner(), pathlib.Path(self.root).owner())
 
@@ -142,11 +144,34 @@ class Runtimes(SystemTest):
 
         self.ask("runtime", "remove", "greet")
         self.assertNotIn("greet", self.offered())
+        self.assertEqual(list(self.dir.glob("greet*")), [])
         refused = self.run_cli("submit", self.policy("greeter3", ["greet", "python"]), "--track",
                                TRACK, "--team", "greeters", check=False)
         self.assertEqual(refused.returncode, 2)
         self.assertIn('the runtime "greet", which this server does not have; it has python',
                       refused.stderr)
+
+    def test_a_folder_of_an_earlier_release_gets_its_versions_own(self):
+        status, printed, complaint = self.add("old", "--json", requirements=self.pinned("1.0", "one"))
+        self.assertEqual(status, 0, complaint)
+        made = json.loads(printed)
+        (self.dir / "old").unlink()
+        os.rename(made["folder"], self.dir / "old")
+        self.assertEqual(self.offered()["old"]["folder"], str(self.dir / "old"))
+        status, _, complaint = self.add("old", "--replace", requirements=self.pinned("2.0", "two"))
+        self.assertEqual(status, 0, complaint)
+        listed = [entry for entry in self.ask("runtime", "list")["runtimes"]
+                  if entry["runtime"] == "old"]
+        self.assertEqual([entry["former"] for entry in listed], [False, True])
+        self.assertEqual((listed[1]["digest"], listed[1]["folder"]),
+                         (made["digest"], made["folder"]))
+        for path, says in ((self.dir / "old", "two"), (pathlib.Path(made["folder"]), "one")):
+            self.assertIn(says, (path / "greet/__init__.py").read_text(encoding="utf-8"))
+        self.ask("runtime", "remove", "old", "--former")
+        self.assertEqual(self.offered()["old"]["digest"], listed[0]["digest"])
+        self.assertFalse(os.path.lexists(made["folder"]))
+        self.ask("runtime", "remove", "old")
+        self.assertEqual(list(self.dir.glob("old*")), [])
 
     def test_pins_are_found_and_written(self):
         self.pinned("1.0", "one")

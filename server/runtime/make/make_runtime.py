@@ -15,6 +15,7 @@ import signal
 import stat
 import sys
 import tempfile
+import time
 from typing import NoReturn
 
 import debian
@@ -24,6 +25,8 @@ from failure import Trouble, WrongUse
 from worker import NOBODY, Worker
 
 NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}")
+# Seconds in which a lease that was given a runtime's folder has mounted it, with a lot to spare.
+SETTLED = 10
 
 
 class Place:
@@ -53,20 +56,43 @@ class Place:
     def part(self) -> pathlib.Path:
         return pathlib.Path(tempfile.mkdtemp(prefix=tree.PART, dir=self.folder))
 
-    def former(self, name: str) -> list[pathlib.Path]:
-        return sorted((self.folder / tree.FORMER).glob(f"{name}@*"))
+    def version(self, name: str, digest: str) -> pathlib.Path:
+        """Where a runtime of that content lies as long as it exists: a lease may be about to mount
+        it, so a folder never gets another content."""
+        return self.folder / f"{name}@{digest[:16]}"
 
-    def keep_former(self, name: str) -> None:
-        """Puts a runtime aside, for evaluations that began with it."""
-        digest = description_of(self.of(name)).get("digest", "unknown")
-        (self.folder / tree.FORMER).mkdir(exist_ok=True)
-        target = self.folder / tree.FORMER / f"{name}@{digest[:16]}"
-        if target.exists():
-            self.drop(target)
-        tree.move(self.of(name), target)
+    def present(self, name: str) -> pathlib.Path:
+        """The folder that the name stands for."""
+        link = self.of(name)
+        return self.folder / os.readlink(link) if link.is_symlink() else link
+
+    def former(self, name: str) -> list[pathlib.Path]:
+        """The versions that the name stood for, those that earlier releases put aside as well."""
+        versions = set(self.folder.glob(f"{name}@*")) - {self.present(name)}
+        return sorted(versions) + sorted((self.folder / tree.FORMER).glob(f"{name}@*"))
+
+    def give_version(self, name: str) -> bool:
+        """Earlier releases kept a runtime in the folder NAME itself. It moves to its version's
+        folder, and NAME becomes a link to it; whether that was to be done."""
+        old = self.of(name)
+        digest = description_of(old).get("digest")
+        if old.is_symlink() or not digest:
+            return False
+        version = self.version(name, digest)
+        if os.path.lexists(version):  # of one that was killed
+            self.drop(version)
+        os.symlink(version.name, version)
+        if not tree.exchange(old, version):
+            version.unlink()
+            os.rename(old, version)
+            tree.point(old, version)
+        return True
 
     def drop(self, path: pathlib.Path) -> None:
         """Removes a runtime; it disappears as a whole."""
+        if path.is_symlink():
+            path.unlink()
+            return
         part = self.part()
         tree.move(path, part / "gone")
         tree.remove(part)
@@ -123,15 +149,18 @@ def add(args: argparse.Namespace) -> None:
     made_from = "" if args.lock else (requirements.check(path) or recipe_digest(args, path))
     if args.if_changed and description_of(target).get("made_from") == made_from:
         return
-    if target.exists() and not (args.replace or args.if_changed):
+    if os.path.lexists(target) and not (args.replace or args.if_changed):
         raise WrongUse(f"there is a runtime \"{args.name}\" already; --replace makes it anew, and keeps "
                        "the present one for evaluations that began with it")
     python = check_python(args.python)
+    moved = time.monotonic() if place.give_version(args.name) else 0
     part = place.part()
     shop = workshop(part)
     try:
         worker = Worker(shop / "work", args.timeout, args.most_bytes)
         new = build(args, path, python, worker, part / "new")
+        if moved:
+            time.sleep(max(0, SETTLED - (time.monotonic() - moved)))
         finish(args, place, new)
     finally:
         for folder in {part, shop}:
@@ -172,33 +201,37 @@ def build(args: argparse.Namespace, path: pathlib.Path, python: str, worker: Wor
 
 def finish(args: argparse.Namespace, place: Place, new: pathlib.Path) -> None:
     """Puts a whole runtime in its place."""
-    target = place.of(args.name)
+    link = place.of(args.name)
     tree.close(new)
     tree.sync(new)
-    if target.exists():
-        if description_of(target).get("digest") == description_of(new)["digest"] or \
-                not description_of(target):
-            place.drop(target)
-        else:
-            place.keep_former(args.name)
-    tree.move(new, target)
-    described = description_of(target)
+    described = description_of(new)
+    version = place.version(args.name, described["digest"])
+    if version.exists() and tree.listing(version)[0] != described["digest"]:  # it was damaged
+        place.drop(version)
+    if not version.exists():
+        if version.is_symlink():  # of one that was killed
+            version.unlink()
+        tree.move(new, version)
+    if link.is_dir() and not link.is_symlink():  # nobody described it
+        place.drop(link)
+    tree.point(link, version)
     if args.json:
         del described["format"], described["made_from"]
         for package in described["packages"]:
             del package["sha256"]
-        print(json.dumps({**described, "folder": str(target)}, indent=2))
+        print(json.dumps({**described, "folder": str(version)}, indent=2))
     else:
         count = len(described["packages"])
         print(f"The runtime {args.name} is made: {count} package{'s' if count != 1 else ''}, "
-              f"{described['bytes'] / 1e6:.1f} MB, digest {described['digest'][:12]}, in {target}")
+              f"{described['bytes'] / 1e6:.1f} MB, digest {described['digest'][:12]}, in {version}")
 
 
 def remove(args: argparse.Namespace) -> None:
     place = Place(args.dir)
-    target = place.of(args.name)
-    there = [] if args.former else [target] if target.exists() else []
-    there += place.former(args.name)
+    there = place.former(args.name)
+    if not args.former:
+        there = [*{place.of(args.name): 0, place.present(args.name): 0}, *there]
+    there = [path for path in there if os.path.lexists(path)]
     if not there:
         raise WrongUse(f"{place.folder} holds no " + ("former version of the " if args.former else "")
                        + f'runtime "{args.name}"; myograde runtime list shows what there is')

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import errno
 import hashlib
 import json
 import os
@@ -128,6 +130,26 @@ def remove(root: pathlib.Path) -> None:
 def sync(path: pathlib.Path) -> None:
     """Waits until all of the file system that `path` is on is on the disk."""
     os.sync()
+
+
+def exchange(one: pathlib.Path, other: pathlib.Path) -> bool:
+    """Swaps two entries of a folder at once; False: this file system can't."""
+    at_current_folder, exchanged = -100, 2  # AT_FDCWD, RENAME_EXCHANGE (renameat2(2))
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.renameat2(at_current_folder, os.fsencode(one), at_current_folder, os.fsencode(other),
+                      exchanged) == 0:
+        return True
+    if ctypes.get_errno() in (errno.EINVAL, errno.ENOSYS):
+        return False
+    raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()), str(one))
+
+
+def point(link: pathlib.Path, target: pathlib.Path) -> None:
+    """Makes `link` lead to `target`, which lies beside it, whatever it led to before."""
+    draft = link.parent / f"{PART}{link.name}"
+    draft.unlink(missing_ok=True)
+    os.symlink(target.name, draft)
+    os.rename(draft, link)
 
 
 def move(source: pathlib.Path, target: pathlib.Path) -> None:

@@ -89,7 +89,36 @@ TEST_F(RuntimesTest, FoldersAreListedAtOnceAndConfiguredOnesHideThem) {
   EXPECT_EQ(RuntimeDigests(runtimes), nlohmann::json({{"good", kDigest}}));
 }
 
-TEST_F(RuntimesTest, FormerVersionsAreFoundByTheirDigest) {
+TEST_F(RuntimesTest, AVersionHasItsFolderForGood) {
+  AddRuntime("good@77be", "good", kDigest);
+  fs::create_directory_symlink("good@77be", dir_ / "good");
+  const Runtimes runtimes({}, dir_);
+  EXPECT_EQ(runtimes.Find("good", kDigest)->folder, dir_ / "good@77be");
+  EXPECT_TRUE(runtimes.Former().empty());
+  AddRuntime("good@0000", "good", kOther);
+  fs::remove(dir_ / "good");
+  fs::create_directory_symlink("good@0000", dir_ / "good");
+  EXPECT_EQ(runtimes.Find("good")->folder, dir_ / "good@0000");
+  EXPECT_EQ(runtimes.Find("good", kDigest)->folder, dir_ / "good@77be");
+  ASSERT_EQ(runtimes.Former().size(), 1);
+  EXPECT_EQ(runtimes.Former()[0].digest, kDigest);
+  ASSERT_EQ(runtimes.List().size(), 1);
+  // server.json may name what is a link by now.
+  const Runtimes configured({{"good", dir_ / "good"}}, dir_);
+  EXPECT_EQ(configured.Find("good")->folder, dir_ / "good@0000");
+  EXPECT_EQ(configured.Find("good", kDigest)->folder, dir_ / "good@77be");
+}
+
+TEST_F(RuntimesTest, LinksThatLeadNowhereAreNoRuntimes) {
+  fs::create_directory_symlink("good@77be", dir_ / "good@77be");
+  fs::create_directory_symlink("good@77be", dir_ / "good");
+  const Runtimes runtimes({}, dir_);
+  EXPECT_FALSE(runtimes.Find("good").ok());
+  EXPECT_TRUE(runtimes.List().empty());
+  EXPECT_TRUE(runtimes.Former().empty());
+}
+
+TEST_F(RuntimesTest, FormerVersionsOfEarlierReleasesAreFoundByTheirDigest) {
   AddRuntime("good", "good", kDigest);
   AddRuntime(".former/good@0000", "good", kOther);
   const Runtimes runtimes({}, dir_);
