@@ -2,11 +2,13 @@
 nothing but itself, the daemon serves it under /docs, and a wrong page or link ends the build."""
 
 import hashlib
+import html
 import html.parser
 import json
 import os
 import pathlib
 import posixpath
+import re
 import shutil
 import subprocess
 import tempfile
@@ -117,6 +119,17 @@ class Site(unittest.TestCase):
         for page in ("policies/GUIDE.html", "configs/challenges/MANUAL.html", "docker/debian/index.html", "tour.html"):
             # In the sentence and in the list below it, beside the navigation.
             self.assertGreaterEqual(links.count(page), 3, page)
+
+    def test_code_is_shown_as_it_is_typed(self):
+        text = (ROOT / "docs" / VERSION / "server/cli/index.html").read_text(encoding="utf-8")
+        self.assertIn('<span class="word">python|cpp|torch</span>', text)
+        self.assertIn('<span class="word">--track</span>', text)
+        # Blocks of code are left alone, and so is what is too long for a line.
+        guide = (ROOT / "docs" / VERSION / "policies/GUIDE.html").read_text(encoding="utf-8")
+        for block in re.findall(r"<pre.*?</pre>", guide, re.DOTALL):
+            self.assertNotIn('class="word"', block)
+        for word in re.findall(r'<span class="word">([^<]*)</span>', text):
+            self.assertLessEqual(len(html.unescape(word)), 30)
 
     def copy(self):
         """A small tree with one page for each audience."""
