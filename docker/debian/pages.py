@@ -140,10 +140,19 @@ def file_page(name, summary, where, body, day):
 
 
 def section_of(path, first, last=None):
-    """A document from the heading `first` (left out) to before the heading `last`."""
+    """A document from the heading `first` (left out; "": from its title) to before the heading `last`.
+    Ends the program with a sentence where a heading is missing."""
     text = path.read_text(encoding="utf-8")
-    start = text.index(f"\n{first}\n") + len(first) + 2 if first else text.index("\n") + 1
-    return text[start:text.index(f"\n{last}\n", start) if last else None]
+
+    def place_of(heading, start):
+        place = text.find(f"\n{heading}\n", start)
+        if place < 0:
+            raise SystemExit(f"pages.py: {path} has no heading \"{heading}\"" + (
+                f" after \"{first}\"" if start else "") + "; file_pages() needs its present name")
+        return place
+
+    start = place_of(first, 0) + len(first) + 2 if first else text.index("\n") + 1
+    return text[start:place_of(last, start) if last else None]
 
 
 def file_pages(source, day):

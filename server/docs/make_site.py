@@ -1,14 +1,16 @@
 #!/usr/bin/env python3
 """Makes the documents' site of the pages in the folders: make_site.py OUT VERSION [--source DIR]
 
-site.json says which page is for whom, what titles some have here, and what placeholders stand for; every page of the
-tree must be there. The site is OUT/VERSION. A path in backquotes that names another page becomes a link with that page's
+site.json says which page is for whom, where each reader starts, what titles some pages have here, and what placeholders
+stand for; every page of the tree must be there. The site is OUT/VERSION. A path in backquotes that names another page becomes a link with that page's
 title. Needs the MkDocs of docker/docs.txt beside the
 interpreter that runs this. Exit status: 0 made, 1 a page or a link is wrong, 2 wrong use.
 Example: make_site.py build/docs 1.0
 """
 
 import argparse
+import html
+import itertools
 import json
 import os
 import pathlib
@@ -22,6 +24,11 @@ HERE = pathlib.Path(__file__).resolve().parent
 FENCE = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
 PAGE_NAME = re.compile(r"(?<!\[)`([\w./-]+\.md)`(?!\])")
 HEADING = re.compile(r"^# (.+)$", re.MULTILINE)
+ITEM = re.compile(r"([-*]|\d+\.) ")
+ROW = re.compile(r"^\|.*$", re.MULTILINE)
+CODE = re.compile(r"<code>([^<]+)</code>")
+# Longer words may be broken, so that they fit on a narrow screen.
+LONGEST_WORD = 30
 # As GitHub shows the root's page, it is the tour; the site's first page is a list of all.
 ROOT_PAGE, TOUR = "README.md", "tour.md"
 
@@ -64,6 +71,30 @@ def title_of(page, text):
     return match[1].replace("`", "")
 
 
+def check_lists(page, text):
+    """Ends the program at a list that MkDocs would take for a part of the paragraph above it."""
+    for part in FENCE.split(text)[::2]:
+        for before, line in itertools.pairwise(part.splitlines()):
+            if ITEM.match(line) and before and not before.startswith((" ", "#")) and not ITEM.match(before):
+                raise SystemExit(f"make_site.py: {page}: a list needs an empty line before it: {line}")
+
+
+def with_pipes(text):
+    """The text with the pipes in code of tables as MkDocs reads them: without the backslash that GitHub needs."""
+    return ROW.sub(lambda row: re.sub(r"`[^`]*`", lambda code: code[0].replace("\\|", "|"), row[0]), text)
+
+
+def keep_words(page):
+    """Marks the words of code in the made `page`, which browsers would break at hyphens and in narrow columns."""
+    def mark(match):
+        return "<code>" + re.sub(r"\S+", lambda word: f'<span class="word">{word[0]}</span>' if len(
+            html.unescape(word[0])) <= LONGEST_WORD else word[0], match[1]) + "</code>"
+
+    text = page.read_text(encoding="utf-8")
+    page.write_text("".join(part if i % 2 else CODE.sub(mark, part) for i, part in enumerate(
+        re.split(r"(<pre.*?</pre>)", text, flags=re.DOTALL))), encoding="utf-8")
+
+
 def collect(source, work, version):
     """Writes pages and mkdocs.yml (as JSON, which is YAML) into the folder `work`."""
     site = json.loads((HERE / "site.json").read_text(encoding="utf-8"))
@@ -79,14 +110,16 @@ def collect(source, work, version):
     texts = {page: (source / page).read_text(encoding="utf-8") for page in listed}
     titles = {page: site["titles"].get(page) or title_of(page, text) for page, text in texts.items()}
     nav = [{"All pages": "index.md"}]
-    first = [f"# MyoGrade {version}\n", linked("index.md", site["introduction"], titles)]
+    first = [f"# MyoGrade {version}\n", linked("index.md", site["introduction"], titles) + "\n"]
+    first += [f"- **{audience}**: {linked('index.md', site['starts'][audience], titles)}" for audience in audiences]
     for audience, pages in audiences.items():
         entries = []
         first.append(f"\n## {audience}\n")
         for page in pages:
             target = work / "pages" / place_of(page)
             target.parent.mkdir(parents=True, exist_ok=True)
-            text = linked(page, texts[page], titles)
+            check_lists(page, texts[page])
+            text = with_pipes(linked(page, texts[page], titles))
             if page in site["titles"]:
                 text = HEADING.sub(lambda _, title=titles[page]: f"# {title}", text, count=1)
             for placeholder, example in site["examples"].items():
@@ -126,6 +159,8 @@ def main():
         # What only search engines read.
         for name in ("sitemap.xml", "sitemap.xml.gz"):
             (work / "site" / name).unlink(missing_ok=True)
+        for page in (work / "site").rglob("*.html"):
+            keep_words(page)
         target = options.out / options.version
         shutil.rmtree(target, ignore_errors=True)
         shutil.copytree(work / "site", target)

@@ -56,7 +56,7 @@ struct ManipulationRules {
   // episode to episode, only the first seed counts.
   bool one_environment;
 
-  // The official environment's defects, each on or off (sim/README.md tells each).
+  // The official environment's defects, each on or off (README.md lists them).
   bool peak_touch_survives_reset;   // with one_environment
   bool size_fixed_on_first_reset;
   bool bounding_radius_fixed;

@@ -132,6 +132,27 @@ class Pages(unittest.TestCase):
         self.assertIn("create", complete("myograde", "team", ""))
         self.assertIn("--reason", complete("myograde", "team", "create", ""))
 
+    def test_a_heading_that_is_missing_is_named(self):
+        source = self.folder / "renamed"
+        for page in ("configs/README.md", "configs/challenges/README.md", "server/artefact/README.md"):
+            (source / page).parent.mkdir(parents=True)
+            shutil.copy(SOURCE / page, source / page)
+        for name in ("server.json", "sandbox"):
+            (source / "configs" / name).symlink_to(SOURCE / "configs" / name)
+        document = source / "configs/README.md"
+        whole = document.read_text(encoding="utf-8")
+        make = "import pathlib, sys, pages; print(len(pages.file_pages(pathlib.Path(sys.argv[1]), '')))"
+
+        def made():
+            return run(sys.executable, "-B", "-c", make, source, env={**os.environ, "PYTHONPATH": str(DEBIAN)})
+        self.assertEqual(made().stdout, "5\n")
+        # The first heading of a part, and the one that ends it.
+        for heading in ("## Track configs", "## Reference episodes"):
+            document.write_text(whole.replace(f"\n{heading}\n", "\n## Renamed\n"), encoding="utf-8")
+            done = made()
+            self.assertEqual(done.returncode, 1)
+            self.assertRegex(done.stderr, f'^pages.py: {document} has no heading "{heading}".*\n$')
+
     def test_conffiles_are_the_configs(self):
         listed = (self.folder / "control/server/conffiles").read_text().split()
         self.assertEqual(listed, ["/etc/logrotate.d/myograde", "/etc/myograde/sandbox/policy.json",

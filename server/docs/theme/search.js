@@ -3,6 +3,11 @@
 (() => {
   "use strict";
 
+  // On a narrow screen the list of pages is above the page: only its headings, then.
+  if (matchMedia("(max-width: 48rem)").matches) {
+    document.querySelector(".pages details[open]")?.removeAttribute("open");
+  }
+
   const ROOT = new URL(".", document.currentScript.src);
   const MOST = 20;       // results that are shown
   const AROUND = 90;     // characters of the text before and after the first word that fits

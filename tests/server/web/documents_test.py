@@ -2,11 +2,13 @@
 nothing but itself, the daemon serves it under /docs, and a wrong page or link ends the build."""
 
 import hashlib
+import html
 import html.parser
 import json
 import os
 import pathlib
 import posixpath
+import re
 import shutil
 import subprocess
 import tempfile
@@ -110,6 +112,25 @@ class Site(unittest.TestCase):
         self.assertIn("policies/GUIDE.html", tour.links)
         self.assertIn("configs/challenges/MANUAL.html", tour.links)
 
+    def test_the_first_page_says_where_each_reader_starts(self):
+        starts = json.loads((SOURCE / "server/docs/site.json").read_text())["starts"]
+        self.assertEqual(set(starts), AUDIENCES)
+        links = self.pages()["index.html"].links
+        for page in ("policies/GUIDE.html", "configs/challenges/MANUAL.html", "docker/debian/index.html", "tour.html"):
+            # In the sentence and in the list below it, beside the navigation.
+            self.assertGreaterEqual(links.count(page), 3, page)
+
+    def test_code_is_shown_as_it_is_typed(self):
+        text = (ROOT / "docs" / VERSION / "server/cli/index.html").read_text(encoding="utf-8")
+        self.assertIn('<span class="word">python|cpp|torch</span>', text)
+        self.assertIn('<span class="word">--track</span>', text)
+        # Blocks of code are left alone, and so is what is too long for a line.
+        guide = (ROOT / "docs" / VERSION / "policies/GUIDE.html").read_text(encoding="utf-8")
+        for block in re.findall(r"<pre.*?</pre>", guide, re.DOTALL):
+            self.assertNotIn('class="word"', block)
+        for word in re.findall(r'<span class="word">([^<]*)</span>', text):
+            self.assertLessEqual(len(html.unescape(word)), 30)
+
     def copy(self):
         """A small tree with one page for each audience."""
         tree = pathlib.Path(tempfile.mkdtemp(dir=ROOT))
@@ -125,7 +146,8 @@ class Site(unittest.TestCase):
                 ("README.md", "# Tour\n[away](nowhere.md)\n", "nowhere.md"),
                 ("README.md", "# Tour\n[away](policies/GUIDE.md#no-such-part)\n", "no-such-part"),
                 ("README.md", "# Tour\n`nowhere/README.md` says so.\n", "no page nowhere/README.md"),
-                ("sim/README.md", "Tour\n", "no heading")):
+                ("sim/README.md", "Tour\n", "no heading"),
+                ("sim/README.md", "# Tour\nIt holds\n- models\n", "empty line before it: - models")):
             with self.subTest(said=said):
                 tree = self.copy()
                 (tree / page).write_text(text)
