@@ -277,6 +277,17 @@ TEST(ScoredTracks, RankByTheirNumbersInOrder) {
   EXPECT_EQ(&MetricOf(kThreeMetrics, 1), &kThreeMetrics[2]);
 }
 
+TEST(ScoredTracks, SayHowManyDigitsPeopleSee) {
+  const auto digits = [](const char* track) {
+    std::vector<int> all;
+    for (const Metric& metric : FindScoredTrack(track)->metrics) all.push_back(metric.digits);
+    return all;
+  };
+  EXPECT_THAT(digits("elbow"), ElementsAre(4, 6, 4, 4, 4));
+  EXPECT_THAT(digits("manipulation"), ElementsAre(4, 6, 4, 4, 1, 1, 6));
+  EXPECT_THAT(digits("locomotion"), ElementsAre(4, 4, 6, 6, 4, 4, 4, 6, 6));
+}
+
 // Results of a track have always had these keys.
 TEST(ScoredTracks, KeepTheKeysOfEarlierResults) {
   EXPECT_THAT(FindScoredTrack("elbow")->null_metrics, testing::IsEmpty());
