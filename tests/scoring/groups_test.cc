@@ -159,6 +159,7 @@ TEST(Groups, NeverDecideEqualRows) {
   const Groups groups = FormGroups(kTestedMetrics, rows, kTiers, {});
   EXPECT_EQ(groups.places[1].above->criterion.kind, Kind::kAcceptance);
   EXPECT_EQ(groups.places[1].above->test.p, 1);
+  EXPECT_EQ(groups.places[1].above->test.pairs, 0) << "there is no number to compare";
   EXPECT_THAT(GroupsOf(rows, kTiers), ElementsAre(1, 1));
 }
 
@@ -335,6 +336,17 @@ TEST(SpreadOverSteps, NeedsTwoEpisodesThatCountAndAStep) {
   EXPECT_FALSE(spread({episodes[0], episodes[1]}).has_value()) << "one counts";
   EXPECT_FALSE(spread({EpisodeOf(0, {.steps = 0}), EpisodeOf(1, {.steps = 0})}).has_value());
   EXPECT_TRUE(spread({EpisodeOf(0, {.steps = 0}), EpisodeOf(1, {.steps = 1})}).has_value());
+}
+
+TEST(SpreadOverSteps, AnEpisodeWithoutASumAddsItsStepsAlone) {
+  std::vector<JudgedEpisode> episodes = {EpisodeOf(0, {.pain_sum = 10, .steps = 10}),
+                                         EpisodeOf(1, {.pain_sum = 0, .steps = 30})};
+  const std::optional<Spread> with = SpreadOverSteps(kTestedMetrics, kPainPlace, episodes);
+  episodes[1].judgement.metrics[3] = std::nullopt;
+  const std::optional<Spread> without = SpreadOverSteps(kTestedMetrics, kPainPlace, episodes);
+  ASSERT_TRUE(with.has_value() && without.has_value());
+  EXPECT_EQ(without->low, with->low);
+  EXPECT_EQ(without->high, with->high);
 }
 
 RC_GTEST_PROP(GroupsProperties, NeitherOrderOfEpisodesNorLaterRowsMatter, ()) {
