@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -20,8 +21,8 @@ constexpr size_t kSignsOfADraw = 64;
 
 // The difference between the two results of a pair, in the direction in which it is positive.
 struct Difference {
-  double amount = 0;
-  double weight = 0;
+  double amount;
+  double weight;
   bool reversed = false;  // b is the larger one
 
   auto key() const { return std::pair(amount, weight); }
@@ -29,10 +30,13 @@ struct Difference {
 
 struct Differences {
   std::vector<Difference> all;  // sorted, so that the order of episodes changes no digit of a sum
-  double amounts = 0;           // of both entries together
-  double weights = 0;
+  Sample a;                     // the sums of each entry
+  Sample b;
   double size = 0;              // of all amounts, without their signs
   bool even = true;             // no pair's two weights differ
+
+  double amounts() const { return a.amount + b.amount; }
+  double weights() const { return a.weight + b.weight; }
 };
 
 class SplitMix64 {
@@ -49,23 +53,18 @@ class SplitMix64 {
   uint64_t state_ = kFirstState;
 };
 
-// Every sum runs over sorted numbers, for the same reason.
-double SortedSum(std::vector<double> numbers) {
+// Every sum runs over sorted numbers, for the same reason. `number`: of a pair.
+template <typename NumberOf>
+double SortedSum(std::span<const Pair> pairs, NumberOf number) {
+  std::vector<double> numbers;
+  for (const Pair& pair : pairs) numbers.push_back(number(pair));
   std::sort(numbers.begin(), numbers.end());
-  double sum = 0;
-  for (const double number : numbers) sum += number;
-  return sum;
+  return std::accumulate(numbers.begin(), numbers.end(), 0.0);
 }
 
 Differences DifferencesOf(std::span<const Pair> pairs) {
   Differences found;
-  std::vector<double> amounts;
-  std::vector<double> weights;
-  std::vector<double> sizes;
   for (const auto& [a, b] : pairs) {
-    amounts.insert(amounts.end(), {a.amount, b.amount});
-    weights.insert(weights.end(), {a.weight, b.weight});
-    sizes.insert(sizes.end(), {std::abs(a.amount), std::abs(b.amount)});
     Difference own{a.amount - b.amount, a.weight - b.weight};
     if (own.key() == std::pair(0.0, 0.0)) continue;
     if (own.key() < std::pair(0.0, 0.0)) own = {-own.amount, -own.weight, true};
@@ -74,19 +73,25 @@ Differences DifferencesOf(std::span<const Pair> pairs) {
   }
   std::sort(found.all.begin(), found.all.end(),
             [](const Difference& x, const Difference& y) { return x.key() < y.key(); });
-  found.amounts = SortedSum(std::move(amounts));
-  found.weights = SortedSum(std::move(weights));
-  found.size = SortedSum(std::move(sizes));
+  found.a.amount = SortedSum(pairs, [](const Pair& pair) { return pair.a.amount; });
+  found.a.weight = SortedSum(pairs, [](const Pair& pair) { return pair.a.weight; });
+  found.b.amount = SortedSum(pairs, [](const Pair& pair) { return pair.b.amount; });
+  found.b.weight = SortedSum(pairs, [](const Pair& pair) { return pair.b.weight; });
+  found.size = SortedSum(pairs, [](const Pair& pair) { return std::abs(pair.a.amount); }) +
+               SortedSum(pairs, [](const Pair& pair) { return std::abs(pair.b.amount); });
   return found;
 }
 
-// The difference of the two means, if a has `amount` and `weight` more than b. Without any weight on
-// one side it is larger than any.
+// The difference of the two means. Without any weight on one side it is larger than any.
+double MeansDifference(const Sample& a, const Sample& b) {
+  if (a.weight <= 0 || b.weight <= 0) return std::numeric_limits<double>::infinity();
+  return a.amount / a.weight - b.amount / b.weight;
+}
+
+// The same, if a has `amount` and `weight` more than b.
 double MeansDifference(const Differences& all, double amount, double weight) {
-  const double weight_a = (all.weights + weight) / 2;
-  const double weight_b = (all.weights - weight) / 2;
-  if (weight_a <= 0 || weight_b <= 0) return std::numeric_limits<double>::infinity();
-  return (all.amounts + amount) / 2 / weight_a - (all.amounts - amount) / 2 / weight_b;
+  return MeansDifference({(all.amounts() + amount) / 2, (all.weights() + weight) / 2},
+                         {(all.amounts() - amount) / 2, (all.weights() - weight) / 2});
 }
 
 // With its sign turned if the lowest bit is set.
@@ -94,7 +99,7 @@ double WithSign(double number, uint64_t sign) {
   return std::bit_cast<double>(std::bit_cast<uint64_t>(number) ^ (sign << 63));
 }
 
-// The same, if the differences whose bit `next` gives as 1 are exchanged.
+// The same, if the pairs whose bit `next` gives as 1 are turned.
 template <typename NextBit>
 double Exchanged(const Differences& all, NextBit next) {
   double amount = 0;
@@ -107,14 +112,9 @@ double Exchanged(const Differences& all, NextBit next) {
   return MeansDifference(all, amount, weight);
 }
 
-double Observed(const Differences& all) {
-  auto own = all.all.begin();
-  return Exchanged(all, [&] { return uint64_t{(own++)->reversed}; });
-}
-
 // What reaches the observed difference.
 double ThresholdOf(const Differences& all, double observed) {
-  return std::abs(observed) - kRounding * 2 * all.size / all.weights;
+  return std::abs(observed) - kRounding * all.size / all.weights();
 }
 
 // n over k by 2^n. Mantissa and exponent are kept apart, as 2^-n alone may be no double.
@@ -209,9 +209,9 @@ double MonteCarloP(const Differences& all, double threshold, int64_t samples) {
   return static_cast<double>(1 + reached) / static_cast<double>(1 + samples);
 }
 
+// n pairs have 2^(n - 1) ways.
 bool CanEnumerate(const Differences& all, int64_t samples) {
-  constexpr size_t kMostPairs = 40;
-  return all.all.size() <= kMostPairs && (int64_t{1} << (all.all.size() - 1)) <= samples;
+  return all.all.size() <= std::bit_width(static_cast<uint64_t>(samples));
 }
 
 }  // namespace
@@ -219,8 +219,8 @@ bool CanEnumerate(const Differences& all, int64_t samples) {
 PairedTest TestPairs(std::span<const Pair> pairs, int64_t samples) {
   const Differences all = DifferencesOf(pairs);
   PairedTest test{.pairs = std::ssize(pairs), .differing = std::ssize(all.all)};
-  if (all.all.empty() || all.weights <= 0) return test;
-  const double observed = Observed(all);
+  if (all.all.empty() || all.weights() <= 0) return test;
+  const double observed = MeansDifference(all.a, all.b);
   test.difference = std::isfinite(observed) ? observed : 0;
   const double threshold = ThresholdOf(all, observed);
   if (SameSize(all)) {

@@ -64,15 +64,9 @@ Scheduler::Lease* Scheduler::FirstReady(const Team& team, Priority priority, abs
   return nullptr;
 }
 
-int Scheduler::FreeSlot() const {
-  return free_slots_.empty() ? -1 : *free_slots_.begin();
-}
-
 std::optional<int> Scheduler::TakeSlot() {
-  const int slot = FreeSlot();
-  if (slot < 0) return std::nullopt;
-  free_slots_.erase(slot);
-  return slot;
+  if (free_slots_.empty()) return std::nullopt;
+  return free_slots_.extract(free_slots_.begin()).value();
 }
 
 Scheduler::Precedence Scheduler::PrecedenceOf(const Team& team, const Evaluation& evaluation) const {
@@ -85,8 +79,7 @@ Scheduler::Precedence Scheduler::PrecedenceOf(const Team& team, const Evaluation
 }
 
 std::optional<Start> Scheduler::Next(absl::Duration now) {
-  const int slot = FreeSlot();
-  if (slot < 0) return std::nullopt;
+  if (free_slots_.empty()) return std::nullopt;
   Lease* best = nullptr;
   Precedence first = {};
   for (int priority = 0; priority < kPriorities && best == nullptr; ++priority) {
@@ -112,10 +105,9 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
   evaluation.waits_since = now;
   best->running = true;
   best->attempt += 1;
-  best->slot = slot;
+  best->slot = *TakeSlot();
   best->started = ++starts_;
   running_.insert(best->id);
-  free_slots_.erase(slot);
   if (evaluation.priority == Priority::kRejudge) running_rejudges_.emplace(starts_, best->id);
   if (!limits_.begins_later) {
     SetDeadlines(*best, now + limits_.heartbeat, now + evaluation.spec.lease_wall);
@@ -124,7 +116,7 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
     share->running += 1;
     share->last_start = starts_;
   }
-  return Start{best->evaluation, best->id, best->attempt, slot, evaluation.spec.lease_wall};
+  return Start{best->evaluation, best->id, best->attempt, best->slot, evaluation.spec.lease_wall};
 }
 
 int Scheduler::ReadyAboveRejudges(int most, absl::Duration now) const {
@@ -146,7 +138,7 @@ int Scheduler::ReadyAboveRejudges(int most, absl::Duration now) const {
 }
 
 std::optional<GivesWay> Scheduler::GiveWay(absl::Duration now) {
-  if (FreeSlot() >= 0) return std::nullopt;
+  if (!free_slots_.empty()) return std::nullopt;
   // The one that started last has the least to lose.
   if (running_rejudges_.empty()) return std::nullopt;
   Lease* last = &leases_.at(running_rejudges_.rbegin()->second);
@@ -198,7 +190,6 @@ void Scheduler::Heartbeat(int64_t id, int64_t attempt, absl::Duration now) {
 void Scheduler::StopRunning(Lease& lease) {
   Evaluation& evaluation = evaluations_.at(lease.evaluation);
   lease.running = false;
-  lease.slot = -1;
   running_.erase(lease.id);
   running_rejudges_.erase({lease.started, lease.id});
   SetDeadlines(lease, absl::InfiniteDuration(), absl::InfiniteDuration());
@@ -294,13 +285,11 @@ Decision Scheduler::Cancel(int64_t id) {
 void Scheduler::MoveTeam(const std::string& from, const std::string& to) {
   const auto old = teams_.find(from);
   if (old == teams_.end() || from == to) return;
-  auto [team, is_new] = teams_.try_emplace(to);
+  Team& team = teams_[to];
   const int64_t joined = old->second.joined;
-  if (is_new || team->second.joined == 0 || (joined != 0 && joined < team->second.joined)) {
-    team->second.joined = joined;
-  }
-  team->second.running += old->second.running;
-  team->second.last_start = std::max(team->second.last_start, old->second.last_start);
+  if (team.joined == 0 || (joined != 0 && joined < team.joined)) team.joined = joined;
+  team.running += old->second.running;
+  team.last_start = std::max(team.last_start, old->second.last_start);
   for (auto& [id, evaluation] : evaluations_) {
     if (evaluation.spec.team != from) continue;
     evaluation.spec.team = to;

@@ -220,7 +220,7 @@ class Scheduler {
     int64_t faults = 0;
     int64_t returns = 0;
     bool running = false;
-    int slot = -1;
+    int slot = 0;  // while it runs
     int64_t started = 0;  // sequence number of the last start
     absl::Duration not_before = -absl::InfiniteDuration();
     absl::Duration silent_after = absl::InfiniteDuration();
@@ -265,7 +265,6 @@ class Scheduler {
   Lease* FirstReady(const Team& team, Priority priority, absl::Duration now);
   // How many leases above the class of rejudges could start now if there were slots; counts to `most`.
   int ReadyAboveRejudges(int most, absl::Duration now) const;
-  int FreeSlot() const;
 
   SchedulerLimits limits_;
   std::map<int64_t, Lease> leases_;

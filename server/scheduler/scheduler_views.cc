@@ -53,8 +53,12 @@ std::optional<QueuePlace> Scheduler::PlaceOf(int64_t id) const {
       place.leases_ahead += team.line.LeasesOfFirst(Priority(i), all);
     }
     const auto line = team.line.In(evaluation.priority).begin();
-    const bool earlier = &team != &own && line != team.line.In(evaluation.priority).end() &&
-                         PrecedenceOf(team, evaluations_.at(line->first)) < turn;
+    bool earlier = false;
+    if (&team != &own && line != team.line.In(evaluation.priority).end()) {
+      const Precedence other = PrecedenceOf(team, evaluations_.at(line->first));
+      // Teams that have had rejudges only are equal, and come in the order of their names.
+      earlier = std::tie(other, name) < std::tie(turn, evaluation.spec.team);
+    }
     const int64_t before = rank + (earlier ? 1 : 0);
     place.position += std::min(before, team.line.size(evaluation.priority));
     place.leases_ahead += team.line.LeasesOfFirst(evaluation.priority, before);

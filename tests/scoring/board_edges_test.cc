@@ -173,6 +173,15 @@ TEST(Board, BandsHoldWhatIsExactlyAtTheirFactor) {
   EXPECT_EQ(board[1].rank, 2);
 }
 
+TEST(Board, TimeCountsFromTheLineItselfOn) {
+  for (const DistanceBoard& rules : {kDistances, kDistanceBands}) {
+    EXPECT_THAT(OrderOf({With("slow", 1, 0, {20, 2}), With("fast", 2, 0, {20, 1})}, rules),
+                ElementsAre("fast", "slow"));
+    EXPECT_THAT(OrderOf({With("slow", 1, 0, {19.9, 2}), With("fast", 2, 0, {19.9, 1})}, rules),
+                ElementsAre("slow", "fast"));
+  }
+}
+
 TEST(Board, ATeamStandsWithWhatItsRuleSays) {
   std::vector<BoardEntry> own = {With("best", 5, 95, {1, 1}), With("chosen", 6, 95, {2, 1}),
                                  With("unchosen", 7, 95, {3, 1}), With("last", 8, 95, {4, 1})};

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "scoring/config.h"
 #include "scoring/elbow/judge.h"
 #include "scoring/groups.h"
 #include "scoring/locomotion/track.h"
@@ -96,6 +97,12 @@ TEST(ScoringConfig, AcceptsTheShortestCourse) {
   EXPECT_FALSE(Parsed("locomotion", section).ok());
 }
 
+TEST(ScoringConfig, AcceptsALineOfOneEpisode) {
+  json section = kSections.at("elbow");
+  section["boards"]["main"]["line_episodes"] = section["boards"]["main"]["line_successes"] = 1;
+  EXPECT_TRUE(Parsed("elbow", section).ok());
+}
+
 TEST(ScoringConfig, HasNoOptionalKeyAndNoOtherOnes) {
   for (const auto& [track, whole] : kSections.items()) {
     EXPECT_TRUE(Parsed(track, whole).ok());
@@ -115,6 +122,8 @@ TEST(ScoringConfig, HasNoOptionalKeyAndNoOtherOnes) {
       section[at] = json::array();
       EXPECT_FALSE(Parsed(track, section).ok());
     }
+    EXPECT_THAT(std::string(With(track, "/boards/further", 1).status().message()),
+                HasSubstr("\"further\" is not a known key"));
   }
 }
 
@@ -145,6 +154,15 @@ TEST(ScoringConfig, TieredBoardsHaveTheirLineBandsAndTies) {
     EXPECT_EQ(rules("/boards/main/bands", "success").bands, BandsOver::kSuccess);
     EXPECT_EQ(rules("/boards/main/ties", "acceptance").ties, Ties::kAcceptance);
   }
+}
+
+TEST(ScoringConfig, TieredBoardsRankByTheTracksPlaces) {
+  const json section = {{"boards", kSections["elbow"]["boards"]}};
+  ConfigReader reader(section, "section");
+  const absl::StatusOr<TieredBoard> board = FinishWithTieredBoard(reader, /*time=*/3, /*effort=*/2);
+  ASSERT_TRUE(board.ok()) << board.status();
+  EXPECT_EQ(board->time, 3u);
+  EXPECT_EQ(board->effort, 2u);
 }
 
 TEST(ScoringConfig, BoardsOfLocomotionHaveTheirNumbers) {
@@ -275,6 +293,17 @@ TEST(ScoredTracks, RankByTheirNumbersInOrder) {
   EXPECT_EQ(RankedPlace(kThreeMetrics, 2), 1u);
   EXPECT_EQ(&MetricOf(kThreeMetrics, 0), &kThreeMetrics[0]);
   EXPECT_EQ(&MetricOf(kThreeMetrics, 1), &kThreeMetrics[2]);
+}
+
+TEST(ScoredTracks, SayHowManyDigitsPeopleSee) {
+  const auto digits = [](const char* track) {
+    std::vector<int> all;
+    for (const Metric& metric : FindScoredTrack(track)->metrics) all.push_back(metric.digits);
+    return all;
+  };
+  EXPECT_THAT(digits("elbow"), ElementsAre(4, 6, 4, 4, 4));
+  EXPECT_THAT(digits("manipulation"), ElementsAre(4, 6, 4, 4, 1, 1, 6));
+  EXPECT_THAT(digits("locomotion"), ElementsAre(4, 4, 6, 6, 4, 4, 4, 6, 6));
 }
 
 // Results of a track have always had these keys.

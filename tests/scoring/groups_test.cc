@@ -110,6 +110,7 @@ TEST(Groups, HoldWhatSuccessesDoNotDecide) {
   EXPECT_DOUBLE_EQ(groups.places[1].above->test.p, 0.5);
   EXPECT_EQ(groups.places[2].opened_by, 0u);
   EXPECT_TRUE(groups.places[2].opener->decided);
+  EXPECT_FALSE(groups.places[2].opener->reversed);
   EXPECT_EQ(groups.places[3].opened_by, 2u);
   EXPECT_FALSE(groups.places[3].opener->decided);
 }
@@ -158,6 +159,7 @@ TEST(Groups, NeverDecideEqualRows) {
   const Groups groups = FormGroups(kTestedMetrics, rows, kTiers, {});
   EXPECT_EQ(groups.places[1].above->criterion.kind, Kind::kAcceptance);
   EXPECT_EQ(groups.places[1].above->test.p, 1);
+  EXPECT_EQ(groups.places[1].above->test.pairs, 0) << "there is no number to compare";
   EXPECT_THAT(GroupsOf(rows, kTiers), ElementsAre(1, 1));
 }
 
@@ -221,6 +223,37 @@ TEST(Groups, SayWhenFurtherEpisodesTurnTheOrder) {
   EXPECT_TRUE(groups.places[1].above->reversed);
   EXPECT_FALSE(groups.places[1].above->decided);
   EXPECT_EQ(groups.places[1].group, 1);
+}
+
+TEST(Groups, DecideNothingByALeadTheOtherWayThatMayBeLuck) {
+  auto rows = BoardOf({Succeeds(80), Succeeds(79)}, kTiers);
+  for (int64_t i = 100; i < 103; ++i) {
+    rows[0].episodes.push_back(EpisodeOf(i, {.success = false}));
+    rows[1].episodes.push_back(EpisodeOf(i, {}));
+  }
+  const Groups groups = FormGroups(kTestedMetrics, rows, kTiers, {});
+  EXPECT_LT(groups.places[1].above->test.difference, 0);
+  EXPECT_FALSE(groups.places[1].above->reversed);
+  EXPECT_FALSE(groups.places[1].above->decided);
+}
+
+TEST(Groups, DecideAtTheLevelItself) {
+  // Six episodes differ: 2 * (1/2)^6.
+  const auto rows = BoardOf({Succeeds(80), Succeeds(74)}, kTiers);
+  EXPECT_THAT(GroupsOf(rows, kTiers, {.level = std::ldexp(1, -5)}), ElementsAre(1, 2));
+  EXPECT_THAT(GroupsOf(rows, kTiers, {.level = std::ldexp(0.99, -5)}), ElementsAre(1, 1));
+}
+
+// Who never took a step has no mean over steps, and stands last without having lost a comparison.
+TEST(Groups, DecideNothingAgainstARowWithoutAStep) {
+  const auto walks = Play100([](int64_t) { return Played{.pain_sum = 5, .steps = 10}; }, 20);
+  const auto stays = Play100([](int64_t) { return Played{.pain_sum = 0, .steps = 0}; }, 20);
+  const auto rows = BoardOf({walks, stays}, kBody);
+  const Groups groups = FormGroups(kTestedMetrics, rows, kBody, {});
+  EXPECT_EQ(groups.places[1].above->criterion, (Criterion{Kind::kNumber, kPainPlace}));
+  EXPECT_LE(groups.places[1].above->p_adjusted, 0.05);
+  EXPECT_FALSE(groups.places[1].above->decided);
+  EXPECT_FALSE(groups.places[1].above->reversed);
 }
 
 TEST(Groups, CorrectByHolm) {
@@ -303,6 +336,17 @@ TEST(SpreadOverSteps, NeedsTwoEpisodesThatCountAndAStep) {
   EXPECT_FALSE(spread({episodes[0], episodes[1]}).has_value()) << "one counts";
   EXPECT_FALSE(spread({EpisodeOf(0, {.steps = 0}), EpisodeOf(1, {.steps = 0})}).has_value());
   EXPECT_TRUE(spread({EpisodeOf(0, {.steps = 0}), EpisodeOf(1, {.steps = 1})}).has_value());
+}
+
+TEST(SpreadOverSteps, AnEpisodeWithoutASumAddsItsStepsAlone) {
+  std::vector<JudgedEpisode> episodes = {EpisodeOf(0, {.pain_sum = 10, .steps = 10}),
+                                         EpisodeOf(1, {.pain_sum = 0, .steps = 30})};
+  const std::optional<Spread> with = SpreadOverSteps(kTestedMetrics, kPainPlace, episodes);
+  episodes[1].judgement.metrics[3] = std::nullopt;
+  const std::optional<Spread> without = SpreadOverSteps(kTestedMetrics, kPainPlace, episodes);
+  ASSERT_TRUE(with.has_value() && without.has_value());
+  EXPECT_EQ(without->low, with->low);
+  EXPECT_EQ(without->high, with->high);
 }
 
 RC_GTEST_PROP(GroupsProperties, NeitherOrderOfEpisodesNorLaterRowsMatter, ()) {

@@ -94,6 +94,8 @@ TEST(PairedTest, OfMeansOverStepsIsSciPysExactPermutationTest) {
 TEST(PairedTest, TellsTheDifferenceOfTheMeans) {
   EXPECT_DOUBLE_EQ(TestPairs(PairsOf({1, 2, 6}, {1, 1, 1}), kSamples).difference, 2);
   EXPECT_DOUBLE_EQ(TestPairs({{{{6, 3}, {1, 1}}}}, kSamples).difference, 1);
+  EXPECT_DOUBLE_EQ(TestPairs(PairsOf({5}, {1}), kSamples).difference, 4);
+  EXPECT_DOUBLE_EQ(TestPairs({{{{1, 0.5}, {2, 0.5}}}}, kSamples).difference, -2);
 }
 
 TEST(PairedTest, WithoutPairsOrWeightsDecidesNothing) {
@@ -102,6 +104,21 @@ TEST(PairedTest, WithoutPairsOrWeightsDecidesNothing) {
   const PairedTest one_sided = TestPairs({{{{1, 0}, {2, 3}}}}, kSamples);
   EXPECT_EQ(one_sided.p, 1);
   EXPECT_EQ(one_sided.difference, 0);
+  EXPECT_EQ(TestPairs({{{{0, 0}, {2, 3}}}}, kSamples).p, 1);
+  EXPECT_EQ(TestPairs({{{{2, 3}, {0, 0}}}}, kSamples).p, 1);
+  const std::vector<Pair> weightless = {{{1, 0}, {2, 0}}, {{1, 0}, {5, 0}}};
+  EXPECT_EQ(TestPairs(weightless, kSamples).p, 1);
+}
+
+// Every way of exchanging nothing but steps leaves both means at 0.
+TEST(PairedTest, OfWeightsAloneDecidesNothing) {
+  std::vector<Pair> pairs;
+  for (int i = 0; i < 30; ++i) pairs.push_back({{0, 1.0 + i % 3}, {0, 5}});
+  EXPECT_EQ(TestPairs(pairs, 500).p, 1);
+  EXPECT_EQ(TestPairs(pairs, 500).method, Method::kMonteCarlo);
+  pairs.resize(5);
+  EXPECT_EQ(TestPairs(pairs, 500).p, 1);
+  EXPECT_EQ(TestPairs(pairs, 500).method, Method::kExact);
 }
 
 // The random ways are part of the result: another program with the same generator draws the same.
@@ -138,6 +155,19 @@ TEST(PairedTest, OfThousandsOfClearPairsStaysAboveZero) {
 TEST(PairedTest, TakesEqualSumsAsEqual) {
   const PairedTest test = TestPairs(PairsOf({0.1, 0.2, 0.3, 0}, {0, 0, 0, 0.6}), kSamples);
   EXPECT_EQ(test.p, 1);
+  std::vector<Pair> large = PairsOf({0.1, 0.2, 0.3, 0}, {0, 0, 0, 0.6});
+  for (Pair& pair : large) {
+    pair.a.amount *= 1 << 30;
+    pair.b.amount *= 1 << 30;
+  }
+  EXPECT_EQ(TestPairs(large, kSamples).p, 1);
+}
+
+// It is a part of the means, whatever the sums are.
+TEST(PairedTest, TellsSmallMeansOfManyStepsApart) {
+  std::vector<Pair> pairs;
+  for (int i = 0; i < 6; ++i) pairs.push_back({{1.001e6 + i, 1e6}, {1e6, 1e6}});
+  EXPECT_EQ(TestPairs(pairs, kSamples).p, 2.0 / 64);
 }
 
 std::vector<double> AnyNumbers(size_t count) {
@@ -170,6 +200,7 @@ RC_GTEST_PROP(PairedTestProperties, PIsAProbabilityThatNoExchangeChanges, ()) {
 
 RC_GTEST_PROP(PairedTestProperties, TheOrderOfEpisodesChangesNothing, ()) {
   std::vector<Pair> pairs = AnyPairs(60);
+  for (Pair& pair : pairs) pair.a.amount /= 7;  // sums of these depend on their order
   const PairedTest test = TestPairs(pairs, 500);
   for (size_t i = pairs.size(); i > 1; --i) {
     std::swap(pairs[i - 1], pairs[*rc::gen::inRange<size_t>(0, i)]);
@@ -230,6 +261,11 @@ TEST(IntervalOfDifference, OfNumbersIsThatOfTheNormalDistribution) {
   EXPECT_FALSE(interval->of_proportions);
   EXPECT_NEAR(interval->low, 2.5 - 1.2651511, 1e-6);  // 1.96 standard errors of sqrt(5/3)/2
   EXPECT_NEAR(interval->high, 2.5 + 1.2651511, 1e-6);
+}
+
+TEST(IntervalOfDifference, OfProportionsNeedsBothResultsOfEachPair) {
+  EXPECT_FALSE(IntervalOfDifference(PairsOf({1, 0, 1}, {0.5, 2, 3}))->of_proportions);
+  EXPECT_FALSE(IntervalOfDifference(PairsOf({0.5, 2, 3}, {1, 0, 1}))->of_proportions);
 }
 
 TEST(IntervalOfDifference, NeedsTwoPairs) {

@@ -2,7 +2,7 @@
 // events in any order.
 #include "server/scheduler/scheduler.h"
 
-#include <chrono>
+#include <ctime>
 #include <map>
 #include <set>
 
@@ -299,7 +299,7 @@ TEST(SchedulerTest, APlaceCostsLittleHoweverManyWait) {
     scheduler.Add(WaitingEvaluation(id, absl::StrCat("team ", id % 200), 10), absl::ZeroDuration());
   }
   // If each place required looking at everything that waits, computing all would take minutes.
-  const auto begin = std::chrono::steady_clock::now();
+  const std::clock_t begin = std::clock();  // of the processor: the host may be busy
   std::set<int64_t> places;
   for (int64_t id = 1; id <= 10'000; ++id) {
     places.insert(scheduler.PlaceOf(id)->position);
@@ -307,7 +307,7 @@ TEST(SchedulerTest, APlaceCostsLittleHoweverManyWait) {
     (void)scheduler.NextDeadline(absl::ZeroDuration());
   }
   EXPECT_EQ(places.size(), 10'000u);
-  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(30));
+  EXPECT_LT(std::clock() - begin, 30 * CLOCKS_PER_SEC);
 }
 
 // The expected state, tracked independently of the scheduler.

@@ -1,0 +1,196 @@
+// Whose turn it is where several rules meet, and what the views tell of it then.
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "server/scheduler/host_health.h"
+#include "server/scheduler/scheduler.h"
+#include "tests/server/scheduler/waiting_evaluation.h"
+
+namespace myograde::server {
+namespace {
+
+constexpr absl::Duration kNow = absl::ZeroDuration();
+
+// Starts the next lease and plays it to its end; returns its evaluation.
+int64_t PlayOne(Scheduler& scheduler, absl::Duration now = kNow) {
+  const auto start = scheduler.Next(now);
+  if (!start.has_value()) return 0;
+  scheduler.Finished(start->lease, start->attempt, now);
+  scheduler.Free(start->slot);
+  return start->evaluation;
+}
+
+EvaluationSpec OfParty(int64_t id, const std::string& team, const std::string& party) {
+  EvaluationSpec spec = WaitingEvaluation(id, team, 1);
+  spec.party = party;
+  return spec;
+}
+
+TEST(Turns, ATeamThatItsPartyHoldsBackDoesNotHideALaterOne) {
+  Scheduler scheduler({.slots = 2});
+  scheduler.Add(OfParty(1, "p", "person"), kNow);
+  ASSERT_EQ(scheduler.Next(kNow)->evaluation, 1);
+  // By itself b would be first; its party runs one already, so c is, which came before a.
+  scheduler.Add(OfParty(2, "b", "person"), kNow);
+  scheduler.Add(WaitingEvaluation(3, "c", 1), kNow);
+  scheduler.Add(WaitingEvaluation(4, "a", 1), kNow);
+  EXPECT_EQ(scheduler.Next(kNow)->evaluation, 3);
+}
+
+TEST(Turns, APartysLastStartCountsForEachOfItsTeams) {
+  Scheduler scheduler({.slots = 1});
+  scheduler.Add(OfParty(1, "a", "person"), kNow);
+  scheduler.Add(OfParty(2, "b", "person"), kNow);
+  scheduler.Add(WaitingEvaluation(3, "c", 1), kNow);
+  EXPECT_EQ(PlayOne(scheduler), 1);
+  EXPECT_EQ(scheduler.PlaceOf(2)->position, 2);
+  EXPECT_EQ(PlayOne(scheduler), 3) << "b had no start, its party had";
+  EXPECT_EQ(PlayOne(scheduler), 2);
+}
+
+TEST(Turns, AMergedTeamLastStartedWhenEitherOfTheTwoDid) {
+  Scheduler scheduler({.slots = 1});
+  scheduler.Add(WaitingEvaluation(1, "a", 2), kNow);
+  scheduler.Add(WaitingEvaluation(2, "b", 2), kNow);
+  scheduler.Add(WaitingEvaluation(3, "c", 2), kNow);
+  for (const int64_t expected : {1, 2, 3}) ASSERT_EQ(PlayOne(scheduler), expected);
+  scheduler.MoveTeam("c", "a");
+  EXPECT_EQ(PlayOne(scheduler), 2);
+  EXPECT_EQ(PlayOne(scheduler), 1);
+}
+
+TEST(Turns, ATeamOfRejudgesHasItsTurnByItsFirstSubmission) {
+  Scheduler scheduler({.slots = 1});
+  scheduler.Add(WaitingEvaluation(1, "rejudged", 1, Priority::kRejudge), kNow);
+  scheduler.Add(WaitingEvaluation(2, "first", 1), kNow);
+  scheduler.Add(WaitingEvaluation(3, "second", 1), kNow);
+  scheduler.MoveTeam("second", "rejudged");
+  EXPECT_EQ(PlayOne(scheduler), 2);
+  EXPECT_EQ(PlayOne(scheduler), 3);
+}
+
+TEST(Turns, RejudgesOfDifferentTeamsHaveDifferentPlaces) {
+  Scheduler scheduler({.slots = 1});
+  scheduler.Add(WaitingEvaluation(1, "b", 1, Priority::kRejudge), kNow);
+  scheduler.Add(WaitingEvaluation(2, "a", 1, Priority::kRejudge), kNow);
+  EXPECT_EQ(scheduler.PlaceOf(2)->position, 1);
+  EXPECT_EQ(scheduler.PlaceOf(1)->position, 2);
+  EXPECT_EQ(PlayOne(scheduler), 2);
+}
+
+TEST(Turns, WhatIsOverdueIsCountedByEverybody) {
+  Scheduler scheduler({.slots = 1, .queue_wait = absl::Seconds(60)});
+  scheduler.Add(WaitingEvaluation(1, "a", 2, Priority::kPractice), kNow);
+  scheduler.Add(WaitingEvaluation(2, "b", 1), absl::Seconds(30));
+  EXPECT_EQ(scheduler.PlaceOf(2)->position, 1);
+  ASSERT_EQ(scheduler.Escalate(absl::Seconds(60)), std::vector<int64_t>{1});
+  EXPECT_EQ(scheduler.WaitingOf("a"), 1);
+  EXPECT_EQ(scheduler.PlaceOf(2)->position, 2);
+  EXPECT_EQ(scheduler.PlaceOf(2)->leases_ahead, 2);
+  EXPECT_EQ(scheduler.QueueOf(nullptr), (std::vector<int64_t>{1, 2}));
+}
+
+TEST(Turns, RejudgesGiveWayToAnOverdueEvaluation) {
+  Scheduler scheduler({.slots = 1, .queue_wait = absl::Seconds(60)});
+  scheduler.Add(WaitingEvaluation(1, "a", 1, Priority::kRejudge), kNow);
+  ASSERT_EQ(scheduler.Next(kNow)->evaluation, 1);
+  scheduler.Add(WaitingEvaluation(2, "b", 1), kNow);
+  scheduler.Escalate(absl::Seconds(60));
+  EXPECT_TRUE(scheduler.GiveWay(absl::Seconds(60)).has_value());
+}
+
+TEST(Turns, ThreeRejudgesGiveWayToThreeLeases) {
+  Scheduler scheduler({.slots = 3});
+  scheduler.Add(WaitingEvaluation(1, "a", 3, Priority::kRejudge), kNow);
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(scheduler.Next(kNow));
+  scheduler.Add(WaitingEvaluation(2, "b", 3), kNow);
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(scheduler.GiveWay(kNow)) << i;
+  EXPECT_FALSE(scheduler.GiveWay(kNow));
+}
+
+// Of an evaluation whose first lease waits for its delay, the second may go at once.
+TEST(Turns, ALaterLeaseGoesWhileAnEarlierOneIsDelayed) {
+  Scheduler scheduler({.slots = 1, .retry_delay = absl::Seconds(10)});
+  scheduler.Add(WaitingEvaluation(1, "a", 2), kNow);
+  ASSERT_EQ(scheduler.Next(kNow)->lease, 1000);
+  scheduler.Faulted(1000, 1, kNow);
+  scheduler.Free(0);
+  EXPECT_EQ(scheduler.WhyWaiting(1, kNow), "2 blocks of episodes wait and will start in a moment");
+  scheduler.Add(WaitingEvaluation(2, "r", 1, Priority::kRejudge), kNow);
+  EXPECT_EQ(scheduler.Next(kNow)->lease, 1001);
+}
+
+TEST(Turns, ARejudgeGivesWayToALeaseBehindADelayedOne) {
+  Scheduler scheduler({.slots = 1, .retry_delay = absl::Seconds(10)});
+  scheduler.Add(WaitingEvaluation(1, "a", 1), kNow);
+  ASSERT_EQ(scheduler.Next(kNow)->evaluation, 1);
+  scheduler.Faulted(1000, 1, kNow);
+  scheduler.Free(0);
+  scheduler.Add(WaitingEvaluation(2, "r", 1, Priority::kRejudge), kNow);
+  ASSERT_EQ(scheduler.Next(kNow)->evaluation, 2);
+  EXPECT_FALSE(scheduler.GiveWay(absl::Seconds(9)));
+  EXPECT_TRUE(scheduler.GiveWay(absl::Seconds(10))) << "from the end of its delay on";
+}
+
+TEST(Waits, BeginAgainWhenALeaseEnds) {
+  Scheduler scheduler({.slots = 1, .retry_delay = absl::Seconds(1), .queue_wait = absl::Hours(1)});
+  scheduler.Add(WaitingEvaluation(1, "a", 3), kNow);
+  ASSERT_TRUE(scheduler.Next(kNow));
+  scheduler.Finished(1000, 1, absl::Minutes(50));
+  EXPECT_EQ(scheduler.DeadlineOf(1), absl::Minutes(110));
+  scheduler.Free(0);
+  ASSERT_TRUE(scheduler.Next(absl::Minutes(51)));
+  scheduler.Faulted(1001, 1, absl::Minutes(60));
+  EXPECT_EQ(scheduler.DeadlineOf(1), absl::Minutes(120));
+  EXPECT_TRUE(scheduler.Escalate(absl::Minutes(119)).empty());
+  EXPECT_EQ(scheduler.Escalate(absl::Minutes(120)), std::vector<int64_t>{1});
+  EXPECT_TRUE(scheduler.Escalate(absl::Minutes(120)).empty()) << "once";
+}
+
+TEST(Waits, OfACancelledEvaluationAreForgotten) {
+  Scheduler scheduler({.slots = 1, .retry_delay = absl::Seconds(10)});
+  scheduler.Add(WaitingEvaluation(1, "a", 1), kNow);
+  ASSERT_TRUE(scheduler.Next(kNow));
+  scheduler.Faulted(1000, 1, kNow);
+  EXPECT_EQ(scheduler.NextDeadline(kNow), absl::Seconds(10));
+  scheduler.Cancel(1);
+  EXPECT_FALSE(scheduler.NextDeadline(kNow).has_value());
+  EXPECT_TRUE(scheduler.Escalate(absl::Hours(10)).empty());
+}
+
+TEST(Depth, CountsOnlyWhatWaits) {
+  Scheduler scheduler({.slots = 1});
+  scheduler.Add(WaitingEvaluation(1, "a", 1), kNow);
+  scheduler.Add(WaitingEvaluation(2, "b", 3), kNow);
+  ASSERT_EQ(scheduler.Next(kNow)->evaluation, 1);
+  const QueueDepth::OfClass ranked =
+      scheduler.DepthAt(kNow).classes[static_cast<size_t>(Priority::kRanked)];
+  EXPECT_EQ(ranked.evaluations, 1);
+  EXPECT_EQ(ranked.leases, 3);
+}
+
+TEST(HostHealth, ATestThatPassesForgetsTheFaultsBeforeIt) {
+  HostHealth host({.suspect_after = 2, .test_every = absl::Minutes(3)});
+  host.LeaseFaulted(kNow, "x");
+  host.LeaseFaulted(kNow, "x");
+  host.TestBegins();
+  host.TestEnded(kNow, "");
+  host.LeaseFaulted(absl::Minutes(4), "x");
+  EXPECT_TRUE(host.may_start()) << "one in a row";
+  host.LeaseFaulted(absl::Minutes(4), "x");
+  EXPECT_FALSE(host.may_start());
+}
+
+TEST(HostHealth, TellsTheNextTestInWholeSeconds) {
+  HostHealth host({.suspect_after = 1, .test_every = absl::Seconds(10)});
+  host.LeaseFaulted(kNow, "x");
+  host.TestBegins();
+  host.TestEnded(kNow, "no models");
+  EXPECT_NE(host.PauseReason(absl::Milliseconds(1500)).find("tested again in 9s"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace myograde::server
