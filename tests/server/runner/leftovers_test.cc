@@ -154,8 +154,7 @@ class LeftoversTest : public RunnerTest {
   std::vector<int> Sleepers() const {
     std::vector<int> found;
     for (const int pid : ProcessesWith(seconds_)) {
-      std::ifstream file(absl::StrCat("/proc/", pid, "/cmdline"));
-      const std::string line((std::istreambuf_iterator<char>(file)), {});
+      const std::string line = TextOf(absl::StrCat("/proc/", pid, "/cmdline"));
       if (line == std::string("sleep\0", 6) + seconds_ + '\0') found.push_back(pid);
     }
     return found;

@@ -28,12 +28,8 @@ using LimitsTest = RunnerTest;
 
 // The processes below `ancestor` that run a program of this name.
 std::vector<pid_t> ProcessesBelow(pid_t ancestor, const std::string& program) {
-  const auto read = [](const fs::path& path) {
-    std::ifstream file(path);
-    return std::string((std::istreambuf_iterator<char>(file)), {});
-  };
   const auto parent_of = [&](pid_t pid) {
-    const std::string stat = read(absl::StrCat("/proc/", pid, "/stat"));
+    const std::string stat = TextOf(absl::StrCat("/proc/", pid, "/stat"));
     int parent = 0;
     const size_t name_end = stat.rfind(')');
     if (name_end != std::string::npos) {
@@ -44,7 +40,7 @@ std::vector<pid_t> ProcessesBelow(pid_t ancestor, const std::string& program) {
   std::vector<pid_t> found;
   for (const auto& entry : fs::directory_iterator("/proc")) {
     const pid_t pid = std::atoi(entry.path().filename().c_str());
-    if (pid <= 0 || read(entry.path() / "comm") != program + "\n") continue;
+    if (pid <= 0 || TextOf(entry.path() / "comm") != program + "\n") continue;
     for (pid_t above = parent_of(pid); above > 1; above = parent_of(above)) {
       if (above == ancestor) found.push_back(pid);
     }

@@ -22,6 +22,7 @@
 #include <fstream>
 #include <functional>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -47,15 +48,22 @@ struct Outcomes {
   std::optional<LeaseEndRecord> end;
 };
 
+// What a file says, of /proc say: "" if its process has ended. (Iterators of the stream's buffer raise
+// if it ends while it is read.)
+inline std::string TextOf(const fs::path& path) {
+  const std::ifstream file(path);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
 // Pids whose command line holds `text`.
 inline std::vector<int> ProcessesWith(const std::string& text) {
   std::vector<int> found;
   for (const auto& entry : fs::directory_iterator("/proc")) {
     const int pid = std::atoi(entry.path().filename().c_str());
     if (pid <= 0 || pid == getpid()) continue;
-    std::ifstream file(entry.path() / "cmdline");
-    const std::string line((std::istreambuf_iterator<char>(file)), {});
-    if (line.find(text) != std::string::npos) found.push_back(pid);
+    if (TextOf(entry.path() / "cmdline").find(text) != std::string::npos) found.push_back(pid);
   }
   return found;
 }
