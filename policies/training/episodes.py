@@ -15,7 +15,9 @@ import myograde
 
 WALKER_STEP = 0.005  # s
 REACHER_STEP = 0.01  # s
-PELVIS = slice(41, 45)  # its quaternion in the walker's observation, w first
+COURSE = 1  # the kind's code in the walker's observation
+PELVIS = slice(41, 45)  # its quaternion there, w first
+COURSES = ("flat", "hilly", "rough", "stairs", "mixed")  # by code
 # Where the reacher's observation has these (spans).
 BOX = slice(129, 132)       # m
 GOAL = slice(145, 148)      # m
@@ -38,6 +40,7 @@ class Result:
     end: str
     start: str  # how the person stood: standing, or with the prosthetic leg behind or ahead
     tilt: str = ""  # where a walker leans at the end: forwards, backwards, left or right
+    course: str = ""  # of the walker, one of COURSES
     lifted: bool = False  # the box, more than LIFTED
     success: bool = False  # of the box, as the profile scores it but for the peak force
     given: bool = False  # the prosthesis held the box alone for half a second
@@ -50,8 +53,10 @@ _controller = "walker"
 _profile = ""
 
 
-def prepare(library: pathlib.Path, controller: str = "walker", profile: str = "") -> None:
-    """Once in each process, which ends with the one that started it."""
+def prepare(library: pathlib.Path, controller: str = "walker", profile: str = "",
+            config: str = "") -> None:
+    """Once in each process, which ends with the one that started it. config: a file of a track to
+    play instead of the shipped one's."""
     global _library, _envs, _controller, _profile
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     _library = controllers.Library(library)
@@ -59,11 +64,12 @@ def prepare(library: pathlib.Path, controller: str = "walker", profile: str = ""
     _profile = profile or PROFILES[controller]
     track = {"walker": "Locomotion", "reacher": "Manipulation"}[controller]
     _envs = myograde.vec(f"myograde/{track}-v0", 1, threads=1, actions="direct", copy=False,
-                         profile=_profile)
+                         profile=_profile, config=config or None)
 
 
 def tilt_of(pelvis: np.ndarray) -> str:
-    """Where a trunk leans most, by the pelvis' quaternion: x is forwards, y up and z to the right."""
+    """Where a trunk leans most against its own heading, by the pelvis' quaternion: x is forwards, y
+    up and z to the right. In an episode's last step that is the way a fall goes."""
     w, x, y, z = pelvis
     forwards = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + w * z)])
     up = np.array([2 * (x * y - w * z), 1 - 2 * (x * x + z * z)])
@@ -103,7 +109,8 @@ def walk(numbers: np.ndarray, seed: int, seconds: float) -> Result:
             break
     time, distance = steps * WALKER_STEP, start - furthest
     score = (distance + start - y) / 2 + 0.2 * time - effort / steps
-    return Result(score, distance, time, end, posture, tilt_of(observations[0, PELVIS]))
+    return Result(score, distance, time, end, posture, tilt_of(observations[0, PELVIS]),
+                  COURSES[round(float(observations[0, COURSE]))])
 
 
 def reach(numbers: np.ndarray, seed: int, seconds: float) -> Result:

@@ -4,18 +4,20 @@
         --library build/release/training/libbaseline_controllers.so [--write FILE --command TEXT]
 
 PARAMETERS.json: best.json of a search, or a file of policies/baseline/parameters. Prints the mean
-distance with its standard error, how the episodes ended, and one figure for each way of starting.
+distance with its standard error, how the episodes ended, the ways that falls went (by the lean of
+the trunk against its own heading in the last step), and one figure for each way of starting.
 """
 
 from __future__ import annotations
 
 import argparse
+import collections
 import json
 import multiprocessing
 import pathlib
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from typing import Any
+from typing import Any, Iterable
 
 import numpy as np
 
@@ -32,6 +34,9 @@ def options() -> argparse.Namespace:
     parser.add_argument("--library", type=pathlib.Path, required=True)
     parser.add_argument("--controller", choices=controllers.CONTROLLERS, default="walker")
     parser.add_argument("--profile", default="", help="default: paper")
+    parser.add_argument("--config", default="", metavar="FILE",
+                        help="a track's file to play instead of the shipped one, such as one with "
+                             "obstacles near the start")
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--first-seed", type=int, default=FRESH_SEED)
     parser.add_argument("--seconds", type=float, default=300, help="longest episode")
@@ -46,6 +51,11 @@ def options() -> argparse.Namespace:
 def spread(values: list[float]) -> tuple[float, float]:
     """The mean, and its standard error."""
     return float(np.mean(values)), float(np.std(values) / max(1, len(values) - 1) ** 0.5)
+
+
+def counts(words: Iterable[str]) -> dict[str, int]:
+    """How often each word comes."""
+    return dict(sorted(collections.Counter(words).items()))
 
 
 def wilson(count: int, total: int) -> tuple[float, float]:
@@ -66,15 +76,13 @@ def main() -> int:
     jobs = [(numbers, args.first_seed + i, args.seconds) for i in range(args.episodes)]
     with ProcessPoolExecutor(args.processes, multiprocessing.get_context("spawn"),
                              episodes.prepare,
-                             (args.library, args.controller, args.profile)) as pool:
+                             (args.library, args.controller, args.profile, args.config)) as pool:
         results = list(pool.map(episodes.play, jobs))
     mean, error = spread([r.distance for r in results])
-    ends = [r.end for r in results]
-    falls = [r.tilt for r in results if r.end == "fell"]
     figure: dict[str, Any] = {
         "distance_m": round(mean, 3), "standard_error_m": round(error, 3),
         "episodes": args.episodes, "first_seed": args.first_seed, "seconds": args.seconds,
-        "ends": {end: ends.count(end) for end in sorted(set(ends))}}
+        "ends": counts(r.end for r in results)}
     if args.controller == "reacher":
         figure["profile"] = args.profile or episodes.PROFILES[args.controller]
         for name, count in (("success", sum(r.success for r in results)),
@@ -84,7 +92,10 @@ def main() -> int:
             figure[name] = count
             figure[f"{name}_wilson95"] = [round(x, 3) for x in wilson(count, len(results))]
     else:
-        figure["falls"] = {tilt: falls.count(tilt) for tilt in sorted(set(falls))}
+        fallen = [r for r in results if r.end == "fell"]
+        figure["falls"] = counts(r.tilt for r in fallen)
+        figure["falls_by_course"] = {course: counts(r.tilt for r in fallen if r.course == course)
+                                     for course in episodes.COURSES}
     print(json.dumps(figure))
     for start in sorted({r.start for r in results}):
         mine = [r for r in results if r.start == start]

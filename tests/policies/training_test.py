@@ -64,6 +64,17 @@ class Training(unittest.TestCase):
             self.assertEqual(json.loads(written.read_text())["parameters"],
                              json.loads(shipped.read_text())["parameters"])
 
+    def test_falls_are_counted_by_their_way_and_by_course(self):
+        shipped = SOURCE / "policies/baseline/parameters/locomotion.json"
+        said = run("evaluate.py", shipped, "--library", LIBRARY, "--episodes", 2, "--seconds", 5,
+                   "--set", "knee_stance_stiffness=20", "hip_limit=10",
+                   "--config", SOURCE / "configs/tracks/locomotion.json")
+        figure = json.loads(said.splitlines()[0])
+        self.assertEqual(figure["ends"], {"fell": 2})
+        self.assertLessEqual(figure["falls"].keys(), {"forwards", "backwards", "left", "right"})
+        self.assertEqual(sum(figure["falls"].values()), 2)
+        self.assertEqual(sum(sum(ways.values()) for ways in figure["falls_by_course"].values()), 2)
+
     def test_some_numbers_of_the_arm_are_searched_and_the_others_stay(self):
         shipped = SOURCE / "policies/baseline/parameters/manipulation.json"
         run("search.py", self.folder / "arm", "--library", LIBRARY, "--controller", "reacher",
