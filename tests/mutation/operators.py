@@ -21,7 +21,7 @@ CHANGES = [(re.compile(pattern), instead) for pattern, instead in (
 )]
 STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
 IF = re.compile(r"\bif \((?!constexpr)")
-# A whole number by itself: no part of a name, of a fraction or of an exponent.
+# A whole number by itself: no part of a name or of a fraction. (Of exponents only the negative ones.)
 NUMBER = re.compile(r"(?<![\w.'])\d+(?![\w.'])")
 # A call, an assignment, or a count, alone on its line.
 STATEMENT = re.compile(r"(?:(?:[\w:.\[\]]|->|\(\))+\(.*\)|(?:[\w.\[\]*]|->)+ [-+*/|]?= .*|\+\+.*|--.*);$")

@@ -1,17 +1,20 @@
 """Compiles one changed source, links it into a test program in place of the original, and runs that. Neither sources
 nor build folder change, so that a run that is broken off leaves nothing behind."""
 
-import json
 import os
 import pathlib
 import re
 import resource
-import shlex
 import signal
 import subprocess
+import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests"))
+
+from support.build_commands import BuildCommands, instead  # noqa: E402
+
 # A mutant that allocates without end must not take the host's memory. (AddressSanitizer reserves terabytes.)
 MOST_BYTES = 4 << 30
 
@@ -22,31 +25,17 @@ class Build:
     def __init__(self, folder, programs, extra=()):
         """`extra` are options for the compilation of mutants, after those of the build."""
         self.folder, self.extra = pathlib.Path(folder), list(extra)
-        compdb = json.loads(subprocess.check_output(["ninja", "-C", folder, "-t", "compdb"], text=True))
-        # Source -> (the file that is compiled with it in it, its command). A build may compile many sources together,
-        # in a file that includes them.
-        self.compiles = {}
-        for entry in compdb:
-            if " -c " not in entry["command"]:
-                continue
-            unit = pathlib.Path(folder, entry["file"])
-            self.compiles[str(unit)] = (unit, entry["command"])
-            if "/Unity/" in str(unit):
-                for source in re.findall(r'#include "([^"]+)"', unit.read_text()):
-                    self.compiles[source] = (unit, entry["command"])
+        commands = BuildCommands(folder)
+        self.compiles = commands.compiles
         self.preambles = {}
-        self.links = {}
-        for program in programs:
-            out = subprocess.check_output(["ninja", "-C", folder, "-t", "commands", "-s", f"tests/{program}"],
-                                          text=True)
-            self.links[program] = out.strip().splitlines()[-1]
+        self.links = {program: commands.link(program) for program in programs}
 
     def prepare(self, source, folder):
         """Compiles what the source includes, once for all of its mutants: that is most of a compilation."""
         includes = re.findall(r"^#include .*", source.read_text(), re.MULTILINE)
         header = pathlib.Path(folder, source.relative_to(ROOT).as_posix().replace("/", "_") + ".h")
         header.write_text("\n".join(includes) + "\n")
-        words = shlex.split(self.compiles[str(source)][1])
+        words = self.compiles[str(source)][1]
         begin, at = words.index("-MD"), words.index("-c")
         subprocess.run([*words[:begin], *words[at + 2:], "-w", *self.extra, "-x", "c++-header", header,
                         "-o", f"{header}.gch"], cwd=self.folder, check=True,
@@ -55,19 +44,16 @@ class Build:
 
     def compile(self, source, changed, folder, options=()):
         """Makes folder/mutant.o with the changed text in place of the source; "" or what is wrong."""
-        unit, command = self.compiles[str(source)]
+        unit, words = self.compiles[str(source)]
         mutant = folder / "mutant.cc"
         mutant.write_text(changed)
         if unit != source:
             together = folder / "together.cc"
             together.write_text(unit.read_text().replace(f'"{source}"', f'"{mutant}"'))
             mutant = together
-        words = shlex.split(command)
-        words[words.index("-c") + 1] = str(mutant)
-        words[words.index("-o") + 1] = f"{folder}/mutant.o"
-        for option in ("-MF", "-MT"):
-            if option in words:
-                words[words.index(option) + 1] = f"{folder}/mutant.d"
+        words = instead(instead(words, "-c", mutant), "-o", f"{folder}/mutant.o")
+        for option in {"-MF", "-MT"} & set(words):
+            words = instead(words, option, f"{folder}/mutant.d")
         # Unused names are no mistake of a mutant's. Nobody compiles it twice, so it is not worth keeping.
         words += ["-w", *self.extra, *options]
         if source in self.preambles and not options:
@@ -78,10 +64,9 @@ class Build:
 
     def link(self, program, folder):
         """Makes folder/test of the program with folder/mutant.o; "" or what is wrong."""
+        words = instead(self.links[program], "-o", f"{folder}/test")
         # An object before the archives: the archive's own is not asked for any more.
-        link = self.links[program].replace(" -o ", f" {folder}/mutant.o -o ", 1)
-        words = shlex.split(link.removeprefix(": && ").removesuffix(" && :"))
-        words[words.index("-o") + 1] = f"{folder}/test"
+        words.insert(words.index("-o"), f"{folder}/mutant.o")
         done = subprocess.run(words, cwd=self.folder, capture_output=True, text=True, check=False)
         return done.stderr[:2000] if done.returncode else ""
 

@@ -93,6 +93,7 @@ TEST(ScoringConfig, AcceptsTheShortestCourse) {
   section["boards"]["main"]["time_from_m"] = 0;
   section["boards"]["physiological"]["qualify_m"] = 1e-3;
   EXPECT_TRUE(Parsed("locomotion", section).ok());
+  section["boards"]["physiological"]["qualify_m"] = 0;
   section["course_m"] = 0.99e-3;
   EXPECT_FALSE(Parsed("locomotion", section).ok());
 }

@@ -158,6 +158,8 @@ TEST(Judge, TakesOnlyTheEndsOfItsTrack) {
   facts.end = EpisodeEnd::kTime;
   EXPECT_EQ(Judge(facts, LocomotionJudging{}).outcome, Outcome::kGraderError);
   EXPECT_EQ(Judge(facts, ElbowJudging{}).outcome, Outcome::kGraderError);
+  facts.track = LocomotionFacts{};
+  EXPECT_EQ(Judge(facts, ManipulationJudging{}).outcome, Outcome::kGraderError);
 }
 
 }  // namespace
