@@ -27,6 +27,8 @@ class Help:
         text = subprocess.run([*command, "--help"], check=True, capture_output=True, text=True,
                               timeout=DEADLINE_S, env={"PATH": "/usr/bin:/bin", "HOME": "/root"}).stdout
         head, self.usage, rest = re.fullmatch(r"(.*?)^Usage: (.*?)\n(.*)", text, re.S | re.M).groups()
+        # Some print the path that they were started by, which is the build's.
+        self.usage = self.usage.replace(str(command[0]), pathlib.Path(command[0]).name)
         self.summary = head.strip()
         self.sections, name = {}, None
         for line in rest.splitlines():

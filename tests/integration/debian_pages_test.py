@@ -54,6 +54,10 @@ class Pages(unittest.TestCase):
         text = gzip.decompress((self.folder / page).read_bytes()).decode()
         return text.replace("\\-", "-").replace("\\(aq", "'")
 
+    def test_no_page_names_a_folder_of_the_build(self):
+        for page in self.pages():
+            self.assertNotIn(str(BIN), self.text_of(page.relative_to(self.folder)), page.name)
+
     def test_the_pages_of_files_have_every_key(self):
         def keys(schema):
             """The names of all properties in a schema."""
