@@ -52,11 +52,11 @@ class Build:
         self.environment = {**os.environ, "CCACHE_DISABLE": "1", "SOURCE_DATE_EPOCH": DATE, **environment}
         self.out = source / "out"
 
-    def run(self, *words, skips=False):
+    def run(self, *words, skips=False, umask=None):
         """Returns whether it worked; AssertionError if not, unless it `skips` (exit status 77)."""
         done = subprocess.run([str(word) for word in words], cwd=self.source, timeout=LONGEST_S,
                               capture_output=True, text=True, check=False, env=self.environment,
-                              umask=self.umask, stdin=subprocess.DEVNULL)
+                              umask=self.umask if umask is None else umask, stdin=subprocess.DEVNULL)
         if done.returncode != 0 and not (skips and done.returncode == 77):
             raise AssertionError(f"{words}: {done.returncode}\n{(done.stdout + done.stderr)[-3000:]}")
         return done.returncode == 0
@@ -71,7 +71,9 @@ class Build:
         self.run("docker/sbom/sbom.py", "--programs", "build/release/bin", "--cache", CACHE,
                  "build/release/third-party")
         self.run("cmake", "--install", "build/release", "--prefix", self.out / "installed")
-        self.run("cpack", "--config", "build/release/CPackConfig.cmake", "-G", "DEB", "-B", self.out / "packages")
+        # As ./dev package does it.
+        self.run("cpack", "--config", "build/release/CPackConfig.cmake", "-G", "DEB", "-B", self.out / "packages",
+                 umask=0o022)
         shutil.rmtree(self.out / "packages/_CPack_Packages", ignore_errors=True)
         self.run("policies/python/wheel.sh", "--pure", self.out / "wheels", f"3.{sys.version_info.minor}", skips=True)
 
