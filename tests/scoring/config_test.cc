@@ -360,6 +360,7 @@ TEST(StatisticsConfig, AcceptsNumbersUpToTheirBounds) {
     EXPECT_THAT(std::string(Statistics(section).status().message()), HasSubstr(key)) << section;
   }
   EXPECT_TRUE(Statistics({{"level", 1e-4}, {"samples", 10'000}, {"places", 2}}).ok());
+  EXPECT_FALSE(Statistics({{"level", 0.99e-4}, {"samples", 100'000}, {"places", 2}}).ok());
   // One test at the level 1/2 can decide with two samples, not with one.
   EXPECT_TRUE(Statistics({{"level", 0.5}, {"samples", 2}, {"places", 2}}).ok());
   EXPECT_THAT(
