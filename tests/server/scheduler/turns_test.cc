@@ -123,6 +123,18 @@ TEST(Turns, ALaterLeaseGoesWhileAnEarlierOneIsDelayed) {
 }
 
 TEST(Turns, ARejudgeGivesWayToALeaseBehindADelayedOne) {
+  Scheduler scheduler({.slots = 2, .retry_delay = absl::Seconds(10)});
+  scheduler.Add(WaitingEvaluation(1, "r", 1, Priority::kRejudge), kNow);
+  ASSERT_EQ(scheduler.Next(kNow)->evaluation, 1);
+  scheduler.Add(WaitingEvaluation(2, "a", 2), kNow);
+  EXPECT_FALSE(scheduler.GiveWay(kNow)) << "there is a free slot";
+  ASSERT_EQ(scheduler.Next(kNow)->lease, 2000);
+  scheduler.Faulted(2000, 1, kNow);
+  EXPECT_TRUE(scheduler.GiveWay(kNow))
+      << "to the second lease; the slot of the first is not free yet";
+}
+
+TEST(Turns, ARejudgeGivesWayFromTheEndOfADelayOn) {
   Scheduler scheduler({.slots = 1, .retry_delay = absl::Seconds(10)});
   scheduler.Add(WaitingEvaluation(1, "a", 1), kNow);
   ASSERT_EQ(scheduler.Next(kNow)->evaluation, 1);
@@ -131,7 +143,7 @@ TEST(Turns, ARejudgeGivesWayToALeaseBehindADelayedOne) {
   scheduler.Add(WaitingEvaluation(2, "r", 1, Priority::kRejudge), kNow);
   ASSERT_EQ(scheduler.Next(kNow)->evaluation, 2);
   EXPECT_FALSE(scheduler.GiveWay(absl::Seconds(9)));
-  EXPECT_TRUE(scheduler.GiveWay(absl::Seconds(10))) << "from the end of its delay on";
+  EXPECT_TRUE(scheduler.GiveWay(absl::Seconds(10)));
 }
 
 TEST(Waits, BeginAgainWhenALeaseEnds) {
