@@ -2,9 +2,9 @@
 """Makes the documents' site of the pages in the folders: make_site.py OUT VERSION [--source DIR]
 
 site.json says which page is for whom, where each reader starts, what titles some pages have here, and what placeholders
-stand for; every page of the tree must be there. The site is OUT/VERSION. A path in backquotes that names another page becomes a link with that page's
-title. Needs the MkDocs of docker/docs.txt beside the
-interpreter that runs this. Exit status: 0 made, 1 a page or a link is wrong, 2 wrong use.
+stand for; every page of the tree must be there. The site is OUT/VERSION. A path in backquotes that names another page
+becomes a link with that page's title. Needs the MkDocs of docker/docs.txt beside the interpreter that runs this.
+Exit status: 0 made, 1 a page or a link is wrong, 2 wrong use.
 Example: make_site.py build/docs 1.0
 """
 

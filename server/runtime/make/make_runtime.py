@@ -230,7 +230,8 @@ def remove(args: argparse.Namespace) -> None:
     place = Place(args.dir)
     there = place.former(args.name)
     if not args.former:
-        there = [*{place.of(args.name): 0, place.present(args.name): 0}, *there]
+        # One and the same for what earlier releases made.
+        there = [*dict.fromkeys((place.of(args.name), place.present(args.name))), *there]
     there = [path for path in there if os.path.lexists(path)]
     if not there:
         raise WrongUse(f"{place.folder} holds no " + ("former version of the " if args.former else "")
