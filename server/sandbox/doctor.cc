@@ -35,7 +35,6 @@ namespace myograde::server {
 namespace {
 
 constexpr absl::Duration kSandboxTime = absl::Seconds(30);
-constexpr char kBubblewrap[] = "/usr/bin/bwrap";
 
 // How a child of ExamineHost ended, in words.
 std::string Trouble(const ChildEnd& end) {

@@ -27,7 +27,6 @@
 namespace myograde::server {
 namespace {
 
-constexpr char kBubblewrap[] = "/usr/bin/bwrap";
 // Above those that a command is given.
 constexpr int kStatusFd = 20;
 constexpr int kFilterFd = 21;

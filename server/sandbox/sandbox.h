@@ -20,6 +20,9 @@
 
 namespace myograde::server {
 
+// The program that builds every sandbox.
+inline constexpr char kBubblewrap[] = "/usr/bin/bwrap";
+
 struct SandboxMount {
   enum class Kind { kReadOnly, kWritable, kSymlink, kProc, kDev, kDevice, kTmpfs, kSealed };
   Kind kind;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <initializer_list>
 #include <numbers>
 #include <utility>
 
@@ -13,6 +12,7 @@
 #include "sim/elbow/elbow.h"
 #include "sim/elbow/model.h"
 #include "sim/model/state.h"
+#include "sim/model/warnings.h"
 
 namespace myograde::sim {
 namespace {
@@ -21,19 +21,6 @@ ElbowFacts& OfElbow(EpisodeFacts& facts) { return std::get<ElbowFacts>(facts.tra
 
 // The official map of a normalised muscle action: half at 0.5, never quite 0 or 1.
 double MuscleExcitation(double action) { return 1 / (1 + std::exp(-5 * (action - 0.5))); }
-
-bool WarnedOfAny(const mjData& data, std::initializer_list<mjtWarning> kinds) {
-  return std::ranges::any_of(kinds,
-                             [&](mjtWarning kind) { return data.warning[kind].number > 0; });
-}
-
-bool WarnedOfNumbers(const mjData& data) {
-  return WarnedOfAny(data, {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC});
-}
-
-bool WarnedOfBuffers(const mjData& data) {
-  return WarnedOfAny(data, {mjWARN_CONTACTFULL, mjWARN_CNSTRFULL});
-}
 
 }  // namespace
 
@@ -145,13 +132,13 @@ StepResult ElbowEnvironment::Simulate() {
   mj_checkPos(model_.get(), data_.get());
   mj_checkVel(model_.get(), data_.get());
   StepResult result;
-  result.overflow = WarnedOfBuffers(*data_);
-  if (rules_.warnings_reset_simulation && !result.overflow && WarnedOfNumbers(*data_)) {
+  result.overflow = Overflown(*data_);
+  if (rules_.warnings_reset_simulation && !result.overflow && BadNumbers(*data_)) {
     StartFromDefaults();
   }
   mj_forward(model_.get(), data_.get());
-  result.overflow = result.overflow || WarnedOfBuffers(*data_);
-  result.unstable = WarnedOfNumbers(*data_);
+  result.overflow = result.overflow || Overflown(*data_);
+  result.unstable = BadNumbers(*data_);
   return result;
 }
 

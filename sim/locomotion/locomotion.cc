@@ -11,6 +11,7 @@
 #include "sim/locomotion/height_map.h"
 #include "sim/locomotion/model.h"
 #include "sim/model/state.h"
+#include "sim/model/warnings.h"
 
 namespace myograde::sim {
 namespace {
@@ -46,15 +47,6 @@ void TurnTo(double yaw, double* q) {
       AngleAxisd(yaw, Vector3d::UnitZ()) *
       (AngleAxisd(pitch, Vector3d::UnitY()) * AngleAxisd(roll, Vector3d::UnitX()));
   VectorXd::Map(q, 4) << turned.w(), turned.x(), turned.y(), turned.z();
-}
-
-bool Warned(const mjData& data, std::initializer_list<mjtWarning> kinds) {
-  return std::any_of(kinds.begin(), kinds.end(),
-                     [&](mjtWarning kind) { return data.warning[kind].number > 0; });
-}
-
-bool Overflown(const mjData& data) {
-  return Warned(data, {mjWARN_CONTACTFULL, mjWARN_CNSTRFULL});
 }
 
 bool BrokenDown(const mjData& data) {

@@ -10,6 +10,7 @@
 #include "sim/manipulation/manipulation.h"
 #include "sim/manipulation/model.h"
 #include "sim/model/state.h"
+#include "sim/model/warnings.h"
 
 namespace myograde::sim {
 namespace {
@@ -24,15 +25,6 @@ double Excitation(double action) { return 1 / (1 + std::exp(-5 * (action - 0.5))
 bool AnyWarning(const mjData& data) {
   return std::any_of(std::begin(data.warning), std::end(data.warning),
                      [](const mjWarningStat& warning) { return warning.number > 0; });
-}
-
-bool Unstable(const mjData& data) {
-  return data.warning[mjWARN_BADQPOS].number > 0 || data.warning[mjWARN_BADQVEL].number > 0 ||
-         data.warning[mjWARN_BADQACC].number > 0;
-}
-
-bool Overflown(const mjData& data) {
-  return data.warning[mjWARN_CONTACTFULL].number > 0 || data.warning[mjWARN_CNSTRFULL].number > 0;
 }
 
 }  // namespace
@@ -207,7 +199,7 @@ StepResult ManipulationEnvironment::Simulate() {
   mj_forward(model_.get(), data_.get());
   MeasureForce();
   result.overflow = result.overflow || Overflown(*data_);
-  result.unstable = Unstable(*data_);
+  result.unstable = BadNumbers(*data_);
   return result;
 }
 

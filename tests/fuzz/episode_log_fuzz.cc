@@ -80,13 +80,13 @@ std::string Cook(fuzz::Input& input) {
         break;
       case kText:
       case kBytes: {
-        static constexpr std::string_view kChannels[] = {
+        static constexpr std::string_view kOfEvents[] = {
             kLogHeaderChannel, kLogStartChannel, kActionChannel, kLogDigestChannel, kLogEndChannel};
         const uint8_t choice = input.Byte();
         const std::string text = input.Text(input.Byte());
         const std::string message =
             choice < 128 ? TextMessage(fingerprint, text, choice / 64 * (choice % 7 - 3)) : text;
-        AppendEvent(events++, steps * 1000, kChannels[choice % std::size(kChannels)],
+        AppendEvent(events++, steps * 1000, kOfEvents[choice % std::size(kOfEvents)],
                     std::as_bytes(std::span(message)), log);
         encoder.Resume(events, steps);
         break;

@@ -79,8 +79,8 @@ Action AddEvaluate(CLI::App& verb) {
   auto options = std::make_shared<EvaluateOptions>();
   verb.add_option("--phase", options->phase, "The phase whose places are close")->required();
   verb.add_option("--more-seeds", options->more_seeds,
-                  "Further episodes that each of them is to have in the end, on seeds that follow "
-                  "the phase's own")
+                  "Further episodes of each submission in total, on seeds that follow the "
+                  "phase's own")
       ->required()
       ->type_name("N");
   verb.add_option("--places", options->places,

@@ -139,7 +139,7 @@ int Backup(const BackupOptions& options) {
 Action AddExport(CLI::App& verb) {
   auto options = std::make_shared<ExportOptions>();
   verb.add_option("FILE", options->file,
-                  "Where to: a file, beside which FILE.sha256 is put, or for CSV a folder "
+                  "The file to write, with FILE.sha256 beside it; for CSV a folder "
                   "(default: JSON to standard output)");
   verb.add_option("--format", options->format, "json or csv (default: json)")
       ->check(CLI::IsMember({"json", "csv"}));
@@ -149,7 +149,7 @@ Action AddExport(CLI::App& verb) {
 
 Action AddBackup(CLI::App& verb) {
   auto options = std::make_shared<BackupOptions>();
-  verb.add_option("FILE", options->file, "Where to")->required();
+  verb.add_option("FILE", options->file, "The file to write")->required();
   AddDaemonOptions(verb, "backup", *options);
   return [options] { return Backup(*options); };
 }

@@ -80,7 +80,7 @@ Action AddPhase(CLI::App& verb) {
     AddDaemonOptions(*part, "phase", *options);
     return part;
   };
-  const char* all_help = "All submissions, whatever they are for";
+  const char* all_help = "All submissions, of every track and phase";
   add("pause", "Refuse submissions for now; those that were accepted are played",
       "pause final --reason \"a slot is broken\"")
       ->add_flag("--all", options->all, all_help);

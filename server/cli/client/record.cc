@@ -181,9 +181,9 @@ Action AddRecord(CLI::App& verb) {
       ShowHead)
       ->add_option("-o,--output", options->file, "File for the head");
   CLI::App* show = add("show", "List entries, oldest first", "show --from 100", ShowEntries);
-  show->add_option("--from", options->from, "The index of the first one (default: 0)")
+  show->add_option("--from", options->from, "Index of the first entry (default: 0)")
       ->check(WholeNumber(0, "no index of an entry"));
-  show->add_option("--limit", options->limit, "So many at most (default: 20)")
+  show->add_option("--limit", options->limit, "Entries to list, 1 to 1000 (default: 20)")
       ->check(CLI::Range(1, 1000));
   CLI::App* prove = add("prove", "Check that an entry is in the record, or that an earlier head is "
                                  "its beginning",

@@ -199,7 +199,7 @@ Action AddRejudge(CLI::App& verb) {
   parts.AddOfOne("show", "Show a rejudge with every rank's change", "show 3", ShowRejudge)
       ->add_flag("--wait", parts.options().wait, "Wait until it is computed");
   CLI::App* apply = parts.AddOfOne(
-      "apply", "Make its config and results those of the live board",
+      "apply", "Make a rejudge's config and results those of the live board",
       "apply 3 --reason \"As announced on 3 May.\"", ApplyRejudge);
   apply->add_option("--without", parts.options().without,
                     "The submissions that have no result, all of them, as in 7,9: they are off the "

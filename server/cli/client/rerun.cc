@@ -108,8 +108,8 @@ Action AddRerun(CLI::App& verb) {
   verb.add_flag("--wait,!--no-wait", options->wait,
                 "Wait for the end and print the differences (default), or only start it");
   verb.add_flag("--verify", options->verify,
-                "Tell of each episode whether actions, states and result were the same, and where "
-                "not, whether the policy or the simulator is the cause");
+                "Report for each episode whether actions, states and result were the same, and "
+                "where not, whether the policy or the simulator is the cause");
   AddDaemonOptions(verb, "rerun", *options);
   return [options] { return Rerun(*options); };
 }

@@ -56,10 +56,10 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
   absl::StatusOr<ArtefactManifest> manifest;
   {
     Progress progress("packing", Progress::Unit::kBytes);
-    const ByteProgress shown = [&](int64_t done, int64_t total) {
+    const ByteProgress show = [&](int64_t done, int64_t total) {
       progress.Show(done, total, "");
     };
-    manifest = PackArtefact(options.path, archive, ArtefactLimits(), shown, options.name);
+    manifest = PackArtefact(options.path, archive, ArtefactLimits(), show, options.name);
   }
   if (!manifest.ok()) return HostStatus(options.path, manifest.status());
   if (absl::Status known = CheckRuntimes(manifest->runtimes, client); !known.ok()) return known;

@@ -270,7 +270,7 @@ void AddMemberParts(Parts& parts) {
     CLI::App* part = parts.AddOfTeam(
         belongs ? "add-member" : "remove-member",
         belongs ? "Let a user of the daemon's host act for a team"
-                : "Take that away; what the user has submitted stays the team's",
+                : "Remove a user from a team; what the user has submitted stays the team's",
         belongs ? "add-member \"Team Blue\" ada" : "remove-member \"Team Blue\" ada", "team",
         [belongs](const TeamOptions& options) { return SetTeamMember(options, belongs); });
     part->add_option("PERSON", parts.options().person,
@@ -284,8 +284,8 @@ void AddBanParts(Parts& parts) {
   for (const bool banned : {true, false}) {
     CLI::App* part = parts.AddOfTeam(
         banned ? "ban" : "unban",
-        banned ? "Take no more from a team, and take it off the boards; what runs goes on"
-               : "Take from a team again, and put it back on the boards",
+        banned ? "Refuse a team's submissions and take it off the boards; running ones continue"
+               : "Accept a team's submissions again, and put it back on the boards",
         banned ? "ban \"Team Blue\" --reason \"two names of one group\"" : "unban \"Team Blue\"",
         "team", [banned](const TeamOptions& options) { return BanTeam(options, banned); });
     parts.AddReason(part)->required(banned);
@@ -306,9 +306,9 @@ Action AddTeam(CLI::App& verb) {
   parts.AddReason(rename);
   AddMemberParts(parts);
   CLI::App* merge = parts.AddOfTeam(
-      "merge", "Make a team a part of another, after showing what that does to quotas and boards",
+      "merge", "Merge a team into another, after showing what that does to quotas and boards",
       "merge \"Team Blue\" --into \"Team Green\" --dry-run", "team_merge", MergeTeam);
-  merge->add_option("--into", parts.options().into, "The team that both will be")->required();
+  merge->add_option("--into", parts.options().into, "The team that remains")->required();
   merge->add_flag("--dry-run", parts.options().dry_run, "Show what it does, and change nothing");
   merge->add_flag("--yes", parts.options().yes, "Don't ask");
   parts.AddReason(merge);

@@ -112,12 +112,12 @@ Action AddToken(CLI::App& verb) {
       ->required();
   CLI::Option* days = create
                           ->add_option("--days", options->days,
-                                       "Days that it is valid for (default: no end)")
+                                       "Days that it is valid for (default: it never expires)")
                           ->check(CLI::Range(1, 3650));
-  create->add_option("--expires", options->expires, "When it ends, as in 2026-12-01T00:00:00Z")
+  create->add_option("--expires", options->expires, "When it expires, as in 2026-12-01T00:00:00Z")
       ->excludes(days);
   add("list", "List the tokens, without their texts", "list", "tokens", ListTokens);
-  CLI::App* revoke = add("revoke", "End a token at once", "revoke 7", "token", RevokeToken);
+  CLI::App* revoke = add("revoke", "Revoke a token at once", "revoke 7", "token", RevokeToken);
   revoke->add_option("ID", options->id, "The token")
       ->required()
       ->type_name("NUMBER")

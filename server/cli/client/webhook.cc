@@ -87,7 +87,7 @@ Action AddWebhook(CLI::App& verb) {
     return part;
   };
   add("list", "List the webhooks and their latest deliveries", "list", "webhooks", ListWebhooks);
-  CLI::App* test = add("test", "Send a webhook an event \"test\", once", "test chat",
+  CLI::App* test = add("test", "Send an event \"test\" to a webhook, once", "test chat",
                        "webhook-test", TestWebhook);
   test->add_option("NAME", options->name, "The webhook, as server.json names it")
       ->required()

@@ -11,8 +11,8 @@ struct DryRunOptions : SubmitOptions {
   HostOptions host;
 };
 
-// Checks the submission here, asks the server what it would say to it, plays one practice episode
-// with all limits on, and reports everything. The exit status: kNoScore if anything would fail;
+// Checks the submission here, asks the server whether it would accept it, plays one practice
+// episode with all limits on, and reports everything. The exit status: kNoScore if anything would fail;
 // else kUnreachable if the server did not answer, kTrouble if this host could not play; else kDone.
 // Options that can't be used, and a phase without a server that knows it, are errors.
 int DryRun(DryRunOptions options);

@@ -272,7 +272,8 @@ Action AddLocal(CLI::App& verb) {
                   "Folder for the log of each episode, which \"myograde replay\" plays again");
   verb.add_option(
           "--slots", options->slots,
-          "Blocks of episodes at once (default: as server.json says, one for each processor)")
+          "Blocks of episodes to play at a time (default: as in server.json, one for each "
+          "processor)")
       ->check(CLI::Range(1, 1024));
   AddFullHashes(verb, options->full_hashes);
   AddJson(verb, "local", options->json);

@@ -75,8 +75,7 @@ int New(const NewOptions& options) {
 
 Action AddNew(CLI::App& verb) {
   auto options = std::make_shared<NewOptions>();
-  verb.add_option("name", options->starter.name, "Name of the policy, and of its folder")
-      ->type_name("NAME")
+  verb.add_option("NAME", options->starter.name, "Name of the policy and of its folder")
       ->required()
       ->check(CLI::Validator(CheckPolicyName, ""));
   verb.add_option("--lang", options->starter.lang, "Its language")

@@ -60,7 +60,8 @@ absl::StatusOr<ReplayLogFile> SaveLog(const std::string& folder, std::string_vie
 
 void AddSimulatorSlots(CLI::App& verb, int& slots) {
   verb.add_option("--slots", slots,
-                  "Simulators at once (default: as server.json says, one for each processor)")
+                  "Simulators to run at a time (default: as in server.json, one for each "
+                  "processor)")
       ->check(CLI::Range(1, kMostSimulators));
 }
 

@@ -110,10 +110,10 @@ Action AddRelease(CLI::App& verb) {
   auto options = std::make_shared<ReleaseOptions>();
   auto chosen = std::make_shared<Action>();
   verb.require_subcommand(1);
-  CLI::App* key = AddPart(verb, "key", "Make a key for releases, or take one that is there, and "
+  CLI::App* key = AddPart(verb, "key", "Make a key for releases, or use an existing one, and "
                           "write the public key to publish",
                           "myograde release key release.key -o release.pem", options->json);
-  key->add_option("KEY", options->key, "File of the private key; made if it is not there")
+  key->add_option("KEY", options->key, "File of the private key; made if missing")
       ->required();
   key->add_option("-o,--output", options->output, "File for the public key")->required();
   key->callback([=] { *chosen = [=] { return MakeKey(*options); }; });

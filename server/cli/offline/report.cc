@@ -110,7 +110,7 @@ absl::Status GatherBoard(const ReportOptions& options, Json& order) {
   return status;
 }
 
-int Report(const ReportOptions& options) {
+int WriteReport(const ReportOptions& options) {
   if (absl::Status status = CheckReport(options); !status.ok()) return ReportError(status);
   const bool submission = options.id != 0;
   Json order = {{"make", submission ? "report" : "board-report"},
@@ -133,7 +133,8 @@ Action AddReport(CLI::App& verb) {
   AddSubmissionId(verb, *options, /*required=*/false, "The submission to report on");
   verb.add_option("--phase", options->board.phase,
                   "In place of a submission: the results of this phase");
-  verb.add_option("--track", options->board.track, "The same of a track without a phase");
+  verb.add_option("--track", options->board.track,
+                  "In place of a submission: the results of this track outside any phase");
   verb.add_option("--profile", options->board.profile, "Rules profile (default: the track's own)");
   verb.add_option("--board", options->board.board, "Name of the board (default: main)");
   verb.add_option("--config", options->board.config,
@@ -141,7 +142,7 @@ Action AddReport(CLI::App& verb) {
   verb.add_option("-o,--output", options->file, "The file to write: FILE.html");
   verb.add_flag("--no-pictures", options->no_pictures, "Leave out the pictures of episodes");
   AddDaemonOptions(verb, "report", *options, "Print the numbers in the report as JSON");
-  return [options] { return Report(*options); };
+  return [options] { return WriteReport(*options); };
 }
 
 }  // namespace myograde::server

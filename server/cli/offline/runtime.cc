@@ -164,7 +164,7 @@ CLI::App* AddPart(CLI::App& verb, const std::string& name, const std::string& do
 }
 
 void AddMaking(CLI::App& part, RuntimeOptions& options) {
-  part.add_option("NAME", options.name, "What policy.json calls it: a-z, 0-9, \".\", \"_\", \"-\"")
+  part.add_option("NAME", options.name, "Its name in policy.json: a-z, 0-9, \".\", \"_\", \"-\"")
       ->required();
   part.add_option("REQUIREMENTS", options.requirements,
                   "Requirements file of pip in which each package has a version and a SHA-256, or a "
@@ -181,7 +181,7 @@ void AddMaking(CLI::App& part, RuntimeOptions& options) {
       ->capture_default_str();
   part.add_option("--wheels", options.wheels,
                   "Folder to take the packages from instead of the network");
-  part.add_option("--most-bytes", options.most_bytes, "Largest size, unpacked")
+  part.add_option("--most-bytes", options.most_bytes, "Largest unpacked size in bytes")
       ->check(WholeNumber(1, "no size"))
       ->capture_default_str();
   part.add_option("--timeout", options.timeout_s, "Seconds that getting the packages may take")

@@ -191,11 +191,11 @@ Action AddSeeds(CLI::App& verb) {
   auto chosen = std::make_shared<Action>();
   verb.require_subcommand(1);
   CLI::App* commit = AddPart(verb, "commit",
-                             "Make a secret, or take one that is there, and print what to publish "
+                             "Make a secret, or use an existing one, and print what to publish "
                              "when the phase opens",
                              "myograde seeds commit --phase final --secret final.secret "
                              "-o final-seeds.json", *options);
-  commit->add_option("--secret", options->secret, "File of the secret; made if it is not there")
+  commit->add_option("--secret", options->secret, "File of the secret; made if missing")
       ->required();
   commit->add_option("-o,--output", options->output,
                      "File for the list, as \"seeds\" of a track config and --seeds take it; its "

@@ -11,9 +11,9 @@ Action AddSubmit(CLI::App& verb) {
   auto options = std::make_shared<DryRunOptions>();
   CLI::Option* wait = AddSubmitOptions(verb, *options);
   verb.add_flag("--dry-run", options->dry_run,
-                "Send nothing: check the submission, ask the server what it would say to it, play "
-                "one practice episode here with all limits on, and say what would fail (its JSON: "
-                "configs/schema/submit-dry-run.json)")
+                "Send nothing: check the submission, ask the server whether it would accept it, "
+                "play one practice episode here with all limits on, and say what would fail (its "
+                "JSON: configs/schema/submit-dry-run.json)")
       ->excludes(wait);
   AddHostOptions(verb, options->host);
   return [options] { return options->dry_run ? DryRun(*options) : Submit(*options); };

@@ -300,11 +300,11 @@ Action AddVerify(CLI::App& verb) {
                   "For a phase with hidden seeds, once they are revealed: the phase's secret, as "
                   "digits or a file of them (default: the daemon is asked)");
   verb.add_option("--resimulate", options->resimulate,
-                  "Play so many of the episodes, chosen at random, again from their logs")
+                  "Play this many episodes, chosen at random, again from their logs")
       ->check(CLI::Range(1, 10'000));
   verb.add_option("--logs,--log", options->logs,
-                  "Files of logs, or folders of them; each is held against the receipt (default: "
-                  "the daemon is asked for the logs to play)");
+                  "Files of logs, or folders of them; each is checked against the receipt "
+                  "(default: the daemon is asked for the logs to play)");
   AddSimulatorSlots(verb, options->slots);
   AddDaemonOptions(verb, "verify", *options);
   AddHostOptions(verb, options->host);

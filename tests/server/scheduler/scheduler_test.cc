@@ -107,7 +107,11 @@ TEST(SchedulerTest, ALateEndOfAnExpiredAttemptCountsNothing) {
   EXPECT_EQ(scheduler.Finished(1000, 1, absl::ZeroDuration()).kind, Kind::kStale);
   ASSERT_TRUE(scheduler.Next(absl::Seconds(60)));
   EXPECT_EQ(scheduler.Finished(1000, 1, absl::ZeroDuration()).kind, Kind::kStale);
+  EXPECT_EQ(scheduler.Faulted(1000, 1, absl::Seconds(60)).kind, Kind::kStale);
+  EXPECT_EQ(scheduler.Returned(1000, 1, absl::Seconds(60)).kind, Kind::kStale);
   EXPECT_FALSE(scheduler.IsCurrent(1000, 1));
+  EXPECT_TRUE(scheduler.IsCurrent(1000, 2));
+  EXPECT_FALSE(scheduler.IsCurrent(1001, 2));
   EXPECT_EQ(scheduler.Finished(1000, 2, absl::ZeroDuration()).kind, Kind::kEvaluationEnds);
 }
 

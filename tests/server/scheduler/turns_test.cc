@@ -110,6 +110,15 @@ TEST(Turns, ThreeRejudgesGiveWayToThreeLeases) {
   EXPECT_FALSE(scheduler.GiveWay(kNow));
 }
 
+TEST(Turns, RejudgesGiveWayToNoMoreThanATeamMayRun) {
+  Scheduler scheduler({.slots = 2, .team_running = 1});
+  scheduler.Add(WaitingEvaluation(1, "a", 2, Priority::kRejudge), kNow);
+  for (int i = 0; i < 2; ++i) ASSERT_TRUE(scheduler.Next(kNow));
+  scheduler.Add(WaitingEvaluation(2, "b", 2), kNow);
+  EXPECT_TRUE(scheduler.GiveWay(kNow));
+  EXPECT_FALSE(scheduler.GiveWay(kNow));
+}
+
 // Of an evaluation whose first lease waits for its delay, the second may go at once.
 TEST(Turns, ALaterLeaseGoesWhileAnEarlierOneIsDelayed) {
   Scheduler scheduler({.slots = 1, .retry_delay = absl::Seconds(10)});
