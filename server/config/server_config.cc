@@ -347,6 +347,11 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
   if (reader.Has("log_format") && reader.Choice("log_format", {"text", "json"}) == "json") {
     config.log_format = LogFormat::kJson;
   }
+  config.pictures_ahead =
+      SecondsOr(reader, "pictures_ahead_s", config.pictures_ahead, {0, 30 * 86400.0});
+  if (config.pictures_ahead == absl::ZeroDuration()) {
+    config.pictures_ahead = absl::InfiniteDuration();
+  }
   config.runtimes_dir = absl::StrReplaceAll(
       reader.Has("runtimes_dir") ? reader.String("runtimes_dir") : "${cache}/runtimes",
       {{"${cache}", cache_dir}});

@@ -116,6 +116,9 @@ struct ServerConfig {
   QuotaConfig quota;
   RerunLimits reruns;
   RetentionLimits retention;
+  // How long no lease has run or waited when pictures are made that nobody asked for yet; infinite:
+  // they never are (server/pictures).
+  absl::Duration pictures_ahead = absl::Seconds(30);
   scoring::StatisticsConfig statistics;
   std::string log_level;
   LogFormat log_format = LogFormat::kText;

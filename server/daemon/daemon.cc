@@ -292,6 +292,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
                            const LiveHealth health = engine.Health();
                            return health.running > 0 || health.pending > 0;
                          },
+                     .quiet = config.pictures_ahead,
                      .suggestions = [&] { return ended.Pictures(); }});
   const absl::StatusOr<Documents> documents = LoadDocuments(DocsDir());
   if (!documents.ok()) return documents.status();

@@ -63,7 +63,7 @@ class Host(Daemon):
         for name, track in TRACKS.items():
             self.add_track(name, track)
         # AddressSanitizer quarantines freed memory: keep that small, so that growth is visible.
-        self.environment.update(ASAN_OPTIONS="quarantine_size_mb=16", NO_COLOR="1")
+        self.environment.update(ASAN_OPTIONS="quarantine_size_mb=16:malloc_context_size=4", NO_COLOR="1")
         self.runners = set()
 
     # --- requests to the daemon ---

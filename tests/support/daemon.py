@@ -51,7 +51,8 @@ class Daemon:
         self.data = self.root / "data"
         self.socket = None  # None: the one in the data folder
         self.process = None
-        self.configure(uid_base=self.uid_base)
+        # Nobody looks at most daemons' pictures, and each takes a processor seconds.
+        self.configure(uid_base=self.uid_base, pictures_ahead_s=0)
         if user is not None:
             self.data.mkdir()
             for path in (self.root, self.data):

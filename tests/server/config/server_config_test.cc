@@ -49,13 +49,14 @@ class ServerConfigTest : public ::testing::Test {
         "speed_window_s", "spool_bytes", "peer_spool_bytes", "unfinished", "of_one",
         "of_a_submission", "of_organisers", "requests_per_s", "burst", "teams_of_a_user", "level",
         "samples", "places", "picture_bytes", "team_running", "queue_wait_s", "suspect_after",
-        "self_test_s", "self_test_every_s", "unpack_memory_bytes"};
+        "self_test_s", "self_test_every_s", "unpack_memory_bytes", "pictures_ahead_s"};
     return place.parent_pointer() == Pointer("/slurm") || later.contains(place.back());
   }
 
-  // Keys whose 0 says that the daemon works the number out.
+  // Keys whose 0 says that the daemon works the number out, or never does it.
   static bool MayBeZero(const Pointer& place) {
-    static const std::set<std::string> derived = {"time_limit_min", "memory_mib", "cpus"};
+    static const std::set<std::string> derived = {"time_limit_min", "memory_mib", "cpus",
+                                                   "pictures_ahead_s"};
     return derived.contains(place.back());
   }
 
@@ -135,7 +136,8 @@ TEST_F(ServerConfigTest, OneOfAnEarlierVersionHasTheShippedValues) {
         config.access.teams_of_a_user, config.retention.picture_bytes, config.slurm.most_jobs,
         config.slurm.array_size, config.slurm.time_limit_min, config.slurm.memory_mib,
         config.slurm.cpus, absl::ToInt64Seconds(config.slurm.queue_wait),
-        absl::ToInt64Seconds(config.slurm.claim), absl::ToInt64Seconds(config.slurm.poll)};
+        absl::ToInt64Seconds(config.slurm.claim), absl::ToInt64Seconds(config.slurm.poll),
+        absl::ToInt64Seconds(config.pictures_ahead)};
   };
   EXPECT_EQ(numbers(old), numbers(now));
   EXPECT_EQ(old.statistics, now.statistics);
@@ -289,6 +291,13 @@ TEST_F(ServerConfigTest, SlotsAreANumberOrTheWordCores) {
     json["slots"] = Json::parse(value);
     EXPECT_THAT(std::string(Load(json.dump()).message()), HasSubstr("slots")) << value;
   }
+}
+
+TEST_F(ServerConfigTest, PicturesMayBeMadeOnlyWhenTheyAreAskedFor) {
+  Json json = shipped_;
+  json["pictures_ahead_s"] = 0;
+  std::ofstream(path_) << json.dump();
+  EXPECT_EQ(LoadServerConfig(path_.string(), "/cache")->pictures_ahead, absl::InfiniteDuration());
 }
 
 TEST_F(ServerConfigTest, ADoorToTheNetworkIsSafeOrAMistake) {

@@ -60,7 +60,7 @@ class Killed(RejudgeCase):
         """False: the daemon survived all of it."""
         # Otherwise a sanitizer's runtime would refuse to load after the preloaded library.
         self.daemon.process = self.daemon.launch(
-            LD_PRELOAD=KILLER, KILL_AT_SYNC=when, ASAN_OPTIONS="verify_asan_link_order=0")
+            LD_PRELOAD=KILLER, KILL_AT_SYNC=when, ASAN_OPTIONS="verify_asan_link_order=0:malloc_context_size=4")
         deadline = time.monotonic() + 120
         try:
             while self.daemon.running and time.monotonic() < deadline:

@@ -51,7 +51,7 @@ class PicturesTest : public testing::Test {
             .most_bytes = most_bytes_,
             .make = [this](const PictureKey& key, const Stopped& stopped) { return Make(key, stopped); },
             .grading = [this] { return grading_.load(); },
-            .quiet = absl::ZeroDuration(),
+            .quiet = quiet_,
             .suggestions =
                 [this] {
                   const MutexLock lock(mutex_);
@@ -96,6 +96,7 @@ class PicturesTest : public testing::Test {
 
   std::string folder_;
   int64_t most_bytes_ = kRoomy;
+  absl::Duration quiet_ = absl::ZeroDuration();
   std::atomic<bool> go_ = true;
   std::atomic<bool> grading_ = false;
   std::atomic<int> begun_ = 0;
@@ -186,6 +187,19 @@ TEST_F(PicturesTest, WhatNobodyAskedForNeverStandsInTheWay) {
   ASSERT_TRUE(pictures.WaitUntilIdle(absl::Seconds(30)));
   WaitUntil([&] { return made().size() == 3; });
   EXPECT_THAT(made(), ElementsAre("a", "s", "t"));
+}
+
+TEST_F(PicturesTest, WhatNobodyAskedForMayNeverBeMade) {
+  quiet_ = absl::InfiniteDuration();
+  {
+    const MutexLock lock(mutex_);
+    suggested_ = {Trajectory("s")};
+  }
+  Pictures& pictures = Start();
+  pictures.Ask(Trajectory("a"), "uid 1");
+  ASSERT_TRUE(pictures.WaitUntilIdle(absl::Seconds(30)));
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  EXPECT_THAT(made(), ElementsAre("a"));
 }
 
 TEST_F(PicturesTest, ASuggestionGivesWayToGradingAndToPeople) {
