@@ -1,4 +1,4 @@
-#!/usr/bin/python3
+#!/usr/bin/python3 -ISB
 """Stands in for myograde-runner: plays a lease without physics.
 
 The second word of the policy's command says how: "ok", "slow" (0.2 s per
@@ -15,7 +15,6 @@ reason. The daemon's self-test ("-c") passes; with a file "broken" beside this p
 import hashlib
 import json
 import os
-import pathlib
 import signal
 import sys
 import time
@@ -95,9 +94,10 @@ def main():
     mode = order["command"][1]
     attempt = int(order["lease"].split("-")[1])
     detail = ""
-    broken = pathlib.Path(__file__).with_name("broken")
-    if broken.exists():
-        detail = broken.read_text(encoding="utf-8")
+    broken = os.path.join(os.path.dirname(__file__), "broken")
+    if os.path.exists(broken):
+        with open(broken, encoding="utf-8") as file:
+            detail = file.read()
         order["episodes"] = []
     if mode == "stubborn":
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
