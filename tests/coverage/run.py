@@ -35,7 +35,8 @@ class Area:
     def __init__(self, name, tests, commands):
         self.name, self.tests, self.commands = name, tests, commands
         self.folder = commands.folder / "coverage" / name.replace("/", "_")
-        self.objects = []
+        self.objects = {}  # by unit
+        self.linked = {}  # the units of each test
 
     def must(self, words, what, seconds=900, **more):
         done = subprocess.run(words, cwd=self.commands.folder, capture_output=True, text=True, timeout=seconds,
@@ -48,12 +49,15 @@ class Area:
         """Empties the folder; returns what to call for each file to compile."""
         shutil.rmtree(self.folder, ignore_errors=True)
         self.folder.mkdir(parents=True)
-        units = {str(unit): words for test in self.tests
-                 for unit, words in self.commands.units(test, ROOT / self.name)}
+        units = {}
+        for test in self.tests:
+            own = {str(unit): words for unit, words in self.commands.units(test, ROOT / self.name)}
+            self.linked[test] = sorted(own)
+            units.update(own)
         calls = []
         for number, (unit, words) in enumerate(sorted(units.items())):
             made = self.folder / f"{number}.o"
-            self.objects.append(made)
+            self.objects[unit] = made
             words = instead(words, "-o", made)
             for option in {"-MF", "-MT"} & set(words):
                 words = instead(words, option, made.with_suffix(".d"))
@@ -66,7 +70,8 @@ class Area:
             # Before the test's own objects, which may have the same inline functions, and before the archives, whose
             # objects are then not asked for.
             first = next(at for at, word in enumerate(words) if word.endswith(".o"))
-            self.must([*words[:first], "--coverage", *self.objects, *words[first:]], f"the linking of {test}")
+            objects = [self.objects[unit] for unit in self.linked[test]]
+            self.must([*words[:first], "--coverage", *objects, *words[first:]], f"the linking of {test}")
             self.must([self.folder / test, "--gtest_brief=1"], test,
                       env={**os.environ, "RC_PARAMS": "max_success=100"})
             (self.folder / test).unlink()
@@ -74,7 +79,7 @@ class Area:
     def counts(self):
         """Percent of the area's lines and branches that its tests ran."""
         lines, branches = collections.Counter(), collections.Counter()
-        for made in self.objects:
+        for made in self.objects.values():
             text = self.must(["gcov", "--json-format", "--stdout", "--branch-probabilities",
                               made.with_suffix(".gcno")], "gcov")
             for file in json.loads(text)["files"]:
