@@ -1,10 +1,10 @@
 // What MuJoCo has warned of since the counters were last cleared.
 #pragma once
 
-#include <mujoco/mujoco.h>
-
 #include <algorithm>
 #include <initializer_list>
+
+#include <mujoco/mujoco.h>
 
 namespace myograde::sim {
 
