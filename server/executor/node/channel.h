@@ -36,8 +36,9 @@ class LeaseChannel {
   virtual absl::Status PutEnd(const NodeEnd& end) = 0;
 };
 
-// Whether an error of a channel may be over when it is tried again.
-inline bool MayPass(const absl::Status& status) {
+// Whether an error of a channel may be over when it is tried again. Not called MayPass, as the
+// store's (store/damage.h): a program with both would have one of them for both.
+inline bool ChannelMayRecover(const absl::Status& status) {
   return absl::IsUnavailable(status) || absl::IsResourceExhausted(status) ||
          absl::IsDeadlineExceeded(status);
 }

@@ -166,7 +166,7 @@ absl::Status Play::Insist(absl::Duration most, const Call& call) {
       const HangGuard guard(kDiskTime);
       status = call();
     }
-    if (!MayPass(status) || deadline.over()) return status;
+    if (!ChannelMayRecover(status) || deadline.over()) return status;
     // In pieces, to hear of the end in time.
     for (const Deadline nap(delay); !nap.over(); absl::SleepFor(absl::Milliseconds(50))) {
       if (!last_words_ && Stopped()) return absl::CancelledError(why_);
@@ -181,7 +181,7 @@ absl::StatusOr<NodeOrder> Play::AwaitOrder() {
     const HangGuard guard(kDiskTime);
     absl::StatusOr<NodeOrder> order = channel_.Order();
     // On a network's disk a new folder may take a while to be seen.
-    const bool may_come = absl::IsNotFound(order.status()) || MayPass(order.status());
+    const bool may_come = absl::IsNotFound(order.status()) || ChannelMayRecover(order.status());
     if (!may_come || deadline.over()) return order;
     if (Stopped()) return absl::CancelledError(why_);
     absl::SleepFor(kOrderPoll);

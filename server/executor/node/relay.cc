@@ -166,7 +166,7 @@ void Relay::Note(const absl::Status& status, bool ending) {
       delay_ = absl::ZeroDuration();
       over_ = ending;
       if (!ending) return;
-    } else if (MayPass(status)) {
+    } else if (ChannelMayRecover(status)) {
       if (!failing_since_.has_value()) failing_since_ = now;
       delay_ = std::clamp(2 * delay_, limits_.first_delay, limits_.longest_delay);
       if (now - *failing_since_ < limits_.cut_after) return;
