@@ -9,6 +9,7 @@ import time
 
 from support import proc
 from support.daemon import Daemon
+from support.sanitizer import asan_options
 
 SLOTS = 3
 MOST_READERS = 64
@@ -63,7 +64,7 @@ class Host(Daemon):
         for name, track in TRACKS.items():
             self.add_track(name, track)
         # AddressSanitizer quarantines freed memory: keep that small, so that growth is visible.
-        self.environment.update(ASAN_OPTIONS="quarantine_size_mb=16:malloc_context_size=4", NO_COLOR="1")
+        self.environment.update(ASAN_OPTIONS=asan_options("quarantine_size_mb=16"), NO_COLOR="1")
         self.runners = set()
 
     # --- requests to the daemon ---

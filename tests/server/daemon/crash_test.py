@@ -13,6 +13,7 @@ import time
 import unittest
 
 from daemon_test import FINAL, DaemonCase
+from support.sanitizer import asan_options
 
 KILLER = os.environ.get("MYOGRADE_TEST_KILLER", "")
 FULL = os.environ.get("MYOGRADE_TEST_FULL", "") != ""
@@ -68,7 +69,7 @@ class Kills(Disturbed):
         """Submits to a daemon that is killed around one of its commits. False: it survived."""
         # Otherwise a sanitizer's runtime would refuse to load after the preloaded library.
         self.daemon.process = self.daemon.launch(
-            LD_PRELOAD=KILLER, KILL_AT_SYNC=when, ASAN_OPTIONS="verify_asan_link_order=0:malloc_context_size=4")
+            LD_PRELOAD=KILLER, KILL_AT_SYNC=when, ASAN_OPTIONS=asan_options("verify_asan_link_order=0"))
         try:
             deadline = time.monotonic() + 30
             while self.daemon.running and time.monotonic() < deadline:

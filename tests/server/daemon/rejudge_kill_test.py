@@ -12,6 +12,7 @@ import unittest
 
 from phases_test import TRACK
 from rejudge_case import RejudgeCase, Skill
+from support.sanitizer import asan_options
 from support.waiting import wait_until
 
 KILLER = os.environ.get("MYOGRADE_TEST_KILLER", "")
@@ -60,7 +61,7 @@ class Killed(RejudgeCase):
         """False: the daemon survived all of it."""
         # Otherwise a sanitizer's runtime would refuse to load after the preloaded library.
         self.daemon.process = self.daemon.launch(
-            LD_PRELOAD=KILLER, KILL_AT_SYNC=when, ASAN_OPTIONS="verify_asan_link_order=0:malloc_context_size=4")
+            LD_PRELOAD=KILLER, KILL_AT_SYNC=when, ASAN_OPTIONS=asan_options("verify_asan_link_order=0"))
         deadline = time.monotonic() + 120
         try:
             while self.daemon.running and time.monotonic() < deadline:
