@@ -10,7 +10,7 @@ namespace {
 // Offsets in the observation.
 constexpr size_t kAngles = 2, kVelocities = 19, kFootForce = 36, kSocketForce = 38, kPelvis = 41,
                  kActivations = 45, kLengths = 99, kMuscleVelocities = 153, kPlace = 261,
-                 kPlaceVelocity = 263;
+                 kPlaceVelocity = 263, kHeights = 265;
 // Where each joint of LengthTerms stands among the observation's angles.
 constexpr std::array<size_t, kLengthJoints> kJointPlaces = {4, 3, 5, 1, 0, 2, 6, 15, 16, 14};
 // Joints of LengthTerms.
@@ -30,6 +30,14 @@ constexpr double kLongestStart = 1;   // s
 // How far a thigh may swing, rad.
 constexpr double kFarthestBack = 0.4, kFarthestAhead = 1.1, kFarthestAcross = 0.2,
                  kFarthestAside = 0.6;
+// The height map has 10 rows from 0.9 m before the body on, 0.2 m apart, and as many columns from
+// 0.9 m to its left on. A foot lands in these rows.
+constexpr size_t kMapSize = 10, kNearestLeft = 4, kNearestRight = 5;
+constexpr std::array<size_t, 2> kFootholds = {2, 3};
+constexpr double kLargestRise = 0.2;  // m
+// How far the body usually is before the sound foot in the prosthesis' swing, m and m/s.
+constexpr double kUsualPlace = 0.04, kUsualSpeed = 0.55;
+constexpr double kLeadSpeed = 0.6, kLongestLead = 0.25;  // m/s, s
 constexpr double kFarAside = 0.7;     // m beside the line
 constexpr double kLargestTurn = 0.5;  // rad from the course's direction
 
@@ -101,6 +109,15 @@ void Walker::Sense(std::span<const double, kWalkerObservation> observation) {
   const double aside = std::clamp(beside, -kFarAside, kFarAside);
   body_.vy = -std::sin(yaw) * vx + std::cos(yaw) * vy + p_[kDrift] * aside +
              p_[kCrab] * body_.vx * std::sin(Wrapped(yaw - kHeading));
+  for (const bool right : {false, true}) {
+    double rise = -kLargestRise;
+    for (const size_t row : kFootholds) {
+      const size_t cell = kMapSize * row + (right ? kNearestRight : kNearestLeft);
+      rise = std::max(rise, observation[kHeights + cell]);
+    }
+    (right ? body_.rise_right : body_.rise_left) = std::min(rise, kLargestRise);
+  }
+  body_.fast = body_.vx - p_[kSpeed] - p_[kRiseSpeed] * body_.Rise();
   PlaceFeet(tilt);
   body_.touching_left = observation[kFootForce] + observation[kFootForce + 1] > kTouch;
   const auto socket = observation.subspan<kSocketForce, 3>();
@@ -174,14 +191,16 @@ void Walker::ControlTrunk(Side stance, double part, TorqueGoal& goal) const {
     Turn(goal, hip, 0, 0);
     return;
   }
-  const double lean = p_[kPitchStiffness] * (body_.pitch - p_[starting_ ? kStartPitch : kPitch]) +
-                      p_[kPitchDamping] * body_.pitch_rate;
+  const double pitch =
+      starting_ ? p_[kStartPitch] : p_[kPitch] + p_[kRisePitch] * body_.Rise();
+  const double lean =
+      p_[kPitchStiffness] * (body_.pitch - pitch) + p_[kPitchDamping] * body_.pitch_rate;
   const int other = right ? kHipLeft : kHipRight;
   const double reaction = starting_ || BothStand() ? 0 : p_[kSwingReaction] * goal.torque[other];
   goal.torque[hip] = -part * lean - reaction;
   if (!starting_) {
-    goal.torque[hip] -= p_[right ? kHipPushRight : kHipPushLeft] +
-                        p_[kHipSpeed] * (body_.vx - p_[kSpeed]);
+    goal.torque[hip] -=
+        p_[right ? kHipPushRight : kHipPushLeft] + p_[kHipSpeed] * body_.fast;
   }
   goal.torque[hip] = std::clamp(goal.torque[hip], -p_[kHipLimit], p_[kHipLimit]);
   const double roll = body_.roll - p_[right ? kRollRight : kRollLeft];
@@ -206,10 +225,12 @@ void Walker::ControlSwingHip(Side swing, TorqueGoal& goal) const {
   const double outwards = right ? -1.0 : 1.0;  // of y
   const double x = right ? body_.x_left : body_.x_right;
   const double y = outwards * (right ? body_.y_left : body_.y_right);
+  const double rise = right ? body_.rise_right : body_.rise_left;
   const double forwards =
       std::clamp(p_[right ? kSwingHipRight : kSwingHipLeft] +
                      p_[right ? kSwingPlaceRight : kSwingPlaceLeft] * x +
-                     p_[right ? kSwingSpeedRight : kSwingSpeedLeft] * (body_.vx - p_[kSpeed]),
+                     p_[right ? kSwingSpeedRight : kSwingSpeedLeft] * body_.fast +
+                     p_[right ? kRiseHipRight : kRiseHipLeft] * rise,
                  -kFarthestBack, kFarthestAhead);
   const double aside =
       std::clamp(p_[right ? kSideHipRight : kSideHipLeft] +
@@ -218,7 +239,7 @@ void Walker::ControlSwingHip(Side swing, TorqueGoal& goal) const {
                  -kFarthestAcross, kFarthestAside);
   // From where the thigh was, as smoothly as can be: a kick would turn the body about.
   const double time = p_[kSwingPart] * p_[right ? kSwingTimeRight : kSwingTimeLeft];
-  const double passed = std::clamp((since_ - p_[kDoubleTime]) / time, 0.0, 1.0);
+  const double passed = std::clamp((since_ + Lead() - p_[kDoubleTime]) / time, 0.0, 1.0);
   const double part = passed * passed * passed * (10 - passed * (15 - 6 * passed));
   const double target = swing_from_ + part * (forwards - swing_from_);
   Pull(goal, hip, target + body_.pitch, p_[kSwingStiffness], p_[kSwingDamping], 1);
@@ -242,17 +263,26 @@ void Walker::ControlSoundLeg(TorqueGoal& goal) const {
     const WalkerParameter target = starting_ ? kStartAnkle : push ? kAnklePush : kAnkleStance;
     Pull(goal, kAnkle, p_[target],
          p_[push ? kAnklePushStiffness : kAnkleStanceStiffness], p_[kAnkleStanceDamping], 1);
-    if (!push && !starting_) goal.torque[kAnkle] -= p_[kAnkleLean] * (body_.vx - p_[kSpeed]);
+    if (!push && !starting_) goal.torque[kAnkle] -= p_[kAnkleLean] * body_.fast;
     Pull(goal, kSubtalar, 0, p_[kSubtalarStiffness], p_[kSubtalarDamping], 1);
     goal.torque[kSubtalar] += p_[kSubtalarSide] * body_.vy;
     return;
   }
   const bool flexing = since_ < p_[kDoubleTime] + p_[kKneeFlexTime] * p_[kSwingTimeLeft];
-  Pull(goal, kKnee, p_[flexing ? kKneeSwing : kKneeLanding],
+  const double bent = p_[kKneeSwing] + p_[kRiseKnee] * body_.rise_left;
+  Pull(goal, kKnee, flexing ? bent : p_[kKneeLanding],
        p_[flexing ? kKneeSwingStiffness : kKneeLandingStiffness],
        p_[flexing ? kKneeSwingDamping : kKneeLandingDamping], 1);
   Pull(goal, kAnkle, p_[kAnkleSwing], p_[kAnkleSwingStiffness], p_[kAnkleSwingStiffness] / 20, 1);
   Pull(goal, kSubtalar, 0, 15, 1, 1);
+}
+
+// s by which the prosthesis' swing is ahead of its time: the sound foot has landed too near to the
+// body, which falls onto a bent knee unless the swing is earlier, too.
+double Walker::Lead() const {
+  if (swing_ != Side::kRight || starting_) return 0;
+  const double usual = kUsualPlace + kUsualSpeed * std::max(since_ - p_[kDoubleTime], 0.0);
+  return p_[kSwingLead] * std::clamp((body_.x_left - usual) / kLeadSpeed, 0.0, kLongestLead);
 }
 
 int Walker::LegMode() const {
@@ -260,7 +290,9 @@ int Walker::LegMode() const {
   if (swing_ == Side::kLeft || BothStand()) return body_.x_right > p_[kLegPushPlace] ? 1 : 0;
   const double swinging = since_ - p_[kDoubleTime];
   if (swinging < p_[kLegPushTime]) return 2;
-  return swinging < p_[kLegFlexTime] * p_[kSwingTimeRight] ? 3 : 4;
+  const double bent =
+      (p_[kLegFlexTime] + p_[kRiseFlex] * body_.rise_right) * p_[kSwingTimeRight];
+  return swinging + Lead() < bent ? 3 : 4;
 }
 
 void Walker::Act(std::span<const double, kWalkerObservation> observation,

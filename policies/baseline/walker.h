@@ -47,10 +47,14 @@ class Walker {
     double pitch, pitch_rate;  // rad and rad/s, forwards
     double roll, roll_rate;    // to the right
     double yaw, yaw_rate;      // from the wanted heading, to the left
-    double vx, vy;             // m/s; vy beyond what is wanted sideways
+    double vx;                 // m/s
+    double fast, vy;           // m/s beyond what is wanted, forwards and sideways
+    double rise_left, rise_right;  // m, of the ground before the body where each foot lands
     double x_left, y_left;     // m, of the body's middle from the left foot
     double x_right, y_right;
     bool touching_left, touching_right;
+
+    double Rise() const { return (rise_left + rise_right) / 2; }
   };
 
   // Both feet stay on the ground for a moment after one has landed.
@@ -66,6 +70,7 @@ class Walker {
   void Turn(TorqueGoal& goal, int hip, double part, double bias) const;
   void ControlSoundLeg(TorqueGoal& goal) const;
   int LegMode() const;
+  double Lead() const;
   void Pull(TorqueGoal& goal, int joint, double target, double stiffness, double damping,
             double weight) const;
 

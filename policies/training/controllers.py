@@ -33,7 +33,7 @@ class Library:
 
     def __init__(self, path: pathlib.Path) -> None:
         """OSError if it is not there or can't be loaded."""
-        self.lib = ctypes.CDLL(str(path))
+        self.lib = ctypes.CDLL(str(path.resolve()))
         numbers = ctypes.POINTER(ctypes.c_double)
         for name, result, arguments in (
                 ("parameter_count", ctypes.c_size_t, []),

@@ -46,6 +46,10 @@ class Result:
     given: bool = False  # the prosthesis held the box alone for half a second
     both: bool = False  # each arm touched the box for BOTH_S, which a success in `paper` needs
 
+    def sideways(self) -> bool:
+        """Whether a walker fell to a side, or left the track."""
+        return self.end == "off-track" or self.end == "fell" and self.tilt in ("left", "right")
+
 
 _library: Any = None
 _envs: Any = None

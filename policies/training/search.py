@@ -11,6 +11,7 @@ whenever it did best on the test seeds so far).
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import multiprocessing
 import os
@@ -41,6 +42,10 @@ def options() -> argparse.Namespace:
                         help="libbaseline_controllers.so of the build")
     parser.add_argument("--controller", choices=controllers.CONTROLLERS, default="walker")
     parser.add_argument("--profile", default="", help="default: paper")
+    parser.add_argument("--config", default="", metavar="FILE",
+                        help="a track's file to play instead of the shipped one")
+    parser.add_argument("--sideways", type=float, default=0, metavar="POINTS",
+                        help="what a walker that falls or leaves the track sideways loses")
     parser.add_argument("--only", default="", metavar="PATTERN",
                         help="changes only the parameters whose whole names match")
     parser.add_argument("--from", dest="start", type=pathlib.Path,
@@ -112,20 +117,23 @@ def save(path: pathlib.Path, content: bytes) -> None:
 def summary(results: list[episodes.Result]) -> dict[str, Any]:
     """Means over episodes, and how often each end came."""
     ends = [r.end for r in results]
+    tilts = [r.tilt for r in results if r.end == "fell"]
     return {"score": float(np.mean([r.score for r in results])),
             "distance": float(np.mean([r.distance for r in results])),
             "lifted": float(np.mean([r.lifted for r in results])),
             "given": float(np.mean([r.given for r in results])),
             "success": float(np.mean([r.success for r in results])),
             "time": float(np.mean([r.time for r in results])),
-            "ends": {end: ends.count(end) for end in sorted(set(ends))}}
+            "ends": {end: ends.count(end) for end in sorted(set(ends))},
+            "falls": {tilt: tilts.count(tilt) for tilt in sorted(set(tilts))}}
 
 
 def play(pool: ProcessPoolExecutor, candidates: list[np.ndarray], seeds: list[int],
-         seconds: float) -> list[list[episodes.Result]]:
+         args: argparse.Namespace) -> list[list[episodes.Result]]:
     """What each candidate does on each seed. BrokenProcessPool if a worker dies."""
-    jobs = [(numbers, seed, seconds) for numbers in candidates for seed in seeds]
-    flat = list(pool.map(episodes.play, jobs, chunksize=max(1, len(seeds) // 4)))
+    jobs = [(numbers, seed, args.seconds) for numbers in candidates for seed in seeds]
+    flat = [dataclasses.replace(r, score=r.score - args.sideways) if r.sideways() else r
+            for r in pool.map(episodes.play, jobs, chunksize=max(1, len(seeds) // 4))]
     return [flat[i:i + len(seeds)] for i in range(0, len(flat), len(seeds))]
 
 
@@ -134,7 +142,7 @@ def test(search: Search, pool: ProcessPoolExecutor, args: argparse.Namespace,
     """Plays the mean of the distribution on seeds that the search never sees; keeps the best."""
     seeds = [TEST_SEED + i for i in range(args.test_seeds)]
     mean = search.mean()
-    found = summary(play(pool, [mean], seeds, args.seconds)[0])
+    found = summary(play(pool, [mean], seeds, args)[0])
     line["test"] = found
     if search.best is None or found["score"] > search.best:
         search.best = found["score"]
@@ -149,7 +157,7 @@ def step(search: Search, pool: ProcessPoolExecutor, args: argparse.Namespace) ->
     first = FIRST_SEED + search.generation * args.seeds
     points = search.strategy.ask()
     results = play(pool, [search.numbers(p) for p in points],
-                   list(range(first, first + args.seeds)), args.seconds)
+                   list(range(first, first + args.seeds)), args)
     scores = [float(np.mean([r.score for r in result])) for result in results]
     search.strategy.tell(points, [-score for score in scores])
     search.generation += 1
@@ -168,7 +176,7 @@ def main() -> int:
     search = pickle.loads(state.read_bytes()) if state.exists() else Search(args)
     with ProcessPoolExecutor(args.processes, multiprocessing.get_context("spawn"),
                              episodes.prepare,
-                             (args.library, args.controller, args.profile)) as pool:
+                             (args.library, args.controller, args.profile, args.config)) as pool:
         while search.generation < args.generations:
             line = step(search, pool, args)
             if search.generation % args.test_every == 0:

@@ -75,6 +75,21 @@ class Training(unittest.TestCase):
         self.assertEqual(sum(figure["falls"].values()), 2)
         self.assertEqual(sum(sum(ways.values()) for ways in figure["falls_by_course"].values()), 2)
 
+    def test_a_search_takes_points_from_a_walker_that_falls_sideways(self):
+        weak = self.folder / "weak.json"
+        shipped = SOURCE / "policies/baseline/parameters/locomotion.json"
+        numbers = json.loads(shipped.read_text())["parameters"]
+        weak.write_text(json.dumps({"parameters": {**numbers, "roll_stiffness": 0}}))
+        run("search.py", self.folder / "walk", "--library", LIBRARY, "--from", weak,
+            "--sigma", 0.1, "--generations", 1, "--population", 4, "--seeds", 1, "--seconds", 5,
+            "--sideways", 1000, "--config", SOURCE / "configs/tracks/locomotion.json",
+            "--test-every", 1, "--test-seeds", 1)
+        mean = json.loads((self.folder / "walk/progress.jsonl").read_text())["mean"]
+        sideways = (mean["ends"].get("off-track", 0) + mean["falls"].get("left", 0) +
+                    mean["falls"].get("right", 0))
+        self.assertGreater(sideways, 0)
+        self.assertAlmostEqual(mean["score"], -1000 * sideways / 4, delta=50)
+
     def test_some_numbers_of_the_arm_are_searched_and_the_others_stay(self):
         shipped = SOURCE / "policies/baseline/parameters/manipulation.json"
         run("search.py", self.folder / "arm", "--library", LIBRARY, "--controller", "reacher",
