@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import argparse
 import ctypes
 import dataclasses
+import multiprocessing
 import pathlib
 import signal
+from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import numpy as np
 
 import controllers
 import myograde
+from myograde.errors import WrongUse
 
 WALKER_STEP = 0.005  # s
 REACHER_STEP = 0.01  # s
@@ -66,9 +70,29 @@ def prepare(library: pathlib.Path, controller: str = "walker", profile: str = ""
     _library = controllers.Library(library)
     _controller = controller
     _profile = profile or PROFILES[controller]
+    _envs = environment(controller, profile, config)
+
+
+def environment(controller: str, profile: str, config: str) -> Any:
+    """One environment, as `prepare` says. WrongUse if profile or config is none."""
     track = {"walker": "Locomotion", "reacher": "Manipulation"}[controller]
-    _envs = myograde.vec(f"myograde/{track}-v0", 1, threads=1, actions="direct", copy=False,
-                         profile=_profile, config=config or None)
+    return myograde.vec(f"myograde/{track}-v0", 1, threads=1, actions="direct", copy=False,
+                        profile=profile or PROFILES[controller], config=config or None)
+
+
+def workers(args: argparse.Namespace) -> ProcessPoolExecutor:
+    """The processes of a search or an evaluation, as its command line says. SystemExit with the
+    reason if they would have nothing to play."""
+    try:
+        played = environment(args.controller, args.profile, args.config)
+    except WrongUse as error:
+        raise SystemExit(str(error)) from error
+    size = {"walker": controllers.Walker, "reacher": controllers.Reacher}[args.controller].action_size
+    if played.single_action_space.shape != (size,):
+        raise SystemExit(f"{args.config}: the {args.controller} does not play this track")
+    played.close()
+    return ProcessPoolExecutor(args.processes, multiprocessing.get_context("spawn"), prepare,
+                               (args.library, args.controller, args.profile, args.config))
 
 
 def tilt_of(pelvis: np.ndarray) -> str:

@@ -13,10 +13,8 @@ from __future__ import annotations
 import argparse
 import collections
 import json
-import multiprocessing
 import pathlib
 import sys
-from concurrent.futures import ProcessPoolExecutor
 from typing import Any, Iterable
 
 import numpy as np
@@ -74,9 +72,7 @@ def main() -> int:
     given.update((name, float(value)) for name, value in (pair.split("=") for pair in args.set))
     numbers = np.array([given.get(p.name, p.start) for p in known])
     jobs = [(numbers, args.first_seed + i, args.seconds) for i in range(args.episodes)]
-    with ProcessPoolExecutor(args.processes, multiprocessing.get_context("spawn"),
-                             episodes.prepare,
-                             (args.library, args.controller, args.profile, args.config)) as pool:
+    with episodes.workers(args) as pool:
         results = list(pool.map(episodes.play, jobs))
     mean, error = spread([r.distance for r in results])
     figure: dict[str, Any] = {

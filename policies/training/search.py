@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import multiprocessing
 import os
 import pathlib
 import pickle
@@ -174,9 +173,7 @@ def main() -> int:
     args.folder.mkdir(parents=True, exist_ok=True)
     state = args.folder / "search.pkl"
     search = pickle.loads(state.read_bytes()) if state.exists() else Search(args)
-    with ProcessPoolExecutor(args.processes, multiprocessing.get_context("spawn"),
-                             episodes.prepare,
-                             (args.library, args.controller, args.profile, args.config)) as pool:
+    with episodes.workers(args) as pool:
         while search.generation < args.generations:
             line = step(search, pool, args)
             if search.generation % args.test_every == 0:

@@ -21,7 +21,7 @@ def run(script, *words, python=sys.executable, status=0):
                           timeout=DEADLINE_S, capture_output=True, check=False)
     if done.returncode != status:
         raise AssertionError(f"{script}: exit status {done.returncode}\n{done.stdout}{done.stderr}")
-    return done.stdout
+    return done.stdout if status == 0 else done.stderr
 
 
 class Training(unittest.TestCase):
@@ -89,6 +89,29 @@ class Training(unittest.TestCase):
                     mean["falls"].get("right", 0))
         self.assertGreater(sideways, 0)
         self.assertAlmostEqual(mean["score"], -1000 * sideways / 4, delta=50)
+
+    def test_a_track_that_is_none_is_refused_in_a_sentence(self):
+        track = self.folder / "track.json"
+        shipped = (SOURCE / "configs/tracks/locomotion.json").read_text()
+        track.write_text(shipped.replace('["flat", "hilly"', '["flat", "flat", "hilly"'))
+        for script, first in (("search.py", self.folder / "never"),
+                              ("evaluate.py",
+                               SOURCE / "policies/baseline/parameters/locomotion.json")):
+            said = run(script, first, "--library", LIBRARY, "--config", track, status=1)
+            self.assertIn('"kinds" has "flat" twice', said.splitlines()[-1])
+            self.assertNotIn("Traceback", said)
+            said = run(script, first, "--library", LIBRARY, "--profile", "none", status=1)
+            self.assertIn("none", said.splitlines()[-1])
+            self.assertNotIn("Traceback", said)
+
+    def test_obstacles_begin_near_the_start(self):
+        track = self.folder / "obstacles.json"
+        run("obstacles.py", track)
+        said = run("evaluate.py", SOURCE / "policies/baseline/parameters/locomotion.json",
+                   "--library", LIBRARY, "--episodes", 1, "--seconds", 0.05, "--config", track)
+        self.assertEqual(json.loads(said.splitlines()[0])["ends"], {"time": 1})
+        rules = json.loads(track.read_text())["profiles"]["paper"]["rules"]
+        self.assertEqual(rules["course"]["difficulty"][:2], [0, 0.125])
 
     def test_some_numbers_of_the_arm_are_searched_and_the_others_stay(self):
         shipped = SOURCE / "policies/baseline/parameters/manipulation.json"
