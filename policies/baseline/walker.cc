@@ -109,6 +109,16 @@ void Walker::Sense(std::span<const double, kWalkerObservation> observation) {
   const double aside = std::clamp(beside, -kFarAside, kFarAside);
   body_.vy = -std::sin(yaw) * vx + std::cos(yaw) * vy + p_[kDrift] * aside +
              p_[kCrab] * body_.vx * std::sin(Wrapped(yaw - kHeading));
+  SenseGround(observation);
+  body_.fast = body_.vx - p_[kSpeed] - p_[kRiseSpeed] * body_.Rise();
+  PlaceFeet(tilt);
+  body_.touching_left = observation[kFootForce] + observation[kFootForce + 1] > kTouch;
+  const auto socket = observation.subspan<kSocketForce, 3>();
+  body_.touching_right = -socket[1] > kSocketTouch;
+}
+
+// The highest ground where each foot would land, as a foot must not stub.
+void Walker::SenseGround(std::span<const double, kWalkerObservation> observation) {
   for (const bool right : {false, true}) {
     double rise = -kLargestRise;
     for (const size_t row : kFootholds) {
@@ -117,11 +127,6 @@ void Walker::Sense(std::span<const double, kWalkerObservation> observation) {
     }
     (right ? body_.rise_right : body_.rise_left) = std::min(rise, kLargestRise);
   }
-  body_.fast = body_.vx - p_[kSpeed] - p_[kRiseSpeed] * body_.Rise();
-  PlaceFeet(tilt);
-  body_.touching_left = observation[kFootForce] + observation[kFootForce + 1] > kTouch;
-  const auto socket = observation.subspan<kSocketForce, 3>();
-  body_.touching_right = -socket[1] > kSocketTouch;
 }
 
 void Walker::PlaceFeet(const Quaternion& tilt) {

@@ -61,6 +61,7 @@ class Walker {
   bool BothStand() const { return !starting_ && since_ < p_[kDoubleTime]; }
 
   void Sense(std::span<const double, kWalkerObservation> observation);
+  void SenseGround(std::span<const double, kWalkerObservation> observation);
   void PlaceFeet(const Quaternion& tilt);
   void Begin();
   void Advance();

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import collections
 import ctypes
 import dataclasses
 import multiprocessing
 import pathlib
 import signal
 from concurrent.futures import ProcessPoolExecutor
-from typing import Any
+from typing import Any, Iterable
 
 import numpy as np
 
@@ -87,12 +88,17 @@ def workers(args: argparse.Namespace) -> ProcessPoolExecutor:
         played = environment(args.controller, args.profile, args.config)
     except WrongUse as error:
         raise SystemExit(str(error)) from error
-    size = {"walker": controllers.Walker, "reacher": controllers.Reacher}[args.controller].action_size
-    if played.single_action_space.shape != (size,):
+    kind = {"walker": controllers.Walker, "reacher": controllers.Reacher}[args.controller]
+    if played.single_action_space.shape != (kind.action_size,):
         raise SystemExit(f"{args.config}: the {args.controller} does not play this track")
     played.close()
     return ProcessPoolExecutor(args.processes, multiprocessing.get_context("spawn"), prepare,
                                (args.library, args.controller, args.profile, args.config))
+
+
+def counts(words: Iterable[str]) -> dict[str, int]:
+    """How often each word comes."""
+    return dict(sorted(collections.Counter(words).items()))
 
 
 def tilt_of(pelvis: np.ndarray) -> str:

@@ -11,11 +11,10 @@ the trunk against its own heading in the last step), and one figure for each way
 from __future__ import annotations
 
 import argparse
-import collections
 import json
 import pathlib
 import sys
-from typing import Any, Iterable
+from typing import Any
 
 import numpy as np
 
@@ -51,11 +50,6 @@ def spread(values: list[float]) -> tuple[float, float]:
     return float(np.mean(values)), float(np.std(values) / max(1, len(values) - 1) ** 0.5)
 
 
-def counts(words: Iterable[str]) -> dict[str, int]:
-    """How often each word comes."""
-    return dict(sorted(collections.Counter(words).items()))
-
-
 def wilson(count: int, total: int) -> tuple[float, float]:
     """The 95 % interval of a rate of which `count` of `total` were seen."""
     z = 1.96
@@ -78,7 +72,7 @@ def main() -> int:
     figure: dict[str, Any] = {
         "distance_m": round(mean, 3), "standard_error_m": round(error, 3),
         "episodes": args.episodes, "first_seed": args.first_seed, "seconds": args.seconds,
-        "ends": counts(r.end for r in results)}
+        "ends": episodes.counts(r.end for r in results)}
     if args.controller == "reacher":
         figure["profile"] = args.profile or episodes.PROFILES[args.controller]
         for name, count in (("success", sum(r.success for r in results)),
@@ -89,9 +83,10 @@ def main() -> int:
             figure[f"{name}_wilson95"] = [round(x, 3) for x in wilson(count, len(results))]
     else:
         fallen = [r for r in results if r.end == "fell"]
-        figure["falls"] = counts(r.tilt for r in fallen)
-        figure["falls_by_course"] = {course: counts(r.tilt for r in fallen if r.course == course)
-                                     for course in episodes.COURSES}
+        figure["falls"] = episodes.counts(r.tilt for r in fallen)
+        figure["falls_by_course"] = {
+            course: episodes.counts(r.tilt for r in fallen if r.course == course)
+            for course in episodes.COURSES}
     print(json.dumps(figure))
     for start in sorted({r.start for r in results}):
         mine = [r for r in results if r.start == start]

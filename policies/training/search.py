@@ -115,16 +115,14 @@ def save(path: pathlib.Path, content: bytes) -> None:
 
 def summary(results: list[episodes.Result]) -> dict[str, Any]:
     """Means over episodes, and how often each end came."""
-    ends = [r.end for r in results]
-    tilts = [r.tilt for r in results if r.end == "fell"]
     return {"score": float(np.mean([r.score for r in results])),
             "distance": float(np.mean([r.distance for r in results])),
             "lifted": float(np.mean([r.lifted for r in results])),
             "given": float(np.mean([r.given for r in results])),
             "success": float(np.mean([r.success for r in results])),
             "time": float(np.mean([r.time for r in results])),
-            "ends": {end: ends.count(end) for end in sorted(set(ends))},
-            "falls": {tilt: tilts.count(tilt) for tilt in sorted(set(tilts))}}
+            "ends": episodes.counts(r.end for r in results),
+            "falls": episodes.counts(r.tilt for r in results if r.end == "fell")}
 
 
 def play(pool: ProcessPoolExecutor, candidates: list[np.ndarray], seeds: list[int],
