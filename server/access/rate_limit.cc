@@ -9,9 +9,10 @@ absl::Duration RateLimit::Take(const std::string& key, absl::Duration now) {
   const double passed = std::max(absl::ToDoubleSeconds(now - bucket.at), 0.0);
   bucket.left = std::min(bucket.left + passed * per_s_, burst_);
   bucket.at = now;
-  if (bucket.left < 1) return absl::Seconds((1 - bucket.left) / per_s_);
-  bucket.left -= 1;
-  return absl::ZeroDuration();
+  // A wait that rounds to zero means that the request is served, so it has to be counted.
+  const absl::Duration wait = absl::Seconds(std::max(1 - bucket.left, 0.0) / per_s_);
+  if (wait == absl::ZeroDuration()) bucket.left -= 1;
+  return wait;
 }
 
 void BackOff::Fail(const std::string& key, absl::Duration now) {

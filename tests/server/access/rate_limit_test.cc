@@ -33,6 +33,15 @@ TEST(RateLimitTest, WhoIsRefusedWaitsNoLongerForAsking) {
   EXPECT_EQ(limit.Take("a", absl::Seconds(1)), kNone);
 }
 
+TEST(RateLimitTest, WhatRoundingLeavesOfAWaitIsNoRequestForFree) {
+  RateLimit limit(/*per_s=*/4, /*burst=*/2, /*most_keys=*/10);
+  // The bucket of the fourth holds one less rounding: 1 - 2^-53.
+  for (const int at_ms : {0, 215, 274, 500}) {
+    EXPECT_EQ(limit.Take("a", absl::Milliseconds(at_ms)), kNone) << at_ms;
+  }
+  EXPECT_EQ(limit.Take("a", absl::Milliseconds(500)), absl::Milliseconds(250));
+}
+
 TEST(RateLimitTest, MemoryIsBoundedAndTheIdleAreForgottenFirst) {
   RateLimit limit(0.001, 1, 3);
   for (const char* key : {"a", "b", "c"}) EXPECT_EQ(limit.Take(key, kNone), kNone);
