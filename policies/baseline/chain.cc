@@ -12,16 +12,18 @@ constexpr double kFurthest = 0.1;  // m and rad: what a step corrects at most
 
 using Jacobian = Eigen::Matrix<double, 6, kChainAngles>;
 
-struct Frame {
-  Pose pose;
-  Jacobian slopes = Jacobian::Zero();  // of place and rotation vector, by the angles
-};
-
 struct HingeNow {
   int angle;
   Eigen::Vector3d place, axis;  // the axis times the ratio
 };
 
+// The last link's, with the hinges before it.
+struct Frame {
+  Pose pose;
+  std::vector<HingeNow> turned;
+};
+
+// Of place and rotation vector, by the angles.
 Jacobian SlopesAt(const std::vector<HingeNow>& turned, const Eigen::Vector3d& place) {
   Jacobian slopes = Jacobian::Zero();
   for (const HingeNow& hinge : turned) {
@@ -35,7 +37,8 @@ Jacobian SlopesAt(const std::vector<HingeNow>& turned, const Eigen::Vector3d& pl
 template <typename At>
 Frame FrameOf(const std::vector<Link>& links, const Eigen::Vector3d& grasp,
               const ChainAngles& angles, At at) {
-  std::vector<HingeNow> turned;
+  Frame frame;
+  std::vector<HingeNow>& turned = frame.turned;
   Eigen::Vector3d place = Eigen::Vector3d::Zero();
   Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
   for (const Link& link : links) {
@@ -47,10 +50,8 @@ Frame FrameOf(const std::vector<Link>& links, const Eigen::Vector3d& grasp,
     }
     at(link, place, turn, turned);
   }
-  Frame frame;
   frame.pose.place = place + turn * grasp;
   frame.pose.turn = turn.normalized();
-  frame.slopes = SlopesAt(turned, frame.pose.place);
   return frame;
 }
 
@@ -89,7 +90,7 @@ ChainInertia Chain::Inertia(const ChainAngles& angles) const {
 ChainAngles Chain::Nearer(const ChainAngles& angles, const Pose& goal, double turn_weight,
                           const ChainAngles& rest) const {
   const Frame frame = FrameOf(links_, grasp_, angles, kNothing);
-  Jacobian slopes = frame.slopes;
+  Jacobian slopes = SlopesAt(frame.turned, frame.pose.place);
   slopes.bottomRows<3>() *= turn_weight;
   Eigen::Matrix<double, 6, 1> missing;
   missing << Shortened(goal.place - frame.pose.place),
