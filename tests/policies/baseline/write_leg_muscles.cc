@@ -1,35 +1,28 @@
 // Writes the table of the leg's muscles, policies/baseline/leg_muscles.inc: MuJoCo's parameters of
-// each muscle, and a polynomial of third order for its length over the joints that it crosses, fitted to
-// the model's moment arms in random postures of walking.
+// each muscle, and a polynomial of third order for its length over the joints that it crosses,
+// fitted to the model's moment arms in random postures of walking.
 //
 //   write_leg_muscles CACHE > leg_muscles.inc
 //
 // Standard error has the largest error of each muscle's moment arms in mm, on postures that the fit
 // has not seen. (It stands with the tests because policies don't know MuJoCo.)
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdio>
 #include <iostream>
 #include <random>
-#include <string>
 #include <vector>
-
-#include <Eigen/Dense>
 
 #include "policies/baseline/length_terms.h"
 #include "sim/locomotion/model.h"
 #include "sim/model/model.h"
+#include "tests/policies/baseline/muscle_fit.h"
 
 namespace {
 
+using myograde::baseline::JointRange;
 using myograde::baseline::kLengthJoints;
 using myograde::baseline::LengthTerms;
-
-struct JointRange {
-  const char* name;
-  double low, high;  // rad, of the postures
-};
+using myograde::baseline::Posture;
 
 constexpr std::array<JointRange, kLengthJoints> kJoints = {{
     {"hip_flexion_r", -0.5, 1.2},
@@ -45,143 +38,7 @@ constexpr std::array<JointRange, kLengthJoints> kJoints = {{
 }};
 constexpr int kFitted = 600;
 constexpr int kChecked = 200;
-
-// A joint that another one drags along by a polynomial (the knee's own rolling, the patella).
-struct Coupled {
-  int joint;
-  std::array<double, 5> polynomial;
-
-  double At(double x) const {
-    double value = 0;
-    for (int k = 4; k >= 0; --k) value = value * x + polynomial[k];
-    return value;
-  }
-  double Slope(double x) const {
-    double slope = 0;
-    for (int k = 4; k >= 1; --k) slope = slope * x + k * polynomial[k];
-    return slope;
-  }
-};
-
-std::vector<Coupled> CoupledTo(const mjModel& model, int joint) {
-  std::vector<Coupled> out;
-  for (int i = 0; i < model.neq; ++i) {
-    if (model.eq_type[i] != mjEQ_JOINT || model.eq_obj2id[i] != joint) continue;
-    Coupled coupled{model.eq_obj1id[i], {}};
-    for (int k = 0; k < 5; ++k) coupled.polynomial[k] = model.eq_data[i * mjNEQDATA + k];
-    out.push_back(coupled);
-  }
-  return out;
-}
-
-struct Posture {
-  std::array<double, kLengthJoints> angles;
-  Eigen::MatrixXd arms;  // muscles x joints, m
-};
-
-class Sampler {
- public:
-  explicit Sampler(mjModel& model) : model_(model), data_(mj_makeData(&model)) {
-    for (int j = 0; j < kLengthJoints; ++j) {
-      joint_[j] = mj_name2id(&model, mjOBJ_JOINT, kJoints[j].name);
-      coupled_[j] = CoupledTo(model, joint_[j]);
-    }
-    for (int i = 0; i < model.nu; ++i) {
-      if (model.actuator_dyntype[i] == mjDYN_MUSCLE) muscles_.push_back(i);
-    }
-  }
-  const std::vector<int>& muscles() const { return muscles_; }
-
-  std::vector<Posture> Draw(int count, std::mt19937& random) {
-    std::vector<Posture> out;
-    for (int i = 0; i < count; ++i) out.push_back(DrawOne(random));
-    return out;
-  }
-
- private:
-  Posture DrawOne(std::mt19937& random) {
-    Posture out;
-    mj_resetData(&model_, data_.get());
-    data_->qpos[2] = 3;  // above the ground: contacts are of no interest
-    for (int j = 0; j < kLengthJoints; ++j) {
-      out.angles[j] = std::uniform_real_distribution(kJoints[j].low, kJoints[j].high)(random);
-      data_->qpos[model_.jnt_qposadr[joint_[j]]] = out.angles[j];
-      for (const Coupled& c : coupled_[j]) {
-        data_->qpos[model_.jnt_qposadr[c.joint]] = c.At(out.angles[j]);
-      }
-    }
-    mj_forward(&model_, data_.get());
-    out.arms.resize(std::ssize(muscles_), kLengthJoints);
-    for (int i = 0; i < std::ssize(muscles_); ++i) {
-      const mjtNum* moment = data_->actuator_moment + muscles_[i] * model_.nv;
-      for (int j = 0; j < kLengthJoints; ++j) {
-        double arm = moment[model_.jnt_dofadr[joint_[j]]];
-        for (const Coupled& c : coupled_[j]) {
-          arm += moment[model_.jnt_dofadr[c.joint]] * c.Slope(out.angles[j]);
-        }
-        out.arms(i, j) = arm;
-      }
-    }
-    return out;
-  }
-
-  mjModel& model_;
-  myograde::sim::DataPtr data_;
-  std::array<int, kLengthJoints> joint_;
-  std::array<std::vector<Coupled>, kLengthJoints> coupled_;
-  std::vector<int> muscles_;
-};
-
-std::vector<int> Crossed(const std::vector<Posture>& postures, int muscle) {
-  std::vector<int> out;
-  for (int j = 0; j < kLengthJoints; ++j) {
-    double largest = 0;
-    for (const Posture& p : postures) largest = std::max(largest, std::abs(p.arms(muscle, j)));
-    if (largest > 1e-5) out.push_back(j);
-  }
-  return out;
-}
-
-std::vector<double> ArmsOf(const LengthTerms& terms, const std::vector<double>& weights,
-                           const Posture& posture) {
-  std::vector<double> arms(terms.joints());
-  terms.AddSlopes(weights, posture.angles, arms);
-  return arms;
-}
-
-std::vector<double> Fit(const std::vector<Posture>& postures, int muscle,
-                        const LengthTerms& terms) {
-  const int joints = terms.joints();
-  Eigen::MatrixXd slopes(std::ssize(postures) * joints, terms.size());
-  Eigen::VectorXd arms(slopes.rows());
-  for (int t = 0; t < terms.size(); ++t) {
-    std::vector<double> unit(terms.size());
-    unit[t] = 1;
-    for (int i = 0; i < std::ssize(postures); ++i) {
-      const std::vector<double> column = ArmsOf(terms, unit, postures[i]);
-      for (int j = 0; j < joints; ++j) slopes(i * joints + j, t) = column[j];
-    }
-  }
-  for (int i = 0; i < std::ssize(postures); ++i) {
-    for (int j = 0; j < joints; ++j) {
-      arms[i * joints + j] = postures[i].arms(muscle, terms.joint(j));
-    }
-  }
-  const Eigen::VectorXd weights = slopes.colPivHouseholderQr().solve(arms);
-  return {weights.begin(), weights.end()};
-}
-
-double LargestError(const std::vector<Posture>& postures, int muscle, const LengthTerms& terms,
-                    const std::vector<double>& weights) {
-  double largest = 0;
-  for (const Posture& p : postures) {
-    const std::vector<double> arms = ArmsOf(terms, weights, p);
-    for (int j = 0; j < terms.joints(); ++j) {
-      largest = std::max(largest, std::abs(arms[j] - p.arms(muscle, terms.joint(j))));
-    }
-  }
-  return largest;
-}
+constexpr double kSmallestArm = 1e-5;  // m
 
 // One entry of the table: name, joints, parameters of the muscle, weights in m.
 void Write(const mjModel& model, int actuator, const std::vector<int>& joints,
@@ -212,16 +69,20 @@ int main(int argc, char** argv) {
     return 1;
   }
   std::mt19937 random(1);
-  Sampler sampler(**model);
+  // Above the ground: contacts are of no interest.
+  myograde::baseline::PostureSampler sampler(**model, kJoints,
+                                             [](mjData& data) { data.qpos[2] = 3; });
   const std::vector<Posture> fitted = sampler.Draw(kFitted, random);
   const std::vector<Posture> checked = sampler.Draw(kChecked, random);
-  std::printf("// Written by tests/policies/baseline/write_leg_muscles.cc. Of each muscle: name; "
-              "joints;\n// force (N), range, lengths (m), lmin, lmax, vmax, fpmax, fvmax; "
-              "weights of the terms (m).\n");
+  std::printf(
+      "// Written by tests/policies/baseline/write_leg_muscles.cc. Of each muscle: name; "
+      "joints;\n// force (N), range, lengths (m), lmin, lmax, vmax, fpmax, fvmax; "
+      "weights of the terms (m).\n");
   for (int i = 0; i < std::ssize(sampler.muscles()); ++i) {
-    const std::vector<int> joints = Crossed(fitted, i);
+    const std::vector<int> joints =
+        myograde::baseline::CrossedJoints(fitted, i, kLengthJoints, kSmallestArm);
     const LengthTerms terms(joints);
-    const std::vector<double> weights = Fit(fitted, i, terms);
+    const std::vector<double> weights = FitArms(fitted, i, terms);
     Write(**model, sampler.muscles()[i], joints, weights);
     std::fprintf(stderr, "%-14s %zu joints, error %.1f mm\n",
                  mj_id2name(model->get(), mjOBJ_ACTUATOR, sampler.muscles()[i]), joints.size(),
