@@ -153,7 +153,7 @@ void Walker::Begin() {
   swing_ = body_.x_left > body_.x_right + kApart ? Side::kLeft : Side::kRight;
   starting_ = std::abs(body_.x_left - body_.x_right) < kApart;
   swing_from_ = state_.angles[swing_ == Side::kRight ? kHipRight : kHipLeft] - body_.pitch;
-  since_ = 0;
+  since_ = early_ = 0;
 }
 
 // Ends a phase when the swinging foot has landed, or should have long ago.
@@ -168,9 +168,11 @@ void Walker::Advance() {
     since_ = p_[kDoubleTime] + p_[kLegPushTime];  // the leg has nothing to push off from
   }
   const bool left = swing_ == Side::kLeft;
-  const double time = p_[kDoubleTime] + p_[left ? kSwingTimeLeft : kSwingTimeRight];
+  const double time = p_[kDoubleTime] + (left ? p_[kSwingTimeLeft] - p_[kSwingEarly] * early_
+                                              : p_[kSwingTimeRight]);
   const bool touching = left ? body_.touching_left : body_.touching_right;
   if ((touching && since_ > 0.6 * time) || since_ > 2 * time) {
+    early_ = left ? 0 : std::max(time - since_, 0.0);
     swing_ = left ? Side::kRight : Side::kLeft;
     swing_from_ = state_.angles[left ? kHipRight : kHipLeft] - body_.pitch;
     since_ = 0;
@@ -214,6 +216,11 @@ void Walker::ControlTrunk(Side stance, double part, TorqueGoal& goal) const {
               p_[right ? kHipLiftRight : kHipLiftLeft]);
   if (starting_) Pull(goal, hip + 1, 0, p_[kStartSide], p_[kStartSideDamping], p_[kSideWeight]);
   Turn(goal, hip, starting_ ? 0 : p_[kTurnStance], p_[kTurnBias]);
+  if (starting_ || BothStand()) return;
+  // The swinging leg turns the body about the standing one.
+  goal.torque[hip + 2] +=
+      p_[right ? kTurnReactionRight : kTurnReactionLeft] * goal.torque[other] +
+      Sign(right) * p_[right ? kYawDampingRight : kYawDampingLeft] * body_.yaw_rate;
 }
 
 // Turns the thigh of `hip` by `part` of what the body is beside its heading, and by `bias`.
@@ -282,10 +289,12 @@ void Walker::ControlSoundLeg(TorqueGoal& goal) const {
   Pull(goal, kSubtalar, 0, 15, 1, 1);
 }
 
-// s by which the prosthesis' swing is ahead of its time: the sound foot has landed too near to the
-// body, which falls onto a bent knee unless the swing is earlier, too.
+// s by which a swing is ahead of its time: the prosthesis' if the sound foot has landed too near to
+// the body, which falls onto a bent knee unless the swing is earlier, too; the sound leg's if the
+// prosthesis has landed early.
 double Walker::Lead() const {
-  if (swing_ != Side::kRight || starting_) return 0;
+  if (starting_) return 0;
+  if (swing_ == Side::kLeft) return p_[kSwingEarly] * early_;
   const double usual = kUsualPlace + kUsualSpeed * std::max(since_ - p_[kDoubleTime], 0.0);
   return p_[kSwingLead] * std::clamp((body_.x_left - usual) / kLeadSpeed, 0.0, kLongestLead);
 }

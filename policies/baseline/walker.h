@@ -85,6 +85,7 @@ class Walker {
   bool starting_ = false;  // stands still and leans forwards
   Side swing_ = Side::kRight;
   double since_ = 0;       // s, of the present phase
+  double early_ = 0;       // s, by which the prosthesis has landed before its time
   double swing_from_ = 0;  // rad of the swinging thigh when it left the ground, seen from the world
 };
 

@@ -58,10 +58,15 @@ enum WalkerParameter : size_t {
   kSwingPart,                             // of the swing's time, in which the thigh gets there
   kSwingLead,                             // of the time that the body is early over the sound foot,
                                           // by which the prosthesis' swing goes on
+  kSwingEarly,                            // of the time that the prosthesis has landed early, by
+                                          // which the sound leg's swing goes on
   kRiseHipLeft, kRiseHipRight,            // rad of the swinging thigh per m that the ground rises
   kRiseKnee,                              // rad of the sound knee's swing per m
   kRiseFlex,                              // of the prosthesis' swing, for which its knee bends, per m
   kRisePitch, kRiseSpeed,                 // rad of the trunk, and m/s that are wanted, per m
+  kTurnReactionLeft, kTurnReactionRight,  // part of the swinging hip's torque that the standing one
+                                          // turns against
+  kYawDampingLeft, kYawDampingRight,
   kWalkerParameterCount
 };
 
@@ -161,12 +166,17 @@ inline constexpr std::array<ParameterInfo, kWalkerParameterCount> kWalkerParamet
     {"turn_weight", 1, 0.4, 0.2, 60},
     {"swing_part", 0.3, 0.15, 0.01, 1.2},
     {"swing_lead", 0, 0.3, 0, 2},
+    {"swing_early", 0, 0.2, -2, 3},
     {"rise_hip_left", 0, 0.7, -5, 5},
     {"rise_hip_right", 0, 0.7, -5, 5},
     {"rise_knee", 0, 1, -5, 5},
     {"rise_flex", 0, 1, -5, 5},
     {"rise_pitch", 0, 0.5, -3, 3},
     {"rise_speed", 0, 1, -8, 8},
+    {"turn_reaction_left", 0, 0.1, -2, 2},
+    {"turn_reaction_right", 0, 0.1, -2, 2},
+    {"yaw_damping_left", 0, 2, -50, 50},
+    {"yaw_damping_right", 0, 2, -50, 50},
 }};
 
 using WalkerNumbers = std::array<double, kWalkerParameterCount>;

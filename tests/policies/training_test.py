@@ -9,8 +9,12 @@ import sys
 import tempfile
 import unittest
 
+import numpy as np
+
 SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
 TRAINING = SOURCE / "policies/training"
+sys.path.insert(0, str(TRAINING))
+import screen  # noqa: E402
 LIBRARY = os.environ["MYOGRADE_TEST_CONTROLLERS"]
 DEADLINE_S = 240
 
@@ -103,6 +107,30 @@ class Training(unittest.TestCase):
             said = run(script, first, "--library", LIBRARY, "--profile", "none", status=1)
             self.assertIn("none", said.splitlines()[-1])
             self.assertNotIn("Traceback", said)
+
+    def test_a_screen_finds_what_each_parameter_does(self):
+        signs = screen.design(16, 9)
+        np.testing.assert_array_equal(signs.T @ signs, 16 * np.eye(9))
+        np.testing.assert_array_equal(signs.sum(axis=0), np.zeros(9))
+        steps = np.array([0.5, -2, 0, 0, 1, 0, 3, 0, -1])
+        noise = np.random.default_rng(3).normal(0, 0.1, 16)
+        found = screen.effects(signs, 7 + signs @ steps + noise)
+        np.testing.assert_allclose(found.steps, steps, atol=0.15)
+        self.assertTrue(0.01 < found.error < 0.06, found.error)
+
+    def test_a_screen_prints_a_row_for_each_parameter(self):
+        shipped = SOURCE / "policies/baseline/parameters/locomotion.json"
+        words = ("screen.py", shipped, "--library", LIBRARY, "--runs", 4, "--seeds", 1,
+                 "--seconds", 0.05)
+        lines = run(*words, "--only", "speed|pitch").splitlines()
+        self.assertEqual(json.loads(lines[0])["fell_sideways"], 0)
+        self.assertEqual({tuple(line.split("\t")[:2]) for line in lines[2:]},
+                         {("speed", "+0.0525"), ("pitch", "+0.0175")})
+        said = run(*words, "--only", "speed|pitch|roll_left", status=1)
+        self.assertEqual(said.splitlines()[-1],
+                         "--only: 3 parameters match; 4 runs tell about 1 to 2.")
+        said = run(*words[:-4], "--runs", 3, status=1)
+        self.assertIn("--runs 3: has to be a power of two", said.splitlines()[-1])
 
     def test_obstacles_begin_near_the_start(self):
         track = self.folder / "obstacles.json"
