@@ -171,6 +171,10 @@ def main() -> int:
     args.folder.mkdir(parents=True, exist_ok=True)
     state = args.folder / "search.pkl"
     search = pickle.loads(state.read_bytes()) if state.exists() else Search(args)
+    known = controllers.Library(args.library).parameters(args.controller)
+    if search.names != [p.name for p in known]:
+        raise SystemExit(f"{state}: this search is of other parameters than the {args.controller} "
+                         "has now. Start a new one in another folder, from this one's best.json.")
     with episodes.workers(args) as pool:
         while search.generation < args.generations:
             line = step(search, pool, args)
