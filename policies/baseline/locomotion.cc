@@ -15,6 +15,7 @@ namespace {
 
 using myograde::baseline::kWalkerAction;
 using myograde::baseline::kWalkerObservation;
+using myograde::baseline::Observed;
 
 class Baseline : public myograde::Policy {
  public:
@@ -44,6 +45,11 @@ class Baseline : public myograde::Policy {
       std::ranges::fill(set.states, state);
     }
     return sets;
+  }
+
+  void Start(const myograde::welcome_t& welcome) override {
+    const bool official = welcome.profile == "myosuite" || welcome.profile == "as-graded";
+    walker_.Expect(official ? Observed::kOfficial : Observed::kPaper);
   }
 
   void Reset(const myograde::EpisodeInfo&) override { walker_.Reset(); }

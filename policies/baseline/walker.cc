@@ -34,6 +34,9 @@ constexpr double kFarthestBack = 0.4, kFarthestAhead = 1.1, kFarthestAcross = 0.
 // 0.9 m to its left on. A foot lands in these rows.
 constexpr size_t kMapSize = 10, kNearestLeft = 4, kNearestRight = 5;
 constexpr std::array<size_t, 2> kFootholds = {2, 3};
+// The official one has rows from 2.5 m before the body on and columns from 2.5 m to its left on,
+// 0.5 m apart. A foot lands near the first of these cells, and the body is over the second.
+constexpr size_t kOfficialFoothold = 45, kOfficialUnder = 55;
 constexpr double kLargestRise = 0.2;  // m
 // How far the body usually is before the sound foot in the prosthesis' swing, m and m/s.
 constexpr double kUsualPlace = 0.04, kUsualSpeed = 0.55;
@@ -60,11 +63,7 @@ std::array<LegImpedance, kLegModes> Walker::LegModes() const {
   extend.knee_stiffness = p_[kLegKneeLandingStiffness];
   extend.knee_damping = p_[kLegKneeLandingDamping];
   extend.knee_target = p_[kLegKneeLanding];
-  LegImpedance push_off = push;  // the other foot has landed: the knee gives way
-  push_off.knee_stiffness = p_[kLegKneeSwingStiffness];
-  push_off.knee_damping = p_[kLegKneeSwingDamping];
-  push_off.knee_target = p_[kLegKneeSwing] / 2;
-  return {stance, push, push_off, flex, extend};
+  return {stance, push, flex, extend};
 }
 
 void Walker::Reset() {
@@ -73,9 +72,10 @@ void Walker::Reset() {
 }
 
 void Walker::Sense(std::span<const double, kWalkerObservation> observation) {
+  const double per_second = observed_ == Observed::kOfficial ? 1 / kControlStep : 1;
   for (int j = 0; j < kLengthJoints; ++j) {
     state_.angles[j] = observation[kAngles + kJointPlaces[j]];
-    velocity_[j] = observation[kVelocities + kJointPlaces[j]];
+    velocity_[j] = observation[kVelocities + kJointPlaces[j]] * per_second;
   }
   for (int i = 0; i < kMuscles; ++i) {
     state_.activation[i] = observation[kActivations + i];
@@ -100,7 +100,7 @@ void Walker::Sense(std::span<const double, kWalkerObservation> observation) {
   body_.roll_rate = spin[0];
   body_.pitch_rate = spin[1];
   body_.yaw_rate = spin[2];
-  const double beside = observation[kPlace];  // m, to the left of the middle line
+  const double beside = observation[kPlace] - p_[kLine];  // m, to the left
   const double wanted =
       kHeading - std::clamp(p_[kSteering] * beside, -kLargestTurn, kLargestTurn);
   body_.yaw = Wrapped(yaw - wanted);
@@ -119,6 +119,12 @@ void Walker::Sense(std::span<const double, kWalkerObservation> observation) {
 
 // The highest ground where each foot would land, as a foot must not stub.
 void Walker::SenseGround(std::span<const double, kWalkerObservation> observation) {
+  if (observed_ == Observed::kOfficial) {
+    const double rise =
+        observation[kHeights + kOfficialFoothold] - observation[kHeights + kOfficialUnder];
+    body_.rise_left = body_.rise_right = std::clamp(rise, -kLargestRise, kLargestRise);
+    return;
+  }
   for (const bool right : {false, true}) {
     double rise = -kLargestRise;
     for (const size_t row : kFootholds) {
@@ -165,7 +171,7 @@ void Walker::Advance() {
   if (starting_) {
     if (body_.x_left < p_[kStartPlace] && since_ < kLongestStart) return;
     starting_ = false;
-    since_ = p_[kDoubleTime] + p_[kLegPushTime];  // the leg has nothing to push off from
+    since_ = p_[kDoubleTime];
   }
   const bool left = swing_ == Side::kLeft;
   const double time = p_[kDoubleTime] + (left ? p_[kSwingTimeLeft] - p_[kSwingEarly] * early_
@@ -300,13 +306,11 @@ double Walker::Lead() const {
 }
 
 int Walker::LegMode() const {
-  if (starting_) return 4;
+  if (starting_) return 3;
   if (swing_ == Side::kLeft || BothStand()) return body_.x_right > p_[kLegPushPlace] ? 1 : 0;
-  const double swinging = since_ - p_[kDoubleTime];
-  if (swinging < p_[kLegPushTime]) return 2;
   const double bent =
       (p_[kLegFlexTime] + p_[kRiseFlex] * body_.rise_right) * p_[kSwingTimeRight];
-  return swinging + Lead() < bent ? 3 : 4;
+  return since_ - p_[kDoubleTime] + Lead() < bent ? 2 : 3;
 }
 
 void Walker::Act(std::span<const double, kWalkerObservation> observation,

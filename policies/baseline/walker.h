@@ -1,7 +1,7 @@
 // Walks on the sound leg and the prosthetic one: a machine of two phases (one leg stands, the other
 // swings) with springs and dampers around each joint, whose swinging foot is placed by the body's
 // place and speed before the standing one. Muscles make the torques (leg_muscles.h); the prosthetic
-// leg gets five parameter sets, one for each part of its cycle.
+// leg gets four parameter sets, one for each part of its cycle.
 #pragma once
 
 #include <array>
@@ -22,20 +22,28 @@ struct LegImpedance {
   double ankle_stiffness, ankle_damping, ankle_target;
 };
 
-inline constexpr int kLegModes = 5;
+inline constexpr int kLegModes = 4;
+
+// What the rule profiles observe differently.
+enum class Observed {
+  kPaper,     // joint velocities per second; heights 0.2 m apart, from the ground under the body on
+  kOfficial,  // `myosuite` and `as-graded`: velocities per control step; heights 0.5 m apart, raw
+};
 
 class Walker {
  public:
   explicit Walker(const WalkerNumbers& numbers) : p_(numbers), muscles_(numbers[kEffort]) {}
 
-  // What the parameter sets 0 to 4 of the prosthetic leg have to be, in all of their states.
+  // What the parameter sets 0 to 3 of the prosthetic leg have to be, in all of their states.
   std::array<LegImpedance, kLegModes> LegModes() const;
+
+  // What the next observations are; kPaper before the first call.
+  void Expect(Observed observed) { observed_ = observed; }
 
   // Before the first observation of an episode.
   void Reset();
 
-  // Fills `action` (muscles from 0 to 1, then the parameter set) for the next observation of the
-  // profile `paper`.
+  // Fills `action` (muscles from 0 to 1, then the parameter set) for the next observation.
   void Act(std::span<const double, kWalkerObservation> observation,
            std::span<double, kWalkerAction> action);
 
@@ -76,6 +84,7 @@ class Walker {
             double weight) const;
 
   WalkerNumbers p_;
+  Observed observed_ = Observed::kPaper;
   MuscleAllocator muscles_;
   MuscleState state_;
   std::array<double, kLengthJoints> velocity_{};  // rad/s, of state_.angles

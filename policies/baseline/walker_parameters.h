@@ -22,7 +22,8 @@ enum WalkerParameter : size_t {
   kRollLeft, kRollRight, kRollStiffness, kRollDamping,
   kTurnStiffness, kTurnDamping,           // of the hips' rotation
   kTurnStance, kTurnSwing, kTurnLimit,    // rad of it per rad beside the heading
-  kSteering,                              // rad of heading per m beside the middle line
+  kSteering,                              // rad of heading per m beside the line
+  kLine,                                  // m to the left of the middle, where it aims
   kHipLiftLeft, kHipLiftRight,            // N m of abduction that carry the swinging side
   kSwingStiffness, kSwingDamping,
   kSideStiffness, kSideDamping,
@@ -41,7 +42,7 @@ enum WalkerParameter : size_t {
   kSubtalarStiffness, kSubtalarDamping, kSubtalarSide,
   kLegKneeStance, kLegKneeStanceStiffness, kLegKneeStanceDamping,
   kLegAnkleStance, kLegAnkleStanceStiffness, kLegAnkleStanceDamping,
-  kLegPush, kLegPushStiffness, kLegPushPlace, kLegPushTime,
+  kLegPush, kLegPushStiffness, kLegPushPlace,
   kLegKneeSwing, kLegKneeSwingStiffness, kLegKneeSwingDamping, kLegFlexTime, kLegAnkleSwing,
   kLegKneeLanding, kLegKneeLandingStiffness, kLegKneeLandingDamping,
   kHipPushLeft, kHipPushRight,            // N m of extension in stance
@@ -86,6 +87,7 @@ inline constexpr std::array<ParameterInfo, kWalkerParameterCount> kWalkerParamet
     {"turn_swing", 0.3, 0.2, -2, 2},
     {"turn_limit", 0.25, 0.06, 0.02, 0.6},
     {"steering", 0.3, 0.1, 0, 2},
+    {"line", 0, 0.2, -1, 1},
     {"hip_lift_left", 50, 12, 0, 150},
     {"hip_lift_right", 50, 12, 0, 150},
     {"swing_stiffness", 150, 40, 10, 800},
@@ -136,7 +138,6 @@ inline constexpr std::array<ParameterInfo, kWalkerParameterCount> kWalkerParamet
     {"leg_push", -0.3, 0.08, -0.52, 0.3},
     {"leg_push_stiffness", 200, 60, 0, 1500},
     {"leg_push_place", 0.12, 0.05, -0.2, 0.6},
-    {"leg_push_time", 0.08, 0.03, 0, 0.3},
     {"leg_knee_swing", 1.1, 0.15, 0.2, 1.8},
     {"leg_knee_swing_stiffness", 60, 15, 5, 400},
     {"leg_knee_swing_damping", 1.5, 0.6, 0, 30},

@@ -14,6 +14,7 @@ using myograde::baseline::kWalkerAction;
 using myograde::baseline::kWalkerObservation;
 using myograde::baseline::kWalkerParameters;
 using myograde::baseline::MakePlan;
+using myograde::baseline::Observed;
 using myograde::baseline::ParameterInfo;
 using myograde::baseline::Reacher;
 using myograde::baseline::ReacherParameters;
@@ -48,7 +49,11 @@ void walker_act(void* walker, const double* observation, double* action) {
       std::span<const double, kWalkerObservation>(observation, kWalkerObservation),
       std::span<double, kWalkerAction>(action, kWalkerAction));
 }
-// Six numbers for each of the leg's five sets: knee stiffness, damping and target, then the
+// Whether observations are those of the profiles `myosuite` and `as-graded`.
+void walker_expect_official(void* walker, bool official) {
+  static_cast<Walker*>(walker)->Expect(official ? Observed::kOfficial : Observed::kPaper);
+}
+// Six numbers for each of the leg's four sets: knee stiffness, damping and target, then the
 // ankle's.
 void walker_leg_modes(void* walker, double* out) {
   for (const auto& mode : static_cast<Walker*>(walker)->LegModes()) {

@@ -48,6 +48,8 @@ class Library:
                 function.restype, function.argtypes = result, arguments
         self.lib.walker_leg_modes.restype = None
         self.lib.walker_leg_modes.argtypes = [ctypes.c_void_p, numbers]
+        self.lib.walker_expect_official.restype = None
+        self.lib.walker_expect_official.argtypes = [ctypes.c_void_p, ctypes.c_bool]
 
     def parameters(self, controller: str = "walker") -> list[Parameter]:
         """The controller's parameters, in the order of its numbers."""
@@ -95,12 +97,17 @@ class Walker(Controller):
     name = "walker"
     action_size = 55
 
+    def expect(self, profile: str) -> None:
+        """Which profile's observations the next ones are; those of `paper` before the first call."""
+        self._library.call(self.name, "expect_official", self._handle,
+                           profile in ("myosuite", "as-graded"))
+
     def leg_sets(self) -> list[LegSet]:
         """What the walker uploads for the prosthetic leg."""
-        numbers = (ctypes.c_double * 30)()
+        numbers = (ctypes.c_double * 24)()
         self._library.call(self.name, "leg_modes", self._handle, numbers)
         sets = []
-        for index, mode in enumerate(np.array(numbers).reshape(5, 6)):
+        for index, mode in enumerate(np.array(numbers).reshape(4, 6)):
             state = LegState(Joint(*mode[:3]), Joint(*mode[3:]), NEVER)
             sets.append(LegSet(index, **{name: state for name in STATES}))
         return sets

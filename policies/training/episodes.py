@@ -122,26 +122,27 @@ def play(job: tuple[np.ndarray, int, float]) -> Result:
 def walk(numbers: np.ndarray, seed: int, seconds: float) -> Result:
     """An episode of the walker."""
     walker = controllers.Walker(_library, numbers)
+    walker.expect(_profile)
     observations, _ = _envs.reset(seed=[seed], options={"leg_sets": walker.leg_sets()})
     walker.reset()
     actions = np.zeros((1, walker.action_size))
     hip = observations[0, 6]  # of the prosthetic side, rad
     posture = "standing" if abs(hip) < 0.1 else "behind" if hip < 0 else "ahead"
-    furthest = observations[0, 262]
-    start = furthest
-    effort = 0.0
+    start = float(observations[0, 262])
+    effort = distance = 0.0
     end, y = "time", start
     steps = 0
     for steps in range(1, round(seconds / WALKER_STEP) + 1):
         walker.act(observations[0], actions[0])
         observations, _, terminated, truncated, info = _envs.step(actions)
         effort += info["rewards"]["act_reg"][0]
-        y = observations[0, 262]
-        furthest = min(furthest, y)
+        y = float(observations[0, 262])
+        distance = max(distance, start - y)
         if terminated[0] or truncated[0]:
             end = str(info["end"][0])
+            distance = float(info["facts"]["distance"][0])  # as the profile counts it
             break
-    time, distance = steps * WALKER_STEP, start - furthest
+    time = steps * WALKER_STEP
     score = (distance + start - y) / 2 + 0.2 * time - effort / steps
     return Result(score, distance, time, end, posture, tilt_of(observations[0, PELVIS]),
                   COURSES[round(float(observations[0, COURSE]))])

@@ -71,10 +71,10 @@ def main() -> int:
     mean, error = spread([r.distance for r in results])
     figure: dict[str, Any] = {
         "distance_m": round(mean, 3), "standard_error_m": round(error, 3),
+        "profile": args.profile or episodes.PROFILES[args.controller],
         "episodes": args.episodes, "first_seed": args.first_seed, "seconds": args.seconds,
         "ends": episodes.counts(r.end for r in results)}
     if args.controller == "reacher":
-        figure["profile"] = args.profile or episodes.PROFILES[args.controller]
         for name, count in (("success", sum(r.success for r in results)),
                             ("lifted", sum(r.lifted for r in results)),
                             ("given", sum(r.given for r in results)),

@@ -58,15 +58,20 @@ class Training(unittest.TestCase):
         content = json.loads(kept.read_text())
         self.assertEqual((content["figure"], content["command"]), (figure, "a test"))
         self.assertEqual(content["parameters"].keys(), best["parameters"].keys())
+        said = run("search.py", self.folder / "search", "--library", LIBRARY, "--controller",
+                   "reacher", status=1)
+        self.assertIn("other parameters than the reacher has now", said.splitlines()[-1])
 
     def test_the_shipped_parameters_are_all_there(self):
-        for controller, file in (("walker", "locomotion.json"), ("reacher", "manipulation.json")):
+        for controller, file, profile in (("walker", "locomotion.json", "as-graded"),
+                                          ("reacher", "manipulation.json", "paper")):
             shipped = SOURCE / "policies/baseline/parameters" / file
             written = self.folder / file
             run("evaluate.py", shipped, "--library", LIBRARY, "--controller", controller,
-                "--episodes", 1, "--seconds", 0.05, "--write", written)
-            self.assertEqual(json.loads(written.read_text())["parameters"],
-                             json.loads(shipped.read_text())["parameters"])
+                "--profile", profile, "--episodes", 1, "--seconds", 0.05, "--write", written)
+            content = json.loads(written.read_text())
+            self.assertEqual(content["parameters"], json.loads(shipped.read_text())["parameters"])
+            self.assertEqual(content["figure"]["profile"], profile)
 
     def test_falls_are_counted_by_their_way_and_by_course(self):
         shipped = SOURCE / "policies/baseline/parameters/locomotion.json"

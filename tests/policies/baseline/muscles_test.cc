@@ -56,7 +56,7 @@ TEST(LengthTerms, SlopesAreThoseOfThePolynomial) {
 
 TEST(LegMuscles, TorquesAreTheModels) {
   Walker walker = ShippedWalker();
-  const auto course = CourseFor(walker);
+  const auto course = PaperCourse();
   for (const uint64_t seed : {7'000'000'000, 7'000'000'001, 7'000'000'002}) {
     Walk(*course, walker, seed, 25);  // later a thigh is lifted higher than the table is fitted for
     const MuscleState state = StateOf(*course);
@@ -72,7 +72,7 @@ TEST(LegMuscles, TorquesAreTheModels) {
 
 TEST(MuscleAllocator, ReachesATorqueWithinSomeSteps) {
   Walker walker = ShippedWalker();
-  const auto course = CourseFor(walker);
+  const auto course = PaperCourse();
   Walk(*course, walker, 7'000'000'000, 5);
   MuscleState state = StateOf(*course);
   state.velocity.fill(0);
