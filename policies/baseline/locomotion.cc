@@ -15,7 +15,6 @@ namespace {
 
 using myograde::baseline::kWalkerAction;
 using myograde::baseline::kWalkerObservation;
-using myograde::baseline::Observed;
 
 class Baseline : public myograde::Policy {
  public:
@@ -48,8 +47,7 @@ class Baseline : public myograde::Policy {
   }
 
   void Start(const myograde::welcome_t& welcome) override {
-    const bool official = welcome.profile == "myosuite" || welcome.profile == "as-graded";
-    walker_.Expect(official ? Observed::kOfficial : Observed::kPaper);
+    walker_.Expect(myograde::baseline::ObservedIn(welcome.profile));
   }
 
   void Reset(const myograde::EpisodeInfo&) override { walker_.Reset(); }

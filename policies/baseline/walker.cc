@@ -48,6 +48,11 @@ double Sign(bool right) { return right ? 1.0 : -1.0; }
 
 }  // namespace
 
+Observed ObservedIn(std::string_view profile) {
+  const bool official = profile == "myosuite" || profile == "as-graded";
+  return official ? Observed::kOfficial : Observed::kPaper;
+}
+
 std::array<LegImpedance, kLegModes> Walker::LegModes() const {
   const LegImpedance stance = {p_[kLegKneeStanceStiffness],  p_[kLegKneeStanceDamping],
                                p_[kLegKneeStance],           p_[kLegAnkleStanceStiffness],

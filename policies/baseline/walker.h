@@ -6,6 +6,7 @@
 
 #include <array>
 #include <span>
+#include <string_view>
 
 #include "policies/baseline/leg_muscles.h"
 #include "policies/baseline/rotation.h"
@@ -29,6 +30,9 @@ enum class Observed {
   kPaper,     // joint velocities per second; heights 0.2 m apart, from the ground under the body on
   kOfficial,  // `myosuite` and `as-graded`: velocities per control step; heights 0.5 m apart, raw
 };
+
+// By the profile's name.
+Observed ObservedIn(std::string_view profile);
 
 class Walker {
  public:

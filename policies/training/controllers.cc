@@ -14,7 +14,7 @@ using myograde::baseline::kWalkerAction;
 using myograde::baseline::kWalkerObservation;
 using myograde::baseline::kWalkerParameters;
 using myograde::baseline::MakePlan;
-using myograde::baseline::Observed;
+using myograde::baseline::ObservedIn;
 using myograde::baseline::ParameterInfo;
 using myograde::baseline::Reacher;
 using myograde::baseline::ReacherParameters;
@@ -49,9 +49,9 @@ void walker_act(void* walker, const double* observation, double* action) {
       std::span<const double, kWalkerObservation>(observation, kWalkerObservation),
       std::span<double, kWalkerAction>(action, kWalkerAction));
 }
-// Whether observations are those of the profiles `myosuite` and `as-graded`.
-void walker_expect_official(void* walker, bool official) {
-  static_cast<Walker*>(walker)->Expect(official ? Observed::kOfficial : Observed::kPaper);
+// The profile whose observations the next ones are.
+void walker_expect(void* walker, const char* profile) {
+  static_cast<Walker*>(walker)->Expect(ObservedIn(profile));
 }
 // Six numbers for each of the leg's four sets: knee stiffness, damping and target, then the
 // ankle's.

@@ -5,8 +5,10 @@ from __future__ import annotations
 import ctypes
 import dataclasses
 import functools
+import json
 import pathlib
-from typing import Any
+from types import MappingProxyType
+from typing import Any, Mapping
 
 import numpy as np
 
@@ -26,6 +28,14 @@ class Parameter:
     deviation: float
     low: float
     high: float
+
+
+def read_numbers(path: pathlib.Path, parameters: list[Parameter],
+                 changed: Mapping[str, float] = MappingProxyType({})) -> np.ndarray:
+    """The numbers in best.json of a search or a file of policies/baseline/parameters, in the order of
+    `parameters`: those that the file lacks are where searches start, and `changed` replaces some."""
+    given = {**json.loads(path.read_text())["parameters"], **changed}
+    return np.array([given.get(p.name, p.start) for p in parameters])
 
 
 class Library:
@@ -48,8 +58,8 @@ class Library:
                 function.restype, function.argtypes = result, arguments
         self.lib.walker_leg_modes.restype = None
         self.lib.walker_leg_modes.argtypes = [ctypes.c_void_p, numbers]
-        self.lib.walker_expect_official.restype = None
-        self.lib.walker_expect_official.argtypes = [ctypes.c_void_p, ctypes.c_bool]
+        self.lib.walker_expect.restype = None
+        self.lib.walker_expect.argtypes = [ctypes.c_void_p, ctypes.c_char_p]
 
     def parameters(self, controller: str = "walker") -> list[Parameter]:
         """The controller's parameters, in the order of its numbers."""
@@ -99,8 +109,7 @@ class Walker(Controller):
 
     def expect(self, profile: str) -> None:
         """Which profile's observations the next ones are; those of `paper` before the first call."""
-        self._library.call(self.name, "expect_official", self._handle,
-                           profile in ("myosuite", "as-graded"))
+        self._library.call(self.name, "expect", self._handle, profile.encode())
 
     def leg_sets(self) -> list[LegSet]:
         """What the walker uploads for the prosthetic leg."""

@@ -62,9 +62,8 @@ def main() -> int:
     """Plays, prints and keeps."""
     args = options()
     known = controllers.Library(args.library).parameters(args.controller)
-    given = json.loads(args.parameters.read_text())["parameters"]
-    given.update((name, float(value)) for name, value in (pair.split("=") for pair in args.set))
-    numbers = np.array([given.get(p.name, p.start) for p in known])
+    changed = {name: float(value) for name, value in (pair.split("=") for pair in args.set)}
+    numbers = controllers.read_numbers(args.parameters, known, changed)
     jobs = [(numbers, args.first_seed + i, args.seconds) for i in range(args.episodes)]
     with episodes.workers(args) as pool:
         results = list(pool.map(episodes.play, jobs))

@@ -83,8 +83,7 @@ def main() -> int:
     args = options()
     args.controller, args.profile = "walker", ""
     known = controllers.Library(args.library).parameters(args.controller)
-    given = json.loads(args.parameters.read_text())["parameters"]
-    middle = np.array([given.get(p.name, p.start) for p in known])
+    middle = controllers.read_numbers(args.parameters, known)
     searched = [i for i, p in enumerate(known) if re.fullmatch(args.only, p.name)]
     signs = design(args.runs, len(searched))
     jobs = []

@@ -75,8 +75,7 @@ class Search:
         self.scale = np.array([p.deviation for p in self.parameters])
         start = np.array([p.start for p in self.parameters])
         if args.start is not None:
-            known = json.loads(args.start.read_text())["parameters"]
-            start = np.array([known.get(p.name, p.start) for p in self.parameters])
+            start = controllers.read_numbers(args.start, self.parameters)
         if args.only:
             self.fixed = start
             self.free = [i for i, name in enumerate(self.names) if re.fullmatch(args.only, name)]

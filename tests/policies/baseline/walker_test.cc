@@ -57,7 +57,7 @@ LegParameterSets SetsOf(const Walker& walker) {
 Walker ShippedWalker(const std::string& profile) {
   Walker walker(ReadWalkerNumbers(std::string(MYOGRADE_SOURCE_DIR) +
                                   "/policies/baseline/parameters/locomotion.json"));
-  walker.Expect(profile == "paper" ? Observed::kPaper : Observed::kOfficial);
+  walker.Expect(ObservedIn(profile));
   return walker;
 }
 
