@@ -2,6 +2,7 @@
 #include <utility>
 
 #include <SQLiteCpp/SQLiteCpp.h>
+#include <SQLiteCpp/VariadicBind.h>
 #include <absl/strings/str_cat.h>
 
 #include "server/store/reader.h"

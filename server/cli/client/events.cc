@@ -5,6 +5,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/cli/base/exit_status.h"
+#include "server/cli/base/report.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/print_answer.h"

@@ -9,6 +9,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/base/counted.h"
+#include "server/cli/base/report.h"
 #include "server/cli/client/print_answer.h"
 #include "server/cli/terminal/table.h"
 #include "server/cli/terminal/text.h"
