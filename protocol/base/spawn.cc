@@ -88,8 +88,10 @@ absl::StatusOr<pid_t> Spawn(SpawnOrder order) {
   PlaceStreams(order, actions);
   SetOwnGroupAndSignals(attributes);
   pid_t pid = -1;
+  std::vector<char*> variables = ExecVector(order.environment);
   const int error = ::posix_spawn(&pid, order.program.c_str(), &actions, &attributes,
-                                  ExecVector(order.words).data(), environ);
+                                  ExecVector(order.words).data(),
+                                  order.environment.empty() ? environ : variables.data());
   if (error != 0) return Failed(absl::StrCat("start ", order.program), error);
   if (order.nice != 0) ::setpriority(PRIO_PROCESS, static_cast<id_t>(pid), order.nice);
   return pid;

@@ -38,10 +38,10 @@ struct SpawnOrder {
   int out = -1;  // -1: inherited from this process
   int err = -1;
   int nice = 0;  // as of setpriority(2); 0: inherited from this process
+  std::vector<std::string> environment = {};  // "NAME=VALUE" each; none: that of this process
 };
 
-// Starts a program in its own process group, with this process' environment, no other descriptor,
-// no signal blocked, and default handling of SIGINT, SIGTERM, SIGPIPE, SIGHUP and SIGCHLD.
+// Starts a program in its own process group, with no other descriptor, no signal blocked, and default handling of SIGINT, SIGTERM, SIGPIPE, SIGHUP and SIGCHLD.
 // InternalError if it can't be executed. Spawned, not forked: copying a large process' page tables
 // would stall it, the longer the more memory it uses.
 absl::StatusOr<pid_t> Spawn(SpawnOrder order);

@@ -72,7 +72,8 @@ absl::StatusOr<ProgramEnd> RunProgram(const ProgramOrder& order,
   std::vector<std::string> words = {path};
   words.insert(words.end(), order.words.begin(), order.words.end());
   absl::StatusOr<ChildProcess> child = ChildProcess::Start(
-      {.program = path, .words = words, .in = in->get(), .out = out->write.get(), .nice = order.nice});
+      {.program = path, .words = words, .in = in->get(), .out = out->write.get(), .nice = order.nice,
+       .environment = order.environment});
   if (!child.ok()) return child.status();
   out->write.reset();
   ProgramEnd end;

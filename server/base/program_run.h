@@ -18,6 +18,7 @@ struct ProgramOrder {
   size_t most_output = 0;               // bytes of its standard output that are taken
   absl::Duration deadline = absl::Minutes(10);
   int nice = 19;
+  std::vector<std::string> environment = {};  // as of SpawnOrder
 };
 
 struct ProgramEnd {

@@ -1,9 +1,12 @@
 // myograde, the command line tool: the table of its verbs.
+#include <fcntl.h>
 #include <signal.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <clocale>
+#include <cstring>
 #include <exception>
-#include <iostream>
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_replace.h>
@@ -117,11 +120,6 @@ constexpr char kStatuses[] =
     "3 the daemon can't be reached, 4 the grader or its host is in trouble.";
 
 int Run(int argc, char** argv) {
-  // A daemon that hangs up is an error to report, not the end of this process.
-  ::signal(SIGPIPE, SIG_IGN);
-  // So that the width of each character is known.
-  std::setlocale(LC_CTYPE, "C.UTF-8");
-  const FittedOutput fitted;
   CLI::App app("MyoGrade grades policies of the MyoChallenge 2024 tracks and ranks them.",
                "myograde");
   app.set_version_flag("--version", MYOGRADE_VERSION);
@@ -147,6 +145,43 @@ int Run(int argc, char** argv) {
   return chosen();
 }
 
+// A descriptor that is closed would be taken by the next file or socket, and what is printed with it.
+void HoldStandardDescriptors() {
+  for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    // Open for reading, so that what is printed there fails and is not lost unnoticed.
+    if (::fcntl(fd, F_GETFD) < 0) ::open("/dev/null", fd == STDERR_FILENO ? O_WRONLY : O_RDONLY);
+  }
+}
+
+// The exit status of a verb that ended with `status`, once its output is written.
+int WithOutput(int status) {
+  const int error = FlushStandardOutput();
+  if (error == 0) return status;
+  if (error == EPIPE) {  // as in "myograde show 7 | head": ends as other programs do there
+    ::signal(SIGPIPE, SIG_DFL);
+    ::raise(SIGPIPE);
+  }
+  ReportError(absl::InternalError(
+      absl::StrCat("standard output can't be written: ", std::strerror(error))));
+  return status == kDone ? kTrouble : status;
+}
+
+int Main(int argc, char** argv) {
+  HoldStandardDescriptors();
+  // A daemon that hangs up is an error to report, not the end of this process.
+  ::signal(SIGPIPE, SIG_IGN);
+  // So that the width of each character is known.
+  std::setlocale(LC_CTYPE, "C.UTF-8");
+  const StandardOutput output;
+  try {
+    return WithOutput(Run(argc, argv));
+  } catch (const std::exception& error) {
+    // Out of memory, or an answer of the daemon with values of other types than documented.
+    FlushStandardOutput();
+    return ReportError(absl::InternalError(error.what()));
+  }
+}
+
 }  // namespace
 }  // namespace myograde::server
 
@@ -155,12 +190,4 @@ int Run(int argc, char** argv) {
 extern "C" const char* __asan_default_options() { return "detect_leaks=0"; }
 #endif
 
-int main(int argc, char** argv) {
-  try {
-    return myograde::server::Run(argc, argv);
-  } catch (const std::exception& error) {
-    // Out of memory, or an answer of the daemon with values of other types than documented.
-    std::cerr << "myograde: error: " << error.what() << std::endl;
-    return myograde::server::kTrouble;
-  }
-}
+int main(int argc, char** argv) { return myograde::server::Main(argc, argv); }

@@ -1,10 +1,12 @@
 // myograde token: create, list, revoke
+#include <cstring>
 #include <iostream>
 #include <memory>
 #include <string>
 
 #include <absl/strings/str_cat.h>
 
+#include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/report.h"
 #include "server/cli/client/client.h"
@@ -72,7 +74,18 @@ int CreateToken(const TokenOptions& options) {
   if (!options.team.empty()) body["team"] = options.team;
   if (!options.expires.empty()) body["expires_at"] = options.expires;
   if (options.days != 0) body["valid_days"] = options.days;
-  return PrintAnswer(options.client().Post("/v1/tokens", body), options.json, PrintCreated);
+  Client client = options.client();
+  const absl::StatusOr<Json> token = client.Post("/v1/tokens", body);
+  const int status = PrintAnswer(token, options.json, PrintCreated);
+  const int error = FlushStandardOutput();
+  if (!token.ok() || error == 0) return status;
+  // Nobody has seen it, so nobody should find it among those that are valid.
+  const absl::Status revoked =
+      client.Post(absl::StrCat("/v1/tokens/", Cell(*token, "id"), "/revoke"), Json::object()).status();
+  return ReportError(absl::InternalError(absl::StrCat(
+      "token ", Cell(*token, "id"), " could not be printed (", std::strerror(error), "), so it ",
+      revoked.ok() ? "is revoked; make another where its output can be written"
+                   : absl::StrCat("should be revoked, which failed: ", revoked.message()))));
 }
 
 int ListTokens(const TokenOptions& options) {

@@ -7,6 +7,7 @@
 #include <absl/strings/str_split.h>
 
 #include "server/base/child_process.h"
+#include "server/executor/slurm/slurm_commands.h"
 
 namespace myograde::server {
 namespace {
@@ -33,7 +34,8 @@ absl::StatusOr<ProgramEnd> SlurmTools::Run(const std::string& name,
                                                .input = input,
                                                .most_output = kMostOutput,
                                                .deadline = deadline,
-                                               .nice = 0},
+                                               .nice = 0,
+                                               .environment = SlurmEnvironment()},
                                               [] { return false; });
   if (!end.ok()) return end.status();
   if (end->exit_status != 0) {

@@ -5,6 +5,8 @@
 #include <wchar.h>
 
 #include <algorithm>
+#include <array>
+#include <cerrno>
 #include <iostream>
 
 #include "server/base/plain_text.h"
@@ -50,7 +52,8 @@ size_t IndentOf(std::string_view line, size_t columns) {
   return begin + 2 <= columns / 2 ? begin + 2 : 0;
 }
 
-std::streambuf* g_plain = nullptr;  // standard output's own, while it is fitted
+std::streambuf* g_plain = nullptr;  // below what breaks lines, while there is a StandardOutput
+int g_error = 0;                    // of the first write that failed
 
 }  // namespace
 
@@ -114,10 +117,40 @@ std::string CutText(std::string_view text, size_t columns) {
   return cut + "…";
 }
 
-// Keeps a line until its end is there, then hands it on in pieces.
-class FittedOutput::Buffer : public std::streambuf {
+// Descriptor 1, with a buffer.
+class StandardOutput::Writer : public std::streambuf {
  public:
-  explicit Buffer(std::streambuf* below) : below_(below) {}
+  Writer() { setp(buffer_.data(), buffer_.data() + buffer_.size()); }
+
+ protected:
+  int overflow(int c) override {
+    if (sync() != 0) return traits_type::eof();
+    if (c != traits_type::eof()) sputc(static_cast<char>(c));
+    return traits_type::not_eof(c);
+  }
+
+  int sync() override {
+    const char* at = pbase();
+    while (at < pptr() && g_error == 0) {
+      const ssize_t written = ::write(STDOUT_FILENO, at, static_cast<size_t>(pptr() - at));
+      if (written >= 0) {
+        at += written;
+      } else if (errno != EINTR) {
+        g_error = errno;
+      }
+    }
+    setp(buffer_.data(), buffer_.data() + buffer_.size());
+    return g_error == 0 ? 0 : -1;
+  }
+
+ private:
+  std::array<char, 16384> buffer_;
+};
+
+// Keeps a line until its end is there, then hands it on in pieces.
+class StandardOutput::Fitter : public std::streambuf {
+ public:
+  explicit Fitter(std::streambuf* below) : below_(below) {}
 
   void EndLine(bool newline) {
     const size_t columns = TerminalColumns(STDOUT_FILENO);
@@ -133,8 +166,6 @@ class FittedOutput::Buffer : public std::streambuf {
     below_->sputn(line_.data(), static_cast<std::streamsize>(line_.size()));
     line_.clear();
   }
-
-  std::streambuf* below() const { return below_; }
 
  protected:
   int overflow(int c) override {
@@ -153,19 +184,24 @@ class FittedOutput::Buffer : public std::streambuf {
   std::string line_;
 };
 
-FittedOutput::FittedOutput() {
-  if (TerminalColumns(STDOUT_FILENO) == 0) return;
-  buffer_ = std::make_unique<Buffer>(std::cout.rdbuf());
-  g_plain = buffer_->below();
-  std::cout.rdbuf(buffer_.get());
+StandardOutput::StandardOutput() : writer_(std::make_unique<Writer>()), before_(std::cout.rdbuf()) {
+  g_error = 0;
+  g_plain = writer_.get();
+  if (TerminalColumns(STDOUT_FILENO) > 0) fitter_ = std::make_unique<Fitter>(writer_.get());
+  std::cout.rdbuf(fitter_ != nullptr ? static_cast<std::streambuf*>(fitter_.get()) : g_plain);
 }
 
-FittedOutput::~FittedOutput() {
-  if (buffer_ == nullptr) return;
-  buffer_->EndLine(/*newline=*/false);
-  std::cout.flush();
-  std::cout.rdbuf(buffer_->below());
+StandardOutput::~StandardOutput() {
+  if (fitter_ != nullptr) fitter_->EndLine(/*newline=*/false);
+  FlushStandardOutput();
+  std::cout.rdbuf(before_);
   g_plain = nullptr;
+}
+
+int FlushStandardOutput() {
+  std::cout.flush();
+  if (g_plain != nullptr) g_plain->pubsync();
+  return g_error;
 }
 
 std::ostream& PlainOutput() {

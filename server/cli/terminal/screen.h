@@ -25,25 +25,32 @@ std::vector<std::string> BreakLine(std::string_view text, size_t columns, size_t
 // The beginning of `text` in at most `columns`, with "…" for what is cut off.
 std::string CutText(std::string_view text, size_t columns);
 
-// While it lives, lines of standard output that are longer than the terminal are broken at
-// spaces and go on below the second column of their text. Does nothing if standard output is
-// no terminal. At most one at a time.
-class FittedOutput {
+// Standard output while a verb runs: what std::cout prints is written to descriptor 1, and the first
+// failure is remembered. On a terminal, lines that are longer than it are broken at spaces and go on
+// below the second column of their text. At most one at a time.
+class StandardOutput {
  public:
-  FittedOutput();
-  ~FittedOutput();
-  FittedOutput(const FittedOutput&) = delete;
-  FittedOutput& operator=(const FittedOutput&) = delete;
+  StandardOutput();
+  ~StandardOutput();
+  StandardOutput(const StandardOutput&) = delete;
+  StandardOutput& operator=(const StandardOutput&) = delete;
 
  private:
-  class Buffer;
-  std::unique_ptr<Buffer> buffer_;
+  class Writer;
+  class Fitter;
+  std::unique_ptr<Writer> writer_;
+  std::unique_ptr<Fitter> fitter_;  // only on a terminal
+  std::streambuf* before_;
 };
+
+// Writes what std::cout still holds. The errno of the first write that failed since the
+// StandardOutput was made, 0 if all of its bytes were taken.
+int FlushStandardOutput();
 
 // Standard output as it is, for what must not be broken: JSON, keys, documents.
 std::ostream& PlainOutput();
 
-// Prints one line on standard error, broken as by FittedOutput.
+// Prints one line on standard error, broken as by StandardOutput.
 void PrintToErrors(std::string_view line);
 
 }  // namespace myograde::server

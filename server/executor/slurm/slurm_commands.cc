@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <cstdlib>
 #include <utility>
 
 #include <absl/strings/match.h>
@@ -47,6 +48,15 @@ bool IsRefusal(const std::string& said) {
 
 }  // namespace
 
+std::vector<std::string> SlurmEnvironment() {
+  std::vector<std::string> kept = {"LC_ALL=C.UTF-8"};  // their messages are read
+  for (const char* name : {"PATH", "HOME", "USER", "LOGNAME", "TMPDIR", "LD_LIBRARY_PATH", "SLURM_CONF",
+                           "SLURM_CONF_SERVER", "SLURM_JWT"}) {
+    if (const char* value = std::getenv(name)) kept.push_back(absl::StrCat(name, "=", value));
+  }
+  return kept;
+}
+
 const char kQueueFormat[] = "%F|%K|%T|%N|%k|%r";
 
 SlurmCommands::SlurmCommands(SlurmConfig config, std::string job_name,
@@ -78,7 +88,8 @@ absl::StatusOr<std::string> SlurmCommands::Run(const std::string& program,
                                                .input = input,
                                                .most_output = kMostAnswer,
                                                .deadline = deadline_,
-                                               .nice = 0},
+                                               .nice = 0,
+                                               .environment = SlurmEnvironment()},
                                               stopped_);
   if (!end.ok()) return end.status();
   if (end->exit_status == 0) return std::move(end->output);

@@ -31,6 +31,14 @@ export function errorOf(status, body) {
   return new ApiError(status, error.code, error.message);
 }
 
+// The value of a JSON text. Integers that a Number can't hold exactly, such as 63-bit seeds, become strings.
+export function parseJson(text) {
+  return JSON.parse(text.replace(/"(?:[^"\\]|\\.)*"|-?\d[-+.\deE]*/g,
+    (token) => (/^-?\d+$/.test(token) && !Number.isSafeInteger(Number(token)) ? `"${token}"` : token)));
+}
+
+const jsonOf = (answer) => answer.text().then(parseJson).catch(() => null);
+
 async function ask(method, path, {body, more, signal} = {}) {
   let answer;
   try {
@@ -40,7 +48,7 @@ async function ask(method, path, {body, more, signal} = {}) {
     if (error.name === "AbortError") throw error;
     throw new ApiError(0, "lost", LOST);
   }
-  const json = await answer.json().catch(() => null);
+  const json = await jsonOf(answer);
   if (!answer.ok || json === null) throw errorOf(answer.status, json);
   return json;
 }
@@ -98,7 +106,7 @@ export async function download(path, {signal, most, onWait = () => {}}) {
     try {
       const answer = await fetch(path, {headers: headers(), signal, credentials: "omit"});
       if (answer.status === 202 || answer.status === 503) {
-        const body = await answer.json().catch(() => null);
+        const body = await jsonOf(answer);
         if (performance.now() - begin > MOST_WAIT_MS) {
           throw new ApiError(0, "deadline", "It was not made within half an hour: try again later.");
         }
@@ -107,7 +115,7 @@ export async function download(path, {signal, most, onWait = () => {}}) {
         await wait(retryAfter(answer), signal);
         continue;
       }
-      if (!answer.ok) throw errorOf(answer.status, await answer.json().catch(() => null));
+      if (!answer.ok) throw errorOf(answer.status, await jsonOf(answer));
       data = await bodyOf(answer, most);
     } catch (error) {
       if (error instanceof ApiError || error.name === "AbortError") throw error;
@@ -142,11 +150,16 @@ export function upload(path, blob, progress, signal) {
     for (const [name, value] of Object.entries(headers({"Content-Type": "application/x-tar"}))) {
       request.setRequestHeader(name, value);
     }
-    request.responseType = "json";
     request.upload.addEventListener("progress", (event) => progress(event.loaded, event.total));
     request.addEventListener("load", () => {
-      if (request.status < 400 && request.response) resolve(request.response);
-      else reject(errorOf(request.status, request.response));
+      let body = null;
+      try {
+        body = parseJson(request.responseText);
+      } catch {
+        // Not JSON: the status says enough.
+      }
+      if (request.status < 400 && body) resolve(body);
+      else reject(errorOf(request.status, body));
     });
     request.addEventListener("error", () => reject(new ApiError(0, "lost", LOST)));
     request.addEventListener("abort", () => reject(new ApiError(0, "aborted", "Cancelled.")));
@@ -158,7 +171,7 @@ export function upload(path, blob, progress, signal) {
 // Reads server-sent events until the stream ends. EventSource would do, but sends no token.
 async function readEvents(path, onEvent) {
   const answer = await fetch(path, {headers: headers(), credentials: "omit"});
-  if (!answer.ok) throw errorOf(answer.status, await answer.json().catch(() => null));
+  if (!answer.ok) throw errorOf(answer.status, await jsonOf(answer));
   const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
   let rest = "";
   for (;;) {
@@ -169,7 +182,7 @@ async function readEvents(path, onEvent) {
     for (const event of events) {
       const data = event.split("\n").filter((line) => line.startsWith("data: "))
         .map((line) => line.slice(6)).join("\n");
-      if (data) onEvent(JSON.parse(data));
+      if (data) onEvent(parseJson(data));
     }
   }
 }

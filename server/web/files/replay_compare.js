@@ -31,7 +31,7 @@ async function others(own) {
 // The log of another submission's episode on the same seed.
 async function sameEpisode(own, index, other) {
   const [mine, theirs] = await Promise.all([rowOf(own.submission, index), rowOf(other, index)]);
-  const same = mine.seeds === theirs.seeds || (Number.isInteger(mine.row?.seed)
+  const same = mine.seeds === theirs.seeds || ((mine.row?.seed ?? null) !== null
     && mine.row.seed === theirs.row?.seed);
   if (!theirs.row || !same) throw new Error("It has not played this episode's seed.");
   if (!theirs.row.log) throw new Error("No log of its episode can be seen.");

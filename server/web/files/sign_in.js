@@ -9,10 +9,21 @@ async function check(text) {
   if (!answer.ok) throw errorOf(answer.status, await answer.json().catch(() => null));
 }
 
-// Where to go next: a page of this server, whatever the address says.
-function target(query) {
-  const wanted = new URL(query.get("to") || "/", location.origin);
-  return wanted.origin === location.origin ? wanted.pathname + wanted.search : "/";
+// Where to go next: the address of a page of this server, whatever the query says. Its path is set and
+// not parsed again: as a text, "//other.example" would be another server.
+export function target(query) {
+  const next = new URL("/", location.origin);
+  let wanted = next;
+  try {
+    wanted = new URL(query.get("to") || "/", location.origin);
+  } catch {
+    // No address: the first page.
+  }
+  if (wanted.origin !== location.origin || wanted.protocol !== location.protocol) return next.href;
+  next.pathname = wanted.pathname;
+  next.search = wanted.search;
+  next.hash = wanted.hash;
+  return next.href;
 }
 
 export function show(main, query) {

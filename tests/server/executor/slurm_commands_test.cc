@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <sstream>
 
 #include <absl/strings/str_cat.h>
@@ -97,6 +98,24 @@ TEST_F(SlurmCommandsTest, ACommandThatHangsIsKilled) {
 
 TEST_F(SlurmCommandsTest, AMissingCommandIsNamed) {
   EXPECT_THAT(std::string(Commands().Queue().status().message()), HasSubstr("slurm_bin_dir"));
+}
+
+TEST_F(SlurmCommandsTest, NoVariableChangesWhatTheyShowOrDo) {
+  Install("squeue", absl::StrCat("env >", folder_.string(), "/environment"));
+  const std::map<std::string, std::string> variables = {
+      {"SQUEUE_PARTITION", "other"}, {"SQUEUE_FORMAT", "%i"},  {"SBATCH_ACCOUNT", "other"},
+      {"SCANCEL_STATE", "PENDING"},  {"SLURM_CLUSTERS", "x"},  {"SLURM_JOB_ID", "7"},
+      {"POSIXLY_CORRECT", "1"},      {"SLURM_CONF", "/a/conf"}};
+  for (const auto& [name, value] : variables) setenv(name.c_str(), value.c_str(), 1);
+  EXPECT_TRUE(Commands().Queue().ok());
+  for (const auto& [name, value] : variables) unsetenv(name.c_str());
+  std::ostringstream environment;
+  environment << std::ifstream(folder_ / "environment").rdbuf();
+  EXPECT_THAT(environment.str(), HasSubstr("SLURM_CONF=/a/conf\n"));
+  EXPECT_THAT(environment.str(), HasSubstr("PATH="));
+  for (const auto& [name, value] : variables) {
+    if (name != "SLURM_CONF") EXPECT_THAT(environment.str(), Not(HasSubstr(name + "=")));
+  }
 }
 
 TEST_F(SlurmCommandsTest, ReadsTheQueue) {

@@ -133,7 +133,8 @@ class Looks(BrowserCase):
         self.assertEqual(page.evaluate("[localStorage.length, document.cookie]"), [0, ""])
         page.evaluate("document.querySelector('#who button').click()")
         page.wait("location.pathname === '/' && !sessionStorage.length")
-        for to in ("https://example.org/", "//example.org/x", "javascript:alert(1)"):
+        for to in ("https://example.org/", "//example.org/x", "javascript:alert(1)", "/.//example.org/x",
+                   "/%2e//example.org/x"):
             self.open(page, f"/sign-in?to={to}")
             page.evaluate("document.getElementById('token').value = "
                           f"{json.dumps(self.world.tokens['participant'])}")

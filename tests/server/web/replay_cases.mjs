@@ -1,13 +1,15 @@
-// How the replay page reads files, keeps time and finds poses. replay_test.py copies this beside the
+// How pages read answers, where signing in leads, and how the replay reads files, keeps time and finds poses. replay_test.py copies this beside the
 // page's modules, with files that it made and what is in them.
 import assert from "node:assert/strict";
 import fs from "node:fs";
 import test from "node:test";
 
+import {parseJson} from "./api.js";
 import {Clock} from "./replay_clock.js";
 import {eventWords} from "./replay_controls.js";
 import {FileError, readModelExtras, readTrajectory} from "./replay_file.js";
 import {valueAt} from "./replay_graphs.js";
+import {target} from "./sign_in.js";
 import {boundPaths, followedPath, frameAt, framesAt, mostSegments, pointAt, posesAt, segmentsAt}
   from "./replay_pose.js";
 
@@ -270,4 +272,30 @@ test("graphs tell values between frames, and labels as they are", () => {
   const episode = still(2, 0.02);
   close(valueAt(episode, {values: [1, 3], labels: null}, 0.01), 2, 1e-9, "between");
   assert.equal(valueAt(episode, {values: [1, 3], labels: ["a", "b", "c", "d"]}, 0.01), 1);
+});
+
+test("integers of 64 bits are read to the last digit, and all else as it is", () => {
+  const text = '{"seed": 6917529027641081857, "list":[-9007199254740993,9007199254740991, 1.5e300,-0.1, 7],'
+    + '"a \\" 6917529027641081857": "12345678901234567890", "deep":{"seed":9223372036854775807}, "no":null}';
+  assert.deepEqual(parseJson(text), {
+    seed: "6917529027641081857", list: ["-9007199254740993", 9007199254740991, 1.5e300, -0.1, 7],
+    'a " 6917529027641081857': "12345678901234567890", deep: {seed: "9223372036854775807"}, no: null});
+  assert.equal(parseJson("6917529027641081857"), "6917529027641081857");
+  for (const broken of ["", "{", "<html>", '{"a": 1 2}']) assert.throws(() => parseJson(broken));
+});
+
+test("signing in leads to a page of this server only", () => {
+  const origin = "https://grader.example.org:8443";
+  globalThis.location = new URL(origin);
+  const leads = (to) => target(new URLSearchParams({to}));
+  assert.equal(leads("/board?track=a%2Fb&at=1#x"), `${origin}/board?track=a%2Fb&at=1#x`);
+  assert.equal(leads(""), `${origin}/`);
+  for (const to of ["/.//evil.example/x", "/..//evil.example/x", "//evil.example/x", "/\\evil.example/x",
+    "\\\\evil.example", "/\t/evil.example", "/%2e//evil.example/x", "/a/..//evil.example", "/./\\evil.example",
+    "https://evil.example/", "http:evil.example", "https://grader.example.org.evil.example/", "javascript:alert(1)",
+    "data:text/html,x", `blob:${origin}/1`, `${origin}//evil.example`, "https://[", "http://grader.example.org:8443/"]) {
+    const url = new URL(leads(to), origin);
+    assert.equal(url.origin, origin, to);
+    assert.ok(leads(to).startsWith(`${origin}/`), to);
+  }
 });

@@ -45,6 +45,29 @@ class UsageTest(CliCase):
         self.refused(2, "running", "local", program, "--track", "running")
         self.refused(2, "holiday", "spec", "--track", "manipulation", "--profile", "holiday")
 
+    def test_output_that_cannot_be_written_is_an_error(self):
+        for words in (("--version",), ("--help",), ("spec", "--track", "elbow", "--json"), ("submit", "--help"),
+                      ("status", "--json", "--socket", self.path("none"))):
+            for sink, why in ((open("/dev/full", "wb"), "No space left"), (None, "Bad file descriptor")):
+                done = subprocess.run([f"{BIN_DIR}/myograde", *words], stdout=sink, text=True, timeout=60,
+                                      stderr=subprocess.PIPE, check=False,
+                                      preexec_fn=None if sink else lambda: os.close(1),
+                                      env={**os.environ, "MYOGRADE_CONFIG_DIR": f"{SOURCE_DIR}/configs"})
+                if words[0] == "status":  # nothing to print: the first error counts
+                    self.assertEqual(done.returncode, 3)
+                else:
+                    self.assertEqual(done.returncode, 4, words)
+                    self.assertRegex(done.stderr, f"error: standard output can't be written: {why}")
+                if sink:
+                    sink.close()
+
+    def test_who_reads_no_further_ends_it_quietly(self):
+        done = subprocess.run(["bash", "-c", f"set -o pipefail; '{BIN_DIR}/myograde' --help | true; "
+                               "echo ${PIPESTATUS[0]}"], capture_output=True, text=True, timeout=60,
+                              check=False)
+        self.assertIn(int(done.stdout), (0, 141))
+        self.assertEqual(done.stderr, "")
+
     def test_numbers_that_are_none(self):
         for verb in ("show", "status", "cancel", "rerun", "hide", "unhide", "baseline"):
             for bad in ("abc", "0", "1.5", "9" * 30):

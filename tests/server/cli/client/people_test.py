@@ -2,11 +2,12 @@
 usage: people_test.py BIN_DIR SOURCE_DIR"""
 import json
 import os
+import subprocess
 import sys
 import unittest
 
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-from cli_case import CliCase, Handler, myograde  # pylint: disable=wrong-import-position
+from cli_case import BIN_DIR, CliCase, Handler, myograde  # pylint: disable=wrong-import-position
 
 LISTED = {"team": "alpha", "created_at": "2026-01-01T00:00:00.000Z", "banned": False,
           "merged_into": None, "other_names": ["Team \x1b[2JBlue"], "members": ["uid 1001"]}
@@ -120,6 +121,21 @@ class PeopleTest(CliCase):
         self.assertIn(f"\n{TEXT}\n", created)
         self.assertIn("shown this once", created)
         self.assertIn("There are no tokens yet", myograde("token", "list", *at).stdout)
+
+    def test_a_token_that_cannot_be_printed_is_revoked(self):
+        for more in ((), ("--json",)):
+            Handler.heard.clear()
+            socket = self.serve({"POST /v1/tokens": (201, {**TOKEN, "token": TEXT}),
+                                 "POST /v1/tokens/7/revoke": (200, {**TOKEN, "changed": True})})
+            with open("/dev/full", "w", encoding="utf-8") as full:
+                done = subprocess.run(
+                    [f"{BIN_DIR}/myograde", "token", "create", "--label", "l", "--socket", socket, *more],
+                    stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+            self.assertEqual(done.returncode, 4)
+            self.assertIn("token 7 could not be printed (No space left on device), so it is revoked",
+                          done.stderr)
+            self.assertNotIn(TEXT, done.stderr)
+            self.assertEqual(self.heard()[-1][1], "/v1/tokens/7/revoke")
 
     def test_without_a_terminal_a_merge_needs_yes_and_asks_nothing_before(self):
         socket = self.serve({})
