@@ -36,6 +36,14 @@ absl::StatusOr<Fd> NewFile(const std::string& path) {
   return fd;
 }
 
+// What a program on this host calls it: "localhost" or a loopback address; "" is HTTP/1.0.
+bool IsLocalHost(const std::string& host) {
+  if (host.empty() || host == "localhost" || host.ends_with(".localhost")) return true;
+  const bool v6 = host.front() == '[';
+  const auto address = IpAddress::Parse(v6 ? host.substr(1, host.size() - 2) : host);
+  return address.has_value() && address->IsLoopback();
+}
+
 }  // namespace
 
 absl::StatusOr<std::string> Body::Text() const {
@@ -206,6 +214,13 @@ Connection::Next Connection::Feed(const std::function<BodyRule(const RequestHead
       head.reset();
       return Refuse(std::move(wrong));
     }
+    // A browser that was led here by another site's name (DNS rebinding) has that name as its origin.
+    if (peer->peer.local && !IsLocalHost(head->host)) {
+      return Refuse({421, "bad_request",
+                     absl::StrCat("this server is reached by localhost or an address of this host, not by \"",
+                                  head->host, "\"; for other names give it a certificate, or a proxy and "
+                                  "\"behind_proxy\" (server.json)")});
+    }
     in.erase(0, size);
     if (!head->has_body()) return Next::kServe;
     if (StartBody(rule_of, spool) == Next::kRefuse) return Next::kRefuse;
@@ -216,7 +231,8 @@ Connection::Next Connection::Feed(const std::function<BodyRule(const RequestHead
   body.Append(piece);
   if (reader->error()) return Refuse(*reader->error());
   if (reader->done()) return Next::kServe;
-  return body.size() > kMemoryBody ? Next::kSpool : Next::kRead;
+  // Over the network, who sends more than comes with the head is asked first who they are.
+  return body.size() > kMemoryBody || peer->peer.network ? Next::kSpool : Next::kRead;
 }
 
 bool Connection::Reserve(int64_t bytes, const SpoolOptions& spool) {
@@ -316,6 +332,7 @@ void Connection::Forget() {
   scanner = HeadScanner();
   rule = BodyRule();
   admitted = false;
+  upload.reset();
 }
 
 Peer Connection::Asker() const {

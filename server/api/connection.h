@@ -143,6 +143,7 @@ class Connection {
   bool close_after = false;  // its answer
   bool counted = false;      // among its peer's bodies
   bool admitted = false;     // its request was counted against its sender's limits
+  std::shared_ptr<void> upload;  // its place among the uploads of its sender's team; given back with it
   std::string in;
   std::string out;
   size_t sent = 0;

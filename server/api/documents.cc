@@ -6,6 +6,7 @@
 
 #include "protocol/base/file.h"
 #include "server/api/entity_tag.h"
+#include "server/pictures/packing.h"
 
 namespace myograde::server {
 namespace {
@@ -33,7 +34,7 @@ absl::StatusOr<Documents> LoadDocuments(const std::string& folder) {
        !error && it != fs::recursive_directory_iterator(); it.increment(error)) {
     std::error_code unknown;
     if (it->symlink_status(unknown).type() != fs::file_type::regular) continue;
-    Document document{TypeOf(it->path().extension().string()), "", ""};
+    Document document{.type = TypeOf(it->path().extension().string()), .text = {}, .packed = {}, .tag = {}, .packed_tag = {}};
     if (document.type.empty()) continue;
     absl::StatusOr<std::string> text = ReadFile(it->path().string(), kMostBytes);
     if (!text.ok()) return absl::InvalidArgumentError(std::string(text.status().message()));
@@ -45,6 +46,9 @@ absl::StatusOr<Documents> LoadDocuments(const std::string& folder) {
                                                      " bytes together; remove versions"));
     }
     document.tag = EntityTagOf(document.text);
+    document.packed = GzipOf(document.text);
+    if (document.packed.size() >= document.text.size()) document.packed.clear();
+    document.packed_tag = EntityTagOf(document.packed);
     documents[it->path().lexically_relative(folder).generic_string()] = std::move(document);
   }
   if (error) {

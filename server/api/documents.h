@@ -11,7 +11,9 @@ namespace myograde::server {
 struct Document {
   std::string type;  // of its content
   std::string text;
-  std::string tag;  // its entity tag
+  std::string packed;      // compressed by gzip; "": that is no smaller
+  std::string tag;         // its entity tag
+  std::string packed_tag;  // that of `packed`
 };
 
 // By path from the folder, such as "1.0/index.html".

@@ -100,6 +100,23 @@ std::optional<ApiError> Guard::AdmitBody(Connection& connection) {
   if (address == addresses_.end()) return std::nullopt;
   auto admitted = Admit(connection, address->action);
   if (auto* error = std::get_if<ApiError>(&admitted)) return std::move(*error);
+  return TakeUpload(connection, std::get<Identity>(admitted));
+}
+
+std::optional<ApiError> Guard::TakeUpload(Connection& connection, const Identity& identity) {
+  if (!identity.remote || identity.role >= Role::kOrganiser) return std::nullopt;
+  const std::string whose = identity.teams.empty() ? identity.key : *identity.teams.begin();
+  const MutexLock lock(uploads_->mutex);
+  int& count = uploads_->of[whose];
+  if (count >= std::max(options_.limits.address_clients / 2, 1)) {
+    return ApiError{429, "too_many",
+                    "too many uploads of your team arrive at once; let some of them end first"};
+  }
+  ++count;
+  connection.upload = std::shared_ptr<void>(nullptr, [uploads = uploads_, whose](void*) {
+    const MutexLock own(uploads->mutex);
+    if (--uploads->of[whose] == 0) uploads->of.erase(whose);
+  });
   return std::nullopt;
 }
 

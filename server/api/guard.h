@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <memory>
 #include <optional>
 #include <regex>
 #include <string>
@@ -60,7 +62,8 @@ class Guard {
   // it is asked about.
   std::variant<Identity, ApiError> Admit(Connection& connection, Action action);
   // The same by the address in the request's head, before its body is received. One that is unknown
-  // is answered later.
+  // is answered later. Of a team's uploads over the network, however many tokens and addresses it has,
+  // half of `address_clients` are received at a time; connection.upload is such a place.
   std::optional<ApiError> AdmitBody(Connection& connection);
   // Counts a request to an address that there is none of.
   std::optional<ApiError> AdmitUnknown(Connection& connection);
@@ -85,8 +88,16 @@ class Guard {
   void Accept(const std::string& hash, int64_t token);
   // Nullopt: within the limit.
   std::optional<ApiError> Count(const Identity& identity);
+  std::optional<ApiError> TakeUpload(Connection& connection, const Identity& identity);
+
+  // Being received, by team or token. Connections may outlive the guard.
+  struct Uploads {
+    Mutex mutex;
+    std::map<std::string, int> of ABSL_GUARDED_BY(mutex);
+  };
 
   const Options options_;
+  const std::shared_ptr<Uploads> uploads_ = std::make_shared<Uploads>();
   std::vector<Address> addresses_;
   Mutex mutex_;
   RateLimit requests_ ABSL_GUARDED_BY(mutex_);

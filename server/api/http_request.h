@@ -21,6 +21,7 @@ inline constexpr size_t kMaxHeadBytes = 32 << 10;
 struct RequestHead {
   std::string method;
   std::string path;          // without the query
+  std::string host;          // lower case, without a port; "" if there is none
   std::string content_type;  // lower case, without parameters; "" if there is none
   // The value of the header Authorization; nullopt: there is none. It is not in `canonical`.
   std::optional<std::string> authorization;

@@ -7,7 +7,10 @@
 
 namespace myograde::server {
 
-// Whether Accept-Encoding names a coding, and does not give it the weight 0.
+// How handlers see the header Accept-Encoding (http_request.h).
+inline constexpr char kAcceptEncoding[] = "Myograde-Accept-Encoding";
+
+// Whether Accept-Encoding takes a coding ("gzip", "zstd"), and does not prefer the answer as it is.
 bool TakesCoding(const httplib::Request& request, std::string_view coding);
 
 // Whether If-None-Match has a tag: what the client has is still current.

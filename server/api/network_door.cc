@@ -97,13 +97,14 @@ absl::Status CheckHanded(const ListenConfig& config, const Place& place) {
 
 // Who is at the other end, by the address. Nobody from the network is an organiser to the gate,
 // whatever its requests may show later.
-std::optional<Peer> PeerAt(int fd, bool behind_proxy) {
+std::optional<Peer> PeerAt(int fd, bool behind_proxy, bool plain) {
   sockaddr_storage other = {};
   socklen_t size = sizeof(other);
   if (::getpeername(fd, reinterpret_cast<sockaddr*>(&other), &size) != 0) return std::nullopt;
   const std::optional<IpAddress> address = IpAddress::Of(other);
   if (!address.has_value()) return std::nullopt;
-  return Peer{.key = address->Key(), .network = true, .proxy = behind_proxy};
+  return Peer{.key = address->Key(), .network = true, .proxy = behind_proxy,
+              .local = plain && !behind_proxy};
 }
 
 absl::StatusOr<std::shared_ptr<const TlsContext>> LoadContext(const ListenConfig& config) {
@@ -162,7 +163,8 @@ NetworkDoor::~NetworkDoor() {
 
 Listener NetworkDoor::listener() {
   Listener listener{.fd = socket_.get(),
-                    .peer_of = [proxy = config_.behind_proxy](int fd) { return PeerAt(fd, proxy); },
+                    .peer_of = [proxy = config_.behind_proxy, plain = config_.certificate.empty()](
+                                   int fd) { return PeerAt(fd, proxy, plain); },
                     .transport_of = {}};
   if (config_.certificate.empty()) return listener;
   listener.transport_of = [this](int fd) -> std::unique_ptr<Transport> {

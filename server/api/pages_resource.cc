@@ -36,9 +36,25 @@ void SetHeaders(httplib::Response& response) {
   }
 }
 
-// As a provider's content: cpp-httplib would compress another body once more for each request.
-void SetContent(std::string_view content, const std::string& type, httplib::Response& response) {
-  response.set_content_provider(content.size(), type,
+struct Tags {
+  std::string plain;
+  std::string packed;
+};
+
+// A text that lives as long as the server, compressed if the client takes that.
+void SendConstant(const WebFile& file, const Tags& tags, const httplib::Request& request,
+                  httplib::Response& response) {
+  const bool packed = !file.packed.empty() && TakesCoding(request, "gzip");
+  const std::string& tag = packed ? tags.packed : tags.plain;
+  response.set_header("Vary", "Accept-Encoding");
+  response.set_header("ETag", tag);
+  if (HasCurrent(request, tag)) {
+    response.status = 304;
+    return;
+  }
+  if (packed) response.set_header("Content-Encoding", "gzip");
+  const std::string_view content = packed ? file.packed : file.text;
+  response.set_content_provider(content.size(), std::string(file.type),
                                 [content](size_t offset, size_t length, httplib::DataSink& sink) {
                                   return sink.write(content.data() + offset, length);
                                 });
@@ -97,13 +113,9 @@ void PagesResource::ServeDocument(const httplib::Request& request,
                          "text/plain; charset=utf-8");
     return;
   }
-  response.set_header("Vary", "Accept-Encoding");
-  response.set_header("ETag", found->second.tag);
-  if (HasCurrent(request, found->second.tag)) {
-    response.status = 304;
-    return;
-  }
-  response.set_content(found->second.text, found->second.type);
+  const Document& document = found->second;
+  SendConstant({.path = path, .type = document.type, .text = document.text, .packed = document.packed},
+               {document.tag, document.packed_tag}, request, response);
 }
 
 void PagesResource::Install(Routes& routes) {
@@ -116,16 +128,8 @@ void PagesResource::Install(Routes& routes) {
     const std::string packed_tag = EntityTagOf(file.packed);
     routes.GetPage(std::string(file.path), [&file, tag, packed_tag](const httplib::Request& request,
                                                                     httplib::Response& response) {
-      const bool packed = !file.packed.empty() && TakesCoding(request, "gzip");
       SetHeaders(response);
-      response.set_header("Vary", "Accept-Encoding");
-      response.set_header("ETag", packed ? packed_tag : tag);
-      if (HasCurrent(request, packed ? packed_tag : tag)) {
-        response.status = 304;
-        return;
-      }
-      if (packed) response.set_header("Content-Encoding", "gzip");
-      SetContent(packed ? file.packed : file.text, std::string(file.type), response);
+      SendConstant(file, {tag, packed_tag}, request, response);
     });
   }
 }

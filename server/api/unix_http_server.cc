@@ -45,15 +45,19 @@ struct CurrentRequest {
 };
 thread_local CurrentRequest current;
 
-// cpp-httplib says of every answer without a body how long that is, which HTTP forbids for these,
-// and which is not so of a stream.
+// cpp-httplib tells of every answer without a body how long that is, which HTTP forbids for these,
+// and which is not so of a stream; and of a limit of requests that connections don't have.
 std::string HeadToSend(std::string_view head, bool streams) {
-  constexpr std::string_view kNoLength = "Content-Length: 0\r\n";
-  const size_t at = head.find(kNoLength);
   const bool bodiless = head.starts_with("HTTP/1.1 204 ") || head.starts_with("HTTP/1.1 304 ");
-  if (!(bodiless || streams) || at == std::string_view::npos) return std::string(head);
-  return absl::StrCat(std::string(head.substr(0, at)),
-                      std::string(head.substr(at + kNoLength.size())));
+  std::string sent;
+  for (size_t at = 0, end = 0; at < head.size(); at = end) {
+    end = std::min(head.find("\r\n", at), head.size() - 2) + 2;
+    const std::string_view line = head.substr(at, end - at);
+    if (line.starts_with("Keep-Alive:")) continue;
+    if ((bodiless || streams) && line == "Content-Length: 0\r\n") continue;
+    sent += line;
+  }
+  return sent;
 }
 
 // A request that is there as a whole, as cpp-httplib reads it.

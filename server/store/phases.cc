@@ -96,9 +96,11 @@ absl::Status Writer::CheckNotPaused(const std::string& phase) {
     if (!newest->has_value() || (*newest)->event == kResumedEvent) continue;
     const std::string what =
         scope.empty() ? "submissions are" : absl::StrCat("phase \"", scope, "\" is");
+    std::string why = (*newest)->why;
+    while (why.ends_with('.')) why.pop_back();
     return WithErrorCode(
-        absl::FailedPreconditionError(absl::StrCat(what, " paused by the organiser: ",
-                                                   (*newest)->why, "; try again later")),
+        absl::FailedPreconditionError(absl::StrCat(what, " paused by the organiser: ", why,
+                                                   "; try again later")),
         "paused");
   }
   return absl::OkStatus();

@@ -123,7 +123,7 @@ MYOGRADE_FUZZ_TARGET(http)(const uint8_t* data, size_t size) {
   Require(answer.empty() || answer.starts_with("HTTP/1.1 "), "an answer is one of HTTP");
   static int64_t round = 0;
   if (round++ % 64 == 0) {
-    Require(world.Talk("GET /v1/health HTTP/1.1\r\nConnection: close\r\n\r\n")
+    Require(world.Talk("GET /v1/health HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
                     .starts_with("HTTP/1.1 200"),
             "the next client is served");
   }

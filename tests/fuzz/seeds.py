@@ -382,8 +382,8 @@ def exports():
 
 
 def connections():
-    get, end = b"GET /v1/health HTTP/1.1\r\n", b"\r\n\r\n"
-    post = b"POST /v1/submissions HTTP/1.1\r\nContent-Type: application/json\r\n"
+    get, end = b"GET /v1/health HTTP/1.1\r\nHost: localhost\r\n", b"\r\n\r\n"
+    post = b"POST /v1/submissions HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
     seed("http", "get", get + b"\r\n")
     seed("http", "two", 2 * (get + b"\r\n"))
     seed("http", "filter", b"GET /v1/submissions?limit=5&team=%C3%A9%zz HTTP/1.1" + end)
@@ -398,21 +398,21 @@ def connections():
     seed("http", "expect", post + b"Expect: 100-continue\r\nContent-Length: 2" + end + b"{}")
     seed("http", "gzip", post + b"Content-Encoding: gzip\r\nContent-Length: 20" + end +
          gzip.compress(b"", mtime=0))
-    seed("http", "multipart", b"POST /v1/submissions HTTP/1.1\r\nContent-Type: multipart/form-data; "
+    seed("http", "multipart", b"POST /v1/submissions HTTP/1.1\r\nHost: localhost\r\nContent-Type: multipart/form-data; "
          b"boundary=b\r\nContent-Length: 60" + end + b"--b\r\nContent-Disposition: form-data; "
          b"name=\"a\"\r\n\r\nx\r\n--b--\r\n")
-    seed("http", "form", b"POST /v1/submissions HTTP/1.1\r\nContent-Type: "
+    seed("http", "form", b"POST /v1/submissions HTTP/1.1\r\nHost: localhost\r\nContent-Type: "
          b"application/x-www-form-urlencoded\r\nContent-Length: 7" + end + b"a=b&c=d")
     for name, ranges in (("range", b"1-9"), ("ranges", b"1-2,5-6"), ("range-end", b"-5"),
                          ("range-beyond", b"9-999999999"), ("range-backwards", b"9-1"),
                          ("range-overflow", b"0-99999999999999999999"),
                          ("ranges-many", b",".join([b"0-99999"] * 900))):
-        seed("http", name, b"GET /v1/export HTTP/1.1\r\nRange: bytes=" + ranges + end)
+        seed("http", name, b"GET /v1/export HTTP/1.1\r\nHost: localhost\r\nRange: bytes=" + ranges + end)
     seed("http", "long-header", get + b"A: " + b"x" * 8000 + end)
     seed("http", "long-path", b"GET /v1/" + b"9" * 8100 + b" HTTP/1.1" + end)
     seed("http", "no-end", get + b"A: b")
     seed("http", "other-protocol", b"\x16\x03\x01\x02\x00\x01\x00")
-    upload = b"POST /v1/artefacts HTTP/1.1\r\nContent-Type: application/x-tar\r\n"
+    upload = b"POST /v1/artefacts HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/x-tar\r\n"
     seed("http", "upload", upload + b"Content-Length: 70000" + end + b"x" * 70000)
     seed("http", "upload-chunks", upload + b"Transfer-Encoding: chunked\r\nTrailer: A" + end + 2 * (
         b"9c40;a=b\r\n" + b"x" * 40000 + b"\r\n") + b"0\r\nA: b" + end + get + b"\r\n")

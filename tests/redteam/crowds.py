@@ -21,8 +21,8 @@ CROWDS = (
     ("announced gigabytes", 80, UPLOAD % (4 << 30)),
     ("idle connections", 300, b""),
     ("half heads", 300, b"GET /v1/hea"),
-    ("half chunks", 300, b"POST /v1/submissions HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\nf"),
-    ("answers that nobody reads", 300, b"GET /v1/tracks HTTP/1.1\r\n\r\n" * 200),
+    ("half chunks", 300, b"POST /v1/submissions HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\nf"),
+    ("answers that nobody reads", 300, b"GET /v1/tracks HTTP/1.1\r\nHost: localhost\r\n\r\n" * 200),
     ("broken heads", 300, b"GET / HTTP/1.1\n\n\0\xff" * 50),
 )
 

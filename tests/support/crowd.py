@@ -33,7 +33,7 @@ while True:
 """
 
 # The head of an upload of this many bytes, and the first of them.
-UPLOAD = b"POST /v1/artefacts HTTP/1.1\r\nContent-Length: %d\r\n\r\nx"
+UPLOAD = b"POST /v1/artefacts HTTP/1.1\r\nHost: localhost\r\nContent-Length: %d\r\n\r\nx"
 
 
 @contextlib.contextmanager

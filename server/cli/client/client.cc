@@ -16,6 +16,7 @@
 
 #include "server/base/random_bytes.h"
 #include "server/cli/client/connect.h"
+#include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 
 namespace myograde::server {
@@ -98,9 +99,26 @@ Client::Client(std::string socket) : choice_(ServerChoice()) {
 Client::Client(absl::StatusOr<ServerChoice> choice) : choice_(std::move(choice)) {}
 
 absl::StatusOr<Json> Client::Get(const std::string& path) const {
-  const absl::StatusOr<Http> http = Open(choice_, kAnswerSeconds);
-  if (!http.ok()) return http.status();
-  return AnswerOf((*http)->Get(path), *choice_, **http);
+  absl::StatusOr<ServerChoice> choice = choice_;
+  absl::StatusOr<Json> answer = absl::UnknownError("");
+  for (bool again = false;; again = true) {
+    const absl::StatusOr<Http> http = Open(choice, kAnswerSeconds);
+    if (!http.ok()) return http.status();
+    const absl::StatusOr<Json> own = AnswerOf((*http)->Get(path), *choice, **http);
+    if (!again) answer = own;
+    if (again && own.ok()) {
+      PrintToErrors(absl::StrCat("myograde: note: ", std::string(answer.status().message()),
+                                 ". This is what everybody sees; \"myograde login\" takes a new token, "
+                                 "\"myograde logout\" forgets this one."));
+      return own;
+    }
+    // A token that is not valid any more should not hide what is public; who one is, is about the token.
+    if (again || AnsweredCode(answer.status()) != "bad_token" || choice->token.empty() ||
+        path == "/v1/whoami") {
+      return answer;
+    }
+    choice->token.clear();
+  }
 }
 
 absl::StatusOr<Json> Client::Post(const std::string& path, const Json& body) const {

@@ -4,6 +4,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/base/counted.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/report.h"
 #include "server/cli/client/client.h"
@@ -55,6 +56,17 @@ void PrintLedger(const Json& rows) {
   std::cout.flush();
 }
 
+// Whether anything of a track's budgets was ever used or granted.
+bool IsUsed(const Json& place) {
+  for (const char* budget : {"official", "practice", "failed"}) {
+    const Json total = place.value(budget, Json::object()).value("total", Json::object());
+    for (const char* kind : {"used", "open", "granted"}) {
+      if (total.value(kind, int64_t{0}) != 0) return true;
+    }
+  }
+  return false;
+}
+
 // The budgets of a track or a phase.
 void AddPlace(const Json& place, Table& table) {
   const std::string track = Cell(place, "track");
@@ -75,10 +87,22 @@ void PrintQuota(const Json& quota) {
                                  " (UTC)"))
             << '\n';
   Table table({"track", "phase", "budget", "today", "in all"});
-  for (const char* list : {"tracks", "phases"}) {
-    for (const Json& place : quota.value(list, Json::array())) AddPlace(place, table);
+  const Json phases = quota.value("phases", Json::array());
+  for (const Json& place : phases) AddPlace(place, table);
+  // In a challenge, the tracks themselves matter to few.
+  int64_t left_out = 0;
+  for (const Json& place : quota.value("tracks", Json::array())) {
+    if (phases.empty() || IsUsed(place)) {
+      AddPlace(place, table);
+    } else {
+      ++left_out;
+    }
   }
   table.Print();
+  if (left_out > 0) {
+    std::cout << "Left out: " << Counted(left_out, "track")
+              << " that this team has not used outside the phases; --json has them.\n";
+  }
   std::cout << "The next day begins at " << Cell(quota, "next_day_at") << ".\n";
   PrintUnreadable(quota);
   PrintLedger(quota.value("ledger", Json::array()));

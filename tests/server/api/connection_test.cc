@@ -27,7 +27,7 @@ TEST(ConnectionTest, WhatWasReadAtATurnsEndIsNotWaitedFor) {
   {
     Connection connection(1, Fd(ends[0]), std::make_shared<PeerLoad>(Peer{"a"}));
     const std::string last(1000, 'z');
-    connection.in = absl::StrCat("POST /upload HTTP/1.1\r\nContent-Length: ",
+    connection.in = absl::StrCat("POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: ",
                                  kTurnBytes + last.size(), "\r\n\r\n",
                                  std::string(kTurnBytes, 'x'));
     const auto rule_of = [](const RequestHead&) {
@@ -53,7 +53,7 @@ std::string AskerOf(bool proxy, const std::string& header) {
   EXPECT_EQ(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, ends), 0);
   const Fd client(ends[1]);
   Connection connection(1, Fd(ends[0]), std::make_shared<PeerLoad>(peer));
-  connection.in = absl::StrCat("GET / HTTP/1.1\r\n", header, "\r\n");
+  connection.in = absl::StrCat("GET / HTTP/1.1\r\nHost: localhost\r\n", header, "\r\n");
   EXPECT_EQ(connection.Feed([](const RequestHead&) { return BodyRule{}; }, {}), Next::kServe);
   return connection.Asker().key;
 }

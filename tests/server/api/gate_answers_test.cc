@@ -11,8 +11,8 @@ using ::testing::StartsWith;
 
 TEST_F(GateTest, ARefusedBodyIsReadSoThatItsSenderHearsWhy) {
   Start(Limits());
-  for (const char* head : {"POST /upload HTTP/1.1\r\nContent-Length: 20000000\r\n\r\n",
-                           "POST /upload HTTP/1.1\r\nContent-Length: 5000000\r\n"
+  for (const char* head : {"POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: 20000000\r\n\r\n",
+                           "POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5000000\r\n"
                            "Content-Type: multipart/form-data; boundary=x\r\n\r\n"}) {
     Client client(path(), "a");
     client.Send(head);
@@ -29,7 +29,7 @@ TEST_F(GateTest, WhatCameBeforeARefusalIsCountedOnce) {
   Start(Limits());
   for (const int64_t after : {kBefore, int64_t{1}, int64_t{300'000}}) {
     Client client(path(), "a");
-    client.Send(absl::StrCat("POST /upload HTTP/1.1\r\nContent-Type: text/plain\r\n",
+    client.Send(absl::StrCat("POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Type: text/plain\r\n",
                              "Content-Length: ", kBefore + after, "\r\n\r\n",
                              std::string(kBefore, 'x')));
     EXPECT_THAT(client.Receive(1 << 20), StartsWith("HTTP/1.1 415")) << after;
@@ -59,12 +59,12 @@ TEST_F(GateTest, AFileOfAnySizeTakesLittleMemory) {
   }
   Start(Limits());
   // Clients that do not read it hold up nobody.
-  const auto crowd = Many(5, "crowd", "GET /file HTTP/1.1\r\n\r\n");
+  const auto crowd = Many(5, "crowd", "GET /file HTTP/1.1\r\nHost: localhost\r\n\r\n");
   OthersAreServed();
   rusage before = {};
   ASSERT_EQ(getrusage(RUSAGE_SELF, &before), 0);
   Client client(path(), "a");
-  client.Send(absl::StrCat("GET /file HTTP/1.1\r\n\r\n", kGet));
+  client.Send(absl::StrCat("GET /file HTTP/1.1\r\nHost: localhost\r\n\r\n", kGet));
   EXPECT_THAT(client.Receive(15), "HTTP/1.1 200 OK");
   while (client.Receive(1) != "\r" || client.Receive(3) != "\n\r\n") {
   }
@@ -89,7 +89,7 @@ TEST_F(GateTest, AFileThatIsCutEndsTheConnection) {
   }
   Start(Limits());
   Client client(path(), "a");
-  client.Send("GET /file HTTP/1.1\r\n\r\n");
+  client.Send("GET /file HTTP/1.1\r\nHost: localhost\r\n\r\n");
   EXPECT_LT(client.Receive(1 << 20).size(), 1100u);
   EXPECT_TRUE(client.Closed(absl::Seconds(60)));
 }

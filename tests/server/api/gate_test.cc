@@ -30,7 +30,7 @@ TEST_F(GateTest, BodiesOfAnySizeAndFramingArriveWhole) {
     client.Send(Upload(size) + std::string(static_cast<size_t>(size), 'x'));
     EXPECT_EQ(client.Receive(sizeof(kOk) - 1), kOk) << size;
     EXPECT_EQ(body_bytes_, sent += size);
-    client.Send("POST /upload HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n");
+    client.Send("POST /upload HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n");
     for (int64_t left = size; left > 0; left -= 50'000) {
       const auto chunk = static_cast<size_t>(std::min<int64_t>(left, 50'000));
       client.Send(absl::StrCat(absl::Hex(chunk), "\r\n", std::string(chunk, 'y'), "\r\n"));
@@ -44,11 +44,11 @@ TEST_F(GateTest, BodiesOfAnySizeAndFramingArriveWhole) {
 TEST_F(GateTest, WhoAsksFirstHearsToGoOnOrWhyNot) {
   Start(Limits());
   Client client(path(), "a");
-  client.Send("POST /upload HTTP/1.1\r\nContent-Length: 4\r\nExpect: 100-continue\r\n\r\n");
+  client.Send("POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: 4\r\nExpect: 100-continue\r\n\r\n");
   EXPECT_EQ(client.Receive(25), "HTTP/1.1 100 Continue\r\n\r\n");
   client.Send("body");
   EXPECT_EQ(client.Receive(sizeof(kOk) - 1), kOk);
-  client.Send("POST /upload HTTP/1.1\r\nContent-Length: 9000000\r\nExpect: 100-continue\r\n\r\n");
+  client.Send("POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9000000\r\nExpect: 100-continue\r\n\r\n");
   EXPECT_THAT(client.Receive(12), "HTTP/1.1 413");
 }
 
@@ -80,7 +80,7 @@ TEST_F(GateTest, SilentBodiesHalfHeadsAndIdleConnectionsHoldUpNobody) {
 
 TEST_F(GateTest, WhoDoesNotReadItsAnswersHoldsUpNobody) {
   Start(Limits());
-  const auto crowd = Many(10, "crowd", "GET /large HTTP/1.1\r\n\r\n");
+  const auto crowd = Many(10, "crowd", "GET /large HTTP/1.1\r\nHost: localhost\r\n\r\n");
   for (int i = 0; i < 5; ++i) OthersAreServed();
   EXPECT_EQ(crowd[0]->Receive(kLarge).size(), kLarge);
 }
@@ -97,7 +97,7 @@ TEST_F(GateTest, TheSlowAreHungUpOn) {
   Client half(path(), "a");
   half.Send("GET /");
   Client unread(path(), "a");
-  unread.Send("GET /large HTTP/1.1\r\n\r\n");
+  unread.Send("GET /large HTTP/1.1\r\nHost: localhost\r\n\r\n");
   Client honest(path(), "a");
   honest.Send(Upload(30'000));
   for (int i = 0; i < 30; ++i) {

@@ -120,7 +120,7 @@ TEST_F(GateTlsTest, SilentAndHalfHandshakesAreCut) {
 
 TEST_F(GateTlsTest, PlainHttpIsTold) {
   Start(Limits());
-  for (const char* request : {kGet, "POST /upload HTTP/1.1\r\nContent-Length: 100\r\n\r\nx"}) {
+  for (const char* request : {kGet, "POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: 100\r\n\r\nx"}) {
     Client client(path(), "net-a");
     client.Send(request);
     const std::string answer = client.Receive(10'000);
@@ -161,7 +161,7 @@ TEST_F(GateTlsTest, SlowReadersGetTheirAnswersAndHoldUpNobody) {
   Client client(path(), "net-a");
   TlsEnd end(client.fd());
   ASSERT_TRUE(end.Handshake());
-  ASSERT_TRUE(end.Send("GET /large HTTP/1.1\r\n\r\n"));
+  ASSERT_TRUE(end.Send("GET /large HTTP/1.1\r\nHost: localhost\r\n\r\n"));
   OthersAreServedByTls();
   size_t received = 0;
   const std::string head = absl::StrCat("HTTP/1.1 200 OK\r\nContent-Length: ", kLarge, "\r\n\r\n");
@@ -212,7 +212,7 @@ TEST_F(GateTlsTest, AnswersThatAreRefusalsArriveWhole) {
   Client client(path(), "net-a");
   TlsEnd end(client.fd());
   ASSERT_TRUE(end.Handshake());
-  ASSERT_TRUE(end.Send("POST /upload HTTP/1.1\r\nContent-Length: 9000000\r\n\r\n"));
+  ASSERT_TRUE(end.Send("POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9000000\r\n\r\n"));
   for (int i = 0; i < 90; ++i) end.Send(std::string(100'000, 'x'));
   EXPECT_THAT(end.Receive(100'000), StartsWith("HTTP/1.1 413 "));
 }

@@ -27,9 +27,9 @@
 
 namespace myograde::server {
 
-inline constexpr char kGet[] = "GET / HTTP/1.1\r\n\r\n";
+inline constexpr char kGet[] = "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n";
 // Answered when the test permits it.
-inline constexpr char kWait[] = "GET /wait HTTP/1.1\r\n\r\n";
+inline constexpr char kWait[] = "GET /wait HTTP/1.1\r\nHost: localhost\r\n\r\n";
 inline constexpr char kOk[] = "HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nok";
 
 inline HttpLimits Limits() {
@@ -261,7 +261,7 @@ class GateTest : public ::testing::Test {
 };
 
 inline std::string Upload(int64_t size) {
-  return absl::StrCat("POST /upload HTTP/1.1\r\nContent-Length: ", size, "\r\n\r\n");
+  return absl::StrCat("POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: ", size, "\r\n\r\n");
 }
 
 }  // namespace myograde::server

@@ -13,6 +13,7 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
+using ::testing::StartsWith;
 
 struct Read {
   RequestHead head;
@@ -61,19 +62,19 @@ TEST(RequestHead, IsReadInAnyPieces) {
 }
 
 TEST(RequestHead, KeepsATokenApartAndTakesOneAlone) {
-  const Read read = ReadHead("GET / HTTP/1.1\r\nAuthorization: Bearer abc\r\n\r\n");
+  const Read read = ReadHead("GET / HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer abc\r\n\r\n");
   ASSERT_TRUE(read.good) << read.error.message;
   EXPECT_EQ(read.head.authorization, "Bearer abc");
   EXPECT_THAT(read.head.canonical, Not(HasSubstr("Bearer")));
   const Read two = ReadHead(
-      "GET / HTTP/1.1\r\nAuthorization: Bearer abc\r\nauthorization: Bearer abc\r\n\r\n");
+      "GET / HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer abc\r\nauthorization: Bearer abc\r\n\r\n");
   EXPECT_FALSE(two.good);
   EXPECT_THAT(two.error.message, HasSubstr("Authorization is there twice"));
 }
 
 TEST(RequestHead, SaysWhetherTheConnectionIsKept) {
   const auto kept = [](const std::string& rest) {
-    const Read read = ReadHead("GET / " + rest + "\r\n\r\n");
+    const Read read = ReadHead("GET / " + rest + "\r\nHost: h\r\n\r\n");
     EXPECT_TRUE(read.good) << rest;
     return read.head.keep_alive;
   };
@@ -84,8 +85,34 @@ TEST(RequestHead, SaysWhetherTheConnectionIsKept) {
   EXPECT_TRUE(kept("HTTP/1.0\r\nConnection: keep-alive"));
 }
 
+TEST(RequestHead, HasOneHostUnlessItIsOld) {
+  const auto host_of = [](const std::string& headers, const std::string& version = "1.1") {
+    const Read read = ReadHead("GET / HTTP/" + version + "\r\n" + headers + "\r\n");
+    return read.good ? read.head.host : std::to_string(read.error.http);
+  };
+  EXPECT_EQ(host_of("Host: Grader.Example.org:8443\r\n"), "grader.example.org");
+  EXPECT_EQ(host_of("Host: [::1]:80\r\n"), "[::1]");
+  EXPECT_EQ(host_of("Host: 127.0.0.1\r\n"), "127.0.0.1");
+  EXPECT_EQ(host_of("Host:\r\n"), "");
+  EXPECT_EQ(host_of("", "1.0"), "");
+  for (const char* bad : {"", "Host: a\r\nHost: a\r\n", "Host: a b\r\n", "Host: a/b\r\n", "Host: a@b\r\n",
+                          "Host: a:b\r\n", "Host: [::1\r\n", "Host: [x]\r\n", "Host: [::1]x\r\n"}) {
+    EXPECT_EQ(host_of(bad), "400") << bad;
+  }
+  EXPECT_EQ(host_of("Host: a\r\nHost: a\r\n", "1.0"), "400");
+}
+
+TEST(RequestHead, AQueryMayHaveQuestionMarks) {
+  const Read read = ReadHead("GET /sign-in?to=/a?b=c?d HTTP/1.1\r\nHost: h\r\n\r\n");
+  ASSERT_TRUE(read.good) << read.error.message;
+  EXPECT_EQ(read.head.path, "/sign-in");
+  EXPECT_THAT(read.head.canonical, StartsWith("GET /sign-in?to=/a%3Fb=c%3Fd HTTP/1.1\r\n"));
+  EXPECT_THAT(ReadHead("GET /a HTTP/1.1\r\nHost: h\r\n\r\n").head.canonical,
+              StartsWith("GET /a HTTP/1.1\r\n"));
+}
+
 TEST(RequestHead, WhatCanBeReadInTwoWaysIsRefused) {
-  const std::string post = "POST / HTTP/1.1\r\n";
+  const std::string post = "POST / HTTP/1.1\r\nHost: localhost\r\n";
   const std::vector<std::pair<std::string, int>> bad = {
       {post + "Content-Length: 1\r\nContent-Length: 1\r\n\r\n", 400},
       {post + "Content-Length: 1\r\nTransfer-Encoding: chunked\r\n\r\n", 400},
@@ -105,19 +132,19 @@ TEST(RequestHead, WhatCanBeReadInTwoWaysIsRefused) {
       {post + "no colon\r\n\r\n", 400},
       {post + ": b\r\n\r\n", 400},
       {"GET / HTTP/1.1\nA: b\r\n\r\n", 400},
-      {"GET / HTTP/1.1\r\nA: b\rc\r\n\r\n", 400},
-      {std::string("GET / HTTP/1.1\r\nA: b\0c\r\n\r\n", 27), 400},
-      {"GET / HTTP/1.1\r\nContent-Length: 1\r\n\r\n", 400},
-      {"GET /  HTTP/1.1\r\n\r\n", 400},
-      {"GET http://x/ HTTP/1.1\r\n\r\n", 400},
-      {"GET /\xc3\xa4 HTTP/1.1\r\n\r\n", 400},
+      {"GET / HTTP/1.1\r\nHost: localhost\r\nA: b\rc\r\n\r\n", 400},
+      {std::string("GET / HTTP/1.1\r\nHost: localhost\r\nA: b\0c\r\n\r\n", 44), 400},
+      {"GET / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1\r\n\r\n", 400},
+      {"GET /  HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
+      {"GET http://x/ HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
+      {"GET /\xc3\xa4 HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
       {"GET / HTTP/2.0\r\n\r\n", 505},
-      {"G(T / HTTP/1.1\r\n\r\n", 400},
+      {"G(T / HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
       {"GET\r\n\r\n", 400},
       {"GET /" + std::string(9000, 'a') + " HTTP/1.1\r\n\r\n", 414},
-      {"GET / HTTP/1.1\r\nA: " + std::string(9000, 'a') + "\r\n\r\n", 431},
-      {"GET / HTTP/1.1\r\n" + std::string(40000, 'a'), 431},
-      {"GET / HTTP/1.1\r\n" + [] {
+      {"GET / HTTP/1.1\r\nHost: localhost\r\nA: " + std::string(9000, 'a') + "\r\n\r\n", 431},
+      {"GET / HTTP/1.1\r\nHost: localhost\r\n" + std::string(40000, 'a'), 431},
+      {"GET / HTTP/1.1\r\nHost: localhost\r\n" + [] {
          std::string lines;
          for (int i = 0; i < 200; ++i) lines += "A: b\r\n";
          return lines;

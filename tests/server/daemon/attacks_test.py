@@ -71,12 +71,12 @@ class Crowds(Attacked):
 
     def test_idle_connections_and_half_heads(self):
         for attacker in (None, STRANGER - 1) if ROOT else (None,):
-            for text in (b"", b"GET /v1/hea", b"GET /v1/tracks HTTP/1.1\r\n\r\n"):
+            for text in (b"", b"GET /v1/hea", b"GET /v1/tracks HTTP/1.1\r\nHost: localhost\r\n\r\n"):
                 with self.crowd(300, text, uid=attacker):
                     self.others_are_answered()
 
     def test_pipelined_requests_leave_their_own_user_a_place(self):
-        text = b"GET /v1/tracks HTTP/1.1\r\n\r\n" * 100
+        text = b"GET /v1/tracks HTTP/1.1\r\nHost: localhost\r\n\r\n" * 100
         for user in self.users():
             with self.crowd(300, text, uid=user):
                 for _ in range(5):
@@ -141,14 +141,14 @@ class Charges(Attacked):
         address = "/v1/artefacts?team=alpha&track=demo-manipulation"
         broken = socket.socket(socket.AF_UNIX)
         broken.connect(str(self.daemon.socket))
-        broken.sendall(f"POST {address} HTTP/1.1\r\nContent-Length: 9000\r\n\r\nhalf".encode())
+        broken.sendall(f"POST {address} HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9000\r\n\r\nhalf".encode())
         broken.shutdown(socket.SHUT_WR)
         broken.settimeout(60)
         self.assertIn(b"did not arrive whole", broken.recv(4096))
         broken.close()
         gone = socket.socket(socket.AF_UNIX)
         gone.connect(str(self.daemon.socket))
-        gone.sendall(f"POST {address} HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n".encode()
+        gone.sendall(f"POST {address} HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n".encode()
                      + b"186a0\r\n" + bytes(100_000) + b"\r\n")
         gone.close()
         for kind in ("multipart/form-data; boundary=x", "text/plain"):

@@ -1,6 +1,7 @@
 """The daemon's door to the network: TLS, its certificate, and plain HTTP behind a proxy."""
 
 import contextlib
+import gzip
 import http.client
 import json
 import shutil
@@ -9,6 +10,7 @@ import socket
 import sqlite3
 import ssl
 import subprocess
+import time
 import unittest
 
 from daemon_test import BIN, DaemonCase
@@ -130,6 +132,7 @@ class TlsTest(NetworkCase):
                    "the store stays in trouble")
         post(f"/v1/tokens/{token['id']}/revoke", {})
         self.assertIn("token", self.myograde("status", answer["submission"], status=2))
+        self.assertIn("alpha", self.myograde("leaderboard", "--track", "demo-manipulation"))
 
     def call_with(self, token, method="GET", path="/v1/whoami", body=None):
         made = self.connection()
@@ -222,6 +225,110 @@ class TlsTest(NetworkCase):
         make_certificate(self.folder, expired=True)
         self.start()
         self.assertIn("the certificate has expired", self.daemon.log())
+
+
+class PlainHttpTest(NetworkCase):
+    """What RFC 9110 and 9112 ask of a server, at the socket."""
+
+    def exchange(self, target, headers=(("Host", "localhost"),), version="1.1", method="GET"):
+        """(status, headers in lower case, body) of one request on a connection of its own."""
+        head = "".join(f"{name}: {value}\r\n" for name, value in (*headers, ("Connection", "close")))
+        with socket.create_connection(("127.0.0.1", self.port), timeout=TIMEOUT_S) as made:
+            made.sendall(f"{method} {target} HTTP/{version}\r\n{head}\r\n".encode())
+            data = b"".join(iter(lambda: made.recv(65536), b""))
+        top, _, body = data.partition(b"\r\n\r\n")
+        lines = top.decode().split("\r\n")
+        told = dict(line.lower().split(": ", 1) for line in lines[1:])
+        return int(lines[0].split()[1]), told, body
+
+    def taking(self, *codings):
+        return (("Host", "localhost"), *(("Accept-Encoding", coding) for coding in codings))
+
+    def test_a_request_names_its_host_once(self):
+        for hosts in ((), ("localhost", "localhost"), ("local host",), ("a/b",), ("localhost:x",)):
+            status, _, body = self.exchange("/v1/health", [("Host", host) for host in hosts])
+            self.assertEqual(status, 400, (hosts, body))
+        self.assertEqual(self.exchange("/v1/health", (), "1.0")[0], 200)
+
+    def test_a_name_of_another_site_does_not_lead_to_this_host(self):
+        for host in ("localhost", f"127.0.0.1:{self.port}", f"[::1]:{self.port}", "LOCALHOST:1",
+                     "grader.localhost"):
+            self.assertEqual(self.exchange("/v1/health", (("Host", host),))[0], 200, host)
+        for host in ("rebound.example", "localhost.example", "127.0.0.1.example", "10.0.0.1", "0.0.0.0"):
+            status, _, body = self.exchange("/v1/health", (("Host", host),))
+            self.assertEqual(status, 421, host)
+            self.assertIn(host, json.loads(body)["error"]["message"])
+
+    def test_a_query_may_have_question_marks(self):
+        for target in ("/sign-in?to=/a?b", "/board?track=x?&a=?"):
+            self.assertEqual(self.exchange(target)[0], 200, target)
+
+    def test_nothing_is_promised_of_a_connection_that_is_not_so(self):
+        with socket.create_connection(("127.0.0.1", self.port), timeout=TIMEOUT_S) as made:
+            for _ in range(8):
+                made.sendall(b"GET /v1/health HTTP/1.1\r\nHost: localhost\r\n\r\n")
+                data = b""
+                while b"\r\n\r\n" not in data:
+                    data += made.recv(65536)
+                self.assertTrue(data.startswith(b"HTTP/1.1 200"), data)
+                self.assertNotIn(b"keep-alive:", data.lower())
+
+    def test_codings_are_negotiated(self):
+        for path in ("/", "/web/main.js", "/docs/"):
+            plain = self.exchange(path)
+            if plain[0] != 200:
+                continue  # the documents are not built here
+            self.assertNotIn("content-encoding", plain[1])
+            for codings, packed in (
+                    (("gzip",), True), (("GZIP;q=0.5",), True), (("br, gzip;q=1.000",), True), (("*",), True),
+                    (("x-gzip",), True), (("br", "gzip"), True), (("identity;q=0, *;q=0.1",), True),
+                    (("br",), False), (("gzip;q=0",), False), (("gzip; Q=0.000",), False),
+                    (("*;q=0",), False), (("gzip;q=0, *",), False), (("x-brotli",), False),
+                    (("abracadabra",), False), (("gzip;q=2",), False), (("gzip;q=nan",), False),
+                    (("gzip;q=0.3, identity;q=0.8",), False), (("",), False)):
+                status, told, body = self.exchange(path, self.taking(*codings))
+                self.assertEqual((status, told.get("content-encoding")), (200, "gzip" if packed else None),
+                                 (path, codings))
+                self.assertEqual(gzip.decompress(body) if packed else body, plain[2])
+                self.assertIn("accept-encoding", told["vary"])
+                self.assertEqual(told["etag"] == plain[1]["etag"], not packed, codings)
+                status, again, body = self.exchange(path, (*self.taking(*codings),
+                                                           ("If-None-Match", told["etag"])))
+                self.assertEqual((status, body, again["etag"]), (304, b"", told["etag"]))
+
+    def test_an_answer_of_the_api_costs_no_compression(self):
+        for path in ("/v1/openapi.json", "/v1/tracks", "/v1/health"):
+            status, told, body = self.exchange(path, self.taking("gzip, deflate, br, zstd"))
+            self.assertEqual((status, told.get("content-encoding")), (200, None))
+            json.loads(body)
+
+
+    def upload_from(self, source, token):
+        """A connection that announces a body and sends none of it."""
+        made = socket.create_connection(("127.0.0.1", self.port), timeout=TIMEOUT_S,
+                                        source_address=(source, 0))
+        made.sendall(b"POST /v1/artefacts?team=alpha HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer "
+                     + token.encode() + b"\r\nContent-Type: application/x-tar\r\nContent-Length: 600\r\n\r\nx")
+        return made
+
+    def test_uploads_of_one_team_leave_room_for_others(self):
+        self.assertEqual(self.call("POST", "/v1/teams", {"team": "alpha"}, "application/json")[0], 201)
+        tokens = []
+        for label in ("one", "two"):
+            status, answer = self.call("POST", "/v1/tokens", {"role": "participant", "team": "alpha",
+                                                              "label": label}, "application/json")
+            self.assertEqual(status, 201, answer)
+            tokens.append(answer["token"])
+        with contextlib.ExitStack() as stack:
+            made = [stack.enter_context(contextlib.closing(
+                self.upload_from(f"127.0.1.{1 + number % 40}", tokens[number % len(tokens)])))
+                    for number in range(560)]
+            made[-1].settimeout(TIMEOUT_S)
+            self.assertIn(b"too many uploads of your team", made[-1].recv(65536))
+            for _ in range(3):
+                begun = time.monotonic()
+                self.assertEqual(self.exchange("/v1/health")[0], 200)
+                self.assertLess(time.monotonic() - begun, 10)  # it was 30 s, and then a 429
 
 
 class ProxyTest(NetworkCase):
