@@ -71,8 +71,10 @@ StreamArchive::StreamArchive(ByteStream& from, Form form)
   if (form == Form::kTar) {
     archive_read_support_format_tar(reader);
   } else {
-    archive_read_support_filter_gzip(reader);
-    archive_read_support_filter_zstd(reader);
+    for (const Compression each : {Compression::kGzip, Compression::kZstd, Compression::kXz,
+                                   Compression::kBzip2}) {
+      SupportCompression(reader, each);
+    }
     archive_read_support_format_raw(reader);
   }
   archive_read_support_format_empty(reader);
@@ -136,12 +138,27 @@ absl::StatusOr<std::string_view> DecompressedStream::Next() {
   return archive_.NextData();
 }
 
-bool IsCompressed(int file) {
-  std::array<unsigned char, 4> magic = {};
-  if (::pread(file, magic.data(), magic.size(), 0) != std::ssize(magic)) return false;
-  const uint32_t number = magic[0] | magic[1] << 8 | magic[2] << 16 | uint32_t{magic[3]} << 24;
-  return (number & 0xffff) == 0x8b1f || number == 0xfd2fb528 ||
-         (number & 0xfffffff0) == 0x184d2a50;
+Compression CompressionOf(int file) {
+  std::array<char, 6> bytes = {};
+  const ssize_t got = ::pread(file, bytes.data(), bytes.size(), 0);
+  const std::string_view magic(bytes.data(), static_cast<size_t>(std::max<ssize_t>(got, 0)));
+  using std::string_view_literals::operator""sv;
+  if (magic.starts_with("\x1f\x8b")) return Compression::kGzip;
+  if (magic.starts_with("\xfd" "7zXZ\0"sv)) return Compression::kXz;
+  if (magic.starts_with("BZh")) return Compression::kBzip2;
+  // A skippable frame may precede zstd's own.
+  const bool skippable = magic.size() >= 4 && (magic[0] & 0xf0) == 0x50 && magic.substr(1, 3) == "\x2a\x4d\x18";
+  return magic.starts_with("\x28\xb5\x2f\xfd") || skippable ? Compression::kZstd : Compression::kNone;
+}
+
+void SupportCompression(archive* reader, Compression compression) {
+  switch (compression) {
+    case Compression::kNone: return;
+    case Compression::kGzip: archive_read_support_filter_gzip(reader); return;
+    case Compression::kZstd: archive_read_support_filter_zstd(reader); return;
+    case Compression::kXz: archive_read_support_filter_xz(reader); return;
+    case Compression::kBzip2: archive_read_support_filter_bzip2(reader); return;
+  }
 }
 
 }  // namespace myograde::server

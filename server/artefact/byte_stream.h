@@ -92,8 +92,8 @@ class StreamArchive {
   std::unique_ptr<archive, ArchiveReader> reader_;
 };
 
-// What a stream yields once it is decompressed, by gzip or zstd; the bytes themselves if they are
-// not compressed.
+// What a stream yields once it is decompressed, whatever of gzip, zstd, xz and bzip2 it is; the bytes
+// themselves if they are not compressed.
 class DecompressedStream : public ByteStream {
  public:
   explicit DecompressedStream(ByteStream& from)
@@ -106,7 +106,12 @@ class DecompressedStream : public ByteStream {
   bool empty_ = false;
 };
 
-// Whether a file begins as gzip or zstd do.
-bool IsCompressed(int file);
+// How a file is compressed, by its first bytes.
+enum class Compression { kNone, kGzip, kZstd, kXz, kBzip2 };
+Compression CompressionOf(int file);
+inline bool IsCompressed(int file) { return CompressionOf(file) != Compression::kNone; }
+
+// Lets a reader undo it, and no other.
+void SupportCompression(archive* reader, Compression compression);
 
 }  // namespace myograde::server

@@ -3,6 +3,7 @@
 #include <archive_entry.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 
 #include <absl/strings/str_cat.h>
@@ -59,18 +60,24 @@ absl::StatusOr<std::string_view> MemberStream::Next() {
 bool ImageArchive::MayBe(int file) {
   FileStream stream(file);
   DecompressedStream bytes(stream);
-  StreamArchive archive(bytes, StreamArchive::Form::kTar);
-  archive_entry* entry = nullptr;
+  const bool compressed = IsCompressed(file);
+  StreamArchive archive(compressed ? static_cast<ByteStream&>(bytes) : stream,
+                        StreamArchive::Form::kTar);
   if (!archive.Open().ok()) return false;
-  const absl::StatusOr<bool> found = archive.NextEntry(&entry);
-  if (!found.ok() || !*found || archive_entry_pathname(entry) == nullptr) return false;
-  std::string top = PlainMemberName(archive_entry_pathname(entry));
-  top.erase(std::min(top.find('/'), top.size()));
-  for (const char* known : {"blobs", "oci-layout", "index.json", "manifest.json", "repositories"}) {
-    if (top == known) return true;
+  bool lists = false;
+  for (size_t members = 0; members < kMaxMembers; ++members) {
+    archive_entry* entry = nullptr;
+    const absl::StatusOr<bool> found = archive.NextEntry(&entry);
+    if (!found.ok() || !*found) return lists;
+    const char* raw = archive_entry_pathname(entry);
+    if (raw == nullptr) return false;
+    const std::string name = PlainMemberName(raw);
+    if (name == "policy.json") return false;
+    lists = lists || name == "manifest.json" || name == "index.json";
+    const bool in_folder = name.find('/') != std::string::npos;
+    if (compressed && in_folder && !name.starts_with("blobs/") && !IsHexDigest(name)) return false;
   }
-  // Docker's archives begin with a folder or file that is named by its digest.
-  return IsHexDigest(top);
+  return lists;
 }
 
 absl::StatusOr<ImageArchive> ImageArchive::Index(int file) {
@@ -109,11 +116,29 @@ absl::Status ImageArchive::Take(archive_entry* entry, int64_t position) {
   } else if (archive_entry_sparse_count(entry) > 0) {
     return BadImage(absl::StrCat("has the member ", Quoted(name), ", which is a sparse file"));
   }
-  if (!members_.emplace(name, std::move(member)).second) {
-    return BadImage(absl::StrCat("has the member ", Quoted(name), " twice"));
+  if (const auto [there, added] = members_.emplace(name, member); !added) {
+    const absl::StatusOr<bool> equal = Equal(there->second, member);
+    if (!equal.ok()) return equal.status();
+    if (!*equal) {
+      return BadImage(absl::StrCat("has the member ", Quoted(name), " twice, with other content"));
+    }
   }
   if (members_.size() > kMaxMembers) return BadImage("has more members than images have");
   return absl::OkStatus();
+}
+
+absl::StatusOr<bool> ImageArchive::Equal(const Member& a, const Member& b) const {
+  if (a.size != b.size || a.link != b.link) return false;
+  if (!a.link.empty()) return true;
+  std::array<std::string, 2> digests;
+  for (size_t i = 0; i < digests.size(); ++i) {
+    MemberStream stream(file_, i == 0 ? a.position : b.position);
+    int64_t left = a.size;
+    CheckedStream checked(stream, "a member", left);
+    if (absl::Status read = checked.Finish(); !read.ok()) return read;
+    digests[i] = checked.sha256();
+  }
+  return digests[0] == digests[1];
 }
 
 bool ImageArchive::IsImage() const {
@@ -240,8 +265,9 @@ absl::Status ImageArchive::Collect(const nlohmann::json& index, int depth,
     const std::string system = TextAt(platform, "os");
     const std::string name = absl::StrCat(system, "/", TextAt(platform, "architecture"));
     if (system == "unknown") continue;  // attestations
-    const absl::StatusOr<Described> described = Descriptor(entry, "index");
+    absl::StatusOr<Described> described = Descriptor(entry, "index");
     if (!described.ok()) return described.status();
+    described->variant = TextAt(platform, "variant");
     if (IsIndex(TextAt(entry, "mediaType"))) {
       if (depth >= kMaxIndexDepth) return BadImage("has an index in an index in an index");
       const absl::StatusOr<nlohmann::json> inner = BlobOf(*described, "index");
@@ -251,7 +277,9 @@ absl::Status ImageArchive::Collect(const nlohmann::json& index, int depth,
     } else if (platform.is_object() && name != "linux/amd64") {
       if (others.size() < 16) others.push_back(Quoted(name));
     } else {
-      fitting.emplace(described->sha256, *described);
+      const absl::StatusOr<bool> image = IsOfImage(*described);
+      if (!image.ok()) return image.status();
+      if (*image) fitting.emplace(described->sha256, *described);
     }
   }
   return absl::OkStatus();
@@ -268,6 +296,10 @@ absl::StatusOr<ImageContent> ImageArchive::ReadOci() const {
     return BadImage(absl::StrCat("is for ", absl::StrJoin(others, ", "), ", and the server runs "
                                  "linux/amd64; build it with --platform linux/amd64"));
   }
+  // Of variants for newer processors, the one that runs on most.
+  std::string least = fitting.empty() ? "" : fitting.begin()->second.variant;
+  for (const auto& [sha256, described] : fitting) least = std::min(least, described.variant);
+  std::erase_if(fitting, [&](const auto& one) { return one.second.variant != least; });
   if (fitting.size() != 1) {
     return absl::InvalidArgumentError(absl::StrCat("the archive's index.json lists ", fitting.size(),
                                                    " images; save exactly one"));
@@ -276,6 +308,23 @@ absl::StatusOr<ImageContent> ImageArchive::ReadOci() const {
   if (!content.ok()) return content;
   content->tag = TagOfIndex(*index);
   return content;
+}
+
+absl::StatusOr<bool> ImageArchive::IsOfImage(const Described& described) const {
+  const absl::StatusOr<nlohmann::json> manifest = BlobOf(described, "manifest");
+  if (!manifest.ok()) return manifest.status();
+  if (!TextAt(*manifest, "artifactType").empty() || manifest->contains("subject")) return false;
+  const std::string kind = TextAt(At(*manifest, "config"), "mediaType");
+  if (kind != "application/vnd.oci.image.config.v1+json" &&
+      kind != "application/vnd.docker.container.image.v1+json") {
+    return false;
+  }
+  // Signatures have an image's config, and layers that are no archives.
+  const nlohmann::json& layers = At(*manifest, "layers");
+  return std::all_of(layers.begin(), layers.end(), [](const nlohmann::json& layer) {
+    const std::string layer_kind = TextAt(layer, "mediaType");
+    return layer_kind.find("layer") != std::string::npos || layer_kind.find("rootfs") != std::string::npos;
+  });
 }
 
 absl::StatusOr<ImageContent> ImageArchive::ReadManifest(const Described& described) const {

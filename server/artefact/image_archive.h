@@ -49,7 +49,8 @@ struct ImageContent {
 
 class ImageArchive {
  public:
-  // True if the archive may be an image, by the name of its first member. Cheap.
+  // True if the archive may be an image: it has an image's list of content, and no policy.json. Of a
+  // compressed archive, stops at the first member that no image has.
   static bool MayBe(int file);
 
   // Lists the members. `file` must outlive it. InvalidArgumentError: it is no tar, or has more
@@ -75,9 +76,12 @@ class ImageArchive {
   struct Described {  // a content descriptor
     std::string sha256;
     int64_t size = 0;
+    std::string variant;  // of the platform's processor; "": the usual one
   };
 
   absl::Status Take(archive_entry* entry, int64_t position);
+  // Whether two members have the same bytes.
+  absl::StatusOr<bool> Equal(const Member& a, const Member& b) const;
   // The member that a name stands for, through links.
   absl::StatusOr<std::string> Find(const std::string& name) const;
   absl::StatusOr<std::string> TextOf(const std::string& name) const;
@@ -86,6 +90,9 @@ class ImageArchive {
   absl::StatusOr<ImageContent> ReadDocker() const;
   absl::StatusOr<ImageContent> ReadOci() const;
   absl::StatusOr<ImageContent> ReadManifest(const Described& described) const;
+  // Whether a manifest is that of an image, and not of what builders add to one (signatures, bills of
+  // materials).
+  absl::StatusOr<bool> IsOfImage(const Described& described) const;
   absl::StatusOr<Described> Descriptor(const nlohmann::json& json, const std::string& where) const;
   absl::Status Collect(const nlohmann::json& index, int depth,
                        std::map<std::string, Described>& fitting,

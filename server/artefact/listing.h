@@ -47,6 +47,9 @@ class Listing {
   absl::Status AddBytes(const std::string& path, int64_t bytes);
   absl::Status CheckRoom(const std::string& path, int64_t bytes) const;
 
+  // REQUIRES: there is a file at `path`.
+  void MakeExecutable(const std::string& path) { entries_.at(path).executable = true; }
+
   // The error for an archive with too many entries.
   absl::Status TooManyEntries(std::string_view where) const;
 

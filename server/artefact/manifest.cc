@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <climits>
 #include <filesystem>
@@ -35,12 +36,24 @@ constexpr int kMaxLinkHops = 16;
 // its content.
 absl::Status MissingManifest(int root) {
   std::string hint;
+  if (OpenBeneath(root, ".dockerenv", O_PATH).valid() ||
+      (OpenBeneath(root, "usr/bin", O_PATH).valid() && OpenBeneath(root, "etc", O_PATH).valid())) {
+    hint = "; it looks like the files of a container without the image's configuration, as \"docker "
+           "export\" writes them: save the image, with \"docker save\" or \"podman save\"";
+  }
   const int copy = ::openat(root, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (DIR* names = copy >= 0 ? ::fdopendir(copy) : nullptr; names != nullptr) {
     while (const dirent* name = ::readdir(names)) {
       const std::string inner = std::string(name->d_name) + "/policy.json";
-      if (inner.starts_with('.') || !OpenBeneath(root, inner, O_PATH).valid()) continue;
-      hint = absl::StrCat("; it is at ", Quoted(inner), ", so submit that folder itself");
+      if (inner.starts_with('.')) continue;
+      const std::string folder(name->d_name);
+      if (OpenBeneath(root, inner, O_PATH).valid()) {
+        hint = absl::StrCat("; it is at ", Quoted(inner), ", so submit that folder itself");
+      } else if (OpenBeneath(root, folder + "/index.json", O_PATH).valid() ||
+                 OpenBeneath(root, folder + "/manifest.json", O_PATH).valid()) {
+        hint = absl::StrCat("; the folder ", Quoted(folder), " looks like a container image: pack what is in "
+                            "it and not the folder, with \"tar -C ", folder, " -cf image.tar .\"");
+      }
     }
     ::closedir(names);
   }
@@ -70,6 +83,12 @@ absl::StatusOr<std::string> ReadManifestText(int root) {
         absl::StrCat("policy.json is larger than ", kMaxManifestBytes, " bytes"));
   }
   text.resize(size);
+  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff") ||
+      text.find('\0') != std::string::npos) {
+    return absl::InvalidArgumentError(
+        "policy.json is not in UTF-8, perhaps in UTF-16, as some shells and editors of Windows write files; "
+        "save it as UTF-8 (in PowerShell: Set-Content -Encoding utf8)");
+  }
   return text;
 }
 
@@ -77,6 +96,15 @@ absl::Status BadCommand(std::string_view command, std::string_view rule) {
   return absl::InvalidArgumentError(absl::StrCat("policy.json: \"command\" starts with ",
                                                  Quoted(command), ", which ",
                                                  absl::string_view(rule.data(), rule.size())));
+}
+
+// Whether a script's first line ends as lines do in Windows.
+bool HasCarriageReturn(int root, const std::string& path) {
+  const Fd file = OpenBeneath(root, path, O_RDONLY | O_NONBLOCK);
+  std::array<char, 256> bytes = {};
+  const ssize_t got = file.valid() ? ::pread(file.get(), bytes.data(), bytes.size(), 0) : 0;
+  const std::string_view text(bytes.data(), static_cast<size_t>(std::max<ssize_t>(got, 0)));
+  return text.starts_with("#!") && text.substr(0, text.find('\n')).ends_with('\r');
 }
 
 // Resolves the links of a relative command by hand: an absolute target belongs to the sandbox,
@@ -96,6 +124,10 @@ absl::Status CheckProgram(int root, const std::string& command) {
                                                   "or a program of the sandbox as python3");
     }
     if (S_ISREG(info.st_mode)) {
+      if (HasCarriageReturn(root, path)) {
+        return BadCommand(command, "is a script with the line ends of Windows, so its first line names no "
+                                   "program; save it with those of Unix (LF; \"dos2unix\" does that)");
+      }
       if ((info.st_mode & 0111) != 0) return absl::OkStatus();
       return BadCommand(command, "is not executable; set its bit with chmod +x");
     }

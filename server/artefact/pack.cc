@@ -322,7 +322,8 @@ absl::StatusOr<ArtefactManifest> Repack(const std::string& source, const Packing
 }
 
 bool HasArchiveName(const std::string& path) {
-  for (const std::string_view ending : {".tar", ".tar.gz", ".tgz", ".tar.zst", ".zip"}) {
+  for (const std::string_view ending : {".tar", ".tar.gz", ".tgz", ".tar.zst", ".tzst", ".tar.xz",
+                                        ".txz", ".tar.bz2", ".tbz2", ".tbz", ".zip"}) {
     if (path.ends_with(ending)) return true;
   }
   return false;
@@ -352,7 +353,7 @@ absl::StatusOr<ArtefactManifest> PackArtefact(const std::string& path, const std
   if ((info.st_mode & 0111) == 0) {
     return absl::InvalidArgumentError(
         "is not executable; set its bit with chmod +x, or give a folder with a policy.json or an "
-        "archive of one (.tar, .tar.gz, .tar.zst, .zip)");
+        "archive of one (.tar, .tar.gz, .tar.zst, .tar.xz, .tar.bz2, .zip)");
   }
   if (info.st_size == 0) return absl::InvalidArgumentError("is an empty file, not a program");
   return PackProgram(path, packing);

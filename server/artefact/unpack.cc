@@ -18,6 +18,7 @@
 #include "server/artefact/archive_errors.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/beneath.h"
+#include "server/artefact/byte_stream.h"
 #include "server/artefact/listing.h"
 #include "server/artefact/submitted_manifest.h"
 #include "server/artefact/unpack_image.h"
@@ -198,7 +199,13 @@ absl::Status Unpacker::CopyContent(const std::string& path, int fd, Entry& file)
     if (got == 0) break;
     const absl::Status counted = listing_.AddBytes(path, got);
     if (!counted.ok()) return counted;
-    hash.Update(std::string_view(buffer.data(), static_cast<size_t>(got)));
+    const std::string_view piece(buffer.data(), static_cast<size_t>(got));
+    if (file.size == 0 && piece.starts_with("version https://git-lfs.github.com/spec/")) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "the file ", Quoted(path), " is a pointer of Git LFS in place of its content; get that with "
+          "\"git lfs pull\" before you pack, or leave the file out"));
+    }
+    hash.Update(piece);
     for (la_ssize_t done = 0; done < got;) {
       const ssize_t put = ::write(fd, buffer.data() + done, static_cast<size_t>(got - done));
       if (put < 0 && errno == EINTR) continue;
@@ -219,29 +226,40 @@ absl::Status CheckLimits(const ArtefactLimits& limits) {
   return absl::OkStatus();
 }
 
-enum class Compression { kNone, kGzip, kZstd };
-
-// By the file's first bytes. A skippable frame may precede zstd's own.
-Compression CompressionOf(int file) {
-  std::array<unsigned char, 4> magic = {};
-  if (::pread(file, magic.data(), magic.size(), 0) != std::ssize(magic)) {
-    return Compression::kNone;
-  }
-  if (magic[0] == 0x1f && magic[1] == 0x8b) return Compression::kGzip;
-  const uint32_t number = magic[0] | magic[1] << 8 | magic[2] << 16 | uint32_t{magic[3]} << 24;
-  const bool zstd = number == 0xfd2fb528 || (number & 0xfffffff0) == 0x184d2a50;
-  return zstd ? Compression::kZstd : Compression::kNone;
-}
-
 // A reader for the documented kinds of archive only: each further parser of libarchive adds attack
 // surface.
 std::unique_ptr<archive, ArchiveReader> MakeReader(Compression compression) {
   std::unique_ptr<archive, ArchiveReader> reader(archive_read_new());
-  if (compression == Compression::kGzip) archive_read_support_filter_gzip(reader.get());
-  if (compression == Compression::kZstd) archive_read_support_filter_zstd(reader.get());
+  SupportCompression(reader.get(), compression);
   archive_read_support_format_tar(reader.get());
   archive_read_support_format_zip(reader.get());
   return reader;
+}
+
+bool IsProgram(int file) {
+  std::array<char, 4> bytes = {};
+  const ssize_t got = ::pread(file, bytes.data(), bytes.size(), 0);
+  const std::string_view magic(bytes.data(), static_cast<size_t>(std::max<ssize_t>(got, 0)));
+  return magic.starts_with("#!") || magic == "\x7f" "ELF";
+}
+
+// Archives from Windows have no modes. Where no file can be executed and the submission needs one that
+// can, its programs and scripts become executable.
+absl::Status AddModes(int folder, Listing& listing) {
+  for (const auto& [path, entry] : listing.entries()) {
+    if (entry.executable) return absl::OkStatus();
+  }
+  if (ReadSubmittedManifest(folder).ok()) return absl::OkStatus();
+  for (const auto& [path, entry] : listing.entries()) {
+    if (entry.type != EntryType::kFile) continue;
+    const Fd file = OpenBeneath(folder, path, O_RDONLY | O_NONBLOCK);
+    if (!file.valid() || !IsProgram(file.get())) continue;
+    if (::fchmod(file.get(), 0755) != 0) {
+      return HostError(absl::StrCat("can't set the mode of ", Quoted(path)));
+    }
+    listing.MakeExecutable(path);
+  }
+  return absl::OkStatus();
 }
 
 // Unpacks an ordinary submission, which may hold an image's archive as a file.
@@ -256,7 +274,7 @@ absl::StatusOr<Listing> UnpackFiles(int archive, int folder, const ArtefactLimit
         absl::StrCat(absl::string_view(what.data(), what.size()), ": ", ArchiveReason(reader.get())));
   };
   if (archive_read_open_fd(reader.get(), archive, 64 << 10) != ARCHIVE_OK) {
-    return broken("this is no archive of a kind that is accepted (tar, tar.gz, tar.zst, zip)");
+    return broken("this is no archive of a kind that is accepted (tar, tar.gz, tar.zst, tar.xz, tar.bz2, zip)");
   }
   // One layer besides the file itself: nested bombs multiply.
   if (archive_filter_count(reader.get()) > (compression == Compression::kNone ? 1 : 2)) {
@@ -276,12 +294,14 @@ absl::StatusOr<Listing> UnpackFiles(int archive, int folder, const ArtefactLimit
     // missing.
     if (result != ARCHIVE_OK && result != ARCHIVE_WARN) {
       return broken(
-          "the archive is broken or of a kind that is not accepted (tar, tar.gz, tar.zst, zip)");
+          "the archive is broken or of a kind that is not accepted (tar, tar.gz, tar.zst, tar.xz, tar.bz2, zip)");
     }
     const absl::Status taken = unpacker.Take(entry);
     if (!taken.ok()) return taken;
   }
-  return unpacker.listing();
+  Listing listing = unpacker.listing();
+  if (absl::Status status = AddModes(folder, listing); !status.ok()) return status;
+  return listing;
 }
 
 // Replaces a submission's two files by the image's content. The archive's name is gone first, so

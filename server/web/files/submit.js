@@ -49,7 +49,7 @@ function parcelOf(files) {
   }
   if (!files.some((one) => one.path === "policy.json")) {
     throw new Error("There is no policy.json at the top of what you chose. Choose the folder that has "
-      + "it, or an archive (.tar, .tar.gz, .tar.zst) of that folder's content.");
+      + "it, or an archive (.tar, .tar.gz, .tar.xz, .tar.bz2, .tar.zst) of that folder's content.");
   }
   const blob = pack(files);
   return {words: `${whole(files.length)} files, ${bytes(blob.size)}`, blob};

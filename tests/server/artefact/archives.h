@@ -39,7 +39,14 @@ struct Raw {
   std::string hard_link = {};
 };
 
-enum class Kind { kTar, kTarGz, kTarZst, kZip, kEncryptedZip };
+enum class Kind { kTar, kTarGz, kTarZst, kTarXz, kTarBz2, kZip, kEncryptedZip };
+
+inline void AddFilter(archive* a, Kind kind) {
+  if (kind == Kind::kTarGz) archive_write_add_filter_gzip(a);
+  if (kind == Kind::kTarZst) archive_write_add_filter_zstd(a);
+  if (kind == Kind::kTarXz) archive_write_add_filter_xz(a);
+  if (kind == Kind::kTarBz2) archive_write_add_filter_bzip2(a);
+}
 
 inline void WriteArchive(const std::string& path, const std::vector<Raw>& entries,
                          Kind kind = Kind::kTar) {
@@ -49,8 +56,7 @@ inline void WriteArchive(const std::string& path, const std::vector<Raw>& entrie
   } else {
     archive_write_set_format_pax_restricted(a);
   }
-  if (kind == Kind::kTarGz) archive_write_add_filter_gzip(a);
-  if (kind == Kind::kTarZst) archive_write_add_filter_zstd(a);
+  AddFilter(a, kind);
   if (kind == Kind::kEncryptedZip) {
     ASSERT_EQ(archive_write_set_options(a, "zip:encryption=traditional"), ARCHIVE_OK);
     ASSERT_EQ(archive_write_set_passphrase(a, "secret"), ARCHIVE_OK);
@@ -73,12 +79,11 @@ inline void WriteArchive(const std::string& path, const std::vector<Raw>& entrie
   archive_write_free(a);
 }
 
-// Bytes packed by a filter only: gzip or zstd around any content.
+// Bytes packed by a filter only, around any content.
 inline void WritePacked(const std::string& path, std::string_view bytes, Kind kind) {
   archive* a = archive_write_new();
   archive_write_set_format_raw(a);
-  if (kind == Kind::kTarGz) archive_write_add_filter_gzip(a);
-  if (kind == Kind::kTarZst) archive_write_add_filter_zstd(a);
+  AddFilter(a, kind);
   ASSERT_EQ(archive_write_open_filename(a, path.c_str()), ARCHIVE_OK);
   archive_entry* entry = archive_entry_new();
   archive_entry_set_filetype(entry, AE_IFREG);

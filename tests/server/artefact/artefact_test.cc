@@ -74,7 +74,8 @@ TEST(UnpackArtefact, EveryKindOfArchiveGivesTheSameDigest) {
   EXPECT_EQ(tar->manifest.command, std::vector<std::string>{"./policy"});
   EXPECT_EQ(tar->files, 4);  // counts the folder
   EXPECT_EQ(tar->bytes, static_cast<int64_t>(sizeof kManifest - 1 + 10 + 1));
-  for (const Kind kind : {Kind::kTarGz, Kind::kTarZst, Kind::kZip}) {
+  for (const Kind kind :
+       {Kind::kTarGz, Kind::kTarZst, Kind::kTarXz, Kind::kTarBz2, Kind::kZip}) {
     const auto other = Unpack(entries, kind);
     ASSERT_TRUE(other.ok()) << other.status();
     EXPECT_EQ(other->digest, tar->digest);
@@ -253,6 +254,50 @@ TEST(ReadManifest, WantsAProgramThatCanBeRun) {
   EXPECT_THAT(command("a", {{.path = "a", .mode = AE_IFLNK | 0777, .link = "b"},
                             {.path = "b", .mode = AE_IFLNK | 0777, .link = "a"}}),
               HasSubstr("loop"));
+}
+
+TEST(UnpackArtefact, WithoutAnyModeProgramsAreExecutable) {
+  const auto with_modes = Unpack({Manifest(), Program(), {.path = "data", .content = "d"}});
+  ASSERT_TRUE(with_modes.ok()) << with_modes.status();
+  for (const Kind kind : {Kind::kTar, Kind::kZip}) {
+    const auto without = Unpack({Manifest(), {.path = "policy", .content = "#!/bin/sh\n"},
+                                 {.path = "data", .content = "d"}}, kind);
+    ASSERT_TRUE(without.ok()) << without.status();
+    EXPECT_EQ(without->digest, with_modes->digest);
+  }
+  // Where any file has one, all are meant.
+  const auto mixed = Unpack({Manifest(), {.path = "policy", .content = "#!/bin/sh\n"},
+                             {.path = "tool", .content = "#!/bin/sh\n", .mode = AE_IFREG | 0755}});
+  EXPECT_THAT(std::string(mixed.status().message()), HasSubstr("chmod +x"));
+  // Where nothing needs one, the artefact stays what it was.
+  const std::string python = R"({"name": "p", "command": ["python3", "policy"]})";
+  const auto script = Unpack({Manifest(python), {.path = "policy", .content = "#!/bin/sh\n"}});
+  const auto program = Unpack({Manifest(python), Program()});
+  ASSERT_TRUE(script.ok() && program.ok());
+  EXPECT_NE(script->digest, program->digest);
+  // On the way of the command line.
+  const TempFolder temp;
+  WriteArchive(temp / "a.zip", {Manifest(), {.path = "policy", .content = "#!/bin/sh\n"}}, Kind::kZip);
+  const auto packed = PackArtefact(temp / "a.zip", temp / "packed", {});
+  EXPECT_TRUE(packed.ok()) << packed.status();
+}
+
+TEST(ReadManifest, WhatWindowsWritesIsExplained) {
+  std::string wide = "\xff\xfe";
+  for (const char c : std::string(kManifest)) wide += {c, '\0'};
+  EXPECT_THAT(ManifestComplaint(wide), HasSubstr("save it as UTF-8"));
+  EXPECT_THAT(ManifestComplaint(wide.substr(2)), HasSubstr("save it as UTF-8"));
+  EXPECT_EQ(ManifestComplaint("\xef\xbb\xbf" + std::string(kManifest)), "");
+  EXPECT_THAT(ManifestComplaint(R"({"name": "n", "command": ["./run"]})",
+                                {{.path = "run", .content = "#!/bin/sh\r\nexec ./policy\r\n",
+                                  .mode = AE_IFREG | 0755}}),
+              HasSubstr("line ends of Windows"));
+}
+
+TEST(UnpackArtefact, APointerOfGitLfsIsNoContent) {
+  EXPECT_THAT(Complaint({{.path = "weights.pt", .content = "version https://git-lfs.github.com/spec/v1\n"
+                                                           "oid sha256:12\nsize 4\n"}}),
+              HasSubstr("git lfs pull"));
 }
 
 TEST(ReadManifest, ABareWordIsAFileOfTheSubmissionOrAProgramOnThePath) {

@@ -15,13 +15,14 @@ from typing import BinaryIO
 
 from ..errors import WrongUse
 
-SENT_AS_THEY_ARE = (".tar", ".tar.gz", ".tgz", ".tar.zst")
+SENT_AS_THEY_ARE = (".tar", ".tar.gz", ".tgz", ".tar.zst", ".tzst", ".tar.xz", ".txz", ".tar.bz2",
+                    ".tbz2", ".tbz")
 MANIFESTS = ("policy.json", "./policy.json")
 
 
 def pack(path: str | os.PathLike[str], target: BinaryIO, name: str | None = None) -> None:
     """Writes to `target` a tar of the submission at `path`: a folder with a policy.json, one
-    executable file, or an archive (.tar, .tar.gz, .tgz, .tar.zst, .zip) of such a folder or of a
+    executable file, or an archive (.tar, .tar.gz, .tar.zst, .tar.xz, .tar.bz2, .zip) of such a folder or of a
     container image. `name` takes the place of the name in policy.json, or of that which an image
     was saved by. WrongUse names what can't be packed."""
     source = pathlib.Path(path)
@@ -121,7 +122,7 @@ def _pack_program(program: pathlib.Path, target: BinaryIO, policy_name: str) -> 
     info = os.stat(program)
     if not info.st_mode & 0o111:
         raise WrongUse(f"{program}: is not executable; set its bit with chmod +x, or give a folder "
-                       "with a policy.json or an archive of one (.tar, .tar.gz, .tar.zst, .zip)")
+                       "with a policy.json or an archive of one (.tar, .tar.gz, .tar.zst, .tar.xz, .tar.bz2, .zip)")
     about = json.dumps({"name": policy_name, "command": [f"./{program.name}"]}).encode()
     with _writer(target) as archive:
         _add_file(archive, program.name, program, info)
