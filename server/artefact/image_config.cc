@@ -45,7 +45,7 @@ absl::Status ReadVariables(const Json& config, PolicyImage& image) {
     if (equals == 0 || equals == std::string::npos) continue;
     const std::string name = variable.substr(0, equals);
     // The grader's own.
-    if (name == "HOME" || name.starts_with("MYOGRADE_")) continue;
+    if (name.starts_with("MYOGRADE_")) continue;
     image.environment[name] = variable.substr(equals + 1);
     bytes += variable.size() + 1;
   }
@@ -166,9 +166,13 @@ absl::Status FindUser(std::string_view user, std::string_view passwd, std::strin
   const size_t colon = user.find(':');
   const std::string_view name = user.substr(0, colon);
   const std::string_view group_name = colon == std::string_view::npos ? "" : user.substr(colon + 1);
+  std::vector<std::string> line = LineWith(passwd, 0, name.empty() ? "root" : name);
+  if (line.empty()) line = LineWith(passwd, 2, name.empty() ? "0" : name);
+  const bool root = name.empty() || name == "root" || name == "0";
+  std::string home = line.size() > 5 ? line[5] : "";
+  if (home.empty()) home = root ? "/root" : "/";
+  image.environment.emplace("HOME", std::move(home));
   if (name.empty()) return absl::OkStatus();
-  std::vector<std::string> line = LineWith(passwd, 0, name);
-  if (line.empty()) line = LineWith(passwd, 2, name);
   const std::optional<int64_t> uid = IdOf(line.empty() ? name : std::string_view(line[2]));
   if (!uid.has_value() || *uid > INT32_MAX) return UnknownUser("user", name, "/etc/passwd");
   std::optional<int64_t> gid = line.size() > 3 ? IdOf(line[3]) : 0;

@@ -38,7 +38,8 @@ std::string TagOfIndex(const nlohmann::json& index);
 absl::StatusOr<std::string> DigestOf(std::string_view text, std::string_view where);
 
 // The user and group inside the sandbox for an image's "USER[:GROUP]", by its /etc/passwd and
-// /etc/group, which are untrusted. Root, and an image without a user, become `image`'s defaults.
+// /etc/group, which are untrusted. Root, and an image without a user, become `image`'s defaults. Sets
+// HOME as engines do, unless the image's environment has it: the user's folder in /etc/passwd.
 absl::Status FindUser(std::string_view user, std::string_view passwd, std::string_view group,
                       PolicyImage& image);
 

@@ -393,7 +393,15 @@ absl::Status ImageTree::Finish(std::string_view user, PolicyImage& image) {
   if (!passwd.ok()) return passwd.status();
   const absl::StatusOr<std::string> group = ReadText("etc/group");
   if (!group.ok()) return group.status();
-  return FindUser(user, *passwd, *group, image);
+  if (absl::Status found = FindUser(user, *passwd, *group, image); !found.ok()) return found;
+  // Without such a folder the sandbox's own HOME serves better, which can be written.
+  const std::string& home = image.environment["HOME"];
+  const absl::StatusOr<std::string> real = Real(home);
+  const auto folder = real.ok() ? nodes_.find(*real) : nodes_.end();
+  const bool there = home.starts_with('/') && folder != nodes_.end() &&
+                     folder->second.entry.type == EntryType::kFolder;
+  if (!there) image.environment.erase("HOME");
+  return absl::OkStatus();
 }
 
 absl::Status ImageTree::ListIn(Listing& listing) const {

@@ -253,9 +253,37 @@ TEST_F(ImageTest, UserWorkingFolderAndEnvironmentAreTheImages) {
     EXPECT_THAT(std::string(refused.status().message()), HasSubstr("is not in its /etc/"))
         << unknown;
   }
+  EXPECT_EQ(unpack({{"Entrypoint", {"/run"}}, {"User", "app"}})->manifest.image->environment,
+            (std::map<std::string, std::string>{})) << "it is /, which the list of files does not name";
   for (const char* folder : {"relative", "/proc/self", "/run"}) {
     EXPECT_FALSE(unpack({{"Entrypoint", {"/run"}}, {"WorkingDir", folder}}).ok()) << folder;
   }
+}
+
+TEST_F(ImageTest, HomeIsThatOfTheImage) {
+  const std::string layer = Layer(
+      kRun + TarEntry('0', "root/.cache/weights", "w") + TarEntry('0', "home/app/.cache/weights", "w") +
+      TarEntry('0', "opt/own/x", "x") + TarEntry('2', "link", {}, "opt/own") +
+      TarEntry('0', "etc/passwd", "root:x:0:0::/root:/bin/sh\napp:x:1000:1000::/home/app:/bin/sh\n"
+                                  "gone:x:1001:1001::/home/gone:/bin/sh\n"));
+  const auto home = [&](const std::string& user, const Json& variables) {
+    const auto artefact = Unpack(DockerImage(
+        {layer}, ImageConfigOf({layer}, {{"Entrypoint", {"/run"}}, {"User", user}, {"Env", variables}})));
+    EXPECT_TRUE(artefact.ok()) << artefact.status();
+    const auto& environment = artefact->manifest.image->environment;
+    return environment.contains("HOME") ? environment.at("HOME") : "";
+  };
+  EXPECT_EQ(home("", Json::array()), "/root");
+  EXPECT_EQ(home("0", Json::array()), "/root");
+  EXPECT_EQ(home("app", Json::array()), "/home/app");
+  EXPECT_EQ(home("1000:1000", Json::array()), "/home/app");
+  EXPECT_EQ(home("app", {"HOME=/opt/own"}), "/opt/own");
+  EXPECT_EQ(home("app", {"HOME=/link"}), "/link");
+  for (const char* none : {"/nowhere", "relative", "/opt/own/x", "/proc", ""}) {
+    EXPECT_EQ(home("app", {std::string("HOME=") + none}), "") << none;
+  }
+  EXPECT_EQ(home("gone", Json::array()), "");
+  EXPECT_EQ(home("77", Json::array()), "");
 }
 
 TEST_F(ImageTest, AFolderWithAnImageIsTheSameArtefactWhereverItIsUnpacked) {

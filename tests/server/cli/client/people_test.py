@@ -123,10 +123,10 @@ class PeopleTest(CliCase):
         self.assertIn("There are no tokens yet", myograde("token", "list", *at).stdout)
 
     def test_a_token_that_cannot_be_printed_is_revoked(self):
+        socket = self.serve({"POST /v1/tokens": (201, {**TOKEN, "token": TEXT}),
+                             "POST /v1/tokens/7/revoke": (200, {**TOKEN, "changed": True})})
         for more in ((), ("--json",)):
             Handler.heard.clear()
-            socket = self.serve({"POST /v1/tokens": (201, {**TOKEN, "token": TEXT}),
-                                 "POST /v1/tokens/7/revoke": (200, {**TOKEN, "changed": True})})
             with open("/dev/full", "w", encoding="utf-8") as full:
                 done = subprocess.run(
                     [f"{BIN_DIR}/myograde", "token", "create", "--label", "l", "--socket", socket, *more],
