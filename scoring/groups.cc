@@ -116,7 +116,8 @@ double AheadOf(std::span<const Metric> metrics, const PlaceTest& test) {
 class PairTests {
  public:
   PairTests(std::span<const Metric> metrics, std::span<const TestedRow> rows,
-            const BoardRules& rules, const GroupRules& group_rules)
+            const BoardRules& rules, const GroupRules& group_rules,
+            const std::function<bool()>& stopped)
       : rows_(rows.size()) {
     std::vector<std::vector<JudgedEpisode>> episodes;
     for (const TestedRow& row : rows) {
@@ -126,6 +127,8 @@ class PairTests {
     }
     for (size_t below = 1; below < rows_; ++below) {
       for (size_t above = 0; above < below; ++above) {
+        stopped_ = stopped != nullptr && stopped();
+        if (stopped_) return;
         PlaceTest own;
         own.criterion = CriterionOf(rows[above].ranked, rows[below].ranked, rules);
         const Sampler sampler(metrics, own.criterion);
@@ -148,6 +151,7 @@ class PairTests {
     return tests_.at(below * (below - 1) / 2 + above);
   }
   int64_t count() const { return std::ssize(tests_); }
+  bool stopped() const { return stopped_; }
 
  private:
   // Holm's: the smallest p-value times the number of tests, the next one times one less, and none
@@ -167,6 +171,7 @@ class PairTests {
 
   size_t rows_;
   std::vector<PlaceTest> tests_;
+  bool stopped_ = false;
 };
 
 }  // namespace
@@ -182,9 +187,11 @@ Criterion CriterionOf(const RankedEntry& above, const RankedEntry& below,
 }
 
 Groups FormGroups(std::span<const Metric> metrics, std::span<const TestedRow> rows,
-                  const BoardRules& rules, const GroupRules& group_rules) {
+                  const BoardRules& rules, const GroupRules& group_rules,
+                  const std::function<bool()>& stopped) {
   rows = rows.first(std::min(rows.size(), static_cast<size_t>(group_rules.places)));
-  const PairTests tests(metrics, rows, rules, group_rules);
+  const PairTests tests(metrics, rows, rules, group_rules, stopped);
+  if (tests.stopped()) return {.places = {}, .tests = 0, .stopped = true};
   Groups groups{.places = {}, .tests = tests.count()};
   size_t opener = 0;
   int64_t group = 1;

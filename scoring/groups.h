@@ -13,6 +13,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -86,13 +87,16 @@ struct PlaceInGroup {
 struct Groups {
   std::vector<PlaceInGroup> places;  // of the tested rows, in their order
   int64_t tests = 0;                 // that the correction is over
+  bool stopped = false;              // it was given up, and the rest is empty
 };
 
 // `rows`: of a board by Rank under `rules`, in its order; those after the first GroupRules::places
 // are ignored. `metrics`: the track's. Episodes of one row must have different indices. A function
-// of its arguments alone; neither the order of episodes nor the board's other rows matter.
+// of its arguments alone; neither the order of episodes nor the board's other rows matter. `stopped`
+// is asked between tests: true gives it up.
 Groups FormGroups(std::span<const Metric> metrics, std::span<const TestedRow> rows,
-                  const BoardRules& rules, const GroupRules& group_rules);
+                  const BoardRules& rules, const GroupRules& group_rules,
+                  const std::function<bool()>& stopped = {});
 
 // The numbers that can rank a board's rows, the first first: success rate, or numbers by their place
 // in BoardEntry::numbers.

@@ -54,7 +54,8 @@ class Api {
   ArtefactsResource artefacts_{context_};
   SubmissionsResource submissions_{context_};
   EvaluationsResource evaluations_{context_};
-  BoardsResource boards_{context_};
+  KeptStatistics kept_statistics_;
+  BoardsResource boards_{context_, kept_statistics_};
   ChallengesResource challenges_{context_};
   NodesResource nodes_{context_};
   QuotaResource quota_{context_};
@@ -64,7 +65,7 @@ class Api {
   RejudgesResource rejudges_{context_};
   RevealResource reveal_{context_};
   RuntimesResource runtimes_{context_};
-  StatisticsResource statistics_{context_};
+  StatisticsResource statistics_{context_, kept_statistics_};
   MoreSeedsResource more_seeds_{context_};
   TeamsResource teams_{context_};
   TokensResource tokens_{context_};

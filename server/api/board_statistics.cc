@@ -76,7 +76,8 @@ absl::StatusOr<BoardStatistics> StatisticsOf(Reader& reader, const Track& track,
                                              const scoring::BoardRules& rules,
                                              const Leaderboard& board,
                                              const scoring::GroupRules& group_rules,
-                                             int64_t before_ms) {
+                                             int64_t before_ms,
+                                             const std::function<bool()>& stopped) {
   absl::StatusOr<FurtherItems> further = FurtherItemsOf(reader, track.config.hash);
   if (!further.ok()) return further.status();
   RowReader row_reader(reader, track, rules, *std::move(further), before_ms);
@@ -97,7 +98,12 @@ absl::StatusOr<BoardStatistics> StatisticsOf(Reader& reader, const Track& track,
     statistics.places.push_back(std::move(place));
   }
   scoring::Groups groups =
-      scoring::FormGroups(track.scoring.track->metrics, tested, rules, group_rules);
+      scoring::FormGroups(track.scoring.track->metrics, tested, rules, group_rules, stopped);
+  if (groups.stopped) {
+    return absl::DeadlineExceededError(
+        "the board's statistics take longer than a request may; ask for them again later, or test fewer "
+        "places or samples (\"statistics\" in server.json)");
+  }
   statistics.tests = groups.tests;
   for (size_t i = 0; i < groups.places.size(); ++i) {
     statistics.places[i].place = std::move(groups.places[i]);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -36,12 +37,14 @@ struct BoardStatistics {
 };
 
 // `rules`: of the board, which MakeLeaderboard made. `before_ms`: what ended from then on is left
-// out. Reads the episodes of the first places only.
+// out. Reads the episodes of the first places only. DeadlineExceededError: `stopped` was true before
+// all tests were made.
 absl::StatusOr<BoardStatistics> StatisticsOf(Reader& reader, const Track& track,
                                              const scoring::BoardRules& rules,
                                              const Leaderboard& board,
                                              const scoring::GroupRules& group_rules,
-                                             int64_t before_ms);
+                                             int64_t before_ms,
+                                             const std::function<bool()>& stopped = {});
 
 // Where ranks are those of groups: the published rank of each row of the board, 0 for a baseline.
 std::vector<int64_t> PublishedRanks(const Leaderboard& board, const BoardStatistics& statistics);

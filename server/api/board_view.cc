@@ -56,13 +56,11 @@ void AddOtherConfigs(Reader& reader, const BoardQuery& asked, Json& json) {
 // Gives each row the rank of its group.
 absl::Status PublishGroups(Reader& reader, const BoardQuery& asked,
                            const scoring::GroupRules& group_rules, const Leaderboard& board,
-                           std::vector<Damage>& damaged, Json& json) {
-  const absl::StatusOr<BoardStatistics> statistics =
-      StatisticsOf(reader, *asked.track, asked.rules->rules, board, group_rules,
-                   asked.moment().results_before_ms());
+                           KeptStatistics& kept, std::vector<Damage>& damaged, Json& json) {
+  const auto statistics = kept.Of(reader, asked, board, group_rules);
   if (!statistics.ok()) return statistics.status();
-  damaged.insert(damaged.end(), statistics->damaged.begin(), statistics->damaged.end());
-  const std::vector<int64_t> ranks = PublishedRanks(board, *statistics);
+  damaged.insert(damaged.end(), (*statistics)->damaged.begin(), (*statistics)->damaged.end());
+  const std::vector<int64_t> ranks = PublishedRanks(board, **statistics);
   for (size_t i = 0; i < ranks.size(); ++i) {
     if (ranks[i] != 0) json["rows"][i]["rank"] = ranks[i];
   }
@@ -119,7 +117,8 @@ void AddBoardAsked(const BoardQuery& asked, bool withheld, Json& json) {
 }
 
 absl::StatusOr<Json> BoardView(Reader& reader, const BoardQuery& asked,
-                               const scoring::StatisticsConfig& statistics) {
+                               const scoring::StatisticsConfig& statistics,
+                               KeptStatistics& kept) {
   const TrackConfig& config = asked.track->config;
   absl::StatusOr<BoardSource> source = SourceOf(reader, *asked.track, asked.moment());
   if (!source.ok()) return source.status();
@@ -129,7 +128,7 @@ absl::StatusOr<Json> BoardView(Reader& reader, const BoardQuery& asked,
   Json json = BoardToJson(*board);
   if (statistics.ranks == scoring::StatisticsConfig::Ranks::kGroups) {
     const absl::Status grouped =
-        PublishGroups(reader, asked, statistics.groups, *board, source->damaged, json);
+        PublishGroups(reader, asked, statistics.groups, *board, kept, source->damaged, json);
     if (!grouped.ok()) return grouped;
   }
   json["ranks"] = scoring::StatisticsToJson(statistics)["ranks"];

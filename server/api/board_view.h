@@ -6,6 +6,7 @@
 
 #include "scoring/statistics_config.h"
 #include "server/api/board_query.h"
+#include "server/api/kept_statistics.h"
 #include "server/grading/leaderboard.h"
 #include "server/store/reader.h"
 
@@ -17,8 +18,9 @@ nlohmann::json RowToJson(const LeaderboardRow& row);
 // Adds which board was asked for, and how much of it the caller sees. `withheld`: some was left out.
 void AddBoardAsked(const BoardQuery& asked, bool withheld, nlohmann::json& json);
 
-// `statistics`: of the board. If its ranks are those of groups, so are the rows' ranks.
+// `statistics`: of the board. If its ranks are those of groups, so are the rows' ranks. Errors of `kept`.
 absl::StatusOr<nlohmann::json> BoardView(Reader& reader, const BoardQuery& asked,
-                                         const scoring::StatisticsConfig& statistics);
+                                         const scoring::StatisticsConfig& statistics,
+                                         KeptStatistics& kept);
 
 }  // namespace myograde::server

@@ -34,11 +34,11 @@ void SendDrawing(const std::string& svg, httplib::Response& response) {
 
 }  // namespace
 
-BoardsResource::BoardsResource(const ApiContext& context)
+BoardsResource::BoardsResource(const ApiContext& context, KeptStatistics& statistics)
     : context_(context),
-      answers_(context, [&context](Reader& reader, const BoardQuery& asked) {
+      answers_(context, [&context, &statistics](Reader& reader, const BoardQuery& asked) {
         const absl::StatusOr<Json> board = BoardView(
-            reader, asked, StatisticsConfigOf(context, asked.track->config.phase));
+            reader, asked, StatisticsConfigOf(context, asked.track->config.phase), statistics);
         return board.ok() ? CanonicalJson(*board) + "\n"
                           : absl::StatusOr<std::string>(board.status());
       }) {}

@@ -7,6 +7,7 @@
 
 #include "server/api/board_answers.h"
 #include "server/api/context.h"
+#include "server/api/kept_statistics.h"
 #include "server/api/routes.h"
 
 namespace myograde::server {
@@ -14,8 +15,8 @@ namespace myograde::server {
 // Safe from any thread.
 class BoardsResource {
  public:
-  // `context` must outlive it.
-  explicit BoardsResource(const ApiContext& context);
+  // Both must outlive it.
+  BoardsResource(const ApiContext& context, KeptStatistics& statistics);
 
   void Install(Routes& routes);
 

@@ -38,9 +38,10 @@ absl::StatusOr<Fd> NewFile(const std::string& path) {
 
 // What a program on this host calls it: "localhost" or a loopback address; "" is HTTP/1.0.
 bool IsLocalHost(const std::string& host) {
-  if (host.empty() || host == "localhost" || host.ends_with(".localhost")) return true;
-  const bool v6 = host.front() == '[';
-  const auto address = IpAddress::Parse(v6 ? host.substr(1, host.size() - 2) : host);
+  const std::string name = host.ends_with('.') ? host.substr(0, host.size() - 1) : host;
+  if (name.empty() || name == "localhost" || name.ends_with(".localhost")) return true;
+  const bool v6 = name.front() == '[';
+  const auto address = IpAddress::Parse(v6 ? name.substr(1, name.size() - 2) : name);
   return address.has_value() && address->IsLoopback();
 }
 
@@ -215,7 +216,8 @@ Connection::Next Connection::Feed(const std::function<BodyRule(const RequestHead
       return Refuse(std::move(wrong));
     }
     // A browser that was led here by another site's name (DNS rebinding) has that name as its origin.
-    if (peer->peer.local && !IsLocalHost(head->host)) {
+    const bool local = peer->peer.local || (peer->peer.proxy && head->forwarded_for.empty());
+    if (local && !IsLocalHost(head->host)) {
       return Refuse({421, "bad_request",
                      absl::StrCat("this server is reached by localhost or an address of this host, not by \"",
                                   head->host, "\"; for other names give it a certificate, or a proxy and "

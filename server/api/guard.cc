@@ -97,7 +97,13 @@ std::optional<ApiError> Guard::AdmitBody(Connection& connection) {
   const auto address = std::find_if(addresses_.begin(), addresses_.end(), [&](const Address& one) {
     return one.method == head.method && std::regex_match(head.path, one.path);
   });
-  if (address == addresses_.end()) return std::nullopt;
+  if (address == addresses_.end()) {
+    // Nothing takes it, so nobody's connection is held until it is there.
+    if (!connection.Asker().network) return std::nullopt;
+    if (std::optional<ApiError> over = AdmitUnknown(connection)) return over;
+    return ApiError{404, "not_found", absl::StrCat("there is no ", head.method, " ", head.path,
+                                                   "; see the API's description")};
+  }
   auto admitted = Admit(connection, address->action);
   if (auto* error = std::get_if<ApiError>(&admitted)) return std::move(*error);
   return TakeUpload(connection, std::get<Identity>(admitted));

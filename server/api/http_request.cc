@@ -25,9 +25,9 @@ constexpr size_t kMaxChunkLine = 256;
 
 // Headers that the handlers must not see: they are about this connection or its framing, hold a
 // secret, or ask for parts of an answer, and every answer is whole.
-constexpr std::array kOwn = {"authorization", "connection",       "content-length", "expect",
-                             "keep-alive",    "proxy-connection", "range",          "te",
-                             "trailer",       "transfer-encoding", "upgrade"};
+constexpr std::array kOwn = {"authorization", "connection", "content-length", "expect", "keep-alive",
+                             "myograde-accept-encoding", "proxy-connection", "range", "te", "trailer",
+                             "transfer-encoding", "upgrade"};
 
 ApiError Bad(std::string message) { return {400, "bad_request", std::move(message)}; }
 
@@ -94,24 +94,26 @@ bool IsHost(std::string_view value) {
                              std::all_of(name.begin() + 1, name.end() - 1, in_address));
 }
 
-bool ReadHost(const Headers& headers, bool old_version, RequestHead& head, ApiError& error) {
+// `authority`: of the request's line; "": it has none.
+bool ReadHost(const Headers& headers, bool old_version, const std::string& authority,
+              RequestHead& head, ApiError& error) {
   if (headers.hosts.size() > 1 || (headers.hosts.empty() && !old_version)) {
     error = Bad("a request of HTTP/1.1 has the header Host exactly once");
     return false;
   }
-  if (headers.hosts.empty()) return true;
-  if (!IsHost(headers.hosts[0])) {
+  if (headers.hosts.empty() && authority.empty()) return true;
+  const std::string& value = authority.empty() ? headers.hosts[0] : authority;
+  if (!IsHost(value) || (!headers.hosts.empty() && !IsHost(headers.hosts[0]))) {
     error = Bad("the header Host must be a name or an address, and perhaps a port");
     return false;
   }
-  const std::string& value = headers.hosts[0];
   const size_t end = value.starts_with('[') ? value.find(']') + 1 : value.find(':');
   head.host = Lower(std::string_view(value).substr(0, end));
   return true;
 }
 
 bool ReadRequestLine(std::string_view line, RequestHead& head, bool& old_version,
-                     ApiError& error) {
+                     std::string& authority, ApiError& error) {
   const size_t first = line.find(' ');
   const size_t second = first == std::string_view::npos ? first : line.find(' ', first + 1);
   if (second == std::string_view::npos || line.find(' ', second + 1) != std::string_view::npos) {
@@ -120,7 +122,7 @@ bool ReadRequestLine(std::string_view line, RequestHead& head, bool& old_version
     return false;
   }
   head.method = line.substr(0, first);
-  const std::string_view target = line.substr(first + 1, second - first - 1);
+  std::string_view target = line.substr(first + 1, second - first - 1);
   const std::string_view version = line.substr(second + 1);
   if (!IsToken(head.method) || head.method.size() > 16) {
     error = Bad("the request's method is no word of HTTP");
@@ -130,6 +132,13 @@ bool ReadRequestLine(std::string_view line, RequestHead& head, bool& old_version
     error = {414, "bad_request",
              absl::StrCat("the address is longer than ", kMaxTargetBytes, " bytes")};
     return false;
+  }
+  // The absolute form, which proxies use (RFC 9112, 3.2.2): what it names comes before the header Host.
+  for (const std::string_view scheme : {"http://", "https://"}) {
+    if (!target.starts_with(scheme)) continue;
+    const size_t path = std::min(target.find_first_of("/?", scheme.size()), target.size());
+    authority = target.substr(scheme.size(), path - scheme.size());
+    target.remove_prefix(path);
   }
   if (target.empty() || target[0] != '/' ||
       std::any_of(target.begin(), target.end(), [](char c) { return c <= ' ' || c >= 0x7f; })) {
@@ -256,12 +265,13 @@ bool ParseRequestHead(std::string_view bytes, RequestHead& head, ApiError& error
     return false;
   }
   bool old_version = false;
-  if (!ReadRequestLine(lines[0], head, old_version, error)) return false;
+  std::string authority;
+  if (!ReadRequestLine(lines[0], head, old_version, authority, error)) return false;
   Headers headers;
   for (size_t i = 1; i < lines.size(); ++i) {
     if (!ReadHeader(lines[i], headers, head, error)) return false;
   }
-  if (!ReadHost(headers, old_version, head, error) || !ReadFraming(headers, head, error)) {
+  if (!ReadHost(headers, old_version, authority, head, error) || !ReadFraming(headers, head, error)) {
     return false;
   }
   head.keep_alive = !old_version;

@@ -13,6 +13,7 @@
 #include "server/api/board_statistics.h"
 #include "server/api/rejudge_plan.h"
 #include "server/api/requests.h"
+#include "server/api/unix_http_server.h"
 #include "server/engine/stored.h"
 #include "server/proof/seed_list.h"
 
@@ -71,7 +72,8 @@ absl::StatusOr<std::vector<int64_t>> ChosenRows(Reader& reader, const ApiContext
   }
   const absl::StatusOr<BoardStatistics> statistics =
       StatisticsOf(reader, track, track.scoring.boards.at(request.board).rules, *board,
-                   StatisticsConfigOf(context, request.phase).groups, INT64_MAX);
+                   StatisticsConfigOf(context, request.phase).groups, INT64_MAX,
+                   UnixHttpServer::IsOver);
   if (!statistics.ok()) return statistics.status();
   chosen = UndecidedOf(*board, *statistics);
   if (!chosen.empty()) return chosen;

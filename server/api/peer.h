@@ -21,7 +21,7 @@ struct Peer {
   uid_t uid = static_cast<uid_t>(-1);
   bool network = false;    // came over TCP
   bool proxy = false;      // forwards requests of others, and says whose
-  bool local = false;      // came over plain HTTP from this host
+  bool local = false;      // came over plain HTTP from this host, through no proxy
   std::vector<gid_t> groups = {};  // of a user: as of the first of the present connections
 };
 

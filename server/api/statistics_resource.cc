@@ -19,7 +19,7 @@ namespace {
 using Json = nlohmann::json;
 
 absl::StatusOr<std::string> MakeStatisticsText(Reader& reader, const ApiContext& context,
-                                               const BoardQuery& asked) {
+                                               const BoardQuery& asked, KeptStatistics& kept) {
   const Track& track = *asked.track;
   absl::StatusOr<BoardSource> source = SourceOf(reader, track, asked.moment());
   if (!source.ok()) return source.status();
@@ -28,25 +28,23 @@ absl::StatusOr<std::string> MakeStatisticsText(Reader& reader, const ApiContext&
       MakeLeaderboard(source->standings, source->marks, rules, track.scoring.team);
   if (!board.ok()) return board.status();
   const scoring::StatisticsConfig config = StatisticsConfigOf(context, track.config.phase);
-  const absl::StatusOr<BoardStatistics> statistics =
-      StatisticsOf(reader, track, rules, *board, config.groups,
-                   asked.moment().results_before_ms());
+  const auto statistics = kept.Of(reader, asked, *board, config.groups);
   if (!statistics.ok()) return statistics.status();
-  absl::StatusOr<Json> json = StatisticsAnswer(reader, track, rules, *board, *statistics, config);
+  absl::StatusOr<Json> json = StatisticsAnswer(reader, track, rules, *board, **statistics, config);
   if (!json.ok()) return json.status();
   AddBoardAsked(asked, source->withheld, *json);
   std::vector<Damage> damaged = source->damaged;
   damaged.insert(damaged.end(), board->damaged.begin(), board->damaged.end());
-  damaged.insert(damaged.end(), statistics->damaged.begin(), statistics->damaged.end());
+  damaged.insert(damaged.end(), (*statistics)->damaged.begin(), (*statistics)->damaged.end());
   (*json)["unreadable"] = DamagedToJson(damaged);
   return CanonicalJson(*json) + "\n";
 }
 
 }  // namespace
 
-StatisticsResource::StatisticsResource(const ApiContext& context)
-    : answers_(context, [&context](Reader& reader, const BoardQuery& asked) {
-        return MakeStatisticsText(reader, context, asked);
+StatisticsResource::StatisticsResource(const ApiContext& context, KeptStatistics& statistics)
+    : answers_(context, [&context, &statistics](Reader& reader, const BoardQuery& asked) {
+        return MakeStatisticsText(reader, context, asked, statistics);
       }) {}
 
 void StatisticsResource::Install(Routes& routes) {

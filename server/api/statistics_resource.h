@@ -3,6 +3,7 @@
 
 #include "server/api/board_answers.h"
 #include "server/api/context.h"
+#include "server/api/kept_statistics.h"
 #include "server/api/routes.h"
 
 namespace myograde::server {
@@ -10,8 +11,8 @@ namespace myograde::server {
 // Safe from any thread.
 class StatisticsResource {
  public:
-  // `context` must outlive it.
-  explicit StatisticsResource(const ApiContext& context);
+  // Both must outlive it.
+  StatisticsResource(const ApiContext& context, KeptStatistics& statistics);
 
   void Install(Routes& routes);
 

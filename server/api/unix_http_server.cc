@@ -233,6 +233,18 @@ void UnixHttpServer::AnswerWithStream(const char* type, absl::Duration every, ab
       Stream{std::move(next), every, /*due=*/now, /*began=*/now, /*until=*/now + time});
 }
 
+absl::Duration UnixHttpServer::TimeLeft() {
+  if (current.connection == nullptr) return absl::InfiniteDuration();
+  return std::max(current.deadline - Now(), absl::ZeroDuration());
+}
+
+bool UnixHttpServer::IsOver() {
+  if (current.connection == nullptr) return false;
+  pollfd entry = {current.connection->fd.get(), POLLRDHUP, 0};
+  const bool gone = ::poll(&entry, 1, 0) > 0 && (entry.revents & (POLLRDHUP | POLLHUP | POLLERR)) != 0;
+  return gone || *current.stopping || Now() >= current.deadline;
+}
+
 void UnixHttpServer::AllowUploadTime() { current.deadline = Now() + current.upload; }
 
 Connection& UnixHttpServer::RequestConnection() { return *current.connection; }

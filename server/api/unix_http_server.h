@@ -72,6 +72,10 @@ class UnixHttpServer : public httplib::Server {
 
   // Only inside handlers. Whether what takes long should be given up.
   static bool Stopping();
+  // How much of its time the request has left; infinite outside of handlers.
+  static absl::Duration TimeLeft();
+  // Whether nobody waits for the answer any more: it is late, the server stops, or the client is gone.
+  static bool IsOver();
   // The body of the request that this thread handles.
   static Body& RequestBody();
   // Answers with a whole file, in pieces that are read when those before are sent, so that it may

@@ -207,7 +207,7 @@ absl::StatusOr<ImageArchive::Described> ImageArchive::Descriptor(const nlohmann:
   if (!size.is_number_unsigned() || size.get<uint64_t>() > INT64_MAX) {
     return BadImage(absl::StrCat("states no size for its ", where));
   }
-  return Described{*sha256, size.get<int64_t>()};
+  return Described{*sha256, size.get<int64_t>(), ""};
 }
 
 absl::StatusOr<ImageContent> ImageArchive::Read() const {

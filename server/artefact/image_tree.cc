@@ -396,7 +396,7 @@ absl::Status ImageTree::Finish(std::string_view user, PolicyImage& image) {
   if (absl::Status found = FindUser(user, *passwd, *group, image); !found.ok()) return found;
   // Without such a folder the sandbox's own HOME serves better, which can be written.
   const std::string& home = image.environment["HOME"];
-  const absl::StatusOr<std::string> real = Real(home);
+  const absl::StatusOr<std::string> real = Real(home, /*last=*/true);
   const auto folder = real.ok() ? nodes_.find(*real) : nodes_.end();
   const bool there = home.starts_with('/') && folder != nodes_.end() &&
                      folder->second.entry.type == EntryType::kFolder;

@@ -226,6 +226,10 @@ class Reader {
   // Rejudges of rules to a config that are in force as of a moment, in the order in which they were
   // applied.
   std::vector<int64_t> AppliedRejudges(const std::string& to_config, const BoardMoment& moment);
+  // When anything last happened that may have changed the board of a config, or 0: a result, a mark,
+  // a choice, a rejudge, an act on a team or a phase ("": none).
+  int64_t BoardChangedAt(const std::string& config, const std::string& phase,
+                         const BoardMoment& moment);
   // What may rank under a config as of a moment, by submission: the results of the latest rejudge in
   // force that holds a submission, once it has ended there, else of its original.
   InForce StandingsInForce(const std::string& config, const BoardMoment& moment);

@@ -49,6 +49,11 @@ async function ask(method, path, {body, more, signal} = {}) {
     throw new ApiError(0, "lost", LOST);
   }
   const json = await jsonOf(answer);
+  // A token that is not valid any more should not hide what is public.
+  if (method === "GET" && json?.error?.code === "bad_token" && token()) {
+    keepToken(null);
+    return ask(method, path, {more, signal});
+  }
   if (!answer.ok || json === null) throw errorOf(answer.status, json);
   return json;
 }
@@ -128,13 +133,9 @@ export async function download(path, {signal, most, onWait = () => {}}) {
 
 let me = null;
 
-// Who the server takes the reader for. A token that is not valid any more is dropped.
+// Who the server takes the reader for.
 export function whoami() {
-  me ??= get("/v1/whoami").catch((error) => {
-    if (error.code !== "bad_token") throw error;
-    keepToken(null);
-    return get("/v1/whoami");
-  });
+  me ??= get("/v1/whoami");
   return me;
 }
 

@@ -100,6 +100,10 @@ TEST(RequestHead, HasOneHostUnlessItIsOld) {
     EXPECT_EQ(host_of(bad), "400") << bad;
   }
   EXPECT_EQ(host_of("Host: a\r\nHost: a\r\n", "1.0"), "400");
+  const Read absolute = ReadHead("GET http://Other.example:80/a?b HTTP/1.1\r\nHost: h\r\n\r\n");
+  ASSERT_TRUE(absolute.good) << absolute.error.message;
+  EXPECT_EQ(absolute.head.host, "other.example");
+  EXPECT_THAT(absolute.head.canonical, StartsWith("GET /a?b HTTP/1.1\r\n"));
 }
 
 TEST(RequestHead, AQueryMayHaveQuestionMarks) {
@@ -136,7 +140,9 @@ TEST(RequestHead, WhatCanBeReadInTwoWaysIsRefused) {
       {std::string("GET / HTTP/1.1\r\nHost: localhost\r\nA: b\0c\r\n\r\n", 44), 400},
       {"GET / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1\r\n\r\n", 400},
       {"GET /  HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
-      {"GET http://x/ HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
+      {"GET http://x HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
+      {"GET ftp://x/ HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
+      {"GET http://a@b/ HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
       {"GET /\xc3\xa4 HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},
       {"GET / HTTP/2.0\r\n\r\n", 505},
       {"G(T / HTTP/1.1\r\nHost: localhost\r\n\r\n", 400},

@@ -251,7 +251,7 @@ class PlainHttpTest(NetworkCase):
         self.assertEqual(self.exchange("/v1/health", (), "1.0")[0], 200)
 
     def test_a_name_of_another_site_does_not_lead_to_this_host(self):
-        for host in ("localhost", f"127.0.0.1:{self.port}", f"[::1]:{self.port}", "LOCALHOST:1",
+        for host in ("localhost", "localhost.", f"127.0.0.1:{self.port}", f"[::1]:{self.port}", "LOCALHOST:1",
                      "grader.localhost"):
             self.assertEqual(self.exchange("/v1/health", (("Host", host),))[0], 200, host)
         for host in ("rebound.example", "localhost.example", "127.0.0.1.example", "10.0.0.1", "0.0.0.0"):
@@ -310,6 +310,20 @@ class PlainHttpTest(NetworkCase):
         made.sendall(b"POST /v1/artefacts?team=alpha HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer "
                      + token.encode() + b"\r\nContent-Type: application/x-tar\r\nContent-Length: 600\r\n\r\nx")
         return made
+
+    def test_uploads_to_nowhere_are_refused_before_they_come(self):
+        with contextlib.ExitStack() as stack:
+            for number in range(560):
+                made = stack.enter_context(contextlib.closing(socket.create_connection(
+                    ("127.0.0.1", self.port), timeout=TIMEOUT_S,
+                    source_address=(f"127.0.1.{1 + number % 40}", 0))))
+                target = ("POST /v1/nothing", "PUT /v1/artefacts", "POST /sign-in", "POST /v1/artefacts")
+                made.sendall(f"{target[number % 4]} HTTP/1.1\r\nHost: localhost\r\n"
+                             "Content-Type: application/x-tar\r\nContent-Length: 600\r\n\r\nx".encode())
+            self.assertRegex(made.recv(65536), rb"HTTP/1.1 (401|404|429) ")
+            begun = time.monotonic()
+            self.assertEqual(self.exchange("/v1/health")[0], 200)
+            self.assertLess(time.monotonic() - begun, 10)
 
     def test_uploads_of_one_team_leave_room_for_others(self):
         self.assertEqual(self.call("POST", "/v1/teams", {"team": "alpha"}, "application/json")[0], 201)
