@@ -16,6 +16,7 @@ from ..models import usual_cache
 HERE = pathlib.Path(__file__).resolve().parent
 TRACKS = HERE / "tracks"  # the configs of the grader's tracks
 REFERENCE = HERE / "reference"  # the log of an episode of each track
+NOT_BUILT = HERE / "not_built.txt"  # why this installation has no environments, if the build knew
 COMPILE_DEADLINE_S = 600
 
 
@@ -45,6 +46,8 @@ def load() -> Any:
     try:
         from .. import _env
     except ImportError as error:
+        if NOT_BUILT.is_file():
+            raise MyogradeError(NOT_BUILT.read_text()) from error
         raise MyogradeError(
             "this installation of myograde has the kit and the client, and no environments: "
             f"{error}. They are in the wheels that ./dev wheel builds for CPython 3.9 to 3.12 on "
