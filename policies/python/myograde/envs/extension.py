@@ -143,5 +143,5 @@ def replay(log: str | os.PathLike[str], cache: str | os.PathLike[str] | None = N
 
 
 def path_or_none(path: str | os.PathLike[str] | None) -> str:
-    """As the extension takes a file that may be left out."""
-    return "" if path is None else str(pathlib.Path(path).expanduser())
+    """As the extension takes a file that may be left out: "" then, else an absolute path."""
+    return "" if path is None else str(pathlib.Path(path).expanduser().absolute())
