@@ -90,10 +90,10 @@ print(env.render().sum(), os.environ.get("LP_NUM_THREADS"), flush=True)
 if "closed" in sys.argv:
     env.close()
 child = os.fork()
+ended = os.waitpid(child, 0)[1] if child else 0
 picture = (make() if child == 0 and "own" in sys.argv else env).render()
 print(picture.sum(), flush=True)
-if child:
-    sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+sys.exit(os.waitstatus_to_exitcode(ended))
 """
         for words in (["own"], ["own", "closed"], []):
             # Both end by themselves, as a process does.
