@@ -4,6 +4,7 @@ pip does not tell a build which extras it is for. So a package that is built wit
 requires this folder's project in its extra "gym", and building that fails with the reason. As a program:
 prints the reason, or nothing, for the cache folder that its argument names."""
 
+import importlib.util
 import os
 import pathlib
 import platform
@@ -14,20 +15,19 @@ import sysconfig
 from typing import Any, NoReturn, Optional
 
 HERE = pathlib.Path(__file__).resolve().parent
-SYSTEM_CACHE = pathlib.Path("/var/cache/myograde")
 EXTRAS = {"lcm": ["lcm>=1.5.1"], "gym": ["gymnasium>=0.29.1", "numpy>=1.21"]}
 # Of the cache folder: the physics library and what makes modules for Python.
 PACKAGES = ("mujoco-2.2.2", "nanobind-2.9.2")
 
 
 def usual_cache() -> pathlib.Path:
-    """MYOGRADE_CACHE, else the user's own cache folder if it has the packages, else the system's."""
-    if os.environ.get("MYOGRADE_CACHE"):
-        return pathlib.Path(os.environ["MYOGRADE_CACHE"])
-    own = pathlib.Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "myograde"
-    if os.geteuid() == 0 or (not (own / PACKAGES[0]).is_dir() and (SYSTEM_CACHE / PACKAGES[0]).is_dir()):
-        return SYSTEM_CACHE
-    return own
+    """As the package that is built has it."""
+    described = importlib.util.spec_from_file_location("models", HERE.parent / "myograde/models.py")
+    assert described is not None and described.loader is not None
+    models = importlib.util.module_from_spec(described)
+    sys.modules[described.name] = models  # which its dataclasses look for
+    described.loader.exec_module(models)
+    return models.usual_cache()
 
 
 def missing(cache: Optional[pathlib.Path] = None) -> str:

@@ -11,7 +11,7 @@ import sys
 from typing import Any
 
 from ..errors import MyogradeError, WrongUse
-from ..models import usual_cache
+from ..models import MODELS, usual_cache
 
 HERE = pathlib.Path(__file__).resolve().parent
 TRACKS = HERE / "tracks"  # the configs of the grader's tracks
@@ -85,7 +85,7 @@ def provide_models(cache: str | os.PathLike[str] | None = None) -> str:
     extension = load()
     folder = pathlib.Path(cache).expanduser() if cache is not None else usual_cache()
     if not extension.models_are_compiled(str(folder)):
-        if not (folder / "myosuite-2.8.4").is_dir():
+        if not (folder / MODELS).is_dir():
             raise MyogradeError(f"{folder}: holds no models yet; get them by: python -m myograde "
                                 f"get-models --cache {folder}")
         compile_models(folder)

@@ -37,6 +37,14 @@ ELSEWHERE = {
     "get_exteroception": "obs_dict has all parts of an observation",
     "get_visuals": "there are no images in observations; render() draws a picture",
 }
+# Official names for which nothing stands here.
+WITHOUT = frozenset("""
+    add_obsvec_to_cache compute_path_rewards device_id examine_policy_new expand_dims fatigue_reset_random
+    fatigue_reset_vec forward get_env_infos get_obs_vec get_obsvec_from_cache get_target_pose id initialize
+    initialized initializeConditions input_seed key_idx last_ctrl mujoco_render_frames obsdict2obsvec
+    obsvec2obsdict obsvec_cache_flush ordered_obs_keys proprio_keys reset_type robot rwd_mode rwd_viz
+    set_fatigue_reset_random squeeze_dims target_type tip_sids truncate_paths update_target visual_keys
+""".split())
 
 
 class OfficialNames:
@@ -121,6 +129,9 @@ class OfficialNames:
         if name in ELSEWHERE:
             raise AttributeError(f"{type(self).__name__} has no {name}, which the official environments "
                                  f"have: {ELSEWHERE[name]}")
+        if name in WITHOUT:
+            raise AttributeError(f"{type(self).__name__} has no {name}, which the official environments "
+                                 "have; policies/MYOSUITE.md compares the names of both")
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def _require_episode(self) -> None:
