@@ -188,6 +188,8 @@ class Autoreset(InFolder):
 
     def test_it_can_be_switched_off(self):
         envs = self.make("disabled")
+        self.assertEqual(envs.unwrapped.autoreset_mode, envs.metadata["autoreset_mode"])
+        self.assertEqual(str(getattr(envs.unwrapped.autoreset_mode, "value", "Disabled")), "Disabled")
         envs.reset(seed=1)
         for _ in range(5):
             *_, truncated, _ = envs.step(np.zeros((3, 6)))

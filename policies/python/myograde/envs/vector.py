@@ -86,8 +86,9 @@ class GradedVectorEnv(VectorEnv):  # type: ignore[type-arg,misc]
         self._threads = threads or _processors()
         self._make_core()
         self.threads = self.core.threads
-        self._mode = str(getattr(_mode_of(autoreset_mode), "value", _mode_of(autoreset_mode)))
-        self.metadata = {**self.metadata, "autoreset_mode": _mode_of(autoreset_mode)}
+        self.autoreset_mode = _mode_of(autoreset_mode)  # where other libraries look for it
+        self._mode = str(getattr(self.autoreset_mode, "value", self.autoreset_mode))
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = None
         self.copy = copy
         first = self.core.first
