@@ -52,9 +52,7 @@ std::string UsualCacheDir() { return CacheDirOf(OwnCacheDir(), kSystemCache); }
 
 std::string CacheDirOf(const std::string& own, const std::string& system) {
   const auto has_models = [](const std::string& folder) {
-    // The challenge's files, or what was compiled of them.
-    return ::access((folder + "/models").c_str(), R_OK | X_OK) == 0 ||
-           ::access((folder + "/myosuite-2.8.4").c_str(), R_OK | X_OK) == 0;
+    return ::access((folder + "/models").c_str(), R_OK | X_OK) == 0;
   };
   return !has_models(own) && has_models(system) ? system : own;
 }

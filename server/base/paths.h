@@ -35,10 +35,10 @@ std::string AdapterFolder(const std::string& adapter, const std::string& bin_dir
 std::string UsualDataDir();
 std::string OwnCacheDir();
 
-// The cache folder that programs read: the user's own, or, where that has no models, the system's, which
-// a package's myograde-setup fills for all users.
+// The cache folder that programs read: the user's own, or, where that has no compiled models, the system's,
+// which a package's myograde-setup fills for all users.
 std::string UsualCacheDir();
-// Of these two: `system` if only it has models.
+// Of these two: `system` if only it has compiled models.
 std::string CacheDirOf(const std::string& own, const std::string& system);
 
 }  // namespace myograde::server

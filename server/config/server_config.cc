@@ -345,7 +345,7 @@ absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
       return json.status();
     }
     // Where only the client is installed, nobody misses a file.
-    return absl::FailedPreconditionError(
+    return absl::InternalError(
         "no episode can be played on this host: the programs for that are not installed; install them "
         "(Debian: the package myograde-server), or name their folder by MYOGRADE_BIN_DIR");
   }

@@ -31,8 +31,9 @@ TEST_F(Paths, TheSystemsCacheServesWhoHasNoModelsOfTheirOwn) {
   Fill(system_, "models");
   EXPECT_EQ(CacheDirOf(own_, system_), system_);
   Fill(own_, "runtimes");
+  Fill(own_, "myosuite-2.8.4");  // as get-models has it, not compiled
   EXPECT_EQ(CacheDirOf(own_, system_), system_);
-  Fill(own_, "myosuite-2.8.4");
+  Fill(own_, "models");
   EXPECT_EQ(CacheDirOf(own_, system_), own_);
 }
 
