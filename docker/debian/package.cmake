@@ -163,7 +163,9 @@ set(CPACK_DEBIAN_SERVER_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${MYOGRADE_CACHE}/mujoco-2.2.2/lib)
 set(CPACK_DEBIAN_SERVER_PACKAGE_DEPENDS
     "myograde-client (= ${PROJECT_VERSION}), adduser, bubblewrap, ca-certificates, iproute2, python3, python3-pip, python3-venv")
-set(CPACK_DEBIAN_SERVER_PACKAGE_RECOMMENDS "systemd, libosmesa6, ffmpeg, logrotate")
+set(CPACK_DEBIAN_SERVER_PACKAGE_RECOMMENDS "systemd, logrotate")
+# Pictures and films of episodes; they bring a compiler of shaders and a hundred codecs.
+set(CPACK_DEBIAN_SERVER_PACKAGE_SUGGESTS "libosmesa6, ffmpeg")
 set(CPACK_DEBIAN_POLICY-KIT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_POLICY-KIT_PACKAGE_DEPENDS "liblcm-dev, libglib2.0-dev")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)

@@ -200,8 +200,21 @@ def compress(path, text):
         packed.write(text.encode())
 
 
-def completions(tree, verbs):
-    """tree: {verb or "verb sub": Help}. Returns what each shell reads."""
+def values_of(source):
+    """Options whose values can be known, with the shell's command that prints these, in double quotes and
+    without single ones."""
+    tracks = [json.loads(file.read_text()) for file in sorted((source / "configs/tracks").glob("*.json"))]
+    profiles = sorted({profile for track in tracks for profile in track.get("profiles", {})})
+    return {"--track": 'ls "${MYOGRADE_CONFIG_DIR:-/usr/share/myograde/configs}/tracks" 2>/dev/null'
+                       ' | sed -n "s/[.]json$//p"',
+            "--profile": f'printf "%s\\n" {" ".join(profiles)}',
+            # The daemon knows; one that does not answer keeps nobody waiting.
+            "--phase": 'timeout 2 myograde challenge status --json 2>/dev/null | grep -Eo '
+                       '"\\"phase\\": *\\"[^\\"]+" | sed "s/.*\\"//"'}
+
+
+def completions(tree, verbs, values):
+    """tree: {verb or "verb sub": Help}; values: of values_of. Returns what each shell reads."""
     def words(helps):
         return [name for names, _, _ in helps.options() for name in names] + helps.verbs()
 
@@ -214,7 +227,9 @@ def completions(tree, verbs):
     for name, helps in sorted(tree.items(), key=lambda item: -item[0].count(" ")):
         pattern = quote(name) + ("" if " " in name else "\\ *")
         bash.append(f"      {pattern}) words={quote(' '.join(words(helps)))} ;;")
-    bash += ["    esac", "  fi", "  COMPREPLY=($(compgen -W \"$words\" -- \"$word\"))",
+    bash += ["    esac", "  fi", "  case ${COMP_WORDS[COMP_CWORD-1]} in"]
+    bash += [f"    {option}) words=$(sh -c {quote(command)}) ;;" for option, command in values.items()]
+    bash += ["  esac", "  COMPREPLY=($(compgen -W \"$words\" -- \"$word\"))",
              "  if [ ${#COMPREPLY[@]} = 0 ]; then",
              "    compopt -o default 2>/dev/null", "  fi", "}", "complete -F _myograde myograde"]
     zsh = ["#compdef myograde", "local -a names", "if (( CURRENT == 2 )); then", "  names=("]
@@ -223,6 +238,9 @@ def completions(tree, verbs):
     for name, helps in sorted(tree.items(), key=lambda item: -item[0].count(" ")):
         pattern = quote(name) + ("" if " " in name else "\\ *")
         zsh.append(f"  {pattern}) names=({' '.join(map(quote, words(helps)))}) ;;")
+    zsh += ["esac", "case \"$words[CURRENT-1]\" in"]
+    zsh += [f"  {option}) names=(${{(f)\"$(sh -c {quote(command)})\"}}); compadd -a names; return ;;"
+            for option, command in values.items()]
     zsh += ["esac", "compadd -a names", "_files"]
     fish = ["# Completion of myograde for fish.",
             f"set -l verbs {' '.join(verbs)}"]
@@ -234,7 +252,11 @@ def completions(tree, verbs):
         condition = condition.replace(" and ", "; and ")
         for names, takes, meaning in helps.options():
             flags = " ".join(f"-l {x[2:]}" if x.startswith("--") else f"-s {x[1:]}" for x in names)
-            fish.append(f"complete -c myograde -n '{condition}' {flags}{' -r' if takes else ''} "
+            known = next((values[name] for name in names if name in values), None)
+            # fish reads it twice, with a rule of its own for backslashes.
+            inner = f"(sh -c '{known}')".replace("\\", "\\\\").replace("'", "\\'")
+            taken = f" -x -a '{inner}'" if known else " -r"
+            fish.append(f"complete -c myograde -n '{condition}' {flags}{taken if takes else ''} "
                         f"-d {quote(one_line(meaning)[:80])}")
         for sub in helps.verbs():
             fish.append(f"complete -c myograde -n '{condition}' -f -a {sub}")
@@ -268,7 +290,7 @@ def main():
     pages |= file_pages(source, stamp)
     for name, text in pages.items():
         compress(output / (name + ".gz"), text)
-    for shell, lines in completions(tree, verbs).items():
+    for shell, lines in completions(tree, verbs, values_of(source)).items():
         (output / "completion").mkdir(exist_ok=True)
         (output / "completion" / shell).write_text("\n".join(lines) + "\n")
     compress(output / "NEWS.gz", (source / "CHANGELOG.md").read_text())

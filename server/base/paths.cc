@@ -17,6 +17,7 @@ namespace fs = std::filesystem;
 
 // Where a package has the programs that people don't call themselves, below its prefix.
 constexpr char kPrograms[] = "libexec/myograde";
+constexpr char kSystemCache[] = "/var/cache/myograde";
 
 std::string UsualDir(const char* of_root, const char* variable, const char* in_home) {
   if (::geteuid() == 0) return of_root;
@@ -45,8 +46,15 @@ std::string UsualDataDir() {
   return UsualDir("/var/lib/myograde", "XDG_DATA_HOME", ".local/share");
 }
 
-std::string UsualCacheDir() {
-  return UsualDir("/var/cache/myograde", "XDG_CACHE_HOME", ".cache");
+std::string OwnCacheDir() { return UsualDir(kSystemCache, "XDG_CACHE_HOME", ".cache"); }
+
+std::string UsualCacheDir() { return CacheDirOf(OwnCacheDir(), kSystemCache); }
+
+std::string CacheDirOf(const std::string& own, const std::string& system) {
+  const auto has_models = [](const std::string& folder) {
+    return ::access((folder + "/models").c_str(), R_OK | X_OK) == 0;
+  };
+  return !has_models(own) && has_models(system) ? system : own;
 }
 
 absl::StatusOr<std::string> BinDir() {

@@ -1,6 +1,8 @@
 #include "server/config/server_config.h"
 
 #include <algorithm>
+#include <filesystem>
+#include <system_error>
 #include <thread>
 
 #include <absl/strings/str_cat.h>
@@ -9,6 +11,7 @@
 #include "protocol/base/config_reader.h"
 #include "server/base/ip_address.h"
 #include "server/base/names.h"
+#include "server/base/paths.h"
 #include "server/base/plain_text.h"
 #include "server/config/earlier_versions.h"
 
@@ -334,7 +337,18 @@ int64_t DescriptorsNeeded(const ServerConfig& config) {
 absl::StatusOr<ServerConfig> LoadServerConfig(const std::string& path,
                                               const std::string& cache_dir) {
   absl::StatusOr<nlohmann::json> json = ReadJsonFile(path);
-  if (!json.ok()) return json.status();
+  if (!json.ok()) {
+    const absl::StatusOr<std::string> bin_dir = BinDir();
+    std::error_code error;
+    if (std::filesystem::exists(path, error) ||
+        (bin_dir.ok() && std::filesystem::exists(*bin_dir + "/myograde-runner", error))) {
+      return json.status();
+    }
+    // Where only the client is installed, nobody misses a file.
+    return absl::InternalError(
+        "no episode can be played on this host: the programs for that are not installed; install them "
+        "(Debian: the package myograde-server), or name their folder by MYOGRADE_BIN_DIR");
+  }
   *json = WithLaterParts(*std::move(json));
   ConfigReader reader(*json, path);
   ServerConfig config;

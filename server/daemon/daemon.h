@@ -23,7 +23,7 @@ struct DaemonOptions {
 
 // Fills in empty options: --data from MYOGRADE_DATA, else /var/lib/myograde for root and the XDG
 // data folder for others; --configs from MYOGRADE_CONFIG_DIR, else the folder that the program was
-// built with; --cache from MYOGRADE_CACHE, else /var/cache/myograde for root and the XDG cache
+// built with; --cache from MYOGRADE_CACHE, else UsualCacheDir() (server/base/paths.h): the XDG cache
 // folder for others. Paths become absolute.
 DaemonOptions WithDefaults(DaemonOptions options);
 

@@ -26,7 +26,7 @@ int main(int argc, char** argv) {
       "Folder with server.json and tracks/ (default: MYOGRADE_CONFIG_DIR, else as built)");
   app.add_option("--cache", options.cache_dir,
                  "Folder of the models and the physics library (default: MYOGRADE_CACHE, else "
-                 "/var/cache/myograde for root, the XDG cache folder for others)");
+                 "the XDG cache folder if it has models, else /var/cache/myograde)");
   app.set_version_flag("--version", MYOGRADE_VERSION);
   try {
     app.parse(argc, argv);

@@ -10,6 +10,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/set_up.h"
 
 namespace myograde::server {
 namespace {
@@ -55,7 +56,8 @@ absl::StatusOr<Runtime> Configured(const std::string& name, const std::string& f
   std::error_code error;
   if (!fs::is_directory(folder, error)) {
     return absl::InternalError(absl::StrCat("the runtime \"", name, "\" has no folder ", folder,
-                                            "; run ./dev setup, or mend runtimes in server.json"));
+                                            "; ", SetUpAdvice(),
+                                            ", or mend runtimes in server.json"));
   }
   const std::string version = VersionFolder(folder);
   absl::StatusOr<Runtime> runtime = ReadRuntime(version);

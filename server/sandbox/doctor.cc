@@ -393,6 +393,7 @@ std::vector<Check> ExamineHost(const DoctorOptions& options) {
   CheckSystem(options, checks);
   CheckMachine(options, checks);
   CheckPrograms(options, checks);
+  CheckPictures(checks);
   CheckBubblewrap(checks);
   CheckUserNamespaces(options, checks);
   CheckSlotUsers(options, checks);

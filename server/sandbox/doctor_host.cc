@@ -1,5 +1,6 @@
 #include "server/sandbox/doctor_host.h"
 
+#include <dlfcn.h>
 #include <stdlib.h>
 #include <sys/statvfs.h>
 #include <sys/utsname.h>
@@ -19,6 +20,8 @@
 #include <absl/strings/str_replace.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/set_up.h"
+#include "server/base/child_process.h"
 #include "server/sandbox/child.h"
 #include "server/sandbox/doctor_messages.h"
 
@@ -30,7 +33,8 @@ namespace fs = std::filesystem;
 constexpr double kGiB = 1024.0 * 1024.0 * 1024.0;
 // Compiling both models takes seconds, longer on a busy host.
 constexpr absl::Duration kCompileTime = absl::Seconds(300);
-constexpr char kSetUp[] = "run ./dev setup, or name the folder that it filled with --cache";
+
+std::string HowToSetUp() { return SetUpAdvice() + ", or name the folder that it filled with --cache"; }
 
 std::string FirstLine(const std::string& path) {
   const std::string text = ReadFile(path).value_or("");
@@ -112,7 +116,7 @@ void CheckModels(const DoctorOptions& options, std::vector<Check>& checks) {
   if (end.exit_code != 0) {
     const std::string words = end.in_time ? LastWords(end.output) : "no answer in time";
     checks.push_back(Missing(
-        name, absl::StrReplaceAll(words, {{scratch.path(), options.cache_dir}}), costs, kSetUp));
+        name, absl::StrReplaceAll(words, {{scratch.path(), options.cache_dir}}), costs, HowToSetUp()));
     return;
   }
   const std::string found = "every source file has its SHA-256, and both tracks' models compile";
@@ -255,7 +259,7 @@ void CheckPython(const DoctorOptions& options, std::vector<Check>& checks) {
     if (access(folder.c_str(), R_OK | X_OK) != 0) {
       checks.push_back(Poorer(check, absl::StrCat(folder, ": ", std::strerror(errno)),
                               "submissions that ask for this runtime are refused",
-                              "run ./dev setup, or mend runtimes in server.json"));
+                              SetUpAdvice() + ", or mend runtimes in server.json"));
       continue;
     }
     const absl::Status same =
@@ -300,8 +304,32 @@ void CheckPrograms(const DoctorOptions& options, std::vector<Check>& checks) {
   } else {
     checks.push_back(Missing("programs", absl::StrCat("not in ", options.bin_dir, ": ", absent),
                              "nothing can be graded",
-                             "run ./dev build, or set MYOGRADE_BIN_DIR to their folder"));
+                             absl::StrCat(IsInstalled(options.bin_dir + "/myograded")
+                                              ? "install the package myograde-server"
+                                              : "run ./dev build",
+                                          ", or set MYOGRADE_BIN_DIR to their folder")));
   }
+}
+
+void CheckPictures(std::vector<Check>& checks) {
+  // In a child: it brings a compiler along.
+  const bool draws =
+      RunInChild([] { return dlopen("libOSMesa.so.8", RTLD_LAZY) == nullptr ? 1 : 0; }, kQuick)
+          .exit_code == 0;
+  const absl::StatusOr<std::string> encoder = FindProgram("ffmpeg");
+  if (draws && encoder.ok()) {
+    checks.push_back(Fine("pictures", "libOSMesa.so.8 draws, and " + *encoder + " encodes films"));
+    return;
+  }
+  std::string install = draws ? "" : " libosmesa6";
+  if (!encoder.ok()) install += " ffmpeg";
+  checks.push_back(Poorer(
+      "pictures",
+      absl::StrCat(draws ? "" : "libOSMesa.so.8 is missing", draws || encoder.ok() ? "" : ", and so is ",
+                   encoder.ok() ? "" : "ffmpeg", draws && !encoder.ok() ? " is missing" : ""),
+      draws ? "render draws pictures, and makes no films"
+            : "render and the pages draw no pictures of episodes; grading needs none",
+      "apt-get install" + install));
 }
 
 void CheckMujocoAndModels(const DoctorOptions& options, std::vector<Check>& checks) {
@@ -310,7 +338,7 @@ void CheckMujocoAndModels(const DoctorOptions& options, std::vector<Check>& chec
     checks.push_back(Fine("mujoco", library));
   } else {
     checks.push_back(Missing("mujoco", absl::StrCat(library, ": ", std::strerror(errno)),
-                             "no episode can be simulated, so nothing can be graded", kSetUp));
+                             "no episode can be simulated, so nothing can be graded", HowToSetUp()));
   }
   CheckModels(options, checks);
 }

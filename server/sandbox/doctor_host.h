@@ -11,6 +11,8 @@ namespace myograde::server {
 
 // Each appends one or more checks.
 void CheckPrograms(const DoctorOptions& options, std::vector<Check>& checks);
+// Whether pictures and films of episodes can be made here.
+void CheckPictures(std::vector<Check>& checks);
 void CheckMujocoAndModels(const DoctorOptions& options, std::vector<Check>& checks);
 void CheckMachine(const DoctorOptions& options, std::vector<Check>& checks);
 void CheckSystem(const DoctorOptions& options, std::vector<Check>& checks);

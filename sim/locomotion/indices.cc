@@ -6,6 +6,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/set_up.h"
 #include "sim/model/finder.h"
 
 namespace myograde::sim {
@@ -52,7 +53,7 @@ absl::StatusOr<LocomotionIndices> FindLocomotionIndices(const mjModel& model) {
     return absl::InternalError(absl::StrCat("the leg model has ", muscles.size(), " muscles, ",
                                             model.nu, " actuators and ", model.nv,
                                             " degrees of freedom, expected 54, 56 and fewer "
-                                            "than 60: run ./dev setup"));
+                                            "than 60: ", SetUpAdvice()));
   }
   std::copy(muscles.begin(), muscles.end(), out.muscle.begin());
   out.sorted_muscle = out.muscle;
@@ -94,7 +95,7 @@ absl::StatusOr<LocomotionIndices> FindLocomotionIndices(const mjModel& model) {
   out.socket_load = find.Sensor("r_socket_load");
   if (!find.missing().empty()) {
     return absl::InternalError(
-        absl::StrCat("the leg model has nothing named ", find.missing(), ": run ./dev setup"));
+        absl::StrCat("the leg model has nothing named ", find.missing(), ": ", SetUpAdvice()));
   }
   return out;
 }

@@ -13,6 +13,7 @@
 #include <absl/strings/str_format.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/set_up.h"
 #include "protocol/base/sha256.h"
 
 namespace myograde::sim {
@@ -45,12 +46,12 @@ absl::StatusOr<std::string> ReadPinned(const Pin& pin, const std::string& packag
   auto text = ReadFile(path);
   if (!text.ok()) {
     return absl::NotFoundError(absl::StrCat("model file ", path,
-                                            " is missing or can't be read: run ./dev setup"));
+                                            " is missing or can't be read: ", SetUpAdvice()));
   }
   if (Sha256Hex(*text) != pin.digest) {
     return absl::DataLossError(
         absl::StrCat("model file ", path, " was altered (its SHA-256 is not the pinned one): ",
-                     "delete the folder ", package_dir, " and run ./dev setup"));
+                     "delete the folder ", package_dir, " and ", SetUpAdvice()));
   }
   return text;
 }

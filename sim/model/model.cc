@@ -13,6 +13,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/set_up.h"
 #include "protocol/base/sha256.h"
 #include "sim/model/compile.h"
 #include "sim/model/file.h"
@@ -99,7 +100,7 @@ absl::StatusOr<ModelPtr> Unseal(std::string_view sealed, const fs::path& path) {
       sealed.substr(0, kDigestDigits) != Sha256Hex(sealed.substr(kDigestDigits + 1))) {
     return absl::DataLossError(absl::StrCat("compiled model ", path.string(),
                                             " is damaged (its SHA-256 does not fit): delete it "
-                                            "and run ./dev setup"));
+                                            "and ", SetUpAdvice()));
   }
   const std::string_view body = sealed.substr(kDigestDigits + 1);
   // Filled by hand, as MuJoCo's own way is a copy of ten megabytes at each

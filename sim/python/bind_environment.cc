@@ -1,8 +1,11 @@
+#include <algorithm>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <utility>
+#include <vector>
 
+#include <mujoco/mujoco.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>
@@ -79,6 +82,42 @@ nb::tuple Step(GradedEnvironment& self, const Doubles<1>& action) {
   return nb::make_tuple(Observe(self), RewardTerms(self), self.terminated(), self.truncated());
 }
 
+nb::list History(GradedEnvironment& self) {
+  absl::StatusOr<std::vector<EpisodeInputs>> history;
+  {
+    const Exclusively alone(self);
+    history = self.History();
+  }
+  RaiseUnlessOk(history.status());
+  return ListFrom(*history);
+}
+
+void Restore(GradedEnvironment& self, const nb::list& list) {
+  const std::vector<EpisodeInputs> history = HistoryFrom(list);
+  absl::Status status;
+  {
+    const Exclusively alone(self);
+    status = self.Restore(history);
+  }
+  RaiseUnlessOk(status);
+}
+
+nb::dict PhysicsOf(const GradedEnvironment& self) {
+  const mjModel& model = self.environment().model();
+  const std::span<const double> state = self.environment().state();
+  nb::dict dict;
+  size_t place = 0;
+  for (const auto& [name, size] : {std::pair("time", 1), std::pair("qpos", model.nq),
+                                   std::pair("qvel", model.nv), std::pair("act", model.na)}) {
+    const auto count = std::min(static_cast<size_t>(size), state.size() - place);
+    auto values = NewArray(count);
+    std::ranges::copy(state.subspan(place, count), values.data());
+    dict[name] = values;
+    place += count;
+  }
+  return dict;
+}
+
 nb::list TermsOf(const GradedEnvironment& self) {
   nb::list terms;
   for (const RewardTerm& term : self.reward_terms()) {
@@ -112,6 +151,11 @@ void BindEnvironment(nb::module_& module) {
            "truncated), the arrays new ones.")
       .def("observe", &Observe, "The observation of the current state, as a new array.")
       .def("reward_values", &RewardTerms, "The reward terms of the current state, unweighted.")
+      .def("history", &History,
+           "The inputs of all that the current state depends on; restore() takes them.")
+      .def("restore", &Restore, "history"_a,
+           "Plays the history of an environment with the same arguments, in place of its own.")
+      .def("physics", &PhysicsOf, "time, qpos, qvel and act after the last step, as new arrays.")
       .def("facts", [](const GradedEnvironment& self) { return FactsOf(self.facts()); },
            "What was measured in the episode so far, by the keys of a result's JSON.")
       .def("end_of", nb::overload_cast<const GradedEnvironment&>(&EndOf),
@@ -126,6 +170,14 @@ void BindEnvironment(nb::module_& module) {
       .def_prop_ro("observation_size", &GradedEnvironment::observation_size)
       .def_prop_ro("action_size", &GradedEnvironment::action_size)
       .def_prop_ro("kind", [](const GradedEnvironment& self) { return self.config().kind->name; })
+      .def_prop_ro("horizon",
+                   [](const GradedEnvironment& self) {
+                     const absl::StatusOr<int64_t> steps =
+                         self.config().kind->max_steps(self.config().rules);
+                     RaiseUnlessOk(steps.status());
+                     return *steps;
+                   },
+                   "Control steps of the longest episode.")
       .def_prop_ro("profile",
                    [](const GradedEnvironment& self) { return self.config().profile; })
       .def_prop_ro("control_period_s",

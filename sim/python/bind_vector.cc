@@ -2,6 +2,8 @@
 #include <mutex>
 #include <string>
 #include <utility>
+#include <variant>
+#include <vector>
 
 #include <absl/strings/str_cat.h>
 #include <nanobind/stl/optional.h>
@@ -24,12 +26,12 @@ std::unique_ptr<VectorEnvironment> MakeVector(int count, int threads, const std:
                                               const std::string& track, const std::string& profile,
                                               const std::string& config_file,
                                               const std::string& cache_dir, bool direct,
-                                              bool extra) {
+                                              bool extra, int64_t max_steps) {
   if (count < 1 || threads < 1) {
     throw nb::value_error("the numbers of environments and of threads must be at least 1");
   }
   const EnvironmentOptions options =
-      OptionsFrom(tracks_dir, track, profile, config_file, cache_dir, direct, extra);
+      OptionsFrom(tracks_dir, track, profile, config_file, cache_dir, direct, extra, max_steps);
   absl::StatusOr<std::unique_ptr<VectorEnvironment>> made;
   {
     nb::gil_scoped_release released;
@@ -61,6 +63,57 @@ void ResetVector(VectorEnvironment& self, uint32_t present,
   }
   const LegParameterSets sets = LegSetsFrom(present, leg_sets);
   Alone(self, [&] { return self.Reset(sets, mask); });
+}
+
+nb::list Histories(VectorEnvironment& self) {
+  std::vector<absl::StatusOr<std::vector<EpisodeInputs>>> histories;
+  Alone(self, [&] {
+    for (int i = 0; i < self.count(); ++i) histories.push_back(self.at(i).History());
+    return absl::OkStatus();
+  });
+  nb::list list;
+  for (const auto& history : histories) {
+    RaiseUnlessOk(history.status());
+    list.append(ListFrom(*history));
+  }
+  return list;
+}
+
+void RestoreVector(VectorEnvironment& self, uint32_t present,
+                   const std::optional<LegSetValues>& leg_sets, const nb::list& list) {
+  if (list.size() != static_cast<size_t>(self.count())) {
+    throw nb::value_error("the state is one of another number of environments");
+  }
+  std::vector<std::vector<EpisodeInputs>> histories;
+  for (const nb::handle history : list) histories.push_back(HistoryFrom(nb::cast<nb::list>(history)));
+  const LegParameterSets sets = LegSetsFrom(present, leg_sets);
+  Alone(self, [&] { return self.Restore(sets, histories); });
+}
+
+// What was measured in each episode so far: an array by the keys of a result's JSON.
+nb::dict FactsOf(const VectorEnvironment& self) {
+  nb::dict dict;
+  std::vector<void*> columns;
+  for (int i = 0; i < self.count(); ++i) {
+    const EpisodeFacts facts = self.at(i).environment().facts();
+    size_t column = 0;
+    const auto put = [&]<typename Value>(const char* key, const Value& value) {
+      if (i == 0) {
+        auto* values = new Value[static_cast<size_t>(self.count())]();
+        const nb::capsule owner(values, [](void* array) noexcept {
+          delete[] static_cast<Value*>(array);
+        });
+        columns.push_back(values);
+        dict[key] = nb::ndarray<nb::numpy, Value>(values, {static_cast<size_t>(self.count())}, owner);
+      }
+      static_cast<Value*>(columns[column++])[i] = value;
+    };
+    put("steps", facts.steps);
+    put("sim_time", facts.sim_time);
+    put("clipped", facts.clipped);
+    std::visit([&put](const auto& measured) { measured.Visit(measured, put); }, facts.track);
+  }
+  return dict;
 }
 
 void StepVector(VectorEnvironment& self, const Doubles<2>& actions) {
@@ -104,13 +157,18 @@ void BindVectorEnvironment(nb::module_& module) {
                                 "Environments that threads step side by side; see myograde.envs.")
       .def(nb::new_(&MakeVector), "count"_a, "threads"_a, "tracks_dir"_a, "track"_a,
            "profile"_a = "", "config_file"_a = "", "cache_dir"_a, "direct"_a = false,
-           "extra_observations"_a = false)
+           "extra_observations"_a = false, "max_steps"_a = 0)
       .def("reset", &ResetVector, "leg_sets_present"_a = 0, "leg_sets"_a = nb::none(),
            "only"_a = nb::none(),
            "Begins an episode of seeds[i] in each environment, or in those that `only` marks.")
       .def("step", &StepVector, "actions"_a,
            "Plays a control step in each environment without the GIL, or begins the next episode "
            "where one ended in the last step.")
+      .def("histories", &Histories, "Of each environment, as Environment.history().")
+      .def("restore", &RestoreVector, "leg_sets_present"_a, "leg_sets"_a.none(), "histories"_a,
+           "Plays these in place of its own; the arrays of flags and rewards stay as they are.")
+      .def("facts", nb::overload_cast<const VectorEnvironment&>(&FactsOf),
+           "What was measured in each episode so far, an array by name.")
       .def("end_of", nb::overload_cast<const VectorEnvironment&, int>(&EndOf), "index"_a,
            "How the episode of an environment ended, and what was measured in it.")
       .def_prop_ro("count", &VectorEnvironment::count)

@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include <absl/status/status.h>
 #include <nanobind/nanobind.h>
@@ -37,11 +38,16 @@ void RaiseUnlessOk(const absl::Status& status);
 
 EnvironmentOptions OptionsFrom(const std::string& tracks_dir, const std::string& track,
                                const std::string& profile, const std::string& config_file,
-                               const std::string& cache_dir, bool direct, bool extra);
+                               const std::string& cache_dir, bool direct, bool extra,
+                               int64_t max_steps = 0);
 
 // Bit i of `present`: set i is taken from `values`: for each state knee stiffness, damping, target,
 // the same of the ankle, then value and kind (0 unused, 1 above, 2 below) of each threshold.
 LegParameterSets LegSetsFrom(uint32_t present, const std::optional<LegSetValues>& values);
+
+// A history as Python keeps it: [(seed, leg parameter sets, actions)], the latter two as bytes.
+nanobind::list ListFrom(const std::vector<EpisodeInputs>& history);
+std::vector<EpisodeInputs> HistoryFrom(const nanobind::list& list);
 
 // A new array that Python owns.
 nanobind::ndarray<nanobind::numpy, double, nanobind::ndim<1>> NewArray(size_t size);

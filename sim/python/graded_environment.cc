@@ -9,6 +9,12 @@
 #include "protocol/base/file.h"
 
 namespace myograde::sim {
+namespace {
+
+// Entries of actions that an environment keeps so that it can be copied: 64 MiB.
+constexpr size_t kLargestHistory = size_t{8} << 20;
+
+}  // namespace
 
 absl::StatusOr<TrackConfig> ConfigOf(const EnvironmentOptions& options) {
   if (options.config_file.empty()) {
@@ -40,9 +46,16 @@ GradedEnvironment::GradedEnvironment(TrackConfig config, std::unique_ptr<Environ
     : config_(std::move(config)),
       environment_(std::move(environment)),
       convention_(options.convention),
-      extra_(options.extra_observations) {}
+      extra_(options.extra_observations),
+      carries_over_(config_.rules.value("one_environment", false)),
+      max_steps_(options.max_steps) {}
 
 absl::Status GradedEnvironment::Reset(uint64_t seed, const LegParameterSets& sets) {
+  if (!carries_over_) {
+    history_.clear();
+    history_size_ = 0;
+  }
+  history_.push_back({.seed = seed, .sets = sets, .actions = {}});
   environment_->Reset(seed);
   environment_->SetConvention(convention_);
   digests_ = EpisodeDigests();
@@ -74,6 +87,13 @@ absl::Status GradedEnvironment::Step(std::span<const double> action) {
   if (!running_) {
     return absl::FailedPreconditionError("no episode is being played; call reset() first");
   }
+  history_size_ += action.size();
+  std::vector<double>& kept = history_.back().actions;
+  if (history_size_ > kLargestHistory) {
+    kept.clear();
+  } else {
+    kept.insert(kept.end(), action.begin(), action.end());
+  }
   const StepResult result = environment_->Step(action);
   digests_.Step(action, environment_->state());
   ++steps_;
@@ -86,7 +106,32 @@ absl::Status GradedEnvironment::Step(std::span<const double> action) {
   unstable_ = result.unstable;
   truncated_ = result.ended && !unstable_ && environment_->facts().end == EpisodeEnd::kTime;
   terminated_ = (result.ended || unstable_) && !truncated_;
+  truncated_ = truncated_ || (!terminated_ && max_steps_ > 0 && steps_ >= max_steps_);
   running_ = !terminated_ && !truncated_;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<EpisodeInputs>> GradedEnvironment::History() const {
+  if (history_size_ <= kLargestHistory) return history_;
+  return absl::ResourceExhaustedError(
+      "this environment can't be copied: in its profile, its state depends on all episodes since it was "
+      "made, and they are too many; make another one with the same arguments");
+}
+
+absl::Status GradedEnvironment::Restore(std::span<const EpisodeInputs> history) {
+  for (const EpisodeInputs& episode : history) {
+    // An episode that ended by an error ended by the same error when it was first played.
+    (void)Reset(episode.seed, episode.sets);
+    const auto size = static_cast<size_t>(action_size());
+    if (episode.actions.size() % size != 0) {
+      return absl::InvalidArgumentError("the state is one of another environment");
+    }
+    for (size_t i = 0; i < episode.actions.size() && running_; i += size) {
+      const std::span<const double> action = std::span(episode.actions).subspan(i, size);
+      if (absl::Status status = CheckAction(action); !status.ok()) return status;
+      (void)Step(action);
+    }
+  }
   return absl::OkStatus();
 }
 

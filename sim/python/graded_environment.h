@@ -28,6 +28,14 @@ struct EnvironmentOptions {
   std::string cache_dir;    // models (MYOGRADE_CACHE)
   ActionConvention convention = ActionConvention::kNormalized;
   bool extra_observations = false;
+  int64_t max_steps = 0;    // the caller's own limit of an episode, in control steps; 0: none
+};
+
+// What was given to an episode so far. Played again, it leads to the same state, to the bit.
+struct EpisodeInputs {
+  uint64_t seed = 0;
+  LegParameterSets sets = {};
+  std::vector<double> actions;  // action_size() entries a step
 };
 
 // The effective config that the options name. Errors as LoadTrackConfig.
@@ -51,6 +59,12 @@ class GradedEnvironment {
   // Plays one control step. FailedPreconditionError if no episode runs; InternalError if a buffer of
   // the simulation was too small, which ends the episode. REQUIRES: CheckAction(action) is OK.
   absl::Status Step(std::span<const double> action);
+
+  // What led to the current state: the current episode, after those whose state carries over to it.
+  // Empty before the first Reset. ResourceExhaustedError if they are too long to be kept.
+  absl::StatusOr<std::vector<EpisodeInputs>> History() const;
+  // Plays a history of an environment with the same options. InvalidArgumentError if it is none.
+  absl::Status Restore(std::span<const EpisodeInputs> history);
 
   // Writes observation_size() entries: the graded observation, then the extra ones if they are on.
   void Observe(std::span<double> out) const;
@@ -87,7 +101,12 @@ class GradedEnvironment {
   const std::unique_ptr<Environment> environment_;
   const ActionConvention convention_;
   const bool extra_;
+  const bool carries_over_;  // an episode's state depends on those before it
+  const int64_t max_steps_;
   std::mutex mutex_;
+
+  std::vector<EpisodeInputs> history_;
+  size_t history_size_ = 0;  // actions' entries in it
 
   EpisodeDigests digests_;
   uint64_t seed_ = 0;

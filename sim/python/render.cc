@@ -1,6 +1,10 @@
+#include <stdlib.h>
+
 #include <array>
+#include <cstdlib>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -10,6 +14,7 @@
 #include <nanobind/stl/unique_ptr.h>
 
 #include "sim/python/bindings.h"
+#include "sim/render/osmesa.h"
 #include "sim/render/renderer.h"
 
 namespace myograde::sim {
@@ -19,11 +24,46 @@ namespace nb = nanobind;
 using nb::literals::operator""_a;
 using Pixels = nb::ndarray<nb::numpy, uint8_t, nb::ndim<3>>;
 
+// A variable of the environment, for as long as this lives.
+class Variable {
+ public:
+  Variable(const char* name, const char* value) : name_(name) {
+    if (const char* before = std::getenv(name); before != nullptr) before_ = before;
+    ::setenv(name, value, 1);
+  }
+  ~Variable() {
+    if (before_) {
+      ::setenv(name_, before_->c_str(), 1);
+    } else {
+      ::unsetenv(name_);
+    }
+  }
+  Variable(const Variable&) = delete;
+  Variable& operator=(const Variable&) = delete;
+
+ private:
+  const char* name_;
+  std::optional<std::string> before_;
+};
+
+// Mesa reads its variables once, when a process makes its first context. Without threads of its own, for
+// drawing and for its cache of shaders, a process that is forked off later can draw, and can end:
+// otherwise it waits for threads that a fork leaves behind. Called with Python's lock.
+absl::Status StartMesaWithoutThreads() {
+  static const absl::Status started = [] {
+    const Variable drawing("LP_NUM_THREADS", "0");
+    const Variable shaders("MESA_SHADER_CACHE_DISABLE", "true");
+    return OsMesaContext::Make(1, 1).status();
+  }();
+  return started;
+}
+
 // Python's Renderer: of one environment, which Python keeps alive.
 class EnvironmentRenderer {
  public:
   static std::unique_ptr<EnvironmentRenderer> Make(GradedEnvironment& environment, int width,
                                                    int height) {
+    RaiseUnlessOk(StartMesaWithoutThreads());
     absl::StatusOr<std::unique_ptr<Renderer>> renderer;
     {
       nb::gil_scoped_release released;

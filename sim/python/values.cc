@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cstring>
 #include <memory>
 #include <variant>
 
@@ -23,14 +24,16 @@ void RaiseUnlessOk(const absl::Status& status) {
 
 EnvironmentOptions OptionsFrom(const std::string& tracks_dir, const std::string& track,
                                const std::string& profile, const std::string& config_file,
-                               const std::string& cache_dir, bool direct, bool extra) {
+                               const std::string& cache_dir, bool direct, bool extra,
+                               int64_t max_steps) {
   return {.tracks_dir = tracks_dir,
           .track = track,
           .profile = profile,
           .config_file = config_file,
           .cache_dir = cache_dir,
           .convention = direct ? ActionConvention::kDirect : ActionConvention::kNormalized,
-          .extra_observations = extra};
+          .extra_observations = extra,
+          .max_steps = max_steps};
 }
 
 LegParameterSets LegSetsFrom(uint32_t present, const std::optional<LegSetValues>& values) {
@@ -51,6 +54,36 @@ LegParameterSets LegSetsFrom(uint32_t present, const std::optional<LegSetValues>
     }
   }
   return sets;
+}
+
+nb::list ListFrom(const std::vector<EpisodeInputs>& history) {
+  nb::list list;
+  for (const EpisodeInputs& episode : history) {
+    list.append(nb::make_tuple(
+        episode.seed, nb::bytes(&episode.sets, sizeof(episode.sets)),
+        nb::bytes(episode.actions.data(), episode.actions.size() * sizeof(double))));
+  }
+  return list;
+}
+
+std::vector<EpisodeInputs> HistoryFrom(const nb::list& list) {
+  std::vector<EpisodeInputs> history;
+  for (const nb::handle entry : list) {
+    const auto episode = nb::cast<nb::tuple>(entry);
+    const auto sets = nb::cast<nb::bytes>(episode[1]);
+    const auto actions = nb::cast<nb::bytes>(episode[2]);
+    EpisodeInputs& inputs = history.emplace_back();
+    if (sets.size() != sizeof(inputs.sets) || actions.size() % sizeof(double) != 0) {
+      throw nb::value_error("the state is one of another version of myograde");
+    }
+    inputs.seed = nb::cast<uint64_t>(episode[0]);
+    std::memcpy(&inputs.sets, sets.c_str(), sets.size());
+    inputs.actions.resize(actions.size() / sizeof(double));
+    if (!inputs.actions.empty()) {
+      std::memcpy(inputs.actions.data(), actions.c_str(), actions.size());
+    }
+  }
+  return history;
 }
 
 nb::ndarray<nb::numpy, double, nb::ndim<1>> NewArray(size_t size) {
@@ -126,7 +159,9 @@ nb::object ValueFrom(const nlohmann::json& json) {
 std::string_view EndNameOf(const GradedEnvironment& environment) {
   if (environment.unstable()) return OutcomeName(Outcome::kUnstable);
   if (!environment.terminated() && !environment.truncated()) return "";
-  return environment.facts().end.name();
+  // Also where the caller's own limit of steps cut an episode that the track would have gone on with.
+  const EpisodeEnd time = EpisodeEnd::kTime;
+  return environment.truncated() ? time.name() : environment.facts().end.name();
 }
 
 nb::dict EndOf(const GradedEnvironment& environment) {

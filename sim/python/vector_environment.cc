@@ -66,6 +66,18 @@ absl::Status VectorEnvironment::Step(std::span<const double> actions) {
   });
 }
 
+absl::Status VectorEnvironment::Restore(const LegParameterSets& sets,
+                                        std::span<const std::vector<EpisodeInputs>> histories) {
+  if (absl::Status status = CheckAlive(); !status.ok()) return status;
+  sets_ = sets;
+  return ForEach([&](size_t i) {
+    if (histories[i].empty()) return absl::OkStatus();
+    if (absl::Status status = environments_[i]->Restore(histories[i]); !status.ok()) return status;
+    ReadOut(i);
+    return absl::OkStatus();
+  });
+}
+
 absl::Status VectorEnvironment::CheckAlive() const {
   if (team_.alive()) return absl::OkStatus();
   return absl::FailedPreconditionError(

@@ -34,6 +34,12 @@ class VectorEnvironment {
   // finite; nothing is stepped then. FailedPreconditionError before the first Reset.
   absl::Status Step(std::span<const double> actions);
 
+  // Plays what led to the states of environments of the same options, a history for each
+  // (GradedEnvironment::Restore), and sets the leg parameter sets of the next episodes. Flags and
+  // rewards stay as they are.
+  absl::Status Restore(const LegParameterSets& sets,
+                       std::span<const std::vector<EpisodeInputs>> histories);
+
   int count() const { return static_cast<int>(environments_.size()); }
   int threads() const { return team_.threads(); }
   const GradedEnvironment& at(int i) const { return *environments_[static_cast<size_t>(i)]; }

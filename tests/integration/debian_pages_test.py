@@ -5,11 +5,13 @@ import gzip
 import json
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
 import unittest
+import unittest.mock
 
 BIN = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"])
 SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
@@ -39,6 +41,16 @@ class Pages(unittest.TestCase):
             raise AssertionError(made.stderr)
         told = run(BIN / "myograde", "--help").stdout.split("Subcommands:")[1].split("\n\n")[0]
         cls.verbs = [line.split()[0] for line in told.splitlines() if line.startswith("  ") and line[2] != " "]
+
+    def served(self):
+        """Variables under which a daemon has two phases, and the tracks are the source's."""
+        program = self.folder / "programs/myograde"
+        program.parent.mkdir(exist_ok=True)
+        program.write_text("#!/bin/sh\necho '{\"challenges\": [{\"phases\": "
+                           "[{\"phase\": \"dev\"}, {\"phase\": \"final\"}]}]}'\n")
+        program.chmod(0o755)
+        return {"PATH": f"{program.parent}:{os.environ['PATH']}",
+                "MYOGRADE_CONFIG_DIR": str(SOURCE / "configs")}
 
     def pages(self):
         return sorted(self.folder.glob("man*/*.gz"))
@@ -109,6 +121,10 @@ class Pages(unittest.TestCase):
         self.assertEqual(complete("myograde", "submit", "--tr"), ["--track"])
         self.assertEqual(complete("myograde", "team", "cr"), ["create"])
         self.assertEqual(complete("myograde", "team", "create", "--rea"), ["--reason"])
+        with unittest.mock.patch.dict(os.environ, self.served()):
+            self.assertIn("elbow", complete("myograde", "submit", "--track", ""))
+            self.assertEqual(complete("myograde", "submit", "--profile", "as"), ["as-graded"])
+            self.assertEqual(complete("myograde", "submit", "--phase", ""), ["dev", "final"])
 
     @needs("fish")
     def test_fish_completes(self):
@@ -120,6 +136,10 @@ class Pages(unittest.TestCase):
         self.assertEqual(complete("myograde subm"), ["submit"])
         self.assertEqual(complete("myograde submit --tra"), ["--track"])
         self.assertEqual(complete("myograde team cre"), ["create"])
+        with unittest.mock.patch.dict(os.environ, self.served()):
+            self.assertIn("elbow", complete("myograde submit --track "))
+            self.assertEqual(complete("myograde submit --profile as"), ["as-graded"])
+            self.assertEqual(complete("myograde submit --phase "), ["dev", "final"])
 
     @needs("zsh")
     def test_zsh_completes(self):
@@ -135,6 +155,10 @@ class Pages(unittest.TestCase):
         self.assertIn("--track", complete("myograde", "submit", ""))
         self.assertIn("create", complete("myograde", "team", ""))
         self.assertIn("--reason", complete("myograde", "team", "create", ""))
+        with unittest.mock.patch.dict(os.environ, self.served()):
+            self.assertIn("elbow", complete("myograde", "submit", "--track", ""))
+            self.assertIn("as-graded", complete("myograde", "submit", "--profile", ""))
+            self.assertEqual(complete("myograde", "submit", "--phase", ""), ["dev", "final"])
 
     def test_a_heading_that_is_missing_is_named(self):
         source = self.folder / "renamed"
@@ -191,6 +215,15 @@ class Pages(unittest.TestCase):
         done = run("systemd-analyze", "verify", "--man=no", UNITS / "myograded.socket",
                    UNITS / "myograded-https.socket")
         self.assertNotIn("Unknown", done.stderr)
+
+    def test_the_service_may_open_what_its_own_doctor_asks_for(self):
+        unit = (UNITS / "myograded.service").read_text()
+        allowed = int(re.search(r"^LimitNOFILE=(\d+)$", unit, re.MULTILINE)[1])
+        slots, in_a_message = 8, 253
+        for track in ("manipulation", "locomotion", "elbow"):
+            budgets = json.loads((SOURCE / f"configs/tracks/{track}.json").read_text())["budgets"]
+            self.assertGreaterEqual(
+                allowed, budgets["open_files"] + slots * budgets["tasks"] * in_a_message, track)
 
     def test_setup_explains_itself_and_refuses_what_it_does_not_know(self):
         told = run("sh", DEBIAN / "myograde-setup", "--help")

@@ -61,7 +61,11 @@ board >board.json; step board
 myograde show 1 >/dev/null; step show
 adduser --quiet --disabled-password --gecos "" ada && adduser --quiet ada myograde; step user
 su - ada -c 'timeout 600 myograde submit /usr/lib/myograde/policies/scripted-elbow --track short --team Ada --wait >submit.log 2>&1' || { tail -n 3 ~ada/submit.log; false; }; step member_submits
-su nobody -s /bin/sh -c 'myograde status'; [ $? = 3 ]; step stranger_is_kept_out
+su nobody -s /bin/sh -c 'myograde status' 2>stranger.log; [ $? = 3 ]; step stranger_is_kept_out
+cat stranger.log; grep -q "adduser nobody myograde" stranger.log; step stranger_is_told
+adduser --quiet --disabled-password --gecos "" eve; step other_user
+# Whoever belongs to nothing plays and draws for herself.
+su - eve -c 'timeout 900 myograde local /usr/lib/myograde/policies/scripted-elbow --track short --episodes 1 --logs logs && timeout 600 myograde render logs/* -o episode.png' >eve.log 2>&1 || { tail -n 5 eve.log; false; }; step ordinary_user_plays_and_draws
 
 # Watched: a daemon that hangs is killed and started again.
 mkdir -p $unit && printf '[Service]\nWatchdogSec=15\n' >$unit/watchdog.conf && systemctl daemon-reload && systemctl restart myograded.service; step watchdog_set
@@ -116,8 +120,8 @@ systemctl stop myograded.service && myograde status >/dev/null; step activated
 apt-get remove -y -q myograde-server >apt.log 2>&1; step remove
 [ -e $data/store.db ] && [ -e /etc/myograde/server.json ]; step kept
 mv /var/cache/myograde /root/cache
-rm -f /etc/myograde/server.pem /etc/myograde/server.key
 rm /etc/myograde/tracks/short.json
+mkdir -p /etc/systemd/system/myograded-https.socket.d && printf '[Socket]\nBacklog=512\n' >/etc/systemd/system/myograded-https.socket.d/own.conf
 apt-get purge -y -q 'myograde-*' libmyograde-policy-dev python3-myograde >apt.log 2>&1; step purge
 left() { ! find / -xdev -name '*myograde*' -not -path '/root/*' -not -path '/var/log/*' -not -path '/proc/*' \
   -not -path '/var/cache/apt/*' -not -path '/var/lib/systemd/coredump/*' | grep .; }

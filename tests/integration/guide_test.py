@@ -9,6 +9,8 @@ import re
 import shutil
 import signal
 import subprocess
+import tempfile
+import unittest
 
 from system import POLICIES, SOURCE, SystemTest
 
@@ -121,3 +123,25 @@ class Guide(SystemTest):
         self.assertEqual(numbers, list(range(1, len(numbers) + 1)))
         for page in ("README.md", "policies/README.md"):
             self.assertIn("GUIDE.md", (SOURCE / page).read_text(), page)
+
+
+class Install(unittest.TestCase):
+    """The guide's first two sections as a reader types them: no variables but HOME and PATH, and pip as
+    it is, which gets what it builds with from PyPI."""
+
+    def test_the_first_commands_give_environments(self):
+        text = GUIDE.read_text()
+        first = text[text.index("## 1."):text.index("## 3.")]
+        script = "".join(body for language, body in FENCE.findall(first) if language == "sh")
+        clone = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory())) / "clone"
+        shutil.copytree(SOURCE, clone, ignore=shutil.ignore_patterns(".git", "build", "__pycache__"))
+        (clone / "build").mkdir()
+        (clone / "build/release").symlink_to(BUILT)
+        done = subprocess.run(["bash", "-e", "-c", script], cwd=clone, text=True, timeout=1700,
+                              stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT,
+                              env={name: os.environ[name] for name in ("HOME", "PATH")})
+        if done.returncode and re.search("Could not find a version|Temporary failure", done.stdout):
+            self.skipTest("PyPI can't be reached")
+        self.assertEqual(done.returncode, 0, done.stdout[-8000:])
+        self.assertRegex(done.stdout, r"(?m)^ended by \w+ after \d+ steps$")

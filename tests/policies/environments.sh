@@ -2,8 +2,8 @@
 # Runs a Python test with pinned Gymnasium, the grader's maths functions, and what the sanitized
 # extension needs: environments.sh TEST.py [arguments]
 # Exit status 77 if the packages can't be had here.
-#   MYOGRADE_TEST_PACKAGES  the list in docker/ of what the test imports: gym (default), training,
-#                           or rl, which is used with Debian's python3-torch
+#   MYOGRADE_TEST_PACKAGES  the list in docker/ of what the test imports: gym (default), gym-oldest,
+#                           training, or rl, which is used with Debian's python3-torch
 #   MYOGRADE_TEST_PRELOAD  libraries that are loaded first (of the sanitizers), with spaces between
 set -euo pipefail
 root=$(cd "$(dirname "$0")/../.." && pwd)

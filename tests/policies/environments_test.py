@@ -123,7 +123,7 @@ class Gymnasium(InFolder):
             env.step(np.zeros(6))
         env.reset(seed=0)
         for error, words, wrong in (
-                (ValueError, "6 entries, this one has 7", lambda: env.step(np.zeros(7))),
+                (ValueError, r"must have the shape \(6,\), and has \(7,\)", lambda: env.step(np.zeros(7))),
                 (ValueError, "entry 2 of the action is nan",
                  lambda: env.step([0, 0, float("nan"), 0, 0, 0])),
                 (errors.WrongUse, "out of range", lambda: env.reset(seed=2**63)),
@@ -140,6 +140,34 @@ class Gymnasium(InFolder):
                 (errors.WrongUse, 'no track config "arm"', lambda: myograde.envs.seeds("arm"))):
             with self.assertRaisesRegex(error, words):
                 wrong()
+
+    def test_official_names_are_there_or_say_what_stands_for_them(self):
+        for name in NAMES:
+            env = make(name)
+            for ask in (lambda: env.obs_dict, lambda: env.rwd_dict, env.get_obs, env.get_env_state,
+                        env.get_input_seed):
+                with self.assertRaisesRegex(errors.WrongUse, r"before the first reset\(\)"):
+                    ask()
+            env.reset(seed=6)
+            observation, reward, _, _, info = env.step(actions_of(env, 1)[0])
+            self.assertEqual(env.dt, env.core.control_period_s)
+            self.assertAlmostEqual(env.time, info["facts"]["sim_time"])
+            self.assertEqual(env.horizon, myograde.envs.seeds(env.settings.track).max_steps)
+            self.assertEqual(env.obs_keys, list(env.layout))
+            np.testing.assert_array_equal(
+                np.concatenate([env.obs_dict[key] for key in env.obs_keys]), observation)
+            np.testing.assert_array_equal(env.get_obs(), observation)
+            self.assertEqual({**env.rwd_dict, **info["rewards"]}, env.rwd_dict)
+            self.assertEqual(env.rwd_dict["dense"], reward)
+            self.assertEqual(sum(weight * info["rewards"][term]
+                                 for term, weight in env.rwd_keys_wt.items()), reward)
+            self.assertEqual(env.get_input_seed(), 6)
+        for name, words in (("sim", "which the official environments have: .*get_env_state"),
+                            ("seed", r"reset\(seed=N\)"), ("last_ctrl", "MYOSUITE.md"),
+                            ("nothing", "object has no attribute 'nothing'")):
+            with self.assertRaisesRegex(AttributeError, words):
+                getattr(env, name)
+            self.assertFalse(hasattr(env, name))
 
     def test_models_are_compiled_as_graders_do(self):
         cache = pathlib.Path(os.environ["MYOGRADE_CACHE"])
@@ -271,6 +299,16 @@ class Documented(InFolder):
         for script in scripts:
             said = self.python("-c", script)
             self.assertEqual((said.returncode, said.stderr), (0, ""))
+
+    def test_the_page_for_people_of_myosuite_runs_and_has_every_official_name_that_there_is(self):
+        from myograde.envs import official
+        page = (SOURCE / "policies/MYOSUITE.md").read_text()
+        for script in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
+            said = self.python("-c", script)
+            self.assertEqual((said.returncode, said.stderr), (0, ""))
+        for name in vars(official.OfficialNames):
+            if not name.startswith("_"):
+                self.assertIn(f"`{name}", page)
 
     def test_the_pages_table_has_every_setting(self):
         page = (SOURCE / "policies/README.md").read_text()

@@ -51,6 +51,27 @@ class Examples(unittest.TestCase):
         self.assertTrue(picture.read_bytes().startswith(b"P6 640 480 255\n"))
         self.assertEqual(picture.stat().st_size, len("P6 640 480 255\n") + 640 * 480 * 3)
 
+    def test_many_environments_train_by_stable_baselines(self):
+        import numpy as np
+        from stable_baselines3 import PPO
+        from stable_baselines3.common.vec_env import VecMonitor
+        from myograde.envs.sb3 import StableVecEnv
+
+        envs = StableVecEnv("myograde/Elbow-v0", 3, threads=2, max_episode_steps=20)
+        envs.seed(7)
+        envs.reset()
+        self.assertEqual([info["seed"] for info in envs.reset_infos], [7, 8, 9])
+        for step in range(20):
+            observations, rewards, done, infos = envs.step(np.full((3, 6), 0.5))
+        self.assertEqual((done.tolist(), observations.shape), ([True] * 3, (3, 9)))
+        for i, info in enumerate(infos):
+            self.assertEqual((info["seed"], info["steps"], info["end"]), (7 + i, 20, "time"))
+            self.assertEqual((info["episode"]["l"], info["TimeLimit.truncated"]), (20, True))
+            self.assertFalse(np.array_equal(info["terminal_observation"], observations[i]))
+        model = PPO("MlpPolicy", VecMonitor(envs), n_steps=64, batch_size=64, device="cpu", seed=1)
+        model.learn(192)
+        self.assertGreater(len(model.ep_info_buffer), 5)
+
     def test_a_trained_policy_has_the_same_digests_at_home_by_local_and_on_a_server(self):
         model, submission = self.folder / "elbow_ppo.zip", self.folder / "elbow-ppo"
         run(EXAMPLES / "train_ppo.py", "--steps", 2048, "-o", model)

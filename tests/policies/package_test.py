@@ -213,6 +213,18 @@ class Models(InFolder):
         self.assertEqual(got.fetched, ["mujoco"])
         self.assertEqual((wheels / kept.name).read_bytes(), kept.read_bytes())
 
+    def test_the_systems_cache_serves_who_has_no_models(self):
+        system = self.folder / "system"
+        (system / models.MODELS).mkdir(parents=True)
+        variables = {"HOME": str(self.folder), "XDG_CACHE_HOME": "", "MYOGRADE_CACHE": ""}
+        with unittest.mock.patch.dict(os.environ, variables), \
+                unittest.mock.patch("os.geteuid", return_value=1000), \
+                unittest.mock.patch.object(models, "SYSTEM_CACHE", system):
+            self.assertEqual(models.usual_cache(), system)
+            own = self.folder / ".cache/myograde"
+            (own / models.MODELS).mkdir(parents=True)
+            self.assertEqual(models.usual_cache(), own)
+
     def test_two_at_once_do_not_disturb_each_other(self):
         command = [sys.executable, "-B", str(PACKAGE / "models.py"), str(self.folder / "cache"),
                    str(self.only("mujoco"))]

@@ -1,6 +1,9 @@
 """Pictures of the graded environments in Python. Runs with Gymnasium (environments.sh)."""
 
 import concurrent.futures
+import os
+import subprocess
+import sys
 import unittest
 
 import gymnasium
@@ -74,6 +77,31 @@ class Pictures(unittest.TestCase):
             make().unwrapped.render()
         with self.assertRaisesRegex(errors.WrongUse, 'render_mode="ansi" is unknown'):
             myograde.envs.GradedEnv("elbow", render_mode="ansi")
+
+    def test_a_forked_process_draws_and_ends(self):
+        script = """
+import os, sys, gymnasium, myograde.envs
+def make():
+    env = gymnasium.make("myograde/Elbow-v0", render_mode="rgb_array", width=64, height=48)
+    env.reset(seed=1)
+    return env
+env = make()
+print(env.render().sum(), os.environ.get("LP_NUM_THREADS"), flush=True)
+if "closed" in sys.argv:
+    env.close()
+child = os.fork()
+ended = os.waitpid(child, 0)[1] if child else 0
+picture = (make() if child == 0 and "own" in sys.argv else env).render()
+print(picture.sum(), flush=True)
+sys.exit(os.waitstatus_to_exitcode(ended))
+"""
+        for words in (["own"], ["own", "closed"], []):
+            # Both end by themselves, as a process does.
+            said = subprocess.run([sys.executable, "-B", "-c", script, *words], text=True, timeout=60,
+                                  capture_output=True, env={**os.environ, "LP_NUM_THREADS": "3"})
+            self.assertEqual(said.returncode, 0, said.stderr)
+            first, kept, *others = said.stdout.split()
+            self.assertEqual((kept, others), ("3", [first] * 2), words)
 
     def test_threads_draw_environments_of_their_own(self):
         def play(seed):

@@ -1,5 +1,6 @@
 """The wheel, as ./dev wheel makes it, in the hands of somebody who has nothing else."""
 
+import hashlib
 import os
 import pathlib
 import shutil
@@ -10,6 +11,7 @@ import unittest
 
 SOURCE = pathlib.Path(os.environ["MYOGRADE_TEST_SOURCE"])
 BUILD = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"]).parent
+CACHE = pathlib.Path(os.environ["MYOGRADE_CACHE"])
 UNAVAILABLE = 77
 
 
@@ -68,6 +70,48 @@ class Wheel(unittest.TestCase):
         other = make(copy, self.folder / "again", umask=0o077)
         self.assertEqual(other.name, self.wheel.name)
         self.assertEqual(other.read_bytes(), self.wheel.read_bytes())
+
+
+class WithoutACompiler(unittest.TestCase):
+    """pip in a checkout, as the guide types it, on a machine that has no compiler."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory()))
+        make(SOURCE, cls.folder / "wheels")  # gets the tools
+        packages = SOURCE / "docker/wheel-tools.txt"
+        name = f"wheel-tools-{hashlib.sha256(packages.read_bytes()).hexdigest()[:12]}"
+        cls.tools = next((CACHE / name).glob("lib/python3*/site-packages"))
+        programs = cls.folder / "programs"
+        programs.mkdir()
+        for program in ("cmake", "ninja"):
+            (programs / program).symlink_to(shutil.which(program))
+        cls.environment = {"PATH": str(programs), "PYTHONPATH": str(cls.tools), "PIP_NO_INDEX": "1",
+                           "PIP_NO_BUILD_ISOLATION": "0", "HOME": str(cls.folder)}
+
+    def install(self, what):
+        place = self.folder / "venv"
+        if not place.exists():
+            subprocess.run(["/usr/bin/python3", "-m", "venv", place], check=True, timeout=120)
+        return subprocess.run([place / "bin/pip", "install", "--disable-pip-version-check", what],
+                              capture_output=True, text=True, timeout=200, cwd=SOURCE,
+                              env=self.environment)
+
+    def test_asking_for_the_environments_fails_with_the_reason(self):
+        said = self.install("./policies/python[gym]")
+        self.assertEqual(said.returncode, 1, said.stdout)
+        self.assertIn("can't be built here: there is no C++ compiler", said.stdout + said.stderr)
+
+    def test_the_kit_alone_is_installed_and_knows_why_there_are_no_environments(self):
+        said = self.install("./policies/python")
+        self.assertEqual(said.returncode, 0, said.stdout + said.stderr)
+        script = ("import myograde, myograde.client, myograde.envs\n"
+                  "try:\n    myograde.envs.seeds('elbow')\n"
+                  "except myograde.errors.MyogradeError as error:\n    print(error)")
+        told = subprocess.run([self.folder / "venv/bin/python", "-c", script], capture_output=True,
+                              text=True, timeout=60, cwd=self.folder,
+                              env={"PATH": "/nonexistent"})
+        self.assertIn("there is no C++ compiler", told.stdout, told.stderr)
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ def _parser() -> argparse.ArgumentParser:
         "SHA-256 and unpacks them into the cache. What is there already is left as it is.",
         epilog="example: python -m myograde get-models --cache ~/models")
     getting.add_argument("--cache", metavar="DIR", help="folder for them (default: MYOGRADE_CACHE, "
-                         "else /var/cache/myograde for root and ~/.cache/myograde for others)")
+                         "else ~/.cache/myograde if it has the models, else /var/cache/myograde if that does)")
     running = verbs.add_parser(
         "run", help="run a script whose environments compute what a grader does, to the bit",
         description="Runs a Python script with the C library's maths functions that every grader "

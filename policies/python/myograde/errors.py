@@ -1,5 +1,9 @@
 """What can go wrong here. Every message is a sentence for people that says what to do."""
 
+from __future__ import annotations
+
+from typing import Any
+
 
 class MyogradeError(Exception):
     """The base of all that this package raises on purpose."""
@@ -24,3 +28,7 @@ class ServerError(MyogradeError):
         super().__init__(message)
         self.status = status  # of HTTP
         self.code = code  # such as "unknown_track"; server/api/README.md lists them
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # An exception is made anew of its text alone otherwise, in a process of a pool too.
+        return type(self), (self.status, self.code, str(self))

@@ -25,6 +25,8 @@ LIST = pathlib.Path(__file__).with_name("wheels.txt")
 # Of the Python and the platform that the wheel of MuJoCo was made for; any Python may unpack it.
 PLATFORM = ["--python-version", "3.10", "--platform", "manylinux2014_x86_64"]
 PIP_DEADLINE_S = 1800
+SYSTEM_CACHE = pathlib.Path("/var/cache/myograde")  # for all users; root's own
+MODELS = "myosuite-2.8.4"
 PINNED = re.compile(r"^(\w+)==([\w.]+) --hash=sha256:([0-9a-f]{64})$")
 
 
@@ -47,11 +49,19 @@ class Models:
 
 
 def usual_cache() -> pathlib.Path:
-    """Where the programs of MyoGrade look if nobody says otherwise."""
+    """Where the programs of MyoGrade look if nobody says otherwise: MYOGRADE_CACHE, or the user's own
+    folder; the system's if only that has the models."""
     if os.environ.get("MYOGRADE_CACHE"):
         return pathlib.Path(os.environ["MYOGRADE_CACHE"])
     if hasattr(os, "geteuid") and os.geteuid() == 0:
-        return pathlib.Path("/var/cache/myograde")
+        return SYSTEM_CACHE
+    own = _own_cache()
+    if not (own / MODELS).is_dir() and (SYSTEM_CACHE / MODELS).is_dir():
+        return SYSTEM_CACHE
+    return own
+
+
+def _own_cache() -> pathlib.Path:
     caches = os.environ.get("XDG_CACHE_HOME", "")
     # The XDG specification has relative paths ignored.
     home = pathlib.Path(caches) if os.path.isabs(caches) else pathlib.Path.home() / ".cache"

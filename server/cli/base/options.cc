@@ -40,7 +40,7 @@ void AddHostOptions(CLI::App& verb, HostOptions& options) {
                   "configs that MyoGrade came with)");
   verb.add_option("--cache", options.cache,
                   "Folder with MuJoCo and the models (default: MYOGRADE_CACHE, else "
-                  "/var/cache/myograde for root and ~/.cache/myograde for others)");
+                  "~/.cache/myograde if it has models, else /var/cache/myograde)");
 }
 
 }  // namespace myograde::server

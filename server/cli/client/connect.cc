@@ -1,6 +1,7 @@
 #include "server/cli/client/connect.h"
 
 #include <absl/strings/str_cat.h>
+#include <grp.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
 #include <pwd.h>
@@ -29,6 +30,31 @@ std::string OwnerOf(const std::string& path) {
   return user != nullptr ? user->pw_name : absl::StrCat("uid ", info.st_uid);
 }
 
+std::string OwnName() {
+  const passwd* user = ::getpwuid(::geteuid());
+  return user != nullptr ? user->pw_name : absl::StrCat("uid ", ::geteuid());
+}
+
+// The group, other than root's, whose members `rights` let use `path`; "" if there is none.
+std::string GroupThatMay(const std::string& path, mode_t rights) {
+  struct stat info = {};
+  if (::stat(path.c_str(), &info) != 0 || (info.st_mode & rights) != rights || info.st_gid == 0) {
+    return "";
+  }
+  const group* found = ::getgrgid(info.st_gid);
+  return found != nullptr ? found->gr_name : "";
+}
+
+// By /etc/group, which a session that is open reads no more.
+bool IsMember(const std::string& user, const std::string& name) {
+  const group* found = ::getgrnam(name.c_str());
+  if (found == nullptr) return false;
+  for (char** member = found->gr_mem; *member != nullptr; ++member) {
+    if (user == *member) return true;
+  }
+  return false;
+}
+
 // What stands in the way of a socket that may not be reached, and what to do.
 std::string ClosedSocket(const std::string& socket) {
   std::string closed = socket;  // the topmost that lets this user no further
@@ -36,6 +62,17 @@ std::string ClosedSocket(const std::string& socket) {
        !folder.empty(); folder = folder.parent_path()) {
     if (::access(folder.c_str(), X_OK) != 0) closed = folder.string();
     if (folder == folder.root_path()) break;
+  }
+  if (const std::string group = GroupThatMay(closed, closed == socket ? S_IRGRP | S_IWGRP : S_IXGRP);
+      !group.empty()) {
+    const std::string user = OwnName();
+    return absl::StrCat("this user may not talk to the daemon on ", socket, ": ", closed,
+                        " is open to the group ", group, ", and ", user,
+                        IsMember(user, group)
+                            ? absl::StrCat(" joined it after this session began; log in anew, or "
+                                           "type: newgrp ", group)
+                            : absl::StrCat(" is not in it; ask the administrator to type: adduser ",
+                                           user, " ", group, ", then log in anew"));
   }
   const std::string owner = OwnerOf(closed);
   return absl::StrCat("this user may not talk to the daemon on ", socket, ": ", closed,

@@ -304,7 +304,7 @@ Action AddRender(CLI::App& verb) {
   AddDaemonOptions(verb, "render", *options);
   verb.add_option("--cache", options->host.cache,
                   "Folder with MuJoCo and the models (default: MYOGRADE_CACHE, else "
-                  "/var/cache/myograde for root and ~/.cache/myograde for others)");
+                  "~/.cache/myograde if it has models, else /var/cache/myograde)");
   return [options] { return Render(*options); };
 }
 

@@ -88,7 +88,7 @@ std::string Absolute(const std::string& path) {
 // of the home, with the node's name, as homes are often shared by nodes.
 std::string UsualNodeDir() {
   if (geteuid() == 0) return "/var/lib/myograde-node";
-  return absl::StrCat(UsualCacheDir(), "-node-", NodeName());
+  return absl::StrCat(OwnCacheDir(), "-node-", NodeName());
 }
 
 absl::Status MakeNodeDir(const std::string& path) {

@@ -11,11 +11,12 @@ import sys
 from typing import Any
 
 from ..errors import MyogradeError, WrongUse
-from ..models import usual_cache
+from ..models import MODELS, usual_cache
 
 HERE = pathlib.Path(__file__).resolve().parent
 TRACKS = HERE / "tracks"  # the configs of the grader's tracks
 REFERENCE = HERE / "reference"  # the log of an episode of each track
+NOT_BUILT = HERE / "not_built.txt"  # why this installation has no environments, if the build knew
 COMPILE_DEADLINE_S = 600
 
 
@@ -45,6 +46,8 @@ def load() -> Any:
     try:
         from .. import _env
     except ImportError as error:
+        if NOT_BUILT.is_file():
+            raise MyogradeError(NOT_BUILT.read_text()) from error
         raise MyogradeError(
             "this installation of myograde has the kit and the client, and no environments: "
             f"{error}. They are in the wheels that ./dev wheel builds for CPython 3.9 to 3.12 on "
@@ -82,7 +85,7 @@ def provide_models(cache: str | os.PathLike[str] | None = None) -> str:
     extension = load()
     folder = pathlib.Path(cache).expanduser() if cache is not None else usual_cache()
     if not extension.models_are_compiled(str(folder)):
-        if not (folder / "myosuite-2.8.4").is_dir():
+        if not (folder / MODELS).is_dir():
             raise MyogradeError(f"{folder}: holds no models yet; get them by: python -m myograde "
                                 f"get-models --cache {folder}")
         compile_models(folder)
@@ -140,5 +143,5 @@ def replay(log: str | os.PathLike[str], cache: str | os.PathLike[str] | None = N
 
 
 def path_or_none(path: str | os.PathLike[str] | None) -> str:
-    """As the extension takes a file that may be left out."""
-    return "" if path is None else str(pathlib.Path(path).expanduser())
+    """As the extension takes a file that may be left out: "" then, else an absolute path."""
+    return "" if path is None else str(pathlib.Path(path).expanduser().absolute())

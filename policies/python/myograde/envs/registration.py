@@ -36,5 +36,12 @@ def vec(name: str, num_envs: int, threads: int = 0, **settings: Any) -> Any:
     each processor). `settings` are its own. MyogradeError without Gymnasium."""
     register()
     import gymnasium
-    return gymnasium.make_vec(name, num_envs=num_envs, vectorization_mode="vector_entry_point",
-                              threads=threads, **settings)
+    if hasattr(gymnasium, "VectorizeMode"):
+        return gymnasium.make_vec(name, num_envs=num_envs, vectorization_mode="vector_entry_point",
+                                  threads=threads, **settings)
+    # Gymnasium 0.29 does not hand the registry's arguments on to environments of this kind.
+    from .vector import GradedVectorEnv
+    spec = gymnasium.spec(name)
+    envs = GradedVectorEnv(num_envs=num_envs, threads=threads, **{**spec.kwargs, **settings})
+    envs.spec = spec
+    return envs

@@ -3,7 +3,9 @@ values."""
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import operator
 import os
 from typing import Any, Mapping, Optional, Sequence
 
@@ -33,6 +35,11 @@ class Settings:
     cache: Optional[os.PathLike[str] | str] = None
     exact: bool = False
 
+    def __post_init__(self) -> None:
+        # A copy in another process may be made in another folder.
+        for name in ("config", "cache"):
+            object.__setattr__(self, name, extension.path_or_none(getattr(self, name)) or None)
+
     def check(self) -> None:
         """WrongUse for a word that there is not, and where `exact` asks for what this process can't
         give."""
@@ -52,11 +59,11 @@ class Settings:
                 "extra_observations": self.extra_observations}
 
 
-def make_core(kind: Any, *counts: int, settings: Settings) -> Any:
+def make_core(kind: Any, *counts: int, settings: Settings, **arguments: Any) -> Any:
     """An object of one of the extension's classes. WrongUse or MyogradeError."""
     settings.check()
     try:
-        return kind(*counts, **settings.arguments())
+        return kind(*counts, **settings.arguments(), **arguments)
     except MyogradeError:
         raise
     except (ValueError, FileNotFoundError) as error:
@@ -65,11 +72,44 @@ def make_core(kind: Any, *counts: int, settings: Settings) -> Any:
         raise MyogradeError(str(error)) from error
 
 
-def check_seed(seed: int) -> int:
-    """WrongUse if it can't be an episode's."""
-    if not 0 <= seed < 2**63:
-        raise WrongUse(f"the seed {seed} is out of range; seeds are whole numbers from 0 to 2^63 - 1")
-    return int(seed)
+def check_seed(seed: Any) -> int:
+    """TypeError if it is no whole number, WrongUse if it can't be an episode's."""
+    if isinstance(seed, (bool, np.bool_)) or not hasattr(seed, "__index__"):
+        raise TypeError(f"the seed {seed!r} is of type {type(seed).__name__}; seeds are whole numbers "
+                        "(int) from 0 to 2^63 - 1")
+    number = operator.index(seed)
+    if not 0 <= number < 2**63:
+        raise WrongUse(f"the seed {number} is out of range; seeds are whole numbers from 0 to 2^63 - 1")
+    return number
+
+
+def action_array(action: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """As the extension takes actions. WrongUse if they are no numbers, or of another shape."""
+    try:
+        array = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise WrongUse(f"the action must be an array of numbers of shape {shape}: {error}") from error
+    if array.shape != shape:
+        raise WrongUse(f"the action must have the shape {shape}, and has {array.shape}")
+    return array
+
+
+def spec_with(spec: Any, horizon: int) -> Any:
+    """A spec of Gymnasium's registry that knows how long an episode can be: a track's profile says so."""
+    if spec is None:
+        return None
+    spec = copy.copy(spec)
+    limit = spec.max_episode_steps
+    spec.max_episode_steps = min(limit, horizon) if limit is not None and limit > 0 else horizon
+    return spec
+
+
+def history_of(ask: Any) -> Any:
+    """What an environment's copies play. MyogradeError if it is too long to be kept."""
+    try:
+        return ask()
+    except RuntimeError as error:
+        raise MyogradeError(str(error)) from error
 
 
 def layout_of(parts: Sequence[Mapping[str, Any]]) -> Layout:

@@ -11,10 +11,11 @@ import numpy as np
 from ..errors import WrongUse
 from ..policy.leg import LegSet
 from . import extension, settings
+from .official import OfficialNames
 from .pictures import Pictures
 
 
-class GradedEnv(gymnasium.Env[Any, np.ndarray]):
+class GradedEnv(OfficialNames, gymnasium.Env[Any, np.ndarray]):
     """An environment of one of the grader's tracks.
 
     Observations and actions are float64, as a policy gets and gives them. An episode is `terminated`
@@ -29,9 +30,14 @@ class GradedEnv(gymnasium.Env[Any, np.ndarray]):
     measured so far, by the keys of a result). Of the last step also "end" (how it ended), "digest",
     "actions_digest" (SHA-256 over states and actions, as in a result), "seed", "steps" and "details"
     (ranges of joints and the like, as in a result; None if no step could be measured).
+
+    Copies, by pickle or copy.deepcopy, go on where this one is, with equal states to the bit: they play
+    the episode up to there again, which takes as long as it took. (In the profile "as-graded" of
+    manipulation: all episodes since this environment was made.)
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
+    _spec: Any = None
 
     def __init__(self, track: str, profile: str = "", observation: str = "flat",
                  actions: str = "normalized", weights: Optional[Mapping[str, float]] = None,
@@ -68,7 +74,9 @@ class GradedEnv(gymnasium.Env[Any, np.ndarray]):
         self.core = settings.make_core(extension.load().Environment, settings=self.settings)
         self.render_mode = render_mode
         self._begun = False
-        self._pictures = Pictures(self.core, width, height, camera)
+        self._picture = (width, height, camera)
+        self._pictures = Pictures(self.core, *self._picture)
+        self.horizon = self.core.horizon  # control steps of the longest episode
         self.metadata = {**self.metadata, "render_fps": round(1 / self.core.control_period_s)}
         self.layout = settings.layout_of(self.core.observation_parts)
         self.action_layout = settings.layout_of(self.core.action_parts)
@@ -90,20 +98,21 @@ class GradedEnv(gymnasium.Env[Any, np.ndarray]):
         values = self._leg_sets if sets is None else settings.leg_set_values(sets)
         observation = self.core.reset(episode, *values)
         self._begun = True
+        self._last_reward = 0.0
         return self._in_form(observation), {"seed": episode}
 
     def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Plays one control step. ValueError if the action has another size or a number that is not
+        """Plays one control step. ValueError if the action has another shape or a number that is not
         finite; entries out of range are treated as the profile says. RuntimeError if no episode is
         being played."""
         observation, terms, terminated, truncated = self.core.step(
-            np.asarray(action, dtype=np.float64))
+            settings.action_array(action, self.action_space.shape))
         info: dict[str, Any] = {"rewards": dict(zip(self._terms, terms.tolist()))}
         if terminated or truncated:
             info.update(self.core.end_of())
         else:
             info["facts"] = self.core.facts()
-        reward = settings.weighted(terms, self._weights)
+        reward = self._last_reward = settings.weighted(terms, self._weights)
         return self._in_form(observation), reward, terminated, truncated, info
 
     def render(self) -> Optional[np.ndarray]:
@@ -119,6 +128,35 @@ class GradedEnv(gymnasium.Env[Any, np.ndarray]):
     def close(self) -> None:
         """Gives the renderer's memory back; the rest goes with the object."""
         self._pictures.close()
+
+    @property
+    def spec(self) -> Any:
+        """Gymnasium's, with the number of steps of the longest episode; None if the environment was
+        made without Gymnasium's registry."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, value: Any) -> None:
+        self._spec = settings.spec_with(value, self.horizon)
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = {name: value for name, value in self.__dict__.items()
+                 if name not in ("core", "_pictures")}
+        state["history"] = settings.history_of(self.core.history)
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        state = dict(state)
+        history = state.pop("history")
+        self.__dict__.update(state)
+        self._play(history)
+
+    def _play(self, history: Any) -> None:
+        """In a new core: where state carries over, the old one's past can't be undone."""
+        core = settings.make_core(extension.load().Environment, settings=self.settings)
+        core.restore(history)
+        self.core = core
+        self._pictures = Pictures(core, *self._picture)
 
     def _in_form(self, observation: np.ndarray) -> Any:
         return settings.in_form(observation, self.layout, self.settings.observation)

@@ -15,27 +15,48 @@ from ..policy.leg import LegSet
 from . import extension, settings
 
 try:
-    from gymnasium.vector import AutoresetMode
-    NEXT_STEP: Any = AutoresetMode.NEXT_STEP
-except ImportError:  # Gymnasium 1.0 behaves so, and has no name for it
-    NEXT_STEP = "NextStep"
+    from gymnasium.experimental.vector import VectorEnv  # of Gymnasium 0.29
+except ImportError:
+    from gymnasium.vector import VectorEnv
+# What happens where an episode ended, by the values of Gymnasium's AutoresetMode (1.1 and newer).
+NEXT_STEP, SAME_STEP, DISABLED = "NextStep", "SameStep", "Disabled"
+# Views of the extension's arrays.
+VIEWS = ("_observations", "_rewards", "_terminated", "_truncated", "_was_reset", "_values", "_seeds")
 
 
-class GradedVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
+def _mode_of(given: Any) -> Any:
+    """As the metadata have it: Gymnasium's own value, if it has one. WrongUse if there is no such."""
+    word = str(getattr(given, "value", given)).replace("_", "").lower()
+    for mode in (NEXT_STEP, SAME_STEP, DISABLED):
+        if word == mode.lower():
+            known = getattr(gymnasium.vector, "AutoresetMode", None)
+            return mode if known is None else known(mode)
+    raise WrongUse(f'autoreset_mode="{given}" is unknown; there are: next_step, same_step, disabled')
+
+
+class GradedVectorEnv(VectorEnv):  # type: ignore[type-arg,misc]
     """`num_envs` environments of one track; the settings are GradedEnv's. Environment i plays what a
     GradedEnv would that is reset with its seed and then, after each episode, without one. The number
     of threads changes the speed and nothing else.
 
-    Where an episode ended, the next step() begins another one and returns its first observation,
-    with a reward of 0 and without looking at the action (AutoresetMode.NEXT_STEP).
+    Where an episode ended, `autoreset_mode` says what begins another one:
+    "next_step": the next step(), which returns its first observation, with a reward of 0 and without
+        looking at the action;
+    "same_step": the step that ended it, which returns the first observation of the new episode, and in
+        info["final_obs"] and info["final_info"] the old one's last;
+    "disabled": nothing but reset(options={"reset_mask": ...}).
 
-    `info` has of each step "rewards" (the terms, unweighted: an array of num_envs by name), and for
-    the environments whose episode ended in this step, as the masks _end and so on say, "end",
-    "digest", "actions_digest", "facts", "seed", "steps" and "details" (an array of GradedEnv's dicts,
-    None elsewhere); where an episode began, "seed".
+    `info` has of each step "rewards" (the terms, unweighted) and "facts" (what was measured so far),
+    arrays of num_envs by name; for the environments whose episode ended in this step, as the masks _end
+    and so on say, "end", "digest", "actions_digest", "seed", "steps" and "details" (an array of
+    GradedEnv's dicts, None elsewhere), which "same_step" has in info["final_info"]; and where an episode
+    began, "seed".
+
+    Copies, by pickle or copy.deepcopy, are as GradedEnv's.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": NEXT_STEP}
+    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": _mode_of(NEXT_STEP)}
+    _spec: Any = None
 
     def __init__(self, track: str, num_envs: int = 1, threads: int = 0, copy: bool = True,
                  profile: str = "", observation: str = "flat", actions: str = "normalized",
@@ -43,10 +64,13 @@ class GradedVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
                  leg_sets: Sequence[LegSet] = (),
                  config: Optional[str | os.PathLike[str]] = None,
                  cache: Optional[str | os.PathLike[str]] = None, exact: bool = False,
-                 render_mode: Optional[str] = None) -> None:
+                 render_mode: Optional[str] = None, max_episode_steps: Optional[int] = None,
+                 autoreset_mode: Any = "next_step") -> None:
         """threads: 0: one for each processor that this process may use, at most num_envs.
         copy: False: reset() and step() return the same arrays each time, which the next call
             overwrites.
+        max_episode_steps: truncates longer episodes; None: only the profile's own time does.
+        autoreset_mode: above; also a value of Gymnasium's AutoresetMode.
         The other settings, and what is raised, are GradedEnv's."""
         if render_mode is not None:
             raise WrongUse("many environments at once draw no pictures; make one by "
@@ -55,13 +79,21 @@ class GradedVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             raise WrongUse("num_envs must be at least 1, and threads at least 0")
         self.settings = settings.Settings(track, profile, observation, actions, weights or {},
                                           extra_observations, leg_sets, config, cache, exact)
-        self.core = settings.make_core(extension.load().VectorEnvironment, num_envs,
-                                       threads or _processors(), settings=self.settings)
+        if max_episode_steps is not None and max_episode_steps < 1:
+            raise WrongUse("max_episode_steps must be at least 1, or None")
         self.num_envs = num_envs
+        self._limit = max_episode_steps or 0
+        self._threads = threads or _processors()
+        self._make_core()
         self.threads = self.core.threads
+        self.autoreset_mode = _mode_of(autoreset_mode)  # where other libraries look for it
+        self._mode = str(getattr(self.autoreset_mode, "value", self.autoreset_mode))
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = None
         self.copy = copy
         first = self.core.first
+        # Control steps of the longest episode.
+        self.horizon = min(self._limit or first.horizon, first.horizon)
         self.layout = settings.layout_of(first.observation_parts)
         self.action_layout = settings.layout_of(first.action_parts)
         self.single_observation_space = settings.observation_space(self.layout, observation)
@@ -72,6 +104,10 @@ class GradedVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._terms = [name for name, _ in first.reward_terms]
         self._leg_sets = settings.leg_set_values(leg_sets)
         self._generators: list[Optional[np.random.Generator]] = [None] * num_envs
+
+    def _make_core(self) -> None:
+        self.core = settings.make_core(extension.load().VectorEnvironment, self.num_envs,
+                                       self._threads, settings=self.settings, max_steps=self._limit)
         # The extension's own arrays, which each step fills.
         self._observations, self._rewards = self.core.observations, self.core.rewards
         self._terminated = self.core.terminated.view(np.bool_)
@@ -86,13 +122,10 @@ class GradedVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         GradedEnv's, from now on."""
         options = options or {}
         mask = self._mask(options.get("reset_mask"))
-        seeds: Sequence[Optional[int]]
-        if seed is None or isinstance(seed, (int, np.integer)):
-            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
-        else:
-            seeds = list(seed)
-        if len(seeds) != self.num_envs:
-            raise WrongUse(f"{len(seeds)} seeds were given for {self.num_envs} environments")
+        seeds = self._seeds_of(seed)
+        first = next((one for one in seeds if one is not None), None)
+        if first is not None:
+            self._np_random, self._np_random_seed = seeding.np_random(first)
         for i in np.flatnonzero(mask):
             self._begin(int(i), seeds[i])
         if options.get("leg_sets") is not None:
@@ -104,13 +137,24 @@ class GradedVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return self._in_form(), info
 
     def step(self, actions: np.ndarray) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Plays a control step everywhere. ValueError if an action has another size or a number that
-        is not finite; nothing is stepped then. RuntimeError before the first reset."""
-        self.core.step(np.asarray(actions, dtype=np.float64))
-        values = self._values.copy() if self.copy else self._values
+        """Plays a control step everywhere. ValueError if an action has another shape or a number that
+        is not finite; nothing is stepped then. RuntimeError before the first reset, and where an episode
+        ended and autoreset is disabled."""
+        if self._mode == DISABLED and (self._terminated | self._truncated).any():
+            raise RuntimeError('episodes have ended, and autoreset is disabled; call reset(options={'
+                               '"reset_mask": terminated | truncated}) first')
+        self.core.step(settings.action_array(actions, self.action_space.shape))
+        ended = self._terminated | self._truncated
+        values = self._values.copy() if self.copy or self._mode == SAME_STEP else self._values
         info: dict[str, Any] = {"rewards": {name: values[:, i]
-                                            for i, name in enumerate(self._terms)}}
-        self._tell_of_ends(info)
+                                            for i, name in enumerate(self._terms)},
+                                "facts": self.core.facts()}
+        if self._mode == SAME_STEP:
+            if ended.any():
+                self._begin_in_the_same_step(ended, info)
+        else:
+            self._tell_of_beginnings(info, self._was_reset)
+            self._tell_of_ends(info, ended)
         flags = (self._rewards, self._terminated, self._truncated)
         rewards, terminated, truncated = (
             (array.copy() for array in flags) if self.copy else flags)
@@ -130,8 +174,8 @@ class GradedVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def _begin(self, i: int, seed: Optional[int]) -> None:
         """The seed of an environment's next episode is `seed`, or the one that was drawn for it."""
         if seed is not None:
-            self._seeds[i] = settings.check_seed(seed)
-            self._generators[i] = seeding.np_random(int(seed))[0]
+            self._seeds[i] = seed
+            self._generators[i] = seeding.np_random(seed)[0]
         elif self._generators[i] is None:
             self._generators[i] = seeding.np_random(None)[0]
             self._draw(i)
@@ -141,21 +185,77 @@ class GradedVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         assert generator is not None
         self._seeds[i] = generator.integers(2**63)
 
-    def _tell_of_ends(self, info: dict[str, Any]) -> None:
-        began = np.flatnonzero(self._was_reset)
-        if began.size:
-            info["seed"] = np.where(self._was_reset, self._seeds, 0)
-            info["_seed"] = self._was_reset.copy()
-            for i in began:
-                self._draw(int(i))
-        for i in np.flatnonzero(self._terminated | self._truncated):
+    def _seeds_of(self, given: Any) -> list[Optional[int]]:
+        """One for each environment. TypeError or WrongUse if one can't be an episode's."""
+        if given is None:
+            return [None] * self.num_envs
+        if isinstance(given, (str, bytes)) or not np.iterable(given):
+            first = settings.check_seed(given)
+            return [settings.check_seed(first + i) for i in range(self.num_envs)]
+        seeds = [None if seed is None else settings.check_seed(seed) for seed in given]
+        if len(seeds) != self.num_envs:
+            raise WrongUse(f"{len(seeds)} seeds were given for {self.num_envs} environments")
+        return seeds
+
+    def _tell_of_beginnings(self, info: dict[str, Any], began: np.ndarray) -> None:
+        if not began.any():
+            return
+        info["seed"] = np.where(began, self._seeds, 0)
+        info["_seed"] = began.copy()
+        for i in np.flatnonzero(began):
+            self._draw(int(i))
+
+    def _tell_of_ends(self, info: dict[str, Any], ended: np.ndarray) -> None:
+        for i in np.flatnonzero(ended):
             end = self.core.end_of(int(i))
+            del end["facts"]  # are there, of all
             details = end.pop("details")
-            info = self._add_info(info, end, int(i))
+            self._add_info(info, end, int(i))
             # A value of its own for each: their times may be None, of which no array of numbers knows.
             all_details = info.setdefault("details", np.full(self.num_envs, None))
             all_details[i] = details
             info["_details"] = info["_digest"]
+
+    def _begin_in_the_same_step(self, ended: np.ndarray, info: dict[str, Any]) -> None:
+        final = {part: dict(values) for part, values in info.items()}
+        self._tell_of_ends(final, ended)
+        info["final_info"], info["_final_info"] = final, ended
+        info["final_obs"], info["_final_obs"] = np.full(self.num_envs, None), ended
+        last = settings.in_form(self._observations.copy(), self.layout, self.settings.observation)
+        for i in np.flatnonzero(ended):
+            info["final_obs"][i] = (last[i] if isinstance(last, np.ndarray) else
+                                    {part: rows[i] for part, rows in last.items()})
+        flags = (self._rewards, self._terminated, self._truncated)
+        kept = [array.copy() for array in flags]
+        self.core.reset(*self._leg_sets, ended.view(np.uint8))
+        for array, values in zip(flags, kept):
+            array[:] = values
+        self._tell_of_beginnings(info, ended)
+
+    @property
+    def spec(self) -> Any:
+        """Gymnasium's, with the number of steps of the longest episode."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, value: Any) -> None:
+        self._spec = settings.spec_with(value, self.horizon)
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = {name: value.copy() if name in VIEWS else value
+                 for name, value in self.__dict__.items() if name != "core"}
+        state["histories"] = settings.history_of(self.core.histories)
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        state = dict(state)
+        histories, views = state.pop("histories"), {name: state.pop(name) for name in VIEWS}
+        self.__dict__.update(state)
+        self._make_core()
+        self.core.weights[:] = settings.weights_of(self.core.first.reward_terms, self.settings.weights)
+        self.core.restore(*self._leg_sets, histories)
+        for name, values in views.items():
+            getattr(self, name)[:] = values
 
     def _in_form(self) -> Any:
         array = self._observations.copy() if self.copy else self._observations

@@ -1,9 +1,11 @@
 """Which daemon verbs speak to, and what they show it: servers over the network, logins and tokens.
 usage: server_test.py BIN_DIR SOURCE_DIR"""
+import grp
 import http.server
 import json
 import os
 import pty
+import socket
 import socketserver
 import ssl
 import stat
@@ -39,6 +41,50 @@ class TcpServer(socketserver.ThreadingMixIn, http.server.HTTPServer):
 
     def handle_error(self, request, client_address):
         pass  # clients that don't trust the certificate hang up
+
+
+@unittest.skipUnless(os.geteuid() == 0, "only root gives files to groups")
+class ClosedSocketTest(CliCase):
+    """A socket of the host that its user may not open."""
+
+    def test_the_group_that_may_is_named(self):
+        os.chmod(self.temp, 0o755)
+        path = f"{self.temp}/myograde.sock"
+        group = grp.getgrnam("games")
+        with socket.socket(socket.AF_UNIX) as listening:
+            listening.bind(path)
+            for mode, gid, words in (
+                    (0o660, group.gr_gid, "is open to the group games, and nobody is not in it; .*adduser nobody games"),
+                    (0o660, 0, "is open to root alone; run this as root"),
+                    (0o600, group.gr_gid, "is open to root alone; run this as root")):
+                os.chown(path, 0, gid)
+                os.chmod(path, mode)
+                done = subprocess.run(
+                    ["setpriv", "--reuid=nobody", "--regid=nogroup", "--clear-groups", f"{BIN_DIR}/myograde",
+                     "status", "--socket", path], capture_output=True, text=True, timeout=60, check=False)
+                self.assertEqual(done.returncode, 3, done.stderr)
+                self.assertRegex(done.stderr, words)
+
+
+class ClientAloneTest(CliCase):
+    """A host with the client and no programs that play."""
+
+    def test_nobody_misses_a_file(self):
+        for folder in ("bin", "configs"):
+            os.mkdir(f"{self.temp}/{folder}")
+        for part in ("tracks", "challenges"):
+            os.symlink(f"{SOURCE_DIR}/configs/{part}", f"{self.temp}/configs/{part}")
+        environment = {**os.environ, "MYOGRADE_BIN_DIR": f"{self.temp}/bin",
+                       "MYOGRADE_CONFIG_DIR": f"{self.temp}/configs"}
+        policy = f"{BIN_DIR}/../policies/zero"
+        for words in (("local", policy, "--track", "elbow"), ("runtime", "list"), ("doctor",)):
+            done = subprocess.run([f"{BIN_DIR}/myograde", *words], capture_output=True, text=True,
+                                  timeout=120, check=False, env=environment, stdin=subprocess.DEVNULL)
+            said = done.stdout + done.stderr
+            if words[0] != "runtime":
+                self.assertEqual(done.returncode, 4, said)
+                self.assertIn("myograde-server", said)
+            self.assertNotIn("server.json", said)
 
 
 class ServerTest(CliCase):

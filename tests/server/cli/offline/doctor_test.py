@@ -52,6 +52,13 @@ class DoctorTest(unittest.TestCase):
         self.assertEqual({checks[name]["state"] for name in NEEDED}, {"ok"})
         self.assertEqual(os.listdir(self.temp), [])
 
+    def test_pictures_and_films_are_spoken_of(self):
+        check = self.checks(0)["pictures"]
+        if check["state"] == "ok":
+            self.assertRegex(check["found"], "libOSMesa.so.8 draws, and .*ffmpeg encodes films")
+        else:
+            self.assertRegex(check["todo"], "^apt-get install( libosmesa6)?( ffmpeg)?$")
+
     def test_text_is_a_table_without_colour(self):
         done = self.doctor()
         self.assertEqual(done.returncode, 0, done.stdout)
