@@ -20,7 +20,7 @@ namespace {
 ElbowFacts& OfElbow(EpisodeFacts& facts) { return std::get<ElbowFacts>(facts.track); }
 
 // The official map of a normalised muscle action: half at 0.5, never quite 0 or 1.
-double MuscleExcitation(double action) { return 1 / (1 + std::exp(-5 * (action - 0.5))); }
+double ElbowExcitation(double action) { return 1 / (1 + std::exp(-5 * (action - 0.5))); }
 
 }  // namespace
 
@@ -120,7 +120,7 @@ void ElbowEnvironment::SetControls(std::span<const double> action) {
       value = std::clamp(value, normalized ? -1.0 : 0.0, 1.0);
       facts_.clipped += value != action[i];
     }
-    data_->ctrl[i] = normalized ? MuscleExcitation(value) : value;
+    data_->ctrl[i] = normalized ? ElbowExcitation(value) : value;
   }
 }
 

@@ -163,6 +163,10 @@ TRACKLESS = {"protocol", "sim", "scoring", "server"}
 REGISTRIES = {"protocol/tracks/CMakeLists.txt", "protocol/tracks/episode_details.h",
               "protocol/tracks/episode_facts.h", "protocol/tracks/registry.cc",
               "scoring/CMakeLists.txt", "scoring/track.cc", "sim/CMakeLists.txt", "sim/tracks.cc"}
+IDENTIFIER = re.compile(r"\w+")
+WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
+QUOTES = ('"', "'", "`")
+QUOTED = re.compile(r"[\w.:-]*$")  # the part of a name without spaces before one of its words
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 # It throws where reading fails, which a file of /proc does whose process has ended.
 THROWING_READ = re.compile(r"istreambuf_iterator")
@@ -188,12 +192,43 @@ def check_includes(path, text):
             yield f"includes <{header}>, which {folder}/ must not"
 
 
+def words_of(identifier):
+    """["k", "hand", "facts"] of kHandFacts, hand_facts likewise."""
+    return [word.lower() for word in WORD.findall(identifier)]
+
+
+def names_track(path, text, name):
+    """Whether `text` uses a track's name: as a part of an identifier or of a path, in quotes, as a
+    namespace, alone in a list of CMake, or beside the word "track". Alone in a sentence, and within
+    another word, it is English ("by hand", "Fingerprint")."""
+    if path.endswith((".txt", ".cmake")):
+        text = re.sub(r"#.*", "", text)
+    wanted = words_of(name)
+    if wanted[0] not in text.lower():
+        return False
+    for match in IDENTIFIER.finditer(text):
+        words = words_of(match.group())
+        if not any(words[i:i + len(wanted)] == wanted for i in range(len(words))):
+            continue
+        before, after = text[max(0, match.start() - 12):match.start()], text[match.end():][:12]
+        if len(words) > len(wanted) or path.endswith((".txt", ".cmake")):
+            return True
+        if before.endswith(("/", "::", "namespace ")) or re.match(r"/|::|\.\w", after):
+            return True
+        before = QUOTED.sub("", text[max(0, match.start() - 40):match.start()])
+        if before[-1:] in QUOTES and QUOTED.sub("", text[match.end():][:40][::-1])[-1:] == before[-1:]:
+            return True
+        if re.search(r"\btracks? $", before) or re.match(r"['’]?s? tracks?\b", after):
+            return True
+    return False
+
+
 def check_tracks(path, text):
     folders = path.split("/")
     if folders[0] not in TRACKLESS or TRACKS & set(folders) or path in REGISTRIES:
         return
     for name in sorted(TRACKS):
-        if re.search(name, text, re.IGNORECASE):
+        if names_track(path, text, name):
             yield f"names the track {name}, which its own folders and the registries alone may"
 
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace myograde::scoring {
+namespace elbow {
 namespace {
 
 constexpr ElbowJudging kByHolding = {};
@@ -106,4 +107,5 @@ TEST(ElbowJudge, FactsThatContradictThemselvesAreTheGradersError) {
 }
 
 }  // namespace
+}  // namespace elbow
 }  // namespace myograde::scoring
