@@ -21,12 +21,28 @@ MOMENTS = {"first_contact_time": "first contact", "handover_time": "handover",
 def label(result):
     """Who it is, in a legend or a title."""
     name = result.get("name")
+    if result.get("submission") is None:
+        return f"{plain(name or 'local run', 32)}, graded locally"
     words = f"{result['submission']}: {plain(result['team'], 32)}"
     return f"{words}, {plain(name, 32)}" if name else words
 
 
 def rows_of(result):
     return result.get("episode_rows") or []
+
+
+def played_of(result):
+    """The rows without phantoms: trials that the official code counts and ends at once, because the
+    one before was solved (profile as-graded). They say nothing of the policy."""
+    return [row for row in rows_of(result) if "phantom" not in (row.get("end"), row.get("reason"))]
+
+
+def played(result):
+    """The success rate of the episodes that were played; None if all were."""
+    rows = played_of(result)
+    if len(rows) == len(rows_of(result)):
+        return None
+    return share(sum(row.get("outcome") == "success" for row in rows), len(rows))
 
 
 def part_of(row, key):
@@ -75,7 +91,7 @@ def missing(result):
 
 
 def headline(result):
-    """Each metric's mean with its interval, and the success rate."""
+    """Each metric's mean with its interval, and the success rate, with and without phantoms."""
     aggregate = result.get("aggregate") or {}
     known = aggregate.get("spread") or {}
     rates = share(aggregate.get("successes"), aggregate.get("episodes")) if (
@@ -87,13 +103,13 @@ def headline(result):
         interval = known.get(metric["name"]) or {}
         numbers.append({**metric, "mean": aggregate.get(metric["name"]),
                         "low": interval.get("low"), "high": interval.get("high")})
-    return {"success": rates, "metrics": numbers}
+    return {"success": rates, "played": played(result), "metrics": numbers}
 
 
 def values_of(result, metric):
     """The values of the episodes that have one, and of what kind each is."""
     pairs = []
-    for row in rows_of(result):
+    for row in played_of(result):
         value = value_of(row, metric["name"])
         if value is None and metric is FORCE:
             value = part_of(row, "facts").get(FORCE["name"])
@@ -121,7 +137,7 @@ def distributions(result):
 
 def nothing(result, what):
     """Why there is nothing to draw."""
-    who = f"submission {result['submission']}"
+    who = f"submission {result['submission']}" if result["submission"] is not None else "the run"
     if what in (result.get("withheld") or []):
         return f"the phase of {who} withholds the {what} of its episodes until it is published"
     if not rows_of(result):
@@ -136,7 +152,7 @@ def has_distance(result):
 def courses(result):
     """Per kind of course: the success rate, the distance, the highest obstacle that was passed."""
     by_course = {}
-    for row in rows_of(result):
+    for row in played_of(result):
         course = part_of(row, "facts").get("course")
         if isinstance(course, int) and not isinstance(course, bool):
             by_course.setdefault(course, []).append(row)
@@ -160,7 +176,7 @@ def courses(result):
 def obstacles(result):
     """The highest obstacle of each kind that an episode passed, in m; {} if no episode tells."""
     highest = {}
-    for row in rows_of(result):
+    for row in played_of(result):
         heights = part_of(row, "details").get("obstacle_heights")
         for kind, height in (heights if isinstance(heights, dict) else {}).items():
             if is_number(height):
@@ -170,7 +186,7 @@ def obstacles(result):
 
 def survival(result):
     """The share of episodes that had not failed by each time, and at each distance."""
-    rows = [row for row in rows_of(result) if row.get("outcome")]
+    rows = [row for row in played_of(result) if row.get("outcome")]
     failed = [row for row in rows if row["outcome"] != "success"]
     times = [row["sim_time_s"] for row in failed if is_number(row.get("sim_time_s"))]
     curves = {}
@@ -192,7 +208,7 @@ def joints(result):
     """Of each joint the smallest and the largest angle of all episodes against its limits, and
     where half of the episodes had theirs; in rad, as measured. [] if no episode tells."""
     by_joint = {}
-    for row in rows_of(result):
+    for row in played_of(result):
         ranges = part_of(row, "details").get("joint_ranges")
         for name, values in (ranges if isinstance(ranges, dict) else {}).items():
             if isinstance(values, list) and len(values) == 4 and all(map(is_number, values)):
@@ -210,7 +226,7 @@ def joints(result):
 def joint_pain(result):
     """Of each joint the mean over episodes of its pain per step, largest first."""
     by_joint = {}
-    for row in rows_of(result):
+    for row in played_of(result):
         pains = part_of(row, "details").get("pain_by_joint")
         steps = row.get("steps")
         if not isinstance(pains, dict) or not is_number(steps) or steps <= 0:
@@ -226,7 +242,7 @@ def moments(result):
     """When things happened in the episodes in which they did, in s of simulated time."""
     found = []
     for key, title in MOMENTS.items():
-        times = [time for row in rows_of(result)
+        times = [time for row in played_of(result)
                  if is_number(time := part_of(row, "details").get(key))]
         if times:
             found.append({"moment": title, "episodes": len(times), "unit": "s", **spread(times)})

@@ -5,10 +5,10 @@ from board import (SUCCESS, by_course, by_joint, criterion_of, history, ranking,
 from board_drawings import draw_history, draw_intervals
 from body_drawings import draw_joints
 from drawings import draw_courses, draw_survival, p_text
-from evaluation import label, missing, survival
+from evaluation import headline, label, missing, played, survival
 from order import Refused
 from page import document, facts, figure, h, name, notices, section, table
-from plain import counted, heading, interval, number, plain
+from plain import counted, heading, interval, number, percent, plain
 from submission_report import written_time
 
 MOST_COMPARED = 5  # submissions in a figure with a colour each
@@ -47,6 +47,9 @@ def numbers_of(order):
         "board": board["board"], "config": board["config"], "episodes": board.get("episodes"),
         "criterion": criterion_of(statistics, board), "ranking": rows,
         "records": records(results), "history": over_time,
+        "played": [{"submission": result["submission"], "team": result["team"],
+                    "official": headline(result)["success"], "played": found}
+                   for result in results if (found := played(result))],
         "survival": [{"submission": result["submission"], **found}
                      for result, found in survivals(leaders)],
         "courses": [{"submission": result["submission"], "courses": found}
@@ -108,6 +111,16 @@ def ranking_table(order, numbers):
               f"corrected (Holm) for {counted(used.get('tests') or 0, 'test')}; * decides at the "
               f"level {used.get('level', '–')}. Rows of one group: their order is not decided.",
               class_="quiet")]
+
+
+def played_table(numbers):
+    rows = [[one["submission"], name(plain(one["team"])),
+             *[text for rate in (one["official"], one["played"])
+               for text in (percent(rate["part"], rate["whole"]), f"{rate['part']} of {rate['whole']}")]]
+            for one in numbers["played"]]
+    return table("Success with and without phantoms: trials that the official code counts and ends at once, as "
+                 "the one before was solved", ["submission", "team", "official", "", "played", ""], rows,
+                 (0, 2, 4)) if rows else None
 
 
 def records_part(numbers):
@@ -189,7 +202,7 @@ def page(order, numbers):
     drawn = figures(order, numbers)
     return document(
         title, head(order), notices(numbers["missing"]),
-        section("Results", ranking_table(order, numbers)),
+        section("Results", ranking_table(order, numbers), played_table(numbers)),
         section("Distances and obstacles", records_part(numbers)),
         [section(heading_, element) for heading_, element in drawn],
         h("p", f"Made by myograde {plain(order['version'], 32)}.", class_="quiet"))

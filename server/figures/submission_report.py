@@ -14,6 +14,12 @@ from page import (document, facts, figure, h, name, notices, picture, section, t
 from plain import counted, heading, interval, lines, number, percent, plain
 
 
+# What two numbers of like names are.
+NOTES = {"peak_force_n": "of all contacts of the object, in every physics step; not official",
+         "max_touch_n": "the official code calls it \"peak force\": its touch sensor, once per control "
+                        "step"}
+
+
 def tried(make, *arguments):
     """What `make` gives, or nothing if there is nothing to show."""
     try:
@@ -41,10 +47,11 @@ def head(result):
     what = result["phase"] if result.get("phase") else (
         f"{result['track']}, rules {result['profile']}")
     return facts([
-        ("Team", name(plain(result["team"]))),
+        ("Team", name(plain(result["team"])) if result["team"] else None),
         ("Policy", name(plain(result.get("name") or "–"))),
         ("Phase" if result.get("phase") else "Track", plain(what)),
-        ("Kind", "ranked" if result.get("ranked") else "practice"),
+        ("Kind", "graded locally, which ranks nowhere" if result["submission"] is None
+         else "ranked" if result.get("ranked") else "practice"),
         ("State", result["state"]),
         ("Reason", plain(result["reason"]) if result.get("reason") else None),
         ("Accepted", written_time(result.get("accepted_at"))),
@@ -59,13 +66,23 @@ def verdict(numbers, result):
         rows.append(["Success", percent(success["part"], success["whole"]),
                      f"[{100 * success['low']:.1f}, {100 * success['high']:.1f}] %",
                      f"{success['part']} of {counted(success['whole'], 'episode')}"])
+    played = numbers["headline"]["played"]
+    if played:
+        rows.append(["Success without phantoms", percent(played["part"], played["whole"]),
+                     f"[{100 * played['low']:.1f}, {100 * played['high']:.1f}] %",
+                     f"{played['part']} of {played['whole']} played; the other "
+                     f"{counted(success['whole'] - played['whole'], 'episode')} followed a solved one "
+                     "and ended at once"])
     for metric in numbers["headline"]["metrics"]:
-        better = "" if metric["better"] == "neither" else f"{metric['better']} is better"
+        better = NOTES.get(metric["name"], "") if metric["better"] == "neither" else (
+            f"{metric['better']} is better")
         rows.append([heading(metric), number(metric["mean"], metric["digits"]),
                      interval(metric["low"], metric["high"], metric["digits"]), better])
     if not rows:
         return None
     official = "These are what the official code reports." if result.get("official_figures") else ""
+    if official and any(metric["name"] in NOTES for metric in numbers["headline"]["metrics"]):
+        official = official[:-1] + ", whose \"peak force\" is the peak touch."
     return [table("Means over the episodes", ["number", "mean", "95 % interval", ""], rows, (1, 2)),
             notices([official] if official else [])]
 
@@ -171,8 +188,9 @@ def strip_part(strip):
 def page(order, numbers):
     """The bytes of the HTML file."""
     result = order["result"]
+    which = "Local run" if result["submission"] is None else f"Submission {result['submission']}"
     return document(
-        f"Submission {result['submission']}: {plain(result.get('name') or result['team'], 80)}",
+        f"{which}: {plain(result.get('name') or result['team'], 80)}",
         head(result), notices(numbers["missing"]),
         section("Result", verdict(numbers, result), endings_table(numbers),
                 obstacle_table(numbers)),
@@ -180,5 +198,5 @@ def page(order, numbers):
         [section(title, element) for title, element in figures(result, numbers)],
         section("Episodes", episode_table(result)),
         section("What the result follows from", hashes(result)),
-        section("Receipt", receipt_part(order["receipt"])),
+        section("Receipt", receipt_part(order["receipt"]) if "receipt" in order else None),
         h("p", f"Made by myograde {plain(order['version'], 32)}.", class_="quiet"))

@@ -83,6 +83,35 @@ class Evaluations(unittest.TestCase):
         self.assertRegex(evaluation.missing(old)[0], "^39 episodes of 40 have no measured details")
         self.assertEqual(evaluation.joints(answers.result(7, detailed=False)), [])
 
+    def test_phantoms_count_in_the_official_rate_and_nowhere_else(self):
+        result = answers.result(7)
+        rows = result["episode_rows"]
+        successes = sum(row["outcome"] == "success" for row in rows)
+        for number in (9, 19, 29):
+            # As configs of form 1 name it, and as those of today do.
+            rows[number].update(outcome="failure", reason="handover" if number == 9 else "phantom", end="phantom",
+                                metrics={**rows[number]["metrics"], "time_s": 99999, "success": 0})
+        successes = sum(row["outcome"] == "success" for row in rows)
+        found = evaluation.headline(result)
+        self.assertEqual((found["played"]["part"], found["played"]["whole"]), (successes, 37))
+        self.assertEqual(found["success"]["whole"], 40)
+        times = next(one for one in evaluation.distributions(result) if one["name"] == "time_s")
+        self.assertEqual((times["count"], times["most"] < 99999), (37, True))
+        self.assertEqual(evaluation.survival(result)["episodes"], 37)
+        self.assertEqual(sum(evaluation.endings(result).values()), 40)
+        text = json.dumps(submission_report.verdict(submission_report.numbers_of(result), result), default=str)
+        self.assertIn(f"{successes} of 37 played; the other 3 episodes", text)
+        self.assertIsNone(evaluation.headline(answers.result(7))["played"])
+
+    def test_forces_of_like_names_are_told_apart(self):
+        result = answers.result(7)
+        result.update(official_figures=True, metrics=[
+            *answers.METRICS, answers.metric("peak_force_n", "peak force", "N", 1, "neither"),
+            answers.metric("max_touch_n", "peak touch", "N", 1, "neither")])
+        text = json.dumps(submission_report.verdict(submission_report.numbers_of(result), result), default=str)
+        for words in ("not official", 'calls it \\"peak force\\"', "is the peak touch"):
+            self.assertIn(words, text)
+
     def test_hostile_shapes_of_details_are_left_out(self):
         result = answers.result(7)
         for row, details in zip(result["episode_rows"], (
