@@ -171,7 +171,7 @@ TEST(UnpackArtefact, RefusesWhatIsNoArchive) {
   const TempFolder temp;
   WriteFile(temp / "text", "just words", 0644);
   EXPECT_THAT(UnpackArtefact(temp / "text", temp / "out", {}).status().message(),
-              HasSubstr("tar, tar.gz, tar.zst, zip"));
+              HasSubstr("tar.gz, tar.zst, tar.xz, tar.bz2, zip"));
   WriteFile(temp / "empty", "", 0644);
   EXPECT_FALSE(UnpackArtefact(temp / "empty", temp / "out", {}).ok());
   EXPECT_FALSE(UnpackArtefact(temp / "missing", temp / "out", {}).ok());

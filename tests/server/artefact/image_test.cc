@@ -365,7 +365,7 @@ TEST_F(ImageTest, TheOrderAndNamesOfMembersDoNotMatter) {
   }
   const std::string other = TarEntry('0', Sha256Hex(layer) + "/layer.tar", Layer(TarEntry('0', "x")));
   EXPECT_THAT(std::string(Unpack(other + DockerImage({layer})).status().message()),
-              HasSubstr("twice, with other content"));
+              HasSubstr("twice"));
 }
 
 // OCI's layout: blobs by their digests, and an index.
@@ -379,7 +379,7 @@ class OciLayout {
                 const std::string& config_kind = "application/vnd.oci.image.config.v1+json") {
     const Json manifest = {{"schemaVersion", 2},
                            {"config", Blob(ImageConfigOf({layer}).dump(), config_kind)},
-                           {"layers", {Blob(layer, layer_kind)}}};
+                           {"layers", Json::array({Blob(layer, layer_kind)})}};
     return Blob(manifest.dump(), "application/vnd.oci.image.manifest.v1+json");
   }
   std::string Tar(const Json& manifests) const {
@@ -431,9 +431,9 @@ TEST_F(ImageTest, LayersMayHaveFramesThatAreSkipped) {
     const Json manifest = {
         {"schemaVersion", 2},
         {"config", layout.Blob(ImageConfigOf({layer}).dump(), "application/vnd.oci.image.config.v1+json")},
-        {"layers", {layout.Blob(stored, "application/vnd.oci.image.layer.v1.tar+zstd")}}};
+        {"layers", Json::array({layout.Blob(stored, "application/vnd.oci.image.layer.v1.tar+zstd")})}};
     const auto image =
-        Unpack(layout.Tar({layout.Blob(manifest.dump(), "application/vnd.oci.image.manifest.v1+json")}));
+        Unpack(layout.Tar(Json::array({layout.Blob(manifest.dump(), "application/vnd.oci.image.manifest.v1+json")})));
     ASSERT_TRUE(image.ok()) << image.status();
     EXPECT_TRUE(Has("data"));
   }
