@@ -257,6 +257,30 @@ InForce Reader::StandingsInForce(const std::string& config, const BoardMoment& m
   return found;
 }
 
+int64_t Reader::BoardChangedAt(const std::string& config, const std::string& phase,
+                               const BoardMoment& moment) {
+  SQLite::Statement select(
+      db_, "WITH own (id, team) AS (SELECT id, team_id FROM submission WHERE config = ?1 AND ranked = 1 "
+           "UNION SELECT s.id, s.team_id FROM rejudge AS r JOIN rejudge_item AS i ON i.rejudge = r.id "
+           "JOIN submission AS s ON s.id = i.submission WHERE r.to_config = ?1) "
+           "SELECT max(at) FROM ("
+           "SELECT max(e.finished_at) AS at FROM own JOIN evaluation AS e ON e.submission = own.id "
+           "WHERE e.kind != 'rerun' AND e.state = 'done' AND e.finished_at < ?2 "
+           "UNION ALL SELECT max(m.at) FROM own JOIN mark AS m ON m.submission = own.id WHERE m.at < ?3 "
+           "UNION ALL SELECT max(c.at) FROM own JOIN choice AS c ON c.submission = own.id "
+           "WHERE c.at < ?2 "
+           "UNION ALL SELECT max(v.at) FROM rejudge AS r JOIN rejudge_event AS v ON v.rejudge = r.id "
+           "WHERE ?1 IN (r.from_config, r.to_config) AND v.event != 'created' AND v.at < ?2 "
+           "UNION ALL SELECT max(t.at) FROM team_event AS t WHERE t.event != 'created' AND t.at < ?3 "
+           "AND t.team_id IN (SELECT team FROM own) "
+           "UNION ALL SELECT max(at) FROM board_config WHERE config = ?1 AND at < ?2 "
+           "UNION ALL SELECT max(at) FROM phase_event WHERE phase = ?4 AND ?4 != '' AND "
+           "event IN ('published', 'revealed') AND at < ?3)");
+  SQLite::bind(select, config, moment.results_before_ms(), moment.before_ms, phase);
+  select.executeStep();
+  return std::max<int64_t>(select.getColumn(0).getInt64(), 0);
+}
+
 std::set<int64_t> Reader::Choices(const std::string& config, const BoardMoment& moment) {
   const std::string rejudges = absl::StrJoin(AppliedRejudges(config, moment), ", ");
   SQLite::Statement select(

@@ -226,6 +226,10 @@ class Reader {
   // Rejudges of rules to a config that are in force as of a moment, in the order in which they were
   // applied.
   std::vector<int64_t> AppliedRejudges(const std::string& to_config, const BoardMoment& moment);
+  // When anything last happened that may have changed the board of a config, or 0: a result, a mark,
+  // a choice, a rejudge, an act on a team or a phase ("": none).
+  int64_t BoardChangedAt(const std::string& config, const std::string& phase,
+                         const BoardMoment& moment);
   // What may rank under a config as of a moment, by submission: the results of the latest rejudge in
   // force that holds a submission, once it has ended there, else of its original.
   InForce StandingsInForce(const std::string& config, const BoardMoment& moment);
@@ -270,6 +274,11 @@ class ReaderPool {
     observer_ = std::move(observer);
   }
 
+  // Is told of each Read that found the store corrupt (damage.h), on any thread. Before anybody reads.
+  void SetCorruptObserver(std::function<void(const absl::Status&)> observer) {
+    corrupt_observer_ = std::move(observer);
+  }
+
   // Runs `body` on a free connection, or opens one.
   absl::Status Read(const std::function<absl::Status(Reader&)>& body);
   // Writes a copy of the current store to a new file at `path` while others go on writing; calls
@@ -284,6 +293,7 @@ class ReaderPool {
 
   const std::string path_;
   std::function<void(absl::Duration)> observer_;
+  std::function<void(const absl::Status&)> corrupt_observer_;
   Mutex mutex_;
   std::vector<std::unique_ptr<SQLite::Database>> free_ ABSL_GUARDED_BY(mutex_);
 };
