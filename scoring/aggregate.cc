@@ -41,8 +41,9 @@ Spread SuccessSpread(int64_t successes, int64_t episodes) {
       kHalfWidth / (1 + z2 / n) * std::sqrt(p * (1 - p) / n + z2 / (4 * n * n));
   Spread spread;
   spread.deviation = episodes > 1 ? std::sqrt(p * (1 - p) * n / (n - 1)) : 0;
-  spread.low = std::max(0.0, centre - half);
-  spread.high = std::min(1.0, centre + half);
+  // Exact where rounding would leave them near it.
+  spread.low = successes == 0 ? 0 : std::max(0.0, centre - half);
+  spread.high = successes == episodes ? 1 : std::min(1.0, centre + half);
   return spread;
 }
 

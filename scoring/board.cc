@@ -2,12 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <set>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
+
+#include "scoring/standing.h"
 
 namespace myograde::scoring {
 namespace {
@@ -55,71 +59,95 @@ auto LessOf(size_t place) {
   };
 }
 
-// Cuts [begin, end), sorted by what the bands are made of, into bands and sorts each by `less`.
-// `value` is what opens a band, `belongs` whether another value belongs to the band of it.
-template <typename Value, typename Belongs, typename Less>
-void SortIntoBands(Ranked::iterator begin, Ranked::iterator end, Value value, Belongs belongs,
-                   Less less) {
+// How the part of a board at or above its line is ordered.
+struct Banding {
+  std::function<bool(const BoardEntry&)> takes_part;
+  std::function<bool(const BoardEntry&, const BoardEntry&)> before;  // in the order of cutting bands
+  std::function<double(const BoardEntry&)> value;                    // what opens a band
+  std::function<bool(double, double)> belongs;  // a value, to the band of an opener
+  std::function<bool(const BoardEntry&, const BoardEntry&)> inside;  // above, in a band
+};
+
+Banding BandingOf(const TieredBoard& rules) {
+  Banding banding;
+  banding.takes_part = [rules](const BoardEntry& entry) {
+    return RateAtLeast(entry, rules.line_successes, rules.line_episodes);
+  };
+  banding.inside = LessOf(rules.effort);
+  if (rules.bands == BandsOver::kTime) {
+    banding.before = LessOf(rules.time);
+    banding.value = [rules](const BoardEntry& entry) { return Number(entry, rules.time); };
+    banding.belongs = [rules](double time, double opener) {
+      return time <= rules.band_factor * opener;
+    };
+  } else {
+    banding.before = HigherRate;
+    banding.value = Rate;
+    banding.belongs = [rules](double rate, double opener) {
+      return rules.band_factor * rate >= opener;
+    };
+  }
+  return banding;
+}
+
+Banding BandingOf(const DistanceBoard& rules) {
+  Banding banding;
+  const auto distance = [rules](const BoardEntry& entry) { return Distance(entry, rules.distance); };
+  banding.takes_part = [rules, distance](const BoardEntry& entry) {
+    return distance(entry) >= rules.time_from_m;
+  };
+  banding.before = [distance](const BoardEntry& a, const BoardEntry& b) {
+    return distance(a) > distance(b);
+  };
+  banding.value = distance;
+  banding.belongs = [rules](double value, double opener) {
+    return value * (1 + rules.band) >= opener;
+  };
+  banding.inside = [faster = LessOf(rules.time), farther = banding.before](const BoardEntry& a,
+                                                                          const BoardEntry& b) {
+    if (faster(a, b) || faster(b, a)) return faster(a, b);
+    return farther(a, b);
+  };
+  return banding;
+}
+
+// Sorts those that take part in bands, and returns where they end.
+Ranked::iterator SortIntoBands(Ranked& board, const Banding& banding) {
+  const auto end = std::partition(board.begin(), board.end(), [&](const RankedEntry& ranked) {
+    return banding.takes_part(ranked.entry);
+  });
+  SortBy(board.begin(), end, banding.before);
   int64_t band = 0;
-  while (begin != end) {
-    const double opener = value(begin->entry);
+  for (auto begin = board.begin(); begin != end; ++band) {
+    const double opener = banding.value(begin->entry);
     // The opener belongs to its band whatever the factor's rounding does.
     auto band_end = std::next(begin);
-    while (band_end != end && belongs(value(band_end->entry), opener)) ++band_end;
+    while (band_end != end && banding.belongs(banding.value(band_end->entry), opener)) ++band_end;
     for (auto it = begin; it != band_end; ++it) {
       it->band = band;
       it->band_opener = opener;
     }
-    SortBy(begin, band_end, less);
+    SortBy(begin, band_end, banding.inside);
     begin = band_end;
-    ++band;
   }
+  return end;
 }
 
 void Order(Ranked& board, const TieredBoard& rules) {
   const auto faster = LessOf(rules.time);
   const auto less_effort = LessOf(rules.effort);
-  const auto line = std::partition(board.begin(), board.end(), [&](const RankedEntry& ranked) {
-    return RateAtLeast(ranked.entry, rules.line_successes, rules.line_episodes);
-  });
-  if (rules.bands == BandsOver::kTime) {
-    SortBy(board.begin(), line, faster);
-    SortIntoBands(
-        board.begin(), line, [&](const BoardEntry& entry) { return Number(entry, rules.time); },
-        [&](double time, double opener) { return time <= rules.band_factor * opener; },
-        less_effort);
-  } else {
-    SortBy(board.begin(), line, HigherRate);
-    SortIntoBands(
-        board.begin(), line, Rate,
-        [&](double rate, double opener) { return rules.band_factor * rate >= opener; },
-        less_effort);
-  }
-  SortBy(line, board.end(), [&](const BoardEntry& a, const BoardEntry& b) {
-    if (HigherRate(a, b) || HigherRate(b, a)) return HigherRate(a, b);
-    if (rules.ties == Ties::kAcceptance) return false;
-    if (faster(a, b) || faster(b, a)) return faster(a, b);
-    return less_effort(a, b);
-  });
+  SortBy(SortIntoBands(board, BandingOf(rules)), board.end(),
+         [&](const BoardEntry& a, const BoardEntry& b) {
+           if (HigherRate(a, b) || HigherRate(b, a)) return HigherRate(a, b);
+           if (rules.ties == Ties::kAcceptance) return false;
+           if (faster(a, b) || faster(b, a)) return faster(a, b);
+           return less_effort(a, b);
+         });
 }
 
 void Order(Ranked& board, const DistanceBoard& rules) {
-  const auto distance = [&](const BoardEntry& entry) { return Distance(entry, rules.distance); };
-  const auto farther = [&](const BoardEntry& a, const BoardEntry& b) {
-    return distance(a) > distance(b);
-  };
-  const auto faster = LessOf(rules.time);
-  SortBy(board.begin(), board.end(), farther);
-  const auto line = std::partition_point(board.begin(), board.end(), [&](const auto& ranked) {
-    return distance(ranked.entry) >= rules.time_from_m;
-  });
-  SortIntoBands(
-      board.begin(), line, distance,
-      [&](double value, double opener) { return value * (1 + rules.band) >= opener; },
-      [&](const BoardEntry& a, const BoardEntry& b) {
-        if (faster(a, b) || faster(b, a)) return faster(a, b);
-        return farther(a, b);
-      });
+  const Banding banding = BandingOf(rules);
+  SortBy(SortIntoBands(board, banding), board.end(), banding.before);
 }
 
 void Order(Ranked& board, const PhysiologicalBoard& rules) {
@@ -140,21 +168,68 @@ Ranked Ordered(Ranked board, const BoardRules& rules) {
   return board;
 }
 
-// The submission that a team stands with, out of all of its own.
-std::optional<RankedEntry> Standing(const Ranked& own, const BoardRules& rules, TeamRule rule) {
-  if (rule == TeamRule::kBest) {
-    const Ranked ordered = Ordered(own, rules);
-    if (ordered.empty()) return std::nullopt;
-    return RankedEntry{ordered.front().entry};
+// By team, all of its submissions.
+using Teams = std::map<std::string, Ranked>;
+
+// Where nobody's bands depend on others, or a team has nothing that takes part in them.
+void AddFirstOfOwn(const Ranked& own, const BoardRules& rules, Ranked& board) {
+  const Ranked ordered = Ordered(own, rules);
+  if (!ordered.empty()) board.push_back(RankedEntry{ordered.front().entry});
+}
+
+// Of teams with submissions that take part in bands, those that they stand with (standing.h).
+void AddStanding(const Ranked& candidates, const Banding& banding, Ranked& board) {
+  Ranked by_inside = candidates;
+  SortBy(by_inside.begin(), by_inside.end(), banding.inside);
+  std::map<int64_t, size_t> inside;
+  for (const RankedEntry& ranked : by_inside) inside.emplace(ranked.entry.acceptance, inside.size());
+  Ranked sorted = candidates;
+  SortBy(sorted.begin(), sorted.end(), banding.before);
+  std::map<std::string, size_t> teams;
+  std::vector<BandCandidate> cut;
+  for (const RankedEntry& ranked : sorted) {
+    const BoardEntry& entry = ranked.entry;
+    cut.push_back({.team = teams.emplace(entry.team, teams.size()).first->second,
+                   .acceptance = entry.acceptance,
+                   .value = banding.value(entry),
+                   .inside = inside.at(entry.acceptance)});
   }
-  std::optional<RankedEntry> standing;
-  for (const RankedEntry& candidate : own) {
-    if (rule == TeamRule::kChosen && !candidate.entry.chosen) continue;
-    if (!standing || standing->entry.acceptance < candidate.entry.acceptance) {
-      standing = candidate;
+  for (const size_t place : StandingEntries(cut, banding.belongs)) {
+    board.push_back(RankedEntry{sorted[place].entry});
+  }
+}
+
+Ranked BestOf(const Teams& teams, const BoardRules& rules) {
+  std::optional<Banding> banding;
+  if (const auto* tiered = std::get_if<TieredBoard>(&rules)) banding = BandingOf(*tiered);
+  if (const auto* distance = std::get_if<DistanceBoard>(&rules)) banding = BandingOf(*distance);
+  Ranked board, candidates;
+  for (const auto& [team, own] : teams) {
+    const auto known = std::ssize(candidates);
+    if (banding) {
+      std::copy_if(own.begin(), own.end(), std::back_inserter(candidates),
+                   [&](const RankedEntry& ranked) { return banding->takes_part(ranked.entry); });
     }
+    if (std::ssize(candidates) == known) AddFirstOfOwn(own, rules, board);
   }
-  return standing;
+  if (banding) AddStanding(candidates, *banding, board);
+  return board;
+}
+
+// By a rule that looks at no results: a team's last submission, or its chosen one.
+Ranked LastOf(const Teams& teams, bool chosen) {
+  Ranked board;
+  for (const auto& [team, own] : teams) {
+    const RankedEntry* standing = nullptr;
+    for (const RankedEntry& candidate : own) {
+      if (chosen && !candidate.entry.chosen) continue;
+      if (standing == nullptr || standing->entry.acceptance < candidate.entry.acceptance) {
+        standing = &candidate;
+      }
+    }
+    if (standing != nullptr) board.push_back(*standing);
+  }
+  return board;
 }
 
 // How many numbers the board looks at.
@@ -217,7 +292,7 @@ bool IsQualified(const BoardEntry& entry, const BoardRules& rules) {
 
 absl::StatusOr<std::vector<RankedEntry>> Rank(const std::vector<BoardEntry>& entries,
                                               const BoardRules& rules, TeamRule team_rule) {
-  std::map<std::string, Ranked> teams;
+  Teams teams;
   std::set<int64_t> acceptances;
   for (const BoardEntry& entry : entries) {
     if (!acceptances.insert(entry.acceptance).second) {
@@ -229,10 +304,9 @@ absl::StatusOr<std::vector<RankedEntry>> Rank(const std::vector<BoardEntry>& ent
     if (absl::Status status = Check(entry, rules); !status.ok()) return status;
     teams[entry.team].push_back(RankedEntry{entry});
   }
-  Ranked board;
-  for (const auto& [team, own] : teams) {
-    if (auto standing = Standing(own, rules, team_rule)) board.push_back(*std::move(standing));
-  }
+  Ranked board = team_rule == TeamRule::kBest
+                     ? BestOf(teams, rules)
+                     : LastOf(teams, /*chosen=*/team_rule == TeamRule::kChosen);
   return Ordered(std::move(board), rules);
 }
 

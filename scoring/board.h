@@ -78,9 +78,10 @@ struct PhysiologicalBoard {
 
 using BoardRules = std::variant<TieredBoard, DistanceBoard, PhysiologicalBoard>;
 
-// Which of its submissions a team stands with. kBest: the first on a board of the team's own
-// submissions, so that it depends on nobody else. kLast: the one accepted last. kChosen: the
-// chosen one (of several the last accepted); a team that chose none is not on the board.
+// Which of its submissions a team stands with. kBest: the one that ranks best on the board of all
+// teams' entries; where bands depend on who stands, as standing.h decides it. kLast: the one
+// accepted last. kChosen: the chosen one (of several the last accepted); a team that chose none is
+// not on the board.
 enum class TeamRule { kBest, kLast, kChosen };
 
 struct RankedEntry {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 
 namespace myograde::scoring {
@@ -112,6 +113,15 @@ double AheadOf(std::span<const Metric> metrics, const PlaceTest& test) {
   return less ? -test.test.difference : test.test.difference;
 }
 
+// The first look is that without further episodes; each number of them that both rows have reached
+// is another one.
+int64_t LooksAt(const std::set<int64_t>& a, const std::set<int64_t>& b) {
+  std::set<int64_t> looks = a;
+  looks.insert(b.begin(), b.end());
+  const int64_t both = std::min(a.empty() ? 0 : *a.rbegin(), b.empty() ? 0 : *b.rbegin());
+  return 1 + std::distance(looks.begin(), looks.upper_bound(both));
+}
+
 // The tests of all pairs of rows.
 class PairTests {
  public:
@@ -134,6 +144,11 @@ class PairTests {
         const Sampler sampler(metrics, own.criterion);
         own.test = TestPairs(PairsOf(sampler, episodes[above], episodes[below]),
                              group_rules.samples);
+        own.looks = LooksAt(rows[above].further, rows[below].further);
+        own.p_adjusted = own.test.p;
+        if (group_rules.further_looks) {
+          own.p_adjusted = std::min(1.0, std::ldexp(own.test.p, static_cast<int>(own.looks)));
+        }
         tests_.push_back(own);
       }
     }
@@ -154,17 +169,17 @@ class PairTests {
   bool stopped() const { return stopped_; }
 
  private:
-  // Holm's: the smallest p-value times the number of tests, the next one times one less, and none
+  // Holm's, of what `p_adjusted` has: the smallest p-value times the number of tests, the next one times one less, and none
   // smaller than the one before.
   void Correct() {
     std::vector<size_t> order(tests_.size());
     std::iota(order.begin(), order.end(), size_t{0});
     std::stable_sort(order.begin(), order.end(),
-                     [&](size_t a, size_t b) { return tests_[a].test.p < tests_[b].test.p; });
+                     [&](size_t a, size_t b) { return tests_[a].p_adjusted < tests_[b].p_adjusted; });
     double least = 0;
     for (size_t i = 0; i < order.size(); ++i) {
       PlaceTest& own = tests_[order[i]];
-      least = std::max(least, own.test.p * static_cast<double>(order.size() - i));
+      least = std::max(least, own.p_adjusted * static_cast<double>(order.size() - i));
       own.p_adjusted = std::min(least, 1.0);
     }
   }

@@ -8,6 +8,10 @@
 // correction (S. Holm, A simple sequentially rejective multiple test procedure, 1979) over all these
 // tests makes the chance of even one false decision at most `level`.
 //
+// Further episodes are another look at the same pair. Where they may follow, look k of a pair has
+// level / 2^k to decide: p-values are multiplied by 2^k before Holm's correction. All looks together
+// have at most `level` (Bonferroni), whatever of the earlier ones made somebody ask for more.
+//
 // A group opens with its first row and holds the rows below it as long as their test against the
 // opener decides nothing. The next row opens a group.
 #pragma once
@@ -15,6 +19,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <set>
 #include <span>
 #include <vector>
 
@@ -29,6 +34,7 @@ struct GroupRules {
   double level = 0.05;
   int64_t samples = 10'000;  // TestPairs
   int64_t places = 10;       // how many first rows are tested
+  bool further_looks = false;  // further episodes may be played
 
   bool operator==(const GroupRules&) const = default;
 };
@@ -65,13 +71,17 @@ Criterion CriterionOf(const RankedEntry& above, const RankedEntry& below, const 
 struct TestedRow {
   RankedEntry ranked;
   std::vector<JudgedEpisode> episodes;
+  // How many further episodes it had after each time that some were added. Two rows have the same
+  // first ones.
+  std::set<int64_t> further = {};
 };
 
 // One row against another that stands above it.
 struct PlaceTest {
   Criterion criterion;
   PairedTest test;        // a: the upper row
-  double p_adjusted = 1;  // by Holm; at most `level` if the test decides
+  int64_t looks = 1;      // at this pair, with this one
+  double p_adjusted = 1;  // by its looks and Holm; at most `level` if the test decides
   bool decided = false;   // the upper row is better
   bool reversed = false;  // the lower row is better, which further episodes can show
 };

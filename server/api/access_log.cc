@@ -14,6 +14,16 @@ constexpr size_t kMostActs = 10'000;
 constexpr size_t kMostTokens = 10'000;
 constexpr auto kEvery = std::chrono::milliseconds(500);
 
+AccessEventRow RowOf(const CountedDenial& counted) {
+  AccessEventRow row;
+  row.who = counted.denial.who;
+  row.role = counted.denial.role;
+  row.action = counted.denial.action;
+  row.detail = counted.denial.why;
+  row.count = counted.count;
+  return row;
+}
+
 }  // namespace
 
 void AccessLog::Deny(const Identity& who, Action action, const std::string& why) {
@@ -100,15 +110,9 @@ absl::Status AccessLog::WriteBatch(const Write& write, const Batch& batch) {
   return write([batch](Writer& writer) {
     absl::Status status;
     for (const AccessEventRow& act : batch.acts) status.Update(writer.AddAccessEvent(act));
+    const AccessEventRow others = RowOf({DenialCounter::Others(), 0});
     for (const CountedDenial& counted : batch.denials) {
-      AccessEventRow row;
-      row.kind = "denied";
-      row.who = counted.denial.who;
-      row.role = counted.denial.role;
-      row.action = counted.denial.action;
-      row.detail = counted.denial.why;
-      row.count = counted.count;
-      status.Update(writer.AddAccessEvent(row));
+      status.Update(writer.AddDenial(RowOf(counted), others));
     }
     for (const int64_t token : batch.tokens) {
       // That it was used is not worth losing an event.

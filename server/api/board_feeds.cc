@@ -35,7 +35,9 @@ std::string PlaceOf(const Json& row) {
   return absl::StrCat("rank ", row["rank"].get<int64_t>());
 }
 
-std::string EntryOf(const Json& board, const Json& row, const std::string& ended) {
+// `ended`: "" if that can't be read.
+std::string EntryOf(const Json& board, const Json& row, const std::string& changed,
+                    const std::string& ended) {
   const Json& aggregate = row["aggregate"];
   const std::string results =
       absl::StrCat(aggregate.value("successes", int64_t{0}), " of ",
@@ -44,7 +46,8 @@ std::string EntryOf(const Json& board, const Json& row, const std::string& ended
   return absl::StrCat(
       "<entry><id>urn:myograde:", board["config"].get<std::string>(), ":",
       XmlText(board["board"].get<std::string>()), ":", row["evaluation"].get<int64_t>(),
-      "</id><title>", team, ": ", PlaceOf(row), "</title><updated>", ended,
+      "</id><title>", team, ": ", PlaceOf(row), "</title>",
+      ended.empty() ? "" : absl::StrCat("<published>", ended, "</published>"), "<updated>", changed,
       "</updated><author><name>", team, "</name></author><content type=\"text\">",
       XmlText(row["name"].get<std::string>()), ": ", results, "</content></entry>\n");
 }
@@ -79,13 +82,19 @@ std::string XmlText(const std::string& text) {
 
 absl::StatusOr<std::string> BadgeOf(const nlohmann::json& board, const std::string& team) {
   const Json& rows = board["rows"];
-  const auto row = std::find_if(rows.begin(), rows.end(),
-                                [&](const Json& one) { return one["team"] == team; });
+  const auto ranked = [](const Json& one) { return !one["rank"].is_null(); };
+  const auto its = [&](const Json& one) { return one["team"] == team; };
+  // A team's baseline may stand above its ranked row.
+  auto row = std::find_if(rows.begin(), rows.end(),
+                          [&](const Json& one) { return its(one) && ranked(one); });
+  if (row == rows.end()) row = std::find_if(rows.begin(), rows.end(), its);
   if (row == rows.end()) {
     return absl::NotFoundError(absl::StrCat("there is no team \"", team, "\" on this board"));
   }
   const std::string left = SubjectOf(board);
-  const std::string right = absl::StrCat(PlaceOf(*row), " of ", rows.size());
+  const auto teams = std::count_if(rows.begin(), rows.end(), ranked);
+  const std::string right =
+      ranked(*row) ? absl::StrCat(PlaceOf(*row), " of ", teams) : PlaceOf(*row);
   const int middle = WidthOf(left);
   const int width = middle + WidthOf(right);
   return absl::StrFormat(
@@ -100,20 +109,19 @@ absl::StatusOr<std::string> BadgeOf(const nlohmann::json& board, const std::stri
       XmlText(left), middle + (width - middle) / 2, XmlText(right));
 }
 
-std::string FeedOf(const nlohmann::json& board, const std::map<int64_t, std::string>& ended) {
+std::string FeedOf(const nlohmann::json& board, const std::string& changed,
+                   const std::map<int64_t, std::string>& ended) {
   std::string entries;
-  std::string newest = "1970-01-01T00:00:00.000Z";  // of an empty board
   for (const Json& row : board["rows"]) {
-    const std::string& at = ended.at(row["evaluation"].get<int64_t>());
-    newest = std::max(newest, at);  // they sort as texts
-    entries += EntryOf(board, row, at);
+    const auto at = ended.find(row["evaluation"].get<int64_t>());
+    entries += EntryOf(board, row, changed, at == ended.end() ? "" : at->second);
   }
   const std::string subject = XmlText(SubjectOf(board));
   return absl::StrCat("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n"
                       "<feed xmlns=\"http://www.w3.org/2005/Atom\"><id>urn:myograde:",
                       board["config"].get<std::string>(), ":",
                       XmlText(board["board"].get<std::string>()), "</id><title>MyoGrade: ",
-                      subject, "</title><updated>", newest,
+                      subject, "</title><updated>", changed,
                       "</updated><author><name>MyoGrade</name></author>\n", entries, "</feed>\n");
 }
 

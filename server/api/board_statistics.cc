@@ -5,6 +5,7 @@
 
 #include "server/api/further_episodes.h"
 #include "server/challenge/challenge.h"
+#include "server/engine/stored.h"
 #include "server/grading/results.h"
 
 namespace myograde::server {
@@ -44,13 +45,18 @@ class RowReader {
     absl::StatusOr<std::vector<JudgedEpisode>> episodes =
         JudgedEpisodes(*track_.scoring.track, *rows);
     if (!episodes.ok()) return episodes.status();
+    const absl::StatusOr<EvaluationRow> evaluation = reader_.Evaluation(row.source.evaluation);
+    if (!evaluation.ok()) return evaluation.status();
+    const absl::Status whole =
+        CheckResults(reader_, *evaluation, *rows, track_.config.seed_salt);
+    if (!whole.ok()) return whole;
     place.over_steps = SpreadsOf(track_, rules_, *episodes);
-    const absl::StatusOr<std::vector<JudgedEpisode>> further = FurtherEpisodes(
+    absl::StatusOr<Further> further = FurtherEpisodes(
         reader_, track_, further_[row.source.submission], before_ms_, indices_);
     if (!further.ok()) return further.status();
-    place.further = std::ssize(*further);
-    episodes->insert(episodes->end(), further->begin(), further->end());
-    return TestedRow{row.ranked, *std::move(episodes)};
+    place.further = std::ssize(further->episodes);
+    episodes->insert(episodes->end(), further->episodes.begin(), further->episodes.end());
+    return TestedRow{row.ranked, *std::move(episodes), std::move(further->looks)};
   }
 
  private:
@@ -69,7 +75,9 @@ scoring::StatisticsConfig StatisticsConfigOf(const ApiContext& context, const st
   const PhaseConfig* config = context.phases.ConfigOf(phase);
   if (config == nullptr) return usual;
   // Checked when the daemon started.
-  return PhaseStatistics(*config, usual).value_or(usual);
+  scoring::StatisticsConfig own = PhaseStatistics(*config, usual).value_or(usual);
+  own.groups.further_looks = true;  // only phases have a secret for further seeds
+  return own;
 }
 
 absl::StatusOr<BoardStatistics> StatisticsOf(Reader& reader, const Track& track,

@@ -90,12 +90,17 @@ std::optional<ApiError> BoardsResource::Feed(const httplib::Request& request,
     for (const Json& row : board["rows"]) {
       const auto evaluation = row["evaluation"].get<int64_t>();
       const absl::StatusOr<EvaluationRow> found = reader.Evaluation(evaluation);
+      if (DamageOf(found.status()).has_value()) continue;  // the others are good
       if (!found.ok()) return found.status();
       ended[evaluation] = TimeToJson(found->finished_at).get<std::string>();
     }
+    const Json last = TimeToJson(reader.BoardChangedAt(
+        asked->track->config.hash, asked->track->config.phase, asked->moment()));
+    const std::string changed = last.is_null() ? "1970-01-01T00:00:00.000Z"  // an empty board
+                                               : last.get<std::string>();
     response.set_header("Cache-Control", "no-cache");
     response.set_header("X-Content-Type-Options", "nosniff");
-    response.set_content(FeedOf(board, ended), "application/atom+xml");
+    response.set_content(FeedOf(board, changed, ended), "application/atom+xml");
     return absl::OkStatus();
   });
   return status.ok() ? std::nullopt : std::optional(ErrorOf(status));

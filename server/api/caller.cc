@@ -87,9 +87,9 @@ CallerScope::~CallerScope() { caller = {}; }
 void CallerScope::Finish(const std::string& method, const std::string& path, int http) {
   constexpr int kDeadline = 504;  // it is not known whether it took effect
   const bool reads = method == "GET" || method == "HEAD";
-  if (!CallerIsOrganiser() || (reads && !caller.noted) || (http >= 400 && http != kDeadline)) {
-    return;
-  }
+  // A participant's cancel ends work of the host as an organiser's does.
+  const bool act = CallerIsOrganiser() || caller.action == Action::kCancel;
+  if (!act || (reads && !caller.noted) || (http >= 400 && http != kDeadline)) return;
   const std::string subject =
       caller.noted ? caller.subject : std::string(absl::StripPrefix(path, "/v1/"));
   const std::string detail =

@@ -72,12 +72,16 @@ absl::Status AddEpisodes(Reader& reader, const Track& track, int64_t evaluation,
 
 // A re-run against its original; null for an original.
 absl::StatusOr<Json> ComparisonOf(Reader& reader, const EvaluationRow& evaluation,
-                                  const std::vector<EpisodeRow>& rows) {
+                                  const std::vector<EpisodeRow>& rows,
+                                  const std::string& seed_salt) {
   if (evaluation.kind != EvaluationKind::kRerun) return Json();
   const absl::StatusOr<EvaluationRow> original = reader.Original(evaluation.submission);
   if (!original.ok()) return original.status();
   const absl::StatusOr<std::vector<EpisodeRow>> its = reader.Episodes(original->id);
   if (!its.ok()) return its.status();
+  // A re-run has the config of its original.
+  const absl::Status whole = CheckResults(reader, *original, *its, seed_salt);
+  if (!whole.ok()) return whole;
   return CompareRows(original->id, *its, evaluation, rows);
 }
 
@@ -100,6 +104,8 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   const absl::StatusOr<scoring::Aggregate> aggregate =
       scoring::AggregateEpisodes(scoring.track->metrics, *judged);
   if (!aggregate.ok()) return aggregate.status();
+  const absl::Status whole = CheckResults(reader, *evaluation, rows, config.seed_salt);
+  if (!whole.ok()) return whole;
   const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(id);
   if (!leases.ok()) return leases.status();
   const absl::StatusOr<std::vector<RepeatRow>> repeats = reader.Repeats(id);
@@ -130,7 +136,7 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   for (const RepeatRow& repeat : *repeats) {
     json["not_repeatable"].push_back({{"index", repeat.index}, {"differs", repeat.differs}});
   }
-  const absl::StatusOr<Json> comparison = ComparisonOf(reader, *evaluation, rows);
+  const absl::StatusOr<Json> comparison = ComparisonOf(reader, *evaluation, rows, config.seed_salt);
   if (!comparison.ok()) return comparison.status();
   json["comparison"] = *comparison;
   if (selection.rows || selection.summary) {

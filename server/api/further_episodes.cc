@@ -18,6 +18,8 @@ absl::StatusOr<bool> IsDropped(Reader& reader, int64_t rejudge) {
 }
 
 absl::Status AddItems(Reader& reader, const RejudgeRow& rejudge, FurtherItems& all) {
+  const absl::StatusOr<bool> dropped = IsDropped(reader, rejudge.id);
+  if (!dropped.ok()) return dropped.status();
   const absl::StatusOr<std::vector<uint64_t>> seeds = SeedsOfRejudge(reader, rejudge);
   if (!seeds.ok()) return seeds.status();
   const absl::StatusOr<std::vector<RejudgeItemRow>> items = reader.RejudgeItems(rejudge.id);
@@ -26,7 +28,7 @@ absl::Status AddItems(Reader& reader, const RejudgeRow& rejudge, FurtherItems& a
     const bool has_none = item.state == EvaluationState::kCancelled ||
                           item.state == EvaluationState::kGraderError;
     if (has_none) continue;
-    all[item.submission].push_back({rejudge.id, item.evaluation, item.state, *seeds});
+    all[item.submission].push_back({rejudge.id, item.evaluation, item.state, *seeds, *dropped});
   }
   return absl::OkStatus();
 }
@@ -45,24 +47,25 @@ absl::StatusOr<FurtherItems> FurtherItemsOf(Reader& reader, const std::string& c
   const Listed<RejudgeRow> rejudges = reader.Rejudges();
   for (auto rejudge = rejudges.rows.rbegin(); rejudge != rejudges.rows.rend(); ++rejudge) {
     if (rejudge->purpose != RejudgePurpose::kSeeds || rejudge->from_config != config) continue;
-    const absl::StatusOr<bool> dropped = IsDropped(reader, rejudge->id);
-    if (!dropped.ok()) return dropped.status();
-    if (*dropped) continue;
     if (absl::Status added = AddItems(reader, *rejudge, all); !added.ok()) return added;
   }
   return all;
 }
 
-absl::StatusOr<std::vector<scoring::JudgedEpisode>> FurtherEpisodes(
+absl::StatusOr<Further> FurtherEpisodes(
     Reader& reader, const Track& track, const std::vector<FurtherItem>& items, int64_t before_ms,
     FurtherIndices& indices) {
-  std::vector<scoring::JudgedEpisode> episodes;
+  Further further;
+  std::set<uint64_t> seen;  // seeds, of dropped ones too
   std::set<int64_t> there;
   for (const FurtherItem& item : items) {
     if (item.state != EvaluationState::kDone && item.state != EvaluationState::kFailed) continue;
     const absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(item.evaluation);
     if (!evaluation.ok()) return evaluation.status();
     if (evaluation->finished_at >= before_ms) continue;
+    seen.insert(item.seeds.begin(), item.seeds.end());
+    further.looks.insert(std::ssize(seen));
+    if (item.dropped) continue;
     absl::StatusOr<std::vector<EpisodeRow>> rows = reader.Episodes(item.evaluation);
     if (!rows.ok()) return rows.status();
     for (EpisodeRow& row : *rows) row.index = indices.Of(row.seed);
@@ -70,10 +73,10 @@ absl::StatusOr<std::vector<scoring::JudgedEpisode>> FurtherEpisodes(
         JudgedEpisodes(*track.scoring.track, *rows);
     if (!judged.ok()) return judged.status();
     for (const scoring::JudgedEpisode& episode : *judged) {
-      if (there.insert(episode.index).second) episodes.push_back(episode);
+      if (there.insert(episode.index).second) further.episodes.push_back(episode);
     }
   }
-  return episodes;
+  return further;
 }
 
 }  // namespace myograde::server

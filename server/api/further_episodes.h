@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -21,11 +22,12 @@ struct FurtherItem {
   int64_t evaluation = 0;
   EvaluationState state = EvaluationState::kQueued;  // neither cancelled nor grader_error
   std::vector<uint64_t> seeds;                       // by index of its episodes
+  bool dropped = false;  // counts no more, but somebody may have looked
 };
 // By submission, oldest rejudge first.
 using FurtherItems = std::map<int64_t, std::vector<FurtherItem>>;
 
-// Of the submissions on the board of a config; those of dropped rejudges are left out.
+// Of the submissions on the board of a config.
 absl::StatusOr<FurtherItems> FurtherItemsOf(Reader& reader, const std::string& config);
 
 // The seeds that a rejudge plays, by index.
@@ -43,9 +45,14 @@ class FurtherIndices {
   std::map<uint64_t, int64_t> indices_;
 };
 
-// The episodes of items that ended before `before_ms`, each seed once. A damaged row
-// (store/damage.h) if one can't be read.
-absl::StatusOr<std::vector<scoring::JudgedEpisode>> FurtherEpisodes(
+struct Further {
+  std::vector<scoring::JudgedEpisode> episodes;  // each seed once
+  std::set<int64_t> looks;                       // TestedRow::further
+};
+
+// The episodes of items that ended before `before_ms`. A damaged row (store/damage.h) if one can't be
+// read.
+absl::StatusOr<Further> FurtherEpisodes(
     Reader& reader, const Track& track, const std::vector<FurtherItem>& items, int64_t before_ms,
     FurtherIndices& indices);
 

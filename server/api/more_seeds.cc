@@ -85,7 +85,9 @@ absl::StatusOr<std::vector<int64_t>> ChosenRows(Reader& reader, const ApiContext
 // How many of `seeds` a submission has, or will have, from the first on.
 size_t SeedsHad(const std::vector<FurtherItem>& items, const std::vector<uint64_t>& seeds) {
   std::set<uint64_t> had;
-  for (const FurtherItem& item : items) had.insert(item.seeds.begin(), item.seeds.end());
+  for (const FurtherItem& item : items) {
+    if (!item.dropped) had.insert(item.seeds.begin(), item.seeds.end());
+  }
   const auto lacks = std::find_if(seeds.begin(), seeds.end(),
                                   [&](uint64_t seed) { return !had.contains(seed); });
   return static_cast<size_t>(lacks - seeds.begin());

@@ -84,6 +84,8 @@ absl::StatusOr<Json> ReceiptOf(Reader& reader, RecordLog& record, const Submissi
   const scoring::ScoredTrack& scored = *scoring::FindScoredTrack(track->kind->name);
   absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(scored, rows);
   if (!aggregate.ok()) return aggregate.status();
+  const absl::Status whole = CheckResults(reader, evaluation, rows, track->seed_salt);
+  if (!whole.ok()) return whole;
   Json episodes = Json::array();
   for (const EpisodeRow& row : rows) episodes.push_back(ReceiptEntry(row, track->seed_salt));
   Json receipt = {{"format", 1},

@@ -149,6 +149,7 @@ constexpr auto kLease = std::to_array<Part>({
     {"running_wall_s", Always},
     {"silent_wall_s", SeesMetrics},
     {"detail", SeesOutput},
+    {"attempts", SeesMetrics, Blank::kList},
 });
 
 constexpr auto kEvaluation = std::to_array<Part>({

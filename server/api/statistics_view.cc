@@ -48,6 +48,7 @@ Json TestToJson(const Track& track, const std::optional<PlaceTest>& place,
           {"submission", other.source.submission},
           {"metric", NameOf(track, place->criterion)},
           {"p", test.p},
+          {"looks", place->looks},
           {"p_adjusted", place->p_adjusted},
           {"decided", place->decided},
           {"reversed", place->reversed},
@@ -164,6 +165,7 @@ absl::StatusOr<Json> StatisticsAnswer(Reader& reader, const Track& track,
   }
   Json used = scoring::StatisticsToJson(config);
   used["correction"] = "holm";
+  used["spending"] = config.groups.further_looks ? Json("halving") : Json();
   used["tests"] = statistics.tests;
   Json criteria = Json::array();
   for (const Criterion& criterion : scoring::CriteriaOf(rules)) {

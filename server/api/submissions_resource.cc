@@ -127,7 +127,8 @@ ApiResult SubmissionsResource::Cancel(const httplib::Request& request, const Jso
   });
   if (!status.ok()) return ErrorOf(status);
   const absl::StatusOr<CancelReport> report =
-      context_.engine.Cancel(id, *reason, CallerKey(), context_.config.http.request);
+      context_.engine.Cancel(id, /*reruns=*/CallerIsOrganiser(), *reason, CallerKey(),
+                             context_.config.http.request);
   if (!report.ok()) return ErrorOf(report.status());
   NoteAct(absl::StrCat("submission ", id), *reason);
   ApiResult result = StatusAnswer(id);

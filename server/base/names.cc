@@ -18,7 +18,7 @@ namespace myograde::server {
 namespace {
 
 // Increment whenever LooksOf changes.
-constexpr int kLooksRule = 1;
+constexpr int kLooksRule = 2;
 // With more marks than this a letter reaches into the lines above and below.
 constexpr int kMaxMarks = 4;
 
@@ -168,6 +168,12 @@ void JoinSpaces(icu::UnicodeString& text) {
   }
 }
 
+void RemoveSpaces(icu::UnicodeString& text) {
+  for (int32_t i = text.length() - 1; i >= 0; --i) {
+    if (u_isUWhiteSpace(text[i])) text.remove(i, 1);
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<std::string> CleanName(std::string_view name, std::string_view what) {
@@ -200,8 +206,9 @@ std::set<std::string> LooksOf(std::string_view name) {
   // drawn the same: neither order of the two steps finds both.
   icu::UnicodeString first = Skeleton(Folded(text));
   icu::UnicodeString second = Skeleton(Folded(Skeleton(text)));
-  JoinSpaces(first);
-  JoinSpaces(second);
+  // Nobody can say for sure how many spaces a name has, or whether it has one.
+  RemoveSpaces(first);
+  RemoveSpaces(second);
   return {ToUtf8(first), ToUtf8(second)};
 }
 

@@ -18,7 +18,7 @@ inline constexpr size_t kMaxNameBytes = 64;
 // `what`, the problem, and the character as U+XXXX.
 absl::StatusOr<std::string> CleanName(std::string_view name, std::string_view what);
 
-// The looks of a name: in lower case and with look-alike characters unified. Two names can be
+// The looks of a name: in lower case, without spaces and with look-alike characters unified. Two names can be
 // mistaken for each other if they have a look in common.
 std::set<std::string> LooksOf(std::string_view name);
 

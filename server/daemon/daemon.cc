@@ -193,6 +193,15 @@ absl::Status RaiseDescriptorLimit(const ServerConfig& config) {
       "the three"));
 }
 
+// Whoever lost the store should hear of it before the next submission gets number 1.
+void WarnOfLostStore(const std::string& data_dir, const std::string& path) {
+  std::error_code error;
+  const std::string artefacts = data_dir + "/artefacts";
+  if (std::filesystem::exists(path, error) || std::filesystem::is_empty(artefacts, error)) return;
+  spdlog::error("{} is not there, so an empty store is made, though {} has the files of submissions; if "
+                "it was lost, stop the daemon and restore it from a backup", path, artefacts);
+}
+
 }  // namespace
 
 absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
@@ -215,6 +224,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   RemoveDrafts(options.data_dir + "/logs");
 
   const std::string path = options.data_dir + "/store.db";
+  WarnOfLostStore(options.data_dir, path);
   absl::StatusOr<std::unique_ptr<Store>> store = Store::Open(path, clock);
   if (!store.ok()) return store.status();
   if (const auto& migration = (*store)->migration()) {
@@ -226,6 +236,8 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   const auto metrics = std::make_shared<Metrics>();
   ReaderPool readers(path);
   readers.SetObserver([&](absl::Duration took) { metrics->ObserveStoreRead(took); });
+  readers.SetCorruptObserver(
+      [&](const absl::Status& status) { (*store)->Distrust(std::string(status.message())); });
   absl::StatusOr<Phases> phases = MakePhases(configs, **store);
   if (!phases.ok()) return phases.status();
   absl::Status overlaid = TakeConfigsInForce(**store, readers, tracks, *phases);
@@ -340,7 +352,9 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   server_to_stop = &server;
   access_log.Start();
   webhooks.Start();
-  const Retention retention(config.retention, options.data_dir, engine, readers, clock);
+  std::optional<absl::Time> newest;
+  if (const auto row = (*store)->newest_row_ms()) newest = absl::FromUnixMillis(*row);
+  const Retention retention(config.retention, options.data_dir, engine, readers, clock, newest);
   const Rejudger rejudger({.data_dir = options.data_dir,
                            .grader = [&] {
                              return WithRuntimes(

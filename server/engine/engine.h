@@ -53,7 +53,9 @@ class Engine {
                       std::function<absl::Status()> effect = nullptr);
   // The same for a change that renames or merges teams.
   absl::Status ChangeTeams(StoreChange change, absl::Duration timeout);
-  absl::StatusOr<CancelReport> Cancel(int64_t submission, const std::string& why,
+  // Ends the submission's original evaluation and, if `reruns`, its re-runs. FailedPreconditionError:
+  // there is nothing of it to end.
+  absl::StatusOr<CancelReport> Cancel(int64_t submission, bool reruns, const std::string& why,
                                       const std::string& who, absl::Duration timeout);
 
   // Rejudges (store/rejudges.h). Errors of CheckNewRejudge and of the Writer's operations. `sign` runs

@@ -36,6 +36,7 @@ EngineCore::EngineCore(EngineOptions options, Disk& disk, ReaderPool& readers,
 EngineCore::~EngineCore() = default;
 
 absl::StatusOr<absl::Duration> EngineCore::RunOnce() {
+  WatchStore();
   WriteRequests();
   AttendExecutor();
   for (auto& [id, run] : running_) Listen(run);
@@ -153,6 +154,19 @@ absl::Status EngineCore::RequireWritable() {
   const MutexLock lock(mutex_);
   return absl::UnavailableError(
       absl::StrCat("the store can't be written, nothing was changed: ", store_trouble_));
+}
+
+// A store that lost its file takes writes without an error, and a corrupt one most of them: look
+// before anybody is told that something was written.
+void EngineCore::WatchStore() {
+  const absl::Duration now = clock_.Monotonic();
+  if (now < next_store_check_) return;
+  next_store_check_ = now + kRetry;
+  {
+    const MutexLock lock(mutex_);
+    if (!store_trouble_.empty()) return;  // ProbeStore looks
+  }
+  if (!disk_.Check().ok()) (void)WriteNow([](Writer&) { return absl::OkStatus(); });
 }
 
 // Nothing needs writing, but the trouble may be over: check.

@@ -165,9 +165,10 @@ class EngineCore {
   // After teams were renamed or merged: those in the queue follow. What can't be read now keeps its
   // place until the next start.
   void FollowTeams();
-  // Ends every unfinished evaluation of the submission at once; answers when its runners are dead,
+  // Ends what is unfinished of the submission at once: its original evaluation and, if `reruns`, its
+  // re-runs. Answers when their runners are dead,
   // or after a second. FailedPreconditionError if there is none.
-  void Cancel(int64_t submission, const std::string& why, const std::string& who,
+  void Cancel(int64_t submission, bool reruns, const std::string& why, const std::string& who,
               CancelAnswer answer);
 
   // Views. Safe from any thread; never wait for a runner or the disk.
@@ -269,6 +270,7 @@ class EngineCore {
   // Has webhooks told of an event; one that can't be is logged, as nothing else hangs on it.
   void TellLater(const std::string& event, const std::string& about_json);
   absl::Status RequireWritable();
+  void WatchStore();
   void WriteRequests();
   void WriteTogether(const std::vector<Request>& requests, std::vector<absl::Status>& statuses);
 
@@ -322,7 +324,7 @@ class EngineCore {
   void Reclaim(int64_t lease, bool ask = true);
   void ReapStopping();
   void AnswerCancels();
-  absl::Status CancelEvaluations(int64_t submission, const std::string& why,
+  absl::Status CancelEvaluations(int64_t submission, bool reruns, const std::string& why,
                                  const std::string& who, std::set<int64_t>& killed);
 
   // The host.
@@ -346,6 +348,7 @@ class EngineCore {
   std::atomic<int64_t> journal_size_ = 0;  // the same for other threads
   std::vector<Request> requests_;
   absl::Duration write_after_ = absl::ZeroDuration();
+  absl::Duration next_store_check_ = absl::ZeroDuration();
   std::set<int64_t> deferred_;
   std::set<int64_t> to_settle_;
   std::map<int64_t, ContextPtr> contexts_;     // of unfinished evaluations

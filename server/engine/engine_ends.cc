@@ -313,7 +313,7 @@ void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
   });
 }
 
-absl::Status EngineCore::CancelEvaluations(int64_t submission, const std::string& why,
+absl::Status EngineCore::CancelEvaluations(int64_t submission, bool reruns, const std::string& why,
                                            const std::string& who, std::set<int64_t>& killed) {
   // Episodes that ended before the cancel stay, and an evaluation whose leases have all ended is
   // about to get its result.
@@ -323,7 +323,7 @@ absl::Status EngineCore::CancelEvaluations(int64_t submission, const std::string
   if (absl::Status status = RequireWritable(); !status.ok()) return status;
   std::vector<int64_t> open;
   const absl::Status status = WriteNow([&](Writer& writer) -> absl::Status {
-    open = writer.OpenEvaluations(submission);
+    open = writer.OpenEvaluationsOf(submission, reruns);
     for (const int64_t evaluation : open) {
       const absl::Status ended =
           writer.EndWithLeases(evaluation, EvaluationState::kCancelled, why, who);
@@ -334,16 +334,17 @@ absl::Status EngineCore::CancelEvaluations(int64_t submission, const std::string
   if (!status.ok()) return status;
   if (open.empty()) {
     return absl::FailedPreconditionError(
-        absl::StrCat("submission ", submission, " has ended; there is nothing to cancel"));
+        absl::StrCat("submission ", submission, " has ended; there is nothing to cancel",
+                     reruns ? "" : ", and only organisers can end its re-runs"));
   }
   for (const int64_t evaluation : open) killed.merge(Forget(evaluation));
   return absl::OkStatus();
 }
 
-void EngineCore::Cancel(int64_t submission, const std::string& why, const std::string& who,
-                        CancelAnswer answer) {
+void EngineCore::Cancel(int64_t submission, bool reruns, const std::string& why,
+                        const std::string& who, CancelAnswer answer) {
   CancelWait wait{{}, clock_.Monotonic(), std::move(answer)};
-  const absl::Status status = CancelEvaluations(submission, why, who, wait.leases);
+  const absl::Status status = CancelEvaluations(submission, reruns, why, who, wait.leases);
   if (!status.ok()) return wait.answer(status);
   cancels_.push_back(std::move(wait));
   AnswerCancels();

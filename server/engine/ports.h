@@ -21,6 +21,8 @@ class Disk {
 
   // See Store::Write and Store::policy_secret.
   virtual absl::Status Write(const StoreChange& change) = 0;
+  // See Store::Check.
+  virtual absl::Status Check() const { return absl::OkStatus(); }
   virtual const std::string& policy_secret() const = 0;
 };
 
@@ -31,6 +33,7 @@ class StoreDisk : public Disk {
   explicit StoreDisk(Store& store, Metrics* metrics = nullptr)
       : store_(store), metrics_(metrics) {}
   absl::Status Write(const StoreChange& change) override;
+  absl::Status Check() const override { return store_.Check(); }
   const std::string& policy_secret() const override { return store_.policy_secret(); }
 
  private:

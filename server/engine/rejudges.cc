@@ -37,6 +37,12 @@ absl::StatusOr<JudgedItem> JudgeAnew(Reader& reader, const RejudgeRow& rejudge,
   }
   absl::StatusOr<std::vector<EpisodeRow>> rows = WholeEpisodes(reader, *source, seeds);
   if (!rows.ok()) return rows.status();
+  const absl::StatusOr<SubmissionRow> submission = reader.Submission(source->submission);
+  if (!submission.ok()) return submission.status();
+  const absl::StatusOr<TrackConfig> before = StoredConfig(reader, ConfigOf(*source, *submission));
+  if (!before.ok()) return before.status();
+  const absl::Status whole = CheckResults(reader, *source, *rows, before->seed_salt);
+  if (!whole.ok()) return whole;
   JudgedItem item;
   item.rejudge = rejudge.id;
   item.submission = candidate.submission;

@@ -20,6 +20,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr absl::Duration kChange = absl::Seconds(30);
+constexpr absl::Duration kLatestFirstSweep = absl::Minutes(10);
+constexpr absl::Duration kDenialsKept = absl::Hours(24 * 30);
 constexpr size_t kHashDigits = 64;
 // The row that names a log is written after its file.
 constexpr int64_t kFreshMs = 10 * 60 * 1000;
@@ -43,12 +45,14 @@ std::vector<Choice> ChooseRemovals(std::vector<KeptFile> files, absl::Duration a
   });
   int64_t sum = 0;
   for (const KeptFile& file : files) sum += file.bytes;
+  size_t may_age_out = std::max(kFewestAgedOut, files.size() / 10);
   std::vector<Choice> choices;
   for (const KeptFile& file : files) {
     if (file.needed) continue;
     const absl::Duration unused = absl::Milliseconds(now_ms - file.last_use);
     std::string why;
-    if (unused > age) {
+    if (unused > age && may_age_out > 0) {
+      --may_age_out;
       why = absl::StrCat("of no use for ", absl::ToInt64Hours(unused) / 24, " days, kept for ",
                          absl::ToInt64Hours(age) / 24);
     } else if (sum > bytes) {
@@ -62,13 +66,30 @@ std::vector<Choice> ChooseRemovals(std::vector<KeptFile> files, absl::Duration a
   return choices;
 }
 
+TrustedTime::TrustedTime(std::optional<absl::Time> newest, const Clock& clock)
+    : clock_(clock),
+      began_(clock.Monotonic()),
+      at_began_(newest ? std::min(clock.Now(), *newest + kLongestPause) : clock.Now()) {
+  const absl::Duration ahead = clock.Now() - at_began_;
+  if (ahead <= absl::ZeroDuration()) return;
+  spdlog::warn("the clock is {} days ahead of the store's newest row; until it is clear that it is right, "
+               "retention counts ages from {}. If the clock is wrong, set it",
+               absl::ToInt64Hours(ahead + kLongestPause) / 24,
+               absl::FormatTime("%Y-%m-%d", at_began_, absl::UTCTimeZone()));
+}
+
+absl::Time TrustedTime::Now() const {
+  return std::min(clock_.Now(), at_began_ + (clock_.Monotonic() - began_));
+}
+
 Retention::Retention(RetentionLimits limits, std::string data_dir, Engine& engine,
-                     ReaderPool& readers, const Clock& clock)
+                     ReaderPool& readers, const Clock& clock, std::optional<absl::Time> newest)
     : limits_(limits),
       data_dir_(std::move(data_dir)),
       engine_(engine),
       readers_(readers),
       clock_(clock),
+      time_(newest, clock),
       thread_([this] { Loop(); }) {}
 
 Retention::~Retention() {
@@ -81,22 +102,34 @@ Retention::~Retention() {
 }
 
 void Retention::Loop() {
+  if (WaitForStop(std::min(limits_.every, kLatestFirstSweep))) return;
   do {
     Sweep();
-  } while (!WaitForStop());
+  } while (!WaitForStop(limits_.every));
 }
 
-bool Retention::WaitForStop() {
-  const auto deadline =
-      std::chrono::steady_clock::now() + absl::ToChronoMilliseconds(limits_.every);
+bool Retention::WaitForStop(absl::Duration wait) {
+  const auto deadline = std::chrono::steady_clock::now() + absl::ToChronoMilliseconds(wait);
   const MutexLock lock(mutex_);
   while (!stop_ && wake_.WaitUntil(mutex_, deadline)) {
   }
   return stop_;
 }
 
+void Retention::RemoveDenials(int64_t now_ms) {
+  const int64_t before = now_ms - absl::ToInt64Milliseconds(kDenialsKept);
+  const absl::Status status = engine_.Change(
+      [before](Writer& writer) {
+        writer.RemoveDenials(before);
+        return absl::OkStatus();
+      },
+      kChange);
+  if (!status.ok()) spdlog::warn("retention of denials: {}", std::string(status.message()));
+}
+
 void Retention::Sweep() {
-  const int64_t now = absl::ToUnixMillis(clock_.Now());
+  const int64_t now = absl::ToUnixMillis(time_.Now());
+  RemoveDenials(now);
   const auto look = [&](const char* kind, absl::StatusOr<std::vector<KeptFile>> files,
                         absl::Duration age, int64_t bytes) {
     if (!files.ok()) {
@@ -131,7 +164,10 @@ absl::StatusOr<std::vector<Choice>> Retention::Unsubmitted(int64_t now_ms) {
   std::vector<Choice> choices;
   const absl::Status status = readers_.Read([&](Reader& reader) {
     for (const UploadRow& upload : reader.Uploads()) {
-      if (absl::Milliseconds(now_ms - upload.at) <= limits_.upload_age) break;
+      if (absl::Milliseconds(now_ms - upload.at) <= limits_.upload_age ||
+          choices.size() == kFewestAgedOut) {
+        break;
+      }
       choices.push_back({{upload.hash, absl::StrCat(data_dir_, "/artefacts/", upload.hash),
                           upload.bytes, upload.at, /*needed=*/false},
                          absl::StrCat("was not submitted within ",
@@ -183,7 +219,7 @@ std::vector<KeptFile> Retention::Logs() {
 absl::StatusOr<std::vector<KeptFile>> Retention::WithNeeded(std::vector<KeptFile> files) {
   const absl::Status status = readers_.Read([&](Reader& reader) {
     const std::set<std::string> needed = reader.NeededLogs();
-    const int64_t old = absl::ToUnixMillis(clock_.Now()) - kFreshMs;
+    const int64_t old = absl::ToUnixMillis(time_.Now()) - kFreshMs;
     for (KeptFile& file : files) {
       file.needed = needed.contains(file.name) || file.last_use > old;
     }

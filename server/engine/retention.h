@@ -3,6 +3,7 @@
 // stay. So do the store's rows, and each removal adds one.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -28,25 +29,50 @@ struct Choice {
   std::string why;
 };
 
-// Chooses the files to remove: those older than `age`, then the oldest until the rest is at most
-// `bytes` in total. Returned oldest first; equal ages by name.
+// A sweep removes so many files of a kind for their age at most, or a tenth of them if that is more:
+// when the clock is wrong, somebody can notice before much is gone.
+inline constexpr size_t kFewestAgedOut = 100;
+
+// Chooses the files to remove: those older than `age`, as many as a sweep may, then the oldest until
+// the rest is at most `bytes` in total. Returned oldest first; equal ages by name.
 std::vector<Choice> ChooseRemovals(std::vector<KeptFile> files, absl::Duration age, int64_t bytes,
                                    int64_t now_ms);
 
-// Sweeps a data folder on its own thread, from construction to destruction.
+// How far ages may be trusted at the start: a clock that is ahead of the store's newest row by more than
+// kLongestPause may be wrong, so time goes on from there, by the monotonic clock. A jump of the
+// calendar later on changes nothing either.
+class TrustedTime {
+ public:
+  static constexpr absl::Duration kLongestPause = absl::Hours(48);
+
+  // `newest`: the time of the store's newest row, from before this start; nullopt: it has none.
+  TrustedTime(std::optional<absl::Time> newest, const Clock& clock);
+  // Never later than the calendar.
+  absl::Time Now() const;
+
+ private:
+  const Clock& clock_;
+  const absl::Duration began_;
+  const absl::Time at_began_;
+};
+
+// Sweeps a data folder on its own thread, from construction to destruction: first some minutes after
+// the start.
 class Retention {
  public:
   // Everything but `limits` must outlive it; `engine` must be running or about to run.
+  // `newest`: as of TrustedTime.
   Retention(RetentionLimits limits, std::string data_dir, Engine& engine, ReaderPool& readers,
-            const Clock& clock);
+            const Clock& clock, std::optional<absl::Time> newest);
   ~Retention();
 
  private:
   void Loop();
   // Waits until the next sweep is due. True: it is time to stop.
-  bool WaitForStop();
+  bool WaitForStop(absl::Duration wait);
   // One sweep: removes what is too old or too much. Errors are logged.
   void Sweep();
+  void RemoveDenials(int64_t now_ms);
   absl::StatusOr<std::vector<KeptFile>> Artefacts();
   // Uploads that are too old and were never submitted.
   absl::StatusOr<std::vector<Choice>> Unsubmitted(int64_t now_ms);
@@ -59,6 +85,7 @@ class Retention {
   Engine& engine_;
   ReaderPool& readers_;
   const Clock& clock_;
+  const TrustedTime time_;
 
   Mutex mutex_;
   Condition wake_;

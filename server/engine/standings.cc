@@ -28,6 +28,9 @@ absl::StatusOr<Standing> ReadStanding(Reader& reader, int64_t evaluation) {
   const scoring::ScoredTrack& track = *scoring::FindScoredTrack(config->kind->name);
   const absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(track, *rows);
   if (!aggregate.ok()) return aggregate.status();
+  if (absl::Status whole = CheckResults(reader, *row, *rows, config->seed_salt); !whole.ok()) {
+    return whole;
+  }
   return StandingOf(track, *aggregate);
 }
 

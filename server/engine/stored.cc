@@ -6,6 +6,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/config_reader.h"
+#include "server/grading/results.h"
 
 namespace myograde::server {
 namespace {
@@ -108,6 +109,26 @@ absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(Reader& reader,
                        "it is missing, though its lease is done"});
   }
   return rows;
+}
+
+absl::Status CheckResults(Reader& reader, const EvaluationRow& evaluation,
+                          const std::vector<EpisodeRow>& rows, const std::string& seed_salt) {
+  if (evaluation.state != EvaluationState::kDone && evaluation.state != EvaluationState::kFailed) {
+    return absl::OkStatus();
+  }
+  const std::string hash = ResultsHash(rows, seed_salt);
+  const auto damaged = [&](const char* where) {
+    return DamagedRow({"evaluation", absl::StrCat(evaluation.id),
+                       absl::StrCat("its episodes are not those that it ended with: their hash is not "
+                                    "that in ", where)});
+  };
+  if (!evaluation.results_hash.empty() && evaluation.results_hash != hash) {
+    return damaged("its \"results_hash\"");
+  }
+  const absl::StatusOr<RecordRow> entry = reader.GradedEntry(evaluation.id);
+  if (!entry.ok()) return absl::OkStatus();  // practice has none; the check of the record's chain tells
+  const nlohmann::json recorded = ParsedText(entry->entry_json).value("results", nlohmann::json());
+  return !recorded.is_string() || recorded == hash ? absl::OkStatus() : damaged("the public record");
 }
 
 std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease) {

@@ -47,6 +47,13 @@ absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(Reader& reader,
                                                       const EvaluationRow& evaluation,
                                                       const std::vector<uint64_t>& seeds);
 
+// Whether the rows of an evaluation that ended with a result are those whose hash was kept then, in its
+// own row and, if it has an entry, in the public record. Otherwise a damaged row that names the
+// evaluation: the rows were changed since, and nothing that follows from them may be shown or signed.
+// `seed_salt`: of the config that it ran under.
+absl::Status CheckResults(Reader& reader, const EvaluationRow& evaluation,
+                          const std::vector<EpisodeRow>& rows, const std::string& seed_salt);
+
 // The first and last episodes of an evaluation's leases: [0, count) cut at multiples of `per_lease`.
 std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease);
 

@@ -37,8 +37,10 @@ def share(part, whole):
     centre = (rate + square / (2 * whole)) / (1 + square / whole)
     half = (HALF_WIDTH / (1 + square / whole)
             * math.sqrt(rate * (1 - rate) / whole + square / (4 * whole ** 2)))
-    return {"part": part, "whole": whole, "share": rate, "low": max(0.0, centre - half),
-            "high": min(1.0, centre + half)}
+    # Exact where rounding would leave them near it.
+    return {"part": part, "whole": whole, "share": rate,
+            "low": max(0.0, centre - half) if part else 0.0,
+            "high": min(1.0, centre + half) if part < whole else 1.0}
 
 
 def quantile(ordered, part):

@@ -70,12 +70,23 @@ std::optional<int> Scheduler::TakeSlot() {
 }
 
 Scheduler::Precedence Scheduler::PrecedenceOf(const Team& team, const Evaluation& evaluation) const {
-  Precedence turn = {team.running, team.last_start, team.joined};
+  const bool goes_on = team.turn_left > 0 && team.turn_of == evaluation.spec.id;
+  Precedence turn = {team.running, goes_on ? team.turn_began : INT64_MAX, team.last_start,
+                     team.joined};
   const auto party = parties_.find(evaluation.spec.party);
   if (party == parties_.end()) return turn;
   turn.running = std::max(turn.running, party->second.running);
   turn.last_start = std::max(turn.last_start, party->second.last_start);
   return turn;
+}
+
+void Scheduler::CountTurn(Team& team, int64_t evaluation, int64_t start) {
+  if (team.turn_left == 0 || team.turn_of != evaluation) {
+    team.turn_of = evaluation;
+    team.turn_began = start;
+    team.turn_left = kLongestTurn;
+  }
+  --team.turn_left;
 }
 
 std::optional<Start> Scheduler::Next(absl::Duration now) {
@@ -85,8 +96,10 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
   for (int priority = 0; priority < kPriorities && best == nullptr; ++priority) {
     for (auto& [name, team] : teams_) {
       if (!MayStart(team, Priority(priority))) continue;
-      // A party's running leases can only move its teams back.
-      if (best != nullptr && first <= Precedence{team.running, team.last_start, team.joined}) continue;
+      // A party's running leases, or another evaluation's turn, can only move it back.
+      const Precedence earliest = {team.running, team.turn_left > 0 ? team.turn_began : INT64_MAX,
+                                   team.last_start, team.joined};
+      if (best != nullptr && first <= earliest) continue;
       Lease* lease = FirstReady(team, Priority(priority), now);
       if (lease == nullptr) continue;
       const Precedence turn = PrecedenceOf(team, evaluations_.at(lease->evaluation));
@@ -115,6 +128,9 @@ std::optional<Start> Scheduler::Next(absl::Duration now) {
   for (Share* share : SharesOf(evaluation)) {
     share->running += 1;
     share->last_start = starts_;
+  }
+  if (evaluation.priority != Priority::kRejudge) {
+    CountTurn(teams_.at(evaluation.spec.team), evaluation.spec.id, starts_);
   }
   return Start{best->evaluation, best->id, best->attempt, best->slot, evaluation.spec.lease_wall};
 }
@@ -288,6 +304,11 @@ void Scheduler::MoveTeam(const std::string& from, const std::string& to) {
   Team& team = teams_[to];
   const int64_t joined = old->second.joined;
   if (team.joined == 0 || (joined != 0 && joined < team.joined)) team.joined = joined;
+  if (team.turn_left == 0) {
+    team.turn_of = old->second.turn_of;
+    team.turn_began = old->second.turn_began;
+    team.turn_left = old->second.turn_left;
+  }
   team.running += old->second.running;
   team.last_start = std::max(team.last_start, old->second.last_start);
   for (auto& [id, evaluation] : evaluations_) {

@@ -3,12 +3,15 @@
 // what to start, kill and record. Times are monotonic, as a duration since an arbitrary start.
 //
 // Order: a free slot goes to the highest class that has a lease ready (overdue, ranked, practice,
-// re-run, rejudge); within it to the team with the fewest running leases; of those to the one whose last
-// start is longest ago; of those to the one that came first. A team's count is its own running
+// re-run, rejudge); within it to the team with the fewest running leases; of those to the one whose turn
+// began first; of those to the one whose last start is longest ago; of those to the one that came
+// first. A turn is an evaluation of the team, from the start of a lease on, for kLongestTurn leases at
+// most: so evaluations end one after the other and not all at last, and a long one holds nobody up
+// for long. A team's count is its own running
 // leases or those of the party that submitted its evaluation (a person with several teams is one
 // party), whichever is more: neither several teams of a party nor several members of a team get
 // more than one share. Within a team: the older evaluation, then the earlier lease. So a team with
-// a thousand submissions delays another team's first lease by one lease at most, and an evaluation
+// a thousand submissions delays another team's first lease by one turn at most, and an evaluation
 // that has waited longer than `queue_wait` goes ahead of all classes.
 //
 // Rejudges are nobody's: they count for no team, wait without a deadline, and give way. While all
@@ -156,6 +159,7 @@ class Scheduler {
   // The attempt was lost and nobody is at fault: kRetry after a delay that doubles up to
   // kLongestReturn, or what Faulted() says if this happened more than `max_returns` times.
   Decision Returned(int64_t lease, int64_t attempt, absl::Duration now);
+  static constexpr int kLongestTurn = 16;  // leases
   static constexpr absl::Duration kLongestReturn = absl::Minutes(5);
   // Ends the evaluation now, in any state; both lists of the answer name its open leases. kStale if
   // it has ended or never existed.
@@ -241,10 +245,14 @@ class Scheduler {
   struct Team : Share {
     TeamLine line;
     int64_t joined = 0;  // sequence number of its first evaluation; 0: it has had rejudges only
+    int64_t turn_of = 0;     // the evaluation whose turn it is
+    int64_t turn_began = 0;  // sequence number of the start
+    int turn_left = 0;       // leases
   };
   // The key that teams are compared by; the least goes next.
   struct Precedence {
     int running;
+    int64_t turn_began;  // of the turn that goes on; INT64_MAX: another one would begin
     int64_t last_start;
     int64_t joined;
     auto operator<=>(const Precedence&) const = default;
@@ -257,6 +265,7 @@ class Scheduler {
   void Wait(Evaluation& evaluation, absl::Duration until);
   void UpdateLine(Evaluation& evaluation);
   void Remove(int64_t evaluation);
+  static void CountTurn(Team& team, int64_t evaluation, int64_t start);
   Precedence PrecedenceOf(const Team& team, const Evaluation& evaluation) const;
   // Whose shares an evaluation's running leases count in: none for a rejudge.
   std::vector<Share*> SharesOf(const Evaluation& evaluation);

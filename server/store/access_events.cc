@@ -21,7 +21,49 @@ StoredRow AccessEventOf(SQLite::Statement& select, AccessEventRow& event) {
   return row;
 }
 
+constexpr int64_t kDayMs = 24 * 60 * 60 * 1000;
+
+// Adds to the count of the day's row of equal denials. False: there is none.
+bool CountDenial(SQLite::Database& db, const AccessEventRow& event, int64_t now_ms) {
+  SQLite::Statement update(
+      db, "UPDATE access_event SET count = count + ?1 WHERE id = (SELECT id FROM access_event "
+          "WHERE kind = 'denied' AND at BETWEEN ?2 AND ?3 AND who = ?4 AND role = ?5 AND action = ?6 "
+          "AND subject = ?7 AND detail = ?8 LIMIT 1)");
+  const int64_t day = now_ms / kDayMs * kDayMs;
+  SQLite::bind(update, event.count, day, day + kDayMs - 1, event.who, event.role, event.action,
+               event.subject, event.detail);
+  return update.exec() > 0;
+}
+
+bool IsDayFull(SQLite::Database& db, int64_t now_ms) {
+  SQLite::Statement select(db, "SELECT count(*) FROM (SELECT 1 FROM access_event WHERE "
+                               "kind = 'denied' AND at >= ? LIMIT ?)");
+  SQLite::bind(select, now_ms / kDayMs * kDayMs, kMostDenialsOfADay);
+  select.executeStep();
+  return select.getColumn(0).getInt64() == kMostDenialsOfADay;
+}
+
 }  // namespace
+
+absl::Status Writer::AddDenial(AccessEventRow event, const AccessEventRow& others) {
+  event.kind = "denied";
+  if (CountDenial(db_, event, now_ms_)) return absl::OkStatus();
+  if (IsDayFull(db_, now_ms_)) {
+    const int64_t count = event.count;
+    event = others;
+    event.kind = "denied";
+    event.count = count;
+    if (CountDenial(db_, event, now_ms_)) return absl::OkStatus();
+  }
+  return AddAccessEvent(event);
+}
+
+void Writer::RemoveDenials(int64_t before_ms) {
+  SQLite::Statement remove(db_, "DELETE FROM access_event WHERE id IN (SELECT id FROM access_event "
+                                "WHERE kind = 'denied' AND at < ? ORDER BY at LIMIT 10000)");
+  remove.bind(1, before_ms);
+  remove.exec();
+}
 
 absl::Status Writer::AddAccessEvent(const AccessEventRow& event) {
   SQLite::Statement insert(db_, "INSERT INTO access_event (at, kind, who, role, action, subject, "

@@ -5,6 +5,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/store/damage.h"
+
 namespace myograde::server {
 namespace {
 
@@ -44,7 +46,7 @@ absl::Status StatusOf(const std::string& path, const SQLite::Exception& error) {
           absl::StrCat(path, ": the disk is full; make room", cause));
     case SQLITE_CORRUPT:
     case SQLITE_NOTADB:
-      return absl::DataLossError(
+      return CorruptStore(
           absl::StrCat(path, ": is damaged or no store; restore it from a backup", cause));
     case SQLITE_ERROR:  // a statement of this program failed: a table or a column is missing
     case SQLITE_SCHEMA:

@@ -9,6 +9,7 @@ namespace myograde::server {
 namespace {
 
 constexpr char kPayload[] = "myograde/damaged-row";
+constexpr char kCorrupt[] = "myograde/corrupt-store";
 
 }  // namespace
 
@@ -39,6 +40,14 @@ bool MayPass(const absl::Status& status) {
 
 bool IsBrokenStore(const absl::Status& status) {
   return absl::IsDataLoss(status) && !DamageOf(status).has_value();
+}
+
+bool IsCorruptStore(const absl::Status& status) { return status.GetPayload(kCorrupt).has_value(); }
+
+absl::Status CorruptStore(const std::string& message) {
+  absl::Status status = absl::DataLossError(message);
+  status.SetPayload(kCorrupt, absl::Cord());
+  return status;
 }
 
 }  // namespace myograde::server

@@ -35,6 +35,9 @@ std::optional<Damage> DamageOf(const absl::Status& status);
 
 bool MayPass(const absl::Status& status);
 bool IsBrokenStore(const absl::Status& status);
+// A broken store of which SQLite found pages that can't be what was written.
+bool IsCorruptStore(const absl::Status& status);
+absl::Status CorruptStore(const std::string& message);
 
 // A list's readable rows, and the damage of the others.
 template <typename Row>

@@ -23,10 +23,14 @@ constexpr char kOpenLeases[] =
 
 }  // namespace
 
-std::vector<int64_t> Writer::OpenEvaluations(std::optional<int64_t> submission) {
-  const std::string whose = submission ? "submission = ?1 AND kind != 'rejudge'" : "?1 = 0";
-  return Ids(db_, absl::StrCat("SELECT id FROM evaluation WHERE ", whose,
-                               " AND finished_at IS NULL ORDER BY id"), submission.value_or(0));
+std::vector<int64_t> Writer::OpenEvaluations() {
+  return Ids(db_, "SELECT id FROM evaluation WHERE ?1 = 0 AND finished_at IS NULL ORDER BY id", 0);
+}
+
+std::vector<int64_t> Writer::OpenEvaluationsOf(int64_t submission, bool reruns) {
+  const char* kinds = reruns ? "('original', 'rerun')" : "('original')";
+  return Ids(db_, absl::StrCat("SELECT id FROM evaluation WHERE submission = ?1 AND kind IN ", kinds,
+                               " AND finished_at IS NULL ORDER BY id"), submission);
 }
 
 absl::Status Writer::EndWithLeases(int64_t evaluation, EvaluationState state,

@@ -122,13 +122,14 @@ const Allowance& QuotaLimits::of(Budget budget) const {
 }
 
 int64_t QuotaDay(SQLite::Database& db, int64_t now_ms) {
-  // A row with an impossible day must not freeze the current day for everyone.
+  // Rows of a clock that was far ahead must not hold the day there until the calendar arrives.
+  const int64_t today = now_ms / kDayMs;
   SQLite::Statement select(db,
                            "SELECT max(ifnull((SELECT max(day) FROM admission WHERE day <= ?1), "
                            "0), ifnull((SELECT max(day) FROM ledger WHERE day <= ?1), 0))");
-  select.bind(1, kLastDay);
+  select.bind(1, std::min(today + 1, kLastDay));
   select.executeStep();
-  return std::max(select.getColumn(0).getInt64(), now_ms / kDayMs);
+  return std::max(select.getColumn(0).getInt64(), today);
 }
 
 QuotaUse ReadQuotaUse(SQLite::Database& db, const std::string& team, const std::string& track,

@@ -8,9 +8,10 @@
 // refunded. One that ends as failed (the policy spoiled every episode) is refunded too, and charged
 // to the budget `failed` instead, as are rejected uploads. A cancelled one is not refunded.
 //
-// Days are whole UTC days. A clock that goes back makes no new day (schema_v2.sql, invariant 9);
-// one that goes forward starts a day early, which then has its one allowance and no second one when
-// the calendar gets there.
+// Days are whole UTC days, and each has its one allowance, however the clock is set. A clock that was
+// ahead by up to a day, as around midnight, makes no new day when it goes back. Rows of days beyond
+// tomorrow are from a clock that was wrong: they count for their day and in the total, and hold
+// nobody up today.
 #pragma once
 
 #include <array>
@@ -72,7 +73,7 @@ struct QuotaUse {
 inline constexpr int64_t kLastDay = 2'932'896;
 inline constexpr int64_t kMostUnits = 1'000'000'000;
 
-// The store's current day. These throw SQLite::Exception.
+// The store's current day: today, or tomorrow if there are rows of it. These throw SQLite::Exception.
 int64_t QuotaDay(SQLite::Database& db, int64_t now_ms);
 QuotaUse ReadQuotaUse(SQLite::Database& db, const std::string& team, const std::string& track,
                       const std::string& phase, int64_t now_ms);

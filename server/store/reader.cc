@@ -10,6 +10,7 @@
 #include "protocol/tracks/registry.h"
 #include "server/store/artefact_options.h"
 #include "server/store/connection.h"
+#include "server/store/damage.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {
@@ -305,6 +306,7 @@ absl::StatusOr<std::unique_ptr<SQLite::Database>> ReaderPool::Take() {
 
 absl::Status ReaderPool::Read(const std::function<absl::Status(Reader&)>& body) {
   absl::StatusOr<std::unique_ptr<SQLite::Database>> db = Take();
+  if (IsCorruptStore(db.status()) && corrupt_observer_ != nullptr) corrupt_observer_(db.status());
   if (!db.ok()) return db.status();
   const absl::Duration begin = SystemClock().Monotonic();
   absl::Status answer;
@@ -316,6 +318,7 @@ absl::Status ReaderPool::Read(const std::function<absl::Status(Reader&)>& body) 
     return absl::OkStatus();
   });
   if (observer_ != nullptr) observer_(SystemClock().Monotonic() - begin);
+  if (IsCorruptStore(status) && corrupt_observer_ != nullptr) corrupt_observer_(status);
   if (!status.ok()) return status;  // close the connection, as its state is unknown
   const MutexLock lock(mutex_);
   if (free_.size() < kKept) free_.push_back(*std::move(db));

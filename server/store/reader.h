@@ -274,6 +274,11 @@ class ReaderPool {
     observer_ = std::move(observer);
   }
 
+  // Is told of each Read that found the store corrupt (damage.h), on any thread. Before anybody reads.
+  void SetCorruptObserver(std::function<void(const absl::Status&)> observer) {
+    corrupt_observer_ = std::move(observer);
+  }
+
   // Runs `body` on a free connection, or opens one.
   absl::Status Read(const std::function<absl::Status(Reader&)>& body);
   // Writes a copy of the current store to a new file at `path` while others go on writing; calls
@@ -288,6 +293,7 @@ class ReaderPool {
 
   const std::string path_;
   std::function<void(absl::Duration)> observer_;
+  std::function<void(const absl::Status&)> corrupt_observer_;
   Mutex mutex_;
   std::vector<std::unique_ptr<SQLite::Database>> free_ ABSL_GUARDED_BY(mutex_);
 };

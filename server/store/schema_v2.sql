@@ -12,8 +12,8 @@
 -- Invariants:
 --   7. A submission is charged once in each budget, and each charge is refunded at most once.
 --   8. Ledger, marks and admissions are never changed or deleted.
---   9. A day is the number of whole days since 1970-01-01 UTC and never goes back: it is the
---      clock's, but at least the latest in the admissions and the ledger.
+--   9. A day is the number of whole days since 1970-01-01 UTC: the clock's, or the day after if the
+--      admissions or the ledger have rows of that already.
 
 CREATE TABLE admission (
   submission INTEGER PRIMARY KEY REFERENCES submission (id),

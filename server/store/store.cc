@@ -1,5 +1,7 @@
 #include "server/store/store.h"
 
+#include <sys/stat.h>
+
 #include <absl/strings/str_cat.h>
 
 #include "server/base/random_bytes.h"
@@ -9,6 +11,20 @@
 #include "server/store/teams.h"
 
 namespace myograde::server {
+namespace {
+
+// Of those that an evaluation or a person leaves.
+std::optional<int64_t> NewestRow(SQLite::Database& db) {
+  SQLite::Statement select(
+      db, "SELECT max(at) FROM (SELECT max(accepted_at) AS at FROM submission UNION ALL "
+          "SELECT max(finished_at) FROM evaluation UNION ALL SELECT max(at) FROM upload UNION ALL "
+          "SELECT at FROM (SELECT at FROM transition ORDER BY id DESC LIMIT 1) UNION ALL "
+          "SELECT at FROM (SELECT at FROM access_event ORDER BY id DESC LIMIT 1))");
+  if (!select.executeStep() || !select.getColumn(0).isInteger()) return std::nullopt;
+  return select.getColumn(0).getInt64();
+}
+
+}  // namespace
 
 Store::Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock& clock)
     : path_(std::move(path)), db_(std::move(db)), clock_(clock) {}
@@ -20,6 +36,11 @@ absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, cons
   if (!opened.ok()) return opened.status();
   std::unique_ptr<Store> store(new Store(path, std::move(opened->db), clock));
   store->migration_ = std::move(opened->migration);
+  const absl::Status dated = GuardSqlite(path, [&] {
+    store->newest_row_ms_ = NewestRow(*store->db_);
+    return absl::OkStatus();
+  });
+  if (!dated.ok()) return dated;
   absl::Status status = store->LoadSecret();
   if (status.ok()) {
     status = GuardSqlite(path, [&] {
@@ -31,7 +52,38 @@ absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, cons
     });
   }
   if (!status.ok()) return status;
+  store->files_ = FilesOf(path);
   return store;
+}
+
+std::vector<Store::File> Store::FilesOf(const std::string& path) {
+  std::vector<File> files;
+  for (const char* part : {"", "-wal"}) {
+    struct stat info;
+    const std::string file = path + part;
+    if (stat(file.c_str(), &info) == 0) files.push_back({file, info.st_dev, info.st_ino});
+  }
+  return files;
+}
+
+absl::Status Store::Check() const {
+  for (const File& file : files_) {
+    struct stat info;
+    const bool there = stat(file.path.c_str(), &info) == 0;
+    if (there && info.st_dev == file.device && info.st_ino == file.inode) continue;
+    return absl::UnavailableError(absl::StrCat(
+        file.path, ": was ", there ? "replaced" : "removed", " while the daemon runs, so nothing that ",
+        "it writes would last; stop the daemon, restore the store from a backup, and start it again"));
+  }
+  const MutexLock lock(mutex_);
+  if (distrust_.empty()) return absl::OkStatus();
+  return absl::UnavailableError(
+      absl::StrCat(distrust_, "; nothing is accepted until the daemon is started again"));
+}
+
+void Store::Distrust(const std::string& why) {
+  const MutexLock lock(mutex_);
+  if (distrust_.empty()) distrust_ = why;
 }
 
 absl::Status Store::LoadSecret() {
@@ -62,6 +114,7 @@ absl::Status Store::LoadSecret() {
 }
 
 absl::Status Store::Write(const std::function<absl::Status(Writer&)>& change) {
+  if (absl::Status status = Check(); !status.ok()) return status;
   return GuardSqlite(path_, [&]() -> absl::Status {
     SQLite::Transaction transaction(*db_, SQLite::TransactionBehavior::IMMEDIATE);
     Writer writer(*db_, absl::ToUnixMillis(clock_.Now()), &subscriptions_);

@@ -23,6 +23,7 @@
 #include <absl/time/time.h>
 
 #include "protocol/base/clock.h"
+#include "protocol/base/mutex.h"
 #include "server/store/accepted.h"
 #include "server/store/boards.h"
 #include "server/store/damage.h"
@@ -40,6 +41,9 @@ class Database;
 }
 
 namespace myograde::server {
+
+// Different kinds of denied requests that have rows of their own, for each UTC day.
+inline constexpr int64_t kMostDenialsOfADay = 1000;
 
 // Who becomes a team's first member.
 struct Founding {
@@ -211,9 +215,11 @@ class Writer {
   // Ends an evaluation with unreadable rows as grader_error, as far as they can be written: values
   // of a wrong type become 0 and "". An error: it stays as it is.
   absl::Status EndUnreadable(int64_t evaluation, const std::string& why, const std::string& who);
-  // Evaluations that have not ended: all, or those that a submission's team asked for, which are not
-  // its rejudges.
-  std::vector<int64_t> OpenEvaluations(std::optional<int64_t> submission);
+  // Evaluations that have not ended.
+  std::vector<int64_t> OpenEvaluations();
+  // Those that a cancel of the submission ends: its original one and, if `reruns`, its re-runs.
+  // Rejudges end by Drop alone.
+  std::vector<int64_t> OpenEvaluationsOf(int64_t submission, bool reruns);
 
   // Charges one unit of the budget `failed` for an attempt that never became a submission.
   absl::Status ChargeFailure(const std::string& team, const std::string& track,
@@ -270,7 +276,12 @@ class Writer {
   // Sets or replaces what a finished evaluation is ranked by.
   absl::Status SetStanding(int64_t evaluation, const Standing& standing);
   absl::Status DropStandings();
-  // Adds a denial or an act, as of now; `event.id` and `event.at` are ignored.
+  // Counts denied requests in today's row of equal ones. Once today has kMostDenialsOfADay rows, new
+  // kinds count in that of `others`.
+  absl::Status AddDenial(AccessEventRow event, const AccessEventRow& others);
+  // Removes denials of before, some thousands at a time.
+  void RemoveDenials(int64_t before_ms);
+  // Adds an act, as of now; `event.id` and `event.at` are ignored.
   absl::Status AddAccessEvent(const AccessEventRow& event);
   // Adds the row for removing the files of an artefact or a log (`name` is its hash); false, and no
   // row, if they are needed.
@@ -373,8 +384,18 @@ class Store {
   static absl::StatusOr<std::unique_ptr<Store>> Open(const std::string& path, const Clock& clock);
   ~Store();
 
-  // Runs `change` in one transaction; commits if it returns OkStatus().
+  // Runs `change` in one transaction; commits if it returns OkStatus(). Errors of Check().
   absl::Status Write(const std::function<absl::Status(Writer&)>& change);
+
+  // Whether what is written now would still be there tomorrow. UnavailableError: the store's file, or
+  // its write-ahead log, was removed or replaced since it was opened, or somebody found it corrupt.
+  // Safe from any thread.
+  absl::Status Check() const;
+  // From now on Check() fails for this reason: the store is corrupt.
+  void Distrust(const std::string& why);
+
+  // When the newest row was written that was there before this start; nullopt: there was none.
+  std::optional<int64_t> newest_row_ms() const { return newest_row_ms_; }
 
   // Who is told of what is written from now on. Not while anybody writes.
   void SetSubscriptions(Subscriptions subscriptions) { subscriptions_ = std::move(subscriptions); }
@@ -390,9 +411,21 @@ class Store {
   Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock& clock);
   absl::Status LoadSecret();
 
+  // A file as it was when the store was opened.
+  struct File {
+    std::string path;
+    uint64_t device = 0;
+    uint64_t inode = 0;
+  };
+  static std::vector<File> FilesOf(const std::string& path);
+
   std::string path_;
+  std::vector<File> files_;
+  mutable Mutex mutex_;
+  std::string distrust_ ABSL_GUARDED_BY(mutex_);  // "": none
   std::unique_ptr<SQLite::Database> db_;
   const Clock& clock_;
+  std::optional<int64_t> newest_row_ms_;
   std::string policy_secret_;
   std::optional<Damage> mended_;
   std::optional<Migration> migration_;

@@ -123,7 +123,7 @@ absl::Status Writer::Import(const std::string& path, const ExportInfo& info,
   if (absl::Status status = ImportRows(db_, path, info); !status.ok()) return status;
   FillTeamLooks(db_);
   constexpr char kWhy[] = "had not ended when it was exported; hand it in again";
-  for (const int64_t evaluation : OpenEvaluations(std::nullopt)) {
+  for (const int64_t evaluation : OpenEvaluations()) {
     const absl::Status status = EndWithLeases(evaluation, EvaluationState::kCancelled, kWhy, who);
     if (!status.ok()) return status;
   }

@@ -150,6 +150,18 @@ TEST(Aggregate, SuccessRatesHaveWilsonsInterval) {
   }
 }
 
+TEST(Aggregate, IntervalsEndAtZeroAndOneExactly) {
+  for (int64_t n = 1; n <= 120; ++n) {
+    for (const Outcome outcome : {Outcome::kFailure, Outcome::kSuccess}) {
+      std::vector<JudgedEpisode> episodes;
+      for (int64_t i = 0; i < n; ++i) episodes.push_back(Episode(i, outcome, 1));
+      const Spread spread = AggregateOf(episodes)->success_spread;
+      if (outcome == Outcome::kFailure) EXPECT_EQ(spread.low, 0.0) << n;
+      if (outcome == Outcome::kSuccess) EXPECT_EQ(spread.high, 1.0) << n;
+    }
+  }
+}
+
 TEST(Aggregate, AnEpisodeWithoutASumAddsItsStepsAlone) {
   JudgedEpisode with = Episode(0, Outcome::kFailure, 1);
   with.judgement.steps = 1;

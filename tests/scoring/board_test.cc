@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <limits>
 #include <set>
 
@@ -225,6 +226,68 @@ RC_GTEST_PROP(Board, HasEveryTeamOnceAndRanksWithoutGaps, ()) {
     RC_ASSERT(got.insert(board[i].entry.team).second);
   }
   RC_ASSERT(got == expected);
+}
+
+int64_t RankOf(const std::string& team, const std::vector<RankedEntry>& board) {
+  const auto row = std::find_if(board.begin(), board.end(), [&](const RankedEntry& ranked) {
+    return ranked.entry.team == team;
+  });
+  return row == board.end() ? std::numeric_limits<int64_t>::max() : row->rank;
+}
+
+// Teams with several submissions each, most of them in bands that overlap.
+std::vector<BoardEntry> SubmissionsOfFewTeams() {
+  std::vector<BoardEntry> entries;
+  const int count = *rc::gen::inRange(1, 16);
+  for (int i = 0; i < count; ++i) {
+    BoardEntry entry;
+    entry.submission = "s" + std::to_string(i);
+    entry.team = "t" + std::to_string(*rc::gen::inRange(0, 5));
+    entry.acceptance = i;
+    entry.episodes = 100;
+    entry.successes = *rc::gen::inRange(88, 98);
+    entry.numbers.resize(kNumbers);
+    entry.numbers[kMeanTime] = 1 + *rc::gen::inRange(0, 12) / 20.0;
+    entry.numbers[kMeanEffort] = entry.numbers[kMeanPain] = entry.numbers[kPainOfSteps] =
+        entry.numbers[kEffortOfSteps] = *rc::gen::inRange(0, 12);
+    entry.numbers[kMeanDistance] = *rc::gen::inRange(18, 30);
+    entries.push_back(entry);
+  }
+  return entries;
+}
+
+BoardRules AnyRules() {
+  return *rc::gen::element<BoardRules>(Tiered(), Tiered({.bands = BandsOver::kSuccess}),
+                                       OfDistance({.band = 0.1}), OfDistance(), Physiological());
+}
+
+RC_GTEST_PROP(Board, SubmittingMoreNeverLowersTheOwnRank, ()) {
+  std::vector<BoardEntry> entries = SubmissionsOfFewTeams();
+  const BoardRules rules = AnyRules();
+  const std::string team = entries.back().team;
+  const auto after = *Rank(entries, rules, TeamRule::kBest);
+  entries.pop_back();
+  RC_ASSERT(RankOf(team, after) <= RankOf(team, *Rank(entries, rules, TeamRule::kBest)));
+}
+
+// Whenever it submitted them: where only one team has several submissions, each of them alone would
+// rank no better.
+RC_GTEST_PROP(Board, ATeamStandsWithTheSubmissionOfBestRank, ()) {
+  std::vector<BoardEntry> entries = SubmissionsOfFewTeams();
+  const BoardRules rules = AnyRules();
+  for (size_t i = 0; i < entries.size(); ++i) {
+    if (entries[i].team != "t0") entries[i].team = "only " + entries[i].submission;
+  }
+  const int64_t rank = RankOf("t0", *Rank(entries, rules, TeamRule::kBest));
+  int64_t best = std::numeric_limits<int64_t>::max();
+  for (const BoardEntry& own : entries) {
+    if (own.team != "t0") continue;
+    std::vector<BoardEntry> with_one = {own};
+    std::copy_if(entries.begin(), entries.end(), std::back_inserter(with_one),
+                 [](const BoardEntry& entry) { return entry.team != "t0"; });
+    best = std::min(best, RankOf("t0", *Rank(with_one, rules, TeamRule::kBest)));
+  }
+  RC_ASSERT(rank == best);
 }
 
 // Bands depend on who opens them, so a tiered board promises this for an entry that is worse

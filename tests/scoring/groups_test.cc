@@ -6,6 +6,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
+#include <set>
+#include <utility>
 
 namespace myograde::scoring {
 namespace {
@@ -265,6 +268,60 @@ TEST(Groups, CorrectByHolm) {
   EXPECT_DOUBLE_EQ(groups.places[1].above->p_adjusted, std::ldexp(1, -5));
   EXPECT_DOUBLE_EQ(groups.places[2].opener->p_adjusted,
                    groups.places[1].above->decided ? 2 * std::ldexp(1, -7) : std::ldexp(3, -13));
+}
+
+// Two policies that are equally good, looked at again and again until their order is decided.
+bool LooksTellThemApart(std::mt19937& random, int64_t most_looks) {
+  std::bernoulli_distribution succeeds(0.5);
+  std::vector<std::vector<JudgedEpisode>> all(2);
+  std::vector<TestedRow> rows;
+  for (int64_t look = 1; look <= most_looks; ++look) {
+    for (auto& episodes : all) {
+      for (int i = 0; i < 100; ++i) {
+        episodes.push_back(EpisodeOf(std::ssize(episodes), {.success = succeeds(random)}));
+      }
+    }
+    if (look == 1) {
+      rows = BoardOf(all, kTiers);
+    } else {
+      for (TestedRow& row : rows) {
+        row.episodes = all[static_cast<size_t>(row.ranked.entry.acceptance)];
+        row.further.insert(100 * (look - 1));
+      }
+    }
+    const PlaceTest test =
+        *FormGroups(kTestedMetrics, rows, kTiers, {.further_looks = true}).places[1].above;
+    EXPECT_EQ(test.looks, look);
+    if (test.decided || test.reversed) return true;
+  }
+  return false;
+}
+
+TEST(Groups, KeepTheLevelOverAllLooks) {
+  std::mt19937 random(37);
+  constexpr int kTimes = 600;
+  int apart = 0;
+  for (int i = 0; i < kTimes; ++i) apart += LooksTellThemApart(random, 5) ? 1 : 0;
+  EXPECT_LE(apart, kTimes * 0.05);
+  EXPECT_GE(apart, kTimes * 0.005) << "the looks must be able to decide";
+}
+
+TEST(Groups, CountALookWhereBothRowsHaveMoreEpisodes) {
+  auto rows = BoardOf({Succeeds(80), Succeeds(74)}, kTiers);
+  const auto looks = [&](std::set<int64_t> above, std::set<int64_t> below) {
+    rows[0].further = std::move(above);
+    rows[1].further = std::move(below);
+    return *FormGroups(kTestedMetrics, rows, kTiers, {.further_looks = true}).places[1].above;
+  };
+  EXPECT_EQ(looks({}, {}).looks, 1);
+  EXPECT_EQ(looks({100}, {}).looks, 1);
+  EXPECT_EQ(looks({100}, {100}).looks, 2);
+  EXPECT_EQ(looks({50, 100}, {100}).looks, 3);
+  EXPECT_EQ(looks({200}, {100, 200}).looks, 3);
+  // Six episodes differ: 2 * (1/2)^6, which would decide in one look alone.
+  EXPECT_DOUBLE_EQ(looks({}, {}).p_adjusted, 0.0625);
+  EXPECT_DOUBLE_EQ(FormGroups(kTestedMetrics, rows, kTiers, {}).places[1].above->p_adjusted, 0.03125);
+  EXPECT_DOUBLE_EQ(looks({100}, {100}).p_adjusted, 0.125);
 }
 
 TEST(Groups, NeedSamplesThatCanDecide) {

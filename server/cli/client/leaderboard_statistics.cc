@@ -79,6 +79,10 @@ void PrintMeaning(const Json& answer) {
             << Counted(used.value("tests", int64_t{0}), "test") << " of the first "
             << Cell(used, "places") << " places; * decides at the level "
             << absl::StrCat(used.value("level", 0.0)) << ".\n";
+  if (used.value("spending", Json()) == "halving") {
+    std::cout << "  Further episodes are another look: the first look at a pair may use half of the level, "
+                 "each further one half of what is left.\n";
+  }
   const auto undecided = answer.value("undecided", int64_t{0});
   if (undecided > 0) {
     std::cout << "  " << Counted(undecided, "place")

@@ -1,6 +1,7 @@
 #include "server/cli/offline/record_boards.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -54,6 +55,20 @@ void TakeNumbersOfFacts(const scoring::ScoredTrack& track, const Json& said, Jso
     if (said.contains(name)) aggregate[name] = said[name];
     const Json spread = said.value("spread", Json());
     if (spread.is_object() && spread.contains(name)) aggregate["spread"][name] = spread[name];
+  }
+}
+
+// Earlier versions left the ends of the interval of a success rate of 0 or 1 a rounding error away from
+// 0 and 1.
+void TakeRoundedEnds(const Json& said, Json& aggregate) {
+  constexpr double kRounding = 1e-15;
+  const Json::json_pointer place("/spread/success_rate");
+  if (!said.is_object() || !said.contains(place) || !aggregate.contains(place)) return;
+  for (const auto& [end, exact] : {std::pair{"low", 0.0}, std::pair{"high", 1.0}}) {
+    const Json theirs = said[place].is_object() ? said[place].value(end, Json()) : Json();
+    Json& ours = aggregate[place][end];
+    if (ours != exact || !theirs.is_number()) continue;
+    if (std::abs(theirs.get<double>() - exact) <= kRounding) ours = theirs;
   }
 }
 
@@ -179,6 +194,7 @@ absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
   Json numbers = AggregateToJson(*track, *aggregate);
   const Json said = receipt.value("aggregate", Json());
   TakeNumbersOfFacts(*track, said, numbers);
+  TakeRoundedEnds(said, numbers);
   const bool done = StringAt(receipt, "state") == "done";
   if (numbers != said || done == aggregate->failed) {
     return absl::InvalidArgumentError(

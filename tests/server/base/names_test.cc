@@ -124,9 +124,19 @@ TEST(LookAlikes, NoneIsAnotherTeam) {
   EXPECT_EQ(FateBeside("Team 1", "Team l"), Fate::kAlike);
 }
 
+TEST(LookAlikes, AreNamesThatDifferInSpacesAlone) {
+  for (const char16_t* name : {u"TeamMax 1", u"Team Max1", u"TeamMax1", u"T e a m Max 1", u"team max1",
+                               u"Team\u2009Max\u00a01", u"Team\u3000Max1", u"TearnMax I"}) {
+    EXPECT_EQ(FateBeside("TeamMax 1", Utf8(name)) == Fate::kOther, false) << Utf8(name);
+    EXPECT_EQ(FateBeside("Team Max 1", Utf8(name)) == Fate::kOther, false) << Utf8(name);
+  }
+  EXPECT_EQ(FateBeside("Team Max 1", "Team  Max 1"), Fate::kSame);
+  EXPECT_EQ(FateBeside("Team Max 1", "Team Max 2"), Fate::kOther);
+}
+
 TEST(LookAlikes, OthersAreOthers) {
   const std::vector<std::string> teams = {"Team Blue", "Team Blues", "Team Glue",  "Team 2",
-                                          "Team 3",    "TeamBlue",   "Läufer",     "Laufer",
+                                          "Team 3",    "Läufer",     "Laufer",
                                           "Команда",   "Комета",     "チーム青",   "チーム赤",
                                           "alpha",     "alpha 2",    "alpha-2",    "beta"};
   for (const std::string& a : teams) {

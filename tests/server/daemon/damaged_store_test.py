@@ -1,6 +1,7 @@
 """How the API and the tool report unreadable rows of the store. damage_test covers that everything
 else goes on."""
 
+import json
 import signal
 import sqlite3
 import unittest
@@ -105,6 +106,76 @@ class DamagedStore(OrganiserCase):
         unreadable = self.wait("/v1/health", lambda body: body["unreadable"])["unreadable"]
         self.assertEqual([entry["evaluation"] for entry in unreadable], [evaluation])
         self.assertEqual(self.ended(self.submit("ok", team="late"))["state"], "done")
+
+    def test_a_digit_of_a_digest_is_neither_shown_nor_signed(self):
+        first, second = self.played("ok"), self.played("ok", team="beta")
+        evaluation = self.get(f"/v1/submissions/{first}")["evaluation"]
+        digest = self.result(first)["episode_rows"][3]["digest"]
+        wrong = ("1" if digest[0] == "0" else "0") + digest[1:]
+        self.damage(f"UPDATE episode SET facts_json = replace(facts_json, '{digest}', '{wrong}') "
+                    f"WHERE evaluation = {evaluation} AND idx = 3")
+        for part in ("result", "receipt"):
+            message = self.refused("GET", f"/v1/submissions/{first}/{part}", table="evaluation")
+            self.assertIn(f"evaluation {evaluation} ", message)
+            self.assertIn("hash", message)
+        self.assertEqual(self.call("GET", f"/v1/submissions/{second}/receipt")[0], 200)
+        self.assertEqual(self.places(), [(1, first), (2, second)], "the boards rest on the view")
+        rebuilt = self.ask("leaderboard", "--rebuild")
+        self.assertEqual([row["key"] for row in rebuilt["unreadable"]], [str(evaluation)])
+        # Not even if the row's own hash follows: the record has it, too.
+        self.damage(f"UPDATE evaluation SET results_hash = '{'0' * 64}' WHERE id = {evaluation}")
+        self.refused("GET", f"/v1/submissions/{first}/receipt", table="evaluation")
+
+    def test_a_damaged_evaluation_is_left_out_of_the_feed(self):
+        first, second = self.played("ok"), self.played("ok", team="beta")
+        evaluation = self.get(f"/v1/submissions/{first}")["evaluation"]
+        self.damage(f"UPDATE evaluation SET grader_json = 'x' WHERE id = {evaluation}")
+        self.assertIn("rank 2", self.feed())
+
+    def test_a_store_that_is_gone_is_said_at_once(self):
+        self.played("ok")
+        for file in self.data.glob("store.db*"):
+            file.unlink()
+        trouble = self.wait("/v1/health", lambda body: body["status"] == "store")
+        self.assertIn("was removed while the daemon runs", trouble["message"])
+        status, answer = self.call("GET", "/v1/ready")
+        self.assertEqual(status, 503, answer)
+        artefact = ("0" * 64)
+        status, answer = self.call("POST", "/v1/submissions",
+                                   {"artefact": artefact, "team": "delta", "track": TRACK})
+        self.assertNotIn(status, (200, 201), answer)
+        status, answer = self.call("POST", "/v1/submissions/1/marks",
+                                   {"mark": "hidden", "set": True, "reason": "r"})
+        self.assertEqual(status, 503, answer)
+        self.assertIn("removed", answer["error"]["message"])
+        self.stop(signal.SIGKILL)
+        self.start()
+        self.assertIn("if it was lost", self.daemon.log())
+
+    def test_damaged_pages_end_what_is_accepted(self):
+        self.played("ok")
+        with sqlite3.connect(self.data / "store.db", timeout=20) as db:
+            db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            page = db.execute("SELECT rootpage FROM sqlite_schema WHERE name = 'submission'"
+                              ).fetchone()[0]
+            size = db.execute("PRAGMA page_size").fetchone()[0]
+        db.close()
+        self.stop(signal.SIGTERM)
+        with open(self.data / "store.db", "r+b") as store:
+            store.seek((page - 1) * size)
+            store.write(b"\x55" * size)
+        try:
+            self.start()
+        except AssertionError:
+            return  # it did not even start
+        self.assertEqual(self.call("GET", "/v1/submissions")[0], 503)
+        status, answer = self.call("GET", "/v1/ready")
+        self.assertEqual(status, 503, answer)
+        self.assertIn("is damaged", json.dumps(answer))
+        status, answer = self.call("POST", "/v1/quota/grants", {
+            "team": "alpha", "track": TRACK, "budget": "official", "amount": 1, "reason": "r"})
+        self.assertEqual(status, 503, answer)
+        self.assertIn("is damaged", answer["error"]["message"])
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import shutil
 import signal
 import sqlite3
@@ -12,6 +13,7 @@ import urllib.parse
 
 import jsonschema
 
+from support.client import Connection, exchange
 from daemon_test import SOURCE, DaemonCase
 from support.waiting import wait_until
 
@@ -36,6 +38,12 @@ class OrganiserCase(DaemonCase):
         submission = self.submit(mode, team, **more)
         self.ended(submission)
         return submission
+
+    def feed(self):
+        with contextlib.closing(Connection(self.daemon.socket_path)) as connection:
+            status, text = exchange(connection, "GET", f"/v1/leaderboard/feed?track={TRACK}")
+        self.assertEqual(status, 200, text)
+        return text.decode()
 
     def board(self, data=None):
         return self.ask("leaderboard", "--track", TRACK, schema="leaderboard", data=data)
@@ -158,6 +166,19 @@ class Quotas(OrganiserCase):
 
 
 class Boards(OrganiserCase):
+    def test_a_feed_says_when_the_board_last_changed(self):
+        first, _ = (self.played("ok", team) for team in ("alpha", "beta"))
+        updated = lambda: re.findall(r"<updated>(.*?)</updated>", self.feed())
+        before = updated()
+        self.assertEqual(len(set(before)), 1)
+        self.assertEqual(updated(), before)
+        self.played("ok", "gamma", episodes=2)
+        self.assertEqual(updated(), before, "practice is on no board")
+        self.ask("hide", first)
+        after = updated()
+        self.assertGreater(min(after), before[0])
+        self.assertEqual(len(after), 2, "of the feed, and of beta's row that moved up")
+
     def test_marks_change_the_board_and_can_be_taken_back(self):
         first, second, third = (self.played("ok", team) for team in ("alpha", "beta", "gamma"))
         everything = self.board()

@@ -273,6 +273,30 @@ class Boards(PhasesCase):
         self.assertIn('phase "final" closed at', late.stderr)
 
     @AS_OTHERS
+    def test_a_team_cancels_its_own_evaluation_and_no_rerun(self):
+        submission = self.played("slow")
+        path = f"/v1/submissions/{submission}"
+        status, rerun = self.call("POST", f"{path}/rerun", {})
+        self.assertEqual(status, 201, rerun)
+        status, answer = self.call("POST", f"{path}/cancel", {}, uid=TEAMS["alpha"])
+        self.assertEqual(status, 409, answer)
+        self.assertIn("only organisers can end its re-runs", answer["error"]["message"])
+        self.assertIn(self.get(f"/v1/evaluations/{rerun['evaluation']}")["state"],
+                      ("queued", "running"))
+        status, answer = self.call("POST", f"{path}/cancel", {"reason": "enough"})
+        self.assertEqual(status, 200, answer)
+        self.assertEqual(self.get(f"/v1/evaluations/{rerun['evaluation']}")["state"], "cancelled")
+        waiting = self.submit("stubborn")
+        status, _ = self.call("POST", f"/v1/submissions/{waiting}/cancel", {"reason": "wrong file"},
+                              uid=TEAMS["alpha"])
+        self.assertEqual(status, 200)
+        acts = lambda: [(row["subject"], row["detail"]) for row in
+                        self.get("/v1/events?kind=act")["events"] if row["action"] == "cancel"]
+        self.wait("/v1/events?kind=act", lambda _: len(acts()) == 2)
+        self.assertEqual(acts(), [(f"submission {waiting}", "wrong file"),
+                                  (f"submission {submission}", "enough")])
+
+    @AS_OTHERS
     def test_a_clock_that_was_set_back_shows_nothing_that_is_as_late_as_the_freeze(self):
         first, second = self.played("ok", "alpha"), self.played("ok", "beta")
         self.stop(signal.SIGTERM)

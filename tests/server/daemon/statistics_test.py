@@ -109,9 +109,12 @@ class Groups(CloseCase):
             self.assertEqual((test["pairs"], test["differing"]), (EPISODES, differing))
             self.assertAlmostEqual(test["p"], binomial(differing, differing), places=12)
             self.assertAlmostEqual(test["difference"], differing / EPISODES, places=12)
-        # By Holm: the largest p-value of three counts once, the second one twice.
-        self.assertAlmostEqual(rows["beta"]["above"]["p_adjusted"], 0.125)
-        self.assertAlmostEqual(rows["gamma"]["above"]["p_adjusted"], 2 * binomial(17, 17))
+        # Half of the level is kept for further looks. By Holm the largest p-value of three counts
+        # once, the second one twice.
+        self.assertEqual(answer["statistics"]["spending"], "halving")
+        self.assertEqual([rows[team]["above"]["looks"] for team in ("beta", "gamma")], [1, 1])
+        self.assertAlmostEqual(rows["beta"]["above"]["p_adjusted"], 2 * 0.125)
+        self.assertAlmostEqual(rows["gamma"]["above"]["p_adjusted"], 2 * 2 * binomial(17, 17))
         self.assertEqual(rows["gamma"]["opener"]["team"], "alpha")
         for team, row in rows.items():
             interval = row["intervals"]["success_rate"]
@@ -224,6 +227,8 @@ class Further(CloseCase):
         self.assertEqual((rows["beta"]["above"]["pairs"], rows["beta"]["above"]["differing"]),
                          (EPISODES + 60, 8))
         self.assertEqual(rows["gamma"]["above"]["pairs"], EPISODES)
+        self.assertEqual([rows[team]["above"]["looks"] for team in ("beta", "gamma")], [2, 1])
+        self.assertAlmostEqual(rows["beta"]["above"]["p_adjusted"], 4 * binomial(8, 8))
         self.assertEqual(self.get(BOARD), board)
         self.assertIn("further", self.cli("leaderboard", "--phase", "final", "--statistics").stdout)
         self.assertIn("share a group", self.refusal("--phase", "final", "--more-seeds", 60))
@@ -243,6 +248,8 @@ class Further(CloseCase):
                                   (self.submissions["gamma"],): 12})
         self.all_ended(answer)
         self.assertEqual({row["further_episodes"] for row in self.rows().values()}, {12})
+        looks = [self.rows()[team]["above"]["looks"] for team in ("beta", "gamma")]
+        self.assertEqual(looks, [3, 3], "at 10 and at 12 further episodes")
         self.stop(signal.SIGKILL)
         self.start()
         self.assertEqual({row["further_episodes"] for row in self.rows().values()}, {12})

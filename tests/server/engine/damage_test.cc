@@ -228,7 +228,7 @@ TEST_F(DamageTest, WhatWaitsToBeTakenUpCanBeCancelled) {
   EXPECT_TRUE(world.core->Running().empty()) << "it could not be read";
   std::optional<absl::Status> answer;
   const auto cancel = [&] {
-    world.core->Cancel(1, "why", "who",
+    world.core->Cancel(1, /*reruns=*/true, "why", "who",
                        [&](absl::StatusOr<CancelReport> report) { answer = report.status(); });
   };
   cancel();

@@ -73,7 +73,7 @@ TEST_F(EngineCoreTest, ACancelCountsAtOnceAndIsAnsweredWhenTheRunnerIsDead) {
   const int64_t id = world.Submit("a", 6);
   RunFor(world, absl::Seconds(3));
   std::optional<CancelReport> report;
-  world.core->Cancel(1, "why", "who", [&](absl::StatusOr<CancelReport> answer) {
+  world.core->Cancel(1, /*reruns=*/true, "why", "who", [&](absl::StatusOr<CancelReport> answer) {
     ASSERT_TRUE(answer.ok()) << answer.status();
     report = *answer;
   });
@@ -86,7 +86,7 @@ TEST_F(EngineCoreTest, ACancelCountsAtOnceAndIsAnsweredWhenTheRunnerIsDead) {
   EXPECT_LE(report->took, absl::Seconds(1));
   EXPECT_EQ(world.core->Health().ending, 0);
   std::optional<absl::Status> again;
-  world.core->Cancel(1, "why", "who",
+  world.core->Cancel(1, /*reruns=*/true, "why", "who",
                      [&](absl::StatusOr<CancelReport> answer) { again = answer.status(); });
   ASSERT_TRUE(again.has_value());
   EXPECT_TRUE(absl::IsFailedPrecondition(*again));

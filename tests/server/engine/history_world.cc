@@ -326,7 +326,7 @@ void World::Cancel(int64_t submission) {
   const absl::Duration asked = clock.Monotonic();
   ++cancels_open;
   try {
-    core->Cancel(submission, "test", "test", [this, asked](absl::StatusOr<CancelReport> report) {
+    core->Cancel(submission, /*reruns=*/true, "test", "test", [this, asked](absl::StatusOr<CancelReport> report) {
       --cancels_open;
       if (!report.ok()) return;
       Promise(report->took <= clock.Monotonic() - asked, "a cancel took longer than it did");

@@ -164,6 +164,26 @@ TEST(OldStoresTest, PeopleAndPhasesOfVersionSixStand) {
   fs::remove(path);
 }
 
+TEST(OldStoresTest, FromVersionElevenOnDenialsMayGoAndExactIntervalsAreMadeAgain) {
+  const std::string path = absl::StrCat(testing::TempDir(), "/old-denials-", getpid(), ".db");
+  fs::remove(path);
+  {
+    SQLite::Database old(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    old.exec(TextOf("v10.sql"));
+    old.exec("UPDATE access_event SET count = 5; INSERT INTO access_event (at, kind, who, role, action, "
+             "subject, detail) VALUES (1, 'act', 'uid 0', 'operator', 'mark', '', '')");
+    EXPECT_EQ(old.execAndGet("SELECT count(*) FROM standing").getInt(), 2);
+  }
+  ManualClock clock;
+  auto store = Store::Open(path, clock);
+  ASSERT_TRUE(store.ok()) << store.status();
+  SQLite::Database db(path, SQLite::OPEN_READWRITE);
+  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM standing WHERE successes IN (0, episodes)").getInt(), 0);
+  EXPECT_EQ(db.exec("DELETE FROM access_event WHERE kind = 'denied'"), 2);
+  EXPECT_THROW(db.exec("DELETE FROM access_event"), SQLite::Exception);
+  fs::remove(path);
+}
+
 INSTANTIATE_TEST_SUITE_P(Versions, OldStores,
                          testing::Range(1, static_cast<int>(SchemaMigrations().size())));
 

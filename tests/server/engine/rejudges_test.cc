@@ -229,7 +229,7 @@ TEST_F(RejudgesTest, ACancelLeavesItAloneAndADropEndsIt) {
   Run();
   const int64_t id = MustCreate(To(LongerSteps()));
   Await([&] { return Progress(id).running == 1; }, "the rejudge plays");
-  const auto cancelled = engine_->Cancel(alpha, "test", "uid 0", absl::Seconds(30));
+  const auto cancelled = engine_->Cancel(alpha, /*reruns=*/true, "test", "uid 0", absl::Seconds(30));
   EXPECT_THAT(std::string(cancelled.status().message()), HasSubstr("nothing to cancel"));
   EXPECT_EQ(Progress(id).running, 1);
   EXPECT_THAT(std::string(Apply(id).status().message()), HasSubstr("can't be applied yet"));

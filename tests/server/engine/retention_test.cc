@@ -56,6 +56,15 @@ TEST(Retention, ALastUseInTheFutureIsNoReasonToGo) {
   EXPECT_THAT(Chosen({{"jumped", "", 10, 900 * kDay, false}}, 1, 1000), IsEmpty());
 }
 
+TEST(Retention, OneSweepRemovesFewForTheirAge) {
+  std::vector<KeptFile> files;
+  for (int i = 0; i < 3000; ++i) files.push_back({absl::StrCat(i), "", 10, 1 * kDay, false});
+  EXPECT_EQ(Chosen(files, 30, 1'000'000).size(), 300u);
+  files.resize(500);
+  EXPECT_EQ(Chosen(files, 30, 1'000'000).size(), 100u);
+  EXPECT_EQ(Chosen(files, 30, 10).size(), 499u) << "a limit on bytes holds whatever the clock says";
+}
+
 namespace fs = std::filesystem;
 
 // Nothing is played here.
@@ -141,11 +150,16 @@ class RetentionFolder : public testing::Test {
     }).ok());
   }
 
-  // One sweep, until `gone` has disappeared.
+  std::optional<absl::Time> Newest() {
+    const auto newest = (*Store::Open(dir_ + "/store.db", clock_))->newest_row_ms();
+    return newest ? std::optional(absl::FromUnixMillis(*newest)) : std::nullopt;
+  }
+
+  // Sweeps until `gone` has disappeared.
   void Sweep(RetentionLimits limits, const std::string& gone) {
-    limits.every = absl::Hours(1);
+    limits.every = absl::Milliseconds(50);
     RunEngine();
-    const Retention retention(limits, dir_, *engine_, *readers_, clock_);
+    const Retention retention(limits, dir_, *engine_, *readers_, clock_, Newest());
     for (int i = 0; i < 3000 && fs::exists(gone); ++i) absl::SleepFor(absl::Milliseconds(10));
     EXPECT_FALSE(fs::exists(gone)) << gone;
     absl::SleepFor(absl::Milliseconds(200));  // for anything that should stay
@@ -177,14 +191,64 @@ class RetentionFolder : public testing::Test {
 TEST_F(RetentionFolder, ArtefactsGoThatNobodyNeedsAndTheNeededStay) {
   MakeArtefact('a');
   MakeArtefact('b');
-  Accept('a');
   clock_.ahead = absl::Hours(24 * 40);
+  Accept('a');
   RetentionLimits limits = Unlimited();
   limits.artefact_age = absl::Hours(24 * 30);
   Sweep(limits, FolderOf('b'));
   EXPECT_TRUE(fs::exists(FolderOf('a')));
   EXPECT_THAT(Removals(), ElementsAre("artefact b"));
   EXPECT_TRUE(fs::is_empty(dir_ + "/spool"));
+}
+
+// A clock that is far ahead of all that the store has seen may be wrong.
+TEST_F(RetentionFolder, AWrongClockRemovesNothing) {
+  MakeArtefact('a');
+  Accept('a');
+  MakeArtefact('b');
+  MakeArtefact('c');
+  const std::optional<absl::Time> newest = Newest();
+  RetentionLimits limits = Unlimited();
+  limits.artefact_age = limits.upload_age = absl::Hours(24 * 30);
+  limits.every = absl::Milliseconds(20);
+  RunEngine();
+  clock_.ahead = absl::Hours(24 * 400);
+  {
+    const Retention wrong_at_the_start(limits, dir_, *engine_, *readers_, clock_, newest);
+    absl::SleepFor(absl::Milliseconds(300));
+  }
+  clock_.ahead = absl::ZeroDuration();
+  {
+    const Retention right(limits, dir_, *engine_, *readers_, clock_, newest);
+    absl::SleepFor(absl::Milliseconds(100));
+    clock_.ahead = absl::Hours(24 * 400);
+    absl::SleepFor(absl::Milliseconds(300));
+  }
+  EXPECT_THAT(Removals(), IsEmpty());
+}
+
+TEST_F(RetentionFolder, DenialsGoAndActsStay) {
+  const auto add = [&] {
+    AccessEventRow event;
+    event.kind = "act";
+    event.who = "uid 0";
+    event.action = "mark";
+    ASSERT_TRUE(store_->Write([&](Writer& writer) {
+      absl::Status status = writer.AddDenial(event, event);
+      status.Update(writer.AddAccessEvent(event));
+      return status;
+    }).ok());
+  };
+  add();
+  clock_.ahead = absl::Hours(24 * 40);
+  add();
+  RetentionLimits limits = Unlimited();
+  limits.log_bytes = 0;
+  const std::string log = MakeLog('1');
+  Sweep(limits, log);
+  SQLite::Database db(dir_ + "/store.db");
+  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM access_event WHERE kind = 'denied'").getInt(), 1);
+  EXPECT_EQ(db.execAndGet("SELECT count(*) FROM access_event WHERE kind = 'act'").getInt(), 2);
 }
 
 // The row's age comes from the test's clock; the folder was created just now.
@@ -288,9 +352,10 @@ TEST_F(RetentionFolder, ARemovalAndASubmissionAtOnceLeaveNoEvaluationWithoutFile
     engine_ = std::make_unique<Engine>(options, *disk_, *readers_, processes_, clock_);
     RetentionLimits limits = Unlimited();
     limits.artefact_bytes = 0;
+    limits.every = absl::Milliseconds(10);
     if (!removal_first) submit();
     std::unique_ptr<Retention> retention =
-        std::make_unique<Retention>(limits, dir_, *engine_, *readers_, clock_);
+        std::make_unique<Retention>(limits, dir_, *engine_, *readers_, clock_, std::nullopt);
     absl::SleepFor(absl::Milliseconds(300));
     if (removal_first) submit();
     loop_ = std::thread([this] { (void)engine_->Run(); });

@@ -34,7 +34,9 @@ class Estimates(unittest.TestCase):
         found = estimates.share(8, 10)  # as in Wilson's paper and every package of statistics
         self.assertAlmostEqual(found["low"], 0.4901625, 6)
         self.assertAlmostEqual(found["high"], 0.9433178, 6)
-        self.assertEqual(estimates.share(0, 5)["low"], 0)
+        for whole in range(1, 200):
+            self.assertEqual(estimates.share(0, whole)["low"], 0)
+            self.assertEqual(estimates.share(whole, whole)["high"], 1)
         self.assertGreater(estimates.share(0, 5)["high"], 0.3)
         self.assertEqual(estimates.share(0, 0)["share"], None)
 

@@ -1,8 +1,11 @@
 // Whose turn it is where several rules meet, and what the views tell of it then.
 #include <gtest/gtest.h>
 
+#include <map>
 #include <string>
 #include <vector>
+
+#include <absl/strings/str_cat.h>
 
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
@@ -50,15 +53,59 @@ TEST(Turns, APartysLastStartCountsForEachOfItsTeams) {
   EXPECT_EQ(PlayOne(scheduler), 2);
 }
 
+// How many leases had been played when each evaluation ended, on one slot.
+std::map<int64_t, int> EndsOf(Scheduler& scheduler, std::map<int64_t, int> leases) {
+  std::map<int64_t, int> ends;
+  int played = 0;
+  while (const int64_t evaluation = PlayOne(scheduler)) {
+    ++played;
+    if (--leases[evaluation] == 0) ends[evaluation] = played;
+  }
+  return ends;
+}
+
+// Lease by lease, all would end together at last: at 595 leases in the mean.
+TEST(Turns, GoByEvaluationSoThatACrowdWaitsHalfAsLong) {
+  constexpr int kTeams = 60;
+  constexpr int kLeases = 10;
+  Scheduler scheduler({.slots = 1});
+  std::map<int64_t, int> leases;
+  for (int team = 1; team <= kTeams; ++team) {
+    scheduler.Add(WaitingEvaluation(team, absl::StrCat("team ", team), kLeases), kNow);
+    leases[team] = kLeases;
+  }
+  const std::map<int64_t, int> ends = EndsOf(scheduler, leases);
+  double sum = 0;
+  for (const auto& [id, end] : ends) sum += end;
+  ASSERT_EQ(ends.size(), size_t{kTeams});
+  EXPECT_LE(sum / kTeams, 0.52 * kTeams * kLeases);
+}
+
+// A team with one submission beside one with many, and beside one with a very long one.
+TEST(Turns, OfACrowdHoldNobodyUpForLong) {
+  Scheduler scheduler({.slots = 1});
+  std::map<int64_t, int> leases;
+  for (int i = 1; i <= 50; ++i) {
+    scheduler.Add(WaitingEvaluation(i, "crowd", 10), kNow);
+    leases[i] = 10;
+  }
+  scheduler.Add(WaitingEvaluation(100, "long", 600), kNow);
+  scheduler.Add(WaitingEvaluation(101, "one", 10), kNow);
+  leases[100] = 600;
+  leases[101] = 10;
+  EXPECT_EQ(EndsOf(scheduler, leases)[101], 10 + Scheduler::kLongestTurn + 10);
+}
+
 TEST(Turns, AMergedTeamLastStartedWhenEitherOfTheTwoDid) {
   Scheduler scheduler({.slots = 1});
-  scheduler.Add(WaitingEvaluation(1, "a", 2), kNow);
-  scheduler.Add(WaitingEvaluation(2, "b", 2), kNow);
-  scheduler.Add(WaitingEvaluation(3, "c", 2), kNow);
+  int64_t id = 0;
+  for (const char* team : {"a", "b", "c", "a", "b"}) {
+    scheduler.Add(WaitingEvaluation(++id, team, 1), kNow);
+  }
   for (const int64_t expected : {1, 2, 3}) ASSERT_EQ(PlayOne(scheduler), expected);
   scheduler.MoveTeam("c", "a");
-  EXPECT_EQ(PlayOne(scheduler), 2);
-  EXPECT_EQ(PlayOne(scheduler), 1);
+  EXPECT_EQ(PlayOne(scheduler), 5);
+  EXPECT_EQ(PlayOne(scheduler), 4);
 }
 
 TEST(Turns, ATeamOfRejudgesHasItsTurnByItsFirstSubmission) {

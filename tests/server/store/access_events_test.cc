@@ -49,6 +49,45 @@ TEST_F(AccessEventsTest, TheNewestComeFirstInPagesOfAKind) {
   EXPECT_THAT(Who("", 3, 1), testing::ElementsAre("b x1"));
 }
 
+TEST_F(AccessEventsTest, EqualDenialsOfADayShareARowAndADayHasFew) {
+  AccessEventRow denied;
+  denied.kind = "denied";
+  denied.action = "read log";
+  AccessEventRow others = denied;
+  others.who = "others";
+  const auto deny = [&](const std::string& who) {
+    denied.who = who;
+    ASSERT_TRUE(store_->Write([&](Writer& writer) { return writer.AddDenial(denied, others); }).ok());
+  };
+  for (int i = 0; i < 3; ++i) {
+    deny("a");
+    clock_.Advance(absl::Minutes(5));
+  }
+  EXPECT_THAT(Who(""), testing::ElementsAre("a x3"));
+  clock_.Advance(absl::Hours(24));
+  deny("a");
+  EXPECT_THAT(Who(""), testing::ElementsAre("a x1", "a x3"));
+  ASSERT_TRUE(store_->Write([&](Writer& writer) {
+    absl::Status status;
+    for (int i = 0; i < 1500; ++i) {
+      denied.who = absl::StrCat("address ", i);
+      status.Update(writer.AddDenial(denied, others));
+    }
+    return status;
+  }).ok());
+  EXPECT_EQ(Who("", INT64_MAX, 5000).size(), 1u + kMostDenialsOfADay + 1u);
+  EXPECT_EQ(Who("").front(), "others x501");
+  deny("a");
+  EXPECT_EQ(Who("").front(), "others x501") << "a kind with a row of its own counts there";
+  const int64_t newest =
+      SQLite::Database(path_).execAndGet("SELECT max(at) FROM access_event").getInt64();
+  ASSERT_TRUE(store_->Write([&](Writer& writer) {
+    writer.RemoveDenials(newest - absl::ToInt64Milliseconds(absl::Hours(12)));
+    return absl::OkStatus();
+  }).ok());
+  EXPECT_EQ(Who("", INT64_MAX, 5000).size(), size_t{kMostDenialsOfADay} + 1u);
+}
+
 TEST_F(AccessEventsTest, AKindThatThereIsNotIsRefused) {
   AccessEventRow row;
   row.kind = "other";

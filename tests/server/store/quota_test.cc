@@ -1,6 +1,8 @@
 // Quotas: what is charged, refunded and rejected; the limits of one artefact; marks.
 #include "server/store/quota.h"
 
+#include <map>
+
 #include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 
@@ -142,21 +144,36 @@ TEST_F(QuotaTest, OnlySoManyMayWait) {
 TEST_F(QuotaTest, NoSettingOfTheClockMakesQuota) {
   const AdmissionRules rules = Rules(1, 100);
   char artefact = '0';
-  int accepted = 0;
-  for (const int hours : {0, -24, -240, 24, 24, -72, 72, -1, 1}) {
+  std::map<int64_t, int> accepted;  // by the calendar's day
+  for (const int hours : {0, -20, 20, 1, -1, -240, 240, 24, 24, -72, 72, -1, 1}) {
     clock_.Jump(absl::Hours(hours));
-    for (int i = 0; i < 2; ++i) accepted += TrySubmit("alpha", artefact++, true, rules).ok();
+    for (int i = 0; i < 2; ++i) {
+      const bool ok = TrySubmit("alpha", artefact++, true, rules).ok();
+      accepted[NowMs() / absl::ToInt64Milliseconds(absl::Hours(24))] += ok;
+    }
   }
-  EXPECT_EQ(accepted, 1);
-  clock_.Jump(absl::Hours(24 * 30));
-  EXPECT_TRUE(TrySubmit("alpha", artefact++, true, rules).ok());
-  clock_.Jump(absl::Hours(-24 * 30));
-  for (int day = 0; day < 30; ++day) {
-    clock_.Advance(absl::Hours(24));
-    EXPECT_FALSE(TrySubmit("alpha", artefact++, true, rules).ok()) << day;
-  }
+  for (const auto& [day, count] : accepted) EXPECT_LE(count, 1) << day;
+}
+
+TEST_F(QuotaTest, AClockThatWasFarAheadHoldsNobodyUp) {
+  const AdmissionRules rules = Rules(1, 100);
+  ASSERT_TRUE(TrySubmit("alpha", 'a', true, rules).ok());
+  clock_.Jump(absl::Hours(24 * 400));
+  ASSERT_TRUE(TrySubmit("alpha", 'b', true, rules).ok());
+  ASSERT_TRUE(TrySubmit("beta", 'c', true, rules).ok());
+  clock_.Jump(absl::Hours(-24 * 400));
+  EXPECT_FALSE(TrySubmit("alpha", 'd', true, rules).ok()) << "today's is used";
+  EXPECT_TRUE(TrySubmit("beta", 'e', true, rules).ok());
+  EXPECT_EQ(Use("beta").total_of(Budget::kRanked).open, 2) << "in all, both count";
   clock_.Advance(absl::Hours(24));
-  EXPECT_TRUE(TrySubmit("alpha", artefact, true, rules).ok());
+  EXPECT_TRUE(TrySubmit("alpha", 'f', true, rules).ok());
+  // A little ahead, as around midnight: the next day begins early, and once.
+  clock_.Jump(absl::Hours(24));
+  EXPECT_TRUE(TrySubmit("alpha", 'g', true, rules).ok());
+  clock_.Jump(absl::Hours(-24));
+  EXPECT_FALSE(TrySubmit("alpha", 'h', true, rules).ok());
+  clock_.Advance(absl::Hours(48));
+  EXPECT_TRUE(TrySubmit("alpha", 'i', true, rules).ok());
 }
 
 TEST_F(QuotaTest, AnArtefactHasOneOfficialEvaluation) {

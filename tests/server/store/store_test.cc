@@ -3,6 +3,8 @@
 #include "server/store/store.h"
 
 #include <SQLiteCpp/SQLiteCpp.h>
+#include <fstream>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -17,6 +19,43 @@ namespace {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+
+TEST_F(StoreTest, WritesNothingOnceItsFileIsGone) {
+  const auto write = [&] { return store_->Write([](Writer&) { return absl::OkStatus(); }); };
+  for (const char* part : {"", "-wal"}) {
+    ASSERT_TRUE(write().ok());
+    std::filesystem::rename(path_ + part, path_ + ".away");
+    EXPECT_TRUE(absl::IsUnavailable(write())) << part;
+    EXPECT_NE(store_->Check().message().find("was removed while the daemon runs"),
+              absl::string_view::npos);
+    std::ofstream(path_ + part) << "another";
+    EXPECT_NE(store_->Check().message().find("was replaced"), absl::string_view::npos);
+    std::filesystem::rename(path_ + ".away", path_ + part);
+    EXPECT_TRUE(write().ok()) << "it is back";
+  }
+  store_->Distrust("a page is damaged");
+  EXPECT_TRUE(absl::IsUnavailable(write()));
+}
+
+TEST_F(StoreTest, TellsOfPagesThatCantBeRead) {
+  ASSERT_TRUE(TrySubmit("alpha", 'a', true).ok());
+  store_.reset();  // everything is in the file now
+  const auto size = std::filesystem::file_size(path_);
+  {
+    std::fstream file(path_, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(8192);
+    file << std::string(size - 8192, 'x');
+  }
+  ReaderPool readers(path_);
+  std::string told;
+  readers.SetCorruptObserver(
+      [&](const absl::Status& status) { told = std::string(status.message()); });
+  const absl::Status read = readers.Read([](Reader& reader) {
+    return reader.Submission(1).status();
+  });
+  EXPECT_TRUE(IsCorruptStore(read)) << read;
+  EXPECT_NE(told.find("is damaged"), std::string::npos);
+}
 
 TEST_F(StoreTest, KeepsItsSecretForEver) {
   const std::string secret = store_->policy_secret();
