@@ -1,6 +1,7 @@
 """Types the participants' guide, every command of it in its order and in one shell, on a machine that
 has what ./dev build makes."""
 
+import contextlib
 import hashlib
 import json
 import os
@@ -88,7 +89,8 @@ class Guide(SystemTest):
         try:
             said, _ = self.read_to_the_end(shell)
         finally:
-            os.killpg(shell.pid, signal.SIGTERM)  # its daemon goes on
+            with contextlib.suppress(ProcessLookupError):  # a command failed before its daemon
+                os.killpg(shell.pid, signal.SIGTERM)  # its daemon goes on
         self.assertEqual(shell.returncode, 0, said + self.log())
         self.check(said)
 

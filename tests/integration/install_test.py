@@ -61,6 +61,21 @@ class Install(unittest.TestCase):
         self.assertEqual(result["state"], "done")
         self.assertEqual(result["aggregate"]["successes"], 3)
 
+    @unittest.skipUnless(os.geteuid() == 0 and os.environ["MYOGRADE_CACHE"] == "/var/cache/myograde",
+                         "needs root, and the cache of the system")
+    def test_a_user_without_models_plays_and_draws_with_the_systems(self):
+        home = self.root / "home"
+        home.mkdir()
+        shutil.chown(home, "nobody")
+        script = (f"{self.prefix}/bin/myograde local {self.share}/policies/scripted-elbow --track elbow "
+                  f"--episodes 1 --logs logs && {self.prefix}/bin/myograde render logs/* -o end.png")
+        done = subprocess.run(
+            ["setpriv", "--reuid=nobody", "--regid=nogroup", "--clear-groups", "sh", "-c", script], cwd=home,
+            env={"HOME": str(home), "PATH": "/usr/bin:/bin"}, capture_output=True, text=True,
+            timeout=300, stdin=subprocess.DEVNULL)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        self.assertTrue((home / "end.png").read_bytes().startswith(b"\x89PNG"))
+
     def test_the_simulator_is_the_one_that_was_built(self):
         self.assertEqual((self.prefix / "bin/myograde-sim").read_bytes(),
                          (BUILD / "bin/myograde-sim").read_bytes())
