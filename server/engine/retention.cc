@@ -70,11 +70,10 @@ TrustedTime::TrustedTime(std::optional<absl::Time> newest, const Clock& clock)
     : clock_(clock),
       began_(clock.Monotonic()),
       at_began_(newest ? std::min(clock.Now(), *newest + kLongestPause) : clock.Now()) {
-  const absl::Duration ahead = clock.Now() - at_began_;
-  if (ahead <= absl::ZeroDuration()) return;
+  if (!newest.has_value() || clock.Now() <= *newest + kLongestPause) return;
   spdlog::warn("the clock is {} days ahead of the store's newest row; until it is clear that it is right, "
                "retention counts ages from {}. If the clock is wrong, set it",
-               absl::ToInt64Hours(ahead + kLongestPause) / 24,
+               absl::ToInt64Hours(clock.Now() - *newest) / 24,
                absl::FormatTime("%Y-%m-%d", at_began_, absl::UTCTimeZone()));
 }
 

@@ -156,7 +156,7 @@ class DamagedStore(OrganiserCase):
         self.played("ok")
         with sqlite3.connect(self.data / "store.db", timeout=20) as db:
             db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-            page = db.execute("SELECT rootpage FROM sqlite_schema WHERE name = 'submission'"
+            page = db.execute("SELECT rootpage FROM sqlite_schema WHERE name = 'token'"
                               ).fetchone()[0]
             size = db.execute("PRAGMA page_size").fetchone()[0]
         db.close()
@@ -164,11 +164,8 @@ class DamagedStore(OrganiserCase):
         with open(self.data / "store.db", "r+b") as store:
             store.seek((page - 1) * size)
             store.write(b"\x55" * size)
-        try:
-            self.start()
-        except AssertionError:
-            return  # it did not even start
-        self.assertEqual(self.call("GET", "/v1/submissions")[0], 503)
+        self.start()
+        self.assertEqual(self.call("GET", "/v1/tokens")[0], 503)
         status, answer = self.call("GET", "/v1/ready")
         self.assertEqual(status, 503, answer)
         self.assertIn("is damaged", json.dumps(answer))

@@ -1,5 +1,6 @@
 // One damaged row: whatever needs it fails with an error that names it, its evaluation ends, and
 // everything else goes on unaffected. Every column of every table is overwritten.
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <cstdlib>
@@ -217,12 +218,16 @@ TEST_F(DamageTest, DamageWhileItRunsIsTheSame) {
 
 TEST_F(DamageTest, WhatWaitsToBeTakenUpCanBeCancelled) {
   World world(folder_ + "/world", {}, 2);
-  // The daemon's own connection goes on; a new connection does not find the file.
+  // The daemon's own connection goes on; a new connection gets no descriptor.
   EXPECT_FALSE(world.readers->Read([](Reader&) -> absl::Status {
     throw SQLite::Exception("this connection is given up");
   }).ok());
-  const std::string path = folder_ + "/world/store.db";
-  fs::rename(path, path + ".away");
+  rlimit limit = {};
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &limit), 0);
+  const int next = dup(STDIN_FILENO);
+  close(next);
+  const rlimit none_left = {static_cast<rlim_t>(next), limit.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &none_left), 0);
   const int64_t evaluation = world.Submit("a", 4);
   ASSERT_NE(evaluation, 0);
   EXPECT_TRUE(world.core->Running().empty()) << "it could not be read";
@@ -234,7 +239,7 @@ TEST_F(DamageTest, WhatWaitsToBeTakenUpCanBeCancelled) {
   cancel();
   ASSERT_TRUE(answer.has_value());
   EXPECT_TRUE(answer->ok()) << *answer;
-  fs::rename(path + ".away", path);
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &limit), 0);
   RunFor(world, absl::Seconds(5));
   EXPECT_EQ(StateOf(world, evaluation), "cancelled");
   EXPECT_TRUE(world.core->idle());
