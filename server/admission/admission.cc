@@ -151,7 +151,7 @@ absl::StatusOr<Accepted> Admission::Submit(const SubmitRequest& request, const s
     allowed = CheckPractice(request.seeds.value_or(*seeds), config, tracks_, phases_);
   }
   if (!allowed.ok()) return allowed;
-  const absl::StatusOr<ArtefactRow> artefact = CheckedArtefact(request.artefact, config);
+  const absl::StatusOr<ArtefactRow> artefact = CheckedArtefact(request, who, config);
   if (!artefact.ok()) return artefact.status();
   NewSubmission submission = Compose(request, *entry, *seeds, *artefact);
   submission.extra_observations = ShowsExtraObservations(
@@ -230,11 +230,15 @@ absl::Status Admission::CheckInvited(const std::string& team, const PhaseConfig&
 }
 
 // Engine::Submit checks for the files again, at a point where nothing can remove them.
-absl::StatusOr<ArtefactRow> Admission::CheckedArtefact(const std::string& hash,
+absl::StatusOr<ArtefactRow> Admission::CheckedArtefact(const SubmitRequest& request,
+                                                       const std::string& who,
                                                        const TrackConfig& config) {
+  const std::string& hash = request.artefact;
   absl::StatusOr<ArtefactRow> artefact = absl::InternalError("");
   absl::Status status = readers_.Read([&](Reader& reader) {
-    artefact = reader.Artefact(hash);
+    // Nobody learns from the answer that there is another team's.
+    const bool may = request.organiser || reader.MaySubmitArtefact(hash, who, request.team);
+    artefact = may ? reader.Artefact(hash) : UnknownArtefact(hash);
     return artefact.status();
   });
   if (status.ok()) status = HasArtefactFiles(options_.data_dir, hash);

@@ -54,6 +54,7 @@ struct SubmitRequest {
   std::optional<int64_t> episodes;             // only so many of them; nullopt: all
   RequestKey key = {};  // if it came before, the result is what was accepted then
   std::optional<Founding> founding = std::nullopt;  // of the team
+  bool organiser = false;  // may name any artefact, whoever uploaded it
 };
 
 // Statuses carry the code that API clients get (ErrorCodeOf of store/quota.h), where it is not the
@@ -81,7 +82,8 @@ class Admission {
   // that has no phases is one itself, which is always open. A linked result is an earlier submission:
   // nothing new is played or charged.
   //   NotFoundError               code "unknown_track", "unknown_profile", "unknown_phase"; no code:
-  //                               the artefact
+  //                               the artefact, which is also one that neither `who` nor the team
+  //                               uploaded or submitted before
   //   InvalidArgumentError        code "bad_artefact": too large for the track, has an adapter that
   //                               can't play it, or asks for extra observations that the profile does
   //                               not allow;
@@ -89,7 +91,8 @@ class Admission {
   //                               ranked; no code: episodes, the team's name, a phase of another
   //                               track, several phases to choose from
   //   FailedPreconditionError     code "quota", "same_artefact", "look_alike", "paused"
-  //                               (Writer::Accept), "forbidden" (Writer::FoundTeam); "phase_closed"
+  //                               "phase_revealed" (Writer::Accept), "forbidden" (Writer::FoundTeam);
+  //                               "phase_closed"
   //   UnavailableError            code "not_official": this host may not grade ranked submissions
   // and the errors of Engine::Submit and ReaderPool::Read. A result that is repeated was accepted
   // before, when the request came for the first time; nothing is checked again.
@@ -111,8 +114,9 @@ class Admission {
   absl::Status ChargeRefusal(const UploadRequest& request, const absl::Status& refusal);
   // FailedPreconditionError with the code "forbidden": the phase is for other teams only.
   absl::Status CheckInvited(const std::string& team, const PhaseConfig& phase);
-  // The artefact's row, if the config can be played with it.
-  absl::StatusOr<ArtefactRow> CheckedArtefact(const std::string& hash, const TrackConfig& config);
+  // The artefact's row, if `who` may submit it and the config can be played with it.
+  absl::StatusOr<ArtefactRow> CheckedArtefact(const SubmitRequest& request, const std::string& who,
+                                              const TrackConfig& config);
   absl::Status CheckRankedHere() const;
   NewSubmission Compose(const SubmitRequest& request, const Entry& entry,
                         const std::vector<uint64_t>& seeds,

@@ -122,6 +122,7 @@ absl::StatusOr<ReceivedArtefact> Uploads::Take(IncomingArchive& archive, const N
   absl::StatusOr<ArtefactRow> known = Known(*sha256);
   if (known.ok()) {
     if (absl::Status good = check(known->adapter); !good.ok()) return good;
+    if (absl::Status held = Hold(*known, from).status(); !held.ok()) return held;
     return ReceivedArtefact{*std::move(known)};
   }
   if (!absl::IsNotFound(known.status())) return known.status();
@@ -156,6 +157,17 @@ absl::StatusOr<ArtefactRow> Uploads::Known(const std::string& archive_sha256) {
   return row;
 }
 
+absl::StatusOr<bool> Uploads::Hold(const ArtefactRow& row, const NewUpload& from) {
+  bool held = false;
+  const absl::Status status = readers_.Read([&](Reader& reader) {
+    held = reader.UploadedArtefact(row.hash, from.uploader) &&
+           (from.team.empty() || reader.TeamHoldsArtefact(row.hash, from.team));
+    return absl::OkStatus();
+  });
+  if (!status.ok() || held) return status.ok() ? absl::StatusOr<bool>(false) : status;
+  return engine_.AddArtefact(row, from, config_.artefacts.unsubmitted, config_.http.request);
+}
+
 absl::StatusOr<Artefact> Uploads::Unpack(const std::string& file, const std::string& folder,
                                          const std::function<bool()>& stopping) const {
   const UploadLimits& limits = config_.artefacts;
@@ -185,12 +197,13 @@ absl::StatusOr<ReceivedArtefact> Uploads::Keep(const Artefact& artefact, const s
     if (!clean.ok()) return clean.status();
     row.name = *std::move(clean);
   }
-  // What is known and here needs no change of the store, and no wait for the disk. Else the row
-  // comes first: whose the files are is known before there are any.
+  // The row comes first: whose the files are is known before there are any.
   if (status.ok()) status = HasArtefactFiles(data_dir_, row.hash);
-  if (absl::IsNotFound(status)) {
+  if (status.ok() || absl::IsNotFound(status)) {
     const absl::StatusOr<bool> added =
-        engine_.AddArtefact(row, from, config_.artefacts.unsubmitted, config_.http.request);
+        status.ok() ? Hold(row, from)
+                    : engine_.AddArtefact(row, from, config_.artefacts.unsubmitted,
+                                          config_.http.request);
     if (added.ok()) received.is_new = *added;
     status = added.status();
   }

@@ -66,6 +66,9 @@ class Uploads {
   absl::StatusOr<ArtefactRow> Known(const std::string& archive_sha256);
   absl::StatusOr<Artefact> Unpack(const std::string& file, const std::string& folder,
                                   const std::function<bool()>& stopping) const;
+  // Records who has uploaded an artefact whose files are here. Whoever holds it already causes no
+  // change of the store, and no wait for the disk.
+  absl::StatusOr<bool> Hold(const ArtefactRow& row, const NewUpload& from);
   // Writes the row and moves the unpacked `folder` to artefacts/.
   absl::StatusOr<ReceivedArtefact> Keep(const Artefact& artefact, const std::string& folder,
                                         const NewUpload& from);

@@ -52,7 +52,7 @@ absl::StatusOr<std::string> MoreSeedsResource::SecretOf(const std::string& phase
   const auto drawn = std::make_shared<absl::StatusOr<std::string>>(absl::InternalError(""));
   status = context_.engine.Change(
       [drawn, phase](Writer& writer) {
-        *drawn = writer.PhaseSecret(phase);
+        *drawn = writer.FurtherSecret(phase);
         return drawn->status();
       },
       context_.config.http.request);

@@ -65,7 +65,7 @@ absl::Status WithheldError(const std::string& what) {
   return WithErrorCode(absl::FailedPreconditionError(absl::StrCat(
                            what, "; wait until the organiser has published the phase and revealed "
                                  "its seeds")),
-                       "withheld");
+                       kWithheldCode);
 }
 
 }  // namespace myograde::server

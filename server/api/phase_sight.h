@@ -26,6 +26,7 @@ absl::StatusOr<Visibility> SightOfPhase(Reader& reader, const ApiContext& contex
 absl::StatusOr<Visibility> SightOfConfig(Reader& reader, const ApiContext& context,
                                          const TrackConfig& config);
 
+inline constexpr char kWithheldCode[] = "withheld";
 // For what is refused as a whole as long as a phase withholds parts of it: FailedPreconditionError
 // with the code "withheld", which adds when that ends.
 absl::Status WithheldError(const std::string& what);

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,7 +14,10 @@
 #include "server/api/receipt_view.h"
 #include "server/api/requests.h"
 #include "server/proof/receipt.h"
+#include "server/proof/record_head.h"
 #include "server/runner/log_keeper.h"
+#include "server/store/damage.h"
+#include "server/store/quota.h"
 
 namespace myograde::server {
 namespace {
@@ -66,12 +70,12 @@ absl::Status CheckRejudgeShown(Reader& reader, const EvaluationRow& evaluation, 
   return WithErrorCode(absl::FailedPreconditionError(absl::StrCat(
                            "evaluation ", evaluation.id, " is of rejudge ", rejudge.rejudge,
                            ", which has not been applied")),
-                       "withheld");
+                       kWithheldCode);
 }
 
 absl::StatusOr<nlohmann::json> AskedReceipt(const httplib::Request& request, Reader& reader,
                                             const ApiContext& context) {
-  absl::Status status = CheckParameters(request, {"evaluation", "public"});
+  absl::Status status = CheckParameters(request, {"evaluation", "public", "reason"});
   if (status.ok()) status = RequireSubmission(reader, IdOf(request));
   if (!status.ok()) return status;
   const absl::StatusOr<bool> everybody = ReadFlag(request, "public");
@@ -87,6 +91,31 @@ absl::StatusOr<nlohmann::json> AskedReceipt(const httplib::Request& request, Rea
   return ReceiptOf(reader, context.record, *submission, *evaluation);
 }
 
+// What a copy of the record has in place of a receipt that AskedReceipt answered with `why`; the same
+// status, if it is not withheld.
+absl::StatusOr<WithheldReceipt> WithheldFor(const httplib::Request& request, Reader& reader,
+                                            const ApiContext& context, const absl::Status& why) {
+  const bool unreadable = DamageOf(why).has_value();
+  if (!unreadable && ErrorCodeOf(why) != kWithheldCode) return why;
+  WithheldReceipt withheld;
+  absl::Status status = ReadNumber(request, "evaluation", INT64_MAX, withheld.evaluation);
+  if (!status.ok()) return status;
+  // Not of another submission's evaluation, which may be readable.
+  const absl::StatusOr<EvaluationRow> evaluation = reader.Evaluation(withheld.evaluation);
+  if (evaluation.ok() ? evaluation->submission != IdOf(request)
+                      : !DamageOf(evaluation.status()).has_value()) {
+    return why;
+  }
+  const RejudgeSight rejudge = reader.RejudgeOfEvaluation(withheld.evaluation);
+  withheld.reason = unreadable                                     ? "unreadable"
+                    : rejudge.rejudge != 0 && !rejudge.ever_applied ? "rejudge"
+                                                                    : "phase";
+  absl::StatusOr<RecordHead> head = context.record.Head(reader);
+  if (!head.ok()) return head.status();
+  withheld.head = *std::move(head);
+  return withheld;
+}
+
 }  // namespace
 
 void ProofResource::Install(Routes& routes) {
@@ -98,14 +127,25 @@ void ProofResource::Install(Routes& routes) {
 }
 
 ApiResult ProofResource::GetReceipt(const httplib::Request& request) const {
+  const absl::StatusOr<bool> reason = ReadFlag(request, "reason");
+  if (!reason.ok()) return ErrorOf(reason.status());
   absl::StatusOr<nlohmann::json> receipt = absl::InternalError("");
+  std::optional<WithheldReceipt> withheld;
   const absl::Status status = context_.readers.Read([&](Reader& reader) {
     receipt = AskedReceipt(request, reader, context_);
-    return receipt.status();
+    if (receipt.ok() || !*reason) return receipt.status();
+    absl::StatusOr<WithheldReceipt> why = WithheldFor(request, reader, context_, receipt.status());
+    if (why.ok()) withheld = *std::move(why);
+    return why.status();
   });
   if (!status.ok()) return ErrorOf(status);
   const absl::StatusOr<std::shared_ptr<const SigningKey>> key = context_.receipts_key.Get();
   if (!key.ok()) return ErrorOf(key.status());
+  if (withheld.has_value()) {
+    absl::StatusOr<nlohmann::json> json = SignWithheld(*withheld, **key);
+    if (!json.ok()) return ErrorOf(json.status());
+    return ApiAnswer{200, *std::move(json)};
+  }
   absl::StatusOr<std::string> text = SignReceipt(*receipt, **key);
   if (!text.ok()) return ErrorOf(text.status());
   return ApiAnswer{200, nlohmann::json::parse(*text)};

@@ -10,6 +10,7 @@
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
 #include "server/proof/seed_list.h"
+#include "server/store/record.h"
 
 namespace myograde::server {
 namespace {
@@ -98,7 +99,7 @@ absl::StatusOr<Json> ReceiptOf(Reader& reader, RecordLog& record, const Submissi
                   {"profile", submission.profile},
                   {"ranked", submission.ranked},
                   {"state", EvaluationStateName(evaluation.state)},
-                  {"artefact", submission.artefact},
+                  {"artefact", ArtefactCommitment(submission.id, submission.artefact)},
                   {"config", hash},
                   {"track_config", Json::parse(*config)},
                   {"seeds", SeedsOf(evaluation, submission)},

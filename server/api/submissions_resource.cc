@@ -104,6 +104,7 @@ ApiResult SubmissionsResource::Submit(const httplib::Request& request, const Jso
   absl::StatusOr<std::optional<Founding>> founding = FoundingFor(context_, asked->team);
   if (!founding.ok()) return ErrorOf(founding.status());
   asked->founding = *std::move(founding);
+  asked->organiser = CallerIsOrganiser();
   const absl::StatusOr<Accepted> accepted = context_.admission.Submit(*asked, CallerKey());
   if (!accepted.ok()) return TeamErrorOf(accepted.status(), asked->team);
   NoteAct(absl::StrCat("submission ", accepted->submission),

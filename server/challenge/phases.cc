@@ -93,7 +93,7 @@ absl::StatusOr<Phases> Phases::Make(std::vector<ChallengeConfig> challenges, con
       absl::StatusOr<TrackPtr> track = tracks.Find(config.track, config.profile);
       if (!track.ok()) return track.status();
       absl::StatusOr<std::string> secret = "";
-      if (config.committed != 0) secret = secret_of(config.name);
+      if (config.committed != 0) secret = secret_of(config);
       if (!secret.ok()) {
         phases.unusable_.emplace(config.name, secret.status());
         continue;
@@ -208,8 +208,34 @@ PhaseStatus StatusOfPhase(const PhaseConfig& phase, std::span<const PhaseEventRo
   } else {
     status.state = status.pause.has_value() ? PhaseState::kPaused : PhaseState::kOpen;
   }
+  // Whoever knows the seeds can train on them, whatever the calendar says.
+  if (status.revealed) status.state = PhaseState::kClosed;
   status.frozen = now >= phase.freezes && !status.published && !status.revealed;
   return status;
+}
+
+absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
+    std::span<const ChallengeConfig> challenges, Reader& reader, absl::Time now) {
+  const absl::StatusOr<std::vector<PhaseEventRow>> events = reader.PhaseEvents(std::nullopt);
+  if (!events.ok()) return events.status();
+  std::vector<std::string> found;
+  for (const ChallengeConfig& challenge : challenges) {
+    for (const PhaseConfig& phase : challenge.phases) {
+      const std::string place = absl::StrCat(challenge.where, ": phase \"", phase.name, "\": ");
+      const absl::Status secret = phase.committed == 0
+                                      ? absl::OkStatus()
+                                      : reader.CheckPhaseSecret(phase.name, challenge.name);
+      if (!secret.ok()) {
+        found.push_back(absl::StrCat(place, secret.message()));
+      } else if (StatusOfPhase(phase, *events, now).revealed && now < phase.closes) {
+        found.push_back(absl::StrCat(
+            place, "its seeds were revealed in this store, so it takes nothing any more, and its "
+            "times would keep it open; set \"closes_at\" back to when it closed, or give a new phase "
+            "another name"));
+      }
+    }
+  }
+  return found;
 }
 
 absl::Status CheckOpen(const PhaseConfig& phase, absl::Time now) {

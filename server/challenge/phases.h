@@ -16,6 +16,7 @@
 #include "protocol/base/mutex.h"
 #include "server/challenge/challenge.h"
 #include "server/grading/tracks.h"
+#include "server/store/reader.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {
@@ -29,7 +30,7 @@ struct Phase {
 using PhasePtr = std::shared_ptr<const Phase>;
 
 // The secret of a phase with committed seeds, 32 bytes.
-using SecretOfPhase = std::function<absl::StatusOr<std::string>(const std::string& phase)>;
+using SecretOfPhase = std::function<absl::StatusOr<std::string>(const PhaseConfig& phase)>;
 
 // The phases of all challenges. What they are never changes, only what each plays. Safe to use from
 // any thread: a reader gets what is played at that moment.
@@ -94,6 +95,12 @@ struct PhaseStatus {
 // id; those of other phases are ignored.
 PhaseStatus StatusOfPhase(const PhaseConfig& phase, std::span<const PhaseEventRow> events,
                           absl::Time now);
+
+// Where a store contradicts challenges, one sentence for each phase with the file and what to do: its
+// seeds were revealed, and its times would let submissions in again; or its secret can't be had
+// (Reader::CheckPhaseSecret). Errors of Reader::PhaseEvents.
+absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
+    std::span<const ChallengeConfig> challenges, Reader& reader, absl::Time now);
 
 // Whether the calendar lets a submission in. FailedPreconditionError with the code "phase_closed"
 // says when the phase opens, or closed.

@@ -242,7 +242,7 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   if (!phases.ok()) return phases.status();
   absl::Status overlaid = TakeConfigsInForce(**store, readers, tracks, *phases);
   if (!overlaid.ok()) return overlaid;
-  if (absl::Status status = LogPhases(*phases, readers); !status.ok()) return status;
+  if (absl::Status status = LogPhases(*phases, readers, clock.Now()); !status.ok()) return status;
   const absl::StatusOr<std::vector<Damage>> damaged = FillStandings(**store, readers);
   if (!damaged.ok()) return damaged.status();
   for (const Damage& damage : *damaged) spdlog::error("{}", DamageText(damage));

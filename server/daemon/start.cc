@@ -17,10 +17,10 @@
 namespace myograde::server {
 
 absl::StatusOr<Phases> MakePhases(const DaemonConfigs& configs, Store& store) {
-  const auto secret_of = [&](const std::string& phase) {
+  const auto secret_of = [&](const PhaseConfig& phase) {
     absl::StatusOr<std::string> secret = absl::InternalError("");
     const absl::Status written = store.Write([&](Writer& writer) {
-      secret = writer.PhaseSecret(phase);
+      secret = writer.PhaseSecret(phase.name, phase.challenge);
       return secret.status();
     });
     return written.ok() ? secret : absl::StatusOr<std::string>(written);
@@ -84,11 +84,21 @@ void WarnOfFilteredPackets(const DaemonConfigs& configs, bool handed) {
       absl::StrJoin(wanted, ", "));
 }
 
-absl::Status LogPhases(const Phases& phases, ReaderPool& readers) {
+absl::Status LogPhases(const Phases& phases, ReaderPool& readers, absl::Time now) {
   for (const auto& [name, why] : phases.unusable()) {
     spdlog::error("phase \"{}\" takes nothing: {}", name, std::string(why.message()));
   }
   return readers.Read([&](Reader& reader) {
+    std::vector<ChallengeConfig> usable = phases.challenges();
+    for (ChallengeConfig& challenge : usable) {
+      std::erase_if(challenge.phases, [&](const PhaseConfig& phase) {
+        return phases.unusable().contains(phase.name);
+      });
+    }
+    const auto contradicted = CheckAgainstStore(usable, reader, now);
+    for (const std::string& sentence : contradicted.value_or(std::vector<std::string>())) {
+      spdlog::error("{}", sentence);
+    }
     const absl::StatusOr<std::vector<PhaseUse>> uses = reader.PhasesInUse();
     if (!uses.ok()) {
       spdlog::error("{}", std::string(uses.status().message()));

@@ -5,6 +5,7 @@
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
+#include <absl/time/time.h>
 
 #include "server/api/record_log.h"
 #include "server/challenge/phases.h"
@@ -25,7 +26,7 @@ absl::Status TakeConfigsInForce(Store& store, ReaderPool& readers, Tracks& track
 absl::Status SetWebhooks(const std::vector<Webhook>& webhooks, Store& store);
 
 // Logs what an organiser may have changed without meaning to.
-absl::Status LogPhases(const Phases& phases, ReaderPool& readers);
+absl::Status LogPhases(const Phases& phases, ReaderPool& readers, absl::Time now);
 
 // Adds the key that signs to the public record, and logs where the record was changed. A record
 // without entries stays so, as an import needs an empty store.

@@ -83,6 +83,35 @@ bool IsHeadSigned(std::string_view text, const PublicKey& key) {
          key.Verify(CanonicalJson(At(json, "head")), StringIn(signature, "value"));
 }
 
+absl::StatusOr<Json> SignWithheld(const WithheldReceipt& withheld, const SigningKey& key) {
+  Json json = {{"evaluation", withheld.evaluation},
+               {"reason", withheld.reason},
+               {"head", HeadToJson(withheld.head)}};
+  absl::StatusOr<std::string> signature = key.Sign(CanonicalJson(json));
+  if (!signature.ok()) return signature.status();
+  return Json{{"withheld", std::move(json)},
+              {"signature", {{"algorithm", "ed25519"}, {"value", *std::move(signature)}}}};
+}
+
+absl::StatusOr<WithheldReceipt> CheckWithheld(const Json& json, const PublicKey& key) {
+  const Json& content = At(json, "withheld");
+  const Json& signature = At(json, "signature");
+  const bool good = StringIn(signature, "algorithm") == "ed25519" &&
+                    key.Verify(CanonicalJson(content), StringIn(signature, "value"));
+  if (!good) {
+    return absl::PermissionDeniedError(
+        "a reason why a receipt is missing was not signed with this key, as version 1.0.0 of the "
+        "server signed none, or was altered since; export the record again");
+  }
+  WithheldReceipt read{CountIn(content, "evaluation"), StringIn(content, "reason"), {}};
+  absl::StatusOr<RecordHead> head = HeadOfJson(At(content, "head"));
+  if (!head.ok() || content.size() != 3 || read.evaluation < 0) {
+    return absl::DataLossError("this is no reason why a receipt is missing");
+  }
+  read.head = *std::move(head);
+  return read;
+}
+
 nlohmann::json EntryProofToJson(const EntryProof& proof) {
   return {{"entry", proof.index},
           {"content", proof.content},

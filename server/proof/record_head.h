@@ -36,6 +36,21 @@ absl::StatusOr<RecordHead> ParseHead(std::string_view text);
 // Whether `text`, which ParseHead has read, was signed with this key.
 bool IsHeadSigned(std::string_view text, const PublicKey& key);
 
+// What stands in a copy of the record in place of a receipt that is not public, signed as heads are:
+//
+//   {"signature": {...}, "withheld": {"evaluation": N, "head": {...}, "reason": "phase"}}
+//
+// It is of the very record that `head` is of, so that nobody can use it for an earlier or a later one.
+struct WithheldReceipt {
+  int64_t evaluation = 0;
+  // "phase": it withholds results; "rejudge": it was never applied; "unreadable": a row is damaged.
+  std::string reason;
+  RecordHead head;
+};
+absl::StatusOr<nlohmann::json> SignWithheld(const WithheldReceipt& withheld, const SigningKey& key);
+// DataLossError if it is none; PermissionDeniedError if it was not signed with this key.
+absl::StatusOr<WithheldReceipt> CheckWithheld(const nlohmann::json& json, const PublicKey& key);
+
 // What a receipt has as "record": the entry, and the proof that it is the last one of the tree that
 // it made.
 //

@@ -42,6 +42,9 @@ absl::Status Writer::AddUpload(const ArtefactRow& artefact, const NewUpload& upl
                                const UnsubmittedLimits& limits) {
   if (absl::Status status = CheckNotBanned(db_, upload.team); !status.ok()) return status;
   const std::string team = KnownTeam(db_, upload.team);
+  SQLite::Statement holder(db_, "INSERT INTO artefact_holder VALUES (?, ?, ?) ON CONFLICT DO NOTHING");
+  SQLite::bind(holder, artefact.hash, upload.uploader, team);
+  holder.exec();
   SQLite::Statement submitted(db_, "SELECT 1 FROM submission WHERE artefact = ? LIMIT 1");
   submitted.bind(1, artefact.hash);
   if (submitted.executeStep()) return absl::OkStatus();
@@ -156,8 +159,7 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
   SQLite::Statement artefact(db_, "SELECT 1 FROM artefact WHERE hash = ?");
   artefact.bind(1, asked.artefact);
   if (!artefact.executeStep()) {
-    return absl::NotFoundError(
-        absl::StrCat("there is no artefact ", asked.artefact, "; upload it first"));
+    return UnknownArtefact(asked.artefact);
   }
   // In this transaction, so that of two names that look alike the second is rejected.
   absl::StatusOr<std::string> team = TeamNamed(db_, asked.team);
@@ -172,7 +174,7 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
   }
   // A submission that was accepted before is found above, however late its answer is asked for.
   if (!submission.closed.ok()) return submission.closed;
-  if (absl::Status status = CheckNotPaused(submission.phase); !status.ok()) return status;
+  if (absl::Status status = CheckTakesSubmissions(submission.phase); !status.ok()) return status;
   const Budget budget = submission.ranked ? Budget::kRanked : Budget::kPractice;
   const QuotaUse use = ReadQuotaUse(db_, submission.team, submission.track, submission.phase, now_ms_);
   if (absl::Status status =

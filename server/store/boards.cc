@@ -207,27 +207,50 @@ std::vector<int64_t> Reader::AppliedRejudges(const std::string& to_config,
   return rejudges;
 }
 
+std::map<int64_t, int64_t> EvaluationsInForce(
+    const std::vector<EndedResult>& originals,
+    const std::vector<std::vector<EndedResult>>& rejudges) {
+  std::map<int64_t, int64_t> in_force;
+  const auto apply = [&](const std::vector<EndedResult>& results) {
+    for (const EndedResult& result : results) {
+      in_force.erase(result.submission);
+      if (result.done) in_force.emplace(result.submission, result.evaluation);
+    }
+  };
+  apply(originals);
+  for (const std::vector<EndedResult>& results : rejudges) apply(results);
+  return in_force;
+}
+
+std::set<int64_t> StandingChoices(const std::vector<TeamChoice>& choices) {
+  std::map<int64_t, int64_t> by_team;
+  for (const TeamChoice& choice : choices) {
+    if (choice.of_board || choice.rejudged) by_team[choice.team] = choice.submission;
+  }
+  std::set<int64_t> chosen;
+  for (const auto& [team, submission] : by_team) chosen.insert(submission);
+  return chosen;
+}
+
 InForce Reader::StandingsInForce(const std::string& config, const BoardMoment& moment) {
   InForce found;
-  // A row of damage stands for its submission's.
-  const auto ended_then = [&](const StandingRow& row) {
+  std::map<int64_t, StandingRow> rows;  // by evaluation
+  std::vector<EndedResult> originals;
+  std::vector<std::vector<EndedResult>> rejudged;
+  // Until it has ended, the result before stands. A row of damage stands for its submission's.
+  const auto add = [&](StandingRow row, bool done, std::vector<EndedResult>& results) {
     if (row.finished_at >= moment.results_before_ms()) {
       found.withheld |= row.finished_at < moment.before_ms;
-      return false;
+      return;
     }
-    return true;
+    results.push_back({row.submission, row.evaluation, done});
+    if (done) rows.emplace(row.evaluation, std::move(row));
   };
-  Listed<StandingRow> originals = Standings(config);
-  found.damaged = std::move(originals.damaged);
-  std::erase_if(originals.rows, [&](const StandingRow& row) { return !ended_then(row); });
-  const std::vector<int64_t> rejudges = AppliedRejudges(config, moment);
-  if (rejudges.empty()) {
-    found.rows = std::move(originals.rows);
-    return found;
-  }
-  std::map<int64_t, StandingRow> rows;
-  for (StandingRow& row : originals.rows) rows.emplace(row.submission, std::move(row));
-  for (const int64_t rejudge : rejudges) {
+  Listed<StandingRow> own = Standings(config);
+  found.damaged = std::move(own.damaged);
+  for (StandingRow& row : own.rows) add(std::move(row), /*done=*/true, originals);
+  for (const int64_t rejudge : AppliedRejudges(config, moment)) {
+    std::vector<EndedResult>& results = rejudged.emplace_back();
     SQLite::Statement select(
         db_, absl::StrCat(kStandingColumns, "FROM rejudge_item AS i "
                           "LEFT JOIN submission AS s ON s.id = i.submission ", kStandingNames,
@@ -242,18 +265,17 @@ InForce Reader::StandingsInForce(const std::string& config, const BoardMoment& m
       const StoredRow row = CandidateOf(select, candidate);
       if (!row.ok()) {
         found.damaged.push_back(*row.damage());
-        rows.erase(candidate.standing.submission);
+        results.push_back({candidate.standing.submission, 0, /*done=*/false});
         continue;
       }
-      // Until it has ended, the result before stands.
-      if (!ended_then(candidate.standing)) continue;
-      rows.erase(candidate.standing.submission);
-      if (candidate.banned || candidate.state != EvaluationState::kDone) continue;
       candidate.standing.rejudge = rejudge;
-      rows.emplace(candidate.standing.submission, std::move(candidate.standing));
+      add(std::move(candidate.standing),
+          !candidate.banned && candidate.state == EvaluationState::kDone, results);
     }
   }
-  for (auto& [submission, row] : rows) found.rows.push_back(std::move(row));
+  for (const auto& [submission, evaluation] : EvaluationsInForce(originals, rejudged)) {
+    found.rows.push_back(std::move(rows.at(evaluation)));
+  }
   return found;
 }
 
@@ -284,18 +306,19 @@ int64_t Reader::BoardChangedAt(const std::string& config, const std::string& pha
 std::set<int64_t> Reader::Choices(const std::string& config, const BoardMoment& moment) {
   const std::string rejudges = absl::StrJoin(AppliedRejudges(config, moment), ", ");
   SQLite::Statement select(
-      db_, absl::StrCat("SELECT c.submission, max(c.id) FROM choice AS c "
-                        "JOIN submission AS s ON s.id = c.submission "
-                        "JOIN team AS t ON t.id = c.team_id WHERE c.at < ?2 AND (s.config = ?1 ",
-                        rejudges.empty()
-                            ? ""
-                            : absl::StrCat("OR EXISTS (SELECT 1 FROM rejudge_item AS i WHERE "
-                                           "i.submission = s.id AND i.rejudge IN (", rejudges, "))"),
-                        ") GROUP BY ifnull(t.merged_into, t.id)"));
+      db_, absl::StrCat("SELECT ifnull(t.merged_into, t.id), c.submission, s.config = ?1, EXISTS ("
+                        "SELECT 1 FROM rejudge_item AS i JOIN evaluation AS e ON e.id = i.evaluation "
+                        "WHERE i.submission = s.id AND i.repetition = 1 AND e.finished_at < ?2 AND "
+                        "i.rejudge IN (", rejudges,
+                        ")) FROM choice AS c JOIN submission AS s ON s.id = c.submission "
+                        "JOIN team AS t ON t.id = c.team_id WHERE c.at < ?2 ORDER BY c.id"));
   SQLite::bind(select, config, moment.results_before_ms());
-  std::set<int64_t> chosen;
-  while (select.executeStep()) chosen.insert(select.getColumn(0).getInt64());
-  return chosen;
+  std::vector<TeamChoice> choices;
+  while (select.executeStep()) {
+    choices.push_back({select.getColumn(0).getInt64(), select.getColumn(1).getInt64(),
+                       select.getColumn(2).getInt() != 0, select.getColumn(3).getInt() != 0});
+  }
+  return StandingChoices(choices);
 }
 
 std::vector<OtherConfig> Reader::OtherConfigs(const BoardName& board, const std::string& config,

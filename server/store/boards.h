@@ -2,7 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <set>
 #include <string>
+#include <vector>
 
 namespace myograde::server {
 
@@ -54,6 +57,34 @@ struct OtherConfig {
   int64_t first_at = 0;     // when the earliest and the latest of them were accepted
   int64_t last_at = 0;
 };
+
+// A result that has ended. `done`: it may stand on a board.
+struct EndedResult {
+  int64_t submission = 0;
+  int64_t evaluation = 0;
+  bool done = false;
+};
+
+// The evaluation by which each submission stands on a board: its own, in whose place each applied
+// rejudge, the earliest first, puts the one that it ended with. One that ended without a result takes
+// the submission off. Pure, as is StandingChoices: the store and the check of the public record share
+// them, so that both have the same board.
+std::map<int64_t, int64_t> EvaluationsInForce(
+    const std::vector<EndedResult>& originals,
+    const std::vector<std::vector<EndedResult>>& rejudges);
+
+// That a team chose a submission to stand with.
+struct TeamChoice {
+  int64_t team = 0;        // in force
+  int64_t submission = 0;
+  bool of_board = false;   // the submission is under the board's config
+  bool rejudged = false;   // an applied rejudge has ended for it, with a result or without
+};
+
+// The submission that each team stands with where teams choose: its newest choice of those that
+// belong to the board. If that one has no result, the team is not on the board. `choices`: the oldest
+// first.
+std::set<int64_t> StandingChoices(const std::vector<TeamChoice>& choices);
 
 // What a rejudge has to do with an evaluation.
 struct RejudgeSight {

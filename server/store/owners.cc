@@ -4,6 +4,7 @@
 #include "server/store/connection.h"
 #include "server/store/episode_log.h"
 #include "server/store/reader.h"
+#include "server/store/teams.h"
 
 namespace myograde::server {
 namespace {
@@ -15,6 +16,34 @@ std::optional<std::string> NameIn(SQLite::Statement& select) {
 }
 
 }  // namespace
+
+bool Reader::MaySubmitArtefact(const std::string& hash, const std::string& who,
+                               const std::string& team) {
+  return UploadedArtefact(hash, who) || (!team.empty() && TeamHoldsArtefact(hash, team));
+}
+
+bool Reader::UploadedArtefact(const std::string& hash, const std::string& who) {
+  SQLite::Statement select(
+      db_, "SELECT 1 FROM artefact_holder WHERE artefact = ? AND uploader = ? LIMIT 1");
+  SQLite::bind(select, hash, who);
+  return select.executeStep();
+}
+
+bool Reader::TeamHoldsArtefact(const std::string& hash, const std::string& team) {
+  SQLite::Statement submitted(
+      db_, absl::StrCat("SELECT 1 FROM submission WHERE artefact = ?1 AND team_id IN ",
+                        RowsOfTeam(2), " LIMIT 1"));
+  SQLite::bind(submitted, hash, KnownTeamId(db_, team));
+  if (submitted.executeStep()) return true;
+  // By name, as a new team has no row before its first submission.
+  SQLite::Statement select(
+      db_, "SELECT DISTINCT team FROM artefact_holder WHERE artefact = ? AND team != ''");
+  select.bind(1, hash);
+  while (const std::optional<std::string> name = NameIn(select)) {
+    if (TeamOf(*name) == TeamOf(team)) return true;
+  }
+  return false;
+}
 
 absl::StatusOr<std::string> Reader::TeamOfSubmission(int64_t id) {
   SQLite::Statement select(db_, "SELECT t.name FROM submission AS s JOIN team AS t "

@@ -1,8 +1,10 @@
 // The phases of challenges: what happened to them, their secrets, and the choices of teams.
+#include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/sha256.h"
 #include "server/base/random_bytes.h"
 #include "server/store/connection.h"
 #include "server/store/reader.h"
@@ -41,20 +43,89 @@ absl::StatusOr<std::optional<PhaseEventRow>> Newest(SQLite::Database& db, const 
   return std::optional(std::move(event));
 }
 
+struct SecretRow {
+  std::string secret;
+  std::string challenge;  // whose phase it is; "": not known yet
+};
+
 // nullopt: none was drawn.
-absl::StatusOr<std::optional<std::string>> FindSecret(SQLite::Database& db,
-                                                      const std::string& phase) {
-  SQLite::Statement select(db, "SELECT secret FROM phase_secret WHERE phase = ?");
+absl::StatusOr<std::optional<SecretRow>> FindSecret(SQLite::Database& db,
+                                                    const std::string& phase) {
+  SQLite::Statement select(db, "SELECT secret, challenge FROM phase_secret WHERE phase = ?");
   select.bind(1, phase);
-  if (!select.executeStep()) return std::optional<std::string>();
+  if (!select.executeStep()) return std::optional<SecretRow>();
   StoredRow row(select, "phase_secret", phase);
-  std::string secret = row.Blob(0);
+  SecretRow found{row.Blob(0), row.Text(1)};
   // A secret that can't be read is not shown either.
-  if (!row.ok() || std::ssize(secret) != kPhaseSecretBytes) {
+  if (!row.ok() || std::ssize(found.secret) != kPhaseSecretBytes) {
     return DamagedRow({"phase_secret", phase, absl::StrCat("its \"secret\" is not ",
                                                            kPhaseSecretBytes, " bytes")});
   }
-  return std::optional(std::move(secret));
+  return std::optional(std::move(found));
+}
+
+// What the record has committed to for a phase, the oldest first.
+std::vector<std::string> CommitmentsOf(SQLite::Database& db, const std::string& phase) {
+  SQLite::Statement select(db, "SELECT entry_json FROM record WHERE kind = 'commitment' ORDER BY id");
+  std::vector<std::string> found;
+  while (select.executeStep()) {
+    const nlohmann::json entry =
+        nlohmann::json::parse(select.getColumn(0).getString(), nullptr, false);
+    if (!entry.is_object() || entry.value("phase", nlohmann::json()) != phase) continue;
+    const nlohmann::json commitment = entry.value("commitment", nlohmann::json());
+    if (commitment.is_string()) found.push_back(commitment.get<std::string>());
+  }
+  return found;
+}
+
+bool HasRow(SQLite::Database& db, const char* query, const std::string& phase) {
+  SQLite::Statement select(db, query);
+  select.bind(1, phase);
+  return select.executeStep();
+}
+
+bool IsRevealed(SQLite::Database& db, const std::string& phase) {
+  return HasRow(db, "SELECT 1 FROM phase_event WHERE phase = ? AND event = 'revealed' LIMIT 1", phase);
+}
+
+absl::Status RevealedError(const std::string& phase) {
+  return WithErrorCode(
+      absl::FailedPreconditionError(absl::StrCat(
+          "the seeds of phase \"", phase, "\" were revealed, so it takes no submission any more; "
+          "give a new phase a name that no phase of this server had")),
+      "phase_revealed");
+}
+
+// Why a phase without a secret must not draw one: what was played or published followed from another.
+// `further`: the secret is for further episodes of a phase with public seeds.
+absl::Status CheckNeverUsed(SQLite::Database& db, const std::string& phase, bool further) {
+  const bool committed = !CommitmentsOf(db, phase).empty();
+  const bool used =
+      HasRow(db, "SELECT 1 FROM submission WHERE phase = ? LIMIT 1", phase) ||
+      HasRow(db, "SELECT 1 FROM phase_event WHERE phase = ? LIMIT 1", phase);
+  if (!committed && (further || !used)) return absl::OkStatus();
+  return WithErrorCode(
+      absl::FailedPreconditionError(absl::StrCat(
+          "this store has ",
+          committed ? "the commitment to the secret of" : "submissions to or events of", " phase \"",
+          phase, "\" and not its secret, as after an import, and another secret would be another "
+          "phase; ",
+          committed ? "bring it over with \"myograde seeds export\" and \"myograde seeds import\""
+                    : "give a phase with hidden seeds a name that no phase of this server had")),
+      "no_secret");
+}
+
+absl::Status CheckBelongs(SQLite::Database& db, const std::string& phase, const SecretRow& secret,
+                          const std::string& challenge) {
+  if (secret.challenge.empty() || challenge.empty() || secret.challenge == challenge) {
+    return absl::OkStatus();
+  }
+  if (IsRevealed(db, phase)) return RevealedError(phase);
+  return WithErrorCode(
+      absl::FailedPreconditionError(absl::StrCat(
+          "the secret of phase \"", phase, "\" belongs to challenge \"", secret.challenge,
+          "\", so challenge \"", challenge, "\" can't use it; give the phase another name")),
+      "no_secret");
 }
 
 }  // namespace
@@ -88,7 +159,8 @@ absl::StatusOr<bool> Writer::AddPhaseEvent(const std::string& phase, const std::
   return true;
 }
 
-absl::Status Writer::CheckNotPaused(const std::string& phase) {
+absl::Status Writer::CheckTakesSubmissions(const std::string& phase) {
+  if (!phase.empty() && IsRevealed(db_, phase)) return RevealedError(phase);
   for (const std::string& scope : {std::string(), phase}) {
     const absl::StatusOr<std::optional<PhaseEventRow>> newest =
         Newest(db_, scope, kPausedEvent, kResumedEvent);
@@ -106,21 +178,73 @@ absl::Status Writer::CheckNotPaused(const std::string& phase) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::string> Writer::PhaseSecret(const std::string& phase) {
-  absl::StatusOr<std::optional<std::string>> there = FindSecret(db_, phase);
+absl::StatusOr<std::string> Writer::PhaseSecret(const std::string& phase,
+                                                const std::string& challenge) {
+  absl::StatusOr<std::optional<SecretRow>> there = FindSecret(db_, phase);
   if (!there.ok()) return there.status();
-  if (there->has_value()) return **std::move(there);
+  if (!there->has_value()) return DrawSecret(phase, challenge, /*further=*/false);
+  if (absl::Status status = CheckBelongs(db_, phase, **there, challenge); !status.ok()) return status;
+  if ((*there)->challenge.empty() && !challenge.empty()) {
+    SQLite::Statement update(db_, "UPDATE phase_secret SET challenge = ? WHERE phase = ?");
+    SQLite::bind(update, challenge, phase);
+    update.exec();
+  }
+  return (*std::move(*there)).secret;
+}
+
+absl::StatusOr<std::string> Writer::FurtherSecret(const std::string& phase) {
+  absl::StatusOr<std::optional<SecretRow>> there = FindSecret(db_, phase);
+  if (!there.ok()) return there.status();
+  if (there->has_value()) return (*std::move(*there)).secret;
+  return DrawSecret(phase, "", /*further=*/true);
+}
+
+absl::StatusOr<std::string> Writer::DrawSecret(const std::string& phase,
+                                               const std::string& challenge, bool further) {
+  if (absl::Status status = CheckNeverUsed(db_, phase, further); !status.ok()) return status;
   absl::StatusOr<std::string> secret = RandomBytes(kPhaseSecretBytes);
   if (!secret.ok()) return secret;
-  SQLite::Statement insert(
-      db_, "INSERT INTO phase_secret (phase, secret, created_at) VALUES (?, ?, ?)");
-  insert.bind(1, phase);
-  insert.bind(2, secret->data(), kPhaseSecretBytes);
-  insert.bind(3, now_ms_);
-  insert.exec();
-  const absl::Status recorded = AppendRecord(kCommitmentEntry, db_.getLastInsertRowid());
+  const absl::Status recorded =
+      AppendRecord(kCommitmentEntry, AddSecret(phase, challenge, *secret));
   if (!recorded.ok()) return recorded;
   return secret;
+}
+
+int64_t Writer::AddSecret(const std::string& phase, const std::string& challenge,
+                          const std::string& secret) {
+  SQLite::Statement insert(
+      db_, "INSERT INTO phase_secret (phase, secret, created_at, challenge) VALUES (?, ?, ?, ?)");
+  insert.bind(1, phase);
+  insert.bind(2, secret.data(), kPhaseSecretBytes);
+  insert.bind(3, now_ms_);
+  insert.bind(4, challenge);
+  insert.exec();
+  return db_.getLastInsertRowid();
+}
+
+absl::StatusOr<bool> Writer::TakeSecret(const std::string& phase, const std::string& secret) {
+  const absl::StatusOr<std::optional<SecretRow>> there = FindSecret(db_, phase);
+  if (!there.ok()) return there.status();
+  const std::vector<std::string> commitments = CommitmentsOf(db_, phase);
+  if (commitments.empty()) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "the record of this store has no commitment for phase \"", phase,
+        "\", so nothing shows that this is its secret; import the store's export first"));
+  }
+  const std::string commitment = Sha256Hex(absl::BytesToHexString(secret));
+  if (std::ssize(secret) != kPhaseSecretBytes || commitment != commitments.front()) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "this is not the secret of phase \"", phase, "\": its commitment is ", commitment,
+        ", and the record has ", commitments.front(), "; give the file that \"myograde seeds "
+        "export\" wrote where the phase was held"));
+  }
+  if (there->has_value() && (*there)->secret == secret) return false;
+  if (there->has_value()) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "phase \"", phase, "\" has another secret here, and a secret is never changed"));
+  }
+  AddSecret(phase, "", secret);
+  return true;
 }
 
 absl::StatusOr<bool> Writer::Choose(int64_t submission, const std::string& who) {
@@ -166,10 +290,17 @@ absl::StatusOr<std::vector<PhaseEventRow>> Reader::PhaseEvents(
 }
 
 absl::StatusOr<std::string> Reader::PhaseSecret(const std::string& phase) {
-  absl::StatusOr<std::optional<std::string>> secret = FindSecret(db_, phase);
+  absl::StatusOr<std::optional<SecretRow>> secret = FindSecret(db_, phase);
   if (!secret.ok()) return secret.status();
-  if (secret->has_value()) return **std::move(secret);
+  if (secret->has_value()) return (*std::move(*secret)).secret;
   return absl::NotFoundError(absl::StrCat("phase \"", phase, "\" has no committed seeds"));
+}
+
+absl::Status Reader::CheckPhaseSecret(const std::string& phase, const std::string& challenge) {
+  const absl::StatusOr<std::optional<SecretRow>> secret = FindSecret(db_, phase);
+  if (!secret.ok()) return secret.status();
+  if (secret->has_value()) return CheckBelongs(db_, phase, **secret, challenge);
+  return CheckNeverUsed(db_, phase, /*further=*/false);
 }
 
 absl::StatusOr<std::vector<PhaseUse>> Reader::PhasesInUse() {

@@ -134,7 +134,7 @@ absl::StatusOr<ArtefactRow> Reader::Artefact(const std::string& hash) {
                                 "environment_json, options_json FROM artefact WHERE hash = ?");
   select.bind(1, hash);
   if (!select.executeStep()) {
-    return absl::NotFoundError(absl::StrCat("there is no artefact ", hash, "; upload it first"));
+    return UnknownArtefact(hash);
   }
   StoredRow row(select, "artefact", hash);
   ArtefactRow artefact;

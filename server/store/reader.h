@@ -83,6 +83,11 @@ class Reader {
   explicit Reader(SQLite::Database& db) : db_(db) {}
 
   absl::StatusOr<ArtefactRow> Artefact(const std::string& hash);
+  // Whether `who` may submit an artefact for a team: they uploaded it themselves, or the team holds it.
+  bool MaySubmitArtefact(const std::string& hash, const std::string& who, const std::string& team);
+  bool UploadedArtefact(const std::string& hash, const std::string& who);
+  // Somebody uploaded it for the team, or the team submitted it.
+  bool TeamHoldsArtefact(const std::string& hash, const std::string& team);
   absl::StatusOr<SubmissionRow> Submission(int64_t id);
   Listed<SubmissionRow> Submissions(const SubmissionFilter& filter);
   absl::StatusOr<EvaluationRow> Evaluation(int64_t id);
@@ -174,6 +179,8 @@ class Reader {
   absl::StatusOr<std::vector<PhaseEventRow>> PhaseEvents(const std::optional<std::string>& phase);
   // NotFoundError: it has none; otherwise as Writer::PhaseSecret.
   absl::StatusOr<std::string> PhaseSecret(const std::string& phase);
+  // Why Writer::PhaseSecret would refuse.
+  absl::Status CheckPhaseSecret(const std::string& phase, const std::string& challenge);
   // The submission that each team stands with, of those on the board of a config where teams choose.
   std::set<int64_t> Choices(const std::string& config, const BoardMoment& moment);
   // Phases with submissions, by name.

@@ -15,7 +15,8 @@
 //   chosen     "submission"
 //   team       "event", "team_id", "team" (its name afterwards), "into" (the id of the team that it
 //              was merged into)
-//   commitment "phase" and "commitment": to the secret that its seeds and their salt follow from
+//   commitment "phase" and "commitment": to the secret that its seeds and their salt follow from; with
+//              "further": true, only the seeds of its further episodes do
 //   phase      "event" ("paused", "resumed", "published", "revealed"), "phase" (null: all
 //              submissions), and "secret" when it is revealed
 //   config     the config that a board has from now on: "phase", "track", "profile", "config",

@@ -160,13 +160,18 @@ MaybeEntry PhaseEventEntry(SQLite::Database& db, int64_t id) {
 
 // The commitment is that of server/proof/seed_list.h: over the secret's hexadecimal digits.
 MaybeEntry PhaseCommitmentEntry(SQLite::Database& db, int64_t rowid) {
-  SQLite::Statement select(db, "SELECT created_at, phase, secret FROM phase_secret WHERE rowid = ?");
+  SQLite::Statement select(
+      db, "SELECT created_at, phase, secret, EXISTS (SELECT 1 FROM submission AS s WHERE "
+          "s.phase = p.phase AND s.ranked = 1 AND s.accepted_at < p.created_at) "
+          "FROM phase_secret AS p WHERE p.rowid = ?");
   select.bind(1, rowid);
   if (!select.executeStep()) return std::nullopt;
   StoredRow row(select, "phase_secret", absl::StrCat(rowid));
   RecordEntry entry{.at = row.Time(0), .evaluation = 0, .content = {}};
   entry.content = {{"phase", row.Text(1)},
                    {"commitment", Sha256Hex(absl::BytesToHexString(row.Blob(2)))}};
+  // A phase's own secret is drawn before it takes anything (Writer::PhaseSecret).
+  if (row.Flag(3)) entry.content["further"] = true;
   return FinishedEntry(row, rowid, std::move(entry));
 }
 

@@ -1,5 +1,7 @@
 #include "server/store/rows.h"
 
+#include <absl/strings/str_cat.h>
+
 #include <array>
 #include <utility>
 
@@ -55,6 +57,10 @@ std::string_view EvaluationKindName(EvaluationKind kind) {
 
 std::optional<EvaluationKind> ParseEvaluationKind(std::string_view name) {
   return ParseIn<EvaluationKind>(kEvaluationKinds, name);
+}
+
+absl::Status UnknownArtefact(const std::string& hash) {
+  return absl::NotFoundError(absl::StrCat("there is no artefact ", hash, "; upload it first"));
 }
 
 const std::string& ConfigOf(const EvaluationRow& evaluation, const SubmissionRow& submission) {

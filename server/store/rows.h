@@ -39,6 +39,9 @@ struct ArtefactRow {
   std::optional<PolicyImage> image = {};
 };
 
+// NotFoundError: the store has no artefact of this hash, as far as whoever asks is to know.
+absl::Status UnknownArtefact(const std::string& hash);
+
 struct SubmissionRow {
   int64_t id = 0;  // the acceptance number
   std::string team;

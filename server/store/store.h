@@ -157,15 +157,16 @@ class Writer {
 
   // True if it is new.
   absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact);
-  // Records the uploader of an artefact whose files are about to be kept. Does nothing for one that
-  // was submitted. FailedPreconditionError with the code "quota" if over a limit.
+  // Records who uploaded an artefact whose files are here or about to be kept, and for which team. Only
+  // one that was never submitted counts against the limits. FailedPreconditionError with the code "quota" if over a limit.
   absl::Status AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
                          const UnsubmittedLimits& limits);
   // NotFoundError if the artefact is not in the store; a damaged row (damage.h) if the stored
   // config or seeds are not those given. FailedPreconditionError with the code "quota" if over a
   // quota, "same_artefact" for a second ranked evaluation of another team's artefact, "banned" for a
   // banned team, "look_alike" for a new team whose name looks like another's (ResembledTeam),
-  // "paused" if all submissions or those to the phase are paused; submission.closed.
+  // "paused" if all submissions or those to the phase are paused, "phase_revealed" if its seeds were
+  // revealed; submission.closed.
   // InvalidArgumentError for a name
   // that no new team may have. Other operations that take a team have the same name errors.
   absl::StatusOr<Accepted> Accept(const NewSubmission& submission, const AdmissionRules& rules,
@@ -266,9 +267,18 @@ class Writer {
   // is paused is not paused again for the same reason, nor published or revealed twice.
   absl::StatusOr<bool> AddPhaseEvent(const std::string& phase, const std::string& event,
                                      const std::string& who, const std::string& why);
-  // The secret of a phase, 32 bytes, drawn when it is first asked for. A damaged row (damage.h) if it
-  // is not that long.
-  absl::StatusOr<std::string> PhaseSecret(const std::string& phase);
+  // The secret of a challenge's phase with hidden seeds, 32 bytes, drawn when it is first asked for and
+  // committed to in the record. A damaged row (damage.h) if it is not that long. FailedPreconditionError
+  // with the code "no_secret": it belongs to another challenge, or there is none although the store has
+  // a commitment, submissions or events of the phase; "phase_revealed": another challenge's, which was
+  // revealed. `challenge` "": whichever it is.
+  absl::StatusOr<std::string> PhaseSecret(const std::string& phase,
+                                          const std::string& challenge = "");
+  // The same for further episodes of a phase, which may have been played with public seeds before.
+  absl::StatusOr<std::string> FurtherSecret(const std::string& phase);
+  // Keeps the secret of a phase that was held elsewhere, and whose record was imported; true if it is
+  // new here. FailedPreconditionError: it is not the one that the record has committed to first.
+  absl::StatusOr<bool> TakeSecret(const std::string& phase, const std::string& secret);
   // Makes a submission the one that its team stands with among those under the same config; true if
   // that changed anything. NotFoundError if there is no such submission; FailedPreconditionError if
   // it is not ranked, or not done.
@@ -362,8 +372,13 @@ class Writer {
   // The ranked evaluation that rules out another one; nullopt: none.
   absl::StatusOr<std::optional<Accepted>> FindOfficial(const NewSubmission& submission,
                                                        const AdmissionRules& rules);
-  // FailedPreconditionError with the code "paused".
-  absl::Status CheckNotPaused(const std::string& phase);
+  // FailedPreconditionError with the code "paused" or "phase_revealed".
+  absl::Status CheckTakesSubmissions(const std::string& phase);
+  absl::StatusOr<std::string> DrawSecret(const std::string& phase, const std::string& challenge,
+                                         bool further);
+  // Returns the row's id.
+  int64_t AddSecret(const std::string& phase, const std::string& challenge,
+                    const std::string& secret);
   void AddDetails(const EpisodeRow& row);
   void CopyDetails(int64_t from, int64_t to);  // between evaluations with the same episodes
   void ChargeFirstEpisode(int64_t evaluation, const std::string& why);

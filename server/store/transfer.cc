@@ -31,7 +31,8 @@ constexpr char kBytes[] = "bytes";  // the key of a value that is neither text n
 // SQLite's own tables.
 constexpr char kExportedTables[] =
     "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' AND "
-    "name NOT IN ('meta', 'standing', 'board_state', 'team_look', 'upload', 'phase_secret', "
+    "name NOT IN ('meta', 'standing', 'board_state', 'team_look', 'upload', 'artefact_holder', "
+    "'phase_secret', "
     "'token', 'request_key', 'access_event', 'delivery') ORDER BY name";
 
 struct Table {

@@ -40,7 +40,7 @@ void CheckPhase(const PhaseConfig& phase) {
 void CheckPlayed(const ChallengeConfig& challenge) {
   const absl::StatusOr<Phases> phases =
       Phases::Make({challenge}, ShippedTracksForChallenges(),
-                   [](const std::string&) { return std::string(32, 's'); });
+                   [](const PhaseConfig&) { return std::string(32, 's'); });
   Require(phases.ok() && phases->any(), "a challenge without a mistake can be held");
   Require(phases->entries().size() == challenge.phases.size(), "every phase can be played");
   for (const PhasePtr& phase : phases->entries()) {

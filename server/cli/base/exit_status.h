@@ -15,6 +15,7 @@ enum Exit : int {
   kWrongUse = 2,     // arguments, files or ids that can't be used
   kUnreachable = 3,  // no daemon answers
   kTrouble = 4,      // the grader or its host
+  kIncomplete = 5,   // nothing wrong was found, and not everything could be checked
 };
 
 // What a verb does once its arguments are parsed; returns the exit status.

@@ -108,15 +108,10 @@ absl::Status RecordExporter::WriteReceipt(const Json& entry) {
   const int64_t evaluation = entry.value("evaluation", int64_t{0});
   const absl::StatusOr<Json> receipt =
       client_.Get(absl::StrCat("/v1/submissions/", entry.value("submission", int64_t{0}),
-                               "/receipt?evaluation=", evaluation, "&public=true"));
-  if (!receipt.ok()) {
-    const std::string code = AnsweredCode(receipt.status());
-    const bool rejudge = !entry.value("rejudge", Json()).is_null();
-    if (code != "withheld" && code != "damaged_row") return receipt.status();
-    withheld_.push_back({{"evaluation", evaluation},
-                         {"reason", code == "damaged_row" ? "unreadable"
-                                    : rejudge             ? "rejudge"
-                                                          : "phase"}});
+                               "/receipt?evaluation=", evaluation, "&public=true&reason=true"));
+  if (!receipt.ok()) return receipt.status();
+  if (receipt->contains("withheld")) {
+    withheld_.push_back(*receipt);
     return absl::OkStatus();
   }
   const Json body = receipt->value("receipt", Json::object());

@@ -12,6 +12,7 @@
 #include "protocol/base/config_reader.h"
 #include "server/base/counted.h"
 #include "server/challenge/challenge.h"
+#include "server/challenge/phases.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
@@ -30,6 +31,7 @@ using Json = nlohmann::json;
 struct CheckOptions {
   HostOptions host;
   std::vector<std::string> files;
+  std::string data;  // a daemon's folder whose store is looked at too; "": none
   bool json = false;
 };
 
@@ -97,13 +99,37 @@ int PrintFindings(const CheckOptions& options, const ChallengeFindings& found,
   return found.mistakes.empty() ? kDone : kWrongUse;
 }
 
+// What the store of a daemon with these challenges contradicts.
+absl::Status AddStoreMistakes(const std::string& data,
+                              const std::vector<ChallengeConfig>& challenges, absl::Time now,
+                              std::vector<std::string>& mistakes) {
+  std::error_code error;
+  if (!fs::exists(data + "/store.db", error)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(data, ": has no store.db; name the daemon's folder of data"));
+  }
+  ReaderPool readers(data + "/store.db");
+  absl::Status status = readers.Read([&](Reader& reader) {
+    absl::StatusOr<std::vector<std::string>> found = CheckAgainstStore(challenges, reader, now);
+    if (!found.ok()) return found.status();
+    mistakes.insert(mistakes.end(), found->begin(), found->end());
+    return absl::OkStatus();
+  });
+  return HostStatus("challenge check", status);
+}
+
 int CheckFiles(const CheckOptions& options) {
   const absl::StatusOr<Tracks> tracks = Tracks::Load(options.host.configs_dir() + "/tracks");
   if (!tracks.ok()) return ReportError(tracks.status());
   std::vector<std::string> mistakes;
   const std::vector<ChallengeConfig> challenges = ChallengesWith(options, mistakes);
   // What can be read is checked even if the rest can't be.
-  ChallengeFindings found = CheckChallenges(challenges, *tracks, SystemClock().Now());
+  const absl::Time now = SystemClock().Now();
+  ChallengeFindings found = CheckChallenges(challenges, *tracks, now);
+  if (!options.data.empty()) {
+    const absl::Status looked = AddStoreMistakes(options.data, challenges, now, found.mistakes);
+    if (!looked.ok()) return ReportError(looked);
+  }
   found.mistakes.insert(found.mistakes.begin(), mistakes.begin(), mistakes.end());
   return PrintFindings(options, found, challenges);
 }
@@ -122,6 +148,9 @@ Action AddChallenge(CLI::App& verb) {
   check->add_option("FILE", options->files,
                     "Challenge files, checked together with those of the configs (default: those "
                     "alone)");
+  check->add_option("--data", options->data,
+                    "A daemon's folder of data: also find what its store contradicts, such as a phase "
+                    "that was revealed and would open again");
   AddJson(*check, "challenge-check", options->json);
   AddHostOptions(*check, options->host);
   check->callback([=] { *chosen = [=] { return CheckFiles(*options); }; });

@@ -16,6 +16,7 @@
 #include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 #include "server/grading/tracks.h"
+#include "server/proof/receipt.h"
 
 namespace myograde::server {
 namespace {
@@ -200,10 +201,26 @@ absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
     return absl::InvalidArgumentError(
         "the numbers that it names do not follow from its episodes");
   }
-  ReceivedResult result = {
-      .done = done, .name = StringAt(receipt, "name"), .standing = StandingOf(*track, *aggregate)};
+  ReceivedResult result = {.done = done,
+                           .hides_seeds = HidesSeeds(receipt),
+                           .name = StringAt(receipt, "name"),
+                           .standing = StandingOf(*track, *aggregate)};
   result.standing.aggregate_json = CanonicalJson(numbers);
   return result;
+}
+
+std::vector<int64_t> UnknownResults(const RecordState& record,
+                                    const std::map<int64_t, ReceivedResult>& results,
+                                    const std::string& config) {
+  std::vector<int64_t> unknown;
+  for (const auto& [submission, evaluation] : record.InForce(config)) {
+    const RecordedTeam* team = record.TeamOf(submission);
+    const auto marks = record.marks().find(submission);
+    const bool off = (team != nullptr && team->banned) ||
+                     (marks != record.marks().end() && marks->second.contains(kHidden));
+    if (!off && !results.contains(evaluation)) unknown.push_back(evaluation);
+  }
+  return unknown;
 }
 
 absl::StatusOr<std::string> BoardText(const RecordState& record,

@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <vector>
 
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
@@ -18,6 +19,7 @@ namespace myograde::server {
 // What boards need of a receipt that holds.
 struct ReceivedResult {
   bool done = false;  // a failed one stands on no board
+  bool hides_seeds = false;
   std::string name;   // of the artefact
   Standing standing;
 };
@@ -38,7 +40,13 @@ absl::StatusOr<RecordedConfig> ReadRecordedConfig(const nlohmann::json& config);
 // InvalidArgumentError if the receipt names others.
 absl::StatusOr<ReceivedResult> ResultOfReceipt(const nlohmann::json& receipt);
 
-// The text of boards/HASH.BOARD.json, as it must be.
+// Evaluations without a receipt that may stand on the boards of a config. As long as there are any, it
+// is not known what the boards are.
+std::vector<int64_t> UnknownResults(const RecordState& record,
+                                    const std::map<int64_t, ReceivedResult>& results,
+                                    const std::string& config);
+
+// The text of boards/HASH.BOARD.json, as it must be. REQUIRES: no result is unknown.
 absl::StatusOr<std::string> BoardText(const RecordState& record,
                                       const std::map<int64_t, ReceivedResult>& results,
                                       const std::string& hash, const RecordedConfig& config,

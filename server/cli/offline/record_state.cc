@@ -6,6 +6,8 @@
 #include <absl/strings/str_cat.h>
 #include <absl/time/time.h>
 
+#include "server/cli/terminal/text.h"
+#include "server/store/boards.h"
 #include "server/store/record.h"
 
 namespace myograde::server {
@@ -41,9 +43,9 @@ absl::Status RecordState::Add(int64_t index, const Json& entry) {
     if (entry.value("unreadable", false)) {
       ++unreadable_;
     } else if (kind == kAcceptedEntry) {
-      AddAccepted(entry);
+      return AddAccepted(index, entry);
     } else if (kind == kGradedEntry) {
-      AddGraded(index, entry);
+      return AddGraded(index, entry);
     } else if (kind == kMarkedEntry) {
       AddMark(entry);
     } else if (kind == kChosenEntry) {
@@ -51,8 +53,7 @@ absl::Status RecordState::Add(int64_t index, const Json& entry) {
     } else if (kind == kTeamEntry) {
       AddTeam(entry);
     } else if (kind == kCommitmentEntry) {
-      phases_[entry.at("phase").get<std::string>()].commitment =
-          entry.at("commitment").get<std::string>();
+      return AddCommitment(index, entry);
     } else if (kind == kPhaseEntry) {
       AddPhase(entry);
     } else if (kind == kRejudgeEntry) {
@@ -70,9 +71,15 @@ absl::Status RecordState::Add(int64_t index, const Json& entry) {
   }
 }
 
-void RecordState::AddAccepted(const Json& entry) {
+absl::Status RecordState::AddAccepted(int64_t index, const Json& entry) {
   const int64_t team = entry.at("team_id").get<int64_t>();
-  submissions_[entry.at("submission").get<int64_t>()] = {
+  const int64_t id = entry.at("submission").get<int64_t>();
+  if (submissions_.contains(id)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("entry ", index, " accepts submission ", id, " a second time"));
+  }
+  submissions_[id] = {
+      .entry = index,
       .team = team,
       .track = entry.at("track").get<std::string>(),
       .profile = entry.at("profile").get<std::string>(),
@@ -81,16 +88,39 @@ void RecordState::AddAccepted(const Json& entry) {
       .artefact = entry.at("artefact").get<std::string>()};
   // A team of an old store may have no entry of its own.
   teams_.try_emplace(team, RecordedTeam{.name = entry.at("team").get<std::string>()});
+  return absl::OkStatus();
 }
 
-void RecordState::AddGraded(int64_t index, const Json& entry) {
-  results_[entry.at("evaluation").get<int64_t>()] = {
+absl::Status RecordState::AddCommitment(int64_t index, const Json& entry) {
+  const std::string name = entry.at("phase").get<std::string>();
+  const std::string commitment = entry.at("commitment").get<std::string>();
+  RecordedPhase& phase = phases_[name];
+  if (!phase.commitment.empty() && phase.commitment != commitment) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("entry ", index, " commits phase ", Harmless(name), " to another secret than entry ",
+                     phase.commitment_entry, " did"));
+  }
+  if (!phase.commitment.empty()) return absl::OkStatus();
+  phase.commitment = commitment;
+  phase.commitment_entry = index;
+  phase.further = entry.value("further", false);
+  return absl::OkStatus();
+}
+
+absl::Status RecordState::AddGraded(int64_t index, const Json& entry) {
+  const int64_t evaluation = entry.at("evaluation").get<int64_t>();
+  if (results_.contains(evaluation)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("entry ", index, " ends evaluation ", evaluation, " a second time"));
+  }
+  results_[evaluation] = {
       .entry = index,
       .submission = entry.at("submission").get<int64_t>(),
       .graded = entry.at("state").get<std::string>() == "graded",
       .rejudge = NumberOrZero(entry, "rejudge"),
       .repetition = std::max<int64_t>(1, NumberOrZero(entry, "repetition")),
       .config = entry.at("config").get<std::string>()};
+  return absl::OkStatus();
 }
 
 void RecordState::AddMark(const Json& entry) {
@@ -131,8 +161,11 @@ void RecordState::AddPhase(const Json& entry) {
 void RecordState::AddRejudge(int64_t index, const Json& entry) {
   const int64_t rejudge = entry.at("rejudge").get<int64_t>();
   const std::string event = entry.at("event").get<std::string>();
+  if (event == "created") newest_rejudge_ = index;
   if (event == "dropped") applied_.erase(rejudge);
-  if (event != "applied" || entry.at("purpose") != "rules") return;
+  if (event != "applied") return;
+  ever_applied_.insert(rejudge);
+  if (entry.at("purpose") != "rules") return;
   applied_[rejudge] = {.entry = index, .to_config = entry.at("to_config").get<std::string>()};
 }
 
@@ -165,40 +198,38 @@ std::vector<int64_t> RecordState::AppliedTo(const std::string& config) const {
 }
 
 std::map<int64_t, int64_t> RecordState::InForce(const std::string& config) const {
-  const std::vector<int64_t> rejudges = AppliedTo(config);
-  std::map<int64_t, int64_t> in_force;
-  std::map<int64_t, std::map<int64_t, int64_t>> rejudged;  // by rejudge and submission
+  std::vector<EndedResult> originals;
+  std::map<int64_t, std::vector<EndedResult>> rejudged;
   for (const auto& [evaluation, result] : results_) {
     const auto submission = submissions_.find(result.submission);
-    if (submission == submissions_.end()) continue;
+    if (submission == submissions_.end() || result.repetition != 1) continue;
+    const EndedResult ended{result.submission, evaluation, result.graded};
     if (result.rejudge != 0) {
-      if (result.repetition == 1) rejudged[result.rejudge][result.submission] = evaluation;
+      rejudged[result.rejudge].push_back(ended);
     } else if (submission->second.config == config) {
-      in_force[result.submission] = evaluation;
+      originals.push_back(ended);
     }
   }
-  for (const int64_t rejudge : rejudges) {
-    for (const auto& [submission, evaluation] : rejudged[rejudge]) {
-      in_force[submission] = evaluation;
-    }
-  }
-  std::erase_if(in_force, [&](const auto& pair) { return !results_.at(pair.second).graded; });
-  return in_force;
+  std::vector<std::vector<EndedResult>> rejudges;
+  for (const int64_t rejudge : AppliedTo(config)) rejudges.push_back(rejudged[rejudge]);
+  return EvaluationsInForce(originals, rejudges);
 }
 
 std::set<int64_t> RecordState::Chosen(const std::string& config) const {
-  std::set<int64_t> stand;
-  for (const auto& [submission, evaluation] : InForce(config)) stand.insert(submission);
-  std::map<int64_t, int64_t> by_team;
+  const std::vector<int64_t> rejudges = AppliedTo(config);
+  std::set<int64_t> rejudged;
+  for (const auto& [evaluation, result] : results_) {
+    const bool applied = std::find(rejudges.begin(), rejudges.end(), result.rejudge) != rejudges.end();
+    if (applied && result.repetition == 1) rejudged.insert(result.submission);
+  }
+  std::vector<TeamChoice> choices;
   for (const int64_t submission : choices_) {
     const auto found = submissions_.find(submission);
     if (found == submissions_.end()) continue;
-    if (found->second.config != config && !stand.contains(submission)) continue;
-    by_team[TeamInForce(found->second.team)] = submission;
+    choices.push_back({TeamInForce(found->second.team), submission,
+                       found->second.config == config, rejudged.contains(submission)});
   }
-  std::set<int64_t> chosen;
-  for (const auto& [team, submission] : by_team) chosen.insert(submission);
-  return chosen;
+  return StandingChoices(choices);
 }
 
 }  // namespace myograde::server

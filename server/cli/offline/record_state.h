@@ -15,7 +15,8 @@
 namespace myograde::server {
 
 struct RecordedSubmission {
-  int64_t team = 0;  // id
+  int64_t entry = 0;  // its index
+  int64_t team = 0;   // id
   std::string track;
   std::string profile;
   std::string phase;  // "": none
@@ -40,6 +41,8 @@ struct RecordedTeam {
 
 struct RecordedPhase {
   std::string commitment;  // "": its seeds are public
+  int64_t commitment_entry = 0;  // its index
+  bool further = false;    // committed to for further episodes, of a phase with public seeds
   std::string secret;      // digits; "": it was not revealed here
   bool published = false;
   bool revealed = false;
@@ -56,6 +59,8 @@ class RecordState {
   const Marks& marks() const { return marks_; }
   // The newest key; "": none is named.
   const std::string& key() const { return key_; }
+  // The entry of the newest rejudge that was created; -1: none was.
+  int64_t newest_rejudge() const { return newest_rejudge_; }
   // Entries that stand for rows which could not be read.
   int64_t unreadable() const { return unreadable_; }
 
@@ -65,7 +70,7 @@ class RecordState {
   std::map<int64_t, int64_t> InForce(const std::string& config) const;
   // The submissions that teams stand with under a config, where they choose.
   std::set<int64_t> Chosen(const std::string& config) const;
-  bool IsApplied(int64_t rejudge) const { return applied_.contains(rejudge); }
+  bool WasApplied(int64_t rejudge) const { return ever_applied_.contains(rejudge); }
 
  private:
   struct Applied {
@@ -73,8 +78,9 @@ class RecordState {
     std::string to_config;
   };
 
-  void AddAccepted(const nlohmann::json& entry);
-  void AddGraded(int64_t index, const nlohmann::json& entry);
+  absl::Status AddAccepted(int64_t index, const nlohmann::json& entry);
+  absl::Status AddGraded(int64_t index, const nlohmann::json& entry);
+  absl::Status AddCommitment(int64_t index, const nlohmann::json& entry);
   void AddMark(const nlohmann::json& entry);
   void AddTeam(const nlohmann::json& entry);
   void AddPhase(const nlohmann::json& entry);
@@ -88,6 +94,8 @@ class RecordState {
   std::map<int64_t, RecordedTeam> teams_;
   std::map<std::string, RecordedPhase> phases_;
   std::map<int64_t, Applied> applied_;  // by rejudge
+  std::set<int64_t> ever_applied_;
+  int64_t newest_rejudge_ = -1;
   std::vector<int64_t> choices_;        // submissions, oldest first
   Marks marks_;
   std::string key_;

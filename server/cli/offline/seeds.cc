@@ -1,4 +1,4 @@
-// myograde seeds: commit, reveal, check
+// myograde seeds: commit, reveal, check, export, import
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -11,12 +11,14 @@
 #include <absl/strings/escaping.h>
 #include <absl/strings/str_cat.h>
 
+#include "protocol/base/clock.h"
 #include "protocol/base/fd.h"
 #include "protocol/base/sha256.h"
 #include "server/base/counted.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/new_file.h"
 #include "server/cli/base/options.h"
+#include "server/cli/base/places.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/base/seed_file.h"
 #include "server/cli/client/daemon_options.h"
@@ -25,6 +27,9 @@
 #include "server/cli/terminal/screen.h"
 #include "server/cli/terminal/text.h"
 #include "server/proof/seed_list.h"
+#include "server/store/lock.h"
+#include "server/store/reader.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 namespace {
@@ -44,17 +49,22 @@ struct SeedOptions {
   bool json = false;
 };
 
-// A new secret in a new file that only its owner may read; never over an old one.
+// In a new file that only its owner may read; never over an old one.
+absl::Status WriteSecret(const std::string& path, const std::string& secret) {
+  const Fd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
+  const std::string text = absl::BytesToHexString(secret) + "\n";
+  if (file.valid() && ::write(file.get(), text.data(), text.size()) == std::ssize(text) &&
+      ::fsync(file.get()) == 0) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat(path, ": the secret can't be written: ", std::strerror(errno)));
+}
+
 absl::StatusOr<std::string> MakeSecret(const std::string& path) {
   absl::StatusOr<std::string> secret = NewSeedSecret();
   if (!secret.ok()) return secret;
-  const Fd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
-  const std::string text = absl::BytesToHexString(*secret) + "\n";
-  if (!file.valid() || ::write(file.get(), text.data(), text.size()) != std::ssize(text) ||
-      ::fsync(file.get()) != 0) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": the secret can't be written: ", std::strerror(errno)));
-  }
+  if (absl::Status written = WriteSecret(path, *secret); !written.ok()) return written;
   return secret;
 }
 
@@ -166,6 +176,62 @@ int CheckSeeds(const SeedOptions& options) {
   return wrong.empty() ? kDone : kNoScore;
 }
 
+int ReportMoved(const SeedOptions& options, const std::string& secret, bool changed) {
+  const std::string commitment = SecretCommitment(secret);
+  if (options.json) {
+    PrintJson({{"phase", options.phase}, {"commitment", commitment}, {"changed", changed}});
+  } else {
+    PlainOutput() << "phase         " << Harmless(options.phase) << '\n'
+                  << "commitment    " << commitment << std::endl;
+  }
+  return kDone;
+}
+
+// The store of a folder of data, which exists.
+absl::StatusOr<std::string> StoreIn(const SeedOptions& options) {
+  std::string data = DataDir(options.daemon.data);
+  std::string path = data + "/store.db";
+  if (::access(path.c_str(), F_OK) == 0) return path;
+  return absl::InvalidArgumentError(absl::StrCat(
+      path, ": can't be opened: ", std::strerror(errno), "; name the daemon's folder with --data"));
+}
+
+// For a move of the store: an export of it has no secrets.
+int ExportSecret(const SeedOptions& options) {
+  const absl::StatusOr<std::string> path = StoreIn(options);
+  if (!path.ok()) return ReportError(path.status());
+  absl::StatusOr<std::string> secret = absl::InternalError("");
+  ReaderPool readers(*path);
+  const absl::Status read = readers.Read([&](Reader& reader) {
+    secret = reader.PhaseSecret(options.phase);
+    return secret.status();
+  });
+  if (!read.ok()) return ReportError(HostStatus("seeds export", read));
+  if (absl::Status written = WriteSecret(options.output, *secret); !written.ok()) {
+    return ReportError(written);
+  }
+  return ReportMoved(options, *secret, /*changed=*/true);
+}
+
+int ImportSecret(const SeedOptions& options) {
+  const absl::StatusOr<std::string> secret = ReadPhaseSecret(options.secret);
+  if (!secret.ok()) return ReportError(secret.status());
+  const absl::StatusOr<std::string> path = StoreIn(options);
+  if (!path.ok()) return ReportError(path.status());
+  absl::StatusOr<DataLock> lock = DataLock::Take(DataDir(options.daemon.data));
+  if (!lock.ok()) return ReportError(HostStatus("seeds import", lock.status()));
+  absl::StatusOr<std::unique_ptr<Store>> store = Store::Open(*path, SystemClock());
+  if (!store.ok()) return ReportError(HostStatus("seeds import", store.status()));
+  bool changed = false;
+  const absl::Status written = (*store)->Write([&](Writer& writer) {
+    const absl::StatusOr<bool> taken = writer.TakeSecret(options.phase, *secret);
+    changed = taken.ok() && *taken;
+    return taken.status();
+  });
+  if (!written.ok()) return ReportError(HostStatus("seeds import", written));
+  return ReportMoved(options, *secret, changed);
+}
+
 CLI::App* AddPart(CLI::App& verb, const char* name, const char* does, const char* example,
                   SeedOptions& options) {
   CLI::App* part = verb.add_subcommand(name, does);
@@ -181,6 +247,17 @@ CLI::App* AddPart(CLI::App& verb, const char* name, const char* does, const char
       ->default_val(100)
       ->check(CLI::Range(1, 10'000));
   AddJson(*part, "seeds", options.json);
+  return part;
+}
+
+// What moves a secret is about one phase of one store.
+CLI::App* AddMove(CLI::App& verb, const char* name, const char* does, const char* example,
+                  SeedOptions& options) {
+  CLI::App* part = verb.add_subcommand(name, does);
+  part->footer(std::string("Example:\n  ") + example);
+  part->add_option("--phase", options.phase, "Name of the phase")->required();
+  part->add_option("--data", options.daemon.data, "The daemon's folder of data");
+  AddJson(*part, "seeds-move", options.json);
   return part;
 }
 
@@ -224,6 +301,21 @@ Action AddSeeds(CLI::App& verb) {
   check->add_option("--seeds-sha256", options->list_hash, "Published SHA-256 of the list");
   check->add_option("--seeds", options->seeds, "File of the seeds that were played");
   check->callback([=] { *chosen = [=] { return CheckSeeds(*options); }; });
+  CLI::App* take_out = AddMove(verb, "export",
+                               "For a move to another host: write the secret of a phase, which no "
+                               "export of the store holds, to a file that its owner alone can read",
+                               "myograde seeds export --phase final -o final.secret --data old",
+                               *options);
+  take_out->add_option("-o,--output", options->output, "New file for the secret")->required();
+  take_out->callback([=] { *chosen = [=] { return ExportSecret(*options); }; });
+
+  CLI::App* bring = AddMove(verb, "import",
+                            "Bring the secret of a phase to an imported store, whose record must hold "
+                            "its commitment; no daemon may run on it",
+                            "myograde seeds import --phase final --secret final.secret --data new",
+                            *options);
+  bring->add_option("--secret", options->secret, "File of the secret")->required();
+  bring->callback([=] { *chosen = [=] { return ImportSecret(*options); }; });
   return [chosen] { return (*chosen)(); };
 }
 

@@ -174,12 +174,21 @@ void PrintRecordReport(const RecordReport& report) {
     std::cout << check.name << ": " << (check.valid ? "good" : "WRONG: " + check.detail) << '\n';
   }
   if (report.valid()) {
+    for (const std::string& what : report.not_checked) std::cout << "not checked: " << what << '\n';
     std::cout << Counted(report.size, "entry", "entries") << ", "
               << Counted(report.receipts, "receipt") << " (" << report.withheld << " withheld), "
               << Counted(report.boards, "board") << ", root " << report.root << '\n';
   }
-  std::cout << Bold(report.valid() ? "The record holds." : "The record does not hold.")
+  std::cout << Bold(!report.valid()              ? "The record does not hold."
+                    : report.not_checked.empty() ? "The record holds."
+                                                 : "Nothing wrong was found, and the check is "
+                                                   "incomplete.")
             << std::endl;
+}
+
+int ExitOfRecord(const RecordReport& report) {
+  if (!report.valid()) return kNoScore;
+  return report.not_checked.empty() ? kDone : kIncomplete;
 }
 
 int VerifyAll(const VerifyOptions& options, const PublicKey& key) {
@@ -205,7 +214,7 @@ int VerifyAll(const VerifyOptions& options, const PublicKey& key) {
   }
   if (!options.json) {
     PrintRecordReport(report);
-    return report.valid() ? kDone : kNoScore;
+    return ExitOfRecord(report);
   }
   Json checks = Json::array();
   for (const ReceiptCheck& check : report.checks) {
@@ -215,13 +224,15 @@ int VerifyAll(const VerifyOptions& options, const PublicKey& key) {
   }
   PrintJson({{"folder", options.folder},
              {"valid", report.valid()},
+             {"complete", report.valid() && report.not_checked.empty()},
              {"checks", std::move(checks)},
+             {"not_checked", report.not_checked},
              {"size", report.size},
              {"root", report.root.empty() ? Json() : Json(report.root)},
              {"receipts", report.receipts},
              {"withheld", report.withheld},
              {"boards", report.boards}});
-  return report.valid() ? kDone : kNoScore;
+  return ExitOfRecord(report);
 }
 
 int Verify(const VerifyOptions& options) {

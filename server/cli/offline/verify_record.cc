@@ -62,6 +62,7 @@ RecordReport RecordVerifier::Run(const std::optional<std::string>& earlier) {
   check("secrets", [&] { return CheckSecrets(); });
   check("withheld", [&] { return CheckWithheld(); });
   check("receipts", [&] { return CheckReceipts(); });
+  check("commitments", [&] { return CheckCommitments(); });
   check("configs", [&] { return CheckConfigs(); });
   check("boards", [&] { return CheckBoards(); });
   report.size = tree_.size();
@@ -69,6 +70,11 @@ RecordReport RecordVerifier::Run(const std::optional<std::string>& earlier) {
   report.receipts = std::ssize(results_);
   report.withheld = std::ssize(withheld_);
   report.boards = boards_;
+  if (state_.unreadable() > 0) {
+    not_checked_.insert(absl::StrCat(Counted(state_.unreadable(), "entry", "entries"),
+                                     " of the record stand for rows that the server could not read"));
+  }
+  report.not_checked.assign(not_checked_.begin(), not_checked_.end());
   return report;
 }
 
@@ -174,8 +180,16 @@ absl::Status RecordVerifier::CheckWithheld() {
     return WrongFile("withheld.json", "it is no JSON in its canonical form");
   }
   for (const Json& entry : list->at("receipts")) {
-    const int64_t evaluation = entry.at("evaluation").get<int64_t>();
-    const std::string reason = entry.at("reason").get<std::string>();
+    const absl::StatusOr<WithheldReceipt> told = myograde::server::CheckWithheld(entry, key_);
+    if (!told.ok()) return WrongFile("withheld.json", told.status().message());
+    const int64_t evaluation = told->evaluation;
+    const std::string& reason = told->reason;
+    if (told->head.size != head_.size || told->head.root != head_.root ||
+        told->head.chain != head_.chain) {
+      return WrongFile("withheld.json",
+                       absl::StrCat("the reason why the receipt of evaluation ", evaluation,
+                                    " is missing was signed for another record than this one"));
+    }
     const auto result = state_.results().find(evaluation);
     const bool known = result != state_.results().end() && result->second.graded &&
                        withheld_.emplace(evaluation, reason).second;
@@ -191,12 +205,16 @@ absl::Status RecordVerifier::CheckWithheld() {
                                         (found->second.published || found->second.revealed));
     const bool may = reason == "unreadable" || (reason == "phase" && !open) ||
                      (reason == "rejudge" && result->second.rejudge != 0 &&
-                      !state_.IsApplied(result->second.rejudge));
+                      !state_.WasApplied(result->second.rejudge));
     if (!may) {
       return WrongFile("withheld.json",
                        absl::StrCat("nothing in the record withholds the receipt of evaluation ",
                                     evaluation));
     }
+    // By the record itself, nothing follows from a rejudge that was never applied.
+    if (reason == "rejudge") continue;
+    not_checked_.insert(absl::StrCat("the receipt of evaluation ", evaluation, " is withheld: ",
+                                     reason));
   }
   return absl::OkStatus();
 }
@@ -233,10 +251,13 @@ absl::Status RecordVerifier::CheckReceiptFile(const std::string& file, int64_t e
   const absl::StatusOr<Json> receipt = ParseReceipt(*text);
   if (!receipt.ok()) return receipt.status();
   const auto submission = state_.submissions().find(result.submission);
-  if (submission == state_.submissions().end()) {
+  // An entry of a row that could not be read may be the one.
+  const bool accepted = submission != state_.submissions().end();
+  if (!accepted && state_.unreadable() == 0) {
     return Wrong("the record has no entry of its submission's acceptance");
   }
-  const auto phase = state_.phases().find(submission->second.phase);
+  const std::string phase_name = accepted ? submission->second.phase : "";
+  const auto phase = state_.phases().find(phase_name);
   std::string secret;
   if (HidesSeeds(*receipt) && phase != state_.phases().end() && !phase->second.secret.empty()) {
     secret = SecretOfDigits(phase->second.secret, "the record").value_or("");
@@ -248,9 +269,18 @@ absl::Status RecordVerifier::CheckReceiptFile(const std::string& file, int64_t e
     return Wrong("it is the receipt of another evaluation");
   }
   if (absl::Status status = CheckPlace(*receipt, result); !status.ok()) return status;
+  // Earlier versions of the server told the hash itself.
   const std::string artefact = receipt->at("artefact").get<std::string>();
-  if (ArtefactCommitment(result.submission, artefact) != submission->second.artefact) {
+  if (accepted && artefact != submission->second.artefact &&
+      ArtefactCommitment(result.submission, artefact) != submission->second.artefact) {
     return Wrong("it names another artefact than the one that was accepted");
+  }
+  if (HidesSeeds(*receipt) && accepted) {
+    if (absl::Status status = CheckHidden(*receipt, phase_name); !status.ok()) return status;
+    if (secret.empty()) {
+      not_checked_.insert(absl::StrCat("the seeds of phase ", Harmless(phase_name),
+                                       " are not revealed in the record"));
+    }
   }
   absl::StatusOr<ReceivedResult> received = ResultOfReceipt(*receipt);
   if (!received.ok()) return received.status();
@@ -259,6 +289,64 @@ absl::Status RecordVerifier::CheckReceiptFile(const std::string& file, int64_t e
   const auto [known, added] = config_texts_.emplace(result.config, config);
   if (known->second == config) return absl::OkStatus();
   return Wrong("other receipts show another config under the same hash");
+}
+
+// What a receipt with hidden seeds says that they follow from is what the record has committed to.
+absl::Status RecordVerifier::CheckHidden(const Json& receipt, const std::string& name) {
+  const Json said = receipt.at("hidden").value("commitment", Json());
+  const auto phase = state_.phases().find(name);
+  const std::string recorded = phase == state_.phases().end() ? "" : phase->second.commitment;
+  if (said.is_string() && said.get<std::string>() != recorded) {
+    return Wrong(recorded.empty() ? "its seeds are hidden, and the record never committed to them"
+                                  : "its seeds follow from another secret than the record has "
+                                    "committed to");
+  }
+  if (!said.is_string() || recorded.empty()) {
+    not_checked_.insert(absl::StrCat("the server did not have the secret of phase ", Harmless(name),
+                                     ", as after an import, so what its receipts commit to is not "
+                                     "known"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RecordVerifier::CheckCommitments() {
+  for (const auto& [name, phase] : state_.phases()) {
+    if (phase.commitment.empty()) continue;
+    if (absl::Status status = CheckCommitment(name, phase); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+// A phase with public seeds may commit to a secret later, for further episodes.
+absl::Status RecordVerifier::CheckCommitment(const std::string& name, const RecordedPhase& phase) {
+  bool any_public = false;
+  std::map<int64_t, const RecordedSubmission*> early;
+  for (const auto& [id, submission] : state_.submissions()) {
+    if (submission.phase == name && submission.entry < phase.commitment_entry) {
+      early.emplace(id, &submission);
+    }
+  }
+  for (const auto& [evaluation, result] : state_.results()) {
+    const auto found = early.find(result.submission);
+    const auto receipt = results_.find(evaluation);
+    if (found == early.end() || result.rejudge != 0 || receipt == results_.end()) continue;
+    if (receipt->second.hides_seeds) {
+      return Wrong(absl::StrCat("the seeds of phase ", Harmless(name), " were committed to in entry ",
+                                phase.commitment_entry, ", after submission ", result.submission,
+                                " to it was accepted in entry ", found->second->entry));
+    }
+    any_public = true;
+    early.erase(found);
+  }
+  if (early.empty() || any_public) return absl::OkStatus();
+  if (!phase.further && state_.newest_rejudge() < phase.commitment_entry) {
+    return Wrong(absl::StrCat("phase ", Harmless(name), " committed to a secret in entry ",
+                              phase.commitment_entry, ", after submission ", early.begin()->first,
+                              " to it was accepted in entry ", early.begin()->second->entry));
+  }
+  not_checked_.insert(absl::StrCat("whether the seeds of the submissions that phase ", Harmless(name),
+                                   " took before it committed to a secret were public"));
+  return absl::OkStatus();
 }
 
 // The receipt is of the very entry that the record has of this evaluation.
@@ -311,7 +399,6 @@ absl::Status RecordVerifier::CheckBoards() {
   for (const auto& [hash, config] : configs_) {
     for (const auto& [board, spec] : config.scoring.boards) {
       if (absl::Status status = CheckBoard(hash, config, board); !status.ok()) return status;
-      ++boards_;
     }
   }
   return absl::OkStatus();
@@ -322,9 +409,21 @@ absl::Status RecordVerifier::CheckBoard(const std::string& hash, const RecordedC
   const std::string file = absl::StrCat("boards/", hash, ".", board, ".json");
   const absl::StatusOr<std::string> text = folder_.Read(file, kMaxBoardFile);
   if (!text.ok()) return text.status();
+  const std::vector<int64_t> unknown = UnknownResults(state_, results_, hash);
+  if (!unknown.empty()) {
+    not_checked_.insert(absl::StrCat(file, ": the receipt of evaluation ", unknown.front(),
+                                     " is withheld, and it may stand there"));
+    return absl::OkStatus();
+  }
   const absl::StatusOr<std::string> made = BoardText(state_, results_, hash, config, board);
   if (!made.ok()) return WrongFile(file, made.status().message());
-  return *text == *made ? absl::OkStatus() : WrongFile(file, FirstDifference(*text, *made));
+  if (*text == *made) {
+    ++boards_;
+    return absl::OkStatus();
+  }
+  if (state_.unreadable() == 0) return WrongFile(file, FirstDifference(*text, *made));
+  not_checked_.insert(absl::StrCat(file, ": it may follow from a row that the server could not read"));
+  return absl::OkStatus();
 }
 
 }  // namespace myograde::server

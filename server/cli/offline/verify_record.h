@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -23,11 +24,13 @@ namespace myograde::server {
 struct RecordReport {
   // In order; nothing is checked after the first that is not valid.
   std::vector<ReceiptCheck> checks;
+  // What could not be checked, one sentence each; not empty: the check is incomplete.
+  std::vector<std::string> not_checked;
   int64_t size = 0;
   std::string root;
   int64_t receipts = 0;
   int64_t withheld = 0;
-  int64_t boards = 0;
+  int64_t boards = 0;  // that were checked
 
   bool valid() const { return !checks.empty() && checks.back().valid; }
 };
@@ -50,6 +53,10 @@ class RecordVerifier {
   absl::Status CheckSecrets();
   absl::Status CheckWithheld();
   absl::Status CheckReceipts();
+  absl::Status CheckCommitments();
+  // Whether the seeds of a phase were committed to before it took anything.
+  absl::Status CheckCommitment(const std::string& name, const RecordedPhase& phase);
+  absl::Status CheckHidden(const nlohmann::json& receipt, const std::string& name);
   absl::Status CheckReceiptFile(const std::string& file, int64_t evaluation,
                                 const RecordedResult& result);
   absl::Status CheckPlace(const nlohmann::json& receipt, const RecordedResult& result);
@@ -69,6 +76,7 @@ class RecordVerifier {
   std::map<int64_t, ReceivedResult> results_;        // by evaluation
   std::map<std::string, std::string> config_texts_;  // hash of the text, by the config's hash
   std::map<std::string, RecordedConfig> configs_;
+  std::set<std::string> not_checked_;
   int64_t boards_ = 0;
 };
 

@@ -42,7 +42,7 @@ class SubmitPhaseTest : public AdmissionWorld {
         ParseChallenge({{"form", 1}, {"title", "A cup"}, {"phases", phases}}, "cup", "cup.json");
     ASSERT_TRUE(challenge.ok()) << challenge.status();
     ASSERT_TRUE(CheckChallenges({*challenge}, *tracks_, absl::InfinitePast()).mistakes.empty());
-    const auto secret = [](const std::string&) { return std::string(32, 's'); };
+    const auto secret = [](const PhaseConfig&) { return std::string(32, 's'); };
     auto made = Phases::Make({*challenge}, *tracks_, secret);
     ASSERT_TRUE(made.ok()) << made.status();
     phases_ = *std::move(made);

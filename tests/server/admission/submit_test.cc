@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include <absl/strings/str_replace.h>
+
 #include "server/engine/stored.h"
 #include "tests/server/admission/admission_world.h"
 
@@ -122,6 +124,67 @@ TEST_F(SubmitTest, AnotherTeamsArtefactIsTakenWhereItCountsForEachTeam) {
   const auto other = Submit("beta", 'a');
   ASSERT_TRUE(other.ok()) << other.status();
   EXPECT_FALSE(other->linked);
+}
+
+// Whoever knows the hash of another team's policy must not be able to submit, practise or block with it.
+TEST_F(SubmitTest, AnotherTeamsArtefactIsLikeOneThatThereIsNot) {
+  options_.config.quota.usual.one_for_everyone = true;
+  AddArtefact('a');
+  ASSERT_TRUE(Submit("alpha", 'a').ok());
+  SubmitRequest request{.artefact = std::string(64, 'a'),
+                        .team = "beta",
+                        .track = kTrack,
+                        .profile = "",
+                        .seeds = std::nullopt,
+                        .episodes = std::nullopt};
+  const auto as_beta = [&](char artefact) {
+    request.artefact = std::string(64, artefact);
+    std::string message(admission().Submit(request, "uid 8").status().message());
+    return absl::StrReplaceAll(message, {{request.artefact, "HASH"}});
+  };
+  for (const std::optional<int64_t> episodes : {std::optional<int64_t>(), std::optional<int64_t>(2)}) {
+    request.episodes = episodes;
+    EXPECT_EQ(as_beta('a'), "there is no artefact HASH; upload it first");
+    EXPECT_EQ(as_beta('a'), as_beta('f'));
+    std::filesystem::remove_all(ArtefactPath(std::string(64, 'a')));
+    EXPECT_EQ(as_beta('a'), as_beta('f')) << "nor whether its files are here";
+    std::filesystem::create_directory(ArtefactPath(std::string(64, 'a')));
+  }
+  EXPECT_EQ(Count("submission"), 1);
+  // The team that submitted it may, whoever acts for it, and so may an organiser.
+  request.team = "alpha";
+  request.artefact = std::string(64, 'a');
+  EXPECT_TRUE(admission().Submit(request, "uid 9").ok());
+  request.team = "gamma";
+  request.organiser = true;
+  EXPECT_TRUE(admission().Submit(request, "uid 0").ok());
+}
+
+TEST_F(SubmitTest, WhoeverUploadsAnArtefactMaySubmitIt) {
+  const auto submit = [&](const std::string& hash, const std::string& team, const std::string& who) {
+    return admission().Submit({.artefact = hash, .team = team, .track = kTrack, .profile = "",
+                               .seeds = std::nullopt, .episodes = 2}, who).status();
+  };
+  const auto upload = [&](const std::string& team, const std::string& who) {
+    MemoryArchive archive(GoodTar());
+    return admission().Receive({.from = {who, team, false}, .track = team.empty() ? "" : kTrack},
+                               archive);
+  };
+  const auto first = upload("alpha", "uid 7");
+  ASSERT_TRUE(first.ok()) << first.status();
+  const std::string hash = first->artefact.hash;
+  EXPECT_TRUE(absl::IsNotFound(submit(hash, "beta", "uid 8")));
+  EXPECT_TRUE(submit(hash, "alpha", "uid 9").ok()) << "it was uploaded for the team";
+  EXPECT_TRUE(absl::IsNotFound(submit(hash, "beta", "uid 8"))) << "and was submitted by now";
+  const auto again = upload("beta", "uid 8");
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_FALSE(again->is_new);
+  EXPECT_TRUE(submit(hash, "beta", "uid 9").ok());
+  EXPECT_TRUE(submit(hash, "gamma", "uid 8").ok()) << "whoever had the files may act for any team";
+  EXPECT_TRUE(absl::IsNotFound(submit(hash, "delta", "uid 9")));
+  const int64_t holders = Count("artefact_holder");
+  ASSERT_TRUE(upload("beta", "uid 8").ok());
+  EXPECT_EQ(Count("artefact_holder"), holders) << "once";
 }
 
 TEST_F(SubmitTest, AUsedUpQuotaIsOneTeamsAndOneBudgets) {

@@ -56,7 +56,7 @@ class BoardConfigsTest : public testing::Test {
       challenges.push_back(ChallengeOf({PhaseJson(kFinal, {{"seeds", {500, 600}}})}));
     }
     phases_ = std::make_unique<Phases>(*Phases::Make(
-        challenges, *tracks_, [](const std::string&) { return std::string(32, 's'); }));
+        challenges, *tracks_, [](const PhaseConfig&) { return std::string(32, 's'); }));
     absl::StatusOr<Overlaid> overlaid = absl::InternalError("");
     Read([&](Reader& reader) { overlaid = OverlayConfigs(reader, *tracks_, *phases_); });
     EXPECT_TRUE(overlaid.ok()) << overlaid.status();

@@ -32,8 +32,8 @@ const char* const kSecond = "2026-12-02T00:00:00Z";
 const char* const kThird = "2026-12-03T00:00:00Z";
 const char* const kFourth = "2026-12-04T00:00:00Z";
 
-absl::StatusOr<std::string> SecretFor(const std::string& phase) {
-  return std::string(32, phase.front());
+absl::StatusOr<std::string> SecretFor(const PhaseConfig& phase) {
+  return std::string(32, phase.name.front());
 }
 
 Phases MakePhases(const std::vector<Json>& phases) {
@@ -92,7 +92,7 @@ TEST(Phases, ACommittedOnePlaysWhatItsSecretGives) {
 }
 
 TEST(Phases, OneWithoutItsSecretStaysShutAndIsNotForgotten) {
-  const auto refuse = [](const std::string&) -> absl::StatusOr<std::string> {
+  const auto refuse = [](const PhaseConfig&) -> absl::StatusOr<std::string> {
     return absl::DataLossError("the secret is damaged");
   };
   const absl::StatusOr<Phases> phases =

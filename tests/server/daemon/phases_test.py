@@ -344,36 +344,6 @@ class Boards(PhasesCase):
         self.assertEqual(status, 400, answer)
 
 
-class Secrets(PhasesCase):
-    phases = {"final": {"seeds": {"committed": 6}, "closes_at": moment(hours=1)}}
-
-    def test_a_secret_is_drawn_once_and_only_its_commitment_is_told(self):
-        told = self.phase("final")["seeds"]
-        self.assertEqual((told["kind"], told["count"], told["secret"]), ("committed", 6, None))
-        submission = self.played("ok")
-        self.hold(**self.phases)
-        self.assertEqual(self.phase("final")["seeds"], told)
-        self.assertEqual(self.submissions_on(self.board_of("final")), [submission])
-        text = self.cli("challenge", "status").stdout
-        self.assertIn(told["commitment"], text.replace("\n", ""))
-
-    def test_a_damaged_secret_stops_its_phase_and_nothing_else(self):
-        submission = self.played("ok")
-        phases = {**self.phases, "other": {"seeds": seeds(3000)}}
-        self.hold(**phases)
-        board = self.board_of("final")
-        self.stop(signal.SIGTERM)
-        with sqlite3.connect(self.data / "store.db") as db:
-            db.executescript("DROP TRIGGER phase_secret_fixed; PRAGMA ignore_check_constraints = 1;"
-                             "UPDATE phase_secret SET secret = x'00'")
-        self.start()
-        self.refused("damaged_row", "phase_secret final", phase="final", status=500)
-        self.assertEqual(self.try_submit("ok", phase="other")[0], 201)
-        self.assertEqual(self.board_of("final"), board)
-        self.assertEqual(self.submissions_on(board), [submission])
-        self.assertEqual([p["phase"] for p in self.challenges()["unusable"]], ["final"])
-
-
 class Files(PhasesCase):
     phases = {"final": {}}
 

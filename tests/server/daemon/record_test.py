@@ -28,14 +28,23 @@ class RecordCase(OrganiserCase):
         """Exit status and answer of verify --all; no daemon is asked."""
         done = self.daemon.run_verb("verify", "--all", folder, "--key", self.key(), *words, "--json",
                                     timeout_s=60, text=True)
-        self.assertIn(done.returncode, (0, 1), done.stderr)
         answer = json.loads(done.stdout)
-        self.assertEqual(answer["valid"], done.returncode == 0)
+        self.assertEqual(done.returncode,
+                         1 if not answer["valid"] else 0 if answer["complete"] else 5, answer)
+        self.assertEqual(answer["complete"], answer["valid"] and not answer["not_checked"], answer)
         return answer
 
     def holds(self, folder, *words):
         answer = self.verify(folder, *words)
+        self.assertTrue(answer["complete"], answer)
+        return answer
+
+    def incomplete(self, folder, *words):
+        """Nothing is wrong, and each of the words says what could not be checked."""
+        answer = self.verify(folder)
         self.assertTrue(answer["valid"], answer["checks"])
+        for word in words:
+            self.assertTrue(any(word in what for what in answer["not_checked"]), answer)
         return answer
 
     def refuted(self, folder, name, words, *options):
@@ -55,6 +64,26 @@ class RecordCase(OrganiserCase):
 
     def entries(self):
         return [row["entry"] for row in self.get("/v1/record?limit=1000")["entries"]]
+
+    def rewritten(self, edit):
+        """What somebody with the store and the key can do: `edit` gets the list of entries, and the
+        record is made of what it leaves, with a chain of its own."""
+        self.stop(signal.SIGTERM)
+        with sqlite3.connect(self.data / "store.db") as store:
+            store.execute("DROP TRIGGER IF EXISTS record_fixed")
+            store.execute("DROP TRIGGER IF EXISTS record_kept")
+            rows = store.execute("SELECT at, kind, evaluation, entry_json FROM record ORDER BY id"
+                                 ).fetchall()
+            rows = edit([(*row[:3], json.loads(row[3])) for row in rows])
+            store.execute("DELETE FROM record")
+            chain = ""
+            for index, (at, kind, evaluation, entry) in enumerate(rows):
+                text = json.dumps(entry, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+                chain = hashlib.sha256(f"{chain}\n{text}".encode()).hexdigest()
+                store.execute("INSERT INTO record (id, at, kind, evaluation, entry_json, chain) "
+                              "VALUES (?, ?, ?, ?, ?, ?)", (index, at, kind, evaluation, text, chain))
+        store.close()
+        self.start()
 
 
 def change(path, edit):
@@ -117,7 +146,7 @@ class Records(RecordCase):
         receipts[0].unlink()
         (copy / "withheld.json").write_text(
             '{"receipts":[{"evaluation":1,"reason":"phase"}]}\n')
-        self.refuted(copy, "withheld", "nothing in the record withholds")
+        self.refuted(copy, "withheld", "was not signed with this key")
 
         def swap(board):
             board["rows"][0]["rank"] = 2
@@ -140,6 +169,61 @@ class Records(RecordCase):
         copy = self.altered(whole)
         self.board_file(copy).unlink()
         self.refuted(copy, "boards", "is missing")
+
+    def test_no_copy_tells_an_artefacts_hash(self):
+        hashes = [self.result(submission)["hashes"]["artefact"]
+                  for submission in (self.first, self.second)]
+        whole = self.exported()
+        for path in whole.rglob("*"):
+            for one in hashes if path.is_file() else ():
+                self.assertNotIn(one.encode(), path.read_bytes(), path)
+        receipt = json.loads((whole / "receipts/1.json").read_text())["receipt"]
+        text = f"myograde artefact/{self.first}/{hashes[0]}"
+        self.assertEqual(receipt["artefact"], hashlib.sha256(text.encode()).hexdigest())
+
+    def test_a_winner_that_was_taken_out_is_found_and_damage_is_not_accused(self):
+        sound = self.exported("sound")
+        self.stop(signal.SIGTERM)
+        with sqlite3.connect(self.data / "store.db") as store:
+            for name, in store.execute("SELECT name FROM sqlite_master WHERE type = 'trigger' "
+                                       "AND tbl_name = 'episode'").fetchall():
+                store.execute(f"DROP TRIGGER {name}")
+            store.execute("UPDATE episode SET facts_json = 'x' WHERE evaluation = 1 AND idx = 0")
+        store.close()
+        self.start()
+        damaged = self.exported("damaged")
+        self.assertEqual((self.said["receipts"], self.said["withheld"]), (2, 1))
+        answer = self.incomplete(damaged, "the receipt of evaluation 1 is withheld: unreadable",
+                                 "main.json: the receipt of evaluation 1 is withheld, and it may")
+        self.assertEqual(answer["boards"], self.said["boards"] - answer["withheld"])
+        line = json.loads((damaged / "withheld.json").read_text())["receipts"][0]
+        self.assertEqual(line["withheld"]["head"],
+                         json.loads((damaged / "head.json").read_text())["head"])
+
+        def without_winner(signed):
+            copy = self.altered(sound)
+            (copy / "receipts/1.json").unlink()
+            change(copy / "withheld.json", lambda withheld: withheld["receipts"].append(signed))
+            change(self.board_file(copy), lambda board: board["rows"].pop(0))
+            return copy
+
+        other = {**line, "withheld": {**line["withheld"], "evaluation": 2}}
+        for signed in ({"evaluation": 1, "reason": "unreadable"}, {**line, "signature": None}, other,
+                       {**line, "signature": {**line["signature"], "value": "00" * 64}}):
+            self.refuted(without_winner(signed), "withheld", "was not signed with this key")
+        # A reason that was signed is of one record only.
+        self.played("ok", "delta")
+        grown = self.exported("grown")
+        for lines, name, words in (
+                ([line], "withheld", "was signed for another record"),
+                ([], "receipts", "neither a receipt nor a line in withheld.json")):
+            copy = self.altered(grown)
+            change(copy / "withheld.json", lambda withheld, lines=lines: withheld.update(receipts=lines))
+            self.refuted(copy, name, words)
+
+    def test_an_entry_twice_is_found(self):
+        self.rewritten(lambda rows: rows + [row for row in rows if row[1] == "graded"][:1])
+        self.refuted(self.exported(), "entries", "ends evaluation 1 a second time")
 
     def test_hostile_folders_are_refused(self):
         whole = self.exported()
@@ -291,7 +375,7 @@ class HiddenPhases(RecordCase, SecretsCase):
         self.hold(show=hidden_phase)
         folder = self.exported("closed")
         self.assertEqual((self.said["receipts"], self.said["withheld"]), (0, 2))
-        self.holds(folder)
+        self.incomplete(folder, "is withheld: phase")
         self.hold(closes_in_hours=-1, show=hidden_phase)
         self.cli("seeds", "reveal", "--phase", "final", "--reason", "it is over")
         folder = self.exported("open")
@@ -302,6 +386,35 @@ class HiddenPhases(RecordCase, SecretsCase):
         (copy / "secrets/final.txt").write_text("0" * 64 + "\n")
         self.refuted(copy, "secrets", "is not the secret that the record reveals")
         self.assertEqual(self.call("GET", f"/v1/submissions/{submission}/receipt?public=true")[0], 200)
+
+    def test_seeds_that_were_committed_to_late_are_found(self):
+        self.hold()
+        self.organise("alpha")
+        self.enter("ok")
+        self.incomplete(self.exported("good"), "the seeds of phase final are not revealed")
+
+        def later(rows):
+            commitment = next(row for row in rows if row[1] == "commitment")
+            rows.remove(commitment)
+            place = next(i for i, row in enumerate(rows) if row[1] == "accepted")
+            return rows[:place + 1] + [commitment] + rows[place + 1:]
+
+        self.rewritten(later)
+        self.refuted(self.exported("late"), "commitments", "after submission 1 to it was accepted")
+
+        def twice(rows):
+            commitment = next(row for row in rows if row[1] == "commitment")
+            other = (*commitment[:3], {**commitment[3], "commitment": "0" * 64})
+            return rows + [other]
+
+        self.rewritten(twice)
+        self.refuted(self.exported("twice"), "entries", "commits phase final to another secret")
+
+        def never(rows):
+            return [row for row in rows if row[1] != "commitment"]
+
+        self.rewritten(never)
+        self.refuted(self.exported("never"), "receipts", "the record never committed to them")
 
 
 if __name__ == "__main__":

@@ -264,6 +264,29 @@ class OfAPhase(Graded):
         self.assertIn("other_config", self.get(self.board_path))
 
 
+class OfAPhaseWhereTeamsChoose(Graded):
+    phases = {"final": {"entry": "chosen", "opens_at": moment(hours=-1)}}
+    board_path = "/v1/leaderboard?phase=final"
+    more = {"phase": "final"}
+    board = ("--phase", "final")
+
+    def test_the_record_holds_where_a_chosen_one_is_left_out(self):
+        chosen = self.played(Skill(3).mode, "beta", **self.more)
+        for submission in (*self.submissions.values(), chosen):
+            self.ask("choose", submission)
+        artefact = self.result(chosen)["hashes"]["artefact"]
+        shutil.rmtree(self.data / "artefacts" / artefact)
+        rejudge = self.create(self.file(PLAYED), board=self.board, wait=False)["rejudge"]
+        self.computed(rejudge)
+        self.act("apply", rejudge, "--without", chosen)
+        self.assertEqual(self.order(), ["gamma", "alpha"], "beta chose one that has no result")
+        self.cli("key", "-o", self.folder / "organiser.pem")
+        self.cli("record", "export", self.folder / "record")
+        done = self.daemon.run_verb("verify", "--all", self.folder / "record", "--key",
+                                    self.folder / "organiser.pem", timeout_s=60, text=True)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+
+
 class BadInput(Graded):
     def test_a_config_that_does_not_fit(self):
         live = self.text(self.board_path)

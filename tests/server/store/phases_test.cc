@@ -2,6 +2,7 @@
 #include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 
+#include "server/store/boards.h"
 #include "tests/server/store/store_fixture.h"
 
 namespace myograde::server {
@@ -134,8 +135,8 @@ TEST_F(PhaseStoreTest, OnlyAPhaseIsPublished) {
 }
 
 TEST_F(PhaseStoreTest, ActsAndSecretsStayAsTheyAre) {
-  Act("final", kPausedEvent);
   ASSERT_TRUE(Secret("final").ok());
+  Act("final", kPausedEvent);
   EXPECT_THAT(SqlError("UPDATE phase_event SET why = ''"), HasSubstr("never changed"));
   EXPECT_THAT(SqlError("DELETE FROM phase_event"), HasSubstr("never deleted"));
   EXPECT_THAT(SqlError("UPDATE phase_secret SET secret = zeroblob(32)"), HasSubstr("never changed"));
@@ -153,6 +154,63 @@ TEST_F(PhaseStoreTest, ASecretIsDrawnOnce) {
   Open();
   EXPECT_EQ(*Secret("final"), *secret) << "after a restart";
   Read([&](Reader& reader) { EXPECT_EQ(*reader.PhaseSecret("final"), *secret); });
+}
+
+TEST_F(PhaseStoreTest, ASecretBelongsToOneChallenge) {
+  const auto of = [&](const std::string& challenge) {
+    absl::StatusOr<std::string> secret = absl::InternalError("");
+    const absl::Status status = store_->Write([&](Writer& writer) {
+      secret = writer.PhaseSecret("final", challenge);
+      return secret.status();
+    });
+    return status.ok() ? secret : absl::StatusOr<std::string>(status);
+  };
+  const auto first = of("");
+  ASSERT_TRUE(first.ok()) << first.status();
+  EXPECT_EQ(*of("cup"), *first) << "one of an earlier version is the first challenge's";
+  EXPECT_EQ(*of("cup"), *first);
+  EXPECT_EQ(ErrorCodeOf(of("next-cup").status()), "no_secret");
+  EXPECT_THAT(SqlError("UPDATE phase_secret SET challenge = 'x'"), HasSubstr("never changed"));
+  Act("final", kRevealedEvent);
+  EXPECT_EQ(*of("cup"), *first) << "its board is still shown";
+  EXPECT_EQ(ErrorCodeOf(of("next-cup").status()), "phase_revealed");
+}
+
+TEST_F(PhaseStoreTest, AUsedPhaseDrawsNoSecret) {
+  ASSERT_TRUE(SubmitTo("played", 'a').ok());
+  Act("paused", kPausedEvent);
+  for (const char* phase : {"played", "paused"}) {
+    EXPECT_EQ(ErrorCodeOf(Secret(phase).status()), "no_secret") << phase;
+  }
+  // Further episodes of a phase with public seeds follow from a secret that is drawn late.
+  const absl::Status further =
+      store_->Write([](Writer& writer) { return writer.FurtherSecret("played").status(); });
+  EXPECT_TRUE(further.ok()) << further;
+  ASSERT_TRUE(Secret("final").ok());
+  ASSERT_EQ(SqlError("DELETE FROM phase_secret"), "");
+  EXPECT_EQ(ErrorCodeOf(Secret("final").status()), "no_secret") << "the record commits to another";
+}
+
+TEST(BoardRulesTest, ARejudgePutsItsResultsInPlaceAndTakesOffWhatHasNone) {
+  const std::vector<EndedResult> own = {{1, 11, true}, {2, 12, true}, {3, 13, true}, {4, 14, false}};
+  EXPECT_EQ(EvaluationsInForce(own, {}), (std::map<int64_t, int64_t>{{1, 11}, {2, 12}, {3, 13}}));
+  EXPECT_EQ(EvaluationsInForce(own, {{{1, 21, true}, {2, 22, false}}, {{1, 31, true}}}),
+            (std::map<int64_t, int64_t>{{1, 31}, {3, 13}}));
+}
+
+TEST(BoardRulesTest, ATeamsNewestChoiceStandsEvenWithoutAResult) {
+  const TeamChoice first{7, 1, true, false};
+  const TeamChoice of_another_board{7, 2, false, false};
+  const TeamChoice left_out{7, 3, false, true};
+  EXPECT_THAT(StandingChoices({first, of_another_board}), ElementsAre(1));
+  EXPECT_THAT(StandingChoices({first, left_out, {8, 4, true, true}}), ElementsAre(3, 4));
+}
+
+TEST_F(PhaseStoreTest, ARevealedPhaseTakesNothing) {
+  ASSERT_TRUE(SubmitTo("final", 'a').ok());
+  Act("final", kRevealedEvent);
+  EXPECT_EQ(ErrorCodeOf(SubmitTo("final", 'b').status()), "phase_revealed");
+  EXPECT_TRUE(SubmitTo("other", 'b').ok());
 }
 
 TEST_F(PhaseStoreTest, ADamagedSecretIsToldAndNotReplaced) {
