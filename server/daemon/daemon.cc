@@ -59,7 +59,6 @@ constexpr double kBeatsPerWatchdog = 4;
 // The data folder is private to the daemon: it holds the secret and everybody's submissions.
 absl::Status MakeFolders(const std::string& data) {
   std::error_code error;
-  fs::create_directories(data, error);
   for (const char* part : {"", "/artefacts", "/logs", "/pictures", "/selftest", "/slots", "/spool", "/work"}) {
     const std::string path = data + part;
     if (!error) fs::create_directory(path, error);
@@ -204,13 +203,15 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   absl::StatusOr<ServiceManager> manager = ServiceManager::FromEnvironment();
   if (!manager.ok()) return manager.status();
   if (absl::Status status = RaiseDescriptorLimit(config); !status.ok()) return status;
-  if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
+  std::error_code unmade;  // what is not there can't be locked
+  fs::create_directories(options.data_dir, unmade);
   absl::StatusOr<DataLock> lock = DataLock::Take(options.data_dir);
   if (!lock.ok()) return lock.status();
   StartLog(config.log_level, config.log_format);
   CheckSandboxes(config);
   ControlGroup::RemoveStale();
   Empty(options.data_dir + "/work");
+  if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
   Empty(options.data_dir + "/spool");
   RemoveDrafts(options.data_dir + "/logs");
 

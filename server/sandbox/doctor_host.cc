@@ -19,6 +19,7 @@
 #include <absl/strings/str_replace.h>
 
 #include "protocol/base/file.h"
+#include "server/base/temp_folder.h"
 #include "server/sandbox/child.h"
 #include "server/sandbox/doctor_messages.h"
 
@@ -62,30 +63,6 @@ int64_t MemoryBytes(const char* key) {
 
 std::string GiB(double bytes) { return absl::StrFormat("%.1f GiB", bytes / kGiB); }
 
-// A copy of the models' sources to compile from, so that the cache stays as it is: a folder with a
-// link, removed at the end.
-class ScratchCache {
- public:
-  explicit ScratchCache(const std::string& cache_dir) {
-    std::error_code error;
-    const fs::path base = fs::temp_directory_path(error);
-    std::string name = ((error ? fs::path("/tmp") : base) / "myograde-doctor.XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) return;
-    path_ = name;
-    fs::create_directory_symlink(cache_dir + "/myosuite-2.8.4", path_ + "/myosuite-2.8.4", error);
-  }
-  ~ScratchCache() {
-    std::error_code ignored;  // nobody to report it to
-    if (!path_.empty()) fs::remove_all(path_, ignored);
-  }
-  ScratchCache(const ScratchCache&) = delete;
-  ScratchCache& operator=(const ScratchCache&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
-
 size_t CompiledModels(const std::string& cache_dir) {
   std::error_code error;
   size_t count = 0;
@@ -98,21 +75,25 @@ size_t CompiledModels(const std::string& cache_dir) {
 void CheckModels(const DoctorOptions& options, std::vector<Check>& checks) {
   const char name[] = "models";
   const char costs[] = "no episode can be simulated, so nothing can be graded";
-  const ScratchCache scratch(options.cache_dir);
-  if (scratch.path().empty()) {
-    checks.push_back(Missing(name, absl::StrCat("can't be tried: no temporary folder: ",
-                                                std::strerror(errno)),
+  // Compiled from a copy of the models' sources, a link, so that the cache stays as it is.
+  const absl::StatusOr<TempFolder> scratch = TempFolder::Make("doctor");
+  if (!scratch.ok()) {
+    checks.push_back(Missing(name, absl::StrCat("can't be tried: ",
+                                                std::string(scratch.status().message())),
                              costs, "set TMPDIR to a folder with 1 GiB of space"));
     return;
   }
+  std::error_code error;
+  fs::create_directory_symlink(options.cache_dir + "/myosuite-2.8.4",
+                               scratch->path() + "/myosuite-2.8.4", error);
   const ChildEnd end = RunProgram(
-      {options.bin_dir + "/myograde-sim", "--compile-models", scratch.path()},
+      {options.bin_dir + "/myograde-sim", "--compile-models", scratch->path()},
       {"PATH=/usr/bin:/bin", "LD_LIBRARY_PATH=" + options.cache_dir + "/mujoco-2.2.2/lib"},
       kCompileTime);
   if (end.exit_code != 0) {
     const std::string words = end.in_time ? LastWords(end.output) : "no answer in time";
     checks.push_back(Missing(
-        name, absl::StrReplaceAll(words, {{scratch.path(), options.cache_dir}}), costs, kSetUp));
+        name, absl::StrReplaceAll(words, {{scratch->path(), options.cache_dir}}), costs, kSetUp));
     return;
   }
   const std::string found = "every source file has its SHA-256, and both tracks' models compile";
