@@ -56,6 +56,10 @@ constexpr absl::Duration kLeaveClusterWithin = absl::Seconds(10);
 // Of a service manager's patience; twice is what sd_watchdog_enabled(3) recommends at least.
 constexpr double kBeatsPerWatchdog = 4;
 
+// What a crowd's answers needed goes back to the system: free memory between used one stays with the
+// process otherwise. Takes milliseconds.
+constexpr absl::Duration kTrimEvery = absl::Seconds(10);
+
 // The data folder is private to the daemon: it holds the secret and everybody's submissions.
 absl::Status MakeFolders(const std::string& data) {
   std::error_code error;
@@ -353,10 +357,15 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
                config.scheduler.slots, tracks.entries().size(), phases->entries().size());
   if (config.listen.has_value()) spdlog::info("listening on {}", server.NetworkUrl());
   manager->Tell("READY=1");
-  if (manager->watchdog() < absl::InfiniteDuration()) {
-    engine.SetHeartbeat(manager->watchdog() / kBeatsPerWatchdog,
-                        [&] { manager->Tell("WATCHDOG=1"); });
-  }
+  engine.SetHeartbeat(std::min(manager->watchdog() / kBeatsPerWatchdog, kTrimEvery),
+                      [&, trimmed = clock.Monotonic()]() mutable {
+                        if (manager->watchdog() < absl::InfiniteDuration()) {
+                          manager->Tell("WATCHDOG=1");
+                        }
+                        if (clock.Monotonic() - trimmed < kTrimEvery) return;
+                        malloc_trim(0);
+                        trimmed = clock.Monotonic();
+                      });
   const absl::Status status = engine.Run();
   manager->Tell("STOPPING=1");
   EndSoon(status.ok() ? 0 : 4, config.on_cluster ? kLeaveClusterWithin : kLeaveWithin);

@@ -107,6 +107,7 @@ absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForReading(const std::stri
   const absl::Status status = GuardSqlite(path, [&] {
     db = std::make_unique<SQLite::Database>(path, SQLite::OPEN_READWRITE, kBusyMs);
     db->exec("PRAGMA query_only = ON");
+    db->exec("PRAGMA cache_size = -1024");  // KiB; the host keeps the file in memory as well
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
