@@ -232,7 +232,10 @@ int Local(const LocalOptions& options) {
     LocalRun run(*order, {.progress = [&](int64_t done, int64_t total) {
                             progress.Show(done, total, "");
                           },
-                          .stopped = StopRequested});
+                          .stopped = StopRequested,
+                          .again = [](const std::string& why) {
+                            std::cerr << "myograde: " << why << std::endl;
+                          }});
     result = run.Run();
   }
   if (!result.ok()) return ReportError(result.status());
