@@ -211,11 +211,11 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   fs::create_directories(options.data_dir, unmade);
   absl::StatusOr<DataLock> lock = DataLock::Take(options.data_dir);
   if (!lock.ok()) return lock.status();
+  if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
   StartLog(config.log_level, config.log_format);
   CheckSandboxes(config);
   ControlGroup::RemoveStale();
   Empty(options.data_dir + "/work");
-  if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
   Empty(options.data_dir + "/spool");
   RemoveDrafts(options.data_dir + "/logs");
 
@@ -345,7 +345,8 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   server_to_stop = &server;
   access_log.Start();
   webhooks.Start();
-  const Retention retention(config.retention, options.data_dir, engine, readers, clock);
+  const Retention retention(config.retention, config.artefacts.disk_reserve, options.data_dir, engine,
+                            readers, clock);
   const Rejudger rejudger({.data_dir = options.data_dir,
                            .grader = [&] {
                              return WithRuntimes(

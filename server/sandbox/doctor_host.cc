@@ -199,7 +199,7 @@ fs::path Existing(const std::string& folder) {
 }
 
 void CheckDisk(const char* name, const std::string& folder, double wanted, bool written,
-               std::vector<Check>& checks) {
+               double reserve, std::vector<Check>& checks) {
   const fs::path path = Existing(folder);
   struct statvfs space;
   if (statvfs(path.c_str(), &space) != 0 || (written && access(path.c_str(), W_OK | X_OK) != 0)) {
@@ -212,7 +212,11 @@ void CheckDisk(const char* name, const std::string& folder, double wanted, bool 
   const double free = static_cast<double>(space.f_bavail) * static_cast<double>(space.f_frsize);
   const std::string found = absl::StrCat(GiB(free), " free in ", path.string(),
                                          path == folder ? "" : absl::StrCat(" (for ", folder, ")"));
-  if (free >= wanted) {
+  if (free < reserve) {
+    checks.push_back(Missing(name, found, "uploads are refused, and no lease begins",
+                             absl::StrCat("make ", GiB(std::max(wanted, reserve)),
+                                          " free (disk_reserve_bytes is ", GiB(reserve), ")")));
+  } else if (free >= wanted) {
     checks.push_back(Fine(name, found));
   } else {
     checks.push_back(Poorer(name, found,
@@ -302,8 +306,8 @@ void CheckMachine(const DoctorOptions& options, std::vector<Check>& checks) {
   CheckMessages(checks);
   CheckMemory(options, checks);
   CheckDisk("disk_data", options.data_dir, 2.0 * static_cast<double>(options.submission_bytes),
-            true, checks);
-  CheckDisk("disk_cache", options.cache_dir, kGiB, false, checks);
+            true, static_cast<double>(options.disk_reserve), checks);
+  CheckDisk("disk_cache", options.cache_dir, kGiB, false, 0, checks);
 }
 
 void CheckSystem(const DoctorOptions& options, std::vector<Check>& checks) {
