@@ -28,7 +28,8 @@ void HostResource::Install(Routes& routes) {
 // Everybody sees that it works, participants how busy it is, and organisers the host.
 ApiResult HostResource::Health(const httplib::Request&) const {
   const LiveHealth health = context_.engine.Health();
-  const bool paused = !health.host_trouble.empty() || !health.executor_trouble.empty();
+  const bool paused = !health.host_trouble.empty() || !health.executor_trouble.empty() ||
+                      !health.disk_trouble.empty();
   Json body = {{"status", !health.store_trouble.empty() ? "store" : paused ? "paused" : "ok"},
                {"version", GraderVersion()},
                {"api", 1}};
@@ -85,6 +86,7 @@ nlohmann::json HostResource::HostToJson(const LiveHealth& health) const {
     closed.push_back({{"slot", slot}, {"left", left}});
   }
   const std::string& trouble = !health.store_trouble.empty()  ? health.store_trouble
+                               : !health.disk_trouble.empty() ? health.disk_trouble
                                : !health.host_trouble.empty() ? health.host_trouble
                                                               : health.executor_trouble;
   return {{"message", TextOrNull(trouble)},

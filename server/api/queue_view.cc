@@ -83,7 +83,8 @@ absl::StatusOr<nlohmann::json> QueueView(Reader& reader, const ApiContext& conte
   }
   SortByPlace(entries);
   const LiveHealth health = context.engine.Health();
-  const bool paused = !health.host_trouble.empty() || !health.executor_trouble.empty();
+  const bool paused = !health.host_trouble.empty() || !health.executor_trouble.empty() ||
+                      !health.disk_trouble.empty();
   const char* status = !health.store_trouble.empty() ? "store" : paused ? "paused" : "ok";
   return Json{{"status", status},
               {"slots", context.config.scheduler.slots},

@@ -26,15 +26,6 @@ std::string MissingProgram() {
   return "";
 }
 
-// "" if there is enough.
-std::string LackOfRoom(const std::string& data_dir, int64_t reserve) {
-  const std::optional<DiskSpace> disk = DiskSpaceAt(data_dir);
-  if (!disk.has_value()) return absl::StrCat(data_dir, ": its disk can't be looked at");
-  if (disk->free >= reserve) return "";
-  return absl::StrCat("the disk of ", data_dir, " has ", disk->free, " bytes free, and uploads must ",
-                      "leave ", reserve, " (disk_reserve_bytes): make room; it goes on by itself");
-}
-
 }  // namespace
 
 const std::vector<std::string>& ObstacleCodes() {

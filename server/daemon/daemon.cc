@@ -56,10 +56,13 @@ constexpr absl::Duration kLeaveClusterWithin = absl::Seconds(10);
 // Of a service manager's patience; twice is what sd_watchdog_enabled(3) recommends at least.
 constexpr double kBeatsPerWatchdog = 4;
 
+// What a crowd's answers needed goes back to the system: free memory between used one stays with the
+// process otherwise. Takes milliseconds.
+constexpr absl::Duration kTrimEvery = absl::Seconds(10);
+
 // The data folder is private to the daemon: it holds the secret and everybody's submissions.
 absl::Status MakeFolders(const std::string& data) {
   std::error_code error;
-  fs::create_directories(data, error);
   for (const char* part : {"", "/artefacts", "/logs", "/pictures", "/selftest", "/slots", "/spool", "/work"}) {
     const std::string path = data + part;
     if (!error) fs::create_directory(path, error);
@@ -213,9 +216,11 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   absl::StatusOr<ServiceManager> manager = ServiceManager::FromEnvironment();
   if (!manager.ok()) return manager.status();
   if (absl::Status status = RaiseDescriptorLimit(config); !status.ok()) return status;
-  if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
+  std::error_code unmade;  // what is not there can't be locked
+  fs::create_directories(options.data_dir, unmade);
   absl::StatusOr<DataLock> lock = DataLock::Take(options.data_dir);
   if (!lock.ok()) return lock.status();
+  if (absl::Status status = MakeFolders(options.data_dir); !status.ok()) return status;
   StartLog(config.log_level, config.log_format);
   CheckSandboxes(config);
   ControlGroup::RemoveStale();
@@ -354,7 +359,8 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
   webhooks.Start();
   std::optional<absl::Time> newest;
   if (const auto row = (*store)->newest_row_ms()) newest = absl::FromUnixMillis(*row);
-  const Retention retention(config.retention, options.data_dir, engine, readers, clock, newest);
+  const Retention retention(config.retention, config.artefacts.disk_reserve, options.data_dir, engine,
+                            readers, clock, newest);
   const Rejudger rejudger({.data_dir = options.data_dir,
                            .grader = [&] {
                              return WithRuntimes(
@@ -366,10 +372,15 @@ absl::Status RunDaemon(const DaemonOptions& options, DaemonConfigs configs) {
                config.scheduler.slots, tracks.entries().size(), phases->entries().size());
   if (config.listen.has_value()) spdlog::info("listening on {}", server.NetworkUrl());
   manager->Tell("READY=1");
-  if (manager->watchdog() < absl::InfiniteDuration()) {
-    engine.SetHeartbeat(manager->watchdog() / kBeatsPerWatchdog,
-                        [&] { manager->Tell("WATCHDOG=1"); });
-  }
+  engine.SetHeartbeat(std::min(manager->watchdog() / kBeatsPerWatchdog, kTrimEvery),
+                      [&, trimmed = clock.Monotonic()]() mutable {
+                        if (manager->watchdog() < absl::InfiniteDuration()) {
+                          manager->Tell("WATCHDOG=1");
+                        }
+                        if (clock.Monotonic() - trimmed < kTrimEvery) return;
+                        malloc_trim(0);
+                        trimmed = clock.Monotonic();
+                      });
   const absl::Status status = engine.Run();
   manager->Tell("STOPPING=1");
   EndSoon(status.ok() ? 0 : 4, config.on_cluster ? kLeaveClusterWithin : kLeaveWithin);

@@ -50,6 +50,7 @@ absl::StatusOr<absl::Duration> EngineCore::RunOnce() {
   if (absl::Status status = Flush(); !status.ok()) return status;
   if (journal_.empty()) {
     ProbeStore();
+    if (clock_.Monotonic() >= next_disk_look_) LookAtDisk();
     if (absl::Status status = EnqueueDeferred(); !status.ok()) return status;
     if (absl::Status status = SettleAll(); !status.ok()) return status;
     if (!stopping_) StartLeases();

@@ -95,6 +95,7 @@ struct LiveHealth {
   HostHealth::State host = HostHealth::State::kWell;
   std::string host_trouble;   // "" if leases may start
   std::string executor_trouble;  // why nothing can start where leases run; "" if leases can
+  std::string disk_trouble;      // why nothing may start; "" while the disk has its reserve
   std::optional<absl::Duration> paused_for;
   std::optional<absl::Duration> next_test;  // from now
   std::map<int64_t, std::string> unreadable;  // evaluations that can't be ended either, and why
@@ -260,6 +261,8 @@ class EngineCore {
   // The journal.
   absl::Status WriteNow(const StoreChange& change);
   void ProbeStore();
+  void LookAtDisk();
+  bool ShortOfRoom() const;
   absl::Status Flush();
   absl::Status WriteJournal(Writer& writer) const;
   void ClearJournal();
@@ -349,6 +352,7 @@ class EngineCore {
   std::vector<Request> requests_;
   absl::Duration write_after_ = absl::ZeroDuration();
   absl::Duration next_store_check_ = absl::ZeroDuration();
+  absl::Duration next_disk_look_ = absl::ZeroDuration();
   std::set<int64_t> deferred_;
   std::set<int64_t> to_settle_;
   std::map<int64_t, ContextPtr> contexts_;     // of unfinished evaluations
@@ -369,6 +373,7 @@ class EngineCore {
   std::map<int, std::string> closed_slots_ ABSL_GUARDED_BY(mutex_);
   std::string store_trouble_ ABSL_GUARDED_BY(mutex_);
   std::string executor_trouble_ ABSL_GUARDED_BY(mutex_);
+  std::string disk_trouble_ ABSL_GUARDED_BY(mutex_);
   std::map<int64_t, std::string> unreadable_ ABSL_GUARDED_BY(mutex_);
   // Of leases played here; 0: none yet.
   absl::Duration mean_lease_ ABSL_GUARDED_BY(mutex_) = absl::ZeroDuration();

@@ -187,6 +187,8 @@ void EngineCore::OnRunnerEnd(LeaseRun& run) {
 }
 
 void EngineCore::Fault(LeaseRun& run, const char* kind, const std::string& why) {
+  LookAtDisk();
+  if (ShortOfRoom()) return Return(run, "disk", why);
   const LogScope scope(FieldsOf(run));
   metrics().CountGraderFault(kind);
   spdlog::error("lease {}, attempt {}: fault of the grader: {}", run.lease, run.attempt, why);

@@ -5,6 +5,7 @@
 #include "protocol/base/config_reader.h"
 #include "server/base/host_name.h"
 #include "server/engine/engine_core.h"
+#include "server/metrics/disk_space.h"
 
 namespace myograde::server {
 
@@ -71,6 +72,22 @@ void EngineCore::EndSelfTest(const std::string& fault) {
   if (stopping_) return;
   metrics().CountSelfTest(fault.empty());
   TellOfHost(before, now);
+}
+
+// Below the reserve no lease begins. Those that run go on, and need little of it.
+void EngineCore::LookAtDisk() {
+  next_disk_look_ = clock_.Monotonic() + absl::Seconds(1);
+  std::string trouble = LackOfRoom(options_.data_dir, options_.config.artefacts.disk_reserve);
+  const MutexLock lock(mutex_);
+  // The number of bytes changes all the time.
+  if (trouble.empty() && !disk_trouble_.empty()) spdlog::info("the disk has its reserve again");
+  if (!trouble.empty() && disk_trouble_.empty()) spdlog::error("no lease begins: {}", trouble);
+  disk_trouble_ = std::move(trouble);
+}
+
+bool EngineCore::ShortOfRoom() const {
+  const MutexLock lock(mutex_);
+  return !disk_trouble_.empty();
 }
 
 // The fault itself names files of this host, so it is only logged.

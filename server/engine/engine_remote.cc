@@ -17,7 +17,9 @@ absl::Status Note(Writer& writer, const std::function<absl::Status(Writer&)>& no
 
 }  // namespace
 
-bool EngineCore::MayStart() const { return host_.may_start() && executor_trouble_.empty(); }
+bool EngineCore::MayStart() const {
+  return host_.may_start() && executor_trouble_.empty() && disk_trouble_.empty();
+}
 
 // The executor's news, before its runners are asked.
 void EngineCore::AttendExecutor() {

@@ -29,6 +29,9 @@ QueueOutlook EngineCore::OutlookOf(int64_t evaluation) const {
     if (!executor_trouble_.empty()) {
       absl::StrAppend(&outlook.waiting, "; nothing starts: ", executor_trouble_);
     }
+    if (!disk_trouble_.empty()) {
+      absl::StrAppend(&outlook.waiting, "; nothing starts: ", disk_trouble_);
+    }
     if (!store_trouble_.empty()) {
       absl::StrAppend(&outlook.waiting,
                       "; nothing starts while the store can't be written: ", store_trouble_);
@@ -90,6 +93,7 @@ LiveHealth EngineCore::Health() const {
   health.closed_slots = closed_slots_;
   health.store_trouble = store_trouble_;
   health.executor_trouble = executor_trouble_;
+  health.disk_trouble = disk_trouble_;
   health.unreadable = unreadable_;
   health.host = host_.state();
   health.host_trouble = host_.PauseReason(now);

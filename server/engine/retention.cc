@@ -13,6 +13,7 @@
 
 #include "server/artefact/share_files.h"
 #include "server/engine/stored.h"
+#include "server/metrics/disk_space.h"
 
 namespace myograde::server {
 namespace {
@@ -22,6 +23,7 @@ namespace fs = std::filesystem;
 constexpr absl::Duration kChange = absl::Seconds(30);
 constexpr absl::Duration kLatestFirstSweep = absl::Minutes(10);
 constexpr absl::Duration kDenialsKept = absl::Hours(24 * 30);
+constexpr std::chrono::seconds kDiskLook(2);
 constexpr size_t kHashDigits = 64;
 // The row that names a log is written after its file.
 constexpr int64_t kFreshMs = 10 * 60 * 1000;
@@ -81,9 +83,11 @@ absl::Time TrustedTime::Now() const {
   return std::min(clock_.Now(), at_began_ + (clock_.Monotonic() - began_));
 }
 
-Retention::Retention(RetentionLimits limits, std::string data_dir, Engine& engine,
-                     ReaderPool& readers, const Clock& clock, std::optional<absl::Time> newest)
+Retention::Retention(RetentionLimits limits, int64_t disk_reserve, std::string data_dir,
+                     Engine& engine, ReaderPool& readers, const Clock& clock,
+                     std::optional<absl::Time> newest)
     : limits_(limits),
+      disk_reserve_(disk_reserve),
       data_dir_(std::move(data_dir)),
       engine_(engine),
       readers_(readers),
@@ -109,10 +113,43 @@ void Retention::Loop() {
 
 bool Retention::WaitForStop(absl::Duration wait) {
   const auto deadline = std::chrono::steady_clock::now() + absl::ToChronoMilliseconds(wait);
-  const MutexLock lock(mutex_);
-  while (!stop_ && wake_.WaitUntil(mutex_, deadline)) {
+  while (true) {
+    {
+      const MutexLock lock(mutex_);
+      const auto look = std::min(deadline, std::chrono::steady_clock::now() + kDiskLook);
+      while (!stop_ && wake_.WaitUntil(mutex_, look)) {
+      }
+      if (stop_ || std::chrono::steady_clock::now() >= deadline) return stop_;
+    }
+    MakeRoom();
   }
-  return stop_;
+}
+
+void Retention::MakeRoom() {
+  const std::optional<DiskSpace> disk = DiskSpaceAt(data_dir_);
+  if (!disk.has_value() || disk->free >= disk_reserve_) return;
+  std::vector<KeptFile> logs = Logs();
+  const absl::Status status = readers_.Read([&](Reader& reader) {
+    const std::set<std::string> practice = reader.PracticeLogs();
+    std::erase_if(logs, [&](const KeptFile& log) { return !practice.contains(log.name); });
+    return absl::OkStatus();
+  });
+  if (!status.ok()) {
+    spdlog::warn("room for the disk's reserve: {}", std::string(status.message()));
+    return;
+  }
+  int64_t sum = 0;
+  for (const KeptFile& log : logs) sum += log.bytes;
+  // A little more, so that not every episode begins this again.
+  const int64_t wanted = disk_reserve_ - disk->free + disk_reserve_ / 8;
+  std::vector<Choice> choices =
+      ChooseRemovals(std::move(logs), absl::InfiniteDuration(), std::max<int64_t>(sum - wanted, 0),
+                     absl::ToUnixMillis(clock_.Now()));
+  for (Choice& choice : choices) {
+    choice.why = absl::StrCat("the disk had ", disk->free, " bytes free, and ", disk_reserve_,
+                              " are its reserve");
+  }
+  Remove(kPracticeLogKind, choices);
 }
 
 void Retention::RemoveDenials(int64_t now_ms) {
@@ -260,7 +297,9 @@ void Retention::Remove(const std::string& kind, const std::vector<Choice>& choic
     }
     std::error_code error;
     fs::remove_all(to, error);
-    if (*removed) engine_.metrics().CountRemoved(kind, choice.file.bytes);
+    if (*removed) {
+      engine_.metrics().CountRemoved(kind == kPracticeLogKind ? "log" : kind, choice.file.bytes);
+    }
     if (*removed) spdlog::info("{} {} is removed: {}", kind, choice.file.name, choice.why);
   }
 }

@@ -60,20 +60,23 @@ class TrustedTime {
 // the start.
 class Retention {
  public:
-  // Everything but `limits` must outlive it; `engine` must be running or about to run.
-  // `newest`: as of TrustedTime.
-  Retention(RetentionLimits limits, std::string data_dir, Engine& engine, ReaderPool& readers,
-            const Clock& clock, std::optional<absl::Time> newest);
+  // `disk_reserve`: bytes of the folder's disk; below it logs of practice are removed, of running
+  // ones too. `newest`: as of TrustedTime. Everything but `limits` must outlive it; `engine` must be
+  // running or about to run.
+  Retention(RetentionLimits limits, int64_t disk_reserve, std::string data_dir, Engine& engine,
+            ReaderPool& readers, const Clock& clock, std::optional<absl::Time> newest);
   ~Retention();
 
  private:
   void Loop();
-  // Waits until the next sweep is due. True: it is time to stop.
+  // Waits until the next sweep is due, and makes room meanwhile. True: it is time to stop.
   bool WaitForStop(absl::Duration wait);
   // One sweep: removes what is too old or too much. Errors are logged.
   void Sweep();
   void RemoveDenials(int64_t now_ms);
   absl::StatusOr<std::vector<KeptFile>> Artefacts();
+  // Removes the oldest logs of practice while the disk lacks its reserve.
+  void MakeRoom();
   // Uploads that are too old and were never submitted.
   absl::StatusOr<std::vector<Choice>> Unsubmitted(int64_t now_ms);
   std::vector<KeptFile> Logs();  // leaves `needed` unset
@@ -81,6 +84,7 @@ class Retention {
   void Remove(const std::string& kind, const std::vector<Choice>& choices);
 
   const RetentionLimits limits_;
+  const int64_t disk_reserve_;
   const std::string data_dir_;
   Engine& engine_;
   ReaderPool& readers_;

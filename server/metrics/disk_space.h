@@ -16,4 +16,7 @@ struct DiskSpace {
 // Of the file system that `path` is on; nullopt if it can't be told.
 std::optional<DiskSpace> DiskSpaceAt(const std::string& path);
 
+// "" if the disk of `data_dir` has `reserve` bytes free; else a sentence with what to do.
+std::string LackOfRoom(const std::string& data_dir, int64_t reserve);
+
 }  // namespace myograde::server

@@ -31,8 +31,8 @@ constexpr std::array<std::string_view, 6> kDenials = {
     "role", "another team's", "too many requests", "wrong token", "expired token", "revoked token"};
 
 // Why leases are taken back; anything else counts as "other".
-constexpr std::array<std::string_view, 5> kReturns = {"lost", "silent", "not begun", "gave way",
-                                                      "stop"};
+constexpr std::array<std::string_view, 6> kReturns = {"lost", "silent", "not begun", "gave way",
+                                                      "stop", "disk"};
 
 std::string Text(std::string_view view) { return std::string(view); }
 

@@ -148,7 +148,7 @@ int Main(int argc, char** argv) {
   ControlGroup::RemoveStale();
   absl::StatusOr<Stage> stage = Stage::Enter(StagedSources(*order, *bin_dir));
   if (!stage.ok()) return EndAtOnce(stage.status());
-  absl::StatusOr<EtcFiles> etc = StageEtcFiles(*stage);
+  absl::StatusOr<EtcFiles> etc = StageEtcFiles(*order, *stage);
   if (!etc.ok()) return EndAtOnce(etc.status());
   const LeaseContext context = {*order, *config, *bin_dir, *stage, *etc,
                                 logs->has_value() ? &**logs : nullptr, *replays,

@@ -74,6 +74,15 @@ bool WasEndedBy(const FaultEvidence& evidence, int signal) {
   return WIFSIGNALED(status) && WTERMSIG(status) == signal;
 }
 
+// For a sandbox that was never built and said nothing. Only somebody outside kills one.
+std::string SilentEnd(int wait_status) {
+  return WIFSIGNALED(wait_status)
+             ? absl::StrCat("bubblewrap was killed by signal ", WTERMSIG(wait_status),
+                            ", which nothing of this lease sends")
+             : absl::StrCat("bubblewrap ended with status ", WEXITSTATUS(wait_status),
+                            " and gave no reason");
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<PolicyRun>> PolicyRun::Prepare(const LeaseContext& context,
@@ -252,7 +261,7 @@ FaultEvidence PolicyRun::Rule(FaultEvidence seen) {
   if (!caused && by_itself && !end.started) {
     seen.outcome = Outcome::kGraderError;
     seen.detail = absl::StrCat("the participant's sandbox could not be built: ",
-                               words.empty() ? "bubblewrap gave no reason" : words);
+                               words.empty() ? SilentEnd(end.wait_status) : words);
   } else if (seen.outcome == Outcome::kCrash && !words.empty()) {
     absl::StrAppend(&seen.detail, "; the last line of its stderr: ", words);
     if (const std::string library = MissingLibrary(words); !library.empty()) {

@@ -1,13 +1,12 @@
 #include "server/sandbox/cgroup_host.h"
 
 #include <fcntl.h>
-#include <signal.h>
+#include <sys/random.h>
 #include <sys/stat.h>
 #include <sys/xattr.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cstdint>
 #include <sstream>
 #include <utility>
@@ -45,24 +44,6 @@ std::vector<std::pair<std::set<std::string>, std::string>> OwnGroups(const Cgrou
     groups.emplace_back(std::move(names), parts[2]);
   }
   return groups;
-}
-
-// When a process started, in clock ticks since boot; with its pid that identifies it uniquely. -1:
-// there is none. A zombie counts as gone.
-int64_t StartOf(pid_t pid) {
-  const std::string text = ReadKernelFile(absl::StrCat("/proc/", pid, "/stat"));
-  // The name, in brackets, may contain anything; field 3 follows the last bracket.
-  const size_t name_end = text.rfind(')');
-  if (name_end == std::string::npos) return -1;
-  std::istringstream fields(text.substr(name_end + 1));
-  std::string state;
-  fields >> state;
-  if (state == "Z" || state == "X") return -1;
-  constexpr int kFromStateToStart = 22 - 3 - 1;
-  std::string skipped;
-  for (int i = 0; i < kFromStateToStart; ++i) fields >> skipped;
-  int64_t start = -1;
-  return fields >> start ? start : -1;
 }
 
 }  // namespace
@@ -124,20 +105,21 @@ std::vector<std::string> CgroupParents(const CgroupHierarchy& hierarchy) {
 }
 
 std::string GroupName(const std::string& what) {
-  return absl::StrCat(absl::string_view(kPrefix.data(), kPrefix.size()), getpid(), ".",
-                      StartOf(getpid()), ".", what);
+  static const uint64_t random = [] {
+    uint64_t number = 0;
+    return getrandom(&number, sizeof(number), 0) == sizeof(number) ? number : 0;
+  }();
+  return absl::StrCat(absl::string_view(kPrefix.data(), kPrefix.size()), getpid(), "-",
+                      absl::Hex(random, absl::kZeroPad16), ".", what);
 }
 
-bool IsStaleGroup(const std::string& name) {
+bool IsGroupName(const std::string& name) {
+  constexpr char kDigits[] = "0123456789";
   if (!name.starts_with(kPrefix)) return false;
-  pid_t pid = 0;
-  int64_t start = 0;
-  const char* end = name.data() + name.size();
-  const auto [dot, bad_pid] = std::from_chars(name.data() + kPrefix.size(), end, pid);
-  if (bad_pid != std::errc() || pid <= 0 || dot == end || *dot != '.') return false;
-  const auto [rest, bad_start] = std::from_chars(dot + 1, end, start);
-  if (bad_start != std::errc() || rest == end || *rest != '.') return false;
-  return StartOf(pid) != start;
+  const size_t dash = name.find_first_not_of(kDigits, kPrefix.size());
+  return dash != std::string::npos && dash > kPrefix.size() && name[dash] == '-' &&
+         name.find_first_not_of("0123456789abcdef", dash + 1) == dash + 17 &&
+         name[dash + 17] == '.';
 }
 
 }  // namespace myograde::server

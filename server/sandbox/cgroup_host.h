@@ -44,11 +44,11 @@ std::string ReadKernelFile(const std::string& path);
 // Writes `text` in one call, as kernel files want it. False: errno says why.
 bool WriteKernelFile(const std::string& path, const std::string& text);
 
-// A name for this process' group `what`, from which any other process can tell later whether this
-// one is still alive.
+// A name for this process' group `what`, which no other process of the host gives, whatever pid
+// namespace it is in.
 std::string GroupName(const std::string& what);
 
-// True if GroupName() made the name and its process is gone.
-bool IsStaleGroup(const std::string& name);
+// True if GroupName() made the name, in any process.
+bool IsGroupName(const std::string& name);
 
 }  // namespace myograde::server

@@ -3,6 +3,8 @@
 #include <dirent.h>
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -11,6 +13,7 @@
 #include <set>
 #include <sstream>
 #include <thread>
+#include <utility>
 
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
@@ -64,6 +67,31 @@ std::unique_ptr<ControlGroup> ControlGroup::Create(const std::string& name,
   return group;
 }
 
+// False if it is gone, or `how` includes LOCK_NB and another process has the lock.
+bool ControlGroup::Lock(const std::string& folder, int how) {
+  Fd lock(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+  if (!lock.valid() || flock(lock.get(), how) != 0) return false;
+  struct stat locked = {};
+  struct stat there = {};
+  // It may have been removed since it was opened.
+  if (fstat(lock.get(), &locked) != 0 || lstat(folder.c_str(), &there) != 0 ||
+      locked.st_ino != there.st_ino) {
+    return false;
+  }
+  folders_.push_back(folder);
+  locks_.push_back(std::move(lock));
+  return true;
+}
+
+bool ControlGroup::Make(const std::string& folder) {
+  // Between its creation and the lock, another process may take it for a stale one and remove it.
+  for (int tries = 0; tries < 10; ++tries) {
+    if (!host_.make(folder)) return false;
+    if (Lock(folder, LOCK_EX)) return true;
+  }
+  return false;
+}
+
 bool ControlGroup::TryVersion2(const std::string& name, const GroupLimits& limits) {
   for (const CgroupHierarchy& hierarchy : CgroupHierarchies(host_)) {
     if (hierarchy.version != 2) continue;
@@ -74,8 +102,7 @@ bool ControlGroup::TryVersion2(const std::string& name, const GroupLimits& limit
       // Joining needs the right to move processes out of the common parent.
       if (access((parent + "/cgroup.procs").c_str(), W_OK) != 0) continue;
       const std::string folder = parent + "/" + name;
-      if (!host_.make(folder)) continue;
-      folders_.push_back(folder);
+      if (!Make(folder)) continue;
       controllers_.version = 2;
       controllers_.memory = WriteKernelFile(folder + "/memory.max", std::to_string(limits.memory_bytes));
       WriteKernelFile(folder + "/memory.swap.max", "0");
@@ -101,8 +128,7 @@ void ControlGroup::TryVersion1(const std::string& name, const GroupLimits& limit
     };
     if (!has("memory") && !has("pids") && !has("cpu") && !has("cpuacct")) continue;
     const std::string folder = hierarchy.folder + "/" + name;
-    if (!host_.make(folder)) continue;
-    folders_.push_back(folder);
+    if (!Make(folder)) continue;
     controllers_.version = 1;
     if (has("memory") &&
         WriteKernelFile(folder + "/memory.limit_in_bytes", std::to_string(limits.memory_bytes))) {
@@ -214,9 +240,9 @@ void ControlGroup::RemoveStale(const CgroupHost& host) {
     DIR* folder = opendir(parent.c_str());
     if (folder == nullptr) continue;
     while (const dirent* entry = readdir(folder)) {
-      if (!IsStaleGroup(entry->d_name)) continue;
-      ControlGroup stale(host);
-      stale.folders_.push_back(absl::StrCat(parent, "/", entry->d_name));
+      if (!IsGroupName(entry->d_name)) continue;
+      ControlGroup stale(host);  // if it can be locked
+      stale.Lock(absl::StrCat(parent, "/", entry->d_name), LOCK_EX | LOCK_NB);
     }
     closedir(folder);
   }

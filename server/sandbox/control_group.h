@@ -71,17 +71,21 @@ class ControlGroup {
   bool KillAll(absl::Duration timeout);
 
   // Kills what is left in groups whose creators are gone, and removes them. Call when starting to
-  // create groups.
+  // create groups. A creator keeps a lock on its groups, which the kernel releases when it ends: a
+  // pid or start time of another namespace would say nothing here.
   static void RemoveStale(const CgroupHost& host = ThisCgroupHost());
 
  private:
   explicit ControlGroup(const CgroupHost& host) : host_(host) {}
+  bool Make(const std::string& folder);
+  bool Lock(const std::string& folder, int how);
   bool TryVersion2(const std::string& name, const GroupLimits& limits);
   void TryVersion1(const std::string& name, const GroupLimits& limits);
 
   const CgroupHost& host_;
   GroupControllers controllers_;
   std::vector<std::string> folders_;  // all that were created
+  std::vector<Fd> locks_;             // on each of them, until it is removed
   int64_t memory_bytes_ = 0;          // the limit
   int64_t withheld_ = 0;              // of the limit
   std::string memory_;                // each controller's folder, "" if none

@@ -237,7 +237,7 @@ absl::Status WithSandboxes(const DoctorOptions& options,
   if (!config.ok()) return config.status();
   absl::StatusOr<Stage> stage = Stage::Enter(StagedSources(order, options.bin_dir));
   if (!stage.ok()) return stage.status();
-  absl::StatusOr<EtcFiles> etc = StageEtcFiles(*stage);
+  absl::StatusOr<EtcFiles> etc = StageEtcFiles(order, *stage);
   if (!etc.ok()) return etc.status();
   const Budgets& budgets = order.track.budgets;
   absl::StatusOr<std::string> scratch =

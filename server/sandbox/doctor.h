@@ -43,6 +43,7 @@ struct DoctorOptions {
   int64_t uid_base = 0;   // of the slots, if root runs them
   int slots = 1;
   int64_t submission_bytes = 0;  // the largest that the data folder must hold
+  int64_t disk_reserve = 0;      // bytes of its disk that uploads and leases leave free
 };
 
 // Runs every check, in a fixed order; none stops another and each has a deadline. Starts child

@@ -22,6 +22,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/set_up.h"
 #include "server/base/child_process.h"
+#include "server/base/temp_folder.h"
 #include "server/sandbox/child.h"
 #include "server/sandbox/doctor_messages.h"
 
@@ -66,30 +67,6 @@ int64_t MemoryBytes(const char* key) {
 
 std::string GiB(double bytes) { return absl::StrFormat("%.1f GiB", bytes / kGiB); }
 
-// A copy of the models' sources to compile from, so that the cache stays as it is: a folder with a
-// link, removed at the end.
-class ScratchCache {
- public:
-  explicit ScratchCache(const std::string& cache_dir) {
-    std::error_code error;
-    const fs::path base = fs::temp_directory_path(error);
-    std::string name = ((error ? fs::path("/tmp") : base) / "myograde-doctor.XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) return;
-    path_ = name;
-    fs::create_directory_symlink(cache_dir + "/myosuite-2.8.4", path_ + "/myosuite-2.8.4", error);
-  }
-  ~ScratchCache() {
-    std::error_code ignored;  // nobody to report it to
-    if (!path_.empty()) fs::remove_all(path_, ignored);
-  }
-  ScratchCache(const ScratchCache&) = delete;
-  ScratchCache& operator=(const ScratchCache&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
-
 size_t CompiledModels(const std::string& cache_dir) {
   std::error_code error;
   size_t count = 0;
@@ -102,21 +79,25 @@ size_t CompiledModels(const std::string& cache_dir) {
 void CheckModels(const DoctorOptions& options, std::vector<Check>& checks) {
   const char name[] = "models";
   const char costs[] = "no episode can be simulated, so nothing can be graded";
-  const ScratchCache scratch(options.cache_dir);
-  if (scratch.path().empty()) {
-    checks.push_back(Missing(name, absl::StrCat("can't be tried: no temporary folder: ",
-                                                std::strerror(errno)),
+  // Compiled from a copy of the models' sources, a link, so that the cache stays as it is.
+  const absl::StatusOr<TempFolder> scratch = TempFolder::Make("doctor");
+  if (!scratch.ok()) {
+    checks.push_back(Missing(name, absl::StrCat("can't be tried: ",
+                                                std::string(scratch.status().message())),
                              costs, "set TMPDIR to a folder with 1 GiB of space"));
     return;
   }
+  std::error_code error;
+  fs::create_directory_symlink(options.cache_dir + "/myosuite-2.8.4",
+                               scratch->path() + "/myosuite-2.8.4", error);
   const ChildEnd end = RunProgram(
-      {options.bin_dir + "/myograde-sim", "--compile-models", scratch.path()},
+      {options.bin_dir + "/myograde-sim", "--compile-models", scratch->path()},
       {"PATH=/usr/bin:/bin", "LD_LIBRARY_PATH=" + options.cache_dir + "/mujoco-2.2.2/lib"},
       kCompileTime);
   if (end.exit_code != 0) {
     const std::string words = end.in_time ? LastWords(end.output) : "no answer in time";
     checks.push_back(Missing(
-        name, absl::StrReplaceAll(words, {{scratch.path(), options.cache_dir}}), costs, HowToSetUp()));
+        name, absl::StrReplaceAll(words, {{scratch->path(), options.cache_dir}}), costs, HowToSetUp()));
     return;
   }
   const std::string found = "every source file has its SHA-256, and both tracks' models compile";
@@ -222,7 +203,7 @@ fs::path Existing(const std::string& folder) {
 }
 
 void CheckDisk(const char* name, const std::string& folder, double wanted, bool written,
-               std::vector<Check>& checks) {
+               double reserve, std::vector<Check>& checks) {
   const fs::path path = Existing(folder);
   struct statvfs space;
   if (statvfs(path.c_str(), &space) != 0 || (written && access(path.c_str(), W_OK | X_OK) != 0)) {
@@ -235,7 +216,11 @@ void CheckDisk(const char* name, const std::string& folder, double wanted, bool 
   const double free = static_cast<double>(space.f_bavail) * static_cast<double>(space.f_frsize);
   const std::string found = absl::StrCat(GiB(free), " free in ", path.string(),
                                          path == folder ? "" : absl::StrCat(" (for ", folder, ")"));
-  if (free >= wanted) {
+  if (free < reserve) {
+    checks.push_back(Missing(name, found, "uploads are refused, and no lease begins",
+                             absl::StrCat("make ", GiB(std::max(wanted, reserve)),
+                                          " free (disk_reserve_bytes is ", GiB(reserve), ")")));
+  } else if (free >= wanted) {
     checks.push_back(Fine(name, found));
   } else {
     checks.push_back(Poorer(name, found,
@@ -349,8 +334,8 @@ void CheckMachine(const DoctorOptions& options, std::vector<Check>& checks) {
   CheckMessages(checks);
   CheckMemory(options, checks);
   CheckDisk("disk_data", options.data_dir, 2.0 * static_cast<double>(options.submission_bytes),
-            true, checks);
-  CheckDisk("disk_cache", options.cache_dir, kGiB, false, checks);
+            true, static_cast<double>(options.disk_reserve), checks);
+  CheckDisk("disk_cache", options.cache_dir, kGiB, false, 0, checks);
 }
 
 void CheckSystem(const DoctorOptions& options, std::vector<Check>& checks) {

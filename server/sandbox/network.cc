@@ -24,6 +24,7 @@
 #include <absl/strings/string_view.h>
 
 #include "protocol/base/file.h"
+#include "server/sandbox/kernel_files.h"
 #include "server/sandbox/socket_bytes.h"
 
 namespace myograde::server {
@@ -161,6 +162,7 @@ absl::StatusOr<BusNetwork> BusNetwork::Make() {
       network.sockets_six_ = OpenOwn("net/sockstat6");
       network.counters_ = OpenOwn("net/snmp");
       network.diagnosis_ = OpenSocketDiagnosis();
+      HideNetworkCounters();
       if (!network.namespace_.valid() || !network.sockets_.valid() || !network.counters_.valid()) {
         refused = "files of the network namespace";
         error = errno;

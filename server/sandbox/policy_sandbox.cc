@@ -17,6 +17,7 @@
 #include "server/base/paths.h"
 #include "server/sandbox/adapter_command.h"
 #include "server/sandbox/image_sandbox.h"
+#include "server/sandbox/kernel_files.h"
 #include "server/sandbox/users.h"
 
 namespace myograde::server {
@@ -166,7 +167,7 @@ std::vector<std::string> SystemLinks() {
   return links;
 }
 
-absl::StatusOr<EtcFiles> StageEtcFiles(const Stage& stage) {
+absl::StatusOr<EtcFiles> StageEtcFiles(const LeaseOrder& order, const Stage& stage) {
   EtcFiles files;
   const struct {
     std::string* path;
@@ -181,6 +182,10 @@ absl::StatusOr<EtcFiles> StageEtcFiles(const Stage& stage) {
     if (!path.ok()) return path.status();
     *entry.path = *std::move(path);
   }
+  absl::StatusOr<std::vector<SandboxMount>> kernel =
+      StageKernelFiles(stage, order.track.budgets.memory_bytes);
+  if (!kernel.ok()) return kernel.status();
+  files.kernel = *std::move(kernel);
   return files;
 }
 
@@ -245,11 +250,7 @@ absl::StatusOr<SandboxSpec> MakePolicySandbox(const LeaseOrder& order,
   for (const auto& [name, path] : stage.devices()) {
     spec.mounts.push_back({Kind::kDevice, path, "/dev/" + name});
   }
-  // Host-wide counters that anybody can move by an amount of his choice.
-  for (const char* counts : {"/proc/sys/fs", "/proc/sys/kernel/pty"}) {
-    spec.mounts.push_back({Kind::kTmpfs, "", counts});
-    spec.mounts.push_back({Kind::kSealed, "", counts});
-  }
+  spec.mounts.insert(spec.mounts.end(), etc.kernel.begin(), etc.kernel.end());
   const std::string bridge = absl::StrCat(kPrograms, "/myograde-bridge");
   spec.mounts.push_back(
       {Kind::kReadOnly, stage.PathOf(bin_dir) + "/myograde-bridge", bridge});

@@ -18,8 +18,9 @@ struct EtcFiles {
   std::string passwd;
   std::string group;
   std::string hosts;
+  std::vector<SandboxMount> kernel;  // of kernel_files.h, for the policy
 };
-absl::StatusOr<EtcFiles> StageEtcFiles(const Stage& stage);
+absl::StatusOr<EtcFiles> StageEtcFiles(const LeaseOrder& order, const Stage& stage);
 
 // The host folders that a lease's sandboxes need staged: programs, artefact, runtimes, cache, the
 // slot's mark.

@@ -114,8 +114,11 @@ struct ChildPlan {
   pid_t parent;
 };
 
+// The sandbox' stderr, once it is known.
+int complaints = STDERR_FILENO;
+
 [[noreturn]] void Fail(const char* what, int error) {
-  dprintf(2, "sandbox: %s: %s\n", what, std::strerror(error));
+  dprintf(complaints, "sandbox: %s: %s\n", what, std::strerror(error));
   _exit(126);
 }
 
@@ -131,6 +134,7 @@ void PlaceDescriptors(const std::vector<SandboxFd>& fds) {
   bool wanted[32] = {};
   for (size_t i = 0; i < fds.size(); ++i) {
     if (dup2(lifted[i], fds[i].target) < 0) Fail("descriptors", errno);
+    if (fds[i].target == STDERR_FILENO) complaints = STDERR_FILENO;
     wanted[fds[i].target] = true;
     highest = std::max(highest, static_cast<unsigned int>(fds[i].target));
   }
@@ -141,6 +145,9 @@ void PlaceDescriptors(const std::vector<SandboxFd>& fds) {
 }
 
 [[noreturn]] void BecomeSandbox(const ChildPlan& plan) {
+  for (const SandboxFd& fd : plan.fds) {
+    if (fd.target == STDERR_FILENO) complaints = fd.fd;
+  }
   for (int fd : plan.join) {
     if (write(fd, "0", 1) != 1) Fail("control group", errno);
   }
@@ -263,7 +270,8 @@ void Sandbox::ReadStatus() {
       first_ = Fd(static_cast<int>(syscall(SYS_pidfd_open, json["child-pid"].get<pid_t>(), 0)));
     }
     if (json.contains("exit-code") && json["exit-code"].is_number_integer()) {
-      end_ = {true, json["exit-code"].get<int>()};
+      end_.started = true;
+      end_.exit_code = json["exit-code"].get<int>();
     }
   }
 }
@@ -274,6 +282,7 @@ bool Sandbox::Ended() {
   int status = 0;
   if (waitpid(pid_, &status, WNOHANG) != pid_) return false;
   reaped_ = true;
+  end_.wait_status = status;
   ReadStatus();
   return true;
 }

@@ -68,6 +68,7 @@ struct SandboxFd {
 struct SandboxEnd {
   bool started = false;  // the command was executed
   int exit_code = -1;    // of the command; 128 + signal if killed by one
+  int wait_status = 0;   // of bubblewrap itself
 };
 
 class Sandbox {

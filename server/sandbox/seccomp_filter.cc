@@ -100,7 +100,9 @@ int DenySockets(scmp_filter_ctx filter, const std::vector<int>& families) {
 // Calls that succeed and do nothing. Some are hints, which a program need not check: through the
 // page cache of a file below /usr they would write bits for others to read, and evict the host's
 // memory at will. Setting a socket's buffers keeps the host's default size, as asking for more than
-// the host allows does: their content is memory that no budget counts.
+// the host allows does: their content is memory that no budget counts. So are record locks, and the
+// policies that mbind leaves in a file: without a limit on their number, and not counted by control
+// groups of version 1.
 int PretendTo(scmp_filter_ctx filter) {
   int result = 0;
   for (const int call : {SCMP_SYS(fadvise64), SCMP_SYS(readahead)}) {
@@ -110,6 +112,11 @@ int PretendTo(scmp_filter_ctx filter) {
     result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(0), SCMP_SYS(madvise), 1,
                                SCMP_A2(SCMP_CMP_MASKED_EQ, kLowHalf, advice));
   }
+  for (const uint64_t command : {F_SETLK, F_SETLKW, F_OFD_SETLK, F_OFD_SETLKW}) {
+    result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(0), SCMP_SYS(fcntl), 1,
+                               SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, command));
+  }
+  result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(0), SCMP_SYS(mbind), 0);
   for (const uint64_t option : {SO_RCVBUF, SO_SNDBUF}) {
     result |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(0), SCMP_SYS(setsockopt), 2,
                                SCMP_A1(SCMP_CMP_MASKED_EQ, kLowHalf, SOL_SOCKET),

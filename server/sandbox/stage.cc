@@ -154,6 +154,14 @@ absl::StatusOr<std::string> Stage::AddFile(const std::string& name,
   return path;
 }
 
+absl::StatusOr<std::string> Stage::AddFolder(const std::string& name) const {
+  const std::string path = absl::StrCat(kStage, "/", name);
+  if (mkdir(path.c_str(), 0755) != 0 || chmod(path.c_str(), 0755) != 0) {
+    return Errno(absl::StrCat("can't make ", path));
+  }
+  return path;
+}
+
 absl::StatusOr<std::string> Stage::MountScratch(int number, int64_t bytes, int64_t files) const {
   const std::string path = absl::StrCat(kStage, "/scratch", number);
   const std::string options =

@@ -43,6 +43,9 @@ class Stage {
   // Adds a small file with `text`, readable by all.
   absl::StatusOr<std::string> AddFile(const std::string& name, const std::string& text) const;
 
+  // Adds an empty folder. The folder above it exists.
+  absl::StatusOr<std::string> AddFolder(const std::string& name) const;
+
   // Mounts a fresh tmpfs with world-writable folders tmp/ and shm/, together limited to `bytes` and
   // `files`. `number` distinguishes it from others.
   absl::StatusOr<std::string> MountScratch(int number, int64_t bytes, int64_t files) const;

@@ -2,6 +2,7 @@
 
 #include <sqlite3.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 
 #include <absl/strings/str_cat.h>
 
@@ -13,6 +14,13 @@ namespace {
 // How long a statement waits for a lock. Only the daemon writes, so a wait means that a person has
 // the store open; a longer one would stall the daemon's loop.
 constexpr int kBusyMs = 500;
+
+bool IsFull(const std::string& path) {
+  struct statvfs space;
+  constexpr int64_t kLeast = 256 << 10;  // of a new store's write-ahead log with its index
+  return statvfs(path.substr(0, path.rfind('/') + 1).c_str(), &space) == 0 &&
+         static_cast<int64_t>(space.f_bavail * space.f_frsize) < kLeast;
+}
 
 absl::StatusOr<std::optional<Migration>> Prepare(SQLite::Database& db, const std::string& path) {
   if (absl::Status status = CheckSchema(db, path); !status.ok()) return status;
@@ -54,6 +62,13 @@ absl::Status StatusOf(const std::string& path, const SQLite::Exception& error) {
           path, ": its tables are not those of a store; restore it from a backup", cause));
     case SQLITE_CONSTRAINT:
       return absl::FailedPreconditionError(absl::StrCat(path, ": refused", cause));
+    case SQLITE_IOERR:
+      // Its files beside the database can't grow.
+      if (IsFull(path)) {
+        return absl::ResourceExhaustedError(
+            absl::StrCat(path, ": the disk is full; make room", cause));
+      }
+      [[fallthrough]];
     default:
       return absl::UnavailableError(absl::StrCat(path, ": reading or writing failed", cause));
   }
@@ -94,6 +109,7 @@ absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForReading(const std::stri
   const absl::Status status = GuardSqlite(path, [&] {
     db = std::make_unique<SQLite::Database>(path, SQLite::OPEN_READWRITE, kBusyMs);
     db->exec("PRAGMA query_only = ON");
+    db->exec("PRAGMA cache_size = -1024");  // KiB; the host keeps the file in memory as well
     return absl::OkStatus();
   });
   if (!status.ok()) return status;

@@ -10,39 +10,50 @@
 namespace myograde::server {
 namespace {
 
-// The process id that the holder wrote; "unknown" if it has not done so yet.
-std::string HolderOf(int fd) {
+// The process id that the holder wrote to the file; "unknown" if it has not done so yet.
+std::string HolderOf(const std::string& path) {
+  const Fd file(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   char text[32] = {};
-  const ssize_t n = pread(fd, text, sizeof(text) - 1, 0);
+  const ssize_t n = file.valid() ? pread(file.get(), text, sizeof(text) - 1, 0) : 0;
   std::string pid;
   for (ssize_t i = 0; i < n && text[i] >= '0' && text[i] <= '9'; ++i) pid += text[i];
   return pid.empty() ? "unknown" : pid;
 }
 
+absl::Status CantWrite(const std::string& path, const char* otherwise) {
+  if (errno == ENOSPC || errno == EDQUOT) {
+    return absl::ResourceExhaustedError(absl::StrCat(path, ": the disk is full; make room"));
+  }
+  return absl::ErrnoToStatus(errno, absl::StrCat(path, otherwise));
+}
+
+// `path`: what `fd` has open; `dir`: the data folder, in which the holder's file is.
+absl::Status Lock(int fd, const std::string& path, const std::string& dir) {
+  if (flock(fd, LOCK_EX | LOCK_NB) == 0) return absl::OkStatus();
+  if (errno != EWOULDBLOCK) return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be locked"));
+  return absl::FailedPreconditionError(
+      absl::StrCat("another daemon (process ", HolderOf(dir + "/lock"), ") works on ", dir,
+                   "; stop it, or give this one a data folder of its own with --data"));
+}
+
 }  // namespace
 
 absl::StatusOr<DataLock> DataLock::Take(const std::string& dir) {
+  Fd folder(open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!folder.valid()) return absl::ErrnoToStatus(errno, absl::StrCat(dir, ": can't be opened"));
+  if (absl::Status status = Lock(folder.get(), dir, dir); !status.ok()) return status;
   const std::string path = dir + "/lock";
-  // The file is never removed: otherwise two daemons could lock two files of the same name.
   Fd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
   if (!fd.valid()) {
-    return absl::ErrnoToStatus(
-        errno, absl::StrCat(path, ": can't be opened for writing; check the data folder's rights"));
+    return CantWrite(path, ": can't be opened for writing; check the data folder's rights");
   }
-  if (flock(fd.get(), LOCK_EX | LOCK_NB) != 0) {
-    if (errno != EWOULDBLOCK) {
-      return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be locked"));
-    }
-    return absl::FailedPreconditionError(
-        absl::StrCat("another daemon (process ", HolderOf(fd.get()), ") works on ", dir,
-                     "; stop it, or give this one a data folder of its own with --data"));
-  }
+  if (absl::Status status = Lock(fd.get(), path, dir); !status.ok()) return status;
   const std::string pid = absl::StrCat(getpid(), "\n");
   if (ftruncate(fd.get(), 0) != 0 ||
       pwrite(fd.get(), pid.data(), pid.size(), 0) != static_cast<ssize_t>(pid.size())) {
-    return absl::ErrnoToStatus(errno, absl::StrCat(path, ": can't be written"));
+    return CantWrite(path, ": can't be written");
   }
-  return DataLock(std::move(fd));
+  return DataLock(std::move(folder), std::move(fd));
 }
 
 }  // namespace myograde::server

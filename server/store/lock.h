@@ -12,13 +12,16 @@ namespace myograde::server {
 // Held while this object lives; the kernel releases it when the process dies in any way.
 class DataLock {
  public:
-  // Takes DIR/lock. FailedPreconditionError, with the holder's process id, if another daemon has
-  // it; PermissionDeniedError or InternalError if the file can't be created.
+  // Locks DIR itself, which stays the same whoever removes files in it, and DIR/lock, which has the
+  // holder's process id and which daemons of earlier versions lock alone. FailedPreconditionError,
+  // with that process id, if another daemon has it; ResourceExhaustedError if the disk is full;
+  // PermissionDeniedError or InternalError if the file can't be created. Nothing else was written.
   static absl::StatusOr<DataLock> Take(const std::string& dir);
 
  private:
-  explicit DataLock(Fd fd) : fd_(std::move(fd)) {}
-  Fd fd_;
+  DataLock(Fd folder, Fd file) : folder_(std::move(folder)), file_(std::move(file)) {}
+  Fd folder_;
+  Fd file_;
 };
 
 }  // namespace myograde::server

@@ -16,8 +16,8 @@
 namespace myograde::server {
 namespace {
 
-// Idle connections kept open between requests; each has a cache of about 2 MiB.
-constexpr size_t kKept = 16;
+// Idle connections kept open between requests; each has a cache of about 1 MiB (OpenForReading).
+constexpr size_t kKept = 8;
 
 
 constexpr char kSubmissionColumns[] =

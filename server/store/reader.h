@@ -194,6 +194,8 @@ class Reader {
   std::vector<UploadRow> Uploads();
   // Hashes of the logs of evaluations that have not ended, or are done and ranked.
   std::set<std::string> NeededLogs();
+  // Hashes of the logs of practice episodes, except those that an evaluation which may rank needs too.
+  std::set<std::string> PracticeLogs();
   // Evaluations that are done: all, or those without a standing.
   std::vector<int64_t> DoneEvaluations(bool without_standing);
 
@@ -267,6 +269,8 @@ class Reader {
   absl::StatusOr<std::map<int64_t, std::string>> EpisodeDetails(int64_t evaluation);
 
  private:
+  std::set<std::string> LogsWhere(const std::string& condition);
+
   SQLite::Database& db_;
 };
 

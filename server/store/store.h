@@ -109,6 +109,7 @@ struct RerunLimits {
 
 // The kind of an artefact that Writer::Remove removes only if it is still unsubmitted.
 inline constexpr char kUploadKind[] = "upload";
+inline constexpr char kPracticeLogKind[] = "practice log";
 
 struct NewRerun {
   int64_t submission = 0;
@@ -294,7 +295,7 @@ class Writer {
   // Adds an act, as of now; `event.id` and `event.at` are ignored.
   absl::Status AddAccessEvent(const AccessEventRow& event);
   // Adds the row for removing the files of an artefact or a log (`name` is its hash); false, and no
-  // row, if they are needed.
+  // row, if they are needed. Of kPracticeLogKind, those of a practice that has not ended are not.
   absl::StatusOr<bool> Remove(const std::string& kind, const std::string& name, int64_t bytes,
                               const std::string& why);
   // Fills an empty store; errors as in transfer.h. Evaluations that had not ended when exported end

@@ -76,9 +76,10 @@ std::vector<UploadRow> Reader::Uploads() {
   return uploads;
 }
 
-std::set<std::string> Reader::NeededLogs() {
+// The logs of the episodes for which `condition` holds.
+std::set<std::string> Reader::LogsWhere(const std::string& condition) {
   SQLite::Statement select(db_, absl::StrCat("SELECT ", kLogOfEpisode, ", p.facts_json ", kEpisodesOf,
-                                             "WHERE ", kOver, " IS NOT TRUE AND (", kLogOfEpisode,
+                                             "WHERE ", condition, " AND (", kLogOfEpisode,
                                              ") IS NOT ''"));
   std::set<std::string> logs;
   while (select.executeStep()) {
@@ -87,9 +88,20 @@ std::set<std::string> Reader::NeededLogs() {
   return logs;
 }
 
+std::set<std::string> Reader::NeededLogs() { return LogsWhere(absl::StrCat(kOver, " IS NOT TRUE")); }
+
+std::set<std::string> Reader::PracticeLogs() {
+  std::set<std::string> logs = LogsWhere("s.ranked = 0");
+  for (const std::string& log : LogsWhere(absl::StrCat(kOver, " IS NOT TRUE AND s.ranked IS NOT 0"))) {
+    logs.erase(log);
+  }
+  return logs;
+}
+
 absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& name,
                                     int64_t bytes, const std::string& why) {
   const bool upload = kind == kUploadKind;
+  const bool practice = kind == kPracticeLogKind;
   const bool artefact = upload || kind == "artefact";
   std::string needed;
   if (artefact) {
@@ -97,11 +109,12 @@ absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& 
                           "e.submission = s.id WHERE s.artefact = ?1 AND ", kOver,
                           " IS NOT TRUE LIMIT 1");
   } else {
+    const std::string open = absl::StrCat(kOver, " IS NOT TRUE",
+                                          practice ? " AND s.ranked IS NOT 0 " : " ");
     // Of unreadable facts, those that contain the name anywhere.
-    needed = absl::StrCat("SELECT 1 ", kEpisodesOf, "WHERE (", kLogOfEpisode, ") = ?1 AND ", kOver,
-                          " IS NOT TRUE UNION ALL SELECT 1 ", kEpisodesOf, "WHERE (", kLogOfEpisode,
-                          ") IS NULL AND instr(p.facts_json, ?1) > 0 AND ", kOver,
-                          " IS NOT TRUE LIMIT 1");
+    needed = absl::StrCat("SELECT 1 ", kEpisodesOf, "WHERE (", kLogOfEpisode, ") = ?1 AND ", open,
+                          "UNION ALL SELECT 1 ", kEpisodesOf, "WHERE (", kLogOfEpisode,
+                          ") IS NULL AND instr(p.facts_json, ?1) > 0 AND ", open, "LIMIT 1");
   }
   SQLite::Statement select(db_, needed);
   select.bind(1, name);
@@ -113,7 +126,8 @@ absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& 
   }
   SQLite::Statement insert(db_, "INSERT INTO removal (at, kind, name, bytes, why) "
                                 "VALUES (?, ?, ?, ?, ?)");
-  SQLite::bind(insert, now_ms_, upload ? std::string("artefact") : kind, name, bytes, why);
+  SQLite::bind(insert, now_ms_, upload ? std::string("artefact") : practice ? std::string("log") : kind,
+               name, bytes, why);
   insert.exec();
   return true;
 }

@@ -150,7 +150,7 @@ class Host(Daemon):
             for name in list(folders):
                 if name.startswith("myograde."):
                     folders.remove(name)
-                    if name.split(".")[1] in self.runners:
+                    if name.split(".")[1].split("-")[0] in self.runners:
                         found.append(f"control group {folder}/{name}")
         return found
 

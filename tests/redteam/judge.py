@@ -3,6 +3,7 @@ mistakes as sentences; none means that all is well."""
 
 import json
 import math
+import os
 
 from host import SEEDS
 from table import SCORED
@@ -147,6 +148,15 @@ def _same_hash(found):
         yield f"the program differs between episodes: {found.get('hash0')}, {found.get('hash1')}"
 
 
+def _own_network(host, found):
+    """Of its network it reads about its own sockets only, unless an ordinary user runs the daemon."""
+    shown = set(",".join(found.get("network", ["nothing"])).split(","))
+    strange = shown - {"dev", "if_inet6", "igmp", "ipv6_route", "route", "tcp", "tcp6", "udp",
+                       "udp6", "unix"}
+    if strange and host.user is None and os.geteuid() == 0:
+        yield f"it can read {', '.join(sorted(strange))} of its network"
+
+
 def _no_seed(result, found):
     told = json.dumps(result["output"])
     for row in result["episode_rows"]:
@@ -173,6 +183,8 @@ def _further(variant, result, found, host):
             yield "a file of the host was changed"
     elif variant.check == "same_hash":
         yield from _same_hash(found)
+    elif variant.check == "own_network":
+        yield from _own_network(host, found)
     elif variant.check == "no_seed":
         yield from _no_seed(result, found)
     elif variant.check is not None:

@@ -9,10 +9,10 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/base/counted.h"
+#include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/new_file.h"
 #include "server/cli/base/print_json.h"
-#include "server/cli/base/temp_folder.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/export_csv.h"

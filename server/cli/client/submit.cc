@@ -6,12 +6,12 @@
 
 #include "server/artefact/artefact.h"
 #include "server/base/names.h"
+#include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
 #include "server/cli/base/seed_file.h"
-#include "server/cli/base/temp_folder.h"
 #include "server/cli/client/challenge_phase.h"
 #include "server/cli/client/follow.h"
 #include "server/cli/client/offered_runtimes.h"

@@ -69,6 +69,7 @@ DoctorOptions Gather(const DoctorVerb& verb, std::vector<Check>& checks,
     options.uid_base = config->uid_base;
     options.slots = config->scheduler.slots;
     options.submission_bytes = config->artefacts.bytes;
+    options.disk_reserve = config->artefacts.disk_reserve;
   } else {
     mistake = std::string(config.status().message());
     options.uid_base = 62000;  // any that is free will do for a trial

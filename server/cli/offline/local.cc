@@ -13,11 +13,11 @@
 #include "protocol/base/outcome.h"
 #include "protocol/base/sha256.h"
 #include "server/artefact/adapters.h"
+#include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/print_json.h"
 #include "server/cli/base/report.h"
 #include "server/cli/base/seed_file.h"
-#include "server/cli/base/temp_folder.h"
 #include "server/cli/offline/stop_signal.h"
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/progress.h"
@@ -232,7 +232,10 @@ int Local(const LocalOptions& options) {
     LocalRun run(*order, {.progress = [&](int64_t done, int64_t total) {
                             progress.Show(done, total, "");
                           },
-                          .stopped = StopRequested});
+                          .stopped = StopRequested,
+                          .again = [](const std::string& why) {
+                            std::cerr << "myograde: " << why << std::endl;
+                          }});
     result = run.Run();
   }
   if (!result.ok()) return ReportError(result.status());

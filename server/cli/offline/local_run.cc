@@ -94,12 +94,13 @@ LeaseOrder LocalRun::OrderFor(const Lease& lease) const {
 }
 
 absl::Status LocalRun::StartWaiting() {
+  const absl::Duration now = SystemClock().Monotonic();
   std::set<int> free;
   for (int slot = 0; slot < order_.slots; ++slot) free.insert(slot);
   for (const Lease& lease : leases_) free.erase(lease.slot);
   for (Lease& lease : leases_) {
     if (free.empty()) break;
-    if (lease.done || lease.runner != nullptr) continue;
+    if (lease.done || lease.runner != nullptr || lease.not_before > now) continue;
     const absl::Status started = Start(lease, free.extract(free.begin()).value());
     if (!started.ok()) return started;
   }
@@ -172,6 +173,14 @@ absl::Status LocalRun::Finish(Lease& lease) {
     return absl::InternalError(absl::StrCat("episodes ", lease.first, " to ", lease.last,
                                             " failed by a fault of the grader: ",
                                             lease.report.fault()));
+  }
+  // What disturbed it may take a while to go.
+  const auto doubled = static_cast<double>(int64_t{1} << std::min<int64_t>(lease.faults - 1, 20));
+  lease.not_before =
+      SystemClock().Monotonic() + order_.config.scheduler.retry_delay * doubled;
+  if (hooks_.again) {
+    hooks_.again(absl::StrCat("episodes ", lease.first, " to ", lease.last,
+                              " are played again after a fault of the grader: ", lease.report.fault()));
   }
   return absl::OkStatus();
 }

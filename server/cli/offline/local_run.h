@@ -47,16 +47,19 @@ struct LocalResult {
 
 class LocalRun {
  public:
-  // Both are called several times a second, by the thread that calls Run.
+  // The first two are called several times a second, by the thread that calls Run.
   struct Hooks {
     std::function<void(int64_t done, int64_t total)> progress;  // episodes
     std::function<bool()> stopped;                              // true ends the run
+    // Unless null: a sentence about episodes that a fault of the grader has played again.
+    std::function<void(const std::string&)> again = nullptr;
   };
 
   LocalRun(LocalOrder order, Hooks hooks) : order_(std::move(order)), hooks_(std::move(hooks)) {}
 
   // Plays every lease, up to `slots` at once. InternalError if a lease failed
-  // by the grader's fault more often than the config allows replays. When
+  // by the grader's fault more often than the config allows replays; each
+  // replay waits as a daemon's does. When
   // stopped, what is running is killed within a second and the rows so far
   // are returned.
   absl::StatusOr<LocalResult> Run();
@@ -66,6 +69,7 @@ class LocalRun {
     int64_t first = 0;
     int64_t last = 0;
     int64_t faults = 0;
+    absl::Duration not_before;  // of the next try
     std::unique_ptr<RunnerProcess> runner;
     int slot = -1;
     std::string work_dir;

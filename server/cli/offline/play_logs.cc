@@ -7,8 +7,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
-#include "server/cli/base/temp_folder.h"
 #include "server/cli/offline/stop_signal.h"
 #include "server/cli/terminal/progress.h"
 #include "server/config/server_config.h"

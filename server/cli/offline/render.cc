@@ -16,11 +16,11 @@
 #include <absl/strings/str_split.h>
 
 #include "protocol/base/file.h"
+#include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/new_file.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
-#include "server/cli/base/temp_folder.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/evaluation_logs.h"
 #include "server/cli/offline/draw_episodes.h"

@@ -10,10 +10,10 @@
 
 #include "protocol/log/episode_log.h"
 #include "server/base/counted.h"
+#include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
 #include "server/cli/base/print_json.h"
-#include "server/cli/base/temp_folder.h"
 #include "server/cli/client/client.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/client/evaluation_logs.h"

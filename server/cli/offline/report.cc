@@ -10,9 +10,9 @@
 
 #include "protocol/base/file.h"
 #include "server/base/program_run.h"
+#include "server/base/temp_folder.h"
 #include "server/cli/base/exit_status.h"
 #include "server/cli/base/options.h"
-#include "server/cli/base/temp_folder.h"
 #include "server/cli/client/daemon_options.h"
 #include "server/cli/offline/draw.h"
 #include "server/cli/offline/figure_sources.h"

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
 
 #include "protocol/base/file.h"
 
@@ -111,6 +112,15 @@ absl::StatusOr<Folder> Folder::Open(const std::string& path) {
 absl::StatusOr<Folder> Folder::Make(const std::string& path) {
   if (mkdir(path.c_str(), 0700) != 0 && errno != EEXIST) return DiskError(path, "made");
   return Open(path);
+}
+
+absl::Status Folder::CheckPrivate() const {
+  struct stat info = {};
+  if (fstat(fd_.get(), &info) != 0) return DiskError(path_, "looked at");
+  if ((info.st_mode & (S_IWGRP | S_IWOTH)) == 0) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat(path_, ": other users may write to it (mode ", absl::StrFormat("%04o", info.st_mode & 07777), "), so they could ",
+                   "forge results; empty it, and chmod 700 it"));
 }
 
 absl::StatusOr<Folder> Folder::OpenFolder(const std::string& name) const {

@@ -77,6 +77,9 @@ class Folder {
   // Removes a folder with all that is in it; fine if there is none.
   absl::Status RemoveFolder(const std::string& name) const;
 
+  // FailedPreconditionError: other users than its owner may write to it.
+  absl::Status CheckPrivate() const;
+
   const std::string& path() const { return path_; }  // as it was opened, for messages
   // Whether that folder is still there under `name` of `parent`.
   absl::StatusOr<bool> IsStill(const Folder& parent, const std::string& name) const;

@@ -136,7 +136,7 @@ absl::StatusOr<Spool> Spool::Make(const std::string& path) {
   if (!artefacts.ok()) return artefacts.status();
   absl::StatusOr<Folder> leases = folder->MakeFolder("leases");
   if (!leases.ok()) return leases.status();
-  return Spool(*std::move(folder), *std::move(artefacts), *std::move(leases));
+  return OfFolders(*std::move(folder), *std::move(artefacts), *std::move(leases));
 }
 
 absl::StatusOr<Spool> Spool::Open(const std::string& path) {
@@ -146,7 +146,14 @@ absl::StatusOr<Spool> Spool::Open(const std::string& path) {
   if (!artefacts.ok()) return artefacts.status();
   absl::StatusOr<Folder> leases = folder->OpenFolder("leases");
   if (!leases.ok()) return leases.status();
-  return Spool(*std::move(folder), *std::move(artefacts), *std::move(leases));
+  return OfFolders(*std::move(folder), *std::move(artefacts), *std::move(leases));
+}
+
+absl::StatusOr<Spool> Spool::OfFolders(Folder folder, Folder artefacts, Folder leases) {
+  for (const Folder* part : {&folder, &artefacts, &leases}) {
+    if (absl::Status status = part->CheckPrivate(); !status.ok()) return status;
+  }
+  return Spool(std::move(folder), std::move(artefacts), std::move(leases));
 }
 
 absl::Status Spool::PutEpoch(const std::string& epoch) const { return folder_.Put(kEpoch, epoch); }

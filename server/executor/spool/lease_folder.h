@@ -77,7 +77,8 @@ class LeaseFolder {
 
 class Spool {
  public:
-  // The daemon's: makes what is missing.
+  // The daemon's: makes what is missing. FailedPreconditionError, of both: other users may write to
+  // one of its folders.
   static absl::StatusOr<Spool> Make(const std::string& path);
   // A node's: all must be there.
   static absl::StatusOr<Spool> Open(const std::string& path);
@@ -112,6 +113,7 @@ class Spool {
   const std::string& path() const { return folder_.path(); }
 
  private:
+  static absl::StatusOr<Spool> OfFolders(Folder folder, Folder artefacts, Folder leases);
   Spool(Folder folder, Folder artefacts, Folder leases)
       : folder_(std::move(folder)), artefacts_(std::move(artefacts)), leases_(std::move(leases)) {}
 

@@ -1,4 +1,4 @@
-"""Takes terminals until it gets no more, and makes one its controlling terminal."""
+"""Takes terminals, which are few for a whole host, and makes one its controlling terminal."""
 import fcntl
 import os
 import termios
@@ -7,20 +7,12 @@ import hostile
 
 
 def attack(_player):
-    pairs = []
-    try:
-        while len(pairs) < 5000:
-            pairs.append(os.openpty())
-    except OSError:
-        pass
-    hostile.report("terminals", "bounded" if len(pairs) < 1000 else len(pairs))
-    if pairs:
-        hostile.attempt("type_ahead",
-                        lambda: fcntl.ioctl(pairs[0][1], termios.TIOCSTI, b"x"))
+    for name in ("/dev/ptmx", "/dev/pts/ptmx"):
+        hostile.attempt(name.strip("/").replace("/", "_"),
+                        lambda name=name: os.open(name, os.O_RDWR))
+    hostile.attempt("pair", os.openpty)
+    hostile.attempt("type_ahead", lambda: fcntl.ioctl(0, termios.TIOCSTI, b"x"))
     hostile.attempt("own_terminal", lambda: os.open("/dev/tty", os.O_RDWR))
-    for pair in pairs:
-        os.close(pair[0])
-        os.close(pair[1])
 
 
 hostile.play(attack)

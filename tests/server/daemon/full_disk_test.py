@@ -15,7 +15,9 @@ MIB = 1 << 20
 
 
 @unittest.skipUnless(os.geteuid() == 0, "only root can mount a small disk")
-class FullDisk(DaemonCase):
+class SmallDisk(DaemonCase):
+    reserve = 1
+
     def setUp(self):
         self.mounted = False
         self.addCleanup(self.unmount)
@@ -29,7 +31,7 @@ class FullDisk(DaemonCase):
             if done.returncode != 0:
                 self.skipTest(f"no disk can be mounted here: {done.stderr.strip()}")
             self.mounted = True
-        self.configure(artefacts={"disk_reserve_bytes": 1})
+        self.configure(artefacts={"disk_reserve_bytes": self.reserve})
         super().start()
 
     def unmount(self):
@@ -40,10 +42,15 @@ class FullDisk(DaemonCase):
     def ballast(self):
         return self.data / "ballast"
 
-    def fill(self):
+    def free(self):
+        space = os.statvfs(self.data)
+        return space.f_bavail * space.f_frsize
+
+    def fill(self, until=0):
+        """Until no more fits, or only so many bytes are free."""
         with open(self.ballast, "ab", buffering=0) as file:
             for size in (MIB, 4096):
-                while True:
+                while self.free() > until:
                     try:
                         file.write(b"x" * size)
                     except OSError:
@@ -60,6 +67,8 @@ class FullDisk(DaemonCase):
         rows = self.result(submission)["episode_rows"]
         return [{k: v for k, v in row.items() if k not in ("wall_s", "attempt")} for row in rows]
 
+
+class FullDisk(SmallDisk):
     def test_nothing_is_lost_and_it_goes_on(self):
         undisturbed = self.submit("ok", team="calm")
         self.ended(undisturbed)
@@ -113,6 +122,62 @@ class FullDisk(DaemonCase):
         status = self.wait(f"/v1/submissions/{submission}", lambda b: b["state"] in FINAL)
         self.assertEqual(status["state"], "done", json.dumps(status))
         self.assertEqual(self.result(submission)["not_repeatable"], [])
+
+    def test_a_start_on_a_full_disk_says_so(self):
+        self.stop(15)
+        for name in ("store.db-shm", "store.db-wal", "lock"):
+            (self.data / name).unlink(missing_ok=True)
+        self.fill()
+        begin = len(self.daemon.log())
+        self.assertNotEqual(self.daemon.launch().wait(timeout=60), 0)
+        words = self.daemon.log()[begin:]
+        self.assertIn("the disk is full; make room", words)
+        self.assertEqual(words.count("error"), 1, words)
+        self.ballast.unlink()
+        self.start()
+
+
+class Reserve(SmallDisk):
+    reserve = 8 * MIB
+
+    def state(self):
+        return self.get("/v1/health")["status"]
+
+    def test_no_lease_begins_below_it_and_logs_of_practice_give_way(self):
+        practice = self.submit("logged", team="alpha", episodes=2)
+        ranked = self.submit("logged", team="beta")
+        for submission in (practice, ranked):
+            self.ended(submission)
+        # The stand-in names logs and writes none.
+        logs = {}
+        for submission in (practice, ranked):
+            for row in self.result(submission)["episode_rows"]:
+                path = self.data / "logs" / f"{row['log']['sha256']}.lcmlog.zst"
+                path.write_bytes(b"x" * 400_000)
+                logs.setdefault(submission, []).append(path)
+        self.fill(until=self.reserve // 2)
+        wait_until(lambda: [path.exists() for path in logs[practice]], 30, "they stay",
+                   lambda there: not any(there))
+        self.assertTrue(all(path.exists() for path in logs[ranked]))
+        # There was not enough to remove.
+        wait_until(self.state, 30, "it goes on", lambda state: state == "paused")
+        waiting = self.submit("ok", team="gamma")
+        status = self.wait(f"/v1/submissions/{waiting}", lambda b: b["state"] == "queued")
+        self.assertIn("disk_reserve_bytes", json.dumps(status))
+        self.assertIn("disk_reserve_bytes", self.get("/v1/health")["message"])
+        ready = self.call("GET", "/v1/ready")[1]
+        self.assertIn("disk", [reason["code"] for reason in ready["reasons"]])
+        self.assertEqual(prometheus.value_of(self.metrics(), "myograde_not_ready", reason="disk"), 1)
+        doctor = json.loads(self.daemon.run_verb("doctor", "--json").stdout)["checks"]
+        disk = next(check for check in doctor if check["name"] == "disk_data")
+        self.assertIn("no lease begins", json.dumps(disk))
+        self.assertEqual(self.get(f"/v1/submissions/{waiting}")["state"], "queued")
+        self.ballast.unlink()
+        status = self.ended(waiting)
+        self.assertEqual(status["state"], "done")
+        self.assertEqual([lease["faults"] for lease in status["leases"]],
+                         [0] * len(status["leases"]))
+        self.assertEqual(self.state(), "ok")
 
 
 if __name__ == "__main__":

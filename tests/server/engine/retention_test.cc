@@ -141,6 +141,21 @@ class RetentionFolder : public testing::Test {
             .seeds_json = "[1]", .seed_count = 1, .ranked = true, .grader_json = "{}",
             .blocks = {{0, 0}}};
   }
+  // Plays the only episode of a submission, whose evaluation has not ended yet.
+  void PlayWithLog(char artefact, bool ranked, const std::string& log) {
+    NewSubmission submission = SubmissionOf(artefact);
+    submission.ranked = ranked;
+    ASSERT_TRUE(store_->Write([&](Writer& writer) -> absl::Status {
+      const auto accepted = writer.Accept(submission, Rules(), "uid 0");
+      if (!accepted.ok()) return accepted.status();
+      absl::Status status = writer.StartLease(accepted->leases[0], 1, 0, 99, "daemon");
+      status.Update(writer.RecordEpisode({accepted->evaluation, 0, accepted->leases[0], 1, 1,
+                                          Outcome::kFailure, FailureReason::kTime,
+                                          R"({"log":{"sha256":")" + log + R"("}})",
+                                          R"({"time_s":10.0})"}).status());
+      return status;
+    }).ok());
+  }
   static AdmissionRules Rules() {
     return {.quota = {.ranked = {9, 9}, .practice = {9, 9}, .failed = {9, 9}, .waiting = 9}};
   }
@@ -156,10 +171,10 @@ class RetentionFolder : public testing::Test {
   }
 
   // Sweeps until `gone` has disappeared.
-  void Sweep(RetentionLimits limits, const std::string& gone) {
+  void Sweep(RetentionLimits limits, const std::string& gone, int64_t disk_reserve = 0) {
     limits.every = absl::Milliseconds(50);
     RunEngine();
-    const Retention retention(limits, dir_, *engine_, *readers_, clock_, Newest());
+    const Retention retention(limits, disk_reserve, dir_, *engine_, *readers_, clock_, Newest());
     for (int i = 0; i < 3000 && fs::exists(gone); ++i) absl::SleepFor(absl::Milliseconds(10));
     EXPECT_FALSE(fs::exists(gone)) << gone;
     absl::SleepFor(absl::Milliseconds(200));  // for anything that should stay
@@ -271,17 +286,7 @@ TEST_F(RetentionFolder, AFolderThatCameAgainIsNew) {
 
 TEST_F(RetentionFolder, LogsGoThatNobodyNeedsAndTheNeededAndTheFreshStay) {
   MakeArtefact('a');
-  const std::string log(64, '1');
-  ASSERT_TRUE(store_->Write([&](Writer& writer) -> absl::Status {
-    const auto accepted = writer.Accept(SubmissionOf('a'), Rules(), "uid 0");
-    if (!accepted.ok()) return accepted.status();
-    absl::Status status = writer.StartLease(accepted->leases[0], 1, 0, 99, "daemon");
-    status.Update(writer.RecordEpisode({accepted->evaluation, 0, accepted->leases[0], 1, 1,
-                                        Outcome::kFailure, FailureReason::kTime,
-                                        R"({"log":{"sha256":")" + log + R"("}})",
-                                        R"({"time_s":10.0})"}).status());
-    return status;
-  }).ok());
+  PlayWithLog('a', /*ranked=*/true, std::string(64, '1'));
   const std::string needed = MakeLog('1');
   absl::SleepFor(absl::Milliseconds(20));  // the needed one is older
   const std::string unneeded = MakeLog('2');
@@ -293,6 +298,21 @@ TEST_F(RetentionFolder, LogsGoThatNobodyNeedsAndTheNeededAndTheFreshStay) {
   EXPECT_TRUE(fs::exists(needed));
   EXPECT_TRUE(fs::exists(dir_ + "/logs/.draft-1"));
   EXPECT_THAT(Removals(), ElementsAre("log 2"));
+}
+
+// Also those of a practice that still runs, as it may be what fills the disk.
+TEST_F(RetentionFolder, LogsOfPracticeGiveWayToTheDisksReserve) {
+  MakeArtefact('a');
+  MakeArtefact('b');
+  PlayWithLog('a', /*ranked=*/false, std::string(64, '1'));
+  PlayWithLog('b', /*ranked=*/true, std::string(64, '2'));
+  const std::string practice = MakeLog('1');
+  const std::string ranked = MakeLog('2');
+  const std::string nameless = MakeLog('3');  // its row may be about to be written
+  Sweep(Unlimited(), practice, /*disk_reserve=*/INT64_MAX / 2);
+  EXPECT_TRUE(fs::exists(ranked));
+  EXPECT_TRUE(fs::exists(nameless));
+  EXPECT_THAT(Removals(), ElementsAre("log 1"));
 }
 
 // The row that needs a log is written after its file.
@@ -355,7 +375,7 @@ TEST_F(RetentionFolder, ARemovalAndASubmissionAtOnceLeaveNoEvaluationWithoutFile
     limits.every = absl::Milliseconds(10);
     if (!removal_first) submit();
     std::unique_ptr<Retention> retention =
-        std::make_unique<Retention>(limits, dir_, *engine_, *readers_, clock_, std::nullopt);
+        std::make_unique<Retention>(limits, 0, dir_, *engine_, *readers_, clock_, std::nullopt);
     absl::SleepFor(absl::Milliseconds(300));
     if (removal_first) submit();
     loop_ = std::thread([this] { (void)engine_->Run(); });

@@ -220,5 +220,19 @@ TEST_F(LeaseFolderTest, ASpoolThatIsNotThereIsNotMadeByANode) {
   EXPECT_TRUE(absl::IsInvalidArgument(Spool::Open(path_ + "-link").status()));
 }
 
+TEST_F(LeaseFolderTest, IsRefusedIfOthersMayWriteToIt) {
+  for (const std::string part : {"", "/leases", "/artefacts"}) {
+    for (const mode_t mode : {0777, 0720, 01702}) {
+      ASSERT_EQ(chmod((path_ + part).c_str(), mode), 0);
+      for (const absl::Status& status : {Spool::Make(path_).status(), Spool::Open(path_).status()}) {
+        EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+        EXPECT_NE(status.message().find("chmod 700"), std::string::npos) << status;
+      }
+    }
+    ASSERT_EQ(chmod((path_ + part).c_str(), 0750), 0);
+  }
+  EXPECT_TRUE(Spool::Open(path_).ok());
+}
+
 }  // namespace
 }  // namespace myograde::server

@@ -284,16 +284,50 @@ TEST_F(ControlGroupTest, ASecondStartRemovesWhatAKilledProcessLeft) {
   EXPECT_EQ(removed_.size(), 2u);  // one per controller
 }
 
-TEST(GroupName, TellsOfItsProcess) {
-  EXPECT_FALSE(IsStaleGroup(GroupName("3")));
-  const std::string name = GroupName("3");
-  // The same pid, but of a process with another start time.
-  const size_t start = name.find('.', sizeof("myograde.") - 1) + 1;
-  EXPECT_TRUE(IsStaleGroup(name.substr(0, start) + "1" + name.substr(start)));
-  EXPECT_TRUE(IsStaleGroup("myograde.2147483646.5.0"));
-  for (const char* other : {"", "myograde.", "myograde.12", "myograde.12.", "myograde.12.x.0",
-                            "myograde.-1.5.0", "myograde.x.5.0", "system.slice"}) {
-    EXPECT_FALSE(IsStaleGroup(other)) << other;
+TEST_F(ControlGroupTest, ALivingProcessKeepsItsGroupsWhateverItsNamespaces) {
+  files_ = {"cgroup.procs"};
+  AddVersion1("memory", "");
+  // A pid and a random number of another pid namespace: here no process has them.
+  const std::string name = "myograde.2147483646-0123456789abcdef.0";
+  int ready[2];
+  ASSERT_EQ(pipe(ready), 0);
+  const pid_t child = fork();
+  if (child == 0) {
+    const auto group = ControlGroup::Create(name, kLimits, host_);
+    (void)!write(ready[1], "x", 1);
+    while (true) pause();
+  }
+  char byte = 0;
+  ASSERT_EQ(read(ready[0], &byte, 1), 1);
+  std::ofstream(root_ / "memory" / name / "cgroup.procs") << child << '\n';
+  ControlGroup::RemoveStale(host_);
+  EXPECT_THAT(removed_, IsEmpty());
+  EXPECT_EQ(kill(child, 0), 0);
+  EXPECT_EQ(waitpid(child, nullptr, WNOHANG), 0) << "it was killed";
+  kill(child, SIGKILL);
+  waitpid(child, nullptr, 0);
+  std::ofstream(root_ / "memory" / name / "cgroup.procs", std::ios::trunc);
+  ControlGroup::RemoveStale(host_);
+  EXPECT_THAT(removed_, ::testing::ElementsAre(name));
+  close(ready[0]);
+  close(ready[1]);
+}
+
+TEST_F(ControlGroupTest, TakesNoGroupOfEarlierVersionsForStale) {
+  AddVersion1("memory", "");
+  fs::create_directory(root_ / "memory/myograde.2147483646.5.0");
+  ControlGroup::RemoveStale(host_);
+  EXPECT_THAT(removed_, IsEmpty());
+}
+
+TEST(GroupName, IsToldFromOthers) {
+  EXPECT_TRUE(IsGroupName(GroupName("3")));
+  EXPECT_TRUE(IsGroupName("myograde.7-0123456789abcdef.sim"));
+  for (const char* other : {"", "myograde.", "myograde.12", "myograde.12.", "myograde.12.5.0",
+                            "myograde.-0123456789abcdef.0", "myograde.12-0123456789abcdef",
+                            "myograde.12-0123456789abcde.0", "myograde.x-0123456789abcdef.0",
+                            "myograde.12-0123456789abcdefa.0", "system.slice"}) {
+    EXPECT_FALSE(IsGroupName(other)) << other;
   }
 }
 

@@ -147,6 +147,15 @@ TEST(SeccompFilter, DeniesWhatAnArgumentMakesDangerous) {
   close(null);
 }
 
+TEST(SeccompFilter, TakesRecordLocksAndForgetsThem) {
+  // The kernel would report a wrong descriptor.
+  for (const uint64_t command : {F_SETLK, F_SETLKW, F_OFD_SETLK, F_OFD_SETLKW}) {
+    EXPECT_EQ(Denies(SYS_fcntl, 9999, command), 0) << command;
+    EXPECT_EQ(Denies(SYS_fcntl, 9999, uint64_t{1} << 32 | command), 0) << command;
+  }
+  EXPECT_EQ(Denies(SYS_fcntl, 9999, F_GETFD), EBADF);
+}
+
 TEST(SeccompFilter, KeepsTheUsualBuffersOfASocket) {
   const auto size_after = [](int option) {
     const int socket_fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
@@ -197,6 +206,7 @@ TEST(SeccompFilter, TakesHintsAboutMemoryAndForgetsThem) {
   for (const uint64_t advice : {MADV_COLD, MADV_PAGEOUT, MADV_MERGEABLE}) {
     EXPECT_EQ(Denies(SYS_madvise, 1, 4096, advice), 0) << advice;
   }
+  EXPECT_EQ(Denies(SYS_mbind, 1, 4096, 99), 0);
   EXPECT_EQ(Denies(SYS_madvise, 1, 4096, MADV_HUGEPAGE), EINVAL);
 }
 

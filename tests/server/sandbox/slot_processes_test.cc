@@ -1,6 +1,7 @@
 // Finds processes of real sandboxes from outside: by marks as an ordinary user, by users as root.
 #include "server/sandbox/slot_processes.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <grp.h>
 #include <sys/prctl.h>

@@ -267,6 +267,10 @@ TEST_F(StoreTest, OneDaemonAtATime) {
     const absl::Status second = DataLock::Take(dir_).status();
     EXPECT_TRUE(absl::IsFailedPrecondition(second));
     EXPECT_THAT(std::string(second.message()), HasSubstr(std::to_string(getpid())));
+    // Somebody tidied up.
+    ASSERT_EQ(unlink((dir_ + "/lock").c_str()), 0);
+    EXPECT_TRUE(absl::IsFailedPrecondition(DataLock::Take(dir_).status()));
+    EXPECT_NE(access((dir_ + "/lock").c_str(), F_OK), 0) << "it was written again";
   }
   EXPECT_TRUE(DataLock::Take(dir_).ok());
 }

@@ -1,0 +1,33 @@
+// What a policy may read of /proc and /dev. Whatever counts or lists the whole host would let two
+// sandboxes signal to each other: beside its own processes, a sandbox sees a short list of files
+// whose content does not change during a lease.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+
+#include "server/sandbox/sandbox.h"
+#include "server/sandbox/stage.h"
+
+namespace myograde::server {
+
+// Mounts for a sandbox that already has /proc and /dev: covers each name of this host's /proc that
+// others than root can read, with a file of the list, or with nothing. /proc/sys has a list of its
+// own. There are no terminals. `memory_bytes`: what /proc/meminfo says is free.
+// A name that the kernel adds to /proc later, with a module, is not covered.
+absl::StatusOr<std::vector<SandboxMount>> StageKernelFiles(const Stage& stage,
+                                                           int64_t memory_bytes);
+
+// The list's names in /proc, and those in /proc/sys.
+std::vector<std::string> ShownProcFiles();
+std::vector<std::string> ShownSettings();
+
+// Withdraws the right to read from all files of /proc/net, of the calling thread's network, but
+// those about its own sockets, addresses and routes. Some of the others count the whole host.
+// False: an ordinary user, who may not.
+bool HideNetworkCounters();
+
+}  // namespace myograde::server
