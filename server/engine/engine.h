@@ -53,8 +53,9 @@ class Engine {
                       std::function<absl::Status()> effect = nullptr);
   // The same for a change that renames or merges teams.
   absl::Status ChangeTeams(StoreChange change, absl::Duration timeout);
+  // `charge`: also an evaluation whose first episode has not ended, if a lease of it has begun.
   absl::StatusOr<CancelReport> Cancel(int64_t submission, const std::string& why,
-                                      const std::string& who, absl::Duration timeout);
+                                      const std::string& who, bool charge, absl::Duration timeout);
 
   // Rejudges (store/rejudges.h). Errors of CheckNewRejudge and of the Writer's operations. `sign` runs
   // on the loop's thread, in the act's transaction: its error undoes the whole.

@@ -166,8 +166,8 @@ class EngineCore {
   // place until the next start.
   void FollowTeams();
   // Ends every unfinished evaluation of the submission at once; answers when its runners are dead,
-  // or after a second. FailedPreconditionError if there is none.
-  void Cancel(int64_t submission, const std::string& why, const std::string& who,
+  // or after a second. `charge`: as Engine::Cancel. FailedPreconditionError if there is none.
+  void Cancel(int64_t submission, const std::string& why, const std::string& who, bool charge,
               CancelAnswer answer);
 
   // Views. Safe from any thread; never wait for a runner or the disk.
@@ -312,7 +312,10 @@ class EngineCore {
   void ReapRunners();
   void OnRunnerEnd(LeaseRun& run);
   // `kind`: as Metrics::CountGraderFault has it.
-  void Fault(LeaseRun& run, const char* kind, const std::string& why);
+  // `permanent`: what the lease needs is not on this server, so no attempt can go otherwise, and its
+  // host is well.
+  void Fault(LeaseRun& run, const char* kind, const std::string& why, bool permanent = false);
+  std::string AfterRetries(const std::string& why) const;
   void GiveUp(const Decision& decision, int64_t lease, const std::string& why);
   void FreeSlot(int slot);
   void CloseSlots();
@@ -323,7 +326,7 @@ class EngineCore {
   void ReapStopping();
   void AnswerCancels();
   absl::Status CancelEvaluations(int64_t submission, const std::string& why,
-                                 const std::string& who, std::set<int64_t>& killed);
+                                 const std::string& who, bool charge, std::set<int64_t>& killed);
 
   // The host.
   void PollSelfTest();

@@ -114,11 +114,12 @@ absl::StatusOr<Accepted> Engine::Rerun(const NewRerun& rerun, const std::string&
 }
 
 absl::StatusOr<CancelReport> Engine::Cancel(int64_t submission, const std::string& why,
-                                            const std::string& who, absl::Duration timeout) {
+                                            const std::string& who, bool charge,
+                                            absl::Duration timeout) {
   const auto report = std::make_shared<CancelReport>();
   const absl::Status status = commands_.CallLater(
-      [this, submission, why, who, report](CommandQueue::Answer answer) {
-        core_.Cancel(submission, why, who, [report, answer](absl::StatusOr<CancelReport> done) {
+      [this, submission, why, who, charge, report](CommandQueue::Answer answer) {
+        core_.Cancel(submission, why, who, charge, [report, answer](absl::StatusOr<CancelReport> done) {
           if (done.ok()) *report = *done;
           answer(done.status());
         });

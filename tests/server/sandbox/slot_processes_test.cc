@@ -2,6 +2,7 @@
 #include "server/sandbox/slot_processes.h"
 
 #include <gmock/gmock.h>
+#include <fcntl.h>
 #include <grp.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>
