@@ -1,6 +1,7 @@
 #include "protocol/base/file.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -9,6 +10,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
+#include "protocol/base/open_file.h"
 
 namespace myograde {
 namespace {
@@ -17,7 +19,43 @@ std::string CantBe(const std::string& path, const char* what) {
   return absl::StrCat(path, ": can't be ", what, ": ", std::strerror(errno));
 }
 
+// "" if it can be read like a file.
+const char* KindOf(mode_t mode) {
+  switch (mode & S_IFMT) {
+    case S_IFREG: return "";
+    case S_IFDIR: return "a folder";
+    case S_IFIFO: return "a named pipe";
+    case S_IFSOCK: return "a socket";
+    default: return "a device";
+  }
+}
+
+// An open descriptor by its name: whoever started this process chose what it is.
+bool IsInherited(const std::string& path) {
+  for (const char* place : {"/dev/stdin", "/dev/fd/", "/proc/self/fd/"}) {
+    if (path.starts_with(place)) return true;
+  }
+  return false;
+}
+
 }  // namespace
+
+absl::StatusOr<Fd> OpenToRead(const std::string& path) {
+  if (IsInherited(path)) {
+    Fd file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+    if (!file.valid()) return absl::NotFoundError(CantBe(path, "read"));
+    return file;
+  }
+  Fd file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (!file.valid()) return absl::NotFoundError(CantBe(path, "read"));
+  struct stat info = {};
+  if (::fstat(file.get(), &info) != 0) return absl::UnavailableError(CantBe(path, "read"));
+  if (const std::string kind = KindOf(info.st_mode); !kind.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": is ", kind, "; it must be a file"));
+  }
+  return file;
+}
 
 absl::StatusOr<std::string> ReadAll(int fd, const std::string& name, size_t max_bytes) {
   // In pieces: a buffer for the largest file costs more than reading the usual one.
@@ -37,9 +75,9 @@ absl::StatusOr<std::string> ReadAll(int fd, const std::string& name, size_t max_
 }
 
 absl::StatusOr<std::string> ReadFile(const std::string& path, size_t max_bytes) {
-  const Fd file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  if (!file.valid()) return absl::NotFoundError(CantBe(path, "read"));
-  return ReadAll(file.get(), path, max_bytes);
+  const absl::StatusOr<Fd> file = OpenToRead(path);
+  if (!file.ok()) return file.status();
+  return ReadAll(file->get(), path, max_bytes);
 }
 
 absl::Status WriteAll(int fd, std::string_view text) {

@@ -8,6 +8,8 @@ Visibility SightOf(Role role, const PhaseSight& phase) {
   if (role >= Role::kOrganiser) return {};
   Visibility sight = phase.published || phase.revealed ? Visibility{} : phase.shown;
   sight.seeds = !phase.committed || phase.revealed;
+  sight.progress = true;
+  sight.progress = phase.published || phase.revealed || SeesAll(sight);
   return sight;
 }
 

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <map>
+#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -70,6 +71,15 @@ absl::Status AddEpisodes(Reader& reader, const Track& track, int64_t evaluation,
   return selection.summary ? AddSummary(track, rows, judged, json) : absl::OkStatus();
 }
 
+// Leaves the episodes of leases that have ended.
+void DropUnended(const std::vector<LeaseRow>& leases, std::vector<EpisodeRow>& rows) {
+  std::set<int64_t> open;
+  for (const LeaseRow& lease : leases) {
+    if (!IsFinal(lease.state)) open.insert(lease.id);
+  }
+  std::erase_if(rows, [&](const EpisodeRow& row) { return open.contains(row.lease); });
+}
+
 // A re-run against its original; null for an original.
 absl::StatusOr<Json> ComparisonOf(Reader& reader, const EvaluationRow& evaluation,
                                   const std::vector<EpisodeRow>& rows,
@@ -95,8 +105,13 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   if (!track.ok()) return track.status();
   const TrackConfig& config = (*track)->config;
   const scoring::TrackScoring& scoring = (*track)->scoring;
-  const absl::StatusOr<std::vector<EpisodeRow>> read = reader.Episodes(id);
+  const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);
+  if (!sight.ok()) return sight.status();
+  const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(id);
+  if (!leases.ok()) return leases.status();
+  absl::StatusOr<std::vector<EpisodeRow>> read = reader.Episodes(id);
   if (!read.ok()) return read.status();
+  if (!sight->progress) DropUnended(*leases, *read);
   const std::vector<EpisodeRow>& rows = *read;
   const absl::StatusOr<std::vector<scoring::JudgedEpisode>> judged =
       JudgedEpisodes(*scoring.track, rows);
@@ -106,12 +121,10 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
   if (!aggregate.ok()) return aggregate.status();
   const absl::Status whole = CheckResults(reader, *evaluation, rows, config.seed_salt);
   if (!whole.ok()) return whole;
-  const absl::StatusOr<std::vector<LeaseRow>> leases = reader.Leases(id);
-  if (!leases.ok()) return leases.status();
   const absl::StatusOr<std::vector<RepeatRow>> repeats = reader.Repeats(id);
   if (!repeats.ok()) return repeats.status();
 
-  Json json = SubmissionToJson(*submission, *evaluation, reader.Counts(id));
+  Json json = SubmissionToJson(*submission, *evaluation, reader.Counts(id, !sight->progress));
   json["kind"] = EvaluationKindName(evaluation->kind);
   json["rejudge"] = IdOrNull(reader.RejudgeOfEvaluation(id).rejudge);
   json["ranked"] = submission->ranked && evaluation->kind == EvaluationKind::kOriginal;
@@ -143,8 +156,6 @@ absl::StatusOr<Json> EvaluationToJson(Reader& reader, const ApiContext& context,
     const absl::Status added = AddEpisodes(reader, **track, id, rows, *judged, selection, json);
     if (!added.ok()) return added;
   }
-  const absl::StatusOr<Visibility> sight = SightOfConfig(reader, context, config);
-  if (!sight.ok()) return sight.status();
   RedactEvaluation(json, *sight);
   if (selection.rows && !selection.fields.empty()) {
     json["episode_columns"] = ColumnsOf(selection.fields, json["episode_rows"]);

@@ -85,6 +85,12 @@ nlohmann::json HostResource::HostToJson(const LiveHealth& health) const {
   for (const auto& [slot, left] : health.closed_slots) {
     closed.push_back({{"slot", slot}, {"left", left}});
   }
+  Json held_back = Json::array();
+  // A store that can't be read is told of elsewhere.
+  (void)context_.readers.Read([&](Reader& reader) {
+    held_back = reader.HeldBack();
+    return absl::OkStatus();
+  });
   const std::string& trouble = !health.store_trouble.empty()  ? health.store_trouble
                                : !health.disk_trouble.empty() ? health.disk_trouble
                                : !health.host_trouble.empty() ? health.host_trouble
@@ -100,6 +106,7 @@ nlohmann::json HostResource::HostToJson(const LiveHealth& health) const {
           {"ending", health.ending},
           {"unreadable", std::move(unreadable)},
           {"closed_slots", std::move(closed)},
+          {"held_back", std::move(held_back)},
           {"schema", SchemaMigrations().size()},
           {"pid", getpid()},
           {"data", context_.data_dir},

@@ -57,7 +57,11 @@ absl::StatusOr<Visibility> SightOfConfig(Reader& reader, const ApiContext& conte
   if (config.phase.empty()) return Visibility{};
   absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, config.phase);
   // The salt tells for sure whether there is anything to hide, whatever the files say today.
-  if (sight.ok() && config.seed_salt.empty()) sight->seeds = true;
+  if (sight.ok() && config.seed_salt.empty() && !sight->seeds) {
+    sight->seeds = true;
+    sight->progress = true;
+    sight->progress = SeesAll(*sight);
+  }
   return sight;
 }
 

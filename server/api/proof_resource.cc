@@ -40,6 +40,16 @@ absl::Status CheckReceiptShown(Reader& reader, const ApiContext& context,
                                     "\" withholds"));
 }
 
+// Of a failed submission, a phase that withholds anything shows no single episode (redaction.h).
+absl::Status CheckFailureShown(Reader& reader, const ApiContext& context,
+                               const SubmissionRow& submission) {
+  const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, submission.phase);
+  if (!sight.ok() || sight->progress) return sight.status();
+  return WithheldError(absl::StrCat("submission ", submission.id, " failed, and its receipt lists how "
+                                    "each episode ended, which phase \"", submission.phase,
+                                    "\" withholds"));
+}
+
 // The evaluation that the request asks for; without one, the submission's original.
 absl::StatusOr<EvaluationRow> AskedEvaluation(const httplib::Request& request, Reader& reader,
                                               int64_t submission) {
@@ -87,6 +97,9 @@ absl::StatusOr<nlohmann::json> AskedReceipt(const httplib::Request& request, Rea
   if (!evaluation.ok()) return evaluation.status();
   status = CheckRejudgeShown(reader, *evaluation, *everybody);
   if (status.ok()) status = CheckReceiptShown(reader, context, *submission, *everybody);
+  if (status.ok() && evaluation->state == EvaluationState::kFailed) {
+    status = CheckFailureShown(reader, context, *submission);
+  }
   if (!status.ok()) return status;
   return ReceiptOf(reader, context.record, *submission, *evaluation);
 }

@@ -39,7 +39,7 @@ absl::StatusOr<std::optional<Waiting>> FindWaiting(int64_t id, Reader& reader) {
 absl::StatusOr<Json> EntryOf(const Waiting& waiting, Reader& reader, const ApiContext& context) {
   const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, waiting.row.phase);
   if (!sight.ok()) return sight.status();
-  const EpisodeCounts counts = reader.Counts(waiting.evaluation.id);
+  const EpisodeCounts counts = reader.Counts(waiting.evaluation.id, !sight->progress);
   Json entry = SubmissionToJson(waiting.row, waiting.evaluation, counts);
   RedactListed(entry, *sight);
   AddOutlook(context, waiting.evaluation, counts, entry);

@@ -16,19 +16,23 @@ struct View {
   Visibility sight;
   bool complete = false;      // all episodes have been played
   bool grader_error = false;  // the evaluation ended by one
+  bool failed = false;        // as a whole, and no single episode of it is shown
 };
 
 bool Always(const View&) { return true; }
-bool SeesOutcomes(const View& view) { return view.sight.outcomes; }
-bool SeesMetrics(const View& view) { return view.sight.metrics; }
+bool SeesProgress(const View& view) { return view.sight.progress; }
+// A failed submission is charged as a failed try only, so it tells one reason for the whole and
+// nothing of its episodes.
+bool SeesOutcomes(const View& view) { return view.sight.outcomes && !view.failed; }
+bool SeesMetrics(const View& view) { return view.sight.metrics && !view.failed; }
 bool SeesOutput(const View& view) { return view.sight.output; }
-bool SeesFacts(const View& view) { return view.sight.logs; }
+bool SeesFacts(const View& view) { return view.sight.logs && !view.failed; }
 bool SeesSeeds(const View& view) { return view.sight.seeds; }
-bool SeesComparison(const View& view) { return view.sight.outcomes && view.sight.metrics; }
+bool SeesComparison(const View& view) { return SeesOutcomes(view) && SeesMetrics(view); }
 
 // Whoever asks again after each episode, or cancels after one, would see how that episode ended.
 bool SeesAggregate(const View& view) {
-  return view.sight.aggregate && (view.complete || SeesComparison(view));
+  return view.sight.aggregate && !view.failed && (view.complete || SeesComparison(view));
 }
 bool SeesCounts(const View& view) {
   return view.sight.outcomes || (view.sight.aggregate && view.complete);
@@ -131,7 +135,7 @@ constexpr auto kTransition = std::to_array<Part>({
     {"to", Always}, {"who", Always}, {"why", SeesReason},
 });
 
-// Where a lease stands shows how long each episode took.
+// Where a lease stands shows how long each episode takes: a policy could tell by that what it sees.
 constexpr auto kLease = std::to_array<Part>({
     {"lease", Always},
     {"first", Always},
@@ -140,14 +144,14 @@ constexpr auto kLease = std::to_array<Part>({
     {"slot", Always},
     {"attempt", Always},
     {"faults", Always},
-    {"episode", SeesMetrics},
-    {"step", SeesMetrics},
+    {"episode", SeesProgress},
+    {"step", SeesProgress},
     {"host", Always},
     {"process", Always},
     {"started_at", Always},
     {"deadline_at", Always},
     {"running_wall_s", Always},
-    {"silent_wall_s", SeesMetrics},
+    {"silent_wall_s", SeesProgress},
     {"detail", SeesOutput},
     {"attempts", SeesMetrics, Blank::kList},
 });
@@ -221,7 +225,8 @@ View ViewOf(const Json& answer, const Visibility& sight) {
   const std::string state = answer.value("state", "");
   return {.sight = sight,
           .complete = state == "done" || state == "failed",
-          .grader_error = state == "grader_error"};
+          .grader_error = state == "grader_error",
+          .failed = state == "failed" && !sight.progress};
 }
 
 void RedactCommon(Json& answer, const View& view) {
@@ -250,6 +255,8 @@ void RedactEvaluation(Json& answer, const Visibility& sight) {
     if (!answer.contains(rows)) continue;
     for (Json& row : answer[rows]) RedactRow(row, view);
   }
+  // Each block has a text of its own.
+  if (view.failed && answer["output"].size() > 1) answer["output"] = Json::array({answer["output"][0]});
 }
 
 void RedactStatus(Json& answer, const Visibility& sight) {

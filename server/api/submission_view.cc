@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "server/api/caller.h"
+#include "server/api/phase_sight.h"
+#include "server/api/redaction.h"
 #include "server/api/views.h"
 #include "server/base/host_name.h"
 
@@ -156,7 +158,9 @@ absl::StatusOr<nlohmann::json> SubmissionStatus(Reader& reader, const ApiContext
   if (!marks.ok()) return marks.status();
   absl::StatusOr<Json> history = HistoryToJson(reader, id, original.id);
   if (!history.ok()) return history.status();
-  const EpisodeCounts counts = reader.Counts(original.id);
+  const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context, row->phase);
+  if (!sight.ok()) return sight.status();
+  const EpisodeCounts counts = reader.Counts(original.id, !sight->progress);
   Json json = SubmissionToJson(*row, original, counts);
   const QueueOutlook outlook = AddOutlook(context, original, counts, json);
   json["reason"] = TextOrNull(original.reason);
@@ -185,6 +189,7 @@ absl::StatusOr<nlohmann::json> SubmissionStatus(Reader& reader, const ApiContext
                                    {"rejudge", IdOrNull(rejudge.rejudge)},
                                    {"config", ConfigOf(evaluation, *row)}});
   }
+  RedactStatus(json, *sight);
   return json;
 }
 

@@ -54,7 +54,8 @@ ApiResult SubmissionsResource::List(const httplib::Request& request) const {
       if (original.ok()) {
         const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context_, row.phase);
         if (!sight.ok()) return sight.status();
-        list.push_back(SubmissionToJson(row, *original, reader.Counts(original->id)));
+        list.push_back(SubmissionToJson(
+            row, *original, reader.Counts(original->id, !sight->progress)));
         RedactListed(list.back(), *sight);
       } else if (const std::optional<Damage> damage = DamageOf(original.status())) {
         found.damaged.push_back(*damage);
@@ -78,11 +79,7 @@ ApiResult SubmissionsResource::StatusAnswer(int64_t submission) const {
     absl::StatusOr<Json> json = SubmissionStatus(reader, context_, submission);
     if (!json.ok()) return json.status();
     answer.body = *std::move(json);
-    const absl::StatusOr<SubmissionRow> row = reader.Submission(submission);
-    if (!row.ok()) return row.status();
-    const absl::StatusOr<Visibility> sight = SightOfPhase(reader, context_, row->phase);
-    if (sight.ok()) RedactStatus(answer.body, *sight);
-    return sight.status();
+    return absl::OkStatus();
   });
   if (!status.ok()) return ErrorOf(status);
   return answer;
@@ -122,14 +119,19 @@ ApiResult SubmissionsResource::Cancel(const httplib::Request& request, const Jso
   const absl::StatusOr<std::string> reason = ParseCancel(body);
   if (!reason.ok()) return ErrorOf(reason.status());
   const int64_t id = IdOf(request);
+  absl::StatusOr<Visibility> sight = Visibility{};
   absl::Status status = context_.readers.Read([&](Reader& reader) {
-    const absl::Status own = RequireSubmission(reader, id);
-    return own.ok() ? reader.Submission(id).status() : own;
+    if (absl::Status own = RequireSubmission(reader, id); !own.ok()) return own;
+    const absl::StatusOr<SubmissionRow> row = reader.Submission(id);
+    if (!row.ok()) return row.status();
+    // Practice is of no phase, and organisers see all: neither is charged for a cancel as such.
+    sight = SightOfPhase(reader, context_, row->phase);
+    return sight.status();
   });
   if (!status.ok()) return ErrorOf(status);
   const absl::StatusOr<CancelReport> report =
-      context_.engine.Cancel(id, /*reruns=*/CallerIsOrganiser(), *reason, CallerKey(),
-                             context_.config.http.request);
+      context_.engine.Cancel(id, /*reruns=*/CallerIsOrganiser(), /*charge=*/!sight->progress, *reason,
+                             CallerKey(), context_.config.http.request);
   if (!report.ok()) return ErrorOf(report.status());
   NoteAct(absl::StrCat("submission ", id), *reason);
   ApiResult result = StatusAnswer(id);

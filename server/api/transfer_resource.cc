@@ -15,6 +15,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/file.h"
 #include "server/engine/standings.h"
+#include "server/engine/stored.h"
 #include "server/store/transfer.h"
 
 namespace myograde::server {
@@ -131,7 +132,7 @@ ApiResult TransferResource::Import(const httplib::Request&) {
   if (!info.ok()) return ErrorOf(info.status());
   status = context_.engine.Change(
       [path, checked = *info, who = CallerKey()](Writer& writer) {
-        return writer.Import(path, checked, who);
+        return writer.Import(path, checked, who, CheckReadable);
       },
       context_.config.http.upload);
   if (!status.ok()) return ErrorOf(status);

@@ -232,13 +232,23 @@ absl::Status MistakesToStatus(const std::vector<std::string>& mistakes) {
       " mistakes; \"myograde challenge check\" lists them all)"));
 }
 
+namespace {
+
+// Failed tries of a team in a phase that withholds anything, unless the phase says otherwise.
+constexpr int64_t kHiddenFailures = 20;
+
+}  // namespace
+
 AdmissionRules PhaseRules(const PhaseConfig& phase, AdmissionRules usual) {
   const PhaseQuota& own = phase.quota;
   QuotaLimits& limits = usual.quota;
   limits.ranked.per_day = own.official_per_day.value_or(limits.ranked.per_day);
   limits.ranked.total = own.official_total.value_or(limits.ranked.total);
   limits.failed.per_day = own.failed_per_day.value_or(limits.failed.per_day);
-  limits.failed.total = own.failed_total.value_or(limits.failed.total);
+  // A failed try is not charged as an evaluation, and each tells a little of what is hidden.
+  const bool withholds = phase.shown != Visibility{} || phase.committed > 0;
+  limits.failed.total = own.failed_total.value_or(
+      withholds ? std::min(limits.failed.total, kHiddenFailures) : limits.failed.total);
   limits.waiting = own.waiting.value_or(limits.waiting);
   usual.one_for_everyone = own.one_for_everyone.value_or(usual.one_for_everyone);
   return usual;

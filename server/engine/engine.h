@@ -53,10 +53,12 @@ class Engine {
                       std::function<absl::Status()> effect = nullptr);
   // The same for a change that renames or merges teams.
   absl::Status ChangeTeams(StoreChange change, absl::Duration timeout);
-  // Ends the submission's original evaluation and, if `reruns`, its re-runs. FailedPreconditionError:
-  // there is nothing of it to end.
-  absl::StatusOr<CancelReport> Cancel(int64_t submission, bool reruns, const std::string& why,
-                                      const std::string& who, absl::Duration timeout);
+  // Ends the submission's original evaluation and, if `reruns`, its re-runs. `charge`: also an evaluation
+  // whose first episode has not ended, if a lease of it has begun. FailedPreconditionError: there is
+  // nothing of it to end.
+  absl::StatusOr<CancelReport> Cancel(int64_t submission, bool reruns, bool charge,
+                                      const std::string& why, const std::string& who,
+                                      absl::Duration timeout);
 
   // Rejudges (store/rejudges.h). Errors of CheckNewRejudge and of the Writer's operations. `sign` runs
   // on the loop's thread, in the act's transaction: its error undoes the whole.

@@ -167,9 +167,9 @@ class EngineCore {
   // place until the next start.
   void FollowTeams();
   // Ends what is unfinished of the submission at once: its original evaluation and, if `reruns`, its
-  // re-runs. Answers when their runners are dead,
-  // or after a second. FailedPreconditionError if there is none.
-  void Cancel(int64_t submission, bool reruns, const std::string& why, const std::string& who,
+  // re-runs. Answers when their runners are dead, or after a second. `charge`: as Engine::Cancel.
+  // FailedPreconditionError if there is none.
+  void Cancel(int64_t submission, bool reruns, bool charge, const std::string& why, const std::string& who,
               CancelAnswer answer);
 
   // Views. Safe from any thread; never wait for a runner or the disk.
@@ -317,7 +317,10 @@ class EngineCore {
   void ReapRunners();
   void OnRunnerEnd(LeaseRun& run);
   // `kind`: as Metrics::CountGraderFault has it.
-  void Fault(LeaseRun& run, const char* kind, const std::string& why);
+  // `permanent`: what the lease needs is not on this server, so no attempt can go otherwise, and its
+  // host is well.
+  void Fault(LeaseRun& run, const char* kind, const std::string& why, bool permanent = false);
+  std::string AfterRetries(const std::string& why) const;
   void GiveUp(const Decision& decision, int64_t lease, const std::string& why);
   void FreeSlot(int slot);
   void CloseSlots();
@@ -327,7 +330,7 @@ class EngineCore {
   void Reclaim(int64_t lease, bool ask = true);
   void ReapStopping();
   void AnswerCancels();
-  absl::Status CancelEvaluations(int64_t submission, bool reruns, const std::string& why,
+  absl::Status CancelEvaluations(int64_t submission, bool reruns, bool charge, const std::string& why,
                                  const std::string& who, std::set<int64_t>& killed);
 
   // The host.

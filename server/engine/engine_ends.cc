@@ -186,9 +186,9 @@ void EngineCore::OnRunnerEnd(LeaseRun& run) {
   if (decision.kind == Decision::Kind::kEvaluationEnds) to_settle_.insert(decision.evaluation);
 }
 
-void EngineCore::Fault(LeaseRun& run, const char* kind, const std::string& why) {
+void EngineCore::Fault(LeaseRun& run, const char* kind, const std::string& why, bool permanent) {
   LookAtDisk();
-  if (ShortOfRoom()) return Return(run, "disk", why);
+  if (!permanent && ShortOfRoom()) return Return(run, "disk", why);
   const LogScope scope(FieldsOf(run));
   metrics().CountGraderFault(kind);
   spdlog::error("lease {}, attempt {}: fault of the grader: {}", run.lease, run.attempt, why);
@@ -201,8 +201,8 @@ void EngineCore::Fault(LeaseRun& run, const char* kind, const std::string& why) 
     const absl::Duration now = clock_.Monotonic();
     live_.erase(run.lease);
     // This host's self-test says nothing about another one; the executor watches its nodes.
-    if (!executor_.remote()) host_.LeaseFaulted(now, why);
-    decision = scheduler_.Faulted(run.lease, run.attempt, now);
+    if (!executor_.remote() && !permanent) host_.LeaseFaulted(now, why);
+    decision = scheduler_.Faulted(run.lease, run.attempt, now, permanent);
   }
   if (decision.kind == Decision::Kind::kRetry) {
     AddToJournal(run.context->evaluation,
@@ -210,15 +210,17 @@ void EngineCore::Fault(LeaseRun& run, const char* kind, const std::string& why) 
       return writer.ReturnLease(lease, attempt, /*fault=*/true, who, why);
     });
   } else if (decision.kind == Decision::Kind::kGiveUp) {
-    GiveUp(decision, run.lease, why);
+    GiveUp(decision, run.lease, permanent ? why : AfterRetries(why));
   }
 }
 
+std::string EngineCore::AfterRetries(const std::string& why) const {
+  return absl::StrCat("a block of episodes failed ",
+                      Counted(options_.config.scheduler.max_retries + 1, "time"),
+                      " by the grader's fault, the last time: ", why);
+}
+
 void EngineCore::GiveUp(const Decision& decision, int64_t failed, const std::string& why) {
-  const std::string reason =
-      absl::StrCat("a block of episodes failed ",
-                   Counted(options_.config.scheduler.max_retries + 1, "time"),
-                   " by the grader's fault, the last time: ", why);
   std::vector<int64_t> others = decision.pending;
   others.insert(others.end(), decision.running.begin(), decision.running.end());
   AddToJournal(decision.evaluation,
@@ -228,8 +230,8 @@ void EngineCore::GiveUp(const Decision& decision, int64_t failed, const std::str
       status.Update(writer.EndLease(lease, LeaseState::kCancelled, /*fault=*/false, who,
                                     absl::StrCat("lease ", failed, " could not be played")));
     }
-    status.Update(
-        writer.EndEvaluation(evaluation, EvaluationState::kGraderError, reason, "", who));
+    status.Update(writer.EndEvaluation(evaluation, EvaluationState::kGraderError,
+                                       writer.WithHold(evaluation, why), "", who));
     return status;
   });
   for (const int64_t lease : decision.running) ReclaimAs(lease, RunEnd::kCancelled);
@@ -315,18 +317,26 @@ void EngineCore::GiveUpUnreadable(int64_t evaluation, const std::string& why) {
   });
 }
 
-absl::Status EngineCore::CancelEvaluations(int64_t submission, bool reruns, const std::string& why,
-                                           const std::string& who, std::set<int64_t>& killed) {
+absl::Status EngineCore::CancelEvaluations(int64_t submission, bool reruns, bool charge,
+                                           const std::string& why, const std::string& who,
+                                           std::set<int64_t>& killed) {
   // Episodes that ended before the cancel stay, and an evaluation whose leases have all ended is
   // about to get its result.
   if (absl::Status status = RequireWritable(); !status.ok()) return status;
   if (absl::Status status = EnqueueDeferred(); !status.ok()) return status;
   if (absl::Status status = SettleAll(); !status.ok()) return status;
   if (absl::Status status = RequireWritable(); !status.ok()) return status;
+  // A job that waits for a node has shown nothing to anybody.
+  const auto may_have_begun = [&](int64_t evaluation) {
+    return !executor_.remote() || std::any_of(running_.begin(), running_.end(), [&](const auto& run) {
+      return run.second.begun && run.second.context->evaluation == evaluation;
+    });
+  };
   std::vector<int64_t> open;
   const absl::Status status = WriteNow([&](Writer& writer) -> absl::Status {
     open = writer.OpenEvaluationsOf(submission, reruns);
     for (const int64_t evaluation : open) {
+      if (charge && may_have_begun(evaluation)) writer.ChargeBegun(evaluation);
       const absl::Status ended =
           writer.EndWithLeases(evaluation, EvaluationState::kCancelled, why, who);
       if (!ended.ok()) return ended;
@@ -343,10 +353,10 @@ absl::Status EngineCore::CancelEvaluations(int64_t submission, bool reruns, cons
   return absl::OkStatus();
 }
 
-void EngineCore::Cancel(int64_t submission, bool reruns, const std::string& why,
+void EngineCore::Cancel(int64_t submission, bool reruns, bool charge, const std::string& why,
                         const std::string& who, CancelAnswer answer) {
   CancelWait wait{{}, clock_.Monotonic(), std::move(answer)};
-  const absl::Status status = CancelEvaluations(submission, reruns, why, who, wait.leases);
+  const absl::Status status = CancelEvaluations(submission, reruns, charge, why, who, wait.leases);
   if (!status.ok()) return wait.answer(status);
   cancels_.push_back(std::move(wait));
   AnswerCancels();

@@ -2,6 +2,7 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
+#include "server/artefact/adapters.h"
 #include "server/engine/engine_core.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
@@ -11,6 +12,10 @@ namespace myograde::server {
 
 absl::StatusOr<LeaseOrder> EngineCore::OrderFor(const LeaseRun& run) const {
   const Context& context = *run.context;
+  // Artefacts that came with an import may name what this server does not have.
+  if (!context.adapter.empty() && FindAdapter(context.adapter) == nullptr) {
+    return absl::NotFoundError(absl::StrCat("there is no adapter \"", context.adapter, "\""));
+  }
   std::vector<std::string> runtimes;
   for (const auto& [name, digest] : context.runtimes) {
     const absl::StatusOr<Runtime> runtime =
@@ -102,7 +107,11 @@ void EngineCore::StartLease(const Start& start) {
   const LogScope scope(FieldsOf(run));
   if (!runner.ok()) {
     FreeSlot(run.slot);
-    Fault(run, "start", absl::StrCat("the runner did not start: ", runner.status().message()));
+    const bool missing = absl::IsNotFound(order.status());
+    Fault(run, "start",
+          absl::StrCat(missing ? "a block of episodes can't be played: "
+                               : "the runner did not start: ", runner.status().message()),
+          /*permanent=*/missing);
     return;
   }
   run.runner = *std::move(runner);

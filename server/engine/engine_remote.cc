@@ -85,7 +85,7 @@ void EngineCore::Return(LeaseRun& run, const char* kind, const std::string& why)
     live_.erase(run.lease);
     decision = scheduler_.Returned(run.lease, run.attempt, clock_.Monotonic());
   }
-  if (decision.kind == Decision::Kind::kGiveUp) return GiveUp(decision, run.lease, why);
+  if (decision.kind == Decision::Kind::kGiveUp) return GiveUp(decision, run.lease, AfterRetries(why));
   if (decision.kind != Decision::Kind::kRetry) return;
   AddToJournal(run.context->evaluation,
                [lease = run.lease, attempt = run.attempt, fault = decision.fault, why,

@@ -113,12 +113,14 @@ absl::StatusOr<Accepted> Engine::Rerun(const NewRerun& rerun, const std::string&
   }, timeout);
 }
 
-absl::StatusOr<CancelReport> Engine::Cancel(int64_t submission, bool reruns, const std::string& why,
-                                            const std::string& who, absl::Duration timeout) {
+absl::StatusOr<CancelReport> Engine::Cancel(int64_t submission, bool reruns, bool charge,
+                                            const std::string& why, const std::string& who,
+                                            absl::Duration timeout) {
   const auto report = std::make_shared<CancelReport>();
   const absl::Status status = commands_.CallLater(
-      [this, submission, reruns, why, who, report](CommandQueue::Answer answer) {
-        core_.Cancel(submission, reruns, why, who, [report, answer](absl::StatusOr<CancelReport> done) {
+      [this, submission, reruns, charge, why, who, report](CommandQueue::Answer answer) {
+        core_.Cancel(submission, reruns, charge, why, who,
+                     [report, answer](absl::StatusOr<CancelReport> done) {
           if (done.ok()) *report = *done;
           answer(done.status());
         });

@@ -7,6 +7,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "server/grading/results.h"
+#include "server/store/damage.h"
 
 namespace myograde::server {
 namespace {
@@ -129,6 +130,97 @@ absl::Status CheckResults(Reader& reader, const EvaluationRow& evaluation,
   if (!entry.ok()) return absl::OkStatus();  // practice has none; the check of the record's chain tells
   const nlohmann::json recorded = ParsedText(entry->entry_json).value("results", nlohmann::json());
   return !recorded.is_string() || recorded == hash ? absl::OkStatus() : damaged("the public record");
+}
+
+namespace {
+
+// The first damage of a list.
+template <typename Row>
+absl::Status StatusOfList(const Listed<Row>& list) {
+  return list.damaged.empty() ? absl::OkStatus() : DamagedRow(list.damaged.front());
+}
+
+// An evaluation with all that belongs to it.
+absl::Status CheckEvaluation(Reader& reader, int64_t id, StoredContent& content) {
+  const absl::StatusOr<StoredEvaluation> stored = LoadEvaluation(reader, id, content);
+  if (!stored.ok()) return stored.status();
+  absl::StatusOr<std::vector<EpisodeRow>> rows = reader.Episodes(id);
+  if (rows.ok() && stored->evaluation.state == EvaluationState::kDone) {
+    rows = WholeEpisodes(reader, stored->evaluation, *stored->seeds);
+  }
+  if (!rows.ok()) return rows.status();
+  for (const EpisodeRow& row : *rows) {
+    const absl::Status judged = JudgementOf(*stored->track->scoring.track, row).status();
+    if (judged.ok() || DamageOf(judged).has_value()) {
+      if (!judged.ok()) return judged;
+      continue;
+    }
+    return Unreadable("episode", absl::StrCat(id, "/", row.index), judged);
+  }
+  absl::Status status = reader.EpisodeDetails(id).status();
+  status.Update(reader.Repeats(id).status());
+  status.Update(reader.LeaseRunsOf(id).status());
+  status.Update(reader.Transitions("evaluation", id).status());
+  return status;
+}
+
+absl::Status CheckTeams(Reader& reader) {
+  const Listed<TeamRow> teams = reader.Teams();
+  absl::Status status = StatusOfList(teams);
+  for (const TeamRow& team : teams.rows) {
+    if (!status.ok()) return status;
+    status.Update(StatusOfList(reader.Members(team.name)));
+    status.Update(StatusOfList(reader.TeamEvents(team.name)));
+    status.Update(StatusOfList(reader.Ledger(team.name, "", INT64_MAX, INT64_MAX)));
+  }
+  return status;
+}
+
+absl::Status CheckRejudges(Reader& reader) {
+  const Listed<RejudgeRow> rejudges = reader.Rejudges();
+  absl::Status status = StatusOfList(rejudges);
+  for (const RejudgeRow& rejudge : rejudges.rows) {
+    status.Update(reader.RejudgeEvents(rejudge.id).status());
+    status.Update(reader.RejudgeItems(rejudge.id).status());
+  }
+  return status;
+}
+
+}  // namespace
+
+absl::Status CheckReadable(Reader& reader) {
+  StoredContent content;
+  for (const std::string& hash : reader.Hashes("artefact")) {
+    if (absl::Status read = reader.Artefact(hash).status(); !read.ok()) return read;
+  }
+  for (const std::string& hash : reader.Hashes("config")) {
+    if (absl::Status read = content.Track(reader, hash).status(); !read.ok()) return read;
+  }
+  for (const std::string& hash : reader.Hashes("seed_list")) {
+    if (absl::Status read = content.Seeds(reader, hash).status(); !read.ok()) return read;
+  }
+  if (absl::Status teams = CheckTeams(reader); !teams.ok()) return teams;
+  SubmissionFilter all;
+  all.limit = INT64_MAX;
+  const Listed<SubmissionRow> submissions = reader.Submissions(all);
+  if (absl::Status listed = StatusOfList(submissions); !listed.ok()) return listed;
+  for (const SubmissionRow& submission : submissions.rows) {
+    absl::Status status = reader.MarkHistory(submission.id).status();
+    status.Update(reader.Transitions("submission", submission.id).status());
+    const absl::StatusOr<std::vector<EvaluationRow>> evaluations = reader.Evaluations(submission.id);
+    status.Update(evaluations.status());
+    if (!status.ok()) return status;
+    for (const EvaluationRow& evaluation : *evaluations) {
+      status = CheckEvaluation(reader, evaluation.id, content);
+      if (!status.ok()) return status;
+    }
+  }
+  absl::Status status = reader.PhaseEvents(std::nullopt).status();
+  status.Update(reader.BoardConfigs().status());
+  status.Update(StatusOfList(reader.DrainedNodes()));
+  status.Update(StatusOfList(reader.Record(0, reader.RecordSize())));
+  if (status.ok()) status = CheckRejudges(reader);
+  return status;
 }
 
 std::vector<std::pair<int64_t, int64_t>> BlocksOf(int64_t count, int64_t per_lease) {

@@ -179,7 +179,8 @@ absl::StatusOr<EvaluationResult> ResultOf(const Track& track,
   EvaluationResult result;
   result.state = aggregate->failed ? EvaluationState::kFailed : EvaluationState::kDone;
   if (aggregate->failed) {
-    result.reason = "every episode ended by a fault of the participant's program";
+    result.reason = absl::StrCat("every episode ended by a fault of the participant's program, the "
+                                 "first as ", std::string(OutcomeName(rows.front().outcome)));
   }
   result.results_hash = ResultsHash(rows, track.config.seed_salt);
   result.standing = StandingOf(scored, *aggregate);

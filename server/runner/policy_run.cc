@@ -7,8 +7,10 @@
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
+#include <filesystem>
 #include <utility>
 
+#include <absl/strings/ascii.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/clock.h"
@@ -18,6 +20,8 @@
 
 namespace myograde::server {
 namespace {
+
+namespace fs = std::filesystem;
 
 // A flood is read in slices, between other work.
 constexpr int kReadsPerDrain = 16;
@@ -39,8 +43,15 @@ void Drain(Fd& fd, OutputTail& tail) {
   }
 }
 
-// The last line of the output, at most kQuotedBytes of it.
+// The last line of the output that has a letter or digit, at most kQuotedBytes of it: the last one of
+// some errors is a bracket.
 std::string LastLine(std::string text) {
+  const auto end = std::find_if(text.rbegin(), text.rend(), [](char c) {
+    return absl::ascii_isalnum(static_cast<unsigned char>(c)) || (c & 0x80) != 0;
+  });
+  if (end != text.rend()) {
+    text.erase(std::min(text.find('\n', static_cast<size_t>(text.rend() - end)), text.size()));
+  }
   while (!text.empty() && text.back() == '\n') text.pop_back();
   if (const size_t line = text.rfind('\n'); line != std::string::npos) text.erase(0, line + 1);
   if (text.size() > kQuotedBytes) {
@@ -59,6 +70,23 @@ std::string MissingLibrary(const std::string& line) {
   if (at == std::string::npos) return "";
   const size_t begin = at + kComplaint.size();
   return line.substr(begin, line.find(": ", begin) - begin);
+}
+
+// Whether a submission holds the generated code of the agent template of 2024, whose agents speak gRPC.
+// Looks at so many names that it takes no time.
+bool HoldsTemplate2024(const std::string& folder) {
+  constexpr int kMostNames = 20'000;
+  constexpr int kMostDepth = 5;
+  std::error_code error;
+  fs::recursive_directory_iterator it(folder, fs::directory_options::skip_permission_denied, error);
+  for (int names = 0; !error && it != fs::recursive_directory_iterator() && names < kMostNames; ++names) {
+    if (it->path().filename() == "evaluation_pb2_grpc.py") return true;
+    // An image's own system.
+    const bool system = it.depth() == 1 && (it->path().filename() == "usr" || it->path().filename() == "lib");
+    if (system || it.depth() >= kMostDepth) it.disable_recursion_pending();
+    it.increment(error);
+  }
+  return false;
 }
 
 bool IsTimeout(Outcome outcome) {
@@ -269,6 +297,12 @@ FaultEvidence PolicyRun::Rule(FaultEvidence seen) {
                       ": put it into the submission, and its folder (as /policy/lib) into "
                       "LD_LIBRARY_PATH in the env of policy.json");
     }
+  }
+  const LeaseOrder& order = context_.order;
+  if ((seen.outcome == Outcome::kCrash || seen.outcome == Outcome::kInitTimeout) &&
+      order.adapter.empty() && HoldsTemplate2024(context_.stage.PathOf(order.artefact_dir))) {
+    absl::StrAppend(&seen.detail, "; it holds the agent template of 2024, whose agents need an adapter: "
+                                  "submit it with \"adapter\": \"template-2024\" in policy.json");
   }
   seen.stderr_tail = err_.tail(err_mark_);
   return seen;

@@ -16,6 +16,7 @@
 
 #include "protocol/base/fd.h"
 #include "server/artefact/beneath.h"
+#include "server/artefact/listing.h"
 
 namespace myograde::server {
 namespace {
@@ -35,22 +36,30 @@ std::string OnHost(const std::string& path) {
   return kHostPlace + (error ? path : real);
 }
 
-absl::Status Damaged(const std::string& path, const std::string& what) {
+// The host's trouble: files that the unpacking left can't be read.
+absl::Status Unreadable(const std::string& path, const std::string& what) {
   return absl::FailedPreconditionError(
       absl::StrCat("the unpacked image can't be shown in a sandbox: ", path, " ", what));
+}
+
+// The image's own doing.
+absl::Status Unshowable(const std::string& path, const std::string& what) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("the image can't be shown in a sandbox: ", path, " ", what));
 }
 
 // Shows the entries of an image's folder at their places.
 class ImageMounts {
  public:
-  ImageMounts(int root, std::string staged, const LeaseOrder& order, SandboxSpec& spec)
-      : root_(root), staged_(std::move(staged)), order_(order), spec_(spec) {}
+  ImageMounts(int root, std::string staged, const std::vector<std::string>& runtimes,
+              SandboxSpec& spec)
+      : root_(root), staged_(std::move(staged)), runtimes_(runtimes), spec_(spec) {}
 
   // `folder`: "" for the top.
   absl::Status ShowAll(const std::string& folder) {
     Fd opened = OpenBeneath(root_, folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY);
     DIR* names = opened.valid() ? ::fdopendir(opened.get()) : nullptr;
-    if (names == nullptr) return Damaged("/" + folder, "can't be read");
+    if (names == nullptr) return Unreadable("/" + folder, "can't be read");
     opened.release();  // `names` closes it
     std::set<std::string> sorted;
     while (const dirent* name = ::readdir(names)) sorted.insert(name->d_name);
@@ -66,32 +75,46 @@ class ImageMounts {
 
  private:
   absl::Status Show(const std::string& path) {
-    if (++mounts_ > kMaxImageMounts) return Damaged("/" + path, "is one name too many");
+    if (++mounts_ > kMaxImageMounts) return TooMany(path);
     const Fd fd = OpenBeneath(root_, path, O_PATH);
     struct stat info = {};
-    if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return Damaged("/" + path, "can't be opened");
+    if (!fd.valid() || ::fstat(fd.get(), &info) != 0) {
+      return Unreadable("/" + path, "can't be opened");
+    }
     const std::string place = "/" + path;
     // A runtime is mounted there; its folders must be real ones.
     if (IsRuntime(place)) return absl::OkStatus();
     if (HoldsRuntime(place)) return S_ISDIR(info.st_mode) ? ShowAll(path) : absl::OkStatus();
     if (S_ISLNK(info.st_mode)) return ShowLink(fd.get(), path);
     if (!S_ISDIR(info.st_mode) && !S_ISREG(info.st_mode)) {
-      return Damaged(place, "is neither a file, a folder nor a link");
+      return Unshowable(place, "is neither a file, a folder nor a link");
     }
-    if (place == "/etc" && !IsHarmless(path)) return Damaged(place, "has an ld.so.preload");
+    if (place == "/etc" && !IsHarmless(path)) {
+      return Unshowable(place, "is no folder, or has an ld.so.preload; set LD_PRELOAD in its ENV");
+    }
     spec_.mounts.push_back({Kind::kReadOnly, staged_ + place, place});
     return absl::OkStatus();
   }
 
   absl::Status ShowLink(int link, const std::string& path) {
     // Through a link, files of the grader's programs could be the image's.
-    if (path == "etc") return Damaged("/etc", "is a link");
+    if (path == "etc") return Unshowable("/etc", "is a link; make it a folder");
     std::string target(PATH_MAX, '\0');
     const ssize_t size = ::readlinkat(link, "", target.data(), target.size());
-    if (size <= 0) return Damaged("/" + path, "is a link that can't be read");
+    if (size <= 0) return Unreadable("/" + path, "is a link that can't be read");
     target.resize(static_cast<size_t>(size));
     spec_.mounts.push_back({Kind::kSymlink, target, "/" + path});
     return absl::OkStatus();
+  }
+
+  // Without runtimes there can't be as many: the unpacking limits the names at the top.
+  absl::Status TooMany(const std::string& path) const {
+    const size_t slash = path.rfind('/');
+    const std::string folder = path.substr(0, slash == std::string::npos ? 0 : slash);
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the image has more than ", kMaxImageMounts, " names on the way to a runtime of policy.json, "
+        "the last of them in ", Quoted("/" + folder), "; leave \"runtimes\" out and install its "
+        "packages in the image, or put those files into a subfolder"));
   }
 
   // The loader of the grader's programs loads what /etc/ld.so.preload names.
@@ -104,14 +127,14 @@ class ImageMounts {
   }
 
   bool IsRuntime(const std::string& place) const {
-    for (const std::string& runtime : order_.runtimes) {
+    for (const std::string& runtime : runtimes_) {
       if (runtime == place) return true;
     }
     return false;
   }
 
   bool HoldsRuntime(const std::string& place) const {
-    for (const std::string& runtime : order_.runtimes) {
+    for (const std::string& runtime : runtimes_) {
       if (absl::StartsWith(runtime, place + "/")) return true;
     }
     return false;
@@ -119,7 +142,7 @@ class ImageMounts {
 
   const int root_;
   const std::string staged_;
-  const LeaseOrder& order_;
+  const std::vector<std::string>& runtimes_;
   SandboxSpec& spec_;
   size_t mounts_ = 0;
 };
@@ -142,11 +165,16 @@ std::vector<std::string> HostCommand(const std::string& program) {
 absl::Status AddImage(const LeaseOrder& order, const Stage& stage, SandboxSpec& spec) {
   const std::string staged = absl::StrCat(stage.PathOf(order.artefact_dir), "/", kImageFolder);
   const Fd root(::open(staged.c_str(), O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
-  if (!root.valid()) return Damaged("/", "is missing");
-  absl::Status shown = ImageMounts(root.get(), staged, order, spec).ShowAll("");
+  if (!root.valid()) return Unreadable("/", "is missing");
+  absl::Status shown = ImageMounts(root.get(), staged, order.runtimes, spec).ShowAll("");
   if (!shown.ok()) return shown;
   spec.mounts.push_back({Kind::kReadOnly, "/usr", absl::StrCat(kHostPlace, "/usr")});
   return absl::OkStatus();
+}
+
+absl::Status CheckImageMounts(int root, const std::vector<std::string>& runtimes) {
+  SandboxSpec unused;
+  return ImageMounts(root, "", runtimes, unused).ShowAll("");
 }
 
 std::vector<std::string> ImagePath(const PolicyImage& image) {

@@ -29,8 +29,12 @@ std::vector<std::string> LoaderCommand(const std::string& path, const std::strin
 
 // Adds the mounts of an image's files, which lie in the staged artefact's kImageFolder, and of the
 // host's /usr at /myograde/host. Folders in which one of `order.runtimes` is mounted are made of
-// their parts. FailedPreconditionError: the files are not as the unpacking leaves them.
+// their parts. InvalidArgumentError: only the image can be the reason, with what to do about it;
+// FailedPreconditionError: this host can't read the files.
 absl::Status AddImage(const LeaseOrder& order, const Stage& stage, SandboxSpec& spec);
+
+// Whether AddImage will succeed for the image in the folder `root`, with the same errors.
+absl::Status CheckImageMounts(int root, const std::vector<std::string>& runtimes);
 
 // Where the image's command is looked up, in this order.
 std::vector<std::string> ImagePath(const PolicyImage& image);

@@ -43,7 +43,8 @@ std::vector<std::string> SystemLinks();
 // the root. `scratch`: from
 // Stage::MountScratch. `group` tells which limits the kernel already enforces; the others become
 // rlimits.
-// FailedPreconditionError: an image's files are damaged.
+// What only the artefact can cause makes a sandbox whose policy says why and ends.
+// FailedPreconditionError: an image's files can't be read.
 absl::StatusOr<SandboxSpec> MakePolicySandbox(const LeaseOrder& order,
                                               const PolicySandboxConfig& config,
                                               const std::string& bin_dir, const Stage& stage,

@@ -320,6 +320,7 @@ absl::Status CheckProgram(const ArtefactManifest& manifest, const std::string& f
   if (!manifest.image.has_value()) return ProgramCheck(manifest, root.get(), runtimes).Run();
   const Fd image = OpenBeneath(root.get(), kImageFolder, O_PATH | O_DIRECTORY);
   if (!image.valid()) return HostError(absl::StrCat("can't open the image in ", folder));
+  if (absl::Status shown = CheckImageMounts(image.get(), runtimes); !shown.ok()) return shown;
   return ProgramCheck(manifest, image.get(), runtimes).Run();
 }
 

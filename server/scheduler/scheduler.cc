@@ -245,13 +245,13 @@ Decision Scheduler::Finished(int64_t id, int64_t attempt, absl::Duration now) {
   return decision;
 }
 
-Decision Scheduler::Faulted(int64_t id, int64_t attempt, absl::Duration now) {
+Decision Scheduler::Faulted(int64_t id, int64_t attempt, absl::Duration now, bool permanent) {
   Lease* lease = Current(id, attempt);
   if (lease == nullptr) return {};
   const int64_t owner = lease->evaluation;
   lease->faults += 1;
   StopRunning(*lease);
-  if (lease->faults <= limits_.max_retries) {
+  if (!permanent && lease->faults <= limits_.max_retries) {
     WaitAgain(*lease, Doubled(limits_.retry_delay, lease->faults - 1), now);
     return {.kind = Decision::Kind::kRetry, .evaluation = owner, .fault = true};
   }

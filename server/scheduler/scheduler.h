@@ -154,8 +154,9 @@ class Scheduler {
 
   // The attempt ended with all of its episodes recorded.
   Decision Finished(int64_t lease, int64_t attempt, absl::Duration now);
-  // The attempt ended, or is to end now, with a grader fault.
-  Decision Faulted(int64_t lease, int64_t attempt, absl::Duration now);
+  // The attempt ended, or is to end now, with a grader fault. `permanent`: each further attempt would
+  // end so, too: kGiveUp at once.
+  Decision Faulted(int64_t lease, int64_t attempt, absl::Duration now, bool permanent = false);
   // The attempt was lost and nobody is at fault: kRetry after a delay that doubles up to
   // kLongestReturn, or what Faulted() says if this happened more than `max_returns` times.
   Decision Returned(int64_t lease, int64_t attempt, absl::Duration now);

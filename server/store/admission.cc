@@ -3,6 +3,7 @@
 
 #include "server/store/connection.h"
 #include "server/store/content.h"
+#include "server/store/reader.h"
 #include "server/store/store.h"
 #include "server/store/teams.h"
 
@@ -29,6 +30,34 @@ std::string SameAs(SQLite::Database& db, const NewSubmission& submission) {
                       " of team \"", select.getColumn(1).getString(), "\"");
 }
 
+// Evaluations of an artefact in a row that end by the grader's fault until it is held back. Only those
+// by the same build and runtimes count, so an upgrade lets it in again.
+constexpr int64_t kFaultsToHold = 3;
+
+bool EndedByFaults(SQLite::Database& db, const std::string& artefact, const std::string& grader_json,
+                   int64_t last) {
+  SQLite::Statement select(
+      db, "SELECT count(*) FROM (SELECT e.state AS state, e.grader_json AS grader FROM submission AS s "
+          "JOIN evaluation AS e ON e.submission = s.id WHERE s.artefact = ?1 AND "
+          "e.kind != 'rejudge' AND e.finished_at IS NOT NULL AND e.state != 'cancelled' "
+          "ORDER BY e.finished_at DESC, e.id DESC LIMIT ?2) "
+          "WHERE state = 'grader_error' AND grader = ?3");
+  SQLite::bind(select, artefact, last, grader_json);
+  select.executeStep();
+  return select.getColumn(0).getInt64() == last;
+}
+
+absl::Status CheckNotHeldBack(SQLite::Database& db, const std::string& artefact,
+                              const std::string& grader_json) {
+  if (!EndedByFaults(db, artefact, grader_json, kFaultsToHold)) return absl::OkStatus();
+  return WithErrorCode(
+      absl::FailedPreconditionError(absl::StrCat(
+          "the last ", kFaultsToHold, " evaluations of this artefact ended by the grader's fault, so "
+          "it is held back; ask an organiser to look at it: a re-run that ends otherwise lets it in "
+          "again")),
+      kHeldBackCode);
+}
+
 absl::Status AddContent(SQLite::Database& db, const NewSubmission& submission, int64_t now_ms) {
   absl::Status status = AddConfig(db, submission.config, submission.track, submission.profile,
                                   submission.config_json, now_ms);
@@ -37,6 +66,21 @@ absl::Status AddContent(SQLite::Database& db, const NewSubmission& submission, i
 }
 
 }  // namespace
+
+std::vector<std::string> Reader::HeldBack() {
+  SQLite::Statement select(
+      db_, "SELECT s.artefact, (SELECT l.grader_json FROM submission AS o JOIN evaluation AS l ON "
+           "l.submission = o.id WHERE o.artefact = s.artefact AND l.state = 'grader_error' "
+           "ORDER BY l.finished_at DESC, l.id DESC LIMIT 1) FROM evaluation AS e JOIN submission AS s "
+           "ON s.id = e.submission WHERE e.kind = 'original' AND e.state = 'grader_error' "
+           "GROUP BY s.artefact ORDER BY s.artefact");
+  std::vector<std::string> held;
+  while (select.executeStep()) {
+    const std::string artefact = select.getColumn(0);
+    if (EndedByFaults(db_, artefact, select.getColumn(1), kFaultsToHold)) held.push_back(artefact);
+  }
+  return held;
+}
 
 absl::Status Writer::AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
                                const UnsubmittedLimits& limits) {
@@ -85,6 +129,18 @@ absl::Status Writer::AddUpload(const ArtefactRow& artefact, const NewUpload& upl
   return absl::OkStatus();
 }
 
+std::string Writer::WithHold(int64_t evaluation, const std::string& why) {
+  SQLite::Statement select(db_, "SELECT s.artefact, e.grader_json FROM evaluation AS e JOIN submission "
+                                "AS s ON s.id = e.submission WHERE e.id = ?");
+  select.bind(1, evaluation);
+  if (!select.executeStep() || !EndedByFaults(db_, select.getColumn(0), select.getColumn(1),
+                                              kFaultsToHold - 1)) {
+    return why;
+  }
+  return absl::StrCat(why, "; this artefact has ended so ", kFaultsToHold, " times in a row and is "
+                      "held back until an organiser's re-run of it ends otherwise");
+}
+
 absl::Status Writer::CheckReruns(int64_t submission, const std::string& who, bool organiser,
                                  const RerunLimits& limits) {
   if (!organiser) {
@@ -95,6 +151,13 @@ absl::Status Writer::CheckReruns(int64_t submission, const std::string& who, boo
     const absl::Status allowed =
         there ? CheckNotBanned(db_, team.getColumn(0).getString()) : absl::OkStatus();
     if (!allowed.ok()) return allowed;
+    SQLite::Statement last(db_, "SELECT s.artefact, e.grader_json FROM submission AS s JOIN evaluation "
+                                "AS e ON e.submission = s.id WHERE s.id = ? ORDER BY e.id DESC LIMIT 1");
+    last.bind(1, submission);
+    const absl::Status held =
+        last.executeStep() ? CheckNotHeldBack(db_, last.getColumn(0), last.getColumn(1))
+                           : absl::OkStatus();
+    if (!held.ok()) return held;
   }
   // The audit row of a re-run's start says who asked for it.
   SQLite::Statement count(
@@ -175,6 +238,10 @@ absl::StatusOr<Accepted> Writer::Accept(const NewSubmission& asked, const Admiss
   // A submission that was accepted before is found above, however late its answer is asked for.
   if (!submission.closed.ok()) return submission.closed;
   if (absl::Status status = CheckTakesSubmissions(submission.phase); !status.ok()) return status;
+  if (absl::Status held = CheckNotHeldBack(db_, submission.artefact, submission.grader_json);
+      !held.ok()) {
+    return held;
+  }
   const Budget budget = submission.ranked ? Budget::kRanked : Budget::kPractice;
   const QuotaUse use = ReadQuotaUse(db_, submission.team, submission.track, submission.phase, now_ms_);
   if (absl::Status status =

@@ -24,6 +24,12 @@ void Writer::ChargeFirstEpisode(int64_t evaluation, const std::string& why) {
   insert.exec();
 }
 
+void Writer::ChargeBegun(int64_t evaluation) {
+  SQLite::Statement begun(db_, "SELECT 1 FROM lease WHERE evaluation = ? AND attempt > 0 LIMIT 1");
+  begun.bind(1, evaluation);
+  if (begun.executeStep()) ChargeFirstEpisode(evaluation, "cancelled after its first lease had begun");
+}
+
 void Writer::SettleCharge(int64_t evaluation, EvaluationState state, const std::string& who) {
   const bool failed = state == EvaluationState::kFailed;
   if (!failed && state != EvaluationState::kGraderError) return;

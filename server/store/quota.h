@@ -93,6 +93,8 @@ absl::Status CheckFailures(const QuotaUse& use, const QuotaLimits& limits, const
 // Codes of things that a team or a person may not do.
 inline constexpr char kBannedCode[] = "banned";
 inline constexpr char kForbiddenCode[] = "forbidden";
+// Of an artefact whose last evaluations all ended by the grader's fault.
+inline constexpr char kHeldBackCode[] = "held_back";
 
 // Attaches the API's error code to a status, where it is not the usual one of the status code.
 absl::Status WithErrorCode(absl::Status status, std::string_view code);

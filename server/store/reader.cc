@@ -248,11 +248,12 @@ absl::StatusOr<std::vector<RepeatRow>> Reader::Repeats(int64_t evaluation) {
   });
 }
 
-EpisodeCounts Reader::Counts(int64_t evaluation) {
+EpisodeCounts Reader::Counts(int64_t evaluation, bool ended_leases) {
   SQLite::Statement select(
       db_, "SELECT count(*), ifnull(sum(outcome = 'success'), 0), "
-           "ifnull(sum(outcome = 'failure'), 0) FROM episode WHERE evaluation = ?");
-  select.bind(1, evaluation);
+           "ifnull(sum(outcome = 'failure'), 0) FROM episode WHERE evaluation = ?1 AND (?2 = 0 OR "
+           "lease NOT IN (SELECT id FROM lease WHERE evaluation = ?1 AND finished_at IS NULL))");
+  SQLite::bind(select, evaluation, ended_leases ? 1 : 0);
   select.executeStep();
   EpisodeCounts counts;
   counts.done = select.getColumn(0).getInt64();

@@ -94,6 +94,9 @@ class Reader {
   // A submission's evaluations, the original first. Never empty.
   absl::StatusOr<std::vector<EvaluationRow>> Evaluations(int64_t submission);
   absl::StatusOr<EvaluationRow> Original(int64_t submission);
+  // Artefacts that are held back (Writer::WithHold), sorted: as of the grader that played them last.
+  std::vector<std::string> HeldBack();
+
   // Every evaluation that has not ended, oldest first. Damage is keyed by id.
   Listed<EvaluationRow> Unfinished();
   absl::StatusOr<std::vector<LeaseRow>> Leases(int64_t evaluation);    // by first episode
@@ -103,7 +106,8 @@ class Reader {
   Listed<DrainedNodeRow> DrainedNodes();
   absl::StatusOr<std::vector<EpisodeRow>> Episodes(int64_t evaluation);  // by index
   absl::StatusOr<std::vector<RepeatRow>> Repeats(int64_t evaluation);
-  EpisodeCounts Counts(int64_t evaluation);
+  // `ended_leases`: only episodes of leases that have ended, so that nothing tells how far one is.
+  EpisodeCounts Counts(int64_t evaluation, bool ended_leases = false);
   absl::StatusOr<std::vector<TransitionRow>> Transitions(const std::string& entity, int64_t id);
   // The effective config, and the seeds, as canonical JSON with the given hash.
   absl::StatusOr<std::string> ConfigJson(const std::string& hash);
@@ -187,6 +191,8 @@ class Reader {
   absl::StatusOr<std::vector<PhaseUse>> PhasesInUse();
   // The config that a phase has by the store, else that of its latest submission; "": it has none.
   std::string ConfigOfPhase(const std::string& phase);
+  // The keys of a table that is keyed by hash: "artefact", "config", "seed_list".
+  std::vector<std::string> Hashes(const std::string& table);
   // The whole store as one document, in transfer.h's format.
   absl::Status Export(const ExportSink& sink) { return ExportRows(db_, sink); }
   std::vector<ArtefactUse> ArtefactUses();

@@ -42,6 +42,8 @@ class Database;
 
 namespace myograde::server {
 
+class Reader;
+
 // Different kinds of denied requests that have rows of their own, for each UTC day.
 inline constexpr int64_t kMostDenialsOfADay = 1000;
 
@@ -177,8 +179,14 @@ class Writer {
   // returns what was accepted then. Errors of `accept`, which keep nothing, and of FindRequestKey.
   absl::StatusOr<Accepted> Once(const std::string& who, const RequestKey& key,
                                 const std::function<absl::StatusOr<Accepted>()>& accept);
+  // `why` an evaluation ends by the grader's fault; says so too if that holds its artefact back: if
+  // the last kFaultsToHold evaluations of it by this grader ended so. Call it before EndEvaluation.
+  std::string WithHold(int64_t evaluation, const std::string& why);
+  // Charges an original evaluation that is about to be cancelled, if a lease of it has begun: whoever
+  // may not see its episodes might have learned something of them by then.
+  void ChargeBegun(int64_t evaluation);
   // Whether `who` may have one more re-run of a submission: FailedPreconditionError with the code
-  // "quota" if too many have not ended, or "banned" if its team is.
+  // "quota" if too many have not ended, "banned" if its team is, or kHeldBackCode.
   absl::Status CheckReruns(int64_t submission, const std::string& who, bool organiser,
                            const RerunLimits& limits);
 
@@ -300,7 +308,9 @@ class Writer {
                               const std::string& why);
   // Fills an empty store; errors as in transfer.h. Evaluations that had not ended when exported end
   // as cancelled, as exports have no artefact files.
-  absl::Status Import(const std::string& path, const ExportInfo& info, const std::string& who);
+  // `check`: what the store's readers can't tell of its new rows; its error undoes the whole.
+  absl::Status Import(const std::string& path, const ExportInfo& info, const std::string& who,
+                      const std::function<absl::Status(Reader&)>& check);
   // Adds the row that gives a board its config from now on; true if it had another one. A rejudge
   // always gets its row. FailedPreconditionError if the store has neither the config nor its JSON.
   absl::StatusOr<bool> SetBoardConfig(const NewBoardConfig& change, const std::string& who);

@@ -98,6 +98,13 @@ std::set<std::string> Reader::PracticeLogs() {
   return logs;
 }
 
+std::vector<std::string> Reader::Hashes(const std::string& table) {
+  SQLite::Statement select(db_, absl::StrCat("SELECT hash FROM \"", table, "\" ORDER BY hash"));
+  std::vector<std::string> hashes;
+  while (select.executeStep()) hashes.push_back(select.getColumn(0).getString());
+  return hashes;
+}
+
 absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& name,
                                     int64_t bytes, const std::string& why) {
   const bool upload = kind == kUploadKind;
@@ -133,9 +140,17 @@ absl::StatusOr<bool> Writer::Remove(const std::string& kind, const std::string& 
 }
 
 absl::Status Writer::Import(const std::string& path, const ExportInfo& info,
-                            const std::string& who) {
+                            const std::string& who,
+                            const std::function<absl::Status(Reader&)>& check) {
   if (absl::Status status = ImportRows(db_, path, info); !status.ok()) return status;
   FillTeamLooks(db_);
+  Reader reader(db_);
+  if (absl::Status read = check(reader); !read.ok()) {
+    if (!DamageOf(read).has_value()) return read;
+    return absl::InvalidArgumentError(absl::StrCat(
+        path, ": has a row that no request could read (", read.message(),
+        "); nothing was imported: export again from a store that is well"));
+  }
   constexpr char kWhy[] = "had not ended when it was exported; hand it in again";
   for (const int64_t evaluation : OpenEvaluations()) {
     const absl::Status status = EndWithLeases(evaluation, EvaluationState::kCancelled, kWhy, who);

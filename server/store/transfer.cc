@@ -11,6 +11,7 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/open_file.h"
 #include "protocol/base/sha256.h"
 #include "server/store/connection.h"
 #include "server/store/schema.h"
@@ -191,6 +192,8 @@ absl::Status ExportRows(SQLite::Database& db, const ExportSink& sink) {
 }
 
 absl::StatusOr<ExportInfo> CheckExport(const std::string& path) {
+  // A stream would wait for a named pipe.
+  if (absl::Status file = OpenToRead(path).status(); !file.ok()) return file;
   LineReader lines(path);
   if (!lines.opened()) return absl::NotFoundError(absl::StrCat(path, ": can't be read"));
   ExportInfo info;
@@ -242,6 +245,8 @@ absl::StatusOr<ExportInfo> CheckExport(const std::string& path) {
 absl::Status ForEachRow(
     const std::string& path,
     const std::function<absl::Status(const std::string& table, const Json& row)>& on_row) {
+  // A stream would wait for a named pipe.
+  if (absl::Status file = OpenToRead(path).status(); !file.ok()) return file;
   LineReader lines(path);
   if (!lines.opened()) return absl::NotFoundError(absl::StrCat(path, ": can't be read"));
   Parser parser(path, [&](const std::string& table, std::string_view text) {

@@ -1,18 +1,27 @@
 """Runtimes: made, listed, used, replaced and removed by the real programs, from tiny wheels."""
 
 import base64
+import contextlib
 import hashlib
+import io
 import json
 import os
 import pathlib
 import signal
 import subprocess
+import sys
+import tempfile
 import time
 import zipfile
+from unittest import mock
 
 import jsonschema
 
 from system import BIN, SOURCE, SystemTest, track_config
+
+sys.path.insert(0, str(SOURCE / "server/runtime/make"))
+import requirements  # pylint: disable=wrong-import-position
+import worker  # pylint: disable=wrong-import-position
 
 TRACK = "runtimes"
 PLAYER = """import greet
@@ -187,6 +196,29 @@ class Runtimes(SystemTest):
         self.assertEqual(status, 0, complaint)
         self.assertEqual(len(first), 64)
         self.run_cli("runtime", "remove", "loose")
+
+    def test_what_debian_provides_is_not_pinned(self):
+        def entry(name, *needs, requested=False):
+            return {"metadata": {"name": name, "requires_dist": list(needs)}, "requested": requested}
+
+        report = [entry("stable_baselines3", "torch>=1.11", "numpy<2", requested=True),
+                  entry("torch", "nvidia-cublas-cu12==12.1; platform_system == 'Linux'", "sympy"),
+                  entry("nvidia-cublas-cu12"), entry("sympy"), entry("numpy")]
+
+        def names(provided):
+            return [item["metadata"]["name"] for item in requirements._needed(report, provided)]
+
+        self.assertEqual(names({"torch"}), ["numpy", "stable_baselines3"])
+        self.assertEqual(len(names(set())), len(report))
+        report[1]["requested"] = True
+        self.assertEqual(len(names({"torch"})), len(report), "the file names it")
+
+    def test_progress_is_told_without_a_terminal(self):
+        with mock.patch.object(worker, "TELL_EVERY", 0.6), tempfile.TemporaryDirectory() as folder, \
+                contextlib.redirect_stderr(io.StringIO()) as told:
+            os.chmod(folder, 0o755)
+            worker.Worker(pathlib.Path(folder) / "work", 60, 1 << 20).run(["sleep", "2"], "sleeping")
+        self.assertIn("sleeping: 0 MB so far", told.getvalue())
 
     def test_mistakes_leave_nothing(self):
         good = self.pinned("1.0", "one")

@@ -172,6 +172,11 @@ void PrintHealth(const Json& health) {
     std::cout << Bold(Cell(health, "message")) << '\n';
   }
   PrintSlots(health);
+  for (const Json& artefact : health.value("held_back", Json::array())) {
+    if (!artefact.is_string()) continue;
+    std::cout << "  Held back: artefact " << Harmless(artefact.get<std::string>())
+              << ": its last evaluations ended by the grader's fault (myograde list, myograde rerun)\n";
+  }
   PrintUnreadable(health);
 }
 

@@ -19,6 +19,7 @@
 #include "server/cli/offline/verbs.h"
 #include "server/cli/terminal/progress.h"
 #include "server/engine/standings.h"
+#include "server/engine/stored.h"
 #include "server/store/lock.h"
 #include "server/store/transfer.h"
 
@@ -44,7 +45,7 @@ absl::Status ImportHere(const std::string& data, const std::string& file,
   absl::StatusOr<std::unique_ptr<Store>> store = Store::Open(path, SystemClock());
   if (!store.ok()) return HostStatus("import", store.status());
   absl::Status status = (*store)->Write([&](Writer& writer) {
-    return writer.Import(file, info, PeerKey(getuid()));
+    return writer.Import(file, info, PeerKey(getuid()), CheckReadable);
   });
   ReaderPool readers(path);
   // Without this, the first board would have to compute what the view lacks.

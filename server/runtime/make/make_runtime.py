@@ -172,7 +172,7 @@ def build(args: argparse.Namespace, path: pathlib.Path, python: str, worker: Wor
     """Makes the runtime's whole folder at `new`."""
     wheels = requirements.wheels_of(args.wheels, worker)
     if args.lock:
-        path = requirements.lock(args.python, path, wheels, worker)
+        path = requirements.lock(args.python, path, wheels, args.debian, worker)
     requirements.check(path)
     raw, packages = requirements.install(args.python, path, wheels, worker)
     if args.debian:

@@ -41,9 +41,12 @@ def check(path: pathlib.Path) -> None:
                            "--lock finds the versions and writes such a file beside this one")
 
 
-def lock(python: str, path: pathlib.Path, wheels: list[str], worker: Worker) -> pathlib.Path:
+def lock(python: str, path: pathlib.Path, wheels: list[str], provided: list[str],
+         worker: Worker) -> pathlib.Path:
     """Resolves the requirements, with all that they need, and writes the pins to NAME.lock.txt
-    beside them; that file."""
+    beside them; that file. What Debian's packages in `provided` hold is left out, unless the
+    requirements name it themselves, and so is what nothing else needs: python3-torch in place of torch
+    leaves out CUDA."""
     for line in lines_of(path):
         if line.startswith("-"):
             raise WrongUse(f'{path}: "{line}" is an option of pip; a runtime takes requirements only')
@@ -54,7 +57,8 @@ def lock(python: str, path: pathlib.Path, wheels: list[str], worker: Worker) -> 
     report = worker.folder / "report.json"
     pins = sorted(f"{item['metadata']['name'].lower()}=={item['metadata']['version']} --hash=sha256:"
                   f"{_sha256_of(item)}\n"
-                  for item in json.loads(report.read_text(encoding="utf-8"))["install"])
+                  for item in _needed(json.loads(report.read_text(encoding="utf-8"))["install"],
+                                      {_plain(name.removeprefix("python3-")) for name in provided}))
     report.unlink()
     locked = path.with_name(path.stem + ".lock.txt")
     try:
@@ -62,6 +66,27 @@ def lock(python: str, path: pathlib.Path, wheels: list[str], worker: Worker) -> 
     except OSError as error:
         raise WrongUse(f"{locked}: can't be written: {error.strerror}") from error
     return locked
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def _needed(items: list[dict], provided: set[str]) -> list[dict]:
+    """Those entries of a report that are needed where `provided` is there already."""
+    by_name = {_plain(item["metadata"]["name"]): item for item in items}
+    waiting = [name for name, item in by_name.items() if item.get("requested")]
+    kept: set[str] = set()
+    while waiting:
+        name = waiting.pop()
+        if name in kept or name not in by_name:
+            continue
+        kept.add(name)
+        for needs in by_name[name]["metadata"].get("requires_dist") or ():
+            further = _plain(re.match(r"[A-Za-z0-9._-]+", needs).group())
+            if further not in provided:
+                waiting.append(further)
+    return [by_name[name] for name in sorted(kept)]
 
 
 def install(python: str, path: pathlib.Path, wheels: list[str], worker: Worker

@@ -14,6 +14,8 @@ import tree
 from failure import Trouble, WrongUse
 
 NOBODY = 65534
+# Seconds between lines of progress where there is no terminal.
+TELL_EVERY = 30.0
 PASSED_ON = ("http_proxy", "https_proxy", "no_proxy", "HTTP_PROXY", "HTTPS_PROXY", "NO_PROXY",
              "SSL_CERT_FILE", "SSL_CERT_DIR", "REQUESTS_CA_BUNDLE", "CURL_CA_BUNDLE")
 
@@ -97,6 +99,7 @@ class Worker:
 
     def _watch(self, child: subprocess.Popen, says: str) -> None:
         shown = sys.stderr.isatty()
+        told = time.monotonic()
         while True:
             try:
                 child.wait(timeout=0.5)
@@ -106,6 +109,9 @@ class Worker:
             size = tree.bytes_below(self.folder)
             if shown:
                 print(f"\r\x1b[K{says}: {size / 1e6:.0f} MB", end="", file=sys.stderr, flush=True)
+            elif time.monotonic() - told >= TELL_EVERY:
+                told = time.monotonic()
+                print(f"{says}: {size / 1e6:.0f} MB so far", file=sys.stderr, flush=True)
             # What is downloaded and what is unpacked of it lie here at the same time.
             if size > 2 * self._most_bytes:
                 raise WrongUse(f"{says}: more than {2 * self._most_bytes} bytes were written; raise "

@@ -15,7 +15,8 @@ constexpr Visibility kNothing = {.aggregate = false,
                                  .metrics = false,
                                  .logs = false,
                                  .output = false,
-                                 .seeds = true};
+                                 .seeds = true,
+                                 .progress = false};
 
 TEST(SightOf, OrganisersSeeEverything) {
   for (const Role role : {Role::kOrganiser, Role::kOperator}) {
@@ -42,6 +43,13 @@ TEST(SightOf, CommittedSeedsStayHiddenUntilTheyAreRevealed) {
     phase.revealed = true;
     EXPECT_TRUE(SeesAll(SightOf(Role::kParticipant, phase)));
   }
+}
+
+TEST(SightOf, NothingOfARunningLeaseIsShownWhileAnythingIsWithheldAndUnpublished) {
+  EXPECT_TRUE(SightOf(Role::kParticipant, {}).progress);
+  EXPECT_FALSE(SightOf(Role::kParticipant, {.shown = {.metrics = false}}).progress);
+  EXPECT_FALSE(SightOf(Role::kParticipant, {.committed = true}).progress);
+  EXPECT_TRUE(SightOf(Role::kParticipant, {.published = true, .committed = true}).progress);
 }
 
 TEST(SightOf, AFileCanNotShowCommittedSeeds) {

@@ -160,12 +160,44 @@ TEST(RedactStatus, HidesWhereALeaseIsAndWhatWentWrong) {
                  {"reason", "words"},
                  {"history", {{{"to", "grader_error"}, {"why", "words"}}}},
                  {"leases", {{{"lease", 1}, {"episode", 3}, {"step", 9}, {"detail", "words"}}}}};
-  RedactStatus(status, {.outcomes = false, .metrics = false, .output = false});
+  RedactStatus(status, {.outcomes = false, .metrics = false, .output = false, .progress = false});
   EXPECT_EQ(status.dump().find("words"), std::string::npos);
   EXPECT_TRUE(status["leases"][0]["episode"].is_null());
   EXPECT_TRUE(status["leases"][0]["step"].is_null());
   EXPECT_EQ(status["leases"][0]["lease"], 1);
   EXPECT_EQ(status["withheld"], Json({"outcomes", "metrics", "output"}));
+}
+
+TEST(RedactStatus, ShowsNoProgressInsideALeaseWhereAnythingIsWithheld) {
+  Json status = {{"state", "running"},
+                 {"episodes", {{"total", 4}, {"done", 2}}},
+                 {"leases", {{{"lease", 1}, {"episode", 3}, {"step", 9}, {"silent_wall_s", 0.1}}}}};
+  RedactStatus(status, {.seeds = false, .progress = false});
+  for (const char* key : {"episode", "step", "silent_wall_s"}) {
+    EXPECT_TRUE(status["leases"][0][key].is_null()) << key;
+  }
+}
+
+TEST(RedactEvaluation, AFailedOneTellsOneReasonWhereAnythingIsWithheld) {
+  Json answer = {{"state", "failed"},
+                 {"reason", "every episode ended so, the first as crash"},
+                 {"episodes", {{"total", 2}, {"done", 2}, {"fault", 2}}},
+                 {"outcomes", {{"crash", 1}, {"protocol", 1}}},
+                 {"aggregate", {{"time_s", 10.0}}},
+                 {"output", {{{"lease", 1}, {"stderr_tail", "a"}}, {{"lease", 2}, {"stderr_tail", "b"}}}},
+                 {"episode_rows", {{{"index", 0}, {"outcome", "crash"}, {"steps", 5},
+                                    {"fault", {{"outcome", "crash"}, {"detail", "x"}}}}}}};
+  Json all = answer;
+  RedactEvaluation(all, {});
+  EXPECT_EQ(all, answer);
+  RedactEvaluation(answer, {.seeds = false, .progress = false});
+  EXPECT_EQ(answer["reason"], "every episode ended so, the first as crash");
+  EXPECT_EQ(answer["outcomes"], Json::object());
+  EXPECT_TRUE(answer["aggregate"].is_null());
+  EXPECT_EQ(answer["output"].size(), 1u);
+  for (const char* key : {"outcome", "steps", "fault"}) {
+    EXPECT_TRUE(answer["episode_rows"][0][key].is_null()) << key;
+  }
 }
 
 TEST(RedactLedgerRow, HidesHowAnEpisodeEnded) {

@@ -155,6 +155,18 @@ TEST(Challenge, OwnKeysOfAQuotaReplaceTheServers) {
   EXPECT_TRUE(rules.one_for_everyone);
 }
 
+TEST(Challenge, APhaseThatWithholdsAnythingAllowsFewFailedTries) {
+  const AdmissionRules usual = {
+      .quota = {.ranked = {5, 100}, .practice = {50, 500}, .failed = {1000, 10000}, .waiting = 9}};
+  const auto failed = [&](const nlohmann::json& more) {
+    return PhaseRules(ChallengeOf({PhaseJson("a", more)}).phases[0], usual).quota.failed.total;
+  };
+  EXPECT_EQ(failed(nlohmann::json::object()), 10000);
+  EXPECT_EQ(failed({{"show", {{"metrics", false}}}}), 20);
+  EXPECT_EQ(failed({{"seeds", {{"committed", 5}}}}), 20);
+  EXPECT_EQ(failed({{"show", {{"metrics", false}}}, {"quota", {{"failed_total", 50}}}}), 50);
+}
+
 TEST(Challenge, OwnKeysOfStatisticsReplaceTheServers) {
   const scoring::StatisticsConfig usual = {.groups = {.level = 0.02, .samples = 5000, .places = 4}};
   EXPECT_EQ(*PhaseStatistics(ChallengeOf({PhaseJson("a")}).phases[0], usual), usual);

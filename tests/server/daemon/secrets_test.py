@@ -293,6 +293,33 @@ class Withheld(SecretsCase):
         self.assertEqual(result["withheld"], ["seeds"])
         self.assertEqual(result["outcomes"], {"crash": COUNT})
 
+    def test_a_look_costs_what_a_look_costs(self):
+        self.hold(show=SEEDS_SHOWN)
+        self.organise("alpha")
+        failed = self.enter("crash")
+        result = self.shown("alpha", f"/v1/submissions/{failed}/result?episodes=1")
+        self.assertIn("the first as crash", result["reason"])
+        self.assertEqual((result["outcomes"], result["reasons"], result["aggregate"]), ({}, {}, None))
+        self.assertTrue(all(row["outcome"] is row["steps"] is row["fault"] is None
+                            for row in result["episode_rows"]))
+        self.assertLessEqual(len(result["output"]), 1)
+        self.assertEqual(self.refused("alpha", "GET", f"/v1/submissions/{failed}/receipt")[:2],
+                         (409, "withheld"))
+        status, body = self.as_team("alpha", "POST", "/v1/artefacts", played_by_stand_in("stubborn"),
+                                    "application/x-tar")
+        self.assertEqual(status, 201, body)
+        status, body = self.as_team("alpha", "POST", "/v1/submissions", {
+            "artefact": json.loads(body)["artefact"], "team": "alpha", "track": TRACK,
+            "phase": "final"})
+        path = f"/v1/submissions/{json.loads(body)['submission']}"
+        self.wait(path, lambda b: b["state"] == "running" and b["leases"][0]["step"] is not None)
+        running = self.shown("alpha", path)
+        for lease in running["leases"]:
+            self.assertTrue(lease["episode"] is lease["step"] is lease["silent_wall_s"] is None)
+        self.assertEqual(running["episodes"]["done"], 0)
+        status, body = self.as_team("alpha", "POST", path + "/cancel", {})
+        self.assertEqual((status, json.loads(body)["cancel"]["charged"]), (200, "official"), body)
+
     def test_counts_and_means_come_when_all_is_played(self):
         self.hold(show=LITTLE)
         self.organise("alpha")

@@ -5,6 +5,8 @@
 
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
+#include <tuple>
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <absl/strings/str_cat.h>
@@ -13,6 +15,8 @@
 
 #include "damaged_store.h"
 #include "server/engine/standings.h"
+#include "server/engine/stored.h"
+#include "server/store/transfer.h"
 
 namespace myograde::server {
 namespace {
@@ -169,6 +173,44 @@ TEST_F(DamageTest, ADamagedRowIsItsOwnersHarmAlone) {
   EXPECT_GT(tried_, all ? 600 : 40);
 }
 
+TEST_F(DamageTest, AnImportRefusesWhatNoRequestCouldRead) {
+  const auto import = [](const std::string& store, const std::string& name) {
+    const std::string file = folder_ + "/export.json";
+    std::ofstream text(file);
+    EXPECT_TRUE(ReaderPool(store).Read([&](Reader& reader) {
+      return reader.Export([&](std::string_view part) { return bool(text << part); });
+    }).ok());
+    text.close();
+    const absl::StatusOr<ExportInfo> info = CheckExport(file);
+    EXPECT_TRUE(info.ok()) << info.status();
+    const auto into = Store::Open(folder_ + "/" + name, SystemClock());
+    return (*into)->Write([&](Writer& writer) {
+      return writer.Import(file, *info, "test", CheckReadable);
+    });
+  };
+  const absl::Status whole = import(Copy(), "whole.db");
+  EXPECT_TRUE(whole.ok()) << whole;
+  const Target artefact = {"artefact", "hash = (SELECT min(hash) FROM artefact)", ""};
+  const Target lease = {"lease", absl::StrCat("evaluation = ", teams_.victim.done), ""};
+  const Target episode = {"episode", absl::StrCat("evaluation = ", teams_.victim.done), ""};
+  int number = 0;
+  for (const auto& [target, column, value] :
+       {std::tuple(artefact, "command_json", "'[]'"), std::tuple(artefact, "environment_json", "'[]'"),
+        std::tuple(artefact, "options_json",
+                   "'{\"image\":{\"environment\":{},\"gid\":1,\"uid\":-1,\"working_dir\":\"/\"}}'"),
+        std::tuple(Target{"config", absl::StrCat("hash = '", teams_.victim.config, "'"), ""},
+                   "effective_json", "'{}'"),
+        std::tuple(lease, "faults", "999"), std::tuple(episode, "metrics_json", "'{}'"),
+        std::tuple(episode, "facts_json", "'{}'")}) {
+    SCOPED_TRACE(column);
+    const std::string store = Copy();
+    ASSERT_TRUE(Overwrite(store, {target.table, target.where, column}, value));
+    const absl::Status refused = import(store, absl::StrCat("into", ++number, ".db"));
+    EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
+    EXPECT_THAT(refused.message(), HasSubstr(absl::StrCat(target.table, " ")));
+  }
+}
+
 TEST_F(DamageTest, AnEvaluationThatCantBeReadEndsWithTheReasonAndGivesItsQuotaBack) {
   const std::string store = Copy();
   ASSERT_TRUE(Overwrite(store, {"config", absl::StrCat("hash = '", teams_.victim.config, "'"),
@@ -233,7 +275,7 @@ TEST_F(DamageTest, WhatWaitsToBeTakenUpCanBeCancelled) {
   EXPECT_TRUE(world.core->Running().empty()) << "it could not be read";
   std::optional<absl::Status> answer;
   const auto cancel = [&] {
-    world.core->Cancel(1, /*reruns=*/true, "why", "who",
+    world.core->Cancel(1, /*reruns=*/true, /*charge=*/false, "why", "who",
                        [&](absl::StatusOr<CancelReport> report) { answer = report.status(); });
   };
   cancel();

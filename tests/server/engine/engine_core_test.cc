@@ -73,7 +73,7 @@ TEST_F(EngineCoreTest, ACancelCountsAtOnceAndIsAnsweredWhenTheRunnerIsDead) {
   const int64_t id = world.Submit("a", 6);
   RunFor(world, absl::Seconds(3));
   std::optional<CancelReport> report;
-  world.core->Cancel(1, /*reruns=*/true, "why", "who", [&](absl::StatusOr<CancelReport> answer) {
+  world.core->Cancel(1, /*reruns=*/true, /*charge=*/false, "why", "who", [&](absl::StatusOr<CancelReport> answer) {
     ASSERT_TRUE(answer.ok()) << answer.status();
     report = *answer;
   });
@@ -86,10 +86,28 @@ TEST_F(EngineCoreTest, ACancelCountsAtOnceAndIsAnsweredWhenTheRunnerIsDead) {
   EXPECT_LE(report->took, absl::Seconds(1));
   EXPECT_EQ(world.core->Health().ending, 0);
   std::optional<absl::Status> again;
-  world.core->Cancel(1, /*reruns=*/true, "why", "who",
+  world.core->Cancel(1, /*reruns=*/true, /*charge=*/false, "why", "who",
                      [&](absl::StatusOr<CancelReport> answer) { again = answer.status(); });
   ASSERT_TRUE(again.has_value());
   EXPECT_TRUE(absl::IsFailedPrecondition(*again));
+}
+
+TEST_F(EngineCoreTest, WhatNeedsAMissingRuntimeIsNotTriedAgainAndTheHostIsWell) {
+  World world(Folder(), {}, 2);
+  world.needs_runtimes = {"gone"};
+  const int64_t id = world.Submit("a", 6);
+  RunFor(world, absl::Seconds(1));
+  EXPECT_EQ(StateOf(world, id), EvaluationState::kGraderError);
+  EXPECT_EQ(world.core->Health().host, HostHealth::State::kWell);
+  ASSERT_TRUE(world.readers->Read([&](Reader& reader) {
+    EXPECT_EQ(reader.Evaluation(id)->reason,
+              "a block of episodes can't be played: there is no runtime \"gone\"");
+    int64_t attempts = 0;
+    const std::vector<LeaseRow> leases = *reader.Leases(id);
+    for (const LeaseRow& lease : leases) attempts += lease.attempt;
+    EXPECT_LE(attempts, 2) << "at most one for each slot";
+    return absl::OkStatus();
+  }).ok());
 }
 
 TEST_F(EngineCoreTest, WhatAnExpiredLeaseSaysLaterIsRefused) {

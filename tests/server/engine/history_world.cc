@@ -300,7 +300,7 @@ int64_t World::Submit(const std::string& team, int episodes) {
   for (int first = 0; first < episodes; first += 2) {
     submission.blocks.emplace_back(first, std::min(first + 1, episodes - 1));
   }
-  const ArtefactRow artefact{submission.artefact, team, {"./policy"}, {}, 1, 1};
+  const ArtefactRow artefact{submission.artefact, team, {"./policy"}, needs_runtimes, 1, 1};
   int64_t id = 0;
   try {
     core->Ask({[&, submission, artefact](Writer& writer) -> absl::Status {
@@ -326,7 +326,7 @@ void World::Cancel(int64_t submission) {
   const absl::Duration asked = clock.Monotonic();
   ++cancels_open;
   try {
-    core->Cancel(submission, /*reruns=*/true, "test", "test", [this, asked](absl::StatusOr<CancelReport> report) {
+    core->Cancel(submission, /*reruns=*/true, /*charge=*/true, "test", "test", [this, asked](absl::StatusOr<CancelReport> report) {
       --cancels_open;
       if (!report.ok()) return;
       Promise(report->took <= clock.Monotonic() - asked, "a cancel took longer than it did");

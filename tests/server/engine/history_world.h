@@ -136,6 +136,7 @@ class World {
   // Throws a sentence if the store breaks an invariant.
   void CheckStore();
 
+  std::vector<std::string> needs_runtimes;  // of the artefacts of later submissions
   ManualClock clock;
   Tape tape;
   // The next runner sends all its records this much later, and dies this much later when killed.

@@ -229,7 +229,8 @@ TEST_F(RejudgesTest, ACancelLeavesItAloneAndADropEndsIt) {
   Run();
   const int64_t id = MustCreate(To(LongerSteps()));
   Await([&] { return Progress(id).running == 1; }, "the rejudge plays");
-  const auto cancelled = engine_->Cancel(alpha, /*reruns=*/true, "test", "uid 0", absl::Seconds(30));
+  const auto cancelled =
+      engine_->Cancel(alpha, /*reruns=*/true, /*charge=*/false, "test", "uid 0", absl::Seconds(30));
   EXPECT_THAT(std::string(cancelled.status().message()), HasSubstr("nothing to cancel"));
   EXPECT_EQ(Progress(id).running, 1);
   EXPECT_THAT(std::string(Apply(id).status().message()), HasSubstr("can't be applied yet"));
@@ -361,7 +362,7 @@ TEST_F(RejudgesTest, AnExportBringsThemAlong) {
   const auto other = Store::Open(dir_ + "/other.db", SystemClock());
   ASSERT_TRUE(other.ok()) << other.status();
   const absl::Status imported = (*other)->Write(
-      [&](Writer& writer) { return writer.Import(path, *info, "test"); });
+      [&](Writer& writer) { return writer.Import(path, *info, "test", CheckReadable); });
   ASSERT_TRUE(imported.ok()) << imported;
   const std::vector<RejudgeItemRow> items = Items(id);
   EXPECT_TRUE(ReaderPool(dir_ + "/other.db").Read([&](Reader& reader) {

@@ -47,6 +47,30 @@ TEST_F(RunnerTest, PolicyThatEndsAtOnceGetsItsLastWordsTold) {
   EXPECT_EQ(outcomes.end->stdout_tail, "out\nout\n");
 }
 
+TEST_F(RunnerTest, AnAgentOfTheTemplateIsToldOfItsAdapter) {
+  LeaseOrder order = ScriptOrder("echo 'grpc: unavailable' >&2; echo '>' >&2; exit 1");
+  fs::create_directories(root_ + "/policy/agent");
+  std::ofstream(root_ + "/policy/agent/evaluation_pb2_grpc.py");
+  const Outcomes outcomes = Play(order);
+  ASSERT_EQ(outcomes.episodes.size(), 1u);
+  const std::string& detail = outcomes.episodes[0].fault.detail;
+  EXPECT_THAT(detail, HasSubstr("the last line of its stderr: grpc: unavailable;"));
+  EXPECT_THAT(detail, HasSubstr("\"adapter\": \"template-2024\""));
+}
+
+TEST_F(RunnerTest, AnImageThatCantBeShownIsTheParticipantsFault) {
+  LeaseOrder order = ScriptOrder("exit 0");
+  // What the upload refuses, from an artefact of an earlier version.
+  fs::create_directories(root_ + "/policy/image/etc");
+  for (int i = 0; i < 600; ++i) std::ofstream(absl::StrCat(root_, "/policy/image/name", i));
+  order.image = PolicyImage{{}, "/", 1000, 1000};
+  const Outcomes outcomes = Play(order);
+  ASSERT_EQ(outcomes.episodes.size(), 1u);
+  EXPECT_EQ(outcomes.episodes[0].fault.outcome, Outcome::kCrash);
+  EXPECT_THAT(outcomes.episodes[0].fault.detail, HasSubstr("the image has more than 512 names"));
+  EXPECT_TRUE(outcomes.end->ok);
+}
+
 TEST_F(RunnerTest, PolicyThatIsNotExecutable) {
   LeaseOrder order = ScriptOrder("exit 0");
   fs::permissions(root_ + "/policy/run", fs::perms(0644));

@@ -175,6 +175,16 @@ TEST_F(ProgramTest, AnImagesProgramIsLookedForInTheImageOnly) {
   EXPECT_THAT(Complaint("./arm"), HasSubstr("is a program for"));
 }
 
+TEST_F(ProgramTest, AnImageWithTooManyNamesAroundARuntimeIsRefused) {
+  image_ = PolicyImage{{{"PATH", "/bin"}}, "/", 1000, 1000};
+  Write("image/bin/run", "x");
+  for (int i = 0; i < 520; ++i) Write(absl::StrCat("image/srv/data/", i), "");
+  EXPECT_EQ(Complaint("run"), "") << "one mount shows all of /srv";
+  runtimes_ = {"/srv/data/runtime"};
+  EXPECT_THAT(Complaint("run"), HasSubstr("more than 512 names on the way to a runtime of policy.json, "
+                                          "the last of them in \"/srv/data\"; leave \"runtimes\""));
+}
+
 TEST_F(ProgramTest, AVirtualEnvironmentIsOfAPythonThatTheSandboxHas) {
   const fs::path python = "/usr/bin/python3";
   if (!fs::exists(python)) GTEST_SKIP() << "this host has no /usr/bin/python3";

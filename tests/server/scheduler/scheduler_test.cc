@@ -97,6 +97,15 @@ TEST(SchedulerTest, PlaysAgainThreeTimesWithGrowingDelaysAndThenGivesUp) {
   EXPECT_FALSE(scheduler.Next(now + absl::Hours(1)));
 }
 
+TEST(SchedulerTest, DoesNotPlayAgainWhatCanNeverBePlayed) {
+  Scheduler scheduler({.slots = 1, .max_retries = 3});
+  scheduler.Add(WaitingEvaluation(1, "a", 2), absl::ZeroDuration());
+  ASSERT_TRUE(scheduler.Next(absl::ZeroDuration()));
+  const Decision decision = scheduler.Faulted(1000, 1, absl::ZeroDuration(), /*permanent=*/true);
+  EXPECT_EQ(decision.kind, Kind::kGiveUp);
+  EXPECT_EQ(decision.pending, std::vector<int64_t>{1001});
+}
+
 TEST(SchedulerTest, ALateEndOfAnExpiredAttemptCountsNothing) {
   Scheduler scheduler({.slots = 1, .heartbeat = absl::Seconds(30)});
   scheduler.Add(WaitingEvaluation(1, "a", 1), absl::ZeroDuration());

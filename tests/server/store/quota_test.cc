@@ -90,6 +90,22 @@ TEST_F(QuotaTest, WhatIsCancelledBeforeItsFirstEpisodeCostsNothing) {
   EXPECT_EQ(Use().total_of(Budget::kRanked).open, 0);
 }
 
+TEST_F(QuotaTest, WhereEpisodesAreWithheldACancelCostsOnceALeaseHasBegun) {
+  const auto cancel = [&](const Accepted& accepted) {
+    ASSERT_TRUE(store_->Write([&](Writer& writer) {
+      writer.ChargeBegun(accepted.evaluation);
+      return absl::OkStatus();
+    }).ok());
+    End(accepted, EvaluationState::kCancelled);
+  };
+  cancel(Submit());
+  EXPECT_THAT(Entries(), IsEmpty()) << "none has begun";
+  const Accepted begun = Submit();
+  ASSERT_TRUE(Start(begun.leases[0], 1).ok());
+  cancel(begun);
+  EXPECT_THAT(Entries(), ElementsAre("charge official"));
+}
+
 TEST_F(QuotaTest, TheGradersFaultIsGivenBack) {
   const Accepted accepted = Submit();
   PlayFirst(accepted);
@@ -97,6 +113,41 @@ TEST_F(QuotaTest, TheGradersFaultIsGivenBack) {
   EXPECT_THAT(Entries(), ElementsAre("charge official", "refund official"));
   EXPECT_EQ(Use().today_of(Budget::kRanked).charged, 0);
   EXPECT_FALSE(Submit().linked) << "the artefact has had no ranked evaluation";
+}
+
+TEST_F(QuotaTest, AnArtefactWhoseEveryTryIsTheGradersFaultIsHeldBack) {
+  std::string reason;
+  for (int i = 0; i < 3; ++i) {
+    const Accepted accepted = Submit();
+    PlayFirst(accepted);
+    ASSERT_TRUE(store_->Write([&](Writer& writer) {
+      reason = writer.WithHold(accepted.evaluation, "it vanished");
+      return absl::OkStatus();
+    }).ok());
+    EXPECT_EQ(reason == "it vanished", i < 2) << reason;
+    End(accepted, EvaluationState::kGraderError);
+  }
+  EXPECT_THAT(reason, HasSubstr("it vanished; this artefact has ended so 3 times in a row"));
+  const absl::Status refused = TrySubmit("beta", 'a', /*ranked=*/false).status();
+  EXPECT_EQ(ErrorCodeOf(refused), "held_back") << refused;
+  EXPECT_TRUE(TrySubmit("alpha", 'b', /*ranked=*/true).ok()) << "another artefact";
+  Read([](Reader& reader) {
+    EXPECT_THAT(reader.HeldBack(), ElementsAre(std::string(64, 'a')));
+  });
+  Accepted rerun;
+  ASSERT_TRUE(store_->Write([&](Writer& writer) {
+    const absl::Status own = writer.CheckReruns(1, "uid 7", /*organiser=*/false, {});
+    EXPECT_EQ(ErrorCodeOf(own), "held_back") << own;
+    EXPECT_TRUE(writer.CheckReruns(1, "uid 0", /*organiser=*/true, {}).ok());
+    auto added = writer.AddRerun({.submission = 1, .artefact = std::string(64, 'a'),
+                                  .grader_json = "{}", .blocks = {{0, 1}, {2, 3}}}, "uid 0");
+    if (added.ok()) rerun = *added;
+    return added.status();
+  }).ok());
+  clock_.Advance(absl::Seconds(1));
+  End(rerun, EvaluationState::kFailed);
+  EXPECT_TRUE(TrySubmit("alpha", 'a', /*ranked=*/true).ok());
+  Read([](Reader& reader) { EXPECT_THAT(reader.HeldBack(), IsEmpty()); });
 }
 
 TEST_F(QuotaTest, AFailedTryGoesToABudgetOfItsOwn) {

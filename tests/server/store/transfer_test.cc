@@ -43,8 +43,9 @@ class TransferTest : public StoreTest {
     if (!info.ok()) return info.status();
     auto store = Store::Open(dir_ + "/" + name, clock_);
     if (!store.ok()) return store.status();
-    return (*store)->Write(
-        [&](Writer& writer) { return writer.Import(path, *info, "organiser"); });
+    return (*store)->Write([&](Writer& writer) {
+      return writer.Import(path, *info, "organiser", [](Reader&) { return absl::OkStatus(); });
+    });
   }
 
   // Two submissions, one played to its end, one cancelled, with a ledger and a mark.

@@ -83,7 +83,7 @@ class Bounded(unittest.TestCase):
                 (self.path("long", RECEIPT.encode(), size=GIB), "so it is no receipt", 2),
                 (self.path("values", RECEIPT.replace("[]", "[" + "0," * 7_000_000 + "0]").encode()),
                  "it holds more than any evaluation has", 1),
-                ("/dev/zero", "so it is no receipt", 2)):
+                ("/dev/zero", "is a device", 2)):
             self.refused("verify", receipt, "--key", key, sentence=sentence, status=status)
 
     def test_logs(self):
@@ -92,7 +92,7 @@ class Bounded(unittest.TestCase):
         receipt = self.path("receipt.json", RECEIPT.encode())
         for name, log, sentence in (
                 ("zeros", self.path("zeros.lcmlog", size=GIB), "the file is no log"),
-                ("endless", "/dev/zero", "the file is no log"),
+                ("endless", "/dev/zero", "is a device"),
                 ("bomb", self.packed("bomb.zst", b"", "zeros"), "the file is no log"),
                 ("header", self.path("header.lcmlog", header, size=GIB), "the log is larger than"),
                 ("header and bomb", self.packed("header.zst", header, "zeros"),
@@ -105,6 +105,21 @@ class Bounded(unittest.TestCase):
                 self.refused("replay", log, sentence=sentence, status=1)
                 self.refused("verify", receipt, "--key", key, "--logs", log, sentence=sentence,
                              status=1)
+
+    def test_what_is_no_file_is_refused_at_once(self):
+        pipe = f"{self.folder}/pipe"
+        os.mkfifo(pipe)
+        receipt = self.path("some-receipt.json", RECEIPT.encode())
+        key = self.path("some-key.pem", KEY.encode())
+        for what, path in (("a named pipe", pipe), ("a folder", self.folder), ("a device", "/dev/zero")):
+            for words in (("replay", path), ("log", path), ("import", path), ("verify", path, "--key", key),
+                          ("verify", receipt, "--key", path), ("render", path, "-o", f"{pipe}.png"),
+                          ("challenge", "check", path),
+                          ("local", "/bin/true", "--track", "elbow", "--seeds", path)):
+                with self.subTest(what, words=words):
+                    status, text, _ = run(*words)
+                    self.assertNotEqual(status, 0)
+                    self.assertIn(what, text)
 
     def test_a_window_larger_than_a_log_is_not_set_up(self):
         path = f"{self.folder}/window.zst"
