@@ -166,6 +166,7 @@ class DamagedStore(OrganiserCase):
             store.write(b"\x55" * size)
         self.start()
         self.assertEqual(self.call("GET", "/v1/tokens")[0], 503)
+        self.wait("/v1/health", lambda body: body["status"] == "store")
         status, answer = self.call("GET", "/v1/ready")
         self.assertEqual(status, 503, answer)
         self.assertIn("is damaged", json.dumps(answer))

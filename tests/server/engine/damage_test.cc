@@ -1,6 +1,5 @@
 // One damaged row: whatever needs it fails with an error that names it, its evaluation ends, and
 // everything else goes on unaffected. Every column of every table is overwritten.
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <cstdlib>
@@ -260,16 +259,12 @@ TEST_F(DamageTest, DamageWhileItRunsIsTheSame) {
 
 TEST_F(DamageTest, WhatWaitsToBeTakenUpCanBeCancelled) {
   World world(folder_ + "/world", {}, 2);
-  // The daemon's own connection goes on; a new connection gets no descriptor.
+  // The daemon's own connection goes on; a new connection can't read what it takes for a journal.
   EXPECT_FALSE(world.readers->Read([](Reader&) -> absl::Status {
     throw SQLite::Exception("this connection is given up");
   }).ok());
-  rlimit limit = {};
-  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &limit), 0);
-  const int next = dup(STDIN_FILENO);
-  close(next);
-  const rlimit none_left = {static_cast<rlim_t>(next), limit.rlim_max};
-  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &none_left), 0);
+  const std::string in_the_way = folder_ + "/world/store.db-journal";
+  fs::create_directory(in_the_way);
   const int64_t evaluation = world.Submit("a", 4);
   ASSERT_NE(evaluation, 0);
   EXPECT_TRUE(world.core->Running().empty()) << "it could not be read";
@@ -281,7 +276,7 @@ TEST_F(DamageTest, WhatWaitsToBeTakenUpCanBeCancelled) {
   cancel();
   ASSERT_TRUE(answer.has_value());
   EXPECT_TRUE(answer->ok()) << *answer;
-  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &limit), 0);
+  fs::remove(in_the_way);
   RunFor(world, absl::Seconds(5));
   EXPECT_EQ(StateOf(world, evaluation), "cancelled");
   EXPECT_TRUE(world.core->idle());
